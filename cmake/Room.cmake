@@ -1,0 +1,76 @@
+# One engine folder is one room: an object library that the installed library and the room's own tests share.
+
+add_library(ringfence_options INTERFACE)
+target_compile_options(ringfence_options INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion
+  $<$<BOOL:${RINGFENCE_WERROR}>:-Werror>
+  # The same bits on every machine: no contraction to fused multiply-adds, no fast-math anywhere.
+  -ffp-contract=off)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+  # GCC cannot model fences under its thread sanitizer and says so; the rings are checked exhaustively elsewhere.
+  target_compile_options(ringfence_options INTERFACE -Wno-error=tsan)
+endif()
+if(RINGFENCE_SANITIZE)
+  target_compile_options(ringfence_options INTERFACE -fsanitize=${RINGFENCE_SANITIZE} -fno-omit-frame-pointer)
+  target_link_options(ringfence_options INTERFACE -fsanitize=${RINGFENCE_SANITIZE})
+  if(RINGFENCE_SANITIZE MATCHES "undefined")
+    target_compile_options(ringfence_options INTERFACE -fno-sanitize-recover=undefined)
+  endif()
+endif()
+
+# ringfence_room(NAME SOURCES... [ROOMS room...] [LINK target...])
+# ROOMS name the rooms whose headers and objects this one uses.
+function(ringfence_room name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;ROOMS;LINK" ${ARGN})
+  add_library(ringfence_${name} OBJECT ${ARG_SOURCES})
+  target_link_libraries(ringfence_${name} PRIVATE ringfence_options)
+  target_link_libraries(ringfence_${name} PUBLIC ${ARG_LINK})
+  target_include_directories(ringfence_${name} PUBLIC ${PROJECT_SOURCE_DIR}/engine/include ${PROJECT_SOURCE_DIR}/engine)
+  set_target_properties(ringfence_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  set_property(GLOBAL PROPERTY ringfence_rooms_of_${name} "${ARG_ROOMS}")
+endfunction()
+
+# All rooms that NAME needs, itself included, each once.
+function(ringfence_closure out)
+  set(todo ${ARGN})
+  set(seen)
+  while(todo)
+    list(POP_FRONT todo room)
+    if(NOT room IN_LIST seen)
+      list(APPEND seen ${room})
+      get_property(more GLOBAL PROPERTY ringfence_rooms_of_${room})
+      list(APPEND todo ${more})
+    endif()
+  endwhile()
+  set(${out} ${seen} PARENT_SCOPE)
+endfunction()
+
+# ringfence_link_rooms(TARGET room...): links the objects of the rooms and of all they need.
+function(ringfence_link_rooms target)
+  ringfence_closure(rooms ${ARGN})
+  foreach(room ${rooms})
+    target_link_libraries(${target} PRIVATE ringfence_${room})
+  endforeach()
+  target_link_libraries(${target} PRIVATE ringfence_options Threads::Threads)
+endfunction()
+
+# ringfence_test(NAME ROOMS room... SOURCES file... [LINK target...] [LABELS label...])
+# One doctest program a folder of tests/; each doctest case is reported by ctest as part of its program.
+function(ringfence_test name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;ROOMS;LINK;LABELS" ${ARGN})
+  add_executable(test_${name} ${ARG_SOURCES} ${PROJECT_SOURCE_DIR}/tests/main.cpp)
+  ringfence_link_rooms(test_${name} ${ARG_ROOMS})
+  target_link_libraries(test_${name} PRIVATE ${ARG_LINK})
+  target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+  add_test(NAME ${name} COMMAND test_${name})
+  set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 900)
+endfunction()
+
+# ringfence_bench(NAME ROOMS room... SOURCES file... [LINK target...])
+function(ringfence_bench name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;ROOMS;LINK" ${ARGN})
+  add_executable(bench_${name} ${ARG_SOURCES})
+  ringfence_link_rooms(bench_${name} ${ARG_ROOMS})
+  target_link_libraries(bench_${name} PRIVATE benchmark::benchmark ${ARG_LINK})
+  target_include_directories(bench_${name} PRIVATE ${PROJECT_SOURCE_DIR}/bench)
+endfunction()

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include "ringfence/pose.hpp"
+
+namespace ringfence::geometry {
+
+/// An axis-aligned box in 32-bit fixed point over the world's bounds: exact to compare, one SIMD compare an axis.
+///
+/// Closed: two bounds that share a face, an edge or a corner touch. Coordinates saturate at 0 and 2^32 - 1, so what
+/// lies outside the world piles up on its faces: still right, only slower.
+struct Bounds {
+  std::uint32_t lower[3];
+  std::uint32_t upper[3];
+  constexpr bool operator==(const Bounds&) const noexcept = default;
+};
+static_assert(sizeof(Bounds) == 24 && std::is_trivially_copyable_v<Bounds>);
+
+/// Whether two bounds overlap or touch.
+constexpr bool touch(const Bounds& p, const Bounds& q) noexcept {
+  return p.lower[0] <= q.upper[0] && q.lower[0] <= p.upper[0] && p.lower[1] <= q.upper[1] &&
+         q.lower[1] <= p.upper[1] && p.lower[2] <= q.upper[2] && q.lower[2] <= p.upper[2];
+}
+
+/// Bounds that touch nothing but bounds at the far corner: what an absent object has in a table of bounds is decided
+/// by its owner; nothing here stands for "none".
+
+/// Two objects whose bounds overlap or touch. Which of the two is `a` is stated where pairs are handed over.
+struct CandidatePair {
+  std::uint32_t a;  ///< index in the table of objects that the holder works on
+  std::uint32_t b;
+  constexpr bool operator==(const CandidatePair&) const noexcept = default;
+};
+static_assert(sizeof(CandidatePair) == 8);
+
+/// Maps metres to the fixed point of Bounds.
+///
+/// Rounds outwards and widens by a margin of a few float steps of the shape's size, so that shapes in contact always
+/// have bounds that touch. A pure function: every node and every machine computes the same bits. Immutable.
+class FixedSpace {
+ public:
+  /// The world's bounds in metres; each side finite and `min` <= `max`. A side of zero length is widened to 1 m.
+  FixedSpace(Vec3d min, Vec3d max);
+
+  /// The bounds of a box in metres (min <= max on each axis).
+  Bounds bounds(Vec3d min, Vec3d max) const noexcept;
+
+  /// A position's fixed-point coordinates, rounded down: for cells, which are half-open.
+  void point(Vec3d position, std::uint32_t out[3]) const noexcept;
+
+  Vec3d min() const noexcept { return min_; }
+  Vec3d max() const noexcept { return max_; }
+  /// Steps a metre on each axis.
+  Vec3d scale() const noexcept { return scale_; }
+
+ private:
+  Vec3d min_, max_, scale_;
+};
+
+}  // namespace ringfence::geometry

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "geometry/bounds.hpp"
+#include "geometry/hull.hpp"
+#include "ringfence/ids.hpp"
+#include "ringfence/shape.hpp"
+
+namespace ringfence::geometry {
+
+class Mesh;
+
+/// What a kernel needs to know of a shape without following a pointer: 32 bytes, read by gather.
+struct ShapeRow {
+  /// sphere: radius, 0, 0; box: the three half extents; capsule: radius, half height, 0; others: 0. Metres.
+  float size[3] = {};
+  float bounding_radius = 0;  ///< of a ball about the shape's origin that holds the shape
+  ShapeKind kind = ShapeKind::sphere;
+  std::uint8_t reserved[3] = {};
+  std::uint32_t detail = 0;  ///< index of the hull, mesh or support function among its kind
+  std::uint32_t reserved2[2] = {};
+};
+static_assert(sizeof(ShapeRow) == 32);
+
+/// Every shape of a world, prepared once, then immutable and shared read-only by all threads.
+///
+/// Threads: `add` before any other thread reads, or between frames. Memory: rows and prepared shapes live as long as
+/// the table; references to hulls stay valid when shapes are added.
+class ShapeTable {
+ public:
+  ShapeTable();
+  ~ShapeTable();
+  ShapeTable(const ShapeTable&) = delete;
+  ShapeTable& operator=(const ShapeTable&) = delete;
+
+  /// Checks, prepares and adds a shape. Throws ringfence::Error naming what is wrong: a size that is not finite or out
+  /// of range, a hull of fewer than 4 distinct points, a flat hull, too many hull vertices, a mesh index out of range.
+  ShapeNumber add(const ShapeDescription& description);
+
+  std::size_t size() const noexcept { return rows_.size(); }
+  std::span<const ShapeRow> rows() const noexcept { return rows_; }
+  const ShapeRow& row(ShapeNumber shape) const noexcept { return rows_[shape]; }
+  const Hull& hull(std::uint32_t detail) const noexcept { return hulls_[detail]; }
+  const Mesh& mesh(std::uint32_t detail) const noexcept { return *meshes_[detail]; }
+  const SupportFunction& support(std::uint32_t detail) const noexcept { return *supports_[detail]; }
+  /// As it was registered; what scenes are written from and what the reference reads.
+  const ShapeDescription& description(ShapeNumber shape) const noexcept { return descriptions_[shape]; }
+
+  /// Volume of the shape in cubic metres; 0 for meshes and support shapes.
+  double volume(ShapeNumber shape) const noexcept;
+
+  /// Tight bounds of a shape at a pose (a hull's by its support in six directions). The pose's orientation is unit.
+  Bounds bounds(ShapeNumber shape, const Pose& pose, const FixedSpace& space) const noexcept;
+
+ private:
+  std::vector<ShapeRow> rows_;
+  std::deque<ShapeDescription> descriptions_;
+  std::deque<Hull> hulls_;
+  std::vector<std::unique_ptr<Mesh>> meshes_;
+  std::vector<std::shared_ptr<const SupportFunction>> supports_;
+};
+
+}  // namespace ringfence::geometry

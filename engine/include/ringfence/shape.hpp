@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "ringfence/pose.hpp"
+
+namespace ringfence {
+
+/// A ball about the origin. `radius` > 0, metres.
+struct Sphere {
+  float radius = 0;
+};
+
+/// A box about the origin, axes along x, y, z. Each half extent > 0, metres.
+struct Box {
+  Vec3f half_extents;
+};
+
+/// All points within `radius` of the segment from -half_height to +half_height on the z axis. Metres;
+/// radius > 0, half_height >= 0 (excludes the caps).
+struct Capsule {
+  float radius = 0;
+  float half_height = 0;
+};
+
+/// The convex hull of `points`: at least 4 distinct ones, not all in a plane; at most 256 hull vertices.
+/// The coordinate origin may lie outside. Points inside the hull are dropped.
+struct ConvexHull {
+  std::vector<Vec3f> points;
+};
+
+/// A triangle surface (not a solid): up to 10^6 triangles, indices into `vertices`, either winding.
+struct TriangleMesh {
+  std::vector<Vec3f> vertices;
+  std::vector<std::uint32_t> indices;  ///< three a triangle
+};
+
+/// A convex shape that only its support function describes. Tested by libccd: slower than the other kinds, and it
+/// allocates in the frame.
+///
+/// The function must be pure and is called concurrently from any thread.
+class SupportFunction {
+ public:
+  virtual ~SupportFunction() = default;
+  /// The point of the shape farthest along `direction` (in the shape's axes, not zero, any length).
+  virtual Vec3f support(Vec3f direction) const = 0;
+  /// A point strictly inside.
+  virtual Vec3f centre() const { return {}; }
+};
+
+struct SupportShape {
+  std::shared_ptr<const SupportFunction> function;
+};
+
+/// Any shape that an object can have. Sizes lie between 10^-3 and 10^6 metres.
+using ShapeDescription = std::variant<Sphere, Box, Capsule, ConvexHull, TriangleMesh, SupportShape>;
+
+/// Kinds, in the order in which kernels and tables list them; the values are those of ShapeDescription::index().
+enum class ShapeKind : std::uint8_t { sphere, box, capsule, hull, mesh, support };
+inline constexpr std::size_t shape_kinds = 6;
+
+/// The word for a kind in options, benchmark names and reports: "sphere", "box", "capsule", "hull", "mesh", "support".
+constexpr const char* name_of(ShapeKind kind) noexcept {
+  constexpr const char* names[] = {"sphere", "box", "capsule", "hull", "mesh", "support"};
+  return names[static_cast<std::size_t>(kind)];
+}
+
+}  // namespace ringfence

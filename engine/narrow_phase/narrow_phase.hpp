@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "geometry/bounds.hpp"
+#include "geometry/shape_table.hpp"
+#include "ringfence/ids.hpp"
+#include "ringfence/pose.hpp"
+
+namespace ringfence::narrow_phase {
+
+/// An object as the narrow phase sees it.
+struct Body {
+  Pose pose;  ///< finite, orientation unit (normalised at the edge)
+  ShapeNumber shape = 0;
+  ObjectNumber number = 0;
+};
+static_assert(sizeof(Body) == 48);
+
+/// A pair found in contact; see ringfence::Contact for the meaning of the fields.
+struct PairContact {
+  std::uint32_t pair = 0;  ///< index into the candidates that were given
+  float depth = 0;         ///< metres, >= 0
+  Vec3f normal;            ///< unit, from a to b
+  Vec3f point;             ///< relative to a's position, world axes, metres
+};
+static_assert(sizeof(PairContact) == 32);
+
+/// Work done since the last call of `reset_counters`, by kinds [min][max] of the pair.
+struct KindCounters {
+  std::uint64_t candidates = 0;
+  std::uint64_t hits = 0;
+  std::uint64_t lanes = 0;  ///< vector lanes spent on them, idle ones included; 0 where a kernel is not in lanes
+  std::uint64_t iterations = 0;  ///< GJK and EPA steps; 0 for closed forms
+};
+
+/// Tests candidate pairs exactly: which are in contact, and how.
+///
+/// Sorts the pairs by kind, gathers them into blocks and runs one kernel a block. What it answers for a pair depends
+/// on the two shapes and poses alone: not on the other pairs, their order, the SIMD width or earlier calls. It works
+/// in float on the difference of the two positions, taken in double.
+///
+/// Threads: one instance belongs to one thread at a time; the shape table is shared read-only. Memory: grows to the
+/// largest call seen; in steady state nothing is allocated (support shapes on libccd excepted).
+class NarrowPhase {
+ public:
+  explicit NarrowPhase(const geometry::ShapeTable& shapes);
+  ~NarrowPhase();
+  NarrowPhase(NarrowPhase&&) noexcept;
+  NarrowPhase& operator=(NarrowPhase&&) noexcept;
+
+  /// All contacts among `pairs` (indices into `bodies`, `a` has the lower number), in no particular order.
+  /// The result lives until the next call.
+  std::span<const PairContact> test(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
+
+  /// `kinds` as in ShapeKind; symmetric.
+  const KindCounters& counters(ShapeKind p, ShapeKind q) const noexcept;
+  void reset_counters() noexcept;
+
+ private:
+  struct Implementation;
+  std::unique_ptr<Implementation> implementation_;
+};
+
+}  // namespace ringfence::narrow_phase
