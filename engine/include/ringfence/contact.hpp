@@ -23,8 +23,8 @@ struct Contact {
   ObjectNumber a = 0;  ///< the lower number
   ObjectNumber b = 0;
   Phase phase = Phase::begin;
-  float depth = 0;   ///< metres, >= 0: the least translation of b along `normal` that separates the two
-  Vec3f normal;      ///< unit vector from a to b
+  float depth = 0;  ///< metres, >= 0: the least translation of b along `normal` that separates the two
+  Vec3f normal;     ///< unit vector from a to b
   std::uint32_t reserved = 0;
   Vec3d point;  ///< world position midway between the two surfaces at the deepest place
   Pose pose_a;  ///< as it was when the contact was determined

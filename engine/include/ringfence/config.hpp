@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "ringfence/motion_model.hpp"
+#include "ringfence/pose.hpp"
+
+namespace ringfence {
+
+/// Who hosts the objects that are not avatars (section 3 of the paper).
+enum class Deployment : std::uint8_t {
+  user,            ///< all objects are spread over the user nodes
+  user_server,     ///< the server hosts active and non-active objects
+  user_collision,  ///< the CD node of its region hosts each of them
+};
+constexpr const char* name_of(Deployment deployment) noexcept {
+  constexpr const char* names[] = {"user", "user-server", "user-collision"};
+  return names[static_cast<std::size_t>(deployment)];
+}
+
+/// Where the broad phase runs. Same candidates, same contacts; the choice is about cost.
+enum class Placement : std::uint8_t {
+  server,  ///< the server sweeps all objects and sends each node its pairs
+  region,  ///< the server assigns objects to regions; each node sweeps its own and keeps the pairs that it owns
+};
+constexpr const char* name_of(Placement placement) noexcept {
+  constexpr const char* names[] = {"server", "region"};
+  return names[static_cast<std::size_t>(placement)];
+}
+
+/// Which layers collide. Without names there is one layer, number 0, and all collide.
+struct LayerMatrix {
+  std::vector<std::string> names;                              ///< at most 32
+  std::vector<std::pair<std::uint8_t, std::uint8_t>> collide;  ///< unordered pairs of layer numbers
+
+  /// The row of `layer` as a bit mask of the layers that it collides with.
+  std::uint32_t mask(std::uint8_t layer) const noexcept;
+};
+
+enum class LogLevel : std::uint8_t { debug, info, warning, error };
+/// Takes one line without newline. Called from the thread that calls World, or from the server thread; never
+/// concurrently, never inside a node.
+using LogHook = std::function<void(LogLevel, std::string_view)>;
+
+/// Reserved at construction. What is exceeded up to the limit grows at the price of an allocation and is reported;
+/// beyond it the call is refused (Status::over_capacity).
+struct Capacities {
+  std::size_t objects = 4096;
+  std::size_t pairs = 32768;     ///< candidates a frame, all nodes together
+  std::size_t contacts = 16384;  ///< a frame
+  std::size_t users = 128;
+};
+
+/// What a World is made of. Checked as a whole by the constructor, which throws Error naming the field.
+struct WorldConfig {
+  Vec3d bounds_min{0, 0, 0};  ///< metres; objects may leave the bounds: the outer regions reach to infinity
+  Vec3d bounds_max{100, 100, 100};
+  std::uint32_t nodes = 1;         ///< CD nodes, 0 to 1024; 0: server, one node and the users run in the calling thread
+  std::uint32_t user_threads = 1;  ///< threads that carry the user nodes, 1 to 256; ignored with nodes = 0
+  Deployment deployment = Deployment::user_collision;
+  Placement placement = Placement::server;
+  std::uint32_t cells_log2[3] = {0, 0, 0};  ///< cells on each axis as a power of two, 0 to 10 each; all 0: chosen
+  double interest = 25;  ///< metres: how far around its avatars a user node reads others' states; >= 0
+  Capacities capacities;
+  Capacities limits{16'777'216, 1'073'741'824, 268'435'456, 65'536};
+  std::size_t ring_bytes = 0;  ///< of every ring; a power of two, 4096 to 2^30; 0: by role
+  bool pin = false;            ///< pin threads to cores where there are enough of them
+  LayerMatrix layers;
+  std::shared_ptr<const MotionModel> motion;  ///< null: objects move only by World::move and World::place
+  LogHook log;                                ///< null: silent
+};
+
+}  // namespace ringfence

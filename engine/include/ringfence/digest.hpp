@@ -1,0 +1,48 @@
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <span>
+
+#include "ringfence/contact.hpp"
+
+namespace ringfence {
+
+/// The digest of a run: equal exactly when every frame had the same begin and persist contacts, bit for bit.
+///
+/// A frame's digest is the sum (mod 2^64) of the hashes of its contacts (numbers, normal, depth, point; not phase, not
+/// poses), so their order does not matter; the run's digest folds the frames' in order.
+class Digest {
+ public:
+  /// Folds in the next frame.
+  void add_frame(std::span<const Contact> contacts) noexcept {
+    std::uint64_t sum = 0;
+    for (const Contact& contact : contacts) {
+      sum += hash(contact);
+    }
+    value_ = mix(value_ ^ mix(sum + 0x9e3779b97f4a7c15u));
+  }
+  std::uint64_t value() const noexcept { return value_; }
+
+  static std::uint64_t hash(const Contact& contact) noexcept {
+    std::uint64_t h = mix(std::uint64_t{contact.a} << 32 | contact.b);
+    h = mix(h ^ (std::uint64_t{bits(contact.normal.x)} << 32 | bits(contact.normal.y)));
+    h = mix(h ^ (std::uint64_t{bits(contact.normal.z)} << 32 | bits(contact.depth)));
+    h = mix(h ^ std::bit_cast<std::uint64_t>(contact.point.x));
+    h = mix(h ^ std::bit_cast<std::uint64_t>(contact.point.y));
+    return mix(h ^ std::bit_cast<std::uint64_t>(contact.point.z));
+  }
+
+ private:
+  static std::uint32_t bits(float value) noexcept { return std::bit_cast<std::uint32_t>(value); }
+  // The finaliser of splitmix64 (Steele, Lea, Flood 2014).
+  static constexpr std::uint64_t mix(std::uint64_t x) noexcept {
+    x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+    x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+    return x ^ (x >> 31);
+  }
+
+  std::uint64_t value_ = 0;
+};
+
+}  // namespace ringfence

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "ringfence/ids.hpp"
+#include "ringfence/status.hpp"
+
+namespace ringfence {
+
+/// The stages of a frame, as seen by the server, in order. Their times add up to the frame.
+enum class Stage : std::uint8_t { move, ingest, broad_phase, dispatch, narrow_phase, collect, notify };
+inline constexpr std::size_t stage_count = 7;
+constexpr const char* name_of(Stage stage) noexcept {
+  constexpr const char* names[] = {"move", "ingest", "broad_phase", "dispatch", "narrow_phase", "collect", "notify"};
+  return names[static_cast<std::size_t>(stage)];
+}
+
+/// What one CD node did in a frame.
+struct NodeReport {
+  double busy_ms = 0;  ///< wall time in which its role made progress
+  double cpu_ms = 0;   ///< CPU time of its thread (with nodes = 0: as busy_ms)
+  double wait_ms = 0;  ///< frame time less busy time
+  double move_ms = 0;
+  double broad_phase_ms = 0;
+  double narrow_phase_ms = 0;
+  std::uint64_t candidates = 0;  ///< pairs that it owns
+  std::uint64_t tested = 0;
+  std::uint64_t contacts = 0;
+  std::uint64_t hosted = 0;       ///< objects that it hosts after the frame
+  std::uint64_t handed_over = 0;  ///< objects that it sent to other nodes
+};
+
+/// Messages and bytes by what they carry.
+enum class Traffic : std::uint8_t { m1, m2, m3, m4, m5, state, control };
+inline constexpr std::size_t traffic_count = 7;
+struct TrafficReport {
+  std::uint64_t messages = 0;
+  std::uint64_t records = 0;
+  std::uint64_t bytes = 0;
+};
+
+/// What a frame did and cost. Times in milliseconds of wall time.
+struct FrameReport {
+  std::uint64_t frame = 0;
+  double frame_ms = 0;
+  std::array<double, stage_count> stage_ms{};
+  std::uint64_t candidates = 0;  ///< pairs that the layers allow and whose bounds touch, as assigned to nodes
+  std::uint64_t tested = 0;      ///< pairs tested, as the nodes report; differs from candidates only by a bug or a loss
+  std::uint64_t accepted = 0;    ///< pairs whose result (contact or none) the server accepted
+  std::uint64_t contacts = 0;    ///< begin and persist
+  std::uint64_t began = 0, ended = 0;
+  std::uint64_t objects = 0, moved = 0;
+  std::uint64_t handed_over = 0;                      ///< objects whose host changed
+  std::array<std::uint64_t, status_count> refused{};  ///< calls and records refused, by reason
+  std::array<TrafficReport, traffic_count> traffic{};
+  std::uint64_t grown = 0;  ///< buffers that outgrew what was reserved
+  double server_cpu_ms = 0;
+  double users_cpu_ms = 0;  ///< all user threads together
+  std::vector<NodeReport> nodes;
+};
+
+}  // namespace ringfence

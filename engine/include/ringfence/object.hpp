@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstdint>
+
+#include "ringfence/ids.hpp"
+#include "ringfence/pose.hpp"
+
+namespace ringfence {
+
+/// How an object moves, and with the deployment who hosts it (moves it and answers its contacts).
+enum class Category : std::uint8_t {
+  avatar,      ///< under a user's direct control; always hosted by that user node
+  active,      ///< moved by programmed logic; hosted by a user node, the server or a CD node
+  non_active,  ///< moves only when a contact moves it; hosted as an active one
+  fixed,       ///< `static` in files: terrain, walls; never moves, no response, no host
+};
+
+/// The word for a category in scene files: "avatar", "active", "non-active", "static".
+constexpr const char* name_of(Category category) noexcept {
+  constexpr const char* names[] = {"avatar", "active", "non-active", "static"};
+  return names[static_cast<std::size_t>(category)];
+}
+
+/// What an object is when it is spawned.
+struct ObjectSpec {
+  ObjectNumber number = 0;  ///< 0: the next free one is given
+  ShapeNumber shape = 0;
+  Category category = Category::active;
+  std::uint8_t layer = 0;     ///< index into WorldConfig::layers
+  bool present = true;        ///< false: absent (in no contact) until it is given a pose
+  UserNumber user = no_user;  ///< the hosting user node: required for avatars, must be absent for all others
+  std::uint64_t user_data = 0;
+  Pose pose;
+};
+
+}  // namespace ringfence
