@@ -116,8 +116,9 @@ class World {
   std::vector<ObjectView> objects() const;
   /// The live object with that number; null if there is none.
   ObjectId find(ObjectNumber number) const noexcept;
-  /// The registered shapes as they were described.
-  std::span<const ShapeDescription> shapes() const noexcept;
+  /// A registered shape as it was described. Precondition: shape < shape_count().
+  const ShapeDescription& shape(ShapeNumber shape) const noexcept;
+  std::size_t shape_count() const noexcept;
 
   /// What the last frame did and cost.
   const FrameReport& report() const noexcept;
