@@ -33,9 +33,13 @@ static_assert(sizeof(PairContact) == 32);
 struct KindCounters {
   std::uint64_t candidates = 0;
   std::uint64_t hits = 0;
-  std::uint64_t lanes = 0;  ///< vector lanes spent on them, idle ones included; 0 where a kernel is not in lanes
+  std::uint64_t lanes = 0;       ///< vector lanes spent on them, idle ones included; 0 where a kernel is not in lanes
   std::uint64_t iterations = 0;  ///< GJK and EPA steps; 0 for closed forms
 };
+
+/// Whether there is a kernel for two kinds. Symmetric. A world refuses shapes at registration whose pairs would have
+/// none: the narrow phase cannot answer for them.
+bool can_test(ShapeKind p, ShapeKind q) noexcept;
 
 /// Tests candidate pairs exactly: which are in contact, and how.
 ///
@@ -55,6 +59,10 @@ class NarrowPhase {
   /// All contacts among `pairs` (indices into `bodies`, `a` has the lower number), in no particular order.
   /// The result lives until the next call.
   std::span<const PairContact> test(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
+
+  /// Candidates of the last call that no kernel could test, because `can_test` is false for their kinds. Anything but
+  /// zero is an error of the caller: those pairs are missing from the answer.
+  std::size_t untested() const noexcept;
 
   /// `kinds` as in ShapeKind; symmetric.
   const KindCounters& counters(ShapeKind p, ShapeKind q) const noexcept;

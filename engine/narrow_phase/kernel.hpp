@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "geometry/shape_table.hpp"
+#include "narrow_phase/narrow_phase.hpp"
+
+/// The meeting point of the narrow phase and its kernels: what a kernel of one pair of kinds is given, and what it
+/// gives back. Only engine/narrow_phase includes this.
+namespace ringfence::narrow_phase {
+
+/// One candidate as a kernel gets it, its two bodies in the order of their kinds. 16 bytes, so that a vector kernel
+/// transposes four of them at once.
+struct KernelPair {
+  std::uint32_t first;    ///< index into the bodies; its kind is <= that of `second`
+  std::uint32_t second;   ///< index into the bodies
+  std::uint32_t pair;     ///< index into the candidates, for PairContact::pair
+  std::uint32_t flipped;  ///< 0 where `first` is the pair's a; `flip_bit` where `first` is the pair's b
+};
+static_assert(sizeof(KernelPair) == 16);
+
+/// The sign bit of a float: a kernel turns the normal of a flipped pair by one exclusive or.
+inline constexpr std::uint32_t flip_bit = 0x80000000u;
+
+/// What a kernel works on. Every pair has the kernel's kinds; for pairs of one kind `first` is always the pair's a.
+struct KernelInput {
+  std::span<const Body> bodies;
+  const geometry::ShapeTable& shapes;
+  std::span<const KernelPair> pairs;
+};
+
+/// A kernel may write this many contacts past the ones it keeps: full vectors leave it without a branch.
+inline constexpr std::size_t contact_slack = 16;
+
+/// Tests `input.pairs`, writes the contacts found to `out` in the order of the pairs and returns the end of what it
+/// wrote.
+///
+/// `out` has room for `input.pairs.size() + contact_slack` contacts. PairContact is in terms of the candidate's own a
+/// and b: `normal` points from a to b and `point` is relative to a's position, so a flipped pair is turned round before
+/// it is written. The kernel adds to `lanes` and `iterations` of `counters`; candidates and hits are counted by the
+/// caller. What is found for a pair depends on nothing but its two shapes and poses. No allocation, no exception, no
+/// state between calls.
+using Kernel = PairContact* (*)(const KernelInput& input, PairContact* out, KindCounters& counters);
+
+// Closed forms, in lanes (primitive_kernels.cpp).
+PairContact* test_sphere_sphere(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_sphere_box(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_sphere_capsule(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_box_box(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_box_capsule(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_capsule_capsule(const KernelInput& input, PairContact* out, KindCounters& counters);
+
+// Convex hulls (convex*.cpp).
+PairContact* test_sphere_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_box_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_capsule_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_hull_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
+
+/// Any convex kind first, a support shape second (support_shape*.cpp). On libccd: this one may allocate.
+PairContact* test_support_any(const KernelInput& input, PairContact* out, KindCounters& counters);
+
+/// The kernel for two kinds, `first` <= `second`; null where there is none (meshes).
+Kernel kernel_of(ShapeKind first, ShapeKind second) noexcept;
+
+}  // namespace ringfence::narrow_phase
