@@ -1,0 +1,75 @@
+# Builds the consumer in one `way` and runs it. In: way, source_dir, build_dir, work_dir, compiler, version.
+
+cmake_minimum_required(VERSION 3.25)
+
+function(run)
+  execute_process(COMMAND ${ARGN} RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  message("${output}")
+  if(result)
+    list(JOIN ARGN " " command)
+    message(FATAL_ERROR "${result} from: ${command}")
+  endif()
+  set(output "${output}" PARENT_SCOPE)
+endfunction()
+
+# What we compile the library with is our affair: a consumer's command line must not show it.
+function(expect_no_leak commands)
+  foreach(ours -ffp-contract -Werror -Wconversion -fsanitize HWY_)
+    if(commands MATCHES "${ours}")
+      message(FATAL_ERROR "${ours} leaks to the consumer:\n${commands}")
+    endif()
+  endforeach()
+endfunction()
+
+file(REMOVE_RECURSE ${work_dir})
+set(prefix ${work_dir}/prefix)
+if(way STREQUAL "add_subdirectory")
+  set(headers ${source_dir}/engine/include)
+else()
+  # Installed in one place, used from another: nothing in the package may know where it was built or installed.
+  run(${CMAKE_COMMAND} --install ${build_dir} --prefix ${work_dir}/first --component development)
+  file(RENAME ${work_dir}/first ${prefix})
+  set(headers ${prefix}/include)
+endif()
+
+file(GLOB public RELATIVE ${headers} ${headers}/ringfence/*.hpp)
+list(REMOVE_ITEM public ringfence/eigen.hpp)  # the one header that asks for Eigen
+set(includes)
+foreach(header ${public})
+  string(APPEND includes "#include <${header}>\n")
+endforeach()
+file(COPY ${source_dir}/tests/package/consumer DESTINATION ${work_dir})
+file(WRITE ${work_dir}/consumer/every_header.hpp "#pragma once\n${includes}")
+
+if(way STREQUAL "pkg_config")
+  file(GLOB_RECURSE module ${prefix}/*/ringfence.pc)
+  cmake_path(GET module PARENT_PATH module_dir)
+  set(ENV{PKG_CONFIG_PATH} ${module_dir})
+  run(pkg-config --exact-version=${version} --print-errors ringfence)
+  run(sh -c "${compiler} -std=c++20 -Wall -Wextra -Wconversion -Werror consumer/main.cpp \
+    $(pkg-config --cflags --libs ringfence) -o consumer/consumer" WORKING_DIRECTORY ${work_dir})
+  run(${work_dir}/consumer/consumer)
+  return()
+endif()
+
+if(way STREQUAL "add_subdirectory")
+  set(where -D RINGFENCE_SOURCE_DIR=${source_dir})
+else()
+  set(where -D CMAKE_PREFIX_PATH=${prefix} -D RINGFENCE_VERSION=${version})
+endif()
+run(${CMAKE_COMMAND} -G Ninja -S ${work_dir}/consumer -B ${work_dir}/build -D CMAKE_BUILD_TYPE=Release
+  -D CMAKE_CXX_COMPILER=${compiler} ${where})
+run(ninja -C ${work_dir}/build -t commands CMakeFiles/consumer.dir/main.cpp.o)
+expect_no_leak("${output}")
+
+if(way STREQUAL "add_subdirectory")
+  # The library itself would be built a second time, so only what is the consumer's own.
+  run(ninja -C ${work_dir}/build CMakeFiles/consumer.dir/main.cpp.o)
+  run(ninja -C ${work_dir}/build -t targets all)
+  if(output MATCHES "(test|bench)_[a-z]+:|/worlds/")
+    message(FATAL_ERROR "Tests, benchmarks or tools are built for a project that only adds the library:\n${output}")
+  endif()
+else()
+  run(ninja -C ${work_dir}/build)
+  run(${work_dir}/build/consumer)
+endif()
