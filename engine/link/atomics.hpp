@@ -1,0 +1,102 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+namespace ringfence::link {
+
+/// What two threads write must lie this far apart, in bytes: x86 fetches cache lines in pairs.
+inline constexpr std::size_t line_bytes = 128;
+
+/// The defects that tests/link seeds into ring, doorbell and channel, one at a time, to see that its checker finds
+/// them.
+///
+/// Each names one thing that the proof rests on. Production code is instantiated with `none`, where every test of a
+/// defect is a constant false. No order in this room is stronger than needed: whatever is not in this list is not
+/// there.
+enum class Defect : std::uint8_t {
+  none,
+  publish_unordered,     ///< the store of tail does not release
+  peek_unordered,        ///< the load of tail does not acquire
+  release_unordered,     ///< the exchange of head does not release
+  room_unordered,        ///< the load of head does not acquire
+  wait_unordered,        ///< the read-modify-write of head that asks to be woken does not acquire
+  ring_unordered,        ///< the doorbell's exchange by who rings does not release
+  arm_unordered,         ///< the doorbell's exchange by who is about to sleep does not acquire
+  disarm_unordered,      ///< the doorbell's exchange by who need not sleep does not acquire
+  disarm_by_store,       ///< ... is a plain store, which forgets who rang meanwhile
+  no_recheck,            ///< the sleeper does not look again after it has said that it sleeps
+  flag_set_late,         ///< the sleeper looks again first and says that it sleeps only then
+  capacity_off_by_one,   ///< the writer takes one unit more than there is
+  early_release,         ///< a message is given back when it is returned, not when it was read
+  padding_lost,          ///< the writer steps over less than the header says
+  overhang_lost,         ///< a message that crosses the end of the ring is not kept in one piece
+  waiter_forgotten,      ///< a release does not ring the sender that waits for room
+  waiting_not_said,      ///< a sender that finds no room does not ask to be woken
+  no_look_after_asking,  ///< a sender that asked to be woken does not look at the head that it then saw
+  no_publish_when_full,  ///< a sender that finds no room keeps what it has staged
+  closing_not_told,      ///< closing does not ring the other end
+};
+
+/// How long a thread looks before it sleeps.
+struct Patience {
+  std::uint32_t spins = 0;   ///< looks with a pause instruction between them
+  std::uint32_t yields = 0;  ///< looks with a sched_yield between them, after the spins
+};
+
+/// The machine's atomics, memory and futex: what ring and doorbell run on in production.
+///
+/// A policy: ring, doorbell and channel reach memory that two threads share through it alone, so that the checker in
+/// tests/link can run the very same code over its own. Sleeping and waking work among the threads of one process.
+struct ThreadAtomics {
+  static constexpr Defect defect = Defect::none;
+
+  template <class T>
+  using Atomic = std::atomic<T>;
+
+  /// Plain access to a word of ring memory, ordered by nothing but the ring's atomics.
+  static void write(std::byte* at, std::uint64_t word) noexcept { std::memcpy(at, &word, sizeof word); }
+  static std::uint64_t read(const std::byte* at) noexcept {
+    std::uint64_t word;
+    std::memcpy(&word, at, sizeof word);
+    return word;
+  }
+
+  /// Sleeps while `word` is `expected`; may return early for no reason.
+  static void sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept;
+  /// The same, but returns at `deadline` at the latest.
+  static void sleep_until(const Atomic<std::uint32_t>& word, std::uint32_t expected,
+                          std::chrono::steady_clock::time_point deadline) noexcept;
+  /// Wakes whoever sleeps on `word`.
+  static void wake(const Atomic<std::uint32_t>& word) noexcept;
+
+  static void pause() noexcept;
+  static void yield() noexcept;
+
+  /// A doorbell comes into being, or goes: the process has a thread more, or less, that waits on one.
+  static void joined() noexcept;
+  static void left() noexcept;
+  /// How long to look before sleeping, given how many threads wait on doorbells and how many cores there are.
+  static Patience patience() noexcept;
+};
+
+/// The same between processes: for rings and doorbells in shared memory.
+struct ProcessAtomics : ThreadAtomics {
+  static void sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept;
+  static void sleep_until(const Atomic<std::uint32_t>& word, std::uint32_t expected,
+                          std::chrono::steady_clock::time_point deadline) noexcept;
+  static void wake(const Atomic<std::uint32_t>& word) noexcept;
+};
+
+static_assert(std::atomic<std::uint64_t>::is_always_lock_free && std::atomic<std::uint32_t>::is_always_lock_free);
+
+/// `order`, or relaxed where `defect` is seeded.
+template <class Policy>
+constexpr std::memory_order order_unless(Defect defect, std::memory_order order) noexcept {
+  return Policy::defect == defect ? std::memory_order_relaxed : order;
+}
+
+}  // namespace ringfence::link

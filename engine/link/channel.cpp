@@ -1,0 +1,41 @@
+#include "link/channel.hpp"
+
+#include <cstring>
+#include <string>
+
+#include "ringfence/error.hpp"
+
+namespace ringfence::link {
+
+namespace {
+
+void* allocate_ring(std::size_t bytes, const char* option) {
+  Channel::check(bytes, option);
+  const std::size_t footprint = ring_footprint<ThreadAtomics>(bytes);
+  void* memory = ::operator new (footprint, std::align_val_t{line_bytes});
+  // Touched here, so that no page fault falls into a frame.
+  std::memset(memory, 0, footprint);
+  make_ring<ThreadAtomics>(memory, bytes);
+  return memory;
+}
+
+}  // namespace
+
+void Channel::check(std::size_t bytes, const char* option) {
+  constexpr std::size_t least = 4096;
+  constexpr std::size_t most = std::size_t{1} << 31;
+  if (bytes >= least && bytes <= most && (bytes & (bytes - 1)) == 0) return;
+  throw Error(std::string(option) + " is " + std::to_string(bytes) + ": a ring takes a power of two from " +
+              std::to_string(least) + " to " + std::to_string(most) + " bytes");
+}
+
+void Channel::Free::operator()(void* memory) const noexcept {
+  ::operator delete (memory, std::align_val_t{line_bytes});
+}
+
+Channel::Channel(std::size_t bytes, Doorbell* receivers_bell, Doorbell* senders_bell, const char* option)
+    : memory_(allocate_ring(bytes, option)),
+      sender_(find_ring<ThreadAtomics>(memory_.get()), receivers_bell),
+      receiver_(find_ring<ThreadAtomics>(memory_.get()), senders_bell) {}
+
+}  // namespace ringfence::link

@@ -1,0 +1,89 @@
+#include "link/doorbell.hpp"
+
+#include <climits>
+
+#include <linux/futex.h>
+#include <sched.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+
+namespace ringfence::link {
+
+namespace {
+
+std::atomic<int> waiting_threads{0};
+
+int usable_cores() noexcept {
+  cpu_set_t set;
+  // The process's own mask, not the thread's: threads may have been pinned already.
+  if (sched_getaffinity(getpid(), sizeof set, &set) != 0) return 1;
+  return CPU_COUNT(&set);
+}
+
+void futex(const std::atomic<std::uint32_t>& word, int operation, std::uint32_t value,
+           const timespec* deadline) noexcept {
+  syscall(SYS_futex, reinterpret_cast<const std::uint32_t*>(&word), operation, value, deadline, nullptr,
+          FUTEX_BITSET_MATCH_ANY);
+}
+
+timespec absolute(std::chrono::steady_clock::time_point time) noexcept {
+  const auto since = time.time_since_epoch();
+  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(since);
+  return {static_cast<time_t>(seconds.count()),
+          static_cast<long>(std::chrono::duration_cast<std::chrono::nanoseconds>(since - seconds).count())};
+}
+
+}  // namespace
+
+void ThreadAtomics::sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept {
+  futex(word, FUTEX_WAIT_BITSET | FUTEX_PRIVATE_FLAG, expected, nullptr);
+}
+
+void ThreadAtomics::sleep_until(const Atomic<std::uint32_t>& word, std::uint32_t expected,
+                                std::chrono::steady_clock::time_point deadline) noexcept {
+  // FUTEX_WAIT_BITSET takes an absolute time of CLOCK_MONOTONIC, which is what steady_clock counts.
+  const timespec until = absolute(deadline);
+  futex(word, FUTEX_WAIT_BITSET | FUTEX_PRIVATE_FLAG, expected, &until);
+}
+
+void ThreadAtomics::wake(const Atomic<std::uint32_t>& word) noexcept {
+  futex(word, FUTEX_WAKE_BITSET | FUTEX_PRIVATE_FLAG, INT_MAX, nullptr);
+}
+
+void ThreadAtomics::pause() noexcept {
+#if defined(__x86_64__)
+  __builtin_ia32_pause();
+#elif defined(__aarch64__)
+  asm volatile("yield");
+#endif
+}
+
+void ThreadAtomics::yield() noexcept { sched_yield(); }
+
+void ThreadAtomics::joined() noexcept { waiting_threads.fetch_add(1, std::memory_order_relaxed); }
+
+void ThreadAtomics::left() noexcept { waiting_threads.fetch_sub(1, std::memory_order_relaxed); }
+
+Patience ThreadAtomics::patience() noexcept {
+  static const int cores = usable_cores();
+  // With more threads than cores whoever is waited for may need this very core; otherwise sleeping is what costs.
+  const bool crowded = waiting_threads.load(std::memory_order_relaxed) > cores;
+  return crowded ? Patience{20, 3} : Patience{2000, 3};
+}
+
+void ProcessAtomics::sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept {
+  futex(word, FUTEX_WAIT_BITSET, expected, nullptr);
+}
+
+void ProcessAtomics::sleep_until(const Atomic<std::uint32_t>& word, std::uint32_t expected,
+                                 std::chrono::steady_clock::time_point deadline) noexcept {
+  const timespec until = absolute(deadline);
+  futex(word, FUTEX_WAIT_BITSET, expected, &until);
+}
+
+void ProcessAtomics::wake(const Atomic<std::uint32_t>& word) noexcept {
+  futex(word, FUTEX_WAKE_BITSET, INT_MAX, nullptr);
+}
+
+}  // namespace ringfence::link

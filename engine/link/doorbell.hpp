@@ -1,0 +1,135 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+
+#include "link/atomics.hpp"
+
+namespace ringfence::link {
+
+/// What a thread sleeps on: one a thread, not one a ring. Whoever may have made something ready rings it.
+///
+/// The owner waits for a condition that it can look at itself ("a message is there, or room"); a ring only says that
+/// looking again is worth while. Rings are not counted, and a wait may find its condition met without one.
+///
+/// No wake-up is lost. All that is ever done to the state is an exchange, so that ringer and sleeper are ordered by the
+/// one word: either the ringer's exchange comes later, finds `asleep` and wakes; or the sleeper's comes later, and as
+/// it acquires what the ringer released, the look that follows it sees what the ringer did before. No fence is needed,
+/// and no sequential consistency. The exhaustive checker in tests/link runs this code.
+///
+/// Cost: a ring that wakes nobody is one atomic exchange (about 20 cycles where the line is at hand). Waiting looks for
+/// a while (see Patience), then sleeps on a futex: about 2 us to wake one that sleeps, 20 us until it runs.
+///
+/// Threads: `ring` from any, `wait` from the owner alone. Memory: none but itself; may lie in shared memory with
+/// ProcessAtomics.
+template <class Policy>
+class alignas(line_bytes) BasicDoorbell {
+ public:
+  BasicDoorbell() noexcept { Policy::joined(); }
+  /// Looks for as long as `patience` says, however many threads there are.
+  explicit BasicDoorbell(Patience patience) noexcept : patience_(patience) { Policy::joined(); }
+  ~BasicDoorbell() { Policy::left(); }
+  BasicDoorbell(const BasicDoorbell&) = delete;
+  BasicDoorbell& operator=(const BasicDoorbell&) = delete;
+
+  /// What the caller did before is seen by the owner when it next looks; it is woken if it sleeps.
+  void ring() noexcept {
+    // Pairs with the owner's exchanges in arm and disarm.
+    const std::uint32_t before =
+        state_.exchange(rung, order_unless<Policy>(Defect::ring_unordered, std::memory_order_release));
+    if (before == asleep) Policy::wake(state_);
+  }
+
+  /// Returns when `ready()` is true. It is called again and again, from this thread, and must be cheap; it may act.
+  template <class Ready>
+  void wait(Ready ready) noexcept {
+    if (look(ready)) return;
+    do {
+      if (arm(ready)) return;
+      Policy::sleep(state_, asleep);
+    } while (!ready());
+  }
+
+  /// The same, but gives up at `deadline`. Returns whether `ready()` was true.
+  template <class Ready>
+  bool wait_until(Ready ready, std::chrono::steady_clock::time_point deadline) noexcept {
+    if (look(ready)) return true;
+    do {
+      if (arm(ready)) return true;
+      if (std::chrono::steady_clock::now() >= deadline) {
+        disarm();
+        return ready();
+      }
+      Policy::sleep_until(state_, asleep, deadline);
+    } while (!ready());
+    return true;
+  }
+
+  /// The same, but gives up after `duration`.
+  template <class Ready>
+  bool wait_for(Ready ready, std::chrono::nanoseconds duration) noexcept {
+    return wait_until(ready, std::chrono::steady_clock::now() + duration);
+  }
+
+ private:
+  enum State : std::uint32_t { awake, asleep, rung };
+
+  /// Looks without sleeping.
+  template <class Ready>
+  bool look(Ready& ready) noexcept {
+    if (ready()) return true;
+    const Patience patience = patience_ ? *patience_ : Policy::patience();
+    for (std::uint32_t i = 0; i < patience.spins; ++i) {
+      Policy::pause();
+      if (ready()) return true;
+    }
+    for (std::uint32_t i = 0; i < patience.yields; ++i) {
+      Policy::yield();
+      if (ready()) return true;
+    }
+    return false;
+  }
+
+  /// Says that the owner sleeps and looks once more. True when it need not sleep after all.
+  template <class Ready>
+  bool arm(Ready& ready) noexcept {
+    if constexpr (Policy::defect == Defect::flag_set_late) {
+      if (ready()) return true;
+    }
+    // Pairs with ring: what was done before a ring that this exchange overwrites is seen by the look below.
+    state_.exchange(asleep, order_unless<Policy>(Defect::arm_unordered, std::memory_order_acquire));
+    if constexpr (Policy::defect == Defect::flag_set_late || Policy::defect == Defect::no_recheck) return false;
+    if (!ready()) return false;
+    disarm();
+    return true;
+  }
+
+  /// Takes back that the owner sleeps, so that nobody makes a system call for it.
+  void disarm() noexcept {
+    if constexpr (Policy::defect == Defect::disarm_by_store) {
+      state_.store(awake, std::memory_order_relaxed);
+    } else {
+      // An exchange, not a store: a ring that it overwrites must be acquired here, as no later exchange will see it.
+      state_.exchange(awake, order_unless<Policy>(Defect::disarm_unordered, std::memory_order_acquire));
+    }
+  }
+
+  typename Policy::template Atomic<std::uint32_t> state_{awake};
+  std::optional<Patience> patience_;
+};
+
+/// The doorbell of a thread.
+class Doorbell : public BasicDoorbell<ThreadAtomics> {
+ public:
+  using BasicDoorbell::BasicDoorbell;
+};
+
+/// The doorbell of a process, in shared memory.
+class ProcessDoorbell : public BasicDoorbell<ProcessAtomics> {
+ public:
+  using BasicDoorbell::BasicDoorbell;
+};
+
+}  // namespace ringfence::link

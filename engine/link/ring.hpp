@@ -1,0 +1,249 @@
+#pragma once
+
+#include <cassert>
+#include <cstddef>
+#include <cstdint>
+#include <new>
+#include <span>
+
+#include "link/atomics.hpp"
+
+namespace ringfence::link {
+
+/// The two words of a ring that both sides touch, each on lines of its own, and its size.
+///
+/// A position counts the bytes that ever passed it, in multiples of 8; it never wraps (2^64 bytes last for centuries).
+/// The three low bits are flags.
+template <class Policy>
+struct RingWords {
+  static constexpr std::uint64_t flags = 7;
+  static constexpr std::uint64_t closed = 1;   ///< in tail: no message follows; in head: none is read any more
+  static constexpr std::uint64_t waiting = 2;  ///< in head: the writer wants to know of the next release
+
+  explicit RingWords(std::uint64_t size) noexcept : capacity(size) {}
+
+  /// What is published. Written by the writer alone.
+  alignas(line_bytes) typename Policy::template Atomic<std::uint64_t> tail{0};
+  /// What is released. Exchanged by the reader, and or-ed by a writer that waits: read-modify-writes only, so a release
+  /// either sees that the writer waits or is seen by it.
+  alignas(line_bytes) typename Policy::template Atomic<std::uint64_t> head{0};
+  /// In bytes, a power of two. Never changes.
+  alignas(line_bytes) std::uint64_t capacity;
+};
+
+/// Where a ring lies: no more than pointers into memory that somebody else owns.
+template <class Policy>
+struct Ring {
+  RingWords<Policy>* words;
+  std::byte* bytes;  ///< 8 bytes before a cache line, so that what follows a header at offset 0 begins one
+};
+
+/// What stands before each message in the ring: 8 bytes, at a multiple of 8.
+struct MessageHeader {
+  std::uint32_t length;  ///< of the message, in bytes, not 0
+  std::uint32_t stride;  ///< from this header to the next
+};
+
+/// The longest message of a ring of `capacity` bytes: half of it, 64 KiB at most. One that long always fits at last.
+constexpr std::size_t largest_message_of(std::uint64_t capacity) noexcept {
+  return static_cast<std::size_t>(capacity / 2 < 65536 ? capacity / 2 : 65536);
+}
+
+/// Layout: the words, a gap of 56 bytes, `capacity` bytes that positions go round, and the overhang.
+///
+/// A message may begin just before the end and lie in the overhang for the rest; the next one then begins where it
+/// would have ended, counted round. So no message is cut and no room is lost to padding at the end. Two messages are
+/// never in the overhang at once: the second would end more than `capacity` after the first began.
+inline constexpr std::size_t ring_gap = 56;
+
+/// How much memory a ring of `capacity` bytes takes.
+template <class Policy>
+constexpr std::size_t ring_footprint(std::uint64_t capacity) noexcept {
+  const std::size_t all = sizeof(RingWords<Policy>) + ring_gap + capacity + largest_message_of(capacity);
+  return (all + line_bytes - 1) / line_bytes * line_bytes;
+}
+
+/// Finds the ring that make_ring made at `memory`, perhaps in another process and at another address.
+template <class Policy>
+Ring<Policy> find_ring(void* memory) noexcept {
+  return {static_cast<RingWords<Policy>*>(memory),
+          static_cast<std::byte*>(memory) + sizeof(RingWords<Policy>) + ring_gap};
+}
+
+/// Makes an empty ring of `capacity` bytes, a power of two of at least 64, in `memory`: ring_footprint(capacity) bytes,
+/// aligned to line_bytes, which outlive the ring's writer and reader.
+template <class Policy>
+Ring<Policy> make_ring(void* memory, std::uint64_t capacity) noexcept {
+  assert(capacity >= 64 && (capacity & (capacity - 1)) == 0);
+  new (memory) RingWords<Policy>(capacity);
+  return find_ring<Policy>(memory);
+}
+
+/// The writing end of a ring: one thread's.
+///
+/// Keeps its own position, what it has published, and the reader's position as last seen, on lines that nobody else
+/// touches; it looks at the reader's word only when by what it last saw there is no room.
+///
+/// A writer that takes over a ring (its predecessor was killed) goes on after the last message that was published; what
+/// was only staged is gone, whole.
+///
+/// Method: Lamport's queue (1983) with cached positions and batched publication (FastForward, Liberty, B-Queue), a
+/// length before each message as in Aeron's buffers.
+template <class Policy>
+class RingWriter {
+ public:
+  explicit RingWriter(Ring<Policy> ring) noexcept
+      : words_(ring.words),
+        bytes_(ring.bytes),
+        mask_(ring.words->capacity - 1),
+        room_(ring.words->capacity + (Policy::defect == Defect::capacity_off_by_one ? 8 : 0)),
+        largest_(largest_message_of(ring.words->capacity)) {
+    tail_ = published_ = words_->tail.load(std::memory_order_relaxed) & ~RingWords<Policy>::flags;
+    head_seen_ = words_->head.load(std::memory_order_acquire) & ~RingWords<Policy>::flags;
+  }
+
+  std::size_t largest_message() const noexcept { return largest_; }
+
+  /// Room for a message of `size` bytes, 1 to largest_message(), or null. Aligned to 8 bytes; to a cache line after a
+  /// message of at least 256 bytes, and at the start.
+  std::byte* claim(std::size_t size) noexcept {
+    if (size > largest_ || !fits(size)) [[unlikely]]
+      return nullptr;
+    return payload();
+  }
+
+  /// The same, after a look at how far the reader is.
+  std::byte* claim_again(std::size_t size) noexcept {
+    // Pairs with the exchange in RingReader::release: the reader is done with what lies before the position.
+    see(words_->head.load(order_unless<Policy>(Defect::room_unordered, std::memory_order_acquire)));
+    return claim(size);
+  }
+
+  /// The same, and if there is no room the reader will be told by its next release (which returns true) that this
+  /// writer waits. Costs a read-modify-write only where that has not been asked for already.
+  std::byte* claim_or_ask(std::size_t size) noexcept {
+    if (std::byte* room = claim_again(size)) return room;
+    if constexpr (Policy::defect == Defect::waiting_not_said) return nullptr;
+    if (words_->head.load(std::memory_order_relaxed) & RingWords<Policy>::waiting) return nullptr;
+    const std::uint64_t head = words_->head.fetch_or(
+        RingWords<Policy>::waiting, order_unless<Policy>(Defect::wait_unordered, std::memory_order_acquire));
+    if constexpr (Policy::defect == Defect::no_look_after_asking) return nullptr;
+    see(head);
+    return claim(size);
+  }
+
+  /// Ends the claimed message after `used` bytes; 0 gives the claim up. Nobody sees it before publish().
+  void commit(std::size_t used) noexcept {
+    assert(used <= largest_);
+    if (used == 0) return;
+    const std::uint64_t next = after(used);
+    Policy::write(bytes_ + (tail_ & mask_), std::uint64_t{used} | (next - tail_) << 32);
+    tail_ = Policy::defect == Defect::padding_lost ? tail_ + sizeof(MessageHeader) + used : next;
+  }
+
+  /// Bytes staged since the last publish, headers and padding included.
+  std::uint64_t staged() const noexcept { return tail_ - published_; }
+
+  /// Shows the reader everything staged, by one store.
+  void publish() noexcept {
+    // Pairs with the load in RingReader::next: the messages before the position are complete.
+    words_->tail.store(tail_ | closed_, order_unless<Policy>(Defect::publish_unordered, std::memory_order_release));
+    published_ = tail_;
+  }
+
+  /// Publishes, and says that no message follows.
+  void close() noexcept {
+    closed_ = RingWords<Policy>::closed;
+    publish();
+  }
+
+  /// Whether the reader has closed.
+  bool reader_closed() const noexcept {
+    return (words_->head.load(std::memory_order_relaxed) & RingWords<Policy>::closed) != 0;
+  }
+
+ private:
+  static constexpr std::size_t large = 256;  ///< from here on padding to a cache line costs less than straddling lines
+
+  /// The position after a message of `size` bytes at tail_.
+  std::uint64_t after(std::size_t size) const noexcept {
+    const std::uint64_t rounding = size < large ? 7 : 63;
+    return (tail_ + sizeof(MessageHeader) + size + rounding) & ~rounding;
+  }
+
+  bool fits(std::size_t size) const noexcept { return after(size) - head_seen_ <= room_; }
+
+  std::byte* payload() const noexcept { return bytes_ + (tail_ & mask_) + sizeof(MessageHeader); }
+
+  void see(std::uint64_t head) noexcept { head_seen_ = head & ~RingWords<Policy>::flags; }
+
+  RingWords<Policy>* words_;
+  std::byte* bytes_;
+  std::uint64_t mask_;
+  std::uint64_t room_;
+  std::size_t largest_;
+  std::uint64_t tail_;
+  std::uint64_t head_seen_;
+  std::uint64_t published_;
+  std::uint64_t closed_ = 0;
+};
+
+/// The reading end of a ring: one thread's. A reader that takes over goes on after what was released last.
+template <class Policy>
+class RingReader {
+ public:
+  explicit RingReader(Ring<Policy> ring) noexcept
+      : words_(ring.words), bytes_(ring.bytes), mask_(ring.words->capacity - 1) {
+    read_ = released_ = tail_seen_ = words_->head.load(std::memory_order_relaxed) & ~RingWords<Policy>::flags;
+  }
+
+  /// Whether a message is there. Looks at the writer's word only when all it knew of has been read.
+  bool available() noexcept {
+    if (read_ != tail_seen_) return true;
+    // Pairs with the store in RingWriter::publish: what lies before the position can be read.
+    tail_seen_ = words_->tail.load(order_unless<Policy>(Defect::peek_unordered, std::memory_order_acquire)) &
+                 ~RingWords<Policy>::flags;
+    return read_ != tail_seen_;
+  }
+
+  /// The next message; precondition: available(). Lives until release().
+  std::span<const std::byte> next() noexcept {
+    const std::byte* at = bytes_ + (read_ & mask_);
+    const std::uint64_t header = Policy::read(at);
+    read_ += header >> 32;
+    return {at + sizeof(MessageHeader), static_cast<std::uint32_t>(header)};
+  }
+
+  /// Gives back everything that next() returned. True when the writer asked to be told.
+  bool release() noexcept {
+    if (read_ == released_) return false;
+    released_ = read_;
+    // Pairs with the writer's load and fetch_or: what was read lies before the position and may be written over.
+    const std::uint64_t before = words_->head.exchange(
+        read_ | closed_, order_unless<Policy>(Defect::release_unordered, std::memory_order_release));
+    return (before & RingWords<Policy>::waiting) != 0;
+  }
+
+  /// Whether the writer has closed and its last message has been read.
+  bool ended() const noexcept {
+    const std::uint64_t tail = words_->tail.load(std::memory_order_acquire);
+    return (tail & RingWords<Policy>::closed) != 0 && (tail & ~RingWords<Policy>::flags) == read_;
+  }
+
+  /// Says that nothing more is read.
+  void close() noexcept {
+    closed_ = RingWords<Policy>::closed;
+    words_->head.fetch_or(RingWords<Policy>::closed, std::memory_order_relaxed);
+  }
+
+ private:
+  RingWords<Policy>* words_;
+  std::byte* bytes_;
+  std::uint64_t mask_;
+  std::uint64_t read_;
+  std::uint64_t tail_seen_;
+  std::uint64_t released_;
+  std::uint64_t closed_ = 0;
+};
+
+}  // namespace ringfence::link
