@@ -1,0 +1,172 @@
+#include "link/publication.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cassert>
+#include <utility>
+
+namespace ringfence::link {
+
+namespace {
+
+constexpr std::uint32_t cell_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key >> 32); }
+constexpr std::uint32_t index_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key); }
+
+/// Keeps the reads of an edition before a second look at its stamp, and the loss of a stamp before writes.
+/// Only a broken frame protocol needs it, and the thread sanitizer, which knows no fences, would report that as a race.
+void keep_order() noexcept {
+#if !defined(__SANITIZE_THREAD__)
+  std::atomic_thread_fence(std::memory_order_acq_rel);
+#endif
+}
+
+}  // namespace
+
+Publication::Publication(std::size_t cells, std::size_t states) : cell_count_(cells) {
+  added_.reserve(states);
+  keys_.reserve(states);
+  sorted_.reserve(states);
+  for (Edition& edition : editions_) {
+    edition.states.reserve(states);
+    edition.cells.reserve(std::min(states, cells));
+    edition.starts.reserve(std::min(states, cells) + 1);
+    if (is_dense(states)) edition.directory.reserve(cells + 1);
+  }
+}
+
+void Publication::begin(std::uint64_t frame) noexcept {
+  current_ ^= 1;
+  editions_[current_].stamp.store(no_stamp, std::memory_order_relaxed);
+  keep_order();
+  frame_ = frame;
+  ascending_ = true;
+  added_.clear();
+  keys_.clear();
+}
+
+void Publication::add(std::uint32_t cell, const PublishedState& state) {
+  assert(cell < cell_count_);
+  if (!keys_.empty() && cell < cell_of(keys_.back())) ascending_ = false;
+  keys_.push_back(std::uint64_t{cell} << 32 | static_cast<std::uint32_t>(added_.size()));
+  added_.push_back(state);
+}
+
+void Publication::publish() {
+  Edition& edition = editions_[current_];
+  edition.dense = is_dense(added_.size());
+  if (ascending_) {
+    take_as_added(edition);
+  } else if (edition.dense) {
+    group_by_counting(edition);
+  } else {
+    group_by_sorting(edition);
+  }
+  list_cells(edition);
+  // Pairs with the load in find: the edition is whole.
+  edition.stamp.store(frame_, std::memory_order_release);
+}
+
+bool Publication::is_dense(std::size_t states) const noexcept {
+  // A directory costs 4 bytes a cell to fill; a search about 5 ns a step for each cell that a reader looks at.
+  return cell_count_ <= 4 * states;
+}
+
+void Publication::take_as_added(Edition& edition) { edition.states.swap(added_); }
+
+void Publication::group_by_counting(Edition& edition) {
+  std::vector<std::uint32_t>& next = edition.directory;
+  next.assign(cell_count_ + 1, 0);
+  for (const std::uint64_t key : keys_) ++next[cell_of(key) + 1];
+  for (std::size_t cell = 0; cell < cell_count_; ++cell) next[cell + 1] += next[cell];
+  sorted_.resize(keys_.size());
+  for (const std::uint64_t key : keys_) sorted_[next[cell_of(key)]++] = key;
+  keys_.swap(sorted_);
+  edition.states.resize(added_.size());
+  for (std::size_t i = 0; i < keys_.size(); ++i) edition.states[i] = added_[index_of(keys_[i])];
+}
+
+void Publication::group_by_sorting(Edition& edition) {
+  sort_keys();
+  edition.states.resize(added_.size());
+  for (std::size_t i = 0; i < keys_.size(); ++i) edition.states[i] = added_[index_of(keys_[i])];
+}
+
+/// By cell, and within a cell by index: radix with digits of 11 bits, least first, where comparing would cost more.
+void Publication::sort_keys() {
+  constexpr std::size_t few = 400;
+  if (keys_.size() <= few) {
+    std::sort(keys_.begin(), keys_.end());
+    return;
+  }
+  constexpr unsigned digit_bits = 11;
+  constexpr std::uint64_t digits = std::uint64_t{1} << digit_bits;
+  const unsigned cell_bits = static_cast<unsigned>(std::bit_width(cell_count_ - 1));
+  sorted_.resize(keys_.size());
+  for (unsigned shift = 32; shift < 32 + cell_bits; shift += digit_bits) {
+    std::array<std::uint32_t, digits> place{};
+    for (const std::uint64_t key : keys_) ++place[key >> shift & (digits - 1)];
+    std::uint32_t sum = 0;
+    for (std::uint32_t& count : place) sum += std::exchange(count, sum);
+    for (const std::uint64_t key : keys_) sorted_[place[key >> shift & (digits - 1)]++] = key;
+    keys_.swap(sorted_);
+  }
+}
+
+/// Precondition: keys_ are in ascending order of cell, as the edition's states.
+void Publication::list_cells(Edition& edition) {
+  edition.cells.clear();
+  edition.starts.clear();
+  for (std::size_t i = 0; i < keys_.size(); ++i) {
+    const std::uint32_t cell = cell_of(keys_[i]);
+    if (i != 0 && cell == edition.cells.back()) continue;
+    edition.cells.push_back(cell);
+    edition.starts.push_back(static_cast<std::uint32_t>(i));
+  }
+  edition.starts.push_back(static_cast<std::uint32_t>(keys_.size()));
+  if (!edition.dense) return;
+  edition.directory.resize(cell_count_ + 1);
+  std::size_t cell = 0;
+  for (std::size_t i = 0; i < edition.cells.size(); ++i) {
+    while (cell <= edition.cells[i]) edition.directory[cell++] = edition.starts[i];
+  }
+  while (cell <= cell_count_) edition.directory[cell++] = edition.starts.back();
+}
+
+const Publication::Edition* Publication::find(std::uint64_t frame) const noexcept {
+  // Pairs with the store in publish.
+  for (const Edition& edition : editions_) {
+    if (edition.stamp.load(std::memory_order_acquire) == frame) return &edition;
+  }
+  return nullptr;
+}
+
+std::span<const PublishedState> Publication::read(std::uint64_t frame, std::uint32_t first,
+                                                  std::uint32_t last) const noexcept {
+  assert(first <= last && last < cell_count_);
+  const Edition* edition = find(frame);
+  if (!edition) return {};
+  const PublishedState* states = edition->states.data();
+  if (edition->dense) return {states + edition->directory[first], states + edition->directory[last + 1]};
+  const auto begin = edition->cells.begin(), end = edition->cells.end();
+  const auto from = std::lower_bound(begin, end, first);
+  const auto to = first == last ? from + (from != end && *from == first) : std::upper_bound(from, end, last);
+  return {states + edition->starts[static_cast<std::size_t>(from - begin)],
+          states + edition->starts[static_cast<std::size_t>(to - begin)]};
+}
+
+std::span<const PublishedState> Publication::states(std::uint64_t frame) const noexcept {
+  const Edition* edition = find(frame);
+  return edition ? std::span<const PublishedState>(edition->states) : std::span<const PublishedState>();
+}
+
+std::span<const std::uint32_t> Publication::cells(std::uint64_t frame) const noexcept {
+  const Edition* edition = find(frame);
+  return edition ? std::span<const std::uint32_t>(edition->cells) : std::span<const std::uint32_t>();
+}
+
+bool Publication::intact(std::uint64_t frame) const noexcept {
+  keep_order();
+  return find(frame) != nullptr;
+}
+
+}  // namespace ringfence::link

@@ -1,0 +1,106 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "link/atomics.hpp"
+#include "ringfence/ids.hpp"
+#include "ringfence/pose.hpp"
+
+namespace ringfence::link {
+
+/// One state that is told to many: where an object is. What the flags mean is between writer and readers.
+struct PublishedState {
+  ObjectNumber number;
+  std::uint32_t flags;
+  Pose pose;
+  constexpr bool operator==(const PublishedState&) const noexcept = default;
+};
+static_assert(sizeof(PublishedState) == 48 && std::is_trivially_copyable_v<PublishedState>);
+
+/// What one tells many, once a frame: states grouped by cell, written once, read in place by any number of threads.
+///
+/// Two editions take turns, so that the one published last and the one before it can be read.
+///
+/// The contract that the frame protocol keeps: all readers of frame k are done before the writer begins frame k + 2
+/// (in lock-step they are done before the server lets k + 1 end). Whoever breaks it is found out, not lied to: an
+/// edition carries its frame's stamp while it is whole, `read` returns nothing without it, and a reader that is done
+/// asks `intact` whether the stamp is still there; if not, what it read may be torn and is to be dropped.
+///
+/// Cost: by the number of states, not of cells. Adding is a copy; publishing moves nothing when the states were added
+/// in ascending order of cell, else sorts (counting where there are few cells to a state, radix or comparison
+/// elsewhere) and moves each state once. Reading a cell is one index where states are dense, a binary search over the
+/// cells that hold something where they are sparse; nothing is copied and no line is written, so readers do not disturb
+/// each other.
+///
+/// Threads: begin, add and publish from one thread, the writer; everything const from any. Memory: reserved by the
+/// constructor, grown between frames and never shrunk.
+class Publication {
+ public:
+  /// For cells 0 to `cells` - 1; reserves for `states` states a frame. More may be added, at the price of an
+  /// allocation.
+  Publication(std::size_t cells, std::size_t states);
+
+  /// Writer: starts the edition of `frame`, which is greater than any before and less than 2^64 - 1. The edition of two
+  /// publications ago is gone from here on.
+  void begin(std::uint64_t frame) noexcept;
+  /// Writer: adds a state of `cell`. Any order; within a cell the order of adding is kept.
+  void add(std::uint32_t cell, const PublishedState& state);
+  /// Writer: groups what was added by cell and shows it, by one store.
+  void publish();
+
+  /// Reader: whether `frame` is there to be read: it was published last, or before that.
+  bool published(std::uint64_t frame) const noexcept { return find(frame) != nullptr; }
+  /// Reader: the states of one cell; empty when there are none, or the frame is not there.
+  std::span<const PublishedState> read(std::uint64_t frame, std::uint32_t cell) const noexcept {
+    return read(frame, cell, cell);
+  }
+  /// Reader: the states of the cells from `first` to `last`, both included, in ascending order of cell: one row of the
+  /// cells near an avatar by one look-up.
+  std::span<const PublishedState> read(std::uint64_t frame, std::uint32_t first, std::uint32_t last) const noexcept;
+  /// Reader: all states of a frame in ascending order of cell.
+  std::span<const PublishedState> states(std::uint64_t frame) const noexcept;
+  /// Reader: the cells of a frame that hold states, ascending.
+  std::span<const std::uint32_t> cells(std::uint64_t frame) const noexcept;
+  /// Reader, after it has used what it read of `frame`: whether that was whole all the time.
+  bool intact(std::uint64_t frame) const noexcept;
+
+ private:
+  /// What one frame says. `starts[i]` is where the states of `cells[i]` begin; one more entry ends the last.
+  struct alignas(line_bytes) Edition {
+    std::atomic<std::uint64_t> stamp{no_stamp};  ///< the frame, while the rest is whole
+    bool dense = false;                          ///< `directory` is filled
+    std::vector<PublishedState> states;
+    std::vector<std::uint32_t> cells;
+    std::vector<std::uint32_t> starts;
+    std::vector<std::uint32_t> directory;  ///< by cell: how many states lie in cells before it; one more entry
+  };
+
+  static constexpr std::uint64_t no_stamp = ~std::uint64_t{0};
+
+  const Edition* find(std::uint64_t frame) const noexcept;
+  bool is_dense(std::size_t states) const noexcept;
+  void take_as_added(Edition& edition);
+  void group_by_counting(Edition& edition);
+  void group_by_sorting(Edition& edition);
+  void sort_keys();
+  void list_cells(Edition& edition);
+
+  std::array<Edition, 2> editions_;
+  std::size_t cell_count_;
+
+  // The writer's own.
+  alignas(line_bytes) std::size_t current_ = 0;  ///< the edition that is being written, or was last
+  std::uint64_t frame_ = 0;
+  bool ascending_ = true;  ///< so far the states were added in ascending order of cell
+  std::vector<PublishedState> added_;
+  std::vector<std::uint64_t> keys_;  ///< cell << 32 | index in added_
+  std::vector<std::uint64_t> sorted_;
+};
+
+}  // namespace ringfence::link

@@ -1,0 +1,148 @@
+#include "link/publication.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <map>
+#include <random>
+#include <thread>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "link/doorbell.hpp"
+
+namespace ringfence::link {
+namespace {
+
+PublishedState state_of(std::uint32_t number, double x) { return {number, number * 3, {{x, x + 1, x + 2}, {}}}; }
+
+/// What a publication should say, kept as slowly and plainly as can be.
+using Oracle = std::map<std::uint32_t, std::vector<PublishedState>>;
+
+Oracle write_random(Publication& publication, std::uint64_t frame, std::size_t cells, std::size_t states, bool sorted,
+                    std::mt19937_64& random) {
+  std::vector<std::uint32_t> where(states);
+  for (std::uint32_t& cell : where) cell = static_cast<std::uint32_t>(random() % cells);
+  if (sorted) std::sort(where.begin(), where.end());
+  Oracle oracle;
+  publication.begin(frame);
+  for (std::size_t i = 0; i < states; ++i) {
+    const PublishedState state = state_of(static_cast<std::uint32_t>(i + 1), static_cast<double>(random() % 1000));
+    publication.add(where[i], state);
+    oracle[where[i]].push_back(state);
+  }
+  publication.publish();
+  return oracle;
+}
+
+std::vector<PublishedState> expected(const Oracle& oracle, std::uint32_t first, std::uint32_t last) {
+  std::vector<PublishedState> all;
+  for (auto it = oracle.lower_bound(first); it != oracle.end() && it->first <= last; ++it) {
+    all.insert(all.end(), it->second.begin(), it->second.end());
+  }
+  return all;
+}
+
+bool same(std::span<const PublishedState> a, const std::vector<PublishedState>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end());
+}
+
+TEST_CASE("a publication returns for each cell, and each run of cells, what was added, in order") {
+  const std::uint64_t seed = 20261;
+  CAPTURE(seed);
+  std::mt19937_64 random(seed);
+  struct Size {
+    std::size_t cells, states;
+  };
+  // Few and many states to a cell, so that every way of grouping is used.
+  for (const Size size :
+       {Size{1, 5}, Size{10, 0}, Size{1000, 7}, Size{100000, 40}, Size{100000, 3000}, Size{64, 900}}) {
+    for (const bool sorted : {false, true}) {
+      CAPTURE(size.cells);
+      CAPTURE(size.states);
+      Publication publication(size.cells, size.states);
+      const Oracle oracle = write_random(publication, 9, size.cells, size.states, sorted, random);
+      std::vector<std::uint32_t> cells;
+      for (const auto& [cell, states] : oracle) cells.push_back(cell);
+      const auto listed = publication.cells(9);
+      CHECK(std::equal(listed.begin(), listed.end(), cells.begin(), cells.end()));
+      CHECK(same(publication.states(9), expected(oracle, 0, static_cast<std::uint32_t>(size.cells))));
+      for (int i = 0; i < 300; ++i) {
+        std::uint32_t first = static_cast<std::uint32_t>(random() % size.cells);
+        std::uint32_t last = static_cast<std::uint32_t>(random() % size.cells);
+        if (first > last) std::swap(first, last);
+        CHECK(same(publication.read(9, first, last), expected(oracle, first, last)));
+        CHECK(same(publication.read(9, first), expected(oracle, first, first)));
+      }
+      for (const std::uint32_t cell : cells) CHECK(same(publication.read(9, cell), expected(oracle, cell, cell)));
+      CHECK(publication.intact(9));
+    }
+  }
+}
+
+TEST_CASE("the last two frames can be read, no other, and a reader that was overtaken is told") {
+  Publication publication(100, 4);
+  std::mt19937_64 random(7);
+  CHECK_FALSE(publication.published(0));
+  const Oracle third = write_random(publication, 3, 100, 20, false, random);
+  const Oracle fourth = write_random(publication, 4, 100, 20, false, random);
+  CHECK(same(publication.states(3), expected(third, 0, 99)));
+  CHECK(same(publication.states(4), expected(fourth, 0, 99)));
+  CHECK(publication.intact(3));
+  publication.begin(5);
+  CHECK_FALSE(publication.intact(3));
+  CHECK(publication.states(3).empty());
+  CHECK_FALSE(publication.published(5));
+  CHECK(same(publication.states(4), expected(fourth, 0, 99)));
+  publication.publish();
+  CHECK(publication.published(5));
+  CHECK(publication.states(5).empty());
+  CHECK(publication.cells(5).empty());
+}
+
+TEST_CASE("readers in lock-step with a writer see every frame whole") {
+  constexpr std::uint64_t frames = 2000;
+  constexpr std::size_t readers = 3, cells = 500, states = 60;
+  Publication publication(cells, 1);
+  std::atomic<std::uint64_t> written{0}, wrong{0};
+  std::array<std::atomic<std::uint64_t>, readers> done{};
+  std::array<Doorbell, readers + 1> bells;
+  std::vector<std::thread> threads;
+  for (std::size_t reader = 0; reader < readers; ++reader) {
+    threads.emplace_back([&, reader] {
+      for (std::uint64_t frame = 1; frame <= frames; ++frame) {
+        bells[reader].wait([&] { return written.load(std::memory_order_acquire) >= frame; });
+        std::uint64_t sum = 0, count = 0;
+        for (const std::uint32_t cell : publication.cells(frame)) {
+          for (const PublishedState& state : publication.read(frame, cell)) {
+            sum += state.flags;
+            count += state.pose.position.x == static_cast<double>(frame) && state.number % cells == cell;
+          }
+        }
+        if (count != states || sum != states * frame || !publication.intact(frame)) wrong.fetch_add(1);
+        done[reader].store(frame, std::memory_order_release);
+        bells[readers].ring();
+      }
+    });
+  }
+  for (std::uint64_t frame = 1; frame <= frames; ++frame) {
+    publication.begin(frame);
+    for (std::uint32_t i = 0; i < states; ++i) {
+      const std::uint32_t number = static_cast<std::uint32_t>((i + 1) * 7919 + frame);
+      publication.add(number % cells, {number, static_cast<std::uint32_t>(frame), {{static_cast<double>(frame)}, {}}});
+    }
+    publication.publish();
+    // The writer may be one frame ahead of its readers, no more.
+    bells[readers].wait([&] {
+      return std::all_of(done.begin(), done.end(),
+                         [&](const auto& d) { return d.load(std::memory_order_acquire) + 1 >= frame; });
+    });
+    written.store(frame, std::memory_order_release);
+    for (std::size_t reader = 0; reader < readers; ++reader) bells[reader].ring();
+  }
+  for (std::thread& thread : threads) thread.join();
+  CHECK(wrong.load() == 0);
+}
+
+}  // namespace
+}  // namespace ringfence::link
