@@ -20,12 +20,9 @@ static_assert(sizeof(Bounds) == 24 && std::is_trivially_copyable_v<Bounds>);
 
 /// Whether two bounds overlap or touch.
 constexpr bool touch(const Bounds& p, const Bounds& q) noexcept {
-  return p.lower[0] <= q.upper[0] && q.lower[0] <= p.upper[0] && p.lower[1] <= q.upper[1] &&
-         q.lower[1] <= p.upper[1] && p.lower[2] <= q.upper[2] && q.lower[2] <= p.upper[2];
+  return p.lower[0] <= q.upper[0] && q.lower[0] <= p.upper[0] && p.lower[1] <= q.upper[1] && q.lower[1] <= p.upper[1] &&
+         p.lower[2] <= q.upper[2] && q.lower[2] <= p.upper[2];
 }
-
-/// Bounds that touch nothing but bounds at the far corner: what an absent object has in a table of bounds is decided
-/// by its owner; nothing here stands for "none".
 
 /// Two objects whose bounds overlap or touch. Which of the two is `a` is stated where pairs are handed over.
 struct CandidatePair {
@@ -37,17 +34,19 @@ static_assert(sizeof(CandidatePair) == 8);
 
 /// Maps metres to the fixed point of Bounds.
 ///
-/// Rounds outwards and widens by a margin of a few float steps of the shape's size, so that shapes in contact always
-/// have bounds that touch. A pure function: every node and every machine computes the same bits. Immutable.
+/// Each axis of the world's bounds is cut into 2^32 steps (2.3 mm in a world 10^7 m wide). Rounds outwards, so that
+/// boxes that touch have bounds that touch. Monotone and a pure function: every node and every machine computes the
+/// same bits. Immutable.
 class FixedSpace {
  public:
-  /// The world's bounds in metres; each side finite and `min` <= `max`. A side of zero length is widened to 1 m.
+  /// The world's bounds in metres. A side shorter than 1 m is widened to 1 m upwards. Throws ringfence::Error when a
+  /// side is not finite or `min` > `max`.
   FixedSpace(Vec3d min, Vec3d max);
 
-  /// The bounds of a box in metres (min <= max on each axis).
+  /// The bounds of a box in metres (min <= max on each axis, not NaN).
   Bounds bounds(Vec3d min, Vec3d max) const noexcept;
 
-  /// A position's fixed-point coordinates, rounded down: for cells, which are half-open.
+  /// A position's fixed-point coordinates, rounded down: for cells, which are half-open. Not NaN.
   void point(Vec3d position, std::uint32_t out[3]) const noexcept;
 
   Vec3d min() const noexcept { return min_; }

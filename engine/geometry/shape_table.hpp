@@ -9,12 +9,11 @@
 
 #include "geometry/bounds.hpp"
 #include "geometry/hull.hpp"
+#include "geometry/mesh.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/shape.hpp"
 
 namespace ringfence::geometry {
-
-class Mesh;
 
 /// What a kernel needs to know of a shape without following a pointer: 32 bytes, read by gather.
 struct ShapeRow {
@@ -40,7 +39,8 @@ class ShapeTable {
   ShapeTable& operator=(const ShapeTable&) = delete;
 
   /// Checks, prepares and adds a shape. Throws ringfence::Error naming what is wrong: a size that is not finite or out
-  /// of range, a hull of fewer than 4 distinct points, a flat hull, too many hull vertices, a mesh index out of range.
+  /// of range (no thinner than 1 mm, no larger than 10^6 m from the origin), a hull of fewer than 4 distinct points, a
+  /// flat hull, too many hull vertices, a mesh index out of range. The table is as before when it throws.
   ShapeNumber add(const ShapeDescription& description);
 
   std::size_t size() const noexcept { return rows_.size(); }
@@ -56,6 +56,8 @@ class ShapeTable {
   double volume(ShapeNumber shape) const noexcept;
 
   /// Tight bounds of a shape at a pose (a hull's by its support in six directions). The pose's orientation is unit.
+  /// Widened by 2^-20 of the bounding radius, more than float rounding can take from the extent, so that shapes in
+  /// contact always have bounds that touch. The same bits at every vector width.
   Bounds bounds(ShapeNumber shape, const Pose& pose, const FixedSpace& space) const noexcept;
 
  private:

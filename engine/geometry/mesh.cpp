@@ -1,0 +1,79 @@
+#include "geometry/mesh.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "geometry/vector.hpp"
+#include "ringfence/error.hpp"
+
+namespace ringfence::geometry {
+namespace {
+
+void check(const TriangleMesh& mesh) {
+  if (mesh.indices.size() % 3 != 0) {
+    throw Error("mesh: " + std::to_string(mesh.indices.size()) + " indices are not a multiple of 3");
+  }
+  if (mesh.indices.empty()) throw Error("mesh: no triangles");
+  if (mesh.indices.size() / 3 > max_mesh_triangles) {
+    throw Error("mesh: " + std::to_string(mesh.indices.size() / 3) + " triangles; at most " +
+                std::to_string(max_mesh_triangles) + " are allowed, split or simplify it");
+  }
+  for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+    if (!finite(mesh.vertices[i])) throw Error("mesh: vertex " + std::to_string(i) + " is not finite");
+  }
+  for (std::size_t i = 0; i < mesh.indices.size(); ++i) {
+    if (mesh.indices[i] >= mesh.vertices.size()) {
+      throw Error("mesh: index " + std::to_string(mesh.indices[i]) + " of triangle " + std::to_string(i / 3) +
+                  " is out of range, there are " + std::to_string(mesh.vertices.size()) + " vertices");
+    }
+  }
+}
+
+bool has_area(Vec3f p, Vec3f q, Vec3f r) noexcept {
+  // In double the differences of floats and their products keep all that matters: zero means collinear.
+  const Vec3d normal = cross(to_double(q) - to_double(p), to_double(r) - to_double(p));
+  return dot(normal, normal) > 0.0;
+}
+
+float rounded_up(double value) noexcept {
+  return std::nextafter(static_cast<float>(value), std::numeric_limits<float>::infinity());
+}
+
+}  // namespace
+
+Mesh::Mesh(const TriangleMesh& description) {
+  check(description);
+  vertices_ = description.vertices;
+  triangles_.reserve(description.indices.size() / 3);
+  Vec3d low{1e300, 1e300, 1e300}, high{-1e300, -1e300, -1e300};
+  double radius_squared = 0;
+  for (std::size_t i = 0; i < description.indices.size(); i += 3) {
+    const std::array<std::uint32_t, 3> triangle{description.indices[i], description.indices[i + 1],
+                                                description.indices[i + 2]};
+    if (!has_area(vertices_[triangle[0]], vertices_[triangle[1]], vertices_[triangle[2]])) {
+      ++dropped_;
+      continue;
+    }
+    triangles_.push_back(triangle);
+    for (const std::uint32_t index : triangle) {
+      const Vec3d p = to_double(vertices_[index]);
+      low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+      high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+      radius_squared = std::max(radius_squared, dot(p, p));
+    }
+  }
+  if (triangles_.empty()) {
+    throw Error("mesh: all " + std::to_string(dropped_) + " triangles have zero area");
+  }
+  bounding_radius_ = rounded_up(std::sqrt(radius_squared));
+  box_centre_ = to_float((low + high) * 0.5);
+  const auto reach = [](double from, double to, float centre) {
+    return rounded_up(std::max(to - double{centre}, double{centre} - from));
+  };
+  box_half_extents_ = {reach(low.x, high.x, box_centre_.x), reach(low.y, high.y, box_centre_.y),
+                       reach(low.z, high.z, box_centre_.z)};
+}
+
+}  // namespace ringfence::geometry

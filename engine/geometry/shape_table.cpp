@@ -1,0 +1,220 @@
+#include "geometry/shape_table.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <string>
+
+#include "geometry/vector.hpp"
+#include "ringfence/error.hpp"
+
+namespace ringfence::geometry {
+namespace {
+
+constexpr double least_thickness = 1e-3;
+constexpr double farthest = 1e6;
+/// Part of the bounding radius by which bounds are wider than what float arithmetic says: 16 float steps, where the
+/// rotation matrix can be off by 6 and the sum of products by 3.
+constexpr double rounding_margin = 0x1p-20;
+constexpr double pi = 3.14159265358979323846;
+
+std::string shown(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.9g", value);
+  return text;
+}
+
+void check_size(const char* what, double value, double least) {
+  if (std::isnan(value) || value < least || value > farthest) {
+    throw Error(std::string(what) + " is " + shown(value) + " m; expected " + shown(least) + " to " + shown(farthest));
+  }
+}
+
+void check_coordinate(const char* what, std::size_t index, Vec3f point) {
+  for (const float value : {point.x, point.y, point.z}) {
+    if (std::isnan(value) || std::abs(value) > static_cast<float>(farthest)) {
+      throw Error(std::string(what) + " " + std::to_string(index) + " has the coordinate " + shown(double{value}) +
+                  " m; expected at most " + shown(farthest));
+    }
+  }
+}
+
+float rounded_up(double value) {
+  const auto nearest = static_cast<float>(value);
+  return double{nearest} < value ? std::nextafter(nearest, std::numeric_limits<float>::infinity()) : nearest;
+}
+
+ShapeRow row_of(const Sphere& sphere) {
+  check_size("sphere radius", double{sphere.radius}, least_thickness / 2);
+  return {.size = {sphere.radius, 0, 0}, .bounding_radius = sphere.radius, .kind = ShapeKind::sphere};
+}
+
+ShapeRow row_of(const Box& box) {
+  const Vec3f h = box.half_extents;
+  check_size("box half extent x", double{h.x}, least_thickness / 2);
+  check_size("box half extent y", double{h.y}, least_thickness / 2);
+  check_size("box half extent z", double{h.z}, least_thickness / 2);
+  return {.size = {h.x, h.y, h.z}, .bounding_radius = rounded_up(length(to_double(h))), .kind = ShapeKind::box};
+}
+
+ShapeRow row_of(const Capsule& capsule) {
+  check_size("capsule radius", double{capsule.radius}, least_thickness / 2);
+  check_size("capsule half height", double{capsule.half_height}, 0.0);
+  return {.size = {capsule.radius, capsule.half_height, 0},
+          .bounding_radius = rounded_up(double{capsule.radius} + double{capsule.half_height}),
+          .kind = ShapeKind::capsule};
+}
+
+/// The ball about the origin that holds the corners of the box that the support function fills on its own axes.
+ShapeRow row_of(const SupportShape& shape) {
+  if (!shape.function) throw Error("support shape: no function");
+  const SupportFunction& f = *shape.function;
+  const Vec3f high{f.support({1, 0, 0}).x, f.support({0, 1, 0}).y, f.support({0, 0, 1}).z};
+  const Vec3f low{f.support({-1, 0, 0}).x, f.support({0, -1, 0}).y, f.support({0, 0, -1}).z};
+  check_coordinate("support point", 0, high);
+  check_coordinate("support point", 1, low);
+  const Vec3d size = to_double(high) - to_double(low);
+  if (std::min({size.x, size.y, size.z}) < least_thickness) {
+    throw Error("support shape: thinner than 1 mm, or support() does not answer the farthest point");
+  }
+  const Vec3f centre = f.centre();
+  if (!finite(centre) || !(centre.x > low.x && centre.x < high.x && centre.y > low.y && centre.y < high.y &&
+                           centre.z > low.z && centre.z < high.z)) {
+    throw Error("support shape: centre() is not inside");
+  }
+  const auto corner = [](float p, float q) { return std::max(std::abs(double{p}), std::abs(double{q})); };
+  return {
+      .bounding_radius = rounded_up(length(Vec3d{corner(low.x, high.x), corner(low.y, high.y), corner(low.z, high.z)})),
+      .kind = ShapeKind::support};
+}
+
+Vec3d box_extent(const Rotation& r, Vec3f half) {
+  const auto axis = [&](const float row[3]) {
+    return double{(std::abs(row[0]) * half.x + std::abs(row[1]) * half.y) + std::abs(row[2]) * half.z};
+  };
+  return {axis(r.m[0]), axis(r.m[1]), axis(r.m[2])};
+}
+
+struct Extent {
+  Vec3d lower, upper;  ///< about the position, world axes
+};
+
+Extent symmetric(Vec3d half) { return {-half, half}; }
+
+Extent hull_extent_of(const Hull& hull, const Rotation& r) {
+  float lower[3], upper[3];
+  hull_extent(hull, r, lower, upper);
+  return {{double{lower[0]}, double{lower[1]}, double{lower[2]}},
+          {double{upper[0]}, double{upper[1]}, double{upper[2]}}};
+}
+
+Extent mesh_extent(const Mesh& mesh, const Rotation& r) {
+  const Vec3d centre = to_double(rotate(r, mesh.box_centre()));
+  const Vec3d half = box_extent(r, mesh.box_half_extents());
+  return {centre - half, centre + half};
+}
+
+Extent support_extent(const SupportFunction& function, const Rotation& r) {
+  const auto reach = [&](const float row[3], float sign) {
+    const Vec3f direction{row[0] * sign, row[1] * sign, row[2] * sign};
+    return double{dot(direction, function.support(direction)) * sign};
+  };
+  return {{reach(r.m[0], -1), reach(r.m[1], -1), reach(r.m[2], -1)},
+          {reach(r.m[0], 1), reach(r.m[1], 1), reach(r.m[2], 1)}};
+}
+
+}  // namespace
+
+ShapeTable::ShapeTable() = default;
+ShapeTable::~ShapeTable() = default;
+
+ShapeNumber ShapeTable::add(const ShapeDescription& description) {
+  ShapeRow row;
+  if (const auto* sphere = std::get_if<Sphere>(&description)) {
+    row = row_of(*sphere);
+  } else if (const auto* box = std::get_if<Box>(&description)) {
+    row = row_of(*box);
+  } else if (const auto* capsule = std::get_if<Capsule>(&description)) {
+    row = row_of(*capsule);
+  } else if (const auto* points = std::get_if<ConvexHull>(&description)) {
+    for (std::size_t i = 0; i < points->points.size(); ++i) check_coordinate("hull point", i, points->points[i]);
+    Hull hull = build_hull(points->points);
+    check_size("hull bounding radius", double{hull.bounding_radius()}, least_thickness / 2);
+    row = {.bounding_radius = hull.bounding_radius(),
+           .kind = ShapeKind::hull,
+           .detail = static_cast<std::uint32_t>(hulls_.size())};
+    hulls_.push_back(std::move(hull));
+  } else if (const auto* triangles = std::get_if<TriangleMesh>(&description)) {
+    for (std::size_t i = 0; i < triangles->vertices.size(); ++i) {
+      check_coordinate("mesh vertex", i, triangles->vertices[i]);
+    }
+    auto mesh = std::make_unique<Mesh>(*triangles);
+    check_size("mesh bounding radius", double{mesh->bounding_radius()}, least_thickness / 2);
+    row = {.bounding_radius = mesh->bounding_radius(),
+           .kind = ShapeKind::mesh,
+           .detail = static_cast<std::uint32_t>(meshes_.size())};
+    meshes_.push_back(std::move(mesh));
+  } else {
+    const SupportShape& shape = std::get<SupportShape>(description);
+    row = row_of(shape);
+    row.detail = static_cast<std::uint32_t>(supports_.size());
+    supports_.push_back(shape.function);
+  }
+  descriptions_.push_back(description);
+  rows_.push_back(row);
+  return static_cast<ShapeNumber>(rows_.size() - 1);
+}
+
+double ShapeTable::volume(ShapeNumber shape) const noexcept {
+  const ShapeRow& row = rows_[shape];
+  const double a = row.size[0], b = row.size[1], c = row.size[2];
+  switch (row.kind) {
+    case ShapeKind::sphere:
+      return 4.0 / 3.0 * pi * a * a * a;
+    case ShapeKind::box:
+      return 8 * a * b * c;
+    case ShapeKind::capsule:
+      return pi * a * a * (4.0 / 3.0 * a + 2 * b);
+    case ShapeKind::hull:
+      return hulls_[row.detail].volume();
+    case ShapeKind::mesh:
+    case ShapeKind::support:
+      break;
+  }
+  return 0;
+}
+
+Bounds ShapeTable::bounds(ShapeNumber shape, const Pose& pose, const FixedSpace& space) const noexcept {
+  const ShapeRow& row = rows_[shape];
+  const Rotation r = rotation(pose.orientation);
+  Extent extent;
+  switch (row.kind) {
+    case ShapeKind::sphere:
+      extent = symmetric({double{row.size[0]}, double{row.size[0]}, double{row.size[0]}});
+      break;
+    case ShapeKind::box:
+      extent = symmetric(box_extent(r, {row.size[0], row.size[1], row.size[2]}));
+      break;
+    case ShapeKind::capsule: {
+      const Vec3d axis = box_extent(r, {0, 0, row.size[1]});
+      const double radius = double{row.size[0]};
+      extent = symmetric(axis + Vec3d{radius, radius, radius});
+      break;
+    }
+    case ShapeKind::hull:
+      extent = hull_extent_of(hulls_[row.detail], r);
+      break;
+    case ShapeKind::mesh:
+      extent = mesh_extent(*meshes_[row.detail], r);
+      break;
+    case ShapeKind::support:
+      extent = support_extent(*supports_[row.detail], r);
+      break;
+  }
+  const double margin = rounding_margin * double{row.bounding_radius};
+  const Vec3d widening{margin, margin, margin};
+  return space.bounds(pose.position + (extent.lower - widening), pose.position + (extent.upper + widening));
+}
+
+}  // namespace ringfence::geometry
