@@ -1,0 +1,99 @@
+#include "reference/contact_check.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "reference/core_distance.hpp"
+#include "reference/separation.hpp"
+
+namespace ringfence::reference {
+namespace {
+
+template <class... Values>
+std::string text(const char* format, Values... values) {
+  char buffer[256];
+  std::snprintf(buffer, sizeof buffer, format, values...);
+  return buffer;
+}
+
+/// A claimed contact in the frame of a.
+struct Claim {
+  double depth;
+  Vector normal;
+  Vector point;
+};
+
+/// Whether the direction and the place are those of a deepest contact of two cores.
+std::string explain_geometry(const Core& a, const Core& b, const Placement& b_in_a, const Claim& claim,
+                             double allowed) {
+  const Vector& n = claim.normal;
+  const double end_of_a = a.extent(n) + a.radius;
+  const double start_of_b = dot(n, b_in_a.offset) - b.extent(b_in_a.rotation.inverse(-n)) - b.radius;
+  const double overlap = end_of_a - start_of_b;
+  if (overlap > claim.depth + allowed) {
+    return text("wrong normal: b must move %.9g m along it, not %.9g m", overlap, claim.depth);
+  }
+  const double off = dot(n, claim.point) - (end_of_a + start_of_b) / 2;
+  if (std::abs(off) > allowed) return text("wrong point: %.3g m along the normal from midway", off);
+
+  static const Core point = box_core({});
+  const double within = std::max(0.0, overlap / 2) + allowed;
+  const double from_a = separation(a, point, {{}, claim.point}).distance;
+  if (from_a > within) return text("wrong point: %.9g m outside a, overlap %.9g m", from_a, overlap);
+  const double from_b = separation(b, point, {{}, inverse(b_in_a) * claim.point}).distance;
+  if (from_b > within) return text("wrong point: %.9g m outside b, overlap %.9g m", from_b, overlap);
+  return {};
+}
+
+bool is_finite(const Contact& c) {
+  return std::isfinite(c.depth) && std::isfinite(c.normal.x) && std::isfinite(c.normal.y) &&
+         std::isfinite(c.normal.z) && std::isfinite(c.point.x) && std::isfinite(c.point.y) && std::isfinite(c.point.z);
+}
+
+}  // namespace
+
+double band(const PreparedShape& a, const PreparedShape& b, const Tolerance& tolerance) {
+  const auto [smaller, larger] = std::minmax(a.bounding_radius, b.bounding_radius);
+  return std::max({tolerance.relative * smaller, tolerance.of_larger * larger, tolerance.least});
+}
+
+std::string explain_wrong(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b,
+                          const Contact* claimed, const Tolerance& tolerance) {
+  const double width = band(a, b, tolerance);
+  const Separation exact = separation(a, pose_a, b, pose_b, 2 * width);
+  const double allowed = width + exact.error;
+  const double depth = std::max(0.0, -exact.distance);
+  if (!claimed) return -exact.distance > allowed ? text("missing: depth %.9g m", depth) : std::string();
+  if (exact.distance > allowed) return text("extra: the two are %.9g m apart, or more", exact.distance);
+  if (!is_finite(*claimed)) return "depth, normal or point is not finite";
+  if (claimed->depth < 0) return text("depth is negative: %.9g m", static_cast<double>(claimed->depth));
+
+  const Vector normal(claimed->normal);
+  if (std::abs(length(normal) - 1) > tolerance.unit_length) return text("normal has length %.9g", length(normal));
+  if (std::abs(claimed->depth - depth) > allowed) {
+    return text("wrong depth: %.9g m, the least is %.9g m (band %.3g m)", static_cast<double>(claimed->depth), depth,
+                allowed);
+  }
+  const Rotation turn_a = rotation_of(pose_a.orientation);
+  const Claim claim{claimed->depth, turn_a.inverse(normalised(normal)),
+                    turn_a.inverse(Vector(claimed->point) - Vector(pose_a.position))};
+  const Placement b_in_a = relative(pose_a, pose_b);
+  if (a.kind != ShapeKind::mesh && b.kind != ShapeKind::mesh) {
+    return explain_geometry(a.core, b.core, b_in_a, claim, allowed);
+  }
+  // Many pairs of primitives can be as deep as the deepest, within the band: one that fits is enough.
+  bool right = false;
+  std::string first_wrong;
+  const double least_depth = -exact.distance - 2 * allowed;
+  for_each_primitive_pair(a, b, b_in_a, 2 * allowed, [&](const Core& p, const Core& q) {
+    if (right || -separation(p, q, b_in_a).distance < least_depth) return least_depth;
+    const std::string wrong = explain_geometry(p, q, b_in_a, claim, allowed);
+    right = wrong.empty();
+    if (first_wrong.empty()) first_wrong = wrong;
+    return least_depth;
+  });
+  return right ? std::string() : first_wrong;
+}
+
+}  // namespace ringfence::reference

@@ -1,0 +1,214 @@
+#include "reference/frame_check.hpp"
+
+#include <algorithm>
+#include <numeric>
+#include <unordered_map>
+#include <utility>
+
+#include <oneapi/tbb/parallel_for.h>
+
+namespace ringfence::reference {
+namespace {
+
+std::pair<ObjectNumber, ObjectNumber> key(const Contact& c) { return {c.a, c.b}; }
+
+/// Indices of two objects, the one with the lower number first.
+struct ObjectPair {
+  std::uint32_t a, b;
+};
+
+class FrameCheck {
+ public:
+  FrameCheck(std::uint64_t frame, const Shapes& shapes, std::span<const FrameObject> objects,
+             std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts, const Tolerance& tolerance)
+      : frame_(frame),
+        shapes_(shapes),
+        objects_(objects),
+        layer_masks_(layer_masks),
+        contacts_(contacts),
+        tolerance_(tolerance) {
+    for (std::uint32_t i = 0; i < objects.size(); ++i) index_of_.emplace(objects[i].number, i);
+  }
+
+  std::vector<Difference> run() {
+    check_records();
+    check_pairs();
+    std::stable_sort(differences_.begin(), differences_.end(), [](const auto& p, const auto& q) {
+      return std::pair{p.a, p.b} < std::pair{q.a, q.b};
+    });
+    return std::move(differences_);
+  }
+
+ private:
+  void report(ObjectNumber a, ObjectNumber b, const std::string& what) {
+    differences_.push_back(
+        {a, b,
+         "frame " + std::to_string(frame_) + ": pair " + std::to_string(a) + "-" + std::to_string(b) + " " + what});
+  }
+
+  const PreparedShape& shape_of(std::uint32_t object) const { return shapes_[objects_[object].shape]; }
+
+  std::string kinds(const ObjectPair& pair) const {
+    return std::string("(") + name_of(shape_of(pair.a).kind) + ", " + name_of(shape_of(pair.b).kind) + ") ";
+  }
+
+  bool collide(std::uint8_t p, std::uint8_t q) const {
+    return layer_masks_.empty() || (layer_masks_[p] >> q & 1u) != 0;
+  }
+
+  /// What a contact says apart from its geometry. Those that name no pair to compare go no further.
+  void check_records() {
+    for (std::size_t i = 0; i < contacts_.size(); ++i) {
+      const Contact& c = contacts_[i];
+      if (i > 0 && key(c) < key(contacts_[i - 1])) report(c.a, c.b, "out of order");
+      if (c.phase == Phase::end) report(c.a, c.b, "ended, among those that have not");
+      if (c.a >= c.b) {
+        report(c.a, c.b, "named in the wrong order");
+        continue;
+      }
+      const auto a = index_of_.find(c.a), b = index_of_.find(c.b);
+      if (a == index_of_.end() || b == index_of_.end()) {
+        report(c.a, c.b, "names an object that there is not");
+        continue;
+      }
+      const FrameObject &p = objects_[a->second], &q = objects_[b->second];
+      const ObjectPair pair{a->second, b->second};
+      if (!p.present || !q.present) {
+        report(c.a, c.b, kinds(pair) + "extra: one of the two is absent");
+      } else if (!collide(p.layer, q.layer)) {
+        report(c.a, c.b, kinds(pair) + "extra: their layers do not collide");
+      } else {
+        if (!(c.pose_a == p.pose && c.pose_b == q.pose)) report(c.a, c.b, kinds(pair) + "has other poses");
+        claimed_.push_back(&c);
+      }
+    }
+    std::stable_sort(claimed_.begin(), claimed_.end(), [](const auto* p, const auto* q) { return key(*p) < key(*q); });
+    const auto twice = [](const auto* p, const auto* q) { return key(*p) == key(*q); };
+    for (auto i = claimed_.begin(); (i = std::adjacent_find(i, claimed_.end(), twice)) != claimed_.end(); ++i) {
+      report((*i)->a, (*i)->b, "there twice");
+    }
+    claimed_.erase(std::unique(claimed_.begin(), claimed_.end(), twice), claimed_.end());
+  }
+
+  void check_pairs() {
+    std::vector<ObjectPair> pairs = pairs_in_reach();
+    for (const Contact* c : claimed_) pairs.push_back({index_of_.at(c->a), index_of_.at(c->b)});
+    const auto numbers = [&](const ObjectPair& p) { return std::pair{objects_[p.a].number, objects_[p.b].number}; };
+    std::sort(pairs.begin(), pairs.end(), [&](const auto& p, const auto& q) { return numbers(p) < numbers(q); });
+    pairs.erase(
+        std::unique(pairs.begin(), pairs.end(), [&](const auto& p, const auto& q) { return numbers(p) == numbers(q); }),
+        pairs.end());
+
+    std::vector<std::string> wrong(pairs.size());
+    oneapi::tbb::parallel_for(std::size_t{0}, pairs.size(), [&](std::size_t i) {
+      const auto& [a, b] = pairs[i];
+      const auto found = std::lower_bound(claimed_.begin(), claimed_.end(), numbers(pairs[i]),
+                                          [](const Contact* c, const auto& n) { return key(*c) < n; });
+      const bool claimed = found != claimed_.end() && key(**found) == numbers(pairs[i]);
+      wrong[i] = explain_wrong(shape_of(a), objects_[a].pose, shape_of(b), objects_[b].pose, claimed ? *found : nullptr,
+                               tolerance_);
+    });
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      const auto [a, b] = numbers(pairs[i]);
+      if (!wrong[i].empty()) report(a, b, kinds(pairs[i]) + wrong[i]);
+    }
+  }
+
+  /// All pairs that may collide and whose boxes touch, found by a sweep along x.
+  std::vector<ObjectPair> pairs_in_reach() const {
+    // Coordinates are taken from the first object, so that a world far from the origin loses nothing.
+    std::vector<Extents> boxes(objects_.size());
+    std::vector<std::uint32_t> order;
+    Vector origin;
+    for (std::uint32_t i = 0; i < objects_.size(); ++i) {
+      if (!objects_[i].present) continue;
+      if (order.empty()) origin = Vector(objects_[i].pose.position);
+      order.push_back(i);
+    }
+    oneapi::tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t k) {
+      const FrameObject& o = objects_[order[k]];
+      const PreparedShape& shape = shapes_[o.shape];
+      Extents& box = boxes[order[k]];
+      box = extents_of(shape, {rotation_of(o.pose.orientation), Vector(o.pose.position) - origin});
+      const double width = band(shape, shape, tolerance_);
+      box.lower -= {width, width, width};
+      box.upper += {width, width, width};
+    });
+    std::sort(order.begin(), order.end(), [&](auto p, auto q) { return boxes[p].lower.x < boxes[q].lower.x; });
+
+    std::vector<ObjectPair> out;
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      const Extents& p = boxes[order[i]];
+      for (std::size_t j = i + 1; j < order.size(); ++j) {
+        const Extents& q = boxes[order[j]];
+        if (q.lower.x > p.upper.x) break;
+        if (q.lower.y > p.upper.y || p.lower.y > q.upper.y || q.lower.z > p.upper.z || p.lower.z > q.upper.z) continue;
+        const FrameObject &a = objects_[order[i]], &b = objects_[order[j]];
+        if (!collide(a.layer, b.layer)) continue;
+        out.push_back(a.number < b.number ? ObjectPair{order[i], order[j]} : ObjectPair{order[j], order[i]});
+      }
+    }
+    return out;
+  }
+
+  std::uint64_t frame_;
+  const Shapes& shapes_;
+  std::span<const FrameObject> objects_;
+  std::span<const std::uint32_t> layer_masks_;
+  std::span<const Contact> contacts_;
+  Tolerance tolerance_;
+  std::unordered_map<ObjectNumber, std::uint32_t> index_of_;
+  std::vector<const Contact*> claimed_;  // sorted, each pair once
+  std::vector<Difference> differences_;
+};
+
+}  // namespace
+
+std::vector<Difference> check_frame(std::uint64_t frame, const Shapes& shapes, std::span<const FrameObject> objects,
+                                    std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts,
+                                    const Tolerance& tolerance, std::size_t most) {
+  auto out = FrameCheck(frame, shapes, objects, layer_masks, contacts, tolerance).run();
+  if (out.size() > most) out.resize(most);
+  return out;
+}
+
+std::vector<Difference> check_phases(std::uint64_t frame, std::span<const Contact> before, std::span<const Contact> now,
+                                     std::span<const Contact> ended) {
+  std::vector<Difference> out;
+  const auto report = [&](const Contact& c, const char* what) {
+    out.push_back(
+        {c.a, c.b,
+         "frame " + std::to_string(frame) + ": pair " + std::to_string(c.a) + "-" + std::to_string(c.b) + " " + what});
+  };
+  const auto by_key = [](const Contact& p, const Contact& q) { return key(p) < key(q); };
+  std::vector<Contact> ends(ended.begin(), ended.end());
+  std::stable_sort(ends.begin(), ends.end(), by_key);
+
+  for (const Contact& c : now) {
+    const bool was = std::binary_search(before.begin(), before.end(), c, by_key);
+    if (was && c.phase != Phase::persist) report(c, "was in contact before and does not persist");
+    if (!was && c.phase != Phase::begin) report(c, "was not in contact before and does not begin");
+  }
+  for (const Contact& c : before) {
+    if (std::binary_search(now.begin(), now.end(), c, by_key)) continue;
+    const auto [first, last] = std::equal_range(ends.begin(), ends.end(), c, by_key);
+    if (first == last) {
+      report(c, "is in contact no more and has no end");
+    } else if (!(first->depth == c.depth && first->normal == c.normal && first->point == c.point &&
+                 first->pose_a == c.pose_a && first->pose_b == c.pose_b)) {
+      report(c, "ends with another contact than its last");
+    }
+  }
+  for (std::size_t i = 0; i < ends.size(); ++i) {
+    if (ends[i].phase != Phase::end) report(ends[i], "is among the ended with another phase");
+    if (i > 0 && key(ends[i]) == key(ends[i - 1])) report(ends[i], "ends twice");
+    if (!std::binary_search(before.begin(), before.end(), ends[i], by_key)) {
+      report(ends[i], "ends without having been in contact");
+    } else if (std::binary_search(now.begin(), now.end(), ends[i], by_key)) {
+      report(ends[i], "ends and is still in contact");
+    }
+  }
+  return out;
+}
+
+}  // namespace ringfence::reference

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <functional>
+#include <limits>
+
+#include "reference/shapes.hpp"
+#include "ringfence/pose.hpp"
+
+namespace ringfence::reference {
+
+/// How far apart two shapes are, or how far they overlap.
+struct Separation {
+  /// Metres. Above zero: the distance. Below: minus the least depth, over all directions, of a translation of b that
+  /// separates the two. Zero: they touch. For a mesh, the least over pairs of primitives: a mesh is a surface.
+  double distance = 0;
+  Vec3d normal;      ///< unit, world axes, from a to b: along the shortest connection, or the least translation
+  double error = 0;  ///< the true distance lies within this much of `distance`
+};
+
+/// The separation of two placed shapes, in double precision, by methods that try everything there is.
+///
+/// Exact (to some 10^-12 of the two sizes together) for all kinds but support functions, which are known in float:
+/// there `error` says what is left, some 10^-6 of the size. Far from the origin it is as right as the difference of
+/// the positions is.
+///
+/// `reach`, metres, concerns meshes: pairs of primitives further apart than that are left out, and if all are, the
+/// distance is `reach` and a lower bound; the normal is then zero.
+///
+/// Orientations need not be exactly unit; positions must be finite. Threads: any. Cost: about 1 µs for a pair apart,
+/// 10 to 40 µs for hulls of 32 points that overlap; a mesh costs that a pair of triangles that come near each other.
+Separation separation(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b,
+                      double reach = std::numeric_limits<double>::infinity());
+
+/// The separation of two rounded cores, the second placed in the frame of the first; the normal is in that frame.
+Separation separation(const Core& a, const Core& b, const Placement& b_in_a);
+
+/// Calls `visit(core_a, core_b)` for every pair of primitives whose boxes come within `reach` of each other, both
+/// placed by `b_in_a`; convex shapes are their own only primitive. `visit` answers how deep (metres) an overlap must
+/// be from now on to be of interest: pairs whose boxes rule that out are left out; minus infinity asks for all.
+void for_each_primitive_pair(const PreparedShape& a, const PreparedShape& b, const Placement& b_in_a, double reach,
+                             const std::function<double(const Core&, const Core&)>& visit);
+
+}  // namespace ringfence::reference

@@ -1,0 +1,102 @@
+// The reference's own methods against each other: each pair of them shares nothing but the vertices.
+#include <algorithm>
+
+#include <doctest/doctest.h>
+
+#include "reference/core_distance.hpp"
+#include "reference/core_overlap.hpp"
+#include "reference/random_shapes.hpp"
+#include "reference/shapes.hpp"
+
+using namespace ringfence;
+using namespace ringfence::reference;
+using reference_test::Random;
+
+namespace {
+
+/// A core of any sort, flat ones too.
+Core any_core(Random& random, double size) {
+  if (random.one_in(4)) {
+    Core core;
+    set_triangle(core, random.direction() * size, random.direction() * size, random.direction() * size);
+    return core;
+  }
+  return core_of(random.convex(size));
+}
+
+Placement any_placement(Random& random, double reach) {
+  return {rotation_of(random.one_in(3) ? random.square_orientation() : random.orientation()),
+          random.one_in(20) ? Vector{} : random.direction() * random.uniform(0, reach)};
+}
+
+}  // namespace
+
+TEST_CASE("pruning by arcs leaves the least depth of the exhaustive form") {
+  const std::uint64_t seed = 11;
+  CAPTURE(seed);
+  Random random(seed);
+  int overlapping = 0;
+  for (int i = 0; i < 6000; ++i) {
+    CAPTURE(i);
+    const double size_b = random.one_in(3) ? random.size(1e-3, 1e3) : 1;
+    const Core a = any_core(random, 1), b = any_core(random, size_b);
+    const CorePair pair{a, b, any_placement(random, a.reach + b.reach)};
+    const CoreOverlap pruned = polytope_overlap(pair), full = exhaustive_overlap(pair);
+    if (full.depth < 0) continue;  // with a gap between, the greatest gap along a direction is not sought
+    ++overlapping;
+    CHECK(std::abs(pruned.depth - full.depth) <= 1e-13 * pair.scale());
+    CHECK(pair.overlap(pruned.normal) == doctest::Approx(pruned.depth).epsilon(1e-9));
+  }
+  CHECK(overlapping > 1500);
+}
+
+TEST_CASE("the least depth over faces and edges is that of a polytope grown inside the Minkowski difference") {
+  const std::uint64_t seed = 12;
+  CAPTURE(seed);
+  Random random(seed);
+  int compared = 0;
+  for (int i = 0; i < 3000; ++i) {
+    CAPTURE(i);
+    const double size_b = random.one_in(3) ? random.size(1e-2, 1e2) : 1;
+    const Core a = any_core(random, 1), b = any_core(random, size_b);
+    const CorePair pair{a, b, any_placement(random, a.reach + b.reach)};
+    const CoreOverlap tried = polytope_overlap(pair);
+    if (tried.depth < 1e-9 * pair.scale()) continue;
+    const CoreOverlap grown = grown_overlap(pair, 1e-11 * pair.scale());
+    ++compared;
+    CHECK(tried.depth <= grown.depth + 1e-12 * pair.scale());
+    CHECK(tried.depth >= grown.depth - grown.error - 1e-12 * pair.scale());
+    CHECK(grown.error <= 1e-9 * pair.scale());
+  }
+  CHECK(compared > 500);
+}
+
+TEST_CASE("the iterated distance is that of all vertices, edges and faces") {
+  const std::uint64_t seed = 13;
+  CAPTURE(seed);
+  Random random(seed);
+  int apart = 0, unsettled = 0;
+  for (int i = 0; i < 6000; ++i) {
+    CAPTURE(i);
+    const double size_b = random.one_in(3) ? random.size(1e-3, 1e3) : 1;
+    const Core a = any_core(random, 1), b = any_core(random, size_b);
+    const CorePair pair{a, b, any_placement(random, 3 * (a.reach + b.reach))};
+    const double tolerance = 1e-12 * pair.scale();
+    const CoreDistance iterated = iterated_distance(pair, tolerance);
+    if (iterated.upper <= tolerance) continue;
+    ++apart;
+    if (!iterated.settled) {
+      ++unsettled;
+      continue;
+    }
+    const CoreDistance full = exhaustive_distance(pair);
+    CHECK(std::abs(iterated.upper - full.upper) <= 2 * tolerance);
+    CHECK(length(iterated.on_a - iterated.on_b) == doctest::Approx(iterated.upper));
+    // The plane at a right angle to the shortest connection has the two on its sides: proof of the distance.
+    const Vector n = normalised(full.on_b - full.on_a);
+    CHECK(std::abs(pair.overlap(n) + full.upper) <= 1e-9 * pair.scale());
+  }
+  CHECK(apart > 2000);
+  MESSAGE(unsettled << " of " << apart << " left to the exhaustive form");
+  CHECK(unsettled < apart / 20);
+}
