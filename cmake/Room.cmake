@@ -6,7 +6,7 @@ target_compile_options(ringfence_options INTERFACE
   $<$<BOOL:${RINGFENCE_WERROR}>:-Werror>
   # The same bits on every machine: no contraction to fused multiply-adds, no fast-math anywhere.
   -ffp-contract=off)
-if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND RINGFENCE_SANITIZE MATCHES "thread")
   # GCC cannot model fences under its thread sanitizer and says so; the rings are checked exhaustively elsewhere.
   target_compile_options(ringfence_options INTERFACE -Wno-error=tsan)
 endif()
@@ -91,4 +91,8 @@ function(ringfence_bench name)
   ringfence_link_rooms(bench_${name} ${ARG_ROOMS})
   target_link_libraries(bench_${name} PRIVATE benchmark::benchmark ${ARG_LINK})
   target_include_directories(bench_${name} PRIVATE ${PROJECT_SOURCE_DIR}/bench)
+  if(NOT TARGET benchmarks)
+    add_custom_target(benchmarks)
+  endif()
+  add_dependencies(benchmarks bench_${name})
 endfunction()
