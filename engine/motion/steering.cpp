@@ -1,0 +1,282 @@
+#include "motion/steering.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <string>
+#include <type_traits>
+
+#include "motion/random.hpp"
+#include "ringfence/error.hpp"
+
+namespace ringfence::motion {
+
+/// S(k) beyond the pose.
+struct Steering::State {
+  Vec3f velocity;             ///< metres a frame
+  Vec3f spin;                 ///< radians a frame about the world's axes
+  Vec3f goal;                 ///< relative to the centre of the bounds
+  std::uint32_t target;       ///< the one the goal lies at
+  std::uint64_t retarget_at;  ///< frame of the next pick; 0: none made yet
+  std::uint64_t goal_until;   ///< frame at which the target has relocated
+};
+
+namespace {
+
+enum Stream : std::uint32_t { relocation_times = 1, relocation_places, pick_times, pick_targets, pick_places };
+
+constexpr float agility = 0.12f;        // share of the wanted change of velocity that happens in a frame
+constexpr float stiffness = 0.3f;       // of an overlap is undone in a frame by each of the two objects
+constexpr float kick = 0.15f;           // share of a push that remains as velocity of what is pushed
+constexpr float yielding = 0.125f;      // of the slop is what a non-active object lets stand: it gives way first
+constexpr float friction = 0.9f;        // of a pushed object's velocity is left after a frame
+constexpr float roll = 0.35f;           // radians a metre travelled
+constexpr float lever_turn = 0.2f;      // radians a frame for a metre of push at a metre of lever
+constexpr float spin_limit = 0.3f;      // radians a frame: the quaternion step below is good for small angles
+constexpr float rest = 1.0f / 1024.0f;  // metres a frame, radians a frame: slower than this is at rest
+
+float dot(const Vec3f& p, const Vec3f& q) { return p.x * q.x + p.y * q.y + p.z * q.z; }
+Vec3f operator+(const Vec3f& p, const Vec3f& q) { return {p.x + q.x, p.y + q.y, p.z + q.z}; }
+Vec3f operator-(const Vec3f& p, const Vec3f& q) { return {p.x - q.x, p.y - q.y, p.z - q.z}; }
+Vec3f operator*(const Vec3f& p, float s) { return {p.x * s, p.y * s, p.z * s}; }
+Vec3f cross(const Vec3f& p, const Vec3f& q) {
+  return {p.y * q.z - p.z * q.y, p.z * q.x - p.x * q.z, p.x * q.y - p.y * q.x};
+}
+bool is_zero(const Vec3f& p) { return p.x == 0 && p.y == 0 && p.z == 0; }
+
+Vec3f limited(const Vec3f& p, float length) {
+  const float squared = dot(p, p);
+  return squared > length * length ? p * (length / std::sqrt(squared)) : p;
+}
+
+/// What an object's contacts do to it together.
+struct Response {
+  Vec3f push;  ///< out of all overlaps
+  Vec3f turn;  ///< sum of lever x push
+};
+
+Response respond(const MotionInput& input, float slop, Vec3f& velocity) {
+  Response response;
+  for (std::size_t i = 0; i < input.contacts.size(); ++i) {
+    const Contact& contact = input.contacts[i];
+    const bool is_a = contact.a == input.number;
+    const Vec3f away = is_a ? contact.normal * -1.0f : contact.normal;
+    const float excess = contact.depth - slop;
+    if (excess > 0) {
+      const Vec3d& centre = is_a ? contact.pose_a.position : contact.pose_b.position;
+      const Vec3f lever{static_cast<float>(contact.point.x - centre.x), static_cast<float>(contact.point.y - centre.y),
+                        static_cast<float>(contact.point.z - centre.z)};
+      response.push = response.push + away * excess;
+      response.turn = response.turn + cross(lever, away) * excess;
+    }
+    const float approach = dot(velocity, away);
+    if (approach < 0) {
+      velocity = velocity - away * approach;
+    }
+  }
+  return response;
+}
+
+/// One step of dq/dt = spin * q / 2, then back to unit length.
+Quat turned(const Quat& q, const Vec3f& spin) {
+  const Vec3f h = spin * 0.5f;
+  const Quat r{q.x + (h.x * q.w + h.y * q.z - h.z * q.y), q.y + (h.y * q.w + h.z * q.x - h.x * q.z),
+               q.z + (h.z * q.w + h.x * q.y - h.y * q.x), q.w - (h.x * q.x + h.y * q.y + h.z * q.z)};
+  const float inverse = 1.0f / std::sqrt(r.x * r.x + r.y * r.y + r.z * r.z + r.w * r.w);
+  return {r.x * inverse, r.y * inverse, r.z * inverse, r.w * inverse};
+}
+
+/// Steps along one axis; at the bounds the object stands and loses its velocity on that axis.
+double stepped(double position, double step, double low, double high, float& velocity) {
+  const double next = position + step;
+  if (next < low || next > high) {
+    velocity = 0;
+    return std::clamp(next, low, high);
+  }
+  return next;
+}
+
+/// Uniform about the home cell: one cell to either side, folded back at the edge of the lattice.
+double about_home(std::uint32_t home, std::uint32_t lattice, float draw) {
+  double place = static_cast<double>(home) - 1.0 + 3.0 * static_cast<double>(draw);
+  if (place < 0) place = -place;
+  if (place > lattice) place = 2.0 * lattice - place;
+  return place;
+}
+
+std::uint32_t cell_of(double offset, double cell, std::uint32_t lattice) {
+  const double place = std::clamp(offset / cell, 0.0, static_cast<double>(lattice - 1));
+  return static_cast<std::uint32_t>(place);
+}
+
+/// The cell beside `cell` on one axis: before, same or after, each as likely; at the edge the cell itself.
+std::uint32_t near_cell(std::uint32_t cell, std::uint32_t lattice, std::uint32_t word) {
+  const std::uint32_t step = below(3, word);
+  if (step == 0) return cell == 0 ? 0 : cell - 1;
+  if (step == 1) return cell;
+  return std::min(cell + 1, lattice - 1);
+}
+
+std::uint32_t lattice_for(std::uint32_t targets) {
+  std::uint32_t lattice = 1;
+  while (std::uint64_t{lattice} * lattice * lattice < targets) ++lattice;
+  return lattice;
+}
+
+const SteeringConfig& checked(const SteeringConfig& config) {
+  const auto require = [](bool holds, const char* what) {
+    if (!holds) throw Error(std::string("steering: ") + what);
+  };
+  const auto side = [](double low, double high) { return std::isfinite(low) && std::isfinite(high) && low < high; };
+  const auto length = [](float value) { return std::isfinite(value) && value > 0; };
+  require(side(config.bounds_min.x, config.bounds_max.x) && side(config.bounds_min.y, config.bounds_max.y) &&
+              side(config.bounds_min.z, config.bounds_max.z),
+          "bounds: expected finite min < max on each axis");
+  require(config.targets >= 1 && config.targets <= 10'000'000, "targets: expected 1 to 10000000");
+  require(length(config.speed), "speed: expected metres a frame, above 0");
+  require(length(config.spread), "spread: expected metres, above 0");
+  require(length(config.push), "push: expected metres, above 0");
+  require(std::isfinite(config.slop) && config.slop >= 0, "slop: expected metres, 0 or more");
+  return config;
+}
+
+}  // namespace
+
+Steering::Steering(const SteeringConfig& config)
+    : config_(checked(config)),
+      relocations_(config.target_interval, config.seed, relocation_times),
+      picks_(config.retarget_interval, config.seed, pick_times),
+      lattice_(lattice_for(config.targets)) {
+  static_assert(sizeof(State) == 56 && std::is_trivially_copyable_v<State> && sizeof(State) <= max_motion_state);
+  const Vec3d& low = config.bounds_min;
+  const Vec3d& high = config.bounds_max;
+  centre_ = {(low.x + high.x) / 2, (low.y + high.y) / 2, (low.z + high.z) / 2};
+  cell_ = {(high.x - low.x) / lattice_, (high.y - low.y) / lattice_, (high.z - low.z) / lattice_};
+}
+
+std::size_t Steering::state_bytes() const noexcept { return sizeof(State); }
+
+Vec3d Steering::target_position(std::uint32_t target, std::uint64_t frame) const noexcept {
+  const std::uint64_t cells = std::uint64_t{lattice_} * lattice_ * lattice_;
+  // The first cell that pick_target maps to this target.
+  const auto home = static_cast<std::uint32_t>((target * cells + config_.targets - 1) / config_.targets);
+  Draws draws(config_.seed, relocation_places, target, relocations_.at(target, frame).number);
+  const double x = about_home(home % lattice_, lattice_, draws.unit());
+  const double y = about_home(home / lattice_ % lattice_, lattice_, draws.unit());
+  const double z = about_home(home / lattice_ / lattice_, lattice_, draws.unit());
+  return {config_.bounds_min.x + x * cell_.x, config_.bounds_min.y + y * cell_.y, config_.bounds_min.z + z * cell_.z};
+}
+
+std::uint64_t Steering::target_end(std::uint32_t target, std::uint64_t frame) const noexcept {
+  return relocations_.at(target, frame).end;
+}
+
+std::uint32_t Steering::pick_target(ObjectNumber object, std::uint32_t epoch, const Vec3d& position) const noexcept {
+  Draws draws(config_.seed, pick_targets, object, epoch);
+  const Vec3d& low = config_.bounds_min;
+  const std::uint64_t x = near_cell(cell_of(position.x - low.x, cell_.x, lattice_), lattice_, draws.word());
+  const std::uint64_t y = near_cell(cell_of(position.y - low.y, cell_.y, lattice_), lattice_, draws.word());
+  const std::uint64_t z = near_cell(cell_of(position.z - low.z, cell_.z, lattice_), lattice_, draws.word());
+  const std::uint64_t cells = std::uint64_t{lattice_} * lattice_ * lattice_;
+  // There are at least as many cells as targets: one or two cells in a row share a target.
+  return static_cast<std::uint32_t>(((z * lattice_ + y) * lattice_ + x) * config_.targets / cells);
+}
+
+Vec3d Steering::goal_at(ObjectNumber object, std::uint32_t epoch, const Vec3d& target) const noexcept {
+  Draws draws(config_.seed, pick_places, object, epoch);
+  Vec3f offset;
+  do {  // a place in the ball, more than one in two draws is one
+    offset = {draws.between(-1, 1), draws.between(-1, 1), draws.between(-1, 1)};
+  } while (dot(offset, offset) > 1);
+  const double spread = static_cast<double>(config_.spread);
+  const Vec3d& low = config_.bounds_min;
+  const Vec3d& high = config_.bounds_max;
+  return {std::clamp(target.x + spread * static_cast<double>(offset.x), low.x, high.x),
+          std::clamp(target.y + spread * static_cast<double>(offset.y), low.y, high.y),
+          std::clamp(target.z + spread * static_cast<double>(offset.z), low.z, high.z)};
+}
+
+Vec3d Steering::goal_from(ObjectNumber object, const Vec3d& position, std::uint64_t frame) const noexcept {
+  const std::uint32_t epoch = picks_.at(object, frame).number;
+  return goal_at(object, epoch, target_position(pick_target(object, epoch, position), frame));
+}
+
+void Steering::follow_schedule(std::uint64_t frame, ObjectNumber object, const Vec3d& position,
+                               State& state) const noexcept {
+  const Epoch pick = picks_.at(object, frame);
+  if (frame >= state.retarget_at) {
+    state.target = pick_target(object, pick.number, position);
+    state.retarget_at = pick.end;
+  }
+  const Vec3d goal = goal_at(object, pick.number, target_position(state.target, frame));
+  state.goal = {static_cast<float>(goal.x - centre_.x), static_cast<float>(goal.y - centre_.y),
+                static_cast<float>(goal.z - centre_.z)};
+  state.goal_until = target_end(state.target, frame);
+}
+
+void Steering::steer(const MotionInput& input, State& state) const noexcept {
+  const Vec3d& position = input.pose.position;
+  const Vec3f wanted{static_cast<float>(static_cast<double>(state.goal.x) - (position.x - centre_.x)),
+                     static_cast<float>(static_cast<double>(state.goal.y) - (position.y - centre_.y)),
+                     static_cast<float>(static_cast<double>(state.goal.z) - (position.z - centre_.z))};
+  // Full speed from afar, slower within a few steps of the goal.
+  const float distance = std::sqrt(dot(wanted, wanted));
+  const float near = config_.speed * 8.0f;
+  const float pace = config_.speed / std::max(distance, near);
+  state.velocity = state.velocity + (wanted * pace - state.velocity) * agility;
+}
+
+void Steering::move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const {
+  const Vec3d& low = config_.bounds_min;
+  const Vec3d& high = config_.bounds_max;
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    const MotionInput& input = inputs[i];
+    if (!input.present || input.category == Category::fixed) {
+      continue;
+    }
+    State state;
+    std::memcpy(&state, input.state, sizeof state);
+
+    const bool steers = input.category != Category::non_active;
+    if (steers) {
+      if (frame >= state.retarget_at || frame >= state.goal_until) {
+        follow_schedule(frame, input.number, input.pose.position, state);
+      }
+      steer(input, state);
+    } else if (input.contacts.empty() && is_zero(state.velocity) && is_zero(state.spin)) {
+      continue;
+    }
+
+    Response response;
+    if (!input.contacts.empty()) {
+      response = respond(input, steers ? config_.slop : config_.slop * yielding, state.velocity);
+    }
+    Vec3f push = limited(response.push * stiffness, config_.push);
+    // A share of an overlap a frame would never end: the last bit is let stand.
+    if (dot(push, push) < rest * rest) push = {};
+    if (steers) {
+      const Vec3f rolling{-state.velocity.y * roll, state.velocity.x * roll, state.velocity.z * roll};
+      state.spin = state.spin + (rolling - state.spin) * agility + response.turn * lever_turn;
+    } else {
+      state.velocity = (state.velocity + push * kick) * friction;
+      state.spin = (state.spin + response.turn * lever_turn) * friction;
+      // At rest exactly, so that a resting object sends no update.
+      if (dot(state.velocity, state.velocity) < rest * rest) state.velocity = {};
+      if (dot(state.spin, state.spin) < rest * rest) state.spin = {};
+    }
+    state.velocity = limited(state.velocity, config_.speed * 2.0f);
+    state.spin = limited(state.spin, spin_limit);
+
+    const Vec3f step = state.velocity + push;
+    Pose& pose = outputs[i].pose;
+    pose.position.x = stepped(pose.position.x, static_cast<double>(step.x), low.x, high.x, state.velocity.x);
+    pose.position.y = stepped(pose.position.y, static_cast<double>(step.y), low.y, high.y, state.velocity.y);
+    pose.position.z = stepped(pose.position.z, static_cast<double>(step.z), low.z, high.z, state.velocity.z);
+    if (!is_zero(state.spin)) {
+      pose.orientation = turned(pose.orientation, state.spin);
+    }
+    std::memcpy(outputs[i].state, &state, sizeof state);
+  }
+}
+
+}  // namespace ringfence::motion

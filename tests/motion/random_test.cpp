@@ -1,0 +1,51 @@
+#include "motion/random.hpp"
+
+#include <set>
+
+#include <doctest/doctest.h>
+
+namespace ringfence::motion {
+
+TEST_CASE("philox gives the published values") {
+  // The known answers of the Random123 distribution for philox4x32-10.
+  using Words = std::array<std::uint32_t, 4>;
+  CHECK(philox({0, 0, 0, 0}, 0) == Words{0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8});
+  CHECK(philox({0xffffffff, 0xffffffff, 0xffffffff, 0xffffffff}, 0xffffffffffffffffu) ==
+        Words{0x408f276d, 0x41c83b0e, 0xa20bc7c6, 0x6d5451fd});
+  CHECK(philox({0x243f6a88, 0x85a308d3, 0x13198a2e, 0x03707344}, 0x299f31d0a4093822u) ==
+        Words{0xd16cfe09, 0x94fdcceb, 0x5001e420, 0x24126ea1});
+}
+
+TEST_CASE("uniform floats lie in [0, 1) at both ends of the range") {
+  CHECK(uniform(0) == 0.0f);
+  CHECK(uniform(0xffffffffu) == 1.0f - 0x1p-24f);
+}
+
+TEST_CASE("a draw below a count takes every value about as often") {
+  std::array<int, 7> seen{};
+  Draws draws(3, 1, 2);
+  for (int i = 0; i < 70'000; ++i) ++seen[below(7, draws.word())];
+  for (const int count : seen) {
+    CHECK(count > 9500);
+    CHECK(count < 10'500);
+  }
+}
+
+TEST_CASE("draws of other seeds, streams, subjects and epochs differ, and the same ones repeat") {
+  std::set<std::uint32_t> first;
+  first.insert(Draws(1, 1, 1, 1).word());
+  first.insert(Draws(2, 1, 1, 1).word());
+  first.insert(Draws(std::uint64_t{1} << 32 | 1, 1, 1, 1).word());
+  first.insert(Draws(1, 2, 1, 1).word());
+  first.insert(Draws(1, 1, 2, 1).word());
+  first.insert(Draws(1, 1, 1, 2).word());
+  CHECK(first.size() == 6);
+  CHECK(first.contains(Draws(1, 1, 1, 1).word()));
+
+  Draws long_row(5, 6, 7, 8);
+  std::set<std::uint32_t> row;
+  for (int i = 0; i < 64; ++i) row.insert(long_row.word());
+  CHECK(row.size() == 64);
+}
+
+}  // namespace ringfence::motion

@@ -1,0 +1,208 @@
+#include "motion/steering.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include <doctest/doctest.h>
+
+#include "motion/ball_world.hpp"
+#include "ringfence/error.hpp"
+
+namespace ringfence::motion {
+namespace {
+
+/// Balls of radius 1 at 6 % coverage.
+SteeringConfig config_for(std::uint32_t objects, std::uint64_t seed = 1) {
+  SteeringConfig config;
+  const double side = std::cbrt(objects * 4.18879 / 0.06);
+  config.bounds_max = {side, side, side};
+  config.targets = objects / 50;
+  config.seed = seed;
+  return config;
+}
+
+test::BallWorld filled(const Steering& model, std::uint32_t objects, std::uint64_t seed) {
+  test::BallWorld world(model, model.config().bounds_max.x);
+  world.fill(objects, seed);
+  return world;
+}
+
+}  // namespace
+
+TEST_CASE("motion does not depend on batch size or order, nor on the instance") {
+  const std::uint64_t seed = 11;
+  CAPTURE(seed);
+  const Steering one(config_for(500, seed)), other(config_for(500, seed));
+  test::BallWorld p = filled(one, 500, seed), q = filled(other, 500, seed);
+  for (int frame = 0; frame < 120; ++frame) {
+    p.advance(64);
+    q.advance(7, true);
+  }
+  REQUIRE(!p.contacts().empty());
+  for (std::size_t i = 0; i < p.objects().size(); ++i) {
+    REQUIRE(p.objects()[i].pose == q.objects()[i].pose);
+  }
+}
+
+TEST_CASE("another seed moves objects elsewhere") {
+  const Steering one(config_for(100, 1)), other(config_for(100, 2));
+  test::BallWorld p = filled(one, 100, 5), q = filled(other, 100, 5);
+  for (int frame = 0; frame < 30; ++frame) {
+    p.advance();
+    q.advance();
+  }
+  std::size_t apart = 0;
+  for (std::size_t i = 0; i < 100; ++i) apart += !(p.objects()[i].pose == q.objects()[i].pose);
+  CHECK(apart >= 50);
+}
+
+TEST_CASE("4000 balls have 1600 to 3500 contacts a frame once they have clustered, and no crush") {
+  const Steering model(config_for(4000));
+  test::BallWorld world = filled(model, 4000, 3);
+  for (int frame = 0; frame < 160; ++frame) world.advance();
+  double sum = 0;
+  for (int frame = 0; frame < 60; ++frame) {
+    world.advance();
+    REQUIRE(world.contacts().size() >= 1600);
+    REQUIRE(world.contacts().size() <= 3500);
+    sum += static_cast<double>(world.contacts().size());
+  }
+  CHECK(sum / 60 > 1600);
+  std::map<ObjectNumber, int> touching;
+  for (const Contact& contact : world.contacts()) {
+    ++touching[contact.a];
+    ++touching[contact.b];
+  }
+  for (const auto& [number, count] : touching) CHECK_MESSAGE(count <= 16, "object ", number);
+}
+
+TEST_CASE("objects cluster about targets and disperse again") {
+  const Steering model(config_for(1000));
+  test::BallWorld world = filled(model, 1000, 3);
+  const auto near_target = [&](std::uint32_t target) {
+    const Vec3d place = model.target_position(target, world.frame());
+    int near = 0;
+    for (const ObjectSpec& object : world.objects()) {
+      const Vec3d& p = object.pose.position;
+      const double x = p.x - place.x, y = p.y - place.y, z = p.z - place.z;
+      near += x * x + y * y + z * z < 36;
+    }
+    return near;
+  };
+  std::vector<int> least(20, 1000), most(20, 0);
+  for (int frame = 0; frame < 900; ++frame) {
+    world.advance();
+    if (frame % 20 != 0 || frame < 200) continue;
+    for (std::uint32_t target = 0; target < 20; ++target) {
+      least[target] = std::min(least[target], near_target(target));
+      most[target] = std::max(most[target], near_target(target));
+    }
+  }
+  int swings = 0;  // an even spread would have 13 objects in such a ball
+  for (std::size_t target = 0; target < 20; ++target) swings += least[target] <= 15 && most[target] >= 30;
+  CHECK(swings >= 10);
+}
+
+TEST_CASE("targets and objects stay within the bounds, poses stay finite and unit") {
+  const SteeringConfig config = config_for(800);
+  const Steering model(config);
+  test::BallWorld world = filled(model, 800, 4);
+  const double side = config.bounds_max.x;
+  const auto inside = [&](const Vec3d& p) {
+    return p.x >= 0 && p.y >= 0 && p.z >= 0 && p.x <= side && p.y <= side && p.z <= side;
+  };
+  for (int frame = 0; frame < 300; ++frame) {
+    world.advance();
+    for (std::uint32_t target = 0; target < config.targets; ++target) {
+      REQUIRE(inside(model.target_position(target, world.frame())));
+    }
+    for (const ObjectSpec& object : world.objects()) {
+      REQUIRE(inside(object.pose.position));
+      const Quat& q = object.pose.orientation;
+      REQUIRE(std::abs(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w - 1) < 1e-5f);
+    }
+  }
+}
+
+TEST_CASE("a target stays where it is until its stated end, then goes elsewhere") {
+  const Steering model(config_for(4000));
+  for (std::uint32_t target = 0; target < 80; ++target) {
+    const std::uint64_t end = model.target_end(target, 0);
+    CHECK(model.target_position(target, 0) == model.target_position(target, end - 1));
+    CHECK(!(model.target_position(target, 0) == model.target_position(target, end)));
+  }
+}
+
+TEST_CASE("objects that steer turn while they move") {
+  const Steering model(config_for(100));
+  test::BallWorld world = filled(model, 100, 8);
+  for (int frame = 0; frame < 30; ++frame) world.advance();
+  for (const ObjectSpec& object : world.objects()) {
+    if (object.category == Category::active) CHECK(!(object.pose.orientation == Quat{}));
+  }
+}
+
+TEST_CASE("a non-active object that nothing touches keeps its pose, bit for bit") {
+  const Steering model(config_for(1000));
+  test::BallWorld world(model, 100);
+  world.add(1, Category::non_active, {5, 5, 5});
+  world.add(2, Category::fixed, {25, 5, 5});
+  for (int frame = 0; frame < 100; ++frame) {
+    world.advance();
+    REQUIRE(world.moved() == 0);
+  }
+}
+
+TEST_CASE("non-active objects that overlap push each other apart and come to rest exactly") {
+  for (const double gap : {0.1, 0.5, 1.0, 1.5, 1.9}) {
+    CAPTURE(gap);
+    const Steering model(config_for(1000));
+    test::BallWorld world(model, 100);
+    world.add(1, Category::non_active, {20, 20, 20});
+    world.add(2, Category::non_active, {20 + gap, 20.1, 20});
+    world.add(3, Category::non_active, {20, 20.4, 20 + gap});
+    world.advance();  // finds the contacts
+    if (gap < 1.8) {
+      world.advance();
+      CHECK(world.moved() > 0);
+    }
+    for (int frame = 0; frame < 200; ++frame) world.advance();
+    for (int frame = 0; frame < 50; ++frame) {
+      world.advance();
+      REQUIRE(world.moved() == 0);
+    }
+    for (const Contact& contact : world.contacts()) CHECK(contact.depth < model.config().slop + 0.01f);
+  }
+}
+
+TEST_CASE("an active object pushes a non-active one out of its way") {
+  const Steering model(config_for(1000));
+  test::BallWorld world(model, 100);
+  const Vec3d start{20, 20, 20};
+  world.add(2, Category::active, start);
+  const Vec3d goal = model.goal_from(2, start, 0);
+  const double x = goal.x - start.x, y = goal.y - start.y, z = goal.z - start.z;
+  const double far = std::sqrt(x * x + y * y + z * z);
+  REQUIRE(far > 3);
+  const Vec3d obstacle{start.x + 2.2 * x / far, start.y + 2.2 * y / far, start.z + 2.2 * z / far + 0.2};
+  world.add(3, Category::non_active, obstacle);
+  for (int frame = 0; frame < 60; ++frame) world.advance();
+  CHECK(!(world.objects()[1].pose.position == obstacle));
+}
+
+TEST_CASE("a configuration that cannot be is refused and names the field") {
+  SteeringConfig config;
+  config.targets = 0;
+  CHECK_THROWS_WITH_AS(Steering{config}, "steering: targets: expected 1 to 10000000", Error);
+  config = {};
+  config.bounds_max.y = std::numeric_limits<double>::quiet_NaN();
+  CHECK_THROWS_AS(Steering{config}, Error);
+  config = {};
+  config.speed = 0;
+  CHECK_THROWS_AS(Steering{config}, Error);
+  config = {};
+  config.retarget_interval = {5, 4};
+  CHECK_THROWS_AS(Steering{config}, Error);
+}
+
+}  // namespace ringfence::motion
