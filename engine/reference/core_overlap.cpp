@@ -72,6 +72,31 @@ std::vector<double> arcs_by_normals(const Core& core, const std::vector<Vector>&
   return out;
 }
 
+/// The directions from the middle of a cube to its corners, edges and faces.
+std::vector<Vector> directions_around() {
+  std::vector<Vector> out;
+  for (int i = 0; i < 27; ++i) {
+    if (i != 13) out.push_back(normalised(Vector(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1)));
+  }
+  return out;
+}
+
+/// The directions across the widest line and the widest triangle of some points.
+std::vector<Vector> directions_across(const std::vector<Vector>& points) {
+  const auto farthest = [&](auto measure) {
+    return *std::max_element(points.begin(), points.end(),
+                             [&](const Vector& p, const Vector& q) { return measure(p) < measure(q); });
+  };
+  const Vector a = points.front(), b = farthest([&](const Vector&p) { return length(p - a); });
+  if (!(length(b - a) > 0)) return {};
+  const Vector along = normalised(b - a), p = perpendicular(along), q = cross(along, p);
+  std::vector<Vector> out{p, -p, q, -q};
+  const Vector c = farthest([&](const Vector& v) { return length(cross(v - a, along)); });
+  const Vector normal = cross(c - a, along);
+  if (length(normal) > 0) out.insert(out.end(), {normalised(normal), -normalised(normal)});
+  return out;
+}
+
 }  // namespace
 
 CoreOverlap polytope_overlap(const CorePair& pair) {
@@ -126,17 +151,17 @@ CoreOverlap grown_overlap(const CorePair& pair, double tolerance) {
     if (dot(n, p) < best.depth) best.depth = dot(n, p), best.normal = n;
     return p;
   };
-  std::vector<Vector> first;
-  for (int x = -1; x <= 1; ++x) {
-    for (int y = -1; y <= 1; ++y) {
-      for (int z = -1; z <= 1; ++z) {
-        if (x || y || z) first.push_back(farthest(normalised(Vector(x, y, z))));
-      }
-    }
-  }
-  auto surface = ConvexSurface::around(first);
-  if (!surface) return best;  // flat within rounding: what the first directions gave is all there is
-  best.error = std::numeric_limits<double>::infinity();
+  const auto surface_of_difference = [&] {
+    std::vector<Vector> first;
+    for (const Vector& n : directions_around()) first.push_back(farthest(n));
+    // A needle or a plate can have all of these at few places: look across the line and the plane of those found.
+    for (const Vector& n : directions_across(first)) first.push_back(farthest(n));
+    for (const Vector& n : directions_across(first)) first.push_back(farthest(n));
+    return ConvexSurface::around(first);
+  };
+  auto surface = surface_of_difference();
+  best.error = surface ? std::numeric_limits<double>::infinity() : std::abs(best.depth);
+  if (!surface) return best;  // flat: no depth in the direction across
   for (int step = 0; step < 2000; ++step) {
     const auto faces = surface->faces();
     const auto nearest =
