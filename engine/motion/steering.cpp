@@ -6,6 +6,7 @@
 #include <string>
 #include <type_traits>
 
+#include "geometry/vector.hpp"
 #include "motion/random.hpp"
 #include "ringfence/error.hpp"
 
@@ -35,13 +36,6 @@ constexpr float lever_turn = 0.2f;      // radians a frame for a metre of push a
 constexpr float spin_limit = 0.3f;      // radians a frame: the quaternion step below is good for small angles
 constexpr float rest = 1.0f / 1024.0f;  // metres a frame, radians a frame: slower than this is at rest
 
-float dot(const Vec3f& p, const Vec3f& q) { return p.x * q.x + p.y * q.y + p.z * q.z; }
-Vec3f operator+(const Vec3f& p, const Vec3f& q) { return {p.x + q.x, p.y + q.y, p.z + q.z}; }
-Vec3f operator-(const Vec3f& p, const Vec3f& q) { return {p.x - q.x, p.y - q.y, p.z - q.z}; }
-Vec3f operator*(const Vec3f& p, float s) { return {p.x * s, p.y * s, p.z * s}; }
-Vec3f cross(const Vec3f& p, const Vec3f& q) {
-  return {p.y * q.z - p.z * q.y, p.z * q.x - p.x * q.z, p.x * q.y - p.y * q.x};
-}
 bool is_zero(const Vec3f& p) { return p.x == 0 && p.y == 0 && p.z == 0; }
 
 Vec3f limited(const Vec3f& p, float length) {
@@ -60,12 +54,11 @@ Response respond(const MotionInput& input, float slop, Vec3f& velocity) {
   for (std::size_t i = 0; i < input.contacts.size(); ++i) {
     const Contact& contact = input.contacts[i];
     const bool is_a = contact.a == input.number;
-    const Vec3f away = is_a ? contact.normal * -1.0f : contact.normal;
+    const Vec3f away = is_a ? -contact.normal : contact.normal;
     const float excess = contact.depth - slop;
     if (excess > 0) {
       const Vec3d& centre = is_a ? contact.pose_a.position : contact.pose_b.position;
-      const Vec3f lever{static_cast<float>(contact.point.x - centre.x), static_cast<float>(contact.point.y - centre.y),
-                        static_cast<float>(contact.point.z - centre.z)};
+      const Vec3f lever = to_float(contact.point - centre);
       response.push = response.push + away * excess;
       response.turn = response.turn + cross(lever, away) * excess;
     }
@@ -209,18 +202,14 @@ void Steering::follow_schedule(std::uint64_t frame, ObjectNumber object, const V
     state.retarget_at = pick.end;
   }
   const Vec3d goal = goal_at(object, pick.number, target_position(state.target, frame));
-  state.goal = {static_cast<float>(goal.x - centre_.x), static_cast<float>(goal.y - centre_.y),
-                static_cast<float>(goal.z - centre_.z)};
+  state.goal = to_float(goal - centre_);
   state.goal_until = target_end(state.target, frame);
 }
 
 void Steering::steer(const MotionInput& input, State& state) const noexcept {
-  const Vec3d& position = input.pose.position;
-  const Vec3f wanted{static_cast<float>(static_cast<double>(state.goal.x) - (position.x - centre_.x)),
-                     static_cast<float>(static_cast<double>(state.goal.y) - (position.y - centre_.y)),
-                     static_cast<float>(static_cast<double>(state.goal.z) - (position.z - centre_.z))};
+  const Vec3f wanted = to_float(to_double(state.goal) - (input.pose.position - centre_));
   // Full speed from afar, slower within a few steps of the goal.
-  const float distance = std::sqrt(dot(wanted, wanted));
+  const float distance = length(wanted);
   const float near = config_.speed * 8.0f;
   const float pace = config_.speed / std::max(distance, near);
   state.velocity = state.velocity + (wanted * pace - state.velocity) * agility;
