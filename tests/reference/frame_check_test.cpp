@@ -1,0 +1,186 @@
+#include "reference/frame_check.hpp"
+
+#include <algorithm>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "reference/exact_contact.hpp"
+#include "reference/random_shapes.hpp"
+
+using namespace ringfence;
+using namespace ringfence::reference;
+using reference_test::Random;
+
+namespace {
+
+struct Frame {
+  Shapes shapes;
+  std::vector<FrameObject> objects;
+  std::vector<std::uint32_t> masks;
+  std::vector<Contact> contacts;
+
+  std::vector<Difference> check() const { return check_frame(12, shapes, objects, masks, contacts); }
+
+  /// All contacts, by every pair: no sweep, no boxes.
+  void detect() {
+    contacts.clear();
+    for (const auto& p : objects) {
+      for (const auto& q : objects) {
+        if (p.number >= q.number || !p.present || !q.present) continue;
+        if (!masks.empty() && !(masks[p.layer] >> q.layer & 1u)) continue;
+        if (auto c = exact_contact(shapes[p.shape], p.pose, shapes[q.shape], q.pose)) {
+          c->a = p.number, c->b = q.number;
+          contacts.push_back(*c);
+        }
+      }
+    }
+    std::sort(contacts.begin(), contacts.end(), [](const auto& p, const auto& q) {
+      return std::pair{p.a, p.b} < std::pair{q.a, q.b};
+    });
+  }
+};
+
+Frame crowd(std::uint64_t seed, std::size_t objects, Vector centre = {}) {
+  Random random(seed);
+  Frame out;
+  for (int i = 0; i < 12; ++i) out.shapes.add(random.convex(1));
+  out.shapes.add(random.mesh(3, 3));
+  out.masks = {0b01, 0b10, 0b100};  // three layers, each collides with itself alone
+  const double side = 1.6 * std::cbrt(static_cast<double>(objects));
+  for (std::size_t i = 0; i < objects; ++i) {
+    FrameObject o;
+    o.number = static_cast<ObjectNumber>(7 + 3 * ((i * 31) % objects));
+    o.shape = static_cast<ShapeNumber>(random.below(out.shapes.size()));
+    o.layer = static_cast<std::uint8_t>(random.one_in(5) ? 1 : 0);
+    o.present = !random.one_in(20);
+    o.pose = {centre + Vector{random.uniform(0, side), random.uniform(0, side), random.uniform(0, side)},
+              random.orientation()};
+    out.objects.push_back(o);
+  }
+  out.detect();
+  return out;
+}
+
+void expect_one(const Frame& frame, const Contact& c, const char* text) {
+  const auto differences = frame.check();
+  REQUIRE(differences.size() == 1);
+  CHECK(differences[0].a == c.a);
+  CHECK(differences[0].b == c.b);
+  CAPTURE(differences[0].text);
+  CHECK(differences[0].text.find(text) != std::string::npos);
+}
+
+}  // namespace
+
+TEST_CASE("a frame with all its contacts has no difference, near the origin and far from it") {
+  for (const Vector centre : {Vector{}, Vector{1e6, -1e6, 1e6}}) {
+    const Frame frame = crowd(41, 300, centre);
+    CHECK(frame.contacts.size() > 100);
+    CHECK(frame.check().empty());
+  }
+}
+
+TEST_CASE("each contact that is taken out is told as missing") {
+  Frame frame = crowd(42, 150);
+  const auto all = frame.contacts;
+  REQUIRE(all.size() > 30);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (all[i].depth < 1e-3) continue;
+    frame.contacts = all;
+    frame.contacts.erase(frame.contacts.begin() + static_cast<std::ptrdiff_t>(i));
+    expect_one(frame, all[i], "missing: depth ");
+  }
+}
+
+TEST_CASE("whatever else is wrong with a contact is told, once") {
+  Frame frame = crowd(43, 150);
+  const auto all = frame.contacts;
+  const std::size_t middle = all.size() / 2;
+  const auto at = [&] { return frame.contacts.begin() + static_cast<std::ptrdiff_t>(middle); };
+
+  frame.contacts.insert(at(), all[middle]);
+  expect_one(frame, all[middle], "there twice");
+
+  frame.contacts = all;
+  std::swap(frame.contacts[middle], frame.contacts[middle + 1]);
+  expect_one(frame, all[middle], "out of order");
+
+  frame.contacts = all;
+  frame.contacts[middle].phase = Phase::end;
+  expect_one(frame, all[middle], "ended");
+
+  frame.contacts = all;
+  frame.contacts[middle].depth += 0.01f;
+  expect_one(frame, all[middle], "wrong depth");
+
+  frame.contacts = all;
+  frame.contacts[middle].pose_b.position.x += 1e-9;
+  expect_one(frame, all[middle], "other poses");
+
+  frame.contacts = all;
+  Contact stranger = all[middle];
+  stranger.b = 1'000'000;
+  frame.contacts.push_back(stranger);
+  std::sort(frame.contacts.begin(), frame.contacts.end(), [](const auto& p, const auto& q) {
+    return std::pair{p.a, p.b} < std::pair{q.a, q.b};
+  });
+  expect_one(frame, stranger, "names an object that there is not");
+}
+
+TEST_CASE("a contact between absent objects, or layers that do not collide, or objects far apart, is extra") {
+  Frame frame;
+  frame.shapes.add(Sphere{1});
+  frame.masks = {0b01, 0b10};
+  frame.objects = {{1, 0, 0, true, {{0, 0, 0}, {}}}, {2, 0, 0, true, {{1, 0, 0}, {}}}};
+  frame.detect();
+  REQUIRE(frame.contacts.size() == 1);
+  CHECK(frame.check().empty());
+  const Contact c = frame.contacts[0];
+
+  frame.objects[1].present = false;
+  expect_one(frame, c, "extra: one of the two is absent");
+  frame.objects[1].present = true;
+  frame.objects[1].layer = 1;
+  expect_one(frame, c, "extra: their layers do not collide");
+  frame.objects[1].layer = 0;
+  frame.objects[1].pose.position.x = 50;
+  frame.contacts[0].pose_b = frame.objects[1].pose;
+  expect_one(frame, c, "frame 12: pair 1-2 (sphere, sphere) extra: the two are 48 m apart");
+}
+
+TEST_CASE("phases are those of the contacts of two frames") {
+  Frame frame = crowd(44, 60);
+  const auto before = frame.contacts;
+  REQUIRE(before.size() > 4);
+  // The first pair ends, the second is new.
+  const std::vector<Contact> was(before.begin(), before.end() - 1);
+  std::vector<Contact> now(before.begin() + 1, before.end());
+  for (auto& c : now) c.phase = Phase::persist;
+  now.back().phase = Phase::begin;
+  std::vector<Contact> ended{before.front()};
+  ended[0].phase = Phase::end;
+  CHECK(check_phases(3, was, now, ended).empty());
+
+  const auto one = [&](const std::vector<Contact>& n, const std::vector<Contact>& e, const char* text) {
+    const auto differences = check_phases(3, was, n, e);
+    REQUIRE(differences.size() == 1);
+    CAPTURE(differences[0].text);
+    CHECK(differences[0].text.find(text) != std::string::npos);
+  };
+  one(now, {}, "has no end");
+  auto wrong = now;
+  wrong.back().phase = Phase::persist;
+  one(wrong, ended, "does not begin");
+  wrong = now;
+  wrong.front().phase = Phase::begin;
+  one(wrong, ended, "does not persist");
+  auto ends = ended;
+  ends[0].depth += 1;
+  one(now, ends, "another contact than its last");
+  ends = {ended[0], ended[0]};
+  one(now, ends, "ends twice");
+  ends = {ended[0], now.back()};
+  ends[1].phase = Phase::end;
+  one(now, ends, "without having been in contact");
+}
