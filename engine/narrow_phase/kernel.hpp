@@ -28,6 +28,10 @@ struct KernelInput {
   std::span<const Body> bodies;
   const geometry::ShapeTable& shapes;
   std::span<const KernelPair> pairs;
+  /// The sizes of the two differ so much (`needs_double`) that rounding to float would show against the smaller one:
+  /// compute in double, positions and quaternions (normalised in double) included. The same for all pairs of an input;
+  /// a function of the two shapes alone.
+  bool in_double = false;
 };
 
 /// A kernel may write this many contacts past the ones it keeps: full vectors leave it without a branch.
