@@ -1,41 +1,211 @@
 #include "broad_phase/sweep_and_prune.hpp"
 
 #include <algorithm>
-#include <vector>
+#include <array>
+#include <cassert>
+
+#include "broad_phase/box_set.hpp"
+#include "broad_phase/buffer.hpp"
+#include "broad_phase/kernels.hpp"
+#include "broad_phase/pair_sink.hpp"
 
 namespace ringfence::broad_phase {
+namespace {
+
+// A part of the sweep: the boxes of `a` among themselves, or against those of `b`.
+struct Task {
+  const RowGrid* a;
+  const RowGrid* b;  ///< null: among themselves
+};
+constexpr std::size_t most_tasks = max_levels * (max_levels + 1) / 2 + max_levels * max_levels;
+
+// Where a box that is kept at rest is.
+struct Place {
+  std::uint32_t position;
+  std::uint32_t grid;
+};
+
+constexpr std::uint32_t entries_a_step = 2048;
+
+}  // namespace
 
 struct SweepAndPrune::Implementation {
-  std::vector<std::uint32_t> order;
-  std::vector<geometry::CandidatePair> pairs;
+  Kernels kernels = choose_kernels();
+  BoxSet moving;
+  BoxSet resting;
+  PairSink sink;  ///< the remembered pairs of the resting, then those found in this call
+  Buffer<std::uint32_t> moving_slots;
+  Buffer<std::uint32_t> leaving_slots;
+  Buffer<std::uint32_t> resting_slots;
+  Buffer<std::uint8_t> kept;  ///< by slot: 1 where the resting set holds it
+  Buffer<Place> place;        ///< by slot, where kept
+  std::size_t slots = 0;      ///< of the last call
+  std::size_t kept_count = 0;
+  std::size_t removed = 0;     ///< taken out of the resting set since it was built
+  std::size_t remembered = 0;  ///< pairs among the resting
+  std::size_t debt = 0;        ///< what not rebuilding the resting set has cost, in boxes
+  std::array<Task, most_tasks> tasks;
+  std::size_t task_count = 0, task = 0;
+  std::uint32_t position = 0;
+  std::size_t handed_out = 0;
+
+  Implementation(std::size_t objects, std::size_t pairs) : moving(objects), resting(objects) {
+    reserve(objects);
+    sink.pairs.grow(pairs + 1, 0);
+  }
+
+  void reserve(std::size_t objects) {
+    moving_slots.reserve(objects + 128);
+    leaving_slots.reserve(objects + 128);
+    resting_slots.reserve(objects + 128);
+    place.grow(objects, slots);
+    kept.grow(objects, slots);
+  }
+
+  void resize(std::size_t objects) {
+    for (std::size_t slot = objects; slot < slots; ++slot)
+      if (kept[slot] != 0) forget(static_cast<std::uint32_t>(slot));
+    reserve(objects);
+    for (std::size_t slot = slots; slot < objects; ++slot) kept[slot] = 0;
+    slots = objects;
+  }
+
+  void forget(std::uint32_t slot) {
+    kept[slot] = 0;
+    --kept_count;
+    ++removed;
+    forgotten = true;
+    resting.grids()[place[slot].grid].remove(place[slot].position);
+  }
+  bool forgotten = false;  ///< some remembered pair may have lost a box
+
+  void drop_forgotten_pairs() {
+    geometry::CandidatePair* to = sink.pairs.data();
+    const geometry::CandidatePair* const end = to + remembered;
+    for (const geometry::CandidatePair* at = to; at != end; ++at) {
+      const geometry::CandidatePair pair = *at;
+      *to = pair;
+      to += kept[pair.a] & kept[pair.b];
+    }
+    remembered = static_cast<std::size_t>(to - sink.pairs.data());
+    forgotten = false;
+  }
+
+  // Tasks for the pairs between two grids: the fewer ask the more, unless they are the larger boxes and not far
+  // fewer, since a box larger than a level's limit must look at all that it covers there.
+  void add_task_between(const RowGrid& p, const RowGrid& q) {
+    const auto larger = [](const RowGrid& a, const RowGrid& b) {
+      for (int axis = 0; axis < 3; ++axis)
+        if (a.layout.limit[axis] / 2 > b.layout.limit[axis]) return true;
+      return false;
+    };
+    bool p_asks = p.count <= q.count;
+    if (larger(p, q)) p_asks = p.count <= q.count / 8;
+    if (larger(q, p)) p_asks = q.count > p.count / 8;
+    tasks[task_count++] = p_asks ? Task{&p, &q} : Task{&q, &p};
+  }
+
+  void add_tasks_within(const BoxSet& set) {
+    const auto grids = set.grids();
+    for (std::size_t k = 0; k < grids.size(); ++k) {
+      tasks[task_count++] = {&grids[k], nullptr};
+      for (std::size_t l = k + 1; l < grids.size(); ++l) add_task_between(grids[k], grids[l]);
+    }
+  }
+
+  void start_tasks() { task_count = task = position = 0; }
+
+  // Some more of the sweep; false when all is done.
+  bool step() {
+    if (task == task_count) return false;
+    const Task& t = tasks[task];
+    const std::uint32_t end = std::min(t.a->count, position + entries_a_step);
+    if (t.b == nullptr)
+      kernels.sweep(*t.a, position, end, sink);
+    else
+      kernels.query(*t.a, position, end, *t.b, sink);
+    position = end;
+    if (end == t.a->count) {
+      ++task;
+      position = 0;
+    }
+    return true;
+  }
+
+  void rebuild_resting(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> still,
+                       std::size_t& moving_count) {
+    std::size_t staying = 0, leaving = 0;
+    for (std::uint32_t slot = 0; slot < slots; ++slot) {
+      resting_slots[staying] = slot;
+      staying += kept[slot];
+    }
+    for (std::size_t k = 0; k < moving_count; ++k) {
+      const std::uint32_t slot = moving_slots[k];
+      if (still[slot] != 0) {
+        resting_slots[staying++] = slot;
+        kept[slot] = 1;
+      } else {
+        moving_slots[leaving++] = slot;
+      }
+    }
+    moving_count = leaving;
+    std::sort(resting_slots.data(), resting_slots.data() + staying);
+    resting.build(kernels, bounds, {resting_slots.data(), staying});
+    const auto grids = resting.grids();
+    for (std::uint32_t g = 0; g < grids.size(); ++g)
+      for (std::uint32_t p = 0; p < grids[g].count; ++p) place[grids[g].boxes[grids[g].entries[p].box].slot] = {p, g};
+    kept_count = staying;
+    removed = debt = remembered = sink.count = 0;
+    forgotten = false;
+    start_tasks();
+    add_tasks_within(resting);
+    while (step()) {
+    }
+    remembered = sink.count;
+  }
+
+  void begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
+             std::span<const std::uint8_t> still) {
+    assert(bounds.size() == present.size() && bounds.size() == still.size());
+    if (bounds.size() != slots) resize(bounds.size());
+    const Kernels::Census census =
+        kernels.take_census(present, still, kept.data(), moving_slots.data(), leaving_slots.data());
+    for (std::size_t k = 0; k < census.leaving; ++k) forget(leaving_slots[k]);
+    if (forgotten) drop_forgotten_pairs();
+    std::size_t moving_count = census.moving;
+    // Rebuilding costs about as much for a box as sweeping it once more: so it is due when what it would have saved
+    // adds up to that. This is never worse than twice the best schedule.
+    debt += census.pending + removed;
+    const std::size_t at_rest = kept_count + census.pending;
+    if (at_rest == 0) {
+      resting.clear();
+      removed = debt = 0;
+    } else if (debt >= at_rest && debt != 0) {
+      rebuild_resting(bounds, still, moving_count);
+    }
+    moving.build(kernels, bounds, {moving_slots.data(), moving_count});
+    start_tasks();
+    add_tasks_within(moving);
+    for (const RowGrid& m : moving.grids())
+      for (const RowGrid& r : resting.grids()) add_task_between(m, r);
+    sink.count = remembered;
+    handed_out = 0;
+  }
 };
 
 SweepAndPrune::SweepAndPrune(std::size_t objects, std::size_t pairs)
-    : implementation_(std::make_unique<Implementation>()) {
-  implementation_->order.reserve(objects);
-  implementation_->pairs.reserve(pairs);
-}
+    : implementation_(std::make_unique<Implementation>(objects, pairs)) {}
 SweepAndPrune::~SweepAndPrune() = default;
 SweepAndPrune::SweepAndPrune(SweepAndPrune&&) noexcept = default;
 SweepAndPrune& SweepAndPrune::operator=(SweepAndPrune&&) noexcept = default;
 
 std::span<const geometry::CandidatePair> SweepAndPrune::find(std::span<const geometry::Bounds> bounds,
                                                              std::span<const std::uint8_t> present,
-                                                             std::span<const std::uint8_t> /*resting*/) {
-  auto& order = implementation_->order;
-  auto& pairs = implementation_->pairs;
-  order.clear();
-  pairs.clear();
-  for (std::uint32_t i = 0; i < bounds.size(); ++i)
-    if (present[i] != 0) order.push_back(i);
-  std::sort(order.begin(), order.end(),
-            [&](std::uint32_t p, std::uint32_t q) { return bounds[p].lower[0] < bounds[q].lower[0]; });
-  for (std::size_t i = 0; i < order.size(); ++i)
-    for (std::size_t j = i + 1; j < order.size(); ++j) {
-      if (bounds[order[j]].lower[0] > bounds[order[i]].upper[0]) break;
-      if (geometry::touch(bounds[order[i]], bounds[order[j]])) pairs.push_back({order[i], order[j]});
-    }
-  return pairs;
+                                                             std::span<const std::uint8_t> resting) {
+  implementation_->begin(bounds, present, resting);
+  while (implementation_->step()) {
+  }
+  return {implementation_->sink.pairs.data(), implementation_->sink.count};
 }
 
 }  // namespace ringfence::broad_phase

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "broad_phase/buffer.hpp"
+#include "broad_phase/row_layout.hpp"
+
+namespace ringfence::broad_phase {
+
+/// A box as the sweep keeps it: one aligned load a corner.
+///
+/// `slot` and `guard` ride in the fourth lane of the exact test (slot of one <= guard of the other), which lets a box
+/// be removed in place: see `RowGrid::remove`.
+struct alignas(32) GridBox {
+  std::uint32_t lower[3];
+  std::uint32_t slot;  ///< index in the caller's table
+  std::uint32_t upper[3];
+  std::uint32_t guard;
+
+  static constexpr std::uint32_t present = 0xfffffffe;
+};
+static_assert(sizeof(GridBox) == 32);
+
+/// Where a sorted position leads: its box in `RowGrid::boxes`, and its cell.
+struct GridEntry {
+  std::uint32_t box;
+  std::uint32_t key;
+};
+
+/// The boxes of one size level, sorted by cell.
+///
+/// `codes[p]` is what the sweep reads: eight bytes with the box's upper corner and negated lower corner in quanta
+/// modulo 256, the number of cells it reaches beyond its own in x (byte 7), and which neighbour rows it must look
+/// into (byte 3, see `reaches`). Two boxes of a level can overlap only if the bytewise sum of one code and the other
+/// with its halves swapped has no sign bit in its six coordinates.
+struct RowGrid {
+  RowLayout layout{};
+  std::uint32_t count = 0;
+  Buffer<GridBox> boxes;           ///< in chunks by bucket, as they were staged
+  Buffer<std::uint32_t> keys;      ///< beside `boxes`, until they are sorted
+  Buffer<std::uint64_t> codes;     ///< by sorted position; followed by a vector's width of anything
+  Buffer<GridEntry> entries;       ///< by sorted position
+  Buffer<std::uint32_t> cell_end;  ///< [1 + key] is one past the key's last position, [0] is 0
+
+  static constexpr std::uint32_t chunk = 256;
+  Buffer<std::uint32_t> next_chunk;   ///< by chunk: the bucket's next
+  Buffer<std::uint32_t> first_chunk;  ///< by bucket
+  Buffer<std::uint32_t> cursor;       ///< by bucket: where its next box goes
+  std::uint32_t chunks = 0;
+
+  /// Makes room for up to `boxes_expected` boxes under `layout` and empties the grid.
+  void open(const RowLayout& rows, std::size_t boxes_expected);
+
+  /// Gives the bucket whose chunk is full another one; returns where it starts.
+  std::uint32_t add_chunk(std::uint32_t full_chunk) noexcept {
+    next_chunk[full_chunk] = chunks;
+    return chunks++ * chunk;
+  }
+
+  /// Takes the box at a sorted position out: from then on it overlaps nothing.
+  void remove(std::uint32_t position) noexcept {
+    GridBox& box = boxes[entries[position].box];
+    box.slot = 0xffffffff;
+    box.guard = 0;
+  }
+};
+
+/// Bits of a code's byte 3.
+enum Reach : std::uint32_t {
+  next_row = 1,             ///< the box reaches into the next row
+  next_slab = 2,            ///< into the same row of the next slab
+  next_slab_next_row = 4,   ///< into both at once
+  next_slab_row_before = 8  ///< into the next slab, near enough to the row's start to meet boxes from the row before
+};
+
+}  // namespace ringfence::broad_phase
