@@ -1,0 +1,39 @@
+# tools/compare-bench finds what got slower, across time units and repetitions, and nothing else.
+# In: script, python, work_dir.
+cmake_minimum_required(VERSION 3.25)
+
+# write(FILE "NAME TIME UNIT" ...): a result as Google Benchmark writes it.
+function(write file)
+  set(runs)
+  foreach(run ${ARGN})
+    separate_arguments(run)
+    list(GET run 0 name)
+    list(GET run 1 time)
+    list(GET run 2 unit)
+    list(APPEND runs "{\"name\": \"${name}\", \"run_name\": \"${name}\", \"run_type\": \"iteration\", \
+\"real_time\": ${time}, \"cpu_time\": ${time}, \"time_unit\": \"${unit}\"}")
+  endforeach()
+  list(JOIN runs "," runs)
+  file(WRITE ${file} "{\"context\": {}, \"benchmarks\": [${runs}]}")
+endfunction()
+
+function(expect code pattern)
+  execute_process(COMMAND ${python} ${script} ${ARGN} RESULT_VARIABLE result OUTPUT_VARIABLE output
+    ERROR_VARIABLE output)
+  if(NOT result EQUAL code OR NOT output MATCHES "${pattern}")
+    message(FATAL_ERROR "compare-bench ${ARGN}: expected exit code ${code} and '${pattern}', got ${result}:\n${output}")
+  endif()
+endfunction()
+
+file(REMOVE_RECURSE ${work_dir})
+write(${work_dir}/old/one.json "narrow/a 100 ns" "narrow/b 2 us" "narrow/gone 5 ns")
+# The median of three repetitions counts: neither the one that was disturbed nor the lucky one.
+write(${work_dir}/new/one.json "narrow/a 900 ns" "narrow/a 104 ns" "narrow/a 50 ns" "narrow/b 2500 ns")
+
+expect(0 "3 compared, 0 slower, 0 faster" ${work_dir}/old/one.json ${work_dir}/old/one.json)
+expect(1 "SLOWER.*1\\.25 x  narrow/b\n" ${work_dir}/old/one.json ${work_dir}/new/one.json)
+expect(1 "only in old: narrow/gone\n2 compared, 1 slower, 0 faster" ${work_dir}/old ${work_dir}/new)
+expect(0 "2 compared, 0 slower, 0 faster" ${work_dir}/old ${work_dir}/new --threshold 30)
+expect(0 "faster.*narrow/b\n" ${work_dir}/new ${work_dir}/old)
+file(WRITE ${work_dir}/broken.json "{")
+expect(2 "broken.json: not a result" ${work_dir}/old ${work_dir}/broken.json)
