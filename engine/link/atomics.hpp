@@ -26,8 +26,7 @@ enum class Defect : std::uint8_t {
   wait_unordered,        ///< the read-modify-write of head that asks to be woken does not acquire
   ring_unordered,        ///< the doorbell's exchange by who rings does not release
   arm_unordered,         ///< the doorbell's exchange by who is about to sleep does not acquire
-  disarm_unordered,      ///< the doorbell's exchange by who need not sleep does not acquire
-  disarm_by_store,       ///< ... is a plain store, which forgets who rang meanwhile
+  disarm_by_store,       ///< who need not sleep after all says so by a plain store, which forgets who rang meanwhile
   no_recheck,            ///< the sleeper does not look again after it has said that it sleeps
   flag_set_late,         ///< the sleeper looks again first and says that it sleeps only then
   capacity_off_by_one,   ///< the writer takes one unit more than there is
@@ -36,15 +35,14 @@ enum class Defect : std::uint8_t {
   overhang_lost,         ///< a message that crosses the end of the ring is not kept in one piece
   waiter_forgotten,      ///< a release does not ring the sender that waits for room
   waiting_not_said,      ///< a sender that finds no room does not ask to be woken
-  no_look_after_asking,  ///< a sender that asked to be woken does not look at the head that it then saw
   no_publish_when_full,  ///< a sender that finds no room keeps what it has staged
   closing_not_told,      ///< closing does not ring the other end
 };
 
-/// How long a thread looks before it sleeps.
+/// How long a thread looks before it says that it sleeps, and looks once more.
 struct Patience {
-  std::uint32_t spins = 0;   ///< looks with a pause instruction between them
-  std::uint32_t yields = 0;  ///< looks with a sched_yield between them, after the spins
+  std::uint32_t spins = 0;   ///< looks with a pause instruction after each
+  std::uint32_t yields = 0;  ///< looks with a sched_yield after each, after the spins
 };
 
 /// The machine's atomics, memory and futex: what ring and doorbell run on in production.

@@ -136,7 +136,8 @@ class alignas(line_bytes) BasicReceiver {
     if (reader_.release() && bell_ && Policy::defect != Defect::waiter_forgotten) bell_->ring();
   }
 
-  /// Whether the sender has closed and its last message has been returned by next().
+  /// Whether the sender has closed and next() has returned its last message; as of the last next() or has_message()
+  /// that found none.
   bool closed() const noexcept { return reader_.ended(); }
 
   /// Says that nothing more will be read, and rings the sender. Call nothing after it.
@@ -156,7 +157,6 @@ template <class Policy>
 std::span<std::byte> BasicSender<Policy>::claim_when_full(std::size_t bytes) noexcept {
   assert(bytes >= 1 && bytes <= writer_.largest_message());
   if (std::byte* room = writer_.claim_again(bytes)) return {room, bytes};
-  if (writer_.reader_closed()) return {};
   // What is staged may be what the receiver waits for; it frees nothing that it does not know of.
   if constexpr (Policy::defect != Defect::no_publish_when_full) publish();
   if (std::byte* room = writer_.claim_or_ask(bytes)) return {room, bytes};

@@ -36,7 +36,7 @@ class alignas(line_bytes) BasicDoorbell {
 
   /// What the caller did before is seen by the owner when it next looks; it is woken if it sleeps.
   void ring() noexcept {
-    // Pairs with the owner's exchanges in arm and disarm.
+    // Pairs with the owner's exchange in arm.
     const std::uint32_t before =
         state_.exchange(rung, order_unless<Policy>(Defect::ring_unordered, std::memory_order_release));
     if (before == asleep) Policy::wake(state_);
@@ -46,24 +46,20 @@ class alignas(line_bytes) BasicDoorbell {
   template <class Ready>
   void wait(Ready ready) noexcept {
     if (look(ready)) return;
-    do {
-      if (arm(ready)) return;
-      Policy::sleep(state_, asleep);
-    } while (!ready());
+    while (!arm(ready)) Policy::sleep(state_, asleep);
   }
 
   /// The same, but gives up at `deadline`. Returns whether `ready()` was true.
   template <class Ready>
   bool wait_until(Ready ready, std::chrono::steady_clock::time_point deadline) noexcept {
     if (look(ready)) return true;
-    do {
-      if (arm(ready)) return true;
+    while (!arm(ready)) {
       if (std::chrono::steady_clock::now() >= deadline) {
         disarm();
         return ready();
       }
       Policy::sleep_until(state_, asleep, deadline);
-    } while (!ready());
+    }
     return true;
   }
 
@@ -79,15 +75,14 @@ class alignas(line_bytes) BasicDoorbell {
   /// Looks without sleeping.
   template <class Ready>
   bool look(Ready& ready) noexcept {
-    if (ready()) return true;
     const Patience patience = patience_ ? *patience_ : Policy::patience();
     for (std::uint32_t i = 0; i < patience.spins; ++i) {
-      Policy::pause();
       if (ready()) return true;
+      Policy::pause();
     }
     for (std::uint32_t i = 0; i < patience.yields; ++i) {
-      Policy::yield();
       if (ready()) return true;
+      Policy::yield();
     }
     return false;
   }
@@ -111,8 +106,8 @@ class alignas(line_bytes) BasicDoorbell {
     if constexpr (Policy::defect == Defect::disarm_by_store) {
       state_.store(awake, std::memory_order_relaxed);
     } else {
-      // An exchange, not a store: a ring that it overwrites must be acquired here, as no later exchange will see it.
-      state_.exchange(awake, order_unless<Policy>(Defect::disarm_unordered, std::memory_order_acquire));
+      // An exchange, not a store: it hands on what a ring that it overwrites has released, for the next arm to acquire.
+      state_.exchange(awake, std::memory_order_relaxed);
     }
   }
 

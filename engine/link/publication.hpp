@@ -9,19 +9,12 @@
 #include <vector>
 
 #include "link/atomics.hpp"
-#include "ringfence/ids.hpp"
-#include "ringfence/pose.hpp"
+#include "ringfence/seen_state.hpp"
 
 namespace ringfence::link {
 
-/// One state that is told to many: where an object is. What the flags mean is between writer and readers.
-struct PublishedState {
-  ObjectNumber number;
-  std::uint32_t flags;
-  Pose pose;
-  constexpr bool operator==(const PublishedState&) const noexcept = default;
-};
-static_assert(sizeof(PublishedState) == 48 && std::is_trivially_copyable_v<PublishedState>);
+/// One state that is told to many: where an object is. One layout here and at the API.
+using PublishedState = SeenState;
 
 /// What one tells many, once a frame: states grouped by cell, written once, read in place by any number of threads.
 ///

@@ -99,7 +99,7 @@ class RingWriter {
         room_(ring.words->capacity + (Policy::defect == Defect::capacity_off_by_one ? 8 : 0)),
         largest_(largest_message_of(ring.words->capacity)) {
     tail_ = published_ = words_->tail.load(std::memory_order_relaxed) & ~RingWords<Policy>::flags;
-    head_seen_ = words_->head.load(std::memory_order_acquire) & ~RingWords<Policy>::flags;
+    see(words_->head.load(std::memory_order_acquire));
   }
 
   std::size_t largest_message() const noexcept { return largest_; }
@@ -119,16 +119,13 @@ class RingWriter {
     return claim(size);
   }
 
-  /// The same, and if there is no room the reader will be told by its next release (which returns true) that this
-  /// writer waits. Costs a read-modify-write only where that has not been asked for already.
+  /// The same, when claim_again has just found no room: asks the reader to say (release returns true) when it next
+  /// releases. Costs a read-modify-write only where that has not been asked for already.
   std::byte* claim_or_ask(std::size_t size) noexcept {
-    if (std::byte* room = claim_again(size)) return room;
     if constexpr (Policy::defect == Defect::waiting_not_said) return nullptr;
-    if (words_->head.load(std::memory_order_relaxed) & RingWords<Policy>::waiting) return nullptr;
-    const std::uint64_t head = words_->head.fetch_or(
-        RingWords<Policy>::waiting, order_unless<Policy>(Defect::wait_unordered, std::memory_order_acquire));
-    if constexpr (Policy::defect == Defect::no_look_after_asking) return nullptr;
-    see(head);
+    if (head_flags_ != 0) return nullptr;
+    see(words_->head.fetch_or(RingWords<Policy>::waiting,
+                              order_unless<Policy>(Defect::wait_unordered, std::memory_order_acquire)));
     return claim(size);
   }
 
@@ -173,9 +170,15 @@ class RingWriter {
 
   bool fits(std::size_t size) const noexcept { return after(size) - head_seen_ <= room_; }
 
-  std::byte* payload() const noexcept { return bytes_ + (tail_ & mask_) + sizeof(MessageHeader); }
+  std::byte* payload() const noexcept {
+    if constexpr (Policy::defect == Defect::overhang_lost) return bytes_ + ((tail_ + sizeof(MessageHeader)) & mask_);
+    return bytes_ + (tail_ & mask_) + sizeof(MessageHeader);
+  }
 
-  void see(std::uint64_t head) noexcept { head_seen_ = head & ~RingWords<Policy>::flags; }
+  void see(std::uint64_t head) noexcept {
+    head_seen_ = head & ~RingWords<Policy>::flags;
+    head_flags_ = head & RingWords<Policy>::flags;
+  }
 
   RingWords<Policy>* words_;
   std::byte* bytes_;
@@ -184,6 +187,7 @@ class RingWriter {
   std::size_t largest_;
   std::uint64_t tail_;
   std::uint64_t head_seen_;
+  std::uint64_t head_flags_ = 0;  ///< seen with it: the reader has been asked already, or has closed
   std::uint64_t published_;
   std::uint64_t closed_ = 0;
 };
@@ -201,8 +205,10 @@ class RingReader {
   bool available() noexcept {
     if (read_ != tail_seen_) return true;
     // Pairs with the store in RingWriter::publish: what lies before the position can be read.
-    tail_seen_ = words_->tail.load(order_unless<Policy>(Defect::peek_unordered, std::memory_order_acquire)) &
-                 ~RingWords<Policy>::flags;
+    const std::uint64_t tail =
+        words_->tail.load(order_unless<Policy>(Defect::peek_unordered, std::memory_order_acquire));
+    tail_seen_ = tail & ~RingWords<Policy>::flags;
+    ended_ = (tail & RingWords<Policy>::closed) != 0;
     return read_ != tail_seen_;
   }
 
@@ -224,11 +230,8 @@ class RingReader {
     return (before & RingWords<Policy>::waiting) != 0;
   }
 
-  /// Whether the writer has closed and its last message has been read.
-  bool ended() const noexcept {
-    const std::uint64_t tail = words_->tail.load(std::memory_order_acquire);
-    return (tail & RingWords<Policy>::closed) != 0 && (tail & ~RingWords<Policy>::flags) == read_;
-  }
+  /// Whether, as far as available() last saw, the writer has closed and its last message has been read.
+  bool ended() const noexcept { return ended_ && read_ == tail_seen_; }
 
   /// Says that nothing more is read.
   void close() noexcept {
@@ -244,6 +247,7 @@ class RingReader {
   std::uint64_t tail_seen_;
   std::uint64_t released_;
   std::uint64_t closed_ = 0;
+  bool ended_ = false;
 };
 
 }  // namespace ringfence::link

@@ -1,0 +1,283 @@
+// What is proven about ring, doorbell and channel: every small program below, in every schedule and with every store
+// that a load may see; and for each seeded defect, that one of them fails.
+#include <string>
+#include <type_traits>
+
+#include <doctest/doctest.h>
+
+#include "link/channel.hpp"
+#include "link/checker.hpp"
+
+namespace ringfence::checker {
+namespace {
+
+using link::Defect;
+
+/// Memory for two of the smallest rings: 64 bytes round, messages of up to 32.
+template <class Policy>
+struct Rings {
+  static constexpr std::uint64_t capacity = 64;
+  static constexpr std::size_t footprint = link::ring_footprint<Policy>(capacity);
+  alignas(link::line_bytes) std::byte memory[2 * footprint];
+
+  Rings() { explorer().watch(memory, sizeof memory); }
+  link::Ring<Policy> make(int which) { return link::make_ring<Policy>(memory + which * footprint, capacity); }
+};
+
+/// The i-th word of the message with that number, 0 on.
+std::uint64_t word_of(int message, std::size_t i) { return static_cast<std::uint64_t>(message) * 100 + i + 1; }
+
+template <class Policy>
+bool send(link::BasicSender<Policy>& sender, int message, std::size_t size) {
+  const std::span<std::byte> room = sender.claim(size);
+  if (room.empty()) return false;
+  for (std::size_t i = 0; i < size / 8; ++i) Policy::write(room.data() + 8 * i, word_of(message, i));
+  sender.commit(size);
+  return true;
+}
+
+template <class Policy>
+void expect(std::span<const std::byte> message, int number, std::size_t size) {
+  if (message.size() != size) return explorer().fail("a message of another length than was sent");
+  for (std::size_t i = 0; i < size / 8; ++i) {
+    if (Policy::read(message.data() + 8 * i) != word_of(number, i))
+      return explorer().fail("a torn or misplaced message");
+  }
+}
+
+/// Nobody waits: whatever is accepted arrives once, whole and in order. Sizes that fill the ring to the last byte,
+/// cross its end, and need padding.
+template <class Policy>
+struct Polling {
+  static constexpr int threads = 2;
+  static constexpr int tries = 8, polls = 8;
+  static std::size_t size_of(int message) { return (message % 3 == 0) ? 12 : (message % 3 == 1) ? 24 : 16; }
+
+  Rings<Policy> rings;
+  link::Ring<Policy> ring = rings.make(0);
+  link::BasicSender<Policy> sender{ring, nullptr};
+  link::BasicReceiver<Policy> receiver{ring, nullptr};
+  int sent = 0, received = 0;
+
+  void thread(int which) {
+    if (which == 1) {
+      for (int i = 0; i < tries; ++i) {
+        if (send(sender, sent, size_of(sent))) ++sent;
+        if (i % 2 == 1) sender.publish();
+      }
+      sender.publish();
+    } else {
+      for (int i = 0; i < polls; ++i) poll(i % 2 == 1);
+    }
+  }
+  void poll(bool release) {
+    const auto message = receiver.next();
+    if (!message.empty()) expect<Policy>(message, received, size_of(received)), ++received;
+    if (release) receiver.release();
+  }
+  void finish() {
+    for (int i = 0; i <= tries && !explorer().failed(); ++i) poll(true);
+    if (sent != received) explorer().fail("a message was lost or doubled");
+  }
+};
+
+/// One sends, one receives, and both sleep whenever they cannot go on: to the last message, or to the end of the link.
+template <class Policy, int messages, std::size_t size, bool publish_each, bool closing>
+struct Streaming {
+  static constexpr int threads = 2;
+
+  Rings<Policy> rings;
+  link::Ring<Policy> ring = rings.make(0);
+  link::BasicDoorbell<Policy> senders_bell, receivers_bell;
+  link::BasicSender<Policy> sender{ring, &receivers_bell};
+  link::BasicReceiver<Policy> receiver{ring, &senders_bell};
+  int received = 0;
+
+  void thread(int which) {
+    if (which == 1) {
+      for (int i = 0; i < messages; ++i) {
+        senders_bell.wait([&] { return send(sender, i, size); });
+        if (publish_each) sender.publish();
+      }
+      closing ? sender.close() : sender.publish();
+    } else {
+      while (closing || received < messages) {
+        receivers_bell.wait([&] { return receiver.has_message() || receiver.closed(); });
+        const auto message = receiver.next();
+        if (message.empty()) return;
+        expect<Policy>(message, received++, size);
+        receiver.release();
+      }
+    }
+  }
+  void finish() {
+    if (received != messages) explorer().fail("a message was lost");
+  }
+};
+
+/// The receiver goes away while the sender waits for room.
+template <class Policy>
+struct Leaving {
+  static constexpr int threads = 2;
+
+  Rings<Policy> rings;
+  link::Ring<Policy> ring = rings.make(0);
+  link::BasicDoorbell<Policy> senders_bell, receivers_bell;
+  link::BasicSender<Policy> sender{ring, &receivers_bell};
+  link::BasicReceiver<Policy> receiver{ring, &senders_bell};
+
+  void thread(int which) {
+    if (which == 1) {
+      for (int i = 0; i < 4; ++i) {
+        senders_bell.wait([&] { return sender.closed() || send(sender, i, 32); });
+        sender.publish();
+      }
+    } else {
+      receivers_bell.wait([&] { return receiver.has_message(); });
+      expect<Policy>(receiver.next(), 0, 32);
+      receiver.release();
+      receiver.close();
+    }
+  }
+  void finish() {
+    if (!sender.closed()) explorer().fail("closing was forgotten");
+  }
+};
+
+/// There and back: one bell a thread, for both directions.
+template <class Policy>
+struct Echo {
+  static constexpr int threads = 2;
+  static constexpr int rounds = 2;
+
+  Rings<Policy> rings;
+  link::Ring<Policy> there = rings.make(0), back = rings.make(1);
+  link::BasicDoorbell<Policy> first_bell, second_bell;
+  link::BasicSender<Policy> ask{there, &second_bell}, answer{back, &first_bell};
+  link::BasicReceiver<Policy> asked{there, &first_bell}, answered{back, &second_bell};
+
+  void thread(int which) {
+    for (int i = 0; i < rounds; ++i) {
+      if (which == 1) {
+        first_bell.wait([&] { return send(ask, i, 8); });
+        ask.publish();
+        first_bell.wait([&] { return answered.has_message(); });
+        expect<Policy>(answered.next(), i, 8);
+        answered.release();
+      } else {
+        second_bell.wait([&] { return asked.has_message(); });
+        expect<Policy>(asked.next(), i, 8);
+        asked.release();
+        second_bell.wait([&] { return send(answer, i, 8); });
+        answer.publish();
+      }
+    }
+  }
+  void finish() {}
+};
+
+/// Two threads ring one bell, each for a ring of its own: the later ring must not hide what the earlier one told.
+template <class Policy>
+struct Gathering {
+  static constexpr int threads = 3;
+
+  Rings<Policy> rings;
+  link::Ring<Policy> ring[2] = {rings.make(0), rings.make(1)};
+  link::BasicDoorbell<Policy> bell;
+  link::BasicSender<Policy> first{ring[0], &bell}, second{ring[1], &bell};
+  link::BasicReceiver<Policy> from_first{ring[0], nullptr}, from_second{ring[1], nullptr};
+
+  void thread(int which) {
+    if (which == 1) {
+      send(first, 0, 8);
+      first.publish();
+    } else if (which == 2) {
+      send(second, 1, 8);
+      second.publish();
+    } else {
+      bell.wait([&] { return from_first.has_message(); });
+      expect<Policy>(from_first.next(), 0, 8);
+      bell.wait([&] { return from_second.has_message(); });
+      expect<Policy>(from_second.next(), 1, 8);
+    }
+  }
+  void finish() {}
+};
+
+/// Far more than any program here has: a program that grew too large fails instead of being cut off.
+constexpr std::uint64_t most_executions = 20'000'000;
+
+struct Verdict {
+  std::uint64_t executions = 0, pruned = 0;
+  bool exhausted = true;
+  std::string failure, trace;
+};
+
+/// Explores all programs on one version of the code, the quickest first, until one fails.
+template <Defect defect>
+Verdict explore_all() {
+  using Policy = CheckedAtomics<defect>;
+  Verdict verdict;
+  const auto next = [&]<class Program>(const char* name, std::type_identity<Program>) {
+    if (!verdict.failure.empty()) return;
+    const Report report = explore<Program>(most_executions);
+    verdict.executions += report.executions;
+    verdict.pruned += report.pruned;
+    verdict.exhausted = verdict.exhausted && report.exhausted;
+    if (report.failure.empty()) return;
+    verdict.failure = std::string(name) + ": " + report.failure;
+    verdict.trace = report.trace;
+  };
+  next("gathering", std::type_identity<Gathering<Policy>>());
+  next("one message and the end", std::type_identity<Streaming<Policy, 1, 32, true, true>>());
+  next("two messages, room for one", std::type_identity<Streaming<Policy, 2, 32, true, false>>());
+  next("three messages, published when full", std::type_identity<Streaming<Policy, 3, 24, false, false>>());
+  next("leaving", std::type_identity<Leaving<Policy>>());
+  next("two messages and the end", std::type_identity<Streaming<Policy, 2, 32, true, true>>());
+  next("echo", std::type_identity<Echo<Policy>>());
+  next("polling", std::type_identity<Polling<Policy>>());
+  next("three messages, room for one", std::type_identity<Streaming<Policy, 3, 32, true, false>>());
+  next("four messages, published when full", std::type_identity<Streaming<Policy, 4, 16, false, false>>());
+  return verdict;
+}
+
+TEST_CASE("ring, doorbell and channel hold in every execution of the small programs") {
+  const Verdict verdict = explore_all<Defect::none>();
+  INFO(verdict.trace);
+  CHECK_MESSAGE(verdict.failure.empty(), verdict.failure);
+  CHECK(verdict.exhausted);
+  MESSAGE(verdict.executions << " executions, all hold; " << verdict.pruned << " repetitions of them left out");
+}
+
+template <Defect defect>
+void expect_found(const char* name, std::string& report) {
+  const Verdict verdict = explore_all<defect>();
+  CHECK_MESSAGE(!verdict.failure.empty(), name << " survived " << verdict.executions << " executions");
+  report += "\n  " + std::string(name) + " after " + std::to_string(verdict.executions) + " by " + verdict.failure;
+}
+
+TEST_CASE("every seeded defect of ring, doorbell and channel is found") {
+  std::string report;
+  expect_found<Defect::publish_unordered>("publish_unordered", report);
+  expect_found<Defect::peek_unordered>("peek_unordered", report);
+  expect_found<Defect::release_unordered>("release_unordered", report);
+  expect_found<Defect::room_unordered>("room_unordered", report);
+  expect_found<Defect::wait_unordered>("wait_unordered", report);
+  expect_found<Defect::ring_unordered>("ring_unordered", report);
+  expect_found<Defect::arm_unordered>("arm_unordered", report);
+  expect_found<Defect::disarm_by_store>("disarm_by_store", report);
+  expect_found<Defect::no_recheck>("no_recheck", report);
+  expect_found<Defect::flag_set_late>("flag_set_late", report);
+  expect_found<Defect::capacity_off_by_one>("capacity_off_by_one", report);
+  expect_found<Defect::early_release>("early_release", report);
+  expect_found<Defect::padding_lost>("padding_lost", report);
+  expect_found<Defect::overhang_lost>("overhang_lost", report);
+  expect_found<Defect::waiter_forgotten>("waiter_forgotten", report);
+  expect_found<Defect::waiting_not_said>("waiting_not_said", report);
+  expect_found<Defect::no_publish_when_full>("no_publish_when_full", report);
+  expect_found<Defect::closing_not_told>("closing_not_told", report);
+  MESSAGE("found, after so many executions:" << report);
+}
+
+}  // namespace
+}  // namespace ringfence::checker

@@ -1,0 +1,179 @@
+// Whether the checker itself allows what C++ allows, and no more: litmus tests with known answers.
+#include <set>
+#include <utility>
+
+#include <doctest/doctest.h>
+
+#include "link/checker.hpp"
+
+namespace ringfence::checker {
+namespace {
+
+using Outcomes = std::set<std::pair<std::uint64_t, std::uint64_t>>;
+constexpr auto relaxed = std::memory_order_relaxed, acquire = std::memory_order_acquire,
+               release = std::memory_order_release;
+Outcomes outcomes;
+
+/// Two locations and what two loads of interest saw.
+struct Litmus {
+  Atomic<std::uint64_t> x{0}, y{0};
+  std::uint64_t first = 9, second = 9;
+  void finish() { outcomes.insert({first, second}); }
+};
+
+template <class Program>
+Outcomes outcomes_of() {
+  outcomes.clear();
+  const Report report = explore<Program>(1'000'000);
+  CHECK(report.exhausted);
+  CHECK(report.failure.empty());
+  return outcomes;
+}
+
+template <std::memory_order store_order, std::memory_order load_order>
+struct MessagePassing : Litmus {
+  static constexpr int threads = 2;
+  void thread(int which) {
+    if (which == 1) {
+      x.store(1, relaxed);
+      y.store(1, store_order);
+    } else {
+      first = y.load(load_order);
+      second = x.load(relaxed);
+    }
+  }
+};
+
+TEST_CASE("the checker lets a message overtake its contents unless it is released and acquired") {
+  const Outcomes ordered{{0, 0}, {0, 1}, {1, 1}};
+  Outcomes all = ordered;
+  all.insert({1, 0});
+  CHECK(outcomes_of<MessagePassing<release, acquire>>() == ordered);
+  CHECK(outcomes_of<MessagePassing<relaxed, acquire>>() == all);
+  CHECK(outcomes_of<MessagePassing<release, relaxed>>() == all);
+}
+
+template <bool by_exchange>
+struct StoreBuffering : Litmus {
+  static constexpr int threads = 2;
+  void thread(int which) {
+    Atomic<std::uint64_t>& mine = which == 1 ? x : y;
+    Atomic<std::uint64_t>& other = which == 1 ? y : x;
+    by_exchange ? static_cast<void>(mine.exchange(1, std::memory_order_acq_rel)) : mine.store(1, release);
+    (which == 1 ? first : second) = other.load(acquire);
+  }
+};
+
+TEST_CASE("the checker lets two threads miss each other's stores, and each other's exchanges elsewhere") {
+  const Outcomes all{{0, 0}, {0, 1}, {1, 0}, {1, 1}};
+  CHECK(outcomes_of<StoreBuffering<false>>() == all);
+  CHECK(outcomes_of<StoreBuffering<true>>() == all);
+}
+
+struct LoadBuffering : Litmus {
+  static constexpr int threads = 2;
+  void thread(int which) {
+    if (which == 1) {
+      first = x.load(relaxed);
+      y.store(1, relaxed);
+    } else {
+      second = y.load(relaxed);
+      x.store(1, relaxed);
+    }
+  }
+};
+
+TEST_CASE("the checker does not cover load buffering") {
+  CHECK(outcomes_of<LoadBuffering>() == Outcomes{{0, 0}, {0, 1}, {1, 0}});
+}
+
+struct Coherence : Litmus {
+  static constexpr int threads = 2;
+  void thread(int which) {
+    if (which == 1) {
+      x.store(1, relaxed);
+      x.store(2, relaxed);
+    } else {
+      first = x.load(relaxed);
+      second = x.load(relaxed);
+    }
+  }
+};
+
+TEST_CASE("the checker never shows a thread an older store after a newer one") {
+  CHECK(outcomes_of<Coherence>() == Outcomes{{0, 0}, {0, 1}, {0, 2}, {1, 1}, {1, 2}, {2, 2}});
+}
+
+struct Exchanges : Litmus {
+  static constexpr int threads = 2;
+  void thread(int which) { (which == 1 ? first : second) = x.exchange(static_cast<std::uint64_t>(which), relaxed); }
+};
+
+TEST_CASE("the checker orders exchanges of one location one after the other") {
+  CHECK(outcomes_of<Exchanges>() == Outcomes{{0, 1}, {2, 0}});
+}
+
+/// A relaxed exchange by a third thread hands on what the release store before it carried.
+struct ReleaseSequence : Litmus {
+  static constexpr int threads = 3;
+  void thread(int which) {
+    if (which == 1) {
+      x.store(1, relaxed);
+      y.store(1, release);
+    } else if (which == 2) {
+      y.fetch_or(2, relaxed);
+    } else {
+      first = y.load(acquire);
+      second = x.load(relaxed);
+    }
+  }
+};
+
+TEST_CASE("the checker keeps release sequences") {
+  const Outcomes seen = outcomes_of<ReleaseSequence>();
+  CHECK(seen.count({3, 0}) == 0);
+  CHECK(seen.count({3, 1}) == 1);
+  CHECK(seen.count({2, 0}) == 1);
+}
+
+/// Four threads: two readers may disagree about the order of two independent stores.
+struct IndependentReads : Litmus {
+  static constexpr int threads = 4;
+  void thread(int which) {
+    if (which == 1) x.store(1, release);
+    if (which == 2) y.store(1, release);
+    if (which == 3) first = 2 * x.load(acquire) + y.load(acquire);
+    if (which == 4) second = 2 * y.load(acquire) + x.load(acquire);
+  }
+};
+
+TEST_CASE("the checker lets readers disagree about the order of independent stores") {
+  CHECK(outcomes_of<IndependentReads>().count({2, 2}) == 1);
+}
+
+struct Race : Litmus {
+  static constexpr int threads = 2;
+  alignas(8) std::byte memory[8] = {};
+  Race() { explorer().watch(memory, sizeof memory); }
+  void thread(int which) {
+    if (which == 1) {
+      explorer().write(memory, 1);
+      x.store(1, release);
+    } else if (x.load(relaxed) == 1) {
+      explorer().read(memory);
+    }
+  }
+};
+
+struct NobodyWakes : Litmus {
+  static constexpr int threads = 1;
+  void thread(int) { explorer().sleep(x.location(), 0); }
+};
+
+TEST_CASE("the checker reports a race on plain memory, and a sleeper that nobody wakes") {
+  CHECK(explore<Race>(1000).failure == "a read of what is not published");
+  CHECK(explore<NobodyWakes>(1000).failure == "a thread sleeps and nobody wakes it");
+}
+
+}  // namespace
+}  // namespace ringfence::checker
