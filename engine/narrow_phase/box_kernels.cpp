@@ -36,11 +36,15 @@ HWY_INLINE Vector<D> towards(D d, const Vector<D>& normal, const Vector<D>& cent
   return scale(d, normal, sign_of(d, dot(d, normal, centre)));
 }
 
+/// Where edge axes start from: the best face axis, less a margin of a few roundings of `size`. Where the two are as
+/// good, a face it is: the deepest place lies on it, and not on the edges that happen to give the same direction.
 template <class D>
-HWY_INLINE EdgeAxis<D> edge_axis_from(D d, hn::Vec<D> face_overlap) {
+HWY_INLINE EdgeAxis<D> edge_axis_from(D d, hn::Vec<D> face_overlap, hn::Vec<D> size) {
   const auto zero = hn::Zero(d), one = hn::Set(d, Scalar<D>{1});
   const Vector<D> none{zero, zero, zero};
-  return {face_overlap * face_overlap, one, none, hn::Set(d, Scalar<D>{-1}), none, zero, face_overlap < zero};
+  const auto roundings = hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-14) : Scalar<D>(1e-6));
+  const auto least = hn::Max(face_overlap - roundings * size, zero);
+  return {least * least, one, none, hn::Set(d, Scalar<D>{-1}), none, zero, face_overlap < zero};
 }
 
 /// Separating axes, all fifteen: the difference of two boxes is a polytope whose faces have these normals, so the
@@ -69,7 +73,7 @@ struct BoxBox {
     try_face_axis(d, q.y + reach(p, v) - hn::Abs(dot(d, t, v)), v, face);
     try_face_axis(d, q.z + reach(p, w) - hn::Abs(dot(d, t, w)), w, face);
 
-    EdgeAxis<D> edge = edge_axis_from(d, face.overlap);
+    EdgeAxis<D> edge = edge_axis_from(d, face.overlap, p.x + p.y + p.z + q.x + q.y + q.z);
     try_edges_along<0>(d, p, t, u, v, w, q, edge);
     try_edges_along<1>(d, p, t, u, v, w, q, edge);
     try_edges_along<2>(d, p, t, u, v, w, q, edge);
@@ -131,13 +135,13 @@ struct BoxCapsule {
     face.normal = unit(d, 0);
     try_face_axis(d, half.y + segment * hn::Abs(u.y) - hn::Abs(centre.y), unit(d, 1), face);
     try_face_axis(d, half.z + segment * hn::Abs(u.z) - hn::Abs(centre.z), unit(d, 2), face);
-    EdgeAxis<D> edge = edge_axis_from(d, face.overlap);
+    const auto size = half.x + half.y + half.z + segment;
+    EdgeAxis<D> edge = edge_axis_from(d, face.overlap, size);
     try_edge_axis<0>(d, half, centre, u, segment, zero, edge);
     try_edge_axis<1>(d, half, centre, u, segment, zero, edge);
     try_edge_axis<2>(d, half, centre, u, segment, zero, edge);
 
     // A gap so small that rounding decides its direction is left to the axes, which are as good there.
-    const auto size = half.x + half.y + half.z + segment;
     const auto rounding = hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-14) : Scalar<D>(4e-6)) * size;
     const auto apart = distance > rounding;
     const auto by_edge = hn::AndNot(apart, edge.box_edge >= zero);

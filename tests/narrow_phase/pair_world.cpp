@@ -1,0 +1,139 @@
+#include "narrow_phase/pair_world.hpp"
+
+#include <optional>
+#include <sstream>
+
+#include "reference/contact_check.hpp"
+#include "reference/separation.hpp"
+
+namespace ringfence::narrow_phase_test {
+namespace {
+
+Vec3d along(const Vec3d& from, const Vec3d& direction, double distance) {
+  return {from.x + direction.x * distance, from.y + direction.y * distance, from.z + direction.z * distance};
+}
+
+double smallest_size(const ShapeDescription& shape) {
+  if (const auto* sphere = std::get_if<Sphere>(&shape)) return sphere->radius;
+  if (const auto* box = std::get_if<Box>(&shape)) {
+    return std::min({box->half_extents.x, box->half_extents.y, box->half_extents.z});
+  }
+  return std::get<Capsule>(shape).radius;
+}
+
+/// A place for b's origin, given a at `a`, that makes trouble.
+Vec3d special_place(Draw& draw, const reference::PreparedShape& a, const Pose& pose_a,
+                    const reference::PreparedShape& b, const Pose& turned_b, double small) {
+  const double reach = a.bounding_radius + b.bounding_radius;
+  switch (draw.below(5)) {
+    case 0:
+      return pose_a.position;
+    case 1:  // almost the same place
+      return along(pose_a.position, draw.direction(), draw.logarithmic(1e-12, 1e-3) * small);
+    case 2: {  // offset along one axis of a, by round shares of the size
+      Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+      return along(pose_a.position, axes[draw.below(3)], a.bounding_radius * 0.25 * draw.below(8));
+    }
+    case 3:  // anywhere within reach
+      return along(pose_a.position, draw.direction(), draw.uniform(0, 1) * reach);
+    default: {  // touching, or off it by a little to either side
+      Pose pose_b = turned_b;
+      const Vec3d direction = draw.direction();
+      double low = 0, high = reach * 1.01;
+      for (int i = 0; i < 40; ++i) {
+        const double middle = (low + high) / 2;
+        pose_b.position = along(pose_a.position, direction, middle);
+        (reference::separation(a, pose_a, b, pose_b).distance > 0 ? high : low) = middle;
+      }
+      const double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-7, 1e-2) * small * (draw.below(2) ? 1 : -1);
+      return along(pose_a.position, direction, low + off);
+    }
+  }
+}
+
+}  // namespace
+
+PairWorld ordinary_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
+  Draw draw(seed);
+  PairWorld world;
+  for (std::size_t i = 0; i < count; ++i) {
+    const ShapeDescription a = draw.ordinary(p), b = draw.ordinary(q);
+    const Vec3d place = along(origin, draw.direction(), draw.uniform(0, 100));
+    const std::uint32_t first = world.add(a, {place, draw.turn()});
+    const double reach = double{world.table->row(world.bodies[first].shape).bounding_radius} + 1.2;
+    const std::uint32_t second =
+        world.add(b, {along(place, draw.direction(), draw.uniform(0, 1.1) * reach), draw.turn()});
+    world.pairs.push_back({first, second});
+  }
+  return world;
+}
+
+PairWorld nasty_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
+  Draw draw(seed);
+  PairWorld world;
+  for (std::size_t i = 0; i < count; ++i) {
+    const ShapeDescription a = draw.nasty(p), b = draw.nasty(q);
+    const Quat turn_a = draw.below(2) == 0 ? Quat{} : draw.turn();
+    const Quat turn_b = draw.below(3) == 0 ? draw.turn() : draw.special_turn(turn_a);
+    const Pose pose_a{origin, turn_a};
+    const std::uint32_t first = world.add(a, pose_a);
+    const std::uint32_t second = world.add(b, {origin, turn_b});
+    const auto& bodies = world.bodies;
+    world.bodies[second].pose.position =
+        special_place(draw, world.reference[bodies[first].shape], pose_a, world.reference[bodies[second].shape],
+                      bodies[second].pose, std::min(smallest_size(a), smallest_size(b)));
+    world.pairs.push_back({first, second});
+  }
+  return world;
+}
+
+Verdict judge(const PairWorld& world, std::span<const geometry::CandidatePair> pairs,
+              std::span<const narrow_phase::PairContact> contacts, double relative, std::size_t most) {
+  std::vector<const narrow_phase::PairContact*> found(pairs.size(), nullptr);
+  Verdict verdict;
+  std::ostringstream text;
+  text.precision(9);
+  verdict.contacts = contacts.size();
+  for (const narrow_phase::PairContact& contact : contacts) {
+    if (contact.pair >= pairs.size() || found[contact.pair] != nullptr) {
+      ++verdict.wrong;
+      text << "pair " << contact.pair << " answered twice or unknown\n";
+      continue;
+    }
+    found[contact.pair] = &contact;
+  }
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const narrow_phase::Body &a = world.bodies[pairs[i].a], &b = world.bodies[pairs[i].b];
+    std::optional<Contact> claimed;
+    if (found[i] != nullptr) {
+      claimed.emplace();
+      claimed->depth = found[i]->depth;
+      claimed->normal = found[i]->normal;
+      claimed->point = {a.pose.position.x + double{found[i]->point.x}, a.pose.position.y + double{found[i]->point.y},
+                        a.pose.position.z + double{found[i]->point.z}};
+    }
+    // The answer itself is in float: a depth, point or normal cannot be better than its rounding at the larger size.
+    const reference::Tolerance tolerance{.relative = relative, .of_larger = 2e-7};
+    const std::string wrong = reference::explain_wrong(world.reference[a.shape], a.pose, world.reference[b.shape],
+                                                       b.pose, claimed ? &*claimed : nullptr, tolerance);
+    if (wrong.empty()) continue;
+    if (verdict.wrong++ >= most) continue;
+    const auto print = [&](const narrow_phase::Body& body) {
+      const geometry::ShapeRow& row = world.table->row(body.shape);
+      const Pose& pose = body.pose;
+      text << name_of(row.kind) << " {" << row.size[0] << ", " << row.size[1] << ", " << row.size[2] << "} at ("
+           << pose.position.x << ", " << pose.position.y << ", " << pose.position.z << ") turned ("
+           << pose.orientation.x << ", " << pose.orientation.y << ", " << pose.orientation.z << ", "
+           << pose.orientation.w << ")";
+    };
+    text << "pair " << i << ": " << wrong << "\n  ";
+    print(a);
+    text << "\n  ";
+    print(b);
+    text << '\n';
+  }
+  verdict.text = text.str();
+  return verdict;
+}
+
+}  // namespace ringfence::narrow_phase_test

@@ -1,0 +1,143 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <random>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "geometry/shape_table.hpp"
+#include "narrow_phase/narrow_phase.hpp"
+#include "reference/shapes.hpp"
+#include "ringfence/shape.hpp"
+
+namespace ringfence::narrow_phase_test {
+
+/// Pairs of objects that are near each other, with all that the narrow phase and the reference need to answer for them.
+struct PairWorld {
+  std::unique_ptr<geometry::ShapeTable> table = std::make_unique<geometry::ShapeTable>();
+  reference::Shapes reference;
+  std::vector<narrow_phase::Body> bodies;
+  std::vector<geometry::CandidatePair> pairs;
+
+  std::uint32_t add(const ShapeDescription& shape, const Pose& pose) {
+    const ShapeNumber number = table->add(shape);
+    reference.add(shape);
+    bodies.push_back({pose, number, static_cast<ObjectNumber>(bodies.size() + 1)});
+    return static_cast<std::uint32_t>(bodies.size() - 1);
+  }
+
+  void add_pair(const ShapeDescription& a, const Pose& pose_a, const ShapeDescription& b, const Pose& pose_b) {
+    const std::uint32_t first = add(a, pose_a);
+    pairs.push_back({first, add(b, pose_b)});
+  }
+
+  const geometry::ShapeTable& shapes() const { return *table; }
+
+  /// The same pairs, each the other way round.
+  std::vector<geometry::CandidatePair> swapped() const {
+    std::vector<geometry::CandidatePair> out;
+    for (const geometry::CandidatePair& pair : pairs) out.push_back({pair.b, pair.a});
+    return out;
+  }
+};
+
+/// Draws shapes and poses: ordinary ones, and those that break kernels.
+class Draw {
+ public:
+  explicit Draw(std::uint64_t seed) : random_(seed) {}
+
+  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
+  double logarithmic(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
+  int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(random_); }
+  Vec3d direction() {
+    for (;;) {
+      const Vec3d v{uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)};
+      const double length = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
+      if (length > 0.1 && length < 1) return {v.x / length, v.y / length, v.z / length};
+    }
+  }
+
+  Quat turn() {
+    const Vec3d axis = direction();
+    return about(axis, uniform(-3.15, 3.15));
+  }
+
+  static Quat about(const Vec3d& axis, double angle) {
+    const double s = std::sin(angle / 2);
+    return unit(axis.x * s, axis.y * s, axis.z * s, std::cos(angle / 2));
+  }
+
+  static Quat unit(double x, double y, double z, double w) {
+    const double length = std::sqrt(x * x + y * y + z * z + w * w);
+    return {static_cast<float>(x / length), static_cast<float>(y / length), static_cast<float>(z / length),
+            static_cast<float>(w / length)};
+  }
+
+  /// Sizes as in a crowd: within a factor of ten.
+  ShapeDescription ordinary(ShapeKind kind) {
+    if (kind == ShapeKind::sphere) return Sphere{size(0.3, 1.5)};
+    if (kind == ShapeKind::box) return Box{{size(0.2, 1.2), size(0.2, 1.2), size(0.2, 1.2)}};
+    return Capsule{size(0.2, 0.8), size(0.1, 1.5)};
+  }
+
+  /// Millimetres to kilometres, plates, needles and rods, round numbers.
+  ShapeDescription nasty(ShapeKind kind) {
+    const double scale = logarithmic(0.03, 30);
+    const auto length = [&] { return static_cast<float>(scale * (below(3) == 0 ? 1.0 : logarithmic(0.033, 33))); };
+    if (kind == ShapeKind::sphere) return Sphere{length()};
+    if (kind == ShapeKind::box) {
+      Box box{{length(), length(), length()}};
+      if (below(4) == 0) box.half_extents.z = 0.0005f;
+      if (below(4) == 0) box.half_extents.y = box.half_extents.x;
+      // The table takes nothing thinner than a millimetre.
+      return box;
+    }
+    return Capsule{length(), below(6) == 0 ? 0.0f : length()};
+  }
+
+  /// A turn that is special to `other`: the same, a quarter of a turn away, or off those by less than rounding shows.
+  Quat special_turn(const Quat& other) {
+    const double h = std::sqrt(0.5);
+    static constexpr double tilts[] = {0, 0, 0, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
+    const double quarters[4][4] = {{0, 0, 0, 1}, {h, 0, 0, h}, {0, h, 0, h}, {0, 0, h, h}};
+    const double* q = quarters[below(4)];
+    const Quat tilt = about(direction(), tilts[below(10)]);
+    const std::array<double, 4> turned = product({other.x, other.y, other.z, other.w}, {q[0], q[1], q[2], q[3]});
+    const std::array<double, 4> out = product({tilt.x, tilt.y, tilt.z, tilt.w}, turned);
+    return unit(out[0], out[1], out[2], out[3]);
+  }
+
+ private:
+  float size(double low, double high) { return static_cast<float>(uniform(low, high)); }
+
+  static std::array<double, 4> product(const std::array<double, 4>& p, const std::array<double, 4>& q) {
+    return {
+        p[3] * q[0] + p[0] * q[3] + p[1] * q[2] - p[2] * q[1], p[3] * q[1] - p[0] * q[2] + p[1] * q[3] + p[2] * q[0],
+        p[3] * q[2] + p[0] * q[1] - p[1] * q[0] + p[2] * q[3], p[3] * q[3] - p[0] * q[0] - p[1] * q[1] - p[2] * q[2]};
+  }
+
+  std::mt19937_64 random_;
+};
+
+/// `count` pairs of two kinds, a of kind `p`, about half in contact, around `origin`.
+PairWorld ordinary_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin = {});
+
+/// `count` pairs of two kinds made to be hard: same centre, nested, touching to within rounding, parallel, crossing,
+/// plates of a millimetre, sizes a thousandfold apart.
+PairWorld nasty_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin = {});
+
+/// What is wrong with the answers to `pairs`, by the reference: at most `most` of them as text, one a line, and how
+/// many there are. `relative` is the band as a share of the smaller bounding radius.
+struct Verdict {
+  std::size_t wrong = 0;
+  std::size_t contacts = 0;
+  std::string text;
+};
+Verdict judge(const PairWorld& world, std::span<const geometry::CandidatePair> pairs,
+              std::span<const narrow_phase::PairContact> contacts, double relative = 1e-4, std::size_t most = 3);
+
+}  // namespace ringfence::narrow_phase_test

@@ -1,0 +1,206 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <random>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "narrow_phase/narrow_phase.hpp"
+#include "narrow_phase/pair_world.hpp"
+#include "narrow_phase/targets.hpp"
+
+using namespace ringfence;
+using namespace ringfence::narrow_phase_test;
+using narrow_phase::NarrowPhase;
+using narrow_phase::PairContact;
+
+namespace {
+
+constexpr ShapeKind primitives[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule};
+
+/// All kinds of pairs in one world, ordinary and nasty, in an order that mixes them.
+struct MixedWorld {
+  explicit MixedWorld(std::uint64_t seed) {
+    for (const ShapeKind p : primitives) {
+      for (const ShapeKind q : primitives) {
+        worlds.push_back(ordinary_pairs(p, q, 300, seed, {1e5, 2, 3}));
+        worlds.push_back(nasty_pairs(p, q, 300, seed, {-7, 1e6, 0}));
+      }
+    }
+    for (PairWorld& world : worlds) {
+      const auto shift = static_cast<ShapeNumber>(shapes.size());
+      const auto offset = static_cast<std::uint32_t>(bodies.size());
+      for (ShapeNumber s = 0; s < world.shapes().size(); ++s) shapes.add(world.shapes().description(s));
+      for (narrow_phase::Body body : world.bodies) {
+        body.shape += shift;
+        bodies.push_back(body);
+      }
+      for (const geometry::CandidatePair& pair : world.pairs) pairs.push_back({pair.a + offset, pair.b + offset});
+    }
+    std::shuffle(pairs.begin(), pairs.end(), std::mt19937_64(seed));
+  }
+
+  std::vector<PairWorld> worlds;
+  geometry::ShapeTable shapes;
+  std::vector<narrow_phase::Body> bodies;
+  std::vector<geometry::CandidatePair> pairs;
+};
+
+std::vector<PairContact> sorted(std::span<const PairContact> contacts) {
+  std::vector<PairContact> out(contacts.begin(), contacts.end());
+  std::sort(out.begin(), out.end(), [](const PairContact& p, const PairContact& q) { return p.pair < q.pair; });
+  return out;
+}
+
+bool same_bits(std::span<const PairContact> p, std::span<const PairContact> q) {
+  return p.size() == q.size() && std::memcmp(p.data(), q.data(), p.size_bytes()) == 0;
+}
+
+bool same_but_pair(const PairContact& p, const PairContact& q) {
+  return std::memcmp(&p.depth, &q.depth, sizeof(PairContact) - sizeof(p.pair)) == 0;
+}
+
+/// Gives the choice of target back also when a check fails.
+struct ForcedTarget {
+  explicit ForcedTarget(const std::string& name) { narrow_phase::force_target(name); }
+  ~ForcedTarget() { narrow_phase::force_target(""); }
+};
+
+}  // namespace
+
+TEST_CASE("every target that the machine can run gives the same bits") {
+  const std::uint64_t seed = 11;
+  INFO("seed ", seed);
+  const MixedWorld world(seed);
+  NarrowPhase narrow_phase(world.shapes);
+  const std::vector<PairContact> expected = sorted(narrow_phase.test(world.bodies, world.pairs));
+  REQUIRE(expected.size() * 5 > world.pairs.size());
+  const std::vector<std::string> targets = narrow_phase::targets();
+  REQUIRE(!targets.empty());
+  for (const std::string& target : targets) {
+    INFO("target ", target);
+    const ForcedTarget forced(target);
+    CHECK(same_bits(sorted(narrow_phase.test(world.bodies, world.pairs)), expected));
+  }
+}
+
+TEST_CASE("an unknown target is refused and leaves the choice as it was") {
+  CHECK_THROWS(narrow_phase::force_target("abacus"));
+  CHECK(!narrow_phase::targets().empty());
+}
+
+TEST_CASE("a pair's answer does not depend on the pairs around it") {
+  const std::uint64_t seed = 12;
+  INFO("seed ", seed);
+  const MixedWorld world(seed);
+  NarrowPhase narrow_phase(world.shapes);
+  const std::vector<PairContact> all = sorted(narrow_phase.test(world.bodies, world.pairs));
+
+  SUBCASE("in another order") {
+    std::vector<std::uint32_t> order(world.pairs.size());
+    for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
+    std::shuffle(order.begin(), order.end(), std::mt19937_64(seed + 1));
+    std::vector<geometry::CandidatePair> shuffled;
+    for (const std::uint32_t i : order) shuffled.push_back(world.pairs[i]);
+    const std::span<const PairContact> found = narrow_phase.test(world.bodies, shuffled);
+    std::vector<PairContact> back(found.begin(), found.end());
+    for (PairContact& contact : back) contact.pair = order[contact.pair];
+    CHECK(same_bits(sorted(back), all));
+  }
+  SUBCASE("in batches of every small size") {
+    std::mt19937_64 random(seed + 2);
+    std::vector<PairContact> pieces;
+    std::size_t begin = 0;
+    while (begin < world.pairs.size()) {
+      const std::size_t size = std::min<std::size_t>(1 + random() % 40, world.pairs.size() - begin);
+      for (PairContact contact : narrow_phase.test(world.bodies, std::span(world.pairs).subspan(begin, size))) {
+        contact.pair += static_cast<std::uint32_t>(begin);
+        pieces.push_back(contact);
+      }
+      begin += size;
+    }
+    CHECK(same_bits(sorted(pieces), all));
+  }
+  SUBCASE("alone") {
+    std::size_t next = 0, different = 0;
+    for (std::size_t i = 0; i < world.pairs.size(); ++i) {
+      const std::span<const PairContact> one = narrow_phase.test(world.bodies, {&world.pairs[i], 1});
+      const bool hit = next < all.size() && all[next].pair == i;
+      if (hit != (one.size() == 1)) {
+        ++different;
+      } else if (hit && !same_but_pair(one[0], all[next])) {
+        ++different;
+      }
+      next += hit;
+    }
+    CHECK(different == 0);
+  }
+}
+
+TEST_CASE("a world shifted by whole powers of two has the same contacts") {
+  const std::uint64_t seed = 13;
+  INFO("seed ", seed);
+  MixedWorld world(seed);
+  NarrowPhase narrow_phase(world.shapes);
+  // Coarse enough that the shift adds no rounding.
+  const double grain = std::ldexp(1.0, -20);
+  for (narrow_phase::Body& body : world.bodies) {
+    Vec3d& p = body.pose.position;
+    p = {std::floor(p.x / grain) * grain, std::floor(p.y / grain) * grain, std::floor(p.z / grain) * grain};
+  }
+  const std::vector<PairContact> here = sorted(narrow_phase.test(world.bodies, world.pairs));
+  for (narrow_phase::Body& body : world.bodies) {
+    body.pose.position.x += 1048576.0;
+    body.pose.position.z -= 524288.0;
+  }
+  CHECK(same_bits(sorted(narrow_phase.test(world.bodies, world.pairs)), here));
+}
+
+TEST_CASE("swapping a and b mirrors the contact") {
+  for (const ShapeKind p : primitives) {
+    for (const ShapeKind q : primitives) {
+      const std::uint64_t seed = 14;
+      INFO(name_of(p), " ", name_of(q), ", seed ", seed);
+      const PairWorld world = ordinary_pairs(p, q, 2000, seed);
+      NarrowPhase narrow_phase(world.shapes());
+      const std::vector<PairContact> one = sorted(narrow_phase.test(world.bodies, world.pairs));
+      const std::vector<PairContact> other = sorted(narrow_phase.test(world.bodies, world.swapped()));
+      REQUIRE(one.size() == other.size());
+      std::size_t turned = 0;
+      for (std::size_t i = 0; i < one.size(); ++i) {
+        REQUIRE(one[i].pair == other[i].pair);
+        CHECK(std::abs(one[i].depth - other[i].depth) < 4e-6f);
+        // Two axes may be as good to within rounding: then the normals may differ, but rarely.
+        const float cosine = -(one[i].normal.x * other[i].normal.x + one[i].normal.y * other[i].normal.y +
+                               one[i].normal.z * other[i].normal.z);
+        turned += cosine < 0.9999f;
+      }
+      CHECK(turned * 500 < one.size());
+    }
+  }
+}
+
+TEST_CASE("what cannot be tested is said so") {
+  CHECK(narrow_phase::can_test(ShapeKind::sphere, ShapeKind::box));
+  CHECK(narrow_phase::can_test(ShapeKind::box, ShapeKind::sphere));
+  CHECK(!narrow_phase::can_test(ShapeKind::mesh, ShapeKind::sphere));
+  CHECK(!narrow_phase::can_test(ShapeKind::sphere, ShapeKind::mesh));
+}
+
+TEST_CASE("candidates, hits and lanes are counted by kind") {
+  const PairWorld world = ordinary_pairs(ShapeKind::capsule, ShapeKind::box, 101, 15);
+  NarrowPhase narrow_phase(world.shapes());
+  const std::size_t hits = narrow_phase.test(world.bodies, world.pairs).size();
+  const narrow_phase::KindCounters& counters = narrow_phase.counters(ShapeKind::capsule, ShapeKind::box);
+  CHECK(&counters == &narrow_phase.counters(ShapeKind::box, ShapeKind::capsule));
+  CHECK(counters.candidates == 101);
+  CHECK(counters.hits == hits);
+  CHECK(counters.lanes >= 101);
+  CHECK(counters.lanes < 101 + 16);
+  CHECK(narrow_phase.counters(ShapeKind::box, ShapeKind::box).candidates == 0);
+  narrow_phase.reset_counters();
+  CHECK(counters.candidates == 0);
+}
