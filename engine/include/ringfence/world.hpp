@@ -11,6 +11,7 @@
 #include "ringfence/frame_report.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/object.hpp"
+#include "ringfence/seen_state.hpp"
 #include "ringfence/shape.hpp"
 #include "ringfence/status.hpp"
 
@@ -24,13 +25,6 @@ struct Spawned {
 struct Connected {
   Status status = Status::ok;
   UserNumber user = no_user;
-};
-
-/// An object as another user node is told of it.
-struct SeenState {
-  ObjectNumber number = 0;
-  std::uint32_t reserved = 0;
-  Pose pose;
 };
 
 /// An object as it stands after the last frame.
@@ -73,7 +67,8 @@ class World {
   /// Disconnects it at the next frame's cut; its avatars are destroyed, what else it hosts goes to other hosts.
   Status disconnect(UserNumber user);
 
-  /// Makes an object from the next frame on. Its id is valid at once, for move, place and destroy too.
+  /// Makes an object from the next frame on: the model's first move takes it from `spec.pose` there. Its id is valid at
+  /// once, for move, place and destroy too.
   Spawned spawn(const ObjectSpec& spec);
   /// Ends an object at the next frame's cut; its contacts end in that frame.
   Status destroy(ObjectId object);
@@ -107,12 +102,16 @@ class World {
   std::span<const Contact> collisions_of(UserNumber user) const noexcept;
   /// Begin and persist contacts of one object, in order of (a, b). Builds an index at the first call after a frame.
   ObjectContacts collisions_of(ObjectId object) const;
-  /// The states of others that the user node read near its avatars in the last frame (WorldConfig::interest).
-  std::span<const SeenState> seen_by(UserNumber user) const noexcept;
+  /// The states of others near the user node's avatars in the last frame, in place, as runs of what was published:
+  /// all that stand within WorldConfig::interest of an avatar, and others in the same cells. Static objects are not
+  /// among them.
+  std::span<const std::span<const SeenState>> seen_by(UserNumber user) const noexcept;
 
-  /// The object as it stands; `id` is null if it is stale.
+  /// The object as it stood after the last frame; `id` is null if it is stale, not yet in the world, or a frame is
+  /// under way.
   ObjectView object(ObjectId object) const noexcept;
-  /// Every live object, in order of number. Copies; meant for checks, saves and debugging.
+  /// Every object in the world, in order of number; empty while a frame is under way. Copies: meant for checks, saves
+  /// and debugging.
   std::vector<ObjectView> objects() const;
   /// The live object with that number; null if there is none.
   ObjectId find(ObjectNumber number) const noexcept;

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "nodes/number_index.hpp"
+#include "ringfence/contact.hpp"
+#include "ringfence/ids.hpp"
+
+namespace ringfence::facade {
+
+/// Which contacts of a frame concern an object. Built once for a frame, when first asked; then each answer is a
+/// look-up.
+class ContactIndex {
+ public:
+  /// Indexes the contacts of one frame; they stay where they are.
+  void build(std::span<const Contact> contacts);
+  /// Indices of the object's contacts, ascending.
+  std::span<const std::uint32_t> of(ObjectNumber number) const noexcept;
+
+ private:
+  nodes::NumberIndex objects_;
+  std::vector<std::uint32_t> begin_;
+  std::vector<std::uint32_t> order_;
+  std::vector<std::uint32_t> ends_;
+};
+
+}  // namespace ringfence::facade

@@ -1,0 +1,106 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "nodes/number_index.hpp"
+#include "ringfence/ids.hpp"
+#include "ringfence/object.hpp"
+
+namespace ringfence::facade {
+
+/// Which objects an embedder may speak of: what is needed to answer a call at once, also while a frame is under way.
+///
+/// Threads: belongs to the thread that calls World.
+class Registry {
+ public:
+  struct Entry {
+    ObjectId id;
+    Category category = Category::active;
+    UserNumber user = no_user;
+    bool ending = false;  ///< destroyed, but its number is in use until the next cut
+  };
+
+  explicit Registry(std::size_t objects) : index_(objects) { entries_.reserve(objects); }
+
+  std::size_t live() const noexcept { return index_.size(); }
+  bool in_use(ObjectNumber number) const noexcept { return index_.find(number) != nodes::NumberIndex::none; }
+
+  /// A number that no object has, counted up from the last one given; 0 if there is none.
+  ObjectNumber free_number() noexcept {
+    for (std::uint64_t tries = 0; tries <= index_.size(); ++tries) {
+      if (++last_number_ == 0) {
+        last_number_ = 1;
+      }
+      if (!in_use(last_number_)) {
+        return last_number_;
+      }
+    }
+    return 0;
+  }
+
+  /// Precondition: the number is not 0 and not in use.
+  ObjectId add(ObjectNumber number, Category category, UserNumber user) {
+    if (++generation_ == 0) {
+      generation_ = 1;
+    }
+    index_.set(number, static_cast<std::uint32_t>(entries_.size()));
+    entries_.push_back({ObjectId::of(number, generation_), category, user, false});
+    return entries_.back().id;
+  }
+
+  /// The entry of a live object; null if the id is null, stale, or the object is ending.
+  const Entry* find(ObjectId id) const noexcept {
+    const std::uint32_t at = id ? index_.find(id.number()) : nodes::NumberIndex::none;
+    const bool live = at != nodes::NumberIndex::none && entries_[at].id == id && !entries_[at].ending;
+    return live ? &entries_[at] : nullptr;
+  }
+  ObjectId find(ObjectNumber number) const noexcept {
+    const std::uint32_t at = number != 0 ? index_.find(number) : nodes::NumberIndex::none;
+    return at == nodes::NumberIndex::none || entries_[at].ending ? ObjectId{} : entries_[at].id;
+  }
+
+  /// Its id is stale from now on; its number is free when the frame that cuts it is complete. Precondition: find(id) is
+  /// not null.
+  void end(ObjectId id) {
+    entries_[index_.find(id.number())].ending = true;
+    ended_.push_back(id.number());
+  }
+  /// Ends all avatars of a user.
+  void end_avatars(UserNumber user) {
+    for (Entry& entry : entries_) {
+      if (entry.user == user && !entry.ending) {
+        entry.ending = true;
+        ended_.push_back(entry.id.number());
+      }
+    }
+  }
+  /// A frame begins: what has ended so far is ended by its cut.
+  void cut() {
+    cut_.swap(ended_);
+    ended_.clear();
+  }
+  /// The frame is complete: the numbers that its cut ended may be given again.
+  void forget_cut() {
+    for (const ObjectNumber number : cut_) {
+      const std::uint32_t at = index_.find(number);
+      index_.erase(number);
+      if (at + 1 != entries_.size()) {
+        entries_[at] = entries_.back();
+        index_.set(entries_[at].id.number(), at);
+      }
+      entries_.pop_back();
+    }
+    cut_.clear();
+  }
+
+ private:
+  nodes::NumberIndex index_;
+  std::vector<Entry> entries_;
+  std::vector<ObjectNumber> ended_;  ///< since the last cut
+  std::vector<ObjectNumber> cut_;    ///< by the cut of the frame under way
+  ObjectNumber last_number_ = 0;
+  std::uint32_t generation_ = 0;
+};
+
+}  // namespace ringfence::facade

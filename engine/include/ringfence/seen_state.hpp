@@ -1,0 +1,21 @@
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include "ringfence/ids.hpp"
+#include "ringfence/pose.hpp"
+
+namespace ringfence {
+
+/// An object as others are told of it: published once a frame by its host, or by the server for it, and read in place
+/// by every user node near it.
+struct SeenState {
+  ObjectNumber number = 0;
+  std::uint32_t flags = 0;  ///< reserved, 0
+  Pose pose;
+  constexpr bool operator==(const SeenState&) const noexcept = default;
+};
+static_assert(sizeof(SeenState) == 48 && std::is_trivially_copyable_v<SeenState>);
+
+}  // namespace ringfence

@@ -1,0 +1,90 @@
+#include "messages/header.hpp"
+
+#include "messages/records.hpp"
+
+namespace ringfence::messages {
+
+Traffic traffic_of(MessageType type) noexcept {
+  switch (type) {
+    case MessageType::state_update:
+      return Traffic::m1;
+    case MessageType::position_update:
+    case MessageType::pairs:
+      return Traffic::m2;
+    case MessageType::collision:
+      return Traffic::m3;
+    case MessageType::notify:
+      return Traffic::m4;
+    case MessageType::hand_over:
+      return Traffic::m5;
+    case MessageType::node_state:
+      return Traffic::state;
+    default:
+      return Traffic::control;
+  }
+}
+
+const char* name_of(MessageType type) noexcept {
+  constexpr const char* names[message_types] = {
+      "none",       "adopt",           "drop",      "place",     "frame_begin", "state_update",
+      "node_state", "position_update", "pairs",     "collision", "narrow_done", "notify",
+      "region_map", "frame_end",       "hand_over", "told",      "refused"};
+  const auto index = static_cast<std::uint16_t>(type);
+  return index < message_types ? names[index] : "unknown";
+}
+
+std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
+  switch (type) {
+    case MessageType::adopt:
+    case MessageType::hand_over:
+      return sizeof(HandOverRecord) + state_bytes;
+    case MessageType::drop:
+      return sizeof(DropRecord);
+    case MessageType::place:
+      return sizeof(PlaceRecord);
+    case MessageType::frame_begin:
+      return 0;
+    case MessageType::state_update:
+      return sizeof(StateRecord) + state_bytes;
+    case MessageType::node_state:
+      return sizeof(NodeStateRecord) + state_bytes;
+    case MessageType::position_update:
+      return sizeof(PositionRecord);
+    case MessageType::pairs:
+      return sizeof(PairRecord);
+    case MessageType::collision:
+      return sizeof(CollisionRecord);
+    case MessageType::narrow_done:
+      return sizeof(NarrowDoneRecord);
+    case MessageType::notify:
+      return sizeof(Contact);
+    case MessageType::region_map:
+      return sizeof(OwnerRecord);
+    case MessageType::frame_end:
+      return sizeof(FrameEndRecord);
+    case MessageType::told:
+      return sizeof(ToldRecord);
+    case MessageType::refused:
+      return sizeof(RefusedRecord);
+  }
+  return 0;
+}
+
+Status decode(std::span<const std::byte> bytes, std::size_t state_bytes, MessageView& out) noexcept {
+  if (bytes.size() < sizeof(Header)) {
+    return Status::bad_message;
+  }
+  Header header;
+  std::memcpy(&header, bytes.data(), sizeof(Header));
+  const bool known = header.version == protocol_version && header.type >= 1 && header.type < message_types;
+  if (!known || header.last > 1 || header.bytes != bytes.size() ||
+      header.record_bytes != record_bytes(static_cast<MessageType>(header.type), state_bytes) ||
+      sizeof(Header) + std::uint64_t{header.count} * header.record_bytes != bytes.size()) {
+    return Status::bad_message;
+  }
+  out.header_ = header;
+  out.records_ = bytes.data() + sizeof(Header);
+  return Status::ok;
+}
+
+}  // namespace ringfence::messages

@@ -1,0 +1,126 @@
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+#include "geometry/bounds.hpp"
+#include "ringfence/contact.hpp"
+#include "ringfence/ids.hpp"
+#include "ringfence/pose.hpp"
+
+namespace ringfence::messages {
+
+/// An object in messages: the server's slot for it, so that nobody has to look it up, and the number and generation
+/// against which the slot is checked.
+struct ObjectRef {
+  std::uint32_t slot = 0;
+  std::uint32_t generation = 0;
+  ObjectNumber number = 0;
+  std::uint32_t flags = 0;  ///< ObjectFlag bits
+};
+
+enum ObjectFlag : std::uint32_t {
+  flag_present = 1,  ///< the object takes part in contacts
+  flag_gone = 2,     ///< position_update: the object is no longer in the receiver's region
+};
+
+/// M1. Followed by the model's state.
+struct StateRecord {
+  ObjectRef object;
+  Pose pose;
+};
+
+/// A CD node's word on an object that it hosts. Followed by the model's state.
+struct NodeStateRecord {
+  ObjectRef object;
+  Pose pose;
+  geometry::Bounds bounds;
+};
+
+/// M2: all that a CD node needs to know of an object to test it.
+struct PositionRecord {
+  ObjectRef object;
+  Pose pose;
+  geometry::Bounds bounds;
+  ShapeNumber shape = 0;
+  std::uint32_t layer = 0;
+};
+
+/// M2: a candidate pair, by slots; `a` has the lower number.
+struct PairRecord {
+  std::uint32_t a = 0;
+  std::uint32_t b = 0;
+};
+
+/// M3.
+struct CollisionRecord {
+  std::uint32_t slot_a = 0;
+  std::uint32_t slot_b = 0;
+  Contact contact;  ///< its phase is not yet known and reads begin
+};
+
+/// Ends a node's narrow phase.
+struct NarrowDoneRecord {
+  std::uint64_t candidates = 0;  ///< pairs that the node owns
+  std::uint64_t tested = 0;
+  std::uint64_t contacts = 0;
+};
+
+/// M5, and the server's order to host an object. Followed by the model's state: the whole of S(k).
+struct HandOverRecord {
+  ObjectRef object;
+  Pose pose;
+  std::uint64_t user_data = 0;
+  ShapeNumber shape = 0;
+  std::uint16_t layer = 0;
+  std::uint16_t category = 0;
+};
+
+struct DropRecord {
+  ObjectRef object;
+};
+
+struct PlaceRecord {
+  ObjectRef object;
+  Pose pose;
+};
+
+struct OwnerRecord {
+  std::uint32_t owner = 0;
+  std::uint32_t reserved = 0;
+};
+
+struct FrameEndRecord {
+  std::uint64_t hand_overs = 0;  ///< that will reach the receiver in this frame
+};
+
+/// What a role did in the frame that it declares complete. Times in nanoseconds.
+struct ToldRecord {
+  std::uint64_t busy_ns = 0, cpu_ns = 0, move_ns = 0, broad_phase_ns = 0, narrow_phase_ns = 0;
+  std::uint64_t hosted = 0, handed_over = 0;
+  std::uint64_t model_failed = 0, not_finite = 0, not_unit = 0;  ///< model outputs refused, by reason
+  std::uint64_t m5_messages = 0, m5_bytes = 0;
+  std::uint64_t published = 0;  ///< states in the role's publication
+  std::uint64_t grown = 0;
+};
+
+struct RefusedRecord {
+  ObjectNumber number = 0;
+  std::uint32_t reason = 0;  ///< Status
+};
+
+static_assert(sizeof(ObjectRef) == 16);
+static_assert(sizeof(StateRecord) == 56);
+static_assert(sizeof(NodeStateRecord) == 80);
+static_assert(sizeof(PositionRecord) == 88);
+static_assert(sizeof(PairRecord) == 8);
+static_assert(sizeof(CollisionRecord) == 144);
+static_assert(sizeof(NarrowDoneRecord) == 24);
+static_assert(sizeof(HandOverRecord) == 72);
+static_assert(sizeof(DropRecord) == 16);
+static_assert(sizeof(PlaceRecord) == 56);
+static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 8 && sizeof(RefusedRecord) == 8);
+static_assert(sizeof(ToldRecord) == 112);
+static_assert(std::is_trivially_copyable_v<CollisionRecord> && std::is_trivially_copyable_v<HandOverRecord>);
+
+}  // namespace ringfence::messages

@@ -1,0 +1,405 @@
+#include "nodes/cd_node_role.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <cstring>
+#include <utility>
+
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+using messages::MessageView;
+using telemetry::ScopedTime;
+
+CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
+    : setup_(setup),
+      self_(Endpoint::node(setup.node)),
+      map_(map),
+      host_(setup.model, setup.objects),
+      known_(setup.objects),
+      sweep_(setup.placement == Placement::region ? setup.objects : 0,
+             setup.placement == Placement::region ? setup.pairs : 0),
+      narrow_(*setup.shapes),
+      leavers_(setup.peers.size()),
+      hand_over_runs_(setup.peers.size()) {
+  pairs_.reserve(setup.pairs);
+}
+
+messages::RunHead CdNodeRole::head(MessageType type, Endpoint to) const noexcept {
+  return {type, self_, to, frame_, map_.epoch()};
+}
+
+Step CdNodeRole::step() {
+  step_start_ = telemetry::now_ns();
+  bool progressed = drain(setup_.server);
+  for (Line& peer : setup_.peers) {
+    if (peer.in != nullptr) {
+      progressed |= drain(peer);
+    }
+  }
+  while (advance()) {
+    progressed = true;
+  }
+  if (progressed) {
+    told_.busy_ns += telemetry::now_ns() - step_start_;
+    return Step::progressed;
+  }
+  const bool sending = stage_ == Stage::reporting || stage_ == Stage::colliding || stage_ == Stage::handing_over ||
+                       stage_ == Stage::telling;
+  return sending ? Step::blocked : Step::idle;
+}
+
+bool CdNodeRole::drain(Line& line) {
+  bool any = false;
+  for (auto bytes = line.in->next(); !bytes.empty(); bytes = line.in->next()) {
+    MessageView message;
+    if (messages::decode(bytes, host_.state_bytes(), message) == Status::ok) {
+      receive(message);
+    }
+    any = true;
+  }
+  if (any) {
+    line.in->release();
+  }
+  return any;
+}
+
+void CdNodeRole::receive(const MessageView& message) {
+  switch (message.type()) {
+    case MessageType::hand_over:
+      hand_overs_heard_ += message.count();
+      [[fallthrough]];
+    case MessageType::adopt:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        host_.adopt(message.record<messages::HandOverRecord>(i), message.state<messages::HandOverRecord>(i));
+      }
+      return;
+    case MessageType::drop:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        host_.drop(message.record<messages::DropRecord>(i).object.number);
+      }
+      return;
+    case MessageType::place:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        const auto record = message.record<messages::PlaceRecord>(i);
+        host_.place(record.object.number, record.pose, (record.object.flags & messages::flag_present) != 0);
+      }
+      return;
+    case MessageType::frame_begin:
+      return begin(message.header().frame);
+    case MessageType::position_update:
+      return hear_positions(message);
+    case MessageType::pairs:
+      return hear_pairs(message);
+    case MessageType::notify:
+      return hear_contacts(message);
+    case MessageType::region_map:
+      return hear_owners(message);
+    case MessageType::frame_end:
+      hand_overs_expected_ = message.record<messages::FrameEndRecord>(0).hand_overs;
+      end_heard_ = true;
+      return;
+    default:
+      return;
+  }
+}
+
+void CdNodeRole::begin(std::uint64_t frame) {
+  frame_ = frame;
+  positions_heard_ = contacts_heard_ = end_heard_ = false;
+  pairs_heard_ = setup_.placement == Placement::region;
+  hand_overs_heard_ = 0;
+  pairs_.clear();
+  new_owners_.clear();
+  host_.begin_contacts(frame);
+  told_ = {};
+  cpu_start_ = telemetry::thread_cpu_ns();
+  {
+    ScopedTime time(told_.move_ns);
+    host_.move(frame);
+    changed_bounds_.clear();
+    for (const std::uint32_t hosted : host_.changed()) {
+      learn_own_move(hosted);
+    }
+  }
+  states_run_.start(host_.changed().size());
+  stage_ = Stage::reporting;
+}
+
+// The server tells a node of every object in its region but those that the node itself hosts and reported.
+void CdNodeRole::learn_own_move(std::uint32_t hosted) {
+  const Hosted& object = host_[hosted];
+  const geometry::Bounds bounds = setup_.shapes->bounds(object.shape, object.pose, *setup_.space);
+  changed_bounds_.push_back(bounds);
+  if ((object.object.flags & messages::flag_present) == 0) {
+    known_.forget(object.object.slot);
+    return;
+  }
+  if (map_.covers(map_.grid().cells_of(bounds), setup_.node)) {
+    known_.set({object.object, object.pose, bounds, object.shape, object.layer});
+  } else {
+    known_.forget(object.object.slot);
+  }
+}
+
+void CdNodeRole::hear_positions(const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto record = message.record<messages::PositionRecord>(i);
+    if ((record.object.flags & messages::flag_gone) != 0) {
+      known_.forget(record.object.slot);
+    } else {
+      known_.set(record);
+    }
+  }
+  positions_heard_ |= message.last();
+}
+
+void CdNodeRole::hear_pairs(const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto pair = message.record<messages::PairRecord>(i);
+    const geometry::CandidatePair known{known_.find(pair.a), known_.find(pair.b)};
+    assert(known.a != KnownObjects::none && known.b != KnownObjects::none);
+    pairs_.push_back(known);
+  }
+  pairs_heard_ |= message.last();
+}
+
+void CdNodeRole::hear_contacts(const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    // Between frames these are the last contacts of an object that was taken over.
+    if (stage_ == Stage::waiting) {
+      host_.add_late_contact(message.record<Contact>(i));
+    } else {
+      host_.add_contact(frame_, message.record<Contact>(i));
+    }
+  }
+  contacts_heard_ |= message.last() && stage_ != Stage::waiting;
+}
+
+void CdNodeRole::hear_owners(const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    new_owners_.push_back(message.record<messages::OwnerRecord>(i).owner);
+  }
+  if (message.last()) {
+    map_.assign(new_owners_, static_cast<std::uint32_t>(setup_.peers.size()), message.header().epoch);
+    // Under a new map the server tells everyone of everything in its region anew.
+    known_.clear();
+  }
+}
+
+void CdNodeRole::sweep() {
+  ScopedTime time(told_.broad_phase_ns);
+  const auto bounds = known_.bounds();
+  const auto bodies = known_.bodies();
+  for (geometry::CandidatePair pair : sweep_.find(bounds, known_.present(), known_.resting())) {
+    const bool collide = (setup_.layer_masks[known_.layer(pair.a)] >> known_.layer(pair.b) & 1u) != 0;
+    if (!collide || map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
+      continue;
+    }
+    if (bodies[pair.b].number < bodies[pair.a].number) {
+      std::swap(pair.a, pair.b);
+    }
+    pairs_.push_back(pair);
+  }
+  known_.settle();
+}
+
+void CdNodeRole::detect() {
+  if (setup_.placement == Placement::region) {
+    sweep();
+  }
+  {
+    ScopedTime time(told_.narrow_phase_ns);
+    contacts_ = narrow_.test(known_.bodies(), pairs_);
+    tested_ = count_tested();
+    const auto bodies = known_.bodies();
+    order_.clear();
+    for (const narrow_phase::PairContact& contact : contacts_) {
+      const geometry::CandidatePair pair = pairs_[contact.pair];
+      order_.add(bodies[pair.a].number, bodies[pair.b].number);
+    }
+    order_.sort();
+  }
+  collisions_run_.start(contacts_.size());
+  done_run_.start(1);
+}
+
+// Counted by the kernels themselves, so that "each pair once" is checked against what was done, not what was asked.
+std::uint64_t CdNodeRole::count_tested() {
+  std::uint64_t tested = 0;
+  for (std::size_t p = 0; p < shape_kinds; ++p) {
+    for (std::size_t q = p; q < shape_kinds; ++q) {
+      tested += narrow_.counters(static_cast<ShapeKind>(p), static_cast<ShapeKind>(q)).candidates;
+    }
+  }
+  narrow_.reset_counters();
+  return tested;
+}
+
+void CdNodeRole::fill_collision(std::size_t i, std::byte* where) const {
+  const narrow_phase::PairContact& found = contacts_[order_.at(i)];
+  const geometry::CandidatePair pair = pairs_[found.pair];
+  const auto bodies = known_.bodies();
+  const narrow_phase::Body& a = bodies[pair.a];
+  const narrow_phase::Body& b = bodies[pair.b];
+  messages::CollisionRecord record;
+  record.slot_a = known_.slot(pair.a);
+  record.slot_b = known_.slot(pair.b);
+  Contact& contact = record.contact;
+  contact.a = a.number;
+  contact.b = b.number;
+  contact.depth = found.depth;
+  contact.normal = found.normal;
+  contact.point = {a.pose.position.x + static_cast<double>(found.point.x),
+                   a.pose.position.y + static_cast<double>(found.point.y),
+                   a.pose.position.z + static_cast<double>(found.point.z)};
+  contact.pose_a = a.pose;
+  contact.pose_b = b.pose;
+  std::memcpy(where, &record, sizeof record);
+}
+
+// Who hosts what in the next frame follows from the poses and the region map, so the server expects the same.
+void CdNodeRole::list_leavers() {
+  for (auto& leavers : leavers_) {
+    leavers.clear();
+  }
+  for (std::size_t i = 0; i < host_.size(); ++i) {
+    std::uint32_t point[3];
+    setup_.space->point(host_[i].pose.position, point);
+    const NodeNumber next = map_.owner_at(point);
+    if (next != setup_.node) {
+      leavers_[next].push_back(host_[i].object.number);
+    }
+  }
+  for (std::size_t peer = 0; peer < leavers_.size(); ++peer) {
+    if (!leavers_[peer].empty()) {
+      hand_over_runs_[peer].start(leavers_[peer].size());
+    }
+  }
+}
+
+bool CdNodeRole::send_states() {
+  const auto changed = host_.changed();
+  return states_run_.pump(*setup_.server.out, head(MessageType::node_state, Endpoint::server()),
+                          sizeof(messages::NodeStateRecord) + host_.state_bytes(), traffic_,
+                          [&](std::size_t i, std::byte* where) {
+                            const Hosted& object = host_[changed[i]];
+                            const messages::NodeStateRecord record{object.object, object.pose, changed_bounds_[i]};
+                            std::memcpy(where, &record, sizeof record);
+                            if (host_.state_bytes() != 0) {
+                              std::memcpy(where + sizeof record, host_.state(changed[i]), host_.state_bytes());
+                            }
+                          });
+}
+
+bool CdNodeRole::send_collisions() {
+  link::Sender& out = *setup_.server.out;
+  const bool sent =
+      collisions_run_.pump(out, head(MessageType::collision, Endpoint::server()), sizeof(messages::CollisionRecord),
+                           traffic_, [&](std::size_t i, std::byte* where) { fill_collision(i, where); });
+  return sent && done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()),
+                                sizeof(messages::NarrowDoneRecord), traffic_, [&](std::size_t, std::byte* where) {
+                                  const messages::NarrowDoneRecord record{pairs_.size(), tested_, contacts_.size()};
+                                  std::memcpy(where, &record, sizeof record);
+                                });
+}
+
+bool CdNodeRole::send_hand_overs() {
+  bool all = true;
+  for (NodeNumber peer = 0; peer < leavers_.size(); ++peer) {
+    if (hand_over_runs_[peer].done()) {
+      continue;
+    }
+    const auto& leavers = leavers_[peer];
+    all &= hand_over_runs_[peer].pump(*setup_.peers[peer].out, head(MessageType::hand_over, Endpoint::node(peer)),
+                                      sizeof(messages::HandOverRecord) + host_.state_bytes(), traffic_,
+                                      [&](std::size_t i, std::byte* where) {
+                                        const std::uint32_t hosted = host_.find(leavers[i]);
+                                        const messages::HandOverRecord record = host_.hand_over(hosted);
+                                        std::memcpy(where, &record, sizeof record);
+                                        if (host_.state_bytes() != 0) {
+                                          std::memcpy(where + sizeof record, host_.state(hosted), host_.state_bytes());
+                                        }
+                                        host_.drop(leavers[i]);
+                                        ++told_.handed_over;
+                                      });
+  }
+  return all;
+}
+
+bool CdNodeRole::send_told() {
+  return told_run_.pump(*setup_.server.out, head(MessageType::told, Endpoint::server()), sizeof(messages::ToldRecord),
+                        traffic_, [&](std::size_t, std::byte* where) {
+                          told_.busy_ns += telemetry::now_ns() - step_start_;
+                          told_.cpu_ns = telemetry::thread_cpu_ns() - cpu_start_;
+                          told_.hosted = host_.size();
+                          const HostRefusals& refusals = host_.refusals();
+                          told_.model_failed = refusals.model_failed;
+                          told_.not_finite = refusals.not_finite;
+                          told_.not_unit = refusals.not_unit;
+                          const TrafficReport& m5 = traffic_[static_cast<std::size_t>(Traffic::m5)];
+                          told_.m5_messages = m5.messages;
+                          told_.m5_bytes = m5.bytes;
+                          std::memcpy(where, &told_, sizeof told_);
+                        });
+}
+
+// One transition of the frame; false where it has to wait.
+bool CdNodeRole::advance() {
+  switch (stage_) {
+    case Stage::waiting:
+      return false;
+    case Stage::reporting:
+      if (!send_states()) {
+        return false;
+      }
+      stage_ = Stage::gathering;
+      return true;
+    case Stage::gathering:
+      if (!positions_heard_ || !pairs_heard_) {
+        return false;
+      }
+      detect();
+      stage_ = Stage::colliding;
+      return true;
+    case Stage::colliding:
+      if (!send_collisions()) {
+        return false;
+      }
+      stage_ = Stage::ending;
+      return true;
+    case Stage::ending:
+      if (!contacts_heard_ || !end_heard_) {
+        return false;
+      }
+      list_leavers();
+      stage_ = Stage::handing_over;
+      return true;
+    case Stage::handing_over:
+      if (!send_hand_overs()) {
+        return false;
+      }
+      stage_ = Stage::settling;
+      return true;
+    case Stage::settling:
+      if (hand_overs_heard_ < hand_overs_expected_) {
+        return false;
+      }
+      told_run_.start(1);
+      stage_ = Stage::telling;
+      return true;
+    case Stage::telling:
+      if (!send_told()) {
+        return false;
+      }
+      traffic_ = {};
+      stage_ = Stage::waiting;
+      return true;
+  }
+  return false;
+}
+
+}  // namespace ringfence::nodes

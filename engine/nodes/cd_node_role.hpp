@@ -1,0 +1,111 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "broad_phase/sweep_and_prune.hpp"
+#include "geometry/bounds.hpp"
+#include "geometry/shape_table.hpp"
+#include "messages/run.hpp"
+#include "narrow_phase/narrow_phase.hpp"
+#include "nodes/contact_order.hpp"
+#include "nodes/host.hpp"
+#include "nodes/known_objects.hpp"
+#include "nodes/role.hpp"
+#include "regions/region_map.hpp"
+#include "ringfence/config.hpp"
+
+namespace ringfence::nodes {
+
+/// What a CD node is given. The pointers outlive the role.
+struct CdNodeSetup {
+  NodeNumber node = 0;
+  const geometry::ShapeTable* shapes = nullptr;
+  const geometry::FixedSpace* space = nullptr;
+  const MotionModel* model = nullptr;  ///< null: nothing moves by itself
+  Placement placement = Placement::server;
+  std::array<std::uint32_t, 32> layer_masks{};  ///< which layers each layer collides with
+  std::size_t objects = 0;                      ///< reserved
+  std::size_t pairs = 0;                        ///< reserved
+  Line server;
+  std::vector<Line> peers;  ///< by node number; the own entry is empty
+};
+
+/// A collision detection node: owns regions, tests the candidate pairs that fall to it, each once; in user/collision
+/// deployment it also hosts, moves and responds for the objects of its regions.
+///
+/// A frame, in the order of its messages: frame_begin; move what is hosted, tell the server (node_state); hear who
+/// else is in the region (M2) and which pairs to test, or sweep for them; test; tell the contacts (M3); hear what
+/// concerns the hosted objects (M4); hand over what crossed a border (M5); told.
+///
+/// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
+class CdNodeRole {
+ public:
+  CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map);
+
+  Step step();
+
+  /// The objects hosted after the last frame. Only while no frame is under way.
+  const Host& host() const noexcept { return host_; }
+
+ private:
+  enum class Stage : std::uint8_t { waiting, reporting, gathering, colliding, ending, handing_over, settling, telling };
+
+  bool drain(Line& line);
+  void receive(const messages::MessageView& message);
+  void begin(std::uint64_t frame);
+  void learn_own_move(std::uint32_t hosted);
+  void hear_positions(const messages::MessageView& message);
+  void hear_pairs(const messages::MessageView& message);
+  void hear_contacts(const messages::MessageView& message);
+  void hear_owners(const messages::MessageView& message);
+  void detect();
+  void sweep();
+  std::uint64_t count_tested();
+  void list_leavers();
+  bool advance();
+  bool send_states();
+  bool send_collisions();
+  bool send_hand_overs();
+  bool send_told();
+  void fill_collision(std::size_t i, std::byte* where) const;
+  messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
+
+  CdNodeSetup setup_;
+  messages::Endpoint self_;
+  regions::RegionMap map_;
+  Host host_;
+  KnownObjects known_;
+  broad_phase::SweepAndPrune sweep_;
+  narrow_phase::NarrowPhase narrow_;
+
+  Stage stage_ = Stage::waiting;
+  std::uint64_t frame_ = 0;
+  bool positions_heard_ = false;
+  bool pairs_heard_ = false;
+  bool contacts_heard_ = false;
+  bool end_heard_ = false;
+  std::uint64_t hand_overs_expected_ = 0;
+  std::uint64_t hand_overs_heard_ = 0;
+
+  std::vector<geometry::CandidatePair> pairs_;  ///< indices into known_
+  std::span<const narrow_phase::PairContact> contacts_;
+  std::uint64_t tested_ = 0;
+  std::vector<geometry::Bounds> changed_bounds_;  ///< parallel to host_.changed()
+  ContactOrder order_;
+  std::vector<NodeNumber> new_owners_;
+  std::vector<std::vector<ObjectNumber>> leavers_;  ///< by the node that hosts them next
+
+  messages::RunSender states_run_, collisions_run_, done_run_, told_run_;
+  std::vector<messages::RunSender> hand_over_runs_;
+  messages::TrafficCounts traffic_{};
+  messages::ToldRecord told_;
+  std::uint64_t cpu_start_ = 0;
+  std::uint64_t step_start_ = 0;
+};
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,137 @@
+#include "nodes/dispatch.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+Dispatch::Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Placement placement,
+                   const std::array<std::uint32_t, 32>& layer_masks)
+    : placement_(placement),
+      layer_masks_(layer_masks),
+      sweep_(placement == Placement::server ? objects : 0, placement == Placement::server ? pairs : 0),
+      updates_(nodes),
+      pairs_(nodes),
+      update_runs_(nodes),
+      pair_runs_(nodes),
+      stamps_(nodes, 0) {
+  for (std::size_t node = 0; node < nodes; ++node) {
+    updates_[node].reserve(std::min(objects, 2 * objects / nodes + 64));
+    pairs_[node].reserve(placement == Placement::server ? std::min(pairs, 2 * pairs / nodes + 64) : 0);
+  }
+}
+
+void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map, bool everything) {
+  for (auto& updates : updates_) {
+    updates.clear();
+  }
+  if (everything) {
+    for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
+      list_update(objects, map, slot, true);
+    }
+    return;
+  }
+  for (const std::uint32_t slot : objects.moved()) {
+    list_update(objects, map, slot, false);
+  }
+}
+
+void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot, bool everything) {
+  ObjectRow& row = objects.row(slot);
+  const bool present = objects.present()[slot] != 0;
+  const regions::CellBox now = present ? map.grid().cells_of(objects.bounds(slot)) : regions::CellBox{};
+  // The host keeps its own account of what it reported; under a new map it has started afresh like all others.
+  const NodeNumber self = row.reported_by_node && row.host.is_node() && !everything ? row.host.number() : 0xffffffffu;
+  ++stamp_;
+  if (present) {
+    regions::for_each_owner(map, now, stamps_, stamp_, [&](NodeNumber node) {
+      stamps_[node] = stamp_;
+      if (node != self) {
+        updates_[node].push_back(slot);
+      }
+    });
+  }
+  if (row.is_told && !everything && !(present && now == row.told)) {
+    // Stamped nodes are told where it is now; the others that knew it learn that it has gone.
+    const auto leave = [&](NodeNumber node) {
+      if (node != self) {
+        updates_[node].push_back(slot | gone);
+      }
+    };
+    if (!row.told.single()) {
+      regions::for_each_owner(map, row.told, stamps_, stamp_, leave);
+    } else if (const NodeNumber node =
+                   map.owner(map.grid().index(row.told.lower[0], row.told.lower[1], row.told.lower[2]));
+               stamps_[node] != stamp_) {
+      leave(node);
+    }
+  }
+  row.told = now;
+  row.is_told = present;
+}
+
+void Dispatch::list_pairs(const ObjectTable& objects, const regions::RegionMap& map) {
+  for (auto& pairs : pairs_) {
+    pairs.clear();
+  }
+  candidates_ = 0;
+  const auto bounds = objects.bounds();
+  for (const geometry::CandidatePair pair : sweep_.find(bounds, objects.present(), objects.resting())) {
+    const ObjectRow& p = objects.row(pair.a);
+    const ObjectRow& q = objects.row(pair.b);
+    if ((layer_masks_[p.layer] >> q.layer & 1u) == 0) {
+      continue;
+    }
+    const NodeNumber owner = map.pair_owner(bounds[pair.a], bounds[pair.b]);
+    const bool ordered = p.object.number < q.object.number;
+    pairs_[owner].push_back(ordered ? messages::PairRecord{pair.a, pair.b} : messages::PairRecord{pair.b, pair.a});
+    ++candidates_;
+  }
+}
+
+void Dispatch::start() {
+  for (std::size_t node = 0; node < updates_.size(); ++node) {
+    update_runs_[node].start(updates_[node].size());
+    pair_runs_[node].start(pairs_[node].size());
+  }
+}
+
+bool Dispatch::pump(std::span<Line> nodes, const ObjectTable& objects, const messages::RunHead& head,
+                    messages::TrafficCounts& counts) {
+  bool all = true;
+  for (NodeNumber node = 0; node < nodes.size(); ++node) {
+    all &= pump_node(node, nodes[node], objects, head, counts);
+  }
+  return all;
+}
+
+bool Dispatch::pump_node(NodeNumber node, Line& line, const ObjectTable& objects, messages::RunHead head,
+                         messages::TrafficCounts& counts) {
+  head.destination = Endpoint::node(node);
+  head.type = MessageType::position_update;
+  const auto& updates = updates_[node];
+  const bool told = update_runs_[node].pump(
+      *line.out, head, sizeof(messages::PositionRecord), counts, [&](std::size_t i, std::byte* where) {
+        const std::uint32_t slot = updates[i] & ~gone;
+        const ObjectRow& row = objects.row(slot);
+        messages::PositionRecord record{row.object, row.pose, objects.bounds()[slot], row.shape, row.layer};
+        if ((updates[i] & gone) != 0) {
+          record.object.flags |= messages::flag_gone;
+        }
+        std::memcpy(where, &record, sizeof record);
+      });
+  if (!told || placement_ == Placement::region) {
+    return told;
+  }
+  head.type = MessageType::pairs;
+  const auto& pairs = pairs_[node];
+  return pair_runs_[node].pump(
+      *line.out, head, sizeof(messages::PairRecord), counts,
+      [&](std::size_t i, std::byte* where) { std::memcpy(where, &pairs[i], sizeof pairs[i]); });
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "broad_phase/sweep_and_prune.hpp"
+#include "messages/run.hpp"
+#include "nodes/object_table.hpp"
+#include "nodes/role.hpp"
+#include "regions/region_map.hpp"
+#include "ringfence/config.hpp"
+
+namespace ringfence::nodes {
+
+/// M2: decides which CD node is told of which object and, with the broad phase on the server, which node owns which
+/// candidate pair; and sends both.
+///
+/// A node is told of an object when it moves within, into or out of the node's region, but not of what it hosts and
+/// reported itself. Threads: belongs to the server role. Memory: grows to the largest frame.
+class Dispatch {
+ public:
+  Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Placement placement,
+           const std::array<std::uint32_t, 32>& layer_masks);
+
+  /// Lists who is told of what moved; with `everything`, of every present object anew (the map has changed).
+  void list_updates(ObjectTable& objects, const regions::RegionMap& map, bool everything);
+  /// Sweeps all objects and lists each candidate with its owner. Only with Placement::server.
+  void list_pairs(const ObjectTable& objects, const regions::RegionMap& map);
+  /// Starts sending what was listed.
+  void start();
+  /// Sends as much as the links take; true when all is sent.
+  bool pump(std::span<Line> nodes, const ObjectTable& objects, const messages::RunHead& head,
+            messages::TrafficCounts& counts);
+
+  /// Candidates that `node` was given. Only with Placement::server.
+  std::size_t pairs_of(NodeNumber node) const noexcept { return pairs_[node].size(); }
+  std::size_t candidates() const noexcept { return candidates_; }
+
+ private:
+  static constexpr std::uint32_t gone = 0x80000000u;
+
+  void list_update(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot, bool everything);
+  bool pump_node(NodeNumber node, Line& line, const ObjectTable& objects, messages::RunHead head,
+                 messages::TrafficCounts& counts);
+
+  Placement placement_;
+  std::array<std::uint32_t, 32> layer_masks_;
+  broad_phase::SweepAndPrune sweep_;
+  std::vector<std::vector<std::uint32_t>> updates_;  ///< by node: slots, with the bit `gone`
+  std::vector<std::vector<messages::PairRecord>> pairs_;
+  std::vector<messages::RunSender> update_runs_, pair_runs_;
+  std::vector<std::uint64_t> stamps_;
+  std::uint64_t stamp_ = 0;
+  std::size_t candidates_ = 0;
+};
+
+}  // namespace ringfence::nodes

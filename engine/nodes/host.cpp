@@ -1,0 +1,226 @@
+#include "nodes/host.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+namespace ringfence::nodes {
+
+using messages::flag_present;
+
+Host::Host(const MotionModel* model, std::size_t objects)
+    : model_(model), state_bytes_(model == nullptr ? 0 : (model->state_bytes() + 7) / 8 * 8), index_(objects) {
+  hosted_.reserve(objects);
+  states_.reserve(objects * state_bytes_);
+  touched_.reserve(objects);
+  changed_.reserve(objects);
+  contact_begin_.reserve(objects + 1);
+  steered_.reserve(64);
+  scratch_.resize(batch * state_bytes_);
+}
+
+void Host::adopt(const messages::HandOverRecord& record, const std::byte* state) {
+  index_.set(record.object.number, static_cast<std::uint32_t>(hosted_.size()));
+  hosted_.push_back({record.object, record.pose, record.user_data, record.shape, record.layer, record.category});
+  states_.insert(states_.end(), state, state + state_bytes_);
+  touched_.push_back(0);
+}
+
+void Host::drop(ObjectNumber number) {
+  const std::uint32_t i = index_.find(number);
+  if (i == NumberIndex::none) {
+    return;
+  }
+  index_.erase(number);
+  const std::size_t last = hosted_.size() - 1;
+  if (i != last) {
+    hosted_[i] = hosted_[last];
+    touched_[i] = touched_[last];
+    std::memcpy(states_.data() + i * state_bytes_, states_.data() + last * state_bytes_, state_bytes_);
+    index_.set(hosted_[i].object.number, i);
+  }
+  hosted_.pop_back();
+  touched_.pop_back();
+  states_.resize(last * state_bytes_);
+}
+
+messages::HandOverRecord Host::hand_over(std::size_t i) const noexcept {
+  const Hosted& hosted = hosted_[i];
+  return {hosted.object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category};
+}
+
+void Host::place(ObjectNumber number, const Pose& pose, bool present) {
+  const std::uint32_t i = index_.find(number);
+  if (i == NumberIndex::none) {
+    return;
+  }
+  hosted_[i].pose = pose;
+  hosted_[i].object.flags = present ? flag_present : 0u;
+  touched_[i] = 1;
+}
+
+void Host::steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
+
+// Late contacts are rare (a user node came or went), so they are simply sorted in among the others.
+std::span<const Contact> Host::gather_contacts(std::uint64_t frame) {
+  const auto known = contacts(frame - 1);
+  if (late_.empty()) {
+    return known;
+  }
+  late_.insert(late_.end(), known.begin(), known.end());
+  const auto key = [](const Contact& contact) { return std::pair(contact.a, contact.b); };
+  std::sort(late_.begin(), late_.end(), [&](const Contact& p, const Contact& q) { return key(p) < key(q); });
+  const auto same = [&](const Contact& p, const Contact& q) { return key(p) == key(q); };
+  late_.erase(std::unique(late_.begin(), late_.end(), same), late_.end());
+  return late_;
+}
+
+// A stable counting sort of the contacts by hosted object: the order (a, b) within each is kept.
+void Host::sort_contacts() {
+  const std::size_t objects = hosted_.size();
+  contact_begin_.assign(objects + 1, 0);
+  contact_ends_.clear();
+  std::size_t total = 0;
+  for (const Contact& contact : known_contacts_) {
+    const bool ended = contact.phase == Phase::end;
+    for (const ObjectNumber number : {contact.a, contact.b}) {
+      const std::uint32_t i = ended ? NumberIndex::none : index_.find(number);
+      contact_ends_.push_back(i);
+      if (i != NumberIndex::none) {
+        ++contact_begin_[i + 1];
+        ++total;
+      }
+    }
+  }
+  for (std::size_t i = 0; i < objects; ++i) {
+    contact_begin_[i + 1] += contact_begin_[i];
+  }
+  contact_order_.resize(total);
+  for (std::size_t e = 0; e < contact_ends_.size(); ++e) {
+    if (contact_ends_[e] != NumberIndex::none) {
+      contact_order_[contact_begin_[contact_ends_[e]]++] = static_cast<std::uint32_t>(e / 2);
+    }
+  }
+  // The fill moved each begin to its end, which is where the next one began.
+  for (std::size_t i = objects; i > 0; --i) {
+    contact_begin_[i] = contact_begin_[i - 1];
+  }
+  contact_begin_[0] = 0;
+}
+
+void Host::move(std::uint64_t frame) {
+  changed_.clear();
+  refusals_ = {};
+  if (model_ != nullptr) {
+    known_contacts_ = gather_contacts(frame);
+    sort_contacts();
+    for (std::size_t first = 0; first < hosted_.size(); first += batch) {
+      move_batch(frame, first, std::min(batch, hosted_.size() - first));
+    }
+  }
+  for (const Steered& steered : steered_) {
+    const std::uint32_t i = index_.find(steered.number);
+    if (i != NumberIndex::none) {
+      hosted_[i].pose = steered.pose;
+      hosted_[i].object.flags = flag_present;
+      touched_[i] = 1;
+    }
+  }
+  steered_.clear();
+  late_.clear();
+  for (std::size_t i = 0; i < hosted_.size(); ++i) {
+    if (touched_[i] != 0) {
+      touched_[i] = 0;
+      changed_.push_back(static_cast<std::uint32_t>(i));
+    }
+  }
+}
+
+void Host::move_batch(std::uint64_t frame, std::size_t first, std::size_t count) {
+  if (call_model(frame, first, count)) {
+    for (std::size_t i = 0; i < count; ++i) {
+      accept(first + i, outputs_[i]);
+    }
+    return;
+  }
+  // The model threw somewhere in the batch. It is pure, so each object is tried alone and only the guilty stand still.
+  for (std::size_t i = 0; i < count; ++i) {
+    if (call_model(frame, first + i, 1)) {
+      accept(first + i, outputs_[0]);
+    } else {
+      ++refusals_.model_failed;
+    }
+  }
+}
+
+bool Host::call_model(std::uint64_t frame, std::size_t first, std::size_t count) {
+  if (state_bytes_ != 0) {
+    std::memcpy(scratch_.data(), state(first), count * state_bytes_);
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    const Hosted& hosted = hosted_[first + i];
+    const std::uint32_t begin = contact_begin_[first + i];
+    const std::span<const std::uint32_t> order(contact_order_.data() + begin, contact_begin_[first + i + 1] - begin);
+    const bool present = (hosted.object.flags & flag_present) != 0;
+    inputs_[i] = {
+        hosted.object.number, hosted.shape,     static_cast<Category>(hosted.category),       present, hosted.user_data,
+        hosted.pose,          state(first + i), ObjectContacts(known_contacts_.data(), order)};
+    outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_};
+  }
+  try {
+    model_->move(frame, std::span<const MotionInput>(inputs_, count), std::span<MotionOutput>(outputs_, count));
+  } catch (...) {
+    return false;
+  }
+  return true;
+}
+
+void Host::accept(std::size_t i, const MotionOutput& output) {
+  Hosted& hosted = hosted_[i];
+  const std::uint32_t flags = output.present ? flag_present : 0u;
+  const bool moved = std::memcmp(&output.pose, &hosted.pose, sizeof(Pose)) != 0;
+  if (moved) {
+    Pose pose = output.pose;
+    const Status status = make_valid(pose);
+    if (status != Status::ok) {
+      ++(status == Status::not_finite ? refusals_.not_finite : refusals_.not_unit);
+      return;
+    }
+    hosted.pose = pose;
+  }
+  std::byte* kept = states_.data() + i * state_bytes_;
+  if (moved || flags != hosted.object.flags ||
+      (state_bytes_ != 0 && std::memcmp(kept, output.state, state_bytes_) != 0)) {
+    touched_[i] = 1;
+  }
+  hosted.object.flags = flags;
+  if (state_bytes_ != 0) {
+    std::memcpy(kept, output.state, state_bytes_);
+  }
+}
+
+Status make_valid(Pose& pose) noexcept {
+  const Vec3d& p = pose.position;
+  Quat& q = pose.orientation;
+  const bool finite = std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z) && std::isfinite(q.x) &&
+                      std::isfinite(q.y) && std::isfinite(q.z) && std::isfinite(q.w);
+  if (!finite) {
+    return Status::not_finite;
+  }
+  const double x = q.x, y = q.y, z = q.z, w = q.w;
+  const double square = x * x + y * y + z * z + w * w;
+  const double off = std::abs(square - 1.0);
+  if (!(off <= 2.001e-3)) {
+    return Status::not_unit;
+  }
+  // Four floats rounded from a unit quaternion are within 2.4e-7 of it in square, so this leaves them alone.
+  if (off > 1e-6) {
+    const double length = std::sqrt(square);
+    q = {static_cast<float>(x / length), static_cast<float>(y / length), static_cast<float>(z / length),
+         static_cast<float>(w / length)};
+  }
+  return Status::ok;
+}
+
+}  // namespace ringfence::nodes

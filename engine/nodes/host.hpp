@@ -1,0 +1,114 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "messages/records.hpp"
+#include "nodes/number_index.hpp"
+#include "ringfence/contact.hpp"
+#include "ringfence/motion_model.hpp"
+#include "ringfence/object.hpp"
+#include "ringfence/status.hpp"
+
+namespace ringfence::nodes {
+
+/// An object in the hands of its host: S(k), without the model's part.
+struct Hosted {
+  messages::ObjectRef object;  ///< flags: flag_present
+  Pose pose;
+  std::uint64_t user_data = 0;
+  ShapeNumber shape = 0;
+  std::uint16_t layer = 0;
+  std::uint16_t category = 0;
+};
+
+/// Counts of model outputs that were refused; the objects stood still.
+struct HostRefusals {
+  std::uint64_t model_failed = 0, not_finite = 0, not_unit = 0;
+};
+
+/// The objects that one role hosts, and how they move: S(k) from S(k-1) and C(k-1).
+///
+/// The same for user nodes, the server and CD nodes: which of them hosts an object cannot be seen in its states.
+/// Threads: belongs to its role. Memory: grows with the objects and contacts hosted.
+class Host {
+ public:
+  /// `model` may be null (nothing moves by itself) and outlives the host. `objects` are reserved.
+  Host(const MotionModel* model, std::size_t objects);
+
+  std::size_t size() const noexcept { return hosted_.size(); }
+  const Hosted& operator[](std::size_t i) const noexcept { return hosted_[i]; }
+  /// The model's part of the state of hosted object i; state_bytes() long.
+  const std::byte* state(std::size_t i) const noexcept { return states_.data() + i * state_bytes_; }
+  /// The model's state_bytes() rounded up to 8: what messages carry.
+  std::size_t state_bytes() const noexcept { return state_bytes_; }
+  /// Index of a hosted object, or NumberIndex::none.
+  std::uint32_t find(ObjectNumber number) const noexcept { return index_.find(number); }
+
+  /// Takes over an object with its whole state.
+  void adopt(const messages::HandOverRecord& record, const std::byte* state);
+  /// Forgets an object. The last one takes its index. Does nothing if it is not hosted.
+  void drop(ObjectNumber number);
+  /// What the next host must be given.
+  messages::HandOverRecord hand_over(std::size_t i) const noexcept;
+  /// Sets the pose from outside before the next move; the model goes on from there.
+  void place(ObjectNumber number, const Pose& pose, bool present);
+  /// In the next move the object stands at `pose`, whatever the model says. Counts for one frame.
+  void steer(ObjectNumber number, const Pose& pose);
+
+  /// Empties C(frame), of which the contacts then follow. C(frame - 1) stays readable, also for other threads.
+  void begin_contacts(std::uint64_t frame) noexcept { contacts_[frame & 1].clear(); }
+  /// Adds the next contact of C(frame), in order of (a, b). Ended ones are kept for whoever asks, not for the model.
+  void add_contact(std::uint64_t frame, const Contact& contact) { contacts_[frame & 1].push_back(contact); }
+  /// Adds a contact of C(frame - 1) before move(frame): what a new host is told of an object that it took over between
+  /// two frames. In any order, and possibly known already.
+  void add_late_contact(const Contact& contact) { late_.push_back(contact); }
+  /// What was added for that frame or, with the same parity, the one two before.
+  std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return contacts_[frame & 1]; }
+
+  /// S(frame) of all hosted objects from S(frame - 1) and C(frame - 1). Afterwards changed() lists those whose pose,
+  /// presence or state differ.
+  void move(std::uint64_t frame);
+  std::span<const std::uint32_t> changed() const noexcept { return changed_; }
+  const HostRefusals& refusals() const noexcept { return refusals_; }
+
+ private:
+  static constexpr std::size_t batch = 64;
+
+  std::span<const Contact> gather_contacts(std::uint64_t frame);
+  void sort_contacts();
+  void move_batch(std::uint64_t frame, std::size_t first, std::size_t count);
+  bool call_model(std::uint64_t frame, std::size_t first, std::size_t count);
+  void accept(std::size_t i, const MotionOutput& output);
+
+  const MotionModel* model_;
+  std::size_t state_bytes_;
+  std::vector<Hosted> hosted_;
+  std::vector<std::byte> states_;
+  std::vector<std::uint8_t> touched_;  ///< placed since the last move: counts as changed
+  NumberIndex index_;
+  std::vector<Contact> contacts_[2];  ///< by parity of the frame
+  std::vector<Contact> late_;
+  std::span<const Contact> known_contacts_;   ///< C(k-1) while moving
+  std::vector<std::uint32_t> contact_begin_;  ///< by hosted object: its run in contact_order_
+  std::vector<std::uint32_t> contact_order_;
+  std::vector<std::uint32_t> contact_ends_;  ///< two a contact: the hosted objects, or none
+  struct Steered {
+    ObjectNumber number;
+    Pose pose;
+  };
+  std::vector<Steered> steered_;
+  std::vector<std::uint32_t> changed_;
+  HostRefusals refusals_;
+  MotionInput inputs_[batch];
+  MotionOutput outputs_[batch];
+  std::vector<std::byte> scratch_;
+};
+
+/// Whether a pose may stand in the world, and its orientation made unit where it is not already within rounding.
+/// Returns ok, not_finite or not_unit; `pose` changes only with ok. Idempotent: what it returned it accepts unchanged.
+Status make_valid(Pose& pose) noexcept;
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,75 @@
+#include "nodes/known_objects.hpp"
+
+#include <algorithm>
+
+namespace ringfence::nodes {
+
+KnownObjects::KnownObjects(std::size_t objects) {
+  index_.reserve(objects);
+  slots_.reserve(objects);
+  bodies_.reserve(objects);
+  bounds_.reserve(objects);
+  layers_.reserve(objects);
+  resting_.reserve(objects);
+  present_.reserve(objects);
+}
+
+void KnownObjects::set(const messages::PositionRecord& record) {
+  const std::uint32_t slot = record.object.slot;
+  if (slot >= index_.size()) {
+    index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
+  }
+  std::uint32_t i = index_[slot];
+  if (i == none) {
+    i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
+    slots_.push_back(slot);
+    bodies_.emplace_back();
+    bounds_.emplace_back();
+    layers_.push_back(0);
+    resting_.push_back(0);
+    present_.push_back(1);
+  }
+  bodies_[i] = {record.pose, record.shape, record.object.number};
+  bounds_[i] = record.bounds;
+  layers_[i] = static_cast<std::uint8_t>(record.layer);
+  resting_[i] = 0;
+}
+
+void KnownObjects::forget(std::uint32_t slot) {
+  const std::uint32_t i = find(slot);
+  if (i == none) {
+    return;
+  }
+  const std::size_t last = slots_.size() - 1;
+  if (i != last) {
+    slots_[i] = slots_[last];
+    bodies_[i] = bodies_[last];
+    bounds_[i] = bounds_[last];
+    layers_[i] = layers_[last];
+    resting_[i] = 0;
+    index_[slots_[i]] = i;
+  }
+  slots_.pop_back();
+  bodies_.pop_back();
+  bounds_.pop_back();
+  layers_.pop_back();
+  resting_.pop_back();
+  present_.pop_back();
+  index_[slot] = none;
+}
+
+void KnownObjects::clear() noexcept {
+  for (const std::uint32_t slot : slots_) {
+    index_[slot] = none;
+  }
+  slots_.clear();
+  bodies_.clear();
+  bounds_.clear();
+  layers_.clear();
+  resting_.clear();
+  present_.clear();
+}
+
+void KnownObjects::settle() noexcept { std::fill(resting_.begin(), resting_.end(), std::uint8_t{1}); }
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "geometry/bounds.hpp"
+#include "messages/records.hpp"
+#include "narrow_phase/narrow_phase.hpp"
+
+namespace ringfence::nodes {
+
+/// The objects that overlap a CD node's region, as the node last heard of them, packed for its sweep and narrow phase.
+///
+/// Threads: belongs to its CD node. Memory: grows with the objects known; four bytes a slot of the world.
+class KnownObjects {
+ public:
+  static constexpr std::uint32_t none = 0xffffffffu;
+
+  explicit KnownObjects(std::size_t objects);
+
+  std::size_t size() const noexcept { return slots_.size(); }
+  /// Index of the object in a slot, or none.
+  std::uint32_t find(std::uint32_t slot) const noexcept { return slot < index_.size() ? index_[slot] : none; }
+
+  /// Adds an object or replaces what is known of it.
+  void set(const messages::PositionRecord& record);
+  /// Forgets it; the last one takes its index. Does nothing if it is not known.
+  void forget(std::uint32_t slot);
+  void clear() noexcept;
+
+  std::span<const narrow_phase::Body> bodies() const noexcept { return bodies_; }
+  std::span<const geometry::Bounds> bounds() const noexcept { return bounds_; }
+  std::uint32_t slot(std::size_t i) const noexcept { return slots_[i]; }
+  std::uint8_t layer(std::size_t i) const noexcept { return layers_[i]; }
+
+  /// One byte an object: 1 where nothing about it has changed since the last call of settle().
+  std::span<const std::uint8_t> resting() const noexcept { return resting_; }
+  /// One byte an object, all 1: what is known is present.
+  std::span<const std::uint8_t> present() const noexcept { return present_; }
+  void settle() noexcept;
+
+ private:
+  std::vector<std::uint32_t> index_;  ///< by slot
+  std::vector<std::uint32_t> slots_;
+  std::vector<narrow_phase::Body> bodies_;
+  std::vector<geometry::Bounds> bounds_;
+  std::vector<std::uint8_t> layers_;
+  std::vector<std::uint8_t> resting_;
+  std::vector<std::uint8_t> present_;
+};
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "messages/run.hpp"
+#include "nodes/role.hpp"
+#include "ringfence/contact.hpp"
+
+namespace ringfence::nodes {
+
+/// What the server has for one of the roles that it talks to: the line, what is to be sent, and what has been heard.
+struct Party {
+  messages::Endpoint self;
+  Line line;
+  bool connected = false;
+
+  // To be sent before a frame: objects by slot, contacts by index in the frame before.
+  std::vector<std::uint32_t> drops, adoptions, placements;
+  std::vector<Contact> late_contacts;
+  // To be sent after the narrow phase: indices of contacts, with the bit `ended` for those of the list of ended ones.
+  std::vector<std::uint32_t> notices;
+  std::uint64_t hand_overs = 0;  ///< that will reach it (CD nodes)
+  static constexpr std::uint32_t ended = 0x80000000u;
+
+  messages::RunSender drop_run, adopt_run, place_run, late_run, begin_run;
+  messages::RunSender map_run, notice_run, end_run;
+
+  // Heard in this frame.
+  bool states_heard = false;
+  bool tested_heard = false;
+  bool told_heard = false;
+};
+
+}  // namespace ringfence::nodes

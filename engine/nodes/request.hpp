@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+
+#include "nodes/role.hpp"
+#include "ringfence/ids.hpp"
+#include "ringfence/object.hpp"
+
+namespace ringfence::nodes {
+
+/// What is asked of the server for its next cut. Checked by the facade; applied in the order in which it was asked.
+struct Request {
+  enum class Kind : std::uint8_t { connect, disconnect, spawn, destroy, place, remove };
+
+  Kind kind = Kind::spawn;
+  ObjectId object;            ///< spawn, destroy, place, remove
+  ObjectSpec spec;            ///< spawn; place: its pose
+  UserNumber user = no_user;  ///< connect, disconnect
+  Line line;                  ///< connect
+};
+
+}  // namespace ringfence::nodes

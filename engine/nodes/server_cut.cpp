@@ -1,0 +1,227 @@
+// The server's cut: requests become objects, users and hosts, and every host is told before its frame begins.
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "nodes/server_role.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+void ServerRole::cut() {
+  frame_ = frames_++;
+  begin_ns_ = mark_ns_ = telemetry::now_ns();
+  cpu_begin_ns_ = telemetry::thread_cpu_ns();
+  ingest_ns_ = 0;
+  FrameReport& frame = report();
+  std::vector<NodeReport> nodes = std::move(frame.nodes);
+  std::fill(nodes.begin(), nodes.end(), NodeReport{});
+  frame = {};
+  frame.nodes = std::move(nodes);
+  frame.frame = frame_;
+
+  objects_.settle();
+  users_changed_ = false;
+  for (const Request& request : setup_.order->requests) {
+    apply(request);
+  }
+  for (const Rehosting& change : hosting_.settle(objects_, map_, connected_, users_changed_)) {
+    rehost(change);
+  }
+  ledger_.begin(frame_);
+  host_.begin_contacts(frame_);
+  all_parties([&](Party& party) {
+    party.drop_run.start(party.drops.size());
+    party.adopt_run.start(party.adoptions.size());
+    party.place_run.start(party.placements.size());
+    party.late_run.start(party.late_contacts.size());
+    party.begin_run.start(0);
+    party.hand_overs = 0;
+    party.states_heard = party.tested_heard = party.told_heard = false;
+    return true;
+  });
+  stage_ = Stage::opening;
+}
+
+void ServerRole::apply(const Request& request) {
+  switch (request.kind) {
+    case Request::Kind::connect:
+      return connect(request);
+    case Request::Kind::disconnect:
+      return disconnect(request.user);
+    case Request::Kind::spawn:
+      return spawn(request);
+    case Request::Kind::destroy:
+    case Request::Kind::place:
+    case Request::Kind::remove:
+      break;
+  }
+  const std::uint32_t slot = objects_.find(request.object.number());
+  if (slot == NumberIndex::none || objects_.row(slot).object.generation != request.object.generation()) {
+    return;
+  }
+  if (request.kind == Request::Kind::destroy) {
+    end_object(slot);
+  } else if (request.kind == Request::Kind::place) {
+    place(slot, request.spec.pose, true);
+  } else {
+    place(slot, objects_.row(slot).pose, false);
+  }
+}
+
+void ServerRole::connect(const Request& request) {
+  if (request.user >= users_.size()) {
+    users_.resize(request.user + 1);
+  }
+  Party& party = users_[request.user];
+  party = {};
+  party.self = Endpoint::user(request.user);
+  party.line = request.line;
+  party.connected = true;
+  connected_.insert(std::lower_bound(connected_.begin(), connected_.end(), request.user), request.user);
+  users_changed_ = true;
+}
+
+void ServerRole::disconnect(UserNumber user) {
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    const ObjectRow& row = objects_.row(slot);
+    if (row.alive && row.user == user) {
+      end_object(slot);
+    }
+  }
+  users_[user].connected = false;
+  connected_.erase(std::lower_bound(connected_.begin(), connected_.end(), user));
+  users_changed_ = true;
+}
+
+void ServerRole::spawn(const Request& request) {
+  const std::uint32_t slot = objects_.add(request.object, request.spec);
+  objects_.bounds(slot) = setup_.shapes->bounds(request.spec.shape, request.spec.pose, *setup_.space);
+  if (setup_.model == nullptr) {
+    return;
+  }
+  try {
+    setup_.model->start(request.spec, objects_.state(slot));
+  } catch (...) {
+    std::fill_n(objects_.state(slot), objects_.state_bytes(), std::byte{0});
+    refuse(Status::model_failed);
+  }
+}
+
+void ServerRole::end_object(std::uint32_t slot) {
+  const ObjectRow& row = objects_.row(slot);
+  if (Party* party = party_of(row.host)) {
+    party->drops.push_back(slot);
+  } else if (row.host.is_server()) {
+    host_.drop(row.object.number);
+  }
+  objects_.end(slot);
+}
+
+void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {
+  ObjectRow& row = objects_.row(slot);
+  row.pose = pose;
+  row.object.flags = present ? messages::flag_present : 0u;
+  objects_.bounds(slot) = setup_.shapes->bounds(row.shape, pose, *setup_.space);
+  objects_.mark_moved(slot);
+  if (Party* party = party_of(row.host)) {
+    party->placements.push_back(slot);
+  } else if (row.host.is_server()) {
+    host_.place(row.object.number, pose, present);
+  }
+}
+
+void ServerRole::rehost(const Rehosting& change) {
+  const ObjectRow& row = objects_.row(change.slot);
+  if (Party* from = party_of(change.from)) {
+    from->drops.push_back(change.slot);
+  } else if (change.from.is_server()) {
+    host_.drop(row.object.number);
+  }
+  if (Party* to = party_of(change.to)) {
+    to->adoptions.push_back(change.slot);
+  } else if (change.to.is_server()) {
+    host_.adopt({row.object, row.pose, row.user_data, row.shape, row.layer, row.category}, objects_.state(change.slot));
+  }
+  if (change.from != Endpoint::none()) {
+    ++report().handed_over;
+    tell_late_contacts(change.slot, change.to);
+  }
+}
+
+// The new host answers the contacts of the frame before, so it must know them. Rare: users came or went.
+void ServerRole::tell_late_contacts(std::uint32_t slot, Endpoint host) {
+  const auto contacts = ledger_.contacts(frame_ - 1);
+  const auto slots = ledger_.slots(frame_ - 1);
+  Party* party = party_of(host);
+  for (std::size_t i = 0; i < slots.size(); ++i) {
+    if (slots[i].a != slot && slots[i].b != slot) {
+      continue;
+    }
+    if (party != nullptr) {
+      party->late_contacts.push_back(contacts[i]);
+    } else {
+      host_.add_late_contact(contacts[i]);
+    }
+  }
+}
+
+Party* ServerRole::party_of(Endpoint endpoint) noexcept {
+  if (endpoint == Endpoint::none()) {
+    return nullptr;
+  }
+  if (endpoint.is_node()) {
+    return &nodes_[endpoint.number()];
+  }
+  if (endpoint.is_user() && users_[endpoint.number()].connected) {
+    return &users_[endpoint.number()];
+  }
+  return nullptr;
+}
+
+// Orders first, then the word to begin: whoever hears it knows what it hosts.
+bool ServerRole::open(Party& party) {
+  link::Sender& out = *party.line.out;
+  auto& counts = report().traffic;
+  const std::size_t state_bytes = objects_.state_bytes();
+  const auto send = [&](messages::RunSender& run, auto& list, MessageType type, auto fill) {
+    if (list.empty()) {
+      return true;
+    }
+    if (!run.pump(out, head(type, party.self), messages::record_bytes(type, state_bytes), counts, fill)) {
+      return false;
+    }
+    list.clear();
+    return true;
+  };
+  const bool sent =
+      send(party.drop_run, party.drops, MessageType::drop,
+           [&](std::size_t i, std::byte* where) {
+             const messages::DropRecord record{objects_.row(party.drops[i]).object};
+             std::memcpy(where, &record, sizeof record);
+           }) &&
+      send(party.adopt_run, party.adoptions, MessageType::adopt,
+           [&](std::size_t i, std::byte* where) {
+             const std::uint32_t slot = party.adoptions[i];
+             const ObjectRow& row = objects_.row(slot);
+             const messages::HandOverRecord record{row.object, row.pose,  row.user_data,
+                                                   row.shape,  row.layer, row.category};
+             std::memcpy(where, &record, sizeof record);
+             std::memcpy(where + sizeof record, objects_.state(slot), state_bytes);
+           }) &&
+      send(party.place_run, party.placements, MessageType::place,
+           [&](std::size_t i, std::byte* where) {
+             const ObjectRow& row = objects_.row(party.placements[i]);
+             const messages::PlaceRecord record{row.object, row.pose};
+             std::memcpy(where, &record, sizeof record);
+           }) &&
+      send(party.late_run, party.late_contacts, MessageType::notify,
+           [&](std::size_t i, std::byte* where) { std::memcpy(where, &party.late_contacts[i], sizeof(Contact)); });
+  return sent && party.begin_run.pump(out, head(MessageType::frame_begin, party.self), 0, counts,
+                                      [](std::size_t, std::byte*) {});
+}
+
+}  // namespace ringfence::nodes

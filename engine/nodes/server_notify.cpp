@@ -1,0 +1,138 @@
+// The server's last stage: who hosts what in the next frame, and who is told of which contact.
+#include <cstring>
+
+#include "nodes/contact_order.hpp"
+#include "nodes/server_role.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+// In user/collision deployment hosts follow the poses and the region map. The nodes conclude the same from what they
+// hold; here it says to whom contacts go, and how many hand-overs each node has to wait for.
+void ServerRole::next_hosts() {
+  if (setup_.deployment != Deployment::user_collision) {
+    return;
+  }
+  const auto follow = [&](std::uint32_t slot) {
+    ObjectRow& row = objects_.row(slot);
+    if (!row.alive || !row.host.is_node()) {
+      return;
+    }
+    const NodeNumber next = hosting_.node_at(row.pose.position, map_);
+    if (row.host.number() != next) {
+      row.host = Endpoint::node(next);
+      ++nodes_[next].hand_overs;
+      ++report().handed_over;
+    }
+  };
+  if (map_changed_) {
+    for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+      follow(slot);
+    }
+  } else {
+    for (const std::uint32_t slot : objects_.moved()) {
+      follow(slot);
+    }
+  }
+}
+
+void ServerRole::list_notice(std::uint32_t notice, const Contact& contact, const SlotPair& slots) {
+  const Endpoint first = objects_.row(slots.a).host;
+  const Endpoint second = objects_.row(slots.b).host;
+  const auto tell = [&](Endpoint host) {
+    if (Party* party = party_of(host)) {
+      party->notices.push_back(notice);
+    } else if (host.is_server()) {
+      host_.add_contact(frame_, contact);
+    }
+  };
+  tell(first);
+  if (second != first) {
+    tell(second);
+  }
+}
+
+// Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order too.
+void ServerRole::list_notices() {
+  all_parties([](Party& party) {
+    party.notices.clear();
+    return true;
+  });
+  const auto contacts = ledger_.contacts(frame_);
+  const auto ended = ledger_.ended(frame_);
+  std::uint32_t i = 0;
+  std::uint32_t j = 0;
+  while (i < contacts.size() || j < ended.size()) {
+    const bool live = j == ended.size() || (i < contacts.size() && ContactOrder::key(contacts[i].a, contacts[i].b) <
+                                                                       ContactOrder::key(ended[j].a, ended[j].b));
+    if (live) {
+      list_notice(i, contacts[i], ledger_.slots(frame_)[i]);
+      ++i;
+    } else {
+      list_notice(j | Party::ended, ended[j], ledger_.ended_slots(frame_)[j]);
+      ++j;
+    }
+  }
+  all_parties([&](Party& party) {
+    party.notice_run.start(party.notices.size());
+    party.end_run.start(1);
+    party.map_run.start(map_.owners().size());
+    return true;
+  });
+}
+
+// The state relay: to the user nodes the server appears to host every active and non-active object.
+void ServerRole::publish() {
+  if (setup_.interest <= 0 || connected_.empty()) {
+    return;
+  }
+  if (setup_.deployment == Deployment::user) {
+    return;  // each user node publishes what it hosts
+  }
+  PublicationWriter writer(*setup_.publications, setup_.publications->server, frame_);
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    const ObjectRow& row = objects_.row(slot);
+    const auto category = static_cast<Category>(row.category);
+    if (objects_.present()[slot] != 0 && (category == Category::active || category == Category::non_active)) {
+      writer.add(row.object.number, row.pose);
+    }
+  }
+  TrafficReport& traffic = report().traffic[static_cast<std::size_t>(Traffic::state)];
+  const std::uint64_t states = writer.publish();
+  ++traffic.messages;
+  traffic.records += states;
+  traffic.bytes += states * sizeof(link::PublishedState);
+}
+
+bool ServerRole::notify(Party& party) {
+  link::Sender& out = *party.line.out;
+  auto& counts = report().traffic;
+  const bool node = party.self.is_node();
+  if (node && map_changed_ &&
+      !party.map_run.pump(out, head(MessageType::region_map, party.self), sizeof(messages::OwnerRecord), counts,
+                          [&](std::size_t i, std::byte* where) {
+                            const messages::OwnerRecord record{map_.owners()[i], 0};
+                            std::memcpy(where, &record, sizeof record);
+                          })) {
+    return false;
+  }
+  const bool sent = party.notice_run.pump(
+      out, head(MessageType::notify, party.self), sizeof(Contact), counts, [&](std::size_t i, std::byte* where) {
+        const std::uint32_t notice = party.notices[i];
+        const Contact& contact = (notice & Party::ended) != 0 ? ledger_.ended(frame_)[notice & ~Party::ended]
+                                                              : ledger_.contacts(frame_)[notice];
+        std::memcpy(where, &contact, sizeof contact);
+      });
+  if (!sent || !node) {
+    return sent;
+  }
+  return party.end_run.pump(out, head(MessageType::frame_end, party.self), sizeof(messages::FrameEndRecord), counts,
+                            [&](std::size_t, std::byte* where) {
+                              const messages::FrameEndRecord record{party.hand_overs};
+                              std::memcpy(where, &record, sizeof record);
+                            });
+}
+
+}  // namespace ringfence::nodes

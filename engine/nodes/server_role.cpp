@@ -1,0 +1,341 @@
+#include "nodes/server_role.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+using messages::MessageView;
+
+ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
+    : setup_(setup),
+      map_(map),
+      objects_(setup.capacities.objects, setup.model == nullptr ? 0 : (setup.model->state_bytes() + 7) / 8 * 8),
+      host_(setup.model, setup.deployment == Deployment::user_server ? setup.capacities.objects : 0),
+      hosting_(setup.deployment, *setup.space),
+      dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
+                setup.layer_masks),
+      ledger_(setup.nodes.size(), setup.capacities.contacts),
+      nodes_(setup.nodes.size()),
+      node_lines_(setup.nodes) {
+  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+    Party& party = nodes_[node];
+    party.self = Endpoint::node(node);
+    party.line = setup.nodes[node];
+    party.connected = true;
+    party.notices.reserve(std::min(setup.capacities.contacts, 2 * setup.capacities.contacts / nodes_.size() + 64));
+  }
+  for (FrameReport& report : reports_) {
+    report.nodes.resize(nodes_.size());
+  }
+  users_.reserve(setup.capacities.users);
+  connected_.reserve(setup.capacities.users);
+}
+
+messages::RunHead ServerRole::head(MessageType type, Endpoint to) const noexcept {
+  return {type, Endpoint::server(), to, frame_, map_.epoch()};
+}
+
+Step ServerRole::step() {
+  bool progressed = false;
+  if (stage_ == Stage::waiting) {
+    if (setup_.order->ordered.load(std::memory_order_acquire) == frames_) {
+      return Step::idle;
+    }
+    cut();
+    progressed = true;
+  }
+  all_parties([&](Party& party) {
+    progressed |= drain(party);
+    return true;
+  });
+  while (advance()) {
+    progressed = true;
+  }
+  if (progressed) {
+    return Step::progressed;
+  }
+  const bool sending = stage_ == Stage::opening || stage_ == Stage::dispatching || stage_ == Stage::notifying;
+  return sending ? Step::blocked : Step::idle;
+}
+
+// What passed since the last mark is charged to a stage of the report, less what ingest took of it.
+void ServerRole::spend(ringfence::Stage stage, std::uint64_t now) noexcept {
+  const std::uint64_t passed = now - mark_ns_;
+  const std::uint64_t ingest = std::min(ingest_ns_, passed);
+  report().stage_ms[static_cast<std::size_t>(stage)] += telemetry::to_ms(passed - ingest);
+  report().stage_ms[static_cast<std::size_t>(ringfence::Stage::ingest)] += telemetry::to_ms(ingest);
+  mark_ns_ = now;
+  ingest_ns_ = 0;
+}
+
+bool ServerRole::drain(Party& party) {
+  bool any = false;
+  for (auto bytes = party.line.in->next(); !bytes.empty(); bytes = party.line.in->next()) {
+    MessageView message;
+    if (messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
+        message.header().source == party.self.value && message.header().frame == frame_) {
+      receive(party, message);
+    } else {
+      refuse(Status::bad_message);
+    }
+    any = true;
+  }
+  if (any) {
+    party.line.in->release();
+  }
+  return any;
+}
+
+void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& header) noexcept {
+  TrafficReport& traffic = counts[static_cast<std::size_t>(traffic_of(static_cast<MessageType>(header.type)))];
+  ++traffic.messages;
+  traffic.records += header.count;
+  traffic.bytes += header.bytes;
+}
+
+void ServerRole::receive(Party& party, const MessageView& message) {
+  add(report().traffic, message.header());
+  const bool node = party.self.is_node();
+  switch (message.type()) {
+    case MessageType::state_update:
+      return node ? refuse(Status::bad_message) : hear_states(party, message);
+    case MessageType::node_state:
+      return node ? hear_node_states(party, message) : refuse(Status::bad_message);
+    case MessageType::collision:
+      return node ? hear_collisions(party, message) : refuse(Status::bad_message);
+    case MessageType::narrow_done:
+      return node ? hear_tested(party, message) : refuse(Status::bad_message);
+    case MessageType::told:
+      return hear_told(party, message);
+    default:
+      return refuse(Status::bad_message);
+  }
+}
+
+// M1. A user node may lie: what it says is taken for an object only if it hosts it and the pose can stand.
+void ServerRole::hear_states(Party& party, const MessageView& message) {
+  const std::uint64_t start = telemetry::now_ns();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    auto record = message.record<messages::StateRecord>(i);
+    const std::uint32_t slot = objects_.find(record.object);
+    if (slot == NumberIndex::none) {
+      refuse(Status::stale_object);
+      continue;
+    }
+    ObjectRow& row = objects_.row(slot);
+    if (row.host != party.self) {
+      refuse(Status::not_host);
+      continue;
+    }
+    if (const Status status = make_valid(record.pose); status != Status::ok) {
+      refuse(status);
+      continue;
+    }
+    row.pose = record.pose;
+    row.object.flags = record.object.flags & messages::flag_present;
+    objects_.bounds(slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
+    std::memcpy(objects_.state(slot), message.state<messages::StateRecord>(i), objects_.state_bytes());
+    objects_.mark_moved(slot);
+  }
+  party.states_heard |= message.last();
+  ingest_ns_ += telemetry::now_ns() - start;
+}
+
+void ServerRole::hear_node_states(Party& party, const MessageView& message) {
+  const std::uint64_t start = telemetry::now_ns();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto record = message.record<messages::NodeStateRecord>(i);
+    const std::uint32_t slot = objects_.find(record.object);
+    if (slot == NumberIndex::none || objects_.row(slot).host != party.self) {
+      refuse(slot == NumberIndex::none ? Status::stale_object : Status::not_host);
+      continue;
+    }
+    ObjectRow& row = objects_.row(slot);
+    row.pose = record.pose;
+    row.object.flags = record.object.flags & messages::flag_present;
+    row.reported_by_node = true;
+    objects_.bounds(slot) = record.bounds;
+    std::memcpy(objects_.state(slot), message.state<messages::NodeStateRecord>(i), objects_.state_bytes());
+    objects_.mark_moved(slot);
+  }
+  party.states_heard |= message.last();
+  ingest_ns_ += telemetry::now_ns() - start;
+}
+
+void ServerRole::hear_collisions(Party& party, const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    ledger_.receive(party.self.number(), message.record<messages::CollisionRecord>(i));
+  }
+}
+
+// A node's results count only whole: when it says how many pairs it tested, and all its contacts are here.
+void ServerRole::hear_tested(Party& party, const MessageView& message) {
+  const auto record = message.record<messages::NarrowDoneRecord>(0);
+  NodeReport& node = report().nodes[party.self.number()];
+  node.candidates = record.candidates;
+  node.tested = record.tested;
+  node.contacts = record.contacts;
+  report().tested += record.tested;
+  if (ledger_.received(party.self.number()) == record.contacts) {
+    report().accepted += record.tested;
+  } else {
+    refuse(Status::bad_message);
+  }
+  if (setup_.placement == Placement::region) {
+    report().candidates += record.candidates;
+  }
+  party.tested_heard = true;
+}
+
+void ServerRole::hear_told(Party& party, const MessageView& message) {
+  const auto record = message.record<messages::ToldRecord>(0);
+  FrameReport& frame = report();
+  frame.refused[static_cast<std::size_t>(Status::model_failed)] += record.model_failed;
+  frame.refused[static_cast<std::size_t>(Status::not_finite)] += record.not_finite;
+  frame.refused[static_cast<std::size_t>(Status::not_unit)] += record.not_unit;
+  if (party.self.is_node()) {
+    NodeReport& node = frame.nodes[party.self.number()];
+    node.busy_ms = telemetry::to_ms(record.busy_ns);
+    node.cpu_ms = telemetry::to_ms(record.cpu_ns);
+    node.move_ms = telemetry::to_ms(record.move_ns);
+    node.broad_phase_ms = telemetry::to_ms(record.broad_phase_ns);
+    node.narrow_phase_ms = telemetry::to_ms(record.narrow_phase_ns);
+    node.hosted = record.hosted;
+    node.handed_over = record.handed_over;
+    TrafficReport& m5 = frame.traffic[static_cast<std::size_t>(Traffic::m5)];
+    m5.messages += record.m5_messages;
+    m5.records += record.handed_over;
+    m5.bytes += record.m5_bytes;
+  } else {
+    // Every user node also tells the others, once: the publication.
+    TrafficReport& m1 = frame.traffic[static_cast<std::size_t>(Traffic::m1)];
+    m1.records += record.published;
+    m1.bytes += record.published * sizeof(link::PublishedState);
+  }
+  party.told_heard = true;
+}
+
+// In user/server deployment the server is the host; elsewhere only of what has no other.
+void ServerRole::move_own() {
+  host_.move(frame_);
+  for (const std::uint32_t hosted : host_.changed()) {
+    const Hosted& object = host_[hosted];
+    ObjectRow& row = objects_.row(object.object.slot);
+    row.pose = object.pose;
+    row.object.flags = object.object.flags;
+    objects_.bounds(object.object.slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
+    if (objects_.state_bytes() != 0) {
+      std::memcpy(objects_.state(object.object.slot), host_.state(hosted), objects_.state_bytes());
+    }
+    objects_.mark_moved(object.object.slot);
+  }
+  const HostRefusals& refusals = host_.refusals();
+  report().refused[static_cast<std::size_t>(Status::model_failed)] += refusals.model_failed;
+  report().refused[static_cast<std::size_t>(Status::not_finite)] += refusals.not_finite;
+  report().refused[static_cast<std::size_t>(Status::not_unit)] += refusals.not_unit;
+}
+
+void ServerRole::detect() {
+  spend(ringfence::Stage::move, telemetry::now_ns());
+  if (setup_.placement == Placement::server) {
+    dispatch_.list_pairs(objects_, map_);
+    report().candidates = dispatch_.candidates();
+    spend(ringfence::Stage::broad_phase, telemetry::now_ns());
+  }
+  dispatch_.list_updates(objects_, map_, tell_everything_);
+  tell_everything_ = false;
+  dispatch_.start();
+}
+
+void ServerRole::collect() {
+  spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
+  const std::uint64_t doubled = ledger_.merge();
+  FrameReport& frame = report();
+  frame.accepted += doubled;  // shows as accepted != tested: never silently
+  frame.contacts = ledger_.contacts(frame_).size();
+  frame.began = ledger_.began();
+  frame.ended = ledger_.ended(frame_).size();
+  spend(ringfence::Stage::collect, telemetry::now_ns());
+  next_hosts();
+  list_notices();
+  publish();
+}
+
+// One transition of the frame; false where it has to wait.
+bool ServerRole::advance() {
+  switch (stage_) {
+    case Stage::waiting:
+      return false;
+    case Stage::opening:
+      if (!all_parties([&](Party& party) { return open(party); })) {
+        return false;
+      }
+      move_own();
+      stage_ = Stage::moving;
+      return true;
+    case Stage::moving:
+      if (!all_parties([](const Party& party) { return party.states_heard; })) {
+        return false;
+      }
+      detect();
+      stage_ = Stage::dispatching;
+      return true;
+    case Stage::dispatching:
+      if (!dispatch_.pump(node_lines_, objects_, head(MessageType::pairs, Endpoint::none()), report().traffic)) {
+        return false;
+      }
+      spend(ringfence::Stage::dispatch, telemetry::now_ns());
+      stage_ = Stage::colliding;
+      return true;
+    case Stage::colliding:
+      if (!std::all_of(nodes_.begin(), nodes_.end(), [](const Party& node) { return node.tested_heard; })) {
+        return false;
+      }
+      collect();
+      stage_ = Stage::notifying;
+      return true;
+    case Stage::notifying:
+      if (!all_parties([&](Party& party) { return notify(party); })) {
+        return false;
+      }
+      stage_ = Stage::closing;
+      return true;
+    case Stage::closing:
+      if (!all_parties([](const Party& party) { return party.told_heard; })) {
+        return false;
+      }
+      finish();
+      return false;
+  }
+  return false;
+}
+
+void ServerRole::finish() {
+  const std::uint64_t now = telemetry::now_ns();
+  spend(ringfence::Stage::notify, now);
+  FrameReport& frame = report();
+  frame.objects = objects_.live();
+  frame.moved = objects_.moved().size();
+  frame.frame_ms = telemetry::to_ms(now - begin_ns_);
+  frame.server_cpu_ms = telemetry::to_ms(telemetry::thread_cpu_ns() - cpu_begin_ns_);
+  for (NodeReport& node : frame.nodes) {
+    node.wait_ms = std::max(0.0, frame.frame_ms - node.busy_ms);
+  }
+  frame.grown = (objects_.slots() > setup_.capacities.objects ? 1u : 0u) +
+                (frame.candidates > setup_.capacities.pairs ? 1u : 0u) +
+                (frame.contacts > setup_.capacities.contacts ? 1u : 0u);
+  tell_everything_ = map_changed_;
+  map_changed_ = false;
+  stage_ = Stage::waiting;
+  setup_.order->completed.store(frames_, std::memory_order_release);
+  if (setup_.order->caller != nullptr) {
+    setup_.order->caller->ring();
+  }
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,151 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "geometry/shape_table.hpp"
+#include "messages/run.hpp"
+#include "nodes/contact_ledger.hpp"
+#include "nodes/dispatch.hpp"
+#include "nodes/host.hpp"
+#include "nodes/hosting.hpp"
+#include "nodes/object_table.hpp"
+#include "nodes/party.hpp"
+#include "nodes/publications.hpp"
+#include "nodes/request.hpp"
+#include "regions/region_map.hpp"
+#include "ringfence/config.hpp"
+#include "ringfence/frame_report.hpp"
+
+namespace ringfence::nodes {
+
+/// How the facade orders a frame of the server, and learns that it is complete. One order at a time.
+struct FrameOrder {
+  std::vector<Request> requests;          ///< for the cut; the server reads them while the frame is under way
+  std::atomic<std::uint64_t> ordered{0};  ///< frames ordered; a release store publishes `requests`
+  std::atomic<std::uint64_t> completed{0};
+  link::Doorbell* caller = nullptr;  ///< rung when a frame is complete; null where the caller steps the server itself
+};
+
+/// What the server is given. The pointers outlive the role.
+struct ServerSetup {
+  const geometry::ShapeTable* shapes = nullptr;
+  const geometry::FixedSpace* space = nullptr;
+  const MotionModel* model = nullptr;
+  Publications* publications = nullptr;
+  FrameOrder* order = nullptr;
+  Deployment deployment = Deployment::user_collision;
+  Placement placement = Placement::server;
+  std::array<std::uint32_t, 32> layer_masks{};
+  Capacities capacities;
+  double interest = 0;
+  std::vector<Line> nodes;
+};
+
+/// The collision detection server: exactly one a world. It cuts the stream of requests into frames, hears where the
+/// objects are, sweeps (broad phase), decides which CD node owns which pair, collects what they find, and tells each
+/// host of the collisions that concern its objects. In user/server deployment it also hosts the active and non-active
+/// objects.
+///
+/// The frame's steps are those of design and docs/architecture.md, one stage each:
+///   cut, opening, moving (ingest), dispatching (broad phase before it), colliding, notifying (collect before it),
+///   closing.
+///
+/// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
+class ServerRole {
+ public:
+  ServerRole(const ServerSetup& setup, const regions::RegionMap& map);
+
+  Step step();
+
+  // Between frames, for the facade.
+  const ObjectTable& objects() const noexcept { return objects_; }
+  // For the last frame; they stay as they are while the next one is under way.
+  const ContactLedger& ledger() const noexcept { return ledger_; }
+  const FrameReport& report(std::uint64_t frame) const noexcept { return reports_[frame & 1]; }
+
+ private:
+  enum class Stage : std::uint8_t { waiting, opening, moving, dispatching, colliding, notifying, closing };
+
+  // The cut.
+  void cut();
+  void apply(const Request& request);
+  void connect(const Request& request);
+  void disconnect(UserNumber user);
+  void spawn(const Request& request);
+  void end_object(std::uint32_t slot);
+  void place(std::uint32_t slot, const Pose& pose, bool present);
+  void rehost(const Rehosting& change);
+  void tell_late_contacts(std::uint32_t slot, messages::Endpoint host);
+  Party* party_of(messages::Endpoint endpoint) noexcept;
+  bool open(Party& party);
+
+  // Hearing.
+  bool drain(Party& party);
+  void receive(Party& party, const messages::MessageView& message);
+  void hear_states(Party& party, const messages::MessageView& message);
+  void hear_node_states(Party& party, const messages::MessageView& message);
+  void hear_collisions(Party& party, const messages::MessageView& message);
+  void hear_tested(Party& party, const messages::MessageView& message);
+  void hear_told(Party& party, const messages::MessageView& message);
+  void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
+
+  // The stages.
+  bool advance();
+  void move_own();
+  void detect();
+  void collect();
+  void list_notices();
+  void list_notice(std::uint32_t notice, const Contact& contact, const SlotPair& slots);
+  void next_hosts();
+  void publish();
+  bool notify(Party& party);
+  void finish();
+  /// Calls `done` for every connected party, also after one has answered false; whether all answered true.
+  template <class Done>
+  bool all_parties(Done done) {
+    bool all = true;
+    for (Party& party : nodes_) {
+      all &= done(party);
+    }
+    for (const UserNumber user : connected_) {
+      all &= done(users_[user]);
+    }
+    return all;
+  }
+
+  void spend(ringfence::Stage stage, std::uint64_t now) noexcept;
+  FrameReport& report() noexcept { return reports_[frame_ & 1]; }
+  messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
+  static void add(messages::TrafficCounts& counts, const messages::Header& header) noexcept;
+
+  ServerSetup setup_;
+  regions::RegionMap map_;
+  bool map_changed_ = false;      ///< nodes are told of the new map at the end of this frame
+  bool tell_everything_ = false;  ///< the map changed at the end of the frame before
+  ObjectTable objects_;
+  Host host_;
+  Hosting hosting_;
+  Dispatch dispatch_;
+  ContactLedger ledger_;
+  std::vector<Party> nodes_;
+  std::vector<Party> users_;  ///< by user number
+  std::vector<UserNumber> connected_;
+  std::vector<Line> node_lines_;
+  bool users_changed_ = false;
+
+  Stage stage_ = Stage::waiting;
+  std::uint64_t frames_ = 0;  ///< begun
+  std::uint64_t frame_ = 0;
+  std::uint64_t mark_ns_ = 0;    ///< when the current stage was last charged
+  std::uint64_t ingest_ns_ = 0;  ///< within the current stage
+  std::uint64_t begin_ns_ = 0;
+  std::uint64_t cpu_begin_ns_ = 0;
+  FrameReport reports_[2];
+};
+
+}  // namespace ringfence::nodes

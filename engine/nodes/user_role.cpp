@@ -1,0 +1,244 @@
+#include "nodes/user_role.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+using messages::MessageView;
+using regions::CellBox;
+
+UserRole::UserRole(const UserSetup& setup)
+    : setup_(setup), self_(Endpoint::user(setup.user)), host_(setup.model, setup.objects) {}
+
+Step UserRole::step() {
+  bool progressed = drain();
+  while (advance()) {
+    progressed = true;
+  }
+  if (progressed) {
+    return Step::progressed;
+  }
+  return stage_ == Stage::reporting || stage_ == Stage::telling ? Step::blocked : Step::idle;
+}
+
+bool UserRole::drain() {
+  bool any = false;
+  for (auto bytes = setup_.server.in->next(); !bytes.empty(); bytes = setup_.server.in->next()) {
+    MessageView message;
+    if (messages::decode(bytes, host_.state_bytes(), message) == Status::ok) {
+      receive(message);
+    }
+    any = true;
+  }
+  if (any) {
+    setup_.server.in->release();
+  }
+  return any;
+}
+
+void UserRole::receive(const MessageView& message) {
+  switch (message.type()) {
+    case MessageType::adopt:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        host_.adopt(message.record<messages::HandOverRecord>(i), message.state<messages::HandOverRecord>(i));
+      }
+      return;
+    case MessageType::drop:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        host_.drop(message.record<messages::DropRecord>(i).object.number);
+      }
+      return;
+    case MessageType::place:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        const auto record = message.record<messages::PlaceRecord>(i);
+        host_.place(record.object.number, record.pose, (record.object.flags & messages::flag_present) != 0);
+      }
+      return;
+    case MessageType::frame_begin:
+      return begin(message.header().frame);
+    case MessageType::notify:
+      return hear_contacts(message);
+    default:
+      return;
+  }
+}
+
+void UserRole::hear_contacts(const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    // Between frames these are the last contacts of an object that was taken over.
+    if (stage_ == Stage::waiting) {
+      host_.add_late_contact(message.record<Contact>(i));
+    } else {
+      host_.add_contact(frame_, message.record<Contact>(i));
+    }
+  }
+  contacts_heard_ |= message.last() && stage_ != Stage::waiting;
+}
+
+void UserRole::begin(std::uint64_t frame) {
+  const std::uint64_t start = telemetry::now_ns();
+  frame_ = frame;
+  contacts_heard_ = false;
+  told_ = {};
+  host_.begin_contacts(frame);
+  for (const Steered& steered : steered_) {
+    host_.steer(steered.number, steered.pose);
+  }
+  steered_.clear();
+  host_.move(frame);
+  told_.move_ns = telemetry::now_ns() - start;
+  publish();
+  states_run_.start(host_.changed().size());
+  stage_ = Stage::reporting;
+}
+
+// To the other user nodes at application level, as the paper has it: written once, whoever is near reads it.
+void UserRole::publish() {
+  Published& own = setup_.publications->users[setup_.user];
+  PublicationWriter writer(*setup_.publications, own, frame_);
+  for (std::size_t i = 0; i < host_.size(); ++i) {
+    if ((host_[i].object.flags & messages::flag_present) != 0) {
+      writer.add(host_[i].object.number, host_[i].pose);
+    }
+  }
+  told_.published = writer.publish();
+}
+
+void UserRole::look_around() {
+  auto& seen = seen_[frame_ & 1];
+  seen.clear();
+  boxes_.clear();
+  if (setup_.interest <= 0) {
+    return;
+  }
+  const Publications& all = *setup_.publications;
+  const double r = setup_.interest;
+  for (std::size_t i = 0; i < host_.size(); ++i) {
+    const Hosted& object = host_[i];
+    if (object.category == static_cast<std::uint16_t>(Category::avatar) &&
+        (object.object.flags & messages::flag_present) != 0) {
+      const Vec3d p = object.pose.position;
+      geometry::Bounds bounds;
+      all.space->point({p.x - r, p.y - r, p.z - r}, bounds.lower);
+      all.space->point({p.x + r, p.y + r, p.z + r}, bounds.upper);
+      boxes_.push_back(all.grid.cells_of(bounds));
+    }
+  }
+  for (std::size_t box = 0; box < boxes_.size(); ++box) {
+    if (all.server.publication != nullptr) {
+      read_box(all.server, boxes_[box], box);
+    }
+    for (UserNumber user = 0; user < all.users.size(); ++user) {
+      if (user != setup_.user && all.users[user].publication != nullptr) {
+        read_box(all.users[user], boxes_[box], box);
+      }
+    }
+  }
+}
+
+// A row of cells is contiguous in a publication, so it is read as one span; what an earlier avatar's box holds is left
+// out, cell by cell.
+void UserRole::read_box(const Published& published, const CellBox& box, std::size_t earlier) {
+  const std::size_t parity = frame_ & 1;
+  if (!published.any[parity]) {
+    return;
+  }
+  const CellBox& reach = published.reach[parity];
+  CellBox common;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    common.lower[axis] = std::max(box.lower[axis], reach.lower[axis]);
+    common.upper[axis] = std::min(box.upper[axis], reach.upper[axis]);
+    if (common.lower[axis] > common.upper[axis]) {
+      return;
+    }
+  }
+  const regions::CellGrid& grid = setup_.publications->grid;
+  auto& seen = seen_[parity];
+  const auto read = [&](std::uint32_t x0, std::uint32_t x1, std::uint32_t y, std::uint32_t z) {
+    const auto states = published.publication->read(frame_, grid.index(x0, y, z), grid.index(x1, y, z));
+    if (!states.empty()) {
+      seen.push_back(states);
+    }
+  };
+  const auto taken = [&](std::uint32_t x, std::uint32_t y, std::uint32_t z) {
+    return std::any_of(boxes_.begin(), boxes_.begin() + static_cast<std::ptrdiff_t>(earlier), [&](const CellBox& b) {
+      return b.lower[0] <= x && x <= b.upper[0] && b.lower[1] <= y && y <= b.upper[1] && b.lower[2] <= z &&
+             z <= b.upper[2];
+    });
+  };
+  for (std::uint32_t z = common.lower[2]; z <= common.upper[2]; ++z) {
+    for (std::uint32_t y = common.lower[1]; y <= common.upper[1]; ++y) {
+      if (earlier == 0) {
+        read(common.lower[0], common.upper[0], y, z);
+        continue;
+      }
+      for (std::uint32_t x = common.lower[0]; x <= common.upper[0]; ++x) {
+        if (!taken(x, y, z)) {
+          read(x, x, y, z);
+        }
+      }
+    }
+  }
+}
+
+bool UserRole::send_states() {
+  const auto changed = host_.changed();
+  return states_run_.pump(*setup_.server.out, {MessageType::state_update, self_, Endpoint::server(), frame_, 0},
+                          sizeof(messages::StateRecord) + host_.state_bytes(), traffic_,
+                          [&](std::size_t i, std::byte* where) {
+                            const Hosted& object = host_[changed[i]];
+                            const messages::StateRecord record{object.object, object.pose};
+                            std::memcpy(where, &record, sizeof record);
+                            if (host_.state_bytes() != 0) {
+                              std::memcpy(where + sizeof record, host_.state(changed[i]), host_.state_bytes());
+                            }
+                          });
+}
+
+bool UserRole::send_told() {
+  return told_run_.pump(*setup_.server.out, {MessageType::told, self_, Endpoint::server(), frame_, 0},
+                        sizeof(messages::ToldRecord), traffic_, [&](std::size_t, std::byte* where) {
+                          told_.hosted = host_.size();
+                          const HostRefusals& refusals = host_.refusals();
+                          told_.model_failed = refusals.model_failed;
+                          told_.not_finite = refusals.not_finite;
+                          told_.not_unit = refusals.not_unit;
+                          std::memcpy(where, &told_, sizeof told_);
+                        });
+}
+
+// One transition of the frame; false where it has to wait.
+bool UserRole::advance() {
+  switch (stage_) {
+    case Stage::waiting:
+      return false;
+    case Stage::reporting:
+      if (!send_states()) {
+        return false;
+      }
+      stage_ = Stage::listening;
+      return true;
+    case Stage::listening:
+      if (!contacts_heard_) {
+        return false;
+      }
+      look_around();
+      told_run_.start(1);
+      stage_ = Stage::telling;
+      return true;
+    case Stage::telling:
+      if (!send_told()) {
+        return false;
+      }
+      stage_ = Stage::waiting;
+      return true;
+  }
+  return false;
+}
+
+}  // namespace ringfence::nodes

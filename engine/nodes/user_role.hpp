@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "messages/run.hpp"
+#include "nodes/host.hpp"
+#include "nodes/publications.hpp"
+#include "nodes/role.hpp"
+#include "ringfence/config.hpp"
+
+namespace ringfence::nodes {
+
+/// What a user node is given. The pointers outlive the role.
+struct UserSetup {
+  UserNumber user = 0;
+  const MotionModel* model = nullptr;
+  Publications* publications = nullptr;
+  double interest = 0;  ///< metres; 0: reads nothing of others
+  std::size_t objects = 0;
+  Line server;
+};
+
+/// A user node: hosts its avatars, and in user domain deployment its share of all other objects; moves them, tells the
+/// server (M1) and the other users (its publication), is told of the collisions that concern them (M4), and reads what
+/// others published near its avatars. It knows the server alone.
+///
+/// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
+class UserRole {
+ public:
+  explicit UserRole(const UserSetup& setup);
+
+  Step step();
+
+  /// Where an avatar stands in the next frame, whatever the model says. Between frames, for the facade.
+  void steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
+
+  /// What the node was told in that frame (M4), in order of (a, b), ended ones too.
+  std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return host_.contacts(frame); }
+  /// The states of others near its avatars in that frame, as spans of what the others published.
+  std::span<const std::span<const link::PublishedState>> seen(std::uint64_t frame) const noexcept {
+    return seen_[frame & 1];
+  }
+  const Host& host() const noexcept { return host_; }
+
+ private:
+  enum class Stage : std::uint8_t { waiting, reporting, listening, telling };
+  struct Steered {
+    ObjectNumber number;
+    Pose pose;
+  };
+
+  bool drain();
+  void receive(const messages::MessageView& message);
+  void hear_contacts(const messages::MessageView& message);
+  void begin(std::uint64_t frame);
+  void publish();
+  void look_around();
+  void read_box(const Published& published, const regions::CellBox& box, std::size_t earlier);
+  bool advance();
+  bool send_states();
+  bool send_told();
+
+  UserSetup setup_;
+  messages::Endpoint self_;
+  Host host_;
+  Stage stage_ = Stage::waiting;
+  std::uint64_t frame_ = 0;
+  bool contacts_heard_ = false;
+  std::vector<Steered> steered_;  ///< for the next frame
+  std::vector<std::span<const link::PublishedState>> seen_[2];
+  std::vector<regions::CellBox> boxes_;  ///< around the avatars
+  messages::RunSender states_run_, told_run_;
+  messages::TrafficCounts traffic_{};
+  messages::ToldRecord told_;
+};
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,129 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "geometry/bounds.hpp"
+#include "ringfence/ids.hpp"
+
+namespace ringfence::regions {
+
+/// A box of cells, both corners included.
+struct CellBox {
+  std::uint16_t lower[3] = {};
+  std::uint16_t upper[3] = {};
+  constexpr bool operator==(const CellBox&) const noexcept = default;
+  constexpr bool single() const noexcept {
+    return lower[0] == upper[0] && lower[1] == upper[1] && lower[2] == upper[2];
+  }
+};
+
+/// Cells on each axis, as powers of two.
+struct CellGrid {
+  std::uint32_t log2[3] = {0, 0, 0};
+
+  std::size_t cells() const noexcept { return std::size_t{1} << (log2[0] + log2[1] + log2[2]); }
+  std::uint32_t along(std::size_t axis) const noexcept { return std::uint32_t{1} << log2[axis]; }
+
+  /// The cell coordinate of a fixed-point coordinate. Half-open: a cell holds its lower faces; the outermost cells
+  /// reach to infinity because fixed-point coordinates saturate.
+  std::uint32_t coordinate(std::uint32_t fixed, std::size_t axis) const noexcept {
+    return static_cast<std::uint32_t>(std::uint64_t{fixed} >> (32 - log2[axis]));
+  }
+  /// x fastest, so that the cells of a row are neighbours in every list sorted by cell.
+  std::uint32_t index(std::uint32_t x, std::uint32_t y, std::uint32_t z) const noexcept {
+    return x | y << log2[0] | z << (log2[0] + log2[1]);
+  }
+  std::uint32_t cell_of(const std::uint32_t point[3]) const noexcept {
+    return index(coordinate(point[0], 0), coordinate(point[1], 1), coordinate(point[2], 2));
+  }
+  /// The cells that the bounds overlap or touch from above.
+  CellBox cells_of(const geometry::Bounds& bounds) const noexcept {
+    CellBox box;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      box.lower[axis] = static_cast<std::uint16_t>(coordinate(bounds.lower[axis], axis));
+      box.upper[axis] = static_cast<std::uint16_t>(coordinate(bounds.upper[axis], axis));
+    }
+    return box;
+  }
+
+  /// A grid of about `cells` nearly cubic cells over a world of the given extents (metres), at most 2^10 on an axis.
+  static CellGrid choose(const double extents[3], std::size_t cells);
+};
+
+/// Which CD node owns which cell. A node's region is the set of its cells.
+///
+/// Ownership is a pure function of bounds and this map, so whoever holds the map agrees without asking: the server,
+/// every node, and any machine. Threads: immutable but for assign(); each role holds a copy of its own.
+class RegionMap {
+ public:
+  /// All cells split among `nodes` (1 to the number of cells) in boxes of nearly equal volume. Throws Error if there
+  /// are more nodes than cells.
+  RegionMap(CellGrid grid, std::uint32_t nodes);
+
+  const CellGrid& grid() const noexcept { return grid_; }
+  std::uint32_t nodes() const noexcept { return nodes_; }
+  /// Counts changes of the map; every frame is detected under one epoch.
+  std::uint32_t epoch() const noexcept { return epoch_; }
+  std::span<const NodeNumber> owners() const noexcept { return owners_; }
+
+  NodeNumber owner(std::uint32_t cell) const noexcept { return owners_[cell]; }
+  /// The node that hosts what stands at a fixed-point position.
+  NodeNumber owner_at(const std::uint32_t point[3]) const noexcept { return owners_[grid_.cell_of(point)]; }
+
+  /// The node that tests a pair: the one whose region holds the lower corner of the intersection of the two bounds.
+  /// Both bounds cover that cell, so that node has been told of both. Precondition: touch(p, q).
+  NodeNumber pair_owner(const geometry::Bounds& p, const geometry::Bounds& q) const noexcept {
+    const std::uint32_t corner[3] = {std::max(p.lower[0], q.lower[0]), std::max(p.lower[1], q.lower[1]),
+                                     std::max(p.lower[2], q.lower[2])};
+    return owner_at(corner);
+  }
+
+  /// Whether `node` owns any cell of the box.
+  bool covers(const CellBox& box, NodeNumber node) const noexcept;
+
+  /// Replaces all owners. Precondition: one owner a cell, each below `nodes`.
+  void assign(std::span<const NodeNumber> owners, std::uint32_t nodes, std::uint32_t epoch);
+
+ private:
+  CellGrid grid_;
+  std::uint32_t nodes_;
+  std::uint32_t epoch_ = 1;
+  std::vector<NodeNumber> owners_;
+};
+
+/// Calls `visit(node)` once for each node that owns a cell of the box, in the order of their first cells.
+///
+/// `stamps` has one entry a node and `stamp` a value not in it; both belong to the caller.
+template <class Visit>
+void for_each_owner(const RegionMap& map, const CellBox& box, std::span<std::uint64_t> stamps, std::uint64_t stamp,
+                    Visit visit) {
+  const CellGrid& grid = map.grid();
+  if (box.single()) {
+    visit(map.owner(grid.index(box.lower[0], box.lower[1], box.lower[2])));
+    return;
+  }
+  for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
+    for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
+      for (std::uint32_t x = box.lower[0]; x <= box.upper[0]; ++x) {
+        const NodeNumber node = map.owner(grid.index(x, y, z));
+        if (stamps[node] != stamp) {
+          stamps[node] = stamp;
+          visit(node);
+        }
+      }
+    }
+  }
+}
+
+/// Splits the grid into one box of cells a node by recursive bisection, so that the boxes have nearly equal weight.
+///
+/// `weights` has one value >= 0 a cell, or is empty for equal weights. `nodes` is 1 to the number of cells; every node
+/// gets at least one cell. Returns the owner of each cell. Cost: about cells x log2(nodes).
+/// Method: k-d split (Berger, Bokhari 1987, recursive coordinate bisection).
+std::vector<NodeNumber> bisect(const CellGrid& grid, std::uint32_t nodes, std::span<const double> weights);
+
+}  // namespace ringfence::regions

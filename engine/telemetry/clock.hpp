@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+#include <ctime>
+
+namespace ringfence::telemetry {
+
+/// Nanoseconds of the monotonic clock. About 20 ns a call.
+inline std::uint64_t now_ns() noexcept {
+  timespec t{};
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return static_cast<std::uint64_t>(t.tv_sec) * 1'000'000'000u + static_cast<std::uint64_t>(t.tv_nsec);
+}
+
+/// CPU nanoseconds of the calling thread. A system call: once a role and frame, not in loops.
+inline std::uint64_t thread_cpu_ns() noexcept {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<std::uint64_t>(t.tv_sec) * 1'000'000'000u + static_cast<std::uint64_t>(t.tv_nsec);
+}
+
+inline double to_ms(std::uint64_t ns) noexcept { return static_cast<double>(ns) * 1e-6; }
+
+/// Adds the time of a scope to a counter.
+class ScopedTime {
+ public:
+  explicit ScopedTime(std::uint64_t& total) noexcept : total_(total), start_(now_ns()) {}
+  ~ScopedTime() { total_ += now_ns() - start_; }
+  ScopedTime(const ScopedTime&) = delete;
+  ScopedTime& operator=(const ScopedTime&) = delete;
+
+ private:
+  std::uint64_t& total_;
+  std::uint64_t start_;
+};
+
+}  // namespace ringfence::telemetry
