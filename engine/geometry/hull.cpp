@@ -126,6 +126,7 @@ class HullAssembly {
     assembly.list_neighbours();
     assembly.measure();
     assembly.place_planes();
+    assembly.place_edges();
     return std::move(assembly.hull_);
   }
 
@@ -247,6 +248,35 @@ class HullAssembly {
       inner = std::min(inner, offset - dot(to_double(normal), to_double(hull_.centroid_)));
     }
     hull_.inner_radius_ = static_cast<float>(std::max(0.0, inner * (1 - 1e-6)));
+  }
+
+  void place_edges() {
+    const std::size_t count = hull_.edges_.size(), stride = padded(count);
+    hull_.edge_columns_.resize(edge_columns * stride);
+    for (std::size_t i = 0; i < stride; ++i) {
+      const HullEdge edge = hull_.edges_[i < count ? i : 0];
+      const Vec3f left = hull_.normal(edge.left), right = hull_.normal(edge.right), from = hull_.vertex(edge.from);
+      const Vec3d way = to_double(hull_.vertex(edge.to)) - to_double(from);
+      const double reach = length(way);
+      const Vec3f along = to_float(way * (1 / reach));
+      const double half_cosine = 0.5 * length(to_double(left) + to_double(right));
+      const auto spread = static_cast<float>(1 / std::clamp(half_cosine, 1e-6, 1.0));
+      const float values[edge_columns] = {left.x,
+                                          left.y,
+                                          left.z,
+                                          right.x,
+                                          right.y,
+                                          right.z,
+                                          from.x,
+                                          from.y,
+                                          from.z,
+                                          along.x,
+                                          along.y,
+                                          along.z,
+                                          static_cast<float>(reach),
+                                          spread};
+      for (std::size_t c = 0; c < edge_columns; ++c) hull_.edge_columns_[c * stride + i] = values[c];
+    }
   }
 
   std::span<const Vec3f> points_;

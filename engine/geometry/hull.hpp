@@ -25,6 +25,26 @@ struct HullEdge {
   std::uint16_t left, right;
 };
 
+/// The columns of an edge: the unit normals of its two faces, the vertex it starts from, its unit direction and length,
+/// and its spread: 1 / cos of half the angle between the two normals (at most 10^6).
+enum class EdgeColumn : std::size_t {
+  left_x,
+  left_y,
+  left_z,
+  right_x,
+  right_y,
+  right_z,
+  from_x,
+  from_y,
+  from_z,
+  along_x,
+  along_y,
+  along_z,
+  length,
+  spread
+};
+inline constexpr std::size_t edge_columns = 14;
+
 /// A convex polytope, prepared once for the kernels, then immutable.
 ///
 /// Vertices are points of the input, bit for bit; none is left out that lies more than 10^-6 of the hull's size
@@ -52,6 +72,10 @@ class Hull {
   Vec3f normal(std::size_t i) const noexcept { return {normal_x()[i], normal_y()[i], normal_z()[i]}; }
 
   std::span<const HullEdge> edges() const noexcept { return edges_; }
+  /// What kernels read of an edge: padded(edge_count()) floats a column.
+  const float* edge_column(EdgeColumn column) const noexcept {
+    return edge_columns_.data() + static_cast<std::size_t>(column) * padded(edges_.size());
+  }
   /// The vertices around face `i`, anticlockwise seen from outside.
   std::span<const std::uint16_t> face(std::size_t i) const noexcept {
     return {face_vertices_.data() + face_starts_[i], face_starts_[i + 1] - face_starts_[i]};
@@ -75,6 +99,7 @@ class Hull {
   std::size_t face_count_ = 0;
   AlignedVector<float> vertices_;
   AlignedVector<float> faces_;
+  AlignedVector<float> edge_columns_;
   std::vector<HullEdge> edges_;
   std::vector<std::uint32_t> face_starts_, neighbour_starts_;
   std::vector<std::uint16_t> face_vertices_, neighbours_;

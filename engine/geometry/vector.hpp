@@ -61,6 +61,13 @@ constexpr RotationOf<T> rotation(T x, T y, T z, T w) noexcept {
 constexpr Rotation rotation(Quat q) noexcept { return rotation<float>(q.x, q.y, q.z, q.w); }
 constexpr RotationD rotation_double(Quat q) noexcept { return rotation<double>(q.x, q.y, q.z, q.w); }
 
+/// The matrix of a quaternion of any length but zero, in double: its rounding to float is divided out.
+inline RotationD rotation_exact(Quat q) noexcept {
+  const double x = q.x, y = q.y, z = q.z, w = q.w;
+  const double norm = std::sqrt((x * x + y * y) + (z * z + w * w));
+  return rotation<double>(x / norm, y / norm, z / norm, w / norm);
+}
+
 /// From the shape's axes to the world's.
 constexpr Vec3f rotate(const Rotation& r, Vec3f p) noexcept {
   return {dot(Vec3f{r.m[0][0], r.m[0][1], r.m[0][2]}, p), dot(Vec3f{r.m[1][0], r.m[1][1], r.m[1][2]}, p),
