@@ -59,6 +59,28 @@ using Corner = hn::FixedTag<std::uint32_t, 4>;
 
 HWY_INLINE std::size_t lanes() { return hn::Lanes(Codes()); }
 
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+
+// Highway 1.0.3 compresses 64-bit lanes through a table that g++ copies to the stack at each call (25 ns a box).
+HWY_INLINE std::size_t store_where(hn::Vec<Codes> pair, hn::Mask<Codes> meets, std::int64_t left, std::uint64_t* out) {
+  _mm512_storeu_si512(out, _mm512_maskz_compress_epi64(meets.raw, pair.raw));
+  // What lies beyond the end comes last, so that it need only not be counted.
+  const auto valid = _bzhi_u32(meets.raw, static_cast<unsigned>(std::min<std::int64_t>(left, 8)));
+  return static_cast<std::size_t>(_mm_popcnt_u32(valid));
+}
+
+#else
+
+HWY_INLINE std::size_t store_where(hn::Vec<Codes> pair, hn::Mask<Codes> meets, std::int64_t left, std::uint64_t* out) {
+  const Codes d;
+  const auto width = static_cast<std::int64_t>(hn::Lanes(d));
+  const auto valid = hn::And(meets, hn::FirstN(d, static_cast<std::size_t>(std::min(left, width))));
+  hn::StoreU(hn::Compress(pair, valid), d, out);
+  return hn::CountTrue(d, valid);
+}
+
+#endif
+
 HWY_INLINE std::uint64_t* scan(const std::uint64_t* HWY_RESTRICT codes, std::uint64_t query, std::uint32_t i,
                                std::uint32_t j, std::uint32_t end, std::uint64_t* HWY_RESTRICT out) {
   const Codes d;
@@ -74,10 +96,7 @@ HWY_INLINE std::uint64_t* scan(const std::uint64_t* HWY_RESTRICT codes, std::uin
   const std::uint64_t* HWY_RESTRICT at = codes + j;
   do {
     const auto sum = hn::BitCast(d, hn::Add(wanted, hn::BitCast(bytes, hn::LoadU(d, at))));
-    const auto meets = hn::And(hn::Eq(hn::And(sum, signs), hn::Zero(d)),
-                               hn::FirstN(d, static_cast<std::size_t>(std::min<std::int64_t>(left, width))));
-    hn::StoreU(hn::Compress(pair, meets), d, out);
-    out += hn::CountTrue(d, meets);
+    out += store_where(pair, hn::Eq(hn::And(sum, signs), hn::Zero(d)), left, out);
     pair = hn::Add(pair, step);
     at += width;
     left -= static_cast<std::int64_t>(width);
@@ -146,58 +165,211 @@ Kernels::Census take_census(std::span<const std::uint8_t> present, std::span<con
 
 // ---- Sorting --------------------------------------------------------------------------------------------------------
 
+#if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
+
+// One bit extract for x and y together; every processor with AVX-512 has a fast one.
+class KeyOf {
+ public:
+  explicit KeyOf(const RowLayout& rows)
+      : x_and_y_(std::uint64_t{rows.cell_mask[0]} << rows.cell_shift[0] | std::uint64_t{rows.cell_mask[1]}
+                                                                              << rows.cell_shift[1] << 32),
+        shift_(rows.cell_shift[2]),
+        mask_(rows.cell_mask[2]),
+        to_(rows.x_bits + rows.y_bits) {}
+  HWY_INLINE std::uint32_t operator()(const geometry::Bounds& b) const {
+    std::uint64_t x_and_y;
+    std::memcpy(&x_and_y, b.lower, sizeof x_and_y);
+    return static_cast<std::uint32_t>(_pext_u64(x_and_y, x_and_y_)) | (b.lower[2] >> shift_ & mask_) << to_;
+  }
+
+ private:
+  std::uint64_t x_and_y_;
+  std::uint32_t shift_, mask_, to_;
+};
+
+#else
+
+class KeyOf {
+ public:
+  explicit KeyOf(const RowLayout& rows) : rows_(rows) {}
+  HWY_INLINE std::uint32_t operator()(const geometry::Bounds& b) const {
+    const auto cell = [&](std::size_t axis) { return b.lower[axis] >> rows_.cell_shift[axis] & rows_.cell_mask[axis]; };
+    return cell(0) | cell(1) << rows_.x_bits | cell(2) << (rows_.x_bits + rows_.y_bits);
+  }
+
+ private:
+  RowLayout rows_;
+};
+
+#endif
+
+#if HWY_TARGET == HWY_SCALAR
+
+class Limit {
+ public:
+  explicit Limit(const RowLayout& rows) : rows_(rows) {}
+  bool holds(const geometry::Bounds& b) const {
+    return (b.upper[0] - b.lower[0] <= rows_.limit[0]) & (b.upper[1] - b.lower[1] <= rows_.limit[1]) &
+           (b.upper[2] - b.lower[2] <= rows_.limit[2]);
+  }
+
+ private:
+  RowLayout rows_;
+};
+
+HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, const Limit& limit, GridBox& to) {
+  std::memcpy(to.lower, b.lower, sizeof to.lower);
+  std::memcpy(to.upper, b.upper, sizeof to.upper);
+  return limit.holds(b);
+}
+
+#else
+
+class Limit {
+ public:
+  explicit Limit(const RowLayout& rows) {
+    const std::uint32_t limit[4] = {rows.limit[0], rows.limit[1], rows.limit[2], 0xffffffff};
+    limit_ = hn::LoadU(Corner(), limit);
+  }
+  HWY_INLINE bool holds(hn::Vec<Corner> lower, hn::Vec<Corner> upper) const {
+    const auto extent = hn::Sub(upper, lower);
+    return hn::AllTrue(Corner(), hn::Eq(hn::Min(extent, limit_), extent));
+  }
+
+ private:
+  hn::Vec<Corner> limit_;
+};
+
+// Writes all of `to`; slot and guard are the caller's to overwrite.
+HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, const Limit& limit, GridBox& to) {
+  const Corner d;
+  const auto lower = hn::LoadU(d, b.lower);                       // and upper x
+  const auto upper = hn::Shuffle0321(hn::LoadU(d, b.lower + 2));  // lower z moved behind
+  hn::Store(lower, d, to.lower);
+  hn::Store(upper, d, to.upper);
+  return limit.holds(lower, upper);
+}
+
+#endif
+
 std::size_t stage(RowGrid& grid, const geometry::Bounds* bounds, const std::uint32_t* slots, std::size_t count,
                   std::uint32_t* larger) {
   const RowLayout& rows = grid.layout;
-  const std::uint32_t sx = rows.cell_shift[0], sy = rows.cell_shift[1], sz = rows.cell_shift[2];
-  const std::uint32_t mx = rows.cell_mask[0], my = rows.cell_mask[1], mz = rows.cell_mask[2];
-  const std::uint32_t to_y = rows.x_bits, to_z = rows.x_bits + rows.y_bits, bucket_shift = rows.bucket_shift;
-  const std::uint32_t ex = rows.limit[0], ey = rows.limit[1], ez = rows.limit[2];
+  const std::uint32_t bucket_shift = rows.bucket_shift;
+  const Limit limit(rows);
   GridBox* HWY_RESTRICT boxes = grid.boxes.data();
   std::uint32_t* HWY_RESTRICT keys = grid.keys.data();
   std::uint32_t* HWY_RESTRICT cursor = grid.cursor.data();
   std::size_t refused = 0;
+  const KeyOf key_of(rows);
   for (std::size_t k = 0; k < count; ++k) {
     const std::uint32_t slot = slots[k];
     const geometry::Bounds& b = bounds[slot];
-    const std::uint32_t key =
-        (b.lower[0] >> sx & mx) | (b.lower[1] >> sy & my) << to_y | (b.lower[2] >> sz & mz) << to_z;
-    const bool fits =
-        (b.upper[0] - b.lower[0] <= ex) & (b.upper[1] - b.lower[1] <= ey) & (b.upper[2] - b.lower[2] <= ez);
+    const std::uint32_t key = key_of(b);
     std::uint32_t& next = cursor[key >> bucket_shift];
     const std::uint32_t at = next;
     keys[at] = key;
-    GridBox& box = boxes[at];
-    std::memcpy(box.lower, b.lower, sizeof box.lower);
-    box.slot = slot;
-    std::memcpy(box.upper, b.upper, sizeof box.upper);
-    box.guard = GridBox::present;
-    next = at + fits;
+    const std::uint32_t fits = copy_if_within(b, limit, boxes[at]);
+    boxes[at].slot = slot;
+    boxes[at].guard = GridBox::present;
     larger[refused] = slot;
-    refused += !fits;
-    if (HWY_UNLIKELY(((at + fits) & (RowGrid::chunk - 1)) == 0) && fits) next = grid.add_chunk(at / RowGrid::chunk);
+    refused += 1 - fits;
+    next = at + fits;
+    if (HWY_UNLIKELY(((at + fits) & (RowGrid::chunk - 1)) == 0) && fits != 0)
+      next = grid.add_chunk(at / RowGrid::chunk);
   }
   return refused;
 }
 
-HWY_INLINE std::uint64_t quantise(const GridBox& box, const RowLayout& rows) {
-  const auto byte = [](std::uint32_t v, unsigned to) { return std::uint64_t{v & 0xff} << to; };
-  return byte(box.upper[0] >> rows.quantum[0], 0) | byte(box.upper[1] >> rows.quantum[1], 8) |
-         byte(box.upper[2] >> rows.quantum[2], 16) | byte(0 - (box.lower[0] >> rows.quantum[0]), 32) |
-         byte(0 - (box.lower[1] >> rows.quantum[1]), 40) | byte(0 - (box.lower[2] >> rows.quantum[2]), 48);
-}
+#if HWY_TARGET == HWY_SCALAR
 
-HWY_INLINE std::uint64_t encode(const GridBox& box, const RowLayout& rows) {
-  const std::uint32_t cells =
-      ((box.upper[0] >> rows.cell_shift[0]) - (box.lower[0] >> rows.cell_shift[0])) & rows.partitioned[0];
-  const std::uint32_t row = box.lower[1] >> rows.cell_shift[1];
-  const std::uint32_t y = ((box.upper[1] >> rows.cell_shift[1]) - row) & rows.partitioned[1];
-  const std::uint32_t before = (row - ((box.lower[1] - rows.limit[1]) >> rows.cell_shift[1])) & rows.partitioned[1] & 1;
-  const std::uint32_t z =
-      ((box.upper[2] >> rows.cell_shift[2]) - (box.lower[2] >> rows.cell_shift[2])) & rows.partitioned[2];
-  const std::uint32_t reach = y | z << 1 | (y & z) << 2 | (before & z) << 3;
-  return quantise(box, rows) | std::uint64_t{reach} << 24 | std::uint64_t{cells} << 56;
-}
+class Encoder {
+ public:
+  explicit Encoder(const RowLayout& rows) : rows_(rows) {}
+
+  std::uint64_t quantise(const GridBox& box) const {
+    std::uint64_t code = 0;
+    for (unsigned axis = 0; axis < 3; ++axis) {
+      code |= std::uint64_t{(box.upper[axis] >> rows_.quantum[axis]) & 0xff} << 8 * axis;
+      code |= std::uint64_t{(0 - (box.lower[axis] >> rows_.quantum[axis])) & 0xff} << (32 + 8 * axis);
+    }
+    return code;
+  }
+
+  std::uint64_t operator()(const GridBox& box) const {
+    const auto cell = [&](std::uint32_t v, std::size_t axis) { return v >> rows_.cell_shift[axis]; };
+    std::uint32_t beyond[3];
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      beyond[axis] = (cell(box.upper[axis], axis) - cell(box.lower[axis], axis)) & rows_.partitioned[axis];
+    const std::uint32_t before =
+        (cell(box.lower[1], 1) - cell(box.lower[1] - rows_.limit[1], 1)) & rows_.partitioned[1] & 1;
+    const std::uint32_t crossing = beyond[1] | beyond[2] << 1 | before << 2;
+    return quantise(box) | std::uint64_t{crossing} << 24 | std::uint64_t{beyond[0]} << 56;
+  }
+
+ private:
+  const RowLayout& rows_;
+};
+
+#else
+
+class Encoder {
+ public:
+  explicit Encoder(const RowLayout& rows)
+      : quantum_(hn::LoadU(Corner(), rows.quantum)),
+        shift_(hn::LoadU(Corner(), rows.cell_shift)),
+        limit_(hn::LoadU(Corner(), rows.limit)),
+        partitioned_(hn::LoadU(Corner(), rows.partitioned)) {
+    const std::uint32_t y[4] = {0, rows.partitioned[1] & 4, 0, 0};
+    before_y_ = hn::LoadU(Corner(), y);
+  }
+
+  HWY_INLINE std::uint64_t quantise(const GridBox& box) const {
+    const Corner d;
+    return pack(code_of(hn::Load(d, box.lower), hn::Load(d, box.upper)));
+  }
+
+  HWY_INLINE std::uint64_t operator()(const GridBox& box) const {
+    const Corner d;
+    const auto lower = hn::Load(d, box.lower), upper = hn::Load(d, box.upper);
+    const auto cell = hn::Shr(lower, shift_);
+    const auto beyond = hn::And(hn::Sub(hn::Shr(upper, shift_), cell), partitioned_);
+    // Whether the row is left at all when the limit is taken off: the lowest bit of the difference, moved to bit 2.
+    const auto before = hn::ShiftLeft<2>(hn::Sub(cell, hn::Shr(hn::Sub(lower, limit_), shift_)));
+    const auto x_and_y = hn::Or(beyond, hn::And(before, before_y_));
+    const auto z = hn::Add(beyond, beyond);
+    const auto extra = hn::Or(move(x_and_y, x_and_y_to_), move(z, z_to_));
+    return pack(hn::Or(code_of(lower, upper), extra));
+  }
+
+ private:
+  using Vector = hn::Vec<Corner>;
+  using Bytes = hn::FixedTag<std::uint8_t, 16>;
+
+  static HWY_INLINE Vector move(Vector v, const std::uint8_t (&from)[16]) {
+    const Bytes d;
+    return hn::BitCast(Corner(), hn::TableLookupBytesOr0(hn::BitCast(d, v), hn::Load(d, from)));
+  }
+  HWY_INLINE Vector code_of(Vector lower, Vector upper) const {
+    const auto negated = hn::Sub(hn::Zero(Corner()), hn::Shr(lower, quantum_));
+    return hn::Or(move(hn::Shr(upper, quantum_), upper_to_), move(negated, lower_to_));
+  }
+  static HWY_INLINE std::uint64_t pack(Vector v) {
+    return hn::GetLane(hn::BitCast(hn::FixedTag<std::uint64_t, 2>(), v));
+  }
+
+  static constexpr std::uint8_t none = 0x80;
+#define RINGFENCE_REST none, none, none, none, none, none, none, none
+  HWY_ALIGN static constexpr std::uint8_t upper_to_[16] = {0, 4, 8, none, none, none, none, none, RINGFENCE_REST};
+  HWY_ALIGN static constexpr std::uint8_t lower_to_[16] = {none, none, none, none, 0, 4, 8, none, RINGFENCE_REST};
+  HWY_ALIGN static constexpr std::uint8_t x_and_y_to_[16] = {none, none, none, 4, none, none, none, 0, RINGFENCE_REST};
+  HWY_ALIGN static constexpr std::uint8_t z_to_[16] = {none, none, none, 8, none, none, none, none, RINGFENCE_REST};
+#undef RINGFENCE_REST
+
+  Vector quantum_, shift_, limit_, partitioned_, before_y_;
+};
+
+#endif
 
 HWY_INLINE std::uint64_t swap_halves(std::uint64_t code) { return code << 32 | code >> 32; }
 
@@ -213,6 +385,7 @@ HWY_INLINE void for_each_run(const RowGrid& grid, std::uint32_t bucket, Visit&& 
 
 void sort(RowGrid& grid) {
   const RowLayout& rows = grid.layout;
+  const Encoder encode(rows);
   std::uint32_t* const cell_end = grid.cell_end.data() + 1;
   cell_end[-1] = 0;
   std::uint32_t sum = 0;
@@ -232,7 +405,7 @@ void sort(RowGrid& grid) {
       for (std::uint32_t k = first; k < last; ++k) {
         const std::uint32_t key = grid.keys[k];
         const std::uint32_t to = cell_end[key]++;
-        grid.codes[to] = encode(grid.boxes[k], rows);
+        grid.codes[to] = encode(grid.boxes[k]);
         grid.entries[to] = {k, key};
       }
     });
@@ -303,10 +476,11 @@ void sweep(const RowGrid& grid, std::uint32_t first, std::uint32_t last, PairSin
   // A box that crosses into a neighbour is put aside, without a branch, and the neighbours are scanned kind by kind:
   // the crossings are too irregular to predict.
   constexpr std::uint32_t block = 512;
-  std::uint32_t crossing[4][block];
+  std::uint32_t crossing[block];
+  std::uint32_t into[4][block];
   for (std::uint32_t begin = first; begin < last; begin += block) {
     const std::uint32_t end = std::min(last, begin + block);
-    std::uint32_t crossings[4] = {};
+    std::uint32_t crossings = 0;
     for (std::uint32_t i = begin; i < end; ++i) {
       const std::uint64_t code = codes[i];
       const std::uint32_t key = entries[i].key;
@@ -320,15 +494,24 @@ void sweep(const RowGrid& grid, std::uint32_t first, std::uint32_t last, PairSin
         out = scan(codes, query, i, cell_end[static_cast<std::int64_t>(row) - 1],
                    cell_end[row + ((key + reach) & x_mask)], out);
       }
-      for (std::uint32_t k = 0; k < 4; ++k) {
-        crossing[k][crossings[k]] = i;
-        crossings[k] += static_cast<std::uint32_t>(code >> (24 + k)) & 1;
-      }
+      crossing[crossings] = i;
+      crossings += (code & std::uint64_t{next_row | next_slab} << 24) != 0;
       if (HWY_UNLIKELY(out > full)) out = drain(grid, grid, out, sink);
     }
+    std::uint32_t count[4] = {};
+    for (std::uint32_t k = 0; k < crossings; ++k) {
+      const std::uint32_t i = crossing[k];
+      const auto flags = static_cast<std::uint32_t>(codes[i] >> 24);
+      const std::uint32_t y = flags & 1, z = flags >> 1 & 1, before = flags >> 2 & 1;
+      into[0][count[0]] = into[1][count[1]] = into[2][count[2]] = into[3][count[3]] = i;
+      count[0] += y;
+      count[1] += z;
+      count[2] += y & z;
+      count[3] += before & z;
+    }
     const auto scan_neighbours = [&](std::uint32_t kind, const auto& neighbour) {
-      for (std::uint32_t k = 0; k < crossings[kind]; ++k) {
-        const std::uint32_t i = crossing[kind][k];
+      for (std::uint32_t k = 0; k < count[kind]; ++k) {
+        const std::uint32_t i = into[kind][k];
         const std::uint64_t code = codes[i];
         const std::uint32_t key = neighbour(entries[i].key);
         const auto x = static_cast<std::int32_t>(key & x_mask);
@@ -359,6 +542,7 @@ HWY_INLINE AxisCells axis_cells(const RowLayout& rows, std::size_t axis, std::ui
 void query(const RowGrid& a, std::uint32_t first, std::uint32_t last, const RowGrid& b, PairSink& sink) {
   const RowLayout& rows = b.layout;
   const std::uint32_t* HWY_RESTRICT cell_end = b.cell_end.data() + 1;
+  const Encoder encode(rows);
   sink.open(b.count);
   std::uint64_t* out = sink.candidates.data();
   std::uint64_t* const full = out + PairSink::drain_at;
@@ -370,7 +554,7 @@ void query(const RowGrid& a, std::uint32_t first, std::uint32_t last, const RowG
     const AxisCells x = axis_cells(rows, 0, box.lower[0], box.upper[0]);
     const AxisCells y = axis_cells(rows, 1, box.lower[1], box.upper[1]);
     const AxisCells z = axis_cells(rows, 2, box.lower[2], box.upper[2]);
-    const std::uint64_t sought = swap_halves(quantise(box, rows));
+    const std::uint64_t sought = swap_halves(encode.quantise(box));
     for (std::uint32_t dz = 0; dz < z.count; ++dz)
       for (std::uint32_t dy = 0; dy < y.count; ++dy) {
         const std::uint32_t row = ((y.first + dy) & rows.cell_mask[1]) << rows.x_bits |

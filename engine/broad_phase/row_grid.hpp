@@ -33,7 +33,7 @@ struct GridEntry {
 ///
 /// `codes[p]` is what the sweep reads: eight bytes with the box's upper corner and negated lower corner in quanta
 /// modulo 256, the number of cells it reaches beyond its own in x (byte 7), and which neighbour rows it must look
-/// into (byte 3, see `reaches`). Two boxes of a level can overlap only if the bytewise sum of one code and the other
+/// into (byte 3, see `Crossing`). Two boxes of a level can overlap only if the bytewise sum of one code and the other
 /// with its halves swapped has no sign bit in its six coordinates.
 struct RowGrid {
   RowLayout layout{};
@@ -67,12 +67,11 @@ struct RowGrid {
   }
 };
 
-/// Bits of a code's byte 3.
-enum Reach : std::uint32_t {
-  next_row = 1,             ///< the box reaches into the next row
-  next_slab = 2,            ///< into the same row of the next slab
-  next_slab_next_row = 4,   ///< into both at once
-  next_slab_row_before = 8  ///< into the next slab, near enough to the row's start to meet boxes from the row before
+/// Bits of a code's byte 3: what lies beyond the box's own row.
+enum Crossing : std::uint32_t {
+  next_row = 1,   ///< the box reaches into the next row
+  next_slab = 2,  ///< and into the next slab
+  row_before = 4  ///< it starts so near to its row's start that boxes from the row before may reach it
 };
 
 }  // namespace ringfence::broad_phase
