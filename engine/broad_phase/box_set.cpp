@@ -51,10 +51,11 @@ void BoxSet::build(const Kernels& kernels, std::span<const geometry::Bounds> bou
     if (!laid_out_[level]) plan_level(kernels, bounds, slots.first(left), level);
     RowGrid& grid = grids_[levels_];
     grid.open(layouts_[level], left);
-    left = kernels.stage(grid, bounds.data(), slots.data(), left, slots.data());
+    const std::size_t larger = kernels.stage(grid, bounds.data(), slots.data(), left, slots.data());
+    grid.staged = static_cast<std::uint32_t>(left - larger);
+    left = larger;
     if (level == 0) larger_ = left;
-    kernels.sort(grid);
-    if (grid.count != 0) ++levels_;
+    if (grid.staged != 0) ++levels_;
   }
   if (age_++ == 0) planned_larger_ = larger_;
 }

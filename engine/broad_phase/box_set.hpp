@@ -20,7 +20,8 @@ class BoxSet {
  public:
   explicit BoxSet(std::size_t boxes);
 
-  /// Makes the set hold the boxes of `slots`, in place of what it held. Overwrites `slots`.
+  /// Makes the set hold the boxes of `slots`, in place of what it held. Overwrites `slots`. The boxes are staged, not
+  /// yet sorted: the sweep does that bucket by bucket, so that it finds them in the cache.
   void build(const Kernels& kernels, std::span<const geometry::Bounds> bounds, std::span<std::uint32_t> slots);
   void clear() noexcept { levels_ = 0; }
 

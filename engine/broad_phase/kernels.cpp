@@ -383,34 +383,35 @@ HWY_INLINE void for_each_run(const RowGrid& grid, std::uint32_t bucket, Visit&& 
   }
 }
 
-void sort(RowGrid& grid) {
+void sort(RowGrid& grid, std::uint32_t bucket) {
   const RowLayout& rows = grid.layout;
   const Encoder encode(rows);
   std::uint32_t* const cell_end = grid.cell_end.data() + 1;
-  cell_end[-1] = 0;
-  std::uint32_t sum = 0;
-  for (std::uint32_t bucket = 0; bucket < rows.buckets; ++bucket) {
-    const std::uint32_t first_key = bucket << rows.bucket_shift;
-    const std::uint32_t last_key = std::min(rows.cells, (bucket + 1) << rows.bucket_shift);
-    std::memset(cell_end + first_key, 0, (last_key - first_key) * sizeof(std::uint32_t));
-    for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {
-      for (std::uint32_t k = first; k < last; ++k) ++cell_end[grid.keys[k]];
-    });
-    for (std::uint32_t key = first_key; key < last_key; ++key) {
-      const std::uint32_t here = cell_end[key];
-      cell_end[key] = sum;
-      sum += here;
-    }
-    for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {
-      for (std::uint32_t k = first; k < last; ++k) {
-        const std::uint32_t key = grid.keys[k];
-        const std::uint32_t to = cell_end[key]++;
-        grid.codes[to] = encode(grid.boxes[k]);
-        grid.entries[to] = {k, key};
-      }
-    });
+  const std::uint32_t first_key = bucket << rows.bucket_shift;
+  const std::uint32_t last_key = first_key + (1u << rows.bucket_shift);
+  std::memset(cell_end + first_key, 0, (last_key - first_key) * sizeof(std::uint32_t));
+  for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {
+    for (std::uint32_t k = first; k < last; ++k) ++cell_end[grid.keys[k]];
+  });
+  std::uint32_t sum = grid.count;
+  for (std::uint32_t key = first_key; key < last_key; ++key) {
+    const std::uint32_t here = cell_end[key];
+    cell_end[key] = sum;
+    sum += here;
   }
   grid.count = sum;
+  for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {
+    const GridBox* HWY_RESTRICT boxes = grid.boxes.data();
+    const std::uint32_t* HWY_RESTRICT keys = grid.keys.data();
+    std::uint64_t* HWY_RESTRICT codes = grid.codes.data();
+    GridEntry* HWY_RESTRICT entries = grid.entries.data();
+    for (std::uint32_t k = first; k < last; ++k) {
+      const std::uint32_t key = keys[k];
+      const std::uint32_t to = cell_end[key]++;
+      codes[to] = encode(boxes[k]);
+      entries[to] = {k, key};
+    }
+  });
 }
 
 // ---- Sweeping -------------------------------------------------------------------------------------------------------

@@ -26,8 +26,8 @@ struct Kernels {
   std::size_t (*stage)(RowGrid& grid, const geometry::Bounds* bounds, const std::uint32_t* slots, std::size_t count,
                        std::uint32_t* larger);
 
-  /// Sorts the staged boxes by cell and codes them.
-  void (*sort)(RowGrid& grid);
+  /// Sorts the boxes of a bucket by cell and codes them; the buckets in order, each once.
+  void (*sort)(RowGrid& grid, std::uint32_t bucket);
 
   /// Pairs of a grid's boxes at the positions [first, last) with those after them.
   void (*sweep)(const RowGrid& grid, std::uint32_t first, std::uint32_t last, PairSink& sink);

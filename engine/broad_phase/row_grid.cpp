@@ -4,7 +4,7 @@ namespace ringfence::broad_phase {
 
 void RowGrid::open(const RowLayout& rows, std::size_t boxes_expected) {
   layout = rows;
-  count = 0;
+  staged = count = sorted_buckets = 0;
   const std::size_t chunks_needed = boxes_expected / chunk + rows.buckets + 1;
   boxes.reserve(chunks_needed * chunk);
   keys.reserve(chunks_needed * chunk);

@@ -37,12 +37,14 @@ struct GridEntry {
 /// with its halves swapped has no sign bit in its six coordinates.
 struct RowGrid {
   RowLayout layout{};
-  std::uint32_t count = 0;
-  Buffer<GridBox> boxes;           ///< in chunks by bucket, as they were staged
-  Buffer<std::uint32_t> keys;      ///< beside `boxes`, until they are sorted
-  Buffer<std::uint64_t> codes;     ///< by sorted position; followed by a vector's width of anything
-  Buffer<GridEntry> entries;       ///< by sorted position
-  Buffer<std::uint32_t> cell_end;  ///< [1 + key] is one past the key's last position, [0] is 0
+  std::uint32_t staged = 0;          ///< boxes put in
+  std::uint32_t count = 0;           ///< boxes sorted so far
+  std::uint32_t sorted_buckets = 0;  ///< buckets sorted so far
+  Buffer<GridBox> boxes;             ///< in chunks by bucket, as they were staged
+  Buffer<std::uint32_t> keys;        ///< beside `boxes`, until they are sorted
+  Buffer<std::uint64_t> codes;       ///< by sorted position; followed by a vector's width of anything
+  Buffer<GridEntry> entries;         ///< by sorted position
+  Buffer<std::uint32_t> cell_end;    ///< [1 + key] is one past the key's last position, [0] is 0
 
   static constexpr std::uint32_t chunk = 256;
   Buffer<std::uint32_t> next_chunk;   ///< by chunk: the bucket's next
@@ -57,6 +59,15 @@ struct RowGrid {
   std::uint32_t add_chunk(std::uint32_t full_chunk) noexcept {
     next_chunk[full_chunk] = chunks;
     return chunks++ * chunk;
+  }
+
+  /// Positions below this may be swept: they and all that they can meet are sorted.
+  std::uint32_t sweepable() const noexcept {
+    if (sorted_buckets == layout.buckets) return count;
+    // A box looks no further than to the end of the slab after its own.
+    const std::uint32_t slab_bits = layout.x_bits + layout.y_bits;
+    const std::uint32_t slabs = (sorted_buckets << layout.bucket_shift) >> slab_bits;
+    return slabs < 2 ? 0 : cell_end[(slabs - 1) << slab_bits];
   }
 
   /// Takes the box at a sorted position out: from then on it overlaps nothing.

@@ -14,7 +14,7 @@ namespace {
 
 // A part of the sweep: the boxes of `a` among themselves, or against those of `b`.
 struct Task {
-  const RowGrid* a;
+  RowGrid* a;
   const RowGrid* b;  ///< null: among themselves
 };
 constexpr std::size_t most_tasks = max_levels * (max_levels + 1) / 2 + max_levels * max_levels;
@@ -25,7 +25,7 @@ struct Place {
   std::uint32_t grid;
 };
 
-constexpr std::uint32_t entries_a_step = 2048;
+constexpr std::uint32_t boxes_a_step = 32768;
 
 }  // namespace
 
@@ -93,24 +93,23 @@ struct SweepAndPrune::Implementation {
 
   // Tasks for the pairs between two grids: the fewer ask the more, unless they are the larger boxes and not far
   // fewer, since a box larger than a level's limit must look at all that it covers there.
-  void add_task_between(const RowGrid& p, const RowGrid& q) {
+  void add_task_between(RowGrid& p, RowGrid& q) {
     const auto larger = [](const RowGrid& a, const RowGrid& b) {
       for (int axis = 0; axis < 3; ++axis)
         if (a.layout.limit[axis] / 2 > b.layout.limit[axis]) return true;
       return false;
     };
-    bool p_asks = p.count <= q.count;
-    if (larger(p, q)) p_asks = p.count <= q.count / 8;
-    if (larger(q, p)) p_asks = q.count > p.count / 8;
+    bool p_asks = p.staged <= q.staged;
+    if (larger(p, q)) p_asks = p.staged <= q.staged / 8;
+    if (larger(q, p)) p_asks = q.staged > p.staged / 8;
     tasks[task_count++] = p_asks ? Task{&p, &q} : Task{&q, &p};
   }
 
-  void add_tasks_within(const BoxSet& set) {
+  void add_tasks_within(BoxSet& set) {
     const auto grids = set.grids();
-    for (std::size_t k = 0; k < grids.size(); ++k) {
-      tasks[task_count++] = {&grids[k], nullptr};
+    for (RowGrid& grid : grids) tasks[task_count++] = {&grid, nullptr};
+    for (std::size_t k = 0; k < grids.size(); ++k)
       for (std::size_t l = k + 1; l < grids.size(); ++l) add_task_between(grids[k], grids[l]);
-    }
   }
 
   void start_tasks() { task_count = task = position = 0; }
@@ -119,13 +118,18 @@ struct SweepAndPrune::Implementation {
   bool step() {
     if (task == task_count) return false;
     const Task& t = tasks[task];
-    const std::uint32_t end = std::min(t.a->count, position + entries_a_step);
+    std::uint32_t ready = t.a->count;
+    if (t.b == nullptr) {
+      if (t.a->sorted_buckets < t.a->layout.buckets) kernels.sort(*t.a, t.a->sorted_buckets++);
+      ready = t.a->sweepable();
+    }
+    const std::uint32_t end = std::min(ready, position + boxes_a_step);
     if (t.b == nullptr)
       kernels.sweep(*t.a, position, end, sink);
     else
       kernels.query(*t.a, position, end, *t.b, sink);
     position = end;
-    if (end == t.a->count) {
+    if (end == t.a->staged) {
       ++task;
       position = 0;
     }
@@ -151,9 +155,6 @@ struct SweepAndPrune::Implementation {
     moving_count = leaving;
     std::sort(resting_slots.data(), resting_slots.data() + staying);
     resting.build(kernels, bounds, {resting_slots.data(), staying});
-    const auto grids = resting.grids();
-    for (std::uint32_t g = 0; g < grids.size(); ++g)
-      for (std::uint32_t p = 0; p < grids[g].count; ++p) place[grids[g].boxes[grids[g].entries[p].box].slot] = {p, g};
     kept_count = staying;
     removed = debt = remembered = sink.count = 0;
     forgotten = false;
@@ -162,6 +163,9 @@ struct SweepAndPrune::Implementation {
     while (step()) {
     }
     remembered = sink.count;
+    const auto grids = resting.grids();
+    for (std::uint32_t g = 0; g < grids.size(); ++g)
+      for (std::uint32_t p = 0; p < grids[g].count; ++p) place[grids[g].boxes[grids[g].entries[p].box].slot] = {p, g};
   }
 
   void begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
@@ -186,8 +190,8 @@ struct SweepAndPrune::Implementation {
     moving.build(kernels, bounds, {moving_slots.data(), moving_count});
     start_tasks();
     add_tasks_within(moving);
-    for (const RowGrid& m : moving.grids())
-      for (const RowGrid& r : resting.grids()) add_task_between(m, r);
+    for (RowGrid& m : moving.grids())
+      for (RowGrid& r : resting.grids()) add_task_between(m, r);
     sink.count = remembered;
     handed_out = 0;
   }
