@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "reference/core_distance.hpp"
+#include "reference/primitives.hpp"
 #include "reference/separation.hpp"
 
 namespace ringfence::reference {

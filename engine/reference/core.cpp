@@ -64,9 +64,15 @@ bool coplanar(std::span<const Vector> points, const ConvexSurface::Face& p, cons
 
 double Core::extent(const Vector& direction) const {
   if (function) return dot(direction, support(direction));
-  double largest = -std::numeric_limits<double>::infinity();
-  for (const Vector& v : vertices) largest = std::max(largest, dot(direction, v));
-  return largest;
+  // Four at a time, so that one maximum need not wait for the other.
+  constexpr double least = -std::numeric_limits<double>::infinity();
+  double largest[4] = {least, least, least, least};
+  std::size_t i = 0;
+  for (; i + 4 <= vertices.size(); i += 4) {
+    for (std::size_t k = 0; k < 4; ++k) largest[k] = std::max(largest[k], dot(direction, vertices[i + k]));
+  }
+  for (; i < vertices.size(); ++i) largest[0] = std::max(largest[0], dot(direction, vertices[i]));
+  return std::max(std::max(largest[0], largest[1]), std::max(largest[2], largest[3]));
 }
 
 Vector Core::support(const Vector& direction) const {

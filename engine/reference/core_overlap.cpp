@@ -60,17 +60,28 @@ void consider_edges(const CorePair& pair, const Core::Arc& p, const Vector& q_di
   }
 }
 
-bool same_side(double p, double q) { return (p > unsure && q > unsure) || (p < -unsure && q < -unsure); }
-
-/// dots[i * normals + j] = arc i of one · normal j of the other.
-std::vector<double> arcs_by_normals(const Core& core, const std::vector<Vector>& normals) {
-  std::vector<double> out;
-  out.reserve(core.arcs.size() * normals.size());
-  for (const auto& arc : core.arcs) {
-    for (const Vector& n : normals) out.push_back(dot(arc.direction, n));
+/// Vectors by component, for loops over many of them.
+struct Columns {
+  std::vector<double> x, y, z;
+  explicit Columns(const std::vector<Vector>& vectors) {
+    for (const Vector& v : vectors) x.push_back(v.x), y.push_back(v.y), z.push_back(v.z);
   }
-  return out;
+};
+
+/// All dot products, row by row, into `out`, which only grows: zeroing it took a fifth of the time.
+void dots(const std::vector<Vector>& rows, const Columns& columns, std::vector<double>& out) {
+  const std::size_t count = columns.x.size();
+  const double *const x = columns.x.data(), *const y = columns.y.data(), *const z = columns.z.data();
+  out.resize(std::max(out.size(), rows.size() * count));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Vector r = rows[i];
+    double* const row = out.data() + i * count;
+    for (std::size_t j = 0; j < count; ++j) row[j] = r.x * x[j] + r.y * y[j] + r.z * z[j];
+  }
 }
+
+/// Whether two points are surely on the same side of a plane, given their distances from it, at most 1.
+bool same_side(double p, double q) { return p * q > unsure; }
 
 /// The directions from the middle of a cube to its corners, edges and faces.
 std::vector<Vector> directions_around() {
@@ -102,29 +113,30 @@ std::vector<Vector> directions_across(const std::vector<Vector>& points) {
 CoreOverlap polytope_overlap(const CorePair& pair) {
   const Core &a = pair.a, &b = pair.b;
   CoreOverlap best = face_overlap(pair);
-  const Placement a_in_b = inverse(pair.b_in_a);
-  std::vector<Vector> normals_a, normals_b;  // each in the other's frame
-  for (const Vector& n : a.normals) normals_a.push_back(a_in_b.rotation * n);
-  for (const Vector& n : b.normals) normals_b.push_back(pair.b_in_a.rotation * n);
-  const auto a_dots = arcs_by_normals(a, normals_b), b_dots = arcs_by_normals(b, normals_a);
 
-  struct Edge {
-    Vector direction, point, middle;
-  };
-  std::vector<Edge> edges_b;  // in the frame of a, the arc of the mirrored shape
+  // Everything of b in the frame of a; its arcs and their normals as those of the mirrored shape.
+  std::vector<Vector> directions_a, directions_b, normals_b, points_b, middles_b;
+  for (const auto& p : a.arcs) directions_a.push_back(p.direction);
+  for (const Vector& n : b.normals) normals_b.push_back(-(pair.b_in_a.rotation * n));
   for (const auto& q : b.arcs) {
-    edges_b.push_back(
-        {pair.b_in_a.rotation * q.direction, pair.b_in_a * q.point, -(normals_b[q.faces[0]] + normals_b[q.faces[1]])});
+    directions_b.push_back(pair.b_in_a.rotation * q.direction);
+    points_b.push_back(pair.b_in_a * q.point);
+    middles_b.push_back(normals_b[q.faces[0]] + normals_b[q.faces[1]]);
   }
+  // Two arcs cross where each has its ends on two sides of the other's plane (and both on one half of the sphere).
+  const std::size_t arcs = b.arcs.size(), normals = b.normals.size();
+  static thread_local std::vector<double> ends_of_a, ends_of_b;
+  dots(a.normals, Columns(directions_b), ends_of_a);  // [normal of a][arc of b]
+  dots(directions_a, Columns(normals_b), ends_of_b);  // [arc of a][normal of b]
   for (std::size_t i = 0; i < a.arcs.size(); ++i) {
     const auto& p = a.arcs[i];
-    const double* const p_dots = a_dots.data() + i * b.normals.size();
-    for (std::size_t j = 0; j < b.arcs.size(); ++j) {
+    const double *const p_from = &ends_of_a[p.faces[0] * arcs], *const p_to = &ends_of_a[p.faces[1] * arcs];
+    const double* const q_ends = &ends_of_b[i * normals];
+    for (std::size_t j = 0; j < arcs; ++j) {
+      if (same_side(p_from[j], p_to[j])) continue;
       const auto& q = b.arcs[j];
-      if (same_side(p_dots[q.faces[0]], p_dots[q.faces[1]])) continue;
-      const double* const q_dots = b_dots.data() + j * a.normals.size();
-      if (same_side(q_dots[p.faces[0]], q_dots[p.faces[1]])) continue;
-      consider_edges(pair, p, edges_b[j].direction, edges_b[j].point, edges_b[j].middle, best);
+      if (same_side(q_ends[q.faces[0]], q_ends[q.faces[1]])) continue;
+      consider_edges(pair, p, directions_b[j], points_b[j], middles_b[j], best);
     }
   }
   return best;

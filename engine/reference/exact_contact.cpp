@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "reference/core_distance.hpp"
+#include "reference/primitives.hpp"
 #include "reference/separation.hpp"
 
 namespace ringfence::reference {

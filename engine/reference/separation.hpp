@@ -1,6 +1,5 @@
 #pragma once
 
-#include <functional>
 #include <limits>
 
 #include "reference/shapes.hpp"
@@ -33,11 +32,5 @@ Separation separation(const PreparedShape& a, const Pose& pose_a, const Prepared
 
 /// The separation of two rounded cores, the second placed in the frame of the first; the normal is in that frame.
 Separation separation(const Core& a, const Core& b, const Placement& b_in_a);
-
-/// Calls `visit(core_a, core_b)` for every pair of primitives whose boxes come within `reach` of each other, both
-/// placed by `b_in_a`; convex shapes are their own only primitive. `visit` answers how deep (metres) an overlap must
-/// be from now on to be of interest: pairs whose boxes rule that out are left out; minus infinity asks for all.
-void for_each_primitive_pair(const PreparedShape& a, const PreparedShape& b, const Placement& b_in_a, double reach,
-                             const std::function<double(const Core&, const Core&)>& visit);
 
 }  // namespace ringfence::reference

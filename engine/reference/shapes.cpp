@@ -1,7 +1,6 @@
 #include "reference/shapes.hpp"
 
 #include <algorithm>
-#include <cassert>
 #include <limits>
 #include <stdexcept>
 
@@ -13,11 +12,6 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 Extents nothing() { return {{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}}; }
-
-void include(Extents& e, const Vector& p) {
-  e.lower = {std::min(e.lower.x, p.x), std::min(e.lower.y, p.y), std::min(e.lower.z, p.z)};
-  e.upper = {std::max(e.upper.x, p.x), std::max(e.upper.y, p.y), std::max(e.upper.z, p.z)};
-}
 
 Extents around(std::span<const Surface::Triangle> triangles) {
   Extents out = nothing();
@@ -54,6 +48,7 @@ Surface surface_of(const TriangleMesh& mesh) {
     if (length(triangle_normal(t.corners[0], t.corners[1], t.corners[2])) > 0) out.triangles.push_back(t);
   }
   if (out.triangles.empty()) throw std::invalid_argument("mesh: no triangle has an area");
+  out.extents = around(out.triangles);
   sort_into_runs(out.triangles);
   for (std::size_t i = 0; i < out.triangles.size(); i += Surface::run_length) {
     const std::size_t count = std::min(Surface::run_length, out.triangles.size() - i);
@@ -62,17 +57,21 @@ Surface surface_of(const TriangleMesh& mesh) {
   return out;
 }
 
-/// The box around a turned box.
-Extents turned(const Extents& e, const Placement& placement) {
-  Extents out = nothing();
-  for (int c = 0; c < 8; ++c) {
-    include(out, placement * Vector{c & 1 ? e.upper.x : e.lower.x, c & 2 ? e.upper.y : e.lower.y,
-                                    c & 4 ? e.upper.z : e.lower.z});
-  }
-  return out;
+}  // namespace
+
+void include(Extents& e, const Vector& p) {
+  e.lower = {std::min(e.lower.x, p.x), std::min(e.lower.y, p.y), std::min(e.lower.z, p.z)};
+  e.upper = {std::max(e.upper.x, p.x), std::max(e.upper.y, p.y), std::max(e.upper.z, p.z)};
 }
 
-}  // namespace
+Extents turned(const Extents& e, const Placement& p) {
+  const Vector centre = p * ((e.lower + e.upper) * 0.5), half = (e.upper - e.lower) * 0.5;
+  const auto& c = p.rotation.columns;
+  const Vector reach{std::abs(c[0].x) * half.x + std::abs(c[1].x) * half.y + std::abs(c[2].x) * half.z,
+                     std::abs(c[0].y) * half.x + std::abs(c[1].y) * half.y + std::abs(c[2].y) * half.z,
+                     std::abs(c[0].z) * half.x + std::abs(c[1].z) * half.y + std::abs(c[2].z) * half.z};
+  return {centre - reach, centre + reach};
+}
 
 Shapes::Shapes(std::span<const ShapeDescription> shapes) {
   for (const auto& shape : shapes) add(shape);
@@ -95,11 +94,7 @@ ShapeNumber Shapes::add(const ShapeDescription& shape) {
 }
 
 Extents extents_of(const PreparedShape& shape, const Placement& placement) {
-  if (shape.kind == ShapeKind::mesh) {
-    Extents all = nothing();
-    for (const Extents& run : shape.surface.runs) include(all, run.lower), include(all, run.upper);
-    return turned(all, placement);
-  }
+  if (shape.kind == ShapeKind::mesh) return turned(shape.surface.extents, placement);
   const Core& core = shape.core;
   const auto least_and_most = [&](const Vector& axis, double offset) {
     const Vector local = placement.rotation.inverse(axis);

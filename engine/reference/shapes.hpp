@@ -18,6 +18,12 @@ struct Extents {
   Vector lower, upper;
 };
 
+/// Grows a box to hold a point.
+void include(Extents& extents, const Vector& point);
+
+/// The smallest box around a placed box.
+Extents turned(const Extents& extents, const Placement& placement);
+
 /// A triangle surface: its triangles in double, sorted into compact runs, each with a box around it.
 struct Surface {
   struct Triangle {
@@ -27,6 +33,7 @@ struct Surface {
 
   std::vector<Triangle> triangles;  ///< none without area; the last run may be short
   std::vector<Extents> runs;        ///< around triangles [i * run_length, (i + 1) * run_length)
+  Extents extents;                  ///< around all
 };
 
 /// A shape prepared for the reference: a convex core, or the triangles of a mesh.
