@@ -129,7 +129,7 @@ struct SweepAndPrune::Implementation {
     else
       kernels.query(*t.a, position, end, *t.b, sink);
     position = end;
-    if (end == t.a->staged) {
+    if (end == t.a->staged && t.a->sorted_buckets == t.a->layout.buckets) {
       ++task;
       position = 0;
     }
