@@ -1,0 +1,98 @@
+#include "narrow_phase/crowd.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <random>
+
+namespace ringfence::narrow_phase_bench {
+namespace {
+
+constexpr int shapes_a_side = 64;
+constexpr double coverage = 0.06;
+
+using Random = std::mt19937_64;
+
+float uniform(Random& random, double low, double high) {
+  return static_cast<float>(std::uniform_real_distribution<double>(low, high)(random));
+}
+
+Vec3f direction(Random& random) {
+  for (;;) {
+    const Vec3f v{uniform(random, -1, 1), uniform(random, -1, 1), uniform(random, -1, 1)};
+    const float length = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
+    if (length > 0.1f && length < 1) return {v.x / length, v.y / length, v.z / length};
+  }
+}
+
+Quat turn(Random& random) {
+  std::normal_distribution<float> normal;
+  const Quat q{normal(random), normal(random), normal(random), normal(random)};
+  const float length = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+  return {q.x / length, q.y / length, q.z / length, q.w / length};
+}
+
+ShapeDescription draw_shape(const Side& side, Random& random) {
+  switch (side.kind) {
+    case ShapeKind::sphere:
+      return Sphere{1};
+    case ShapeKind::box:
+      return Box{{uniform(random, 0.6, 1.2), uniform(random, 0.6, 1.2), uniform(random, 0.6, 1.2)}};
+    case ShapeKind::capsule:
+      return Capsule{uniform(random, 0.4, 0.8), uniform(random, 0.3, 1)};
+    default: {
+      const Vec3f scale{uniform(random, 0.6, 1.2), uniform(random, 0.6, 1.2), uniform(random, 0.6, 1.2)};
+      ConvexHull hull;
+      for (int i = 0; i < side.vertices; ++i) {
+        const Vec3f p = direction(random);
+        hull.points.push_back({p.x * scale.x, p.y * scale.y, p.z * scale.z});
+      }
+      return hull;
+    }
+  }
+}
+
+}  // namespace
+
+std::string Side::name() const { return kind == ShapeKind::hull ? "hull" + std::to_string(vertices) : name_of(kind); }
+
+Crowd make_crowd(const Side& a, const Side& b, std::size_t objects, std::uint64_t seed) {
+  Random random(seed);
+  Crowd crowd{a, b, std::make_unique<geometry::ShapeTable>(), {}, {}};
+  for (int i = 0; i < shapes_a_side; ++i) {
+    crowd.shapes->add(draw_shape(a, random));
+    crowd.shapes->add(draw_shape(b, random));
+  }
+  const bool same = a.name() == b.name();
+  double volume = 0;
+  for (std::size_t i = 0; i < objects; ++i) {
+    const auto side = static_cast<ShapeNumber>(i % 2);
+    const auto shape = static_cast<ShapeNumber>(random() % shapes_a_side * 2 + side);
+    volume += crowd.shapes->volume(shape);
+    crowd.bodies.push_back({{}, shape, static_cast<ObjectNumber>(i + 1)});
+  }
+  const double width = std::cbrt(volume / coverage);
+  std::uniform_real_distribution<double> place(0, width);
+  for (narrow_phase::Body& body : crowd.bodies) {
+    body.pose = {{place(random), place(random), place(random)}, turn(random)};
+  }
+
+  const geometry::FixedSpace space({-4, -4, -4}, {width + 4, width + 4, width + 4});
+  std::vector<geometry::Bounds> bounds;
+  for (const narrow_phase::Body& body : crowd.bodies)
+    bounds.push_back(crowd.shapes->bounds(body.shape, body.pose, space));
+  std::vector<std::uint32_t> order(objects);
+  std::iota(order.begin(), order.end(), 0u);
+  std::sort(order.begin(), order.end(),
+            [&](std::uint32_t p, std::uint32_t q) { return bounds[p].lower[0] < bounds[q].lower[0]; });
+  for (std::size_t i = 0; i < objects; ++i) {
+    for (std::size_t j = i + 1; j < objects && bounds[order[j]].lower[0] <= bounds[order[i]].upper[0]; ++j) {
+      const auto [low, high] = std::minmax(order[i], order[j]);
+      if (!same && low % 2 == high % 2) continue;
+      if (geometry::touch(bounds[low], bounds[high])) crowd.pairs.push_back({low, high});
+    }
+  }
+  return crowd;
+}
+
+}  // namespace ringfence::narrow_phase_bench

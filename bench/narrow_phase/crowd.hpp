@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "geometry/bounds.hpp"
+#include "geometry/shape_table.hpp"
+#include "narrow_phase/narrow_phase.hpp"
+
+namespace ringfence::narrow_phase_bench {
+
+/// What the objects of one side of a crowd are: a kind and, for hulls, how many vertices.
+struct Side {
+  ShapeKind kind = ShapeKind::sphere;
+  int vertices = 0;
+
+  /// "sphere", "hull32": the word in benchmark names.
+  std::string name() const;
+};
+
+/// A crowd of objects of two kinds with the sizes of the paper's world, and its candidates of one of each: all pairs
+/// whose tight bounds overlap, in the order of a sweep along x. About half of them are in contact.
+struct Crowd {
+  Side a, b;
+  std::unique_ptr<geometry::ShapeTable> shapes;
+  std::vector<narrow_phase::Body> bodies;
+  std::vector<geometry::CandidatePair> pairs;
+};
+
+/// `objects` objects, evenly spread over a cube of which they fill six hundredths; 64 shapes a side.
+Crowd make_crowd(const Side& a, const Side& b, std::size_t objects, std::uint64_t seed);
+
+}  // namespace ringfence::narrow_phase_bench

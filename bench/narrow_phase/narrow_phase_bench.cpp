@@ -1,0 +1,207 @@
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <functional>
+#include <map>
+#include <memory>
+#include <numeric>
+#include <string>
+
+#include <benchmark/benchmark.h>
+
+#include "narrow_phase/crowd.hpp"
+#include "narrow_phase/narrow_phase.hpp"
+#include "narrow_phase/peer.hpp"
+#include "narrow_phase/targets.hpp"
+
+// Benchmarks narrow/<kind_a>_<kind_b>/<impl>[/<variant>]: ns for a candidate pair, one thread, all implementations on
+// the same candidates of the same crowd. Variants: none, the mix that a broad phase produces; hits and misses, those
+// alone; cold, with the second-level cache emptied before each round; few, ringfence's calls of four pairs each; and
+// ringfence on each instruction set that there is. Before anything of a crowd is timed, the implementations are
+// checked to agree on what touches.
+
+namespace {
+
+using namespace ringfence;
+using namespace ringfence::narrow_phase_bench;
+
+constexpr std::size_t crowd_objects = 4000;
+constexpr std::uint64_t seed = 1;
+
+struct Implementation {
+  const char* name;
+  std::unique_ptr<Peer> (*make)(const Crowd&);
+};
+
+constexpr Implementation implementations[] = {
+    {"ringfence", make_ringfence},
+#ifdef RINGFENCE_BENCH_FCL
+    {"fcl", make_fcl},
+#endif
+#ifdef RINGFENCE_BENCH_BULLET
+    {"bullet", make_bullet},
+#endif
+    {"libccd", make_libccd},
+};
+
+/// A crowd, who tests it, and which of its candidates touch.
+struct Arena {
+  Crowd crowd;
+  std::map<std::string, std::unique_ptr<Peer>> peers;
+  std::vector<std::uint32_t> all, hits, misses;
+};
+
+/// Shares of candidates on which a peer may differ: those that touch within its own tolerance.
+constexpr double allowed_difference = 0.01;
+
+/// Not moved once made: the peers refer to the crowd.
+std::unique_ptr<Arena> make_arena(const Side& a, const Side& b) {
+  auto made = std::make_unique<Arena>();
+  Arena& arena = *made;
+  arena.crowd = make_crowd(a, b, crowd_objects, seed);
+  arena.all.resize(arena.crowd.pairs.size());
+  std::iota(arena.all.begin(), arena.all.end(), 0u);
+  std::vector<std::uint8_t> expected;
+  for (const Implementation& implementation : implementations) {
+    auto peer = implementation.make(arena.crowd);
+    peer->select(arena.all);
+    peer->test();
+    const std::span<const std::uint8_t> touches = peer->touches();
+    if (expected.empty()) {
+      expected.assign(touches.begin(), touches.end());
+    }
+    std::size_t different = 0;
+    for (std::size_t i = 0; i < touches.size(); ++i) different += touches[i] != expected[i];
+    if (static_cast<double>(different) > allowed_difference * static_cast<double>(touches.size())) {
+      std::fprintf(stderr, "narrow/%s_%s: %s differs from ringfence on %zu of %zu candidates\n", a.name().c_str(),
+                   b.name().c_str(), implementation.name, different, touches.size());
+      continue;
+    }
+    arena.peers.emplace(implementation.name, std::move(peer));
+  }
+  for (const std::uint32_t pair : arena.all) (expected[pair] ? arena.hits : arena.misses).push_back(pair);
+  return made;
+}
+
+/// Arenas are made when first used, so that a filter costs only what it runs; one is kept at a time.
+Arena& arena_of(const Side& a, const Side& b) {
+  static std::string name;
+  static std::unique_ptr<Arena> arena;
+  const std::string wanted = a.name() + '_' + b.name();
+  if (wanted != name) {
+    arena.reset();
+    arena = make_arena(a, b);
+    name = wanted;
+  }
+  return *arena;
+}
+
+enum class Variant { mix, hits, misses, cold, few };
+constexpr const char* suffixes[] = {"", "/hits", "/misses", "/cold", "/few"};
+
+/// Writes more than a second-level cache holds.
+void empty_cache() {
+  static std::vector<char> memory(16u << 20);
+  for (std::size_t i = 0; i < memory.size(); i += 64) ++memory[i];
+  benchmark::ClobberMemory();
+}
+
+/// Sets manual time to that of `run`, which tests `candidates` pairs a round, and reports two figures a candidate: the
+/// mean of all rounds, and the least of any, which a busy machine disturbs less.
+void measure(benchmark::State& state, std::size_t candidates, bool cold, const std::function<void()>& run) {
+  using Nanoseconds = std::chrono::duration<double, std::nano>;
+  Nanoseconds total{0}, least = Nanoseconds::max();
+  for (auto _ : state) {
+    if (cold) empty_cache();
+    const auto begin = std::chrono::steady_clock::now();
+    run();
+    const Nanoseconds round = std::chrono::steady_clock::now() - begin;
+    state.SetIterationTime(std::chrono::duration<double>(round).count());
+    total += round;
+    least = std::min(least, round);
+  }
+  const auto per_candidate = static_cast<double>(candidates);
+  state.counters["ns_per_candidate"] = total.count() / static_cast<double>(state.iterations()) / per_candidate;
+  state.counters["least_ns_per_candidate"] = least.count() / per_candidate;
+  state.counters["candidates"] = per_candidate;
+}
+
+void run_peer(benchmark::State& state, const Side& a, const Side& b, const std::string& name, Variant variant,
+              const std::string& target) {
+  Arena& arena = arena_of(a, b);
+  const auto found = arena.peers.find(name);
+  if (found == arena.peers.end()) {
+    state.SkipWithError("does not agree on what touches");
+    return;
+  }
+  Peer& peer = *found->second;
+  const std::vector<std::uint32_t>& pairs = variant == Variant::hits     ? arena.hits
+                                            : variant == Variant::misses ? arena.misses
+                                                                         : arena.all;
+  narrow_phase::force_target(target);
+  if (variant == Variant::few) {
+    narrow_phase::NarrowPhase narrow_phase(*arena.crowd.shapes);
+    const std::span<const geometry::CandidatePair> candidates(arena.crowd.pairs);
+    const std::size_t calls = candidates.size() / 4;
+    std::size_t hits = 0;
+    measure(state, calls * 4, false, [&] {
+      for (std::size_t i = 0; i < calls; ++i) {
+        hits += narrow_phase.test(arena.crowd.bodies, candidates.subspan(i * 4, 4)).size();
+      }
+    });
+    benchmark::DoNotOptimize(hits);
+  } else {
+    peer.select(pairs);
+    measure(state, pairs.size(), variant == Variant::cold, [&] { peer.test(); });
+  }
+  narrow_phase::force_target("");
+  state.counters["share_of_hits"] =
+      variant == Variant::hits     ? 1.0
+      : variant == Variant::misses ? 0.0
+                                   : static_cast<double>(arena.hits.size()) / static_cast<double>(arena.all.size());
+}
+
+void add(const Side& a, const Side& b, const std::string& name, Variant variant, const std::string& target = "") {
+  std::string full = "narrow/" + a.name() + '_' + b.name() + '/' + name + suffixes[static_cast<int>(variant)];
+  if (!target.empty()) full += '/' + target;
+  benchmark::RegisterBenchmark(full.c_str(), [=](benchmark::State& state) {
+    run_peer(state, a, b, name, variant, target);
+  })->UseManualTime();
+}
+
+void add_all(const Side& a, const Side& b) {
+  if (!narrow_phase::can_test(a.kind, b.kind)) return;
+  for (const Implementation& implementation : implementations) {
+    for (const Variant variant : {Variant::mix, Variant::hits, Variant::misses, Variant::cold}) {
+      add(a, b, implementation.name, variant);
+    }
+  }
+  add(a, b, "ringfence", Variant::few);
+  for (const std::string& target : narrow_phase::targets()) add(a, b, "ringfence", Variant::mix, target);
+}
+
+void add_all_kinds() {
+  const Side sphere{ShapeKind::sphere}, box{ShapeKind::box}, capsule{ShapeKind::capsule}, hull{ShapeKind::hull, 32};
+  for (const auto& [a, b] : {std::pair{sphere, sphere},
+                             {sphere, box},
+                             {sphere, capsule},
+                             {sphere, hull},
+                             {box, box},
+                             {box, capsule},
+                             {box, hull},
+                             {capsule, capsule},
+                             {capsule, hull}}) {
+    add_all(a, b);
+  }
+  for (const int vertices : {8, 16, 32, 64, 128}) add_all({ShapeKind::hull, vertices}, {ShapeKind::hull, vertices});
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  add_all_kinds();
+  benchmark::RunSpecifiedBenchmarks();
+  benchmark::Shutdown();
+}
