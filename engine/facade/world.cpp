@@ -215,7 +215,7 @@ void World::Implementation::build_server() {
     own.node = node;
     own.shapes = &shapes;
     own.space = &space;
-    own.model = config.deployment == Deployment::user_collision ? config.motion.get() : nullptr;
+    own.model = config.motion.get();
     own.placement = config.placement;
     own.layer_masks = setup.layer_masks;
     own.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / count + 64);

@@ -1,0 +1,79 @@
+#include <string>
+
+#include <doctest/doctest.h>
+
+#include "facade/swarm.hpp"
+#include "ringfence/digest.hpp"
+#include "ringfence/world.hpp"
+
+namespace ringfence::test {
+namespace {
+
+constexpr double side = 14;
+
+WorldConfig config_of(Deployment deployment, Placement placement, std::uint32_t nodes) {
+  WorldConfig config;
+  config.bounds_max = {side, side, side};
+  config.deployment = deployment;
+  config.placement = placement;
+  config.nodes = nodes;
+  config.user_threads = 2;
+  config.interest = 4;
+  config.motion = std::make_shared<Bouncing>(side);
+  return config;
+}
+
+struct Run {
+  std::uint64_t digest = 0;
+  std::uint64_t contacts = 0;
+  std::uint64_t candidates = 0;
+  std::uint64_t handed_over = 0;
+};
+
+void check_counts(const FrameReport& report) {
+  REQUIRE(report.tested == report.candidates);
+  REQUIRE(report.accepted == report.candidates);
+  for (const std::uint64_t refused : report.refused) {
+    REQUIRE(refused == 0);
+  }
+}
+
+Run run(const WorldConfig& config, std::size_t objects, std::size_t users, int frames) {
+  World world(config);
+  populate(world, objects, users, side);
+  Digest digest;
+  Run result;
+  for (int frame = 0; frame < frames; ++frame) {
+    REQUIRE(world.advance() == Status::ok);
+    check_counts(world.report());
+    digest.add_frame(world.contacts());
+    result.contacts += world.contacts().size();
+    result.candidates += world.report().candidates;
+    result.handed_over += world.report().handed_over;
+  }
+  result.digest = digest.value();
+  return result;
+}
+
+TEST_CASE("every deployment, placement and node count gives the same contacts bit for bit") {
+  const Run expected = run(config_of(Deployment::user, Placement::server, 0), 400, 10, 40);
+  REQUIRE(expected.contacts > 1000);
+  for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
+    for (const Placement placement : {Placement::server, Placement::region}) {
+      for (const std::uint32_t nodes : {0u, 1u, 2u, 3u, 8u, 16u}) {
+        CAPTURE(name_of(deployment));
+        CAPTURE(name_of(placement));
+        CAPTURE(nodes);
+        const Run got = run(config_of(deployment, placement, nodes), 400, 10, 40);
+        CHECK(got.digest == expected.digest);
+        CHECK(got.candidates == expected.candidates);
+        if (deployment == Deployment::user_collision && nodes > 1) {
+          CHECK(got.handed_over > 0);
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::test
