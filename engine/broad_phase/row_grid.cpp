@@ -14,6 +14,7 @@ void RowGrid::open(const RowLayout& rows, std::size_t boxes_expected) {
   codes.reserve(boxes_expected + 64);
   entries.reserve(boxes_expected);
   cell_end.reserve(std::size_t{rows.cells} + 1);
+  cell_end[0] = 0;
   for (chunks = 0; chunks < rows.buckets; ++chunks) {
     first_chunk[chunks] = chunks;
     cursor[chunks] = chunks * chunk;
