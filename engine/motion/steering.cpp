@@ -14,20 +14,20 @@ namespace ringfence::motion {
 
 /// S(k) beyond the pose.
 struct Steering::State {
-  Vec3f velocity;             ///< metres a frame
-  Vec3f spin;                 ///< radians a frame about the world's axes
-  Vec3f goal;                 ///< relative to the centre of the bounds
-  std::uint32_t target;       ///< the one the goal lies at
-  std::uint64_t retarget_at;  ///< frame of the next pick; 0: none made yet
-  std::uint64_t goal_until;   ///< frame at which the target has relocated
+  Vec3f velocity;  ///< metres a frame
+  Vec3f spin;      ///< radians a frame about the world's axes
+  Vec3f goal;      ///< relative to the centre of the bounds
+  std::uint32_t reserved;
+  std::uint64_t goal_until;  ///< the first frame in which the goal may be elsewhere; 0: none yet
 };
 
 namespace {
 
-enum Stream : std::uint32_t { relocation_times = 1, relocation_places, pick_times, pick_targets, pick_places };
+enum Stream : std::uint32_t { relocation_times = 1, relocation_places, pick_times, pick_targets, pick_places, homes };
 
 constexpr float agility = 0.12f;        // share of the wanted change of velocity that happens in a frame
 constexpr float stiffness = 0.3f;       // of an overlap is undone in a frame by each of the two objects
+constexpr float give = 0.7f;            // share of the approach velocity that a contact takes in a frame
 constexpr float kick = 0.15f;           // share of a push that remains as velocity of what is pushed
 constexpr float yielding = 0.125f;      // of the slop is what a non-active object lets stand: it gives way first
 constexpr float friction = 0.9f;        // of a pushed object's velocity is left after a frame
@@ -64,7 +64,7 @@ Response respond(const MotionInput& input, float slop, Vec3f& velocity) {
     }
     const float approach = dot(velocity, away);
     if (approach < 0) {
-      velocity = velocity - away * approach;
+      velocity = velocity - away * (approach * give);
     }
   }
   return response;
@@ -95,11 +95,6 @@ double about_home(std::uint32_t home, std::uint32_t lattice, float draw) {
   if (place < 0) place = -place;
   if (place > lattice) place = 2.0 * lattice - place;
   return place;
-}
-
-std::uint32_t cell_of(double offset, double cell, std::uint32_t lattice) {
-  const double place = std::clamp(offset / cell, 0.0, static_cast<double>(lattice - 1));
-  return static_cast<std::uint32_t>(place);
 }
 
 /// The cell beside `cell` on one axis: before, same or after, each as likely; at the edge the cell itself.
@@ -140,7 +135,7 @@ Steering::Steering(const SteeringConfig& config)
       relocations_(config.target_interval, config.seed, relocation_times),
       picks_(config.retarget_interval, config.seed, pick_times),
       lattice_(lattice_for(config.targets)) {
-  static_assert(sizeof(State) == 56 && std::is_trivially_copyable_v<State> && sizeof(State) <= max_motion_state);
+  static_assert(sizeof(State) == 48 && std::is_trivially_copyable_v<State> && sizeof(State) <= max_motion_state);
   const Vec3d& low = config.bounds_min;
   const Vec3d& high = config.bounds_max;
   centre_ = {(low.x + high.x) / 2, (low.y + high.y) / 2, (low.z + high.z) / 2};
@@ -164,46 +159,34 @@ std::uint64_t Steering::target_end(std::uint32_t target, std::uint64_t frame) co
   return relocations_.at(target, frame).end;
 }
 
-std::uint32_t Steering::pick_target(ObjectNumber object, std::uint32_t epoch, const Vec3d& position) const noexcept {
-  Draws draws(config_.seed, pick_targets, object, epoch);
-  const Vec3d& low = config_.bounds_min;
-  const std::uint64_t x = near_cell(cell_of(position.x - low.x, cell_.x, lattice_), lattice_, draws.word());
-  const std::uint64_t y = near_cell(cell_of(position.y - low.y, cell_.y, lattice_), lattice_, draws.word());
-  const std::uint64_t z = near_cell(cell_of(position.z - low.z, cell_.z, lattice_), lattice_, draws.word());
+std::uint32_t Steering::pick_target(ObjectNumber object, std::uint32_t epoch) const noexcept {
+  Draws home(config_.seed, homes, object);
+  Draws step(config_.seed, pick_targets, object, epoch);
+  const std::uint64_t x = near_cell(below(lattice_, home.word()), lattice_, step.word());
+  const std::uint64_t y = near_cell(below(lattice_, home.word()), lattice_, step.word());
+  const std::uint64_t z = near_cell(below(lattice_, home.word()), lattice_, step.word());
   const std::uint64_t cells = std::uint64_t{lattice_} * lattice_ * lattice_;
-  // There are at least as many cells as targets: one or two cells in a row share a target.
+  // There are at least as many cells as targets: a few cells in a row share one.
   return static_cast<std::uint32_t>(((z * lattice_ + y) * lattice_ + x) * config_.targets / cells);
 }
 
-Vec3d Steering::goal_at(ObjectNumber object, std::uint32_t epoch, const Vec3d& target) const noexcept {
-  Draws draws(config_.seed, pick_places, object, epoch);
+Steering::Goal Steering::find_goal(ObjectNumber object, std::uint64_t frame) const noexcept {
+  const Epoch pick = picks_.at(object, frame);
+  const std::uint32_t target = pick_target(object, pick.number);
+  Draws draws(config_.seed, pick_places, object, pick.number);
   Vec3f offset;
-  do {  // a place in the ball, more than one in two draws is one
+  do {  // a place in the ball: more than one in two draws is one
     offset = {draws.between(-1, 1), draws.between(-1, 1), draws.between(-1, 1)};
   } while (dot(offset, offset) > 1);
-  const double spread = static_cast<double>(config_.spread);
+  const Vec3d place = target_position(target, frame) + to_double(offset * config_.spread);
   const Vec3d& low = config_.bounds_min;
   const Vec3d& high = config_.bounds_max;
-  return {std::clamp(target.x + spread * static_cast<double>(offset.x), low.x, high.x),
-          std::clamp(target.y + spread * static_cast<double>(offset.y), low.y, high.y),
-          std::clamp(target.z + spread * static_cast<double>(offset.z), low.z, high.z)};
+  return {{std::clamp(place.x, low.x, high.x), std::clamp(place.y, low.y, high.y), std::clamp(place.z, low.z, high.z)},
+          std::min(pick.end, target_end(target, frame))};
 }
 
-Vec3d Steering::goal_from(ObjectNumber object, const Vec3d& position, std::uint64_t frame) const noexcept {
-  const std::uint32_t epoch = picks_.at(object, frame).number;
-  return goal_at(object, epoch, target_position(pick_target(object, epoch, position), frame));
-}
-
-void Steering::follow_schedule(std::uint64_t frame, ObjectNumber object, const Vec3d& position,
-                               State& state) const noexcept {
-  const Epoch pick = picks_.at(object, frame);
-  if (frame >= state.retarget_at) {
-    state.target = pick_target(object, pick.number, position);
-    state.retarget_at = pick.end;
-  }
-  const Vec3d goal = goal_at(object, pick.number, target_position(state.target, frame));
-  state.goal = to_float(goal - centre_);
-  state.goal_until = target_end(state.target, frame);
+Vec3d Steering::goal_of(ObjectNumber object, std::uint64_t frame) const noexcept {
+  return find_goal(object, frame).position;
 }
 
 void Steering::steer(const MotionInput& input, State& state) const noexcept {
@@ -228,8 +211,10 @@ void Steering::move(std::uint64_t frame, std::span<const MotionInput> inputs, st
 
     const bool steers = input.category != Category::non_active;
     if (steers) {
-      if (frame >= state.retarget_at || frame >= state.goal_until) {
-        follow_schedule(frame, input.number, input.pose.position, state);
+      if (frame >= state.goal_until) {
+        const Goal goal = find_goal(input.number, frame);
+        state.goal = to_float(goal.position - centre_);
+        state.goal_until = goal.end;
       }
       steer(input, state);
     } else if (input.contacts.empty() && is_zero(state.velocity) && is_zero(state.spin)) {

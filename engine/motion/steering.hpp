@@ -17,22 +17,23 @@ struct SteeringConfig {
   Interval retarget_interval{60, 400};  ///< an object picks another target after a random time within
   float speed = 0.3f;                   ///< of an object that steers, metres a frame; > 0
   float spread = 1.5f;                  ///< radius of the ball about a target in which an object's own goal lies; > 0
-  float slop = 0.15f;                   ///< overlap that is let stand (by non-active objects an eighth of it); >= 0
+  float slop = 0.2f;                    ///< overlap that is let stand (by non-active objects an eighth of it); >= 0
   float push = 0.25f;                   ///< the longest step that contacts push an object in a frame; > 0
 };
 
 /// The paper's motion and response as a motion model.
 ///
-/// Targets relocate at random times; an object that steers (avatars and active ones) picks another target near it at
-/// random times and moves towards a place of its own around it, so that objects cluster and disperse. Whatever is in
+/// Targets relocate at random times; an object that steers (avatars and active ones) picks another target at random
+/// times and moves towards a place of its own around it, so that objects cluster and disperse. Whatever is in
 /// contact is pushed out along the contact's normal, loses the velocity that brings it closer, and is turned by the
 /// lever of the contact: that, and goals spread over a ball, bounds the crowding. Non-active objects move only when
 /// pushed, lose speed, and come to rest exactly: at rest their pose keeps its bits. The centre of an object never
 /// leaves the bounds by its own motion.
 ///
-/// Targets have a home in a lattice over the bounds and stay within one and a half cells of its centre; objects pick
-/// among the targets of the 27 cells about them. So what an object meets does not depend on how many there are, from
-/// 1000 to 1,000,000.
+/// Targets and objects each have a home in a lattice over the bounds: a target stays within one and a half cells of its
+/// home's centre, an object picks among the targets of the 27 cells about its own. So what an object meets does not
+/// depend on how many there are, from 1000 to 1,000,000, and where an object wants to be in a frame is a pure function
+/// of seed, number and frame. An object placed far from its home travels there first.
 ///
 /// Everything is a pure function of (seed, frame, object number, its S(k-1), its C(k-1)) in + - * / and sqrt: the same
 /// bits on every machine. No shared state is written; `move` may run on any number of threads. It allocates nothing.
@@ -48,17 +49,20 @@ class Steering final : public MotionModel {
   Vec3d target_position(std::uint32_t target, std::uint64_t frame) const noexcept;
   std::uint64_t target_end(std::uint32_t target, std::uint64_t frame) const noexcept;
 
-  /// Where an object that picks its target at `position` in `frame` wants to go; for worlds that start mid-way.
-  Vec3d goal_from(ObjectNumber object, const Vec3d& position, std::uint64_t frame) const noexcept;
+  /// Where an object that steers wants to be in `frame`; for worlds that start mid-way.
+  Vec3d goal_of(ObjectNumber object, std::uint64_t frame) const noexcept;
 
   const SteeringConfig& config() const noexcept { return config_; }
 
  private:
   struct State;
 
-  std::uint32_t pick_target(ObjectNumber object, std::uint32_t epoch, const Vec3d& position) const noexcept;
-  Vec3d goal_at(ObjectNumber object, std::uint32_t epoch, const Vec3d& target) const noexcept;
-  void follow_schedule(std::uint64_t frame, ObjectNumber object, const Vec3d& position, State& state) const noexcept;
+  struct Goal {
+    Vec3d position;
+    std::uint64_t end;  ///< the first frame in which it may be elsewhere
+  };
+  Goal find_goal(ObjectNumber object, std::uint64_t frame) const noexcept;
+  std::uint32_t pick_target(ObjectNumber object, std::uint32_t epoch) const noexcept;
   void steer(const MotionInput& input, State& state) const noexcept;
 
   SteeringConfig config_;

@@ -8,7 +8,6 @@
 #include <tuple>
 #include <vector>
 
-#include "motion/random.hpp"
 #include "ringfence/motion_model.hpp"
 
 namespace ringfence::test {
@@ -17,7 +16,7 @@ namespace ringfence::test {
 /// find C(k). Contacts by brute force within grid cells; shares nothing with the engine but the model under test.
 class BallWorld {
  public:
-  BallWorld(const MotionModel& model, double side) : model_(model), side_(side) {}
+  explicit BallWorld(const MotionModel& model) : model_(model) {}
 
   void add(ObjectNumber number, Category category, const Vec3d& position) {
     ObjectSpec spec;
@@ -28,17 +27,6 @@ class BallWorld {
     model_.start(spec, reinterpret_cast<std::byte*>(state.data()));
     specs_.push_back(spec);
     states_.push_back(std::move(state));
-  }
-
-  /// `count` balls at uniform places, active and non-active in turn.
-  void fill(std::uint32_t count, std::uint64_t seed) {
-    for (std::uint32_t number = 1; number <= count; ++number) {
-      motion::Draws draws(seed, 99, number);
-      const double x = side_ * static_cast<double>(draws.unit());
-      const double y = side_ * static_cast<double>(draws.unit());
-      const double z = side_ * static_cast<double>(draws.unit());
-      add(number, number % 2 == 0 ? Category::active : Category::non_active, {x, y, z});
-    }
   }
 
   /// One frame; `batch` objects are moved at a time, in the order of the table or backwards.
@@ -134,7 +122,6 @@ class BallWorld {
   }
 
   const MotionModel& model_;
-  double side_;
   std::uint64_t frame_ = 0;
   std::size_t moved_ = 0;
   std::vector<ObjectSpec> specs_;

@@ -1,0 +1,289 @@
+#include "worlds/paper_world.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "geometry/shape_table.hpp"
+#include "geometry/vector.hpp"
+#include "motion/random.hpp"
+#include "ringfence/error.hpp"
+
+namespace ringfence::worlds {
+namespace {
+
+using motion::Draws;
+
+constexpr std::uint32_t shapes_a_kind = 64;
+constexpr int hull_points = 32;
+constexpr int tries = 64;
+constexpr double sphere_volume = 4.18879020478639098;  // of radius 1
+constexpr double closest = 0.8;                        // centres at the start, of the sum of the radii
+constexpr float arrived = 0.9f;                        // share of what steers that starts about its goal
+
+enum Stream : std::uint32_t { box_sizes = 101, capsule_sizes, hull_sizes, shape_picks, turns, places };
+
+void check(const PaperWorldOptions& options) {
+  const auto require = [](bool holds, const std::string& what) {
+    if (!holds) throw Error(what);
+  };
+  require(options.shapes != ShapeSetting::mesh,
+          "shapes: mesh is not in this version; expected sphere, box, capsule, hull or mixed");
+  require(options.objects >= 1 && options.objects <= 10'000'000,
+          fmt::format("objects: {}; expected 1 to 10000000", options.objects));
+  require(options.coverage >= 1e-6 && options.coverage <= 0.6,
+          fmt::format("coverage: {}; expected 0.000001 to 0.6", options.coverage));
+  require(options.users <= 65'536, fmt::format("users: {}; expected at most 65536", options.users));
+  require(options.users <= options.objects,
+          fmt::format("users: {}; expected at most one for each of the {} objects", options.users, options.objects));
+}
+
+/// By Newton's method: libm's differs from machine to machine.
+double cube_root(double value) {
+  double root = std::max(1.0, value);
+  for (int step = 0; step < 200; ++step) {
+    const double next = (2 * root + value / (root * root)) / 3;
+    if (next >= root && step > 0) break;
+    root = next;
+  }
+  return root;
+}
+
+Vec3f on_unit_sphere(Draws& draws) {
+  for (;;) {
+    const float x = draws.between(-1, 1), y = draws.between(-1, 1), z = draws.between(-1, 1);
+    const Vec3f p{x, y, z};
+    const float squared = dot(p, p);
+    if (squared <= 1 && squared > 0.01f) return p * (1 / std::sqrt(squared));
+  }
+}
+
+Quat turned_at_random(Draws& draws) {
+  for (;;) {
+    const float x = draws.between(-1, 1), y = draws.between(-1, 1), z = draws.between(-1, 1), w = draws.between(-1, 1);
+    const float squared = x * x + y * y + z * z + w * w;
+    if (squared > 1 || squared < 0.01f) continue;
+    const float inverse = 1 / std::sqrt(squared);
+    return {x * inverse, y * inverse, z * inverse, w * inverse};
+  }
+}
+
+ShapeDescription make_shape(ShapeKind kind, std::uint64_t seed, std::uint32_t index) {
+  if (kind == ShapeKind::sphere) return Sphere{1};
+  if (kind == ShapeKind::box) {
+    Draws draws(seed, box_sizes, index);
+    const float x = draws.between(0.6f, 1.2f), y = draws.between(0.6f, 1.2f), z = draws.between(0.6f, 1.2f);
+    return Box{{x, y, z}};
+  }
+  if (kind == ShapeKind::capsule) {
+    Draws draws(seed, capsule_sizes, index);
+    const float radius = draws.between(0.4f, 0.8f), half_height = draws.between(0.3f, 1.0f);
+    return Capsule{radius, half_height};
+  }
+  Draws draws(seed, hull_sizes, index);
+  const float x = draws.between(0.6f, 1.2f), y = draws.between(0.6f, 1.2f), z = draws.between(0.6f, 1.2f);
+  ConvexHull hull;
+  for (int i = 0; i < hull_points; ++i) {
+    const Vec3f p = on_unit_sphere(draws);
+    hull.points.push_back({p.x * x, p.y * y, p.z * z});
+  }
+  return hull;
+}
+
+/// The shapes of the scene, with their volumes, and where each kind begins.
+struct Library {
+  std::vector<NamedShape> shapes;
+  std::vector<double> volumes;
+  std::array<ShapeNumber, shape_kinds> first{};
+  std::array<std::uint32_t, shape_kinds> count{};
+};
+
+Library make_library(const std::vector<ShapeKind>& cycle, std::uint64_t seed) {
+  Library library;
+  geometry::ShapeTable table;
+  for (const ShapeKind kind : {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull}) {
+    if (std::find(cycle.begin(), cycle.end(), kind) == cycle.end()) continue;
+    const auto k = static_cast<std::size_t>(kind);
+    library.first[k] = static_cast<ShapeNumber>(library.shapes.size());
+    library.count[k] = kind == ShapeKind::sphere ? 1 : shapes_a_kind;
+    for (std::uint32_t i = 0; i < library.count[k]; ++i) {
+      ShapeDescription shape = make_shape(kind, seed, i);
+      library.volumes.push_back(table.volume(table.add(shape)));
+      const std::string name = library.count[k] > 1 ? fmt::format("{}-{}", name_of(kind), i) : name_of(kind);
+      library.shapes.push_back({name, std::move(shape), {}});
+    }
+  }
+  return library;
+}
+
+std::vector<ShapeKind> kind_cycle(ShapeSetting setting) {
+  using enum ShapeKind;
+  switch (setting) {
+    case ShapeSetting::sphere:
+      return {sphere};
+    case ShapeSetting::box:
+      return {box};
+    case ShapeSetting::capsule:
+      return {capsule};
+    case ShapeSetting::hull:
+      return {hull};
+    case ShapeSetting::mixed:
+    case ShapeSetting::mesh:
+      break;
+  }
+  return {sphere, box, hull, capsule, box, hull};
+}
+
+/// Remembers the centres placed so far and says whether another is far enough from them all.
+class Spacing {
+ public:
+  Spacing(double side, double largest_radius)
+      : cell_(2 * closest * largest_radius),
+        cells_(std::clamp(static_cast<std::int64_t>(side / cell_), std::int64_t{1}, std::int64_t{256})),
+        cell_size_(side / static_cast<double>(cells_)),
+        heads_(static_cast<std::size_t>(cells_ * cells_ * cells_), none) {}
+
+  bool free(const Vec3d& p, double radius) const {
+    const std::int64_t reach = cell_size_ >= cell_ ? 1 : 2;
+    const auto [x, y, z] = cell(p);
+    for (std::int64_t k = std::max<std::int64_t>(0, z - reach); k <= std::min(cells_ - 1, z + reach); ++k) {
+      for (std::int64_t j = std::max<std::int64_t>(0, y - reach); j <= std::min(cells_ - 1, y + reach); ++j) {
+        for (std::int64_t i = std::max<std::int64_t>(0, x - reach); i <= std::min(cells_ - 1, x + reach); ++i) {
+          for (std::uint32_t at = heads_[index(i, j, k)]; at != none; at = placed_[at].next) {
+            const Vec3d d = placed_[at].centre - p;
+            const double least = closest * (placed_[at].radius + radius);
+            if (dot(d, d) < least * least) return false;
+          }
+        }
+      }
+    }
+    return true;
+  }
+
+  void add(const Vec3d& p, double radius) {
+    const auto [x, y, z] = cell(p);
+    std::uint32_t& head = heads_[index(x, y, z)];
+    placed_.push_back({p, radius, head});
+    head = static_cast<std::uint32_t>(placed_.size() - 1);
+  }
+
+ private:
+  static constexpr std::uint32_t none = 0xffffffffu;
+  struct Placed {
+    Vec3d centre;
+    double radius;
+    std::uint32_t next;
+  };
+
+  std::array<std::int64_t, 3> cell(const Vec3d& p) const {
+    const auto on_axis = [this](double v) {
+      return std::clamp(static_cast<std::int64_t>(v / cell_size_), std::int64_t{0}, cells_ - 1);
+    };
+    return {on_axis(p.x), on_axis(p.y), on_axis(p.z)};
+  }
+  std::size_t index(std::int64_t x, std::int64_t y, std::int64_t z) const {
+    return static_cast<std::size_t>((z * cells_ + y) * cells_ + x);
+  }
+
+  double cell_;
+  std::int64_t cells_;
+  double cell_size_;
+  std::vector<std::uint32_t> heads_;
+  std::vector<Placed> placed_;
+};
+
+Vec3f in_unit_ball(Draws& draws) {
+  for (;;) {
+    const float x = draws.between(-1, 1), y = draws.between(-1, 1), z = draws.between(-1, 1);
+    if (x * x + y * y + z * z <= 1) return {x, y, z};
+  }
+}
+
+/// Most objects that steer start about their goal, the later the try the farther off; the others on their way. What
+/// does not steer starts anywhere.
+Vec3d starting_place(const motion::Steering& steering, const ObjectSpec& object, double side, Draws& draws,
+                     int attempt) {
+  const double x = double{draws.unit()}, y = double{draws.unit()}, z = double{draws.unit()};
+  const Vec3d anywhere{side * x, side * y, side * z};
+  if (object.category == Category::non_active) return anywhere;
+  const Vec3d goal = steering.goal_of(object.number, 0);
+  if (draws.unit() < arrived) {
+    const double reach = double{steering.config().spread} * (1 + 3.0 * attempt / tries);
+    const Vec3d place = goal + to_double(in_unit_ball(draws)) * reach;
+    return {std::clamp(place.x, 0.0, side), std::clamp(place.y, 0.0, side), std::clamp(place.z, 0.0, side)};
+  }
+  return anywhere + (goal - anywhere) * double{draws.unit()};
+}
+
+motion::SteeringConfig steering_for(const PaperWorldOptions& options, double side, double radius) {
+  motion::SteeringConfig steering;
+  steering.bounds_max = {side, side, side};
+  steering.seed = options.seed;
+  steering.targets = options.targets != 0 ? options.targets : std::max(1u, options.objects / 50);
+  steering.target_interval = options.target_interval;
+  steering.retarget_interval = options.retarget_interval;
+  // Lengths follow the size of the objects, and the room about a target follows how many share it: that keeps the
+  // crowding within bounds whatever the parameters.
+  const double steered = options.users + (options.objects - options.users) / 2.0;
+  const double sharing = std::max(1.0, steered / steering.targets);
+  steering.speed = static_cast<float>(0.3 * radius);
+  steering.spread = static_cast<float>(0.5 * radius * cube_root(sharing));
+  steering.slop = static_cast<float>(0.2 * radius);
+  steering.push = static_cast<float>(0.25 * radius);
+  return steering;
+}
+
+}  // namespace
+
+PaperWorld make_paper_world(const PaperWorldOptions& options) {
+  check(options);
+  const std::vector<ShapeKind> cycle = kind_cycle(options.shapes);
+  Library library = make_library(cycle, options.seed);
+
+  PaperWorld world;
+  std::vector<double> radii;
+  double volume = 0;
+  for (std::uint32_t i = 0; i < options.objects; ++i) {
+    ObjectSpec object;
+    object.number = i + 1;
+    // Two in a row are of a kind, one active and one not.
+    const auto kind = static_cast<std::size_t>(cycle[i / 2 % cycle.size()]);
+    Draws draws(options.seed, shape_picks, object.number);
+    object.shape = library.first[kind] + motion::below(library.count[kind], draws.word());
+    if (i < options.users) {
+      object.category = Category::avatar;
+      object.user = i;
+    } else {
+      object.category = i % 2 == 0 ? Category::active : Category::non_active;
+    }
+    volume += library.volumes[object.shape];
+    radii.push_back(cube_root(library.volumes[object.shape] / sphere_volume));
+    world.scene.objects.push_back(object);
+  }
+
+  const double side = cube_root(volume / options.coverage);
+  world.scene.bounds_max = {side, side, side};
+  world.steering = steering_for(options, side, cube_root(volume / options.objects / sphere_volume));
+
+  const motion::Steering steering(world.steering);
+  Spacing spacing(side, *std::max_element(radii.begin(), radii.end()));
+  for (std::uint32_t i = 0; i < options.objects; ++i) {
+    ObjectSpec& object = world.scene.objects[i];
+    Draws turn(options.seed, turns, object.number);
+    object.pose.orientation = turned_at_random(turn);
+    Draws draws(options.seed, places, object.number);
+    for (int attempt = 0; attempt < tries; ++attempt) {
+      object.pose.position = starting_place(steering, object, side, draws, attempt);
+      if (spacing.free(object.pose.position, radii[i])) break;
+    }
+    spacing.add(object.pose.position, radii[i]);
+  }
+  world.scene.shapes = std::move(library.shapes);
+  return world;
+}
+
+}  // namespace ringfence::worlds
