@@ -159,7 +159,14 @@ std::span<std::byte> BasicSender<Policy>::claim_when_full(std::size_t bytes) noe
   if (std::byte* room = writer_.claim_again(bytes)) return {room, bytes};
   // What is staged may be what the receiver waits for; it frees nothing that it does not know of.
   if constexpr (Policy::defect != Defect::no_publish_when_full) publish();
-  if (std::byte* room = writer_.claim_or_ask(bytes)) return {room, bytes};
+  std::byte* room = nullptr;
+  if (pump_) {
+    pump_->pump();
+    room = writer_.claim_again(bytes);
+  } else {
+    room = writer_.claim_or_ask(bytes);
+  }
+  if (room) return {room, bytes};
   return {};
 }
 

@@ -1,6 +1,10 @@
 #include "link/channel.hpp"
 
+#include <algorithm>
 #include <cstring>
+#include <deque>
+#include <memory>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -47,6 +51,182 @@ TEST_CASE("messages arrive whole and in order through a small ring, both sides s
   producer.join();
   CHECK(seen == count);
   CHECK(wrong == 0);
+}
+
+TEST_CASE("a ring of a wrong size is refused by name") {
+  for (const std::size_t bytes : {std::size_t{0}, std::size_t{2048}, std::size_t{5000}, std::size_t{1} << 32}) {
+    CAPTURE(bytes);
+    CHECK_THROWS_WITH_AS(Channel(bytes, nullptr, nullptr, "--server-ring"),
+                         doctest::Contains(("--server-ring is " + std::to_string(bytes)).c_str()), Error);
+  }
+  CHECK_NOTHROW(Channel(4096, nullptr, nullptr));
+}
+
+TEST_CASE("a thread can step both ends, and nothing shows before it is published") {
+  Doorbell bell;
+  Channel channel(4096, &bell, &bell);
+  Sender& sender = channel.sender();
+  Receiver& receiver = channel.receiver();
+  CHECK(receiver.next().empty());
+  auto room = sender.claim(100);
+  REQUIRE(room.size() == 100);
+  CHECK(reinterpret_cast<std::uintptr_t>(room.data()) % 64 == 0);
+  std::memset(room.data(), 7, 100);
+  sender.commit(33);
+  CHECK_FALSE(receiver.has_message());
+  sender.publish();
+  const auto message = receiver.next();
+  REQUIRE(message.size() == 33);
+  CHECK(message[32] == std::byte{7});
+  CHECK(receiver.next().empty());
+  receiver.release();
+}
+
+TEST_CASE("a claim that is given up, or replaced, leaves no trace") {
+  Channel channel(4096, nullptr, nullptr);
+  REQUIRE_FALSE(channel.sender().claim(500).empty());
+  channel.sender().commit(0);
+  channel.sender().publish();
+  CHECK(channel.receiver().next().empty());
+  REQUIRE_FALSE(channel.sender().claim(500).empty());
+  const auto room = channel.sender().claim(8);
+  std::memset(room.data(), 1, 8);
+  channel.sender().commit(8);
+  channel.sender().publish();
+  CHECK(channel.receiver().next().size() == 8);
+  CHECK(channel.receiver().next().empty());
+}
+
+TEST_CASE("a message of the largest size fits wherever the ring stands, as soon as all is released") {
+  for (const std::size_t bytes : {4096, 8192, 131072, 1048576}) {
+    Channel channel(bytes, nullptr, nullptr);
+    Sender& sender = channel.sender();
+    const std::size_t largest = sender.largest_message();
+    CHECK(largest == std::min<std::size_t>(bytes / 2, 65536));
+    for (std::size_t step = 8; step < 2 * bytes; step += 8 + bytes / 256) {
+      // Anywhere: a small message first, of every size.
+      REQUIRE_FALSE(sender.claim(step % 2000 + 1).empty());
+      sender.commit(step % 2000 + 1);
+      sender.publish();
+      REQUIRE_FALSE(channel.receiver().next().empty());
+      channel.receiver().release();
+      const auto room = sender.claim(largest);
+      REQUIRE(room.size() == largest);
+      std::memset(room.data(), static_cast<int>(step), largest);
+      sender.commit(largest);
+      sender.publish();
+      const auto message = channel.receiver().next();
+      REQUIRE(message.size() == largest);
+      CHECK(message.front() == std::byte(step));
+      CHECK(message.back() == std::byte(step));
+      channel.receiver().release();
+    }
+  }
+}
+
+TEST_CASE("a sender that finds no room publishes, and is rung by the next release") {
+  Doorbell senders, receivers;
+  Channel channel(4096, &receivers, &senders);
+  int sent = 0;
+  while (!channel.sender().claim(1000).empty()) channel.sender().commit(1000), ++sent;
+  CHECK(sent == 4);
+  CHECK(channel.sender().staged() == 0);
+  for (int i = 0; i < sent; ++i) CHECK(channel.receiver().next().size() == 1000);
+  CHECK(channel.sender().claim(1000).empty());
+  channel.receiver().release();
+  CHECK(channel.sender().claim(1000).size() == 1000);
+}
+
+TEST_CASE("closing is seen by the other end, after the last message") {
+  Channel channel(4096, nullptr, nullptr);
+  REQUIRE_FALSE(channel.sender().claim(8).empty());
+  channel.sender().commit(8);
+  channel.sender().close();
+  CHECK_FALSE(channel.receiver().closed());
+  CHECK(channel.receiver().next().size() == 8);
+  CHECK(channel.receiver().next().empty());
+  CHECK(channel.receiver().closed());
+  CHECK_FALSE(channel.sender().closed());
+  channel.receiver().release();
+  channel.receiver().close();
+  CHECK(channel.sender().closed());
+}
+
+/// A transport in the same process, with room for so many messages.
+struct Wire {
+  std::deque<std::vector<std::byte>> messages;
+  std::size_t room;
+};
+
+struct OutgoingPump : Pump {
+  RingReader<ThreadAtomics> from;
+  Wire& wire;
+  OutgoingPump(Ring<ThreadAtomics> ring, Wire& to) : from(ring), wire(to) {}
+  void pump() noexcept override {
+    while (wire.messages.size() < wire.room && from.available()) {
+      const auto message = from.next();
+      wire.messages.emplace_back(message.begin(), message.end());
+    }
+    from.release();
+  }
+};
+
+struct IncomingPump : Pump {
+  RingWriter<ThreadAtomics> to;
+  Wire& wire;
+  IncomingPump(Ring<ThreadAtomics> ring, Wire& from) : to(ring), wire(from) {}
+  void pump() noexcept override {
+    while (!wire.messages.empty()) {
+      const auto& message = wire.messages.front();
+      std::byte* room = to.claim_again(message.size());
+      if (!room) break;
+      std::copy(message.begin(), message.end(), room);
+      to.commit(message.size());
+      wire.messages.pop_front();
+    }
+    if (to.staged() != 0) to.publish();
+  }
+};
+
+TEST_CASE("another transport carries the same messages, and when it is full the link is") {
+  constexpr std::size_t capacity = 4096;
+  constexpr std::size_t footprint = ring_footprint<ThreadAtomics>(capacity);
+  struct alignas(line_bytes) Memory {
+    std::byte bytes[footprint];
+  };
+  const auto near = std::make_unique<Memory>(), far = std::make_unique<Memory>();
+  const auto near_ring = make_ring<ThreadAtomics>(near.get(), capacity);
+  const auto far_ring = make_ring<ThreadAtomics>(far.get(), capacity);
+  Wire wire{{}, 10};
+  OutgoingPump out(near_ring, wire);
+  IncomingPump in(far_ring, wire);
+  BasicSender<ThreadAtomics> sender(near_ring, nullptr, &out);
+  BasicReceiver<ThreadAtomics> receiver(far_ring, nullptr, &in);
+
+  int sent = 0, received = 0;
+  const auto size_of = [](int i) { return static_cast<std::size_t>(i * 37 % 900 + 4); };
+  while (received < 5000) {
+    // Until ring and wire are full; then until both are empty.
+    for (;; ++sent) {
+      const auto room = sender.claim(size_of(sent));
+      if (room.empty()) break;
+      std::memcpy(room.data(), &sent, sizeof sent);
+      sender.commit(size_of(sent));
+    }
+    REQUIRE(sent > received);
+    CHECK(wire.messages.size() == 10);
+    for (;; ++received) {
+      const auto message = receiver.next();
+      if (message.empty()) break;
+      int number;
+      std::memcpy(&number, message.data(), sizeof number);
+      REQUIRE(number == received);
+      REQUIRE(message.size() == size_of(received));
+      receiver.release();
+      out.pump();
+    }
+    CHECK(received == sent);
+  }
 }
 
 }  // namespace

@@ -1,0 +1,10 @@
+#pragma once
+
+namespace ringfence::bench {
+
+/// Each registers its benchmarks by name.
+void register_rings();
+void register_doorbells();
+void register_publications();
+
+}  // namespace ringfence::bench

@@ -1,0 +1,13 @@
+#include <benchmark/benchmark.h>
+
+#include "link/benches.hpp"
+
+int main(int count, char** arguments) {
+  ringfence::bench::register_rings();
+  ringfence::bench::register_doorbells();
+  ringfence::bench::register_publications();
+  benchmark::Initialize(&count, arguments);
+  if (benchmark::ReportUnrecognizedArguments(count, arguments)) return 2;
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

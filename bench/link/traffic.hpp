@@ -1,0 +1,68 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+namespace ringfence::bench {
+
+/// What a burst of messages consists of, and what the sum of all its words is, whoever carries it.
+///
+/// Every message is copied from a source that stays in the first-level cache, and its first word is its number; the
+/// consumer adds up every word. So each byte is written once and read once, as in use.
+struct Traffic {
+  std::size_t count;     ///< messages a burst
+  std::size_t smallest;  ///< bytes, a multiple of 8
+  std::size_t largest;   ///< the same as `smallest`, or sizes vary
+  std::size_t items;     ///< records a message: what a rate counts
+
+  std::size_t size_of(std::size_t message) const {
+    if (smallest == largest) return smallest;
+    // A fixed shuffle of the sizes: the same for all, no division, not to be foreseen by a branch predictor for long.
+    const std::uint64_t hash = (message & 1023) * 0x9e3779b97f4a7c15u >> 40;
+    return smallest + (hash * ((largest - smallest) / 8 + 1) >> 24) * 8;
+  }
+  std::size_t bytes() const {
+    std::size_t sum = 0;
+    for (std::size_t i = 0; i < count; ++i) sum += size_of(i);
+    return sum;
+  }
+};
+
+using Block = std::array<std::uint64_t, 512>;  ///< 4 KiB
+
+inline const Block& source() {
+  alignas(64) static const Block block = [] {
+    Block words{};
+    for (std::size_t i = 0; i < words.size(); ++i) words[i] = i * 0x9e3779b97f4a7c15u;
+    return words;
+  }();
+  return block;
+}
+
+inline void fill(void* to, std::size_t size, std::uint64_t number) {
+  if (size > 8) std::memcpy(to, source().data(), size);
+  std::memcpy(to, &number, 8);
+}
+
+inline std::uint64_t sum_of(const void* from, std::size_t size) {
+  const auto* words = static_cast<const std::byte*>(from);
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < size; i += 8) {
+    std::uint64_t word;
+    std::memcpy(&word, words + i, 8);
+    sum += word;
+  }
+  return sum;
+}
+
+inline std::uint64_t expected_sum(const Traffic& traffic) {
+  std::array<std::uint64_t, 513> prefix{};
+  for (std::size_t i = 0; i < 512; ++i) prefix[i + 1] = prefix[i] + (i == 0 ? 0 : source()[i]);
+  std::uint64_t sum = 0;
+  for (std::size_t i = 0; i < traffic.count; ++i) sum += prefix[traffic.size_of(i) / 8] + i;
+  return sum;
+}
+
+}  // namespace ringfence::bench
