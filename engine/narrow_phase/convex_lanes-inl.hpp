@@ -1,0 +1,159 @@
+// Columns of floats read in lanes of float or double, and the reductions of the convex kernels. Included once for each
+// Highway target.
+//
+// A reduction answers the greatest or least value and, where asked, the lowest index that has it: the same at every
+// width.
+
+#if defined(RINGFENCE_NARROW_PHASE_CONVEX_LANES_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_CONVEX_LANES_INL
+#undef RINGFENCE_NARROW_PHASE_CONVEX_LANES_INL
+#else
+#define RINGFENCE_NARROW_PHASE_CONVEX_LANES_INL
+#endif
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <type_traits>
+
+#include <hwy/highway.h>
+
+#include "geometry/vector.hpp"
+#include "narrow_phase/convex_polytope.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// Columns are padded to 16 floats, so no vector reads past them.
+template <class T>
+using Columns16 = hn::CappedTag<T, geometry::hull_lanes>;
+template <class T>
+using Point = std::conditional_t<sizeof(T) == 4, Vec3f, Vec3d>;
+template <class T>
+using Turn = geometry::RotationOf<T>;
+
+template <class T>
+HWY_INLINE Point<T> point_of(Vec3f p) {
+  if constexpr (sizeof(T) == 4) {
+    return p;
+  } else {
+    return to_double(p);
+  }
+}
+
+template <class T>
+HWY_INLINE Turn<T> turn_of(Quat q) {
+  if constexpr (sizeof(T) == 4) {
+    return geometry::rotation(q);
+  } else {
+    return geometry::rotation_exact(q);
+  }
+}
+
+template <class T>
+HWY_INLINE Point<T> difference_of(Vec3d to, Vec3d from) {
+  if constexpr (sizeof(T) == 4) {
+    return to_float(to - from);
+  } else {
+    return to - from;
+  }
+}
+
+template <class D>
+HWY_INLINE hn::Vec<D> read(D d, const float* column) {
+  if constexpr (sizeof(hn::TFromD<D>) == 4) {
+    return hn::Load(d, column);
+  } else {
+    return hn::PromoteTo(d, hn::Load(hn::Rebind<float, D>(), column));
+  }
+}
+
+/// Three vectors: a point or direction a lane.
+template <class D>
+struct Points {
+  hn::Vec<D> x, y, z;
+};
+
+template <class D>
+HWY_INLINE Points<D> read(D d, const float* x, const float* y, const float* z) {
+  return {read(d, x), read(d, y), read(d, z)};
+}
+
+template <class D, class P>
+HWY_INLINE Points<D> spread_out(D d, const P& p) {
+  return {hn::Set(d, p.x), hn::Set(d, p.y), hn::Set(d, p.z)};
+}
+
+template <class D>
+HWY_INLINE hn::Vec<D> dot_of(D, const Points<D>& p, const Points<D>& q) {
+  return p.x * q.x + p.y * q.y + p.z * q.z;
+}
+
+template <class D>
+HWY_INLINE Points<D> minus(D, const Points<D>& p, const Points<D>& q) {
+  return {p.x - q.x, p.y - q.y, p.z - q.z};
+}
+
+template <class D>
+HWY_INLINE Points<D> turned(D d, const Turn<hn::TFromD<D>>& r, const Points<D>& p) {
+  const auto row = [&](int i) HWY_ATTR {
+    return hn::Set(d, r.m[i][0]) * p.x + hn::Set(d, r.m[i][1]) * p.y + hn::Set(d, r.m[i][2]) * p.z;
+  };
+  return {row(0), row(1), row(2)};
+}
+
+template <class D>
+HWY_INLINE Points<D> turned_back(D d, const Turn<hn::TFromD<D>>& r, const Points<D>& p) {
+  const auto row = [&](int i) HWY_ATTR {
+    return hn::Set(d, r.m[0][i]) * p.x + hn::Set(d, r.m[1][i]) * p.y + hn::Set(d, r.m[2][i]) * p.z;
+  };
+  return {row(0), row(1), row(2)};
+}
+
+/// The lanes of a mask as bits, lane 0 lowest.
+template <class D>
+HWY_INLINE std::uint32_t bits_of(D d, hn::Mask<D> mask) {
+  std::uint8_t bytes[8] = {};
+  hn::StoreMaskBits(d, mask, bytes);
+  std::uint32_t bits;
+  std::memcpy(&bits, bytes, sizeof(bits));
+  return bits;
+}
+
+/// The first `count` of 32 bits.
+HWY_INLINE std::uint32_t first_bits(std::size_t count) { return count >= 32 ? ~0u : (1u << count) - 1; }
+
+/// The support of a polytope: the greatest of direction · vertex.
+template <class T>
+HWY_INLINE T support(const Polytope& p, Point<T> direction) {
+  const Columns16<T> d;
+  const auto way = spread_out(d, direction);
+  auto most = dot_of(d, read(d, p.vertex[0], p.vertex[1], p.vertex[2]), way);
+  for (std::size_t i = hn::Lanes(d); i < p.vertices; i += hn::Lanes(d)) {
+    most = hn::Max(most, dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way));
+  }
+  return hn::GetLane(hn::MaxOfLanes(d, most));
+}
+
+/// The index of the least of `values`, the lowest one if it occurs more than once. Padded to 16 by values that are not
+/// less.
+template <class T>
+HWY_INLINE std::size_t least_of(const T* values, std::size_t count) {
+  const Columns16<T> d;
+  auto least = hn::Load(d, values);
+  for (std::size_t i = hn::Lanes(d); i < count; i += hn::Lanes(d)) least = hn::Min(least, hn::Load(d, values + i));
+  const auto wanted = hn::MinOfLanes(d, least);
+  for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
+    const std::uint32_t equal = bits_of(d, hn::Eq(hn::Load(d, values + i), wanted));
+    if (equal != 0) return i + static_cast<std::size_t>(__builtin_ctz(equal));
+  }
+  return 0;
+}
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif
