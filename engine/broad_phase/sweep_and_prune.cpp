@@ -25,7 +25,7 @@ struct Place {
   std::uint32_t grid;
 };
 
-constexpr std::uint32_t boxes_a_step = 32768;
+constexpr std::uint32_t boxes_a_step = 4096;
 
 }  // namespace
 
@@ -118,9 +118,10 @@ struct SweepAndPrune::Implementation {
   bool step() {
     if (task == task_count) return false;
     const Task& t = tasks[task];
-    std::uint32_t ready = t.a->count;
-    if (t.b == nullptr) {
-      if (t.a->sorted_buckets < t.a->layout.buckets) kernels.sort(*t.a, t.a->sorted_buckets++);
+    std::uint32_t ready = t.b == nullptr ? t.a->sweepable() : t.a->count;
+    // Sorts no further ahead than the sweep needs: what it then meets is in the cache.
+    if (position == ready && t.a->sorted_buckets < t.a->layout.buckets) {
+      kernels.sort(*t.a, t.a->sorted_buckets++);
       ready = t.a->sweepable();
     }
     const std::uint32_t end = std::min(ready, position + boxes_a_step);
@@ -206,10 +207,26 @@ SweepAndPrune& SweepAndPrune::operator=(SweepAndPrune&&) noexcept = default;
 std::span<const geometry::CandidatePair> SweepAndPrune::find(std::span<const geometry::Bounds> bounds,
                                                              std::span<const std::uint8_t> present,
                                                              std::span<const std::uint8_t> resting) {
-  implementation_->begin(bounds, present, resting);
+  begin(bounds, present, resting);
   while (implementation_->step()) {
   }
   return {implementation_->sink.pairs.data(), implementation_->sink.count};
+}
+
+void SweepAndPrune::begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
+                          std::span<const std::uint8_t> resting) {
+  implementation_->begin(bounds, present, resting);
+}
+
+std::span<const geometry::CandidatePair> SweepAndPrune::next(std::size_t most) {
+  Implementation& sweep = *implementation_;
+  if (sweep.handed_out == sweep.sink.count) sweep.handed_out = sweep.sink.count = sweep.remembered;
+  while (sweep.sink.count - sweep.handed_out < most && sweep.step()) {
+  }
+  const std::size_t count = std::min(most, sweep.sink.count - sweep.handed_out);
+  const geometry::CandidatePair* const first = sweep.sink.pairs.data() + sweep.handed_out;
+  sweep.handed_out += count;
+  return {first, count};
 }
 
 }  // namespace ringfence::broad_phase

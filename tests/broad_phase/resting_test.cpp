@@ -1,0 +1,89 @@
+#include <random>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "broad_phase/all_pairs.hpp"
+#include "broad_phase/box_worlds.hpp"
+#include "broad_phase/sweep_and_prune.hpp"
+
+namespace ringfence::broad_phase::test {
+namespace {
+
+using geometry::Bounds;
+
+// A world over many frames: some boxes move, some come and go, the table grows and shrinks.
+struct Play {
+  const BoxWorld& world;
+  std::mt19937_64 random;
+  std::vector<Bounds> boxes;
+  std::vector<std::uint8_t> present, resting;
+
+  void resize(std::size_t count) {
+    const std::size_t before = boxes.size();
+    boxes.resize(count);
+    present.resize(count, 1);
+    resting.resize(count, 0);
+    for (std::size_t i = before; i < count; ++i) {
+      boxes[i] = world.draw(random);
+      resting[i] = 0;
+    }
+  }
+  void move(double share, unsigned toggled_of_thousand) {
+    for (std::size_t i = 0; i < boxes.size(); ++i) {
+      const bool moves = static_cast<double>(random() % 1000) < share * 1000;
+      const bool toggles = random() % 1000 < toggled_of_thousand;
+      if (moves) boxes[i] = world.draw(random);
+      if (toggles) present[i] ^= 1;
+      resting[i] = moves || toggles ? std::uint8_t{0} : static_cast<std::uint8_t>(1 + random() % 255);
+    }
+  }
+};
+
+TEST_CASE("over many frames of moving, resting, coming and going the pairs stay those of brute force") {
+  for (const BoxWorld& world : box_worlds()) {
+    const std::uint64_t seed = 1234;
+    CAPTURE(world.name);
+    CAPTURE(seed);
+    Play play{world, std::mt19937_64(seed), {}, {}, {}};
+    SweepAndPrune sweep(16, 16);
+    play.resize(250);
+    for (int frame = 0; frame < 40; ++frame) {
+      CAPTURE(frame);
+      REQUIRE(difference(sweep.find(play.boxes, play.present, play.resting), all_pairs(play.boxes, play.present)) ==
+              "");
+      const double shares[] = {0.1, 0.02, 0, 0.5, 1, 0.05, 0, 0};
+      play.move(shares[frame / 5], frame % 3 == 0 ? 20 : 0);
+      if (frame % 9 == 8) play.resize(100 + play.random() % 400);
+    }
+  }
+}
+
+TEST_CASE("a resting flag that is never set changes nothing but the time") {
+  const BoxWorld& world = box_worlds()[0];
+  Play play{world, std::mt19937_64(8), {}, {}, {}};
+  play.resize(400);
+  SweepAndPrune told(400, 400), not_told(400, 400);
+  const std::vector<std::uint8_t> none(400);
+  for (int frame = 0; frame < 20; ++frame) {
+    const auto p = canonical(told.find(play.boxes, play.present, play.resting));
+    const auto q = canonical(not_told.find(play.boxes, play.present, none));
+    REQUIRE(difference(p, q) == "");
+    play.move(0.1, 10);
+  }
+}
+
+TEST_CASE("boxes at rest that leave the table are forgotten, and their slots can be used again") {
+  const BoxWorld& world = box_worlds()[0];
+  Play play{world, std::mt19937_64(9), {}, {}, {}};
+  SweepAndPrune sweep(10, 10);
+  for (const std::size_t count : {300, 300, 300, 20, 300, 0, 300, 300, 1}) {
+    play.resize(count);
+    CAPTURE(count);
+    REQUIRE(difference(sweep.find(play.boxes, play.present, play.resting), all_pairs(play.boxes, play.present)) == "");
+    play.move(0, 0);
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::broad_phase::test
