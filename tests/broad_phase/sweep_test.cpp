@@ -80,6 +80,8 @@ TEST_CASE("worlds large enough for many buckets have the pairs of brute force") 
     const auto world = std::find_if(worlds.begin(), worlds.end(), [&](const BoxWorld& w) { return w.name == name; });
     REQUIRE(world != worlds.end());
     std::mt19937_64 random(5);
+    auto boxes = draw_boxes(*world, 40000, random);
+    // Half as large as the world's, or there were far more pairs than boxes.
     for (auto& b : boxes)
       for (int a = 0; a < 3; ++a) b.upper[a] = b.lower[a] + (b.upper[a] - b.lower[a]) / 2;
     SweepAndPrune sweep(boxes.size(), 10);
