@@ -50,19 +50,35 @@ std::span<const Rehosting> Hosting::settle(ObjectTable& objects, const regions::
   return changes_;
 }
 
-// Nobody keeps more than an equal share, rounded up; what is over goes to those who have less.
+// Equal shares, within one. The shares that are larger by one go first to those who host more anyway, everybody keeps
+// what fits his share, and only the rest moves: no sharing out in equal shares moves less.
 void Hosting::share_out(ObjectTable& objects, std::span<const UserNumber> users) {
-  shares_.assign(users.size(), 0);
-  pool_.clear();
-  std::size_t total = 0;
-  const auto shared = [&](const ObjectRow& row) {
+  const auto shared = [](const ObjectRow& row) {
     return row.alive && row.category != static_cast<std::uint16_t>(Category::fixed) &&
            row.category != static_cast<std::uint16_t>(Category::avatar);
   };
+  const auto user_of = [&](const ObjectRow& row) {
+    if (!row.host.is_user()) {
+      return users.size();
+    }
+    const auto at = std::lower_bound(users.begin(), users.end(), row.host.number());
+    return at != users.end() && *at == row.host.number() ? static_cast<std::size_t>(at - users.begin()) : users.size();
+  };
+  shares_.assign(users.size(), 0);
+  std::size_t total = 0;
   for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
-    total += shared(objects.row(slot)) ? 1 : 0;
+    const ObjectRow& row = objects.row(slot);
+    if (!shared(row)) {
+      continue;
+    }
+    ++total;
+    if (const std::size_t user = user_of(row); user != users.size()) {
+      ++shares_[user];
+    }
   }
-  const std::size_t most = (total + users.size() - 1) / users.size();
+  set_shares(total);
+
+  pool_.clear();
   for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
     const ObjectRow& row = objects.row(slot);
     if (row.alive && row.category == static_cast<std::uint16_t>(Category::avatar) && row.host == Endpoint::none()) {
@@ -71,23 +87,38 @@ void Hosting::share_out(ObjectTable& objects, std::span<const UserNumber> users)
     if (!shared(row)) {
       continue;
     }
-    const auto at = row.host.is_user() ? std::lower_bound(users.begin(), users.end(), row.host.number()) : users.end();
-    const bool connected = at != users.end() && *at == row.host.number();
-    const auto user = static_cast<std::size_t>(at - users.begin());
-    if (connected && shares_[user] < most) {
-      ++shares_[user];
+    const std::size_t user = user_of(row);
+    if (user != users.size() && shares_[user] > 0) {
+      --shares_[user];
     } else {
       pool_.push_back(slot);
     }
   }
   std::size_t user = 0;
   for (const std::uint32_t slot : pool_) {
-    while (shares_[user] >= most) {
+    while (shares_[user] == 0) {
       user = (user + 1) % users.size();
     }
-    ++shares_[user];
+    --shares_[user];
     change(objects, slot, Endpoint::user(users[user]));
     user = (user + 1) % users.size();
+  }
+}
+
+// Turns how many objects each user node hosts into how many it is to host, `total` together.
+void Hosting::set_shares(std::size_t total) {
+  const std::size_t least = total / shares_.size();
+  std::size_t larger = total % shares_.size();
+  for (std::size_t& share : shares_) {
+    const bool more = share > least && larger > 0;
+    larger -= more ? 1 : 0;
+    share = more ? least + 1 : least;
+  }
+  // `larger` is what is left when too few host more than the least; whoever comes first takes it.
+  for (std::size_t& share : shares_) {
+    const bool more = share <= least && larger > 0;
+    larger -= more ? 1 : 0;
+    share = more ? least + 1 : share;
   }
 }
 

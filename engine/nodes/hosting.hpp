@@ -33,7 +33,7 @@ class Hosting {
 
   /// At the cut, after spawns, ends and changes of users: gives every object without a host one, and where user nodes
   /// came or went, evens out their shares with as few changes as that takes. Sets the rows' hosts and lists the
-  /// changes, in order of slots. `users` are the connected ones, ascending.
+  /// changes, each slot once. `users` are the connected ones, ascending.
   std::span<const Rehosting> settle(ObjectTable& objects, const regions::RegionMap& map,
                                     std::span<const UserNumber> users, bool users_changed);
 
@@ -47,11 +47,12 @@ class Hosting {
  private:
   void change(ObjectTable& objects, std::uint32_t slot, messages::Endpoint to);
   void share_out(ObjectTable& objects, std::span<const UserNumber> users);
+  void set_shares(std::size_t total);
 
   Deployment deployment_;
   const geometry::FixedSpace& space_;
   std::vector<Rehosting> changes_;
-  std::vector<std::size_t> shares_;  ///< by position in `users`
+  std::vector<std::size_t> shares_;  ///< by position in `users`: how many it hosts, then how many it still may
   std::vector<std::uint32_t> pool_;
   std::size_t next_user_ = 0;
 };
