@@ -79,7 +79,8 @@ Status decode(std::span<const std::byte> bytes, std::size_t state_bytes, Message
   const bool known = header.version == protocol_version && header.type >= 1 && header.type < message_types;
   if (!known || header.last > 1 || header.bytes != bytes.size() ||
       header.record_bytes != record_bytes(static_cast<MessageType>(header.type), state_bytes) ||
-      sizeof(Header) + std::uint64_t{header.count} * header.record_bytes != bytes.size()) {
+      sizeof(Header) + std::uint64_t{header.count} * header.record_bytes != bytes.size() ||
+      (header.record_bytes == 0 && header.count != 0)) {
     return Status::bad_message;
   }
   out.header_ = header;
