@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "telemetry/clock.hpp"
+#include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
 
@@ -69,6 +69,9 @@ void ServerRole::spend(ringfence::Stage stage, std::uint64_t now) noexcept {
   const std::uint64_t ingest = std::min(ingest_ns_, passed);
   report().stage_ms[static_cast<std::size_t>(stage)] += telemetry::to_ms(passed - ingest);
   report().stage_ms[static_cast<std::size_t>(ringfence::Stage::ingest)] += telemetry::to_ms(ingest);
+  if (setup_.track != nullptr) {
+    setup_.track->add(name_of(stage), mark_ns_, now);
+  }
   mark_ns_ = now;
   ingest_ns_ = 0;
 }
@@ -103,15 +106,19 @@ void ServerRole::receive(Party& party, const MessageView& message) {
   const bool node = party.self.is_node();
   switch (message.type()) {
     case MessageType::state_update:
-      return node ? refuse(Status::bad_message) : hear_states(party, message);
+      // Poses are frozen once a host has said its last word: what comes later would reach some nodes and not others.
+      return node || party.states_heard ? refuse(Status::bad_message) : hear_states(party, message);
     case MessageType::node_state:
       return node ? hear_node_states(party, message) : refuse(Status::bad_message);
     case MessageType::collision:
       return node ? hear_collisions(party, message) : refuse(Status::bad_message);
     case MessageType::narrow_done:
-      return node ? hear_tested(party, message) : refuse(Status::bad_message);
+      return node && message.count() == 1 ? hear_tested(party, message) : refuse(Status::bad_message);
     case MessageType::told:
-      return hear_told(party, message);
+      // Believed once, and not before the sender can have heard what it says that it has dealt with.
+      return message.count() == 1 && !party.told_heard && (stage_ == Stage::notifying || stage_ == Stage::closing)
+                 ? hear_told(party, message)
+                 : refuse(Status::bad_message);
     default:
       return refuse(Status::bad_message);
   }
@@ -139,7 +146,7 @@ void ServerRole::hear_states(Party& party, const MessageView& message) {
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
     objects_.bounds(slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
-    std::memcpy(objects_.state(slot), message.state<messages::StateRecord>(i), objects_.state_bytes());
+    std::copy_n(message.state<messages::StateRecord>(i), objects_.state_bytes(), objects_.state(slot));
     objects_.mark_moved(slot);
   }
   party.states_heard |= message.last();
@@ -160,7 +167,7 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
     row.object.flags = record.object.flags & messages::flag_present;
     row.reported_by_node = true;
     objects_.bounds(slot) = record.bounds;
-    std::memcpy(objects_.state(slot), message.state<messages::NodeStateRecord>(i), objects_.state_bytes());
+    std::copy_n(message.state<messages::NodeStateRecord>(i), objects_.state_bytes(), objects_.state(slot));
     objects_.mark_moved(slot);
   }
   party.states_heard |= message.last();
