@@ -37,7 +37,7 @@ void Host::drop(ObjectNumber number) {
   if (i != last) {
     hosted_[i] = hosted_[last];
     touched_[i] = touched_[last];
-    std::memcpy(states_.data() + i * state_bytes_, states_.data() + last * state_bytes_, state_bytes_);
+    std::copy_n(states_.data() + last * state_bytes_, state_bytes_, states_.data() + i * state_bytes_);
     index_.set(hosted_[i].object.number, i);
   }
   hosted_.pop_back();

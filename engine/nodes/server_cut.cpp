@@ -210,7 +210,7 @@ bool ServerRole::open(Party& party) {
              const messages::HandOverRecord record{row.object, row.pose,  row.user_data,
                                                    row.shape,  row.layer, row.category};
              std::memcpy(where, &record, sizeof record);
-             std::memcpy(where + sizeof record, objects_.state(slot), state_bytes);
+             std::copy_n(objects_.state(slot), state_bytes, where + sizeof record);
            }) &&
       send(party.place_run, party.placements, MessageType::place,
            [&](std::size_t i, std::byte* where) {
