@@ -17,6 +17,7 @@
 #include "nodes/server_role.hpp"
 #include "nodes/user_role.hpp"
 #include "regions/region_map.hpp"
+#include "telemetry/track.hpp"
 
 namespace ringfence {
 
@@ -112,6 +113,8 @@ struct World::Implementation {
     }
   }
   void log_growth();
+  telemetry::Track* track(std::size_t index) noexcept { return config.timeline ? &tracks[index] : nullptr; }
+  void gather_timeline();
 
   WorldConfig config;
   geometry::ShapeTable shapes;
@@ -138,6 +141,7 @@ struct World::Implementation {
   std::uint64_t frames = 0;
   FrameReport report;
   std::uint64_t users_cpu_ns = 0;
+  std::vector<telemetry::Track> tracks;  ///< the server's, the nodes', the user threads'
   bool growth_logged = false;
   mutable facade::ContactIndex contact_index;
   mutable std::uint64_t indexed_frames = 0;
@@ -180,6 +184,7 @@ World::Implementation::Implementation(WorldConfig given)
     user_workers.resize(config.user_threads);
     order.caller = &caller_bell;
   }
+  tracks.resize(config.timeline ? 1 + map.nodes() + std::max(1u, config.user_threads) : 0);
   build_server();
   start_workers();
 }
@@ -208,6 +213,7 @@ void World::Implementation::build_server() {
   setup.layer_masks = layer_masks(config.layers);
   setup.capacities = config.capacities;
   setup.interest = config.interest;
+  setup.track = track(0);
   for (NodeNumber node = 0; node < count; ++node) {
     Way& way = node_ways.emplace_back(ring_bytes(server_node_ring), server_bell(), bell(node));
     setup.nodes.push_back(way.first());
@@ -218,6 +224,7 @@ void World::Implementation::build_server() {
     own.model = config.motion.get();
     own.placement = config.placement;
     own.layer_masks = setup.layer_masks;
+    own.track = track(1 + node);
     own.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / count + 64);
     own.pairs = std::min(config.capacities.pairs, 2 * config.capacities.pairs / count + 64);
     own.server = way.second();
@@ -293,6 +300,7 @@ void World::Implementation::connect_users() {
     setup.model = config.motion.get();
     setup.publications = &publications;
     setup.interest = config.interest;
+    setup.track = track(1 + map.nodes() + worker);
     setup.objects = config.deployment == Deployment::user ? 64 : 4;
     setup.server = user->way.second();
     user->role = std::make_unique<nodes::UserRole>(setup);
@@ -347,6 +355,17 @@ void World::Implementation::step_in_place() {
     for (const Steppable& role : in_place) {
       role.step(role.role);
     }
+  }
+}
+
+void World::Implementation::gather_timeline() {
+  report.timeline.clear();
+  for (std::size_t index = 0; index < tracks.size(); ++index) {
+    for (TimelineSpan span : tracks[index].spans()) {
+      span.track = static_cast<std::uint32_t>(index);
+      report.timeline.push_back(span);
+    }
+    tracks[index].clear();
   }
 }
 
@@ -519,6 +538,8 @@ Status World::remove(ObjectId object) {
   if (entry->category == Category::fixed) {
     return w.refuse(Status::bad_category);
   }
+  // It was moved before it was taken out, so that move no longer counts.
+  std::erase_if(w.steerings, [&](const auto& steering) { return steering.number == object.number(); });
   Request request;
   request.kind = Request::Kind::remove;
   request.object = object;
@@ -576,6 +597,7 @@ Status World::finish_frame() {
     cpu_ns += worker.cpu_ns();
   }
   w.report.users_cpu_ms = static_cast<double>(cpu_ns - std::exchange(w.users_cpu_ns, cpu_ns)) * 1e-6;
+  w.gather_timeline();
   w.log_growth();
   return Status::ok;
 }
