@@ -17,6 +17,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <type_traits>
+#include <utility>
 
 #include "narrow_phase/kernel.hpp"
 #include "narrow_phase/lanes-inl.hpp"
@@ -126,10 +128,23 @@ struct Gathered {
   Rows<second_is_sphere ? 4 : N> second_size;
   alignas(64) float second_radius[N];
 
-  HWY_INLINE void fill(const KernelInput& input, const KernelPair& pair, std::size_t lane) {
-    const Body& first = input.bodies[pair.first];
-    const Body& second = input.bodies[pair.second];
+  HWY_INLINE void fill(const KernelInput& input, const KernelPair* pairs) {
+    const Body* bodies = input.bodies.data();
     const geometry::ShapeRow* rows = input.shapes.rows().data();
+    fill_lanes(bodies, rows, pairs, std::make_index_sequence<N>());
+  }
+
+  /// Unrolled: where a lane's rows are is then known when compiling.
+  template <std::size_t... lane>
+  HWY_INLINE void fill_lanes(const Body* bodies, const geometry::ShapeRow* rows, const KernelPair* pairs,
+                             std::index_sequence<lane...>) {
+    (fill_lane(bodies, rows, pairs[lane], lane), ...);
+  }
+
+  HWY_INLINE void fill_lane(const Body* bodies, const geometry::ShapeRow* rows, const KernelPair& pair,
+                            std::size_t lane) {
+    const Body& first = bodies[pair.first];
+    const Body& second = bodies[pair.second];
     const geometry::ShapeRow& first_row = rows[first.shape];
     const geometry::ShapeRow& second_row = rows[second.shape];
     write_offset(first, second, first_row.size[0], offset.of(lane));
@@ -195,10 +210,13 @@ HWY_INLINE PairContact* write(D d, const KernelPair* pairs, std::size_t count, c
   store_rows(d, hn::BitCast(d, pair), depth, normal.x + zero, normal.y + zero, head);
   store_rows(d, normal.z + zero, point.x + zero, point.y + zero, point.z + zero, tail);
 
-  std::uint8_t bytes[8] = {};
-  hn::StoreMaskBits(d, hn::And(found.hit, hn::FirstN(d, count)), bytes);
-  std::uint32_t hits;
-  std::memcpy(&hits, bytes, sizeof(hits));
+  // Read back in the size that it was written in, so that the store is forwarded.
+  std::conditional_t<(lanes > 8), std::uint16_t, std::uint8_t> bits;
+  std::uint8_t bytes[8];
+  const hn::Mask<D> hit = count < lanes ? hn::And(found.hit, hn::FirstN(d, count)) : found.hit;
+  hn::StoreMaskBits(d, hit, bytes);
+  std::memcpy(&bits, bytes, sizeof(bits));
+  std::uint32_t hits = bits;
   for (std::size_t lane = 0; lane < lanes; ++lane) {
     unsigned char* to = reinterpret_cast<unsigned char*>(out);
     std::memcpy(to, head.of(lane), 16);
@@ -209,31 +227,30 @@ HWY_INLINE PairContact* write(D d, const KernelPair* pairs, std::size_t count, c
   return out;
 }
 
-/// `vectors` <= group vectors of pairs; only the last may be partial. Lanes past the last pair repeat it.
+/// `vectors` <= group full vectors of pairs.
 template <class K, class D>
-HWY_INLINE PairContact* run_group(D d, const KernelInput& input, std::size_t begin, std::size_t vectors,
+HWY_INLINE PairContact* run_group(D d, const KernelInput& input, const KernelPair* pairs, std::size_t vectors,
                                   PairContact* out) {
   constexpr std::size_t lanes = hn::MaxLanes(d);
-  const std::size_t count = std::min(input.pairs.size() - begin, vectors * lanes);
   Gathered<K, lanes> gathered[group];
-  for (std::size_t i = 0; i < count; ++i) {
-    gathered[i / lanes].fill(input, input.pairs[begin + i], i % lanes);
-  }
-  for (std::size_t i = count; i < vectors * lanes; ++i) {
-    gathered[i / lanes].fill(input, input.pairs[begin + count - 1], i % lanes);
-  }
-  KernelPair padded[lanes];
+  for (std::size_t v = 0; v < vectors; ++v) gathered[v].fill(input, pairs + v * lanes);
   for (std::size_t v = 0; v < vectors; ++v) {
-    const KernelPair* pairs = input.pairs.data() + begin + v * lanes;
-    const std::size_t valid = std::min(lanes, count - v * lanes);
-    if (valid < lanes) {
-      std::fill(std::copy_n(pairs, valid, padded), padded + lanes, KernelPair{});
-      pairs = padded;
-    }
     const Lanes<D> in = gathered[v].lanes(d);
-    out = write<K>(d, pairs, valid, K::test(d, in), in.offset, out);
+    out = write<K>(d, pairs + v * lanes, lanes, K::test(d, in), in.offset, out);
   }
   return out;
+}
+
+/// Fewer pairs than a vector holds. The lanes past the last pair repeat it, and are not written.
+template <class K, class D>
+PairContact* run_rest(D d, const KernelInput& input, const KernelPair* pairs, std::size_t count, PairContact* out) {
+  constexpr std::size_t lanes = hn::MaxLanes(d);
+  KernelPair padded[lanes];
+  std::fill(std::copy_n(pairs, count, padded), padded + lanes, pairs[count - 1]);
+  Gathered<K, lanes> gathered;
+  gathered.fill(input, padded);
+  const Lanes<D> in = gathered.lanes(d);
+  return write<K>(d, padded, count, K::test(d, in), in.offset, out);
 }
 
 /// All pairs in float: full vectors, then the narrowest vector that holds the rest.
@@ -244,10 +261,11 @@ PairContact* run_in_float(const KernelInput& input, PairContact* out, KindCounte
   hn::CappedTag<float, 4> quarter;
   constexpr std::size_t lanes = hn::MaxLanes(full);
   const std::size_t size = input.pairs.size();
+  const KernelPair* pairs = input.pairs.data();
   std::size_t begin = 0;
   while (size - begin >= lanes) {
     const std::size_t vectors = std::min((size - begin) / lanes, group);
-    out = run_group<K>(full, input, begin, vectors, out);
+    out = run_group<K>(full, input, pairs + begin, vectors, out);
     begin += vectors * lanes;
     counters.lanes += vectors * lanes;
   }
@@ -255,14 +273,14 @@ PairContact* run_in_float(const KernelInput& input, PairContact* out, KindCounte
   if (rest == 0) return out;
   if (rest > hn::MaxLanes(half)) {
     counters.lanes += lanes;
-    return run_group<K>(full, input, begin, 1, out);
+    return run_rest<K>(full, input, pairs + begin, rest, out);
   }
   if (rest > hn::MaxLanes(quarter)) {
     counters.lanes += hn::MaxLanes(half);
-    return run_group<K>(half, input, begin, 1, out);
+    return run_rest<K>(half, input, pairs + begin, rest, out);
   }
   counters.lanes += hn::MaxLanes(quarter);
-  return run_group<K>(quarter, input, begin, 1, out);
+  return run_rest<K>(quarter, input, pairs + begin, rest, out);
 }
 
 /// Columns of pairs for the kernels in double. Rare pairs: gathered and written one by one.

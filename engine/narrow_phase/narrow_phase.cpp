@@ -1,6 +1,7 @@
 #include "narrow_phase/narrow_phase.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <cstring>
@@ -17,22 +18,38 @@ constexpr std::size_t index_of(ShapeKind kind) noexcept { return static_cast<std
 /// Pairs sorted at a time: what the sort touches is still in the cache when the kernels gather it.
 constexpr std::size_t chunk_pairs = 4096;
 
-/// What the sort needs to know of a shape, in four bytes: its kind and between which powers of two its sizes lie.
-struct ShapeTag {
-  std::uint8_t kind;
-  std::int8_t large;  ///< of the bounding radius
-  std::int8_t small;  ///< of the least size
-  std::int8_t reserved;
-};
-
 /// Beyond a ratio of sizes of 2^5, some 10^-7 of the larger is no longer far below 10^-4 of the smaller.
 constexpr int float_octaves = 5;
 
-std::int8_t power_of_two(float size) noexcept {
-  int power = 0;
-  std::frexp(size, &power);
-  return static_cast<std::int8_t>(power);
-}
+/// What the sort needs to know of a shape, in a word: its kind, and its sizes as two sets of octaves. The one holds
+/// all octaves up to the bounding radius, the other all that are too large for float beside the least size. So a pair
+/// wants double if the two sets, each united over both shapes, have a common octave: a few operations, no branch.
+class ShapeTag {
+ public:
+  ShapeTag(ShapeKind kind, float large, float small) noexcept {
+    const std::uint64_t up_to = (std::uint64_t{2} << octave(large)) - 1;
+    const std::uint64_t too_large = (all << (octave(small) + float_octaves + 1)) & all;
+    word_ = static_cast<std::uint64_t>(kind) << (2 * octaves) | too_large << octaves | up_to;
+  }
+
+  std::size_t kind() const noexcept { return word_ >> (2 * octaves); }
+  static bool wants_double(ShapeTag a, ShapeTag b) noexcept {
+    const std::uint64_t both = a.word_ | b.word_;
+    return (both & both >> octaves & all) != 0;
+  }
+
+ private:
+  static constexpr int octaves = 30;  ///< 2^-10 to 2^20 metres: all sizes that shapes can have
+  static constexpr std::uint64_t all = (std::uint64_t{1} << octaves) - 1;
+
+  static int octave(float size) noexcept {
+    int power = 0;
+    std::frexp(size, &power);
+    return std::clamp(power + 9, 0, octaves - 1);
+  }
+
+  std::uint64_t word_;
+};
 
 float least_size(const geometry::ShapeRow& row) noexcept {
   switch (row.kind) {
@@ -46,12 +63,57 @@ float least_size(const geometry::ShapeRow& row) noexcept {
   }
 }
 
-ShapeTag tag_of(const geometry::ShapeRow& row) noexcept {
-  return {static_cast<std::uint8_t>(row.kind), power_of_two(row.bounding_radius), power_of_two(least_size(row)), 0};
+ShapeTag tag_of(const geometry::ShapeRow& row) noexcept { return {row.kind, row.bounding_radius, least_size(row)}; }
+
+/// What pairs are sorted by, in a byte: the two kinds (21 unordered pairs), whether the pair is computed in double,
+/// and, not part of the order, whether it is flipped.
+using Key = std::uint8_t;
+constexpr Key key_in_double = 1;
+constexpr Key key_flipped = 0x80;
+constexpr Key key_order = 0x3f;
+constexpr std::size_t keys = shape_kinds * (shape_kinds + 1);
+
+struct Kinds {
+  ShapeKind first, second;
+};
+
+/// The keys of all ordered pairs of kinds (rows of 8), and the kinds of all keys.
+struct KeyTable {
+  Key key[8 * shape_kinds] = {};
+  Kinds kinds[keys] = {};
+
+  constexpr KeyTable() {
+    Key next = 0;
+    for (std::size_t second = 0; second < shape_kinds; ++second) {
+      for (std::size_t first = 0; first <= second; ++first) {
+        key[second * 8 + first] = next | key_flipped;
+        key[first * 8 + second] = next;
+        for (std::size_t i = 0; i < 2; ++i) {
+          kinds[next++] = {static_cast<ShapeKind>(first), static_cast<ShapeKind>(second)};
+        }
+      }
+    }
+  }
+};
+constexpr KeyTable key_table;
+static_assert(keys <= 64, "a set of keys is a word");
+
+/// Calls `visit(key)` for each key in `set`, ascending.
+template <class Visit>
+void for_each_key(std::uint64_t set, const Visit& visit) {
+  for (; set != 0; set &= set - 1) visit(static_cast<std::size_t>(std::countr_zero(set)));
 }
 
-/// Kinds of a pair and whether it is computed in double: the key that pairs are sorted by.
-constexpr std::size_t keys = shape_kinds * shape_kinds * 2;
+/// The pair with its bodies in the order of their kinds, as two words. Without a branch: which way round they come is
+/// random.
+void write_ordered(const geometry::CandidatePair& pair, std::size_t index, Key key, KernelPair& to) noexcept {
+  static_assert(std::endian::native == std::endian::little && flip_bit == 1u << 31);
+  const auto both = std::bit_cast<std::uint64_t>(pair);
+  const std::uint64_t turned = std::rotl(both, 32);
+  const std::uint64_t words[2] = {(key & key_flipped) != 0 ? turned : both,
+                                  index | (std::uint64_t{key} << 56 & std::uint64_t{1} << 63)};
+  std::memcpy(static_cast<void*>(&to), words, sizeof(words));
+}
 
 /// Memory that grows to what is asked and is never initialised.
 template <class T>
@@ -77,9 +139,9 @@ Kernel kernel_of(ShapeKind first, ShapeKind second) noexcept {
   static constexpr Kernel table[shape_kinds][shape_kinds] = {
       // sphere, box, capsule, hull, mesh, support
       {test_sphere_sphere, test_sphere_box, test_sphere_capsule, none, none, none},
-      {none, test_box_box, test_box_capsule, none, none, none},
+      {none, test_box_box, test_box_capsule, test_box_hull, none, none},
       {none, none, test_capsule_capsule, none, none, none},
-      {none, none, none, none, none, none},
+      {none, none, none, test_hull_hull, none, none},
       {none, none, none, none, none, none},
       {none, none, none, none, none, none},
   };
@@ -95,14 +157,16 @@ struct NarrowPhase::Implementation {
   std::vector<ShapeTag> tags;
   Buffer<PairContact> contacts;
   std::unique_ptr<KernelPair[]> sorted = std::make_unique<KernelPair[]>(chunk_pairs);
-  std::unique_ptr<std::uint8_t[]> pair_keys = std::make_unique<std::uint8_t[]>(chunk_pairs);
+  std::unique_ptr<Key[]> pair_keys = std::make_unique<Key[]>(chunk_pairs);
+  std::uint32_t ends[keys];  ///< of the pairs of each key in `sorted`; only those of the chunk's keys mean anything
   std::size_t untested = 0;
   KindCounters counters[shape_kinds][shape_kinds];
 
   void learn_shapes();
-  void count(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs, std::uint32_t* sizes);
-  void sort(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs, std::size_t begin,
-            const std::uint32_t* sizes);
+  bool find_keys(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs, std::size_t begin);
+  std::uint64_t sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
+  PairContact* test_key(std::span<const Body> bodies, std::size_t key, std::span<const KernelPair> pairs,
+                        PairContact* out);
   PairContact* test_chunk(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs,
                           std::size_t begin, PairContact* out);
 };
@@ -113,61 +177,70 @@ void NarrowPhase::Implementation::learn_shapes() {
   }
 }
 
-void NarrowPhase::Implementation::count(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs,
-                                        std::uint32_t* sizes) {
-  const ShapeTag* tag = tags.data();
-  std::uint8_t* key = pair_keys.get();
-  for (const geometry::CandidatePair& pair : pairs) {
-    const ShapeTag a = tag[bodies[pair.a].shape], b = tag[bodies[pair.b].shape];
-    const unsigned first = std::min(a.kind, b.kind), second = std::max(a.kind, b.kind);
-    const bool in_double = std::max(a.large, b.large) - std::min(a.small, b.small) > float_octaves;
-    const unsigned k = (first * static_cast<unsigned>(shape_kinds) + second) * 2 + in_double;
-    *key++ = static_cast<std::uint8_t>(k);
-    ++sizes[k];
-  }
-}
-
-void NarrowPhase::Implementation::sort(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs,
-                                       std::size_t begin, const std::uint32_t* sizes) {
-  std::uint32_t next[keys];
-  std::uint32_t sum = 0;
-  for (std::size_t k = 0; k < keys; ++k) {
-    next[k] = sum;
-    sum += sizes[k];
-  }
-  const ShapeTag* tag = tags.data();
-  KernelPair* to = sorted.get();
+/// Finds the key of each pair and writes the pairs to `sorted` in their own order, which is all that is to be done
+/// where there is one key only. Says whether there is.
+bool NarrowPhase::Implementation::find_keys(std::span<const Body> bodies,
+                                            std::span<const geometry::CandidatePair> pairs, std::size_t begin) {
+  const ShapeTag* const tag = tags.data();
+  Key* const key = pair_keys.get();
+  KernelPair* const to = sorted.get();
+  unsigned any = 0, all = ~0u;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const geometry::CandidatePair pair = pairs[i];
-    const bool flipped = tag[bodies[pair.a].shape].kind > tag[bodies[pair.b].shape].kind;
-    to[next[pair_keys[i]]++] = {flipped ? pair.b : pair.a, flipped ? pair.a : pair.b,
-                                static_cast<std::uint32_t>(begin + i), flipped ? flip_bit : 0};
+    const ShapeTag a = tag[bodies[pair.a].shape], b = tag[bodies[pair.b].shape];
+    const unsigned k = key_table.key[a.kind() * 8 + b.kind()] + unsigned{ShapeTag::wants_double(a, b)};
+    any |= k;
+    all &= k;
+    key[i] = static_cast<Key>(k);
+    write_ordered(pair, begin + i, static_cast<Key>(k), to[i]);
   }
+  return ((any ^ all) & key_order) == 0;
+}
+
+/// Counting sort of the chunk's pairs by key; `begin` is the index of the first. Answers the set of keys.
+std::uint64_t NarrowPhase::Implementation::sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin) {
+  const Key* const key = pair_keys.get();
+  std::uint64_t set = 0;
+  std::fill(std::begin(ends), std::end(ends), 0u);
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    set |= std::uint64_t{1} << (key[i] & key_order);
+    ++ends[key[i] & key_order];
+  }
+  std::uint32_t sum = 0;
+  for_each_key(set, [&](std::size_t k) { sum += std::exchange(ends[k], sum); });
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    write_ordered(pairs[i], begin + i, key[i], sorted[ends[key[i] & key_order]++]);
+  }
+  return set;
+}
+
+PairContact* NarrowPhase::Implementation::test_key(std::span<const Body> bodies, std::size_t key,
+                                                   std::span<const KernelPair> pairs, PairContact* out) {
+  const Kinds kinds = key_table.kinds[key];
+  KindCounters& counter = counters[index_of(kinds.first)][index_of(kinds.second)];
+  counter.candidates += pairs.size();
+  const Kernel kernel = kernel_of(kinds.first, kinds.second);
+  if (kernel == nullptr) {
+    untested += pairs.size();
+    return out;
+  }
+  PairContact* const end = kernel({bodies, shapes, pairs, (key & key_in_double) != 0}, out, counter);
+  counter.hits += static_cast<std::uint64_t>(end - out);
+  return end;
 }
 
 PairContact* NarrowPhase::Implementation::test_chunk(std::span<const Body> bodies,
                                                      std::span<const geometry::CandidatePair> pairs, std::size_t begin,
                                                      PairContact* out) {
-  std::uint32_t sizes[keys] = {};
-  count(bodies, pairs, sizes);
-  sort(bodies, pairs, begin, sizes);
-  const KernelPair* next = sorted.get();
-  for (std::size_t k = 0; k < keys; ++k) {
-    if (sizes[k] == 0) continue;
-    const std::size_t first = k / 2 / shape_kinds, second = k / 2 % shape_kinds;
-    const std::span<const KernelPair> run(next, sizes[k]);
-    next += sizes[k];
-    KindCounters& counter = counters[first][second];
-    counter.candidates += run.size();
-    const Kernel kernel = kernel_of(static_cast<ShapeKind>(first), static_cast<ShapeKind>(second));
-    if (kernel == nullptr) {
-      untested += run.size();
-      continue;
-    }
-    PairContact* const end = kernel({bodies, shapes, run, k % 2 != 0}, out, counter);
-    counter.hits += static_cast<std::uint64_t>(end - out);
-    out = end;
+  if (find_keys(bodies, pairs, begin)) {
+    return test_key(bodies, pair_keys[0] & key_order, {sorted.get(), pairs.size()}, out);
   }
+  const std::uint64_t set = sort(pairs, begin);
+  std::uint32_t from = 0;
+  for_each_key(set, [&](std::size_t key) {
+    out = test_key(bodies, key, {sorted.get() + from, sorted.get() + ends[key]}, out);
+    from = ends[key];
+  });
   return out;
 }
 

@@ -1,5 +1,6 @@
 #include "narrow_phase/pair_world.hpp"
 
+#include <algorithm>
 #include <optional>
 #include <sstream>
 
