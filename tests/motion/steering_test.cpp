@@ -32,7 +32,7 @@ test::BallWorld filled(const Steering& model, std::uint32_t objects, std::uint64
     const double x = double{draws.unit()}, y = double{draws.unit()}, z = double{draws.unit()};
     if (number % 2 == 0) {
       const Vec3d goal = model.goal_of(number, 0);
-      const auto near = [side](double at, double draw) { return std::clamp(at + 12 * draw - 6, 0.0, side); };
+      const auto near = [side](double at, double draw) { return std::clamp(at + 20 * draw - 10, 0.0, side); };
       world.add(number, Category::active, {near(goal.x, x), near(goal.y, y), near(goal.z, z)});
     } else {
       world.add(number, Category::non_active, {side * x, side * y, side * z});
@@ -70,18 +70,18 @@ TEST_CASE("another seed moves objects elsewhere") {
   CHECK(apart >= 50);
 }
 
-TEST_CASE("4000 balls have 1600 to 3500 contacts a frame and no crush") {
+TEST_CASE("4000 balls settle at 1600 to 3500 contacts a frame and no crush") {
   const Steering model(config_for(4000));
   test::BallWorld world = filled(model, 4000, 3);
-  for (int frame = 0; frame < 60; ++frame) world.advance();
+  for (int frame = 0; frame < 180; ++frame) world.advance();  // all set out at once: they meet at once
   double sum = 0;
-  for (int frame = 0; frame < 100; ++frame) {
+  for (int frame = 0; frame < 80; ++frame) {
     world.advance();
     REQUIRE(world.contacts().size() >= 1600);
     REQUIRE(world.contacts().size() <= 3500);
     sum += static_cast<double>(world.contacts().size());
   }
-  CHECK(sum / 100 > 1600);
+  CHECK(sum / 80 > 1600);
   std::map<ObjectNumber, int> touching;
   for (const Contact& contact : world.contacts()) {
     ++touching[contact.a];

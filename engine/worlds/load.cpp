@@ -1,0 +1,45 @@
+#include "worlds/load.hpp"
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "ringfence/error.hpp"
+
+namespace ringfence::worlds {
+
+void configure_for(WorldConfig& config, const Scene& scene, UserNumber users) {
+  config.bounds_min = scene.bounds_min;
+  config.bounds_max = scene.bounds_max;
+  config.layers = scene.layers;
+  // Of the paper's world an object has 0.7 contacts and 1.5 candidates; what has more grows the buffers once.
+  const std::size_t objects = scene.objects.size();
+  config.capacities.objects = std::max(config.capacities.objects, objects);
+  config.capacities.pairs = std::max(config.capacities.pairs, 4 * objects);
+  config.capacities.contacts = std::max(config.capacities.contacts, 2 * objects);
+  config.capacities.users = std::max<std::size_t>(config.capacities.users, users);
+}
+
+void load_into(World& world, const Scene& scene, UserNumber users) {
+  std::vector<ShapeNumber> shapes;
+  for (const NamedShape& shape : scene.shapes) {
+    try {
+      shapes.push_back(world.add_shape(shape.description));
+    } catch (const Error& error) {
+      throw Error(fmt::format("shape \"{}\": {}", shape.name, error.what()));
+    }
+  }
+  for (UserNumber user = 0; user < users; ++user) {
+    const Connected connected = world.connect(user);
+    if (connected.status != Status::ok) throw Error(fmt::format("user {}: {}", user, name_of(connected.status)));
+  }
+  for (ObjectSpec object : scene.objects) {
+    object.shape = shapes[object.shape];
+    const Spawned spawned = world.spawn(object);
+    if (spawned.status != Status::ok) throw Error(fmt::format("object {}: {}", object.number, name_of(spawned.status)));
+  }
+}
+
+}  // namespace ringfence::worlds

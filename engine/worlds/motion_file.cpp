@@ -1,0 +1,330 @@
+#include "worlds/motion_file.hpp"
+
+#include <array>
+#include <bit>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <optional>
+#include <system_error>
+#include <unordered_map>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "worlds/text_file.hpp"
+
+namespace ringfence::worlds {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "binary motion is little-endian, and poses are copied whole");
+
+constexpr std::string_view header = "frame,object,x,y,z,qx,qy,qz,qw";
+constexpr std::string_view magic = "RFMOTION";
+constexpr std::size_t fields = 9;
+constexpr std::uint32_t most_frames = 100'000'000;
+
+struct BinaryHeader {
+  char magic[8];
+  std::uint32_t version;
+  std::uint32_t objects;
+  std::uint32_t frames;
+  std::uint32_t zero;
+};
+static_assert(sizeof(BinaryHeader) == 24);
+
+bool is_unit(const Quat& q) {
+  const double squared =
+      double{q.x} * double{q.x} + double{q.y} * double{q.y} + double{q.z} * double{q.z} + double{q.w} * double{q.w};
+  return std::abs(std::sqrt(squared) - 1) <= 1e-3;
+}
+
+bool is_finite(const Vec3d& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
+
+std::string shown(const Quat& q) { return fmt::format("({}, {}, {}, {})", q.x, q.y, q.z, q.w); }
+
+/// What of a scene the readers ask for, by object number.
+class ObjectIndex {
+ public:
+  explicit ObjectIndex(const Scene& scene) {
+    for (const ObjectSpec& object : scene.objects) {
+      entries_.emplace(object.number, Entry{none, object.category == Category::fixed});
+    }
+  }
+  struct Entry {
+    std::uint32_t last_frame;
+    bool fixed;
+  };
+  static constexpr std::uint32_t none = 0xffffffffu;
+
+  Entry* find(ObjectNumber number) {
+    const auto found = entries_.find(number);
+    return found == entries_.end() ? nullptr : &found->second;
+  }
+
+ private:
+  std::unordered_map<ObjectNumber, Entry> entries_;
+};
+
+/// Reads CSV line by line; its messages begin with FILE:LINE.
+class CsvReader {
+ public:
+  CsvReader(std::string_view text, const std::string& name, const Scene& scene)
+      : text_(text), name_(name), objects_(scene) {}
+
+  Motion read() {
+    const std::optional<std::string_view> first = next_line();
+    if (!first || *first != header)
+      fail(fmt::format("found \"{}\"; expected the header \"{}\"", first.value_or(""), header));
+    while (const std::optional<std::string_view> line = next_line()) {
+      read_row(*line);
+    }
+    if (!motion_.rows.empty()) motion_.frames = motion_.rows.back().frame + 1;
+    return std::move(motion_);
+  }
+
+ private:
+  [[noreturn]] void fail(const std::string& message) const {
+    throw InputError(fmt::format("{}:{}: {}", name_, line_, message));
+  }
+
+  std::optional<std::string_view> next_line() {
+    if (at_ >= text_.size()) return std::nullopt;
+    ++line_;
+    std::size_t end = text_.find('\n', at_);
+    if (end == std::string_view::npos) end = text_.size();
+    std::string_view line = text_.substr(at_, end - at_);
+    at_ = end + 1;
+    if (line.ends_with('\r')) line.remove_suffix(1);
+    return line;
+  }
+
+  std::array<std::string_view, fields> split(std::string_view line) const {
+    std::array<std::string_view, fields> parts;
+    std::size_t count = 0;
+    for (std::size_t at = 0; at <= line.size();) {
+      std::size_t end = line.find(',', at);
+      if (end == std::string_view::npos) end = line.size();
+      if (count < fields) parts[count] = line.substr(at, end - at);
+      ++count;
+      at = end + 1;
+    }
+    if (count != fields) fail(fmt::format("found {} fields; expected {}: {}", count, fields, header));
+    return parts;
+  }
+
+  template <class Number>
+  Number read_number(std::string_view text, const char* field, const char* expected) const {
+    Number value{};
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (error != std::errc() || end != text.data() + text.size()) {
+      fail(fmt::format("{}: found \"{}\"; expected {}", field, text, expected));
+    }
+    return value;
+  }
+  template <class Number>
+  Number read_finite(std::string_view text, const char* field) const {
+    const auto value = read_number<Number>(text, field, "a finite number");
+    if (!std::isfinite(value)) fail(fmt::format("{}: found \"{}\"; expected a finite number", field, text));
+    return value;
+  }
+
+  void read_row(std::string_view line) {
+    const auto parts = split(line);
+    MotionRow row;
+    row.frame = read_number<std::uint32_t>(parts[0], "frame", "a whole number from 0");
+    row.object = read_number<std::uint32_t>(parts[1], "object", "the id of an object");
+    if (row.frame >= most_frames) fail(fmt::format("frame: found {}; expected less than {}", row.frame, most_frames));
+    if (!motion_.rows.empty() && row.frame < motion_.rows.back().frame) {
+      fail(fmt::format("frame: found {} after {}; expected frames in ascending order", row.frame,
+                       motion_.rows.back().frame));
+    }
+    check_object(row);
+    std::size_t empty = 0;
+    for (std::size_t i = 2; i < fields; ++i) empty += parts[i].empty();
+    row.present = empty != fields - 2;
+    if (row.present) {
+      row.pose.position = {read_finite<double>(parts[2], "x"), read_finite<double>(parts[3], "y"),
+                           read_finite<double>(parts[4], "z")};
+      row.pose.orientation = {read_finite<float>(parts[5], "qx"), read_finite<float>(parts[6], "qy"),
+                              read_finite<float>(parts[7], "qz"), read_finite<float>(parts[8], "qw")};
+      if (!is_unit(row.pose.orientation)) {
+        fail(fmt::format("qx,qy,qz,qw: found {}; expected a unit quaternion (length 1 within 0.001)",
+                         shown(row.pose.orientation)));
+      }
+    }
+    motion_.rows.push_back(row);
+  }
+
+  void check_object(const MotionRow& row) {
+    ObjectIndex::Entry* object = objects_.find(row.object);
+    if (!object) fail(fmt::format("object: found {}; expected an id of the scene", row.object));
+    if (object->fixed)
+      fail(fmt::format("object: {} is static; expected rows only of objects that may move", row.object));
+    if (object->last_frame == row.frame) {
+      fail(fmt::format("object: {} is there twice in frame {}; expected one row a frame", row.object, row.frame));
+    }
+    object->last_frame = row.frame;
+  }
+
+  std::string_view text_;
+  const std::string& name_;
+  ObjectIndex objects_;
+  std::size_t at_ = 0;
+  std::size_t line_ = 0;
+  Motion motion_;
+};
+
+/// Reads binary motion; its messages name the byte offset, and the frame and object where there is one.
+class BinaryReader {
+ public:
+  BinaryReader(std::string_view bytes, const std::string& name, const Scene& scene)
+      : bytes_(bytes), name_(name), scene_(scene) {}
+
+  Motion read() {
+    read_header();
+    // What stands before the first frame is the scene's: only what differs becomes a row.
+    std::vector<ObjectSpec> last = scene_.objects;
+    std::size_t at = sizeof(BinaryHeader);
+    for (std::uint32_t frame = 0; frame < motion_.frames; ++frame) {
+      for (ObjectSpec& object : last) {
+        Pose pose;
+        std::memcpy(&pose, bytes_.data() + at, sizeof pose);
+        take(frame, object, pose, at);
+        at += sizeof pose;
+      }
+    }
+    return std::move(motion_);
+  }
+
+ private:
+  [[noreturn]] void fail(std::size_t at, const std::string& message) const {
+    throw InputError(fmt::format("{}: byte {}: {}", name_, at, message));
+  }
+
+  void read_header() {
+    BinaryHeader head;
+    if (bytes_.size() < sizeof head) {
+      fail(bytes_.size(), fmt::format("the file ends within the header; expected {} bytes", sizeof head));
+    }
+    std::memcpy(&head, bytes_.data(), sizeof head);
+    if (head.version != 1) fail(8, fmt::format("version: found {}; expected 1", head.version));
+    if (head.objects != scene_.objects.size()) {
+      fail(12, fmt::format("objects: found {}; expected {}, as in the scene", head.objects, scene_.objects.size()));
+    }
+    if (head.frames >= most_frames) {
+      fail(16, fmt::format("frames: found {}; expected less than {}", head.frames, most_frames));
+    }
+    if (head.zero != 0) fail(20, fmt::format("found {}; expected 0", head.zero));
+    const std::uint64_t frame_bytes = std::uint64_t{head.objects} * sizeof(Pose);
+    const std::uint64_t expected = sizeof head + head.frames * frame_bytes;
+    if (bytes_.size() < expected) {
+      const std::uint64_t whole = (bytes_.size() - sizeof head) / frame_bytes;
+      fail(bytes_.size(),
+           fmt::format("the file ends within frame {} of {}; expected {} bytes", whole, head.frames, expected));
+    }
+    if (bytes_.size() > expected) {
+      fail(expected, fmt::format("{} bytes follow the last of {} frames; expected the end", bytes_.size() - expected,
+                                 head.frames));
+    }
+    motion_.frames = head.frames;
+  }
+
+  void take(std::uint32_t frame, ObjectSpec& object, const Pose& pose, std::size_t at) {
+    const auto refuse = [&](std::size_t offset, const std::string& message) {
+      fail(at + offset, fmt::format("frame {}, object {}: {}", frame, object.number, message));
+    };
+    const Vec3d& p = pose.position;
+    const bool present = !(std::isnan(p.x) || std::isnan(p.y) || std::isnan(p.z));
+    if (present) {
+      if (!is_finite(p)) {
+        refuse(0,
+               fmt::format("position: found ({}, {}, {}); expected finite numbers, or NaN for absent", p.x, p.y, p.z));
+      }
+      if (!is_unit(pose.orientation)) {
+        refuse(offsetof(Pose, orientation),
+               fmt::format("orientation: found {}; expected a unit quaternion (length 1 within 0.001)",
+                           shown(pose.orientation)));
+      }
+    }
+    const bool same = present == object.present && (!present || std::memcmp(&pose, &object.pose, sizeof pose) == 0);
+    if (same) return;
+    if (object.category == Category::fixed) refuse(0, "is static but moves; expected the pose of the scene");
+    object.present = present;
+    if (present) object.pose = pose;
+    motion_.rows.push_back({frame, object.number, present, present ? pose : Pose{}});
+  }
+
+  std::string_view bytes_;
+  const std::string& name_;
+  const Scene& scene_;
+  Motion motion_;
+};
+
+}  // namespace
+
+Motion parse_motion(std::string_view bytes, const std::string& name, const Scene& scene) {
+  if (bytes.starts_with(magic)) return BinaryReader(bytes, name, scene).read();
+  return CsvReader(bytes, name, scene).read();
+}
+
+Motion read_motion(const std::filesystem::path& file, const Scene& scene) {
+  return parse_motion(read_text(file), file.string(), scene);
+}
+
+std::string format_motion_csv(const Motion& motion) {
+  std::string text(header);
+  text += '\n';
+  const auto out = std::back_inserter(text);
+  for (const MotionRow& row : motion.rows) {
+    const Vec3d& p = row.pose.position;
+    const Quat& q = row.pose.orientation;
+    if (row.present) {
+      fmt::format_to(out, "{},{},{},{},{},{},{},{},{}\n", row.frame, row.object, p.x, p.y, p.z, q.x, q.y, q.z, q.w);
+    } else {
+      fmt::format_to(out, "{},{},,,,,,,\n", row.frame, row.object);
+    }
+  }
+  return text;
+}
+
+void write_motion_csv(const std::filesystem::path& file, const Motion& motion) {
+  write_text(file, format_motion_csv(motion));
+}
+
+BinaryMotionWriter::BinaryMotionWriter(std::filesystem::path file, std::uint32_t objects)
+    : name_(std::move(file)), file_(std::fopen(name_.c_str(), "wb")), objects_(objects) {
+  if (!file_) throw Error(fmt::format("{}: cannot be written: {}", name_.string(), std::strerror(errno)));
+  BinaryHeader head{{}, 1, objects_, 0, 0};
+  std::memcpy(head.magic, magic.data(), sizeof head.magic);
+  write(&head, sizeof head);
+}
+
+BinaryMotionWriter::~BinaryMotionWriter() {
+  if (file_) std::fclose(file_);
+}
+
+void BinaryMotionWriter::write(const void* bytes, std::size_t size) {
+  if (std::fwrite(bytes, 1, size, file_) != size) {
+    throw Error(fmt::format("{}: cannot be written: {}", name_.string(), std::strerror(errno)));
+  }
+}
+
+void BinaryMotionWriter::add_frame(std::span<const Pose> poses) {
+  if (poses.size() != objects_) {
+    throw Error(fmt::format("{}: a frame of {} poses; expected {}", name_.string(), poses.size(), objects_));
+  }
+  write(poses.data(), poses.size_bytes());
+  ++frames_;
+}
+
+void BinaryMotionWriter::finish() {
+  bool written = std::fseek(file_, offsetof(BinaryHeader, frames), SEEK_SET) == 0;
+  written = written && std::fwrite(&frames_, sizeof frames_, 1, file_) == 1;
+  written = std::fclose(std::exchange(file_, nullptr)) == 0 && written;
+  if (!written) throw Error(fmt::format("{}: cannot be written: {}", name_.string(), std::strerror(errno)));
+}
+
+}  // namespace ringfence::worlds

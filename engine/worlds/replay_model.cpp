@@ -1,0 +1,50 @@
+#include "worlds/replay_model.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <tuple>
+
+#include "ringfence/error.hpp"
+
+namespace ringfence::worlds {
+
+/// The rows of an object that have not been applied: [next, the first that is another object's).
+struct ReplayModel::Cursor {
+  std::uint32_t next;
+  std::uint32_t reserved;
+};
+
+ReplayModel::ReplayModel(const Motion& motion) : rows_(motion.rows) {
+  if (rows_.size() >= 0xffffffffu) throw Error("motion: more than 2^32 - 2 rows; expected fewer");
+  std::sort(rows_.begin(), rows_.end(), [](const MotionRow& p, const MotionRow& q) {
+    return std::tie(p.object, p.frame) < std::tie(q.object, q.frame);
+  });
+  for (std::size_t i = rows_.size(); i-- > 0;) firsts_[rows_[i].object] = static_cast<std::uint32_t>(i);
+}
+
+std::size_t ReplayModel::state_bytes() const noexcept { return sizeof(Cursor); }
+
+void ReplayModel::start(const ObjectSpec& spec, std::byte* state) const {
+  const auto first = firsts_.find(spec.number);
+  const Cursor cursor{first == firsts_.end() ? static_cast<std::uint32_t>(rows_.size()) : first->second, 0};
+  std::memcpy(state, &cursor, sizeof cursor);
+}
+
+void ReplayModel::move(std::uint64_t frame, std::span<const MotionInput> inputs,
+                       std::span<MotionOutput> outputs) const {
+  for (std::size_t i = 0; i < inputs.size(); ++i) {
+    Cursor cursor;
+    std::memcpy(&cursor, inputs[i].state, sizeof cursor);
+    // More than one only after frames in which the object's host was not heard.
+    while (cursor.next < rows_.size() && rows_[cursor.next].object == inputs[i].number &&
+           rows_[cursor.next].frame <= frame) {
+      const MotionRow& row = rows_[cursor.next];
+      outputs[i].present = row.present;
+      if (row.present) outputs[i].pose = row.pose;
+      ++cursor.next;
+    }
+    std::memcpy(outputs[i].state, &cursor, sizeof cursor);
+  }
+}
+
+}  // namespace ringfence::worlds

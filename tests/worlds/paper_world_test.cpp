@@ -1,0 +1,207 @@
+#include "worlds/paper_world.hpp"
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <set>
+#include <string>
+
+#include <doctest/doctest.h>
+
+#include "geometry/shape_table.hpp"
+#include "reference/exact_contact.hpp"
+#include "ringfence/error.hpp"
+
+namespace ringfence::worlds {
+namespace {
+
+constexpr ShapeSetting settings[] = {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull,
+                                     ShapeSetting::mixed};
+
+double volume_of(const Scene& scene) {
+  geometry::ShapeTable table;
+  for (const NamedShape& shape : scene.shapes) table.add(shape.description);
+  double volume = 0;
+  for (const ObjectSpec& object : scene.objects) volume += table.volume(object.shape);
+  return volume;
+}
+
+bool within(float value, float low, float high) { return value >= low && value <= high; }
+
+}  // namespace
+
+TEST_CASE("the volume of all objects covers the stated share of the world") {
+  for (const ShapeSetting setting : settings) {
+    for (const double coverage : {0.01, 0.06, 0.3}) {
+      CAPTURE(name_of(setting));
+      PaperWorldOptions options;
+      options.objects = 600;
+      options.shapes = setting;
+      options.coverage = coverage;
+      const Scene scene = make_paper_world(options).scene;
+      const double side = scene.bounds_max.x;
+      CHECK(scene.bounds_max == Vec3d{side, side, side});
+      CHECK(volume_of(scene) / (side * side * side) == doctest::Approx(coverage).epsilon(1e-9));
+    }
+  }
+}
+
+TEST_CASE("there is an avatar a user, and of the others half are active and half are not") {
+  PaperWorldOptions options;
+  const Scene scene = make_paper_world(options).scene;
+  std::array<int, 4> categories{};
+  std::set<UserNumber> users;
+  std::set<ObjectNumber> numbers;
+  for (const ObjectSpec& object : scene.objects) {
+    ++categories[static_cast<std::size_t>(object.category)];
+    numbers.insert(object.number);
+    CHECK((object.category == Category::avatar) == (object.user != no_user));
+    if (object.user != no_user) users.insert(object.user);
+  }
+  CHECK(categories == std::array<int, 4>{100, 1950, 1950, 0});
+  CHECK(numbers.size() == 4000);
+  CHECK(*numbers.rbegin() == 4000);
+  CHECK(users.size() == 100);
+  CHECK(users_of(scene) == 100);
+}
+
+TEST_CASE("mixed is a sixth spheres, a sixth capsules, a third boxes and a third hulls, in every category") {
+  PaperWorldOptions options;
+  options.objects = 6000;
+  const Scene scene = make_paper_world(options).scene;
+  std::array<std::array<int, 4>, 2> kinds{};
+  for (const ObjectSpec& object : scene.objects) {
+    if (object.category == Category::avatar) continue;
+    ++kinds[object.category == Category::active][scene.shapes[object.shape].description.index()];
+  }
+  for (const auto& of_category : kinds) {
+    CHECK(std::abs(of_category[static_cast<std::size_t>(ShapeKind::sphere)] - 492) < 20);
+    CHECK(std::abs(of_category[static_cast<std::size_t>(ShapeKind::capsule)] - 492) < 20);
+    CHECK(std::abs(of_category[static_cast<std::size_t>(ShapeKind::box)] - 983) < 20);
+    CHECK(std::abs(of_category[static_cast<std::size_t>(ShapeKind::hull)] - 983) < 20);
+  }
+}
+
+TEST_CASE("sizes are those of the paper's world") {
+  const Scene scene = make_paper_world({}).scene;
+  CHECK(scene.shapes.size() == 1 + 3 * 64);
+  for (const NamedShape& shape : scene.shapes) {
+    CAPTURE(shape.name);
+    if (const auto* ball = std::get_if<Sphere>(&shape.description)) CHECK(ball->radius == 1.0f);
+    if (const auto* box = std::get_if<Box>(&shape.description)) {
+      const Vec3f& h = box->half_extents;
+      CHECK((within(h.x, 0.6f, 1.2f) && within(h.y, 0.6f, 1.2f) && within(h.z, 0.6f, 1.2f)));
+    }
+    if (const auto* capsule = std::get_if<Capsule>(&shape.description)) {
+      CHECK((within(capsule->radius, 0.4f, 0.8f) && within(capsule->half_height, 0.3f, 1.0f)));
+    }
+    if (const auto* hull = std::get_if<ConvexHull>(&shape.description)) {
+      CHECK(hull->points.size() == 32);
+      for (const Vec3f& p : hull->points) {
+        const float length = std::sqrt(p.x * p.x + p.y * p.y + p.z * p.z);
+        CHECK(within(length, 0.59f, 1.21f));
+      }
+    }
+  }
+}
+
+TEST_CASE("a world is a function of its options: the same again, another for another seed") {
+  PaperWorldOptions options;
+  options.objects = 500;
+  const PaperWorld one = make_paper_world(options), same = make_paper_world(options);
+  options.seed = 2;
+  const PaperWorld other = make_paper_world(options);
+  bool differs = false;
+  for (std::size_t i = 0; i < 500; ++i) {
+    REQUIRE(one.scene.objects[i].pose == same.scene.objects[i].pose);
+    differs = differs || !(one.scene.objects[i].pose == other.scene.objects[i].pose);
+  }
+  CHECK(differs);
+  CHECK(one.steering.targets == 10);
+}
+
+TEST_CASE("what generated it on other machines generates it here") {
+  // Recorded with g++ 12 on x86-64; a difference means that other arithmetic crept in.
+  PaperWorldOptions options;
+  options.objects = 1000;
+  const Scene scene = make_paper_world(options).scene;
+  std::uint64_t hash = 0;
+  const auto mix = [&hash](double value) {
+    hash = (hash ^ std::bit_cast<std::uint64_t>(value)) * 0x9e3779b97f4a7c15u;
+    hash ^= hash >> 29;
+  };
+  for (const ObjectSpec& object : scene.objects) {
+    mix(object.pose.position.x);
+    mix(object.pose.position.y);
+    mix(object.pose.position.z);
+    mix(double{object.pose.orientation.w});
+    mix(object.shape);
+  }
+  CHECK(hash == 0x0u);
+}
+
+TEST_CASE("objects start within the bounds and not crushed") {
+  for (const ShapeSetting setting : settings) {
+    CAPTURE(name_of(setting));
+    PaperWorldOptions options;
+    options.objects = 1000;
+    options.shapes = setting;
+    const Scene scene = make_paper_world(options).scene;
+    reference::Shapes shapes;
+    for (const NamedShape& shape : scene.shapes) shapes.add(shape.description);
+    int contacts = 0, deep = 0;
+    for (std::size_t i = 0; i < scene.objects.size(); ++i) {
+      const ObjectSpec& p = scene.objects[i];
+      const double side = scene.bounds_max.x;
+      CHECK((p.pose.position.x >= 0 && p.pose.position.y >= 0 && p.pose.position.z >= 0));
+      CHECK((p.pose.position.x <= side && p.pose.position.y <= side && p.pose.position.z <= side));
+      for (std::size_t j = i + 1; j < scene.objects.size(); ++j) {
+        const ObjectSpec& q = scene.objects[j];
+        const double x = p.pose.position.x - q.pose.position.x, y = p.pose.position.y - q.pose.position.y,
+                     z = p.pose.position.z - q.pose.position.z;
+        const double reach = shapes[p.shape].bounding_radius + shapes[q.shape].bounding_radius;
+        if (x * x + y * y + z * z > reach * reach) continue;
+        const auto contact = reference::exact_contact(shapes[p.shape], p.pose, shapes[q.shape], q.pose);
+        contacts += contact.has_value();
+        deep += contact && contact->depth > 0.8f;
+      }
+    }
+    CHECK(contacts > 200);
+    CHECK(contacts < 875);
+    CHECK(deep < 20);
+  }
+}
+
+TEST_CASE("an option out of range is refused by name and range") {
+  const auto refusal = [](auto change) {
+    PaperWorldOptions options;
+    change(options);
+    try {
+      make_paper_world(options);
+    } catch (const Error& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  CHECK(refusal([](PaperWorldOptions& o) { o.objects = 0; }) == "objects: 0; expected 1 to 10000000");
+  CHECK(refusal([](PaperWorldOptions& o) { o.coverage = 0; }) == "coverage: 0; expected 0.000001 to 0.6");
+  CHECK(refusal([](PaperWorldOptions& o) { o.coverage = NAN; }) == "coverage: nan; expected 0.000001 to 0.6");
+  CHECK(refusal([](PaperWorldOptions& o) { o.users = 4001; }) ==
+        "users: 4001; expected at most one for each of the 4000 objects");
+  CHECK(refusal([](PaperWorldOptions& o) { o.shapes = ShapeSetting::mesh; }) ==
+        "shapes: mesh is not in this version; expected sphere, box, capsule, hull or mixed");
+  CHECK(refusal([](PaperWorldOptions& o) {
+          o.target_interval = {5, 4};
+        }) == "interval 5:4: expected A:B frames with 1 <= A <= B <= 1000000000");
+}
+
+TEST_CASE("the smallest worlds can be made") {
+  for (const std::uint32_t objects : {1u, 2u, 7u}) {
+    PaperWorldOptions options;
+    options.objects = objects;
+    options.users = 1;
+    CHECK(make_paper_world(options).scene.objects.size() == objects);
+  }
+}
+
+}  // namespace ringfence::worlds

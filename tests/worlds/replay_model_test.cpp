@@ -1,0 +1,76 @@
+#include "worlds/replay_model.hpp"
+
+#include <map>
+
+#include <doctest/doctest.h>
+
+namespace ringfence::worlds {
+namespace {
+
+/// An object under a replay, as a host moves it.
+struct Replayed {
+  MotionInput input;
+  std::uint64_t state = 0;
+
+  Replayed(const ReplayModel& model, ObjectNumber number, bool present) {
+    input.number = number;
+    input.present = present;
+    ObjectSpec spec;
+    spec.number = number;
+    model.start(spec, reinterpret_cast<std::byte*>(&state));
+  }
+  void move(const ReplayModel& model, std::uint64_t frame) {
+    const std::uint64_t before = state;
+    input.state = reinterpret_cast<const std::byte*>(&before);
+    MotionOutput output{input.pose, input.present, reinterpret_cast<std::byte*>(&state)};
+    model.move(frame, {&input, 1}, {&output, 1});
+    input.pose = output.pose;
+    input.present = output.present;
+  }
+};
+
+MotionRow at(std::uint32_t frame, ObjectNumber object, double x) { return {frame, object, true, {{x, 0, 0}, {}}}; }
+
+const Motion motion{7, {at(0, 3, 1), at(0, 5, 50), at(2, 3, 2), {3, 5, false, {}}, at(6, 3, 3), at(6, 5, 51)}};
+
+}  // namespace
+
+TEST_CASE("an object takes the pose of its row in the row's frame and stands still in between") {
+  const ReplayModel model(motion);
+  REQUIRE(model.state_bytes() == sizeof(std::uint64_t));
+  Replayed three(model, 3, true), five(model, 5, false);
+  const double x3[] = {1, 1, 2, 2, 2, 2, 3, 3};
+  const bool present5[] = {true, true, true, false, false, false, true, true};
+  for (std::uint64_t frame = 0; frame < 8; ++frame) {
+    CAPTURE(frame);
+    three.move(model, frame);
+    five.move(model, frame);
+    CHECK(three.input.pose.position.x == x3[frame]);
+    CHECK(five.input.present == present5[frame]);
+    if (five.input.present) CHECK(five.input.pose.position.x == (frame < 6 ? 50 : 51));
+  }
+}
+
+TEST_CASE("an object that missed frames takes the newest pose") {
+  const ReplayModel model(motion);
+  Replayed three(model, 3, true);
+  three.move(model, 0);
+  three.move(model, 5);
+  CHECK(three.input.pose.position.x == 2);
+  three.move(model, 6);
+  CHECK(three.input.pose.position.x == 3);
+}
+
+TEST_CASE("an object without rows stands still") {
+  const ReplayModel model(motion);
+  Replayed four(model, 4, true), last(model, 6, false);
+  for (std::uint64_t frame = 0; frame < 8; ++frame) {
+    four.move(model, frame);
+    last.move(model, frame);
+  }
+  CHECK(four.input.pose == Pose{});
+  CHECK(four.input.present);
+  CHECK(!last.input.present);
+}
+
+}  // namespace ringfence::worlds
