@@ -1,0 +1,183 @@
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <set>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "regions/region_map.hpp"
+
+namespace ringfence::regions {
+namespace {
+
+using geometry::Bounds;
+using geometry::FixedSpace;
+
+/// Worlds of all sorts of cells and node counts.
+template <class Check>
+void in_worlds(unsigned seed, Check check) {
+  CAPTURE(seed);
+  std::mt19937_64 random(seed);
+  const CellGrid grids[] = {{{0, 0, 0}}, {{1, 0, 0}}, {{4, 0, 3}}, {{2, 3, 2}}, {{10, 0, 0}}, {{4, 4, 4}}};
+  for (const CellGrid& grid : grids) {
+    for (const std::uint32_t wanted : {1u, 2u, 3u, 7u, 16u, 100u, 1024u}) {
+      const auto nodes = static_cast<std::uint32_t>(std::min<std::size_t>(wanted, grid.cells()));
+      CAPTURE(nodes);
+      RegionMap map(grid, nodes);
+      check(map, random);
+      // Also under a map that no bisection would make: every cell anybody's.
+      std::vector<NodeNumber> owners(grid.cells());
+      for (NodeNumber& owner : owners) {
+        owner = static_cast<NodeNumber>(random() % nodes);
+      }
+      map.assign(owners, nodes, 9);
+      CHECK(map.epoch() == 9);
+      check(map, random);
+    }
+  }
+}
+
+Bounds random_bounds(std::mt19937_64& random, unsigned size_bits) {
+  Bounds bounds;
+  for (int axis = 0; axis < 3; ++axis) {
+    std::uint64_t lower = random() % (std::uint64_t{1} << 32);
+    if (random() % 4 == 0) {
+      lower &= ~((std::uint64_t{1} << 22) - 1);  // on a border of cells
+    }
+    const std::uint64_t size = random() % (std::uint64_t{1} << size_bits);
+    bounds.lower[axis] = static_cast<std::uint32_t>(lower);
+    bounds.upper[axis] = static_cast<std::uint32_t>(std::min<std::uint64_t>(lower + size, 0xffffffffu));
+  }
+  return bounds;
+}
+
+TEST_CASE("the node that tests a pair has been told of both objects, and it is the same whoever asks first") {
+  in_worlds(31, [](const RegionMap& map, std::mt19937_64& random) {
+    int pairs = 0;
+    for (int round = 0; round < 4000 && pairs < 300; ++round) {
+      const unsigned bits = 20 + static_cast<unsigned>(random() % 12);
+      const Bounds p = random_bounds(random, bits);
+      Bounds q = random_bounds(random, bits);
+      if (round % 3 == 0) {
+        q = p;  // the upper corner of one is the lower of the other: they touch in a point
+        for (int axis = 0; axis < 3; ++axis) {
+          q.lower[axis] = p.upper[axis];
+          q.upper[axis] = std::max(q.upper[axis], q.lower[axis]);
+        }
+      }
+      if (!geometry::touch(p, q)) {
+        continue;
+      }
+      ++pairs;
+      const NodeNumber owner = map.pair_owner(p, q);
+      REQUIRE(owner < map.nodes());
+      REQUIRE(owner == map.pair_owner(q, p));
+      REQUIRE(map.covers(map.grid().cells_of(p), owner));
+      REQUIRE(map.covers(map.grid().cells_of(q), owner));
+    }
+    REQUIRE(pairs > 100);
+  });
+}
+
+TEST_CASE("each owner of a cell of a box is visited once, no other, and each is covered") {
+  in_worlds(32, [](const RegionMap& map, std::mt19937_64& random) {
+    std::vector<std::uint64_t> stamps(map.nodes(), 0);
+    std::uint64_t stamp = 0;
+    for (int round = 0; round < 60; ++round) {
+      const CellBox box = map.grid().cells_of(random_bounds(random, 18 + static_cast<unsigned>(random() % 14)));
+      std::set<NodeNumber> expected;
+      for (std::uint32_t x = box.lower[0]; x <= box.upper[0]; ++x) {
+        for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
+          for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
+            expected.insert(map.owners()[map.grid().index(x, y, z)]);
+          }
+        }
+      }
+      std::vector<NodeNumber> visited;
+      for_each_owner(map, box, stamps, ++stamp, [&](NodeNumber node) { visited.push_back(node); });
+      REQUIRE(visited.size() == expected.size());
+      REQUIRE((std::set<NodeNumber>(visited.begin(), visited.end()) == expected));
+      for (NodeNumber node = 0; node < std::min(map.nodes(), 20u); ++node) {
+        REQUIRE(map.covers(box, node) == (expected.count(node) != 0));
+      }
+    }
+  });
+}
+
+TEST_CASE("every cell of a grid has an index of its own, in rows along x") {
+  const CellGrid grid{{3, 2, 4}};
+  std::set<std::uint32_t> seen;
+  for (std::uint32_t z = 0; z < grid.along(2); ++z) {
+    for (std::uint32_t y = 0; y < grid.along(1); ++y) {
+      for (std::uint32_t x = 0; x < grid.along(0); ++x) {
+        const std::uint32_t index = grid.index(x, y, z);
+        CHECK(index < grid.cells());
+        CHECK(seen.insert(index).second);
+        CHECK((x == 0 || index == grid.index(x - 1, y, z) + 1));
+      }
+    }
+  }
+}
+
+TEST_CASE("cells are half-open: a position on a border belongs to the cell above it") {
+  // Sides that are powers of two, so that borders are exact in metres.
+  const FixedSpace space({-8, 0, 16}, {8, 32, 80});
+  const CellGrid grid{{2, 3, 4}};
+  const double low[3] = {-8, 0, 16};
+  const double side[3] = {16.0 / 4, 32.0 / 8, 64.0 / 16};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (std::uint32_t cell = 0; cell < grid.along(axis); ++cell) {
+      CAPTURE(axis);
+      CAPTURE(cell);
+      double at[3] = {-8, 0, 16};
+      at[axis] = low[axis] + side[axis] * cell;
+      std::uint32_t point[3];
+      space.point({at[0], at[1], at[2]}, point);
+      CHECK(grid.coordinate(point[axis], axis) == cell);
+      at[axis] -= 1e-7;  // several steps of the fixed point
+      space.point({at[0], at[1], at[2]}, point);
+      CHECK(grid.coordinate(point[axis], axis) == (cell == 0 ? 0 : cell - 1));
+    }
+  }
+}
+
+TEST_CASE("the outermost cells reach to infinity") {
+  const FixedSpace space({0, 0, 0}, {100, 100, 40});
+  const CellGrid grid{{4, 4, 3}};
+  const RegionMap map(grid, 13);
+  for (const double far : {1e2, 1e9, 1e300}) {
+    std::uint32_t point[3];
+    space.point({far, far, far}, point);
+    CHECK(grid.cell_of(point) == grid.index(15, 15, 7));
+    space.point({-far, -far, -far}, point);
+    CHECK(grid.cell_of(point) == 0);
+    space.point({far, 50, -far}, point);
+    CHECK(grid.cell_of(point) == grid.index(15, 8, 0));
+    CHECK(map.owner_at(point) == map.owner(grid.index(15, 8, 0)));
+  }
+}
+
+TEST_CASE("the cell of an object's position is among the cells of its bounds") {
+  constexpr unsigned seed = 8;
+  CAPTURE(seed);
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> place(-30, 130), size(0, 20);
+  const FixedSpace space({0, 0, 0}, {100, 100, 100});
+  const CellGrid grid{{5, 4, 6}};
+  for (int round = 0; round < 20000; ++round) {
+    const Vec3d p{place(random), place(random), place(random)};
+    const double r = round % 5 == 0 ? 0 : size(random);
+    const CellBox box = grid.cells_of(space.bounds({p.x - r, p.y - r, p.z - r}, {p.x + r, p.y + r, p.z + r}));
+    std::uint32_t point[3];
+    space.point(p, point);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::uint32_t at = grid.coordinate(point[axis], axis);
+      REQUIRE(box.lower[axis] <= at);
+      REQUIRE(at <= box.upper[axis]);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::regions
