@@ -5,6 +5,7 @@
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
 #include "narrow_phase/convex_overlap-inl.hpp"
+#include "narrow_phase/convex_round-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
@@ -22,13 +23,14 @@ struct FromBox {
   const Polytope& get() const { return box.polytope(); }
 };
 
-/// How the second body lies in the axes of the first.
+/// How the second body lies in the axes of the first; of a round pair, only what `write` needs.
 template <class T>
 struct Relative {
-  Turn<T> first, turn;
-  Point<T> offset;        ///< in the axes of the first
+  Turn<T> first, turn{};
+  Point<T> offset{};      ///< in the axes of the first
   Point<T> offset_world;  ///< in the world's
 
+  HWY_INLINE Relative(const Turn<T>& axes, Point<T> between) : first(axes), offset_world(between) {}
   HWY_INLINE Relative(const Pose& p, const Pose& q)
       : first(turn_of<T>(p.orientation)), offset_world(difference_of<T>(q.position, p.position)) {
     const Turn<T> second = turn_of<T>(q.orientation);
@@ -75,6 +77,46 @@ PairContact* run_polytopes(const KernelInput& input, PairContact* out, KindCount
   return out;
 }
 
+/// A capsule, or a sphere as one of no height, first and a hull second; worked out in the axes of the hull.
+template <class T>
+HWY_INLINE Answer test_round(const KernelInput& input, const KernelPair& pair, float radius, float half_height,
+                             PairContact*& out) {
+  const Body& round = input.bodies[pair.first];
+  const Body& body = input.bodies[pair.second];
+  const FromHull hull(input.shapes, input.shapes.row(body.shape));
+  const Turn<T> turn = turn_of<T>(body.pose.orientation);
+  const Point<T> offset = difference_of<T>(body.pose.position, round.pose.position);
+  const Point<T> centre = -rotate_back(turn, offset);
+  Point<T> from = centre, to = centre;
+  if (half_height > 0) {
+    const Turn<T> own = turn_of<T>(round.pose.orientation);
+    const Point<T> half = rotate_back(turn, Point<T>{own.m[0][2], own.m[1][2], own.m[2][2]}) * T(half_height);
+    from = centre - half;
+    to = centre + half;
+  }
+  RoundPair<T> core(hull.get(), from, to, T(radius));
+  Overlap<T> found;
+  const Answer answer = core.test(found);
+  if (answer == Answer::contact) {
+    // About the hull's origin so far: to the round body's, which comes first.
+    Relative<T> relative(turn, offset);
+    found.point = found.point - centre;
+    out = write(pair, relative, found, out);
+  }
+  return answer;
+}
+
+PairContact* run_round(const KernelInput& input, PairContact* out, KindCounters&) {
+  for (const KernelPair& pair : input.pairs) {
+    const geometry::ShapeRow& row = input.shapes.row(input.bodies[pair.first].shape);
+    const float half_height = row.kind == ShapeKind::capsule ? row.size[1] : 0.0f;
+    if (input.in_double || test_round<float>(input, pair, row.size[0], half_height, out) == Answer::unsure) {
+      test_round<double>(input, pair, row.size[0], half_height, out);
+    }
+  }
+  return out;
+}
+
 PairContact* hull_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
   return input.in_double ? run_polytopes<double, FromHull, FromHull>(input, out, counters)
                          : run_polytopes<float, FromHull, FromHull>(input, out, counters);
@@ -92,9 +134,16 @@ namespace ringfence::narrow_phase {
 
 HWY_EXPORT(hull_hull);
 HWY_EXPORT(box_hull);
+HWY_EXPORT(run_round);
 
 PairContact* test_hull_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
   return HWY_DYNAMIC_DISPATCH(hull_hull)(input, out, counters);
+}
+PairContact* test_sphere_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
+  return HWY_DYNAMIC_DISPATCH(run_round)(input, out, counters);
+}
+PairContact* test_capsule_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
+  return HWY_DYNAMIC_DISPATCH(run_round)(input, out, counters);
 }
 PairContact* test_box_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
   return HWY_DYNAMIC_DISPATCH(box_hull)(input, out, counters);

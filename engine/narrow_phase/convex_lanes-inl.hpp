@@ -11,6 +11,7 @@
 #define RINGFENCE_NARROW_PHASE_CONVEX_LANES_INL
 #endif
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -125,6 +126,23 @@ HWY_INLINE std::uint32_t bits_of(D d, hn::Mask<D> mask) {
 
 /// The first `count` of 32 bits.
 HWY_INLINE std::uint32_t first_bits(std::size_t count) { return count >= 32 ? ~0u : (1u << count) - 1; }
+
+template <class T>
+HWY_INLINE Point<T> vertex_of(const Polytope& p, std::size_t i) {
+  return point_of<T>({p.vertex[0][i], p.vertex[1][i], p.vertex[2][i]});
+}
+
+/// From start to end of an edge, unit. In double not from the column, which is rounded to float.
+template <class T>
+HWY_INLINE Point<T> along_edge(const Polytope& p, std::size_t i) {
+  if constexpr (sizeof(T) == 4) {
+    using geometry::EdgeColumn;
+    return {p.of(EdgeColumn::along_x)[i], p.of(EdgeColumn::along_y)[i], p.of(EdgeColumn::along_z)[i]};
+  } else {
+    const Point<T> way = vertex_of<T>(p, p.ends[i].to) - vertex_of<T>(p, p.ends[i].from);
+    return way * (T(1) / std::sqrt(dot(way, way)));
+  }
+}
 
 /// The support of a polytope: the greatest of direction · vertex.
 template <class T>

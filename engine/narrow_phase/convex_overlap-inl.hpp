@@ -251,7 +251,11 @@ class PolytopePair {
   HWY_INLINE void place_edges(KeptEdges& kept) const {
     kept.stride = geometry::padded(kept.count);
     for (std::size_t i = 0; i < kept.count; ++i) {
-      for (std::size_t c = 0; c < 12; ++c) kept.column(c)[i] = T(b_.edge[c][kept.index[i]]);
+      for (std::size_t c = 0; c < 9; ++c) kept.column(c)[i] = T(b_.edge[c][kept.index[i]]);
+      const Point<T> along = along_edge<T>(b_, kept.index[i]);
+      kept.column(9)[i] = along.x;
+      kept.column(10)[i] = along.y;
+      kept.column(11)[i] = along.z;
     }
     pad(kept, 12);
     for (std::size_t i = 0; i < kept.count; i += hn::Lanes(d)) {
@@ -294,7 +298,7 @@ class PolytopePair {
   HWY_INLINE bool edge_separates(std::size_t edge, KeptEdges& of_b, bool doubt_all) {
     using geometry::EdgeColumn;
     const Point<T> left = edge_at(a_, EdgeColumn::left_x, edge), right = edge_at(a_, EdgeColumn::right_x, edge);
-    const Point<T> from = edge_at(a_, EdgeColumn::from_x, edge), along = edge_at(a_, EdgeColumn::along_x, edge);
+    const Point<T> from = edge_at(a_, EdgeColumn::from_x, edge), along = along_edge<T>(a_, edge);
     const auto left_a = spread_out(d, left), right_a = spread_out(d, right);
     const auto from_a = spread_out(d, from), along_a = spread_out(d, along);
     const auto miss = hn::Set(d, -Rounding<T>::miss);
@@ -372,12 +376,8 @@ class PolytopePair {
     }
   }
 
-  HWY_INLINE Point<T> vertex_of_a(std::size_t i) const {
-    return point_of<T>({a_.vertex[0][i], a_.vertex[1][i], a_.vertex[2][i]});
-  }
-  HWY_INLINE Point<T> vertex_of_b(std::size_t i) const {
-    return rotate(turn_, point_of<T>({b_.vertex[0][i], b_.vertex[1][i], b_.vertex[2][i]})) + offset_;
-  }
+  HWY_INLINE Point<T> vertex_of_a(std::size_t i) const { return vertex_of<T>(a_, i); }
+  HWY_INLINE Point<T> vertex_of_b(std::size_t i) const { return rotate(turn_, vertex_of<T>(b_, i)) + offset_; }
 
   /// Depth and point along the best direction.
   HWY_INLINE Overlap<T> measured() const {

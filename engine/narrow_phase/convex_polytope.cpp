@@ -29,6 +29,7 @@ Polytope polytope_of(const geometry::Hull& hull) noexcept {
              {hull.normal_x(), hull.normal_y(), hull.normal_z()},
              hull.offset(),
              {},
+             hull.edges().data(),
              hull.vertex_count(),
              hull.face_count(),
              hull.edge_count(),

@@ -18,6 +18,7 @@ struct Polytope {
   const float* normal[3];
   const float* offset;
   const float* edge[geometry::edge_columns];
+  const geometry::HullEdge* ends;      ///< the two vertices of each edge
   std::size_t vertices, faces, edges;  ///< counts without the padding
   Vec3f centre;                        ///< of a ball inside
   float inner_radius;                  ///< of that ball

@@ -1,0 +1,264 @@
+// A sphere or a capsule against a convex polytope: its core, a point or a segment, against the polytope, then its
+// radius. Included once for each Highway target.
+//
+// Where the core lies outside, the contact is at the nearest points: on a face, if the core's end nearest to its plane
+// lies over it, else on an edge. Where it reaches inside, the least translation is across a face or, for a segment,
+// across an edge and the segment. Everything is tried, a vector of faces or edges at a time, so that it ends and no
+// start matters; the farthest plane ends it for most pairs that are apart.
+//
+// A distance that is small against the sizes leaves the direction to rounding: then the answer is `unsure`, and the
+// caller asks again in double.
+
+#if defined(RINGFENCE_NARROW_PHASE_CONVEX_ROUND_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_CONVEX_ROUND_INL
+#undef RINGFENCE_NARROW_PHASE_CONVEX_ROUND_INL
+#else
+#define RINGFENCE_NARROW_PHASE_CONVEX_ROUND_INL
+#endif
+
+#include <algorithm>
+#include <cmath>
+
+#include "narrow_phase/convex_overlap-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+enum class Answer { apart, contact, unsure };
+
+template <class T>
+class RoundPair {
+ public:
+  /// The core reaches from `from` to `to`, in the axes of the polytope; the same point twice for a sphere.
+  HWY_INLINE RoundPair(const Polytope& polytope, Point<T> from, Point<T> to, T radius)
+      : p_(polytope), from_(from), to_(to), radius_(radius) {
+    const Point<T> way = to - from;
+    const T squared = dot(way, way);
+    length_ = std::sqrt(squared);
+    way_ = length_ > T(0) ? way * (T(1) / length_) : Point<T>{};
+  }
+
+  /// If in contact, `out` says how: the normal leads from the core to the polytope, all in the polytope's axes.
+  HWY_INLINE Answer test(Overlap<T>& out) {
+    farthest_face();
+    if (depth_ > radius_) return Answer::apart;
+    T inside = depth_;  // of any direction, the greatest distance by which it keeps core and polytope apart
+    if (length_ > T(0)) inside = std::max(inside, farthest_crossing());
+    if (inside > radius_) return Answer::apart;
+    if (sizeof(T) == 4 && std::abs(inside) < T(1e-5) * size()) return Answer::unsure;
+    if (inside <= T(0)) {
+      out = from_inside(inside);
+      return Answer::contact;
+    }
+    if (!over_a_face()) nearest_edge();
+    if (distance_ > radius_) return Answer::apart;
+    if (sizeof(T) == 4 && distance_ < too_near()) return Answer::unsure;
+    if (!(distance_ > rounding())) {
+      out = from_inside(inside);
+      return Answer::contact;
+    }
+    // From the core's nearest point towards the polytope's: the two surfaces are `radius` and `distance` away from it.
+    const Point<T> normal = gap_ * (T(1) / distance_);
+    out = {radius_ - distance_, normal, nearest_ + normal * ((radius_ + distance_) * T(0.5))};
+    return Answer::contact;
+  }
+
+ private:
+  static constexpr Columns16<T> d{};
+
+  HWY_INLINE T size() const { return T(p_.outer_radius) + length_ + std::sqrt(dot(from_, from_)); }
+  /// Nearer than this, float leaves the direction off by so much that the sizes make 10^-4 of the smaller one of it.
+  HWY_INLINE T too_near() const { return T(4e-3) * size() * size() / std::min(T(p_.outer_radius), radius_ + length_); }
+  HWY_INLINE T rounding() const { return (sizeof(T) == 4 ? T(1e-6) : T(1e-12)) * size(); }
+
+  HWY_INLINE Point<T> normal_of(std::size_t face) const {
+    return point_of<T>({p_.normal[0][face], p_.normal[1][face], p_.normal[2][face]});
+  }
+
+  /// The face whose plane is farthest from the core, which lies outside of it by depth_.
+  HWY_INLINE void farthest_face() {
+    alignas(64) T nearness[max_faces];
+    const auto from = spread_out(d, from_), to = spread_out(d, to_);
+    for (std::size_t i = 0; i < p_.faces; i += hn::Lanes(d)) {
+      const auto normal = read(d, p_.normal[0] + i, p_.normal[1] + i, p_.normal[2] + i);
+      const auto nearest = hn::Min(dot_of(d, normal, from), dot_of(d, normal, to));
+      hn::Store(read(d, p_.offset + i) - nearest, d, nearness + i);
+    }
+    const std::size_t face = least_of(nearness, p_.faces);
+    depth_ = -nearness[face];
+    outward_ = normal_of(face);
+  }
+
+  /// The greatest distance along directions across the segment and an edge whose arc of normals holds one; kept as the
+  /// outward direction if it is more than a face's.
+  HWY_INLINE T farthest_crossing() {
+    using geometry::EdgeColumn;
+    alignas(64) T nearness[max_edges];
+    const auto way = spread_out(d, way_), from = spread_out(d, from_);
+    const auto none = hn::Set(d, std::numeric_limits<T>::max());
+    for (std::size_t i = 0; i < p_.edges; i += hn::Lanes(d)) {
+      const auto left = edges(EdgeColumn::left_x, i), right = edges(EdgeColumn::right_x, i);
+      const auto p = dot_of(d, left, way), q = dot_of(d, right, way);
+      const auto crossing = hn::Lt(p * q, hn::Zero(d));
+      const auto outward = direction_across(left, right, p, q);
+      const auto squared = dot_of(d, outward, outward);
+      const auto distance = dot_of(d, outward, minus(d, from, edges(EdgeColumn::from_x, i))) / hn::Sqrt(squared);
+      const auto valid = hn::And(crossing, hn::Gt(squared, hn::Set(d, T(1e-14))));
+      hn::Store(hn::IfThenElse(valid, hn::Neg(distance), none), d, nearness + i);
+    }
+    const std::size_t edge = least_of(nearness, p_.edges);
+    const T distance = -nearness[edge];
+    if (distance <= depth_) return depth_;
+    const Point<T> left = edge_at(EdgeColumn::left_x, edge), right = edge_at(EdgeColumn::right_x, edge);
+    const Point<T> outward = left * std::abs(dot(right, way_)) + right * std::abs(dot(left, way_));
+    depth_ = distance;
+    outward_ = outward * (T(1) / std::sqrt(dot(outward, outward)));
+    return depth_;
+  }
+
+  /// The direction of the arc between two normals that is at right angles to the segment; on the arc's side.
+  static HWY_INLINE Points<Columns16<T>> direction_across(const Points<Columns16<T>>& left,
+                                                          const Points<Columns16<T>>& right, hn::Vec<Columns16<T>> p,
+                                                          hn::Vec<Columns16<T>> q) {
+    const auto u = hn::Abs(q), v = hn::Abs(p);
+    return {left.x * u + right.x * v, left.y * u + right.y * v, left.z * u + right.z * v};
+  }
+
+  HWY_INLINE Points<Columns16<T>> edges(geometry::EdgeColumn first, std::size_t i) const {
+    const std::size_t c = static_cast<std::size_t>(first);
+    return read(d, p_.edge[c] + i, p_.edge[c + 1] + i, p_.edge[c + 2] + i);
+  }
+  HWY_INLINE Point<T> edge_at(geometry::EdgeColumn first, std::size_t i) const {
+    const std::size_t c = static_cast<std::size_t>(first);
+    return point_of<T>({p_.edge[c][i], p_.edge[c + 1][i], p_.edge[c + 2][i]});
+  }
+
+  /// Whether the point of the polytope nearest to the core lies within a face, under an end of the core.
+  ///
+  /// A point over a face is as far from the polytope as from that face's plane, and from no plane farther; so only the
+  /// farthest plane of each end can be the one. Whether a crossing of an edge is nearer is for nearest_edge.
+  HWY_INLINE bool over_a_face() {
+    distance_ = std::numeric_limits<T>::max();
+    under_end(from_);
+    if (length_ == T(0)) return distance_ < std::numeric_limits<T>::max();
+    under_end(to_);
+    return false;
+  }
+
+  HWY_INLINE void under_end(Point<T> end) {
+    alignas(64) T nearness[max_faces];
+    const auto e = spread_out(d, end);
+    for (std::size_t i = 0; i < p_.faces; i += hn::Lanes(d)) {
+      const auto normal = read(d, p_.normal[0] + i, p_.normal[1] + i, p_.normal[2] + i);
+      hn::Store(read(d, p_.offset + i) - dot_of(d, normal, e), d, nearness + i);
+    }
+    const std::size_t face = least_of(nearness, p_.faces);
+    const T distance = -nearness[face];
+    if (distance <= T(0) || distance >= distance_) return;
+    const Point<T> normal = normal_of(face), foot = end - normal * distance;
+    const auto f = spread_out(d, foot);
+    // Normals are rounded to float, also where the rest is in double.
+    const auto slack = hn::Set(d, (sizeof(T) == 4 ? T(-1e-6) : T(-2e-7)) * size());
+    for (std::size_t i = 0; i < p_.faces; i += hn::Lanes(d)) {
+      const auto other = read(d, p_.normal[0] + i, p_.normal[1] + i, p_.normal[2] + i);
+      if (!hn::AllTrue(d, hn::Ge(read(d, p_.offset + i) - dot_of(d, other, f), slack))) return;
+    }
+    distance_ = distance;
+    nearest_ = end;
+    gap_ = foot - end;
+  }
+
+  /// The edge nearest to the core, if nearer than what is known.
+  HWY_INLINE void nearest_edge() {
+    using geometry::EdgeColumn;
+    alignas(64) T squares[max_edges];
+    const auto from = spread_out(d, from_), way = spread_out(d, way_);
+    const auto whole = hn::Set(d, length_);
+    for (std::size_t i = 0; i < p_.edges; i += hn::Lanes(d)) {
+      const auto start = minus(d, from, edges(EdgeColumn::from_x, i));
+      const auto along = edges(EdgeColumn::along_x, i);
+      const auto [s, t] = nearest_parts(start, along, read(d, p_.of(EdgeColumn::length) + i), way, whole);
+      const Points<Columns16<T>> gap{start.x + way.x * s - along.x * t, start.y + way.y * s - along.y * t,
+                                     start.z + way.z * s - along.z * t};
+      hn::Store(dot_of(d, gap, gap), d, squares + i);
+    }
+    const std::size_t edge = least_of(squares, p_.edges);
+    if (std::sqrt(squares[edge]) >= distance_) return;
+    const auto point = [&](Point<T> q) HWY_ATTR { return spread_out(d, q); };
+    const Point<T> start = from_ - vertex_of<T>(p_, p_.ends[edge].from), along = along_edge<T>(p_, edge);
+    const auto length = hn::Set(d, T(p_.of(EdgeColumn::length)[edge]));
+    const auto parts = nearest_parts(point(start), point(along), length, way, whole);
+    const T s = hn::GetLane(parts.of_core), t = hn::GetLane(parts.of_edge);
+    nearest_ = from_ + way_ * s;
+    gap_ = along * t - (start + way_ * s);
+    distance_ = std::sqrt(dot(gap_, gap_));
+  }
+
+  /// How far along core and edge their nearest points are. (Ericson 2005, section 5.1.9, with unit directions)
+  struct Parts {
+    hn::Vec<Columns16<T>> of_core, of_edge;
+  };
+  static HWY_INLINE Parts nearest_parts(const Points<Columns16<T>>& start, const Points<Columns16<T>>& along,
+                                        hn::Vec<Columns16<T>> length, const Points<Columns16<T>>& way,
+                                        hn::Vec<Columns16<T>> whole) {
+    const auto zero = hn::Zero(d), one = hn::Set(d, T(1));
+    const auto b = dot_of(d, way, along), c = dot_of(d, way, start), f = dot_of(d, along, start);
+    const auto sine_squared = one - b * b;
+    const auto skew = hn::Gt(sine_squared, hn::Set(d, sizeof(T) == 4 ? T(1e-5) : T(1e-12)));
+    const auto free = (b * f - c) / hn::IfThenElse(skew, sine_squared, one);
+    const auto clamped = [&](hn::Vec<Columns16<T>> v, hn::Vec<Columns16<T>> most)
+                             HWY_ATTR { return hn::Min(hn::Max(v, zero), most); };
+    auto s = hn::IfThenElseZero(skew, clamped(free, whole));
+    const auto t = clamped(f + b * s, length);
+    s = clamped(b * t - c, whole);
+    return {s, clamped(f + b * s, length)};
+  }
+
+  /// The contact where the core reaches inside: across the direction that keeps the two apart the most.
+  HWY_INLINE Overlap<T> from_inside(T distance) const {
+    const T inverse = T(1) / std::sqrt(dot(outward_, outward_));
+    const Point<T> normal = -(outward_ * inverse);
+    const T depth = radius_ - distance * inverse;
+    // Midway between the core's end of the radius and the polytope's farthest, along the normal.
+    const T from_height = dot(normal, from_), to_height = dot(normal, to_);
+    const T height = (std::max(from_height, to_height) + radius_) - depth * T(0.5);
+    const Point<T> deepest = deepest_point(normal, from_height, to_height);
+    return {depth, normal, deepest + normal * (height - dot(normal, deepest))};
+  }
+
+  HWY_INLINE Point<T> deepest_point(Point<T> normal, T from_height, T to_height) const {
+    const T slack = (sizeof(T) == 4 ? T(3e-6) : T(1.5e-7)) * size();
+    if (length_ == T(0) || from_height > to_height + slack) return from_;
+    if (to_height > from_height + slack) return to_;
+    return shared_point(normal, slack);
+  }
+
+  HWY_NOINLINE Point<T> shared_point(Point<T> normal, T slack) const {
+    const auto in_double = [](Point<T> q) { return Vec3d{double(q.x), double(q.y), double(q.z)}; };
+    const Vec3d core[2] = {in_double(from_), in_double(to_)};
+    Vec3d corners[geometry::max_hull_vertices];
+    std::size_t count = 0;
+    const T farthest = support<T>(p_, -normal);
+    for (std::size_t i = 0; i < p_.vertices; ++i) {
+      const Point<T> v = vertex_of<T>(p_, i);
+      if (dot(-normal, v) >= farthest - slack) corners[count++] = in_double(v);
+    }
+    const Vec3d q = meeting_point(core, {corners, count}, in_double(normal));
+    return {static_cast<T>(q.x), static_cast<T>(q.y), static_cast<T>(q.z)};
+  }
+
+  const Polytope& p_;
+  const Point<T> from_, to_;
+  const T radius_;
+  T length_;
+  Point<T> way_;  // from from_ to to_, unit; zero for a sphere
+  T depth_ = 0;   // distance along outward_ that keeps core and polytope apart; negative inside
+  Point<T> outward_{};
+  T distance_ = 0;              // of the nearest points
+  Point<T> nearest_{}, gap_{};  // the core's nearest point and the way from there to the polytope's
+};
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

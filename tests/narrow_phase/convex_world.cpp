@@ -1,0 +1,195 @@
+#include "narrow_phase/convex_world.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "geometry/vector.hpp"
+#include "reference/separation.hpp"
+
+namespace ringfence::narrow_phase_test {
+namespace {
+
+ConvexHull ellipsoid(Draw& draw, int count, Vec3d radii, Vec3d centre = {}) {
+  ConvexHull hull;
+  for (int i = 0; i < count; ++i) {
+    const Vec3d d = draw.direction();
+    hull.points.push_back(to_float(Vec3d{d.x * radii.x, d.y * radii.y, d.z * radii.z} + centre));
+  }
+  return hull;
+}
+
+ConvexHull prism(int sides, double radius, double half_height) {
+  ConvexHull hull;
+  for (int i = 0; i < sides; ++i) {
+    const double angle = 2 * 3.14159265358979323846 * i / sides;
+    for (const double z : {-half_height, half_height}) {
+      hull.points.push_back(to_float({radius * std::cos(angle), radius * std::sin(angle), z}));
+    }
+  }
+  return hull;
+}
+
+ConvexHull grid(double x, double y, double z) {
+  ConvexHull hull;
+  for (int i = -1; i <= 1; ++i) {
+    for (int j = -1; j <= 1; ++j) {
+      for (int k = -1; k <= 1; ++k) hull.points.push_back(to_float({i * x, j * y, k * z}));
+    }
+  }
+  return hull;
+}
+
+ShapeDescription ordinary_shape(Draw& draw, ShapeKind kind) {
+  if (kind != ShapeKind::hull) return draw.ordinary(kind);
+  static constexpr int sizes[] = {4, 5, 6, 8, 12, 16, 24, 32, 32, 48, 64, 100};
+  return ellipsoid(draw, sizes[draw.below(12)],
+                   {draw.uniform(0.4, 1.2), draw.uniform(0.4, 1.2), draw.uniform(0.4, 1.2)});
+}
+
+ShapeDescription nasty_shape(Draw& draw, ShapeKind kind) {
+  if (kind != ShapeKind::hull) return draw.nasty(kind);
+  const double s = draw.logarithmic(0.05, 30);
+  const Vec3d away = draw.direction() * (s * draw.uniform(1, 4));
+  switch (draw.below(9)) {
+    case 0:
+      return ellipsoid(draw, 20, {s, s * 0.003, s * 0.003});  // needle
+    case 1:
+      return ellipsoid(draw, 24, {s, s, std::max(5.1e-4, s * 0.001)});  // plate
+    case 2:
+      return grid(s, s * (draw.below(2) == 0 ? 1 : 0.5), draw.below(2) == 0 ? s : std::max(5e-4, s * 0.002));
+    case 3:
+      return prism(3 + draw.below(30), s, draw.below(2) == 0 ? s : s * 0.01);
+    case 4:
+      return ConvexHull{
+          {{0, 0, 0}, {static_cast<float>(s), 0, 0}, {0, static_cast<float>(s), 0}, {0, 0, static_cast<float>(s)}}};
+    case 5:
+      return ellipsoid(draw, 32, {s, s * 0.8, s * 0.6}, away);  // its origin is outside
+    case 6:
+      return ellipsoid(draw, 120, {s, s, s});
+    case 7:
+      return grid(s, s, s);
+    default:
+      return ellipsoid(draw, 32, {s, s * draw.uniform(0.3, 1), s * draw.uniform(0.3, 1)});
+  }
+}
+
+/// Shapes of one kind that a world's bodies share.
+std::vector<ShapeNumber> add_shapes(PairWorld& world, Draw& draw, ShapeKind kind, int count, bool nasty) {
+  std::vector<ShapeNumber> numbers;
+  for (int i = 0; i < count; ++i) {
+    const ShapeDescription shape = nasty ? nasty_shape(draw, kind) : ordinary_shape(draw, kind);
+    numbers.push_back(world.table->add(shape));
+    world.reference.add(shape);
+  }
+  return numbers;
+}
+
+void add_pair(PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q, const Pose& pose_q) {
+  const auto first = static_cast<std::uint32_t>(world.bodies.size());
+  world.bodies.push_back({pose_p, p, first + 1});
+  world.bodies.push_back({pose_q, q, first + 2});
+  world.pairs.push_back({first, first + 1});
+}
+
+double radius(const PairWorld& world, ShapeNumber shape) { return double{world.table->row(shape).bounding_radius}; }
+
+Vec3d centre_of(const PairWorld& world, ShapeNumber shape) {
+  const geometry::ShapeRow& row = world.table->row(shape);
+  return row.kind == ShapeKind::hull ? to_double(world.table->hull(row.detail).centroid()) : Vec3d{};
+}
+
+Vec3d turned(const Quat& q, Vec3d p) { return geometry::rotate(geometry::rotation_double(q), p); }
+
+/// A place for q's origin that makes trouble.
+Vec3d special_place(Draw& draw, const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q,
+                    const Quat& turn_q) {
+  const double reach = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
+  const Vec3d centred =
+      pose_p.position + turned(pose_p.orientation, centre_of(world, p)) - turned(turn_q, centre_of(world, q));
+  const Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  switch (draw.below(6)) {
+    case 0:
+      return pose_p.position;
+    case 1:
+      return centred;
+    case 2:
+      return centred + draw.direction() * (draw.logarithmic(1e-9, 1e-2) * small);
+    case 3:  // along an axis of p by round shares of its size
+      return centred + turned(pose_p.orientation, axes[draw.below(3)]) * (radius(world, p) * 0.25 * draw.below(8));
+    case 4:
+      return centred + draw.direction() * (draw.uniform(0, 1) * reach);
+    default: {  // touching, or off it by a little to either side
+      const Vec3d direction = draw.below(2) == 0 ? draw.direction() : turned(pose_p.orientation, axes[draw.below(3)]);
+      double low = 0, high = 2 * reach;
+      for (int i = 0; i < 24; ++i) {
+        const double middle = (low + high) / 2;
+        const Pose pose_q{centred + direction * middle, turn_q};
+        (reference::separation(world.reference[p], pose_p, world.reference[q], pose_q).distance > 0 ? high : low) =
+            middle;
+      }
+      const double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-6, 1e-2) * small * (draw.below(2) == 0 ? 1 : -1);
+      return centred + direction * (low + off);
+    }
+  }
+}
+
+constexpr int shapes_a_kind = 60;
+
+}  // namespace
+
+PairWorld ordinary_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
+  Draw draw(seed);
+  PairWorld world;
+  const auto firsts = add_shapes(world, draw, p, shapes_a_kind, false);
+  const auto seconds = add_shapes(world, draw, q, shapes_a_kind, false);
+  for (std::size_t i = 0; i < count; ++i) {
+    const ShapeNumber first = firsts[static_cast<std::size_t>(draw.below(shapes_a_kind))];
+    const ShapeNumber second = seconds[static_cast<std::size_t>(draw.below(shapes_a_kind))];
+    const Pose pose{origin + draw.direction() * draw.uniform(0, 100), draw.turn()};
+    const double reach = radius(world, first) + radius(world, second);
+    add_pair(world, first, pose, second,
+             {pose.position + draw.direction() * (std::cbrt(draw.uniform(0, 1)) * reach), draw.turn()});
+  }
+  return world;
+}
+
+PairWorld nasty_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
+  Draw draw(seed);
+  PairWorld world;
+  const auto firsts = add_shapes(world, draw, p, shapes_a_kind, true);
+  auto seconds = add_shapes(world, draw, q, shapes_a_kind, true);
+  for (std::size_t i = 0; i < count; ++i) {
+    const ShapeNumber first = firsts[static_cast<std::size_t>(draw.below(shapes_a_kind))];
+    ShapeNumber second = seconds[static_cast<std::size_t>(draw.below(shapes_a_kind))];
+    if (p == q && draw.below(8) == 0) second = first;
+    if (radius(world, first) > 1000 * radius(world, second)) second = seconds[0];
+    const Pose pose{origin, draw.below(2) == 0 ? Quat{} : draw.turn()};
+    const Quat turn = draw.below(3) == 0 ? draw.turn() : draw.special_turn(pose.orientation);
+    add_pair(world, first, pose, second, {special_place(draw, world, first, pose, second, turn), turn});
+  }
+  return world;
+}
+
+std::vector<narrow_phase::PairContact> run_kernel(const PairWorld& world,
+                                                  std::span<const geometry::CandidatePair> pairs,
+                                                  narrow_phase::Kernel kernel) {
+  std::vector<narrow_phase::KernelPair> sorted[2];
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const geometry::ShapeRow& a = world.table->row(world.bodies[pairs[i].a].shape);
+    const geometry::ShapeRow& b = world.table->row(world.bodies[pairs[i].b].shape);
+    const bool flipped = a.kind > b.kind;
+    const float ratio = std::max(a.bounding_radius, b.bounding_radius) / std::min(a.bounding_radius, b.bounding_radius);
+    sorted[ratio > 32].push_back({flipped ? pairs[i].b : pairs[i].a, flipped ? pairs[i].a : pairs[i].b,
+                                  static_cast<std::uint32_t>(i), flipped ? narrow_phase::flip_bit : 0u});
+  }
+  std::vector<narrow_phase::PairContact> contacts(pairs.size() + narrow_phase::contact_slack);
+  narrow_phase::PairContact* end = contacts.data();
+  narrow_phase::KindCounters counters;
+  for (const bool in_double : {false, true}) {
+    end = kernel({world.bodies, *world.table, sorted[in_double], in_double}, end, counters);
+  }
+  contacts.resize(static_cast<std::size_t>(end - contacts.data()));
+  return contacts;
+}
+
+}  // namespace ringfence::narrow_phase_test
