@@ -164,6 +164,11 @@ std::span<const std::uint32_t> Publication::cells(std::uint64_t frame) const noe
   return edition ? std::span<const std::uint32_t>(edition->cells) : std::span<const std::uint32_t>();
 }
 
+std::span<const std::uint32_t> Publication::starts(std::uint64_t frame) const noexcept {
+  const Edition* edition = find(frame);
+  return edition ? std::span<const std::uint32_t>(edition->starts) : std::span<const std::uint32_t>();
+}
+
 bool Publication::intact(std::uint64_t frame) const noexcept {
   keep_order();
   return find(frame) != nullptr;

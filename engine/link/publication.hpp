@@ -60,6 +60,8 @@ class Publication {
   std::span<const PublishedState> states(std::uint64_t frame) const noexcept;
   /// Reader: the cells of a frame that hold states, ascending.
   std::span<const std::uint32_t> cells(std::uint64_t frame) const noexcept;
+  /// Reader: where the states of each of those cells begin in states(); one more entry ends the last.
+  std::span<const std::uint32_t> starts(std::uint64_t frame) const noexcept;
   /// Reader, after it has used what it read of `frame`: whether that was whole all the time.
   bool intact(std::uint64_t frame) const noexcept;
 

@@ -12,7 +12,7 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 using messages::MessageView;
-using telemetry::ScopedTime;
+using telemetry::TrackedTime;
 
 CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
     : setup_(setup),
@@ -118,7 +118,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   told_ = {};
   cpu_start_ = telemetry::thread_cpu_ns();
   {
-    ScopedTime time(told_.move_ns);
+    TrackedTime time(setup_.track, "move", told_.move_ns);
     host_.move(frame);
     changed_bounds_.clear();
     for (const std::uint32_t hosted : host_.changed()) {
@@ -191,7 +191,7 @@ void CdNodeRole::hear_owners(const MessageView& message) {
 }
 
 void CdNodeRole::sweep() {
-  ScopedTime time(told_.broad_phase_ns);
+  TrackedTime time(setup_.track, "broad phase", told_.broad_phase_ns);
   const auto bounds = known_.bounds();
   const auto bodies = known_.bodies();
   for (geometry::CandidatePair pair : sweep_.find(bounds, known_.present(), known_.resting())) {
@@ -212,7 +212,7 @@ void CdNodeRole::detect() {
     sweep();
   }
   {
-    ScopedTime time(told_.narrow_phase_ns);
+    TrackedTime time(setup_.track, "narrow phase", told_.narrow_phase_ns);
     contacts_ = narrow_.test(known_.bodies(), pairs_);
     tested_ = count_tested();
     const auto bodies = known_.bodies();

@@ -18,6 +18,7 @@
 #include "nodes/role.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
+#include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
 
@@ -29,6 +30,7 @@ struct CdNodeSetup {
   const MotionModel* model = nullptr;  ///< null: nothing moves by itself
   Placement placement = Placement::server;
   std::array<std::uint32_t, 32> layer_masks{};  ///< which layers each layer collides with
+  telemetry::Track* track = nullptr;            ///< null: nothing is noted
   std::size_t objects = 0;                      ///< reserved
   std::size_t pairs = 0;                        ///< reserved
   Line server;

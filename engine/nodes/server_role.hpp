@@ -20,6 +20,7 @@
 #include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
 #include "ringfence/frame_report.hpp"
+#include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
 
@@ -43,6 +44,7 @@ struct ServerSetup {
   std::array<std::uint32_t, 32> layer_masks{};
   Capacities capacities;
   double interest = 0;
+  telemetry::Track* track = nullptr;  ///< null: nothing is noted
   std::vector<Line> nodes;
 };
 

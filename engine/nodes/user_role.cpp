@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "telemetry/clock.hpp"
+#include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
 
@@ -81,17 +81,16 @@ void UserRole::hear_contacts(const MessageView& message) {
 }
 
 void UserRole::begin(std::uint64_t frame) {
-  const std::uint64_t start = telemetry::now_ns();
   frame_ = frame;
   contacts_heard_ = false;
   told_ = {};
+  telemetry::TrackedTime time(setup_.track, "move", told_.move_ns);
   host_.begin_contacts(frame);
   for (const Steered& steered : steered_) {
     host_.steer(steered.number, steered.pose);
   }
   steered_.clear();
   host_.move(frame);
-  told_.move_ns = telemetry::now_ns() - start;
   publish();
   states_run_.start(host_.changed().size());
   stage_ = Stage::reporting;
@@ -141,8 +140,9 @@ void UserRole::look_around() {
   }
 }
 
-// A row of cells is contiguous in a publication, so it is read as one span; what an earlier avatar's box holds is left
-// out, cell by cell.
+// Two ways, the cheaper one by what there is: a publication of many states is looked up row by row of the box, because
+// a row of cells lies in one piece; of a publication of few states, such as a user node's, all cells are passed
+// through. Cells in an earlier avatar's box have been read and are left out.
 void UserRole::read_box(const Published& published, const CellBox& box, std::size_t earlier) {
   const std::size_t parity = frame_ & 1;
   if (!published.any[parity]) {
@@ -157,32 +157,51 @@ void UserRole::read_box(const Published& published, const CellBox& box, std::siz
       return;
     }
   }
+  const std::size_t rows =
+      std::size_t{common.upper[1] - common.lower[1] + 1u} * (common.upper[2] - common.lower[2] + 1u);
+  if (earlier != 0 || published.publication->cells(frame_).size() < 4 * rows) {
+    read_cells(published, common, earlier);
+  } else {
+    read_rows(published, common);
+  }
+}
+
+void UserRole::read_rows(const Published& published, const CellBox& box) {
   const regions::CellGrid& grid = setup_.publications->grid;
-  auto& seen = seen_[parity];
-  const auto read = [&](std::uint32_t x0, std::uint32_t x1, std::uint32_t y, std::uint32_t z) {
-    const auto states = published.publication->read(frame_, grid.index(x0, y, z), grid.index(x1, y, z));
-    if (!states.empty()) {
-      seen.push_back(states);
-    }
-  };
-  const auto taken = [&](std::uint32_t x, std::uint32_t y, std::uint32_t z) {
-    return std::any_of(boxes_.begin(), boxes_.begin() + static_cast<std::ptrdiff_t>(earlier), [&](const CellBox& b) {
-      return b.lower[0] <= x && x <= b.upper[0] && b.lower[1] <= y && y <= b.upper[1] && b.lower[2] <= z &&
-             z <= b.upper[2];
-    });
-  };
-  for (std::uint32_t z = common.lower[2]; z <= common.upper[2]; ++z) {
-    for (std::uint32_t y = common.lower[1]; y <= common.upper[1]; ++y) {
-      if (earlier == 0) {
-        read(common.lower[0], common.upper[0], y, z);
-        continue;
-      }
-      for (std::uint32_t x = common.lower[0]; x <= common.upper[0]; ++x) {
-        if (!taken(x, y, z)) {
-          read(x, x, y, z);
-        }
+  auto& seen = seen_[frame_ & 1];
+  for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
+    for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
+      const auto states =
+          published.publication->read(frame_, grid.index(box.lower[0], y, z), grid.index(box.upper[0], y, z));
+      if (!states.empty()) {
+        seen.push_back(states);
       }
     }
+  }
+}
+
+void UserRole::read_cells(const Published& published, const CellBox& box, std::size_t earlier) {
+  const regions::CellGrid& grid = setup_.publications->grid;
+  auto& seen = seen_[frame_ & 1];
+  const auto wanted = [&](std::uint32_t cell) {
+    const CellBox at = grid.box_of(cell);
+    return box.holds(at) &&
+           (earlier == 0 || std::none_of(boxes_.begin(), boxes_.begin() + static_cast<std::ptrdiff_t>(earlier),
+                                         [&](const CellBox& other) { return other.holds(at); }));
+  };
+  const auto cells = published.publication->cells(frame_);
+  const auto starts = published.publication->starts(frame_);
+  const auto states = published.publication->states(frame_);
+  for (std::size_t first = 0; first < cells.size(); ++first) {
+    if (!wanted(cells[first])) {
+      continue;
+    }
+    std::size_t end = first + 1;
+    while (end < cells.size() && wanted(cells[end])) {
+      ++end;
+    }
+    seen.push_back(states.subspan(starts[first], starts[end] - starts[first]));
+    first = end;
   }
 }
 
@@ -227,7 +246,10 @@ bool UserRole::advance() {
       if (!contacts_heard_) {
         return false;
       }
-      look_around();
+      {
+        telemetry::TrackedTime time(setup_.track, "look around", told_.busy_ns);
+        look_around();
+      }
       told_run_.start(1);
       stage_ = Stage::telling;
       return true;

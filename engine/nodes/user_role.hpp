@@ -10,6 +10,7 @@
 #include "nodes/publications.hpp"
 #include "nodes/role.hpp"
 #include "ringfence/config.hpp"
+#include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
 
@@ -18,8 +19,9 @@ struct UserSetup {
   UserNumber user = 0;
   const MotionModel* model = nullptr;
   Publications* publications = nullptr;
-  double interest = 0;  ///< metres; 0: reads nothing of others
-  std::size_t objects = 0;
+  double interest = 0;                ///< metres; 0: reads nothing of others
+  telemetry::Track* track = nullptr;  ///< of the thread that steps it; null: nothing is noted
+  std::size_t objects = 0;            ///< reserved
   Line server;
 };
 
@@ -59,6 +61,8 @@ class UserRole {
   void publish();
   void look_around();
   void read_box(const Published& published, const regions::CellBox& box, std::size_t earlier);
+  void read_rows(const Published& published, const regions::CellBox& box);
+  void read_cells(const Published& published, const regions::CellBox& box, std::size_t earlier);
   bool advance();
   bool send_states();
   bool send_told();

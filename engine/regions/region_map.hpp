@@ -19,6 +19,11 @@ struct CellBox {
   constexpr bool single() const noexcept {
     return lower[0] == upper[0] && lower[1] == upper[1] && lower[2] == upper[2];
   }
+  /// Whether all of `other` lies within.
+  constexpr bool holds(const CellBox& other) const noexcept {
+    return lower[0] <= other.lower[0] && other.upper[0] <= upper[0] && lower[1] <= other.lower[1] &&
+           other.upper[1] <= upper[1] && lower[2] <= other.lower[2] && other.upper[2] <= upper[2];
+  }
 };
 
 /// Cells on each axis, as powers of two.
@@ -39,6 +44,13 @@ struct CellGrid {
   }
   std::uint32_t cell_of(const std::uint32_t point[3]) const noexcept {
     return index(coordinate(point[0], 0), coordinate(point[1], 1), coordinate(point[2], 2));
+  }
+  /// The box of one cell.
+  CellBox box_of(std::uint32_t cell) const noexcept {
+    const auto x = static_cast<std::uint16_t>(cell & (along(0) - 1));
+    const auto y = static_cast<std::uint16_t>(cell >> log2[0] & (along(1) - 1));
+    const auto z = static_cast<std::uint16_t>(cell >> (log2[0] + log2[1]));
+    return {{x, y, z}, {x, y, z}};
   }
   /// The cells that the bounds overlap or touch from above.
   CellBox cells_of(const geometry::Bounds& bounds) const noexcept {

@@ -21,17 +21,4 @@ inline std::uint64_t thread_cpu_ns() noexcept {
 
 inline double to_ms(std::uint64_t ns) noexcept { return static_cast<double>(ns) * 1e-6; }
 
-/// Adds the time of a scope to a counter.
-class ScopedTime {
- public:
-  explicit ScopedTime(std::uint64_t& total) noexcept : total_(total), start_(now_ns()) {}
-  ~ScopedTime() { total_ += now_ns() - start_; }
-  ScopedTime(const ScopedTime&) = delete;
-  ScopedTime& operator=(const ScopedTime&) = delete;
-
- private:
-  std::uint64_t& total_;
-  std::uint64_t start_;
-};
-
 }  // namespace ringfence::telemetry

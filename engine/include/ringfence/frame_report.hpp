@@ -42,6 +42,14 @@ struct TrafficReport {
   std::uint64_t bytes = 0;
 };
 
+/// One thing that a thread did in a frame; see WorldConfig::timeline.
+struct TimelineSpan {
+  std::uint32_t track = 0;     ///< 0: the server; 1 to nodes: the CD nodes; then the user threads, in order
+  const char* name = nullptr;  ///< a literal
+  std::uint64_t begin_ns = 0;  ///< of the machine's monotonic clock
+  std::uint64_t end_ns = 0;
+};
+
 /// What a frame did and cost. Times in milliseconds of wall time.
 struct FrameReport {
   std::uint64_t frame = 0;
@@ -60,6 +68,7 @@ struct FrameReport {
   double server_cpu_ms = 0;
   double users_cpu_ms = 0;  ///< all user threads together
   std::vector<NodeReport> nodes;
+  std::vector<TimelineSpan> timeline;  ///< empty unless WorldConfig::timeline is set
 };
 
 }  // namespace ringfence

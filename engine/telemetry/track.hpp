@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "ringfence/frame_report.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::telemetry {
+
+/// What one role did when, in one frame: spans of the monotonic clock under literal names.
+///
+/// Written by the role's thread without locks while a frame is under way, read by the facade between frames: the
+/// frame's own messages order the two. Memory: grows to the busiest frame.
+class Track {
+ public:
+  void clear() noexcept { spans_.clear(); }
+  void add(const char* name, std::uint64_t begin_ns, std::uint64_t end_ns) {
+    spans_.push_back({0, name, begin_ns, end_ns});
+  }
+  std::span<const TimelineSpan> spans() const noexcept { return spans_; }
+
+ private:
+  std::vector<TimelineSpan> spans_;
+};
+
+/// Notes a scope on a track, and adds its time to a total. A null track costs nothing but the two looks at the clock.
+class TrackedTime {
+ public:
+  TrackedTime(Track* track, const char* name, std::uint64_t& total) noexcept
+      : track_(track), name_(name), total_(total), begin_ns_(now_ns()) {}
+  ~TrackedTime() {
+    const std::uint64_t end_ns = now_ns();
+    total_ += end_ns - begin_ns_;
+    if (track_ != nullptr) {
+      track_->add(name_, begin_ns_, end_ns);
+    }
+  }
+  TrackedTime(const TrackedTime&) = delete;
+  TrackedTime& operator=(const TrackedTime&) = delete;
+
+ private:
+  Track* track_;
+  const char* name_;
+  std::uint64_t& total_;
+  std::uint64_t begin_ns_;
+};
+
+}  // namespace ringfence::telemetry
