@@ -540,6 +540,50 @@ HWY_INLINE AxisCells axis_cells(const RowLayout& rows, std::size_t axis, std::ui
   return {from & mask, std::min((upper >> shift) - from, mask) + 1};
 }
 
+// A range of sorted positions to compare with one box's code.
+struct Window {
+  std::uint64_t sought;
+  std::uint32_t asker, first, last;
+};
+
+// The rows in which `box` may meet something, and the cells there.
+struct Neighbourhood {
+  AxisCells x, y, z;
+  Neighbourhood(const RowLayout& rows, const GridBox& box)
+      : x(axis_cells(rows, 0, box.lower[0], box.upper[0])),
+        y(axis_cells(rows, 1, box.lower[1], box.upper[1])),
+        z(axis_cells(rows, 2, box.lower[2], box.upper[2])) {}
+  std::uint32_t row_key(const RowLayout& rows, std::uint32_t dy, std::uint32_t dz) const {
+    return ((y.first + dy) & rows.cell_mask[1]) << rows.x_bits | ((z.first + dz) & rows.cell_mask[2])
+                                                                     << (rows.x_bits + rows.y_bits);
+  }
+};
+
+// For the boxes that are larger than the limit, of which a code says nothing, or whose cells wrap around.
+std::uint64_t* query_any(const RowGrid& b, std::uint32_t i, std::uint64_t sought, bool fits, const Neighbourhood& near,
+                         std::uint64_t* out) {
+  const RowLayout& rows = b.layout;
+  const std::uint32_t* const cell_end = b.cell_end.data() + 1;
+  const std::uint32_t x_end = near.x.first + near.x.count - 1, x_mask = rows.cell_mask[0];
+  for (std::uint32_t dz = 0; dz < near.z.count; ++dz)
+    for (std::uint32_t dy = 0; dy < near.y.count; ++dy) {
+      const std::uint32_t row = near.row_key(rows, dy, dz);
+      if (fits) {
+        out = scan_cells(b, cell_end, sought, i, row,
+                         {static_cast<std::int32_t>(near.x.first), static_cast<std::int32_t>(x_end)}, out);
+        continue;
+      }
+      // Most of what a large box covers it meets: all of it goes to the exact test.
+      const auto take = [&](std::uint32_t from, std::uint32_t to) {
+        for (std::uint32_t j = cell_end[static_cast<std::int64_t>(row + from) - 1]; j < cell_end[row + to]; ++j)
+          *out++ = std::uint64_t{j} << 32 | i;
+      };
+      take(near.x.first, std::min(x_end, x_mask));
+      if (x_end > x_mask) take(0, x_end & x_mask);
+    }
+  return out;
+}
+
 void query(const RowGrid& a, std::uint32_t first, std::uint32_t last, const RowGrid& b, PairSink& sink) {
   const RowLayout& rows = b.layout;
   const std::uint32_t* HWY_RESTRICT cell_end = b.cell_end.data() + 1;
@@ -547,34 +591,38 @@ void query(const RowGrid& a, std::uint32_t first, std::uint32_t last, const RowG
   sink.open(b.count);
   std::uint64_t* out = sink.candidates.data();
   std::uint64_t* const full = out + PairSink::drain_at;
-  const std::uint32_t x_mask = rows.cell_mask[0];
-  for (std::uint32_t i = first; i < last; ++i) {
-    const GridBox& box = a.boxes[a.entries[i].box];
-    const bool fits = (box.upper[0] - box.lower[0] <= rows.limit[0]) & (box.upper[1] - box.lower[1] <= rows.limit[1]) &
-                      (box.upper[2] - box.lower[2] <= rows.limit[2]);
-    const AxisCells x = axis_cells(rows, 0, box.lower[0], box.upper[0]);
-    const AxisCells y = axis_cells(rows, 1, box.lower[1], box.upper[1]);
-    const AxisCells z = axis_cells(rows, 2, box.lower[2], box.upper[2]);
-    const std::uint64_t sought = swap_halves(encode.quantise(box));
-    for (std::uint32_t dz = 0; dz < z.count; ++dz)
-      for (std::uint32_t dy = 0; dy < y.count; ++dy) {
-        const std::uint32_t row = ((y.first + dy) & rows.cell_mask[1]) << rows.x_bits |
-                                  ((z.first + dz) & rows.cell_mask[2]) << (rows.x_bits + rows.y_bits);
-        if (fits) {
-          out = scan_cells(b, cell_end, sought, i, row,
-                           {static_cast<std::int32_t>(x.first), static_cast<std::int32_t>(x.first + x.count - 1)}, out);
-        } else {
-          // A code says nothing about a box larger than the level's limit, and most of what it covers it meets.
-          const auto take = [&](std::uint32_t from, std::uint32_t to) {
-            for (std::uint32_t j = cell_end[static_cast<std::int64_t>(row + from) - 1]; j < cell_end[row + to]; ++j)
-              *out++ = std::uint64_t{j} << 32 | i;
-          };
-          const std::uint32_t end = x.first + x.count - 1;
-          take(x.first, std::min(end, x_mask));
-          if (end > x_mask) take(0, end & x_mask);
-        }
+  // As in the sweep, no branch on where a box lies: it fills up to four windows, and those are scanned in a row.
+  constexpr std::uint32_t block = 256;
+  Window windows[4 * block];
+  for (std::uint32_t begin = first; begin < last; begin += block) {
+    const std::uint32_t end = std::min(last, begin + block);
+    std::uint32_t count = 0;
+    for (std::uint32_t i = begin; i < end; ++i) {
+      const GridBox& box = a.boxes[a.entries[i].box];
+      const bool fits = (box.upper[0] - box.lower[0] <= rows.limit[0]) &
+                        (box.upper[1] - box.lower[1] <= rows.limit[1]) & (box.upper[2] - box.lower[2] <= rows.limit[2]);
+      const Neighbourhood near(rows, box);
+      const std::uint64_t sought = swap_halves(encode.quantise(box));
+      const std::uint32_t x_end = near.x.first + near.x.count - 1;
+      if (HWY_UNLIKELY(!fits || x_end > rows.cell_mask[0])) {
+        out = query_any(b, i, sought, fits, near, out);
+        if (HWY_UNLIKELY(out > full)) out = drain(a, b, out, sink);
+        continue;
       }
-    if (HWY_UNLIKELY(out > full)) out = drain(a, b, out, sink);
+      // At most two rows and two slabs: they are two limits deep, and so is what is looked at.
+      for (std::uint32_t k = 0; k < 4; ++k) {
+        const std::uint32_t dy = k & 1, dz = k >> 1;
+        const std::uint32_t row = near.row_key(rows, dy, dz);
+        windows[count] = {sought, i, cell_end[static_cast<std::int64_t>(row + near.x.first) - 1],
+                          cell_end[row + x_end]};
+        count += (dy < near.y.count) & (dz < near.z.count);
+      }
+    }
+    for (std::uint32_t k = 0; k < count; ++k) {
+      const Window& w = windows[k];
+      out = scan(b.codes.data(), w.sought, w.asker, w.first, w.last, out);
+      if (HWY_UNLIKELY(out > full)) out = drain(a, b, out, sink);
+    }
   }
   drain(a, b, out, sink);
 }

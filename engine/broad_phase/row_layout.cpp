@@ -128,8 +128,12 @@ RowLayout plan_rows(const LevelSample& sample, std::size_t lanes) {
         const double crossings = into_y + into_z * (1 + into_y + near_y);
         const double width = static_cast<double>(lanes);
         const double cells = std::ldexp(1.0, static_cast<int>(x.bits + y.bits + z.bits));
-        // Nanoseconds, measured: a scan's start, a vector, a crossing's bookkeeping, a cell of the table.
-        const double cost = 1.5 * own / width + crossings * (5 + 1.5 * across / width) + 0.7 * cells / n;
+        // What a slab and the next hold is met again and again: codes, entries and boxes, 48 bytes a box.
+        const double slabs = std::max(1.0, axes[2].span() / depth(z, 2));
+        const double kept_at_hand = 2 * 48 * n / slabs;
+        const double misses = z.bits == 0 ? 0 : 1.5 * std::max(0.0, std::log2(kept_at_hand / 1e6));
+        // Nanoseconds, measured: a vector, a crossing's bookkeeping, a cell of the table, the second-level cache.
+        const double cost = 1.5 * own / width + crossings * (5 + 1.5 * across / width) + 0.7 * cells / n + misses;
         if (cost < least && cells <= 16 * most_cells) {
           least = cost;
           best[0] = x, best[1] = y, best[2] = z;
