@@ -18,7 +18,7 @@ class ExactSum {
       if (error != 0) parts_[kept++] = error;
       value = sum;
     }
-    parts_[kept++] = value;
+    if (value != 0) parts_[kept++] = value;
     size_ = kept;
   }
 

