@@ -1,7 +1,7 @@
 #include "regions/region_map.hpp"
 
+#include <algorithm>
 #include <cassert>
-#include <cmath>
 #include <numeric>
 #include <string>
 #include <utility>
@@ -60,107 +60,103 @@ void RegionMap::assign(std::span<const NodeNumber> owners, std::uint32_t nodes, 
 
 namespace {
 
-struct Block {
-  std::uint32_t lower[3];
-  std::uint32_t upper[3];  // excluded
-  std::size_t cells() const { return std::size_t{upper[0] - lower[0]} * (upper[1] - lower[1]) * (upper[2] - lower[2]); }
-};
-
 class Bisection {
  public:
-  Bisection(const CellGrid& grid, std::span<const double> weights) : grid_(grid), weights_(weights) {
-    owners_.resize(grid.cells());
+  Bisection(const CellGrid& grid, std::span<const double> weights)
+      : grid_(grid), weights_(weights), owners_(grid.cells()), cells_(grid.cells()), sorted_(grid.cells()) {
+    std::iota(cells_.begin(), cells_.end(), 0u);
   }
 
-  void split(const Block& block, std::uint32_t first, std::uint32_t nodes) {
+  // The cells [begin, end) of the list go to `nodes` nodes from `first` on.
+  void split(std::size_t begin, std::size_t end, std::uint32_t first, std::uint32_t nodes) {
     if (nodes == 1) {
-      for_each_cell(
-          block, [&](std::uint32_t cell, std::uint32_t) { owners_[cell] = first; }, 0);
+      for (std::size_t i = begin; i < end; ++i) {
+        owners_[cells_[i]] = first;
+      }
       return;
     }
-    std::uint32_t left = nodes / 2;
-    const std::size_t axis = longest_axis(block);
-    Block low = block;
-    Block high = block;
-    low.upper[axis] = high.lower[axis] = cut(block, axis, left, nodes);
-    split(low, first, left);
-    split(high, first + left, nodes - left);
+    const std::uint32_t left = nodes / 2;
+    sort_along(longest_axis(begin, end), begin, end);
+    const std::size_t middle = cut(begin, end, left, nodes);
+    split(begin, middle, first, left);
+    split(middle, end, first + left, nodes - left);
   }
 
   std::vector<NodeNumber> take() { return std::move(owners_); }
 
  private:
-  template <class Visit>
-  void for_each_cell(const Block& block, Visit visit, std::size_t axis) const {
-    for (std::uint32_t z = block.lower[2]; z < block.upper[2]; ++z) {
-      for (std::uint32_t y = block.lower[1]; y < block.upper[1]; ++y) {
-        for (std::uint32_t x = block.lower[0]; x < block.upper[0]; ++x) {
-          const std::uint32_t at[3] = {x, y, z};
-          visit(grid_.index(x, y, z), at[axis]);
-        }
-      }
-    }
-  }
+  std::uint32_t coordinate(std::uint32_t cell, std::size_t axis) const { return grid_.box_of(cell).lower[axis]; }
+  double weight(std::uint32_t cell) const { return weights_.empty() ? 1.0 : weights_[cell]; }
 
-  static std::size_t longest_axis(const Block& block) {
+  std::size_t longest_axis(std::size_t begin, std::size_t end) const {
     std::size_t longest = 0;
-    for (std::size_t axis = 1; axis < 3; ++axis) {
-      if (block.upper[axis] - block.lower[axis] > block.upper[longest] - block.lower[longest]) {
+    std::uint32_t most = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      std::uint32_t low = grid_.along(axis);
+      std::uint32_t high = 0;
+      for (std::size_t i = begin; i < end; ++i) {
+        low = std::min(low, coordinate(cells_[i], axis));
+        high = std::max(high, coordinate(cells_[i], axis));
+      }
+      if (high - low + 1 > most) {
+        most = high - low + 1;
         longest = axis;
       }
     }
     return longest;
   }
 
-  // Where the weight below comes nearest to its share, leaving each side at least as many cells as nodes.
-  // Changes `left` where whole layers could not hold the shares.
-  std::uint32_t cut(const Block& block, std::size_t axis, std::uint32_t& left, std::uint32_t nodes) {
-    const std::uint32_t layers = block.upper[axis] - block.lower[axis];
-    slices_.assign(layers, 0.0);
-    for_each_cell(
-        block,
-        [&](std::uint32_t cell, std::uint32_t at) {
-          slices_[at - block.lower[axis]] += weights_.empty() ? 1.0 : weights_[cell];
-        },
-        axis);
-    const std::size_t a_layer = block.cells() / layers;
-    auto fewest = static_cast<std::uint32_t>((left + a_layer - 1) / a_layer);
-    auto most = layers - static_cast<std::uint32_t>((nodes - left + a_layer - 1) / a_layer);
-    if (fewest > most) {
-      fewest = most = layers / 2;
-      left = static_cast<std::uint32_t>(std::min<std::size_t>(fewest * a_layer, nodes - 1));
+  // Stable, so that within a layer the cells keep their order and a cut through it is a step, not a scatter.
+  void sort_along(std::size_t axis, std::size_t begin, std::size_t end) {
+    layer_.assign(grid_.along(axis) + 1, 0);
+    for (std::size_t i = begin; i < end; ++i) {
+      ++layer_[coordinate(cells_[i], axis) + 1];
     }
-    const double total = std::accumulate(slices_.begin(), slices_.end(), 0.0);
-    const double share = total * left / nodes;
-    std::uint32_t best = fewest;
-    double best_error = -1;
+    std::partial_sum(layer_.begin(), layer_.end(), layer_.begin());
+    for (std::size_t i = begin; i < end; ++i) {
+      sorted_[begin + layer_[coordinate(cells_[i], axis)]++] = cells_[i];
+    }
+    std::copy(sorted_.begin() + static_cast<std::ptrdiff_t>(begin), sorted_.begin() + static_cast<std::ptrdiff_t>(end),
+              cells_.begin() + static_cast<std::ptrdiff_t>(begin));
+  }
+
+  // Where the weight before comes nearest to its share, leaving each side at least as many cells as nodes.
+  std::size_t cut(std::size_t begin, std::size_t end, std::uint32_t left, std::uint32_t nodes) const {
+    double total = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      total += weight(cells_[i]);
+    }
+    const bool weighted = total > 0;
+    const double share = (weighted ? total : static_cast<double>(end - begin)) * left / nodes;
     double below = 0;
-    for (std::uint32_t layer = 1; layer <= most; ++layer) {
-      below += slices_[layer - 1];
-      // Without any weight the split is by volume.
-      const double error = total > 0
-                               ? std::abs(below - share)
-                               : std::abs(static_cast<double>(layer) - static_cast<double>(layers) * left / nodes);
-      if (layer >= fewest && (best_error < 0 || error < best_error)) {
-        best_error = error;
-        best = layer;
+    std::size_t middle = begin;
+    const std::size_t last = end - (nodes - left);
+    while (middle < last) {
+      const double next = weighted ? weight(cells_[middle]) : 1.0;
+      if (middle >= begin + left && below + 0.5 * next > share) {
+        break;
       }
+      below += next;
+      ++middle;
     }
-    return block.lower[axis] + best;
+    return middle;
   }
 
   const CellGrid& grid_;
   std::span<const double> weights_;
   std::vector<NodeNumber> owners_;
-  std::vector<double> slices_;
+  std::vector<std::uint32_t> cells_;
+  std::vector<std::uint32_t> sorted_;
+  std::vector<std::size_t> layer_;
 };
 
 }  // namespace
 
 std::vector<NodeNumber> bisect(const CellGrid& grid, std::uint32_t nodes, std::span<const double> weights) {
   assert(nodes >= 1 && nodes <= grid.cells());
+  assert(weights.empty() || weights.size() == grid.cells());
   Bisection bisection(grid, weights);
-  bisection.split({{0, 0, 0}, {grid.along(0), grid.along(1), grid.along(2)}}, 0, nodes);
+  bisection.split(0, grid.cells(), 0, nodes);
   return bisection.take();
 }
 
