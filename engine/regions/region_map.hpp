@@ -131,12 +131,4 @@ void for_each_owner(const RegionMap& map, const CellBox& box, std::span<std::uin
   }
 }
 
-/// Splits the grid among the nodes by recursive bisection, so that each gets nearly the same weight.
-///
-/// Each cut goes across the longest side of what it cuts and may step by one layer of cells in mid-way, so the shares
-/// are even to about the weight of one cell while the regions stay compact. `weights` has one value >= 0 a cell, or is
-/// empty for equal weights. `nodes` is 1 to the number of cells; every node gets at least one cell. Returns the owner
-/// of each cell. Cost: about cells x log2(nodes). Method: recursive coordinate bisection (Berger, Bokhari 1987).
-std::vector<NodeNumber> bisect(const CellGrid& grid, std::uint32_t nodes, std::span<const double> weights);
-
 }  // namespace ringfence::regions

@@ -1,3 +1,5 @@
+#include "regions/bisection.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -27,6 +29,12 @@ struct Region {
     return volume;
   }
 };
+
+std::vector<NodeNumber> bisect(const CellGrid& grid, std::uint32_t nodes, const std::vector<double>& weights) {
+  Bisection bisection(grid);
+  const auto owners = bisection.split(nodes, weights);
+  return {owners.begin(), owners.end()};
+}
 
 std::vector<Region> regions_of(const CellGrid& grid, std::uint32_t nodes, const std::vector<NodeNumber>& owners,
                                const std::vector<double>& weights) {
