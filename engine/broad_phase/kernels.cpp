@@ -268,6 +268,9 @@ std::size_t stage(RowGrid& grid, const geometry::Bounds* bounds, const std::uint
     const std::uint32_t key = key_of(b);
     std::uint32_t& next = cursor[key >> bucket_shift];
     const std::uint32_t at = next;
+    // Stores leave in order: one that has to fetch its line holds up all behind it.
+    __builtin_prefetch(boxes + at + 6, 1);
+    __builtin_prefetch(keys + at + 16, 1);
     keys[at] = key;
     const std::uint32_t fits = copy_if_within(b, limit, boxes[at]);
     boxes[at].slot = slot;
@@ -390,8 +393,19 @@ void sort(RowGrid& grid, std::uint32_t bucket) {
   const std::uint32_t first_key = bucket << rows.bucket_shift;
   const std::uint32_t last_key = first_key + (1u << rows.bucket_shift);
   std::memset(cell_end + first_key, 0, (last_key - first_key) * sizeof(std::uint32_t));
+  // While counting, fetches what sorting is about to write.
+  std::uint64_t* codes_ahead = grid.codes.data() + grid.count;
+  GridEntry* entries_ahead = grid.entries.data() + grid.count;
   for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {
-    for (std::uint32_t k = first; k < last; ++k) ++cell_end[grid.keys[k]];
+    for (std::uint32_t k = first; k < last; ++k) {
+      if (k % 8 == 0) {
+        __builtin_prefetch(codes_ahead, 1);
+        __builtin_prefetch(entries_ahead, 1);
+        codes_ahead += 8;
+        entries_ahead += 8;
+      }
+      ++cell_end[grid.keys[k]];
+    }
   });
   std::uint32_t sum = grid.count;
   for (std::uint32_t key = first_key; key < last_key; ++key) {
@@ -426,6 +440,9 @@ HWY_INLINE std::uint64_t* drain(const RowGrid& a, const RowGrid& b, std::uint64_
   const GridBox* HWY_RESTRICT a_boxes = a.boxes.data();
   const GridBox* HWY_RESTRICT b_boxes = b.boxes.data();
   for (const std::uint64_t* at = first; at != end; ++at) {
+    const std::uint64_t ahead = at[std::min<std::ptrdiff_t>(12, end - at - 1)];
+    __builtin_prefetch(a_boxes + a_entries[static_cast<std::uint32_t>(ahead)].box);
+    __builtin_prefetch(b_boxes + b_entries[ahead >> 32].box);
     const GridBox& p = a_boxes[a_entries[static_cast<std::uint32_t>(*at)].box];
     const GridBox& q = b_boxes[b_entries[*at >> 32].box];
     *to = {p.slot, q.slot};
