@@ -106,6 +106,7 @@ Core box_core(const Vector& half_extents) {
       core.vertices.push_back(corner(c));
     }
   }
+  core.flat = wide != 7;
   const Vector axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   for (const Vector& axis : axes) core.normals.insert(core.normals.end(), {axis, -axis});  // faces 2 i and 2 i + 1
   for (int i = 0; i < 3; ++i) {
@@ -115,7 +116,8 @@ Core box_core(const Vector& half_extents) {
       core.arcs.push_back({axes[i],
                            corner(low),
                            {static_cast<std::uint32_t>(2 * j + (side & 1 ? 0 : 1)),
-                            static_cast<std::uint32_t>(2 * k + (side & 2 ? 0 : 1))}});
+                            static_cast<std::uint32_t>(2 * k + (side & 2 ? 0 : 1))},
+                           h[i] > 0});
       const bool distinct = (low & ~wide) == 0;
       if (distinct && (wide & 1 << i)) core.segments.push_back({number[low], number[low | 1 << i]});
     }
@@ -178,7 +180,8 @@ Core hull_core(std::span<const Vec3f> points) {
     core.segments.push_back({from, to});
     core.arcs.push_back({normalised(core.vertices[to] - core.vertices[from]),
                          core.vertices[from],
-                         {normal_of.at(flat.find(e.left)), normal_of.at(flat.find(e.right))}});
+                         {normal_of.at(flat.find(e.left)), normal_of.at(flat.find(e.right))},
+                         true});
   }
   finish(core);
   return core;
@@ -209,11 +212,12 @@ void set_triangle(Core& core, const Vector& a, const Vector& b, const Vector& c)
   for (std::uint32_t i = 0; i < 3; ++i) {
     const Vector from = core.vertices[i], along = normalised(core.vertices[(i + 1) % 3] - from);
     core.normals.push_back(normalised(cross(along, up)));
-    core.arcs.push_back({along, from, {0, 2 + i}});
-    core.arcs.push_back({along, from, {1, 2 + i}});
-    core.arcs.push_back({up, from, {2 + i, 2 + (i + 2) % 3}});
+    core.arcs.push_back({along, from, {0, 2 + i}, true});
+    core.arcs.push_back({along, from, {1, 2 + i}, true});
+    core.arcs.push_back({up, from, {2 + i, 2 + (i + 2) % 3}, false});
   }
   core.function.reset();
+  core.flat = true;
   core.radius = 0;
   finish(core);
 }

@@ -24,6 +24,7 @@ struct Core {
     Vector direction;        ///< unit, along the edge; either sense
     Vector point;            ///< a point on the edge
     std::uint32_t faces[2];  ///< the two faces it borders; their normals are less than half a turn apart
+    bool has_length = true;
   };
 
   std::vector<Vector> vertices;  ///< distinct
@@ -32,6 +33,7 @@ struct Core {
   std::vector<Arc> arcs;
   std::vector<std::array<std::uint32_t, 2>> segments;   ///< its edges as a set of points: none of no length
   std::vector<std::array<std::uint32_t, 3>> triangles;  ///< its surface in triangles: none of no area
+  bool flat = false;                                    ///< a point, a segment, a triangle or a rectangle
   double radius = 0;                                    ///< added all around, metres
   double reach = 0;                                     ///< of a ball about the origin that holds the polytope
   std::shared_ptr<const SupportFunction> function;      ///< if set, the core is not a polytope; all lists are empty

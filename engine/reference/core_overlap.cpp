@@ -18,25 +18,71 @@ void consider(const CorePair& pair, const Vector& n, CoreOverlap& best) {
   if (depth < best.depth) best.depth = depth, best.normal = n;
 }
 
-/// The directions of all faces of both.
-CoreOverlap face_overlap(const CorePair& pair) {
+/// One of the two shapes as the tests below see it, all in the frame of a and of the Minkowski difference: b is
+/// mirrored, so that its outward normals become directions from a to b and its points are subtracted.
+struct Side {
+  struct Edge {
+    Vector direction, point;
+    Vector ends[2];  // of its arc
+  };
+  std::vector<Vector> normals;
+  std::vector<Vector> opposite;  // for each normal, the point of the other shape farthest against it, mirrored or not
+  std::vector<Edge> edges;       // only those that can matter
+};
+
+/// Tries the directions of all faces.
+CoreOverlap face_overlap(const CorePair& pair, Side& of_a, Side& of_b) {
   CoreOverlap best;
   best.depth = std::numeric_limits<double>::infinity();
   const auto& rotation = pair.b_in_a.rotation;
-  const Vector& offset = pair.b_in_a.offset;
-  for (std::size_t i = 0; i < pair.a.normals.size(); ++i) {
-    const Vector& n = pair.a.normals[i];
-    if (dot(n, n) < 0.5) continue;  // an area that rounds to zero has no normal
-    const double depth = pair.a.offsets[i] + pair.b.extent(rotation.inverse(-n)) - dot(n, offset);
+  const auto keep = [&](Side& side, const Vector& n, const Vector& opposite, double depth) {
+    side.normals.push_back(n);
+    side.opposite.push_back(opposite);
+    if (dot(n, n) < 0.5) return;  // an area that rounds to zero has no normal
     if (depth < best.depth) best.depth = depth, best.normal = n;
+  };
+  for (std::size_t i = 0; i < pair.a.normals.size(); ++i) {
+    const Vector n = pair.a.normals[i];
+    const Vector opposite = pair.b_in_a * pair.b.support(rotation.inverse(-n));
+    keep(of_a, n, opposite, pair.a.offsets[i] - dot(n, opposite));
   }
   for (std::size_t i = 0; i < pair.b.normals.size(); ++i) {
     const Vector n = -(rotation * pair.b.normals[i]);
-    if (dot(n, n) < 0.5) continue;
-    const double depth = pair.a.extent(n) + pair.b.offsets[i] - dot(n, offset);
-    if (depth < best.depth) best.depth = depth, best.normal = n;
+    const Vector opposite = pair.a.support(n);
+    keep(of_b, n, -opposite, pair.b.offsets[i] - dot(n, pair.b_in_a.offset) + dot(n, opposite));
   }
   return best;
+}
+
+/// Whether somewhere on the arc the two can overlap by less than `depth`, as far as one point of each can tell.
+///
+/// With x of a and y of b, the overlap along n is at least n · (x - y). A unit vector on the arc is a sum of its ends
+/// with weights that add up to at least one, so that n · (x - y) is nowhere on it less than at the ends, if both are
+/// positive.
+bool can_be_less(const Side::Edge& edge, const Vector& opposite, double depth) {
+  const Vector between = edge.point - opposite;
+  return std::min(dot(edge.ends[0], between), dot(edge.ends[1], between)) < std::max(depth, 0.0);
+}
+
+/// Takes the edges whose arcs can hold a direction of less depth than `depth`. Edges of no length make no face of the
+/// Minkowski difference, unless it is as flat as the two.
+void take_edges(const Core& core, const Placement& placement, double mirror, bool lengthless, double depth,
+                Side& side) {
+  for (const auto& arc : core.arcs) {
+    if (!arc.has_length && !lengthless) continue;
+    const Side::Edge edge{placement.rotation * arc.direction,
+                          (placement * arc.point) * mirror,
+                          {side.normals[arc.faces[0]], side.normals[arc.faces[1]]}};
+    if (can_be_less(edge, side.opposite[arc.faces[0]], depth) &&
+        can_be_less(edge, side.opposite[arc.faces[1]], depth)) {
+      side.edges.push_back(edge);
+    }
+  }
+}
+
+/// Whether the ends of an arc are surely on the same side of the plane at a right angle to `axis`.
+bool same_side(const Side::Edge& arc, const Vector& axis) {
+  return dot(arc.ends[0], axis) * dot(arc.ends[1], axis) > unsure;
 }
 
 /// The unit vector across two edges, or zero if they are parallel within rounding: then the directions of the faces
@@ -47,41 +93,17 @@ Vector across(const Vector& p, const Vector& q) {
   return sine > 1e-14 ? n * (1 / sine) : Vector{};
 }
 
-/// Tries both senses of the direction across two edges, if it can lie on both arcs and can be the least.
-void consider_edges(const CorePair& pair, const Core::Arc& p, const Vector& q_direction, const Vector& q_point,
-                    const Vector& q_middle, CoreOverlap& best) {
-  Vector n = across(p.direction, q_direction);
+/// Tries the direction across two edges if their arcs may cross in it.
+void consider_edges(const CorePair& pair, const Side::Edge& p, const Side::Edge& q, CoreOverlap& best) {
+  if (same_side(p, q.direction) || same_side(q, p.direction)) return;
+  Vector n = across(p.direction, q.direction);
   if (dot(n, n) < 0.5) return;
-  const Vector p_middle = pair.a.normals[p.faces[0]] + pair.a.normals[p.faces[1]];
   for (int sense = 0; sense < 2; ++sense, n = -n) {
-    if (dot(n, p_middle) < -unsure || dot(n, q_middle) < -unsure) continue;
+    if (dot(n, p.ends[0] + p.ends[1]) < -unsure || dot(n, q.ends[0] + q.ends[1]) < -unsure) continue;
     // The two edges alone already overlap so far along n; the whole shapes at least as far.
-    if (dot(n, p.point - q_point) < best.depth) consider(pair, n, best);
+    if (dot(n, p.point + q.point) < best.depth) consider(pair, n, best);
   }
 }
-
-/// Vectors by component, for loops over many of them.
-struct Columns {
-  std::vector<double> x, y, z;
-  explicit Columns(const std::vector<Vector>& vectors) {
-    for (const Vector& v : vectors) x.push_back(v.x), y.push_back(v.y), z.push_back(v.z);
-  }
-};
-
-/// All dot products, row by row, into `out`, which only grows: zeroing it took a fifth of the time.
-void dots(const std::vector<Vector>& rows, const Columns& columns, std::vector<double>& out) {
-  const std::size_t count = columns.x.size();
-  const double *const x = columns.x.data(), *const y = columns.y.data(), *const z = columns.z.data();
-  out.resize(std::max(out.size(), rows.size() * count));
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Vector r = rows[i];
-    double* const row = out.data() + i * count;
-    for (std::size_t j = 0; j < count; ++j) row[j] = r.x * x[j] + r.y * y[j] + r.z * z[j];
-  }
-}
-
-/// Whether two points are surely on the same side of a plane, given their distances from it, at most 1.
-bool same_side(double p, double q) { return p * q > unsure; }
 
 /// The directions from the middle of a cube to its corners, edges and faces.
 std::vector<Vector> directions_around() {
@@ -111,39 +133,22 @@ std::vector<Vector> directions_across(const std::vector<Vector>& points) {
 }  // namespace
 
 CoreOverlap polytope_overlap(const CorePair& pair) {
-  const Core &a = pair.a, &b = pair.b;
-  CoreOverlap best = face_overlap(pair);
-
-  // Everything of b in the frame of a; its arcs and their normals as those of the mirrored shape.
-  std::vector<Vector> directions_a, directions_b, normals_b, points_b, middles_b;
-  for (const auto& p : a.arcs) directions_a.push_back(p.direction);
-  for (const Vector& n : b.normals) normals_b.push_back(-(pair.b_in_a.rotation * n));
-  for (const auto& q : b.arcs) {
-    directions_b.push_back(pair.b_in_a.rotation * q.direction);
-    points_b.push_back(pair.b_in_a * q.point);
-    middles_b.push_back(normals_b[q.faces[0]] + normals_b[q.faces[1]]);
-  }
-  // Two arcs cross where each has its ends on two sides of the other's plane (and both on one half of the sphere).
-  const std::size_t arcs = b.arcs.size(), normals = b.normals.size();
-  static thread_local std::vector<double> ends_of_a, ends_of_b;
-  dots(a.normals, Columns(directions_b), ends_of_a);  // [normal of a][arc of b]
-  dots(directions_a, Columns(normals_b), ends_of_b);  // [arc of a][normal of b]
-  for (std::size_t i = 0; i < a.arcs.size(); ++i) {
-    const auto& p = a.arcs[i];
-    const double *const p_from = &ends_of_a[p.faces[0] * arcs], *const p_to = &ends_of_a[p.faces[1] * arcs];
-    const double* const q_ends = &ends_of_b[i * normals];
-    for (std::size_t j = 0; j < arcs; ++j) {
-      if (same_side(p_from[j], p_to[j])) continue;
-      const auto& q = b.arcs[j];
-      if (same_side(q_ends[q.faces[0]], q_ends[q.faces[1]])) continue;
-      consider_edges(pair, p, directions_b[j], points_b[j], middles_b[j], best);
-    }
+  Side of_a, of_b;
+  CoreOverlap best = face_overlap(pair, of_a, of_b);
+  const bool both_flat = pair.a.flat && pair.b.flat;
+  take_edges(pair.a, {}, 1, both_flat, best.depth, of_a);
+  take_edges(pair.b, pair.b_in_a, -1, both_flat, best.depth, of_b);
+  for (const auto& p : of_a.edges) {
+    for (const auto& q : of_b.edges) consider_edges(pair, p, q, best);
   }
   return best;
 }
 
 CoreOverlap exhaustive_overlap(const CorePair& pair) {
-  CoreOverlap best = face_overlap(pair);
+  CoreOverlap best;
+  best.depth = std::numeric_limits<double>::infinity();
+  for (const Vector& n : pair.a.normals) consider(pair, n, best);
+  for (const Vector& n : pair.b.normals) consider(pair, -(pair.b_in_a.rotation * n), best);
   for (const auto& p : pair.a.arcs) {
     for (const auto& q : pair.b.arcs) {
       const Vector n = across(p.direction, pair.b_in_a.rotation * q.direction);

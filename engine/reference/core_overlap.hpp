@@ -12,8 +12,9 @@ struct CoreOverlap {
 };
 
 /// The least depth of two polytopes, exact: the least over the face normals of a and of b and over the pairs of edges
-/// whose arcs cross on the Gauss map, which together are the faces of the Minkowski difference. Near misses of two arcs
-/// count as crossings, and every depth is taken from the vertices, so rounding cannot make it too small.
+/// whose arcs cross on the Gauss map, which together are the faces of the Minkowski difference. Edges along whose arcs
+/// a pair of points proves a greater depth than that of the best face are left out. Near misses of two arcs count as
+/// crossings, and every depth is taken from all vertices, so rounding cannot make it too small.
 CoreOverlap polytope_overlap(const CorePair& pair);
 
 /// The same by every pair of edges, whether or not their arcs cross: slower by the number of vertices.
