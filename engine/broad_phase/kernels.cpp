@@ -546,34 +546,10 @@ void sweep(const RowGrid& grid, std::uint32_t first, std::uint32_t last, PairSin
   }
 }
 
-// The cells on one axis in which a box may start that overlaps [lower, upper]: the first, and how many.
-struct AxisCells {
-  std::uint32_t first, count;
-};
-HWY_INLINE AxisCells axis_cells(const RowLayout& rows, std::size_t axis, std::uint32_t lower, std::uint32_t upper) {
-  if (rows.partitioned[axis] == 0) return {0, 1};
-  const std::uint32_t shift = rows.cell_shift[axis], mask = rows.cell_mask[axis];
-  const std::uint32_t from = (lower < rows.limit[axis] ? 0 : lower - rows.limit[axis]) >> shift;
-  return {from & mask, std::min((upper >> shift) - from, mask) + 1};
-}
-
 // A range of sorted positions to compare with one box's code.
 struct Window {
   std::uint64_t sought;
   std::uint32_t asker, first, last;
-};
-
-// The rows in which `box` may meet something, and the cells there.
-struct Neighbourhood {
-  AxisCells x, y, z;
-  Neighbourhood(const RowLayout& rows, const GridBox& box)
-      : x(axis_cells(rows, 0, box.lower[0], box.upper[0])),
-        y(axis_cells(rows, 1, box.lower[1], box.upper[1])),
-        z(axis_cells(rows, 2, box.lower[2], box.upper[2])) {}
-  std::uint32_t row_key(const RowLayout& rows, std::uint32_t dy, std::uint32_t dz) const {
-    return ((y.first + dy) & rows.cell_mask[1]) << rows.x_bits | ((z.first + dz) & rows.cell_mask[2])
-                                                                     << (rows.x_bits + rows.y_bits);
-  }
 };
 
 // For the boxes that are larger than the limit, of which a code says nothing, or whose cells wrap around.
@@ -616,9 +592,8 @@ void query(const RowGrid& a, std::uint32_t first, std::uint32_t last, const RowG
     std::uint32_t count = 0;
     for (std::uint32_t i = begin; i < end; ++i) {
       const GridBox& box = a.boxes[a.entries[i].box];
-      const bool fits = (box.upper[0] - box.lower[0] <= rows.limit[0]) &
-                        (box.upper[1] - box.lower[1] <= rows.limit[1]) & (box.upper[2] - box.lower[2] <= rows.limit[2]);
-      const Neighbourhood near(rows, box);
+      const bool fits = b.holds(box);
+      const Neighbourhood near(rows, box.lower, box.upper);
       const std::uint64_t sought = swap_halves(encode.quantise(box));
       const std::uint32_t x_end = near.x.first + near.x.count - 1;
       if (HWY_UNLIKELY(!fits || x_end > rows.cell_mask[0])) {

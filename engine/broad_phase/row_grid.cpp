@@ -21,4 +21,30 @@ void RowGrid::open(const RowLayout& rows, std::size_t boxes_expected) {
   }
 }
 
+double RowGrid::cost_of_query_by(const RowGrid& asker) const noexcept {
+  constexpr std::uint32_t most_asked = 16, most_rows = 256;
+  const std::uint32_t stride = asker.count / most_asked + 1;
+  double cost = 0;
+  std::uint32_t asked = 0;
+  for (std::uint32_t p = stride / 2; p < asker.count; p += stride, ++asked) {
+    const GridBox& box = asker.boxes[asker.entries[p].box];
+    if (holds(box)) {
+      cost += 20;
+      continue;
+    }
+    const Neighbourhood near(layout, box.lower, box.upper);
+    const std::uint32_t all_rows = near.y.count * near.z.count;
+    const std::uint32_t skip = (all_rows + most_rows - 1) / most_rows;
+    std::uint32_t rows = 0;
+    double found = 0;
+    for (std::uint32_t row = 0; row < all_rows; row += skip, ++rows) {
+      const std::uint32_t first = near.row_key(layout, row % near.y.count, row / near.y.count);
+      const std::uint32_t boxes_in_row = cell_end[first + layout.cell_mask[0] + 1] - cell_end[first];
+      found += boxes_in_row * double(near.x.count) / (double(layout.cell_mask[0]) + 1);
+    }
+    cost += all_rows * (3 + 4 * found / rows);
+  }
+  return asked == 0 ? 0 : cost * asker.count / asked;
+}
+
 }  // namespace ringfence::broad_phase

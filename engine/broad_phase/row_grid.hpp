@@ -70,6 +70,16 @@ struct RowGrid {
     return slabs < 2 ? 0 : cell_end[(slabs - 1) << slab_bits];
   }
 
+  /// Whether a box is within the level's limit, so that its code can be compared with the codes here.
+  bool holds(const GridBox& box) const noexcept {
+    return (box.upper[0] - box.lower[0] <= layout.limit[0]) & (box.upper[1] - box.lower[1] <= layout.limit[1]) &
+           (box.upper[2] - box.lower[2] <= layout.limit[2]);
+  }
+
+  /// What it costs, about and in nanoseconds, to ask this grid for all pairs of the boxes of `asker`, judged by a few.
+  /// Precondition: both are sorted.
+  double cost_of_query_by(const RowGrid& asker) const noexcept;
+
   /// Takes the box at a sorted position out: from then on it overlaps nothing.
   void remove(std::uint32_t position) noexcept {
     GridBox& box = boxes[entries[position].box];

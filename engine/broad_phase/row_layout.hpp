@@ -33,6 +33,33 @@ struct RowLayout {
   std::uint32_t buckets;
 };
 
+/// The cells on one axis in which a box of the level may start that overlaps [lower, upper]: the first, and how many.
+struct AxisCells {
+  std::uint32_t first, count;
+  AxisCells(const RowLayout& rows, std::size_t axis, std::uint32_t lower, std::uint32_t upper) noexcept
+      : first(0), count(1) {
+    if (rows.partitioned[axis] == 0) return;
+    const std::uint32_t shift = rows.cell_shift[axis], mask = rows.cell_mask[axis];
+    const std::uint32_t from = (lower < rows.limit[axis] ? 0 : lower - rows.limit[axis]) >> shift;
+    const std::uint32_t beyond = (upper >> shift) - from;
+    first = from & mask;
+    count = (beyond < mask ? beyond : mask) + 1;
+  }
+};
+
+/// The rows in which a box may meet boxes of the level, and the cells there.
+struct Neighbourhood {
+  AxisCells x, y, z;
+  Neighbourhood(const RowLayout& rows, const std::uint32_t (&lower)[3], const std::uint32_t (&upper)[3]) noexcept
+      : x(rows, 0, lower[0], upper[0]), y(rows, 1, lower[1], upper[1]), z(rows, 2, lower[2], upper[2]) {}
+
+  /// The key of the first cell of a row, counted from the first of the neighbourhood.
+  std::uint32_t row_key(const RowLayout& rows, std::uint32_t dy, std::uint32_t dz) const noexcept {
+    return ((y.first + dy) & rows.cell_mask[1]) << rows.x_bits | ((z.first + dz) & rows.cell_mask[2])
+                                                                     << (rows.x_bits + rows.y_bits);
+  }
+};
+
 /// What a plan is made of: a sample of the boxes of one level, and how many they stand for.
 struct LevelSample {
   std::span<const geometry::Bounds> boxes;  ///< at most a few thousand, spread evenly; at least one

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
+#include <utility>
 
 #include "broad_phase/box_set.hpp"
 #include "broad_phase/buffer.hpp"
@@ -15,7 +16,7 @@ namespace {
 // A part of the sweep: the boxes of `a` among themselves, or against those of `b`.
 struct Task {
   RowGrid* a;
-  const RowGrid* b;  ///< null: among themselves
+  RowGrid* b;  ///< null: among themselves
 };
 constexpr std::size_t most_tasks = max_levels * (max_levels + 1) / 2 + max_levels * max_levels;
 
@@ -91,25 +92,11 @@ struct SweepAndPrune::Implementation {
     forgotten = false;
   }
 
-  // Tasks for the pairs between two grids: the fewer ask the more, unless they are the larger boxes and not far
-  // fewer, since a box larger than a level's limit must look at all that it covers there.
-  void add_task_between(RowGrid& p, RowGrid& q) {
-    const auto larger = [](const RowGrid& a, const RowGrid& b) {
-      for (int axis = 0; axis < 3; ++axis)
-        if (a.layout.limit[axis] / 2 > b.layout.limit[axis]) return true;
-      return false;
-    };
-    bool p_asks = p.staged <= q.staged;
-    if (larger(p, q)) p_asks = p.staged <= q.staged / 8;
-    if (larger(q, p)) p_asks = q.staged > p.staged / 8;
-    tasks[task_count++] = p_asks ? Task{&p, &q} : Task{&q, &p};
-  }
-
   void add_tasks_within(BoxSet& set) {
     const auto grids = set.grids();
     for (RowGrid& grid : grids) tasks[task_count++] = {&grid, nullptr};
     for (std::size_t k = 0; k < grids.size(); ++k)
-      for (std::size_t l = k + 1; l < grids.size(); ++l) add_task_between(grids[k], grids[l]);
+      for (std::size_t l = k + 1; l < grids.size(); ++l) tasks[task_count++] = {&grids[k], &grids[l]};
   }
 
   void start_tasks() { task_count = task = position = 0; }
@@ -117,7 +104,10 @@ struct SweepAndPrune::Implementation {
   // Some more of the sweep; false when all is done.
   bool step() {
     if (task == task_count) return false;
-    const Task& t = tasks[task];
+    Task& t = tasks[task];
+    // Either may ask the other; the few large ones usually the many small, unless they cover too much.
+    if (t.b != nullptr && position == 0 && t.a->cost_of_query_by(*t.b) < t.b->cost_of_query_by(*t.a))
+      std::swap(t.a, t.b);
     std::uint32_t ready = t.b == nullptr ? t.a->sweepable() : t.a->count;
     // Sorts no further ahead than the sweep needs: what it then meets is in the cache.
     if (position == ready && t.a->sorted_buckets < t.a->layout.buckets) {
@@ -192,7 +182,7 @@ struct SweepAndPrune::Implementation {
     start_tasks();
     add_tasks_within(moving);
     for (RowGrid& m : moving.grids())
-      for (RowGrid& r : resting.grids()) add_task_between(m, r);
+      for (RowGrid& r : resting.grids()) tasks[task_count++] = {&m, &r};
     sink.count = remembered;
     handed_out = 0;
   }
