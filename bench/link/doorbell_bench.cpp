@@ -1,5 +1,5 @@
 // frame/empty/<nodes>: what waiting costs in a frame with nothing to do. A server tells each node to begin and waits
-// for all to end, over links, on the first two cores.
+// for all to end, over links. Pinned to the first two cores in turn, or `unpinned`: where the system puts them.
 #include <algorithm>
 #include <chrono>
 #include <cstring>
@@ -62,7 +62,7 @@ struct Node {
   }
 };
 
-void empty_frames(benchmark::State& state, std::size_t nodes) {
+void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned) {
   constexpr std::size_t frames = 300, batches = 12;
   const link::Cores cores;
   link::Doorbell server;
@@ -70,15 +70,15 @@ void empty_frames(benchmark::State& state, std::size_t nodes) {
   std::vector<std::thread> threads;
   for (std::size_t i = 0; i < nodes; ++i) {
     all.push_back(std::make_unique<Node>(server));
-    threads.emplace_back([&cores, node = all.back().get(), i] {
-      cores.pin_this_thread(i % 2);
+    threads.emplace_back([&cores, node = all.back().get(), i, pinned] {
+      if (pinned) cores.pin_this_thread(i % 2);
       node->serve();
     });
   }
   std::vector<double> cpu, wall;
   std::uint64_t frame = 0;
   std::thread([&] {
-    cores.pin_this_thread(0);
+    if (pinned) cores.pin_this_thread(0);
     for (std::size_t batch = 0; batch < batches; ++batch) {
       const double cpu_before = cpu_seconds();
       const auto before = std::chrono::steady_clock::now();
@@ -111,14 +111,14 @@ void empty_frames(benchmark::State& state, std::size_t nodes) {
 }  // namespace
 
 void register_doorbells() {
-  for (const std::size_t nodes : {std::size_t{1}, std::size_t{2}, std::size_t{4}, std::size_t{16}}) {
-    benchmark::RegisterBenchmark(("frame/empty/" + std::to_string(nodes)).c_str(),
-                                 [nodes](benchmark::State& state) {
-                                   for (auto _ : state) empty_frames(state, nodes);
-                                 })
-        ->UseManualTime()
-        ->Iterations(1)
-        ->Unit(benchmark::kMicrosecond);
+  for (const bool pinned : {true, false}) {
+    for (const std::size_t nodes : {std::size_t{1}, std::size_t{2}, std::size_t{4}, std::size_t{16}}) {
+      const std::string name = (pinned ? "frame/empty/" : "frame/empty_unpinned/") + std::to_string(nodes);
+      const auto run = [nodes, pinned](benchmark::State& state) {
+        for (auto _ : state) empty_frames(state, nodes, pinned);
+      };
+      benchmark::RegisterBenchmark(name.c_str(), run)->UseManualTime()->Iterations(1)->Unit(benchmark::kMicrosecond);
+    }
   }
 }
 

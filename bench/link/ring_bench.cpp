@@ -167,7 +167,10 @@ class Tbb {
   E staged_, taken_;
 };
 
-/// Runs `bursts` bursts between this thread and another, pinned to two cores; returns the seconds of each, sorted.
+constexpr std::size_t over = ~std::size_t{0};
+constexpr auto most_time = std::chrono::seconds(4);
+
+/// Runs up to `bursts` bursts between two threads, pinned to two cores; returns the seconds of each, sorted.
 /// `produce(Traffic)` runs here and `consume(Traffic)` there; the clock runs from the start signal until both are done.
 template <class Produce, class Consume>
 std::vector<double> run_bursts(std::size_t bursts, Produce produce, Consume consume) {
@@ -176,8 +179,10 @@ std::vector<double> run_bursts(std::size_t bursts, Produce produce, Consume cons
   alignas(link::line_bytes) std::atomic<std::size_t> done{0};
   std::thread other([&] {
     cores.pin_this_thread(1);
-    for (std::size_t burst = 1; burst <= bursts; ++burst) {
-      while (started.load(std::memory_order_acquire) < burst) pause();
+    for (std::size_t burst = 1;; ++burst) {
+      std::size_t seen;
+      while ((seen = started.load(std::memory_order_acquire)) < burst) pause();
+      if (seen == over) return;
       consume();
       done.store(burst, std::memory_order_release);
     }
@@ -185,13 +190,15 @@ std::vector<double> run_bursts(std::size_t bursts, Produce produce, Consume cons
   std::vector<double> seconds;
   std::thread one([&] {
     cores.pin_this_thread(0);
-    for (std::size_t burst = 1; burst <= bursts; ++burst) {
+    const auto enough = Clock::now() + most_time;
+    for (std::size_t burst = 1; burst <= bursts && (burst <= 20 || Clock::now() < enough); ++burst) {
       const auto begin = Clock::now();
       started.store(burst, std::memory_order_release);
       produce();
       while (done.load(std::memory_order_acquire) < burst) pause();
       seconds.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
     }
+    started.store(over, std::memory_order_release);
   });
   one.join();
   other.join();

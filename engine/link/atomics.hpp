@@ -63,6 +63,16 @@ struct ThreadAtomics {
     return word;
   }
 
+  /// Asks for a line of ring memory that will be written soon. Plain x86-64 code has no built-in for it: compilers emit
+  /// a prefetch for reading unless told of the instruction, which every processor accepts and some ignore.
+  static void prefetch_to_write(const std::byte* at) noexcept {
+#if defined(__x86_64__)
+    asm volatile("prefetchw %0" : : "m"(*at));
+#else
+    __builtin_prefetch(at, 1);
+#endif
+  }
+
   /// Sleeps while `word` is `expected`; may return early for no reason.
   static void sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept;
   /// The same, but returns at `deadline` at the latest.

@@ -185,6 +185,7 @@ struct CheckedAtomics {
     explorer().sleep(word.location(), expected);
   }
   static void wake(const Atomic<std::uint32_t>& word) { explorer().wake(word.location()); }
+  static void prefetch_to_write(const std::byte*) {}
   static void pause() {}
   static void yield() {}
   static void joined() {}
