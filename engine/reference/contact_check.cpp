@@ -25,7 +25,13 @@ struct Claim {
   Vector point;
 };
 
-/// Whether the direction and the place are those of a deepest contact of two cores.
+/// A distance that a point in the frame of a core surely has from it.
+double at_least_outside(const Core& core, const Vector& place) {
+  static const Core point = box_core({});
+  return iterated_distance({core, point, {{}, place}}, 1e-9 * core.reach).lower - core.radius;
+}
+
+/// What keeps the direction and the place from being those of a deepest contact of two cores.
 std::string explain_geometry(const Core& a, const Core& b, const Placement& b_in_a, const Claim& claim,
                              double allowed) {
   const Vector& n = claim.normal;
@@ -38,11 +44,9 @@ std::string explain_geometry(const Core& a, const Core& b, const Placement& b_in
   const double off = dot(n, claim.point) - (end_of_a + start_of_b) / 2;
   if (std::abs(off) > allowed) return text("wrong point: %.3g m along the normal from midway", off);
 
-  static const Core point = box_core({});
   const double within = std::max(0.0, overlap / 2) + allowed;
-  const double from_a = separation(a, point, {{}, claim.point}).distance;
+  const double from_a = at_least_outside(a, claim.point), from_b = at_least_outside(b, inverse(b_in_a) * claim.point);
   if (from_a > within) return text("wrong point: %.9g m outside a, overlap %.9g m", from_a, overlap);
-  const double from_b = separation(b, point, {{}, inverse(b_in_a) * claim.point}).distance;
   if (from_b > within) return text("wrong point: %.9g m outside b, overlap %.9g m", from_b, overlap);
   return {};
 }
