@@ -40,11 +40,10 @@ HWY_INLINE Vector<D> towards(D d, const Vector<D>& normal, const Vector<D>& cent
 /// good, a face it is: the deepest place lies on it, and not on the edges that happen to give the same direction.
 template <class D>
 HWY_INLINE EdgeAxis<D> edge_axis_from(D d, hn::Vec<D> face_overlap, hn::Vec<D> size) {
-  const auto zero = hn::Zero(d), one = hn::Set(d, Scalar<D>{1});
-  const Vector<D> none{zero, zero, zero};
+  const auto zero = hn::Zero(d), none = hn::Set(d, Scalar<D>{-1});
   const auto roundings = hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-14) : Scalar<D>(1e-6));
   const auto least = hn::Max(face_overlap - roundings * size, zero);
-  return {least * least, one, none, hn::Set(d, Scalar<D>{-1}), none, zero, face_overlap < zero};
+  return {least * least, hn::Set(d, Scalar<D>{1}), none, none, face_overlap < zero};
 }
 
 /// Separating axes, all fifteen: the difference of two boxes is a polytope whose faces have these normals, so the
@@ -78,15 +77,14 @@ struct BoxBox {
     try_edges_along<1>(d, p, t, u, v, w, q, edge);
     try_edges_along<2>(d, p, t, u, v, w, q, edge);
 
-    const auto by_edge = edge.box_edge >= zero;
-    const auto length = hn::Sqrt(edge.length_squared);
-    const auto depth = hn::IfThenElse(by_edge, hn::Sqrt(edge.overlap_squared) / length, face.overlap);
-    const auto inverse = hn::Set(d, Scalar<D>{1}) / length;
-    const Vector<D> normal = towards(d, choose(d, by_edge, scale(d, edge.along, inverse), face.normal), t);
     const Zonotope<D, 3> other{t, {u, v, w}, {q.x, q.y, q.z}};
-    const Vector<D> point = contact_point(d, p, other, normal, depth, by_edge, edge);
-    const auto hit = hn::Not(edge.separated);
-    return {hit, depth, rotate(d, a, normal), rotate(d, a, point)};
+    const Crossing<D, 3> crossing = crossing_of(d, edge, p, other);
+    const auto by_edge = edge.box_edge >= zero;
+    const auto inverse = hn::Set(d, Scalar<D>{1}) / hn::Sqrt(edge.length_squared);
+    const auto depth = hn::IfThenElse(by_edge, hn::Sqrt(edge.overlap_squared) * inverse, face.overlap);
+    const Vector<D> normal = towards(d, choose(d, by_edge, scale(d, crossing.product, inverse), face.normal), t);
+    const Vector<D> point = contact_point(d, p, other, normal, depth, by_edge, crossing, inverse * inverse);
+    return {hn::Not(edge.separated), depth, rotate(d, a, normal), rotate(d, a, point)};
   }
 
  private:
@@ -106,9 +104,9 @@ struct BoxBox {
     const auto uv = hn::Abs(component<j, D>(u) * component<k, D>(v) - component<k, D>(u) * component<j, D>(v));
     const auto uw = hn::Abs(component<j, D>(u) * component<k, D>(w) - component<k, D>(u) * component<j, D>(w));
     const auto vw = hn::Abs(component<j, D>(v) * component<k, D>(w) - component<k, D>(v) * component<j, D>(w));
-    try_edge_axis<i>(d, p, t, u, q.x, q.y * uv + q.z * uw, best);
-    try_edge_axis<i>(d, p, t, v, q.y, q.x * uv + q.z * vw, best);
-    try_edge_axis<i>(d, p, t, w, q.z, q.x * uw + q.y * vw, best);
+    try_edge_axis<i, 0>(d, p, t, u, q.y * uv + q.z * uw, best);
+    try_edge_axis<i, 1>(d, p, t, v, q.x * uv + q.z * vw, best);
+    try_edge_axis<i, 2>(d, p, t, w, q.x * uw + q.y * vw, best);
   }
 };
 
@@ -128,7 +126,7 @@ struct BoxCapsule {
     const Vector<D> u = unrotate(d, box, z_axis(d, in.second_turn));
 
     const Nearest<D> nearest = nearest_on_segment(d, half, centre, u, segment);
-    const auto distance = hn::Sqrt(dot(d, nearest.gap, nearest.gap));
+    const auto distance_squared = dot(d, nearest.gap, nearest.gap);
 
     FaceAxis<D> face;
     face.overlap = half.x + segment * hn::Abs(u.x) - hn::Abs(centre.x);
@@ -137,23 +135,25 @@ struct BoxCapsule {
     try_face_axis(d, half.z + segment * hn::Abs(u.z) - hn::Abs(centre.z), unit(d, 2), face);
     const auto size = half.x + half.y + half.z + segment;
     EdgeAxis<D> edge = edge_axis_from(d, face.overlap, size);
-    try_edge_axis<0>(d, half, centre, u, segment, zero, edge);
-    try_edge_axis<1>(d, half, centre, u, segment, zero, edge);
-    try_edge_axis<2>(d, half, centre, u, segment, zero, edge);
+    try_edge_axis<0, 0>(d, half, centre, u, zero, edge);
+    try_edge_axis<1, 0>(d, half, centre, u, zero, edge);
+    try_edge_axis<2, 0>(d, half, centre, u, zero, edge);
 
     // A gap so small that rounding decides its direction is left to the axes, which are as good there.
     const auto rounding = hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-14) : Scalar<D>(4e-6)) * size;
-    const auto apart = distance > rounding;
+    const auto apart = distance_squared > rounding * rounding;
     const auto by_edge = hn::AndNot(apart, edge.box_edge >= zero);
-    const auto length = hn::Sqrt(edge.length_squared);
-    const auto overlap = hn::IfThenElse(by_edge, hn::Sqrt(edge.overlap_squared) / length, face.overlap);
-    const auto depth = radius + hn::IfThenElse(apart, zero - distance, overlap);
-    const auto inverse = one / hn::IfThenElse(apart, distance, length);
-    const Vector<D> out = hn_choose_axis(d, apart, by_edge, nearest.gap, edge.along, face.normal, inverse);
-    const Vector<D> normal = choose(d, apart, out, towards(d, out, centre));
-
     const Zonotope<D, 1> other{centre, {u}, {segment}};
-    const Vector<D> met = contact_point(d, half, other, normal, depth, by_edge, edge);
+    const Crossing<D, 1> crossing = crossing_of(d, edge, half, other);
+    // Of what gives the normal: the gap, or the product of the two edges.
+    const auto length = hn::Sqrt(hn::IfThenElse(apart, distance_squared, edge.length_squared));
+    const auto inverse = one / length;
+    const auto overlap = hn::IfThenElse(by_edge, hn::Sqrt(edge.overlap_squared) * inverse, face.overlap);
+    const auto depth = radius + hn::IfThenElse(apart, zero - length, overlap);
+    const Vector<D> axis = choose(d, by_edge, scale(d, crossing.product, inverse), face.normal);
+    const Vector<D> normal = choose(d, apart, scale(d, nearest.gap, inverse), towards(d, axis, centre));
+
+    const Vector<D> met = contact_point(d, half, other, normal, depth, by_edge, crossing, inverse * inverse);
     const auto along = radius - depth * hn::Set(d, Scalar<D>(0.5));
     const Vector<D> near = subtract(d, nearest.on_segment, scale(d, normal, along));
     const Vector<D> point = choose(d, apart, near, met);
@@ -239,12 +239,6 @@ struct BoxCapsule {
     const auto tilt = hn::IfThenElseZero(mends, dot(d, gap, turns) / hn::IfThenElse(mends, squared, one));
     gap = subtract(d, gap, scale(d, turns, tilt));
     return {on_segment, gap};
-  }
-
-  template <class D>
-  static HWY_INLINE Vector<D> hn_choose_axis(D d, hn::Mask<D> apart, hn::Mask<D> by_edge, const Vector<D>& gap,
-                                             const Vector<D>& edge, const Vector<D>& face, hn::Vec<D> inverse) {
-    return choose(d, hn::Or(apart, by_edge), scale(d, choose(d, apart, gap, edge), inverse), face);
   }
 };
 

@@ -29,13 +29,15 @@ struct CapsuleCapsule {
     up = subtract(d, up, scale(d, u, dot(d, up, u)));
     const auto up_squared = dot(d, up, up);
     const auto parallel = up_squared < hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-28) : Scalar<D>(1e-12));
-    up = choose(d, parallel, perpendicular(d, u),
-                scale(d, up, one / hn::Sqrt(hn::IfThenElse(parallel, one, up_squared))));
+    const Vector<D> across = perpendicular(d, u);
+    const auto length = hn::Sqrt(hn::IfThenElse(parallel, dot(d, across, across), up_squared));
+    const auto inverse_length = one / length;
+    up = scale(d, choose(d, parallel, across, up), inverse_length);
     const Vector<D> side = cross(d, up, u);
 
-    // In this frame v = (c, s, 0), s >= 0.
+    // In this frame v = (c, s, 0), where s is the length of the product, not zero unless they are taken for parallel.
     const auto c = dot(d, u, v);
-    const auto s = hn::IfThenZeroElse(parallel, hn::Abs(dot(d, side, v)));
+    const auto s = hn::IfThenZeroElse(parallel, length);
     const auto x = dot(d, in.offset, u), y = dot(d, in.offset, side), z = dot(d, in.offset, up);
 
     // Outside past the edge at an end of q: t is that end, s is free.
@@ -58,9 +60,7 @@ struct CapsuleCapsule {
     const auto tip_squared = tip_gap_along * tip_gap_along + tip_gap_across * tip_gap_across;
 
     // Neither: the segments cross as seen along `up`, or they lie in one line.
-    const auto crossing = s > zero;
-    const auto inner_t =
-        limited(d, hn::IfThenElse(crossing, (zero - y) / hn::IfThenElse(crossing, s, one), zero - c * x), q_half);
+    const auto inner_t = limited(d, hn::IfThenElse(parallel, zero - c * x, zero - y * inverse_length), q_half);
     const auto inner_gap_x = excess(d, x, p_half + hn::Abs(c) * q_half);
 
     const auto end = past_end > zero, tip = past_tip > zero;

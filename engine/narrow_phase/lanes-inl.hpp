@@ -140,13 +140,12 @@ HWY_INLINE Vector<D> unrotate(D, const Rotation<D>& r, const Vector<D>& v) {
           r.m[0][2] * v.x + r.m[1][2] * v.y + r.m[2][2] * v.z};
 }
 
-/// Some unit vector at right angles to the unit vector `u`.
+/// Some vector at right angles to the unit vector `u`, between 0.6 and 1 long.
 template <class D>
 HWY_INLINE Vector<D> perpendicular(D d, const Vector<D>& u) {
   const auto zero = hn::Zero(d);
   const auto flat = hn::Abs(u.z) < hn::Set(d, Scalar<D>(0.75));
-  const Vector<D> v = choose(d, flat, Vector<D>{u.y, zero - u.x, zero}, Vector<D>{zero, u.z, zero - u.y});
-  return scale(d, v, hn::Set(d, Scalar<D>{1}) / hn::Sqrt(dot(d, v, v)));
+  return choose(d, flat, Vector<D>{u.y, zero - u.x, zero}, Vector<D>{zero, u.z, zero - u.y});
 }
 
 /// Squares of lengths below this are taken for zero: far under any rounding of sizes of at least a millimetre.
@@ -166,20 +165,20 @@ struct Found {
 
 /// The contact of two rounded cores whose nearest points are known.
 ///
-/// `gap` leads from the first core's nearest point to the second's; `normal_if_none` is the answer where the cores
-/// meet. For flat or thin cores (points, segments, parallelograms of two segments) this is the exact least depth.
+/// `gap` leads from the first core's nearest point to the second's; `direction_if_none`, of any length, is that of the
+/// normal where the cores meet. For flat or thin cores (points, segments, parallelograms of two segments) this is the
+/// exact least depth.
 template <class D>
 HWY_INLINE Found<D> rounded_contact(D d, const Vector<D>& gap, hn::Vec<D> first_radius, hn::Vec<D> second_radius,
-                                    const Vector<D>& first_nearest, const Vector<D>& normal_if_none) {
-  const auto one = hn::Set(d, Scalar<D>{1});
+                                    const Vector<D>& first_nearest, const Vector<D>& direction_if_none) {
   const auto squared = dot(d, gap, gap);
   const auto meet = squared < no_length(d);
-  const auto distance = hn::Sqrt(squared);
-  const auto inverse = one / hn::IfThenElse(meet, one, distance);
-  const Vector<D> normal = choose(d, meet, normal_if_none, scale(d, gap, inverse));
-  const auto depth = first_radius + second_radius - distance;
-  const auto along = first_radius - depth * hn::Set(d, Scalar<D>(0.5));
-  return {depth >= hn::Zero(d), depth, normal, add(d, first_nearest, scale(d, normal, along))};
+  const Vector<D> along = choose(d, meet, direction_if_none, gap);
+  const auto length = hn::Sqrt(hn::IfThenElse(meet, dot(d, direction_if_none, direction_if_none), squared));
+  const Vector<D> normal = scale(d, along, hn::Set(d, Scalar<D>{1}) / length);
+  const auto depth = first_radius + second_radius - hn::IfThenZeroElse(meet, length);
+  const auto to_middle = first_radius - depth * hn::Set(d, Scalar<D>(0.5));
+  return {depth >= hn::Zero(d), depth, normal, add(d, first_nearest, scale(d, normal, to_middle))};
 }
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

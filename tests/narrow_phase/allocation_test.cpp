@@ -1,0 +1,39 @@
+#include <atomic>
+#include <cstdlib>
+#include <new>
+
+#include <doctest/doctest.h>
+
+#include "narrow_phase/narrow_phase.hpp"
+#include "narrow_phase/pair_world.hpp"
+
+// Every allocation of the program is counted; only the tests below look at the count.
+namespace {
+std::atomic<std::size_t> allocations{0};
+}
+
+void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size)) return memory;
+  throw std::bad_alloc();
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+
+using namespace ringfence;
+using namespace ringfence::narrow_phase_test;
+
+TEST_CASE("in steady state nothing is allocated") {
+  for (const auto& [p, q] : {std::pair{ShapeKind::sphere, ShapeKind::box},
+                             {ShapeKind::box, ShapeKind::box},
+                             {ShapeKind::capsule, ShapeKind::capsule}}) {
+    PairWorld world = nasty_pairs(p, q, 6000, 21);
+    narrow_phase::NarrowPhase narrow_phase(world.shapes());
+    const std::size_t contacts = narrow_phase.test(world.bodies, world.pairs).size();
+    const std::size_t before = allocations;
+    CHECK(narrow_phase.test(world.bodies, world.pairs).size() == contacts);
+    CHECK(narrow_phase.test(world.bodies, std::span(world.pairs).first(17)).size() <= 17);
+    CHECK(narrow_phase.test(world.bodies, {}).empty());
+    CHECK(allocations == before);
+  }
+}
