@@ -63,7 +63,7 @@ struct Node {
 };
 
 void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned) {
-  constexpr std::size_t frames = 300, batches = 12;
+  constexpr std::size_t frames = 50, batches = 21;
   const link::Cores cores;
   link::Doorbell server;
   std::vector<std::unique_ptr<Node>> all;

@@ -19,8 +19,8 @@ namespace ringfence::link {
 /// it acquires what the ringer released, the look that follows it sees what the ringer did before. No fence is needed,
 /// and no sequential consistency. The exhaustive checker in tests/link runs this code.
 ///
-/// Cost: a ring that wakes nobody is one atomic exchange (about 20 cycles where the line is at hand). Waiting looks for
-/// a while (see Patience), then sleeps on a futex: about 2 us to wake one that sleeps, 20 us until it runs.
+/// Cost: a ring that wakes nobody is one atomic exchange. Waiting looks for a while (see Patience), then sleeps on a
+/// futex: a round trip between two threads that both sleep takes about 40 us.
 ///
 /// Threads: `ring` from any, `wait` from the owner alone. Memory: none but itself; may lie in shared memory with
 /// ProcessAtomics.
