@@ -81,7 +81,15 @@ class Draw {
   ShapeDescription ordinary(ShapeKind kind) {
     if (kind == ShapeKind::sphere) return Sphere{size(0.3, 1.5)};
     if (kind == ShapeKind::box) return Box{{size(0.2, 1.2), size(0.2, 1.2), size(0.2, 1.2)}};
-    return Capsule{size(0.2, 0.8), size(0.1, 1.5)};
+    if (kind == ShapeKind::capsule) return Capsule{size(0.2, 0.8), size(0.1, 1.5)};
+    ConvexHull hull;
+    const Vec3f scale{size(0.3, 1.2), size(0.3, 1.2), size(0.3, 1.2)};
+    for (int points = 4 + below(40); points > 0; --points) {
+      const Vec3d p = direction();
+      hull.points.push_back(
+          {static_cast<float>(p.x) * scale.x, static_cast<float>(p.y) * scale.y, static_cast<float>(p.z) * scale.z});
+    }
+    return hull;
   }
 
   /// Millimetres to kilometres, plates, needles and rods, round numbers.
