@@ -94,9 +94,13 @@ struct World::Implementation {
   }
   link::Doorbell* server_bell() noexcept { return threaded() ? &server_worker->bell() : nullptr; }
 
-  void build_nodes();
   void build_server();
-  void start_workers();
+  void start_worker(Worker& worker);
+  Line add_node(const regions::RegionMap& map);
+  void introduce_nodes();
+  void grow_nodes();
+  void retire_nodes();
+  void list_in_place();
   void connect_users();
   void forget_users();
   void assign_users();
@@ -113,13 +117,13 @@ struct World::Implementation {
     }
   }
   void log_growth();
-  telemetry::Track* track(std::size_t index) noexcept { return config.timeline ? &tracks[index] : nullptr; }
   void gather_timeline();
 
   WorldConfig config;
   geometry::ShapeTable shapes;
   geometry::FixedSpace space;
-  regions::RegionMap map;
+  link::Cores cores;
+  std::size_t next_core = 0;
   facade::Registry registry;
   nodes::Publications publications;
   std::unique_ptr<link::Publication> relay;
@@ -141,7 +145,10 @@ struct World::Implementation {
   std::uint64_t frames = 0;
   FrameReport report;
   std::uint64_t users_cpu_ns = 0;
-  std::vector<telemetry::Track> tracks;  ///< the server's, the nodes', the user threads'
+  telemetry::Track server_track;
+  std::deque<telemetry::Track> node_tracks;
+  std::deque<telemetry::Track> user_tracks;
+  std::uint32_t resize_to = 0;  ///< nodes from the frame after the next on; 0: as they are
   bool growth_logged = false;
   mutable facade::ContactIndex contact_index;
   mutable std::uint64_t indexed_frames = 0;
@@ -150,8 +157,8 @@ struct World::Implementation {
   std::unique_ptr<Worker> server_worker;
   std::deque<Worker> node_workers;
   std::deque<Worker> user_workers;
-  std::deque<Way> node_ways;
-  std::deque<Way> peer_ways;
+  std::vector<std::unique_ptr<Way>> node_ways;
+  std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<Way>> peer_ways;  ///< lower number first
   std::map<UserNumber, std::unique_ptr<User>> user_nodes;
   std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;
   std::unique_ptr<nodes::ServerRole> server;
@@ -171,37 +178,19 @@ struct World::Implementation {
 World::Implementation::Implementation(WorldConfig given)
     : config((facade::check(given), std::move(given))),
       space(config.bounds_min, config.bounds_max),
-      map(region_grid(config, space), std::max(1u, config.nodes)),
       registry(config.capacities.objects) {
   publications.grid = interest_grid(config, space);
   publications.space = &space;
   relay = std::make_unique<link::Publication>(publications.grid.cells(), config.capacities.objects);
   publications.server.publication = relay.get();
   publications.users.reserve(config.capacities.users);
-  if (threaded()) {
-    server_worker = std::make_unique<Worker>();
-    node_workers.resize(config.nodes);
-    user_workers.resize(config.user_threads);
-    order.caller = &caller_bell;
-  }
-  tracks.resize(config.timeline ? 1 + map.nodes() + std::max(1u, config.user_threads) : 0);
+  order.caller = threaded() ? &caller_bell : nullptr;
+  user_tracks.resize(std::max(1u, config.user_threads));
   build_server();
-  start_workers();
 }
 
+// The nodes are there when the server is made: it is given their lines.
 void World::Implementation::build_server() {
-  const std::uint32_t count = map.nodes();
-  std::vector<std::vector<Line>> peers(count, std::vector<Line>(count));
-  const auto bell = [&](NodeNumber node) { return threaded() ? &node_workers[node].bell() : nullptr; };
-  // Many nodes need many rings; a hand-over is small.
-  const std::size_t peer_ring = ring_bytes(count <= 16 ? std::size_t{1} << 18 : std::size_t{1} << 14);
-  for (NodeNumber p = 0; p < count; ++p) {
-    for (NodeNumber q = p + 1; q < count; ++q) {
-      Way& way = peer_ways.emplace_back(peer_ring, bell(p), bell(q));
-      peers[p][q] = way.first();
-      peers[q][p] = way.second();
-    }
-  }
   nodes::ServerSetup setup;
   setup.shapes = &shapes;
   setup.space = &space;
@@ -213,51 +202,145 @@ void World::Implementation::build_server() {
   setup.layer_masks = layer_masks(config.layers);
   setup.capacities = config.capacities;
   setup.interest = config.interest;
-  setup.track = track(0);
-  for (NodeNumber node = 0; node < count; ++node) {
-    Way& way = node_ways.emplace_back(ring_bytes(server_node_ring), server_bell(), bell(node));
-    setup.nodes.push_back(way.first());
-    nodes::CdNodeSetup own;
-    own.node = node;
-    own.shapes = &shapes;
-    own.space = &space;
-    own.model = config.motion.get();
-    own.placement = config.placement;
-    own.layer_masks = setup.layer_masks;
-    own.track = track(1 + node);
-    own.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / count + 64);
-    own.pairs = std::min(config.capacities.pairs, 2 * config.capacities.pairs / count + 64);
-    own.server = way.second();
-    own.peers = peers[node];
-    node_roles.push_back(std::make_unique<nodes::CdNodeRole>(own, map));
+  setup.balance = config.balance;
+  setup.track = config.timeline ? &server_track : nullptr;
+  const regions::RegionMap map(region_grid(config, space), std::max(1u, config.nodes));
+  if (threaded()) {
+    server_worker = std::make_unique<Worker>();
+    start_worker(*server_worker);
+  }
+  for (NodeNumber node = 0; node < map.nodes(); ++node) {
+    setup.nodes.push_back(add_node(map));
   }
   server = std::make_unique<nodes::ServerRole>(setup, map);
+  introduce_nodes();
+  if (threaded()) {
+    server_worker->assign({Steppable::of(*server)});
+    user_workers.resize(config.user_threads);
+    for (Worker& worker : user_workers) {
+      start_worker(worker);
+    }
+  }
 }
 
-void World::Implementation::start_workers() {
-  if (!threaded()) {
-    in_place.push_back(Steppable::of(*server));
-    for (auto& role : node_roles) {
-      in_place.push_back(Steppable::of(*role));
+// One core each for the server and the nodes where there are enough; user threads go where there is room.
+void World::Implementation::start_worker(Worker& worker) {
+  worker.start(config.pin ? &cores : nullptr, config.pin ? next_core++ : Worker::unpinned);
+}
+
+// Makes the next CD node, not yet introduced to its peers and not yet stepped; returns the server's end of its line.
+Line World::Implementation::add_node(const regions::RegionMap& map) {
+  const auto node = static_cast<NodeNumber>(node_roles.size());
+  link::Doorbell* bell = nullptr;
+  if (threaded()) {
+    start_worker(node_workers.emplace_back());
+    bell = &node_workers.back().bell();
+  }
+  node_ways.push_back(std::make_unique<Way>(ring_bytes(server_node_ring), server_bell(), bell));
+  // Many nodes need many rings between them; a hand-over is small.
+  const std::size_t peer_ring = ring_bytes(map.nodes() <= 16 ? std::size_t{1} << 18 : std::size_t{1} << 14);
+  for (NodeNumber peer = 0; peer < node; ++peer) {
+    peer_ways[{peer, node}] = std::make_unique<Way>(peer_ring, threaded() ? &node_workers[peer].bell() : nullptr, bell);
+  }
+  nodes::CdNodeSetup setup;
+  setup.node = node;
+  setup.shapes = &shapes;
+  setup.space = &space;
+  setup.model = config.motion.get();
+  setup.placement = config.placement;
+  setup.layer_masks = layer_masks(config.layers);
+  setup.shares_thread = !threaded();
+  setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
+  setup.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / map.nodes() + 64);
+  setup.pairs = std::min(config.capacities.pairs, 2 * config.capacities.pairs / map.nodes() + 64);
+  setup.server = node_ways.back()->second();
+  node_roles.push_back(std::make_unique<nodes::CdNodeRole>(setup, map));
+  return node_ways.back()->first();
+}
+
+// Tells every node of the others and lets the threads step them.
+void World::Implementation::introduce_nodes() {
+  const auto count = static_cast<NodeNumber>(node_roles.size());
+  for (NodeNumber node = 0; node < count; ++node) {
+    if (threaded()) {
+      node_workers[node].assign({});
     }
+    std::vector<Line> peers(count);
+    for (NodeNumber peer = 0; peer < count; ++peer) {
+      if (peer != node) {
+        Way& way = *peer_ways.at({std::min(peer, node), std::max(peer, node)});
+        peers[peer] = node < peer ? way.first() : way.second();
+      }
+    }
+    node_roles[node]->meet(peers);
+    if (threaded()) {
+      node_workers[node].assign({Steppable::of(*node_roles[node])});
+    }
+  }
+  list_in_place();
+}
+
+// No frame is under way.
+void World::Implementation::grow_nodes() {
+  if (resize_to == 0) {
     return;
   }
-  // One core each for the server and the nodes where there are enough; user threads go where there is room.
-  const link::Cores cores;
-  std::size_t next = 0;
-  const auto start = [&](Worker& worker) {
-    worker.start(&cores, config.pin ? next : Worker::unpinned);
-    ++next;
-  };
-  start(*server_worker);
-  server_worker->assign({Steppable::of(*server)});
-  for (std::size_t node = 0; node < node_workers.size(); ++node) {
-    start(node_workers[node]);
-    node_workers[node].assign({Steppable::of(*node_roles[node])});
+  Request request;
+  request.kind = Request::Kind::add_node;
+  const bool more = resize_to > node_roles.size();
+  while (node_roles.size() < resize_to) {
+    request.line = add_node(server->map());
+    order.requests.push_back(request);
   }
-  for (Worker& worker : user_workers) {
-    start(worker);
-    worker.assign({});
+  if (more) {
+    introduce_nodes();
+  }
+  request.kind = Request::Kind::resize;
+  request.nodes = std::exchange(resize_to, 0u);
+  order.requests.push_back(request);
+}
+
+// The frame in which they handed everything over is complete.
+void World::Implementation::retire_nodes() {
+  const NodeNumber count = server->map().nodes();
+  if (node_roles.size() == count) {
+    return;
+  }
+  std::vector<std::unique_ptr<Way>> retired;  // until the others have forgotten the way
+  while (node_roles.size() > count) {
+    const auto node = static_cast<NodeNumber>(node_roles.size() - 1);
+    if (threaded()) {
+      node_workers[node].assign({});
+    }
+    node_roles.pop_back();
+    if (config.timeline) {
+      node_tracks.pop_back();
+    }
+    retired.push_back(std::move(node_ways.back()));
+    node_ways.pop_back();
+    for (NodeNumber peer = 0; peer < node; ++peer) {
+      retired.push_back(std::move(peer_ways[{peer, node}]));
+      peer_ways.erase({peer, node});
+    }
+  }
+  introduce_nodes();
+  retired.clear();
+  while (node_workers.size() > count) {
+    node_workers.pop_back();
+  }
+}
+
+void World::Implementation::list_in_place() {
+  in_place.clear();
+  if (threaded()) {
+    return;
+  }
+  in_place.push_back(Steppable::of(*server));
+  for (auto& role : node_roles) {
+    in_place.push_back(Steppable::of(*role));
+  }
+  for (auto& [number, user] : user_nodes) {
+    in_place.push_back(Steppable::of(*user->role));
   }
 }
 
@@ -300,7 +383,7 @@ void World::Implementation::connect_users() {
     setup.model = config.motion.get();
     setup.publications = &publications;
     setup.interest = config.interest;
-    setup.track = track(1 + map.nodes() + worker);
+    setup.track = config.timeline ? &user_tracks[worker] : nullptr;
     setup.objects = config.deployment == Deployment::user ? 64 : 4;
     setup.server = user->way.second();
     user->role = std::make_unique<nodes::UserRole>(setup);
@@ -335,10 +418,7 @@ void World::Implementation::forget_users() {
 
 void World::Implementation::assign_users() {
   if (!threaded()) {
-    in_place.resize(1 + node_roles.size());
-    for (auto& [number, user] : user_nodes) {
-      in_place.push_back(Steppable::of(*user->role));
-    }
+    list_in_place();
     return;
   }
   std::vector<std::vector<Steppable>> roles(user_workers.size());
@@ -360,13 +440,18 @@ void World::Implementation::step_in_place() {
 
 void World::Implementation::gather_timeline() {
   report.timeline.clear();
-  for (std::size_t index = 0; index < tracks.size(); ++index) {
-    for (TimelineSpan span : tracks[index].spans()) {
-      span.track = static_cast<std::uint32_t>(index);
+  std::uint32_t index = 0;
+  const auto gather = [&](telemetry::Track& track) {
+    for (TimelineSpan span : track.spans()) {
+      span.track = index;
       report.timeline.push_back(span);
     }
-    tracks[index].clear();
-  }
+    track.clear();
+    ++index;
+  };
+  gather(server_track);
+  std::for_each(node_tracks.begin(), node_tracks.end(), gather);
+  std::for_each(user_tracks.begin(), user_tracks.end(), gather);
 }
 
 void World::Implementation::log_growth() {
@@ -547,6 +632,17 @@ Status World::remove(ObjectId object) {
   return Status::ok;
 }
 
+Status World::resize(std::uint32_t nodes) {
+  Implementation& w = *implementation_;
+  if (nodes == 0 || nodes > 1024 || nodes > w.server->map().grid().cells()) {
+    return w.refuse(Status::bad_number);
+  }
+  w.resize_to = nodes;
+  return Status::ok;
+}
+
+std::uint32_t World::nodes() const noexcept { return static_cast<std::uint32_t>(implementation_->report.nodes.size()); }
+
 Status World::advance() {
   const Status status = begin_frame();
   return status == Status::ok ? finish_frame() : status;
@@ -561,6 +657,7 @@ Status World::begin_frame() {
   w.cut_leaving.swap(w.leaving);
   w.order.requests.swap(w.requests);
   w.connect_users();
+  w.grow_nodes();
   for (const auto& steering : w.steerings) {
     w.user_nodes.at(steering.user)->role->steer(steering.number, steering.pose);
   }
@@ -598,6 +695,7 @@ Status World::finish_frame() {
   }
   w.report.users_cpu_ms = static_cast<double>(cpu_ns - std::exchange(w.users_cpu_ns, cpu_ns)) * 1e-6;
   w.gather_timeline();
+  w.retire_nodes();
   w.log_growth();
   return Status::ok;
 }

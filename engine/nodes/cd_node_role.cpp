@@ -32,6 +32,12 @@ messages::RunHead CdNodeRole::head(MessageType type, Endpoint to) const noexcept
   return {type, self_, to, frame_, map_.epoch()};
 }
 
+void CdNodeRole::meet(const std::vector<Line>& peers) {
+  setup_.peers = peers;
+  leavers_.resize(peers.size());
+  hand_over_runs_.resize(peers.size());
+}
+
 Step CdNodeRole::step() {
   step_start_ = telemetry::now_ns();
   bool progressed = drain(setup_.server);
@@ -334,7 +340,7 @@ bool CdNodeRole::send_told() {
   return told_run_.pump(*setup_.server.out, head(MessageType::told, Endpoint::server()), sizeof(messages::ToldRecord),
                         traffic_, [&](std::size_t, std::byte* where) {
                           told_.busy_ns += telemetry::now_ns() - step_start_;
-                          told_.cpu_ns = telemetry::thread_cpu_ns() - cpu_start_;
+                          told_.cpu_ns = setup_.shares_thread ? told_.busy_ns : telemetry::thread_cpu_ns() - cpu_start_;
                           told_.hosted = host_.size();
                           const HostRefusals& refusals = host_.refusals();
                           told_.model_failed = refusals.model_failed;

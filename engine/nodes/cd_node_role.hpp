@@ -30,9 +30,10 @@ struct CdNodeSetup {
   const MotionModel* model = nullptr;  ///< null: nothing moves by itself
   Placement placement = Placement::server;
   std::array<std::uint32_t, 32> layer_masks{};  ///< which layers each layer collides with
-  telemetry::Track* track = nullptr;            ///< null: nothing is noted
-  std::size_t objects = 0;                      ///< reserved
-  std::size_t pairs = 0;                        ///< reserved
+  bool shares_thread = false;         ///< other roles run on its thread: its CPU time is then the time that it was busy
+  telemetry::Track* track = nullptr;  ///< null: nothing is noted
+  std::size_t objects = 0;            ///< reserved
+  std::size_t pairs = 0;              ///< reserved
   Line server;
   std::vector<Line> peers;  ///< by node number; the own entry is empty
 };
@@ -50,6 +51,9 @@ class CdNodeRole {
   CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map);
 
   Step step();
+
+  /// The other nodes have changed in number. Between frames, while no thread steps the role.
+  void meet(const std::vector<Line>& peers);
 
   /// The objects hosted after the last frame. Only while no frame is under way.
   const Host& host() const noexcept { return host_; }

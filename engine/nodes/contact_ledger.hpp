@@ -27,6 +27,8 @@ class ContactLedger {
  public:
   ContactLedger(std::size_t nodes, std::size_t contacts);
 
+  /// From the next begin() on there are so many nodes.
+  void resize(std::size_t nodes) { received_.resize(nodes); }
   /// Empties C(frame) and what has been received.
   void begin(std::uint64_t frame);
   /// The next contact that `node` found.

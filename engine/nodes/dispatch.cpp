@@ -25,6 +25,14 @@ Dispatch::Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Pl
   }
 }
 
+void Dispatch::resize(std::size_t nodes) {
+  updates_.resize(nodes);
+  pairs_.resize(nodes);
+  update_runs_.resize(nodes);
+  pair_runs_.resize(nodes);
+  stamps_.resize(nodes, 0);
+}
+
 void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map, bool everything) {
   for (auto& updates : updates_) {
     updates.clear();

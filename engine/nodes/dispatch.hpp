@@ -25,6 +25,9 @@ class Dispatch {
   Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Placement placement,
            const std::array<std::uint32_t, 32>& layer_masks);
 
+  /// Between frames: from now on there are so many nodes.
+  void resize(std::size_t nodes);
+
   /// Lists who is told of what moved; with `everything`, of every present object anew (the map has changed).
   void list_updates(ObjectTable& objects, const regions::RegionMap& map, bool everything);
   /// Sweeps all objects and lists each candidate with its owner. Only with Placement::server.

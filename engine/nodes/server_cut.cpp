@@ -16,21 +16,17 @@ void ServerRole::cut() {
   begin_ns_ = mark_ns_ = telemetry::now_ns();
   cpu_begin_ns_ = telemetry::thread_cpu_ns();
   ingest_ns_ = 0;
-  FrameReport& frame = report();
-  std::vector<NodeReport> nodes = std::move(frame.nodes);
-  std::fill(nodes.begin(), nodes.end(), NodeReport{});
-  frame = {};
-  frame.nodes = std::move(nodes);
-  frame.frame = frame_;
-
+  retire_nodes();
   objects_.settle();
   users_changed_ = false;
+  start_report();
   for (const Request& request : setup_.order->requests) {
     apply(request);
   }
   for (const Rehosting& change : hosting_.settle(objects_, map_, connected_, users_changed_)) {
     rehost(change);
   }
+  report().nodes.resize(nodes_.size());
   ledger_.begin(frame_);
   host_.begin_contacts(frame_);
   all_parties([&](Party& party) {
@@ -46,6 +42,15 @@ void ServerRole::cut() {
   stage_ = Stage::opening;
 }
 
+void ServerRole::start_report() {
+  FrameReport& frame = report();
+  std::vector<NodeReport> nodes = std::move(frame.nodes);
+  std::fill(nodes.begin(), nodes.end(), NodeReport{});
+  frame = {};
+  frame.nodes = std::move(nodes);
+  frame.frame = frame_;
+}
+
 void ServerRole::apply(const Request& request) {
   switch (request.kind) {
     case Request::Kind::connect:
@@ -54,6 +59,11 @@ void ServerRole::apply(const Request& request) {
       return disconnect(request.user);
     case Request::Kind::spawn:
       return spawn(request);
+    case Request::Kind::add_node:
+      return add_node(request);
+    case Request::Kind::resize:
+      resize_to_ = request.nodes;
+      return;
     case Request::Kind::destroy:
     case Request::Kind::place:
     case Request::Kind::remove:
@@ -83,6 +93,27 @@ void ServerRole::connect(const Request& request) {
   party.connected = true;
   connected_.insert(std::lower_bound(connected_.begin(), connected_.end(), request.user), request.user);
   users_changed_ = true;
+}
+
+// A new node works from its first frame on, though its region is empty until the map changes at the frame's end.
+void ServerRole::add_node(const Request& request) {
+  Party& party = nodes_.emplace_back();
+  party.self = Endpoint::node(static_cast<NodeNumber>(nodes_.size() - 1));
+  party.line = request.line;
+  party.connected = true;
+  node_lines_.push_back(request.line);
+  dispatch_.resize(nodes_.size());
+  ledger_.resize(nodes_.size());
+}
+
+// Nodes that the map no longer knows handed everything over at the end of the frame before.
+void ServerRole::retire_nodes() {
+  if (nodes_.size() > map_.nodes()) {
+    nodes_.resize(map_.nodes());
+    node_lines_.resize(map_.nodes());
+    dispatch_.resize(map_.nodes());
+    ledger_.resize(map_.nodes());
+  }
 }
 
 void ServerRole::disconnect(UserNumber user) {

@@ -9,6 +9,50 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 
+// Which region map holds from the next frame on. Contacts do not depend on it, only what the nodes cost.
+void ServerRole::follow_load() {
+  std::span<const NodeNumber> owners;
+  std::uint32_t nodes = map_.nodes();
+  if (resize_to_ != 0) {
+    nodes = resize_to_;
+    resize_to_ = 0;
+    weigh_cells();
+    owners = balance_.share_out(map_, nodes);
+  } else if (setup_.balance && nodes > 1) {
+    costs_.clear();
+    for (const NodeReport& node : reports_[(frame_ + 1) & 1].nodes) {
+      costs_.push_back(node.cpu_ms);
+    }
+    balance_.add_frame(costs_);
+    if (balance_.wanted()) {
+      weigh_cells();
+      owners = balance_.propose(map_);
+    }
+  }
+  if (!owners.empty()) {
+    map_.assign(owners, nodes, map_.epoch() + 1);
+    map_changed_ = true;
+  }
+}
+
+// What a present object costs to move and sweep is about what half a contact costs to find.
+void ServerRole::weigh_cells() {
+  balance_.start_weighing();
+  const auto weigh = [&](const Vec3d& position, double cost) {
+    std::uint32_t point[3];
+    setup_.space->point(position, point);
+    balance_.weigh(map_.grid().cell_of(point), cost);
+  };
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    if (objects_.present()[slot] != 0) {
+      weigh(objects_.row(slot).pose.position, 1.0);
+    }
+  }
+  for (const Contact& contact : ledger_.contacts(frame_)) {
+    weigh(contact.point, 2.0);
+  }
+}
+
 // In user/collision deployment hosts follow the poses and the region map. The nodes conclude the same from what they
 // hold; here it says to whom contacts go, and how many hand-overs each node has to wait for.
 void ServerRole::next_hosts() {

@@ -14,6 +14,7 @@ using messages::MessageView;
 ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
     : setup_(setup),
       map_(map),
+      balance_(map.grid(), {}),
       objects_(setup.capacities.objects, setup.model == nullptr ? 0 : (setup.model->state_bytes() + 7) / 8 * 8),
       host_(setup.model, setup.deployment == Deployment::user_server ? setup.capacities.objects : 0),
       hosting_(setup.deployment, *setup.space),
@@ -28,9 +29,6 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
     party.line = setup.nodes[node];
     party.connected = true;
     party.notices.reserve(std::min(setup.capacities.contacts, 2 * setup.capacities.contacts / nodes_.size() + 64));
-  }
-  for (FrameReport& report : reports_) {
-    report.nodes.resize(nodes_.size());
   }
   users_.reserve(setup.capacities.users);
   connected_.reserve(setup.capacities.users);
@@ -268,6 +266,7 @@ void ServerRole::collect() {
   frame.began = ledger_.began();
   frame.ended = ledger_.ended(frame_).size();
   spend(ringfence::Stage::collect, telemetry::now_ns());
+  follow_load();
   next_hosts();
   list_notices();
   publish();
@@ -327,6 +326,7 @@ void ServerRole::finish() {
   spend(ringfence::Stage::notify, now);
   FrameReport& frame = report();
   frame.objects = objects_.live();
+  frame.map_epoch = map_.epoch();
   frame.moved = objects_.moved().size();
   frame.frame_ms = telemetry::to_ms(now - begin_ns_);
   frame.server_cpu_ms = telemetry::to_ms(telemetry::thread_cpu_ns() - cpu_begin_ns_);

@@ -17,6 +17,7 @@
 #include "nodes/party.hpp"
 #include "nodes/publications.hpp"
 #include "nodes/request.hpp"
+#include "regions/balance.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
 #include "ringfence/frame_report.hpp"
@@ -44,6 +45,7 @@ struct ServerSetup {
   std::array<std::uint32_t, 32> layer_masks{};
   Capacities capacities;
   double interest = 0;
+  bool balance = true;                ///< regions follow the load
   telemetry::Track* track = nullptr;  ///< null: nothing is noted
   std::vector<Line> nodes;
 };
@@ -65,6 +67,7 @@ class ServerRole {
   Step step();
 
   // Between frames, for the facade.
+  const regions::RegionMap& map() const noexcept { return map_; }
   const ObjectTable& objects() const noexcept { return objects_; }
   // For the last frame; they stay as they are while the next one is under way.
   const ContactLedger& ledger() const noexcept { return ledger_; }
@@ -75,12 +78,15 @@ class ServerRole {
 
   // The cut.
   void cut();
+  void start_report();
   void apply(const Request& request);
   void connect(const Request& request);
   void disconnect(UserNumber user);
   void spawn(const Request& request);
   void end_object(std::uint32_t slot);
   void place(std::uint32_t slot, const Pose& pose, bool present);
+  void add_node(const Request& request);
+  void retire_nodes();
   void rehost(const Rehosting& change);
   void tell_late_contacts(std::uint32_t slot, messages::Endpoint host);
   Party* party_of(messages::Endpoint endpoint) noexcept;
@@ -103,6 +109,8 @@ class ServerRole {
   void collect();
   void list_notices();
   void list_notice(std::uint32_t notice, const Contact& contact, const SlotPair& slots);
+  void follow_load();
+  void weigh_cells();
   void next_hosts();
   void publish();
   bool notify(Party& party);
@@ -127,6 +135,9 @@ class ServerRole {
 
   ServerSetup setup_;
   regions::RegionMap map_;
+  regions::Balance balance_;
+  std::vector<double> costs_;     ///< of the nodes in the frame before
+  std::uint32_t resize_to_ = 0;   ///< nodes from the next frame on; 0: as they are
   bool map_changed_ = false;      ///< nodes are told of the new map at the end of this frame
   bool tell_everything_ = false;  ///< the map changed at the end of the frame before
   ObjectTable objects_;

@@ -71,8 +71,9 @@ struct WorldConfig {
   Capacities capacities;
   Capacities limits{16'777'216, 1'073'741'824, 268'435'456, 65'536};
   std::size_t ring_bytes = 0;  ///< of every ring; a power of two, 4096 to 2^30; 0: by role
-  bool pin = false;            ///< pin threads to cores where there are enough of them
-  bool timeline = false;       ///< note in FrameReport::timeline what each thread did when
+  bool balance = true;    ///< regions follow the load: the map changes at frame ends when nodes cost unequal amounts
+  bool pin = false;       ///< pin threads to cores where there are enough of them
+  bool timeline = false;  ///< note in FrameReport::timeline what each thread did when
   LayerMatrix layers;
   std::shared_ptr<const MotionModel> motion;  ///< null: objects move only by World::move and World::place
   LogHook log;                                ///< null: silent

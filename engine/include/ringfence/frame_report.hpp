@@ -61,7 +61,8 @@ struct FrameReport {
   std::uint64_t contacts = 0;    ///< begin and persist
   std::uint64_t began = 0, ended = 0;
   std::uint64_t objects = 0, moved = 0;
-  std::uint64_t handed_over = 0;                      ///< objects whose host changed
+  std::uint64_t handed_over = 0;  ///< objects whose host changed
+  std::uint32_t map_epoch = 1;    ///< of the region map for the next frame: grows when regions were balanced or resized
   std::array<std::uint64_t, status_count> refused{};  ///< calls and records refused, by reason
   std::array<TrafficReport, traffic_count> traffic{};
   std::uint64_t grown = 0;  ///< buffers that outgrew what was reserved

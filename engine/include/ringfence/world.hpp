@@ -84,6 +84,13 @@ class World {
   /// Takes the object out of the world's contacts, from the next frame until it is placed or moved again.
   Status remove(ObjectId object);
 
+  /// Changes the number of CD nodes: those to come join the next frame, and at its end regions, hosted objects and
+  /// duties are handed over; those to go then leave. No frame is lost and no contact changes. The last call before a
+  /// frame counts. Refused with bad_number unless `nodes` is 1 to 1024 and at most the number of cells.
+  Status resize(std::uint32_t nodes);
+  /// CD nodes at work in the last frame.
+  std::uint32_t nodes() const noexcept;
+
   /// A whole frame: begin_frame and finish_frame.
   Status advance();
   /// Starts a frame and returns; with nodes = 0 the work is done in finish_frame.
