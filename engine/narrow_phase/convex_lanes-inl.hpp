@@ -144,6 +144,15 @@ HWY_INLINE Point<T> along_edge(const Polytope& p, std::size_t i) {
   }
 }
 
+template <class T>
+HWY_INLINE T edge_length(const Polytope& p, std::size_t i) {
+  if constexpr (sizeof(T) == 4) {
+    return p.of(geometry::EdgeColumn::length)[i];
+  } else {
+    return length(vertex_of<T>(p, p.ends[i].to) - vertex_of<T>(p, p.ends[i].from));
+  }
+}
+
 /// The support of a polytope: the greatest of direction · vertex.
 template <class T>
 HWY_INLINE T support(const Polytope& p, Point<T> direction) {

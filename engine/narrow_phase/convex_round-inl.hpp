@@ -6,8 +6,9 @@
 // across an edge and the segment. Everything is tried, a vector of faces or edges at a time, so that it ends and no
 // start matters; the farthest plane ends it for most pairs that are apart.
 //
-// A distance that is small against the sizes leaves the direction to rounding: then the answer is `unsure`, and the
-// caller asks again in double.
+// In float, rounding may leave the direction between two near points too far off, or pick the wrong two of nearly the
+// same distance. So the direction is tried: where it does not keep the shapes apart as it should, the answer is
+// `unsure`, and the caller asks again in double.
 
 #if defined(RINGFENCE_NARROW_PHASE_CONVEX_ROUND_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_CONVEX_ROUND_INL
@@ -51,28 +52,41 @@ class RoundPair {
       return Answer::contact;
     }
     if (!over_a_face()) nearest_edge();
-    if (distance_ > radius_) return Answer::apart;
-    if (sizeof(T) == 4 && distance_ < too_near()) return Answer::unsure;
     if (!(distance_ > rounding())) {
       out = from_inside(inside);
       return Answer::contact;
     }
     // From the core's nearest point towards the polytope's: the two surfaces are `radius` and `distance` away from it.
-    const Point<T> normal = gap_ * (T(1) / distance_);
-    out = {radius_ - distance_, normal, nearest_ + normal * ((radius_ + distance_) * T(0.5))};
+    const Point<T> normal = gap_ * (T(1) / std::sqrt(dot(gap_, gap_)));
+    const T depth = radius_ - distance_;
+    if (sizeof(T) == 4) {
+      // The points are never nearer than the nearest, so the depth is never too great; nor is it too small if the
+      // normal keeps the two apart by what it says.
+      const T reach = radius_ - apart_along(-normal);
+      if (reach < T(0)) return Answer::apart;
+      if (reach > depth + sure() || depth < T(0)) return Answer::unsure;
+    }
+    if (depth < T(0)) return Answer::apart;
+    out = {depth, normal, nearest_ + normal * ((radius_ + distance_) * T(0.5))};
     return Answer::contact;
   }
 
  private:
   static constexpr Columns16<T> d{};
+  static constexpr T far_away = T(1e15);  // its square is finite in float
 
   HWY_INLINE T size() const { return T(p_.outer_radius) + length_ + std::sqrt(dot(from_, from_)); }
-  /// Nearer than this, float leaves the direction off by so much that the sizes make 10^-4 of the smaller one of it.
-  HWY_INLINE T too_near() const { return T(4e-3) * size() * size() / std::min(T(p_.outer_radius), radius_ + length_); }
+  /// A difference of depths well within 10^-4 of the smaller of the two.
+  HWY_INLINE T sure() const { return T(2e-5) * std::min(T(p_.outer_radius), radius_ + length_ * T(0.5)); }
   HWY_INLINE T rounding() const { return (sizeof(T) == 4 ? T(1e-6) : T(1e-12)) * size(); }
 
   HWY_INLINE Point<T> normal_of(std::size_t face) const {
     return point_of<T>({p_.normal[0][face], p_.normal[1][face], p_.normal[2][face]});
+  }
+
+  /// By how much a plane across `outward` can keep the core outside of the polytope.
+  HWY_INLINE T apart_along(Point<T> outward) const {
+    return std::min(dot(outward, from_), dot(outward, to_)) - support<T>(p_, outward);
   }
 
   /// The face whose plane is farthest from the core, which lies outside of it by depth_.
@@ -97,31 +111,50 @@ class RoundPair {
     const auto way = spread_out(d, way_), from = spread_out(d, from_);
     const auto none = hn::Set(d, std::numeric_limits<T>::max());
     for (std::size_t i = 0; i < p_.edges; i += hn::Lanes(d)) {
-      const auto left = edges(EdgeColumn::left_x, i), right = edges(EdgeColumn::right_x, i);
-      const auto p = dot_of(d, left, way), q = dot_of(d, right, way);
-      const auto crossing = hn::Lt(p * q, hn::Zero(d));
-      const auto outward = direction_across(left, right, p, q);
-      const auto squared = dot_of(d, outward, outward);
-      const auto distance = dot_of(d, outward, minus(d, from, edges(EdgeColumn::from_x, i))) / hn::Sqrt(squared);
-      const auto valid = hn::And(crossing, hn::Gt(squared, hn::Set(d, T(1e-14))));
-      hn::Store(hn::IfThenElse(valid, hn::Neg(distance), none), d, nearness + i);
+      const Crossing found = direction_across(edges(EdgeColumn::left_x, i), edges(EdgeColumn::right_x, i),
+                                              edges(EdgeColumn::along_x, i), way);
+      // Of both ends: rounding leaves the direction not quite at right angles to a segment along the edge.
+      const auto start = dot_of(d, found.outward, minus(d, from, edges(EdgeColumn::from_x, i)));
+      const auto end = start + dot_of(d, found.outward, way) * hn::Set(d, length_);
+      const auto distance = hn::Min(start, end) / hn::Sqrt(dot_of(d, found.outward, found.outward));
+      hn::Store(hn::IfThenElse(found.valid, hn::Neg(distance), none), d, nearness + i);
     }
     const std::size_t edge = least_of(nearness, p_.edges);
     const T distance = -nearness[edge];
     if (distance <= depth_) return depth_;
-    const Point<T> left = edge_at(EdgeColumn::left_x, edge), right = edge_at(EdgeColumn::right_x, edge);
-    const Point<T> outward = left * std::abs(dot(right, way_)) + right * std::abs(dot(left, way_));
+    const auto lanes = [&](Point<T> q) HWY_ATTR { return spread_out(d, q); };
+    const Crossing found =
+        direction_across(lanes(edge_at(EdgeColumn::left_x, edge)), lanes(edge_at(EdgeColumn::right_x, edge)),
+                         lanes(along_edge<T>(p_, edge)), way);
+    const Point<T> outward{hn::GetLane(found.outward.x), hn::GetLane(found.outward.y), hn::GetLane(found.outward.z)};
     depth_ = distance;
     outward_ = outward * (T(1) / std::sqrt(dot(outward, outward)));
     return depth_;
   }
 
-  /// The direction of the arc between two normals that is at right angles to the segment; on the arc's side.
-  static HWY_INLINE Points<Columns16<T>> direction_across(const Points<Columns16<T>>& left,
-                                                          const Points<Columns16<T>>& right, hn::Vec<Columns16<T>> p,
-                                                          hn::Vec<Columns16<T>> q) {
+  /// The direction of an edge's arc of normals that is at right angles to the segment, if there is one.
+  struct Crossing {
+    hn::Mask<Columns16<T>> valid;
+    Points<Columns16<T>> outward;
+  };
+  static HWY_INLINE Crossing direction_across(const Points<Columns16<T>>& left, const Points<Columns16<T>>& right,
+                                              const Points<Columns16<T>>& along, const Points<Columns16<T>>& way) {
+    const auto zero = hn::Zero(d);
+    const auto p = dot_of(d, left, way), q = dot_of(d, right, way);
+    // Left to right is a turn about the edge. The product has the direction to the last digit but for edges along the
+    // segment; the mean of the normals has it there, and would lose it where the normals are nearly opposite.
+    const Points<Columns16<T>> product{way.y * along.z - way.z * along.y, way.z * along.x - way.x * along.z,
+                                       way.x * along.y - way.y * along.x};
     const auto u = hn::Abs(q), v = hn::Abs(p);
-    return {left.x * u + right.x * v, left.y * u + right.y * v, left.z * u + right.z * v};
+    const Points<Columns16<T>> mean{left.x * u + right.x * v, left.y * u + right.y * v, left.z * u + right.z * v};
+    const auto flip = hn::Gt(p, zero);
+    const auto skew = hn::Gt(dot_of(d, product, product), hn::Set(d, T(1e-6)));
+    const auto choose = [&](hn::Vec<Columns16<T>> of_product, hn::Vec<Columns16<T>> of_mean) HWY_ATTR {
+      return hn::IfThenElse(skew, hn::IfThenElse(flip, hn::Neg(of_product), of_product), of_mean);
+    };
+    const Points<Columns16<T>> outward{choose(product.x, mean.x), choose(product.y, mean.y), choose(product.z, mean.z)};
+    const auto valid = hn::And(hn::Lt(p * q, zero), hn::Gt(dot_of(d, outward, outward), hn::Set(d, T(1e-14))));
+    return {valid, outward};
   }
 
   HWY_INLINE Points<Columns16<T>> edges(geometry::EdgeColumn first, std::size_t i) const {
@@ -138,9 +171,9 @@ class RoundPair {
   /// A point over a face is as far from the polytope as from that face's plane, and from no plane farther; so only the
   /// farthest plane of each end can be the one. Whether a crossing of an edge is nearer is for nearest_edge.
   HWY_INLINE bool over_a_face() {
-    distance_ = std::numeric_limits<T>::max();
+    distance_ = far_away;
     under_end(from_);
-    if (length_ == T(0)) return distance_ < std::numeric_limits<T>::max();
+    if (length_ == T(0)) return distance_ < far_away;
     under_end(to_);
     return false;
   }
@@ -148,10 +181,12 @@ class RoundPair {
   HWY_INLINE void under_end(Point<T> end) {
     alignas(64) T nearness[max_faces];
     const auto e = spread_out(d, end);
-    for (std::size_t i = 0; i < p_.faces; i += hn::Lanes(d)) {
-      const auto normal = read(d, p_.normal[0] + i, p_.normal[1] + i, p_.normal[2] + i);
-      hn::Store(read(d, p_.offset + i) - dot_of(d, normal, e), d, nearness + i);
-    }
+    std::size_t at = 0;
+    do {  // at least once: there are faces, but the compiler does not know
+      const auto normal = read(d, p_.normal[0] + at, p_.normal[1] + at, p_.normal[2] + at);
+      hn::Store(read(d, p_.offset + at) - dot_of(d, normal, e), d, nearness + at);
+      at += hn::Lanes(d);
+    } while (at < p_.faces);
     const std::size_t face = least_of(nearness, p_.faces);
     const T distance = -nearness[face];
     if (distance <= T(0) || distance >= distance_) return;
@@ -165,7 +200,7 @@ class RoundPair {
     }
     distance_ = distance;
     nearest_ = end;
-    gap_ = foot - end;
+    gap_ = -(normal * distance);
   }
 
   /// The edge nearest to the core, if nearer than what is known.
@@ -182,16 +217,34 @@ class RoundPair {
                                      start.z + way.z * s - along.z * t};
       hn::Store(dot_of(d, gap, gap), d, squares + i);
     }
-    const std::size_t edge = least_of(squares, p_.edges);
-    if (std::sqrt(squares[edge]) >= distance_) return;
+    const T least = std::sqrt(squares[least_of(squares, p_.edges)]);
+    if (least >= distance_) return;
+    if (sizeof(T) == 4) {
+      measure_edge(least_of(squares, p_.edges));
+      return;
+    }
+    // The columns are in float: more than one edge may be the nearest.
+    const T most = least + T(5e-7) * size();
+    for (std::size_t i = 0; i < p_.edges; ++i) {
+      if (squares[i] <= most * most) measure_edge(i);
+    }
+  }
+
+  /// Takes the nearest points of the core and an edge, if nearer than what is known.
+  HWY_INLINE void measure_edge(std::size_t edge) {
+    const auto way = spread_out(d, way_);
+    const auto whole = hn::Set(d, length_);
     const auto point = [&](Point<T> q) HWY_ATTR { return spread_out(d, q); };
     const Point<T> start = from_ - vertex_of<T>(p_, p_.ends[edge].from), along = along_edge<T>(p_, edge);
-    const auto length = hn::Set(d, T(p_.of(EdgeColumn::length)[edge]));
+    const auto length = hn::Set(d, edge_length<T>(p_, edge));
     const auto parts = nearest_parts(point(start), point(along), length, way, whole);
     const T s = hn::GetLane(parts.of_core), t = hn::GetLane(parts.of_edge);
+    const Point<T> gap = along * t - (start + way_ * s);
+    const T distance = std::sqrt(dot(gap, gap));
+    if (distance >= distance_) return;
+    distance_ = distance;
     nearest_ = from_ + way_ * s;
-    gap_ = along * t - (start + way_ * s);
-    distance_ = std::sqrt(dot(gap_, gap_));
+    gap_ = gap;
   }
 
   /// How far along core and edge their nearest points are. (Ericson 2005, section 5.1.9, with unit directions)
