@@ -1,0 +1,470 @@
+// The three roles driven by hand: which messages go where and when, who hosts what, who is told of which contact.
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <map>
+#include <random>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "nodes/theatre.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+/// Jumps about as its number and the frame say: far and near, onto borders of cells exactly, out of the bounds, and
+/// now and then nowhere.
+class Jumping : public MotionModel {
+ public:
+  std::size_t state_bytes() const noexcept override { return 16; }
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      std::uint64_t jumps[2];
+      std::memcpy(jumps, inputs[i].state, sizeof jumps);
+      std::mt19937_64 random(inputs[i].number * 1'000'003u + frame);
+      if (random() % 2 == 0) {
+        continue;
+      }
+      ++jumps[0];
+      jumps[1] += inputs[i].contacts.size();
+      outputs[i].pose.position = spot(random);
+      std::memcpy(outputs[i].state, jumps, sizeof jumps);
+    }
+  }
+  static Vec3d spot(std::mt19937_64& random) {
+    double p[3];
+    for (double& x : p) {
+      switch (random() % 4) {
+        case 0:
+          x = 16.0 * static_cast<double>(random() % 5);  // on a border of cells, or of the world
+          break;
+        case 1:
+          x = static_cast<double>(random() % 200) - 68.0;
+          break;
+        default:
+          x = std::uniform_real_distribution<double>(0, 64)(random);
+      }
+    }
+    return {p[0], p[1], p[2]};
+  }
+};
+
+std::string words(const Stageplay& play) {
+  return std::string(name_of(play.deployment)) + ", broad phase " + name_of(play.placement) + ", " +
+         std::to_string(play.nodes) + " nodes";
+}
+
+template <class Test>
+void in_all_plays(const MotionModel* model, Test test) {
+  for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
+    for (const Placement placement : {Placement::server, Placement::region}) {
+      for (const std::uint32_t nodes : {1u, 3u, 8u}) {
+        Stageplay play;
+        play.deployment = deployment;
+        play.placement = placement;
+        play.nodes = nodes;
+        play.grid = {{2, 2, 2}};
+        play.model = model;
+        CAPTURE(words(play));
+        test(play);
+      }
+    }
+  }
+}
+
+/// Spheres small and large (one spans the world), an avatar a user, some static.
+std::vector<ObjectId> populate(Theatre& theatre, std::mt19937_64& random, std::size_t objects, std::size_t users) {
+  const ShapeNumber small = theatre.add_shape(Sphere{2.5f});
+  const ShapeNumber large = theatre.add_shape(Sphere{20.0f});
+  for (UserNumber user = 0; user < users; ++user) {
+    theatre.connect(user);
+  }
+  std::vector<ObjectId> ids;
+  for (std::size_t i = 0; i < objects; ++i) {
+    ObjectSpec spec;
+    spec.shape = i % 10 == 3 ? large : small;
+    spec.pose.position = Jumping::spot(random);
+    spec.category = i < users ? Category::avatar : i % 7 == 6 ? Category::fixed : Category::active;
+    if (spec.category == Category::avatar) {
+      spec.user = static_cast<UserNumber>(i);
+    }
+    ids.push_back(theatre.spawn(spec));
+  }
+  return ids;
+}
+
+using Pairs = std::set<std::pair<ObjectNumber, ObjectNumber>>;
+
+/// The contacts of spheres by brute force; `unsure` are those too near to call.
+void brute_force(const Theatre& theatre, Pairs& sure, Pairs& unsure) {
+  const ObjectTable& table = theatre.table();
+  for (std::uint32_t p = 0; p < table.slots(); ++p) {
+    for (std::uint32_t q = 0; q < table.slots(); ++q) {
+      const ObjectRow& a = table.row(p);
+      const ObjectRow& b = table.row(q);
+      const bool present = a.alive && b.alive && (a.object.flags & b.object.flags & messages::flag_present) != 0;
+      if (!present || a.object.number >= b.object.number) {
+        continue;
+      }
+      const auto radius = [&](const ObjectRow& row) {
+        return double{std::get<Sphere>(theatre.shapes().description(row.shape)).radius};
+      };
+      const double reach = radius(a) + radius(b);
+      const Vec3d d{b.pose.position.x - a.pose.position.x, b.pose.position.y - a.pose.position.y,
+                    b.pose.position.z - a.pose.position.z};
+      const double apart = std::sqrt(d.x * d.x + d.y * d.y + d.z * d.z) - reach;
+      if (std::abs(apart) < 1e-4) {
+        unsure.insert({a.object.number, b.object.number});
+      } else if (apart < 0) {
+        sure.insert({a.object.number, b.object.number});
+      }
+    }
+  }
+}
+
+void check_contacts(const Theatre& theatre) {
+  Pairs sure, unsure, found;
+  brute_force(theatre, sure, unsure);
+  for (const Contact& contact : theatre.contacts()) {
+    const std::pair key{contact.a, contact.b};
+    REQUIRE(found.insert(key).second);
+    REQUIRE((sure.count(key) != 0 || unsure.count(key) != 0));
+    // It carries the poses that it was determined from.
+    REQUIRE(theatre.table().row(theatre.table().find(contact.a)).pose == contact.pose_a);
+    REQUIRE(theatre.table().row(theatre.table().find(contact.b)).pose == contact.pose_b);
+  }
+  for (const auto& key : sure) {
+    REQUIRE(found.count(key) != 0);
+  }
+  const FrameReport& report = theatre.report();
+  REQUIRE(report.tested == report.candidates);
+  REQUIRE(report.accepted == report.candidates);
+  for (const std::uint64_t refused : report.refused) {
+    REQUIRE(refused == 0);
+  }
+}
+
+/// Where on one way each kind of message stands; requires that kinds come in the given order and no others do.
+void check_order(const std::vector<Seen>& log, Endpoint from, Endpoint to, const std::vector<MessageType>& order) {
+  std::size_t at = 0;
+  for (const Seen& seen : log) {
+    if (seen.from != from || seen.to != to) {
+      continue;
+    }
+    CAPTURE(messages::name_of(seen.type()));
+    CAPTURE(from.value);
+    CAPTURE(to.value);
+    while (at < order.size() && order[at] != seen.type()) {
+      ++at;
+    }
+    REQUIRE(at < order.size());
+    REQUIRE(seen.header.source == from.value);
+    REQUIRE(seen.header.destination == to.value);
+  }
+}
+
+/// Index in the log of the first or last message that `which` picks; -1 if there is none.
+template <class Which>
+std::ptrdiff_t first_of(const std::vector<Seen>& log, Which which) {
+  const auto at = std::find_if(log.begin(), log.end(), which);
+  return at == log.end() ? -1 : at - log.begin();
+}
+template <class Which>
+std::ptrdiff_t last_of(const std::vector<Seen>& log, Which which) {
+  for (std::size_t i = log.size(); i-- > 0;) {
+    if (which(log[i])) return static_cast<std::ptrdiff_t>(i);
+  }
+  return -1;
+}
+
+void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t users) {
+  using enum MessageType;
+  const std::vector<Seen>& log = theatre.log();
+  for (NodeNumber node = 0; node < play.nodes; ++node) {
+    check_order(log, Endpoint::server(), Endpoint::node(node),
+                {drop, adopt, place, notify, frame_begin, position_update, pairs, notify, frame_end});
+    check_order(log, Endpoint::node(node), Endpoint::server(), {node_state, collision, narrow_done, told});
+    for (NodeNumber peer = 0; peer < play.nodes; ++peer) {
+      check_order(log, Endpoint::node(node), Endpoint::node(peer), {hand_over});
+    }
+  }
+  for (UserNumber user = 0; user < users; ++user) {
+    check_order(log, Endpoint::server(), Endpoint::user(user), {drop, adopt, place, notify, frame_begin, notify});
+    check_order(log, Endpoint::user(user), Endpoint::server(), {state_update, told});
+  }
+  const auto is = [](MessageType type) { return [type](const Seen& seen) { return seen.type() == type; }; };
+  const auto state = [](const Seen& seen) { return seen.type() == state_update || seen.type() == node_state; };
+  const auto m2 = [](const Seen& seen) { return seen.type() == position_update || seen.type() == pairs; };
+  const auto begin = first_of(log, is(frame_begin));
+  // Poses are frozen before the nodes are told anything, results are whole before anyone is told a contact.
+  REQUIRE(last_of(log, state) < first_of(log, m2));
+  REQUIRE(first_of(log, is(narrow_done)) > first_of(log, m2));
+  const auto m4 = [&](const Seen& seen) { return seen.type() == notify && &seen > log.data() + last_of(log, m2); };
+  REQUIRE(last_of(log, is(narrow_done)) < first_of(log, m4));
+  REQUIRE(begin >= 0);
+  if (const auto m5 = first_of(log, is(hand_over)); m5 >= 0) {
+    REQUIRE(m5 > first_of(log, is(frame_end)));
+    REQUIRE(play.deployment == Deployment::user_collision);
+  }
+  for (const Seen& seen : log) {
+    REQUIRE(seen.header.frame == theatre.last());
+    const bool between_users = !seen.from.is_server() && !seen.to.is_server();
+    REQUIRE((!between_users || (seen.from.is_node() && seen.to.is_node())));  // user nodes know the server alone
+  }
+}
+
+/// Everyone is told of exactly the contacts (ended ones too) of which he hosts a side, in order, with both poses.
+void check_notices(const Theatre& theatre, const Stageplay& play, std::size_t users,
+                   const std::map<ObjectNumber, Endpoint>& hosts_of_ended) {
+  const auto host = [&](ObjectNumber number) {
+    const std::uint32_t slot = theatre.table().find(number);
+    if (slot != NumberIndex::none) {
+      return theatre.table().row(slot).host;
+    }
+    const auto at = hosts_of_ended.find(number);
+    REQUIRE(at != hosts_of_ended.end());
+    return at->second;
+  };
+  std::vector<Endpoint> all;
+  for (NodeNumber node = 0; node < play.nodes; ++node) all.push_back(Endpoint::node(node));
+  for (UserNumber user = 0; user < users; ++user) all.push_back(Endpoint::user(user));
+  for (const Endpoint to : all) {
+    std::map<std::pair<ObjectNumber, ObjectNumber>, Contact> expected;
+    for (const auto list : {theatre.contacts(), theatre.ended()}) {
+      for (const Contact& contact : list) {
+        if (host(contact.a) == to || host(contact.b) == to) {
+          expected[{contact.a, contact.b}] = contact;
+        }
+      }
+    }
+    std::vector<Contact> told;
+    const auto end = last_of(theatre.log(), [&](const Seen& seen) { return seen.type() == MessageType::narrow_done; });
+    for (std::size_t i = static_cast<std::size_t>(end); i < theatre.log().size(); ++i) {
+      const Seen& seen = theatre.log()[i];
+      if (seen.to == to && seen.type() == MessageType::notify) {
+        for (std::size_t k = 0; k < seen.header.count; ++k) told.push_back(seen.record<Contact>(k));
+      }
+    }
+    REQUIRE(told.size() == expected.size());
+    std::size_t i = 0;
+    for (const auto& [key, contact] : expected) {
+      REQUIRE(std::memcmp(&contact, &told[i++], sizeof contact) == 0);
+    }
+  }
+}
+
+TEST_CASE("in every deployment the messages of a frame come in the order of its steps and tell the hosts alone") {
+  const Jumping model;
+  in_all_plays(&model, [&](const Stageplay& play) {
+    constexpr unsigned seed = 21;
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    Theatre theatre(play);
+    std::vector<ObjectId> ids = populate(theatre, random, 60, 4);
+    for (int frame = 0; frame < 25; ++frame) {
+      CAPTURE(frame);
+      std::map<ObjectNumber, Endpoint> hosts_of_ended;
+      if (frame > 3 && random() % 3 == 0) {
+        const std::size_t at = 4 + random() % (ids.size() - 4);
+        hosts_of_ended[ids[at].number()] = theatre.table().row(theatre.table().find(ids[at].number())).host;
+        theatre.destroy(ids[at]);
+        ids.erase(ids.begin() + static_cast<std::ptrdiff_t>(at));
+      }
+      theatre.frame();
+      check_contacts(theatre);
+      check_protocol(theatre, play, 4);
+      check_notices(theatre, play, 4, hosts_of_ended);
+      theatre.require_one_host_each();
+    }
+  });
+}
+
+TEST_CASE("objects that jump across regions, onto borders and out of bounds, appear and end, always have one host") {
+  const Jumping model;
+  for (const unsigned seed : {1u, 2u, 3u, 4u}) {
+    in_all_plays(&model, [&](const Stageplay& play) {
+      CAPTURE(seed);
+      std::mt19937_64 random(seed);
+      Theatre theatre(play);
+      std::vector<ObjectId> ids = populate(theatre, random, 30, 2);
+      for (int frame = 0; frame < 30; ++frame) {
+        CAPTURE(frame);
+        for (std::uint64_t n = random() % 4; n > 0 && ids.size() > 10; --n) {
+          const std::size_t at = 2 + random() % (ids.size() - 2);  // not the avatars
+          theatre.destroy(ids[at]);
+          ids.erase(ids.begin() + static_cast<std::ptrdiff_t>(at));
+        }
+        for (std::uint64_t n = random() % 4; n > 0; --n) {
+          ObjectSpec spec;
+          spec.pose.position = Jumping::spot(random);
+          spec.category = random() % 2 == 0 ? Category::active : Category::non_active;
+          ids.push_back(theatre.spawn(spec));
+          if (random() % 5 == 0) {
+            theatre.place(ids.back(), {Jumping::spot(random), {}});  // placed before it was ever hosted
+          }
+          if (random() % 5 == 0) {
+            theatre.destroy(ids.back());  // never hosted at all
+            ids.pop_back();
+          }
+        }
+        if (random() % 2 == 0) {
+          theatre.place(ids[random() % ids.size()], {Jumping::spot(random), {}});
+        }
+        theatre.frame();
+        theatre.require_one_host_each();
+        check_contacts(theatre);
+        REQUIRE(theatre.table().live() == ids.size());
+      }
+    });
+  }
+}
+
+TEST_CASE("an object that is destroyed in the frame after it crossed a border is gone everywhere") {
+  class Crossing : public MotionModel {
+    void move(std::uint64_t frame, std::span<const MotionInput> inputs,
+              std::span<MotionOutput> outputs) const override {
+      for (std::size_t i = 0; i < inputs.size(); ++i) {
+        // Frame 1: from the first cell to the last, across all regions between.
+        outputs[i].pose.position.x = frame < 1 ? 1 : 63;
+      }
+    }
+  };
+  const Crossing model;
+  Stageplay play;
+  play.grid = {{3, 0, 0}};
+  play.nodes = 8;
+  play.model = &model;
+  for (const int destroyed_before : {1, 2, 3}) {
+    CAPTURE(destroyed_before);
+    Theatre theatre(play);
+    const ShapeNumber ball = theatre.add_shape(Sphere{1});
+    ObjectSpec spec;
+    spec.shape = ball;
+    spec.pose.position = {1, 1, 1};
+    const ObjectId id = theatre.spawn(spec);
+    for (int frame = 0; frame < 5; ++frame) {
+      if (frame == destroyed_before) {
+        theatre.destroy(id);
+      }
+      theatre.frame();
+      theatre.require_one_host_each();
+      const auto hosts = theatre.hosts_of(id.number());
+      if (frame >= destroyed_before) {
+        REQUIRE(hosts.empty());
+        REQUIRE(theatre.table().live() == 0);
+      } else {
+        REQUIRE(hosts.size() == 1);
+        REQUIRE(hosts[0] == Endpoint::node(frame < 1 ? 0 : 7));
+      }
+    }
+  }
+}
+
+TEST_CASE("an object that spans all regions collides once with each of its neighbours") {
+  for (const Placement placement : {Placement::server, Placement::region}) {
+    Stageplay play;
+    play.placement = placement;
+    play.nodes = 16;
+    play.grid = {{2, 2, 2}};
+    Theatre theatre(play);
+    const ShapeNumber ball = theatre.add_shape(Sphere{1});
+    const ShapeNumber globe = theatre.add_shape(Sphere{60});
+    ObjectSpec spec;
+    spec.shape = globe;
+    spec.pose.position = {32, 32, 32};
+    theatre.spawn(spec);
+    std::size_t balls = 0;
+    spec.shape = ball;
+    for (double x = 4; x < 64; x += 8) {
+      for (double y = 4; y < 64; y += 8) {
+        for (double z = 4; z < 64; z += 8) {
+          spec.pose.position = {x, y, z};
+          theatre.spawn(spec);
+          ++balls;
+        }
+      }
+    }
+    theatre.frame();
+    check_contacts(theatre);
+    CHECK(theatre.contacts().size() == balls);
+    CHECK(theatre.report().candidates == balls);
+    theatre.require_one_host_each();
+    // At rest nothing is told again, and everything is still found.
+    theatre.frame();
+    check_contacts(theatre);
+    CHECK(theatre.contacts().size() == balls);
+    CHECK(theatre.report().traffic[static_cast<std::size_t>(Traffic::m1)].records == 0);
+    for (const Seen& seen : theatre.log()) {
+      CHECK((seen.type() != MessageType::position_update || seen.header.count == 0));
+    }
+  }
+}
+
+TEST_CASE("what a user node hosts goes to the others when it leaves, with its state and its contacts") {
+  /// Counts its contacts, so that a contact lost or doubled on the way to a new host shows for ever.
+  class Counting : public MotionModel {
+   public:
+    std::size_t state_bytes() const noexcept override { return 8; }
+    void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+      for (std::size_t i = 0; i < inputs.size(); ++i) {
+        std::uint64_t hits;
+        std::memcpy(&hits, inputs[i].state, 8);
+        hits += inputs[i].contacts.size();
+        std::memcpy(outputs[i].state, &hits, 8);
+        outputs[i].pose.position.x += hits % 2 == 0 ? 0.25 : -0.25;
+      }
+    }
+  };
+  const Counting model;
+  const auto run = [&](Deployment deployment) {
+    Stageplay play;
+    play.deployment = deployment;
+    play.model = &model;
+    Theatre theatre(play);
+    const ShapeNumber ball = theatre.add_shape(Sphere{2});
+    for (UserNumber user = 0; user < 4; ++user) {
+      theatre.connect(user);
+    }
+    ObjectSpec spec;
+    spec.shape = ball;
+    for (int i = 0; i < 60; ++i) {
+      spec.pose.position = {static_cast<double>(i % 8) * 3 + 20, static_cast<double>(i / 8) * 3 + 20, 32};
+      theatre.spawn(spec);
+    }
+    std::vector<std::vector<std::byte>> states;
+    for (int frame = 0; frame < 12; ++frame) {
+      if (frame == 3) theatre.disconnect(1);
+      if (frame == 5) theatre.connect(7);
+      if (frame == 7) {
+        theatre.disconnect(0);
+        theatre.disconnect(2);
+      }
+      if (frame == 8) {
+        theatre.disconnect(3);
+        theatre.disconnect(7);  // nobody is left: the server takes over
+      }
+      if (frame == 10) theatre.connect(2);
+      theatre.frame();
+      theatre.require_one_host_each();
+      check_contacts(theatre);
+      auto& table = const_cast<ObjectTable&>(theatre.table());
+      std::vector<std::byte> all;
+      for (ObjectNumber number = 1; number <= 60; ++number) {
+        const std::byte* state = table.state(table.find(number));
+        all.insert(all.end(), state, state + 8);
+      }
+      states.push_back(all);
+    }
+    return states;
+  };
+  const auto expected = run(Deployment::user_server);
+  CHECK((run(Deployment::user) == expected));
+  CHECK((run(Deployment::user_collision) == expected));
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test

@@ -1,0 +1,237 @@
+// The flat tables against the standard containers.
+#include <algorithm>
+#include <cstring>
+#include <map>
+#include <random>
+#include <set>
+#include <unordered_map>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "nodes/known_objects.hpp"
+#include "nodes/number_index.hpp"
+#include "nodes/object_table.hpp"
+
+namespace ringfence::nodes {
+namespace {
+
+TEST_CASE("the number index finds what a standard map finds, after any stores and erasures") {
+  for (const unsigned seed : {1u, 2u, 3u, 4u}) {
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    NumberIndex index(seed % 2 == 0 ? 0 : 500);
+    std::unordered_map<ObjectNumber, std::uint32_t> model;
+    const auto draw = [&]() -> ObjectNumber {
+      switch (random() % 4) {
+        case 0:
+          return static_cast<ObjectNumber>(1 + random() % 300);
+        case 1:
+          return static_cast<ObjectNumber>(0xffffffffu - random() % 300);
+        case 2:
+          return static_cast<ObjectNumber>((1 + random() % 300) << 20);  // numbers that share their low bits
+        default:
+          return static_cast<ObjectNumber>(1 + random() % 0xffffffffu);
+      }
+    };
+    for (int round = 0; round < 40000; ++round) {
+      CAPTURE(round);
+      const ObjectNumber number = draw();
+      // Grows for a while, then shrinks, so that deletion meets full and sparse tables.
+      if (random() % 100 < (round / 4000 % 2 == 0 ? 70u : 30u)) {
+        const auto value = static_cast<std::uint32_t>(random() % 0xffffffffu);
+        index.set(number, value);
+        model[number] = value;
+      } else if (!model.empty() && random() % 2 == 0) {
+        const ObjectNumber known = model.begin()->first;
+        index.erase(known);
+        model.erase(known);
+      } else {
+        index.erase(number);
+        model.erase(number);
+      }
+      REQUIRE(index.size() == model.size());
+      const auto at = model.find(number);
+      REQUIRE(index.find(number) == (at == model.end() ? NumberIndex::none : at->second));
+      if (round % 1000 == 999) {
+        for (const auto& [known, value] : model) {
+          REQUIRE(index.find(known) == value);
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("an object table keeps every live object by number and slot, and reuses a slot only after a settled frame") {
+  for (const std::size_t state_bytes : {0u, 24u}) {
+    const unsigned seed = 11 + static_cast<unsigned>(state_bytes);
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    ObjectTable table(4, state_bytes);
+    struct Model {
+      std::uint32_t slot, generation;
+      ObjectSpec spec;
+      std::uint8_t mark;
+    };
+    std::map<ObjectNumber, Model> live;
+    std::set<std::uint32_t> ended_now;
+    std::uint32_t generation = 0;
+    for (int frame = 0; frame < 300; ++frame) {
+      CAPTURE(frame);
+      table.settle();
+      REQUIRE(table.moved().empty());
+      ended_now.clear();
+      std::set<std::uint32_t> touched;
+      for (std::uint64_t spawns = random() % 6; spawns > 0; --spawns) {
+        ObjectSpec spec;
+        spec.number = static_cast<ObjectNumber>(1 + random() % 1000);
+        if (live.count(spec.number) != 0) {
+          continue;
+        }
+        spec.present = random() % 3 != 0;
+        spec.layer = static_cast<std::uint8_t>(random() % 32);
+        spec.user_data = random();
+        spec.pose.position.x = static_cast<double>(random() % 1000);
+        const std::uint32_t slot = table.add(ObjectId::of(spec.number, ++generation), spec);
+        REQUIRE(ended_now.count(slot) == 0);  // the row of what ended in this frame is still read
+        for (const auto& [number, model] : live) {
+          REQUIRE(model.slot != slot);
+        }
+        for (std::size_t k = 0; k < state_bytes; ++k) {
+          REQUIRE(table.state(slot)[k] == std::byte{0});
+        }
+        const auto mark = static_cast<std::uint8_t>(random());
+        std::fill_n(table.state(slot), state_bytes, std::byte{mark});
+        live[spec.number] = {slot, generation, spec, mark};
+        touched.insert(slot);
+      }
+      for (std::uint64_t ends = random() % 5; ends > 0 && !live.empty(); --ends) {
+        const auto at = std::next(live.begin(), static_cast<std::ptrdiff_t>(random() % live.size()));
+        const std::uint32_t slot = at->second.slot;
+        const messages::ObjectRef ref = table.row(slot).object;
+        table.end(slot);
+        REQUIRE(table.find(ref) == NumberIndex::none);
+        REQUIRE(table.present()[slot] == 0);
+        REQUIRE(table.row(slot).object.number == at->first);  // readable until the next frame
+        ended_now.insert(slot);
+        touched.insert(slot);
+        live.erase(at);
+      }
+      for (auto& [number, model] : live) {
+        if (random() % 4 == 0) {
+          model.spec.present = random() % 2 == 0;
+          table.row(model.slot).object.flags = model.spec.present ? messages::flag_present : 0u;
+          table.mark_moved(model.slot);
+          touched.insert(model.slot);
+        }
+      }
+      REQUIRE(table.live() == live.size());
+      const auto moved = table.moved();
+      REQUIRE(moved.size() == touched.size());
+      REQUIRE((std::set<std::uint32_t>(moved.begin(), moved.end()) == touched));
+      REQUIRE(table.present().size() == table.slots());
+      REQUIRE(table.bounds().size() == table.slots());
+      std::size_t present = 0;
+      for (const auto& [number, model] : live) {
+        const ObjectRow& row = table.row(model.slot);
+        REQUIRE(table.find(number) == model.slot);
+        REQUIRE(table.find(messages::ObjectRef{model.slot, model.generation, number, 0}) == model.slot);
+        REQUIRE(table.find(messages::ObjectRef{model.slot, model.generation + 1, number, 0}) == NumberIndex::none);
+        REQUIRE(table.find(messages::ObjectRef{model.slot, model.generation, number + 1, 0}) == NumberIndex::none);
+        REQUIRE(table.find(messages::ObjectRef{model.slot + 1, model.generation, number, 0}) == NumberIndex::none);
+        REQUIRE(row.alive);
+        REQUIRE(row.user_data == model.spec.user_data);
+        REQUIRE(row.layer == model.spec.layer);
+        REQUIRE((table.present()[model.slot] != 0) == model.spec.present);
+        REQUIRE((table.resting()[model.slot] == 0) == (touched.count(model.slot) != 0));
+        for (std::size_t k = 0; k < state_bytes; ++k) {
+          REQUIRE(table.state(model.slot)[k] == std::byte{model.mark});
+        }
+        present += model.spec.present ? 1 : 0;
+      }
+      REQUIRE(static_cast<std::size_t>(std::count(table.present().begin(), table.present().end(), 1)) == present);
+    }
+    CHECK(table.slots() < 400);  // slots were used again
+    CHECK(table.find(messages::ObjectRef{0xffffffffu, 1, 1, 0}) == NumberIndex::none);
+    CHECK(table.find(ObjectNumber{5000}) == NumberIndex::none);
+  }
+}
+
+TEST_CASE("a node knows exactly what it was told and has not been told to forget") {
+  constexpr unsigned seed = 5;
+  CAPTURE(seed);
+  std::mt19937_64 random(seed);
+  KnownObjects known(8);
+  std::map<std::uint32_t, messages::PositionRecord> model;
+  std::set<std::uint32_t> changed;  // slots set since the last settle
+  const auto draw = [&] {
+    messages::PositionRecord record;
+    record.object.slot = static_cast<std::uint32_t>(random() % 200);
+    record.object.number = static_cast<ObjectNumber>(1 + random());
+    record.pose.position = {static_cast<double>(random() % 100), 2, 3};
+    record.bounds.lower[0] = static_cast<std::uint32_t>(random());
+    record.shape = static_cast<ShapeNumber>(random() % 7);
+    record.layer = static_cast<std::uint32_t>(random() % 32);
+    return record;
+  };
+  for (int round = 0; round < 20000; ++round) {
+    CAPTURE(round);
+    switch (random() % 8) {
+      case 0:
+      case 1:
+      case 2:
+      case 3: {
+        const messages::PositionRecord record = draw();
+        known.set(record);
+        model[record.object.slot] = record;
+        changed.insert(record.object.slot);
+        break;
+      }
+      case 7:
+        if (random() % 100 == 0) {
+          known.clear();
+          model.clear();
+          changed.clear();
+        } else {
+          known.settle();
+          changed.clear();
+        }
+        break;
+      default: {
+        const auto slot = static_cast<std::uint32_t>(random() % 230);
+        known.forget(slot);
+        model.erase(slot);
+        changed.erase(slot);
+      }
+    }
+    REQUIRE(known.size() == model.size());
+    REQUIRE(known.bodies().size() == model.size());
+    REQUIRE(known.bounds().size() == model.size());
+    REQUIRE(known.resting().size() == model.size());
+    REQUIRE(known.present().size() == model.size());
+    if (round % 16 != 0) {
+      continue;
+    }
+    for (std::uint32_t slot = 0; slot < 230; ++slot) {
+      const auto at = model.find(slot);
+      const std::uint32_t i = known.find(slot);
+      REQUIRE((i == KnownObjects::none) == (at == model.end()));
+      if (i == KnownObjects::none) {
+        continue;
+      }
+      REQUIRE(known.slot(i) == slot);
+      REQUIRE(known.bodies()[i].number == at->second.object.number);
+      REQUIRE(known.bodies()[i].shape == at->second.shape);
+      REQUIRE(known.bodies()[i].pose == at->second.pose);
+      REQUIRE(known.bounds()[i] == at->second.bounds);
+      REQUIRE(known.layer(i) == at->second.layer);
+      REQUIRE(known.present()[i] == 1);
+      if (changed.count(slot) != 0) {
+        REQUIRE(known.resting()[i] == 0);  // what rests for the sweep has truly not changed
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::nodes

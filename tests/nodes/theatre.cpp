@@ -1,0 +1,227 @@
+#include "nodes/theatre.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include <doctest/doctest.h>
+
+namespace ringfence::nodes::test {
+
+bool Wire::pass(const Tamper& tamper, std::vector<Seen>& log) {
+  bool any = false;
+  for (auto bytes = near_.receiver().next(); !bytes.empty(); bytes = near_.receiver().next()) {
+    any = true;
+    Seen seen{from_, to_, {}, {bytes.begin(), bytes.end()}};
+    REQUIRE(bytes.size() >= sizeof(messages::Header));
+    std::memcpy(&seen.header, bytes.data(), sizeof seen.header);
+    std::vector<std::vector<std::byte>> instead{seen.bytes};
+    if (tamper) {
+      tamper(seen, instead);
+    }
+    for (const auto& message : instead) {
+      const auto room = far_.sender().claim(message.size());
+      REQUIRE(room.size() == message.size());
+      std::copy(message.begin(), message.end(), room.begin());
+      far_.sender().commit(message.size());
+    }
+    log.push_back(std::move(seen));
+  }
+  if (any) {
+    near_.receiver().release();
+    far_.sender().publish();
+  }
+  return any;
+}
+
+Theatre::Theatre(const Stageplay& play) : play_(play), map_(play.grid, play.nodes), relay_(play.grid.cells(), 16) {
+  publications_.grid = play.grid;
+  publications_.space = &space_;
+  publications_.server.publication = &relay_;
+  ServerSetup setup;
+  setup.shapes = &shapes_;
+  setup.space = &space_;
+  setup.model = play.model;
+  setup.publications = &publications_;
+  setup.order = &order_;
+  setup.deployment = play.deployment;
+  setup.placement = play.placement;
+  setup.layer_masks.fill(~0u);
+  setup.capacities = {16, 16, 16, 4};
+  setup.interest = play.interest;
+  for (NodeNumber p = 0; p < play.nodes; ++p) {
+    for (NodeNumber q = 0; q < play.nodes; ++q) {
+      if (p != q) {
+        peers_[{p, q}] = std::make_unique<Wire>(play.ring_bytes, Endpoint::node(p), Endpoint::node(q));
+      }
+    }
+  }
+  for (NodeNumber node = 0; node < play.nodes; ++node) {
+    Wire& in = node_in_.emplace_back(play.ring_bytes, Endpoint::server(), Endpoint::node(node));
+    Wire& out = node_out_.emplace_back(play.ring_bytes, Endpoint::node(node), Endpoint::server());
+    setup.nodes.push_back({&in.sender(), &out.receiver()});
+    CdNodeSetup own;
+    own.node = node;
+    own.shapes = &shapes_;
+    own.space = &space_;
+    own.model = play.model;
+    own.placement = play.placement;
+    own.layer_masks = setup.layer_masks;
+    own.server = {&out.sender(), &in.receiver()};
+    own.peers.resize(play.nodes);
+    for (NodeNumber peer = 0; peer < play.nodes; ++peer) {
+      if (peer != node) {
+        own.peers[peer] = {&peers_[{node, peer}]->sender(), &peers_[{peer, node}]->receiver()};
+      }
+    }
+    nodes_.emplace_back(own, map_);
+  }
+  server_.emplace(setup, map_);
+}
+
+void Theatre::connect(UserNumber number) {
+  User& user = users_[number];
+  user.in = std::make_unique<Wire>(play_.ring_bytes, Endpoint::server(), Endpoint::user(number));
+  user.out = std::make_unique<Wire>(play_.ring_bytes, Endpoint::user(number), Endpoint::server());
+  user.publication = std::make_unique<link::Publication>(play_.grid.cells(), 16);
+  UserSetup setup;
+  setup.user = number;
+  setup.model = play_.model;
+  setup.publications = &publications_;
+  setup.interest = play_.interest;
+  setup.server = {&user.out->sender(), &user.in->receiver()};
+  user.role = std::make_unique<UserRole>(setup);
+  if (publications_.users.size() <= number) {
+    publications_.users.resize(number + 1);
+  }
+  publications_.users[number] = {};
+  publications_.users[number].publication = user.publication.get();
+  Request request;
+  request.kind = Request::Kind::connect;
+  request.user = number;
+  request.line = {&user.in->sender(), &user.out->receiver()};
+  requests_.push_back(request);
+}
+
+void Theatre::disconnect(UserNumber number) {
+  Request request;
+  request.kind = Request::Kind::disconnect;
+  request.user = number;
+  requests_.push_back(request);
+  leaving_.insert(number);
+}
+
+ObjectId Theatre::spawn(ObjectSpec spec) {
+  spec.number = spec.number != 0 ? spec.number : ++number_;
+  Request request;
+  request.kind = Request::Kind::spawn;
+  request.object = ObjectId::of(spec.number, ++generation_);
+  request.spec = spec;
+  requests_.push_back(request);
+  return request.object;
+}
+
+void Theatre::destroy(ObjectId id) {
+  Request request;
+  request.kind = Request::Kind::destroy;
+  request.object = id;
+  requests_.push_back(request);
+}
+
+void Theatre::place(ObjectId id, const Pose& pose) {
+  Request request;
+  request.kind = Request::Kind::place;
+  request.object = id;
+  request.spec.pose = pose;
+  requests_.push_back(request);
+}
+
+void Theatre::frame() {
+  log_.clear();
+  order_.requests.swap(requests_);
+  requests_.clear();
+  const std::uint64_t wanted = order_.ordered.load() + 1;
+  order_.ordered.store(wanted);
+  int quiet = 0;
+  while (order_.completed.load() != wanted) {
+    bool progressed = server_->step() == Step::progressed;
+    for (CdNodeRole& node : nodes_) {
+      progressed |= node.step() == Step::progressed;
+    }
+    for (auto& [number, user] : users_) {
+      progressed |= user.role->step() == Step::progressed;
+    }
+    for (std::size_t node = 0; node < nodes_.size(); ++node) {
+      progressed |= node_out_[node].pass({}, log_);
+      progressed |= node_in_[node].pass({}, log_);
+    }
+    for (auto& [ends, wire] : peers_) {
+      progressed |= wire->pass({}, log_);
+    }
+    for (auto& [number, user] : users_) {
+      progressed |= user.out->pass(tamper, log_);
+      progressed |= user.in->pass({}, log_);
+    }
+    quiet = progressed ? 0 : quiet + 1;
+    REQUIRE(quiet < 3);  // nobody gets on any more: a frame that hangs
+  }
+  for (const UserNumber number : leaving_) {
+    publications_.users[number] = {};
+    users_.erase(number);
+  }
+  leaving_.clear();
+}
+
+std::vector<Endpoint> Theatre::hosts_of(ObjectNumber number) const {
+  std::vector<Endpoint> hosts;
+  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+    if (nodes_[node].host().find(number) != NumberIndex::none) {
+      hosts.push_back(Endpoint::node(node));
+    }
+  }
+  for (const auto& [user, own] : users_) {
+    if (own.role->host().find(number) != NumberIndex::none) {
+      hosts.push_back(Endpoint::user(user));
+    }
+  }
+  const std::uint32_t slot = table().find(number);
+  if (hosts.empty() && slot != NumberIndex::none && table().row(slot).host.is_server()) {
+    hosts.push_back(Endpoint::server());
+  }
+  return hosts;
+}
+
+void Theatre::require_one_host_each() const {
+  std::size_t hosted = 0;
+  for (std::uint32_t slot = 0; slot < table().slots(); ++slot) {
+    const ObjectRow& row = table().row(slot);
+    if (!row.alive) {
+      continue;
+    }
+    const auto hosts = hosts_of(row.object.number);
+    CAPTURE(row.object.number);
+    CAPTURE(row.host.value);
+    if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
+      REQUIRE(hosts.empty());
+      continue;
+    }
+    REQUIRE(hosts.size() == 1);
+    REQUIRE(hosts[0] == row.host);
+    hosted += row.host.is_server() ? 0 : 1;
+    if (play_.deployment == Deployment::user_collision &&
+        row.category != static_cast<std::uint16_t>(Category::avatar)) {
+      std::uint32_t point[3];
+      space_.point(row.pose.position, point);
+      REQUIRE(row.host == Endpoint::node(map_.owner_at(point)));
+    }
+  }
+  std::size_t held = 0;
+  for (const CdNodeRole& node : nodes_) {
+    held += node.host().size();
+  }
+  for (const auto& [user, own] : users_) {
+    held += own.role->host().size();
+  }
+  REQUIRE(held == hosted);  // nobody holds on to what is gone
+}
+
+}  // namespace ringfence::nodes::test

@@ -1,0 +1,131 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <set>
+#include <span>
+#include <vector>
+
+#include "geometry/shape_table.hpp"
+#include "link/channel.hpp"
+#include "link/publication.hpp"
+#include "nodes/cd_node_role.hpp"
+#include "nodes/server_role.hpp"
+#include "nodes/user_role.hpp"
+
+namespace ringfence::nodes::test {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+/// A message as it was seen on its way.
+struct Seen {
+  Endpoint from, to;
+  messages::Header header;
+  std::vector<std::byte> bytes;  ///< header included
+  MessageType type() const { return static_cast<MessageType>(header.type); }
+  template <class Record>
+  Record record(std::size_t i) const {
+    Record record;
+    std::memcpy(&record, bytes.data() + sizeof(messages::Header) + i * header.record_bytes, sizeof record);
+    return record;
+  }
+};
+
+/// Stands between two channels: every message passes through the test's hands.
+class Wire {
+ public:
+  Wire(std::size_t ring_bytes, Endpoint from, Endpoint to)
+      : from_(from), to_(to), near_(ring_bytes, nullptr, nullptr), far_(std::size_t{1} << 20, nullptr, nullptr) {}
+  link::Sender& sender() { return near_.sender(); }
+  link::Receiver& receiver() { return far_.receiver(); }
+  /// Takes what was sent, lets `tamper` make of it what it likes, delivers that, and notes it in `log`.
+  using Tamper = std::function<void(const Seen& message, std::vector<std::vector<std::byte>>& instead)>;
+  bool pass(const Tamper& tamper, std::vector<Seen>& log);
+
+ private:
+  Endpoint from_, to_;
+  link::Channel near_, far_;
+};
+
+/// What a theatre is built from.
+struct Stageplay {
+  Deployment deployment = Deployment::user_collision;
+  Placement placement = Placement::server;
+  std::uint32_t nodes = 3;
+  regions::CellGrid grid{{2, 2, 1}};
+  const MotionModel* model = nullptr;
+  std::size_t ring_bytes = 4096;
+  double interest = 0;
+};
+
+/// A server, CD nodes and user nodes in one thread, stepped by hand, every message of theirs seen.
+class Theatre {
+ public:
+  explicit Theatre(const Stageplay& play);
+
+  ShapeNumber add_shape(const ShapeDescription& shape) { return shapes_.add(shape); }
+  // For the next cut.
+  void connect(UserNumber user);
+  void disconnect(UserNumber user);
+  ObjectId spawn(ObjectSpec spec);
+  void destroy(ObjectId id);
+  void place(ObjectId id, const Pose& pose);
+  UserRole& user(UserNumber number) { return *users_.at(number).role; }
+
+  /// One frame; log() then holds its messages in an order that respects cause and effect.
+  void frame();
+  std::uint64_t frames() const { return order_.completed.load(); }
+  std::uint64_t last() const { return frames() - 1; }
+  const std::vector<Seen>& log() const { return log_; }
+
+  const ServerRole& server() const { return *server_; }
+  const ObjectTable& table() const { return server_->objects(); }
+  const FrameReport& report() const { return server_->report(last()); }
+  std::span<const Contact> contacts() const { return server_->ledger().contacts(last()); }
+  std::span<const Contact> ended() const { return server_->ledger().ended(last()); }
+  const regions::RegionMap& map() const { return map_; }
+  const geometry::FixedSpace& space() const { return space_; }
+  const geometry::ShapeTable& shapes() const { return shapes_; }
+
+  /// Who hosts an object, found by asking all roles: the endpoints of those that do. The server's own are those of
+  /// which its table says so and that nobody else has.
+  std::vector<Endpoint> hosts_of(ObjectNumber number) const;
+  /// Requires that every object that can move has exactly one host, the one in the server's table, and that nobody
+  /// hosts what is not there; in user/collision deployment, that the host owns the cell that the object stands in.
+  void require_one_host_each() const;
+
+  Wire::Tamper tamper;  ///< sees what user nodes send
+
+ private:
+  struct User {
+    std::unique_ptr<Wire> in, out;  ///< to the user, from the user
+    std::unique_ptr<link::Publication> publication;
+    std::unique_ptr<UserRole> role;
+  };
+
+  Stageplay play_;
+  geometry::ShapeTable shapes_;
+  geometry::FixedSpace space_{{0, 0, 0}, {64, 64, 64}};
+  regions::RegionMap map_;
+  Publications publications_;
+  link::Publication relay_;
+  FrameOrder order_;
+  std::vector<Request> requests_;
+  std::deque<Wire> node_in_, node_out_;  ///< to each node, from each node
+  std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<Wire>> peers_;
+  std::deque<CdNodeRole> nodes_;
+  std::optional<ServerRole> server_;
+  std::map<UserNumber, User> users_;
+  std::set<UserNumber> leaving_;
+  std::vector<Seen> log_;
+  std::uint32_t generation_ = 0;
+  ObjectNumber number_ = 0;
+};
+
+}  // namespace ringfence::nodes::test
