@@ -161,9 +161,10 @@ JsonDocument::JsonDocument(std::string_view text, std::string name) : text_(text
   } catch (const Json::parse_error& error) {
     const std::string what = error.what();
     const std::size_t reason = what.find("syntax error");
-    throw InputError(fmt::format("{}:{}: not JSON: {} (NaN and infinity are not numbers in JSON)", name_,
-                                 place_of_byte(text, error.byte),
-                                 reason == std::string::npos ? what : what.substr(reason)));
+    const bool literal = what.find("invalid literal") != std::string::npos;
+    throw InputError(fmt::format("{}:{}: not JSON: {}{}", name_, place_of_byte(text, error.byte),
+                                 reason == std::string::npos ? what : what.substr(reason),
+                                 literal ? " (JSON has neither NaN nor infinity)" : ""));
   } catch (const Json::exception& error) {
     throw InputError(fmt::format("{}: not JSON that can be used: {}", name_, error.what()));
   }

@@ -1,0 +1,72 @@
+#include "figures.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace ringfence::tools {
+
+void Figures::add(const FrameReport& report, std::span<const Contact> frame_contacts) {
+  digest_.add_frame(frame_contacts);
+  frame_ms_.push_back(report.frame_ms);
+  for (std::size_t i = 0; i < stage_count; ++i) stage_ms_[i] += report.stage_ms[i];
+  for (std::size_t i = 0; i < status_count; ++i) refused_[i] += report.refused[i];
+  for (std::size_t i = 0; i < traffic_count; ++i) {
+    traffic_[i].messages += report.traffic[i].messages;
+    traffic_[i].records += report.traffic[i].records;
+    traffic_[i].bytes += report.traffic[i].bytes;
+  }
+  candidates += report.candidates;
+  tested += report.tested;
+  accepted += report.accepted;
+  contacts += report.contacts;
+  began += report.began;
+  ended += report.ended;
+  moved += report.moved;
+  handed_over += report.handed_over;
+  grown += report.grown;
+  objects = report.objects;
+  server_cpu_ms += report.server_cpu_ms;
+  users_cpu_ms += report.users_cpu_ms;
+  if (node_totals_.size() < report.nodes.size()) node_totals_.resize(report.nodes.size());
+  for (std::size_t i = 0; i < report.nodes.size(); ++i) {
+    const NodeReport& node = report.nodes[i];
+    NodeFigures& total = node_totals_[i];
+    total.busy_ms += node.busy_ms;
+    total.cpu_ms += node.cpu_ms;
+    total.wait_ms += node.wait_ms;
+    total.move_ms += node.move_ms;
+    total.broad_phase_ms += node.broad_phase_ms;
+    total.narrow_phase_ms += node.narrow_phase_ms;
+    total.candidates += static_cast<double>(node.candidates);
+    total.tested += static_cast<double>(node.tested);
+    total.contacts += static_cast<double>(node.contacts);
+    total.hosted += static_cast<double>(node.hosted);
+    total.handed_over += static_cast<double>(node.handed_over);
+  }
+}
+
+Spread Figures::frame_ms() const {
+  if (frame_ms_.empty()) return {};
+  std::vector<double> sorted = frame_ms_;
+  std::sort(sorted.begin(), sorted.end());
+  const auto rank = [&](double share) {  // the nearest rank: a time that was measured
+    const auto at = static_cast<std::size_t>(std::ceil(share * static_cast<double>(sorted.size())));
+    return sorted[std::max<std::size_t>(at, 1) - 1];
+  };
+  return {mean(std::accumulate(sorted.begin(), sorted.end(), 0.0)), rank(0.5), rank(0.99), sorted.back()};
+}
+
+std::vector<NodeFigures> Figures::nodes() const {
+  std::vector<NodeFigures> means = node_totals_;
+  for (NodeFigures& node : means) {
+    for (double* const value :
+         {&node.busy_ms, &node.cpu_ms, &node.wait_ms, &node.move_ms, &node.broad_phase_ms, &node.narrow_phase_ms,
+          &node.candidates, &node.tested, &node.contacts, &node.hosted, &node.handed_over}) {
+      *value = mean(*value);
+    }
+  }
+  return means;
+}
+
+}  // namespace ringfence::tools

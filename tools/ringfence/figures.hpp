@@ -1,0 +1,53 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "ringfence/digest.hpp"
+#include "ringfence/frame_report.hpp"
+
+namespace ringfence::tools {
+
+/// A time over all counted frames, milliseconds.
+struct Spread {
+  double mean = 0, p50 = 0, p99 = 0, max = 0;
+};
+
+/// One CD node over all counted frames: means a frame.
+struct NodeFigures {
+  double busy_ms = 0, cpu_ms = 0, wait_ms = 0, move_ms = 0, broad_phase_ms = 0, narrow_phase_ms = 0;
+  double candidates = 0, tested = 0, contacts = 0, hosted = 0, handed_over = 0;
+};
+
+/// What a run was, gathered frame by frame.
+class Figures {
+ public:
+  void add(const FrameReport& report, std::span<const Contact> contacts);
+
+  std::uint64_t frames() const noexcept { return frame_ms_.size(); }
+  std::uint64_t digest() const noexcept { return digest_.value(); }
+  Spread frame_ms() const;
+  double stage_ms(Stage stage) const noexcept { return mean(stage_ms_[static_cast<std::size_t>(stage)]); }
+  std::vector<NodeFigures> nodes() const;
+  TrafficReport traffic(Traffic kind) const noexcept { return traffic_[static_cast<std::size_t>(kind)]; }
+  std::uint64_t refused(Status reason) const noexcept { return refused_[static_cast<std::size_t>(reason)]; }
+  /// `total` over the counted frames.
+  double mean(double total) const noexcept { return frames() == 0 ? 0 : total / static_cast<double>(frames()); }
+
+  /// Totals over the counted frames.
+  std::uint64_t candidates = 0, tested = 0, accepted = 0, contacts = 0, began = 0, ended = 0;
+  std::uint64_t moved = 0, handed_over = 0, grown = 0;
+  std::uint64_t objects = 0;  ///< after the last frame
+  double server_cpu_ms = 0, users_cpu_ms = 0;
+
+ private:
+  Digest digest_;
+  std::vector<double> frame_ms_;
+  std::array<double, stage_count> stage_ms_{};
+  std::array<TrafficReport, traffic_count> traffic_{};
+  std::array<std::uint64_t, status_count> refused_{};
+  std::vector<NodeFigures> node_totals_;
+};
+
+}  // namespace ringfence::tools

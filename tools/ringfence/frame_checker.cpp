@@ -1,0 +1,54 @@
+#include "frame_checker.hpp"
+
+#include <fmt/format.h>
+
+namespace ringfence::tools {
+namespace {
+
+constexpr std::uint64_t most_told = 50;
+
+}  // namespace
+
+FrameChecker::FrameChecker(const World& world, bool brute_force) : world_(world), brute_force_(brute_force) {
+  if (!brute_force_) return;
+  for (ShapeNumber shape = 0; shape < world.shape_count(); ++shape) shapes_.add(world.shape(shape));
+  const LayerMatrix& layers = world.config().layers;
+  for (std::size_t layer = 0; layer < layers.names.size(); ++layer) {
+    layer_masks_.push_back(layers.mask(static_cast<std::uint8_t>(layer)));
+  }
+}
+
+void FrameChecker::check_counters() {
+  const FrameReport& report = world_.report();
+  if (report.candidates == report.tested && report.tested == report.accepted) return;
+  if (miscounted_++ < most_told) {
+    fmt::print(stderr, "ringfence: frame {}: {} candidates, {} tested, {} accepted; expected each exactly once\n",
+               report.frame, report.candidates, report.tested, report.accepted);
+  }
+}
+
+void FrameChecker::skip_frame() {
+  check_counters();
+  if (brute_force_) before_.assign(world_.contacts().begin(), world_.contacts().end());
+}
+
+void FrameChecker::tell(const std::vector<reference::Difference>& differences) {
+  for (const reference::Difference& difference : differences) {
+    if (differences_++ < most_told) fmt::print(stderr, "ringfence: {}\n", difference.text);
+  }
+}
+
+void FrameChecker::check_frame(std::uint64_t frame) {
+  check_counters();
+  if (!brute_force_) return;
+  std::vector<reference::FrameObject> objects;
+  for (const ObjectView& view : world_.objects()) {
+    objects.push_back({view.spec.number, view.spec.shape, view.spec.layer, view.spec.present, view.spec.pose});
+  }
+  tell(reference::check_frame(frame, shapes_, objects, layer_masks_, world_.contacts()));
+  tell(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));
+  before_.assign(world_.contacts().begin(), world_.contacts().end());
+  ++frames_;
+}
+
+}  // namespace ringfence::tools

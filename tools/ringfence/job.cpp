@@ -1,0 +1,132 @@
+#include "job.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "exit_code.hpp"
+#include "frame_checker.hpp"
+#include "frame_outputs.hpp"
+#include "progress.hpp"
+#include "recording.hpp"
+#include "report.hpp"
+#include "ringfence/world.hpp"
+#include "worlds/load.hpp"
+#include "worlds/motion_file.hpp"
+#include "worlds/replay_model.hpp"
+#include "worlds/scene_file.hpp"
+
+namespace ringfence::tools {
+namespace {
+
+WorldConfig config_of(const Job& job) {
+  WorldConfig config;
+  config.nodes = job.service.nodes;
+  config.user_threads = job.service.user_threads;
+  config.deployment = job.service.deployment;
+  config.placement = job.service.placement;
+  config.interest = job.service.interest;
+  config.ring_bytes = job.service.ring_bytes;
+  config.pin = job.service.pin;
+  config.timeline = !job.output.trace.empty();
+  config.motion = job.model;
+  config.log = [](LogLevel level, std::string_view line) {
+    if (level >= LogLevel::warning) fmt::print(stderr, "ringfence: {}\n", line);
+  };
+  worlds::configure_for(config, job.scene, job.service.users);
+  return config;
+}
+
+void advance(World& world, std::uint64_t frame) {
+  const Status status = world.advance();
+  if (status != Status::ok) {
+    throw IncompleteError(fmt::format("frame {} was refused: {}; the frames before it stand", frame, name_of(status)));
+  }
+}
+
+}  // namespace
+
+Job make_job(const RunOptions& options) {
+  worlds::PaperWorld world = worlds::make_paper_world(options.world);
+  Job job;
+  job.title =
+      fmt::format("{} objects ({}), seed {}", options.world.objects, name_of(options.world.shapes), options.world.seed);
+  job.scene = std::move(world.scene);
+  job.model = std::make_shared<motion::Steering>(world.steering);
+  job.frames = options.frames;
+  job.service = options.service;
+  job.output = options.output;
+  job.record_prefix = options.record_prefix;
+  job.world = &options.world;
+  return job;
+}
+
+Job make_job(const ReplayOptions& options) {
+  Job job;
+  job.scene = worlds::read_scene(options.scene);
+  const worlds::Motion motion = worlds::read_motion(options.motion, job.scene);
+  job.title = fmt::format("{} objects of {}, {} frames of {}", job.scene.objects.size(), options.scene, motion.frames,
+                          options.motion);
+  job.model = std::make_shared<worlds::ReplayModel>(motion);
+  job.service = options.service;
+  job.output = options.output;
+  job.frames = options.frames;
+
+  const UserNumber needed = worlds::users_of(job.scene);
+  if (job.service.users_given && job.service.users < needed) {
+    throw Error(
+        fmt::format("--users: found {}; expected at least {}, which {} has", job.service.users, needed, options.scene));
+  }
+  job.service.users = std::max(job.service.users, needed);
+  if (job.frames.warmup >= motion.frames) {
+    throw Error(fmt::format("--warmup: found {}; expected less than the {} frames of {}", job.frames.warmup,
+                            motion.frames, options.motion));
+  }
+  const std::uint32_t left = motion.frames - job.frames.warmup;
+  if (job.frames.frames > left) {
+    throw Error(fmt::format("--frames: found {}; expected at most the {} frames of {} after the warm-up",
+                            job.frames.frames, left, options.motion));
+  }
+  if (job.frames.frames == 0) job.frames.frames = left;
+  return job;
+}
+
+int run_job(const Job& job) {
+  FrameOutputs outputs(job.output);
+  std::optional<OutputFile> json;
+  if (!job.output.json.empty()) json.emplace(job.output.json);
+  World world(config_of(job));
+  worlds::load_into(world, job.scene, job.service.users);
+
+  FrameChecker checker(world, job.output.check);
+  Progress progress(job.output.quiet, std::uint64_t{job.frames.warmup} + job.frames.frames);
+  for (std::uint32_t frame = 0; frame < job.frames.warmup; ++frame) {
+    advance(world, frame);
+    checker.skip_frame();
+    progress.step();
+  }
+  Recording recording(job.record_prefix, job.scene, world);
+  Figures figures;
+  for (std::uint32_t frame = 0; frame < job.frames.frames; ++frame) {
+    advance(world, std::uint64_t{job.frames.warmup} + frame);
+    figures.add(world.report(), world.contacts());
+    outputs.add_frame(frame, world);
+    recording.add_frame(world);
+    checker.check_frame(frame);
+    progress.step();
+  }
+  progress.finish();
+  recording.finish();
+  outputs.finish();
+  if (json) {
+    write_json_report(*json, job, figures, checker);
+    json->close();
+  }
+  // With the contacts on standard output, the report makes room.
+  print_report(job.output.collisions == "-" ? stderr : stdout, job, figures, checker);
+  return checker.passed() ? done : check_failed;
+}
+
+}  // namespace ringfence::tools

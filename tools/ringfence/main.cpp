@@ -1,0 +1,66 @@
+#include <exception>
+#include <new>
+#include <string_view>
+
+#include <fmt/format.h>
+
+#include "convert.hpp"
+#include "exit_code.hpp"
+#include "job.hpp"
+#include "options.hpp"
+
+namespace ringfence::tools {
+namespace {
+
+int run(const CommandLine& line) {
+  switch (line.command) {
+    case CommandLine::Command::run:
+    case CommandLine::Command::record:
+      return run_job(make_job(line.run));
+    case CommandLine::Command::replay:
+      return run_job(make_job(line.replay));
+    case CommandLine::Command::convert:
+      break;
+  }
+  return convert(line.convert);
+}
+
+int run_guarded(int argc, char** argv) {
+  if (argc > 1) {
+    const std::string_view word = argv[1];
+    if (word == "scale" || word == "profile" || word == "node") {
+      fmt::print(stderr, "ringfence: {} is not in this version\n", word);
+      return bad_use;
+    }
+  }
+  CommandLineParser parser;
+  CommandLine line;
+  try {
+    line = parser.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return parser.explain(error);
+  }
+  try {
+    return run(line);
+  } catch (const IncompleteError& error) {
+    fmt::print(stderr, "ringfence: {}\n", error.what());
+    return incomplete;
+  } catch (const Error& error) {
+    fmt::print(stderr, "ringfence: {}\n", error.what());
+    return bad_use;
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::tools
+
+int main(int argc, char** argv) {
+  try {
+    return ringfence::tools::run_guarded(argc, argv);
+  } catch (const std::bad_alloc&) {
+    fmt::print(stderr, "ringfence: out of memory\n");
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "ringfence: {}\n", error.what());
+  }
+  return ringfence::tools::incomplete;
+}

@@ -1,0 +1,230 @@
+#include "options.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <iostream>
+#include <map>
+#include <string_view>
+#include <thread>
+
+#include <fmt/format.h>
+
+#include "exit_code.hpp"
+
+namespace ringfence::tools {
+namespace {
+
+constexpr std::uint32_t most_frames = 10'000'000;
+
+/// Refuses what is outside [low, high], and NaN, saying the range.
+template <class T>
+CLI::Validator between(T low, T high) {
+  return {[low, high](std::string& text) {
+            T value{};
+            const bool right = CLI::detail::lexical_cast(text, value) && value >= low && value <= high;
+            return right ? std::string() : fmt::format("found {}; expected {} to {}", text, low, high);
+          },
+          fmt::format("{} to {}", low, high)};
+}
+
+template <class Value, std::size_t count>
+std::map<std::string, Value> by_name(const Value (&values)[count]) {
+  std::map<std::string, Value> names;
+  for (const Value value : values) names.emplace(name_of(value), value);
+  return names;
+}
+
+/// An option that takes one of a few words.
+template <class Value, std::size_t count>
+void add_words(CLI::App& command, const char* option, Value& value, const Value (&values)[count], const char* help) {
+  const auto names = by_name(values);
+  std::string words;
+  for (const Value each : values) words += fmt::format("{}{}", words.empty() ? "" : ", ", name_of(each));
+  const auto read = [names, words, &value, option](const std::string& text) {
+    const auto found = names.find(text);
+    if (found == names.end()) {
+      throw CLI::ValidationError(option, fmt::format("found {}; expected one of {}", text, words));
+    }
+    value = found->second;
+  };
+  command.add_option_function<std::string>(option, read, fmt::format("{}: {}", help, words))
+      ->default_str(name_of(value))
+      ->type_name("WORD");
+}
+
+void add_interval(CLI::App& command, const char* option, motion::Interval& value, const char* help) {
+  const auto read = [&value, option](const std::string& text) {
+    const char* const end = text.data() + text.size();
+    const auto [colon, error] = std::from_chars(text.data(), end, value.min);
+    bool right = error == std::errc() && colon != end && *colon == ':';
+    if (right) {
+      const auto [stop, second_error] = std::from_chars(colon + 1, end, value.max);
+      right = second_error == std::errc() && stop == end && value.min >= 1 && value.max >= value.min &&
+              value.max <= 1'000'000'000;
+    }
+    if (!right) {
+      throw CLI::ValidationError(option,
+                                 fmt::format("found {}; expected A:B frames with 1 <= A <= B <= 1000000000", text));
+    }
+  };
+  command.add_option_function<std::string>(option, read, help)
+      ->default_str(fmt::format("{}:{}", value.min, value.max))
+      ->type_name("A:B");
+}
+
+/// 0 stands for "by role"; anything else is a power of two.
+std::string check_ring_bytes(std::string& text) {
+  std::uint64_t value = 0;
+  const bool number = CLI::detail::lexical_cast(text, value);
+  const bool right = number && (value == 0 || (value >= 4096 && value <= 1u << 30 && (value & (value - 1)) == 0));
+  return right ? std::string() : fmt::format("found {}; expected 0 or a power of two from 4096 to 1073741824", text);
+}
+
+}  // namespace
+
+CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service for multiplayer worlds", "ringfence") {
+  app_.set_version_flag("--version", std::string("ringfence ") + RINGFENCE_VERSION);
+  app_.require_subcommand(1);
+  app_.get_formatter()->column_width(36);
+  const std::uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
+  line_.run.service.nodes = line_.replay.service.nodes = std::clamp(cores - 1, 1u, 1024u);
+
+  CLI::App& run = *app_.add_subcommand("run", "generates the paper's world and runs it");
+  add_frames(run, line_.run.frames, false);
+  add_service(run, line_.run.service);
+  add_world(run, line_.run.world);
+  add_output(run, line_.run.output);
+
+  CLI::App& replay = *app_.add_subcommand("replay", "runs a recorded world");
+  replay.add_option("--scene", line_.replay.scene, "the scene, JSON")->required()->type_name("FILE");
+  replay.add_option("--motion", line_.replay.motion, "how it moves, CSV or binary")->required()->type_name("FILE");
+  add_frames(replay, line_.replay.frames, true);
+  add_service(replay, line_.replay.service);
+  add_output(replay, line_.replay.output);
+
+  CLI::App& record = *app_.add_subcommand("record", "runs the paper's world and writes it as PREFIX.json, PREFIX.bin");
+  record.add_option("--out", line_.run.record_prefix, "where to; what replay makes of it has the same digest")
+      ->required()
+      ->type_name("PREFIX");
+  add_frames(record, line_.run.frames, false);
+  add_service(record, line_.run.service);
+  add_world(record, line_.run.world);
+  add_output(record, line_.run.output);
+
+  CLI::App& convert = *app_.add_subcommand("convert", "turns a real trace into PREFIX.json, PREFIX.csv for replay");
+  ConvertOptions& options = line_.convert;
+  convert.add_option("KIND", options.kind, "air: flights, JSON; crowd: people, text")
+      ->required()
+      ->check(CLI::IsMember({"air", "crowd"}));
+  convert.add_option("INPUT", options.input, "the trace, not compressed; - is standard input")->required();
+  convert.add_option("--out", options.prefix, "where to")->required()->type_name("PREFIX");
+  convert.add_option("--copies", options.copies, "copies side by side, each a little later than the one before")
+      ->check(between(1u, 10'000u))
+      ->capture_default_str()
+      ->type_name("N");
+  convert.add_option("--from", options.from, "air: begin at this time of day, UTC")->type_name("HH:MM");
+  convert.add_option("--minutes", options.minutes, "air: end so many minutes later; 0: at the end of the trace")
+      ->check(between(0u, 100'000u))
+      ->capture_default_str()
+      ->type_name("N");
+}
+
+void CommandLineParser::add_frames(CLI::App& command, FrameOptions& frames, bool replay) {
+  CLI::Option* const count =
+      command.add_option("--frames", frames.frames, replay ? "frames counted; 0: all" : "frames counted");
+  count->check(between(replay ? 0u : 1u, most_frames))->capture_default_str()->type_name("N");
+  command.add_option("--warmup", frames.warmup, "frames before them, outside every output")
+      ->check(between(0u, most_frames))
+      ->capture_default_str()
+      ->type_name("N");
+}
+
+void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) {
+  add_words(command, "--deployment", service.deployment,
+            {Deployment::user, Deployment::user_server, Deployment::user_collision}, "who hosts what is not an avatar");
+  command.add_option("--nodes", service.nodes, "CD nodes; 0: everything in one thread")
+      ->check(between(0u, 1024u))
+      ->capture_default_str()
+      ->type_name("N");
+  add_words(command, "--broad-phase", service.placement, {Placement::server, Placement::region},
+            "where the broad phase runs");
+  command.add_option("--users", service.users, "user nodes")
+      ->check(between(1u, 65'536u))
+      ->capture_default_str()
+      ->type_name("N");
+  command.add_option("--user-threads", service.user_threads, "threads that carry the user nodes")
+      ->check(between(1u, 256u))
+      ->capture_default_str()
+      ->type_name("N");
+  command.add_option("--interest", service.interest, "how far a user node looks, metres")
+      ->check(between(0.0, 1e9))
+      ->capture_default_str()
+      ->type_name("R");
+  command.add_option("--ring-bytes", service.ring_bytes, "size of every ring, a power of two; 0: by role")
+      ->check(CLI::Validator(check_ring_bytes, ""))
+      ->capture_default_str()
+      ->type_name("N");
+  command.add_flag("--pin", service.pin, "pin threads to cores");
+}
+
+void CommandLineParser::add_world(CLI::App& command, worlds::PaperWorldOptions& world) {
+  using worlds::ShapeSetting;
+  command.add_option("--objects", world.objects, "objects, avatars included")
+      ->check(between(1u, 10'000'000u))
+      ->capture_default_str()
+      ->type_name("N");
+  command.add_option("--coverage", world.coverage, "share of the world's volume that they fill")
+      ->check(between(1e-6, 0.6))
+      ->capture_default_str()
+      ->type_name("F");
+  add_words(command, "--shapes", world.shapes,
+            {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed,
+             ShapeSetting::mesh},
+            "what shapes they have");
+  command.add_option("--seed", world.seed, "of all random numbers")->capture_default_str()->type_name("N");
+  command.add_option("--targets", world.targets, "what objects steer to; 0: objects / 50")
+      ->check(between(0u, 10'000'000u))
+      ->capture_default_str()
+      ->type_name("N");
+  add_interval(command, "--target-interval", world.target_interval, "a target relocates after so many frames");
+  add_interval(command, "--retarget-interval", world.retarget_interval, "an object picks another after so many");
+}
+
+void CommandLineParser::add_output(CLI::App& command, OutputOptions& output) {
+  command.add_flag("--check", output.check, "compare every frame with brute force in double precision");
+  command.add_option("--collisions", output.collisions, "every contact as CSV; - is standard output")
+      ->type_name("FILE");
+  command.add_option("--json", output.json, "all figures of the run")->type_name("FILE");
+  command.add_option("--frames-csv", output.frames_csv, "one row a frame")->type_name("FILE");
+  command.add_option("--trace", output.trace, "a timeline for Perfetto, Chrome trace JSON")->type_name("FILE");
+  command.add_flag("--quiet", output.quiet, "no progress line");
+}
+
+CommandLine CommandLineParser::parse(int argc, char** argv) {
+  app_.parse(argc, argv);
+  const CLI::App& command = *app_.get_subcommands().front();
+  const std::string name = command.get_name();
+  using Command = CommandLine::Command;
+  line_.command = name == "run"      ? Command::run
+                  : name == "replay" ? Command::replay
+                  : name == "record" ? Command::record
+                                     : Command::convert;
+  if (line_.command == Command::replay) line_.replay.service.users_given = command.count("--users") > 0;
+  line_.run.world.users = line_.run.service.users;
+  return line_;
+}
+
+int CommandLineParser::explain(const CLI::ParseError& error) {
+  if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) {
+    app_.exit(error, std::cout, std::cerr);
+    return done;
+  }
+  const auto commands = app_.get_subcommands();
+  const std::string command = commands.empty() ? "" : " " + commands.front()->get_name();
+  fmt::print(stderr, "ringfence: {}\nringfence{} --help says what there is\n", error.what(), command);
+  return bad_use;
+}
+
+}  // namespace ringfence::tools

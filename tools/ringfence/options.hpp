@@ -1,0 +1,95 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+#include "ringfence/config.hpp"
+#include "worlds/paper_world.hpp"
+
+namespace ringfence::tools {
+
+/// Which frames count.
+struct FrameOptions {
+  std::uint32_t frames = 0;  ///< replay: 0 means all
+  std::uint32_t warmup = 0;
+};
+
+/// How the service is set up; the same for run, replay and record.
+struct ServiceOptions {
+  Deployment deployment = Deployment::user_collision;
+  Placement placement = Placement::server;
+  std::uint32_t nodes = 1;
+  std::uint32_t users = 100;
+  bool users_given = false;
+  std::uint32_t user_threads = 1;
+  double interest = 25;
+  std::uint64_t ring_bytes = 0;
+  bool pin = false;
+};
+
+/// What comes out, and where; an empty path is none.
+struct OutputOptions {
+  bool check = false;
+  std::string collisions;
+  std::string json;
+  std::string frames_csv;
+  std::string trace;
+  bool quiet = false;
+};
+
+struct RunOptions {
+  FrameOptions frames{600, 60};
+  ServiceOptions service;
+  worlds::PaperWorldOptions world;
+  OutputOptions output;
+  std::string record_prefix;  ///< record only
+};
+
+struct ReplayOptions {
+  FrameOptions frames;
+  ServiceOptions service;
+  OutputOptions output;
+  std::string scene;
+  std::string motion;
+};
+
+struct ConvertOptions {
+  std::string kind;  ///< air or crowd
+  std::string input;
+  std::string prefix;
+  std::uint32_t copies = 1;
+  std::string from;  ///< air: UTC hh:mm
+  std::uint32_t minutes = 0;
+};
+
+/// Everything that the command line can say, and which command it was.
+struct CommandLine {
+  enum class Command : std::uint8_t { run, replay, record, convert };
+  Command command = Command::run;
+  RunOptions run;  ///< record too
+  ReplayOptions replay;
+  ConvertOptions convert;
+};
+
+/// Reads the command line. Throws CLI::ParseError, also for --help and --version; values out of range are told with
+/// the range.
+class CommandLineParser {
+ public:
+  CommandLineParser();
+  CommandLine parse(int argc, char** argv);
+  /// Prints help, version or the error; answers the exit code.
+  int explain(const CLI::ParseError& error);
+
+ private:
+  void add_frames(CLI::App& command, FrameOptions& frames, bool replay);
+  void add_service(CLI::App& command, ServiceOptions& service);
+  void add_world(CLI::App& command, worlds::PaperWorldOptions& world);
+  void add_output(CLI::App& command, OutputOptions& output);
+
+  CLI::App app_;
+  CommandLine line_;
+};
+
+}  // namespace ringfence::tools

@@ -1,0 +1,206 @@
+#include "report.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <string>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "machine.hpp"
+
+namespace ringfence::tools {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t most_nodes_shown = 32;
+
+constexpr const char* name_of_traffic(Traffic kind) {
+  constexpr const char* names[] = {"M1", "M2", "M3", "M4", "M5", "states", "control"};
+  return names[static_cast<std::size_t>(kind)];
+}
+
+std::string lower(std::string text) {
+  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return text;
+}
+
+std::string words(std::string text) {
+  for (char& c : text) c = c == '_' ? ' ' : c;
+  return text;
+}
+
+std::string service_of(const ServiceOptions& service) {
+  if (service.nodes == 0) {
+    return fmt::format("{}, everything in one thread, {} users, broad phase: {}", name_of(service.deployment),
+                       service.users, name_of(service.placement));
+  }
+  return fmt::format("{}, {} CD node{}, {} users in {} thread{}, broad phase: {}", name_of(service.deployment),
+                     service.nodes, service.nodes == 1 ? "" : "s", service.users, service.user_threads,
+                     service.user_threads == 1 ? "" : "s", name_of(service.placement));
+}
+
+void print_stages(std::FILE* out, const Figures& figures, double frame_ms) {
+  fmt::print(out, "stage               ms    share\n");
+  for (std::size_t i = 0; i < stage_count; ++i) {
+    const auto stage = static_cast<Stage>(i);
+    const double ms = figures.stage_ms(stage);
+    fmt::print(out, "  {:<12} {:>8.3f}  {:>5.1f} %\n", words(name_of(stage)), ms,
+               frame_ms > 0 ? 100 * ms / frame_ms : 0.0);
+  }
+}
+
+void print_nodes(std::FILE* out, const Figures& figures) {
+  const std::vector<NodeFigures> nodes = figures.nodes();
+  fmt::print(out, "node     busy ms   cpu ms  wait ms   tested   share   hosted\n");
+  double all_tested = 0;
+  for (const NodeFigures& node : nodes) all_tested += node.tested;
+  for (std::size_t i = 0; i < std::min(nodes.size(), most_nodes_shown); ++i) {
+    const NodeFigures& node = nodes[i];
+    fmt::print(out, "  {:<5} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.0f} {:>5.1f} % {:>8.0f}\n", i, node.busy_ms, node.cpu_ms,
+               node.wait_ms, node.tested, all_tested > 0 ? 100 * node.tested / all_tested : 0.0, node.hosted);
+  }
+  if (nodes.size() > most_nodes_shown) {
+    fmt::print(out, "  and {} more; --json FILE has them all\n", nodes.size() - most_nodes_shown);
+  }
+}
+
+void print_traffic(std::FILE* out, const Figures& figures) {
+  fmt::print(out, "messages   a frame    bytes a frame\n");
+  for (std::size_t i = 0; i < traffic_count; ++i) {
+    const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
+    if (traffic.messages == 0 && traffic.bytes == 0) continue;
+    fmt::print(out, "  {:<8} {:>7.1f} {:>16.0f}\n", name_of_traffic(static_cast<Traffic>(i)),
+               figures.mean(static_cast<double>(traffic.messages)), figures.mean(static_cast<double>(traffic.bytes)));
+  }
+}
+
+void print_check(std::FILE* out, const FrameChecker& checker) {
+  if (checker.miscounted() > 0) {
+    fmt::print(out, "counters    FAILED: in {} frames not every candidate was tested and accepted exactly once\n",
+               checker.miscounted());
+  }
+  if (!checker.brute_force()) return;
+  if (checker.differences() == 0) {
+    fmt::print(out, "check       {} frames agree with brute force in double precision\n", checker.frames());
+  } else {
+    fmt::print(out, "check       FAILED: {} differences from brute force in {} frames\n", checker.differences(),
+               checker.frames());
+  }
+}
+
+Json config_of(const Job& job) {
+  Json config = {{"deployment", name_of(job.service.deployment)},
+                 {"broad_phase", name_of(job.service.placement)},
+                 {"nodes", job.service.nodes},
+                 {"users", job.service.users},
+                 {"user_threads", job.service.user_threads},
+                 {"interest", job.service.interest},
+                 {"ring_bytes", job.service.ring_bytes},
+                 {"pin", job.service.pin},
+                 {"warmup", job.frames.warmup},
+                 {"objects", job.scene.objects.size()}};
+  if (const worlds::PaperWorldOptions* world = job.world) {
+    config["shapes"] = name_of(world->shapes);
+    config["coverage"] = world->coverage;
+    config["seed"] = world->seed;
+    config["targets"] = world->targets != 0 ? world->targets : std::max(1u, world->objects / 50);
+    config["target_interval"] = {world->target_interval.min, world->target_interval.max};
+    config["retarget_interval"] = {world->retarget_interval.min, world->retarget_interval.max};
+  }
+  return config;
+}
+
+Json nodes_of(const Figures& figures) {
+  Json nodes = Json::array();
+  for (const NodeFigures& node : figures.nodes()) {
+    nodes.push_back({{"busy_ms", node.busy_ms},
+                     {"cpu_ms", node.cpu_ms},
+                     {"wait_ms", node.wait_ms},
+                     {"tested", node.tested},
+                     {"move_ms", node.move_ms},
+                     {"broad_phase_ms", node.broad_phase_ms},
+                     {"narrow_phase_ms", node.narrow_phase_ms},
+                     {"candidates", node.candidates},
+                     {"contacts", node.contacts},
+                     {"hosted", node.hosted},
+                     {"handed_over", node.handed_over}});
+  }
+  return nodes;
+}
+
+Json report_of(const Job& job, const Figures& figures, const FrameChecker& checker) {
+  const Machine machine = this_machine();
+  const Spread frame = figures.frame_ms();
+  Json report;
+  report["config"] = config_of(job);
+  report["machine"] = {{"cpu", machine.cpu},
+                       {"cores", machine.cores},
+                       {"system", machine.system},
+                       {"compiler", machine.compiler},
+                       {"build", machine.build}};
+  report["frames"] = figures.frames();
+  report["digest"] = fmt::format("{:016x}", figures.digest());
+  report["frame_ms"] = {{"mean", frame.mean}, {"p50", frame.p50}, {"p99", frame.p99}, {"max", frame.max}};
+  for (std::size_t i = 0; i < stage_count; ++i) {
+    report["stages_ms"][name_of(static_cast<Stage>(i))] = figures.stage_ms(static_cast<Stage>(i));
+  }
+  report["pairs"] = {{"candidate", figures.candidates}, {"tested", figures.tested}, {"accepted", figures.accepted}};
+  report["contacts"] = {{"total", figures.contacts},
+                        {"mean", figures.mean(static_cast<double>(figures.contacts))},
+                        {"began", figures.began},
+                        {"ended", figures.ended}};
+  report["nodes"] = nodes_of(figures);
+  for (std::size_t i = 0; i < traffic_count; ++i) {
+    const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
+    report["traffic"][lower(name_of_traffic(static_cast<Traffic>(i)))] = {
+        {"messages", traffic.messages}, {"records", traffic.records}, {"bytes", traffic.bytes}};
+  }
+  report["moved"] = figures.moved;
+  report["handed_over"] = figures.handed_over;
+  report["grown"] = figures.grown;
+  report["server_cpu_ms"] = figures.mean(figures.server_cpu_ms);
+  report["users_cpu_ms"] = figures.mean(figures.users_cpu_ms);
+  report["refused"] = Json::object();
+  for (std::size_t i = 0; i < status_count; ++i) {
+    const auto reason = static_cast<Status>(i);
+    if (figures.refused(reason) > 0) report["refused"][name_of(reason)] = figures.refused(reason);
+  }
+  if (checker.brute_force()) {
+    report["check"] = {{"frames", checker.frames()}, {"differences", checker.differences()}};
+  }
+  return report;
+}
+
+}  // namespace
+
+void print_report(std::FILE* out, const Job& job, const Figures& figures, const FrameChecker& checker) {
+  const Spread frame = figures.frame_ms();
+  fmt::print(out, "{}\n{}\n", job.title, service_of(job.service));
+  fmt::print(out, "{} frames counted after {} of warm-up\n\n", figures.frames(), job.frames.warmup);
+  fmt::print(out, "frame       mean {:.3f} ms   p50 {:.3f}   p99 {:.3f}   max {:.3f}\n", frame.mean, frame.p50,
+             frame.p99, frame.max);
+  print_stages(out, figures, frame.mean);
+  fmt::print(out, "pairs       {:.1f} candidates a frame, {:.1f} tested\n",
+             figures.mean(static_cast<double>(figures.candidates)), figures.mean(static_cast<double>(figures.tested)));
+  fmt::print(out, "contacts    {:.1f} a frame, {} in all\n", figures.mean(static_cast<double>(figures.contacts)),
+             figures.contacts);
+  fmt::print(out, "moved       {:.1f} objects a frame, {:.2f} handed over\n",
+             figures.mean(static_cast<double>(figures.moved)), figures.mean(static_cast<double>(figures.handed_over)));
+  print_nodes(out, figures);
+  print_traffic(out, figures);
+  for (std::size_t i = 1; i < status_count; ++i) {
+    const auto reason = static_cast<Status>(i);
+    if (figures.refused(reason) > 0) fmt::print(out, "refused     {} {}\n", figures.refused(reason), name_of(reason));
+  }
+  print_check(out, checker);
+  if (!job.record_prefix.empty()) fmt::print(out, "recorded    {0}.json, {0}.bin\n", job.record_prefix);
+  fmt::print(out, "digest      {:016x}\n", figures.digest());
+}
+
+void write_json_report(OutputFile& out, const Job& job, const Figures& figures, const FrameChecker& checker) {
+  out.print("{}\n", report_of(job, figures, checker).dump(1, ' '));
+}
+
+}  // namespace ringfence::tools
