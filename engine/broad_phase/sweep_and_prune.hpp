@@ -19,8 +19,9 @@ namespace ringfence::broad_phase {
 /// size of the world. Method: sweep and prune (Cohen et al. 1995), in short rows (Terdiman 2017), over size levels as
 /// in hierarchical grids (Mirtich 1997).
 ///
-/// Cost: near linear in boxes and pairs, 12 to 30 ns a box from 4,000 to 1,000,000 with AVX-512, whatever the world's
-/// size, its shape, and how many lie on its faces or in one heap. What costs more, measured with 64,000 boxes:
+/// Cost: near linear in boxes and pairs: with AVX-512 and half a pair a box, 12 to 30 ns a box from 4,000 to 1,000,000,
+/// whatever the world's size and shape; 45 to 60 in a heap with 1.6 pairs a box. What costs more, measured with 64,000
+/// boxes:
 /// - n boxes in one spot have n^2/2 pairs, which no method avoids: 3 to 5 ns a pair;
 /// - halves of a world that differ in size by 20 or 1000: 35 to 55 ns a box, since the larger are asked about the cells
 ///   that they cover, or the smaller about the larger, whichever is cheaper;
@@ -29,8 +30,8 @@ namespace ringfence::broad_phase {
 ///   once (n^2/16 vector steps): 380 to 540 ms. Rods of a twentieth of the world cost 25 ns a box.
 ///
 /// Threads: one instance belongs to one thread at a time. Memory: grows to the largest frame seen (about 100 bytes an
-/// object and 8 a pair), never shrinks; in steady state nothing is allocated. Fails only by std::bad_alloc while it
-/// grows. The pairs do not depend on the machine; their order does.
+/// object, twice that where some rest, and 8 a pair), never shrinks; in steady state nothing is allocated. Fails only
+/// by std::bad_alloc while it grows. The pairs do not depend on the machine; their order does.
 class SweepAndPrune {
  public:
   /// Reserves for `objects` objects and `pairs` pairs. Both may be exceeded later, at the price of an allocation.
