@@ -85,6 +85,14 @@ Flat middle(const Polygon& polygon) {
   return {sum.x / count, sum.y / count};
 }
 
+/// Of what is left of a segment, whose ends clipping may have listed twice.
+Flat middle_along(const Polygon& points, Flat along) {
+  const auto before = [&](Flat p, Flat q) { return dot(p, along) < dot(q, along); };
+  const auto [low, high] = std::minmax_element(
+      points.corner.begin(), points.corner.begin() + static_cast<std::ptrdiff_t>(points.size), before);
+  return between(*low, *high, 0.5);
+}
+
 struct Nearest {
   double squared = std::numeric_limits<double>::infinity();
   Flat middle{0, 0};
@@ -125,8 +133,11 @@ Flat shared(Polygon& p, Polygon& q, Polygon& spare) {
   Nearest nearest;
   nearest.corners_to_sides(p, q);
   nearest.corners_to_sides(q, p);
+  const bool segment = subject.size == 2;
+  const Flat along = subject.next(0) - subject.corner[0];
   clip(subject, by, spare);
-  return subject.size > 0 ? middle(subject) : nearest.middle;
+  if (subject.size == 0) return nearest.middle;
+  return segment ? middle_along(subject, along) : middle(subject);
 }
 
 }  // namespace

@@ -1,0 +1,264 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <ccd/ccd.h>
+
+#include "geometry/vector.hpp"
+#include "narrow_phase/convex_features.hpp"
+#include "narrow_phase/kernel.hpp"
+
+// A shape that only its support function describes, against any convex shape, by libccd's GJK and expanding polytope in
+// double. What libccd finds is a direction; the depth is worked out anew along it from the two supports, so it is never
+// less than what separates the two along the normal that is reported.
+
+namespace ringfence::narrow_phase {
+namespace {
+
+/// A placed convex shape, about the first body's position.
+struct Convex {
+  const geometry::ShapeRow* row;
+  const geometry::Hull* hull = nullptr;
+  const SupportFunction* function = nullptr;
+  geometry::RotationD turn;
+  Vec3d position;
+
+  Vec3d local_support(Vec3d d) const {
+    const double x = double{row->size[0]}, y = double{row->size[1]}, z = double{row->size[2]};
+    const double norm = length(d);
+    switch (row->kind) {
+      case ShapeKind::sphere:
+        return d * (x / norm);
+      case ShapeKind::box:
+        return {std::copysign(x, d.x), std::copysign(y, d.y), std::copysign(z, d.z)};
+      case ShapeKind::capsule:
+        return Vec3d{0, 0, std::copysign(y, d.z)} + d * (x / norm);
+      case ShapeKind::hull:
+        return farthest_vertex(d);
+      default:
+        return to_double(function->support(to_float(d * (1 / norm))));
+    }
+  }
+
+  Vec3d farthest_vertex(Vec3d d) const {
+    std::size_t best = 0;
+    double most = dot(d, to_double(hull->vertex(0)));
+    for (std::size_t i = 1; i < hull->vertex_count(); ++i) {
+      const double value = dot(d, to_double(hull->vertex(i)));
+      if (value > most) most = value, best = i;
+    }
+    return to_double(hull->vertex(best));
+  }
+
+  Vec3d support(Vec3d d) const { return rotate(turn, local_support(rotate_back(turn, d))) + position; }
+
+  Vec3d centre() const {
+    const Vec3d local = hull != nullptr       ? to_double(hull->centroid())
+                        : function != nullptr ? to_double(function->centre())
+                                              : Vec3d{};
+    return rotate(turn, local) + position;
+  }
+};
+
+Convex place(const geometry::ShapeTable& shapes, const Body& body, Vec3d position) {
+  const geometry::ShapeRow& row = shapes.row(body.shape);
+  Convex convex{&row, nullptr, nullptr, geometry::rotation_exact(body.pose.orientation), position};
+  if (row.kind == ShapeKind::hull) convex.hull = &shapes.hull(row.detail);
+  if (row.kind == ShapeKind::support) convex.function = &shapes.support(row.detail);
+  return convex;
+}
+
+void ccd_support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {
+  const Vec3d p = static_cast<const Convex*>(object)->support({direction->v[0], direction->v[1], direction->v[2]});
+  ccdVec3Set(out, p.x, p.y, p.z);
+}
+
+void ccd_centre(const void* object, ccd_vec3_t* out) {
+  const Vec3d p = static_cast<const Convex*>(object)->centre();
+  ccdVec3Set(out, p.x, p.y, p.z);
+}
+
+/// Support of a along `n` plus that of b against it: how far b must move along `n`.
+double reach(const Convex& a, const Convex& b, Vec3d n) { return dot(n, a.support(n)) - dot(n, b.support(-n)); }
+
+bool finite_direction(const ccd_vec3_t& d) {
+  const double squared = d.v[0] * d.v[0] + d.v[1] * d.v[1] + d.v[2] * d.v[2];
+  return std::isfinite(squared) && squared > 1e-12;
+}
+
+struct Direction {
+  Vec3d n;  ///< unit, from a to b
+  double depth;
+};
+
+/// Directions all around, 12 to 25 degrees apart: a spiral from pole to pole, each step a golden turn, worked out by
+/// multiplication alone so that every machine has the same.
+constexpr std::size_t all_around = 96;
+constexpr double golden_cosine = -0.73736887807831963, golden_sine = 0.67549029426152396;
+std::array<Vec3d, all_around> spiral() {
+  std::array<Vec3d, all_around> out;
+  double x = 1, y = 0;
+  for (std::size_t i = 0; i < all_around; ++i) {
+    const double z = 1 - (2 * static_cast<double>(i) + 1) / static_cast<double>(all_around);
+    const double ring = std::sqrt(1 - z * z);
+    out[i] = {ring * x, ring * y, z};
+    const double turned = x * golden_cosine - y * golden_sine;
+    y = x * golden_sine + y * golden_cosine;
+    x = turned;
+  }
+  return out;
+}
+
+/// The best few directions known, ascending.
+class Shortlist {
+ public:
+  Shortlist(const Convex& a, const Convex& b) : a_(a), b_(b) {}
+
+  /// False if the direction separates the two.
+  bool take(Vec3d way) {
+    const Vec3d n = way * (1 / length(way));
+    Direction next{n, reach(a_, b_, n)};
+    if (next.depth < 0) return false;
+    for (Direction& known : best_) {
+      if (next.depth < known.depth) std::swap(next, known);
+    }
+    return true;
+  }
+
+  /// Turns each by ever smaller steps while that makes it shorter, and answers the shortest. False if one separates.
+  bool polish(Direction& out) {
+    out.depth = 1e300;
+    for (Direction& start : best_) {
+      if (start.depth > 1e299) break;
+      if (!polish_one(start)) return false;
+      if (start.depth < out.depth) out = start;
+    }
+    return true;
+  }
+
+ private:
+  /// A step to either side, across, and half-way between; turned by a golden turn each round, because a crease of reach
+  /// may run any way.
+  bool polish_one(Direction& best) const {
+    double x = 1, y = 0;
+    int fruitless = 0;
+    for (double step = 0.2; step > 1e-7;) {
+      const Vec3d n = best.n;
+      const double before = best.depth;
+      const Vec3d across = std::abs(n.x) < 0.6 ? cross(n, Vec3d{1, 0, 0}) : cross(n, Vec3d{0, 1, 0});
+      const Vec3d u = across * (1 / length(across)), v = cross(n, u);
+      for (const auto& [p, q] :
+           {std::array{x, y}, std::array{-y, x}, std::array{x - y, y + x}, std::array{x + y, y - x}}) {
+        const Vec3d side = u * (p * step) + v * (q * step);
+        for (const Vec3d& way : {n + side, n - side}) {
+          const Vec3d turned = way * (1 / length(way));
+          const double depth = reach(a_, b_, turned);
+          if (depth < 0) return false;
+          if (depth < best.depth) best = {turned, depth};
+        }
+      }
+      const double turned = x * golden_cosine - y * golden_sine;
+      y = x * golden_sine + y * golden_cosine;
+      x = turned;
+      fruitless = best.depth < before ? 0 : fruitless + 1;
+      if (fruitless == 2) {
+        step *= 0.5;
+        fruitless = 0;
+      }
+    }
+    return true;
+  }
+
+  const Convex& a_;
+  const Convex& b_;
+  std::array<Direction, 5> best_{{{{}, 1e300}, {{}, 1e300}, {{}, 1e300}, {{}, 1e300}, {{}, 1e300}}};
+};
+
+/// The direction of least depth; false if one separates the two.
+///
+/// libccd's own answer is one start among others: on curved surfaces it stops short, now and then far from the least.
+bool find_direction(const Convex& a, const Convex& b, double small, Direction& best) {
+  Shortlist list(a, b);
+  const Vec3d between = b.centre() - a.centre();
+  if (length(between) > 1e-9 * small && !list.take(between)) return false;
+
+  ccd_t ccd;
+  CCD_INIT(&ccd);
+  ccd.support1 = ccd.support2 = ccd_support;
+  ccd.center1 = ccd.center2 = ccd_centre;
+  ccd.max_iterations = 100;
+  ccd.epa_tolerance = 1e-5 * small;
+  ccd_real_t depth;
+  ccd_vec3_t way, place;
+  if (ccdGJKPenetration(&a, &b, &ccd, &depth, &way, &place) == 0 && finite_direction(way)) {
+    const Vec3d d{way.v[0], way.v[1], way.v[2]};
+    if (!list.take(d) || !list.take(-d)) return false;
+  }
+  static const std::array<Vec3d, all_around> around = spiral();
+  for (const Vec3d& d : around) {
+    if (!list.take(d)) return false;
+  }
+  // A flat side of a box or hull is a sharp valley between the directions tried.
+  for (const Convex* own : {&a, &b}) {
+    const double sign = own == &a ? 1 : -1;
+    if (own->row->kind == ShapeKind::box) {
+      for (const Vec3d& d : {Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}}) {
+        const Vec3d n = rotate(own->turn, d);
+        if (!list.take(n) || !list.take(-n)) return false;
+      }
+    }
+    for (std::size_t f = 0; own->hull != nullptr && f < own->hull->face_count(); ++f) {
+      if (!list.take(rotate(own->turn, to_double(own->hull->normal(f))) * sign)) return false;
+    }
+  }
+  return list.polish(best);
+}
+
+/// Points of the feature that is farthest along `n`: the supports of directions about it that are hardly lower.
+struct Feature {
+  std::array<Vec3d, 9> points;
+  std::size_t count = 0;
+  double height;
+
+  Feature(const Convex& convex, Vec3d n, double slack) {
+    const Vec3d across = std::abs(n.x) < 0.6 ? cross(n, Vec3d{1, 0, 0}) : cross(n, Vec3d{0, 1, 0});
+    const Vec3d u = across * (1 / length(across)), v = cross(n, u);
+    points[count++] = convex.support(n);
+    height = dot(n, points[0]);
+    for (int i = 0; i < 8; ++i) {
+      constexpr double x[] = {1, 1, 0, -1, -1, -1, 0, 1}, y[] = {0, 1, 1, 1, 0, -1, -1, -1};
+      const Vec3d p = convex.support(n + u * (1e-4 * x[i]) + v * (1e-4 * y[i]));
+      if (dot(n, p) >= height - slack) points[count++] = p;
+    }
+  }
+  std::span<const Vec3d> span() const { return {points.data(), count}; }
+};
+
+}  // namespace
+
+PairContact* test_support_any(const KernelInput& input, PairContact* out, KindCounters&) {
+  for (const KernelPair& pair : input.pairs) {
+    const Body& first = input.bodies[pair.first];
+    const Body& second = input.bodies[pair.second];
+    const Vec3d offset = second.pose.position - first.pose.position;
+    const Convex a = place(input.shapes, first, {}), b = place(input.shapes, second, offset);
+    const double small = double{std::min(a.row->bounding_radius, b.row->bounding_radius)};
+    Direction best;
+    if (!find_direction(a, b, small, best)) continue;
+    const Feature of_a(a, best.n, 1e-5 * small), of_b(b, -best.n, 1e-5 * small);
+    const Vec3d across = meeting_point(of_a.span(), of_b.span(), best.n);
+    Vec3d normal = best.n, point = across + best.n * (0.5 * (of_a.height - of_b.height));
+    if (pair.flipped != 0) {
+      normal = -normal;
+      point = point - offset;
+    }
+    const Vec3f n = to_float(normal), p = to_float(point);
+    *out++ = {pair.pair,
+              static_cast<float>(best.depth) + 0.0f,
+              {n.x + 0.0f, n.y + 0.0f, n.z + 0.0f},
+              {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f}};
+  }
+  return out;
+}
+
+}  // namespace ringfence::narrow_phase

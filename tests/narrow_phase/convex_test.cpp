@@ -1,0 +1,142 @@
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "geometry/vector.hpp"
+#include "narrow_phase/convex_features.hpp"
+#include "narrow_phase/convex_world.hpp"
+#include "narrow_phase/targets.hpp"
+
+using namespace ringfence;
+using namespace ringfence::narrow_phase_test;
+using narrow_phase::PairContact;
+
+namespace {
+
+struct KindOfPair {
+  ShapeKind first;
+  narrow_phase::Kernel kernel;
+};
+const KindOfPair with_hull[] = {{ShapeKind::sphere, narrow_phase::test_sphere_hull},
+                                {ShapeKind::box, narrow_phase::test_box_hull},
+                                {ShapeKind::capsule, narrow_phase::test_capsule_hull},
+                                {ShapeKind::hull, narrow_phase::test_hull_hull}};
+
+void check(const PairWorld& world, narrow_phase::Kernel kernel) {
+  const auto swapped = world.swapped();
+  for (const auto& pairs : {world.pairs, swapped}) {
+    const Verdict verdict = judge(world, pairs, run_kernel(world, pairs, kernel));
+    CHECK_MESSAGE(verdict.wrong == 0, verdict.wrong << " of " << pairs.size() << " wrong:\n" << verdict.text);
+    CHECK(verdict.contacts > pairs.size() / 8);
+  }
+}
+
+bool same_bits(const std::vector<PairContact>& p, const std::vector<PairContact>& q) {
+  return p.size() == q.size() && std::memcmp(p.data(), q.data(), p.size() * sizeof(PairContact)) == 0;
+}
+
+/// An ellipsoid by its support function.
+class Ellipsoid : public SupportFunction {
+ public:
+  explicit Ellipsoid(Vec3f radii) : radii_(radii) {}
+  Vec3f support(Vec3f d) const override {
+    const Vec3f scaled{d.x * radii_.x, d.y * radii_.y, d.z * radii_.z};
+    const float norm = length(scaled);
+    return {scaled.x * radii_.x / norm, scaled.y * radii_.y / norm, scaled.z * radii_.z / norm};
+  }
+
+ private:
+  Vec3f radii_;
+};
+
+}  // namespace
+
+TEST_CASE("contacts of ordinary pairs with a hull are those of the reference, at the origin and far from it") {
+  for (const auto& [first, kernel] : with_hull) {
+    for (const std::uint64_t seed : {1u, 2u}) {
+      CAPTURE(name_of(first));
+      CAPTURE(seed);
+      check(ordinary_convex_pairs(first, ShapeKind::hull, 4000, seed, seed == 1 ? Vec3d{} : Vec3d{1e6, -2e6, 3e5}),
+            kernel);
+    }
+  }
+}
+
+TEST_CASE("contacts of needles, plates, grids, prisms and a thousandfold of sizes are those of the reference") {
+  for (const auto& [first, kernel] : with_hull) {
+    for (const std::uint64_t seed : {3u, 4u}) {
+      CAPTURE(name_of(first));
+      CAPTURE(seed);
+      check(nasty_convex_pairs(first, ShapeKind::hull, 1500, seed, seed == 3 ? Vec3d{} : Vec3d{-1e6, 5e5, 0}), kernel);
+    }
+  }
+}
+
+TEST_CASE("every target answers for hulls with the same bits") {
+  for (const auto& [first, kernel] : with_hull) {
+    for (const bool nasty : {false, true}) {
+      CAPTURE(name_of(first));
+      const PairWorld world = nasty ? nasty_convex_pairs(first, ShapeKind::hull, 1500, 5)
+                                    : ordinary_convex_pairs(first, ShapeKind::hull, 4000, 5);
+      const std::vector<PairContact> expected = run_kernel(world, world.pairs, kernel);
+      for (const std::string& target : narrow_phase::targets()) {
+        CAPTURE(target);
+        narrow_phase::force_target(target);
+        CHECK(same_bits(run_kernel(world, world.pairs, kernel), expected));
+      }
+      narrow_phase::force_target("");
+    }
+  }
+}
+
+TEST_CASE("shapes of a support function meet spheres, boxes, capsules, hulls and each other as the reference says") {
+  Draw draw(6);
+  for (const ShapeKind kind :
+       {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::support}) {
+    CAPTURE(name_of(kind));
+    const ShapeKind other = kind == ShapeKind::support ? ShapeKind::sphere : kind;
+    PairWorld world = ordinary_convex_pairs(other, ShapeKind::hull, 400, 7);
+    // The hulls, and the spheres where two support shapes are to meet, give way to ellipsoids.
+    std::vector<ShapeNumber> ellipsoids;
+    for (int i = 0; i < 8; ++i) {
+      const ShapeDescription shape = SupportShape{std::make_shared<Ellipsoid>(
+          Vec3f{static_cast<float>(draw.uniform(0.4, 1.2)), static_cast<float>(draw.uniform(0.4, 1.2)),
+                static_cast<float>(draw.uniform(0.4, 1.2))})};
+      ellipsoids.push_back(world.table->add(shape));
+      world.reference.add(shape);
+    }
+    for (const geometry::CandidatePair& pair : world.pairs) {
+      world.bodies[pair.b].shape = ellipsoids[pair.b % 8];
+      if (kind == ShapeKind::support) world.bodies[pair.a].shape = ellipsoids[pair.a % 8];
+    }
+    for (const auto& pairs : {world.pairs, world.swapped()}) {
+      const Verdict verdict = judge(world, pairs, run_kernel(world, pairs, narrow_phase::test_support_any), 1e-3);
+      CHECK_MESSAGE(verdict.wrong == 0, verdict.wrong << " of " << pairs.size() << " wrong:\n" << verdict.text);
+      CHECK(verdict.contacts > pairs.size() / 8);
+    }
+  }
+}
+
+TEST_CASE("two features meet in the middle of what they share") {
+  const Vec3d up{0, 0, 1};
+  const auto square = [](double x, double y, double half, double z) {
+    return std::vector<Vec3d>{
+        {x - half, y - half, z}, {x + half, y - half, z}, {x + half, y + half, z}, {x - half, y + half, z}};
+  };
+  const auto meet = [&](const std::vector<Vec3d>& p, const std::vector<Vec3d>& q) {
+    return narrow_phase::meeting_point(p, q, up);
+  };
+  const auto near = [](Vec3d p, double x, double y) { return std::hypot(p.x - x, p.y - y) < 1e-12; };
+  CHECK(near(meet(square(0, 0, 1, 0), square(1.5, 0.5, 1, 3)), 0.75, 0.25));
+  CHECK(near(meet(square(0, 0, 1, 0), square(0, 0, 0.25, 0)), 0, 0));
+  CHECK(near(meet(square(0, 0, 1, 0), {{0.25, 0.5, 9}}), 0.25, 0.5));
+  CHECK(near(meet({{-1, 0, 0}, {1, 0, 0}}, {{0.5, -1, 0}, {0.5, 1, 0}}), 0.5, 0));
+  CHECK(near(meet({{-1, 0, 0}, {1, 0, 0}}, {{0, 0, 0}, {3, 0, 0}}), 0.5, 0));
+  CHECK(near(meet({{-1, 0.5, 0}, {3, 0.5, 0}}, square(0, 0, 1, 0)), 0, 0.5));
+  const Vec3d beside = meet(square(0, 0, 1, 0), square(2 + 1e-9, 0, 1, 0));
+  CHECK(std::abs(beside.x - (1 + 0.5e-9)) < 1e-12);
+  CHECK(std::abs(beside.y) <= 1);
+}
