@@ -180,6 +180,20 @@ HWY_INLINE std::size_t least_of(const T* values, std::size_t count) {
   return 0;
 }
 
+/// The lowest index of the vertices farthest along a direction.
+template <class T>
+HWY_INLINE std::size_t farthest_vertex(const Polytope& p, Point<T> direction) {
+  const Columns16<T> d;
+  alignas(64) T nearness[geometry::max_hull_vertices];
+  const auto way = spread_out(d, -direction);
+  std::size_t i = 0;
+  do {
+    hn::Store(dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way), d, nearness + i);
+    i += hn::Lanes(d);
+  } while (i < p.vertices);
+  return least_of(nearness, p.vertices);
+}
+
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

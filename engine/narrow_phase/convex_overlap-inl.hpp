@@ -215,20 +215,33 @@ class PolytopePair {
     }
   }
 
-  /// The edges that the ball inside the other leaves a chance: reach along the arc between the two normals is at least
-  /// that of the ball, which is least at an end of the arc or, where it is negative, at most the spread below.
-  static HWY_INLINE std::size_t list_edges(const Polytope& own, Point<T> other_centre, T limit, std::uint16_t* out) {
+  /// What of the other shape bounds reach from below, in the axes of the one whose edges are listed.
+  struct Inner {
+    Point<T> centre;  ///< of a ball
+    T ball_limit;     ///< see limit()
+    Point<T> deepest;
+    T limit;  ///< the same for a point
+  };
+
+  /// The edges that the ball inside the other and its deepest point leave a chance: reach along the arc between the two
+  /// normals is at least that of a point of the other, which is least at an end of the arc or, where it is negative, at
+  /// most the spread below.
+  static HWY_INLINE std::size_t list_edges(const Polytope& own, const Inner& other, std::uint16_t* out) {
     using geometry::EdgeColumn;
-    const auto centre = spread_out(d, other_centre);
-    const auto most = hn::Set(d, limit);
+    const auto centre = spread_out(d, other.centre), deepest = spread_out(d, other.deepest);
+    const auto ball_limit = hn::Set(d, other.ball_limit), limit = hn::Set(d, other.limit);
     std::size_t count = 0;
     for (std::size_t i = 0; i < own.edges; i += hn::Lanes(d)) {
-      const auto from = minus(d, read_edges(own, EdgeColumn::from_x, i), centre);
-      const auto left = dot_of(d, read_edges(own, EdgeColumn::left_x, i), from);
-      const auto right = dot_of(d, read_edges(own, EdgeColumn::right_x, i), from);
-      const auto nearer = hn::Min(left, right);
-      const auto least = hn::Min(nearer, nearer * read(d, own.of(EdgeColumn::spread) + i));
-      std::uint32_t bits = bits_of(d, hn::Lt(least, most)) & first_bits(own.edges - i);
+      const auto start = read_edges(own, EdgeColumn::from_x, i);
+      const auto left = read_edges(own, EdgeColumn::left_x, i), right = read_edges(own, EdgeColumn::right_x, i);
+      const auto spread = read(d, own.of(EdgeColumn::spread) + i);
+      const auto least_from = [&](const Points<Columns16<T>>& inside) HWY_ATTR {
+        const auto from = minus(d, start, inside);
+        const auto nearer = hn::Min(dot_of(d, left, from), dot_of(d, right, from));
+        return hn::Min(nearer, nearer * spread);
+      };
+      const auto chance = hn::And(hn::Lt(least_from(centre), ball_limit), hn::Lt(least_from(deepest), limit));
+      std::uint32_t bits = bits_of(d, chance) & first_bits(own.edges - i);
       for (; bits != 0; bits &= bits - 1) {
         out[count++] = static_cast<std::uint16_t>(i + static_cast<std::size_t>(__builtin_ctz(bits)));
       }
@@ -280,12 +293,15 @@ class PolytopePair {
   }
 
   HWY_INLINE bool separated_by_edges(bool doubt_all) {
+    const Point<T> deepest_of_a = vertex_of<T>(a_, farthest_vertex<T>(a_, direction_));
+    const Point<T> deepest_of_b = vertex_of_b(farthest_vertex<T>(b_, -rotate_back(turn_, direction_)));
     std::uint16_t of_a[max_edges];
-    const std::size_t count = list_edges(a_, centre_of_b_, limit(b_.inner_radius), of_a);
+    const std::size_t count = list_edges(a_, {centre_of_b_, limit(b_.inner_radius), deepest_of_b, limit(0)}, of_a);
     if (count == 0) return false;
     KeptEdges of_b;
     const Point<T> centre_of_a_in_b = rotate_back(turn_, point_of<T>(a_.centre) - offset_);
-    of_b.count = list_edges(b_, centre_of_a_in_b, limit(a_.inner_radius), of_b.index);
+    const Point<T> deepest_of_a_in_b = rotate_back(turn_, deepest_of_a - offset_);
+    of_b.count = list_edges(b_, {centre_of_a_in_b, limit(a_.inner_radius), deepest_of_a_in_b, limit(0)}, of_b.index);
     if (of_b.count == 0) return false;
     place_edges(of_b);
     for (std::size_t i = 0; i < count; ++i) {
