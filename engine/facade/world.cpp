@@ -477,8 +477,10 @@ ShapeNumber World::add_shape(const ShapeDescription& description) {
   if (implementation_->under_way()) {
     throw Error("add_shape: a frame is under way; register shapes before begin_frame or after finish_frame");
   }
-  if (std::holds_alternative<TriangleMesh>(description)) {
-    throw Error("add_shape: triangle meshes have no narrow phase in this version; use convex hulls");
+  const auto kind = static_cast<ShapeKind>(description.index());
+  if (!narrow_phase::can_test(kind, ShapeKind::sphere)) {
+    throw Error(std::string("add_shape: shapes of kind ") + name_of(kind) +
+                " have no narrow phase in this version; use convex hulls");
   }
   return implementation_->shapes.add(description);
 }

@@ -28,7 +28,7 @@ const char* name_of(MessageType type) noexcept {
   constexpr const char* names[message_types] = {
       "none",       "adopt",           "drop",      "place",     "frame_begin", "state_update",
       "node_state", "position_update", "pairs",     "collision", "narrow_done", "notify",
-      "region_map", "frame_end",       "hand_over", "told",      "refused"};
+      "region_map", "frame_end",       "hand_over", "told",      "refused",     "kinds"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }
@@ -64,6 +64,8 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
       return sizeof(FrameEndRecord);
     case MessageType::told:
       return sizeof(ToldRecord);
+    case MessageType::kinds:
+      return sizeof(KindRecord);
     case MessageType::refused:
       return sizeof(RefusedRecord);
   }

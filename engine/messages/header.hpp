@@ -34,12 +34,14 @@ enum class MessageType : std::uint16_t {
   frame_end = 13,   ///< FrameEndRecord, to CD nodes: all contacts sent; this many hand-overs will reach you
   // CD node to CD node.
   hand_over = 14,  ///< M5: HandOverRecord + model state: hosting and duty for an object
+  // CD nodes to server.
+  kinds = 17,  ///< KindRecord of each two kinds of shapes that the node tested
   // All to server.
   told = 15,  ///< to the server: the frame is complete here; a ToldRecord
   // Server to user nodes.
   refused = 16,  ///< RefusedRecord: what of the receiver's messages was refused, and why
 };
-inline constexpr std::uint16_t message_types = 17;
+inline constexpr std::uint16_t message_types = 18;
 
 /// The kind of traffic that a message counts as.
 Traffic traffic_of(MessageType type) noexcept;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "narrow_phase/kernel.hpp"
+#include "telemetry/clock.hpp"
 
 namespace ringfence::narrow_phase {
 namespace {
@@ -224,7 +225,10 @@ PairContact* NarrowPhase::Implementation::test_key(std::span<const Body> bodies,
     untested += pairs.size();
     return out;
   }
+  // Two looks at the clock for a kind and chunk of up to 4096 pairs: nobody measures them.
+  const std::uint64_t start = telemetry::now_ns();
   PairContact* const end = kernel({bodies, shapes, pairs, (key & key_in_double) != 0}, out, counter);
+  counter.nanoseconds += telemetry::now_ns() - start;
   counter.hits += static_cast<std::uint64_t>(end - out);
   return end;
 }

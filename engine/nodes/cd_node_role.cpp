@@ -26,6 +26,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       leavers_(setup.peers.size()),
       hand_over_runs_(setup.peers.size()) {
   pairs_.reserve(setup.pairs);
+  kinds_.reserve(shape_kinds * shape_kinds);
 }
 
 messages::RunHead CdNodeRole::head(MessageType type, Endpoint to) const noexcept {
@@ -220,7 +221,7 @@ void CdNodeRole::detect() {
   {
     TrackedTime time(setup_.track, "narrow phase", told_.narrow_phase_ns);
     contacts_ = narrow_.test(known_.bodies(), pairs_);
-    tested_ = count_tested();
+    count_kinds();
     const auto bodies = known_.bodies();
     order_.clear();
     for (const narrow_phase::PairContact& contact : contacts_) {
@@ -234,15 +235,21 @@ void CdNodeRole::detect() {
 }
 
 // Counted by the kernels themselves, so that "each pair once" is checked against what was done, not what was asked.
-std::uint64_t CdNodeRole::count_tested() {
-  std::uint64_t tested = 0;
-  for (std::size_t p = 0; p < shape_kinds; ++p) {
-    for (std::size_t q = p; q < shape_kinds; ++q) {
-      tested += narrow_.counters(static_cast<ShapeKind>(p), static_cast<ShapeKind>(q)).candidates;
+void CdNodeRole::count_kinds() {
+  tested_ = 0;
+  kinds_.clear();
+  for (std::uint32_t p = 0; p < shape_kinds; ++p) {
+    for (std::uint32_t q = p; q < shape_kinds; ++q) {
+      const auto& counters = narrow_.counters(static_cast<ShapeKind>(p), static_cast<ShapeKind>(q));
+      if (counters.candidates != 0) {
+        kinds_.push_back(
+            {p, q, counters.candidates, counters.hits, counters.lanes, counters.iterations, counters.nanoseconds});
+        tested_ += counters.candidates;
+      }
     }
   }
+  tested_ -= narrow_.untested();
   narrow_.reset_counters();
-  return tested;
 }
 
 void CdNodeRole::fill_collision(std::size_t i, std::byte* where) const {
@@ -336,6 +343,12 @@ bool CdNodeRole::send_hand_overs() {
   return all;
 }
 
+bool CdNodeRole::send_kinds() {
+  return kinds_run_.pump(*setup_.server.out, head(MessageType::kinds, Endpoint::server()), sizeof(messages::KindRecord),
+                         traffic_,
+                         [&](std::size_t i, std::byte* where) { std::memcpy(where, &kinds_[i], sizeof kinds_[i]); });
+}
+
 bool CdNodeRole::send_told() {
   return told_run_.pump(*setup_.server.out, head(MessageType::told, Endpoint::server()), sizeof(messages::ToldRecord),
                         traffic_, [&](std::size_t, std::byte* where) {
@@ -394,11 +407,12 @@ bool CdNodeRole::advance() {
       if (hand_overs_heard_ < hand_overs_expected_) {
         return false;
       }
+      kinds_run_.start(kinds_.size());
       told_run_.start(1);
       stage_ = Stage::telling;
       return true;
     case Stage::telling:
-      if (!send_told()) {
+      if (!send_kinds() || !send_told()) {
         return false;
       }
       traffic_ = {};

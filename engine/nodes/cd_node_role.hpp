@@ -71,12 +71,13 @@ class CdNodeRole {
   void hear_owners(const messages::MessageView& message);
   void detect();
   void sweep();
-  std::uint64_t count_tested();
+  void count_kinds();
   void list_leavers();
   bool advance();
   bool send_states();
   bool send_collisions();
   bool send_hand_overs();
+  bool send_kinds();
   bool send_told();
   void fill_collision(std::size_t i, std::byte* where) const;
   messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
@@ -101,12 +102,13 @@ class CdNodeRole {
   std::vector<geometry::CandidatePair> pairs_;  ///< indices into known_
   std::span<const narrow_phase::PairContact> contacts_;
   std::uint64_t tested_ = 0;
+  std::vector<messages::KindRecord> kinds_;
   std::vector<geometry::Bounds> changed_bounds_;  ///< parallel to host_.changed()
   ContactOrder order_;
   std::vector<NodeNumber> new_owners_;
   std::vector<std::vector<ObjectNumber>> leavers_;  ///< by the node that hosts them next
 
-  messages::RunSender states_run_, collisions_run_, done_run_, told_run_;
+  messages::RunSender states_run_, collisions_run_, done_run_, kinds_run_, told_run_;
   std::vector<messages::RunSender> hand_over_runs_;
   messages::TrafficCounts traffic_{};
   messages::ToldRecord told_;

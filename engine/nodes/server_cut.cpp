@@ -45,9 +45,12 @@ void ServerRole::cut() {
 void ServerRole::start_report() {
   FrameReport& frame = report();
   std::vector<NodeReport> nodes = std::move(frame.nodes);
+  std::vector<KindReport> kinds = std::move(frame.kinds);
+  kinds.clear();
   std::fill(nodes.begin(), nodes.end(), NodeReport{});
   frame = {};
   frame.nodes = std::move(nodes);
+  frame.kinds = std::move(kinds);
   frame.frame = frame_;
 }
 

@@ -112,6 +112,8 @@ void ServerRole::receive(Party& party, const MessageView& message) {
       return node ? hear_collisions(party, message) : refuse(Status::bad_message);
     case MessageType::narrow_done:
       return node && message.count() == 1 ? hear_tested(party, message) : refuse(Status::bad_message);
+    case MessageType::kinds:
+      return node ? hear_kinds(message) : refuse(Status::bad_message);
     case MessageType::told:
       // Believed once, and not before the sender can have heard what it says that it has dealt with.
       return message.count() == 1 && !party.told_heard && (stage_ == Stage::notifying || stage_ == Stage::closing)
@@ -195,6 +197,26 @@ void ServerRole::hear_tested(Party& party, const MessageView& message) {
     report().candidates += record.candidates;
   }
   party.tested_heard = true;
+}
+
+void ServerRole::hear_kinds(const MessageView& message) {
+  auto& kinds = report().kinds;
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto record = message.record<messages::KindRecord>(i);
+    const auto first = static_cast<ShapeKind>(record.first);
+    const auto second = static_cast<ShapeKind>(record.second);
+    auto at = std::find_if(kinds.begin(), kinds.end(),
+                           [&](const KindReport& kind) { return kind.first == first && kind.second == second; });
+    if (at == kinds.end()) {
+      kinds.push_back({first, second, 0, 0, 0, 0, 0});
+      at = kinds.end() - 1;
+    }
+    at->candidates += record.candidates;
+    at->hits += record.hits;
+    at->lanes += record.lanes;
+    at->iterations += record.iterations;
+    at->nanoseconds += record.nanoseconds;
+  }
 }
 
 void ServerRole::hear_told(Party& party, const MessageView& message) {

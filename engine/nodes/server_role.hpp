@@ -99,6 +99,7 @@ class ServerRole {
   void hear_node_states(Party& party, const messages::MessageView& message);
   void hear_collisions(Party& party, const messages::MessageView& message);
   void hear_tested(Party& party, const messages::MessageView& message);
+  void hear_kinds(const messages::MessageView& message);
   void hear_told(Party& party, const messages::MessageView& message);
   void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "ringfence/ids.hpp"
+#include "ringfence/shape.hpp"
 #include "ringfence/status.hpp"
 
 namespace ringfence {
@@ -31,6 +32,17 @@ struct NodeReport {
   std::uint64_t contacts = 0;
   std::uint64_t hosted = 0;       ///< objects that it hosts after the frame
   std::uint64_t handed_over = 0;  ///< objects that it sent to other nodes
+};
+
+/// What the narrow phase did with the pairs of two kinds of shapes, all nodes together.
+struct KindReport {
+  ShapeKind first = ShapeKind::sphere;  ///< in the order of ShapeKind
+  ShapeKind second = ShapeKind::sphere;
+  std::uint64_t candidates = 0;
+  std::uint64_t hits = 0;
+  std::uint64_t lanes = 0;        ///< vector lanes spent, idle ones included; 0 where a kernel is not in lanes
+  std::uint64_t iterations = 0;   ///< steps of GJK and EPA; 0 for closed forms
+  std::uint64_t nanoseconds = 0;  ///< in the kernels, gathering included
 };
 
 /// Messages and bytes by what they carry.
@@ -69,6 +81,7 @@ struct FrameReport {
   double server_cpu_ms = 0;
   double users_cpu_ms = 0;  ///< all user threads together
   std::vector<NodeReport> nodes;
+  std::vector<KindReport> kinds;       ///< pairs of kinds that had candidates
   std::vector<TimelineSpan> timeline;  ///< empty unless WorldConfig::timeline is set
 };
 
