@@ -30,7 +30,7 @@ struct ObjectSpec {
   bool present = true;        ///< false: absent (in no contact) until it is given a pose
   UserNumber user = no_user;  ///< the hosting user node: required for avatars, must be absent for all others
   std::uint64_t user_data = 0;
-  Pose pose;
+  Pose pose{};
 };
 
 }  // namespace ringfence
