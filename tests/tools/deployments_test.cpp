@@ -1,0 +1,47 @@
+#include <string>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "tools/program.hpp"
+
+namespace ringfence {
+namespace {
+
+using test::Answer;
+
+constexpr const char* deployments[] = {"user", "user-server", "user-collision"};
+
+}  // namespace
+
+TEST_CASE("every deployment, placement and node count gives one digest, and brute force agrees") {
+  for (const char* shapes : {"sphere", "mixed"}) {
+    std::string digest;
+    for (const char* deployment : deployments) {
+      for (const char* placement : {"server", "region"}) {
+        for (const int nodes : {0, 1, 3}) {
+          const std::string arguments =
+              std::string("run --check --objects 300 --users 10 --frames 8 --warmup 20 --shapes ") + shapes +
+              " --deployment " + deployment + " --broad-phase " + placement + " --nodes " + std::to_string(nodes);
+          const Answer answer = test::ringfence(arguments);
+          REQUIRE_MESSAGE(answer.code == 0, arguments, "\n", answer.out);
+          CHECK(answer.out.find("8 frames agree with brute force") != std::string::npos);
+          if (digest.empty()) digest = test::digest_in(answer.out);
+          CHECK_MESSAGE(digest.size() == 16, arguments);
+          CHECK_MESSAGE(test::digest_in(answer.out) == digest, arguments);
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("another seed has another digest; more users and user threads do not") {
+  const std::string arguments = "run --objects 300 --frames 5 --warmup 5 --nodes 2 --users 10";
+  const std::string digest = test::digest_in(test::ringfence(arguments).out);
+  REQUIRE(digest.size() == 16);
+  CHECK(test::digest_in(test::ringfence(arguments + " --seed 2").out) != digest);
+  CHECK(test::digest_in(test::ringfence(arguments + " --user-threads 3").out) == digest);
+  CHECK(test::digest_in(test::ringfence(arguments + " --interest 3 --pin --quiet").out) == digest);
+}
+
+}  // namespace ringfence

@@ -1,0 +1,98 @@
+#include <algorithm>
+#include <string>
+
+#include <doctest/doctest.h>
+#include <nlohmann/json.hpp>
+
+#include "tools/program.hpp"
+#include "worlds/text_file.hpp"
+
+namespace ringfence {
+namespace {
+
+using test::Answer;
+using test::Folder;
+
+std::size_t lines(const std::string& text) {
+  return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+}
+
+}  // namespace
+
+TEST_CASE("a recording replays with the run's digest and contacts, in every deployment") {
+  const Folder folder;
+  const std::string prefix = folder / "run";
+  for (const char* warmup : {"0", "15"}) {
+    const Answer run = test::ringfence(std::string("record --objects 400 --users 20 --frames 12 --warmup ") + warmup +
+                                       " --nodes 2 --out " + prefix + " --collisions " + prefix + ".csv");
+    REQUIRE_MESSAGE(run.code == 0, run.out);
+    const std::string digest = test::digest_in(run.out);
+    REQUIRE(digest.size() == 16);
+    for (const char* deployment : {"user", "user-server", "user-collision"}) {
+      const Answer replay =
+          test::ringfence("replay --check --scene " + prefix + ".json --motion " + prefix +
+                          ".bin --nodes 2 --deployment " + deployment + " --collisions " + prefix + "2.csv");
+      REQUIRE_MESSAGE(replay.code == 0, replay.out);
+      CHECK_MESSAGE(test::digest_in(replay.out) == digest, "warmup ", warmup, ", ", deployment);
+      CHECK(worlds::read_text(prefix + ".csv") == worlds::read_text(prefix + "2.csv"));
+    }
+  }
+}
+
+TEST_CASE("the built-in air traffic replays, agrees with brute force, and has losses of separation") {
+  const std::string data = RINGFENCE_DATA;
+  const Folder folder;
+  const Answer answer = test::ringfence("replay --check --nodes 2 --scene " + data + "/air/scene.json --motion " +
+                                        data + "/air/motion.csv --json " + (folder / "air.json"));
+  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+  const auto report = nlohmann::json::parse(worlds::read_text(folder / "air.json"));
+  CHECK(report["frames"] == 300);
+  CHECK(report["contacts"]["total"] >= 20);
+  CHECK(report["check"]["differences"] == 0);
+}
+
+TEST_CASE("contacts on standard output leave the report to standard error") {
+  const std::string arguments = "run --objects 300 --users 10 --frames 3 --warmup 3 --nodes 1 --collisions -";
+  const Answer contacts = test::ringfence(arguments, "2>/dev/null");
+  CHECK(contacts.out.starts_with("frame,a,b,px,py,pz,nx,ny,nz,depth\n0,"));
+  CHECK(contacts.out.find("digest") == std::string::npos);
+  const Answer report = test::ringfence(arguments, "2>&1 >/dev/null");
+  CHECK(test::digest_in(report.out).size() == 16);
+}
+
+TEST_CASE("the JSON report, the row a frame and the timeline hold what they promise") {
+  const Folder folder;
+  const Answer answer = test::ringfence("run --objects 300 --users 10 --frames 7 --warmup 2 --nodes 2 --quiet --json " +
+                                        (folder / "r.json") + " --frames-csv " + (folder / "f.csv") + " --trace " +
+                                        (folder / "t.json") + " --collisions " + (folder / "c.csv"));
+  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+  const auto report = nlohmann::json::parse(worlds::read_text(folder / "r.json"));
+  CHECK(report["frames"] == 7);
+  CHECK(report["digest"] == test::digest_in(answer.out));
+  for (const char* key : {"mean", "p50", "p99", "max"}) CHECK(report["frame_ms"][key] > 0.0);
+  for (const char* key : {"move", "ingest", "broad_phase", "dispatch", "narrow_phase", "collect", "notify"}) {
+    CHECK_MESSAGE(report["stages_ms"].contains(key), key);
+  }
+  CHECK(report["pairs"]["candidate"] == report["pairs"]["tested"]);
+  CHECK(report["pairs"]["tested"] > 0);
+  CHECK(report["nodes"].size() == 2);
+  for (const char* key : {"busy_ms", "cpu_ms", "wait_ms", "tested"}) CHECK(report["nodes"][0].contains(key));
+  CHECK(report["config"]["deployment"] == "user-collision");
+  CHECK(report["machine"]["cores"] >= 1);
+
+  CHECK(lines(worlds::read_text(folder / "f.csv")) == 8);
+  const std::string contacts = worlds::read_text(folder / "c.csv");
+  CHECK(report["contacts"]["total"] == lines(contacts) - 1);
+
+  const auto trace = nlohmann::json::parse(worlds::read_text(folder / "t.json"));
+  int frames = 0, spans = 0;
+  for (const auto& event : trace["traceEvents"]) {
+    const std::string name = event["name"];
+    frames += name.starts_with("frame ");
+    spans += event["ph"] == "X" && event["dur"] >= 0.0;
+  }
+  CHECK(frames == 7);
+  CHECK(spans > 7 * 4);
+}
+
+}  // namespace ringfence
