@@ -61,6 +61,8 @@ class PolytopePair {
     centre_of_b_ = rotate(turn_, point_of<T>(b_.centre)) + offset_;
     if (separated_by_centres()) return false;
     if (separated_by_faces()) return false;
+    add_deepest_of_a(direction_);
+    add_deepest_of_b(-rotate_back(turn_, direction_));
     const T after_faces = best_;
     const Point<T> direction_after_faces = direction_;
     if (separated_by_edges(false)) return false;
@@ -88,6 +90,25 @@ class PolytopePair {
 
     T* column(std::size_t c) { return value + c * stride; }
   };
+
+  /// Vertices of one shape that turned out deepest along some direction, in the axes of the other: points inside it,
+  /// each of which bounds reach from below.
+  struct Inside {
+    Point<T> points[4];
+    std::size_t count = 0;
+
+    void add(Point<T> p) { points[count++] = p; }
+  };
+  HWY_INLINE std::size_t add_deepest_of_a(Point<T> direction) {
+    const std::size_t vertex = farthest_vertex<T>(a_, direction);
+    of_a_.add(rotate_back(turn_, vertex_of<T>(a_, vertex) - offset_));
+    return vertex;
+  }
+  HWY_INLINE std::size_t add_deepest_of_b(Point<T> direction_in_b) {
+    const std::size_t vertex = farthest_vertex<T>(b_, direction_in_b);
+    of_b_.add(vertex_of_b(vertex));
+    return vertex;
+  }
 
   HWY_INLINE T size() const { return T(a_.outer_radius) + T(b_.outer_radius); }
 
@@ -119,6 +140,8 @@ class PolytopePair {
     const T inverse = T(1) / std::sqrt(squared);
     best_ = value * inverse;
     direction_ = axis * inverse;
+    add_deepest_of_a(axis);
+    add_deepest_of_b(-rotate_back(turn_, axis));
     return false;
   }
 
@@ -156,17 +179,27 @@ class PolytopePair {
   HWY_INLINE bool face_separates(const Polytope& own, const Polytope& other, std::size_t face, bool of_a) {
     const Point<T> normal = point_of<T>({own.normal[0][face], own.normal[1][face], own.normal[2][face]});
     const FaceDirection way = direction_of(normal, of_a);
-    const T value = (T(own.offset[face]) + support<T>(other, way.in_other)) - dot(way.from_a_to_b, offset_);
+    const std::size_t deepest = of_a ? add_deepest_of_b(way.in_other) : add_deepest_of_a(way.in_other);
+    const T support = dot(vertex_of<T>(other, deepest), way.in_other);
+    const T value = (T(own.offset[face]) + support) - dot(way.from_a_to_b, offset_);
     return separates(way.from_a_to_b, value);
   }
 
-  /// Judges all faces that the ball inside the other leaves a chance.
+  /// Judges all faces that the ball and the points inside the other leave a chance.
   HWY_INLINE bool others_separate(const Polytope& own, const Polytope& other, const T* distance, bool of_a) {
     const auto most = hn::Set(d, limit(other.inner_radius));
     Kept<4, max_faces> kept;
     kept.stride = geometry::padded(own.faces);
+    const auto limit_of_point = hn::Set(d, limit(0));
+    const Inside& inside = of_a ? of_b_ : of_a_;
     for (std::size_t i = 0; i < own.faces; i += hn::Lanes(d)) {
-      std::uint32_t bits = bits_of(d, hn::Lt(hn::Load(d, distance + i), most)) & first_bits(own.faces - i);
+      auto chance = hn::Lt(hn::Load(d, distance + i), most);
+      const auto normal = read(d, own.normal[0] + i, own.normal[1] + i, own.normal[2] + i);
+      for (std::size_t k = 0; k < inside.count && !hn::AllFalse(d, chance); ++k) {
+        const auto depth = read(d, own.offset + i) - dot_of(d, normal, spread_out(d, inside.points[k]));
+        chance = hn::And(chance, hn::Lt(depth, limit_of_point));
+      }
+      std::uint32_t bits = bits_of(d, chance) & first_bits(own.faces - i);
       for (; bits != 0; bits &= bits - 1) {
         const std::size_t face = i + static_cast<std::size_t>(__builtin_ctz(bits));
         for (std::size_t c = 0; c < 3; ++c) kept.column(c)[kept.count] = T(own.normal[c][face]);
@@ -215,32 +248,28 @@ class PolytopePair {
     }
   }
 
-  /// What of the other shape bounds reach from below, in the axes of the one whose edges are listed.
-  struct Inner {
-    Point<T> centre;  ///< of a ball
-    T ball_limit;     ///< see limit()
-    Point<T> deepest;
-    T limit;  ///< the same for a point
-  };
-
-  /// The edges that the ball inside the other and its deepest point leave a chance: reach along the arc between the two
+  /// The edges that the ball and the points inside the other leave a chance: reach along the arc between the two
   /// normals is at least that of a point of the other, which is least at an end of the arc or, where it is negative, at
   /// most the spread below.
-  static HWY_INLINE std::size_t list_edges(const Polytope& own, const Inner& other, std::uint16_t* out) {
+  HWY_INLINE std::size_t list_edges(const Polytope& own, Point<T> other_centre, float other_radius,
+                                    const Inside& inside, std::uint16_t* out) const {
     using geometry::EdgeColumn;
-    const auto centre = spread_out(d, other.centre), deepest = spread_out(d, other.deepest);
-    const auto ball_limit = hn::Set(d, other.ball_limit), limit = hn::Set(d, other.limit);
+    const auto centre = spread_out(d, other_centre);
+    const auto limit_of_ball = hn::Set(d, limit(other_radius)), limit_of_point = hn::Set(d, limit(0));
     std::size_t count = 0;
     for (std::size_t i = 0; i < own.edges; i += hn::Lanes(d)) {
       const auto start = read_edges(own, EdgeColumn::from_x, i);
       const auto left = read_edges(own, EdgeColumn::left_x, i), right = read_edges(own, EdgeColumn::right_x, i);
       const auto spread = read(d, own.of(EdgeColumn::spread) + i);
-      const auto least_from = [&](const Points<Columns16<T>>& inside) HWY_ATTR {
-        const auto from = minus(d, start, inside);
+      const auto least_from = [&](const Points<Columns16<T>>& point) HWY_ATTR {
+        const auto from = minus(d, start, point);
         const auto nearer = hn::Min(dot_of(d, left, from), dot_of(d, right, from));
         return hn::Min(nearer, nearer * spread);
       };
-      const auto chance = hn::And(hn::Lt(least_from(centre), ball_limit), hn::Lt(least_from(deepest), limit));
+      auto chance = hn::Lt(least_from(centre), limit_of_ball);
+      for (std::size_t k = 0; k < inside.count && !hn::AllFalse(d, chance); ++k) {
+        chance = hn::And(chance, hn::Lt(least_from(spread_out(d, inside.points[k])), limit_of_point));
+      }
       std::uint32_t bits = bits_of(d, chance) & first_bits(own.edges - i);
       for (; bits != 0; bits &= bits - 1) {
         out[count++] = static_cast<std::uint16_t>(i + static_cast<std::size_t>(__builtin_ctz(bits)));
@@ -293,15 +322,12 @@ class PolytopePair {
   }
 
   HWY_INLINE bool separated_by_edges(bool doubt_all) {
-    const Point<T> deepest_of_a = vertex_of<T>(a_, farthest_vertex<T>(a_, direction_));
-    const Point<T> deepest_of_b = vertex_of_b(farthest_vertex<T>(b_, -rotate_back(turn_, direction_)));
     std::uint16_t of_a[max_edges];
-    const std::size_t count = list_edges(a_, {centre_of_b_, limit(b_.inner_radius), deepest_of_b, limit(0)}, of_a);
+    const std::size_t count = list_edges(a_, centre_of_b_, b_.inner_radius, of_b_, of_a);
     if (count == 0) return false;
     KeptEdges of_b;
     const Point<T> centre_of_a_in_b = rotate_back(turn_, point_of<T>(a_.centre) - offset_);
-    const Point<T> deepest_of_a_in_b = rotate_back(turn_, deepest_of_a - offset_);
-    of_b.count = list_edges(b_, {centre_of_a_in_b, limit(a_.inner_radius), deepest_of_a_in_b, limit(0)}, of_b.index);
+    of_b.count = list_edges(b_, centre_of_a_in_b, a_.inner_radius, of_a_, of_b.index);
     if (of_b.count == 0) return false;
     place_edges(of_b);
     for (std::size_t i = 0; i < count; ++i) {
@@ -430,6 +456,7 @@ class PolytopePair {
   const Turn<T> turn_;
   const Point<T> offset_;
   Point<T> centre_of_b_;
+  Inside of_a_, of_b_;    // of a in the axes of b, of b in those of a
   T best_ = 0;            // the least reach found
   Point<T> direction_{};  // along this direction, from a to b
 };
