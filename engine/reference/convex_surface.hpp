@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -28,6 +29,9 @@ class ConvexSurface {
 
   /// Grows the hull by a point. False if it lies inside or on the surface.
   bool add(const Vector& point);
+
+  /// Makes the offset of a face infinite, so that a search for the nearest face passes it by.
+  void dismiss(std::size_t face) { faces_[face].offset = std::numeric_limits<double>::infinity(); }
 
   /// All points ever added on the surface, also those that a later one has covered.
   std::span<const Vector> points() const { return points_; }

@@ -109,7 +109,7 @@ void consider_edges(const CorePair& pair, const Side::Edge& p, const Side::Edge&
 std::vector<Vector> directions_around() {
   std::vector<Vector> out;
   for (int i = 0; i < 27; ++i) {
-    if (i != 13) out.push_back(normalised(Vector(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1)));
+    if (i != 13) out.push_back(normalised(Vector(i % 3 - 1, i / 3 % 3 - 1, static_cast<int>(i / 9) - 1)));
   }
   return out;
 }
@@ -185,10 +185,13 @@ CoreOverlap grown_overlap(const CorePair& pair, double tolerance) {
         std::min_element(faces.begin(), faces.end(), [](const auto& p, const auto& q) { return p.offset < q.offset; });
     const Vector n = nearest->normal;
     const double inside = nearest->offset;
+    if (std::isinf(inside)) return best;
     const Vector p = farthest(n);
     best.error = std::max(0.0, best.depth - inside);
     if (best.depth - inside <= tolerance || best.depth < -tolerance) return best;
-    if (!surface->add(p)) return best;
+    // Nothing lies beyond, yet the two differ: a sliver no wider than rounding, whose normal is noise. Its neighbours
+    // say as much.
+    if (!surface->add(p)) surface->dismiss(static_cast<std::size_t>(nearest - faces.begin()));
   }
   return best;
 }

@@ -51,24 +51,25 @@ TEST_CASE("pruning by arcs leaves the least depth of the exhaustive form") {
 }
 
 TEST_CASE("the least depth over faces and edges is that of a polytope grown inside the Minkowski difference") {
-  const std::uint64_t seed = 12;
-  CAPTURE(seed);
-  Random random(seed);
-  int compared = 0;
-  for (int i = 0; i < 3000; ++i) {
-    CAPTURE(i);
-    const double size_b = random.one_in(3) ? random.size(1e-2, 1e2) : 1;
-    const Core a = any_core(random, 1), b = any_core(random, size_b);
-    const CorePair pair{a, b, any_placement(random, a.reach + b.reach)};
-    const CoreOverlap tried = polytope_overlap(pair);
-    if (tried.depth < 1e-9 * pair.scale()) continue;
-    const CoreOverlap grown = grown_overlap(pair, 1e-11 * pair.scale());
-    ++compared;
-    CHECK(tried.depth <= grown.depth + 1e-12 * pair.scale());
-    CHECK(tried.depth >= grown.depth - grown.error - 1e-12 * pair.scale());
-    CHECK(grown.error <= 1e-9 * pair.scale());
+  for (const std::uint64_t seed : {12u, 107012u}) {  // 107012: slivers whose normals are noise
+    CAPTURE(seed);
+    Random random(seed);
+    int compared = 0;
+    for (int i = 0; i < 1500; ++i) {
+      CAPTURE(i);
+      const double size_b = random.one_in(3) ? random.size(1e-2, 1e2) : 1;
+      const Core a = any_core(random, 1), b = any_core(random, size_b);
+      const CorePair pair{a, b, any_placement(random, a.reach + b.reach)};
+      const CoreOverlap tried = polytope_overlap(pair);
+      if (tried.depth < 1e-9 * pair.scale()) continue;
+      const CoreOverlap grown = grown_overlap(pair, 1e-11 * pair.scale());
+      ++compared;
+      CHECK(tried.depth <= grown.depth + 1e-12 * pair.scale());
+      CHECK(tried.depth >= grown.depth - grown.error - 1e-12 * pair.scale());
+      CHECK(grown.error <= 1e-9 * pair.scale());
+    }
+    CHECK(compared > 250);
   }
-  CHECK(compared > 500);
 }
 
 TEST_CASE("the iterated distance is that of all vertices, edges and faces") {
