@@ -26,6 +26,9 @@ namespace ringfence::facade {
 
 namespace {
 
+/// Pairs and contacts are numbered by 32 bits, one of which marks those that ended.
+constexpr std::size_t most_reserved = std::size_t{1} << 31;
+
 void require(bool holds, const std::string& what) {
   if (!holds) {
     throw Error("WorldConfig: " + what);
@@ -49,8 +52,8 @@ void check_layers(const LayerMatrix& layers) {
 }
 
 void check_capacity(const char* name, std::size_t capacity, std::size_t limit) {
-  require(capacity >= 1 && capacity <= limit, std::string("capacities.") + name + " is " + std::to_string(capacity) +
-                                                  "; 1 to limits." + name + " = " + std::to_string(limit));
+  require(capacity >= 1 && capacity <= limit,
+          std::string("capacities.") + name + " is " + std::to_string(capacity) + "; 1 to " + std::to_string(limit));
 }
 
 }  // namespace
@@ -68,8 +71,8 @@ void check(const WorldConfig& config) {
   require(std::isfinite(config.interest) && config.interest >= 0,
           "interest is " + std::to_string(config.interest) + "; metres, 0 or more");
   check_capacity("objects", config.capacities.objects, config.limits.objects);
-  check_capacity("pairs", config.capacities.pairs, config.limits.pairs);
-  check_capacity("contacts", config.capacities.contacts, config.limits.contacts);
+  check_capacity("pairs", config.capacities.pairs, most_reserved);
+  check_capacity("contacts", config.capacities.contacts, most_reserved);
   check_capacity("users", config.capacities.users, config.limits.users);
   check_layers(config.layers);
   if (config.ring_bytes != 0) {

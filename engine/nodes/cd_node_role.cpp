@@ -26,6 +26,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       leavers_(setup.peers.size()),
       hand_over_runs_(setup.peers.size()) {
   pairs_.reserve(setup.pairs);
+  new_owners_.reserve(map.grid().cells());
   kinds_.reserve(shape_kinds * shape_kinds);
 }
 
@@ -37,6 +38,9 @@ void CdNodeRole::meet(const std::vector<Line>& peers) {
   setup_.peers = peers;
   leavers_.resize(peers.size());
   hand_over_runs_.resize(peers.size());
+  for (auto& leavers : leavers_) {
+    leavers.reserve(setup_.objects / peers.size() + 16);
+  }
 }
 
 Step CdNodeRole::step() {

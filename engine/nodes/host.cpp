@@ -203,8 +203,9 @@ void Host::accept(std::size_t i, const MotionOutput& output) {
 Status make_valid(Pose& pose) noexcept {
   const Vec3d& p = pose.position;
   Quat& q = pose.orientation;
-  const bool finite = std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z) && std::isfinite(q.x) &&
-                      std::isfinite(q.y) && std::isfinite(q.z) && std::isfinite(q.w);
+  const auto near = [](double x) { return std::abs(x) <= farthest_coordinate; };  // not if NaN
+  const bool finite = near(p.x) && near(p.y) && near(p.z) && std::isfinite(q.x) && std::isfinite(q.y) &&
+                      std::isfinite(q.z) && std::isfinite(q.w);
   if (!finite) {
     return Status::not_finite;
   }

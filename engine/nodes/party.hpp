@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "messages/records.hpp"
 #include "messages/run.hpp"
 #include "nodes/role.hpp"
 #include "ringfence/contact.hpp"
@@ -18,18 +19,21 @@ struct Party {
   // To be sent before a frame: objects by slot, contacts by index in the frame before.
   std::vector<std::uint32_t> drops, adoptions, placements;
   std::vector<Contact> late_contacts;
+  std::vector<messages::RefusedRecord> refusals;  ///< what of its messages was refused in the frame before
   // To be sent after the narrow phase: indices of contacts, with the bit `ended` for those of the list of ended ones.
   std::vector<std::uint32_t> notices;
   std::uint64_t hand_overs = 0;  ///< that will reach it (CD nodes)
   static constexpr std::uint32_t ended = 0x80000000u;
 
-  messages::RunSender drop_run, adopt_run, place_run, late_run, begin_run;
+  messages::RunSender drop_run, adopt_run, place_run, late_run, refused_run, begin_run;
   messages::RunSender map_run, notice_run, end_run;
 
   // Heard in this frame.
   bool states_heard = false;
   bool tested_heard = false;
   bool told_heard = false;
+  static constexpr std::size_t most_refusals = 64;  ///< reported a frame; all are counted
+  std::vector<messages::RefusedRecord> new_refusals;
 };
 
 }  // namespace ringfence::nodes

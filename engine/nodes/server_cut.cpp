@@ -34,6 +34,9 @@ void ServerRole::cut() {
     party.adopt_run.start(party.adoptions.size());
     party.place_run.start(party.placements.size());
     party.late_run.start(party.late_contacts.size());
+    party.refusals.swap(party.new_refusals);
+    party.new_refusals.clear();
+    party.refused_run.start(party.refusals.size());
     party.begin_run.start(0);
     party.hand_overs = 0;
     party.states_heard = party.tested_heard = party.told_heard = false;
@@ -253,7 +256,10 @@ bool ServerRole::open(Party& party) {
              std::memcpy(where, &record, sizeof record);
            }) &&
       send(party.late_run, party.late_contacts, MessageType::notify,
-           [&](std::size_t i, std::byte* where) { std::memcpy(where, &party.late_contacts[i], sizeof(Contact)); });
+           [&](std::size_t i, std::byte* where) { std::memcpy(where, &party.late_contacts[i], sizeof(Contact)); }) &&
+      send(party.refused_run, party.refusals, MessageType::refused, [&](std::size_t i, std::byte* where) {
+        std::memcpy(where, &party.refusals[i], sizeof(messages::RefusedRecord));
+      });
   return sent && party.begin_run.pump(out, head(MessageType::frame_begin, party.self), 0, counts,
                                       [](std::size_t, std::byte*) {});
 }

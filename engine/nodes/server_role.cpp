@@ -82,7 +82,7 @@ bool ServerRole::drain(Party& party) {
         message.header().source == party.self.value && message.header().frame == frame_) {
       receive(party, message);
     } else {
-      refuse(Status::bad_message);
+      refuse(party, Status::bad_message);
     }
     any = true;
   }
@@ -90,6 +90,14 @@ bool ServerRole::drain(Party& party) {
     party.line.in->release();
   }
   return any;
+}
+
+// Counted all, told the first of: a user node that sends rubbish must not make the server send as much.
+void ServerRole::refuse(Party& sender, Status reason, ObjectNumber number) {
+  refuse(reason);
+  if (sender.self.is_user() && sender.new_refusals.size() < Party::most_refusals) {
+    sender.new_refusals.push_back({number, static_cast<std::uint32_t>(reason)});
+  }
 }
 
 void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& header) noexcept {
@@ -105,22 +113,22 @@ void ServerRole::receive(Party& party, const MessageView& message) {
   switch (message.type()) {
     case MessageType::state_update:
       // Poses are frozen once a host has said its last word: what comes later would reach some nodes and not others.
-      return node || party.states_heard ? refuse(Status::bad_message) : hear_states(party, message);
+      return node || party.states_heard ? refuse(party, Status::bad_message) : hear_states(party, message);
     case MessageType::node_state:
-      return node ? hear_node_states(party, message) : refuse(Status::bad_message);
+      return node ? hear_node_states(party, message) : refuse(party, Status::bad_message);
     case MessageType::collision:
-      return node ? hear_collisions(party, message) : refuse(Status::bad_message);
+      return node ? hear_collisions(party, message) : refuse(party, Status::bad_message);
     case MessageType::narrow_done:
-      return node && message.count() == 1 ? hear_tested(party, message) : refuse(Status::bad_message);
+      return node && message.count() == 1 ? hear_tested(party, message) : refuse(party, Status::bad_message);
     case MessageType::kinds:
-      return node ? hear_kinds(message) : refuse(Status::bad_message);
+      return node ? hear_kinds(message) : refuse(party, Status::bad_message);
     case MessageType::told:
       // Believed once, and not before the sender can have heard what it says that it has dealt with.
       return message.count() == 1 && !party.told_heard && (stage_ == Stage::notifying || stage_ == Stage::closing)
                  ? hear_told(party, message)
-                 : refuse(Status::bad_message);
+                 : refuse(party, Status::bad_message);
     default:
-      return refuse(Status::bad_message);
+      return refuse(party, Status::bad_message);
   }
 }
 
@@ -131,16 +139,16 @@ void ServerRole::hear_states(Party& party, const MessageView& message) {
     auto record = message.record<messages::StateRecord>(i);
     const std::uint32_t slot = objects_.find(record.object);
     if (slot == NumberIndex::none) {
-      refuse(Status::stale_object);
+      refuse(party, Status::stale_object, record.object.number);
       continue;
     }
     ObjectRow& row = objects_.row(slot);
     if (row.host != party.self) {
-      refuse(Status::not_host);
+      refuse(party, Status::not_host, record.object.number);
       continue;
     }
     if (const Status status = make_valid(record.pose); status != Status::ok) {
-      refuse(status);
+      refuse(party, status, record.object.number);
       continue;
     }
     row.pose = record.pose;
@@ -159,7 +167,7 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
     const auto record = message.record<messages::NodeStateRecord>(i);
     const std::uint32_t slot = objects_.find(record.object);
     if (slot == NumberIndex::none || objects_.row(slot).host != party.self) {
-      refuse(slot == NumberIndex::none ? Status::stale_object : Status::not_host);
+      refuse(party, slot == NumberIndex::none ? Status::stale_object : Status::not_host, record.object.number);
       continue;
     }
     ObjectRow& row = objects_.row(slot);
@@ -191,7 +199,7 @@ void ServerRole::hear_tested(Party& party, const MessageView& message) {
   if (ledger_.received(party.self.number()) == record.contacts) {
     report().accepted += record.tested;
   } else {
-    refuse(Status::bad_message);
+    refuse(party, Status::bad_message);
   }
   if (setup_.placement == Placement::region) {
     report().candidates += record.candidates;

@@ -102,6 +102,7 @@ class ServerRole {
   void hear_kinds(const messages::MessageView& message);
   void hear_told(Party& party, const messages::MessageView& message);
   void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
+  void refuse(Party& sender, Status reason, ObjectNumber number = 0);
 
   // The stages.
   bool advance();

@@ -61,6 +61,9 @@ void UserRole::receive(const MessageView& message) {
       return;
     case MessageType::frame_begin:
       return begin(message.header().frame);
+    case MessageType::refused:
+      refused_ += message.count();
+      return;
     case MessageType::notify:
       return hear_contacts(message);
     default:

@@ -46,6 +46,8 @@ class UserRole {
     return seen_[frame & 1];
   }
   const Host& host() const noexcept { return host_; }
+  /// Records of its own messages that the server refused so far; 0 unless somebody else speaks in its name.
+  std::uint64_t refused() const noexcept { return refused_; }
 
  private:
   enum class Stage : std::uint8_t { waiting, reporting, listening, telling };
@@ -73,6 +75,7 @@ class UserRole {
   Stage stage_ = Stage::waiting;
   std::uint64_t frame_ = 0;
   bool contacts_heard_ = false;
+  std::uint64_t refused_ = 0;
   std::vector<Steered> steered_;  ///< for the next frame
   std::vector<std::span<const link::PublishedState>> seen_[2];
   std::vector<regions::CellBox> boxes_;  ///< around the avatars

@@ -187,7 +187,7 @@ void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t u
   for (NodeNumber node = 0; node < play.nodes; ++node) {
     check_order(log, Endpoint::server(), Endpoint::node(node),
                 {drop, adopt, place, notify, frame_begin, position_update, pairs, notify, frame_end});
-    check_order(log, Endpoint::node(node), Endpoint::server(), {node_state, collision, narrow_done, told});
+    check_order(log, Endpoint::node(node), Endpoint::server(), {node_state, collision, narrow_done, kinds, told});
     for (NodeNumber peer = 0; peer < play.nodes; ++peer) {
       check_order(log, Endpoint::node(node), Endpoint::node(peer), {hand_over});
     }

@@ -49,13 +49,19 @@ enum class LogLevel : std::uint8_t { debug, info, warning, error };
 /// concurrently, never inside a node.
 using LogHook = std::function<void(LogLevel, std::string_view)>;
 
-/// Reserved at construction. What is exceeded up to the limit grows at the price of an allocation and is reported;
-/// beyond it the call is refused (Status::over_capacity).
+/// Reserved at construction, so that frames allocate nothing. What a frame needs beyond grows at the price of an
+/// allocation, loses nothing, and is reported (FrameReport::grown, and once through the log hook).
 struct Capacities {
   std::size_t objects = 4096;
   std::size_t pairs = 32768;     ///< candidates a frame, all nodes together
   std::size_t contacts = 16384;  ///< a frame
   std::size_t users = 128;
+};
+
+/// How far it may grow: calls beyond are refused with Status::over_capacity.
+struct Limits {
+  std::size_t objects = 16'777'216;
+  std::size_t users = 65'536;
 };
 
 /// What a World is made of. Checked as a whole by the constructor, which throws Error naming the field.
@@ -69,7 +75,7 @@ struct WorldConfig {
   std::uint32_t cells_log2[3] = {0, 0, 0};  ///< cells on each axis as a power of two, 0 to 10 each; all 0: chosen
   double interest = 25;  ///< metres: how far around its avatars a user node reads others' states; >= 0
   Capacities capacities;
-  Capacities limits{16'777'216, 1'073'741'824, 268'435'456, 65'536};
+  Limits limits;
   std::size_t ring_bytes = 0;  ///< of every ring; a power of two, 4096 to 2^30; 0: by role
   bool balance = true;    ///< regions follow the load: the map changes at frame ends when nodes cost unequal amounts
   bool pin = false;       ///< pin threads to cores where there are enough of them

@@ -10,7 +10,7 @@ enum class Status : std::uint8_t {
   ok,             ///< done
   stale_object,   ///< the id is null or names an object that was destroyed
   not_host,       ///< only the user node that hosts the object may move it, only its owner may destroy it
-  not_finite,     ///< a position or orientation holds NaN or infinity
+  not_finite,     ///< a position or orientation holds NaN or infinity, or lies beyond farthest_coordinate
   not_unit,       ///< the orientation is further than 10^-3 from unit length
   unknown_user,   ///< no such user node is connected
   unknown_shape,  ///< no such shape is registered
