@@ -2,8 +2,10 @@
 #include <vector>
 
 #include <doctest/doctest.h>
+#include <nlohmann/json.hpp>
 
 #include "tools/program.hpp"
+#include "worlds/text_file.hpp"
 
 namespace ringfence {
 namespace {
@@ -32,6 +34,20 @@ TEST_CASE("every deployment, placement and node count gives one digest, and brut
         }
       }
     }
+  }
+}
+
+TEST_CASE("4000 objects have 1600 to 3500 contacts a frame, whatever their shapes") {
+  const test::Folder folder;
+  for (const char* shapes : {"sphere", "box", "capsule", "hull", "mixed"}) {
+    const Answer answer =
+        test::ringfence(std::string("run --frames 8 --nodes 1 --shapes ") + shapes + " --json " + (folder / "r.json"));
+    REQUIRE_MESSAGE(answer.code == 0, answer.out);
+    const auto report = nlohmann::json::parse(worlds::read_text(folder / "r.json"));
+    const double mean = report["contacts"]["mean"];
+    CHECK_MESSAGE(mean > 1600, shapes);
+    CHECK_MESSAGE(mean < 3500, shapes);
+    CHECK(report["pairs"]["candidate"] == report["pairs"]["accepted"]);
   }
 }
 

@@ -44,7 +44,7 @@ TEST_CASE("a word that an option does not know is told with those that it does")
   check_refused("run --shapes cone", "--shapes: found cone; expected one of sphere, box, capsule, hull, mixed, mesh");
   check_refused("run --shapes mesh", "shapes: mesh is not in this version");
   check_refused("run --speed 3", "--speed");
-  check_refused("fly", "fly");
+  check_refused("fly", "found fly; expected run, replay, record or convert");
   check_refused("", "subcommand");
   check_refused("scale", "scale is not in this version");
   check_refused("profile", "profile is not in this version");

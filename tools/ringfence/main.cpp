@@ -26,10 +26,14 @@ int run(const CommandLine& line) {
 }
 
 int run_guarded(int argc, char** argv) {
-  if (argc > 1) {
+  if (argc > 1 && argv[1][0] != '-') {
     const std::string_view word = argv[1];
     if (word == "scale" || word == "profile" || word == "node") {
       fmt::print(stderr, "ringfence: {} is not in this version\n", word);
+      return bad_use;
+    }
+    if (word != "run" && word != "replay" && word != "record" && word != "convert") {
+      fmt::print(stderr, "ringfence: found {}; expected run, replay, record or convert\n", word);
       return bad_use;
     }
   }

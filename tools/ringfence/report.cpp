@@ -182,8 +182,9 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   fmt::print(out, "frame       mean {:.3f} ms   p50 {:.3f}   p99 {:.3f}   max {:.3f}\n", frame.mean, frame.p50,
              frame.p99, frame.max);
   print_stages(out, figures, frame.mean);
-  fmt::print(out, "pairs       {:.1f} candidates a frame, {:.1f} tested\n",
-             figures.mean(static_cast<double>(figures.candidates)), figures.mean(static_cast<double>(figures.tested)));
+  fmt::print(out, "pairs       {:.1f} candidates a frame, {:.1f} tested; {} in all\n",
+             figures.mean(static_cast<double>(figures.candidates)), figures.mean(static_cast<double>(figures.tested)),
+             figures.tested);
   fmt::print(out, "contacts    {:.1f} a frame, {} in all\n", figures.mean(static_cast<double>(figures.contacts)),
              figures.contacts);
   fmt::print(out, "moved       {:.1f} objects a frame, {:.2f} handed over\n",
