@@ -17,6 +17,7 @@ namespace {
 /// Reads characters and counts the lines that have gone by. The parser copies it, so the count is held outside.
 class LineCounter {
  public:
+  // NOLINTNEXTLINE(readability-identifier-naming): the name is the standard's
   using iterator_category = std::input_iterator_tag;
   using value_type = char;
   using difference_type = std::ptrdiff_t;

@@ -84,6 +84,7 @@ TraceWorld make_trace_world(const Trace& trace, std::uint32_t copies) {
   for (const auto& [who, samples] : trace.tracks) last = std::max(last, samples.back().frame);
   ObjectNumber number = 0;
   for (std::uint32_t copy = 0; copy < copies; ++copy) {
+    const std::uint32_t column = copy % columns, row = copy / columns;
     for (const auto& [who, samples] : trace.tracks) {
       ObjectSpec object;
       object.number = ++number;
@@ -91,7 +92,7 @@ TraceWorld make_trace_world(const Trace& trace, std::uint32_t copies) {
       object.present = false;
       world.scene.objects.push_back(object);
       const std::uint32_t late = copy * delay % most_delay;
-      add_rows(trace, samples, number, late, copy % columns * width, copy / columns * depth, world.motion.rows);
+      add_rows(trace, samples, number, late, column * width, row * depth, world.motion.rows);
     }
   }
   auto& rows = world.motion.rows;
