@@ -33,9 +33,10 @@ static_assert(sizeof(PairContact) == 32);
 struct KindCounters {
   std::uint64_t candidates = 0;
   std::uint64_t hits = 0;
-  std::uint64_t lanes = 0;       ///< vector lanes spent on them, idle ones included; 0 where a kernel is not in lanes
-  std::uint64_t iterations = 0;  ///< GJK and EPA steps; 0 for closed forms
-  std::uint64_t nanoseconds = 0;  ///< in the kernel, gathering included, sorting not
+  std::uint64_t lanes = 0;        ///< vector lanes spent on them, idle ones included; 0 where a kernel is not in lanes
+  std::uint64_t iterations = 0;   ///< GJK and EPA steps; 0 for closed forms
+  std::uint64_t timed = 0;        ///< candidates whose kernel was timed: those in runs of 64 and more
+  std::uint64_t nanoseconds = 0;  ///< in the kernel for those, gathering included, sorting not
 };
 
 /// Whether there is a kernel for two kinds. Symmetric. A world refuses shapes at registration whose pairs would have

@@ -246,8 +246,8 @@ void CdNodeRole::count_kinds() {
     for (std::uint32_t q = p; q < shape_kinds; ++q) {
       const auto& counters = narrow_.counters(static_cast<ShapeKind>(p), static_cast<ShapeKind>(q));
       if (counters.candidates != 0) {
-        kinds_.push_back(
-            {p, q, counters.candidates, counters.hits, counters.lanes, counters.iterations, counters.nanoseconds});
+        kinds_.push_back({p, q, counters.candidates, counters.hits, counters.lanes, counters.iterations, counters.timed,
+                          counters.nanoseconds});
         tested_ += counters.candidates;
       }
     }

@@ -216,13 +216,14 @@ void ServerRole::hear_kinds(const MessageView& message) {
     auto at = std::find_if(kinds.begin(), kinds.end(),
                            [&](const KindReport& kind) { return kind.first == first && kind.second == second; });
     if (at == kinds.end()) {
-      kinds.push_back({first, second, 0, 0, 0, 0, 0});
+      kinds.push_back({first, second, 0, 0, 0, 0, 0, 0});
       at = kinds.end() - 1;
     }
     at->candidates += record.candidates;
     at->hits += record.hits;
     at->lanes += record.lanes;
     at->iterations += record.iterations;
+    at->timed += record.timed;
     at->nanoseconds += record.nanoseconds;
   }
 }

@@ -42,7 +42,8 @@ struct KindReport {
   std::uint64_t hits = 0;
   std::uint64_t lanes = 0;        ///< vector lanes spent, idle ones included; 0 where a kernel is not in lanes
   std::uint64_t iterations = 0;   ///< steps of GJK and EPA; 0 for closed forms
-  std::uint64_t nanoseconds = 0;  ///< in the kernels, gathering included
+  std::uint64_t timed = 0;        ///< candidates that were timed: those that came in runs of 64 and more
+  std::uint64_t nanoseconds = 0;  ///< in the kernels for those, gathering included
 };
 
 /// Messages and bytes by what they carry.
