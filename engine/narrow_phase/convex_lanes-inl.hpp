@@ -117,9 +117,11 @@ HWY_INLINE Points<D> turned_back(D d, const Turn<hn::TFromD<D>>& r, const Points
 /// The lanes of a mask as bits, lane 0 lowest.
 template <class D>
 HWY_INLINE std::uint32_t bits_of(D d, hn::Mask<D> mask) {
-  std::uint8_t bytes[8] = {};
+  std::uint8_t bytes[8];
   hn::StoreMaskBits(d, mask, bytes);
-  std::uint32_t bits;
+  // Reads just what was written: anything wider would wait for the store instead of being forwarded from it.
+  if constexpr (hn::MaxLanes(D()) <= 8) return bytes[0];
+  std::uint16_t bits;
   std::memcpy(&bits, bytes, sizeof(bits));
   return bits;
 }

@@ -55,37 +55,38 @@ class Ellipsoid : public SupportFunction {
 }  // namespace
 
 TEST_CASE("contacts of ordinary pairs with a hull are those of the reference, at the origin and far from it") {
-  for (const auto& [first, kernel] : with_hull) {
+  for (const KindOfPair& pair : with_hull) {
     for (const std::uint64_t seed : {1u, 2u}) {
-      CAPTURE(name_of(first));
+      CAPTURE(name_of(pair.first));
       CAPTURE(seed);
-      check(ordinary_convex_pairs(first, ShapeKind::hull, 4000, seed, seed == 1 ? Vec3d{} : Vec3d{1e6, -2e6, 3e5}),
-            kernel);
+      check(ordinary_convex_pairs(pair.first, ShapeKind::hull, 4000, seed, seed == 1 ? Vec3d{} : Vec3d{1e6, -2e6, 3e5}),
+            pair.kernel);
     }
   }
 }
 
 TEST_CASE("contacts of needles, plates, grids, prisms and a thousandfold of sizes are those of the reference") {
-  for (const auto& [first, kernel] : with_hull) {
+  for (const KindOfPair& pair : with_hull) {
     for (const std::uint64_t seed : {3u, 4u}) {
-      CAPTURE(name_of(first));
+      CAPTURE(name_of(pair.first));
       CAPTURE(seed);
-      check(nasty_convex_pairs(first, ShapeKind::hull, 1500, seed, seed == 3 ? Vec3d{} : Vec3d{-1e6, 5e5, 0}), kernel);
+      check(nasty_convex_pairs(pair.first, ShapeKind::hull, 1500, seed, seed == 3 ? Vec3d{} : Vec3d{-1e6, 5e5, 0}),
+            pair.kernel);
     }
   }
 }
 
 TEST_CASE("every target answers for hulls with the same bits") {
-  for (const auto& [first, kernel] : with_hull) {
+  for (const KindOfPair& pair : with_hull) {
     for (const bool nasty : {false, true}) {
-      CAPTURE(name_of(first));
-      const PairWorld world = nasty ? nasty_convex_pairs(first, ShapeKind::hull, 1500, 5)
-                                    : ordinary_convex_pairs(first, ShapeKind::hull, 4000, 5);
-      const std::vector<PairContact> expected = run_kernel(world, world.pairs, kernel);
+      CAPTURE(name_of(pair.first));
+      const PairWorld world = nasty ? nasty_convex_pairs(pair.first, ShapeKind::hull, 1500, 5)
+                                    : ordinary_convex_pairs(pair.first, ShapeKind::hull, 4000, 5);
+      const std::vector<PairContact> expected = run_kernel(world, world.pairs, pair.kernel);
       for (const std::string& target : narrow_phase::targets()) {
         CAPTURE(target);
         narrow_phase::force_target(target);
-        CHECK(same_bits(run_kernel(world, world.pairs, kernel), expected));
+        CHECK(same_bits(run_kernel(world, world.pairs, pair.kernel), expected));
       }
       narrow_phase::force_target("");
     }
