@@ -25,8 +25,9 @@ struct Separation {
 /// `reach`, metres, concerns meshes: pairs of primitives further apart than that are left out, and if all are, the
 /// distance is `reach` and a lower bound; the normal is then zero.
 ///
-/// Orientations need not be exactly unit; positions must be finite. Threads: any. Cost: about 1 µs for a pair apart,
-/// 10 to 40 µs for hulls of 32 points that overlap; a mesh costs that a pair of triangles that come near each other.
+/// Orientations need not be exactly unit; positions must be finite. Threads: any. Cost: 0.1 to 2 µs
+/// a pair of spheres, capsules and boxes, 7 µs of hulls of 32 points, 0.2 ms of hulls of 128; a mesh as much as its
+/// triangles near the other.
 Separation separation(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b,
                       double reach = std::numeric_limits<double>::infinity());
 
