@@ -19,8 +19,8 @@ struct Separation {
 /// The separation of two placed shapes, in double precision, by methods that try everything there is.
 ///
 /// Exact (to some 10^-12 of the two sizes together) for all kinds but support functions, which are known in float:
-/// there `error` says what is left, some 10^-6 of the size. Far from the origin it is as right as the difference of
-/// the positions is.
+/// there `error` says what is left, some 10^-6 of the size, seldom 10^-4. Far from the origin it is as right as the
+/// difference of the positions is.
 ///
 /// `reach`, metres, concerns meshes: pairs of primitives further apart than that are left out, and if all are, the
 /// distance is `reach` and a lower bound; the normal is then zero.
