@@ -18,7 +18,11 @@ double most_over_mean(std::span<const double> values) {
 }  // namespace
 
 Balance::Balance(const CellGrid& grid, const BalanceConfig& config)
-    : config_(config), weights_(grid.cells()), bisection_(grid) {}
+    : config_(config), weights_(grid.cells()), bisection_(grid) {
+  constexpr std::size_t most_nodes = 1024;
+  costs_.reserve(most_nodes);
+  shares_.reserve(most_nodes);
+}
 
 void Balance::add_frame(std::span<const double> costs) {
   if (costs.size() != costs_.size() || frames_ >= config_.window) {
