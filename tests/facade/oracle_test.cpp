@@ -1,0 +1,47 @@
+// Frames of the facade against brute force in double precision.
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "facade/checks.hpp"
+#include "facade/script.hpp"
+#include "reference/frame_check.hpp"
+#include "ringfence/world.hpp"
+
+namespace ringfence::test {
+namespace {
+
+TEST_CASE("in every deployment and placement the contacts and phases of random lives are those of brute force") {
+  constexpr double side = 7;
+  WorldConfig base;
+  base.bounds_max = {side, side, side};
+  base.interest = 3;
+  base.motion = std::make_shared<Bouncing>(side);
+  unsigned seed = 900;
+  in_all_worlds(base, {0u, 3u}, [&](const WorldConfig& config) {
+    CAPTURE(++seed);
+    World world(config);
+    Script script(world, seed, side);
+    reference::Shapes shapes;
+    for (ShapeNumber shape = 0; shape < world.shape_count(); ++shape) shapes.add(world.shape(shape));
+    std::vector<Contact> before;
+    for (std::uint64_t frame = 0; frame < 40; ++frame) {
+      advance(world);
+      std::vector<reference::FrameObject> objects;
+      for (const ObjectView& view : world.objects()) {
+        objects.push_back({view.spec.number, view.spec.shape, view.spec.layer, view.spec.present, view.spec.pose});
+      }
+      for (const auto& difference : reference::check_frame(frame, shapes, objects, {}, world.contacts())) {
+        FAIL_CHECK(difference.text);
+      }
+      for (const auto& difference : reference::check_phases(frame, before, world.contacts(), world.ended())) {
+        FAIL_CHECK(difference.text);
+      }
+      before.assign(world.contacts().begin(), world.contacts().end());
+      script.ask();
+    }
+  });
+}
+
+}  // namespace
+}  // namespace ringfence::test

@@ -1,0 +1,142 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include "facade/checks.hpp"
+#include "facade/swarm.hpp"
+#include "ringfence/digest.hpp"
+#include "ringfence/world.hpp"
+
+namespace ringfence::test {
+
+/// A random life of a world: users come and go, objects appear, end, are placed, removed, moved and taken over. The
+/// same calls in the same order for every world of one seed, so that all must answer and end the same.
+class Script {
+ public:
+  Script(World& world, unsigned seed, double side) : world_(world), random_(seed), side_(side) {
+    shapes_ = {
+        world.add_shape(Sphere{0.7f}), world.add_shape(Box{{0.6f, 0.8f, 0.5f}}), world.add_shape(Capsule{0.4f, 0.6f}),
+        world.add_shape(ConvexHull{{{1, 0, 0}, {-1, 0.2f, 0}, {0, 1, 0.3f}, {0.1f, -1, 0}, {0, 0, 1}, {0, 0, -1}}})};
+    for (int i = 0; i < 4; ++i) connect();
+    for (int i = 0; i < 120; ++i) spawn();
+  }
+
+  /// What is asked before the next frame. Everything is allowed and must be granted.
+  void ask() {
+    if (random_() % 6 == 0 && users_.size() < 8) connect();
+    if (random_() % 8 == 0 && !users_.empty()) disconnect(random_() % users_.size());
+    if (random_() % 25 == 0) {
+      while (!users_.empty()) disconnect(0);
+    }
+    for (std::uint64_t n = random_() % 5; n > 0; --n) spawn();
+    for (std::uint64_t n = random_() % 5; n > 0 && live_.size() > 80; --n) {
+      const std::size_t at = random_() % live_.size();
+      const Live object = live_[at];
+      const bool by_user = object.category == Category::avatar && random_() % 2 == 0;
+      REQUIRE((by_user ? world_.destroy(object.user, object.id) : world_.destroy(object.id)) == Status::ok);
+      live_.erase(live_.begin() + static_cast<std::ptrdiff_t>(at));
+    }
+    for (std::uint64_t n = random_() % 8; n > 0; --n) {
+      const Live& object = live_[random_() % live_.size()];
+      if (object.category == Category::fixed) continue;
+      switch (random_() % 4) {
+        case 0:
+          REQUIRE(world_.remove(object.id) == Status::ok);
+          break;
+        case 1:
+          if (object.category == Category::avatar) {
+            REQUIRE(world_.move(object.user, object.id, pose()) == Status::ok);
+            break;
+          }
+          [[fallthrough]];
+        default:
+          REQUIRE(world_.place(object.id, pose()) == Status::ok);
+      }
+    }
+  }
+
+  std::size_t live() const { return live_.size(); }
+  const std::vector<UserNumber>& users() const { return users_; }
+
+ private:
+  struct Live {
+    ObjectId id;
+    Category category;
+    UserNumber user;
+  };
+
+  double uniform(double low, double high) {
+    return low + (high - low) * (static_cast<double>(random_() >> 11) * 0x1p-53);
+  }
+  Pose pose() {
+    const double margin = random_() % 10 == 0 ? side_ : 1;  // now and then far outside the bounds
+    Pose pose;
+    pose.position = {uniform(-margin, side_ + margin), uniform(-margin, side_ + margin),
+                     uniform(-margin, side_ + margin)};
+    const double half = uniform(0, 1);
+    pose.orientation = {static_cast<float>(half), 0, 0, static_cast<float>(std::sqrt(1 - half * half))};
+    return pose;
+  }
+  void connect() {
+    const Connected connected = world_.connect();
+    REQUIRE(connected.status == Status::ok);
+    users_.insert(std::lower_bound(users_.begin(), users_.end(), connected.user), connected.user);
+  }
+  void disconnect(std::size_t at) {
+    const UserNumber user = users_[at];
+    REQUIRE(world_.disconnect(user) == Status::ok);
+    users_.erase(users_.begin() + static_cast<std::ptrdiff_t>(at));
+    std::erase_if(live_, [&](const Live& object) { return object.user == user; });
+  }
+  void spawn() {
+    ObjectSpec spec;
+    spec.shape = shapes_[random_() % shapes_.size()];
+    spec.present = random_() % 12 != 0;
+    spec.user_data = random_();
+    spec.pose = pose();
+    const std::uint64_t kind = random_() % 10;
+    spec.category = kind == 0 ? Category::fixed : kind < 6 ? Category::active : Category::non_active;
+    if (kind > 7 && !users_.empty()) {
+      spec.category = Category::avatar;
+      spec.user = users_[random_() % users_.size()];
+    }
+    const Spawned spawned = world_.spawn(spec);
+    REQUIRE(spawned.status == Status::ok);
+    live_.push_back({spawned.id, spec.category, spec.user});
+    if (random_() % 40 == 0) {
+      REQUIRE(world_.destroy(spawned.id) == Status::ok);  // never was in a frame
+      live_.pop_back();
+    }
+  }
+
+  World& world_;
+  std::mt19937_64 random_;
+  double side_;
+  std::vector<ShapeNumber> shapes_;
+  std::vector<UserNumber> users_;
+  std::vector<Live> live_;
+};
+
+/// A number that tells two worlds apart by any bit of any object's state or of any ended contact.
+inline std::uint64_t fingerprint(const World& world) {
+  std::uint64_t h = 0;
+  const auto add = [&](const void* bytes, std::size_t size) {
+    for (std::size_t i = 0; i < size; ++i) {
+      h = (h ^ static_cast<const unsigned char*>(bytes)[i]) * 0x100000001b3u + 0x9e37u;
+    }
+  };
+  for (const ObjectView& view : world.objects()) {
+    add(&view.id, sizeof view.id);
+    add(&view.spec.pose, sizeof view.spec.pose);
+    add(&view.spec.present, sizeof view.spec.present);
+  }
+  for (const Contact& contact : world.ended()) add(&contact, sizeof contact);
+  for (const Contact& contact : world.contacts()) add(&contact, sizeof contact);
+  return h;
+}
+
+}  // namespace ringfence::test
