@@ -1,0 +1,269 @@
+// A small game server: players come and go, walk about and push crates; drones fly about by themselves. What it prints
+// is the same at any number of nodes and in every deployment:
+//
+//   game_server [NODES [user|user-server|user-collision]]
+#include <algorithm>
+#include <cinttypes>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <map>
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include <ringfence/digest.hpp>
+#include <ringfence/world.hpp>
+
+namespace {
+
+using ringfence::Category;
+using ringfence::Contact;
+using ringfence::ObjectId;
+using ringfence::Phase;
+using ringfence::Pose;
+using ringfence::Status;
+using ringfence::UserNumber;
+using ringfence::Vec3d;
+
+constexpr double side = 40;   // of the arena, metres
+constexpr double step = 0.2;  // what a player walks in a frame, metres
+constexpr int frames = 300;
+
+/// How much, and which way, a contact pushes one of its two objects.
+Vec3d push_of(const Contact& contact, ringfence::ObjectNumber self, double share) {
+  const double length = (contact.a == self ? -share : share) * double{contact.depth};
+  return {length * double{contact.normal.x}, length * double{contact.normal.y}, length * double{contact.normal.z}};
+}
+
+/// What moves everything but the players: drones fly straight on and bounce off what they meet; crates are pushed.
+///
+/// Called by whichever threads host the objects, so it is const, shares nothing, and computes S(k) from what it is
+/// given alone.
+class ArenaMotion final : public ringfence::MotionModel {
+ public:
+  struct State {
+    Vec3d velocity;  ///< metres a frame
+  };
+
+  std::size_t state_bytes() const noexcept override { return sizeof(State); }
+
+  void start(const ringfence::ObjectSpec& spec, std::byte* state) const override {
+    State s;
+    if (spec.category == Category::active) {
+      const double turn = static_cast<double>(spec.number % 7) - 3;
+      s.velocity = {0.05 * turn, 0.04 * (3 - turn), 0};
+    }
+    std::memcpy(state, &s, sizeof s);
+  }
+
+  // [model]
+  void move(std::uint64_t, std::span<const ringfence::MotionInput> inputs,
+            std::span<ringfence::MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      const ringfence::MotionInput& in = inputs[i];
+      if (!in.present || in.category == Category::avatar) {
+        continue;  // the answer is filled with "stands still" beforehand
+      }
+      State s;
+      std::memcpy(&s, in.state, sizeof s);
+      Vec3d& p = outputs[i].pose.position;
+      for (std::size_t c = 0; c < in.contacts.size(); ++c) {
+        const Vec3d push = push_of(in.contacts[c], in.number, 0.5);
+        p.x += push.x;
+        p.y += push.y;
+        if (s.velocity.x * push.x + s.velocity.y * push.y < 0) {
+          s.velocity = {-s.velocity.x, -s.velocity.y, 0};
+        }
+      }
+      p.x += s.velocity.x;
+      p.y += s.velocity.y;
+      s.velocity.x = p.x < 1 || p.x > side - 1 ? -s.velocity.x : s.velocity.x;
+      s.velocity.y = p.y < 1 || p.y > side - 1 ? -s.velocity.y : s.velocity.y;
+      p.x = std::clamp(p.x, 1.0, side - 1);
+      p.y = std::clamp(p.y, 1.0, side - 1);
+      std::memcpy(outputs[i].state, &s, sizeof s);
+    }
+  }
+  // [model]
+};
+
+/// What the server keeps of a player.
+struct Player {
+  ObjectId avatar;
+  Pose pose;
+  int walks_to = 0;      ///< the last input: one of four directions
+  int bumps = 0;         ///< contacts that began
+  std::size_t seen = 0;  ///< states that were to be sent to the client, all frames
+};
+
+class GameServer {
+ public:
+  explicit GameServer(const ringfence::WorldConfig& config) : world_(config) {
+    const auto floor = world_.add_shape(ringfence::Box{{side / 2, side / 2, 0.5f}});
+    const auto crate = world_.add_shape(ringfence::Box{{0.5f, 0.5f, 0.5f}});
+    const auto drone = world_.add_shape(ringfence::Sphere{0.4f});
+    person_ = world_.add_shape(ringfence::Capsule{0.3f, 0.6f});
+
+    // Layer 0 collides with itself and the ground, layer 1; the ground does not collide with what lies on it for ever.
+    world_.spawn({.shape = floor, .category = Category::fixed, .layer = 1, .pose = {{side / 2, side / 2, -0.5}, {}}});
+    for (int i = 0; i < 60; ++i) {
+      const Vec3d at{2 + (i * 7) % 36 + 0.25, 2 + (i * 11) % 37 + 0.25, 0.5};
+      world_.spawn({.shape = crate, .category = Category::non_active, .pose = {at, {}}});
+    }
+    for (int i = 0; i < 40; ++i) {
+      const Vec3d at{3.0 + (i * 13) % 34, 3.0 + (i * 5) % 34, 0.9};
+      world_.spawn({.shape = drone, .category = Category::active, .pose = {at, {}}});
+    }
+  }
+
+  void join(Vec3d at) {
+    const UserNumber user = world_.connect().user;
+    Player player;
+    player.pose.position = at;
+    // user_data comes back in the motion model and in World::object.
+    player.avatar =
+        world_
+            .spawn(
+                {.shape = person_, .category = Category::avatar, .user = user, .user_data = user, .pose = player.pose})
+            .id;
+    players_[user] = player;
+  }
+
+  void leave(UserNumber user) {
+    world_.disconnect(user);  // ends the avatar too
+    std::printf("player %u leaves: %d bumps\n", user, players_[user].bumps);
+    players_.erase(user);
+  }
+
+  // [frame]
+  void frame() {
+    for (auto& [user, player] : players_) {
+      walk(player);
+      world_.move(user, player.avatar, player.pose);
+    }
+    world_.begin_frame();
+    read_inputs();  // whatever else a server has to do: the frame goes on meanwhile
+    world_.finish_frame();
+    for (auto& [user, player] : players_) {
+      answer(user, player);
+    }
+    digest_.add_frame(world_.contacts());
+  }
+  // [frame]
+
+  /// Somebody who steers another's avatar is refused, and nothing else happens.
+  void cheat(UserNumber cheater, UserNumber victim) {
+    const Status status = world_.move(cheater, players_[victim].avatar, {});
+    std::printf("player %u moves player %u: %s\n", cheater, victim, name_of(status));
+  }
+
+  void print() const {
+    const ringfence::FrameReport& report = world_.report();
+    for (const auto& [user, player] : players_) {
+      const Vec3d p = world_.object(player.avatar).spec.pose.position;
+      std::printf("player %u: %d bumps, stands at (%.2f, %.2f), saw %zu players\n", user, player.bumps, p.x, p.y,
+                  player.seen);
+    }
+    std::printf("frame %" PRIu64 ": %" PRIu64 " objects, %" PRIu64 " candidates, %" PRIu64 " contacts\n", report.frame,
+                report.objects, report.candidates, report.contacts);
+    std::printf("digest %016" PRIx64 "\n", digest_.value());
+  }
+
+ private:
+  /// The players' inputs, here from no network: everybody turns now and then.
+  void read_inputs() {
+    for (auto& [user, player] : players_) {
+      if ((world_.frames() + 13 * user) % 40 == 0) {
+        player.walks_to = (player.walks_to + 1 + static_cast<int>(user % 2)) % 4;
+      }
+    }
+  }
+
+  static void walk(Player& player) {
+    constexpr double directions[4][2] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
+    Vec3d& p = player.pose.position;
+    p.x = std::clamp(p.x + step * directions[player.walks_to][0], 1.0, side - 1);
+    p.y = std::clamp(p.y + step * directions[player.walks_to][1], 1.0, side - 1);
+  }
+
+  // [answer]
+  void answer(UserNumber user, Player& player) {
+    const ringfence::ObjectNumber self = player.avatar.number();
+    for (const Contact& contact : world_.collisions_of(user)) {
+      // In user domain deployment a user node hosts more than its avatar.
+      if (contact.phase == Phase::end || (contact.a != self && contact.b != self)) {
+        continue;
+      }
+      player.bumps += contact.phase == Phase::begin ? 1 : 0;
+      const Vec3d push = push_of(contact, self, 1.0);
+      player.pose.position.x += push.x;
+      player.pose.position.y += push.y;
+    }
+    for (const auto& run : world_.seen_by(user)) {
+      for (const ringfence::SeenState& state : run) {
+        // A server would send `state` to the client; here the other players among them are counted.
+        const bool avatar = std::any_of(players_.begin(), players_.end(), [&](const auto& other) {
+          return other.second.avatar.number() == state.number;
+        });
+        player.seen += avatar ? 1 : 0;
+      }
+    }
+  }
+  // [answer]
+
+  ringfence::World world_;
+  ringfence::ShapeNumber person_ = 0;
+  std::map<UserNumber, Player> players_;
+  ringfence::Digest digest_;
+};
+
+// [config]
+ringfence::WorldConfig configure(std::uint32_t nodes, ringfence::Deployment deployment) {
+  ringfence::WorldConfig config;
+  config.bounds_max = {side, side, 10};
+  config.nodes = nodes;  // worker threads; 0 runs everything in the thread that calls
+  config.deployment = deployment;
+  config.interest = 10;  // metres that a player sees
+  config.capacities.objects = 256;
+  config.layers.names = {"things", "ground"};
+  config.layers.collide = {{0, 0}};
+  config.motion = std::make_shared<ArenaMotion>();
+  config.log = [](ringfence::LogLevel, std::string_view line) {
+    std::fprintf(stderr, "%.*s\n", static_cast<int>(line.size()), line.data());
+  };
+  return config;
+}
+// [config]
+
+ringfence::Deployment deployment_of(std::string_view name) {
+  for (const auto deployment : {ringfence::Deployment::user, ringfence::Deployment::user_server}) {
+    if (name == name_of(deployment)) {
+      return deployment;
+    }
+  }
+  return ringfence::Deployment::user_collision;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const auto nodes = static_cast<std::uint32_t>(argc > 1 ? std::atoi(argv[1]) : 2);
+  GameServer server(configure(nodes, deployment_of(argc > 2 ? argv[2] : "user-collision")));
+  server.join({10, 10, 0.9});
+  server.join({14, 10, 0.9});
+  server.join({20, 20, 0.9});
+  for (int frame = 0; frame < frames; ++frame) {
+    if (frame == 100) {
+      server.leave(1);
+    }
+    if (frame == 150) {
+      server.join({30, 12, 0.9});
+    }
+    if (frame == 200) {
+      server.cheat(0, 2);
+    }
+    server.frame();
+  }
+  server.print();
+}
