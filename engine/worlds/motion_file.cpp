@@ -35,6 +35,10 @@ struct BinaryHeader {
 };
 static_assert(sizeof(BinaryHeader) == 24);
 
+/// To compare poses as they are stored: -0 is not 0.
+using PoseBits = std::array<std::uint64_t, 5>;
+static_assert(sizeof(PoseBits) == sizeof(Pose));
+
 bool is_unit(const Quat& q) {
   const double squared =
       double{q.x} * double{q.x} + double{q.y} * double{q.y} + double{q.z} * double{q.z} + double{q.w} * double{q.w};
@@ -249,7 +253,8 @@ class BinaryReader {
                            shown(pose.orientation)));
       }
     }
-    const bool same = present == object.present && (!present || std::memcmp(&pose, &object.pose, sizeof pose) == 0);
+    const bool same = present == object.present &&
+                      (!present || std::bit_cast<PoseBits>(pose) == std::bit_cast<PoseBits>(object.pose));
     if (same) return;
     if (object.category == Category::fixed) refuse(0, "is static but moves; expected the pose of the scene");
     object.present = present;
