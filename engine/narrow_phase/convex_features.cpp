@@ -24,7 +24,10 @@ struct Polygon {
   std::array<Flat, 4 * max_feature_points> corner;
   std::size_t size = 0;
 
-  void push(Flat p) { corner[size++] = p; }
+  /// Past what rounding can make of two convex polygons, corners are left out.
+  void push(Flat p) {
+    if (size < corner.size()) corner[size++] = p;
+  }
   Flat next(std::size_t i) const { return corner[i + 1 < size ? i + 1 : 0]; }
 };
 

@@ -57,7 +57,7 @@ class PolytopePair {
       : a_(a), b_(b), turn_(turn), offset_(offset) {}
 
   /// Whether they overlap or touch; if so `out` says how.
-  HWY_INLINE bool test(Overlap<T>& out) {
+  bool test(Overlap<T>& out) {
     centre_of_b_ = rotate(turn_, point_of<T>(b_.centre)) + offset_;
     if (separated_by_centres()) return false;
     if (separated_by_faces()) return false;
@@ -99,12 +99,12 @@ class PolytopePair {
 
     void add(Point<T> p) { points[count++] = p; }
   };
-  HWY_INLINE std::size_t add_deepest_of_a(Point<T> direction) {
+  std::size_t add_deepest_of_a(Point<T> direction) {
     const std::size_t vertex = farthest_vertex<T>(a_, direction);
     of_a_.add(rotate_back(turn_, vertex_of<T>(a_, vertex) - offset_));
     return vertex;
   }
-  HWY_INLINE std::size_t add_deepest_of_b(Point<T> direction_in_b) {
+  std::size_t add_deepest_of_b(Point<T> direction_in_b) {
     const std::size_t vertex = farthest_vertex<T>(b_, direction_in_b);
     of_b_.add(vertex_of_b(vertex));
     return vertex;
@@ -128,7 +128,7 @@ class PolytopePair {
     return value < T(0);
   }
 
-  HWY_INLINE bool separated_by_centres() {
+  bool separated_by_centres() {
     Point<T> axis = centre_of_b_ - point_of<T>(a_.centre);
     T squared = dot(axis, axis);
     if (!(squared > T(1e-20))) {
@@ -146,7 +146,7 @@ class PolytopePair {
   }
 
   /// For each face the distance from `centre` to its plane, positive inside.
-  static HWY_INLINE void distances(const Polytope& p, Point<T> centre, T* out) {
+  static void distances(const Polytope& p, Point<T> centre, T* out) {
     const auto c = spread_out(d, centre);
     for (std::size_t i = 0; i < p.faces; i += hn::Lanes(d)) {
       const auto normal = read(d, p.normal[0] + i, p.normal[1] + i, p.normal[2] + i);
@@ -154,7 +154,7 @@ class PolytopePair {
     }
   }
 
-  HWY_INLINE bool separated_by_faces() {
+  bool separated_by_faces() {
     alignas(64) T of_a[max_faces], of_b[max_faces];
     const Point<T> centre_of_a_in_b = rotate_back(turn_, point_of<T>(a_.centre) - offset_);
     distances(a_, centre_of_b_, of_a);
@@ -176,7 +176,7 @@ class PolytopePair {
     return {turned_normal, turned_normal};
   }
 
-  HWY_INLINE bool face_separates(const Polytope& own, const Polytope& other, std::size_t face, bool of_a) {
+  bool face_separates(const Polytope& own, const Polytope& other, std::size_t face, bool of_a) {
     const Point<T> normal = point_of<T>({own.normal[0][face], own.normal[1][face], own.normal[2][face]});
     const FaceDirection way = direction_of(normal, of_a);
     const std::size_t deepest = of_a ? add_deepest_of_b(way.in_other) : add_deepest_of_a(way.in_other);
@@ -186,7 +186,7 @@ class PolytopePair {
   }
 
   /// Judges all faces that the ball and the points inside the other leave a chance.
-  HWY_INLINE bool others_separate(const Polytope& own, const Polytope& other, const T* distance, bool of_a) {
+  bool others_separate(const Polytope& own, const Polytope& other, const T* distance, bool of_a) {
     const auto most = hn::Set(d, limit(other.inner_radius));
     Kept<4, max_faces> kept;
     kept.stride = geometry::padded(own.faces);
@@ -217,7 +217,7 @@ class PolytopePair {
 
   /// Replaces the offsets of one vector of kept faces by their reach.
   template <class KeptFaces>
-  HWY_INLINE void judge_faces(const Polytope& other, KeptFaces& kept, std::size_t i, bool of_a) {
+  void judge_faces(const Polytope& other, KeptFaces& kept, std::size_t i, bool of_a) {
     const Points<Columns16<T>> normal{hn::Load(d, kept.column(0) + i), hn::Load(d, kept.column(1) + i),
                                       hn::Load(d, kept.column(2) + i)};
     const auto inward = of_a ? turned_back(d, turn_, normal) : turned(d, turn_, normal);
@@ -251,8 +251,8 @@ class PolytopePair {
   /// The edges that the ball and the points inside the other leave a chance: reach along the arc between the two
   /// normals is at least that of a point of the other, which is least at an end of the arc or, where it is negative, at
   /// most the spread below.
-  HWY_INLINE std::size_t list_edges(const Polytope& own, Point<T> other_centre, float other_radius,
-                                    const Inside& inside, std::uint16_t* out) const {
+  std::size_t list_edges(const Polytope& own, Point<T> other_centre, float other_radius, const Inside& inside,
+                         std::uint16_t* out) const {
     using geometry::EdgeColumn;
     const auto centre = spread_out(d, other_centre);
     const auto limit_of_ball = hn::Set(d, limit(other_radius)), limit_of_point = hn::Set(d, limit(0));
@@ -290,7 +290,7 @@ class PolytopePair {
   /// Columns of the kept edges of b, in the axes of a: normals left and right, a point, the direction.
   using KeptEdges = Kept<12, max_edges>;
 
-  HWY_INLINE void place_edges(KeptEdges& kept) const {
+  void place_edges(KeptEdges& kept) const {
     kept.stride = geometry::padded(kept.count);
     for (std::size_t i = 0; i < kept.count; ++i) {
       for (std::size_t c = 0; c < 9; ++c) kept.column(c)[i] = T(b_.edge[c][kept.index[i]]);
@@ -321,7 +321,7 @@ class PolytopePair {
     return {kept.column(c)[i], kept.column(c + 1)[i], kept.column(c + 2)[i]};
   }
 
-  HWY_INLINE bool separated_by_edges(bool doubt_all) {
+  bool separated_by_edges(bool doubt_all) {
     std::uint16_t of_a[max_edges];
     const std::size_t count = list_edges(a_, centre_of_b_, b_.inner_radius, of_b_, of_a);
     if (count == 0) return false;
@@ -337,7 +337,7 @@ class PolytopePair {
   }
 
   /// One edge of a against all kept edges of b.
-  HWY_INLINE bool edge_separates(std::size_t edge, KeptEdges& of_b, bool doubt_all) {
+  bool edge_separates(std::size_t edge, KeptEdges& of_b, bool doubt_all) {
     using geometry::EdgeColumn;
     const Point<T> left = edge_at(a_, EdgeColumn::left_x, edge), right = edge_at(a_, EdgeColumn::right_x, edge);
     const Point<T> from = edge_at(a_, EdgeColumn::from_x, edge), along = along_edge<T>(a_, edge);
@@ -376,8 +376,8 @@ class PolytopePair {
     return false;
   }
 
-  HWY_INLINE bool pair_separates(Point<T> left, Point<T> right, Point<T> from, Point<T> along, KeptEdges& of_b,
-                                 std::size_t other, bool doubt_all) {
+  bool pair_separates(Point<T> left, Point<T> right, Point<T> from, Point<T> along, KeptEdges& of_b, std::size_t other,
+                      bool doubt_all) {
     const Point<T> along_b = at(of_b, 9, other);
     const T p = dot(at(of_b, 0, other), along), q = dot(at(of_b, 3, other), along);
     const T r = dot(left, along_b), s = dot(right, along_b);
@@ -399,7 +399,7 @@ class PolytopePair {
     std::size_t count = 0;
     T height;
   };
-  static HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Feature& out) {
+  static void find_feature(const Polytope& p, Point<T> direction, T slack, Feature& out) {
     alignas(64) T heights[geometry::max_hull_vertices];
     const auto way = spread_out(d, direction);
     auto most = hn::Set(d, -std::numeric_limits<T>::infinity());
@@ -422,7 +422,7 @@ class PolytopePair {
   HWY_INLINE Point<T> vertex_of_b(std::size_t i) const { return rotate(turn_, vertex_of<T>(b_, i)) + offset_; }
 
   /// Depth and point along the best direction.
-  HWY_INLINE Overlap<T> measured() const {
+  Overlap<T> measured() const {
     const T inverse = T(1) / std::sqrt(dot(direction_, direction_));
     const Point<T> normal = direction_ * inverse;
     const T slack = Rounding<T>::height * size();
