@@ -1,0 +1,72 @@
+#include "docs/pages.hpp"
+
+#include <algorithm>
+#include <fstream>
+#include <sstream>
+
+#include <doctest/doctest.h>
+
+namespace ringfence::docs {
+
+std::string read_file(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  REQUIRE_MESSAGE(in.good(), path.string() << " cannot be read");
+  std::ostringstream text;
+  text << in.rdbuf();
+  return text.str();
+}
+
+std::vector<Page> read_pages() {
+  std::vector<Page> pages;
+  for (const char* name : {"README.md", "CHANGELOG.md"}) {
+    pages.push_back({name, read_file(root / name)});
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(root / "docs")) {
+    if (entry.path().extension() == ".md") {
+      pages.push_back({"docs/" + entry.path().filename().string(), read_file(entry.path())});
+    }
+  }
+  std::sort(pages.begin(), pages.end(), [](const Page& p, const Page& q) { return p.name < q.name; });
+  return pages;
+}
+
+std::vector<std::string> lines_of(std::string_view text) {
+  std::vector<std::string> lines;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    lines.emplace_back(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return lines;
+}
+
+std::string_view trimmed(std::string_view text) {
+  const std::size_t begin = text.find_first_not_of(" \t");
+  return begin == text.npos ? std::string_view{} : text.substr(begin, text.find_last_not_of(" \t") - begin + 1);
+}
+
+std::vector<std::vector<std::string>> table_after(std::string_view text, std::string_view heading) {
+  const std::vector<std::string> lines = lines_of(text);
+  auto line = std::find(lines.begin(), lines.end(), heading);
+  REQUIRE_MESSAGE(line != lines.end(), "there is no line \"" << std::string(heading) << "\"");
+  const auto is_row = [](const std::string& row) { return row.starts_with("|"); };
+  line = std::find_if(line, lines.end(), is_row);
+  std::vector<std::vector<std::string>> rows;
+  for (; line != lines.end() && is_row(*line); ++line) {
+    std::vector<std::string> cells;
+    std::string_view rest = std::string_view(*line).substr(1);
+    while (!rest.empty()) {
+      const std::size_t end = std::min(rest.find('|'), rest.size());
+      std::string cell(trimmed(rest.substr(0, end)));
+      std::erase(cell, '`');
+      cells.push_back(std::move(cell));
+      rest.remove_prefix(std::min(end + 1, rest.size()));
+    }
+    rows.push_back(std::move(cells));
+  }
+  REQUIRE_MESSAGE(rows.size() > 2, "there is no table after \"" << std::string(heading) << "\"");
+  rows.erase(rows.begin(), rows.begin() + 2);
+  return rows;
+}
+
+}  // namespace ringfence::docs

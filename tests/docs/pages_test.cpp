@@ -1,0 +1,129 @@
+// What the pages point at is there: files, tests, snippets.
+#include "docs/pages.hpp"
+
+#include <filesystem>
+#include <regex>
+#include <string>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+namespace ringfence::docs {
+namespace {
+
+std::vector<std::smatch> matches_of(const std::string& text, const std::regex& pattern) {
+  return {std::sregex_iterator(text.begin(), text.end(), pattern), std::sregex_iterator()};
+}
+
+/// Without what stands between ``` lines.
+std::string prose_of(const Page& page) {
+  std::string prose;
+  bool code = false;
+  for (const std::string& line : lines_of(page.text)) {
+    if (line.starts_with("```")) {
+      code = !code;
+    } else if (!code) {
+      prose += line + '\n';
+    }
+  }
+  return prose;
+}
+
+TEST_CASE("every link of a page to a file leads somewhere") {
+  const std::regex link(R"(\]\(([^)#]+)(#[^)]*)?\))");
+  int links = 0;
+  for (const Page& page : read_pages()) {
+    const std::string prose = prose_of(page);
+    for (const std::smatch& match : matches_of(prose, link)) {
+      const std::string target = match[1];
+      if (target.starts_with("http")) {
+        continue;
+      }
+      ++links;
+      const auto file = (root / page.name).parent_path() / target;
+      CHECK_MESSAGE(std::filesystem::exists(file), page.name << " links " << target << ", which is not there");
+    }
+  }
+  CHECK(links > 10);
+}
+
+TEST_CASE("every file and folder of this repository that a page names is there") {
+  const std::regex path(R"(`((engine|tests|tools|docs|bench|cmake|data)/[A-Za-z0-9_./-]*)`)");
+  int paths = 0;
+  for (const Page& page : read_pages()) {
+    const std::string prose = prose_of(page);
+    for (const std::smatch& match : matches_of(prose, path)) {
+      ++paths;
+      CHECK_MESSAGE(std::filesystem::exists(root / match[1].str()),
+                    page.name << " names " << match[1].str() << ", which is not there");
+    }
+  }
+  CHECK(paths > 50);
+}
+
+// How pages quote tests: `tests/room/file.cpp`: "sentence", and more sentences of the same file after "; ".
+TEST_CASE("every test that a page quotes exists in the file that it names") {
+  const std::regex quote(R"(`(tests/[a-z_/]+\.cpp)`: ("[^"]+"(; "[^"]+")*))");
+  const std::regex sentence(R"("([^"]+)\")");
+  int quoted = 0;
+  for (const Page& page : read_pages()) {
+    const std::string prose = prose_of(page);
+    for (const std::smatch& match : matches_of(prose, quote)) {
+      if (!std::filesystem::exists(root / match[1].str())) {
+        continue;  // told by the test above
+      }
+      const std::string source = read_file(root / match[1].str());
+      const std::string sentences = match[2];
+      for (const std::smatch& each : matches_of(sentences, sentence)) {
+        ++quoted;
+        CHECK_MESSAGE(source.find("TEST_CASE(\"" + each[1].str() + "\"") != source.npos,
+                      page.name << " quotes \"" << each[1].str() << "\", which is not in " << match[1].str());
+      }
+    }
+  }
+  CHECK(quoted > 20);
+}
+
+/// Lines without their indentation, empty ones left out, each ended by a newline.
+std::string normalised(const std::vector<std::string>& lines) {
+  std::string text = "\n";
+  for (const std::string& line : lines) {
+    if (const std::string_view bare = trimmed(line); !bare.empty()) {
+      text += std::string(bare) + '\n';
+    }
+  }
+  return text;
+}
+
+TEST_CASE("every C++ block of a page is part of an example, which is compiled and run") {
+  std::vector<std::string> examples;
+  for (const auto& entry : std::filesystem::directory_iterator(root / "docs" / "examples")) {
+    examples.push_back(normalised(lines_of(read_file(entry.path()))));
+  }
+  int blocks = 0;
+  for (const Page& page : read_pages()) {
+    std::vector<std::string> block;
+    bool inside = false;
+    for (const std::string& line : lines_of(page.text)) {
+      if (inside && line.starts_with("```")) {
+        inside = false;
+        ++blocks;
+        const std::string text = normalised(block);
+        bool found = false;
+        for (const std::string& example : examples) {
+          found |= example.find(text) != example.npos;
+        }
+        CHECK_MESSAGE(found, page.name << " shows what no example holds:" << text);
+      } else if (inside) {
+        block.push_back(line);
+      } else if (line == "```cpp") {
+        inside = true;
+        block.clear();
+      }
+    }
+  }
+  CHECK(blocks >= 4);
+}
+
+}  // namespace
+}  // namespace ringfence::docs

@@ -1,0 +1,276 @@
+// docs/protocol.md says what the records are, byte by byte: its tables are compared with the structs.
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "docs/pages.hpp"
+#include "geometry/bounds.hpp"
+#include "messages/header.hpp"
+#include "messages/records.hpp"
+#include "ringfence/seen_state.hpp"
+#include "ringfence/status.hpp"
+
+namespace ringfence::docs {
+namespace {
+
+using namespace messages;
+using geometry::Bounds;
+
+template <class T>
+std::string name_of_type() {
+  if constexpr (std::is_array_v<T>) {
+    return name_of_type<std::remove_extent_t<T>>().append("[").append(std::to_string(std::extent_v<T>)).append("]");
+  } else if constexpr (std::is_enum_v<T>) {
+    return name_of_type<std::underlying_type_t<T>>();
+  } else if constexpr (std::is_floating_point_v<T>) {
+    return std::string("f").append(std::to_string(8 * sizeof(T)));
+  } else if constexpr (std::is_unsigned_v<T>) {
+    return std::string("u").append(std::to_string(8 * sizeof(T)));
+  } else if constexpr (std::is_same_v<T, Vec3d>) {
+    return "f64[3]";
+  } else if constexpr (std::is_same_v<T, Vec3f>) {
+    return "f32[3]";
+  } else if constexpr (std::is_same_v<T, Quat>) {
+    return "f32[4]";
+  } else if constexpr (std::is_same_v<T, Pose>) {
+    return "Pose";
+  } else if constexpr (std::is_same_v<T, Bounds>) {
+    return "Bounds";
+  } else if constexpr (std::is_same_v<T, ObjectRef>) {
+    return "ObjectRef";
+  } else {
+    static_assert(std::is_same_v<T, Contact>);
+    return "Contact";
+  }
+}
+
+struct Field {
+  std::string name;
+  std::size_t offset, bytes;
+  std::string type;
+};
+
+template <class T>
+Field field(const char* name, std::size_t offset) {
+  return {name, offset, sizeof(T), name_of_type<T>()};
+}
+
+struct Layout {
+  std::string name;
+  std::size_t bytes;
+  std::vector<Field> fields;
+};
+
+std::vector<Layout> base_layouts() {
+  return {
+      {"Pose",
+       sizeof(Pose),
+       {field<Vec3d>("position", offsetof(Pose, position)), field<Quat>("orientation", offsetof(Pose, orientation))}},
+      {"Bounds",
+       sizeof(Bounds),
+       {field<std::uint32_t[3]>("lower", offsetof(Bounds, lower)),
+        field<std::uint32_t[3]>("upper", offsetof(Bounds, upper))}},
+      {"ObjectRef",
+       sizeof(ObjectRef),
+       {field<decltype(ObjectRef::slot)>("slot", offsetof(ObjectRef, slot)),
+        field<decltype(ObjectRef::generation)>("generation", offsetof(ObjectRef, generation)),
+        field<decltype(ObjectRef::number)>("number", offsetof(ObjectRef, number)),
+        field<decltype(ObjectRef::flags)>("flags", offsetof(ObjectRef, flags))}},
+      {"Contact",
+       sizeof(Contact),
+       {field<decltype(Contact::a)>("a", offsetof(Contact, a)), field<decltype(Contact::b)>("b", offsetof(Contact, b)),
+        field<decltype(Contact::phase)>("phase", offsetof(Contact, phase)),
+        field<decltype(Contact::depth)>("depth", offsetof(Contact, depth)),
+        field<decltype(Contact::normal)>("normal", offsetof(Contact, normal)),
+        field<decltype(Contact::reserved)>("reserved", offsetof(Contact, reserved)),
+        field<decltype(Contact::point)>("point", offsetof(Contact, point)),
+        field<decltype(Contact::pose_a)>("pose_a", offsetof(Contact, pose_a)),
+        field<decltype(Contact::pose_b)>("pose_b", offsetof(Contact, pose_b))}},
+      {"SeenState",
+       sizeof(SeenState),
+       {field<decltype(SeenState::number)>("number", offsetof(SeenState, number)),
+        field<decltype(SeenState::flags)>("flags", offsetof(SeenState, flags)),
+        field<decltype(SeenState::pose)>("pose", offsetof(SeenState, pose))}},
+  };
+}
+
+Layout header_layout() {
+  return {"Header",
+          sizeof(Header),
+          {field<decltype(Header::version)>("version", offsetof(Header, version)),
+           field<decltype(Header::type)>("type", offsetof(Header, type)),
+           field<decltype(Header::record_bytes)>("record_bytes", offsetof(Header, record_bytes)),
+           field<decltype(Header::last)>("last", offsetof(Header, last)),
+           field<decltype(Header::source)>("source", offsetof(Header, source)),
+           field<decltype(Header::destination)>("destination", offsetof(Header, destination)),
+           field<decltype(Header::frame)>("frame", offsetof(Header, frame)),
+           field<decltype(Header::epoch)>("epoch", offsetof(Header, epoch)),
+           field<decltype(Header::count)>("count", offsetof(Header, count)),
+           field<decltype(Header::bytes)>("bytes", offsetof(Header, bytes)),
+           field<decltype(Header::reserved)>("reserved", offsetof(Header, reserved)),
+           field<decltype(Header::total)>("total", offsetof(Header, total))}};
+}
+
+std::vector<Layout> record_layouts() {
+  using Told = ToldRecord;
+  return {
+      {"StateRecord",
+       sizeof(StateRecord),
+       {field<ObjectRef>("object", offsetof(StateRecord, object)), field<Pose>("pose", offsetof(StateRecord, pose))}},
+      {"NodeStateRecord",
+       sizeof(NodeStateRecord),
+       {field<ObjectRef>("object", offsetof(NodeStateRecord, object)),
+        field<Pose>("pose", offsetof(NodeStateRecord, pose)),
+        field<Bounds>("bounds", offsetof(NodeStateRecord, bounds))}},
+      {"PositionRecord",
+       sizeof(PositionRecord),
+       {field<ObjectRef>("object", offsetof(PositionRecord, object)),
+        field<Pose>("pose", offsetof(PositionRecord, pose)), field<Bounds>("bounds", offsetof(PositionRecord, bounds)),
+        field<decltype(PositionRecord::shape)>("shape", offsetof(PositionRecord, shape)),
+        field<decltype(PositionRecord::layer)>("layer", offsetof(PositionRecord, layer))}},
+      {"PairRecord",
+       sizeof(PairRecord),
+       {field<decltype(PairRecord::a)>("a", offsetof(PairRecord, a)),
+        field<decltype(PairRecord::b)>("b", offsetof(PairRecord, b))}},
+      {"CollisionRecord",
+       sizeof(CollisionRecord),
+       {field<decltype(CollisionRecord::slot_a)>("slot_a", offsetof(CollisionRecord, slot_a)),
+        field<decltype(CollisionRecord::slot_b)>("slot_b", offsetof(CollisionRecord, slot_b)),
+        field<Contact>("contact", offsetof(CollisionRecord, contact))}},
+      {"NarrowDoneRecord",
+       sizeof(NarrowDoneRecord),
+       {field<decltype(NarrowDoneRecord::candidates)>("candidates", offsetof(NarrowDoneRecord, candidates)),
+        field<decltype(NarrowDoneRecord::tested)>("tested", offsetof(NarrowDoneRecord, tested)),
+        field<decltype(NarrowDoneRecord::contacts)>("contacts", offsetof(NarrowDoneRecord, contacts))}},
+      {"HandOverRecord",
+       sizeof(HandOverRecord),
+       {field<ObjectRef>("object", offsetof(HandOverRecord, object)),
+        field<Pose>("pose", offsetof(HandOverRecord, pose)),
+        field<decltype(HandOverRecord::user_data)>("user_data", offsetof(HandOverRecord, user_data)),
+        field<decltype(HandOverRecord::shape)>("shape", offsetof(HandOverRecord, shape)),
+        field<decltype(HandOverRecord::layer)>("layer", offsetof(HandOverRecord, layer)),
+        field<decltype(HandOverRecord::category)>("category", offsetof(HandOverRecord, category))}},
+      {"DropRecord", sizeof(DropRecord), {field<ObjectRef>("object", offsetof(DropRecord, object))}},
+      {"PlaceRecord",
+       sizeof(PlaceRecord),
+       {field<ObjectRef>("object", offsetof(PlaceRecord, object)), field<Pose>("pose", offsetof(PlaceRecord, pose))}},
+      {"OwnerRecord",
+       sizeof(OwnerRecord),
+       {field<decltype(OwnerRecord::owner)>("owner", offsetof(OwnerRecord, owner)),
+        field<decltype(OwnerRecord::reserved)>("reserved", offsetof(OwnerRecord, reserved))}},
+      {"FrameEndRecord",
+       sizeof(FrameEndRecord),
+       {field<decltype(FrameEndRecord::hand_overs)>("hand_overs", offsetof(FrameEndRecord, hand_overs))}},
+      {"ToldRecord",
+       sizeof(Told),
+       {field<decltype(Told::busy_ns)>("busy_ns", offsetof(Told, busy_ns)),
+        field<decltype(Told::cpu_ns)>("cpu_ns", offsetof(Told, cpu_ns)),
+        field<decltype(Told::move_ns)>("move_ns", offsetof(Told, move_ns)),
+        field<decltype(Told::broad_phase_ns)>("broad_phase_ns", offsetof(Told, broad_phase_ns)),
+        field<decltype(Told::narrow_phase_ns)>("narrow_phase_ns", offsetof(Told, narrow_phase_ns)),
+        field<decltype(Told::hosted)>("hosted", offsetof(Told, hosted)),
+        field<decltype(Told::handed_over)>("handed_over", offsetof(Told, handed_over)),
+        field<decltype(Told::model_failed)>("model_failed", offsetof(Told, model_failed)),
+        field<decltype(Told::not_finite)>("not_finite", offsetof(Told, not_finite)),
+        field<decltype(Told::not_unit)>("not_unit", offsetof(Told, not_unit)),
+        field<decltype(Told::m5_messages)>("m5_messages", offsetof(Told, m5_messages)),
+        field<decltype(Told::m5_bytes)>("m5_bytes", offsetof(Told, m5_bytes)),
+        field<decltype(Told::published)>("published", offsetof(Told, published)),
+        field<decltype(Told::grown)>("grown", offsetof(Told, grown))}},
+      {"KindRecord",
+       sizeof(KindRecord),
+       {field<decltype(KindRecord::first)>("first", offsetof(KindRecord, first)),
+        field<decltype(KindRecord::second)>("second", offsetof(KindRecord, second)),
+        field<decltype(KindRecord::candidates)>("candidates", offsetof(KindRecord, candidates)),
+        field<decltype(KindRecord::hits)>("hits", offsetof(KindRecord, hits)),
+        field<decltype(KindRecord::lanes)>("lanes", offsetof(KindRecord, lanes)),
+        field<decltype(KindRecord::iterations)>("iterations", offsetof(KindRecord, iterations)),
+        field<decltype(KindRecord::timed)>("timed", offsetof(KindRecord, timed)),
+        field<decltype(KindRecord::nanoseconds)>("nanoseconds", offsetof(KindRecord, nanoseconds))}},
+      {"RefusedRecord",
+       sizeof(RefusedRecord),
+       {field<decltype(RefusedRecord::number)>("number", offsetof(RefusedRecord, number)),
+        field<decltype(RefusedRecord::reason)>("reason", offsetof(RefusedRecord, reason))}},
+  };
+}
+
+std::vector<Layout> layouts() {
+  std::vector<Layout> all = base_layouts();
+  all.push_back(header_layout());
+  const std::vector<Layout> records = record_layouts();
+  all.insert(all.end(), records.begin(), records.end());
+  return all;
+}
+
+const std::string& page() {
+  static const std::string text = read_file(root / "docs" / "protocol.md");
+  return text;
+}
+
+// A field that is added to a struct leaves a hole in its list here, and must then be put on the page too.
+TEST_CASE("the fields listed here are all that the structs have") {
+  for (const Layout& layout : layouts()) {
+    CAPTURE(layout.name);
+    std::size_t next = 0;
+    for (const Field& each : layout.fields) {
+      CHECK_MESSAGE(each.offset == next, "before " << each.name);
+      next = each.offset + each.bytes;
+    }
+    CHECK(next == layout.bytes);
+  }
+}
+
+TEST_CASE("the protocol page has every field of every record, with its offset, size and type") {
+  for (const Layout& layout : layouts()) {
+    CAPTURE(layout.name);
+    const auto rows = table_after(page(), "### " + layout.name + ", " + std::to_string(layout.bytes) + " bytes");
+    REQUIRE(rows.size() == layout.fields.size());
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const Field& each = layout.fields[i];
+      REQUIRE(rows[i].size() == 5);
+      CHECK(rows[i][0] == std::to_string(each.offset));
+      CHECK(rows[i][1] == std::to_string(each.bytes));
+      CHECK(rows[i][2] == each.name);
+      CHECK(rows[i][3] == each.type);
+      CHECK_FALSE(rows[i][4].empty());
+    }
+  }
+}
+
+const char* word_for(Traffic traffic) {
+  constexpr const char* words[] = {"M1", "M2", "M3", "M4", "M5", "state", "control"};
+  return words[static_cast<std::size_t>(traffic)];
+}
+
+TEST_CASE("the protocol page has every message type, with its number, record size and kind of traffic") {
+  const auto rows = table_after(page(), "## Message types");
+  REQUIRE(rows.size() == message_types - 1u);
+  for (std::uint16_t number = 1; number < message_types; ++number) {
+    const auto type = static_cast<MessageType>(number);
+    const auto& row = rows[number - 1u];
+    CAPTURE(name_of(type));
+    REQUIRE(row.size() == 6);
+    CHECK(row[0] == std::to_string(number));
+    CHECK(row[1] == name_of(type));
+    const std::size_t fixed = record_bytes(type, 0);
+    const bool with_state = record_bytes(type, 8) != fixed;
+    CHECK(row[3] == std::to_string(fixed) + (with_state ? " + state" : ""));
+    CHECK(row[4] == word_for(traffic_of(type)));
+  }
+}
+
+TEST_CASE("the protocol page has every status, with its number") {
+  const auto rows = table_after(page(), "## Status");
+  REQUIRE(rows.size() == status_count);
+  for (std::size_t i = 0; i < status_count; ++i) {
+    CHECK(rows[i][0] == std::to_string(i));
+    CHECK(rows[i][1] == name_of(static_cast<Status>(i)));
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::docs

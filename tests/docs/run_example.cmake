@@ -1,0 +1,23 @@
+# Runs an example and compares what it prints with what a page shows.
+# In: command (list), name, page. The page holds a block that begins with the line "$ NAME" and ends with ``` .
+
+cmake_minimum_required(VERSION 3.25)
+list(REMOVE_ITEM command "")
+execute_process(COMMAND ${command} OUTPUT_VARIABLE printed RESULT_VARIABLE failed)
+if(failed)
+  message(FATAL_ERROR "${command}: ${failed}")
+endif()
+file(READ ${page} text)
+string(FIND "${text}" "$ ${name}\n" begin)
+if(begin EQUAL -1)
+  message(FATAL_ERROR "${page} shows no block that begins with \"$ ${name}\"")
+endif()
+string(SUBSTRING "${text}" ${begin} -1 text)
+string(FIND "${text}" "\n" line)
+math(EXPR line "${line} + 1")
+string(FIND "${text}" "```" end)
+math(EXPR length "${end} - ${line}")
+string(SUBSTRING "${text}" ${line} ${length} shown)
+if(NOT printed STREQUAL shown)
+  message(FATAL_ERROR "${name} prints\n${printed}\nbut ${page} shows\n${shown}")
+endif()
