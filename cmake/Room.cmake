@@ -66,12 +66,15 @@ function(ringfence_link_rooms target)
   target_link_libraries(${target} PRIVATE ringfence_options Threads::Threads)
 endfunction()
 
-# GCC's thread sanitizer wants its shadow where kernels with many random address bits map programs.
+# What ctest puts before each test program.
 set(ringfence_test_launcher)
 if(RINGFENCE_SANITIZE MATCHES "thread")
+  set(ringfence_test_launcher
+    ${CMAKE_COMMAND} -E env TSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/cmake/tsan.supp)
+  # GCC's thread sanitizer wants its shadow where kernels with many random address bits map programs.
   execute_process(COMMAND setarch -R true RESULT_VARIABLE setarch_failed OUTPUT_QUIET ERROR_QUIET)
   if(NOT setarch_failed)
-    set(ringfence_test_launcher setarch -R)
+    list(APPEND ringfence_test_launcher setarch -R)
   endif()
 endif()
 
