@@ -105,58 +105,130 @@ HWY_INLINE hn::Vec<D> lean(D d, hn::Vec<D> component_of_normal, hn::Mask<D> shar
   return hn::IfThenElse(sharp, sign_of(d, component_of_normal), blunt);
 }
 
-/// The point of contact in the box's frame, given unit `normal` out of the box and `depth`.
-///
-/// `by_edge` lanes: two edges cross, and the point lies between their nearest points; `inverse_squared` is one over the
-/// square of their product's length. Others: the part of each body that reaches farthest along the normal is a corner,
-/// an edge or a face; a common point of the two, as seen along the normal, is found by projecting to and fro. Then the
-/// point is moved along the normal to midway between the two surfaces.
+/// What of each body reaches farthest along a direction: a corner, an edge or a face, given as its middle and how far
+/// it extends along each of the body's axes.
 template <class D, int axes>
-HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotope<D, axes>& other,
-                                   const Vector<D>& normal, hn::Vec<D> depth, hn::Mask<D> by_edge,
-                                   const Crossing<D, axes>& crossing, hn::Vec<D> inverse_squared) {
-  const auto one = hn::Set(d, Scalar<D>{1}), half = hn::Set(d, Scalar<D>(0.5));
-  const auto& on = crossing.is_box_edge;
-  const Vector<D> leans{hn::IfThenZeroElse(hn::And(by_edge, on[0]), lean(d, normal.x, by_edge)),
-                        hn::IfThenZeroElse(hn::And(by_edge, on[1]), lean(d, normal.y, by_edge)),
-                        hn::IfThenZeroElse(hn::And(by_edge, on[2]), lean(d, normal.z, by_edge))};
-  const Vector<D> box_base{leans.x * box_half.x, leans.y * box_half.y, leans.z * box_half.z};
-  const Vector<D> box_free{box_half.x * (one - hn::Abs(leans.x)), box_half.y * (one - hn::Abs(leans.y)),
-                           box_half.z * (one - hn::Abs(leans.z))};
-
-  Vector<D> other_base = other.centre;
+struct Features {
+  Vector<D> box_base, box_free;
+  Vector<D> other_base;
   hn::Vec<D> other_free[axes];
+};
+
+/// `sharp` lanes: the two edges of the crossing. Others: whatever is flat to within rounding.
+template <class D, int axes>
+HWY_INLINE Features<D, axes> features_of(D d, const Vector<D>& box_half, const Zonotope<D, axes>& other,
+                                         const Vector<D>& normal, hn::Mask<D> sharp,
+                                         const Crossing<D, axes>& crossing) {
+  const auto one = hn::Set(d, Scalar<D>{1});
+  const auto& on = crossing.is_box_edge;
+  const Vector<D> leans{hn::IfThenZeroElse(hn::And(sharp, on[0]), lean(d, normal.x, sharp)),
+                        hn::IfThenZeroElse(hn::And(sharp, on[1]), lean(d, normal.y, sharp)),
+                        hn::IfThenZeroElse(hn::And(sharp, on[2]), lean(d, normal.z, sharp))};
+  Features<D, axes> out;
+  out.box_base = {leans.x * box_half.x, leans.y * box_half.y, leans.z * box_half.z};
+  out.box_free = {box_half.x * (one - hn::Abs(leans.x)), box_half.y * (one - hn::Abs(leans.y)),
+                  box_half.z * (one - hn::Abs(leans.z))};
+  out.other_base = other.centre;
   for (int k = 0; k < axes; ++k) {
-    const auto leaning = hn::IfThenZeroElse(hn::And(by_edge, crossing.is_other_edge[k]),
-                                            lean(d, dot(d, normal, other.axis[k]), by_edge));
-    other_base = subtract(d, other_base, scale(d, other.axis[k], leaning * other.half[k]));
-    other_free[k] = other.half[k] * (one - hn::Abs(leaning));
+    const auto leaning =
+        hn::IfThenZeroElse(hn::And(sharp, crossing.is_other_edge[k]), lean(d, dot(d, normal, other.axis[k]), sharp));
+    out.other_base = subtract(d, out.other_base, scale(d, other.axis[k], leaning * other.half[k]));
+    out.other_free[k] = other.half[k] * (one - hn::Abs(leaning));
   }
+  return out;
+}
 
-  Vector<D> on_other = other_base, on_box = box_base;
-  for (int round = 0; round < 3; ++round) {
-    on_box = {box_base.x + limited(d, on_other.x - box_base.x, box_free.x),
-              box_base.y + limited(d, on_other.y - box_base.y, box_free.y),
-              box_base.z + limited(d, on_other.z - box_base.z, box_free.z)};
-    if (round == 2) break;
-    const Vector<D> from_base = subtract(d, on_box, other_base);
-    on_other = other_base;
-    for (int k = 0; k < axes; ++k) {
-      on_other = add(d, on_other, scale(d, other.axis[k], limited(d, dot(d, other.axis[k], from_base), other_free[k])));
-    }
+/// A point of each body, the two as near each other as they were found.
+template <class D>
+struct Meeting {
+  Vector<D> on_box, on_other;
+
+  /// Whether the two, as seen along the unit normal, are farther apart than `near`.
+  HWY_INLINE hn::Mask<D> misses(D d, const Vector<D>& normal, hn::Vec<D> near) const {
+    const Vector<D> between = subtract(d, on_box, on_other);
+    const auto along = dot(d, between, normal);
+    return dot(d, between, between) - along * along > near * near;
   }
+};
 
-  // Crossing edges: where the two lines are nearest, held within the edges.
-  const Vector<D> gap = subtract(d, other_base, box_base);
+/// Crossing edges: where the two lines are nearest, held within the edges. `inverse_squared` is one over the square of
+/// the length of their product.
+template <class D, int axes>
+HWY_INLINE Meeting<D> meet_edges(D d, const Features<D, axes>& features, const Crossing<D, axes>& crossing,
+                                 hn::Vec<D> inverse_squared) {
+  const Vector<D> gap = subtract(d, features.other_base, features.box_base);
   const Vector<D> gap_by_edge = cross(d, gap, crossing.other_edge);
   auto s = limited(d, dot(d, gap_by_edge, crossing.product) * inverse_squared, crossing.box_half);
   const Vector<D> to_box = subtract(d, scale(d, crossing.box_edge, s), gap);
   const auto t = limited(d, dot(d, crossing.other_edge, to_box), crossing.other_half);
   const Vector<D> to_other = add(d, gap, scale(d, crossing.other_edge, t));
   s = limited(d, dot(d, crossing.box_edge, to_other), crossing.box_half);
-  on_box = choose(d, by_edge, add(d, box_base, scale(d, crossing.box_edge, s)), on_box);
-  on_other = choose(d, by_edge, add(d, other_base, scale(d, crossing.other_edge, t)), on_other);
+  return {add(d, features.box_base, scale(d, crossing.box_edge, s)),
+          add(d, features.other_base, scale(d, crossing.other_edge, t))};
+}
 
+/// A common point of the two features, as seen along the normal, by projecting to and fro. Features that share but a
+/// corner are met slowly, one pair in some ten thousand. A lane that has met keeps its bits, so that its answer does
+/// not depend on its neighbours.
+template <class D, int axes>
+HWY_INLINE Meeting<D> meet_features(D d, const Features<D, axes>& features, const Zonotope<D, axes>& other,
+                                    const Vector<D>& normal, hn::Vec<D> near, hn::Mask<D> wanted) {
+  const auto project_on_box = [&](const Vector<D>& v) {
+    return Vector<D>{features.box_base.x + limited(d, v.x - features.box_base.x, features.box_free.x),
+                     features.box_base.y + limited(d, v.y - features.box_base.y, features.box_free.y),
+                     features.box_base.z + limited(d, v.z - features.box_base.z, features.box_free.z)};
+  };
+  const auto project_on_other = [&](const Vector<D>& v) {
+    const Vector<D> from_base = subtract(d, v, features.other_base);
+    Vector<D> out = features.other_base;
+    for (int k = 0; k < axes; ++k) {
+      const auto along = limited(d, dot(d, other.axis[k], from_base), features.other_free[k]);
+      out = add(d, out, scale(d, other.axis[k], along));
+    }
+    return out;
+  };
+  Meeting<D> meeting{project_on_box(features.other_base), features.other_base};
+  for (int round = 0; round < 2; ++round) {
+    meeting.on_other = project_on_other(meeting.on_box);
+    meeting.on_box = project_on_box(meeting.on_other);
+  }
+  auto open = hn::And(wanted, meeting.misses(d, normal, near));
+  for (int round = 0; round < 64 && !hn::AllFalse(d, open); ++round) {
+    const Vector<D> next = project_on_other(meeting.on_box);
+    meeting.on_other = choose(d, open, next, meeting.on_other);
+    meeting.on_box = choose(d, open, project_on_box(next), meeting.on_box);
+    open = hn::And(open, meeting.misses(d, normal, near));
+  }
+  return meeting;
+}
+
+/// The point of contact in the box's frame, given unit `normal` out of the box and `depth`.
+///
+/// `by_edge` lanes: two edges cross, and the point lies between their nearest points. Where these do not meet, rounding
+/// has chosen among axes that are as good to within it, and the deepest place is on the features that are flat to
+/// within rounding; so it is for all other lanes. Then the point is moved along the normal to midway between the two
+/// surfaces. `inverse_squared` is one over the square of the length of the edges' product.
+template <class D, int axes>
+HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotope<D, axes>& other,
+                                   const Vector<D>& normal, hn::Vec<D> depth, hn::Mask<D> by_edge,
+                                   const Crossing<D, axes>& crossing, hn::Vec<D> inverse_squared) {
+  const auto box_size = box_half.x + box_half.y + box_half.z;
+  auto other_size = other.half[0];
+  for (int k = 1; k < axes; ++k) other_size = other_size + other.half[k];
+  // Well within what a point may be off, and beyond what rounding leaves.
+  const auto near = hn::Set(d, Scalar<D>(2e-5)) * hn::Min(box_size, other_size) +
+                    hn::Set(d, Scalar<D>(1e-6)) * (box_size + other_size);
+
+  const Meeting<D> crossed =
+      meet_edges(d, features_of(d, box_half, other, normal, by_edge, crossing), crossing, inverse_squared);
+  const auto at_edges = hn::AndNot(crossed.misses(d, normal, near), by_edge);
+  const auto elsewhere = hn::Not(at_edges);
+  const Meeting<D> met =
+      meet_features(d, features_of(d, box_half, other, normal, at_edges, crossing), other, normal, near, elsewhere);
+  const Vector<D> on_box = choose(d, at_edges, crossed.on_box, met.on_box);
+  const Vector<D> on_other = choose(d, at_edges, crossed.on_other, met.on_other);
+
+  const auto half = hn::Set(d, Scalar<D>(0.5));
   const Vector<D> middle = scale(d, add(d, on_box, on_other), half);
   const auto surface = hn::Abs(normal.x) * box_half.x + hn::Abs(normal.y) * box_half.y + hn::Abs(normal.z) * box_half.z;
   const auto shift = surface - depth * half - dot(d, normal, middle);
