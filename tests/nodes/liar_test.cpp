@@ -242,6 +242,15 @@ TEST_CASE("a lie is refused by its reason, the old state stands, and everybody's
           CAPTURE(name_of(static_cast<Status>(reason)));
           REQUIRE(report.refused[reason] == (counted ? 1 : 0));
         }
+        // The liar is told in the next frame, nobody else ever.
+        std::vector<messages::RefusedRecord> heard;
+        for (const Seen& seen : scene.theatre.log()) {
+          if (seen.type() != MessageType::refused) continue;
+          REQUIRE(seen.to == Endpoint::user(liar));
+          for (std::size_t i = 0; i < seen.header.count; ++i) heard.push_back(seen.record<messages::RefusedRecord>(i));
+        }
+        REQUIRE(heard.size() == (frame == int{lying_frame} + 1 ? 1 : 0));
+        REQUIRE((heard.empty() || heard[0].reason == static_cast<std::uint32_t>(lie.reason)));
       }
       REQUIRE(told);
     }
@@ -277,6 +286,29 @@ TEST_CASE("among true states a false one is refused alone") {
   CHECK(x(0) < 50);
   CHECK(scene.theatre.report().refused[static_cast<std::size_t>(Status::not_host)] == 1);
   CHECK(scene.theatre.report().refused[static_cast<std::size_t>(Status::not_finite)] == 1);
+}
+
+TEST_CASE("a flood of lies is counted whole, and answered with no more than a few records") {
+  Scene scene(Deployment::user_collision);
+  constexpr std::size_t flood = 3000;
+  bool told = false;
+  scene.theatre.tamper = [&](const Seen& seen, std::vector<Bytes>& instead) {
+    if (seen.from != Endpoint::user(liar) || seen.type() != MessageType::state_update || told) return;
+    told = true;
+    for (std::size_t i = 0; i < flood; ++i) {
+      instead.insert(instead.begin(), state_of(scene.ref(0), {{1, 1, 1}, {}}, seen.header.frame));
+    }
+  };
+  scene.theatre.frame();
+  CHECK(scene.theatre.report().refused[static_cast<std::size_t>(Status::not_host)] == flood);
+  scene.theatre.frame();
+  std::size_t answered = 0;
+  for (const Seen& seen : scene.theatre.log()) {
+    answered += seen.type() == MessageType::refused ? seen.header.count : 0;
+  }
+  CHECK(answered > 0);
+  CHECK(answered <= 64);
+  CHECK(scene.theatre.user(liar).refused() == answered);
 }
 
 }  // namespace

@@ -193,7 +193,8 @@ void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t u
     }
   }
   for (UserNumber user = 0; user < users; ++user) {
-    check_order(log, Endpoint::server(), Endpoint::user(user), {drop, adopt, place, notify, frame_begin, notify});
+    check_order(log, Endpoint::server(), Endpoint::user(user),
+                {drop, adopt, place, notify, refused, frame_begin, notify});
     check_order(log, Endpoint::user(user), Endpoint::server(), {state_update, told});
   }
   const auto is = [](MessageType type) { return [type](const Seen& seen) { return seen.type() == type; }; };
