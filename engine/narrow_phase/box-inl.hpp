@@ -97,12 +97,19 @@ HWY_INLINE Crossing<D, axes> crossing_of(D d, const EdgeAxis<D>& axis, const Vec
   return out;
 }
 
-/// How a feature leans on a direction: -1 or 1 where it is one end, between where it is flat to within rounding.
+/// What counts as flat: components of a unit normal up to `from` are, from `to` on they are not.
 template <class D>
-HWY_INLINE hn::Vec<D> lean(D d, hn::Vec<D> component_of_normal, hn::Mask<D> sharp) {
+struct Flatness {
+  Scalar<D> from, to;
+};
+
+/// How a feature leans on a direction: -1 or 1 where it is one end, 0 where it is flat, between on the way.
+template <class D>
+HWY_INLINE hn::Vec<D> lean(D d, hn::Vec<D> component_of_normal, hn::Mask<D> sharp, Flatness<D> flat) {
   const auto one = hn::Set(d, Scalar<D>{1});
-  const auto blunt = limited(d, component_of_normal * hn::Set(d, Scalar<D>{1e4}), one);
-  return hn::IfThenElse(sharp, sign_of(d, component_of_normal), blunt);
+  const auto beyond = hn::Max(hn::Abs(component_of_normal) - hn::Set(d, flat.from), hn::Zero(d));
+  const auto share = hn::Min(beyond * hn::Set(d, Scalar<D>{1} / (flat.to - flat.from)), one);
+  return hn::IfThenElse(sharp, one, share) * sign_of(d, component_of_normal);
 }
 
 /// What of each body reaches farthest along a direction: a corner, an edge or a face, given as its middle and how far
@@ -114,24 +121,24 @@ struct Features {
   hn::Vec<D> other_free[axes];
 };
 
-/// `sharp` lanes: the two edges of the crossing. Others: whatever is flat to within rounding.
+/// `sharp` lanes: the two edges of the crossing. Others: whatever is flat.
 template <class D, int axes>
 HWY_INLINE Features<D, axes> features_of(D d, const Vector<D>& box_half, const Zonotope<D, axes>& other,
-                                         const Vector<D>& normal, hn::Mask<D> sharp,
-                                         const Crossing<D, axes>& crossing) {
+                                         const Vector<D>& normal, hn::Mask<D> sharp, const Crossing<D, axes>& crossing,
+                                         Flatness<D> flat) {
   const auto one = hn::Set(d, Scalar<D>{1});
   const auto& on = crossing.is_box_edge;
-  const Vector<D> leans{hn::IfThenZeroElse(hn::And(sharp, on[0]), lean(d, normal.x, sharp)),
-                        hn::IfThenZeroElse(hn::And(sharp, on[1]), lean(d, normal.y, sharp)),
-                        hn::IfThenZeroElse(hn::And(sharp, on[2]), lean(d, normal.z, sharp))};
+  const Vector<D> leans{hn::IfThenZeroElse(hn::And(sharp, on[0]), lean(d, normal.x, sharp, flat)),
+                        hn::IfThenZeroElse(hn::And(sharp, on[1]), lean(d, normal.y, sharp, flat)),
+                        hn::IfThenZeroElse(hn::And(sharp, on[2]), lean(d, normal.z, sharp, flat))};
   Features<D, axes> out;
   out.box_base = {leans.x * box_half.x, leans.y * box_half.y, leans.z * box_half.z};
   out.box_free = {box_half.x * (one - hn::Abs(leans.x)), box_half.y * (one - hn::Abs(leans.y)),
                   box_half.z * (one - hn::Abs(leans.z))};
   out.other_base = other.centre;
   for (int k = 0; k < axes; ++k) {
-    const auto leaning =
-        hn::IfThenZeroElse(hn::And(sharp, crossing.is_other_edge[k]), lean(d, dot(d, normal, other.axis[k]), sharp));
+    const auto leaning = hn::IfThenZeroElse(hn::And(sharp, crossing.is_other_edge[k]),
+                                            lean(d, dot(d, normal, other.axis[k]), sharp, flat));
     out.other_base = subtract(d, out.other_base, scale(d, other.axis[k], leaning * other.half[k]));
     out.other_free[k] = other.half[k] * (one - hn::Abs(leaning));
   }
@@ -167,12 +174,13 @@ HWY_INLINE Meeting<D> meet_edges(D d, const Features<D, axes>& features, const C
           add(d, features.other_base, scale(d, crossing.other_edge, t))};
 }
 
-/// A common point of the two features, as seen along the normal, by projecting to and fro. Features that share but a
-/// corner are met slowly, one pair in some ten thousand. A lane that has met keeps its bits, so that its answer does
-/// not depend on its neighbours.
+/// A common point of the two features, as seen along the normal, by projecting to and fro from `start`. Features that
+/// share but a corner are met slowly, one pair in some ten thousand. A lane that has met, or is not wanted, keeps its
+/// bits, so that its answer does not depend on its neighbours.
 template <class D, int axes>
 HWY_INLINE Meeting<D> meet_features(D d, const Features<D, axes>& features, const Zonotope<D, axes>& other,
-                                    const Vector<D>& normal, hn::Vec<D> near, hn::Mask<D> wanted) {
+                                    const Vector<D>& normal, hn::Vec<D> near, hn::Mask<D> wanted,
+                                    const Meeting<D>& start) {
   const auto project_on_box = [&](const Vector<D>& v) {
     return Vector<D>{features.box_base.x + limited(d, v.x - features.box_base.x, features.box_free.x),
                      features.box_base.y + limited(d, v.y - features.box_base.y, features.box_free.y),
@@ -187,12 +195,8 @@ HWY_INLINE Meeting<D> meet_features(D d, const Features<D, axes>& features, cons
     }
     return out;
   };
-  Meeting<D> meeting{project_on_box(features.other_base), features.other_base};
-  for (int round = 0; round < 2; ++round) {
-    meeting.on_other = project_on_other(meeting.on_box);
-    meeting.on_box = project_on_box(meeting.on_other);
-  }
-  auto open = hn::And(wanted, meeting.misses(d, normal, near));
+  Meeting<D> meeting = start;
+  auto open = wanted;
   for (int round = 0; round < 64 && !hn::AllFalse(d, open); ++round) {
     const Vector<D> next = project_on_other(meeting.on_box);
     meeting.on_other = choose(d, open, next, meeting.on_other);
@@ -204,10 +208,11 @@ HWY_INLINE Meeting<D> meet_features(D d, const Features<D, axes>& features, cons
 
 /// The point of contact in the box's frame, given unit `normal` out of the box and `depth`.
 ///
-/// `by_edge` lanes: two edges cross, and the point lies between their nearest points. Where these do not meet, rounding
-/// has chosen among axes that are as good to within it, and the deepest place is on the features that are flat to
-/// within rounding; so it is for all other lanes. Then the point is moved along the normal to midway between the two
-/// surfaces. `inverse_squared` is one over the square of the length of the edges' product.
+/// `by_edge` lanes: two edges cross, and the point lies between their nearest points. Others, and those whose edges do
+/// not meet: a common point of the features that are flat. Where these do not meet either, rounding has chosen among
+/// axes that are as good to within it, and the deepest place is near, on features that are less flat. Then the point is
+/// moved along the normal to midway between the two surfaces. `inverse_squared` is one over the square of the length of
+/// the edges' product.
 template <class D, int axes>
 HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotope<D, axes>& other,
                                    const Vector<D>& normal, hn::Vec<D> depth, hn::Mask<D> by_edge,
@@ -219,12 +224,21 @@ HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotop
   const auto near = hn::Set(d, Scalar<D>(2e-5)) * hn::Min(box_size, other_size) +
                     hn::Set(d, Scalar<D>(1e-6)) * (box_size + other_size);
 
+  // Flat to within rounding; and flat to where an axis that is not quite the best may lead. That is as far as the
+  // margin for face axes over the distance at which it is felt, so the deepest place is hardly less deep there.
+  const Flatness<D> rounding{Scalar<D>(5e-5), Scalar<D>(1e-4)}, misled{Scalar<D>(4e-2), Scalar<D>(5e-2)};
+  const auto none = hn::MaskFromVec(hn::Zero(d));
+
   const Meeting<D> crossed =
-      meet_edges(d, features_of(d, box_half, other, normal, by_edge, crossing), crossing, inverse_squared);
+      meet_edges(d, features_of(d, box_half, other, normal, by_edge, crossing, rounding), crossing, inverse_squared);
   const auto at_edges = hn::AndNot(crossed.misses(d, normal, near), by_edge);
-  const auto elsewhere = hn::Not(at_edges);
-  const Meeting<D> met =
-      meet_features(d, features_of(d, box_half, other, normal, at_edges, crossing), other, normal, near, elsewhere);
+  const Features<D, axes> flat = features_of(d, box_half, other, normal, none, crossing, rounding);
+  Meeting<D> met = meet_features(d, flat, other, normal, near, hn::Not(at_edges), {flat.box_base, flat.other_base});
+  const auto missed = hn::AndNot(at_edges, met.misses(d, normal, near));
+  if (!hn::AllFalse(d, missed)) {
+    met = meet_features(d, features_of(d, box_half, other, normal, none, crossing, misled), other, normal, near, missed,
+                        met);
+  }
   const Vector<D> on_box = choose(d, at_edges, crossed.on_box, met.on_box);
   const Vector<D> on_other = choose(d, at_edges, crossed.on_other, met.on_other);
 

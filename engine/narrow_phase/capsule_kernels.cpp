@@ -63,8 +63,13 @@ struct CapsuleCapsule {
     const auto inner_t = limited(d, hn::IfThenElse(parallel, zero - c * x, zero - y * inverse_length), q_half);
     const auto inner_gap_x = excess(d, x, p_half + hn::Abs(c) * q_half);
 
+    // Past an edge, and between its ends: nothing of the parallelogram is nearer. Only where that is true of neither
+    // edge do the distances decide; squares that differ by a rounding must not choose between an edge and its end.
     const auto end = past_end > zero, tip = past_tip > zero;
-    const auto by_end = hn::AndNot(hn::And(tip, tip_squared < end_squared), end);
+    const auto end_between = hn::And(end, hn::Abs(end_x) <= p_half);
+    const auto tip_between = hn::And(tip, hn::Abs(tip_along) <= q_half);
+    const auto tip_wins = hn::AndNot(end_between, hn::Or(tip_between, hn::And(tip, tip_squared < end_squared)));
+    const auto by_end = hn::AndNot(tip_wins, end);
     const auto by_tip = hn::AndNot(by_end, tip);
     const auto gap_x = hn::IfThenElse(by_end, end_gap_x, hn::IfThenElse(by_tip, tip_gap_x, inner_gap_x));
     const auto gap_y = hn::IfThenElse(by_end, end_gap_y, hn::IfThenElseZero(by_tip, tip_gap_y));
