@@ -96,7 +96,7 @@ struct World::Implementation {
 
   void build_server();
   void start_worker(Worker& worker);
-  Line add_node(const regions::RegionMap& map);
+  Line add_node(const regions::RegionMap& map, std::uint32_t count);
   void introduce_nodes();
   void grow_nodes();
   void retire_nodes();
@@ -210,7 +210,7 @@ void World::Implementation::build_server() {
     start_worker(*server_worker);
   }
   for (NodeNumber node = 0; node < map.nodes(); ++node) {
-    setup.nodes.push_back(add_node(map));
+    setup.nodes.push_back(add_node(map, map.nodes()));
   }
   server = std::make_unique<nodes::ServerRole>(setup, map);
   introduce_nodes();
@@ -228,8 +228,9 @@ void World::Implementation::start_worker(Worker& worker) {
   worker.start(config.pin ? &cores : nullptr, config.pin ? next_core++ : Worker::unpinned);
 }
 
-// Makes the next CD node, not yet introduced to its peers and not yet stepped; returns the server's end of its line.
-Line World::Implementation::add_node(const regions::RegionMap& map) {
+// Makes the next CD node of `count` in the end, not yet introduced to its peers and not yet stepped; returns the
+// server's end of its line.
+Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_t count) {
   const auto node = static_cast<NodeNumber>(node_roles.size());
   link::Doorbell* bell = nullptr;
   if (threaded()) {
@@ -238,7 +239,7 @@ Line World::Implementation::add_node(const regions::RegionMap& map) {
   }
   node_ways.push_back(std::make_unique<Way>(ring_bytes(server_node_ring), server_bell(), bell));
   // Many nodes need many rings between them; a hand-over is small.
-  const std::size_t peer_ring = ring_bytes(map.nodes() <= 16 ? std::size_t{1} << 18 : std::size_t{1} << 14);
+  const std::size_t peer_ring = ring_bytes(std::size_t{1} << (count <= 16 ? 18 : count <= 64 ? 14 : 12));
   for (NodeNumber peer = 0; peer < node; ++peer) {
     peer_ways[{peer, node}] = std::make_unique<Way>(peer_ring, threaded() ? &node_workers[peer].bell() : nullptr, bell);
   }
@@ -251,8 +252,8 @@ Line World::Implementation::add_node(const regions::RegionMap& map) {
   setup.layer_masks = layer_masks(config.layers);
   setup.shares_thread = !threaded();
   setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
-  setup.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / map.nodes() + 64);
-  setup.pairs = std::min(config.capacities.pairs, 2 * config.capacities.pairs / map.nodes() + 64);
+  setup.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / count + 64);
+  setup.pairs = std::min(config.capacities.pairs, 2 * config.capacities.pairs / count + 64);
   setup.server = node_ways.back()->second();
   node_roles.push_back(std::make_unique<nodes::CdNodeRole>(setup, map));
   return node_ways.back()->first();
@@ -289,7 +290,7 @@ void World::Implementation::grow_nodes() {
   request.kind = Request::Kind::add_node;
   const bool more = resize_to > node_roles.size();
   while (node_roles.size() < resize_to) {
-    request.line = add_node(server->map());
+    request.line = add_node(server->map(), resize_to);
     order.requests.push_back(request);
   }
   if (more) {
