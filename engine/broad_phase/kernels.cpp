@@ -347,7 +347,7 @@ class Encoder {
     const auto before = hn::ShiftLeft<2>(hn::Sub(cell, hn::Shr(hn::Sub(lower, limit_), shift_)));
     const auto x_and_y = hn::Or(beyond, hn::And(before, before_y_));
     const auto z = hn::Add(beyond, beyond);
-    const auto extra = hn::Or(move(x_and_y, x_and_y_to_), move(z, z_to_));
+    const auto extra = hn::Or(move(x_and_y, x_and_y_to), move(z, z_to));
     return pack(hn::Or(code_of(lower, upper), extra));
   }
 
@@ -361,7 +361,7 @@ class Encoder {
   }
   HWY_INLINE Vector code_of(Vector lower, Vector upper) const {
     const auto negated = hn::Sub(hn::Zero(Corner()), hn::Shr(lower, quantum_));
-    return hn::Or(move(hn::Shr(upper, quantum_), upper_to_), move(negated, lower_to_));
+    return hn::Or(move(hn::Shr(upper, quantum_), upper_to), move(negated, lower_to));
   }
   static HWY_INLINE std::uint64_t pack(Vector v) {
     return hn::GetLane(hn::BitCast(hn::FixedTag<std::uint64_t, 2>(), v));
@@ -369,10 +369,10 @@ class Encoder {
 
   static constexpr std::uint8_t none = 0x80;
 #define RINGFENCE_REST none, none, none, none, none, none, none, none
-  HWY_ALIGN static constexpr std::uint8_t upper_to_[16] = {0, 4, 8, none, none, none, none, none, RINGFENCE_REST};
-  HWY_ALIGN static constexpr std::uint8_t lower_to_[16] = {none, none, none, none, 0, 4, 8, none, RINGFENCE_REST};
-  HWY_ALIGN static constexpr std::uint8_t x_and_y_to_[16] = {none, none, none, 4, none, none, none, 0, RINGFENCE_REST};
-  HWY_ALIGN static constexpr std::uint8_t z_to_[16] = {none, none, none, 8, none, none, none, none, RINGFENCE_REST};
+  HWY_ALIGN static constexpr std::uint8_t upper_to[16] = {0, 4, 8, none, none, none, none, none, RINGFENCE_REST};
+  HWY_ALIGN static constexpr std::uint8_t lower_to[16] = {none, none, none, none, 0, 4, 8, none, RINGFENCE_REST};
+  HWY_ALIGN static constexpr std::uint8_t x_and_y_to[16] = {none, none, none, 4, none, none, none, 0, RINGFENCE_REST};
+  HWY_ALIGN static constexpr std::uint8_t z_to[16] = {none, none, none, 8, none, none, none, none, RINGFENCE_REST};
 #undef RINGFENCE_REST
 
   Vector quantum_, shift_, limit_, partitioned_, before_y_;

@@ -165,13 +165,12 @@ struct World::Implementation {
   std::vector<Steppable> in_place;  ///< all roles, where the calling thread steps them
 
   struct Stop {
-    explicit Stop(Implementation& world) : world_(world) {}
+    Implementation& world;
     ~Stop() {
-      world_.user_workers.clear();
-      world_.node_workers.clear();
-      world_.server_worker.reset();
+      world.user_workers.clear();
+      world.node_workers.clear();
+      world.server_worker.reset();
     }
-    Implementation& world_;
   } stop{*this};
 };
 

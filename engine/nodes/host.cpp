@@ -179,7 +179,7 @@ bool Host::call_model(std::uint64_t frame, std::size_t first, std::size_t count)
 void Host::accept(std::size_t i, const MotionOutput& output) {
   Hosted& hosted = hosted_[i];
   const std::uint32_t flags = output.present ? flag_present : 0u;
-  const bool moved = std::memcmp(&output.pose, &hosted.pose, sizeof(Pose)) != 0;
+  const bool moved = !(output.pose == hosted.pose);  // a pose that holds NaN counts as moved, and is refused
   if (moved) {
     Pose pose = output.pose;
     const Status status = make_valid(pose);
