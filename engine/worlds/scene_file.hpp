@@ -13,7 +13,7 @@ namespace ringfence::worlds {
 /// Turns a mesh file into triangles; throws Error with the reason. Supplied by whoever has a loader (the tools).
 using MeshLoader = std::function<TriangleMesh(const std::filesystem::path& file)>;
 
-/// Reads a scene in the JSON format of docs/files.md (`"format": "ringfence-scene", "version": 1`).
+/// Reads a scene in the JSON format of docs/replay.md (`"format": "ringfence-scene", "version": 1`).
 ///
 /// Throws InputError for a file that cannot be read, is not JSON, lacks a field, has one that the format does not
 /// know, or says what cannot be: NaN, an unknown shape, layer or category, a number that is taken, an orientation that
