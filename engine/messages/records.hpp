@@ -5,6 +5,7 @@
 
 #include "geometry/bounds.hpp"
 #include "ringfence/contact.hpp"
+#include "ringfence/frame_report.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/pose.hpp"
 
@@ -108,7 +109,9 @@ struct ToldRecord {
 struct KindRecord {
   std::uint32_t first = 0;  ///< ShapeKind
   std::uint32_t second = 0;
-  std::uint64_t candidates = 0, hits = 0, lanes = 0, iterations = 0, timed = 0, nanoseconds = 0;
+  std::uint64_t candidates = 0, hits = 0, lanes = 0, lanes_filled = 0, iterations = 0, ended_early = 0;
+  std::uint64_t timed = 0, nanoseconds = 0, gather_nanoseconds = 0;
+  std::uint32_t cost[cost_buckets] = {};
 };
 
 struct RefusedRecord {
@@ -127,7 +130,7 @@ static_assert(sizeof(HandOverRecord) == 72);
 static_assert(sizeof(DropRecord) == 16);
 static_assert(sizeof(PlaceRecord) == 56);
 static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 8 && sizeof(RefusedRecord) == 8);
-static_assert(sizeof(KindRecord) == 56);
+static_assert(sizeof(KindRecord) == 240);
 static_assert(sizeof(ToldRecord) == 112);
 static_assert(std::is_trivially_copyable_v<CollisionRecord> && std::is_trivially_copyable_v<HandOverRecord>);
 

@@ -262,7 +262,9 @@ HWY_INLINE PairContact* run_group(D d, const KernelInput& input, const KernelPai
                                   PairContact* out) {
   constexpr std::size_t lanes = hn::MaxLanes(d);
   Gathered<K, lanes> gathered[group];
+  begin_gathering(input);
   for (std::size_t v = 0; v < vectors; ++v) gathered[v].fill(input, pairs + v * lanes);
+  end_gathering(input);
   for (std::size_t v = 0; v < vectors; ++v) {
     const Lanes<D> in = gathered[v].lanes(d);
     out = write<K>(d, pairs + v * lanes, lanes, K::test(d, in), in.offset, out);
@@ -277,7 +279,9 @@ PairContact* run_rest(D d, const KernelInput& input, const KernelPair* pairs, st
   KernelPair padded[lanes];
   std::fill(std::copy_n(pairs, count, padded), padded + lanes, pairs[count - 1]);
   Gathered<K, lanes> gathered;
+  begin_gathering(input);
   gathered.fill(input, padded);
+  end_gathering(input);
   const Lanes<D> in = gathered.lanes(d);
   return write<K>(d, padded, count, K::test(d, in), in.offset, out);
 }
@@ -358,7 +362,9 @@ PairContact* run_in_double(const KernelInput& input, PairContact* out, KindCount
   alignas(64) double found[7][lanes];
   for (std::size_t begin = 0; begin < input.pairs.size(); begin += lanes) {
     const std::size_t count = std::min(input.pairs.size() - begin, lanes);
+    begin_gathering(input);
     for (std::size_t i = 0; i < lanes; ++i) columns.fill(input, input.pairs[begin + std::min(i, count - 1)], i);
+    end_gathering(input);
     const Found<D> f = K::test(d, columns.lanes(d));
     const hn::Vec<D> rows[7] = {f.depth, f.normal.x, f.normal.y, f.normal.z, f.point.x, f.point.y, f.point.z};
     for (std::size_t r = 0; r < 7; ++r) hn::Store(rows[r], d, found[r]);
@@ -386,6 +392,7 @@ PairContact* run_in_double(const KernelInput& input, PairContact* out, KindCount
 
 template <class K>
 PairContact* run(const KernelInput& input, PairContact* out, KindCounters& counters) {
+  counters.lanes_filled += input.pairs.size();
   return input.in_double ? run_in_double<K>(input, out, counters) : run_in_float<K>(input, out, counters);
 }
 

@@ -63,16 +63,19 @@ HWY_INLINE PairContact* write(const KernelPair& pair, const Relative<T>& relativ
 }
 
 template <class T, class First, class Second>
-PairContact* run_polytopes(const KernelInput& input, PairContact* out, KindCounters&) {
+PairContact* run_polytopes(const KernelInput& input, PairContact* out, KindCounters& counters) {
   for (const KernelPair& pair : input.pairs) {
+    begin_gathering(input);
     const Body& first = input.bodies[pair.first];
     const Body& second = input.bodies[pair.second];
     const First p(input.shapes, input.shapes.row(first.shape));
     const Second q(input.shapes, input.shapes.row(second.shape));
     const Relative<T> relative(first.pose, second.pose);
+    end_gathering(input);
     PolytopePair<T> overlap(p.get(), q.get(), relative.turn, relative.offset);
     Overlap<T> found;
     if (overlap.test(found)) out = write(pair, relative, found, out);
+    overlap.work().add_to(counters);
   }
   return out;
 }
@@ -80,7 +83,8 @@ PairContact* run_polytopes(const KernelInput& input, PairContact* out, KindCount
 /// A capsule, or a sphere as one of no height, first and a hull second; worked out in the axes of the hull.
 template <class T>
 HWY_INLINE Answer test_round(const KernelInput& input, const KernelPair& pair, float radius, float half_height,
-                             PairContact*& out) {
+                             PairContact*& out, KindCounters& counters) {
+  begin_gathering(input);
   const Body& round = input.bodies[pair.first];
   const Body& body = input.bodies[pair.second];
   const FromHull hull(input.shapes, input.shapes.row(body.shape));
@@ -94,9 +98,11 @@ HWY_INLINE Answer test_round(const KernelInput& input, const KernelPair& pair, f
     from = centre - half;
     to = centre + half;
   }
+  end_gathering(input);
   RoundPair<T> core(hull.get(), from, to, T(radius));
   Overlap<T> found;
   const Answer answer = core.test(found);
+  core.work().add_to(counters);
   if (answer == Answer::contact) {
     // About the hull's origin so far: to the round body's, which comes first.
     Relative<T> relative(turn, offset);
@@ -106,12 +112,12 @@ HWY_INLINE Answer test_round(const KernelInput& input, const KernelPair& pair, f
   return answer;
 }
 
-PairContact* run_round(const KernelInput& input, PairContact* out, KindCounters&) {
+PairContact* run_round(const KernelInput& input, PairContact* out, KindCounters& counters) {
   for (const KernelPair& pair : input.pairs) {
     const geometry::ShapeRow& row = input.shapes.row(input.bodies[pair.first].shape);
     const float half_height = row.kind == ShapeKind::capsule ? row.size[1] : 0.0f;
-    if (input.in_double || test_round<float>(input, pair, row.size[0], half_height, out) == Answer::unsure) {
-      test_round<double>(input, pair, row.size[0], half_height, out);
+    if (input.in_double || test_round<float>(input, pair, row.size[0], half_height, out, counters) == Answer::unsure) {
+      test_round<double>(input, pair, row.size[0], half_height, out, counters);
     }
   }
   return out;

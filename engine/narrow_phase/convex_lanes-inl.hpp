@@ -22,6 +22,7 @@
 
 #include "geometry/vector.hpp"
 #include "narrow_phase/convex_polytope.hpp"
+#include "narrow_phase/kernel.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
@@ -35,6 +36,24 @@ template <class T>
 using Point = std::conditional_t<sizeof(T) == 4, Vec3f, Vec3d>;
 template <class T>
 using Turn = geometry::RotationOf<T>;
+
+/// What a test did, for the counters.
+struct Work {
+  std::size_t lanes = 0, filled = 0, directions = 0;
+
+  /// A pass over `count` things, a vector at a time.
+  template <class T>
+  HWY_INLINE void pass(std::size_t count) {
+    constexpr std::size_t width = hn::MaxLanes(Columns16<T>());
+    lanes += (count + width - 1) / width * width;
+    filled += count;
+  }
+  void add_to(KindCounters& counters) const {
+    counters.lanes += lanes;
+    counters.lanes_filled += filled;
+    counters.iterations += directions;
+  }
+};
 
 template <class T>
 HWY_INLINE Point<T> point_of(Vec3f p) {

@@ -77,6 +77,8 @@ class PolytopePair {
     return true;
   }
 
+  const Work& work() const { return work_; }
+
  private:
   static constexpr Columns16<T> d{};
   using Lanes = hn::Vec<Columns16<T>>;
@@ -136,6 +138,9 @@ class PolytopePair {
       squared = T(1);
     }
     const T value = reach(axis);
+    work_.directions = 1;
+    work_.pass<T>(a_.vertices);
+    work_.pass<T>(b_.vertices);
     if (value < T(0)) return true;
     const T inverse = T(1) / std::sqrt(squared);
     best_ = value * inverse;
@@ -159,6 +164,8 @@ class PolytopePair {
     const Point<T> centre_of_a_in_b = rotate_back(turn_, point_of<T>(a_.centre) - offset_);
     distances(a_, centre_of_b_, of_a);
     distances(b_, centre_of_a_in_b, of_b);
+    work_.pass<T>(a_.faces);
+    work_.pass<T>(b_.faces);
     // The face that the other's centre is farthest out of is often the one, and a good bound for all others.
     if (face_separates(a_, b_, least_of(of_a, a_.faces), true)) return true;
     if (face_separates(b_, a_, least_of(of_b, b_.faces), false)) return true;
@@ -179,6 +186,8 @@ class PolytopePair {
   bool face_separates(const Polytope& own, const Polytope& other, std::size_t face, bool of_a) {
     const Point<T> normal = point_of<T>({own.normal[0][face], own.normal[1][face], own.normal[2][face]});
     const FaceDirection way = direction_of(normal, of_a);
+    ++work_.directions;
+    work_.pass<T>(other.vertices);
     const std::size_t deepest = of_a ? add_deepest_of_b(way.in_other) : add_deepest_of_a(way.in_other);
     const T support = dot(vertex_of<T>(other, deepest), way.in_other);
     const T value = (T(own.offset[face]) + support) - dot(way.from_a_to_b, offset_);
@@ -207,7 +216,10 @@ class PolytopePair {
         ++kept.count;
       }
     }
+    work_.pass<T>(own.faces);
     if (kept.count == 0) return false;
+    work_.directions += kept.count;
+    for (std::size_t v = 0; v < other.vertices; ++v) work_.pass<T>(kept.count);
     pad(kept, 4);
     for (std::size_t i = 0; i < kept.count; i += hn::Lanes(d)) judge_faces(other, kept, i, of_a);
     const std::size_t best = least_of(kept.column(3), kept.count);
@@ -328,8 +340,11 @@ class PolytopePair {
     KeptEdges of_b;
     const Point<T> centre_of_a_in_b = rotate_back(turn_, point_of<T>(a_.centre) - offset_);
     of_b.count = list_edges(b_, centre_of_a_in_b, a_.inner_radius, of_a_, of_b.index);
+    work_.pass<T>(a_.edges);
+    work_.pass<T>(b_.edges);
     if (of_b.count == 0) return false;
     place_edges(of_b);
+    for (std::size_t i = 0; i < count; ++i) work_.pass<T>(of_b.count);
     for (std::size_t i = 0; i < count; ++i) {
       if (edge_separates(of_a[i], of_b, doubt_all)) return true;
     }
@@ -378,6 +393,7 @@ class PolytopePair {
 
   bool pair_separates(Point<T> left, Point<T> right, Point<T> from, Point<T> along, KeptEdges& of_b, std::size_t other,
                       bool doubt_all) {
+    ++work_.directions;
     const Point<T> along_b = at(of_b, 9, other);
     const T p = dot(at(of_b, 0, other), along), q = dot(at(of_b, 3, other), along);
     const T r = dot(left, along_b), s = dot(right, along_b);
@@ -456,6 +472,7 @@ class PolytopePair {
   const Turn<T> turn_;
   const Point<T> offset_;
   Point<T> centre_of_b_;
+  Work work_;
   Inside of_a_, of_b_;    // of a in the axes of b, of b in those of a
   T best_ = 0;            // the least reach found
   Point<T> direction_{};  // along this direction, from a to b

@@ -42,16 +42,25 @@ class RoundPair {
   /// If in contact, `out` says how: the normal leads from the core to the polytope, all in the polytope's axes.
   HWY_INLINE Answer test(Overlap<T>& out) {
     farthest_face();
+    work_.directions += p_.faces;
+    work_.pass<T>(p_.faces);
     if (depth_ > radius_) return Answer::apart;
     T inside = depth_;  // of any direction, the greatest distance by which it keeps core and polytope apart
-    if (length_ > T(0)) inside = std::max(inside, farthest_crossing());
+    if (length_ > T(0)) {
+      inside = std::max(inside, farthest_crossing());
+      work_.directions += p_.edges;
+      work_.pass<T>(p_.edges);
+    }
     if (inside > radius_) return Answer::apart;
     if (sizeof(T) == 4 && std::abs(inside) < T(1e-5) * size()) return Answer::unsure;
     if (inside <= T(0)) {
       out = from_inside(inside);
       return Answer::contact;
     }
-    if (!over_a_face()) nearest_edge();
+    if (!over_a_face()) {
+      nearest_edge();
+      work_.pass<T>(p_.edges);
+    }
     if (!(distance_ > rounding())) {
       out = from_inside(inside);
       return Answer::contact;
@@ -70,6 +79,8 @@ class RoundPair {
     out = {depth, normal, nearest_ + normal * ((radius_ + distance_) * T(0.5))};
     return Answer::contact;
   }
+
+  const Work& work() const { return work_; }
 
  private:
   static constexpr Columns16<T> d{};
@@ -307,7 +318,8 @@ class RoundPair {
   Point<T> way_;  // from from_ to to_, unit; zero for a sphere
   T depth_ = 0;   // distance along outward_ that keeps core and polytope apart; negative inside
   Point<T> outward_{};
-  T distance_ = 0;              // of the nearest points
+  T distance_ = 0;  // of the nearest points
+  Work work_;
   Point<T> nearest_{}, gap_{};  // the core's nearest point and the way from there to the polytope's
 };
 

@@ -5,6 +5,7 @@
 
 #include "geometry/shape_table.hpp"
 #include "narrow_phase/narrow_phase.hpp"
+#include "telemetry/clock.hpp"
 
 /// The meeting point of the narrow phase and its kernels: what a kernel of one pair of kinds is given, and what it
 /// gives back. Only engine/narrow_phase includes this.
@@ -23,6 +24,24 @@ static_assert(sizeof(KernelPair) == 16);
 /// The sign bit of a float: a kernel turns the normal of a flipped pair by one exclusive or.
 inline constexpr std::uint32_t flip_bit = 0x80000000u;
 
+/// Times what a kernel spends in gathering; the kernel notes where that begins and ends.
+class GatherWatch {
+ public:
+  void begin() noexcept {
+    begin_ = telemetry::now_ns();
+    ++looks_;
+  }
+  void end() noexcept {
+    gathered_ += telemetry::now_ns() - begin_;
+    ++looks_;
+  }
+  std::uint64_t nanoseconds() const noexcept { return gathered_; }
+  std::uint64_t looks() const noexcept { return looks_; }  ///< at the clock
+
+ private:
+  std::uint64_t begin_ = 0, gathered_ = 0, looks_ = 0;
+};
+
 /// What a kernel works on. Every pair has the kernel's kinds; for pairs of one kind `first` is always the pair's a.
 struct KernelInput {
   std::span<const Body> bodies;
@@ -32,7 +51,16 @@ struct KernelInput {
   /// compute in double, positions and quaternions (normalised in double) included. The same for all pairs of an input;
   /// a function of the two shapes alone.
   bool in_double = false;
+  GatherWatch* watch = nullptr;  ///< of pairs that are timed; null for all others
 };
+
+/// Around what a kernel does to gather.
+inline void begin_gathering(const KernelInput& input) noexcept {
+  if (input.watch != nullptr) input.watch->begin();
+}
+inline void end_gathering(const KernelInput& input) noexcept {
+  if (input.watch != nullptr) input.watch->end();
+}
 
 /// A kernel may write this many contacts past the ones it keeps: full vectors leave it without a branch.
 inline constexpr std::size_t contact_slack = 16;
@@ -42,9 +70,9 @@ inline constexpr std::size_t contact_slack = 16;
 ///
 /// `out` has room for `input.pairs.size() + contact_slack` contacts. PairContact is in terms of the candidate's own a
 /// and b: `normal` points from a to b and `point` is relative to a's position, so a flipped pair is turned round before
-/// it is written. The kernel adds to `lanes` and `iterations` of `counters`; candidates and hits are counted by the
-/// caller. What is found for a pair depends on nothing but its two shapes and poses. No allocation, no exception, no
-/// state between calls.
+/// it is written. The kernel adds to `lanes`, `lanes_filled` and `iterations` of `counters`; the rest is counted by
+/// the caller. What is found for a pair depends on nothing but its two shapes and poses. No allocation, no exception,
+/// no state between calls.
 using Kernel = PairContact* (*)(const KernelInput& input, PairContact* out, KindCounters& counters);
 
 // Closed forms, in lanes (primitive_kernels.cpp).

@@ -7,6 +7,7 @@
 
 #include "geometry/bounds.hpp"
 #include "geometry/shape_table.hpp"
+#include "ringfence/frame_report.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/pose.hpp"
 
@@ -29,14 +30,19 @@ struct PairContact {
 };
 static_assert(sizeof(PairContact) == 32);
 
-/// Work done since the last call of `reset_counters`, by kinds [min][max] of the pair.
+/// Work done since the last call of `reset_counters`, by kinds [min][max] of the pair. The same fields as KindReport's,
+/// which says what they mean.
 struct KindCounters {
   std::uint64_t candidates = 0;
   std::uint64_t hits = 0;
-  std::uint64_t lanes = 0;        ///< vector lanes spent on them, idle ones included; 0 where a kernel is not in lanes
-  std::uint64_t iterations = 0;   ///< GJK and EPA steps; 0 for closed forms
-  std::uint64_t timed = 0;        ///< candidates whose kernel was timed: those in runs of 64 and more
+  std::uint64_t lanes = 0;
+  std::uint64_t lanes_filled = 0;
+  std::uint64_t iterations = 0;
+  std::uint64_t ended_early = 0;
+  std::uint64_t timed = 0;        ///< candidates whose kernel was timed: about one in thirty to sixty
   std::uint64_t nanoseconds = 0;  ///< in the kernel for those, gathering included, sorting not
+  std::uint64_t gather_nanoseconds = 0;
+  std::uint32_t cost[cost_buckets] = {};
 };
 
 /// Whether there is a kernel for two kinds. Symmetric. A world refuses shapes at registration whose pairs would have

@@ -246,8 +246,19 @@ void CdNodeRole::count_kinds() {
     for (std::uint32_t q = p; q < shape_kinds; ++q) {
       const auto& counters = narrow_.counters(static_cast<ShapeKind>(p), static_cast<ShapeKind>(q));
       if (counters.candidates != 0) {
-        kinds_.push_back({p, q, counters.candidates, counters.hits, counters.lanes, counters.iterations, counters.timed,
-                          counters.nanoseconds});
+        messages::KindRecord& record = kinds_.emplace_back();
+        record.first = p;
+        record.second = q;
+        record.candidates = counters.candidates;
+        record.hits = counters.hits;
+        record.lanes = counters.lanes;
+        record.lanes_filled = counters.lanes_filled;
+        record.iterations = counters.iterations;
+        record.ended_early = counters.ended_early;
+        record.timed = counters.timed;
+        record.nanoseconds = counters.nanoseconds;
+        record.gather_nanoseconds = counters.gather_nanoseconds;
+        std::copy(std::begin(counters.cost), std::end(counters.cost), std::begin(record.cost));
         tested_ += counters.candidates;
       }
     }

@@ -216,15 +216,20 @@ void ServerRole::hear_kinds(const MessageView& message) {
     auto at = std::find_if(kinds.begin(), kinds.end(),
                            [&](const KindReport& kind) { return kind.first == first && kind.second == second; });
     if (at == kinds.end()) {
-      kinds.push_back({first, second, 0, 0, 0, 0, 0, 0});
-      at = kinds.end() - 1;
+      at = kinds.emplace(kinds.end());
+      at->first = first;
+      at->second = second;
     }
     at->candidates += record.candidates;
     at->hits += record.hits;
     at->lanes += record.lanes;
+    at->lanes_filled += record.lanes_filled;
     at->iterations += record.iterations;
+    at->ended_early += record.ended_early;
     at->timed += record.timed;
     at->nanoseconds += record.nanoseconds;
+    at->gather_nanoseconds += record.gather_nanoseconds;
+    for (std::size_t k = 0; k < cost_buckets; ++k) at->cost[k] += record.cost[k];
   }
 }
 

@@ -1,3 +1,4 @@
+#include <numeric>
 #include <string>
 
 #include <doctest/doctest.h>
@@ -36,6 +37,18 @@ void check_counts(const FrameReport& report) {
   for (const std::uint64_t refused : report.refused) {
     REQUIRE(refused == 0);
   }
+  std::uint64_t candidates = 0, hits = 0, timed = 0, by_cost = 0;
+  for (const KindReport& kind : report.kinds) {
+    candidates += kind.candidates;
+    hits += kind.hits;
+    timed += kind.timed;
+    by_cost += std::accumulate(kind.cost.begin(), kind.cost.end(), std::uint64_t{0});
+    REQUIRE(kind.lanes >= kind.lanes_filled);
+    REQUIRE(kind.nanoseconds >= kind.gather_nanoseconds);
+  }
+  REQUIRE(candidates == report.tested);
+  REQUIRE(hits == report.contacts);
+  REQUIRE(by_cost == timed);
 }
 
 Run run(const WorldConfig& config, std::size_t objects, std::size_t users, int frames) {

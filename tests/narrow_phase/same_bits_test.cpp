@@ -193,18 +193,3 @@ TEST_CASE("what cannot be tested is said so") {
   CHECK(!narrow_phase::can_test(ShapeKind::mesh, ShapeKind::support));
   CHECK(!narrow_phase::can_test(ShapeKind::sphere, ShapeKind::mesh));
 }
-
-TEST_CASE("candidates, hits and lanes are counted by kind") {
-  const PairWorld world = ordinary_pairs(ShapeKind::capsule, ShapeKind::box, 101, 15);
-  NarrowPhase narrow_phase(world.shapes());
-  const std::size_t hits = narrow_phase.test(world.bodies, world.pairs).size();
-  const narrow_phase::KindCounters& counters = narrow_phase.counters(ShapeKind::capsule, ShapeKind::box);
-  CHECK(&counters == &narrow_phase.counters(ShapeKind::box, ShapeKind::capsule));
-  CHECK(counters.candidates == 101);
-  CHECK(counters.hits == hits);
-  CHECK(counters.lanes >= 101);
-  CHECK(counters.lanes < 101 + 16);
-  CHECK(narrow_phase.counters(ShapeKind::box, ShapeKind::box).candidates == 0);
-  narrow_phase.reset_counters();
-  CHECK(counters.candidates == 0);
-}

@@ -23,6 +23,23 @@ TEST_CASE("percentiles are times that were measured, by nearest rank") {
   CHECK(figures.nodes()[1].busy_ms == doctest::Approx(201));
 }
 
+TEST_CASE("the narrow phase's figures are added by kinds, in their order") {
+  Figures figures;
+  for (std::uint64_t i = 1; i <= 10; ++i) {
+    FrameReport report;
+    report.kinds.resize(i > 5 ? 2 : 1);
+    report.kinds[0].first = report.kinds[0].second = ShapeKind::hull;
+    report.kinds[0].candidates = i;
+    report.kinds[0].cost[7] = 2;
+    if (i > 5) report.kinds[1].second = ShapeKind::box;
+    figures.add(report, {});
+  }
+  REQUIRE(figures.kinds().size() == 2);
+  CHECK(figures.kinds()[0].second == ShapeKind::box);
+  CHECK(figures.kinds()[1].candidates == 55);
+  CHECK(figures.kinds()[1].cost[7] == 20);
+}
+
 TEST_CASE("no frames make no figures, and no division by zero") {
   const Figures figures;
   CHECK(figures.frame_ms().p99 == 0);

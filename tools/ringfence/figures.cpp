@@ -3,8 +3,32 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 namespace ringfence::tools {
+namespace {
+
+void add_to(std::vector<KindReport>& totals, const KindReport& kind) {
+  const auto order = [](const KindReport& report) { return std::pair(report.first, report.second); };
+  auto at = std::lower_bound(totals.begin(), totals.end(), kind,
+                             [&](const KindReport& p, const KindReport& q) { return order(p) < order(q); });
+  if (at == totals.end() || order(*at) != order(kind)) {
+    totals.insert(at, kind);
+    return;
+  }
+  at->candidates += kind.candidates;
+  at->hits += kind.hits;
+  at->lanes += kind.lanes;
+  at->lanes_filled += kind.lanes_filled;
+  at->iterations += kind.iterations;
+  at->ended_early += kind.ended_early;
+  at->timed += kind.timed;
+  at->nanoseconds += kind.nanoseconds;
+  at->gather_nanoseconds += kind.gather_nanoseconds;
+  for (std::size_t i = 0; i < cost_buckets; ++i) at->cost[i] += kind.cost[i];
+}
+
+}  // namespace
 
 void Figures::add(const FrameReport& report, std::span<const Contact> frame_contacts) {
   digest_.add_frame(frame_contacts);
@@ -28,6 +52,7 @@ void Figures::add(const FrameReport& report, std::span<const Contact> frame_cont
   objects = report.objects;
   server_cpu_ms += report.server_cpu_ms;
   users_cpu_ms += report.users_cpu_ms;
+  for (const KindReport& kind : report.kinds) add_to(kinds_, kind);
   if (node_totals_.size() < report.nodes.size()) node_totals_.resize(report.nodes.size());
   for (std::size_t i = 0; i < report.nodes.size(); ++i) {
     const NodeReport& node = report.nodes[i];

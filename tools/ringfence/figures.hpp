@@ -30,6 +30,8 @@ class Figures {
   Spread frame_ms() const;
   double stage_ms(Stage stage) const noexcept { return mean(stage_ms_[static_cast<std::size_t>(stage)]); }
   std::vector<NodeFigures> nodes() const;
+  /// Totals over the counted frames, in the order of the kinds.
+  const std::vector<KindReport>& kinds() const noexcept { return kinds_; }
   TrafficReport traffic(Traffic kind) const noexcept { return traffic_[static_cast<std::size_t>(kind)]; }
   std::uint64_t refused(Status reason) const noexcept { return refused_[static_cast<std::size_t>(reason)]; }
   /// `total` over the counted frames.
@@ -48,6 +50,7 @@ class Figures {
   std::array<TrafficReport, traffic_count> traffic_{};
   std::array<std::uint64_t, status_count> refused_{};
   std::vector<NodeFigures> node_totals_;
+  std::vector<KindReport> kinds_;
 };
 
 }  // namespace ringfence::tools

@@ -130,6 +130,25 @@ Json nodes_of(const Figures& figures) {
   return nodes;
 }
 
+Json kinds_of(const Figures& figures) {
+  Json kinds = Json::array();
+  for (const KindReport& kind : figures.kinds()) {
+    kinds.push_back({{"first", name_of(kind.first)},
+                     {"second", name_of(kind.second)},
+                     {"candidates", kind.candidates},
+                     {"hits", kind.hits},
+                     {"lanes", kind.lanes},
+                     {"lanes_filled", kind.lanes_filled},
+                     {"iterations", kind.iterations},
+                     {"ended_early", kind.ended_early},
+                     {"timed", kind.timed},
+                     {"nanoseconds", kind.nanoseconds},
+                     {"gather_nanoseconds", kind.gather_nanoseconds},
+                     {"cost", kind.cost}});
+  }
+  return kinds;
+}
+
 Json report_of(const Job& job, const Figures& figures, const FrameChecker& checker) {
   const Machine machine = this_machine();
   const Spread frame = figures.frame_ms();
@@ -152,6 +171,7 @@ Json report_of(const Job& job, const Figures& figures, const FrameChecker& check
                         {"began", figures.began},
                         {"ended", figures.ended}};
   report["nodes"] = nodes_of(figures);
+  report["kinds"] = kinds_of(figures);
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
     report["traffic"][lower(name_of_traffic(static_cast<Traffic>(i)))] = {

@@ -34,16 +34,25 @@ struct NodeReport {
   std::uint64_t handed_over = 0;  ///< objects that it sent to other nodes
 };
 
-/// What the narrow phase did with the pairs of two kinds of shapes, all nodes together.
+/// The buckets of KindReport::cost. Bucket i counts what cost from 2^(i/2) to 2^((i+1)/2) ns a candidate; the first
+/// also what cost less than 1 ns, the last (from 0.74 ms) also what cost more.
+inline constexpr std::size_t cost_buckets = 40;
+
+/// What the narrow phase did with the pairs of two kinds of shapes, all nodes together. Times are those of a sample of
+/// the candidates, without the time of looking at the clock.
 struct KindReport {
   ShapeKind first = ShapeKind::sphere;  ///< in the order of ShapeKind
   ShapeKind second = ShapeKind::sphere;
   std::uint64_t candidates = 0;
   std::uint64_t hits = 0;
-  std::uint64_t lanes = 0;        ///< vector lanes spent, idle ones included; 0 where a kernel is not in lanes
-  std::uint64_t iterations = 0;   ///< steps of GJK and EPA; 0 for closed forms
-  std::uint64_t timed = 0;        ///< candidates that were timed: those that came in runs of 64 and more
-  std::uint64_t nanoseconds = 0;  ///< in the kernels for those, gathering included
+  std::uint64_t lanes = 0;               ///< vector lanes spent, idle ones included; 0 where a kernel is not in lanes
+  std::uint64_t lanes_filled = 0;        ///< of them, those that worked on a pair, or on a face, edge or vertex of one
+  std::uint64_t iterations = 0;          ///< steps of searches: directions judged for hulls; 0 for closed forms
+  std::uint64_t ended_early = 0;         ///< candidates that an axis remembered from an earlier frame proved apart
+  std::uint64_t timed = 0;               ///< candidates that were timed
+  std::uint64_t nanoseconds = 0;         ///< in the kernels for those, gathering included
+  std::uint64_t gather_nanoseconds = 0;  ///< of them, reading bodies and shapes into the kernel's form
+  std::array<std::uint64_t, cost_buckets> cost{};  ///< the timed candidates by their nanoseconds
 };
 
 /// Messages and bytes by what they carry.
