@@ -6,7 +6,8 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::uint32_t frame_track = 1'000'000;  // below all threads
+// In the order in which they are shown. Users come after all nodes that there can be, since nodes may join and leave.
+constexpr std::uint32_t first_user_track = 10'000, frame_track = 1'000'000;
 
 std::unique_ptr<OutputFile> open(const std::string& path) {
   return path.empty() ? nullptr : std::make_unique<OutputFile>(path);
@@ -82,16 +83,20 @@ void FrameOutputs::add_spans(std::uint64_t frame, const World& world) {
   if (!tracks_named_) {
     tracks_named_ = true;
     epoch_ns_ = begin;
-    const std::uint32_t nodes = world.config().nodes;
+    const bool threaded = world.config().nodes != 0;
     name_track(frame_track, "frames");
-    name_track(0, nodes == 0 ? "server, node and users" : "server");
-    for (std::uint32_t node = 0; node < nodes; ++node) name_track(1 + node, fmt::format("node {}", node));
-    for (std::uint32_t thread = 0; nodes != 0 && thread < world.config().user_threads; ++thread) {
-      name_track(1 + nodes + thread, fmt::format("users {}", thread));
+    name_track(0, threaded ? "server" : "server, node and users");
+    for (std::uint32_t thread = 0; threaded && thread < world.config().user_threads; ++thread) {
+      name_track(first_user_track + thread, fmt::format("users {}", thread));
     }
   }
+  const std::uint32_t nodes = world.nodes();
+  for (; nodes_named_ < nodes; ++nodes_named_) name_track(1 + nodes_named_, fmt::format("node {}", nodes_named_));
   add(frame_track, fmt::format("frame {}", frame), begin, end);
-  for (const TimelineSpan& span : spans) add(span.track, span.name, span.begin_ns, span.end_ns);
+  for (const TimelineSpan& span : spans) {
+    const std::uint32_t track = span.track <= nodes ? span.track : first_user_track + (span.track - nodes - 1);
+    add(track, span.name, span.begin_ns, span.end_ns);
+  }
 }
 
 void FrameOutputs::finish() {

@@ -28,6 +28,7 @@ class FrameOutputs {
   std::unique_ptr<OutputFile> collisions_, frames_, trace_;
   bool first_span_ = true;
   bool tracks_named_ = false;
+  std::uint32_t nodes_named_ = 0;
   std::uint64_t epoch_ns_ = 0;  ///< where the timeline begins
 };
 

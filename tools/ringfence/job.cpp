@@ -29,6 +29,7 @@ WorldConfig config_of(const Job& job) {
   config.placement = job.service.placement;
   config.interest = job.service.interest;
   config.ring_bytes = job.service.ring_bytes;
+  config.balance = job.service.balance;
   config.pin = job.service.pin;
   config.timeline = !job.output.trace.empty();
   config.motion = job.model;
@@ -57,6 +58,7 @@ Job make_job(const RunOptions& options) {
   job.model = std::make_shared<motion::Steering>(world.steering);
   job.frames = options.frames;
   job.service = options.service;
+  check_resizes(job.service.resizes, job.frames.frames);
   job.output = options.output;
   job.record_prefix = options.record_prefix;
   job.world = &options.world;
@@ -90,6 +92,7 @@ Job make_job(const ReplayOptions& options) {
                             job.frames.frames, left, options.motion));
   }
   if (job.frames.frames == 0) job.frames.frames = left;
+  check_resizes(job.service.resizes, job.frames.frames);
   return job;
 }
 
@@ -109,9 +112,12 @@ int run_job(const Job& job) {
   }
   Recording recording(job.record_prefix, job.scene, world);
   Figures figures;
+  Resizing resizing(job.service.resizes, std::max(1u, job.service.nodes));
   for (std::uint32_t frame = 0; frame < job.frames.frames; ++frame) {
+    resizing.before_frame(frame, world);
     advance(world, std::uint64_t{job.frames.warmup} + frame);
     figures.add(world.report(), world.contacts());
+    resizing.add_frame(world.report());
     outputs.add_frame(frame, world);
     recording.add_frame(world);
     checker.check_frame(frame);
@@ -121,11 +127,11 @@ int run_job(const Job& job) {
   recording.finish();
   outputs.finish();
   if (json) {
-    write_json_report(*json, job, figures, checker);
+    write_json_report(*json, job, figures, resizing, checker);
     json->close();
   }
   // With the contacts on standard output, the report makes room.
-  print_report(job.output.collisions == "-" ? stderr : stdout, job, figures, checker);
+  print_report(job.output.collisions == "-" ? stderr : stdout, job, figures, resizing, checker);
   return checker.passed() ? done : check_failed;
 }
 

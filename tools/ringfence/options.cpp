@@ -54,6 +54,19 @@ void add_words(CLI::App& command, const char* option, Value& value, const Value 
       ->type_name("WORD");
 }
 
+/// An option that is on or off.
+void add_switch(CLI::App& command, const char* option, bool& value, const char* help) {
+  const auto read = [&value, option](const std::string& text) {
+    if (text != "on" && text != "off") {
+      throw CLI::ValidationError(option, fmt::format("found {}; expected one of on, off", text));
+    }
+    value = text == "on";
+  };
+  command.add_option_function<std::string>(option, read, fmt::format("{}: on, off", help))
+      ->default_str(value ? "on" : "off")
+      ->type_name("WORD");
+}
+
 void add_interval(CLI::App& command, const char* option, motion::Interval& value, const char* help) {
   const auto read = [&value, option](const std::string& text) {
     const char* const end = text.data() + text.size();
@@ -148,6 +161,20 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
       ->check(between(0u, 1024u))
       ->capture_default_str()
       ->type_name("N");
+  const auto read_resize = [&service](const std::string& text) {
+    try {
+      const std::vector<Resize> resizes = read_resizes(text);
+      service.resizes.insert(service.resizes.end(), resizes.begin(), resizes.end());
+    } catch (const Error& error) {
+      throw CLI::ValidationError("--resize", error.what());
+    }
+  };
+  command
+      .add_option_function<std::string>("--resize", read_resize, "in counted frame FRAME there come to be N CD nodes")
+      ->trigger_on_parse()
+      ->take_last()
+      ->type_name("FRAME:N,...");
+  add_switch(command, "--balance", service.balance, "regions follow the load");
   add_words(command, "--broad-phase", service.placement, {Placement::server, Placement::region},
             "where the broad phase runs");
   command.add_option("--users", service.users, "user nodes")

@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include <CLI/CLI.hpp>
 
+#include "resize.hpp"
 #include "ringfence/config.hpp"
 #include "worlds/paper_world.hpp"
 
@@ -21,6 +23,8 @@ struct ServiceOptions {
   Deployment deployment = Deployment::user_collision;
   Placement placement = Placement::server;
   std::uint32_t nodes = 1;
+  std::vector<Resize> resizes;  ///< as given, until the job has checked them
+  bool balance = true;
   std::uint32_t users = 100;
   bool users_given = false;
   std::uint32_t user_threads = 1;

@@ -99,6 +99,7 @@ Json config_of(const Job& job) {
                  {"interest", job.service.interest},
                  {"ring_bytes", job.service.ring_bytes},
                  {"pin", job.service.pin},
+                 {"balance", job.service.balance},
                  {"warmup", job.frames.warmup},
                  {"objects", job.scene.objects.size()}};
   if (const worlds::PaperWorldOptions* world = job.world) {
@@ -110,6 +111,34 @@ Json config_of(const Job& job) {
     config["retarget_interval"] = {world->retarget_interval.min, world->retarget_interval.max};
   }
   return config;
+}
+
+void print_resizes(std::FILE* out, const Resizing& resizing) {
+  for (const ResizeFigures& resize : resizing.figures()) {
+    fmt::print(
+        out,
+        "resize      frame {}: {} to {} nodes, {} objects handed over; frame {:.3f} ms, next {:.3f}, before {:.3f}, "
+        "after {:.3f}; contacts {:.0f}, next {:.0f}, before {:.1f}\n",
+        resize.frame, resize.from, resize.to, resize.handed_over, resize.frame_ms.at, resize.frame_ms.next,
+        resize.frame_ms.before, resize.frame_ms.after, resize.contacts.at, resize.contacts.next,
+        resize.contacts.before);
+  }
+}
+
+Json resizes_of(const Resizing& resizing) {
+  const auto around = [](const ResizeFigures::Around& a) {
+    return Json{{"before", a.before}, {"at", a.at}, {"next", a.next}, {"after", a.after}};
+  };
+  Json resizes = Json::array();
+  for (const ResizeFigures& resize : resizing.figures()) {
+    resizes.push_back({{"frame", resize.frame},
+                       {"from", resize.from},
+                       {"to", resize.to},
+                       {"handed_over", resize.handed_over},
+                       {"frame_ms", around(resize.frame_ms)},
+                       {"contacts", around(resize.contacts)}});
+  }
+  return resizes;
 }
 
 Json nodes_of(const Figures& figures) {
@@ -149,7 +178,7 @@ Json kinds_of(const Figures& figures) {
   return kinds;
 }
 
-Json report_of(const Job& job, const Figures& figures, const FrameChecker& checker) {
+Json report_of(const Job& job, const Figures& figures, const Resizing& resizing, const FrameChecker& checker) {
   const Machine machine = this_machine();
   const Spread frame = figures.frame_ms();
   Json report;
@@ -172,6 +201,7 @@ Json report_of(const Job& job, const Figures& figures, const FrameChecker& check
                         {"ended", figures.ended}};
   report["nodes"] = nodes_of(figures);
   report["kinds"] = kinds_of(figures);
+  if (!job.service.resizes.empty()) report["resizes"] = resizes_of(resizing);
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
     report["traffic"][lower(name_of_traffic(static_cast<Traffic>(i)))] = {
@@ -195,7 +225,8 @@ Json report_of(const Job& job, const Figures& figures, const FrameChecker& check
 
 }  // namespace
 
-void print_report(std::FILE* out, const Job& job, const Figures& figures, const FrameChecker& checker) {
+void print_report(std::FILE* out, const Job& job, const Figures& figures, const Resizing& resizing,
+                  const FrameChecker& checker) {
   const Spread frame = figures.frame_ms();
   fmt::print(out, "{}\n{}\n", job.title, service_of(job.service));
   fmt::print(out, "{} frames counted after {} of warm-up\n\n", figures.frames(), job.frames.warmup);
@@ -210,6 +241,7 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   fmt::print(out, "moved       {:.1f} objects a frame, {:.2f} handed over\n",
              figures.mean(static_cast<double>(figures.moved)), figures.mean(static_cast<double>(figures.handed_over)));
   print_nodes(out, figures);
+  print_resizes(out, resizing);
   print_traffic(out, figures);
   for (std::size_t i = 1; i < status_count; ++i) {
     const auto reason = static_cast<Status>(i);
@@ -220,8 +252,9 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   fmt::print(out, "digest      {:016x}\n", figures.digest());
 }
 
-void write_json_report(OutputFile& out, const Job& job, const Figures& figures, const FrameChecker& checker) {
-  out.print("{}\n", report_of(job, figures, checker).dump(1, ' '));
+void write_json_report(OutputFile& out, const Job& job, const Figures& figures, const Resizing& resizing,
+                       const FrameChecker& checker) {
+  out.print("{}\n", report_of(job, figures, resizing, checker).dump(1, ' '));
 }
 
 }  // namespace ringfence::tools
