@@ -36,7 +36,8 @@ void BoxSet::plan_level(const Kernels& kernels, std::span<const geometry::Bounds
   laid_out_[level] = true;
 }
 
-void BoxSet::build(const Kernels& kernels, std::span<const geometry::Bounds> bounds, std::span<std::uint32_t> slots) {
+void BoxSet::build(const Kernels& kernels, std::span<const geometry::Bounds> bounds, const std::uint8_t* layers,
+                   const std::uint32_t* masks, std::span<std::uint32_t> slots) {
   levels_ = 0;
   if (slots.empty()) return;
   if (plan_is_stale(slots.size())) {
@@ -50,8 +51,8 @@ void BoxSet::build(const Kernels& kernels, std::span<const geometry::Bounds> bou
     // A level is laid out when the first boxes come for it, be that after the plan.
     if (!laid_out_[level]) plan_level(kernels, bounds, slots.first(left), level);
     RowGrid& grid = grids_[levels_];
-    grid.open(layouts_[level], left);
-    const std::size_t larger = kernels.stage(grid, bounds.data(), slots.data(), left, slots.data());
+    grid.open(layouts_[level], left, masks);
+    const std::size_t larger = kernels.stage(grid, bounds.data(), layers, slots.data(), left, slots.data());
     grid.staged = static_cast<std::uint32_t>(left - larger);
     left = larger;
     if (level == 0) larger_ = left;

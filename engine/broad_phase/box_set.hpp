@@ -22,7 +22,9 @@ class BoxSet {
 
   /// Makes the set hold the boxes of `slots`, in place of what it held. Overwrites `slots`. The boxes are staged, not
   /// yet sorted: the sweep does that bucket by bucket, so that it finds them in the cache.
-  void build(const Kernels& kernels, std::span<const geometry::Bounds> bounds, std::span<std::uint32_t> slots);
+  /// `layers` by slot and `masks` as in RowGrid; both null where all layers collide.
+  void build(const Kernels& kernels, std::span<const geometry::Bounds> bounds, const std::uint8_t* layers,
+             const std::uint32_t* masks, std::span<std::uint32_t> slots);
   void clear() noexcept { levels_ = 0; }
 
   std::span<RowGrid> grids() noexcept { return {grids_.data(), levels_}; }

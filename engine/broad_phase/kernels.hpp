@@ -22,17 +22,18 @@ struct Kernels {
                         const std::uint8_t* kept, std::uint32_t* moving, std::uint32_t* leaving);
 
   /// Puts the boxes of `slots` that fit the grid's limit into its buckets; writes the others to `larger` (may be
-  /// `slots` itself) and returns how many.
-  std::size_t (*stage)(RowGrid& grid, const geometry::Bounds* bounds, const std::uint32_t* slots, std::size_t count,
-                       std::uint32_t* larger);
+  /// `slots` itself) and returns how many. `layers` by slot, read only if the grid has layer masks.
+  std::size_t (*stage)(RowGrid& grid, const geometry::Bounds* bounds, const std::uint8_t* layers,
+                       const std::uint32_t* slots, std::size_t count, std::uint32_t* larger);
 
   /// Sorts the boxes of a bucket by cell and codes them; the buckets in order, each once.
   void (*sort)(RowGrid& grid, std::uint32_t bucket);
 
-  /// Pairs of a grid's boxes at the positions [first, last) with those after them.
+  /// Pairs of a grid's boxes at the positions [first, last) with those after them, as far as their layers collide.
   void (*sweep)(const RowGrid& grid, std::uint32_t first, std::uint32_t last, PairSink& sink);
 
-  /// Pairs of the boxes of `a` at the positions [first, last) with all boxes of `b`.
+  /// Pairs of the boxes of `a` at the positions [first, last) with all boxes of `b`, as far as their layers
+  /// collide. Both have the same layer masks.
   void (*query)(const RowGrid& a, std::uint32_t first, std::uint32_t last, const RowGrid& b, PairSink& sink);
 
   std::size_t lanes;  ///< codes compared at once

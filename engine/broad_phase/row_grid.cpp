@@ -2,8 +2,9 @@
 
 namespace ringfence::broad_phase {
 
-void RowGrid::open(const RowLayout& rows, std::size_t boxes_expected) {
+void RowGrid::open(const RowLayout& rows, std::size_t boxes_expected, const std::uint32_t* masks) {
   layout = rows;
+  layer_masks = masks;
   staged = count = sorted_buckets = 0;
   const std::size_t chunks_needed = boxes_expected / chunk + rows.buckets + 1;
   boxes.reserve(chunks_needed * chunk);
@@ -13,6 +14,10 @@ void RowGrid::open(const RowLayout& rows, std::size_t boxes_expected) {
   cursor.reserve(rows.buckets);
   codes.reserve(boxes_expected + 64);
   entries.reserve(boxes_expected);
+  if (masks != nullptr) {
+    staged_layers.reserve(chunks_needed * chunk);
+    layer_bits.reserve(boxes_expected + 64);
+  }
   cell_end.reserve(std::size_t{rows.cells} + 1);
   cell_end[0] = 0;
   for (chunks = 0; chunks < rows.buckets; ++chunks) {

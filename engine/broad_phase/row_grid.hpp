@@ -44,7 +44,12 @@ struct RowGrid {
   Buffer<std::uint32_t> keys;        ///< beside `boxes`, until they are sorted
   Buffer<std::uint64_t> codes;       ///< by sorted position; followed by a vector's width of anything
   Buffer<GridEntry> entries;         ///< by sorted position
-  Buffer<std::uint32_t> cell_end;    ///< [1 + key] is one past the key's last position, [0] is 0
+  /// Which layers each layer collides with, 32 masks that outlive the sweep; null where all collide: then the layer
+  /// columns are not filled.
+  const std::uint32_t* layer_masks = nullptr;
+  Buffer<std::uint8_t> staged_layers;  ///< beside `boxes`, until they are sorted
+  Buffer<std::uint32_t> layer_bits;    ///< by sorted position, one bit set; followed by a vector's width of anything
+  Buffer<std::uint32_t> cell_end;      ///< [1 + key] is one past the key's last position, [0] is 0
 
   static constexpr std::uint32_t chunk = 256;
   Buffer<std::uint32_t> next_chunk;   ///< by chunk: the bucket's next
@@ -53,7 +58,7 @@ struct RowGrid {
   std::uint32_t chunks = 0;
 
   /// Makes room for up to `boxes_expected` boxes under `layout` and empties the grid.
-  void open(const RowLayout& rows, std::size_t boxes_expected);
+  void open(const RowLayout& rows, std::size_t boxes_expected, const std::uint32_t* masks);
 
   /// Gives the bucket whose chunk is full another one; returns where it starts.
   std::uint32_t add_chunk(std::uint32_t full_chunk) noexcept {

@@ -50,7 +50,11 @@ struct SweepAndPrune::Implementation {
   std::uint32_t position = 0;
   std::size_t handed_out = 0;
 
-  Implementation(std::size_t objects, std::size_t pairs) : moving(objects), resting(objects) {
+  LayerMasks masks;
+  bool layered;
+
+  Implementation(std::size_t objects, std::size_t pairs, const LayerMasks& layer_masks)
+      : moving(objects), resting(objects), masks(layer_masks), layered(layer_masks != all_layers_collide()) {
     reserve(objects);
     sink.pairs.grow(pairs + 1, 0);
   }
@@ -99,6 +103,8 @@ struct SweepAndPrune::Implementation {
       for (std::size_t l = k + 1; l < grids.size(); ++l) tasks[task_count++] = {&grids[k], &grids[l]};
   }
 
+  const std::uint32_t* mask_data() const noexcept { return layered ? masks.data() : nullptr; }
+
   void start_tasks() { task_count = task = position = 0; }
 
   // Some more of the sweep; false when all is done.
@@ -128,7 +134,7 @@ struct SweepAndPrune::Implementation {
   }
 
   void rebuild_resting(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> still,
-                       std::size_t& moving_count) {
+                       const std::uint8_t* layers, std::size_t& moving_count) {
     std::size_t staying = 0, leaving = 0;
     for (std::uint32_t slot = 0; slot < slots; ++slot) {
       resting_slots[staying] = slot;
@@ -145,7 +151,7 @@ struct SweepAndPrune::Implementation {
     }
     moving_count = leaving;
     std::sort(resting_slots.data(), resting_slots.data() + staying);
-    resting.build(kernels, bounds, {resting_slots.data(), staying});
+    resting.build(kernels, bounds, layers, mask_data(), {resting_slots.data(), staying});
     kept_count = staying;
     removed = debt = remembered = sink.count = 0;
     forgotten = false;
@@ -160,8 +166,9 @@ struct SweepAndPrune::Implementation {
   }
 
   void begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
-             std::span<const std::uint8_t> still) {
+             std::span<const std::uint8_t> still, std::span<const std::uint8_t> layers) {
     assert(bounds.size() == present.size() && bounds.size() == still.size());
+    assert(!layered || layers.size() == bounds.size());
     if (bounds.size() != slots) resize(bounds.size());
     const Kernels::Census census =
         kernels.take_census(present, still, kept.data(), moving_slots.data(), leaving_slots.data());
@@ -176,9 +183,9 @@ struct SweepAndPrune::Implementation {
       resting.clear();
       removed = debt = 0;
     } else if (debt >= at_rest && debt != 0) {
-      rebuild_resting(bounds, still, moving_count);
+      rebuild_resting(bounds, still, layers.data(), moving_count);
     }
-    moving.build(kernels, bounds, {moving_slots.data(), moving_count});
+    moving.build(kernels, bounds, layers.data(), mask_data(), {moving_slots.data(), moving_count});
     start_tasks();
     add_tasks_within(moving);
     for (RowGrid& m : moving.grids())
@@ -188,24 +195,25 @@ struct SweepAndPrune::Implementation {
   }
 };
 
-SweepAndPrune::SweepAndPrune(std::size_t objects, std::size_t pairs)
-    : implementation_(std::make_unique<Implementation>(objects, pairs)) {}
+SweepAndPrune::SweepAndPrune(std::size_t objects, std::size_t pairs, const LayerMasks& layer_masks)
+    : implementation_(std::make_unique<Implementation>(objects, pairs, layer_masks)) {}
 SweepAndPrune::~SweepAndPrune() = default;
 SweepAndPrune::SweepAndPrune(SweepAndPrune&&) noexcept = default;
 SweepAndPrune& SweepAndPrune::operator=(SweepAndPrune&&) noexcept = default;
 
 std::span<const geometry::CandidatePair> SweepAndPrune::find(std::span<const geometry::Bounds> bounds,
                                                              std::span<const std::uint8_t> present,
-                                                             std::span<const std::uint8_t> resting) {
-  begin(bounds, present, resting);
+                                                             std::span<const std::uint8_t> resting,
+                                                             std::span<const std::uint8_t> layers) {
+  begin(bounds, present, resting, layers);
   while (implementation_->step()) {
   }
   return {implementation_->sink.pairs.data(), implementation_->sink.count};
 }
 
 void SweepAndPrune::begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
-                          std::span<const std::uint8_t> resting) {
-  implementation_->begin(bounds, present, resting);
+                          std::span<const std::uint8_t> resting, std::span<const std::uint8_t> layers) {
+  implementation_->begin(bounds, present, resting, layers);
 }
 
 std::span<const geometry::CandidatePair> SweepAndPrune::next(std::size_t most) {

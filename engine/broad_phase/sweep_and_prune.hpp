@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -8,6 +9,13 @@
 #include "geometry/bounds.hpp"
 
 namespace ringfence::broad_phase {
+
+using LayerMasks = std::array<std::uint32_t, 32>;
+constexpr LayerMasks all_layers_collide() noexcept {
+  LayerMasks masks{};
+  masks.fill(~std::uint32_t{0});
+  return masks;
+}
 
 /// Finds every candidate pair of a frame, each exactly once.
 ///
@@ -35,7 +43,8 @@ namespace ringfence::broad_phase {
 class SweepAndPrune {
  public:
   /// Reserves for `objects` objects and `pairs` pairs. Both may be exceeded later, at the price of an allocation.
-  SweepAndPrune(std::size_t objects, std::size_t pairs);
+  /// Bit j of layer_masks[i] says whether layers i and j collide, the same both ways; without masks all do.
+  SweepAndPrune(std::size_t objects, std::size_t pairs, const LayerMasks& layer_masks = all_layers_collide());
   ~SweepAndPrune();
   SweepAndPrune(SweepAndPrune&&) noexcept;
   SweepAndPrune& operator=(SweepAndPrune&&) noexcept;
@@ -43,20 +52,24 @@ class SweepAndPrune {
   /// All pairs i, j (i < j is not promised) with touch(bounds[i], bounds[j]) among those with present[i] and
   /// present[j] non-zero, in no particular order; near each other in space mostly near each other in the list.
   ///
-  /// `resting[i]` is non-zero where bounds[i] and present[i] are what they were at the last call (a promise that the
-  /// sweep may use; all zero is always right). The three spans have equal size, below 2^32 - 1, which may differ from
-  /// call to call. Precondition: lower <= upper on each axis. The result lives until the next call of any member.
+  /// `layers[i]`, below 32, is the layer of slot i: pairs whose layers do not collide are left out before they are
+  /// emitted. May be empty where all layers collide.
+  ///
+  /// `resting[i]` is non-zero where bounds[i], present[i] and layers[i] are what they were at the last call (a promise
+  /// that the sweep may use; all zero is always right). The spans have equal size, below 2^32 - 1, which may differ
+  /// from call to call. Precondition: lower <= upper on each axis. The result lives until the next call of any member.
   ///
   /// An object that starts to rest costs as before for a few frames: the structure for what rests is built again when
   /// the work that it would have saved equals its cost. In that frame the call takes as long as if all moved.
   std::span<const geometry::CandidatePair> find(std::span<const geometry::Bounds> bounds,
                                                 std::span<const std::uint8_t> present,
-                                                std::span<const std::uint8_t> resting);
+                                                std::span<const std::uint8_t> resting,
+                                                std::span<const std::uint8_t> layers = {});
 
   /// The same in portions, so that pairs can be worked on while the sweep goes on: begin(), then next() until it
   /// answers an empty span. The arguments are as in find(), and are not read any more once begin() has returned.
   void begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
-             std::span<const std::uint8_t> resting);
+             std::span<const std::uint8_t> resting, std::span<const std::uint8_t> layers = {});
 
   /// The next pairs, at most `most` (>= 1) and as many unless they are the last; empty when there are no more. The
   /// result lives until the next call of any member. The sweep may be abandoned by another begin() or find().

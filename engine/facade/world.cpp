@@ -76,8 +76,15 @@ regions::CellGrid interest_grid(const WorldConfig& config, const geometry::Fixed
 
 std::array<std::uint32_t, 32> layer_masks(const LayerMatrix& layers) {
   std::array<std::uint32_t, 32> masks{};
+  const auto named = static_cast<std::uint8_t>(std::max<std::size_t>(1, layers.names.size()));
+  const std::uint32_t every = ~std::uint32_t{0} >> (32 - named);
+  bool all_collide = true;
   for (std::uint8_t layer = 0; layer < 32; ++layer) {
     masks[layer] = layers.mask(layer);
+    all_collide &= layer >= named || (masks[layer] & every) == every;
+  }
+  if (all_collide) {
+    masks.fill(~std::uint32_t{0});  // which spares the sweep its layer columns
   }
   return masks;
 }

@@ -21,7 +21,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       host_(setup.model, setup.objects),
       known_(setup.objects),
       sweep_(setup.placement == Placement::region ? setup.objects : 0,
-             setup.placement == Placement::region ? setup.pairs : 0),
+             setup.placement == Placement::region ? setup.pairs : 0, setup.layer_masks),
       narrow_(*setup.shapes),
       leavers_(setup.peers.size()),
       hand_over_runs_(setup.peers.size()) {
@@ -205,9 +205,8 @@ void CdNodeRole::sweep() {
   TrackedTime time(setup_.track, "broad phase", told_.broad_phase_ns);
   const auto bounds = known_.bounds();
   const auto bodies = known_.bodies();
-  for (geometry::CandidatePair pair : sweep_.find(bounds, known_.present(), known_.resting())) {
-    const bool collide = (setup_.layer_masks[known_.layer(pair.a)] >> known_.layer(pair.b) & 1u) != 0;
-    if (!collide || map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
+  for (geometry::CandidatePair pair : sweep_.find(bounds, known_.present(), known_.resting(), known_.layers())) {
+    if (map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
       continue;
     }
     if (bodies[pair.b].number < bodies[pair.a].number) {

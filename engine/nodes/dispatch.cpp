@@ -12,8 +12,7 @@ using messages::MessageType;
 Dispatch::Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Placement placement,
                    const std::array<std::uint32_t, 32>& layer_masks)
     : placement_(placement),
-      layer_masks_(layer_masks),
-      sweep_(placement == Placement::server ? objects : 0, placement == Placement::server ? pairs : 0),
+      sweep_(placement == Placement::server ? objects : 0, placement == Placement::server ? pairs : 0, layer_masks),
       updates_(nodes),
       pairs_(nodes),
       update_runs_(nodes),
@@ -88,12 +87,10 @@ void Dispatch::list_pairs(const ObjectTable& objects, const regions::RegionMap& 
   }
   candidates_ = 0;
   const auto bounds = objects.bounds();
-  for (const geometry::CandidatePair pair : sweep_.find(bounds, objects.present(), objects.resting())) {
+  for (const geometry::CandidatePair pair :
+       sweep_.find(bounds, objects.present(), objects.resting(), objects.layers())) {
     const ObjectRow& p = objects.row(pair.a);
     const ObjectRow& q = objects.row(pair.b);
-    if ((layer_masks_[p.layer] >> q.layer & 1u) == 0) {
-      continue;
-    }
     const NodeNumber owner = map.pair_owner(bounds[pair.a], bounds[pair.b]);
     const bool ordered = p.object.number < q.object.number;
     pairs_[owner].push_back(ordered ? messages::PairRecord{pair.a, pair.b} : messages::PairRecord{pair.b, pair.a});

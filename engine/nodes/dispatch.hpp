@@ -50,7 +50,6 @@ class Dispatch {
                  messages::TrafficCounts& counts);
 
   Placement placement_;
-  std::array<std::uint32_t, 32> layer_masks_;
   broad_phase::SweepAndPrune sweep_;
   std::vector<std::vector<std::uint32_t>> updates_;  ///< by node: slots, with the bit `gone`
   std::vector<std::vector<messages::PairRecord>> pairs_;

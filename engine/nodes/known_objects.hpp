@@ -33,7 +33,7 @@ class KnownObjects {
   std::span<const narrow_phase::Body> bodies() const noexcept { return bodies_; }
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_; }
   std::uint32_t slot(std::size_t i) const noexcept { return slots_[i]; }
-  std::uint8_t layer(std::size_t i) const noexcept { return layers_[i]; }
+  std::span<const std::uint8_t> layers() const noexcept { return layers_; }
 
   /// One byte an object: 1 where nothing about it has changed since the last call of settle().
   std::span<const std::uint8_t> resting() const noexcept { return resting_; }

@@ -9,6 +9,7 @@ ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_b
   bounds_.reserve(objects);
   present_.reserve(objects);
   resting_.reserve(objects);
+  layers_.reserve(objects);
   states_.reserve(objects * state_bytes);
   free_.reserve(objects);
   ended_.reserve(objects);
@@ -32,6 +33,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
     bounds_.emplace_back();
     present_.push_back(0);
     resting_.push_back(1);
+    layers_.push_back(0);
     states_.resize(states_.size() + state_bytes_);
   } else {
     slot = free_.back();
@@ -45,6 +47,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   row.user_data = spec.user_data;
   row.shape = spec.shape;
   row.layer = spec.layer;
+  layers_[slot] = static_cast<std::uint8_t>(spec.layer);
   row.category = static_cast<std::uint16_t>(spec.category);
   row.user = spec.user;
   row.alive = true;

@@ -50,6 +50,8 @@ class ObjectTable {
   std::span<const std::uint8_t> present() const noexcept { return present_; }
   /// One byte a slot: whether bounds and presence are as in the frame before.
   std::span<const std::uint8_t> resting() const noexcept { return resting_; }
+  /// One byte a slot: the layer of its object; a slot that changes it is not resting.
+  std::span<const std::uint8_t> layers() const noexcept { return layers_; }
   std::byte* state(std::uint32_t slot) noexcept { return states_.data() + slot * state_bytes_; }
   std::size_t state_bytes() const noexcept { return state_bytes_; }
   /// The slot of a live object, or NumberIndex::none.
@@ -75,6 +77,7 @@ class ObjectTable {
   std::vector<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> present_;
   std::vector<std::uint8_t> resting_;
+  std::vector<std::uint8_t> layers_;
   std::vector<std::byte> states_;
   std::vector<std::uint32_t> free_;
   std::vector<std::uint32_t> ended_;  ///< in this frame

@@ -16,6 +16,11 @@ std::vector<geometry::CandidatePair> canonical(std::span<const geometry::Candida
 std::vector<geometry::CandidatePair> all_pairs(std::span<const geometry::Bounds> bounds,
                                                std::span<const std::uint8_t> present);
 
+/// Of those, the pairs whose layers collide.
+std::vector<geometry::CandidatePair> collide(std::span<const geometry::CandidatePair> pairs,
+                                             std::span<const std::uint8_t> layers,
+                                             std::span<const std::uint32_t> layer_masks);
+
 /// Empty when the two lists hold the same pairs, each once; otherwise the first difference in words.
 std::string difference(std::span<const geometry::CandidatePair> found,
                        std::span<const geometry::CandidatePair> expected);

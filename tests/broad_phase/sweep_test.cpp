@@ -3,10 +3,10 @@
 #include <vector>
 
 #include <doctest/doctest.h>
-#include <hwy/highway.h>
 
 #include "broad_phase/all_pairs.hpp"
 #include "broad_phase/box_worlds.hpp"
+#include "broad_phase/every_target.hpp"
 #include "broad_phase/kernels.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
 
@@ -15,19 +15,6 @@ namespace {
 
 using geometry::Bounds;
 using geometry::CandidatePair;
-
-// Runs `body` once for each instruction set that this build has and this machine can run.
-template <class Body>
-void on_every_target(Body&& body) {
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(target);
-    CAPTURE(hwy::TargetName(target));
-    body();
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-}
 
 std::string compare(SweepAndPrune& sweep, const std::vector<Bounds>& boxes, const std::vector<std::uint8_t>& present) {
   const std::vector<std::uint8_t> resting(boxes.size());

@@ -142,6 +142,7 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         REQUIRE(row.alive);
         REQUIRE(row.user_data == model.spec.user_data);
         REQUIRE(row.layer == model.spec.layer);
+        REQUIRE(table.layers()[row.object.slot] == model.spec.layer);
         REQUIRE((table.present()[model.slot] != 0) == model.spec.present);
         REQUIRE((table.resting()[model.slot] == 0) == (touched.count(model.slot) != 0));
         for (std::size_t k = 0; k < state_bytes; ++k) {
@@ -224,7 +225,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       REQUIRE(known.bodies()[i].shape == at->second.shape);
       REQUIRE(known.bodies()[i].pose == at->second.pose);
       REQUIRE(known.bounds()[i] == at->second.bounds);
-      REQUIRE(known.layer(i) == at->second.layer);
+      REQUIRE(known.layers()[i] == at->second.layer);
       REQUIRE(known.present()[i] == 1);
       if (changed.count(slot) != 0) {
         REQUIRE(known.resting()[i] == 0);  // what rests for the sweep has truly not changed

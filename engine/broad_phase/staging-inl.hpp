@@ -1,0 +1,146 @@
+// Streams boxes into the buckets of a grid. Included once for each Highway target.
+
+#if defined(RINGFENCE_BROAD_PHASE_STAGING_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_BROAD_PHASE_STAGING_INL
+#undef RINGFENCE_BROAD_PHASE_STAGING_INL
+#else
+#define RINGFENCE_BROAD_PHASE_STAGING_INL
+#endif
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "broad_phase/row_grid.hpp"
+#include "broad_phase/vectors-inl.hpp"
+#include "geometry/bounds.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::broad_phase::HWY_NAMESPACE {
+
+#if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
+
+// One bit extract for x and y together; every processor with AVX-512 has a fast one.
+class KeyOf {
+ public:
+  explicit KeyOf(const RowLayout& rows)
+      : x_and_y_(std::uint64_t{rows.cell_mask[0]} << rows.cell_shift[0] | std::uint64_t{rows.cell_mask[1]}
+                                                                              << rows.cell_shift[1] << 32),
+        shift_(rows.cell_shift[2]),
+        mask_(rows.cell_mask[2]),
+        to_(rows.x_bits + rows.y_bits) {}
+  HWY_INLINE std::uint32_t operator()(const geometry::Bounds& b) const {
+    std::uint64_t x_and_y;
+    std::memcpy(&x_and_y, b.lower, sizeof x_and_y);
+    return static_cast<std::uint32_t>(_pext_u64(x_and_y, x_and_y_)) | (b.lower[2] >> shift_ & mask_) << to_;
+  }
+
+ private:
+  std::uint64_t x_and_y_;
+  std::uint32_t shift_, mask_, to_;
+};
+
+#else
+
+class KeyOf {
+ public:
+  explicit KeyOf(const RowLayout& rows) : rows_(rows) {}
+  HWY_INLINE std::uint32_t operator()(const geometry::Bounds& b) const {
+    const auto cell = [&](std::size_t axis) { return b.lower[axis] >> rows_.cell_shift[axis] & rows_.cell_mask[axis]; };
+    return cell(0) | cell(1) << rows_.x_bits | cell(2) << (rows_.x_bits + rows_.y_bits);
+  }
+
+ private:
+  RowLayout rows_;
+};
+
+#endif
+
+#if HWY_TARGET == HWY_SCALAR
+
+class Limit {
+ public:
+  explicit Limit(const RowLayout& rows) : rows_(rows) {}
+  bool holds(const geometry::Bounds& b) const {
+    return (b.upper[0] - b.lower[0] <= rows_.limit[0]) & (b.upper[1] - b.lower[1] <= rows_.limit[1]) &
+           (b.upper[2] - b.lower[2] <= rows_.limit[2]);
+  }
+
+ private:
+  RowLayout rows_;
+};
+
+HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, const Limit& limit, GridBox& to) {
+  std::memcpy(to.lower, b.lower, sizeof to.lower);
+  std::memcpy(to.upper, b.upper, sizeof to.upper);
+  return limit.holds(b);
+}
+
+#else
+
+class Limit {
+ public:
+  explicit Limit(const RowLayout& rows) {
+    const std::uint32_t limit[4] = {rows.limit[0], rows.limit[1], rows.limit[2], 0xffffffff};
+    limit_ = hn::LoadU(Corner(), limit);
+  }
+  HWY_INLINE bool holds(hn::Vec<Corner> lower, hn::Vec<Corner> upper) const {
+    const auto extent = hn::Sub(upper, lower);
+    return hn::AllTrue(Corner(), hn::Eq(hn::Min(extent, limit_), extent));
+  }
+
+ private:
+  hn::Vec<Corner> limit_;
+};
+
+// Writes all of `to`; slot and guard are the caller's to overwrite.
+HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, const Limit& limit, GridBox& to) {
+  const Corner d;
+  const auto lower = hn::LoadU(d, b.lower);                       // and upper x
+  const auto upper = hn::Shuffle0321(hn::LoadU(d, b.lower + 2));  // lower z moved behind
+  hn::Store(lower, d, to.lower);
+  hn::Store(upper, d, to.upper);
+  return limit.holds(lower, upper);
+}
+
+#endif
+
+inline std::size_t stage(RowGrid& grid, const geometry::Bounds* bounds, const std::uint8_t* layers,
+                         const std::uint32_t* slots, std::size_t count, std::uint32_t* larger) {
+  const RowLayout& rows = grid.layout;
+  const std::uint32_t bucket_shift = rows.bucket_shift;
+  const Limit limit(rows);
+  GridBox* HWY_RESTRICT boxes = grid.boxes.data();
+  std::uint32_t* HWY_RESTRICT keys = grid.keys.data();
+  std::uint32_t* HWY_RESTRICT cursor = grid.cursor.data();
+  const bool layered = grid.layer_masks != nullptr;
+  std::uint8_t* HWY_RESTRICT staged_layers = grid.staged_layers.data();
+  std::size_t refused = 0;
+  const KeyOf key_of(rows);
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::uint32_t slot = slots[k];
+    const geometry::Bounds& b = bounds[slot];
+    const std::uint32_t key = key_of(b);
+    std::uint32_t& next = cursor[key >> bucket_shift];
+    const std::uint32_t at = next;
+    // Stores leave in order: one that has to fetch its line holds up all behind it.
+    __builtin_prefetch(boxes + at + 6, 1);
+    __builtin_prefetch(keys + at + 16, 1);
+    keys[at] = key;
+    if (layered) staged_layers[at] = layers[slot];
+    const std::uint32_t fits = copy_if_within(b, limit, boxes[at]);
+    boxes[at].slot = slot;
+    boxes[at].guard = GridBox::present;
+    larger[refused] = slot;
+    refused += 1 - fits;
+    next = at + fits;
+    if (HWY_UNLIKELY(((at + fits) & (RowGrid::chunk - 1)) == 0) && fits != 0)
+      next = grid.add_chunk(at / RowGrid::chunk);
+  }
+  return refused;
+}
+
+}  // namespace ringfence::broad_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+
+#include <doctest/doctest.h>
+#include <hwy/highway.h>
+
+namespace ringfence::broad_phase::test {
+
+/// Runs `body` once for each instruction set that this build has and this machine can run.
+template <class Body>
+void on_every_target(Body&& body) {
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(target);
+    CAPTURE(hwy::TargetName(target));
+    body();
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+}
+
+}  // namespace ringfence::broad_phase::test
