@@ -51,13 +51,14 @@ Theatre::Theatre(const Stageplay& play) : play_(play), map_(play.grid, play.node
   for (NodeNumber p = 0; p < play.nodes; ++p) {
     for (NodeNumber q = 0; q < play.nodes; ++q) {
       if (p != q) {
-        peers_[{p, q}] = std::make_unique<Wire>(play.ring_bytes, Endpoint::node(p), Endpoint::node(q));
+        peers_[{p, q}] =
+            std::make_unique<Wire>(play.ring_bytes, play.delivery_bytes, Endpoint::node(p), Endpoint::node(q));
       }
     }
   }
   for (NodeNumber node = 0; node < play.nodes; ++node) {
-    Wire& in = node_in_.emplace_back(play.ring_bytes, Endpoint::server(), Endpoint::node(node));
-    Wire& out = node_out_.emplace_back(play.ring_bytes, Endpoint::node(node), Endpoint::server());
+    Wire& in = node_in_.emplace_back(play.ring_bytes, play.delivery_bytes, Endpoint::server(), Endpoint::node(node));
+    Wire& out = node_out_.emplace_back(play.ring_bytes, play.delivery_bytes, Endpoint::node(node), Endpoint::server());
     setup.nodes.push_back({&in.sender(), &out.receiver()});
     CdNodeSetup own;
     own.node = node;
@@ -80,8 +81,8 @@ Theatre::Theatre(const Stageplay& play) : play_(play), map_(play.grid, play.node
 
 void Theatre::connect(UserNumber number) {
   User& user = users_[number];
-  user.in = std::make_unique<Wire>(play_.ring_bytes, Endpoint::server(), Endpoint::user(number));
-  user.out = std::make_unique<Wire>(play_.ring_bytes, Endpoint::user(number), Endpoint::server());
+  user.in = std::make_unique<Wire>(play_.ring_bytes, play_.delivery_bytes, Endpoint::server(), Endpoint::user(number));
+  user.out = std::make_unique<Wire>(play_.ring_bytes, play_.delivery_bytes, Endpoint::user(number), Endpoint::server());
   user.publication = std::make_unique<link::Publication>(play_.grid.cells(), 16);
   UserSetup setup;
   setup.user = number;

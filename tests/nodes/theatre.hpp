@@ -40,8 +40,8 @@ struct Seen {
 /// Stands between two channels: every message passes through the test's hands.
 class Wire {
  public:
-  Wire(std::size_t ring_bytes, Endpoint from, Endpoint to)
-      : from_(from), to_(to), near_(ring_bytes, nullptr, nullptr), far_(std::size_t{1} << 20, nullptr, nullptr) {}
+  Wire(std::size_t ring_bytes, std::size_t delivery_bytes, Endpoint from, Endpoint to)
+      : from_(from), to_(to), near_(ring_bytes, nullptr, nullptr), far_(delivery_bytes, nullptr, nullptr) {}
   link::Sender& sender() { return near_.sender(); }
   link::Receiver& receiver() { return far_.receiver(); }
   /// Takes what was sent, lets `tamper` make of it what it likes, delivers that, and notes it in `log`.
@@ -61,6 +61,7 @@ struct Stageplay {
   regions::CellGrid grid{{2, 2, 1}};
   const MotionModel* model = nullptr;
   std::size_t ring_bytes = 4096;
+  std::size_t delivery_bytes = std::size_t{1} << 20;  ///< of the rings behind the test's hands
   double interest = 0;
 };
 

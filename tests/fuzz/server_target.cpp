@@ -1,0 +1,215 @@
+// A user node that says whatever the input makes it say, in each deployment. What other hosts own moves as if it had
+// been silent, its own objects stand where they can stand, contacts are those of the poses, and the frame ends.
+#include <cmath>
+#include <cstring>
+#include <vector>
+
+#define DOCTEST_CONFIG_IMPLEMENT
+#include <doctest/doctest.h>
+
+#include "fuzz/target.hpp"
+#include "nodes/theatre.hpp"
+
+namespace ringfence::fuzz {
+namespace {
+
+using nodes::test::Seen;
+using nodes::test::Stageplay;
+using nodes::test::Theatre;
+using Bytes = std::vector<std::byte>;
+
+constexpr UserNumber liar = 1;
+constexpr std::size_t objects = 12;
+constexpr double radius = 2;
+
+/// A pure walk that contacts do not change, so that where every honest object stands can be told without the engine.
+class Walk : public MotionModel {
+ public:
+  std::size_t state_bytes() const noexcept override { return 8; }
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      outputs[i].pose.position.x += step(inputs[i].number, frame);
+    }
+  }
+  static double step(ObjectNumber number, std::uint64_t frame) { return (number + frame) % 3 == 0 ? -2.0 : 1.0; }
+};
+const Walk walk;
+
+Vec3d start_of(std::size_t i) { return {20 + static_cast<double>(i % 4) * 3, 20 + static_cast<double>(i / 4) * 3, 30}; }
+
+/// Takes values off the input's front; zeros when there is no more.
+class Input {
+ public:
+  Input(const std::uint8_t* bytes, std::size_t size) : bytes_(bytes), left_(size) {}
+  bool empty() const { return left_ == 0; }
+  std::uint8_t byte() { return take<std::uint8_t>(); }
+  template <class T>
+  T take() {
+    T value{};
+    const std::size_t size = left_ < sizeof value ? left_ : sizeof value;
+    std::memcpy(&value, bytes_, size);
+    bytes_ += size;
+    left_ -= size;
+    return value;
+  }
+  void fill(Bytes& bytes, std::size_t from) {
+    for (; from < bytes.size() && !empty(); ++from) {
+      bytes[from] = static_cast<std::byte>(byte());
+    }
+  }
+
+ private:
+  const std::uint8_t* bytes_;
+  std::size_t left_;
+};
+
+struct Scene {
+  explicit Scene(Deployment deployment)
+      : theatre([&] {
+          Stageplay play;
+          play.deployment = deployment;
+          play.model = &walk;
+          play.nodes = 2;
+          play.delivery_bytes = std::size_t{1} << 15;
+          return play;
+        }()) {
+    const ShapeNumber ball = theatre.add_shape(Sphere{radius});
+    for (UserNumber user = 0; user < 3; ++user) {
+      theatre.connect(user);
+    }
+    for (std::size_t i = 0; i < objects; ++i) {
+      ObjectSpec spec;
+      spec.shape = ball;
+      spec.pose.position = start_of(i);
+      spec.category = i < 6 ? Category::avatar : i == 11 ? Category::fixed : Category::active;
+      spec.user = i < 6 ? static_cast<UserNumber>(i % 3) : no_user;
+      theatre.spawn(spec);
+    }
+  }
+  const nodes::ObjectRow& row(std::size_t i) const {
+    const nodes::ObjectTable& table = theatre.table();
+    return table.row(table.find(static_cast<ObjectNumber>(i + 1)));
+  }
+  Theatre theatre;
+};
+
+messages::Header header_of(messages::MessageType type, std::uint64_t frame, std::size_t count) {
+  const std::size_t each = messages::record_bytes(type, 8);
+  messages::Header header;
+  header.type = static_cast<std::uint16_t>(type);
+  header.record_bytes = static_cast<std::uint16_t>(each);
+  header.source = messages::Endpoint::user(liar).value;
+  header.frame = frame;
+  header.count = static_cast<std::uint32_t>(count);
+  header.bytes = static_cast<std::uint32_t>(sizeof header + count * each);
+  return header;
+}
+
+Bytes bytes_of(const messages::Header& header) {
+  Bytes bytes(header.bytes);
+  std::memcpy(bytes.data(), &header, sizeof header);
+  return bytes;
+}
+
+/// One lie, as the input has it.
+Bytes lie(Input& input, const Scene& scene, const Seen& honest) {
+  const std::uint64_t frame = honest.header.frame;
+  switch (input.byte() % 4) {
+    case 0: {  // rubbish
+      Bytes bytes(1 + input.byte() * std::size_t{3});
+      input.fill(bytes, 0);
+      return bytes;
+    }
+    case 1: {  // well formed, of any type, with any records
+      const auto type = static_cast<messages::MessageType>(1 + input.byte() % (messages::message_types - 1));
+      const std::size_t count = messages::record_bytes(type, 8) == 0 ? 0 : input.byte() % 5;
+      messages::Header header = header_of(type, frame + input.byte() % 3 - 1, count);
+      header.last = input.byte() & 1;
+      Bytes bytes = bytes_of(header);
+      input.fill(bytes, sizeof header);
+      return bytes;
+    }
+    case 2: {  // a state of somebody's object at any pose
+      messages::Header header = header_of(messages::MessageType::state_update, frame, 1);
+      header.last = input.byte() & 1;
+      Bytes bytes = bytes_of(header);
+      messages::StateRecord record{scene.row(input.byte() % objects).object, input.take<Pose>()};
+      record.object.flags = input.byte();
+      std::memcpy(bytes.data() + sizeof header, &record, sizeof record);
+      return bytes;
+    }
+    default: {  // the honest message with a byte changed
+      Bytes bytes = honest.bytes;
+      const std::size_t at = input.take<std::uint16_t>() % bytes.size();
+      bytes[at] ^= static_cast<std::byte>(input.byte());
+      return bytes;
+    }
+  }
+}
+
+void check(const Scene& scene, const Vec3d* honest) {
+  Vec3d where[objects];
+  for (std::size_t i = 0; i < objects; ++i) {
+    const nodes::ObjectRow& row = scene.row(i);
+    where[i] = row.pose.position;
+    const bool own = row.host == messages::Endpoint::user(liar);
+    require(own || (where[i].x == honest[i].x && where[i].y == honest[i].y && where[i].z == honest[i].z));
+    require(std::abs(where[i].x) <= farthest_coordinate && std::abs(where[i].y) <= farthest_coordinate &&
+            std::abs(where[i].z) <= farthest_coordinate);
+  }
+  std::size_t touching = 0;
+  std::size_t unsure = 0;
+  const auto present = scene.theatre.table().present();
+  for (std::size_t i = 0; i < objects; ++i) {
+    for (std::size_t j = i + 1; j < objects; ++j) {
+      const double x = where[i].x - where[j].x, y = where[i].y - where[j].y, z = where[i].z - where[j].z;
+      const double distance = std::sqrt(x * x + y * y + z * z);
+      const bool both = present[scene.row(i).object.slot] != 0 && present[scene.row(j).object.slot] != 0;
+      unsure += both && std::abs(distance - 2 * radius) < 1e-4;
+      touching += both && distance <= 2 * radius - 1e-4;
+    }
+  }
+  const std::size_t found = scene.theatre.contacts().size();
+  require(found >= touching && found <= touching + unsure);
+  const FrameReport& report = scene.theatre.report();
+  require(report.tested == report.candidates && report.accepted == report.candidates);
+}
+
+void fail(const doctest::AssertData&) { std::abort(); }
+
+}  // namespace
+}  // namespace ringfence::fuzz
+
+using namespace ringfence;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
+  // The theatre requires that a frame does not hang; here, too, that ends the program.
+  static doctest::Context context;
+  context.setAsDefaultForAssertsOutOfTestCases();
+  context.setAssertHandler(fuzz::fail);
+
+  fuzz::Input input(bytes, size);
+  constexpr Deployment deployments[] = {Deployment::user, Deployment::user_server, Deployment::user_collision};
+  fuzz::Scene scene(deployments[input.byte() % 3]);
+  scene.theatre.tamper = [&](const fuzz::Seen& seen, std::vector<fuzz::Bytes>& instead) {
+    if (seen.from != messages::Endpoint::user(fuzz::liar)) {
+      return;
+    }
+    for (int lies = input.empty() ? 0 : input.byte() % 4; lies > 0; --lies) {
+      const bool before = (input.byte() & 1) != 0;
+      instead.insert(before ? instead.begin() : instead.end(), fuzz::lie(input, scene, seen));
+    }
+  };
+  Vec3d honest[fuzz::objects];
+  for (std::size_t i = 0; i < fuzz::objects; ++i) {
+    honest[i] = fuzz::start_of(i);
+  }
+  for (std::uint64_t frame = 0; frame < 4; ++frame) {
+    scene.theatre.frame();
+    for (std::size_t i = 0; i + 1 < fuzz::objects; ++i) {
+      honest[i].x += fuzz::Walk::step(static_cast<ObjectNumber>(i + 1), frame);
+    }
+    fuzz::check(scene, honest);
+  }
+  return 0;
+}
