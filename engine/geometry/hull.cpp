@@ -127,6 +127,7 @@ class HullAssembly {
     assembly.measure();
     assembly.place_planes();
     assembly.place_edges();
+    assembly.place_faces_of_edges();
     return std::move(assembly.hull_);
   }
 
@@ -175,8 +176,11 @@ class HullAssembly {
         const std::uint32_t from = triangles_[t].corner[e], to = triangles_[t].corner[(e + 1) % 3];
         const std::uint32_t left = facets_.of_triangle[t], right = facets_.of_triangle[triangles_[t].across[e]];
         if (left == right || from > to) continue;
-        hull_.edges_.push_back(
-            {number_of_[from], number_of_[to], static_cast<std::uint16_t>(left), static_cast<std::uint16_t>(right)});
+        hull_.edges_.push_back({number_of_[from],
+                                number_of_[to],
+                                static_cast<std::uint16_t>(left),
+                                static_cast<std::uint16_t>(right),
+                                {}});
       }
     }
   }
@@ -250,17 +254,26 @@ class HullAssembly {
     hull_.inner_radius_ = static_cast<float>(std::max(0.0, inner * (1 - 1e-6)));
   }
 
+  void place_faces_of_edges() {
+    if (hull_.face_count_ > 256) return;
+    const std::size_t count = hull_.edges_.size();
+    const std::size_t stride = (count + face_column_bytes - 1) / face_column_bytes * face_column_bytes;
+    hull_.faces_of_edges_.assign(2 * stride, 0);
+    for (std::size_t i = 0; i < count; ++i) {
+      hull_.faces_of_edges_[i] = static_cast<std::uint8_t>(hull_.edges_[i].left);
+      hull_.faces_of_edges_[stride + i] = static_cast<std::uint8_t>(hull_.edges_[i].right);
+    }
+  }
+
   void place_edges() {
     const std::size_t count = hull_.edges_.size(), stride = padded(count);
     hull_.edge_columns_.resize(edge_columns * stride);
     for (std::size_t i = 0; i < stride; ++i) {
-      const HullEdge edge = hull_.edges_[i < count ? i : 0];
+      HullEdge& edge = hull_.edges_[i < count ? i : 0];
       const Vec3f left = hull_.normal(edge.left), right = hull_.normal(edge.right), from = hull_.vertex(edge.from);
       const Vec3d way = to_double(hull_.vertex(edge.to)) - to_double(from);
       const double reach = length(way);
-      const Vec3f along = to_float(way * (1 / reach));
-      const double half_cosine = 0.5 * length(to_double(left) + to_double(right));
-      const auto spread = static_cast<float>(1 / std::clamp(half_cosine, 1e-6, 1.0));
+      const Vec3f along = edge.along = to_float(way * (1 / reach));
       const float values[edge_columns] = {left.x,
                                           left.y,
                                           left.z,
@@ -273,8 +286,7 @@ class HullAssembly {
                                           along.x,
                                           along.y,
                                           along.z,
-                                          static_cast<float>(reach),
-                                          spread};
+                                          static_cast<float>(reach)};
       for (std::size_t c = 0; c < edge_columns; ++c) hull_.edge_columns_[c * stride + i] = values[c];
     }
   }

@@ -23,10 +23,15 @@ constexpr std::size_t padded(std::size_t count) noexcept { return (count + hull_
 struct HullEdge {
   std::uint16_t from, to;
   std::uint16_t left, right;
+  Vec3f along;  ///< unit, from `from` to `to`
 };
+static_assert(sizeof(HullEdge) == 20);
 
-/// The columns of an edge: the unit normals of its two faces, the vertex it starts from, its unit direction and length,
-/// and its spread: 1 / cos of half the angle between the two normals (at most 10^6).
+/// Bytes that the columns of an edge's faces are padded to, the widest vector there is.
+inline constexpr std::size_t face_column_bytes = 64;
+
+/// The columns of an edge: the unit normals of its two faces, the vertex it starts from, its unit direction and its
+/// length.
 enum class EdgeColumn : std::size_t {
   left_x,
   left_y,
@@ -40,10 +45,9 @@ enum class EdgeColumn : std::size_t {
   along_x,
   along_y,
   along_z,
-  length,
-  spread
+  length
 };
-inline constexpr std::size_t edge_columns = 14;
+inline constexpr std::size_t edge_columns = 13;
 
 /// A convex polytope, prepared once for the kernels, then immutable.
 ///
@@ -76,6 +80,11 @@ class Hull {
   const float* edge_column(EdgeColumn column) const noexcept {
     return edge_columns_.data() + static_cast<std::size_t>(column) * padded(edges_.size());
   }
+  /// For hulls of at most 256 faces, the left faces of all edges in a byte each, padded with zeros to whole
+  /// face_column_bytes, then the right faces likewise; null for larger ones.
+  const std::uint8_t* faces_of_edges() const noexcept {
+    return faces_of_edges_.empty() ? nullptr : faces_of_edges_.data();
+  }
   /// The vertices around face `i`, anticlockwise seen from outside.
   std::span<const std::uint16_t> face(std::size_t i) const noexcept {
     return {face_vertices_.data() + face_starts_[i], face_starts_[i + 1] - face_starts_[i]};
@@ -100,6 +109,7 @@ class Hull {
   AlignedVector<float> vertices_;
   AlignedVector<float> faces_;
   AlignedVector<float> edge_columns_;
+  AlignedVector<std::uint8_t> faces_of_edges_;
   std::vector<HullEdge> edges_;
   std::vector<std::uint32_t> face_starts_, neighbour_starts_;
   std::vector<std::uint16_t> face_vertices_, neighbours_;

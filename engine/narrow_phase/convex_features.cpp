@@ -146,6 +146,17 @@ Flat shared(Polygon& p, Polygon& q, Polygon& spare) {
 }  // namespace
 
 Vec3d meeting_point(std::span<const Vec3d> first, std::span<const Vec3d> second, Vec3d normal) noexcept {
+  if (first.size() == 1) return first[0];
+  if (second.size() == 1) return second[0];
+  if (first.size() == 2 && second.size() == 2) {
+    // Two edges that cross, which is what most hulls meet with, need no frame.
+    const Vec3d along = first[1] - first[0], other = second[1] - second[0];
+    const double sine = ringfence::dot(normal, cross(along, other));
+    if (sine * sine > 1e-12 * ringfence::dot(along, along) * ringfence::dot(other, other)) {
+      const double part = ringfence::dot(normal, cross(second[0] - first[0], other)) / sine;
+      return first[0] + along * std::clamp(part, 0.0, 1.0);
+    }
+  }
   const Frame frame(normal);
   Polygon p, q, spare;
   make_hull(first, frame, p);

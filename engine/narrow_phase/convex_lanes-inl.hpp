@@ -11,6 +11,7 @@
 #define RINGFENCE_NARROW_PHASE_CONVEX_LANES_INL
 #endif
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -153,14 +154,18 @@ HWY_INLINE Point<T> vertex_of(const Polytope& p, std::size_t i) {
   return point_of<T>({p.vertex[0][i], p.vertex[1][i], p.vertex[2][i]});
 }
 
-/// From start to end of an edge, unit. In double not from the column, which is rounded to float.
+template <class T>
+HWY_INLINE Point<T> normal_of(const Polytope& p, std::size_t face) {
+  return point_of<T>({p.normal[0][face], p.normal[1][face], p.normal[2][face]});
+}
+
+/// From start to end of an edge, unit. In double not as stored, which is rounded to float.
 template <class T>
 HWY_INLINE Point<T> along_edge(const Polytope& p, std::size_t i) {
   if constexpr (sizeof(T) == 4) {
-    using geometry::EdgeColumn;
-    return {p.of(EdgeColumn::along_x)[i], p.of(EdgeColumn::along_y)[i], p.of(EdgeColumn::along_z)[i]};
+    return p.edge[i].along;
   } else {
-    const Point<T> way = vertex_of<T>(p, p.ends[i].to) - vertex_of<T>(p, p.ends[i].from);
+    const Point<T> way = vertex_of<T>(p, p.edge[i].to) - vertex_of<T>(p, p.edge[i].from);
     return way * (T(1) / std::sqrt(dot(way, way)));
   }
 }
@@ -170,7 +175,7 @@ HWY_INLINE T edge_length(const Polytope& p, std::size_t i) {
   if constexpr (sizeof(T) == 4) {
     return p.of(geometry::EdgeColumn::length)[i];
   } else {
-    return length(vertex_of<T>(p, p.ends[i].to) - vertex_of<T>(p, p.ends[i].from));
+    return length(vertex_of<T>(p, p.edge[i].to) - vertex_of<T>(p, p.edge[i].from));
   }
 }
 
@@ -186,33 +191,62 @@ HWY_INLINE T support(const Polytope& p, Point<T> direction) {
   return hn::GetLane(hn::MaxOfLanes(d, most));
 }
 
+/// Finds the index of the least value; the lowest one if it occurs more than once. Without a branch on where it is,
+/// which could not be foreseen.
+template <class T>
+class Least {
+ public:
+  HWY_INLINE explicit Least(hn::Vec<Columns16<T>> first) : least_(first), at_(hn::Zero(ints)) {}
+
+  /// The values of a vector from index `i` on. In ascending order of i.
+  HWY_INLINE void add(hn::Vec<Columns16<T>> values, std::size_t i) {
+    const auto less = hn::RebindMask(ints, hn::Lt(values, least_));
+    at_ = hn::IfThenElse(less, hn::Set(ints, static_cast<Int>(i)), at_);
+    least_ = hn::Min(values, least_);
+  }
+
+  HWY_INLINE std::size_t index() const {
+    alignas(64) Int at[hn::MaxLanes(d)];
+    hn::Store(at_, ints, at);
+    std::uint32_t equal = bits_of(d, hn::Eq(least_, hn::MinOfLanes(d, least_)));
+    const auto of_lane = [&](std::uint32_t bits) HWY_ATTR {
+      const auto lane = static_cast<std::size_t>(__builtin_ctz(bits));
+      return static_cast<std::size_t>(at[lane]) + lane;
+    };
+    std::size_t index = of_lane(equal);
+    for (equal &= equal - 1; HWY_UNLIKELY(equal != 0); equal &= equal - 1) index = std::min(index, of_lane(equal));
+    return index;
+  }
+
+ private:
+  static constexpr Columns16<T> d{};
+  static constexpr hn::RebindToSigned<Columns16<T>> ints{};
+  using Int = hwy::MakeSigned<T>;
+  hn::Vec<Columns16<T>> least_;
+  hn::Vec<hn::RebindToSigned<Columns16<T>>> at_;  // where the vector begins that each lane's least is from
+};
+
 /// The index of the least of `values`, the lowest one if it occurs more than once. Padded to 16 by values that are not
 /// less.
 template <class T>
 HWY_INLINE std::size_t least_of(const T* values, std::size_t count) {
   const Columns16<T> d;
-  auto least = hn::Load(d, values);
-  for (std::size_t i = hn::Lanes(d); i < count; i += hn::Lanes(d)) least = hn::Min(least, hn::Load(d, values + i));
-  const auto wanted = hn::MinOfLanes(d, least);
-  for (std::size_t i = 0; i < count; i += hn::Lanes(d)) {
-    const std::uint32_t equal = bits_of(d, hn::Eq(hn::Load(d, values + i), wanted));
-    if (equal != 0) return i + static_cast<std::size_t>(__builtin_ctz(equal));
-  }
-  return 0;
+  Least<T> least(hn::Load(d, values));
+  for (std::size_t i = hn::Lanes(d); i < count; i += hn::Lanes(d)) least.add(hn::Load(d, values + i), i);
+  return least.index();
 }
 
 /// The lowest index of the vertices farthest along a direction.
 template <class T>
 HWY_INLINE std::size_t farthest_vertex(const Polytope& p, Point<T> direction) {
   const Columns16<T> d;
-  alignas(64) T nearness[geometry::max_hull_vertices];
   const auto way = spread_out(d, -direction);
-  std::size_t i = 0;
-  do {
-    hn::Store(dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way), d, nearness + i);
-    i += hn::Lanes(d);
-  } while (i < p.vertices);
-  return least_of(nearness, p.vertices);
+  const auto nearness = [&](std::size_t i) HWY_ATTR {
+    return dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way);
+  };
+  Least<T> least(nearness(0));
+  for (std::size_t i = hn::Lanes(d); i < p.vertices; i += hn::Lanes(d)) least.add(nearness(i), i);
+  return least.index();
 }
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

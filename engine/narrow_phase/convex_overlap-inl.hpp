@@ -18,8 +18,11 @@
 #define RINGFENCE_NARROW_PHASE_CONVEX_OVERLAP_INL
 #endif
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 
 #include "narrow_phase/convex_features.hpp"
 #include "narrow_phase/convex_lanes-inl.hpp"
@@ -49,6 +52,20 @@ struct Rounding {
   static constexpr T height = sizeof(T) == 4 ? T(3e-6) : T(1.5e-7);
 };
 
+/// What is known of the reach of one shape's faces: bounds from below by points inside the other shape, each by the
+/// other's deepest vertex along some direction, and by the ball inside the other.
+template <class T>
+struct FaceBounds {
+  static constexpr std::size_t most_points = 3;
+  static constexpr std::size_t words = max_faces / 64;
+  using Set = std::uint64_t[words];  ///< of faces
+
+  alignas(64) T ball_centre[max_faces];  ///< from the centre of the ball to the face's plane, positive inside
+  alignas(64) T point[most_points][max_faces];
+  alignas(64) T bound[max_faces];  ///< the best of the ball's and the first points'
+  std::size_t points = 0;
+};
+
 template <class T>
 class PolytopePair {
  public:
@@ -61,8 +78,6 @@ class PolytopePair {
     centre_of_b_ = rotate(turn_, point_of<T>(b_.centre)) + offset_;
     if (separated_by_centres()) return false;
     if (separated_by_faces()) return false;
-    add_deepest_of_a(direction_);
-    add_deepest_of_b(-rotate_back(turn_, direction_));
     const T after_faces = best_;
     const Point<T> direction_after_faces = direction_;
     if (separated_by_edges(false)) return false;
@@ -82,35 +97,8 @@ class PolytopePair {
  private:
   static constexpr Columns16<T> d{};
   using Lanes = hn::Vec<Columns16<T>>;
-
-  /// Columns of faces or edges that were kept, one after the other.
-  template <std::size_t Columns, std::size_t Most>
-  struct Kept {
-    alignas(64) T value[Columns * Most];
-    std::uint16_t index[Most];
-    std::size_t count = 0, stride = 0;
-
-    T* column(std::size_t c) { return value + c * stride; }
-  };
-
-  /// Vertices of one shape that turned out deepest along some direction, in the axes of the other: points inside it,
-  /// each of which bounds reach from below.
-  struct Inside {
-    Point<T> points[4];
-    std::size_t count = 0;
-
-    void add(Point<T> p) { points[count++] = p; }
-  };
-  std::size_t add_deepest_of_a(Point<T> direction) {
-    const std::size_t vertex = farthest_vertex<T>(a_, direction);
-    of_a_.add(rotate_back(turn_, vertex_of<T>(a_, vertex) - offset_));
-    return vertex;
-  }
-  std::size_t add_deepest_of_b(Point<T> direction_in_b) {
-    const std::size_t vertex = farthest_vertex<T>(b_, direction_in_b);
-    of_b_.add(vertex_of_b(vertex));
-    return vertex;
-  }
+  using Bounds = FaceBounds<T>;
+  static constexpr std::size_t most_sets = Bounds::most_points + 1;
 
   HWY_INLINE T size() const { return T(a_.outer_radius) + T(b_.outer_radius); }
 
@@ -137,181 +125,235 @@ class PolytopePair {
       axis = {T(1), T(0), T(0)};
       squared = T(1);
     }
-    const T value = reach(axis);
     work_.directions = 1;
     work_.pass<T>(a_.vertices);
     work_.pass<T>(b_.vertices);
+    const T value = reach(axis);
     if (value < T(0)) return true;
     const T inverse = T(1) / std::sqrt(squared);
     best_ = value * inverse;
     direction_ = axis * inverse;
-    add_deepest_of_a(axis);
-    add_deepest_of_b(-rotate_back(turn_, axis));
     return false;
   }
 
-  /// For each face the distance from `centre` to its plane, positive inside.
-  static void distances(const Polytope& p, Point<T> centre, T* out) {
-    const auto c = spread_out(d, centre);
-    for (std::size_t i = 0; i < p.faces; i += hn::Lanes(d)) {
-      const auto normal = read(d, p.normal[0] + i, p.normal[1] + i, p.normal[2] + i);
-      hn::Store(read(d, p.offset + i) - dot_of(d, normal, c), d, out + i);
-    }
+  /// The deepest vertex of the one along a direction from a to b, in the axes of the other.
+  HWY_INLINE Point<T> deepest_of_a(Point<T> direction) const {
+    return rotate_back(turn_, vertex_of<T>(a_, farthest_vertex<T>(a_, direction)) - offset_);
+  }
+  HWY_INLINE Point<T> deepest_of_b(Point<T> direction_in_b) const {
+    return vertex_of_b(farthest_vertex<T>(b_, -direction_in_b));
   }
 
-  bool separated_by_faces() {
-    alignas(64) T of_a[max_faces], of_b[max_faces];
-    const Point<T> centre_of_a_in_b = rotate_back(turn_, point_of<T>(a_.centre) - offset_);
-    distances(a_, centre_of_b_, of_a);
-    distances(b_, centre_of_a_in_b, of_b);
-    work_.pass<T>(a_.faces);
-    work_.pass<T>(b_.faces);
-    // The face that the other's centre is farthest out of is often the one, and a good bound for all others.
-    if (face_separates(a_, b_, least_of(of_a, a_.faces), true)) return true;
-    if (face_separates(b_, a_, least_of(of_b, b_.faces), false)) return true;
-    if (others_separate(a_, b_, of_a, true)) return true;
-    return others_separate(b_, a_, of_b, false);
-  }
-
-  /// The direction from a to b across a face of one of them, in the axes of a and of the one that has not the face.
-  struct FaceDirection {
-    Point<T> from_a_to_b, in_other;
-  };
-  HWY_INLINE FaceDirection direction_of(Point<T> normal, bool of_a) const {
-    if (of_a) return {normal, -rotate_back(turn_, normal)};
-    const Point<T> turned_normal = -rotate(turn_, normal);
-    return {turned_normal, turned_normal};
-  }
-
-  bool face_separates(const Polytope& own, const Polytope& other, std::size_t face, bool of_a) {
-    const Point<T> normal = point_of<T>({own.normal[0][face], own.normal[1][face], own.normal[2][face]});
-    const FaceDirection way = direction_of(normal, of_a);
-    ++work_.directions;
-    work_.pass<T>(other.vertices);
-    const std::size_t deepest = of_a ? add_deepest_of_b(way.in_other) : add_deepest_of_a(way.in_other);
-    const T support = dot(vertex_of<T>(other, deepest), way.in_other);
-    const T value = (T(own.offset[face]) + support) - dot(way.from_a_to_b, offset_);
-    return separates(way.from_a_to_b, value);
-  }
-
-  /// Judges all faces that the ball and the points inside the other leave a chance.
-  bool others_separate(const Polytope& own, const Polytope& other, const T* distance, bool of_a) {
-    const auto most = hn::Set(d, limit(other.inner_radius));
-    Kept<4, max_faces> kept;
-    kept.stride = geometry::padded(own.faces);
-    const auto limit_of_point = hn::Set(d, limit(0));
-    const Inside& inside = of_a ? of_b_ : of_a_;
+  /// The first bounds of all faces; answers the face with the least.
+  static std::size_t bound_faces(const Polytope& own, Point<T> centre, float radius, Point<T> point, Bounds& out) {
+    const auto c = spread_out(d, centre), p = spread_out(d, point);
+    const auto r = hn::Set(d, T(radius));
     for (std::size_t i = 0; i < own.faces; i += hn::Lanes(d)) {
-      auto chance = hn::Lt(hn::Load(d, distance + i), most);
       const auto normal = read(d, own.normal[0] + i, own.normal[1] + i, own.normal[2] + i);
-      for (std::size_t k = 0; k < inside.count && !hn::AllFalse(d, chance); ++k) {
-        const auto depth = read(d, own.offset + i) - dot_of(d, normal, spread_out(d, inside.points[k]));
-        chance = hn::And(chance, hn::Lt(depth, limit_of_point));
-      }
-      std::uint32_t bits = bits_of(d, chance) & first_bits(own.faces - i);
-      for (; bits != 0; bits &= bits - 1) {
-        const std::size_t face = i + static_cast<std::size_t>(__builtin_ctz(bits));
-        for (std::size_t c = 0; c < 3; ++c) kept.column(c)[kept.count] = T(own.normal[c][face]);
-        kept.column(3)[kept.count] = T(own.offset[face]);
-        ++kept.count;
-      }
+      const auto offset = read(d, own.offset + i);
+      const auto of_centre = offset - dot_of(d, normal, c), of_point = offset - dot_of(d, normal, p);
+      hn::Store(of_centre, d, out.ball_centre + i);
+      hn::Store(of_point, d, out.point[0] + i);
+      hn::Store(hn::Max(of_centre + r, of_point), d, out.bound + i);
     }
-    work_.pass<T>(own.faces);
-    if (kept.count == 0) return false;
-    work_.directions += kept.count;
-    for (std::size_t v = 0; v < other.vertices; ++v) work_.pass<T>(kept.count);
-    pad(kept, 4);
-    for (std::size_t i = 0; i < kept.count; i += hn::Lanes(d)) judge_faces(other, kept, i, of_a);
-    const std::size_t best = least_of(kept.column(3), kept.count);
-    const Point<T> normal{kept.column(0)[best], kept.column(1)[best], kept.column(2)[best]};
-    return separates(direction_of(normal, of_a).from_a_to_b, kept.column(3)[best]);
+    out.points = 1;
+    return least_of(out.bound, own.faces);
   }
 
-  /// Replaces the offsets of one vector of kept faces by their reach.
-  template <class KeptFaces>
-  void judge_faces(const Polytope& other, KeptFaces& kept, std::size_t i, bool of_a) {
-    const Points<Columns16<T>> normal{hn::Load(d, kept.column(0) + i), hn::Load(d, kept.column(1) + i),
-                                      hn::Load(d, kept.column(2) + i)};
-    const auto inward = of_a ? turned_back(d, turn_, normal) : turned(d, turn_, normal);
-    const Points<Columns16<T>> way{hn::Neg(inward.x), hn::Neg(inward.y), hn::Neg(inward.z)};
-    // Four at a time: the chain of maxima would otherwise wait for itself.
-    Lanes most[4];
-    for (int k = 0; k < 4; ++k) most[k] = at_vertex(other, way, static_cast<std::size_t>(k));
-    for (std::size_t v = 4; v < other.vertices; v += 4) {
-      for (int k = 0; k < 4; ++k) {
-        most[k] = hn::Max(most[k], at_vertex(other, way, v + static_cast<std::size_t>(k)));
-      }
-    }
-    const auto farthest = hn::Max(hn::Max(most[0], most[1]), hn::Max(most[2], most[3]));
-    const auto along = dot_of(d, of_a ? normal : way, spread_out(d, offset_));
-    hn::Store((hn::Load(d, kept.column(3) + i) + farthest) - along, d, kept.column(3) + i);
+  /// The faces whose bounds, and that of one point more, leave a chance.
+  void add_point(const Polytope& own, Point<T> point, Bounds& bounds, typename Bounds::Set chances) const {
+    T* const out = bounds.point[bounds.points++];
+    const auto p = spread_out(d, point);
+    const auto most = hn::Set(d, limit(0));
+    collect(own.faces, chances, [&](std::size_t i) HWY_ATTR {
+      const auto normal = read(d, own.normal[0] + i, own.normal[1] + i, own.normal[2] + i);
+      const auto depth = read(d, own.offset + i) - dot_of(d, normal, p);
+      hn::Store(depth, d, out + i);
+      return hn::Lt(hn::Max(depth, hn::Load(d, bounds.bound + i)), most);
+    });
   }
 
-  static HWY_INLINE Lanes at_vertex(const Polytope& p, const Points<Columns16<T>>& way, std::size_t v) {
-    return hn::Set(d, T(p.vertex[0][v])) * way.x + hn::Set(d, T(p.vertex[1][v])) * way.y +
-           hn::Set(d, T(p.vertex[2][v])) * way.z;
-  }
-
-  /// Repeats the first of what was kept to the end of the last vector.
-  template <class K>
-  static HWY_INLINE void pad(K& kept, std::size_t columns) {
-    for (std::size_t i = kept.count; i % geometry::hull_lanes != 0; ++i) {
-      for (std::size_t c = 0; c < columns; ++c) kept.column(c)[i] = kept.column(c)[0];
-    }
-  }
-
-  /// The edges that the ball and the points inside the other leave a chance: reach along the arc between the two
-  /// normals is at least that of a point of the other, which is least at an end of the arc or, where it is negative, at
-  /// most the spread below.
-  std::size_t list_edges(const Polytope& own, Point<T> other_centre, float other_radius, const Inside& inside,
-                         std::uint16_t* out) const {
-    using geometry::EdgeColumn;
-    const auto centre = spread_out(d, other_centre);
-    const auto limit_of_ball = hn::Set(d, limit(other_radius)), limit_of_point = hn::Set(d, limit(0));
+  /// The set of those below `size` for which `test`, asked for a vector from i on, says so; answers how many.
+  template <class Test>
+  static HWY_INLINE std::size_t collect(std::size_t size, std::uint64_t* set, const Test& test) {
     std::size_t count = 0;
-    for (std::size_t i = 0; i < own.edges; i += hn::Lanes(d)) {
-      const auto start = read_edges(own, EdgeColumn::from_x, i);
-      const auto left = read_edges(own, EdgeColumn::left_x, i), right = read_edges(own, EdgeColumn::right_x, i);
-      const auto spread = read(d, own.of(EdgeColumn::spread) + i);
-      const auto least_from = [&](const Points<Columns16<T>>& point) HWY_ATTR {
-        const auto from = minus(d, start, point);
-        const auto nearer = hn::Min(dot_of(d, left, from), dot_of(d, right, from));
-        return hn::Min(nearer, nearer * spread);
-      };
-      auto chance = hn::Lt(least_from(centre), limit_of_ball);
-      for (std::size_t k = 0; k < inside.count && !hn::AllFalse(d, chance); ++k) {
-        chance = hn::And(chance, hn::Lt(least_from(spread_out(d, inside.points[k])), limit_of_point));
+    for (std::size_t begin = 0; begin < size; begin += 64) {
+      std::uint64_t word = 0;
+      const std::size_t end = std::min(size, begin + 64);
+      for (std::size_t i = begin; i < end; i += hn::Lanes(d)) {
+        word |= std::uint64_t{bits_of(d, test(i)) & first_bits(size - i)} << (i - begin);
       }
-      std::uint32_t bits = bits_of(d, chance) & first_bits(own.edges - i);
-      for (; bits != 0; bits &= bits - 1) {
-        out[count++] = static_cast<std::uint16_t>(i + static_cast<std::size_t>(__builtin_ctz(bits)));
-      }
+      set[begin / 64] = word;
+      count += static_cast<std::size_t>(std::popcount(word));
     }
     return count;
   }
 
-  static HWY_INLINE Points<Columns16<T>> read_edges(const Polytope& p, geometry::EdgeColumn first, std::size_t i) {
-    const std::size_t c = static_cast<std::size_t>(first);
-    return read(d, p.edge[c] + i, p.edge[c + 1] + i, p.edge[c + 2] + i);
+  bool separated_by_faces() {
+    const Point<T> centre_of_a_in_b = rotate_back(turn_, point_of<T>(a_.centre) - offset_);
+    const Point<T> direction_in_b = rotate_back(turn_, direction_);
+    const std::size_t of_a = bound_faces(a_, centre_of_b_, b_.inner_radius, deepest_of_b(direction_in_b), bounds_of_a_);
+    const std::size_t of_b = bound_faces(b_, centre_of_a_in_b, a_.inner_radius, deepest_of_a(direction_), bounds_of_b_);
+    work_.pass<T>(a_.faces + b_.faces);
+    work_.pass<T>(a_.vertices + b_.vertices);
+    // The face that promises to reach least is often the one, and gives a good bound for all others.
+    const Point<T> normal_of_a = normal_of<T>(a_, of_a), normal_of_b = normal_of<T>(b_, of_b);
+    const Point<T> deepest_b = deepest_of_b(rotate_back(turn_, normal_of_a));
+    const Point<T> way_of_b = -rotate(turn_, normal_of_b);
+    const Point<T> deepest_a = deepest_of_a(way_of_b);
+    work_.directions += 2;
+    work_.pass<T>(a_.vertices + b_.vertices);
+    if (separates(normal_of_a, T(a_.offset[of_a]) - dot(normal_of_a, deepest_b))) return true;
+    if (separates(way_of_b, T(b_.offset[of_b]) - dot(normal_of_b, deepest_a))) return true;
+
+    typename Bounds::Set chances_of_a, chances_of_b;
+    add_point(a_, deepest_b, bounds_of_a_, chances_of_a);
+    add_point(b_, deepest_a, bounds_of_b_, chances_of_b);
+    work_.pass<T>(a_.faces + b_.faces);
+    chances_of_a[of_a / 64] &= ~(std::uint64_t{1} << of_a % 64);
+    chances_of_b[of_b / 64] &= ~(std::uint64_t{1} << of_b % 64);
+    const T before = best_;
+    for_each(chances_of_a, a_.faces, [&](std::size_t face) HWY_ATTR {
+      const Point<T> normal = normal_of<T>(a_, face);
+      judge(normal, (T(a_.offset[face]) + support<T>(b_, -rotate_back(turn_, normal))) - dot(normal, offset_));
+      work_.pass<T>(b_.vertices);
+    });
+    for_each(chances_of_b, b_.faces, [&](std::size_t face) HWY_ATTR {
+      const Point<T> way = -rotate(turn_, normal_of<T>(b_, face));
+      judge(way, (T(b_.offset[face]) + support<T>(a_, way)) - dot(way, offset_));
+      work_.pass<T>(a_.vertices);
+    });
+    if (best_ < T(0)) return true;
+    if (best_ < before) {
+      add_point(a_, deepest_of_b(rotate_back(turn_, direction_)), bounds_of_a_, chances_of_a);
+      add_point(b_, deepest_of_a(direction_), bounds_of_b_, chances_of_b);
+    }
+    return false;
   }
-  static HWY_INLINE Point<T> edge_at(const Polytope& p, geometry::EdgeColumn first, std::size_t i) {
-    const std::size_t c = static_cast<std::size_t>(first);
-    return point_of<T>({p.edge[c][i], p.edge[c + 1][i], p.edge[c + 2][i]});
+
+  HWY_INLINE void judge(Point<T> direction, T value) {
+    ++work_.directions;
+    separates(direction, value);
+  }
+
+  template <class Visit>
+  static HWY_INLINE void for_each(const std::uint64_t* set, std::size_t size, const Visit& visit) {
+    for (std::size_t w = 0; w * 64 < size; ++w) {
+      for (std::uint64_t bits = set[w]; bits != 0; bits &= bits - 1) {
+        visit(w * 64 + static_cast<std::size_t>(std::countr_zero(bits)));
+      }
+    }
+  }
+
+  /// The edges that no point and not the ball rule out, ascending. Along the arc between the normals of an edge's two
+  /// faces, reach is at least that of a point inside the other shape, which is nowhere less than at an end of the arc
+  /// if it is not negative there: so a point to which both faces are too far rules the edge out.
+  std::size_t list_edges(const Polytope& own, float other_radius, const Bounds& bounds, std::uint16_t* out) const {
+    alignas(64) std::uint8_t too_far[max_faces];  // for each face a bit for each point and the ball
+    const T* distance[most_sets];
+    Lanes least[most_sets];
+    const std::size_t sets = bounds.points + 1;
+    for (std::size_t k = 0; k < sets; ++k) {
+      const bool ball = k == bounds.points;
+      distance[k] = ball ? bounds.ball_centre : bounds.point[k];
+      least[k] = hn::Set(d, ball ? std::max(limit(other_radius), T(0)) : limit(0));
+    }
+    const hn::RebindToSigned<Columns16<T>> masks;
+    for (std::size_t i = 0; i < own.faces; i += hn::Lanes(d)) {
+      auto mask = hn::Zero(masks);
+      for (std::size_t k = 0; k < sets; ++k) {
+        const auto far = hn::RebindMask(masks, hn::Ge(hn::Load(d, distance[k] + i), least[k]));
+        mask = hn::Or(mask, hn::IfThenElseZero(far, hn::Set(masks, hwy::MakeSigned<T>{1} << k)));
+      }
+      store_bytes(mask, too_far + i);
+    }
+    return edges_without(own, too_far, out);
+  }
+
+  static HWY_INLINE void store_bytes(hn::Vec<hn::RebindToSigned<Columns16<T>>> values, std::uint8_t* to) {
+    const hn::RebindToSigned<Columns16<T>> wide;
+    if constexpr (sizeof(T) == 4) {
+      const hn::Rebind<std::uint8_t, decltype(wide)> bytes;
+      hn::StoreU(hn::DemoteTo(bytes, values), bytes, to);
+    } else {
+      alignas(64) std::int64_t each[hn::MaxLanes(wide)];
+      hn::Store(values, wide, each);
+      for (std::size_t i = 0; i < hn::MaxLanes(wide); ++i) to[i] = static_cast<std::uint8_t>(each[i]);
+    }
+  }
+
+  /// The edges whose two faces have no bit in common.
+  static std::size_t edges_without(const Polytope& own, const std::uint8_t* bits_of_face, std::uint16_t* out) {
+    std::size_t count = 0;
+#if HWY_TARGET != HWY_SCALAR
+    if (own.faces_of_edges != nullptr) {
+      const hn::CappedTag<std::uint8_t, geometry::face_column_bytes> bytes;
+      const std::uint8_t* const left = own.faces_of_edges;
+      const std::uint8_t* const right = left + (own.edges + geometry::face_column_bytes - 1) /
+                                                   geometry::face_column_bytes * geometry::face_column_bytes;
+      for (std::size_t i = 0; i < own.edges; i += hn::Lanes(bytes)) {
+        const auto l = hn::Load(bytes, left + i), r = hn::Load(bytes, right + i);
+        auto of_left = hn::Zero(bytes), of_right = of_left;
+        // Tables of 16 bytes: an index is in one of them, and in all others finds nothing.
+        for (std::size_t f = 0; f < own.faces; f += 16) {
+          const auto table = hn::LoadDup128(bytes, bits_of_face + f);
+          const auto first = hn::Set(bytes, static_cast<std::uint8_t>(f));
+          of_left = hn::Or(of_left, hn::TableLookupBytesOr0(table, beyond_15(bytes, l - first)));
+          of_right = hn::Or(of_right, hn::TableLookupBytesOr0(table, beyond_15(bytes, r - first)));
+        }
+        std::uint64_t chance = 0;
+        std::uint8_t bits[8] = {};
+        hn::StoreMaskBits(bytes, hn::Eq(hn::And(of_left, of_right), hn::Zero(bytes)), bits);
+        std::memcpy(&chance, bits, sizeof(chance));
+        if (own.edges - i < 64) chance &= (std::uint64_t{1} << (own.edges - i)) - 1;
+        for (; chance != 0; chance &= chance - 1) {
+          out[count++] = static_cast<std::uint16_t>(i + static_cast<std::size_t>(std::countr_zero(chance)));
+        }
+      }
+      return count;
+    }
+#endif
+    for (std::size_t i = 0; i < own.edges; ++i) {
+      out[count] = static_cast<std::uint16_t>(i);
+      count += (bits_of_face[own.edge[i].left] & bits_of_face[own.edge[i].right]) == 0;
+    }
+    return count;
+  }
+
+  /// With the highest bit set where it is more than 15.
+  template <class D>
+  static HWY_INLINE hn::Vec<D> beyond_15(D bytes, hn::Vec<D> index) {
+    return hn::Or(index, hn::VecFromMask(bytes, hn::Gt(index, hn::Set(bytes, 15))));
   }
 
   /// Columns of the kept edges of b, in the axes of a: normals left and right, a point, the direction.
-  using KeptEdges = Kept<12, max_edges>;
+  struct KeptEdges {
+    alignas(64) T value[12 * max_edges];
+    std::uint16_t index[max_edges];
+    std::size_t count = 0, stride = 0;
+
+    T* column(std::size_t c) { return value + c * stride; }
+  };
+
+  static HWY_INLINE void put(T* to, std::size_t stride, const Point<T>& p) {
+    to[0] = p.x;
+    to[stride] = p.y;
+    to[2 * stride] = p.z;
+  }
 
   void place_edges(KeptEdges& kept) const {
     kept.stride = geometry::padded(kept.count);
     for (std::size_t i = 0; i < kept.count; ++i) {
-      for (std::size_t c = 0; c < 9; ++c) kept.column(c)[i] = T(b_.edge[c][kept.index[i]]);
-      const Point<T> along = along_edge<T>(b_, kept.index[i]);
-      kept.column(9)[i] = along.x;
-      kept.column(10)[i] = along.y;
-      kept.column(11)[i] = along.z;
+      const geometry::HullEdge& edge = b_.edge[kept.index[i]];
+      put(kept.column(0) + i, kept.stride, normal_of<T>(b_, edge.left));
+      put(kept.column(3) + i, kept.stride, normal_of<T>(b_, edge.right));
+      put(kept.column(6) + i, kept.stride, vertex_of<T>(b_, edge.from));
+      put(kept.column(9) + i, kept.stride, along_edge<T>(b_, kept.index[i]));
     }
-    pad(kept, 12);
+    // Lanes past the end are computed and never looked at, but not with what was on the stack.
+    for (std::size_t i = kept.count; i < kept.stride; ++i) {
+      for (std::size_t c = 0; c < 12; ++c) kept.column(c)[i] = kept.column(c)[0];
+    }
     for (std::size_t i = 0; i < kept.count; i += hn::Lanes(d)) {
       for (std::size_t c = 0; c < 12; c += 3) {
         auto p = turned(d, turn_, load(kept, c, i));
@@ -335,27 +377,24 @@ class PolytopePair {
 
   bool separated_by_edges(bool doubt_all) {
     std::uint16_t of_a[max_edges];
-    const std::size_t count = list_edges(a_, centre_of_b_, b_.inner_radius, of_b_, of_a);
+    const std::size_t count = list_edges(a_, b_.inner_radius, bounds_of_a_, of_a);
     if (count == 0) return false;
     KeptEdges of_b;
-    const Point<T> centre_of_a_in_b = rotate_back(turn_, point_of<T>(a_.centre) - offset_);
-    of_b.count = list_edges(b_, centre_of_a_in_b, a_.inner_radius, of_a_, of_b.index);
-    work_.pass<T>(a_.edges);
-    work_.pass<T>(b_.edges);
+    of_b.count = list_edges(b_, a_.inner_radius, bounds_of_b_, of_b.index);
     if (of_b.count == 0) return false;
     place_edges(of_b);
-    for (std::size_t i = 0; i < count; ++i) work_.pass<T>(of_b.count);
     for (std::size_t i = 0; i < count; ++i) {
+      work_.pass<T>(of_b.count);
       if (edge_separates(of_a[i], of_b, doubt_all)) return true;
     }
     return false;
   }
 
   /// One edge of a against all kept edges of b.
-  bool edge_separates(std::size_t edge, KeptEdges& of_b, bool doubt_all) {
-    using geometry::EdgeColumn;
-    const Point<T> left = edge_at(a_, EdgeColumn::left_x, edge), right = edge_at(a_, EdgeColumn::right_x, edge);
-    const Point<T> from = edge_at(a_, EdgeColumn::from_x, edge), along = along_edge<T>(a_, edge);
+  bool edge_separates(std::size_t index, KeptEdges& of_b, bool doubt_all) {
+    const geometry::HullEdge& edge = a_.edge[index];
+    const Point<T> left = normal_of<T>(a_, edge.left), right = normal_of<T>(a_, edge.right);
+    const Point<T> from = vertex_of<T>(a_, edge.from), along = along_edge<T>(a_, index);
     const auto left_a = spread_out(d, left), right_a = spread_out(d, right);
     const auto from_a = spread_out(d, from), along_a = spread_out(d, along);
     const auto miss = hn::Set(d, -Rounding<T>::miss);
@@ -411,27 +450,26 @@ class PolytopePair {
 
   /// The vertices that lie within rounding of the farthest along a direction.
   struct Feature {
-    std::array<std::uint16_t, geometry::max_hull_vertices> vertex;
-    std::size_t count = 0;
+    std::uint64_t vertices[geometry::max_hull_vertices / 64];
+    std::size_t count;
     T height;
-  };
-  static void find_feature(const Polytope& p, Point<T> direction, T slack, Feature& out) {
-    alignas(64) T heights[geometry::max_hull_vertices];
-    const auto way = spread_out(d, direction);
-    auto most = hn::Set(d, -std::numeric_limits<T>::infinity());
-    for (std::size_t i = 0; i < p.vertices; i += hn::Lanes(d)) {
-      const auto height = dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way);
-      most = hn::Max(most, height);
-      hn::Store(height, d, heights + i);
+
+    HWY_INLINE std::size_t first() const {
+      std::size_t w = 0;
+      while (vertices[w] == 0) ++w;
+      return w * 64 + static_cast<std::size_t>(std::countr_zero(vertices[w]));
     }
+  };
+  static HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Feature& out) {
+    const auto way = spread_out(d, direction);
+    const auto height = [&](std::size_t i) HWY_ATTR {
+      return dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way);
+    };
+    auto most = height(0);
+    for (std::size_t i = hn::Lanes(d); i < p.vertices; i += hn::Lanes(d)) most = hn::Max(most, height(i));
     out.height = hn::GetLane(hn::MaxOfLanes(d, most));
     const auto least = hn::Set(d, out.height - slack);
-    for (std::size_t i = 0; i < p.vertices; i += hn::Lanes(d)) {
-      std::uint32_t bits = bits_of(d, hn::Ge(hn::Load(d, heights + i), least)) & first_bits(p.vertices - i);
-      for (; bits != 0; bits &= bits - 1) {
-        out.vertex[out.count++] = static_cast<std::uint16_t>(i + static_cast<std::size_t>(__builtin_ctz(bits)));
-      }
-    }
+    out.count = collect(p.vertices, out.vertices, [&](std::size_t i) HWY_ATTR { return hn::Ge(height(i), least); });
   }
 
   HWY_INLINE Point<T> vertex_of_a(std::size_t i) const { return vertex_of<T>(a_, i); }
@@ -448,9 +486,9 @@ class PolytopePair {
     const T depth = (of_a.height + of_b.height) - dot(normal, offset_);
     Overlap<T> result{depth > T(0) ? depth : T(0), normal, {}};
     if (of_b.count == 1) {
-      result.point = vertex_of_b(of_b.vertex[0]) + normal * (depth * T(0.5));
+      result.point = vertex_of_b(of_b.first()) + normal * (depth * T(0.5));
     } else if (of_a.count == 1) {
-      result.point = vertex_of_a(of_a.vertex[0]) - normal * (depth * T(0.5));
+      result.point = vertex_of_a(of_a.first()) - normal * (depth * T(0.5));
     } else {
       result.point = shared_point(of_a, of_b, normal, of_a.height - depth * T(0.5));
     }
@@ -458,13 +496,13 @@ class PolytopePair {
   }
 
   HWY_NOINLINE Point<T> shared_point(const Feature& of_a, const Feature& of_b, Point<T> normal, T height) const {
-    Vec3d first[geometry::max_hull_vertices], second[geometry::max_hull_vertices];
+    FeaturePoints first, second;
     const auto in_double = [](Point<T> p) { return Vec3d{double(p.x), double(p.y), double(p.z)}; };
-    for (std::size_t i = 0; i < of_a.count; ++i) first[i] = in_double(vertex_of_a(of_a.vertex[i]));
-    for (std::size_t i = 0; i < of_b.count; ++i) second[i] = in_double(vertex_of_b(of_b.vertex[i]));
-    const Vec3d p = meeting_point({first, of_a.count}, {second, of_b.count}, in_double(normal));
-    const Point<T> across{static_cast<T>(p.x), static_cast<T>(p.y), static_cast<T>(p.z)};
-    return across + normal * height;
+    for_each(of_a.vertices, a_.vertices, [&](std::size_t i) HWY_ATTR { first.add(in_double(vertex_of_a(i))); });
+    for_each(of_b.vertices, b_.vertices, [&](std::size_t i) HWY_ATTR { second.add(in_double(vertex_of_b(i))); });
+    const Vec3d p = meeting_point(first.get(), second.get(), in_double(normal));
+    const Point<T> met{static_cast<T>(p.x), static_cast<T>(p.y), static_cast<T>(p.z)};
+    return met + normal * (height - dot(normal, met));
   }
 
   const Polytope& a_;
@@ -473,9 +511,9 @@ class PolytopePair {
   const Point<T> offset_;
   Point<T> centre_of_b_;
   Work work_;
-  Inside of_a_, of_b_;    // of a in the axes of b, of b in those of a
-  T best_ = 0;            // the least reach found
-  Point<T> direction_{};  // along this direction, from a to b
+  Bounds bounds_of_a_, bounds_of_b_;  // of the faces of each, by points of the other
+  T best_ = 0;                        // the least reach found
+  Point<T> direction_{};              // along this direction, from a to b
 };
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 
 #include "geometry/hull.hpp"
 #include "geometry/shape_table.hpp"
@@ -17,18 +18,34 @@ struct Polytope {
   const float* vertex[3];  ///< x, y, z
   const float* normal[3];
   const float* offset;
-  const float* edge[geometry::edge_columns];
-  const geometry::HullEdge* ends;      ///< the two vertices of each edge
+  const float* edge_columns;           ///< null for a box
+  const geometry::HullEdge* edge;      ///< of each edge the vertices, faces and direction
+  const std::uint8_t* faces_of_edges;  ///< as in geometry::Hull
   std::size_t vertices, faces, edges;  ///< counts without the padding
   Vec3f centre;                        ///< of a ball inside
   float inner_radius;                  ///< of that ball
   float outer_radius;                  ///< of a ball about the origin that holds it
 
-  const float* of(geometry::EdgeColumn column) const noexcept { return edge[static_cast<std::size_t>(column)]; }
+  const float* of(geometry::EdgeColumn column) const noexcept {
+    return edge_columns + static_cast<std::size_t>(column) * geometry::padded(edges);
+  }
 };
 
 /// A prepared hull.
-Polytope polytope_of(const geometry::Hull& hull) noexcept;
+inline Polytope polytope_of(const geometry::Hull& hull) noexcept {
+  return {{hull.x(), hull.y(), hull.z()},
+          {hull.normal_x(), hull.normal_y(), hull.normal_z()},
+          hull.offset(),
+          hull.edge_column(geometry::EdgeColumn::left_x),
+          hull.edges().data(),
+          hull.faces_of_edges(),
+          hull.vertex_count(),
+          hull.face_count(),
+          hull.edge_count(),
+          hull.centroid(),
+          hull.inner_radius(),
+          hull.bounding_radius()};
+}
 
 /// A box of any size: the columns that depend on it, the rest is the unit box's. Must not move once made.
 class BoxPolytope {
@@ -43,8 +60,6 @@ class BoxPolytope {
  private:
   alignas(64) float vertex_[3][geometry::hull_lanes];
   alignas(64) float offset_[geometry::hull_lanes];
-  alignas(64) float from_[3][geometry::hull_lanes];
-  alignas(64) float length_[geometry::hull_lanes];
   Polytope polytope_;
 };
 

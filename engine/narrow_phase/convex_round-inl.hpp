@@ -91,10 +91,6 @@ class RoundPair {
   HWY_INLINE T sure() const { return T(2e-5) * std::min(T(p_.outer_radius), radius_ + length_ * T(0.5)); }
   HWY_INLINE T rounding() const { return (sizeof(T) == 4 ? T(1e-6) : T(1e-12)) * size(); }
 
-  HWY_INLINE Point<T> normal_of(std::size_t face) const {
-    return point_of<T>({p_.normal[0][face], p_.normal[1][face], p_.normal[2][face]});
-  }
-
   /// By how much a plane across `outward` can keep the core outside of the polytope.
   HWY_INLINE T apart_along(Point<T> outward) const {
     return std::min(dot(outward, from_), dot(outward, to_)) - support<T>(p_, outward);
@@ -111,7 +107,7 @@ class RoundPair {
     }
     const std::size_t face = least_of(nearness, p_.faces);
     depth_ = -nearness[face];
-    outward_ = normal_of(face);
+    outward_ = normal_of<T>(p_, face);
   }
 
   /// The greatest distance along directions across the segment and an edge whose arc of normals holds one; kept as the
@@ -169,12 +165,14 @@ class RoundPair {
   }
 
   HWY_INLINE Points<Columns16<T>> edges(geometry::EdgeColumn first, std::size_t i) const {
-    const std::size_t c = static_cast<std::size_t>(first);
-    return read(d, p_.edge[c] + i, p_.edge[c + 1] + i, p_.edge[c + 2] + i);
+    const float* const x = p_.of(first) + i;
+    const std::size_t stride = geometry::padded(p_.edges);
+    return read(d, x, x + stride, x + 2 * stride);
   }
   HWY_INLINE Point<T> edge_at(geometry::EdgeColumn first, std::size_t i) const {
-    const std::size_t c = static_cast<std::size_t>(first);
-    return point_of<T>({p_.edge[c][i], p_.edge[c + 1][i], p_.edge[c + 2][i]});
+    const float* const x = p_.of(first) + i;
+    const std::size_t stride = geometry::padded(p_.edges);
+    return point_of<T>({x[0], x[stride], x[2 * stride]});
   }
 
   /// Whether the point of the polytope nearest to the core lies within a face, under an end of the core.
@@ -201,7 +199,7 @@ class RoundPair {
     const std::size_t face = least_of(nearness, p_.faces);
     const T distance = -nearness[face];
     if (distance <= T(0) || distance >= distance_) return;
-    const Point<T> normal = normal_of(face), foot = end - normal * distance;
+    const Point<T> normal = normal_of<T>(p_, face), foot = end - normal * distance;
     const auto f = spread_out(d, foot);
     // Normals are rounded to float, also where the rest is in double.
     const auto slack = hn::Set(d, (sizeof(T) == 4 ? T(-1e-6) : T(-2e-7)) * size());
@@ -246,7 +244,7 @@ class RoundPair {
     const auto way = spread_out(d, way_);
     const auto whole = hn::Set(d, length_);
     const auto point = [&](Point<T> q) HWY_ATTR { return spread_out(d, q); };
-    const Point<T> start = from_ - vertex_of<T>(p_, p_.ends[edge].from), along = along_edge<T>(p_, edge);
+    const Point<T> start = from_ - vertex_of<T>(p_, p_.edge[edge].from), along = along_edge<T>(p_, edge);
     const auto length = hn::Set(d, edge_length<T>(p_, edge));
     const auto parts = nearest_parts(point(start), point(along), length, way, whole);
     const T s = hn::GetLane(parts.of_core), t = hn::GetLane(parts.of_edge);
@@ -300,14 +298,13 @@ class RoundPair {
   HWY_NOINLINE Point<T> shared_point(Point<T> normal, T slack) const {
     const auto in_double = [](Point<T> q) { return Vec3d{double(q.x), double(q.y), double(q.z)}; };
     const Vec3d core[2] = {in_double(from_), in_double(to_)};
-    Vec3d corners[geometry::max_hull_vertices];
-    std::size_t count = 0;
+    FeaturePoints corners;
     const T farthest = support<T>(p_, -normal);
     for (std::size_t i = 0; i < p_.vertices; ++i) {
       const Point<T> v = vertex_of<T>(p_, i);
-      if (dot(-normal, v) >= farthest - slack) corners[count++] = in_double(v);
+      if (dot(-normal, v) >= farthest - slack) corners.add(in_double(v));
     }
-    const Vec3d q = meeting_point(core, {corners, count}, in_double(normal));
+    const Vec3d q = meeting_point(core, corners.get(), in_double(normal));
     return {static_cast<T>(q.x), static_cast<T>(q.y), static_cast<T>(q.z)};
   }
 
