@@ -1,50 +1,22 @@
 #include <deque>
 
-#include <btBulletCollisionCommon.h>
-
 #include "narrow_phase/peer.hpp"
+#include "peers/bullet_shape.hpp"
 
 namespace ringfence::narrow_phase_bench {
 namespace {
-
-std::unique_ptr<btCollisionShape> convert(const geometry::ShapeTable& shapes, ShapeNumber shape) {
-  const geometry::ShapeRow& row = shapes.row(shape);
-  switch (row.kind) {
-    case ShapeKind::sphere:
-      return std::make_unique<btSphereShape>(row.size[0]);
-    case ShapeKind::box:
-      return std::make_unique<btBoxShape>(btVector3(row.size[0], row.size[1], row.size[2]));
-    case ShapeKind::capsule:
-      return std::make_unique<btCapsuleShapeZ>(row.size[0], 2 * row.size[1]);
-    default: {
-      const geometry::Hull& hull = shapes.hull(row.detail);
-      auto out = std::make_unique<btConvexHullShape>();
-      for (std::size_t i = 0; i < hull.vertex_count(); ++i) {
-        const Vec3f v = hull.vertex(i);
-        out->addPoint(btVector3(v.x, v.y, v.z), false);
-      }
-      out->recalcLocalAabb();
-      out->setMargin(0);
-      return out;
-    }
-  }
-}
 
 /// One algorithm a pair, kept as Bullet's pair cache keeps it, its manifold cleared before each test.
 class Bullet final : public Peer {
  public:
   explicit Bullet(const Crowd& crowd) : dispatcher_(&configuration_) {
     for (ShapeNumber shape = 0; shape < crowd.shapes->size(); ++shape) {
-      shapes_.push_back(convert(*crowd.shapes, shape));
+      shapes_.push_back(bench::bullet_shape(*crowd.shapes, shape));
     }
     for (const narrow_phase::Body& body : crowd.bodies) {
-      const Quat& q = body.pose.orientation;
-      const Vec3d& p = body.pose.position;
       auto object = std::make_unique<btCollisionObject>();
       object->setCollisionShape(shapes_[body.shape].get());
-      object->setWorldTransform(
-          btTransform(btQuaternion(q.x, q.y, q.z, q.w).normalized(),
-                      btVector3(static_cast<btScalar>(p.x), static_cast<btScalar>(p.y), static_cast<btScalar>(p.z))));
+      object->setWorldTransform(bench::bullet_transform(body.pose));
       objects_.push_back(std::move(object));
     }
     for (const geometry::CandidatePair& candidate : crowd.pairs) {

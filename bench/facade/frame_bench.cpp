@@ -1,0 +1,143 @@
+#include <algorithm>
+#include <iterator>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <benchmark/benchmark.h>
+
+#include "facade/recorded_world.hpp"
+#include "facade/service_frames.hpp"
+#include "telemetry/clock.hpp"
+
+// frame/<shapes>/<n>/<impl>: a whole frame, poses in, every contact out, with the recorded movement of the paper's
+// world. Implementations of one thread give CPU time, those of two (named ..._2) wall time. Before anything is timed,
+// who touches is compared with our own plain loop: the service must agree in every pair, a peer in all but 3 % of the
+// contacts.
+
+namespace ringfence::bench {
+namespace {
+
+constexpr std::size_t recorded_frames = 16;
+
+struct Implementation {
+  const char* name;
+  bool threads;        ///< more than one works: wall time counts
+  std::uint32_t most;  ///< objects; beyond these a frame takes seconds
+  double may_differ;   ///< share of the contacts
+  std::unique_ptr<FrameTester> (*make)(const RecordedWorld& world);
+};
+
+const std::vector<Implementation>& implementations() {
+  constexpr std::uint32_t any = 0xffffffff;
+  constexpr double peer = 0.03;  // Bullet keeps points of the frame before, and margins
+  static const std::vector<Implementation> all = {
+      {"ringfence", false, any, 0, [](const RecordedWorld& w) { return make_service_frame(w, 0, Placement::server); }},
+      {"ringfence_place", false, any, 0, make_place_frame},
+      {"ringfence_server_2", true, any, 0,
+       [](const RecordedWorld& w) { return make_service_frame(w, 2, Placement::server); }},
+      {"ringfence_region_2", true, any, 0,
+       [](const RecordedWorld& w) { return make_service_frame(w, 2, Placement::region); }},
+      {"loop", false, any, 0, make_loop_frame},
+      {"tbb", true, any, 0, [](const RecordedWorld& w) { return make_tbb_frame(w, 1); }},
+      {"tbb_2", true, any, 0, [](const RecordedWorld& w) { return make_tbb_frame(w, 2); }},
+#ifdef RINGFENCE_BENCH_FCL
+      {"fcl", false, any, peer, make_fcl_frame},
+#endif
+#ifdef RINGFENCE_BENCH_BULLET
+      {"bullet", false, 64000, peer, make_bullet_frame},
+#endif
+#ifdef RINGFENCE_BENCH_EMBREE
+      {"embree", false, any, 0, make_embree_frame},
+#endif
+#ifdef RINGFENCE_BENCH_CGAL
+      {"cgal", false, any, 0, make_cgal_frame},
+#endif
+  };
+  return all;
+}
+
+std::vector<std::uint64_t> sorted(std::vector<std::uint64_t> keys) {
+  std::sort(keys.begin(), keys.end());
+  return keys;
+}
+
+// The worlds are large and shared by the implementations, which come one after the other: the last one is kept.
+const RecordedWorld& world_of(worlds::ShapeSetting shapes, std::uint32_t objects) {
+  static std::pair<worlds::ShapeSetting, std::uint32_t> kept;
+  static RecordedWorld world;
+  if (kept != std::pair{shapes, objects}) {
+    world = record_world(shapes, objects, recorded_frames);
+    kept = {shapes, objects};
+  }
+  return world;
+}
+
+/// Pairs of the frame that one of the two says touch and the other does not.
+std::size_t differences(const FrameTester& p, const FrameTester& q) {
+  std::vector<std::uint64_t> differ;
+  const auto first = sorted(p.touching()), second = sorted(q.touching());
+  std::set_symmetric_difference(first.begin(), first.end(), second.begin(), second.end(), std::back_inserter(differ));
+  return differ.size();
+}
+
+void run(benchmark::State& state, worlds::ShapeSetting shapes, std::uint32_t objects,
+         const Implementation& implementation) {
+  const RecordedWorld& world = world_of(shapes, objects);
+  const std::unique_ptr<FrameTester> tester = implementation.make(world);
+  const std::unique_ptr<FrameTester> judge = make_loop_frame(world);
+  std::size_t k = 0, differ = 0, touch = 0;
+  for (; k < recorded_frames; ++k) {
+    tester->run(world.frames[k]);
+    if (k % 5 != 0) continue;
+    judge->run(world.frames[k]);
+    differ += differences(*tester, *judge);
+    touch += judge->contacts();
+  }
+  if (static_cast<double>(differ) > implementation.may_differ * static_cast<double>(touch)) {
+    state.SkipWithError((std::to_string(differ) + " of " + std::to_string(touch) + " contacts differ").c_str());
+    return;
+  }
+  std::vector<std::uint64_t> times;
+  std::size_t contacts = 0;
+  for (auto _ : state) {
+    const std::uint64_t start = telemetry::now_ns();
+    tester->run(world.frames[world.played(k++)]);
+    times.push_back(telemetry::now_ns() - start);
+    contacts += tester->contacts();
+  }
+  std::sort(times.begin(), times.end());
+  using benchmark::Counter;
+  state.counters["contacts"] = static_cast<double>(contacts) / static_cast<double>(times.size());
+  state.counters["differ"] = static_cast<double>(differ) / static_cast<double>(std::max<std::size_t>(1, touch));
+  state.counters["least_ms"] = telemetry::to_ms(times.front());
+  state.counters["median_ms"] = telemetry::to_ms(times[times.size() / 2]);
+  state.counters["s/object"] =
+      Counter(static_cast<double>(objects), Counter::kIsIterationInvariantRate | Counter::kInvert);
+}
+
+}  // namespace
+}  // namespace ringfence::bench
+
+int main(int argc, char** argv) {
+  using namespace ringfence::bench;
+  using ringfence::worlds::ShapeSetting;
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
+  for (const ShapeSetting shapes :
+       {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed}) {
+    for (const std::uint32_t objects : {4000u, 64000u, 256000u}) {
+      for (const Implementation& implementation : implementations()) {
+        if (objects > implementation.most) continue;
+        const std::string name =
+            std::string("frame/") + name_of(shapes) + '/' + std::to_string(objects) + '/' + implementation.name;
+        auto* bench = benchmark::RegisterBenchmark(
+            name.c_str(), [=](benchmark::State& state) { run(state, shapes, objects, implementation); });
+        bench->Unit(benchmark::kMillisecond);
+        if (implementation.threads) bench->UseRealTime();
+      }
+    }
+  }
+  benchmark::RunSpecifiedBenchmarks();
+  benchmark::Shutdown();
+}
