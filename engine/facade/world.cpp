@@ -751,7 +751,9 @@ std::span<const std::span<const SeenState>> World::seen_by(UserNumber user) cons
 
 namespace {
 
-ObjectView view_of(const nodes::ObjectRow& row) {
+ObjectView view_of(const nodes::ObjectTable& objects, std::uint32_t slot) {
+  const nodes::ObjectRow& row = objects.row(slot);
+  const nodes::ObjectOrigin& origin = objects.origin(slot);
   ObjectView view;
   view.id = ObjectId::of(row.object.number, row.object.generation);
   view.spec = {row.object.number,
@@ -759,8 +761,8 @@ ObjectView view_of(const nodes::ObjectRow& row) {
                static_cast<Category>(row.category),
                static_cast<std::uint8_t>(row.layer),
                (row.object.flags & messages::flag_present) != 0,
-               row.user,
-               row.user_data,
+               origin.user,
+               origin.user_data,
                row.pose};
   return view;
 }
@@ -775,7 +777,7 @@ ObjectView World::object(ObjectId object) const noexcept {
   const nodes::ObjectTable& table = w.server->objects();
   const std::uint32_t slot = table.find(object.number());
   const bool there = slot != nodes::NumberIndex::none && table.row(slot).object.generation == object.generation();
-  return there ? view_of(table.row(slot)) : ObjectView{};
+  return there ? view_of(table, slot) : ObjectView{};
 }
 
 std::vector<ObjectView> World::objects() const {
@@ -787,8 +789,8 @@ std::vector<ObjectView> World::objects() const {
   const nodes::ObjectTable& table = w.server->objects();
   views.reserve(table.live());
   for (std::uint32_t slot = 0; slot < table.slots(); ++slot) {
-    if (table.row(slot).alive) {
-      views.push_back(view_of(table.row(slot)));
+    if (table.alive(slot)) {
+      views.push_back(view_of(table, slot));
     }
   }
   std::sort(views.begin(), views.end(),

@@ -13,6 +13,7 @@ Traffic traffic_of(MessageType type) noexcept {
       return Traffic::m2;
     case MessageType::collision:
       return Traffic::m3;
+    case MessageType::confirm:
     case MessageType::notify:
       return Traffic::m4;
     case MessageType::hand_over:
@@ -26,9 +27,9 @@ Traffic traffic_of(MessageType type) noexcept {
 
 const char* name_of(MessageType type) noexcept {
   constexpr const char* names[message_types] = {
-      "none",       "adopt",           "drop",      "place",     "frame_begin", "state_update",
-      "node_state", "position_update", "pairs",     "collision", "narrow_done", "notify",
-      "region_map", "frame_end",       "hand_over", "told",      "refused",     "kinds"};
+      "none",    "adopt",     "drop",        "place",  "frame_begin", "state_update", "node_state", "position_update",
+      "pairs",   "collision", "narrow_done", "notify", "region_map",  "frame_end",    "hand_over",  "told",
+      "refused", "kinds",     "confirm"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }
@@ -58,6 +59,8 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
       return sizeof(NarrowDoneRecord);
     case MessageType::notify:
       return sizeof(Contact);
+    case MessageType::confirm:
+      return sizeof(ConfirmRecord);
     case MessageType::region_map:
       return sizeof(OwnerRecord);
     case MessageType::frame_end:

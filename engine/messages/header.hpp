@@ -29,7 +29,8 @@ enum class MessageType : std::uint16_t {
   collision = 9,     ///< M3: CollisionRecord of each pair in contact, in order of (a, b)
   narrow_done = 10,  ///< NarrowDoneRecord: everything owned has been tested
   // Server to hosts, after the narrow phase.
-  notify = 11,      ///< M4: Contact of each contact that concerns the receiver, in order of (a, b), ended ones too
+  confirm = 18,  ///< M4, to CD nodes that host: ConfirmRecord of each 64 contacts that the receiver found itself
+  notify = 11,   ///< M4: Contact of each other contact that concerns the receiver, in order of (a, b), ended ones too
   region_map = 12,  ///< OwnerRecord: a new region map, cells in order
   frame_end = 13,   ///< FrameEndRecord, to CD nodes: all contacts sent; this many hand-overs will reach you
   // CD node to CD node.
@@ -41,7 +42,7 @@ enum class MessageType : std::uint16_t {
   // Server to user nodes.
   refused = 16,  ///< RefusedRecord: what of the receiver's messages was refused, and why
 };
-inline constexpr std::uint16_t message_types = 18;
+inline constexpr std::uint16_t message_types = 19;
 
 /// The kind of traffic that a message counts as.
 Traffic traffic_of(MessageType type) noexcept;

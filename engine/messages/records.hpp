@@ -23,6 +23,8 @@ struct ObjectRef {
 enum ObjectFlag : std::uint32_t {
   flag_present = 1,  ///< the object takes part in contacts
   flag_gone = 2,     ///< position_update: the object is no longer in the receiver's region
+  flag_inner = 4,    ///< node_state: present, and all cells that the bounds touch are the sender's
+  flag_staying = 8,  ///< node_state: by its position and the map as it is, the sender hosts it in the next frame too
 };
 
 /// M1. Followed by the model's state.
@@ -53,11 +55,18 @@ struct PairRecord {
   std::uint32_t b = 0;
 };
 
-/// M3.
+/// M3. Numbers and poses are those that the two slots have in this frame: server and node hold the same, frozen.
 struct CollisionRecord {
   std::uint32_t slot_a = 0;
   std::uint32_t slot_b = 0;
-  Contact contact;  ///< its phase is not yet known and reads begin
+  float depth = 0;
+  Vec3f normal;
+  Vec3d point;
+};
+
+/// M4 for contacts that the receiver found itself: bit i says that the i-th of 64 persists, else it begins.
+struct ConfirmRecord {
+  std::uint64_t persists = 0;
 };
 
 /// Ends a node's narrow phase.
@@ -124,7 +133,7 @@ static_assert(sizeof(StateRecord) == 56);
 static_assert(sizeof(NodeStateRecord) == 80);
 static_assert(sizeof(PositionRecord) == 88);
 static_assert(sizeof(PairRecord) == 8);
-static_assert(sizeof(CollisionRecord) == 144);
+static_assert(sizeof(CollisionRecord) == 48 && sizeof(ConfirmRecord) == 8);
 static_assert(sizeof(NarrowDoneRecord) == 24);
 static_assert(sizeof(HandOverRecord) == 72);
 static_assert(sizeof(DropRecord) == 16);

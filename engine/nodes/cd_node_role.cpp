@@ -28,6 +28,10 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   pairs_.reserve(setup.pairs);
   new_owners_.reserve(map.grid().cells());
   kinds_.reserve(shape_kinds * shape_kinds);
+  own_slots_.reserve(setup.objects);
+  changed_.reserve(setup.objects);
+  movers_.reserve(setup.objects);
+  host_.reserve_contacts(setup.objects);
 }
 
 messages::RunHead CdNodeRole::head(MessageType type, Endpoint to) const noexcept {
@@ -105,6 +109,8 @@ void CdNodeRole::receive(const MessageView& message) {
       return hear_positions(message);
     case MessageType::pairs:
       return hear_pairs(message);
+    case MessageType::confirm:
+      return hear_confirmed(message);
     case MessageType::notify:
       return hear_contacts(message);
     case MessageType::region_map:
@@ -123,6 +129,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   positions_heard_ = contacts_heard_ = end_heard_ = false;
   pairs_heard_ = setup_.placement == Placement::region;
   hand_overs_heard_ = 0;
+  words_confirmed_ = 0;
   pairs_.clear();
   new_owners_.clear();
   host_.begin_contacts(frame);
@@ -131,7 +138,8 @@ void CdNodeRole::begin(std::uint64_t frame) {
   {
     TrackedTime time(setup_.track, "move", told_.move_ns);
     host_.move(frame);
-    changed_bounds_.clear();
+    changed_.clear();
+    movers_.clear();
     for (const std::uint32_t hosted : host_.changed()) {
       learn_own_move(hosted);
     }
@@ -144,16 +152,31 @@ void CdNodeRole::begin(std::uint64_t frame) {
 void CdNodeRole::learn_own_move(std::uint32_t hosted) {
   const Hosted& object = host_[hosted];
   const geometry::Bounds bounds = setup_.shapes->bounds(object.shape, object.pose, *setup_.space);
-  changed_bounds_.push_back(bounds);
-  if ((object.object.flags & messages::flag_present) == 0) {
-    known_.forget(object.object.slot);
-    return;
+  std::uint32_t flags = object.object.flags;
+  if (is_at_home(object.pose.position)) {
+    flags |= messages::flag_staying;
+  } else {
+    movers_.push_back(object.object.number);
   }
-  if (map_.covers(map_.grid().cells_of(bounds), setup_.node)) {
+  const bool present = (object.object.flags & messages::flag_present) != 0;
+  const regions::Cover cover = map_.cover(map_.grid().cells_of(bounds), setup_.node);
+  if (present && cover != regions::Cover::none) {
+    flags |= cover == regions::Cover::all ? messages::flag_inner : 0u;
     known_.set({object.object, object.pose, bounds, object.shape, object.layer});
   } else {
     known_.forget(object.object.slot);
   }
+  changed_.push_back({bounds, flags});
+}
+
+// Whether this node hosts what stands there, by the map as it is.
+bool CdNodeRole::is_at_home(const Vec3d& position) const noexcept {
+  if (map_.nodes() == 1) {
+    return true;
+  }
+  std::uint32_t point[3];
+  setup_.space->point(position, point);
+  return map_.owner_at(point) == setup_.node;
 }
 
 void CdNodeRole::hear_positions(const MessageView& message) {
@@ -190,6 +213,12 @@ void CdNodeRole::hear_contacts(const MessageView& message) {
   contacts_heard_ |= message.last() && stage_ != Stage::waiting;
 }
 
+void CdNodeRole::hear_confirmed(const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    host_.confirm(frame_, words_confirmed_++, message.record<messages::ConfirmRecord>(i).persists);
+  }
+}
+
 void CdNodeRole::hear_owners(const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
     new_owners_.push_back(message.record<messages::OwnerRecord>(i).owner);
@@ -198,6 +227,7 @@ void CdNodeRole::hear_owners(const MessageView& message) {
     map_.assign(new_owners_, static_cast<std::uint32_t>(setup_.peers.size()), message.header().epoch);
     // Under a new map the server tells everyone of everything in its region anew.
     known_.clear();
+    map_is_new_ = true;
   }
 }
 
@@ -232,6 +262,7 @@ void CdNodeRole::detect() {
       order_.add(bodies[pair.a].number, bodies[pair.b].number);
     }
     order_.sort();
+    list_own_contacts();
   }
   collisions_run_.start(contacts_.size());
   done_run_.start(1);
@@ -266,26 +297,37 @@ void CdNodeRole::count_kinds() {
   narrow_.reset_counters();
 }
 
-void CdNodeRole::fill_collision(std::size_t i, std::byte* where) const {
-  const narrow_phase::PairContact& found = contacts_[order_.at(i)];
-  const geometry::CandidatePair pair = pairs_[found.pair];
+// Each contact is written once, in order, where the host's next move reads it.
+void CdNodeRole::list_own_contacts() {
   const auto bodies = known_.bodies();
-  const narrow_phase::Body& a = bodies[pair.a];
-  const narrow_phase::Body& b = bodies[pair.b];
-  messages::CollisionRecord record;
-  record.slot_a = known_.slot(pair.a);
-  record.slot_b = known_.slot(pair.b);
-  Contact& contact = record.contact;
-  contact.a = a.number;
-  contact.b = b.number;
-  contact.depth = found.depth;
-  contact.normal = found.normal;
-  contact.point = {a.pose.position.x + static_cast<double>(found.point.x),
-                   a.pose.position.y + static_cast<double>(found.point.y),
-                   a.pose.position.z + static_cast<double>(found.point.z)};
-  contact.pose_a = a.pose;
-  contact.pose_b = b.pose;
-  std::memcpy(where, &record, sizeof record);
+  own_slots_.clear();
+  for (std::size_t i = 0; i < contacts_.size(); ++i) {
+    // In the order of numbers, results and bodies lie anywhere.
+    constexpr std::size_t far = 16;
+    constexpr std::size_t near = 8;
+    if (i + far < contacts_.size()) {
+      __builtin_prefetch(&contacts_[order_.at(i + far)]);
+      const geometry::CandidatePair soon = pairs_[contacts_[order_.at(i + near)].pair];
+      __builtin_prefetch(&bodies[soon.a]);
+      __builtin_prefetch(&bodies[soon.b]);
+    }
+    const narrow_phase::PairContact& found = contacts_[order_.at(i)];
+    const geometry::CandidatePair pair = pairs_[found.pair];
+    const narrow_phase::Body& a = bodies[pair.a];
+    const narrow_phase::Body& b = bodies[pair.b];
+    Contact contact;
+    contact.a = a.number;
+    contact.b = b.number;
+    contact.depth = found.depth;
+    contact.normal = found.normal;
+    contact.point = {a.pose.position.x + static_cast<double>(found.point.x),
+                     a.pose.position.y + static_cast<double>(found.point.y),
+                     a.pose.position.z + static_cast<double>(found.point.z)};
+    contact.pose_a = a.pose;
+    contact.pose_b = b.pose;
+    host_.add_own_contact(frame_, contact);
+    own_slots_.push_back({known_.slot(pair.a), known_.slot(pair.b)});
+  }
 }
 
 // Who hosts what in the next frame follows from the poses and the region map, so the server expects the same.
@@ -293,12 +335,21 @@ void CdNodeRole::list_leavers() {
   for (auto& leavers : leavers_) {
     leavers.clear();
   }
-  for (std::size_t i = 0; i < host_.size(); ++i) {
+  const auto follow = [&](std::size_t i) {
     std::uint32_t point[3];
     setup_.space->point(host_[i].pose.position, point);
     const NodeNumber next = map_.owner_at(point);
     if (next != setup_.node) {
       leavers_[next].push_back(host_[i].object.number);
+    }
+  };
+  if (std::exchange(map_is_new_, false)) {
+    for (std::size_t i = 0; i < host_.size(); ++i) {
+      follow(i);
+    }
+  } else {
+    for (const ObjectNumber number : movers_) {
+      follow(host_.find(number));
     }
   }
   for (std::size_t peer = 0; peer < leavers_.size(); ++peer) {
@@ -314,7 +365,8 @@ bool CdNodeRole::send_states() {
                           sizeof(messages::NodeStateRecord) + host_.state_bytes(), traffic_,
                           [&](std::size_t i, std::byte* where) {
                             const Hosted& object = host_[changed[i]];
-                            const messages::NodeStateRecord record{object.object, object.pose, changed_bounds_[i]};
+                            messages::NodeStateRecord record{object.object, object.pose, changed_[i].bounds};
+                            record.object.flags = changed_[i].flags;
                             std::memcpy(where, &record, sizeof record);
                             if (host_.state_bytes() != 0) {
                               std::memcpy(where + sizeof record, host_.state(changed[i]), host_.state_bytes());
@@ -324,9 +376,14 @@ bool CdNodeRole::send_states() {
 
 bool CdNodeRole::send_collisions() {
   link::Sender& out = *setup_.server.out;
+  const auto own = host_.own_contacts(frame_);
   const bool sent =
       collisions_run_.pump(out, head(MessageType::collision, Endpoint::server()), sizeof(messages::CollisionRecord),
-                           traffic_, [&](std::size_t i, std::byte* where) { fill_collision(i, where); });
+                           traffic_, [&](std::size_t i, std::byte* where) {
+                             const messages::CollisionRecord record{own_slots_[i].a, own_slots_[i].b, own[i].depth,
+                                                                    own[i].normal, own[i].point};
+                             std::memcpy(where, &record, sizeof record);
+                           });
   return sent && done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()),
                                 sizeof(messages::NarrowDoneRecord), traffic_, [&](std::size_t, std::byte* where) {
                                   const messages::NarrowDoneRecord record{pairs_.size(), tested_, contacts_.size()};

@@ -67,11 +67,14 @@ class CdNodeRole {
   void learn_own_move(std::uint32_t hosted);
   void hear_positions(const messages::MessageView& message);
   void hear_pairs(const messages::MessageView& message);
+  void hear_confirmed(const messages::MessageView& message);
   void hear_contacts(const messages::MessageView& message);
   void hear_owners(const messages::MessageView& message);
   void detect();
   void sweep();
   void count_kinds();
+  void list_own_contacts();
+  bool is_at_home(const Vec3d& position) const noexcept;
   void list_leavers();
   bool advance();
   bool send_states();
@@ -79,7 +82,6 @@ class CdNodeRole {
   bool send_hand_overs();
   bool send_kinds();
   bool send_told();
-  void fill_collision(std::size_t i, std::byte* where) const;
   messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
 
   CdNodeSetup setup_;
@@ -103,8 +105,17 @@ class CdNodeRole {
   std::span<const narrow_phase::PairContact> contacts_;
   std::uint64_t tested_ = 0;
   std::vector<messages::KindRecord> kinds_;
-  std::vector<geometry::Bounds> changed_bounds_;  ///< parallel to host_.changed()
+  /// What the server is told of an object besides its pose; parallel to host_.changed().
+  struct Changed {
+    geometry::Bounds bounds;
+    std::uint32_t flags;  ///< ObjectFlag bits
+  };
+  std::vector<Changed> changed_;
+  std::vector<ObjectNumber> movers_;  ///< hosted ones that stand in another node's cell
   ContactOrder order_;
+  std::vector<messages::PairRecord> own_slots_;  ///< of the contacts found here, in their order
+  std::size_t words_confirmed_ = 0;
+  bool map_is_new_ = false;  ///< heard in this frame
   std::vector<NodeNumber> new_owners_;
   std::vector<std::vector<ObjectNumber>> leavers_;  ///< by the node that hosts them next
 

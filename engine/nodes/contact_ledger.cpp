@@ -2,27 +2,31 @@
 
 #include <algorithm>
 
-#include "nodes/contact_order.hpp"
-
 namespace ringfence::nodes {
 
-namespace {
+void ContactLedger::List::reserve(std::size_t size) {
+  contacts.reserve(size);
+  keys.reserve(size);
+  found.reserve(size);
+}
 
-std::uint64_t key_of(const Contact& contact) noexcept { return ContactOrder::key(contact.a, contact.b); }
+void ContactLedger::List::clear() noexcept {
+  contacts.clear();
+  keys.clear();
+  found.clear();
+}
 
-}  // namespace
-
-ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : received_(nodes) {
+ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : received_(nodes), persists_(nodes) {
   // A node's share is rarely more than twice the mean; what is more grows once.
-  for (auto& run : received_) {
-    run.reserve(std::min(contacts, 2 * contacts / nodes + 64));
+  const std::size_t share = std::min(contacts, 2 * contacts / nodes + 64);
+  for (std::size_t node = 0; node < nodes; ++node) {
+    received_[node].reserve(share);
+    persists_[node].reserve(share / 64 + 1);
   }
   heap_.reserve(nodes);
   for (Edition& edition : editions_) {
-    edition.contacts.reserve(contacts);
-    edition.slots.reserve(contacts);
+    edition.live.reserve(contacts);
     edition.ended.reserve(contacts);
-    edition.ended_slots.reserve(contacts);
   }
 }
 
@@ -32,46 +36,57 @@ void ContactLedger::begin(std::uint64_t frame) {
   for (auto& run : received_) {
     run.clear();
   }
-  Edition& edition = editions_[frame & 1];
-  edition.contacts.clear();
-  edition.slots.clear();
-  edition.ended.clear();
-  edition.ended_slots.clear();
+  editions_[frame & 1].live.clear();
+  editions_[frame & 1].ended.clear();
 }
 
 // What was in contact before and has a smaller key than the next contact is in contact no more.
-void ContactLedger::end_until(const Edition& before, std::size_t& old, std::uint64_t key) {
-  Edition& now = editions_[frame_ & 1];
-  while (old < before.contacts.size() && key_of(before.contacts[old]) < key) {
-    now.ended.push_back(before.contacts[old]);
-    now.ended.back().phase = Phase::end;
-    now.ended_slots.push_back(before.slots[old]);
+void ContactLedger::end_until(const List& before, std::size_t& old, std::uint64_t key) {
+  List& ended = editions_[frame_ & 1].ended;
+  while (old < before.keys.size() && before.keys[old] < key) {
+    ended.contacts.push_back(before.contacts[old]);
+    ended.contacts.back().phase = Phase::end;
+    ended.keys.push_back(before.keys[old]);
+    ended.found.push_back(before.found[old]);
     ++old;
   }
 }
 
-void ContactLedger::accept(const messages::CollisionRecord& record, const Edition& before, std::size_t& old) {
-  Edition& now = editions_[frame_ & 1];
-  const std::uint64_t key = key_of(record.contact);
+// Returns whether the contact persists.
+bool ContactLedger::accept(const Received& received, NodeNumber node, const List& before, std::size_t& old,
+                           std::span<const ObjectRow> rows) {
+  List& now = editions_[frame_ & 1].live;
+  const auto& [key, record] = received;
   end_until(before, old, key);
-  const bool persists = old < before.contacts.size() && key_of(before.contacts[old]) == key;
+  const bool persists = old < before.keys.size() && before.keys[old] == key;
   old += persists ? 1 : 0;
   began_ += persists ? 0 : 1;
-  now.contacts.push_back(record.contact);
-  now.contacts.back().phase = persists ? Phase::persist : Phase::begin;
-  now.slots.push_back({record.slot_a, record.slot_b});
+  Contact& contact = now.contacts.emplace_back();
+  contact.a = static_cast<ObjectNumber>(key >> 32);
+  contact.b = static_cast<ObjectNumber>(key);
+  contact.phase = persists ? Phase::persist : Phase::begin;
+  contact.depth = record.depth;
+  contact.normal = record.normal;
+  contact.point = record.point;
+  contact.pose_a = rows[record.slot_a].pose;
+  contact.pose_b = rows[record.slot_b].pose;
+  now.keys.push_back(key);
+  now.found.push_back({record.slot_a, record.slot_b, node});
+  return persists;
 }
 
-std::uint64_t ContactLedger::merge() {
-  const auto later = [](const Run& p, const Run& q) { return key_of(p.next->contact) > key_of(q.next->contact); };
+std::uint64_t ContactLedger::merge(std::span<const ObjectRow> rows) {
+  const auto later = [](const Run& p, const Run& q) { return p.next->key > q.next->key; };
   heap_.clear();
-  for (const auto& run : received_) {
+  for (NodeNumber node = 0; node < received_.size(); ++node) {
+    const auto& run = received_[node];
+    persists_[node].assign((run.size() + 63) / 64, 0);
     if (!run.empty()) {
-      heap_.push_back({run.data(), run.data() + run.size()});
+      heap_.push_back({run.data(), run.data() + run.size(), node});
     }
   }
   std::make_heap(heap_.begin(), heap_.end(), later);
-  const Edition& before = editions_[(frame_ - 1) & 1];
+  const List& before = editions_[(frame_ - 1) & 1].live;
   std::size_t old = 0;
   std::uint64_t last = 0;
   std::uint64_t doubled = 0;
@@ -80,18 +95,27 @@ std::uint64_t ContactLedger::merge() {
       std::pop_heap(heap_.begin(), heap_.end(), later);
     }
     Run& run = heap_.back();
+    const Received* const first = received_[run.node].data();
+    std::uint64_t* const persists = persists_[run.node].data();
     // A run is taken on for as long as no other has anything smaller: neighbouring pairs tend to share a node.
-    const std::uint64_t limit = heap_.size() > 1 ? key_of(heap_.front().next->contact) : ~std::uint64_t{0};
+    const std::uint64_t limit = heap_.size() > 1 ? heap_.front().next->key : ~std::uint64_t{0};
     do {
-      const std::uint64_t key = key_of(run.next->contact);
+      // The second object's row lies anywhere: 64,000 rows are too many for the second-level cache.
+      constexpr std::ptrdiff_t ahead = 12;
+      if (run.end - run.next > ahead) {
+        __builtin_prefetch(&rows[run.next[ahead].record.slot_b]);
+      }
+      const std::uint64_t key = run.next->key;
       if (key == last) {
         ++doubled;
       } else {
-        accept(*run.next, before, old);
+        const auto i = static_cast<std::size_t>(run.next - first);
+        const bool persist = accept(*run.next, run.node, before, old, rows);
+        persists[i / 64] |= std::uint64_t{persist} << (i % 64);
         last = key;
       }
       ++run.next;
-    } while (run.next != run.end && key_of(run.next->contact) <= limit);
+    } while (run.next != run.end && run.next->key <= limit);
     if (run.next == run.end) {
       heap_.pop_back();
     } else {

@@ -6,62 +6,90 @@
 #include <vector>
 
 #include "messages/records.hpp"
+#include "nodes/object_table.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/ids.hpp"
 
 namespace ringfence::nodes {
 
-/// The slots of a contact's two objects.
-struct SlotPair {
+/// The slots of a contact's two objects, and the node that found it.
+struct Found {
   std::uint32_t a = 0;
   std::uint32_t b = 0;
+  NodeNumber by = 0;
 };
 
 /// The server's account of contacts: takes what the CD nodes found, merges it in order of (a, b), and tells by the
 /// frame before which contacts began, go on or ended.
 ///
-/// Each node's run comes in order, so the merge compares and never sorts. Two frames are kept, by parity: the last one
-/// stays readable while the next is made. Threads: belongs to the server role; const calls for the last frame from the
-/// facade. Memory: grows to the largest frame.
+/// Each node's run comes in order, so the merge compares keys and never sorts or hashes; a contact is written once,
+/// into the list that the embedder reads. Two frames are kept, by parity: the last one stays readable while the next is
+/// made. Threads: belongs to the server role; const calls for the last frame from the facade. Memory: grows to the
+/// largest frame.
 class ContactLedger {
  public:
   ContactLedger(std::size_t nodes, std::size_t contacts);
 
   /// From the next begin() on there are so many nodes.
-  void resize(std::size_t nodes) { received_.resize(nodes); }
+  void resize(std::size_t nodes) {
+    received_.resize(nodes);
+    persists_.resize(nodes);
+  }
   /// Empties C(frame) and what has been received.
   void begin(std::uint64_t frame);
-  /// The next contact that `node` found.
-  void receive(NodeNumber node, const messages::CollisionRecord& record) { received_[node].push_back(record); }
+  /// The next contact that `node` found; `key` is ContactOrder::key of the two objects' numbers.
+  void receive(NodeNumber node, std::uint64_t key, const messages::CollisionRecord& record) {
+    received_[node].push_back({key, record});
+  }
   std::size_t received(NodeNumber node) const noexcept { return received_[node].size(); }
-  /// Merges what was received and gives the phases. Returns the pairs that two nodes found: always 0, unless a bug
-  /// made two nodes own one pair; the surplus is dropped.
-  std::uint64_t merge();
+  /// Merges what was received, takes the poses from `rows` (by slot) and gives the phases. Returns the pairs that two
+  /// nodes found: always 0, unless a bug made two nodes own one pair; the surplus is dropped.
+  std::uint64_t merge(std::span<const ObjectRow> rows);
 
-  /// Begin and persist contacts of the frame, in order of (a, b); parallel to slots().
-  std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return editions_[frame & 1].contacts; }
-  std::span<const SlotPair> slots(std::uint64_t frame) const noexcept { return editions_[frame & 1].slots; }
-  /// Contacts that ended in the frame, in order of (a, b); parallel to ended_slots().
-  std::span<const Contact> ended(std::uint64_t frame) const noexcept { return editions_[frame & 1].ended; }
-  std::span<const SlotPair> ended_slots(std::uint64_t frame) const noexcept { return editions_[frame & 1].ended_slots; }
+  /// Begin and persist contacts of the frame, in order of (a, b); parallel to keys() and found().
+  std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.contacts; }
+  std::span<const std::uint64_t> keys(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.keys; }
+  std::span<const Found> found(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.found; }
+  /// Contacts that ended in the frame, in order of (a, b); parallel to ended_keys() and ended_found().
+  std::span<const Contact> ended(std::uint64_t frame) const noexcept { return editions_[frame & 1].ended.contacts; }
+  std::span<const std::uint64_t> ended_keys(std::uint64_t frame) const noexcept {
+    return editions_[frame & 1].ended.keys;
+  }
+  std::span<const Found> ended_found(std::uint64_t frame) const noexcept { return editions_[frame & 1].ended.found; }
   std::uint64_t began() const noexcept { return began_; }
 
+  /// After merge(): which of the contacts that `node` found persist, 64 a word, in the order of its run.
+  std::span<const std::uint64_t> persists(NodeNumber node) const noexcept { return persists_[node]; }
+
  private:
-  struct Edition {
+  struct List {
     std::vector<Contact> contacts;
-    std::vector<SlotPair> slots;
-    std::vector<Contact> ended;
-    std::vector<SlotPair> ended_slots;
+    std::vector<std::uint64_t> keys;
+    std::vector<Found> found;
+
+    void reserve(std::size_t contacts);
+    void clear() noexcept;
+  };
+  struct Edition {
+    List live;
+    List ended;
+  };
+  struct Received {
+    std::uint64_t key;
+    messages::CollisionRecord record;
   };
   struct Run {
-    const messages::CollisionRecord* next;
-    const messages::CollisionRecord* end;
+    const Received* next;
+    const Received* end;
+    NodeNumber node;
   };
 
-  void accept(const messages::CollisionRecord& record, const Edition& before, std::size_t& old);
-  void end_until(const Edition& before, std::size_t& old, std::uint64_t key);
+  bool accept(const Received& received, NodeNumber node, const List& before, std::size_t& old,
+              std::span<const ObjectRow> rows);
+  void end_until(const List& before, std::size_t& old, std::uint64_t key);
 
-  std::vector<std::vector<messages::CollisionRecord>> received_;  ///< by node
+  std::vector<std::vector<Received>> received_;       ///< by node
+  std::vector<std::vector<std::uint64_t>> persists_;  ///< by node
   std::vector<Run> heap_;
   Edition editions_[2];
   std::uint64_t frame_ = 0;

@@ -48,37 +48,49 @@ void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map,
 }
 
 void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot, bool everything) {
-  ObjectRow& row = objects.row(slot);
+  std::uint8_t& marks = objects.marks(slot);
   const bool present = objects.present()[slot] != 0;
-  const regions::CellBox now = present ? map.grid().cells_of(objects.bounds(slot)) : regions::CellBox{};
+  const Endpoint host = objects.host(slot);
   // The host keeps its own account of what it reported; under a new map it has started afresh like all others.
-  const NodeNumber self = row.reported_by_node && row.host.is_node() && !everything ? row.host.number() : 0xffffffffu;
+  const bool by_host = (marks & reported_mark) != 0 && host.is_node() && !everything;
+  if (by_host && (marks & (inner_mark | shared_mark)) == inner_mark) {
+    // Its host alone knew of it and goes on alone: there is nobody to tell.
+    objects.told(slot) = map.grid().cells_of(objects.bounds()[slot]);
+    marks |= told_mark;
+    return;
+  }
+  const regions::CellBox now = present ? map.grid().cells_of(objects.bounds()[slot]) : regions::CellBox{};
+  const NodeNumber self = by_host ? host.number() : 0xffffffffu;
+  const NodeNumber next = host.is_node() ? host.number() : 0xffffffffu;
+  bool shared = false;
   ++stamp_;
   if (present) {
     regions::for_each_owner(map, now, stamps_, stamp_, [&](NodeNumber node) {
       stamps_[node] = stamp_;
+      shared |= node != next;
       if (node != self) {
         updates_[node].push_back(slot);
       }
     });
   }
-  if (row.is_told && !everything && !(present && now == row.told)) {
+  const regions::CellBox told = objects.told(slot);
+  if ((marks & told_mark) != 0 && !everything && !(present && now == told)) {
     // Stamped nodes are told where it is now; the others that knew it learn that it has gone.
     const auto leave = [&](NodeNumber node) {
       if (node != self) {
         updates_[node].push_back(slot | gone);
       }
     };
-    if (!row.told.single()) {
-      regions::for_each_owner(map, row.told, stamps_, stamp_, leave);
-    } else if (const NodeNumber node =
-                   map.owner(map.grid().index(row.told.lower[0], row.told.lower[1], row.told.lower[2]));
+    if (!told.single()) {
+      regions::for_each_owner(map, told, stamps_, stamp_, leave);
+    } else if (const NodeNumber node = map.owner(map.grid().index(told.lower[0], told.lower[1], told.lower[2]));
                stamps_[node] != stamp_) {
       leave(node);
     }
   }
-  row.told = now;
-  row.is_told = present;
+  objects.told(slot) = now;
+  marks = static_cast<std::uint8_t>((marks & ~(told_mark | shared_mark)) | (present ? told_mark : 0) |
+                                    (shared ? shared_mark : 0));
 }
 
 void Dispatch::list_pairs(const ObjectTable& objects, const regions::RegionMap& map) {
@@ -87,12 +99,12 @@ void Dispatch::list_pairs(const ObjectTable& objects, const regions::RegionMap& 
   }
   candidates_ = 0;
   const auto bounds = objects.bounds();
+  const auto numbers = objects.numbers();
+  const bool alone = map.nodes() == 1;
   for (const geometry::CandidatePair pair :
        sweep_.find(bounds, objects.present(), objects.resting(), objects.layers())) {
-    const ObjectRow& p = objects.row(pair.a);
-    const ObjectRow& q = objects.row(pair.b);
-    const NodeNumber owner = map.pair_owner(bounds[pair.a], bounds[pair.b]);
-    const bool ordered = p.object.number < q.object.number;
+    const NodeNumber owner = alone ? 0 : map.pair_owner(bounds[pair.a], bounds[pair.b]);
+    const bool ordered = numbers[pair.a] < numbers[pair.b];
     pairs_[owner].push_back(ordered ? messages::PairRecord{pair.a, pair.b} : messages::PairRecord{pair.b, pair.a});
     ++candidates_;
   }

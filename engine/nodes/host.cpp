@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <utility>
+
+#include "nodes/contact_order.hpp"
 
 namespace ringfence::nodes {
 
@@ -62,59 +63,124 @@ void Host::place(ObjectNumber number, const Pose& pose, bool present) {
 
 void Host::steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
 
+void Host::ContactList::add(const Contact& contact) {
+  contacts.push_back(contact);
+  keys.push_back(contact.phase == Phase::end ? 0 : ContactOrder::key(contact.a, contact.b));
+}
+
+void Host::ContactList::clear() noexcept {
+  contacts.clear();
+  keys.clear();
+  own = 0;
+}
+
+void Host::reserve_contacts(std::size_t contacts) {
+  for (ContactList& list : lists_) {
+    list.contacts.reserve(contacts);
+    list.keys.reserve(contacts);
+  }
+  hosted_contacts_.reserve(contacts);
+  contact_order_.reserve(2 * contacts);
+}
+
+void Host::confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept {
+  ContactList& list = lists_[frame & 1];
+  const std::size_t end = std::min(list.own, 64 * word + 64);
+  for (std::size_t i = 64 * word; i < end; ++i, persists >>= 1) {
+    list.contacts[i].phase = (persists & 1) != 0 ? Phase::persist : Phase::begin;
+  }
+}
+
 // Late contacts are rare (a user node came or went), so they are simply sorted in among the others.
-std::span<const Contact> Host::gather_contacts(std::uint64_t frame) {
-  const auto known = contacts(frame - 1);
-  if (late_.empty()) {
+const Host::ContactList& Host::gather_contacts(std::uint64_t frame) {
+  const ContactList& known = lists_[(frame - 1) & 1];
+  if (late_.contacts.empty()) {
     return known;
   }
-  late_.insert(late_.end(), known.begin(), known.end());
-  const auto key = [](const Contact& contact) { return std::pair(contact.a, contact.b); };
-  std::sort(late_.begin(), late_.end(), [&](const Contact& p, const Contact& q) { return key(p) < key(q); });
+  auto& all = late_.contacts;
+  all.insert(all.end(), known.contacts.begin(), known.contacts.end());
+  const auto key = [](const Contact& contact) { return ContactOrder::key(contact.a, contact.b); };
+  std::sort(all.begin(), all.end(), [&](const Contact& p, const Contact& q) { return key(p) < key(q); });
   const auto same = [&](const Contact& p, const Contact& q) { return key(p) == key(q); };
-  late_.erase(std::unique(late_.begin(), late_.end(), same), late_.end());
+  all.erase(std::unique(all.begin(), all.end(), same), all.end());
+  late_.keys.clear();
+  for (const Contact& contact : all) {
+    late_.keys.push_back(contact.phase == Phase::end ? 0 : key(contact));
+  }
+  late_.own = all.size();
   return late_;
 }
 
+// Two runs in order of (a, b) become one, and what concerns nobody here is left out.
+void Host::find_hosted(const ContactList& list) {
+  hosted_contacts_.clear();
+  const std::uint64_t* const keys = list.keys.data();
+  const auto skip_ended = [&](std::size_t i, std::size_t end) {
+    while (i < end && keys[i] == 0) {
+      ++i;
+    }
+    return i;
+  };
+  const std::size_t own_end = list.own;
+  const std::size_t end = list.keys.size();
+  std::size_t own = skip_ended(0, own_end);
+  std::size_t told = skip_ended(own_end, end);
+  while (own < own_end || told < end) {
+    const bool first = told == end || (own < own_end && keys[own] < keys[told]);
+    const std::size_t i = first ? own : told;
+    const std::uint32_t a = index_.find(static_cast<ObjectNumber>(keys[i] >> 32));
+    const std::uint32_t b = index_.find(static_cast<ObjectNumber>(keys[i]));
+    if (a != NumberIndex::none || b != NumberIndex::none) {
+      hosted_contacts_.push_back({static_cast<std::uint32_t>(i), a, b});
+    }
+    if (first) {
+      own = skip_ended(own + 1, own_end);
+    } else {
+      told = skip_ended(told + 1, end);
+    }
+  }
+}
+
 // A stable counting sort of the contacts by hosted object: the order (a, b) within each is kept.
-void Host::sort_contacts() {
+void Host::sort_contacts(const ContactList& list) {
   const std::size_t objects = hosted_.size();
   contact_begin_.assign(objects + 1, 0);
-  contact_ends_.clear();
-  std::size_t total = 0;
-  for (const Contact& contact : known_contacts_) {
-    const bool ended = contact.phase == Phase::end;
-    for (const ObjectNumber number : {contact.a, contact.b}) {
-      const std::uint32_t i = ended ? NumberIndex::none : index_.find(number);
-      contact_ends_.push_back(i);
-      if (i != NumberIndex::none) {
-        ++contact_begin_[i + 1];
-        ++total;
-      }
+  find_hosted(list);
+  const auto count = [&](std::uint32_t i) {
+    if (i != NumberIndex::none) {
+      ++contact_begin_[i + 1];
     }
+  };
+  for (const HostedContact& hosted : hosted_contacts_) {
+    count(hosted.a);
+    count(hosted.b);
   }
   for (std::size_t i = 0; i < objects; ++i) {
     contact_begin_[i + 1] += contact_begin_[i];
   }
-  contact_order_.resize(total);
-  for (std::size_t e = 0; e < contact_ends_.size(); ++e) {
-    if (contact_ends_[e] != NumberIndex::none) {
-      contact_order_[contact_begin_[contact_ends_[e]]++] = static_cast<std::uint32_t>(e / 2);
+  contact_order_.resize(contact_begin_[objects]);
+  const auto put = [&](std::uint32_t i, std::uint32_t contact) {
+    if (i != NumberIndex::none) {
+      contact_order_[contact_begin_[i]++] = contact;
     }
+  };
+  for (const HostedContact& hosted : hosted_contacts_) {
+    put(hosted.a, hosted.contact);
+    put(hosted.b, hosted.contact);
   }
   // The fill moved each begin to its end, which is where the next one began.
   for (std::size_t i = objects; i > 0; --i) {
     contact_begin_[i] = contact_begin_[i - 1];
   }
   contact_begin_[0] = 0;
+  known_contacts_ = list.contacts.data();
 }
 
 void Host::move(std::uint64_t frame) {
   changed_.clear();
   refusals_ = {};
   if (model_ != nullptr) {
-    known_contacts_ = gather_contacts(frame);
-    sort_contacts();
+    sort_contacts(gather_contacts(frame));
     for (std::size_t first = 0; first < hosted_.size(); first += batch) {
       move_batch(frame, first, std::min(batch, hosted_.size() - first));
     }
@@ -164,8 +230,8 @@ bool Host::call_model(std::uint64_t frame, std::size_t first, std::size_t count)
     const std::span<const std::uint32_t> order(contact_order_.data() + begin, contact_begin_[first + i + 1] - begin);
     const bool present = (hosted.object.flags & flag_present) != 0;
     inputs_[i] = {
-        hosted.object.number, hosted.shape,     static_cast<Category>(hosted.category),       present, hosted.user_data,
-        hosted.pose,          state(first + i), ObjectContacts(known_contacts_.data(), order)};
+        hosted.object.number, hosted.shape,     static_cast<Category>(hosted.category), present, hosted.user_data,
+        hosted.pose,          state(first + i), ObjectContacts(known_contacts_, order)};
     outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_};
   }
   try {

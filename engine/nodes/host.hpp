@@ -59,14 +59,30 @@ class Host {
   void steer(ObjectNumber number, const Pose& pose);
 
   /// Empties C(frame), of which the contacts then follow. C(frame - 1) stays readable, also for other threads.
-  void begin_contacts(std::uint64_t frame) noexcept { contacts_[frame & 1].clear(); }
-  /// Adds the next contact of C(frame), in order of (a, b). Ended ones are kept for whoever asks, not for the model.
-  void add_contact(std::uint64_t frame, const Contact& contact) { contacts_[frame & 1].push_back(contact); }
+  void begin_contacts(std::uint64_t frame) noexcept { lists_[frame & 1].clear(); }
+  /// Adds the next contact of C(frame) that the role found itself, in order of (a, b), whether or not it hosts either
+  /// object. Before any add_contact; its phase follows by confirm().
+  void add_own_contact(std::uint64_t frame, const Contact& contact) {
+    lists_[frame & 1].add(contact);
+    ++lists_[frame & 1].own;
+  }
+  std::span<const Contact> own_contacts(std::uint64_t frame) const noexcept {
+    return std::span(lists_[frame & 1].contacts).first(lists_[frame & 1].own);
+  }
+  /// Says which of the own contacts persist: bit i of `persists` that of own contact 64 * word + i.
+  void confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept;
+  /// Adds the next contact of C(frame) that the role was told, in order of (a, b). Ended ones are kept for whoever
+  /// asks, not for the model.
+  void add_contact(std::uint64_t frame, const Contact& contact) { lists_[frame & 1].add(contact); }
   /// Adds a contact of C(frame - 1) before move(frame): what a new host is told of an object that it took over between
   /// two frames. In any order, and possibly known already.
-  void add_late_contact(const Contact& contact) { late_.push_back(contact); }
-  /// What was added for that frame or, with the same parity, the one two before.
-  std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return contacts_[frame & 1]; }
+  void add_late_contact(const Contact& contact) { late_.add(contact); }
+  /// What was told for that frame or, with the same parity, the one two before.
+  std::span<const Contact> contacts(std::uint64_t frame) const noexcept {
+    return std::span(lists_[frame & 1].contacts).subspan(lists_[frame & 1].own);
+  }
+  /// Reserves for so many contacts a frame.
+  void reserve_contacts(std::size_t contacts);
 
   /// S(frame) of all hosted objects from S(frame - 1) and C(frame - 1). Afterwards changed() lists those whose pose,
   /// presence or state differ.
@@ -77,8 +93,23 @@ class Host {
  private:
   static constexpr std::size_t batch = 64;
 
-  std::span<const Contact> gather_contacts(std::uint64_t frame);
-  void sort_contacts();
+  /// Contacts of a frame: first `own`, then what was told, each in order of (a, b).
+  struct ContactList {
+    std::vector<Contact> contacts;
+    std::vector<std::uint64_t> keys;  ///< of each: ContactOrder::key; 0 if it ended
+    std::size_t own = 0;
+
+    void add(const Contact& contact);
+    void clear() noexcept;
+  };
+  /// A contact of an object that is hosted: its place in the list, and who of the two is hosted.
+  struct HostedContact {
+    std::uint32_t contact, a, b;
+  };
+
+  const ContactList& gather_contacts(std::uint64_t frame);
+  void find_hosted(const ContactList& list);
+  void sort_contacts(const ContactList& list);
   void move_batch(std::uint64_t frame, std::size_t first, std::size_t count);
   bool call_model(std::uint64_t frame, std::size_t first, std::size_t count);
   void accept(std::size_t i, const MotionOutput& output);
@@ -89,12 +120,12 @@ class Host {
   std::vector<std::byte> states_;
   std::vector<std::uint8_t> touched_;  ///< placed since the last move: counts as changed
   NumberIndex index_;
-  std::vector<Contact> contacts_[2];  ///< by parity of the frame
-  std::vector<Contact> late_;
-  std::span<const Contact> known_contacts_;   ///< C(k-1) while moving
+  ContactList lists_[2];  ///< by parity of the frame
+  ContactList late_;
+  const Contact* known_contacts_ = nullptr;   ///< C(k-1) while moving
   std::vector<std::uint32_t> contact_begin_;  ///< by hosted object: its run in contact_order_
   std::vector<std::uint32_t> contact_order_;
-  std::vector<std::uint32_t> contact_ends_;  ///< two a contact: the hosted objects, or none
+  std::vector<HostedContact> hosted_contacts_;  ///< in order of (a, b)
   struct Steered {
     ObjectNumber number;
     Pose pose;

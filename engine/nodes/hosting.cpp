@@ -7,9 +7,8 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 
 void Hosting::change(ObjectTable& objects, std::uint32_t slot, Endpoint to) {
-  ObjectRow& row = objects.row(slot);
-  changes_.push_back({slot, row.host, to});
-  row.host = to;
+  changes_.push_back({slot, objects.host(slot), to});
+  objects.set_host(slot, to);
 }
 
 std::span<const Rehosting> Hosting::settle(ObjectTable& objects, const regions::RegionMap& map,
@@ -22,14 +21,15 @@ std::span<const Rehosting> Hosting::settle(ObjectTable& objects, const regions::
   // Only what moved, appeared or was orphaned in this cut can be without a host; all of it is listed as moved, but for
   // what a departed user node hosted.
   const auto give = [&](std::uint32_t slot) {
-    ObjectRow& row = objects.row(slot);
-    const bool orphan = row.host.is_user() && !std::binary_search(users.begin(), users.end(), row.host.number());
-    if (!row.alive || row.category == static_cast<std::uint16_t>(Category::fixed) ||
-        (row.host != Endpoint::none() && !orphan)) {
+    const ObjectRow& row = objects.row(slot);
+    const Endpoint host = objects.host(slot);
+    const bool orphan = host.is_user() && !std::binary_search(users.begin(), users.end(), host.number());
+    if (!objects.alive(slot) || row.category == static_cast<std::uint16_t>(Category::fixed) ||
+        (host != Endpoint::none() && !orphan)) {
       return;
     }
     if (row.category == static_cast<std::uint16_t>(Category::avatar)) {
-      change(objects, slot, Endpoint::user(row.user));
+      change(objects, slot, Endpoint::user(objects.origin(slot).user));
     } else if (deployment_ == Deployment::user_collision) {
       change(objects, slot, Endpoint::node(node_at(row.pose.position, map)));
     } else if (deployment_ == Deployment::user && !users.empty()) {
@@ -53,26 +53,27 @@ std::span<const Rehosting> Hosting::settle(ObjectTable& objects, const regions::
 // Equal shares, within one. The shares that are larger by one go first to those who host more anyway, everybody keeps
 // what fits his share, and only the rest moves: no sharing out in equal shares moves less.
 void Hosting::share_out(ObjectTable& objects, std::span<const UserNumber> users) {
-  const auto shared = [](const ObjectRow& row) {
-    return row.alive && row.category != static_cast<std::uint16_t>(Category::fixed) &&
+  const auto shared = [&](std::uint32_t slot) {
+    const ObjectRow& row = objects.row(slot);
+    return objects.alive(slot) && row.category != static_cast<std::uint16_t>(Category::fixed) &&
            row.category != static_cast<std::uint16_t>(Category::avatar);
   };
-  const auto user_of = [&](const ObjectRow& row) {
-    if (!row.host.is_user()) {
+  const auto user_of = [&](std::uint32_t slot) {
+    const Endpoint host = objects.host(slot);
+    if (!host.is_user()) {
       return users.size();
     }
-    const auto at = std::lower_bound(users.begin(), users.end(), row.host.number());
-    return at != users.end() && *at == row.host.number() ? static_cast<std::size_t>(at - users.begin()) : users.size();
+    const auto at = std::lower_bound(users.begin(), users.end(), host.number());
+    return at != users.end() && *at == host.number() ? static_cast<std::size_t>(at - users.begin()) : users.size();
   };
   shares_.assign(users.size(), 0);
   std::size_t total = 0;
   for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
-    const ObjectRow& row = objects.row(slot);
-    if (!shared(row)) {
+    if (!shared(slot)) {
       continue;
     }
     ++total;
-    if (const std::size_t user = user_of(row); user != users.size()) {
+    if (const std::size_t user = user_of(slot); user != users.size()) {
       ++shares_[user];
     }
   }
@@ -80,14 +81,14 @@ void Hosting::share_out(ObjectTable& objects, std::span<const UserNumber> users)
 
   pool_.clear();
   for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
-    const ObjectRow& row = objects.row(slot);
-    if (row.alive && row.category == static_cast<std::uint16_t>(Category::avatar) && row.host == Endpoint::none()) {
-      change(objects, slot, Endpoint::user(row.user));
+    const bool avatar = objects.row(slot).category == static_cast<std::uint16_t>(Category::avatar);
+    if (objects.alive(slot) && avatar && objects.host(slot) == Endpoint::none()) {
+      change(objects, slot, Endpoint::user(objects.origin(slot).user));
     }
-    if (!shared(row)) {
+    if (!shared(slot)) {
       continue;
     }
-    const std::size_t user = user_of(row);
+    const std::size_t user = user_of(slot);
     if (user != users.size() && shares_[user] > 0) {
       --shares_[user];
     } else {

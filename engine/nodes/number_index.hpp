@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -10,18 +11,26 @@ namespace ringfence::nodes {
 
 /// Where the object of a number is in somebody's table: a flat hash map from object numbers to 32-bit indices.
 ///
-/// Open addressing with linear probing and backward-shift deletion (Knuth, The Art of Computer Programming, 6.4 R).
-/// Allocates only when it grows past half full; look-ups never do. Belongs to one thread at a time.
+/// Numbers that are not much larger than the table (most worlds count from 1) have a place of their own: four bytes,
+/// one look. The others: open addressing with linear probing and backward-shift deletion (Knuth, The Art of Computer
+/// Programming, 6.4 R). Allocates only when it grows past half full, or when a larger number comes that may have a
+/// place; look-ups never do. Belongs to one thread at a time.
 class NumberIndex {
  public:
   static constexpr std::uint32_t none = 0xffffffffu;
 
-  explicit NumberIndex(std::size_t reserve = 0) { resize(reserve); }
+  explicit NumberIndex(std::size_t reserve = 0) {
+    resize(reserve);
+    places_.reserve(reserve + 1);
+  }
 
-  std::size_t size() const noexcept { return size_; }
+  std::size_t size() const noexcept { return placed_ + size_; }
 
   /// The index stored for `number`, or none.
   std::uint32_t find(ObjectNumber number) const noexcept {
+    if (number < places_.size()) {
+      return places_[number];
+    }
     for (std::size_t at = home(number);; at = (at + 1) & mask_) {
       if (entries_[at].number == number) {
         return entries_[at].index;
@@ -34,6 +43,14 @@ class NumberIndex {
 
   /// Stores or replaces. Precondition: number is not 0.
   void set(ObjectNumber number, std::uint32_t index) {
+    if (number >= places_.size() && number < places_a_number * (size() + least_places)) {
+      make_places(number);
+    }
+    if (number < places_.size()) {
+      placed_ += places_[number] == none ? 1 : 0;
+      places_[number] = index;
+      return;
+    }
     if ((size_ + 1) * 2 > entries_.size()) {
       resize(size_ + 1);
     }
@@ -46,6 +63,11 @@ class NumberIndex {
   }
 
   void erase(ObjectNumber number) noexcept {
+    if (number < places_.size()) {
+      placed_ -= places_[number] != none ? 1 : 0;
+      places_[number] = none;
+      return;
+    }
     std::size_t at = home(number);
     while (entries_[at].number != number) {
       if (entries_[at].number == 0) {
@@ -65,6 +87,9 @@ class NumberIndex {
   }
 
  private:
+  static constexpr std::size_t places_a_number = 16;  ///< a node's share of a world, by number, is as sparse as that
+  static constexpr std::size_t least_places = 16;
+
   struct Entry {
     ObjectNumber number = 0;
     std::uint32_t index = 0;
@@ -91,6 +116,24 @@ class NumberIndex {
     }
   }
 
+  // What is hashed and now has a place moves there.
+  void make_places(ObjectNumber number) {
+    places_.resize(std::max(number + std::size_t{1}, places_.capacity()), none);
+    if (size_ == 0) {
+      return;
+    }
+    std::vector<Entry> old(entries_.size());
+    old.swap(entries_);
+    size_ = 0;
+    for (const Entry& entry : old) {
+      if (entry.number != 0) {
+        set(entry.number, entry.index);
+      }
+    }
+  }
+
+  std::vector<std::uint32_t> places_;  ///< by number: its index, or none
+  std::size_t placed_ = 0;             ///< numbers that have one
   std::vector<Entry> entries_;
   std::size_t mask_ = 0;
   std::size_t size_ = 0;

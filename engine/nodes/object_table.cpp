@@ -6,6 +6,11 @@ namespace ringfence::nodes {
 
 ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_bytes_(state_bytes), index_(objects) {
   rows_.reserve(objects);
+  origins_.reserve(objects);
+  numbers_.reserve(objects);
+  marks_.reserve(objects);
+  hosts_.reserve(objects);
+  told_.reserve(objects);
   bounds_.reserve(objects);
   present_.reserve(objects);
   resting_.reserve(objects);
@@ -16,12 +21,18 @@ ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_b
   moved_.reserve(objects);
 }
 
+messages::HandOverRecord ObjectTable::hand_over(std::uint32_t slot) const noexcept {
+  const ObjectRow& row = rows_[slot];
+  return {row.object, row.pose, origins_[slot].user_data, row.shape, row.layer, row.category};
+}
+
 std::uint32_t ObjectTable::find(const messages::ObjectRef& object) const noexcept {
   if (object.slot >= rows_.size()) {
     return NumberIndex::none;
   }
   const ObjectRow& row = rows_[object.slot];
-  const bool same = row.alive && row.object.number == object.number && row.object.generation == object.generation;
+  const bool same =
+      alive(object.slot) && row.object.number == object.number && row.object.generation == object.generation;
   return same ? object.slot : NumberIndex::none;
 }
 
@@ -30,6 +41,11 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   if (free_.empty()) {
     slot = static_cast<std::uint32_t>(rows_.size());
     rows_.emplace_back();
+    origins_.emplace_back();
+    numbers_.push_back(0);
+    marks_.push_back(0);
+    hosts_.push_back(messages::Endpoint::none());
+    told_.emplace_back();
     bounds_.emplace_back();
     present_.push_back(0);
     resting_.push_back(1);
@@ -38,19 +54,19 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   } else {
     slot = free_.back();
     free_.pop_back();
-    rows_[slot] = {};
     std::fill_n(state(slot), state_bytes_, std::byte{0});
   }
   ObjectRow& row = rows_[slot];
   row.object = {slot, id.generation(), id.number(), spec.present ? messages::flag_present : 0u};
   row.pose = spec.pose;
-  row.user_data = spec.user_data;
   row.shape = spec.shape;
   row.layer = spec.layer;
   layers_[slot] = static_cast<std::uint8_t>(spec.layer);
   row.category = static_cast<std::uint16_t>(spec.category);
-  row.user = spec.user;
-  row.alive = true;
+  origins_[slot] = {spec.user_data, spec.user};
+  numbers_[slot] = id.number();
+  marks_[slot] = alive_mark;
+  hosts_[slot] = messages::Endpoint::none();
   index_.set(id.number(), slot);
   mark_moved(slot);
   return slot;
@@ -58,7 +74,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
 
 void ObjectTable::end(std::uint32_t slot) {
   ObjectRow& row = rows_[slot];
-  row.alive = false;
+  marks_[slot] &= static_cast<std::uint8_t>(~alive_mark);
   row.object.flags = 0;
   index_.erase(row.object.number);
   ended_.push_back(slot);
@@ -68,8 +84,7 @@ void ObjectTable::end(std::uint32_t slot) {
 void ObjectTable::settle() {
   // What moved rests from the next frame on, unless it moves again: mark_moved clears the byte then.
   for (const std::uint32_t slot : moved_) {
-    rows_[slot].moved = false;
-    rows_[slot].reported_by_node = false;
+    marks_[slot] &= static_cast<std::uint8_t>(~(moved_mark | reported_mark | inner_mark));
     resting_[slot] = 1;
   }
   moved_.clear();
@@ -78,11 +93,10 @@ void ObjectTable::settle() {
 }
 
 void ObjectTable::mark_moved(std::uint32_t slot) {
-  ObjectRow& row = rows_[slot];
-  present_[slot] = (row.object.flags & messages::flag_present) != 0 ? 1 : 0;
+  present_[slot] = (rows_[slot].object.flags & messages::flag_present) != 0 ? 1 : 0;
   resting_[slot] = 0;
-  if (!row.moved) {
-    row.moved = true;
+  if ((marks_[slot] & moved_mark) == 0) {
+    marks_[slot] |= moved_mark;
     moved_.push_back(slot);
   }
 }

@@ -14,24 +14,36 @@
 
 namespace ringfence::nodes {
 
-/// What the server knows of an object besides its bounds.
-struct ObjectRow {
+/// What the server reads of an object each frame: one cache line.
+struct alignas(64) ObjectRow {
   messages::ObjectRef object;  ///< flags: flag_present
   Pose pose;
-  std::uint64_t user_data = 0;
   ShapeNumber shape = 0;
   std::uint16_t layer = 0;
   std::uint16_t category = 0;
+};
+static_assert(sizeof(ObjectRow) == 64);
+
+/// What of an object is read when its host changes or somebody asks.
+struct ObjectOrigin {
+  std::uint64_t user_data = 0;
   UserNumber user = no_user;  ///< of an avatar
-  messages::Endpoint host = messages::Endpoint::none();
-  regions::CellBox told;  ///< the cells whose owners have been told of the object
-  bool alive = false;
-  bool is_told = false;           ///< `told` holds
-  bool moved = false;             ///< listed in moved()
-  bool reported_by_node = false;  ///< this frame's state came from the CD node that hosts it
+};
+
+/// What holds of an object, as bits.
+enum ObjectMark : std::uint8_t {
+  alive_mark = 1,
+  told_mark = 2,       ///< ObjectTable::told() holds: nodes have been told of the object
+  shared_mark = 4,     ///< perhaps others than its host have been told of it
+  moved_mark = 8,      ///< listed in moved()
+  reported_mark = 16,  ///< this frame's state came from the CD node that hosts it
+  inner_mark = 32      ///< and it says that all cells that the bounds touch are its own
 };
 
 /// The server's table of objects, by slot. A slot belongs to one object from its spawn to the frame after its end.
+///
+/// What is looked up at random for every pair and contact (numbers, layers, hosts, marks) lies in arrays of its own,
+/// small enough for the second-level cache at 64,000 objects; what goes by object lies in rows of a cache line.
 ///
 /// Threads: belongs to the server role in a frame, to the facade between frames. Memory: reserved, grown at spawns.
 class ObjectTable {
@@ -39,11 +51,24 @@ class ObjectTable {
   /// `state_bytes` is the model's state, a multiple of 8.
   ObjectTable(std::size_t objects, std::size_t state_bytes);
 
-  /// Slots in use or used before; rows() and bounds() have this size.
+  /// Slots in use or used before; all spans have this size.
   std::size_t slots() const noexcept { return rows_.size(); }
   std::size_t live() const noexcept { return index_.size(); }
   ObjectRow& row(std::uint32_t slot) noexcept { return rows_[slot]; }
   const ObjectRow& row(std::uint32_t slot) const noexcept { return rows_[slot]; }
+  std::span<const ObjectRow> rows() const noexcept { return rows_; }
+  ObjectOrigin& origin(std::uint32_t slot) noexcept { return origins_[slot]; }
+  const ObjectOrigin& origin(std::uint32_t slot) const noexcept { return origins_[slot]; }
+  std::span<const ObjectNumber> numbers() const noexcept { return numbers_; }
+  bool alive(std::uint32_t slot) const noexcept { return (marks_[slot] & alive_mark) != 0; }
+  /// ObjectMark bits; the table itself keeps alive_mark and moved_mark.
+  std::uint8_t& marks(std::uint32_t slot) noexcept { return marks_[slot]; }
+  /// Who moves the object; none while nobody does.
+  messages::Endpoint host(std::uint32_t slot) const noexcept { return hosts_[slot]; }
+  std::span<const messages::Endpoint> hosts() const noexcept { return hosts_; }
+  void set_host(std::uint32_t slot, messages::Endpoint host) noexcept { hosts_[slot] = host; }
+  /// The cells whose owners have been told of the object, if told_mark.
+  regions::CellBox& told(std::uint32_t slot) noexcept { return told_[slot]; }
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_; }
   geometry::Bounds& bounds(std::uint32_t slot) noexcept { return bounds_[slot]; }
   /// One byte a slot: whether it holds a present object.
@@ -54,6 +79,8 @@ class ObjectTable {
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
   std::byte* state(std::uint32_t slot) noexcept { return states_.data() + slot * state_bytes_; }
   std::size_t state_bytes() const noexcept { return state_bytes_; }
+  /// What a new host is told of the object, but for its state.
+  messages::HandOverRecord hand_over(std::uint32_t slot) const noexcept;
   /// The slot of a live object, or NumberIndex::none.
   std::uint32_t find(ObjectNumber number) const noexcept { return index_.find(number); }
   /// The slot that a message speaks of, if it holds exactly that object; else NumberIndex::none.
@@ -74,10 +101,15 @@ class ObjectTable {
  private:
   std::size_t state_bytes_;
   std::vector<ObjectRow> rows_;
+  std::vector<ObjectOrigin> origins_;
+  std::vector<ObjectNumber> numbers_;
+  std::vector<std::uint8_t> layers_;
+  std::vector<std::uint8_t> marks_;
+  std::vector<messages::Endpoint> hosts_;
+  std::vector<regions::CellBox> told_;
   std::vector<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> present_;
   std::vector<std::uint8_t> resting_;
-  std::vector<std::uint8_t> layers_;
   std::vector<std::byte> states_;
   std::vector<std::uint32_t> free_;
   std::vector<std::uint32_t> ended_;  ///< in this frame

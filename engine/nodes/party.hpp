@@ -26,7 +26,7 @@ struct Party {
   static constexpr std::uint32_t ended = 0x80000000u;
 
   messages::RunSender drop_run, adopt_run, place_run, late_run, refused_run, begin_run;
-  messages::RunSender map_run, notice_run, end_run;
+  messages::RunSender map_run, confirm_run, notice_run, end_run;
 
   // Heard in this frame.
   bool states_heard = false;

@@ -27,6 +27,7 @@ void ServerRole::cut() {
     rehost(change);
   }
   report().nodes.resize(nodes_.size());
+  leaving_.clear();
   ledger_.begin(frame_);
   host_.begin_contacts(frame_);
   all_parties([&](Party& party) {
@@ -124,8 +125,7 @@ void ServerRole::retire_nodes() {
 
 void ServerRole::disconnect(UserNumber user) {
   for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
-    const ObjectRow& row = objects_.row(slot);
-    if (row.alive && row.user == user) {
+    if (objects_.alive(slot) && objects_.origin(slot).user == user) {
       end_object(slot);
     }
   }
@@ -149,11 +149,11 @@ void ServerRole::spawn(const Request& request) {
 }
 
 void ServerRole::end_object(std::uint32_t slot) {
-  const ObjectRow& row = objects_.row(slot);
-  if (Party* party = party_of(row.host)) {
+  const Endpoint host = objects_.host(slot);
+  if (Party* party = party_of(host)) {
     party->drops.push_back(slot);
-  } else if (row.host.is_server()) {
-    host_.drop(row.object.number);
+  } else if (host.is_server()) {
+    host_.drop(objects_.row(slot).object.number);
   }
   objects_.end(slot);
 }
@@ -164,9 +164,10 @@ void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {
   row.object.flags = present ? messages::flag_present : 0u;
   objects_.bounds(slot) = setup_.shapes->bounds(row.shape, pose, *setup_.space);
   objects_.mark_moved(slot);
-  if (Party* party = party_of(row.host)) {
+  const Endpoint host = objects_.host(slot);
+  if (Party* party = party_of(host)) {
     party->placements.push_back(slot);
-  } else if (row.host.is_server()) {
+  } else if (host.is_server()) {
     host_.place(row.object.number, pose, present);
   }
 }
@@ -181,7 +182,7 @@ void ServerRole::rehost(const Rehosting& change) {
   if (Party* to = party_of(change.to)) {
     to->adoptions.push_back(change.slot);
   } else if (change.to.is_server()) {
-    host_.adopt({row.object, row.pose, row.user_data, row.shape, row.layer, row.category}, objects_.state(change.slot));
+    host_.adopt(objects_.hand_over(change.slot), objects_.state(change.slot));
   }
   if (change.from != Endpoint::none()) {
     ++report().handed_over;
@@ -192,10 +193,10 @@ void ServerRole::rehost(const Rehosting& change) {
 // The new host answers the contacts of the frame before, so it must know them. Rare: users came or went.
 void ServerRole::tell_late_contacts(std::uint32_t slot, Endpoint host) {
   const auto contacts = ledger_.contacts(frame_ - 1);
-  const auto slots = ledger_.slots(frame_ - 1);
+  const auto found = ledger_.found(frame_ - 1);
   Party* party = party_of(host);
-  for (std::size_t i = 0; i < slots.size(); ++i) {
-    if (slots[i].a != slot && slots[i].b != slot) {
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (found[i].a != slot && found[i].b != slot) {
       continue;
     }
     if (party != nullptr) {
@@ -243,9 +244,7 @@ bool ServerRole::open(Party& party) {
       send(party.adopt_run, party.adoptions, MessageType::adopt,
            [&](std::size_t i, std::byte* where) {
              const std::uint32_t slot = party.adoptions[i];
-             const ObjectRow& row = objects_.row(slot);
-             const messages::HandOverRecord record{row.object, row.pose,  row.user_data,
-                                                   row.shape,  row.layer, row.category};
+             const messages::HandOverRecord record = objects_.hand_over(slot);
              std::memcpy(where, &record, sizeof record);
              std::copy_n(objects_.state(slot), state_bytes, where + sizeof record);
            }) &&

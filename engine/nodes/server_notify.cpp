@@ -1,7 +1,6 @@
 // The server's last stage: who hosts what in the next frame, and who is told of which contact.
 #include <cstring>
 
-#include "nodes/contact_order.hpp"
 #include "nodes/server_role.hpp"
 
 namespace ringfence::nodes {
@@ -60,13 +59,14 @@ void ServerRole::next_hosts() {
     return;
   }
   const auto follow = [&](std::uint32_t slot) {
-    ObjectRow& row = objects_.row(slot);
-    if (!row.alive || !row.host.is_node()) {
+    const Endpoint host = objects_.host(slot);
+    if (!objects_.alive(slot) || !host.is_node()) {
       return;
     }
-    const NodeNumber next = hosting_.node_at(row.pose.position, map_);
-    if (row.host.number() != next) {
-      row.host = Endpoint::node(next);
+    const NodeNumber next = hosting_.node_at(objects_.row(slot).pose.position, map_);
+    if (host.number() != next) {
+      objects_.set_host(slot, Endpoint::node(next));
+      objects_.marks(slot) |= shared_mark;  // the old host knows it too
       ++nodes_[next].hand_overs;
       ++report().handed_over;
     }
@@ -76,16 +76,21 @@ void ServerRole::next_hosts() {
       follow(slot);
     }
   } else {
-    for (const std::uint32_t slot : objects_.moved()) {
+    for (const std::uint32_t slot : leaving_) {
       follow(slot);
     }
   }
 }
 
-void ServerRole::list_notice(std::uint32_t notice, const Contact& contact, const SlotPair& slots) {
-  const Endpoint first = objects_.row(slots.a).host;
-  const Endpoint second = objects_.row(slots.b).host;
+// A node that found the contact itself is told of it by one bit: see ContactLedger::persists.
+void ServerRole::list_notice(std::uint32_t notice, const Contact& contact, const Found& found) {
+  const Endpoint first = objects_.host(found.a);
+  const Endpoint second = objects_.host(found.b);
+  const Endpoint finder = (notice & Party::ended) != 0 ? Endpoint::none() : Endpoint::node(found.by);
   const auto tell = [&](Endpoint host) {
+    if (host == finder) {
+      return;
+    }
     if (Party* party = party_of(host)) {
       party->notices.push_back(notice);
     } else if (host.is_server()) {
@@ -105,21 +110,25 @@ void ServerRole::list_notices() {
     return true;
   });
   const auto contacts = ledger_.contacts(frame_);
+  const auto keys = ledger_.keys(frame_);
+  const auto found = ledger_.found(frame_);
   const auto ended = ledger_.ended(frame_);
+  const auto ended_keys = ledger_.ended_keys(frame_);
+  const auto ended_found = ledger_.ended_found(frame_);
   std::uint32_t i = 0;
   std::uint32_t j = 0;
-  while (i < contacts.size() || j < ended.size()) {
-    const bool live = j == ended.size() || (i < contacts.size() && ContactOrder::key(contacts[i].a, contacts[i].b) <
-                                                                       ContactOrder::key(ended[j].a, ended[j].b));
-    if (live) {
-      list_notice(i, contacts[i], ledger_.slots(frame_)[i]);
+  while (i < keys.size() || j < ended_keys.size()) {
+    if (j == ended_keys.size() || (i < keys.size() && keys[i] < ended_keys[j])) {
+      list_notice(i, contacts[i], found[i]);
       ++i;
     } else {
-      list_notice(j | Party::ended, ended[j], ledger_.ended_slots(frame_)[j]);
+      list_notice(j | Party::ended, ended[j], ended_found[j]);
       ++j;
     }
   }
   all_parties([&](Party& party) {
+    const bool confirms = party.self.is_node() && setup_.deployment == Deployment::user_collision;
+    party.confirm_run.start(confirms ? ledger_.persists(party.self.number()).size() : 0);
     party.notice_run.start(party.notices.size());
     party.end_run.start(1);
     party.map_run.start(map_.owners().size());
@@ -160,6 +169,14 @@ bool ServerRole::notify(Party& party) {
                             const messages::OwnerRecord record{map_.owners()[i], 0};
                             std::memcpy(where, &record, sizeof record);
                           })) {
+    return false;
+  }
+  if (node && setup_.deployment == Deployment::user_collision &&
+      !party.confirm_run.pump(out, head(MessageType::confirm, party.self), sizeof(messages::ConfirmRecord), counts,
+                              [&](std::size_t i, std::byte* where) {
+                                const messages::ConfirmRecord record{ledger_.persists(party.self.number())[i]};
+                                std::memcpy(where, &record, sizeof record);
+                              })) {
     return false;
   }
   const bool sent = party.notice_run.pump(

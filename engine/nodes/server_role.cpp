@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "nodes/contact_order.hpp"
 #include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
@@ -31,6 +32,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
     party.notices.reserve(std::min(setup.capacities.contacts, 2 * setup.capacities.contacts / nodes_.size() + 64));
   }
   users_.reserve(setup.capacities.users);
+  leaving_.reserve(setup.capacities.objects);
   connected_.reserve(setup.capacities.users);
 }
 
@@ -143,7 +145,7 @@ void ServerRole::hear_states(Party& party, const MessageView& message) {
       continue;
     }
     ObjectRow& row = objects_.row(slot);
-    if (row.host != party.self) {
+    if (objects_.host(slot) != party.self) {
       refuse(party, Status::not_host, record.object.number);
       continue;
     }
@@ -166,14 +168,18 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
     const auto record = message.record<messages::NodeStateRecord>(i);
     const std::uint32_t slot = objects_.find(record.object);
-    if (slot == NumberIndex::none || objects_.row(slot).host != party.self) {
+    if (slot == NumberIndex::none || objects_.host(slot) != party.self) {
       refuse(party, slot == NumberIndex::none ? Status::stale_object : Status::not_host, record.object.number);
       continue;
     }
     ObjectRow& row = objects_.row(slot);
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
-    row.reported_by_node = true;
+    objects_.marks(slot) |=
+        static_cast<std::uint8_t>(reported_mark | ((record.object.flags & messages::flag_inner) != 0 ? inner_mark : 0));
+    if ((record.object.flags & messages::flag_staying) == 0) {
+      leaving_.push_back(slot);
+    }
     objects_.bounds(slot) = record.bounds;
     std::copy_n(message.state<messages::NodeStateRecord>(i), objects_.state_bytes(), objects_.state(slot));
     objects_.mark_moved(slot);
@@ -183,8 +189,10 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
 }
 
 void ServerRole::hear_collisions(Party& party, const MessageView& message) {
+  const auto numbers = objects_.numbers();
   for (std::size_t i = 0; i < message.count(); ++i) {
-    ledger_.receive(party.self.number(), message.record<messages::CollisionRecord>(i));
+    const auto record = message.record<messages::CollisionRecord>(i);
+    ledger_.receive(party.self.number(), ContactOrder::key(numbers[record.slot_a], numbers[record.slot_b]), record);
   }
 }
 
@@ -295,7 +303,7 @@ void ServerRole::detect() {
 
 void ServerRole::collect() {
   spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
-  const std::uint64_t doubled = ledger_.merge();
+  const std::uint64_t doubled = ledger_.merge(objects_.rows());
   FrameReport& frame = report();
   frame.accepted += doubled;  // shows as accepted != tested: never silently
   frame.contacts = ledger_.contacts(frame_).size();

@@ -110,7 +110,7 @@ class ServerRole {
   void detect();
   void collect();
   void list_notices();
-  void list_notice(std::uint32_t notice, const Contact& contact, const SlotPair& slots);
+  void list_notice(std::uint32_t notice, const Contact& contact, const Found& found);
   void follow_load();
   void weigh_cells();
   void next_hosts();
@@ -151,6 +151,7 @@ class ServerRole {
   std::vector<Party> users_;  ///< by user number
   std::vector<UserNumber> connected_;
   std::vector<Line> node_lines_;
+  std::vector<std::uint32_t> leaving_;  ///< slots of this frame whose hosts say that others host them next
   bool users_changed_ = false;
 
   Stage stage_ = Stage::waiting;

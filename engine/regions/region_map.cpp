@@ -38,17 +38,25 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
   owners_.assign(owners.begin(), owners.end());
 }
 
-bool RegionMap::covers(const CellBox& box, NodeNumber node) const noexcept {
+Cover RegionMap::cover(const CellBox& box, NodeNumber node) const noexcept {
+  if (nodes_ == 1) {
+    return node == 0 ? Cover::all : Cover::none;
+  }
+  bool some = false;
+  bool all = true;
   for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
     for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
       for (std::uint32_t x = box.lower[0]; x <= box.upper[0]; ++x) {
-        if (owners_[grid_.index(x, y, z)] == node) {
-          return true;
+        const bool own = owners_[grid_.index(x, y, z)] == node;
+        some |= own;
+        all &= own;
+        if (some && !all) {
+          return Cover::part;
         }
       }
     }
   }
-  return false;
+  return all ? Cover::all : Cover::none;
 }
 
 void RegionMap::assign(std::span<const NodeNumber> owners, std::uint32_t nodes, std::uint32_t epoch) {

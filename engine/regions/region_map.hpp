@@ -66,6 +66,9 @@ struct CellGrid {
   static CellGrid choose(const double extents[3], std::size_t cells);
 };
 
+/// How much of a box of cells one node owns.
+enum class Cover : std::uint8_t { none, part, all };
+
 /// Which CD node owns which cell. A node's region is the set of its cells.
 ///
 /// Ownership is a pure function of bounds and this map, so whoever holds the map agrees without asking: the server,
@@ -94,8 +97,8 @@ class RegionMap {
     return owner_at(corner);
   }
 
-  /// Whether `node` owns any cell of the box.
-  bool covers(const CellBox& box, NodeNumber node) const noexcept;
+  /// How many of the box's cells are those of `node`.
+  Cover cover(const CellBox& box, NodeNumber node) const noexcept;
 
   /// Replaces all owners. Precondition: one owner a cell, each below `nodes`.
   void assign(std::span<const NodeNumber> owners, std::uint32_t nodes, std::uint32_t epoch);

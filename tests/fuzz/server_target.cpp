@@ -152,7 +152,7 @@ void check(const Scene& scene, const Vec3d* honest) {
   for (std::size_t i = 0; i < objects; ++i) {
     const nodes::ObjectRow& row = scene.row(i);
     where[i] = row.pose.position;
-    const bool own = row.host == messages::Endpoint::user(liar);
+    const bool own = scene.theatre.table().host(row.object.slot) == messages::Endpoint::user(liar);
     require(own || (where[i].x == honest[i].x && where[i].y == honest[i].y && where[i].z == honest[i].z));
     require(std::abs(where[i].x) <= farthest_coordinate && std::abs(where[i].y) <= farthest_coordinate &&
             std::abs(where[i].z) <= farthest_coordinate);

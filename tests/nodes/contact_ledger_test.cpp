@@ -15,14 +15,27 @@ namespace {
 
 using Key = std::pair<ObjectNumber, ObjectNumber>;
 
+constexpr std::uint32_t slots = 97;
+
+std::uint64_t word_of(const Key& key) { return ContactOrder::key(key.first, key.second); }
+
 messages::CollisionRecord record_of(const Key& key, float depth) {
   messages::CollisionRecord record;
-  record.slot_a = key.first * 3;
-  record.slot_b = key.second * 3;
-  record.contact.a = key.first;
-  record.contact.b = key.second;
-  record.contact.depth = depth;
+  record.slot_a = key.first % slots;
+  record.slot_b = key.second % slots;
+  record.depth = depth;
+  record.normal = {depth, 1, 2};
+  record.point = {double{depth}, 3, 4};
   return record;
+}
+
+/// Rows of which each stands somewhere else, and elsewhere in each frame.
+std::vector<ObjectRow> rows_of(std::uint64_t frame) {
+  std::vector<ObjectRow> rows(slots);
+  for (std::uint32_t slot = 0; slot < slots; ++slot) {
+    rows[slot].pose.position = {static_cast<double>(slot), static_cast<double>(frame), 0};
+  }
+  return rows;
 }
 
 TEST_CASE("the ledger begins, continues and ends contacts as a map of the two frames does") {
@@ -54,20 +67,33 @@ TEST_CASE("the ledger begins, continues and ends contacts as a map of the two fr
       ledger.begin(frame);
       // Dealt to the nodes at random, in the order of the keys at each.
       std::vector<std::size_t> received(nodes, 0);
+      std::vector<std::vector<bool>> runs(nodes);  // whether each contact of a node's run persists
+      std::vector<NodeNumber> finders;
       for (const auto& [key, depth] : now) {
         const auto node = static_cast<NodeNumber>(random() % nodes);
-        ledger.receive(node, record_of(key, depth));
+        ledger.receive(node, word_of(key), record_of(key, depth));
         ++received[node];
+        finders.push_back(node);
+        runs[node].push_back(before.count(key) != 0);
       }
       for (NodeNumber node = 0; node < nodes; ++node) {
         REQUIRE(ledger.received(node) == received[node]);
       }
-      REQUIRE(ledger.merge() == 0);
+      REQUIRE(ledger.merge(rows_of(frame)) == 0);
+      for (NodeNumber node = 0; node < nodes; ++node) {
+        const auto persists = ledger.persists(node);
+        REQUIRE(persists.size() == (runs[node].size() + 63) / 64);
+        for (std::size_t i = 0; i < runs[node].size(); ++i) {
+          REQUIRE((persists[i / 64] >> (i % 64) & 1) == (runs[node][i] ? 1u : 0u));
+        }
+      }
 
       const auto contacts = ledger.contacts(frame);
-      const auto slots = ledger.slots(frame);
+      const auto found = ledger.found(frame);
+      const auto keys = ledger.keys(frame);
       REQUIRE(contacts.size() == now.size());
-      REQUIRE(slots.size() == now.size());
+      REQUIRE(found.size() == now.size());
+      REQUIRE(keys.size() == now.size());
       std::size_t i = 0;
       std::size_t began = 0;
       for (const auto& [key, depth] : now) {
@@ -76,13 +102,20 @@ TEST_CASE("the ledger begins, continues and ends contacts as a map of the two fr
         REQUIRE((Key{contacts[i].a, contacts[i].b} == key));
         REQUIRE(contacts[i].depth == depth);
         REQUIRE(contacts[i].phase == (persists ? Phase::persist : Phase::begin));
-        REQUIRE(slots[i].a == key.first * 3);
-        REQUIRE(slots[i].b == key.second * 3);
+        REQUIRE(contacts[i].normal.x == depth);
+        REQUIRE(contacts[i].point.x == double{depth});
+        REQUIRE(contacts[i].pose_a.position.x == key.first % slots);
+        REQUIRE(contacts[i].pose_b.position.x == key.second % slots);
+        REQUIRE(contacts[i].pose_b.position.y == static_cast<double>(frame));
+        REQUIRE(keys[i] == word_of(key));
+        REQUIRE(found[i].a == key.first % slots);
+        REQUIRE(found[i].b == key.second % slots);
+        REQUIRE(found[i].by == finders[i]);
         ++i;
       }
       REQUIRE(ledger.began() == began);
       const auto ended = ledger.ended(frame);
-      const auto ended_slots = ledger.ended_slots(frame);
+      const auto ended_found = ledger.ended_found(frame);
       std::size_t e = 0;
       for (const auto& [key, depth] : before) {
         if (now.count(key) != 0) {
@@ -92,11 +125,13 @@ TEST_CASE("the ledger begins, continues and ends contacts as a map of the two fr
         REQUIRE((Key{ended[e].a, ended[e].b} == key));
         REQUIRE(ended[e].phase == Phase::end);
         REQUIRE(ended[e].depth == depth);  // the geometry of the last contact
-        REQUIRE(ended_slots[e].a == key.first * 3);
+        REQUIRE(ended[e].pose_a.position.y == static_cast<double>(frame - 1));
+        REQUIRE(ledger.ended_keys(frame)[e] == word_of(key));
+        REQUIRE(ended_found[e].a == key.first % slots);
         ++e;
       }
       REQUIRE(e == ended.size());
-      REQUIRE(ended_slots.size() == e);
+      REQUIRE(ended_found.size() == e);
       // The frame before stays readable while this one was made.
       if (frame > 0) {
         REQUIRE(ledger.contacts(frame - 1).size() == before.size());
@@ -118,7 +153,7 @@ TEST_CASE("a pair that two nodes found is kept once and counted") {
     for (ObjectNumber a = 1; a <= 12; ++a) {
       for (NodeNumber node = 0; node < 4; ++node) {
         if (random() % 3 == 0) {
-          ledger.receive(node, record_of({a, a + 1}, 1));
+          ledger.receive(node, word_of({a, a + 1}), record_of({a, a + 1}, 1));
           ++found[{a, a + 1}];
         }
       }
@@ -127,7 +162,7 @@ TEST_CASE("a pair that two nodes found is kept once and counted") {
     for (const auto& [key, times] : found) {
       surplus += static_cast<std::uint64_t>(times - 1);
     }
-    CHECK(ledger.merge() == surplus);
+    CHECK(ledger.merge(rows_of(0)) == surplus);
     CHECK(ledger.contacts(0).size() == found.size());
   }
 }

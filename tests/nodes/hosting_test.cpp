@@ -37,7 +37,7 @@ struct Cut {
   }
   void disconnect(UserNumber user) {
     for (std::size_t i = live.size(); i-- > 0;) {
-      if (objects.row(live[i]).user == user) {
+      if (objects.origin(live[i]).user == user) {
         end(i);
       }
     }
@@ -64,20 +64,21 @@ bool is_shared(const ObjectRow& row) {
 void check_hosts(const Cut& cut) {
   for (const std::uint32_t slot : cut.live) {
     const ObjectRow& row = cut.objects.row(slot);
+    const Endpoint host = cut.objects.host(slot);
     CAPTURE(row.object.number);
     if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
-      REQUIRE(row.host == Endpoint::none());
+      REQUIRE(host == Endpoint::none());
     } else if (row.category == static_cast<std::uint16_t>(Category::avatar)) {
-      REQUIRE(row.host == Endpoint::user(row.user));
+      REQUIRE(host == Endpoint::user(cut.objects.origin(slot).user));
     } else if (cut.deployment == Deployment::user && !cut.users.empty()) {
-      REQUIRE(row.host.is_user());
-      REQUIRE(std::binary_search(cut.users.begin(), cut.users.end(), row.host.number()));
+      REQUIRE(host.is_user());
+      REQUIRE(std::binary_search(cut.users.begin(), cut.users.end(), host.number()));
     } else if (cut.deployment == Deployment::user_collision) {
       std::uint32_t point[3];
       cut.space.point(row.pose.position, point);
-      REQUIRE(row.host == Endpoint::node(cut.map.owner_at(point)));
+      REQUIRE(host == Endpoint::node(cut.map.owner_at(point)));
     } else {
-      REQUIRE(row.host.is_server());
+      REQUIRE(host.is_server());
     }
   }
 }
@@ -125,13 +126,13 @@ TEST_CASE("every object that can move has exactly one host after every cut, the 
         std::vector<std::size_t> hosted(cut.users.size(), 0);
         std::size_t total = 0;
         for (const std::uint32_t slot : cut.live) {
-          const ObjectRow& row = cut.objects.row(slot);
-          before[slot] = row.host;
-          if (is_shared(row)) {
+          const Endpoint host = cut.objects.host(slot);
+          before[slot] = host;
+          if (is_shared(cut.objects.row(slot))) {
             ++total;
-            const auto at = row.host.is_user() ? std::lower_bound(cut.users.begin(), cut.users.end(), row.host.number())
-                                               : cut.users.end();
-            if (at != cut.users.end() && *at == row.host.number()) {
+            const auto at =
+                host.is_user() ? std::lower_bound(cut.users.begin(), cut.users.end(), host.number()) : cut.users.end();
+            if (at != cut.users.end() && *at == host.number()) {
               ++hosted[static_cast<std::size_t>(at - cut.users.begin())];
             }
           }
@@ -145,7 +146,7 @@ TEST_CASE("every object that can move has exactly one host after every cut, the 
         }
         std::size_t moved_shares = 0;
         for (const auto& [slot, from] : before) {
-          const Endpoint to = cut.objects.row(slot).host;
+          const Endpoint to = cut.objects.host(slot);
           REQUIRE((listed.count(slot) != 0) == (from != to));
           if (from != to) {
             REQUIRE(listed[slot].from == from);
@@ -158,9 +159,8 @@ TEST_CASE("every object that can move has exactly one host after every cut, the 
         if (deployment == Deployment::user && users_changed && !cut.users.empty()) {
           std::vector<std::size_t> shares(cut.users.size(), 0);
           for (const std::uint32_t slot : cut.live) {
-            const ObjectRow& row = cut.objects.row(slot);
-            if (is_shared(row)) {
-              const auto at = std::lower_bound(cut.users.begin(), cut.users.end(), row.host.number());
+            if (is_shared(cut.objects.row(slot))) {
+              const auto at = std::lower_bound(cut.users.begin(), cut.users.end(), cut.objects.host(slot).number());
               ++shares[static_cast<std::size_t>(at - cut.users.begin())];
             }
           }
@@ -185,9 +185,8 @@ TEST_CASE("a user node that comes last gets its share also where nobody was over
   cut.objects.settle();
   cut.users = {0, 1, 2, 3};
   CHECK(cut.hosting.settle(cut.objects, cut.map, cut.users, true).size() == 2);
-  const auto of_last = std::count_if(cut.live.begin(), cut.live.end(), [&](std::uint32_t slot) {
-    return cut.objects.row(slot).host == Endpoint::user(3);
-  });
+  const auto of_last = std::count_if(cut.live.begin(), cut.live.end(),
+                                     [&](std::uint32_t slot) { return cut.objects.host(slot) == Endpoint::user(3); });
   CHECK(of_last == 2);
 }
 

@@ -106,7 +106,8 @@ void brute_force(const Theatre& theatre, Pairs& sure, Pairs& unsure) {
     for (std::uint32_t q = 0; q < table.slots(); ++q) {
       const ObjectRow& a = table.row(p);
       const ObjectRow& b = table.row(q);
-      const bool present = a.alive && b.alive && (a.object.flags & b.object.flags & messages::flag_present) != 0;
+      const bool present =
+          table.alive(p) && table.alive(q) && (a.object.flags & b.object.flags & messages::flag_present) != 0;
       if (!present || a.object.number >= b.object.number) {
         continue;
       }
@@ -186,7 +187,7 @@ void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t u
   const std::vector<Seen>& log = theatre.log();
   for (NodeNumber node = 0; node < play.nodes; ++node) {
     check_order(log, Endpoint::server(), Endpoint::node(node),
-                {drop, adopt, place, notify, frame_begin, position_update, pairs, notify, frame_end});
+                {drop, adopt, place, notify, frame_begin, position_update, pairs, confirm, notify, frame_end});
     check_order(log, Endpoint::node(node), Endpoint::server(), {node_state, collision, narrow_done, kinds, told});
     for (NodeNumber peer = 0; peer < play.nodes; ++peer) {
       check_order(log, Endpoint::node(node), Endpoint::node(peer), {hand_over});
@@ -218,13 +219,14 @@ void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t u
   }
 }
 
-/// Everyone is told of exactly the contacts (ended ones too) of which he hosts a side, in order, with both poses.
+/// Everyone is told of exactly the contacts (ended ones too) of which he hosts a side and that he did not find himself,
+/// in order, with both poses; and whoever found one that he hosts a side of, of its phase.
 void check_notices(const Theatre& theatre, const Stageplay& play, std::size_t users,
                    const std::map<ObjectNumber, Endpoint>& hosts_of_ended) {
   const auto host = [&](ObjectNumber number) {
     const std::uint32_t slot = theatre.table().find(number);
     if (slot != NumberIndex::none) {
-      return theatre.table().row(slot).host;
+      return theatre.table().host(slot);
     }
     const auto at = hosts_of_ended.find(number);
     REQUIRE(at != hosts_of_ended.end());
@@ -242,13 +244,37 @@ void check_notices(const Theatre& theatre, const Stageplay& play, std::size_t us
         }
       }
     }
-    std::vector<Contact> told;
+    // What it found itself it knows already; of that it is told the phase.
     const auto end = last_of(theatre.log(), [&](const Seen& seen) { return seen.type() == MessageType::narrow_done; });
-    for (std::size_t i = static_cast<std::size_t>(end); i < theatre.log().size(); ++i) {
-      const Seen& seen = theatre.log()[i];
-      if (seen.to == to && seen.type() == MessageType::notify) {
-        for (std::size_t k = 0; k < seen.header.count; ++k) told.push_back(seen.record<Contact>(k));
+    std::vector<messages::CollisionRecord> found;
+    std::vector<std::uint64_t> confirmed;
+    std::vector<Contact> told;
+    for (std::size_t at = 0; at < theatre.log().size(); ++at) {
+      const Seen& seen = theatre.log()[at];
+      for (std::size_t k = 0; k < seen.header.count; ++k) {
+        if (seen.from == to && seen.type() == MessageType::collision) {
+          found.push_back(seen.record<messages::CollisionRecord>(k));
+        } else if (seen.to == to && seen.type() == MessageType::confirm) {
+          confirmed.push_back(seen.record<messages::ConfirmRecord>(k).persists);
+        } else if (seen.to == to && seen.type() == MessageType::notify && static_cast<std::ptrdiff_t>(at) > end) {
+          told.push_back(seen.record<Contact>(k));
+        }
       }
+    }
+    const bool confirms = to.is_node() && play.deployment == Deployment::user_collision;
+    REQUIRE(confirmed.size() == (confirms ? (found.size() + 63) / 64 : 0));
+    for (std::size_t i = 0; confirms && i < found.size(); ++i) {
+      const auto number = [&](std::uint32_t slot) { return theatre.table().row(slot).object.number; };
+      const auto own = expected.find({number(found[i].slot_a), number(found[i].slot_b)});
+      if (own == expected.end()) {
+        continue;  // found for others
+      }
+      const Contact& contact = own->second;
+      REQUIRE((contact.phase == Phase::persist) == ((confirmed[i / 64] >> (i % 64) & 1) != 0));
+      REQUIRE(std::memcmp(&contact.depth, &found[i].depth, sizeof(float)) == 0);
+      REQUIRE(std::memcmp(&contact.normal, &found[i].normal, sizeof(Vec3f)) == 0);
+      REQUIRE(std::memcmp(&contact.point, &found[i].point, sizeof(Vec3d)) == 0);
+      expected.erase(own);
     }
     REQUIRE(told.size() == expected.size());
     std::size_t i = 0;
@@ -271,7 +297,7 @@ TEST_CASE("in every deployment the messages of a frame come in the order of its 
       std::map<ObjectNumber, Endpoint> hosts_of_ended;
       if (frame > 3 && random() % 3 == 0) {
         const std::size_t at = 4 + random() % (ids.size() - 4);
-        hosts_of_ended[ids[at].number()] = theatre.table().row(theatre.table().find(ids[at].number())).host;
+        hosts_of_ended[ids[at].number()] = theatre.table().host(theatre.table().find(ids[at].number()));
         theatre.destroy(ids[at]);
         ids.erase(ids.begin() + static_cast<std::ptrdiff_t>(at));
       }

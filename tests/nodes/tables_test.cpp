@@ -139,8 +139,11 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         REQUIRE(table.find(messages::ObjectRef{model.slot, model.generation + 1, number, 0}) == NumberIndex::none);
         REQUIRE(table.find(messages::ObjectRef{model.slot, model.generation, number + 1, 0}) == NumberIndex::none);
         REQUIRE(table.find(messages::ObjectRef{model.slot + 1, model.generation, number, 0}) == NumberIndex::none);
-        REQUIRE(row.alive);
-        REQUIRE(row.user_data == model.spec.user_data);
+        REQUIRE(table.alive(model.slot));
+        REQUIRE(table.origin(model.slot).user_data == model.spec.user_data);
+        REQUIRE(table.numbers()[model.slot] == number);
+        REQUIRE(table.layers()[model.slot] == model.spec.layer);
+        REQUIRE(table.hand_over(model.slot).user_data == model.spec.user_data);
         REQUIRE(row.layer == model.spec.layer);
         REQUIRE(table.layers()[row.object.slot] == model.spec.layer);
         REQUIRE((table.present()[model.slot] != 0) == model.spec.present);

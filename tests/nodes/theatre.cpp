@@ -185,7 +185,7 @@ std::vector<Endpoint> Theatre::hosts_of(ObjectNumber number) const {
     }
   }
   const std::uint32_t slot = table().find(number);
-  if (hosts.empty() && slot != NumberIndex::none && table().row(slot).host.is_server()) {
+  if (hosts.empty() && slot != NumberIndex::none && table().host(slot).is_server()) {
     hosts.push_back(Endpoint::server());
   }
   return hosts;
@@ -195,24 +195,25 @@ void Theatre::require_one_host_each() const {
   std::size_t hosted = 0;
   for (std::uint32_t slot = 0; slot < table().slots(); ++slot) {
     const ObjectRow& row = table().row(slot);
-    if (!row.alive) {
+    if (!table().alive(slot)) {
       continue;
     }
     const auto hosts = hosts_of(row.object.number);
     CAPTURE(row.object.number);
-    CAPTURE(row.host.value);
+    const Endpoint host = table().host(slot);
+    CAPTURE(host.value);
     if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
       REQUIRE(hosts.empty());
       continue;
     }
     REQUIRE(hosts.size() == 1);
-    REQUIRE(hosts[0] == row.host);
-    hosted += row.host.is_server() ? 0 : 1;
+    REQUIRE(hosts[0] == host);
+    hosted += host.is_server() ? 0 : 1;
     if (play_.deployment == Deployment::user_collision &&
         row.category != static_cast<std::uint16_t>(Category::avatar)) {
       std::uint32_t point[3];
       space_.point(row.pose.position, point);
-      REQUIRE(row.host == Endpoint::node(map_.owner_at(point)));
+      REQUIRE(host == Endpoint::node(map_.owner_at(point)));
     }
   }
   std::size_t held = 0;

@@ -73,8 +73,8 @@ TEST_CASE("the node that tests a pair has been told of both objects, and it is t
       const NodeNumber owner = map.pair_owner(p, q);
       REQUIRE(owner < map.nodes());
       REQUIRE(owner == map.pair_owner(q, p));
-      REQUIRE(map.covers(map.grid().cells_of(p), owner));
-      REQUIRE(map.covers(map.grid().cells_of(q), owner));
+      REQUIRE(map.cover(map.grid().cells_of(p), owner) != Cover::none);
+      REQUIRE(map.cover(map.grid().cells_of(q), owner) != Cover::none);
     }
     REQUIRE(pairs > 100);
   });
@@ -99,7 +99,8 @@ TEST_CASE("each owner of a cell of a box is visited once, no other, and each is 
       REQUIRE(visited.size() == expected.size());
       REQUIRE((std::set<NodeNumber>(visited.begin(), visited.end()) == expected));
       for (NodeNumber node = 0; node < std::min(map.nodes(), 20u); ++node) {
-        REQUIRE(map.covers(box, node) == (expected.count(node) != 0));
+        const Cover cover = expected.count(node) == 0 ? Cover::none : expected.size() == 1 ? Cover::all : Cover::part;
+        REQUIRE(map.cover(box, node) == cover);
       }
     }
   });
