@@ -74,6 +74,22 @@ Mesh::Mesh(const TriangleMesh& description) {
   };
   box_half_extents_ = {reach(low.x, high.x, box_centre_.x), reach(low.y, high.y, box_centre_.y),
                        reach(low.z, high.z, box_centre_.z)};
+  tree_ = MeshTree(vertices_, triangles_);
+  reaches_ = SupportTable(tree_);
+}
+
+void Mesh::extent(const Rotation& r, Vec3d& lower, Vec3d& upper) const noexcept {
+  const Vec3d centre = to_double(box_centre_), half = to_double(box_half_extents_);
+  const auto on_axis = [&](const float row[3], double& low, double& high) {
+    const Vec3d axis{double{row[0]}, double{row[1]}, double{row[2]}};
+    const double middle = dot(axis, centre);
+    const double reach = dot(Vec3d{std::abs(axis.x), std::abs(axis.y), std::abs(axis.z)}, half);
+    low = std::max(middle - reach, -reaches_.reach(-axis));
+    high = std::min(middle + reach, reaches_.reach(axis));
+  };
+  on_axis(r.m[0], lower.x, upper.x);
+  on_axis(r.m[1], lower.y, upper.y);
+  on_axis(r.m[2], lower.z, upper.z);
 }
 
 }  // namespace ringfence::geometry

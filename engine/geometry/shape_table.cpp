@@ -109,12 +109,6 @@ Extent hull_extent_of(const Hull& hull, const Rotation& r) {
           {double{upper[0]}, double{upper[1]}, double{upper[2]}}};
 }
 
-Extent mesh_extent(const Mesh& mesh, const Rotation& r) {
-  const Vec3d centre = to_double(rotate(r, mesh.box_centre()));
-  const Vec3d half = box_extent(r, mesh.box_half_extents());
-  return {centre - half, centre + half};
-}
-
 Extent support_extent(const SupportFunction& function, const Rotation& r) {
   const auto reach = [&](const float row[3], float sign) {
     const Vec3f direction{row[0] * sign, row[1] * sign, row[2] * sign};
@@ -206,7 +200,7 @@ Bounds ShapeTable::bounds(ShapeNumber shape, const Pose& pose, const FixedSpace&
       extent = hull_extent_of(hulls_[row.detail], r);
       break;
     case ShapeKind::mesh:
-      extent = mesh_extent(*meshes_[row.detail], r);
+      meshes_[row.detail]->extent(r, extent.lower, extent.upper);
       break;
     case ShapeKind::support:
       extent = support_extent(*supports_[row.detail], r);
