@@ -484,12 +484,17 @@ ShapeNumber World::add_shape(const ShapeDescription& description) {
   if (implementation_->under_way()) {
     throw Error("add_shape: a frame is under way; register shapes before begin_frame or after finish_frame");
   }
-  const auto kind = static_cast<ShapeKind>(description.index());
-  if (!narrow_phase::can_test(kind, ShapeKind::sphere)) {
-    throw Error(std::string("add_shape: shapes of kind ") + name_of(kind) +
-                " have no narrow phase in this version; use convex hulls");
+  Implementation& w = *implementation_;
+  const ShapeNumber shape = w.shapes.add(description);
+  if (w.shapes.row(shape).kind == ShapeKind::mesh) {
+    const geometry::Mesh& mesh = w.shapes.mesh(w.shapes.row(shape).detail);
+    if (mesh.dropped_triangles() > 0) {
+      w.log(LogLevel::warning, "shape " + std::to_string(shape) + ": " + std::to_string(mesh.dropped_triangles()) +
+                                   " triangles without area are left out of the mesh, " +
+                                   std::to_string(mesh.triangles().size()) + " are kept");
+    }
   }
-  return implementation_->shapes.add(description);
+  return shape;
 }
 
 Connected World::connect(UserNumber user) {

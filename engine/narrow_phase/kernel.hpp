@@ -92,7 +92,15 @@ PairContact* test_hull_hull(const KernelInput& input, PairContact* out, KindCoun
 /// Any convex kind first, a support shape second (support_shape*.cpp). On libccd: this one may allocate.
 PairContact* test_support_any(const KernelInput& input, PairContact* out, KindCounters& counters);
 
-/// The kernel for two kinds, `first` <= `second`; null where there is none (meshes).
+// Meshes (mesh*.cpp). Those with a support shape are on libccd and may allocate.
+PairContact* test_sphere_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_box_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_capsule_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_hull_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_mesh_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
+PairContact* test_mesh_support(const KernelInput& input, PairContact* out, KindCounters& counters);
+
+/// The kernel for two kinds, `first` <= `second`; null where there is none.
 Kernel kernel_of(ShapeKind first, ShapeKind second) noexcept;
 
 }  // namespace ringfence::narrow_phase

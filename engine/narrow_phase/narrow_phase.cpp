@@ -156,11 +156,11 @@ Kernel kernel_of(ShapeKind first, ShapeKind second) noexcept {
   static constexpr Kernel none = nullptr;
   static constexpr Kernel table[shape_kinds][shape_kinds] = {
       // sphere, box, capsule, hull, mesh, support
-      {test_sphere_sphere, test_sphere_box, test_sphere_capsule, test_sphere_hull, none, test_support_any},
-      {none, test_box_box, test_box_capsule, test_box_hull, none, test_support_any},
-      {none, none, test_capsule_capsule, test_capsule_hull, none, test_support_any},
-      {none, none, none, test_hull_hull, none, test_support_any},
-      {none, none, none, none, none, none},
+      {test_sphere_sphere, test_sphere_box, test_sphere_capsule, test_sphere_hull, test_sphere_mesh, test_support_any},
+      {none, test_box_box, test_box_capsule, test_box_hull, test_box_mesh, test_support_any},
+      {none, none, test_capsule_capsule, test_capsule_hull, test_capsule_mesh, test_support_any},
+      {none, none, none, test_hull_hull, test_hull_mesh, test_support_any},
+      {none, none, none, none, test_mesh_mesh, test_mesh_support},
       {none, none, none, none, none, test_support_any},
   };
   return table[index_of(first)][index_of(second)];

@@ -1,3 +1,5 @@
+#include "narrow_phase/support_shape.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,20 +10,21 @@
 #include "narrow_phase/convex_features.hpp"
 #include "narrow_phase/kernel.hpp"
 
-// A shape that only its support function describes, against any convex shape, by libccd's GJK and expanding polytope in
-// double. What libccd finds is a direction; the depth is worked out anew along it from the two supports, so it is never
-// less than what separates the two along the normal that is reported.
+// A shape that only its support function describes, against any convex shape or triangle, by libccd's GJK and expanding
+// polytope in double. What libccd finds is a direction; the depth is worked out anew along it from the two supports, so
+// it is never less than what separates the two along the normal that is reported.
 
 namespace ringfence::narrow_phase {
 namespace {
 
-/// A placed convex shape, about the first body's position.
+/// A placed convex shape, about the first body's position; of kind mesh, a triangle in the axes of its mesh.
 struct Convex {
   const geometry::ShapeRow* row;
   const geometry::Hull* hull = nullptr;
   const SupportFunction* function = nullptr;
   geometry::RotationD turn;
   Vec3d position;
+  const Triangle* triangle = nullptr;
 
   Vec3d local_support(Vec3d d) const {
     const double x = double{row->size[0]}, y = double{row->size[1]}, z = double{row->size[2]};
@@ -35,6 +38,8 @@ struct Convex {
         return Vec3d{0, 0, std::copysign(y, d.z)} + d * (x / norm);
       case ShapeKind::hull:
         return farthest_vertex(d);
+      case ShapeKind::mesh:
+        return farthest_corner(d);
       default:
         return to_double(function->support(to_float(d * (1 / norm))));
     }
@@ -50,12 +55,20 @@ struct Convex {
     return to_double(hull->vertex(best));
   }
 
+  Vec3d farthest_corner(Vec3d d) const {
+    const auto& corner = triangle->corner;
+    const double p = dot(d, corner[0]), q = dot(d, corner[1]), r = dot(d, corner[2]);
+    return p >= q && p >= r ? corner[0] : q >= r ? corner[1] : corner[2];
+  }
+
   Vec3d support(Vec3d d) const { return rotate(turn, local_support(rotate_back(turn, d))) + position; }
 
   Vec3d centre() const {
     const Vec3d local = hull != nullptr       ? to_double(hull->centroid())
                         : function != nullptr ? to_double(function->centre())
-                                              : Vec3d{};
+                        : triangle != nullptr
+                            ? (triangle->corner[0] + triangle->corner[1] + triangle->corner[2]) * (1.0 / 3)
+                            : Vec3d{};
     return rotate(turn, local) + position;
   }
 };
@@ -207,6 +220,11 @@ bool find_direction(const Convex& a, const Convex& b, double small, Direction& b
         if (!list.take(n) || !list.take(-n)) return false;
       }
     }
+    if (own->triangle != nullptr) {
+      const auto& corner = own->triangle->corner;
+      const Vec3d n = cross(corner[1] - corner[0], corner[2] - corner[0]);
+      if (!list.take(n) || !list.take(-n)) return false;
+    }
     for (std::size_t f = 0; own->hull != nullptr && f < own->hull->face_count(); ++f) {
       if (!list.take(rotate(own->turn, to_double(own->hull->normal(f))) * sign)) return false;
     }
@@ -234,7 +252,35 @@ struct Feature {
   std::span<const Vec3d> span() const { return {points.data(), count}; }
 };
 
+constexpr geometry::RotationD no_turn{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+
+Convex place(const SupportFunction& function, const MeshFrame& frame) {
+  static const geometry::ShapeRow row{.kind = ShapeKind::support};
+  return {&row, nullptr, &function, frame.turn, frame.position};
+}
+
 }  // namespace
+
+Push push_support(const Triangle& triangle, const SupportFunction& function, const MeshFrame& frame,
+                  double bounding_radius, double at_least) {
+  static const geometry::ShapeRow row{.kind = ShapeKind::mesh};
+  const Convex a{&row, nullptr, nullptr, no_turn, {}, &triangle}, b = place(function, frame);
+  // The triangle's own sides bound the depth at the price of two supports.
+  const Vec3d across = cross(triangle.corner[1] - triangle.corner[0], triangle.corner[2] - triangle.corner[0]);
+  const Vec3d n = across * (1 / length(across));
+  if (std::min(reach(a, b, n), reach(a, b, -n)) < at_least) return {};
+  Direction best;
+  if (!find_direction(a, b, bounding_radius, best) || best.depth < at_least) return {};
+  return {best.depth, best.n};
+}
+
+std::size_t support_feature(const SupportFunction& function, const MeshFrame& frame, Vec3d direction, double slack,
+                            Vec3d* out) {
+  static_assert(std::tuple_size_v<decltype(Feature::points)> == max_support_feature);
+  const Feature feature(place(function, frame), direction, slack);
+  std::copy_n(feature.points.begin(), feature.count, out);
+  return feature.count;
+}
 
 PairContact* test_support_any(const KernelInput& input, PairContact* out, KindCounters&) {
   for (const KernelPair& pair : input.pairs) {

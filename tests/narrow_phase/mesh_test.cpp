@@ -1,0 +1,204 @@
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "geometry/vector.hpp"
+#include "narrow_phase/mesh_world.hpp"
+#include "narrow_phase/narrow_phase.hpp"
+#include "narrow_phase/targets.hpp"
+#include "worlds/asteroid.hpp"
+
+using namespace ringfence;
+using namespace ringfence::narrow_phase_test;
+using narrow_phase::NarrowPhase;
+using narrow_phase::PairContact;
+
+namespace {
+
+constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh};
+
+void check(const PairWorld& world) {
+  NarrowPhase narrow_phase(world.shapes());
+  for (const auto& pairs : {world.pairs, world.swapped()}) {
+    const std::span<const PairContact> found = narrow_phase.test(world.bodies, pairs);
+    CHECK(narrow_phase.untested() == 0);
+    const Verdict verdict = judge(world, pairs, found);
+    CHECK_MESSAGE(verdict.wrong == 0, verdict.wrong << " of " << pairs.size() << " wrong:\n" << verdict.text);
+    CHECK(verdict.contacts > pairs.size() / 8);
+    CHECK(verdict.contacts < pairs.size());
+  }
+}
+
+std::vector<PairContact> sorted(std::span<const PairContact> contacts) {
+  std::vector<PairContact> out(contacts.begin(), contacts.end());
+  std::sort(out.begin(), out.end(), [](const PairContact& p, const PairContact& q) { return p.pair < q.pair; });
+  return out;
+}
+
+bool same_bits(const std::vector<PairContact>& p, const std::vector<PairContact>& q) {
+  return p.size() == q.size() && std::memcmp(p.data(), q.data(), p.size() * sizeof(PairContact)) == 0;
+}
+
+/// Two objects with no turn, the second at a place; the contacts of the pair.
+std::vector<PairContact> contacts_of(const ShapeDescription& a, const ShapeDescription& b, Vec3d at) {
+  PairWorld world;
+  world.add_pair(a, {}, b, {at, {}});
+  NarrowPhase narrow_phase(world.shapes());
+  const std::span<const PairContact> found = narrow_phase.test(world.bodies, world.pairs);
+  return {found.begin(), found.end()};
+}
+
+}  // namespace
+
+TEST_CASE("contacts of ordinary pairs with a mesh are those of the reference, at the origin and far from it") {
+  for (const ShapeKind kind : kinds) {
+    for (const std::uint64_t seed : {31u, 32u}) {
+      INFO(name_of(kind));
+      CAPTURE(seed);
+      const std::size_t count = kind == ShapeKind::mesh ? 150 : 600;
+      check(ordinary_mesh_pairs(kind, count, seed, seed == 31 ? Vec3d{} : Vec3d{1e6, -2e6, 3e5}));
+    }
+  }
+}
+
+TEST_CASE("contacts of needles, coplanar faces, soup, single triangles and a thousandfold of sizes are right too") {
+  for (const ShapeKind kind : kinds) {
+    for (const std::uint64_t seed : {33u, 34u}) {
+      INFO(name_of(kind));
+      CAPTURE(seed);
+      const std::size_t count = kind == ShapeKind::mesh ? 250 : 700;
+      check(nasty_mesh_pairs(kind, count, seed, seed == 33 ? Vec3d{} : Vec3d{-1e6, 5e5, 0}));
+    }
+  }
+}
+
+TEST_CASE("every target answers for meshes with the same bits") {
+  for (const ShapeKind kind : kinds) {
+    for (const bool nasty : {false, true}) {
+      INFO(name_of(kind));
+      CAPTURE(nasty);
+      const PairWorld world = nasty ? nasty_mesh_pairs(kind, 600, 35) : ordinary_mesh_pairs(kind, 600, 35);
+      NarrowPhase narrow_phase(world.shapes());
+      const std::vector<PairContact> expected = sorted(narrow_phase.test(world.bodies, world.pairs));
+      CHECK(expected.size() > 100);
+      for (const std::string& target : narrow_phase::targets()) {
+        CAPTURE(target);
+        narrow_phase::force_target(target);
+        CHECK(same_bits(sorted(narrow_phase.test(world.bodies, world.pairs)), expected));
+      }
+      narrow_phase::force_target("");
+    }
+  }
+}
+
+TEST_CASE("what lies inside a closed mesh and touches nothing is not in contact: a mesh is a surface") {
+  const TriangleMesh shell = box_surface({2, 2, 2}, 4);
+  CHECK(contacts_of(shell, Sphere{0.5f}, {0.3, 0, 0}).empty());
+  CHECK(contacts_of(shell, Box{{1, 1, 1}}, {}).empty());
+  CHECK(contacts_of(shell, Capsule{0.5f, 1.0f}, {}).empty());
+  CHECK(contacts_of(shell, box_surface({1, 1, 1}, 2), {}).empty());
+  const auto from_inside = contacts_of(shell, Sphere{0.5f}, {1.75, 0, 0});
+  REQUIRE(from_inside.size() == 1);
+  CHECK(from_inside[0].depth == doctest::Approx(0.25));
+  CHECK(from_inside[0].normal.x == doctest::Approx(-1));
+  CHECK(from_inside[0].point.x == doctest::Approx(2.125));
+}
+
+TEST_CASE("equal contacts are told apart by the lowest triangle, whatever the tree") {
+  // Every triangle touches the sphere from above at the same depth; the lowest numbered is the answer in both orders.
+  TriangleMesh mesh = terrain(16, 8, 0);
+  PairWorld world;
+  world.add_pair(mesh, {}, Box{{20, 20, 1}}, {{0, 0, 0.5}, {}});
+  std::vector<std::uint32_t> turned;
+  for (std::size_t i = mesh.indices.size(); i > 0; i -= 3) {
+    turned.insert(turned.end(), mesh.indices.begin() + static_cast<std::ptrdiff_t>(i) - 3,
+                  mesh.indices.begin() + static_cast<std::ptrdiff_t>(i));
+  }
+  const auto first_corner = mesh.vertices[mesh.indices[0]], last_corner = mesh.vertices[turned[0]];
+  mesh.indices = turned;
+  world.add_pair(mesh, {}, Box{{20, 20, 1}}, {{0, 0, 0.5}, {}});
+  NarrowPhase narrow_phase(world.shapes());
+  const auto found = sorted(narrow_phase.test(world.bodies, world.pairs));
+  REQUIRE(found.size() == 2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Vec3f corner = i == 0 ? first_corner : last_corner;
+    CHECK(std::abs(found[i].point.x - corner.x) <= 1.01f);
+    CHECK(std::abs(found[i].point.y - corner.y) <= 1.01f);
+    CHECK(found[i].depth == doctest::Approx(0.5));
+  }
+}
+
+TEST_CASE("a hundred thousand triangles are met as exactly as few") {
+  PairWorld world;
+  const TriangleMesh rock = worlds::make_asteroid(5, 1, 71), other = worlds::make_asteroid(5, 2, 71);
+  CHECK(rock.indices.size() / 3 == 100'820);
+  Draw draw(36);
+  const ShapeNumber numbers[] = {world.table->add(rock), world.table->add(other), world.table->add(Sphere{0.4f})};
+  for (const ShapeDescription& shape :
+       {ShapeDescription(rock), ShapeDescription(other), ShapeDescription(Sphere{0.4f})})
+    world.reference.add(shape);
+  for (std::uint32_t i = 0; i < 24; ++i) {
+    world.bodies.push_back({{{}, draw.turn()}, numbers[0], 2 * i + 1});
+    const double away = i % 2 == 0 ? draw.uniform(1.6, 2.2) : draw.uniform(0.5, 1.5);
+    world.bodies.push_back({{draw.direction() * away, draw.turn()}, numbers[i % 2 == 0 ? 1 : 2], 2 * i + 2});
+    world.pairs.push_back({2 * i, 2 * i + 1});
+  }
+  check(world);
+}
+
+namespace {
+
+/// An ellipsoid by its support function.
+class Ellipsoid : public SupportFunction {
+ public:
+  explicit Ellipsoid(Vec3f radii) : radii_(radii) {}
+  Vec3f support(Vec3f d) const override {
+    const Vec3f scaled{d.x * radii_.x, d.y * radii_.y, d.z * radii_.z};
+    const float norm = length(scaled);
+    return {scaled.x * radii_.x / norm, scaled.y * radii_.y / norm, scaled.z * radii_.z / norm};
+  }
+
+ private:
+  Vec3f radii_;
+};
+
+}  // namespace
+
+TEST_CASE("shapes of a support function meet meshes as the reference says") {
+  PairWorld world = ordinary_mesh_pairs(ShapeKind::sphere, 60, 37);
+  Draw draw(38);
+  std::vector<ShapeNumber> ellipsoids;
+  for (int i = 0; i < 8; ++i) {
+    const auto size = [&] { return static_cast<float>(draw.uniform(0.4, 1.2)); };
+    const ShapeDescription shape = SupportShape{std::make_shared<Ellipsoid>(Vec3f{size(), size(), size()})};
+    ellipsoids.push_back(world.table->add(shape));
+    world.reference.add(shape);
+  }
+  for (const geometry::CandidatePair& pair : world.pairs) world.bodies[pair.a].shape = ellipsoids[pair.a % 8];
+  NarrowPhase narrow_phase(world.shapes());
+  for (const auto& pairs : {world.pairs, world.swapped()}) {
+    const Verdict verdict = judge(world, pairs, narrow_phase.test(world.bodies, pairs), 1e-3);
+    CHECK_MESSAGE(verdict.wrong == 0, verdict.wrong << " of " << pairs.size() << " wrong:\n" << verdict.text);
+    CHECK(verdict.contacts > pairs.size() / 8);
+  }
+}
+
+TEST_CASE("soak" * doctest::skip()) {
+  const char* from = std::getenv("SOAK");
+  const std::uint64_t first = from ? std::strtoull(from, nullptr, 10) : 1000;
+  for (std::uint64_t seed = first; seed < first + 20; ++seed) {
+    for (const ShapeKind kind : kinds) {
+      INFO(name_of(kind));
+      CAPTURE(seed);
+      check(
+          nasty_mesh_pairs(kind, kind == ShapeKind::mesh ? 300 : 2000, seed, seed % 2 ? Vec3d{} : Vec3d{-1e6, 5e5, 0}));
+      check(ordinary_mesh_pairs(kind, kind == ShapeKind::mesh ? 150 : 1000, seed,
+                                seed % 2 ? Vec3d{} : Vec3d{-1e6, 5e5, 0}));
+    }
+  }
+}
