@@ -135,7 +135,9 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
     for (std::size_t i = 0; i < points->points.size(); ++i) check_coordinate("hull point", i, points->points[i]);
     Hull hull = build_hull(points->points);
     check_size("hull bounding radius", double{hull.bounding_radius()}, least_thickness / 2);
-    row = {.bounding_radius = hull.bounding_radius(),
+    const Vec3f centre = hull.centroid();
+    row = {.size = {centre.x, centre.y, centre.z},
+           .bounding_radius = hull.bounding_radius(),
            .kind = ShapeKind::hull,
            .detail = static_cast<std::uint32_t>(hulls_.size())};
     hulls_.push_back(std::move(hull));

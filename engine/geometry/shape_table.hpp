@@ -17,7 +17,8 @@ namespace ringfence::geometry {
 
 /// What a kernel needs to know of a shape without following a pointer: 32 bytes, read by gather.
 struct ShapeRow {
-  /// sphere: radius, 0, 0; box: the three half extents; capsule: radius, half height, 0; others: 0. Metres.
+  /// sphere: radius, 0, 0; box: the three half extents; capsule: radius, half height, 0; hull: its centroid; others: 0.
+  /// Metres.
   float size[3] = {};
   float bounding_radius = 0;  ///< of a ball about the shape's origin that holds the shape
   ShapeKind kind = ShapeKind::sphere;

@@ -11,47 +11,78 @@ HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 /// Where a shape's polytope comes from.
-struct FromHull {
-  const Polytope polytope;
-  FromHull(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row)
-      : polytope(polytope_of(shapes.hull(row.detail))) {}
-  const Polytope& get() const { return polytope; }
-};
-struct FromBox {
-  const BoxPolytope box;
-  FromBox(const geometry::ShapeTable&, const geometry::ShapeRow& row) : box(row.size) {}
-  const Polytope& get() const { return box.polytope(); }
-};
+class FromHull {
+ public:
+  static constexpr ShapeKind kind = ShapeKind::hull;
+  HWY_INLINE FromHull(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row)
+      : hull_(shapes.hull(row.detail)) {}
+  /// The support along a direction, and later where it is.
+  template <class T>
+  class Support {
+   public:
+    HWY_INLINE Support(const geometry::Hull& hull, Point<T> direction) : farthest_(farthest(hull, direction)) {}
+    HWY_INLINE T value() const { return -farthest_.value(); }
+    HWY_INLINE std::size_t vertex(const Polytope&) const { return farthest_.index(); }
 
-/// How the second body lies in the axes of the first; of a round pair, only what `write` needs.
-template <class T>
-struct Relative {
-  Turn<T> first, turn{};
-  Point<T> offset{};      ///< in the axes of the first
-  Point<T> offset_world;  ///< in the world's
-
-  HWY_INLINE Relative(const Turn<T>& axes, Point<T> between) : first(axes), offset_world(between) {}
-  HWY_INLINE Relative(const Pose& p, const Pose& q)
-      : first(turn_of<T>(p.orientation)), offset_world(difference_of<T>(q.position, p.position)) {
-    const Turn<T> second = turn_of<T>(q.orientation);
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) {
-        turn.m[i][j] =
-            (first.m[0][i] * second.m[0][j] + first.m[1][i] * second.m[1][j]) + first.m[2][i] * second.m[2][j];
-      }
+   private:
+    static HWY_INLINE Least<T> farthest(const geometry::Hull& hull, Point<T> direction) {
+      const float* const columns[3] = {hull.x(), hull.y(), hull.z()};
+      return farthest_of<T>(columns, hull.vertex_count(), direction);
     }
-    offset = rotate_back(first, offset_world);
+    Least<T> farthest_;
+  };
+  template <class T>
+  HWY_INLINE Support<T> support(Point<T> direction) const {
+    return {hull_, direction};
   }
-};
+  Vec3f centre() const { return hull_.centroid(); }
+  std::size_t vertices() const { return hull_.vertex_count(); }
+  Polytope polytope() const { return polytope_of(hull_); }
 
-/// Writes what was found in the axes of the first body, turned to the pair's own a and b.
+ private:
+  const geometry::Hull& hull_;
+};
+class FromBox {
+ public:
+  static constexpr ShapeKind kind = ShapeKind::box;
+  HWY_INLINE FromBox(const geometry::ShapeTable&, const geometry::ShapeRow& row) : size_(row.size) {}
+  template <class T>
+  class Support {
+   public:
+    HWY_INLINE Support(const float* size, Point<T> direction) : size_(size), direction_(direction) {}
+    HWY_INLINE T value() const {
+      return (std::abs(direction_.x) * T(size_[0]) + std::abs(direction_.y) * T(size_[1])) +
+             std::abs(direction_.z) * T(size_[2]);
+    }
+    HWY_INLINE std::size_t vertex(const Polytope& box) const { return farthest_vertex<T>(box, direction_); }
+
+   private:
+    const float* size_;
+    Point<T> direction_;
+  };
+  template <class T>
+  HWY_INLINE Support<T> support(Point<T> direction) const {
+    return {size_, direction};
+  }
+  Vec3f centre() const { return {}; }
+  std::size_t vertices() const { return 8; }
+  BoxPolytope polytope() const { return BoxPolytope(size_); }
+
+ private:
+  const float* size_;
+};
+HWY_INLINE const Polytope& polytope_in(const Polytope& polytope) { return polytope; }
+HWY_INLINE const Polytope& polytope_in(const BoxPolytope& box) { return box.polytope(); }
+
+/// Writes what was found in the axes of the first body, `first` in the world's, turned to the pair's own a and b;
+/// `world` leads from the first's position to the second's.
 template <class T>
-HWY_INLINE PairContact* write(const KernelPair& pair, const Relative<T>& relative, const Overlap<T>& found,
+HWY_INLINE PairContact* write(const KernelPair& pair, const Turn<T>& first, Point<T> world, const Overlap<T>& found,
                               PairContact* out) {
-  Point<T> normal = rotate(relative.first, found.normal), point = rotate(relative.first, found.point);
+  Point<T> normal = rotate(first, found.normal), point = rotate(first, found.point);
   if (pair.flipped != 0) {
     normal = -normal;
-    point = point - relative.offset_world;
+    point = point - world;
   }
   // Adding zero makes every zero positive, so that no bit depends on how it came about.
   const auto plain = [](T value) { return static_cast<float>(value) + 0.0f; };
@@ -62,21 +93,66 @@ HWY_INLINE PairContact* write(const KernelPair& pair, const Relative<T>& relativ
   return out + 1;
 }
 
-template <class T, class First, class Second>
-PairContact* run_polytopes(const KernelInput& input, PairContact* out, KindCounters& counters) {
+/// One pair, of float or double.
+template <class T, class First, class Second, class Place>
+HWY_INLINE PairContact* test_pair(const KernelInput& input, const KernelPair& pair, const First& first,
+                                  const Second& second, Point<T> axis, Point<T> axis_in_second, T along_axis,
+                                  const Place& placement, PairContact* out, Work& work) {
+  const auto p_support = first.template support<T>(axis);
+  const auto q_support = second.template support<T>(-axis_in_second);
+  ++work.directions;
+  work.pass<T>(first.vertices());
+  work.pass<T>(second.vertices());
+  const T value = (p_support.value() + q_support.value()) - along_axis;
+  if (value < T(0)) return out;
+  const auto p = first.polytope();
+  const auto q = second.polytope();
+  const Placement<T> placed = placement();
+  PolytopePair<T> overlap(polytope_in(p), polytope_in(q), placed,
+                          {value, p_support.vertex(polytope_in(p)), q_support.vertex(polytope_in(q))}, work);
+  Overlap<T> found;
+  if (overlap.test(found)) out = write(pair, placed.first, placed.world, found, out);
+  return out;
+}
+
+template <class First, class Second>
+PairContact* run_in_float(const KernelInput& input, PairContact* out, KindCounters& counters) {
+  PlacementColumns placed;
+  Work work;
+  for (std::size_t begin = 0; begin < input.pairs.size();) {
+    const std::span<const KernelPair> rest = input.pairs.subspan(begin);
+    begin_gathering(input);
+    const std::size_t count = placed.fill<First::kind, Second::kind>(input, rest.data(), rest.size());
+    end_gathering(input);
+    for (std::size_t i = 0; i < count; ++i) {
+      const First first(input.shapes, input.shapes.row(input.bodies[rest[i].first].shape));
+      const Second second(input.shapes, input.shapes.row(input.bodies[rest[i].second].shape));
+      out = test_pair<float>(
+          input, rest[i], first, second, placed.axis(i), placed.axis_in_second(i), placed.along_axis(i),
+          [&]() HWY_ATTR { return placed.get(i); }, out, work);
+    }
+    begin += count;
+  }
+  work.add_to(counters);
+  return out;
+}
+
+template <class First, class Second>
+PairContact* run_in_double(const KernelInput& input, PairContact* out, KindCounters& counters) {
+  Work work;
   for (const KernelPair& pair : input.pairs) {
     begin_gathering(input);
-    const Body& first = input.bodies[pair.first];
-    const Body& second = input.bodies[pair.second];
-    const First p(input.shapes, input.shapes.row(first.shape));
-    const Second q(input.shapes, input.shapes.row(second.shape));
-    const Relative<T> relative(first.pose, second.pose);
+    const Body& p = input.bodies[pair.first];
+    const Body& q = input.bodies[pair.second];
+    const First first(input.shapes, input.shapes.row(p.shape));
+    const Second second(input.shapes, input.shapes.row(q.shape));
+    const Placement<double> placed = placement_of(p.pose, first.centre(), q.pose, second.centre());
     end_gathering(input);
-    PolytopePair<T> overlap(p.get(), q.get(), relative.turn, relative.offset);
-    Overlap<T> found;
-    if (overlap.test(found)) out = write(pair, relative, found, out);
-    overlap.work().add_to(counters);
+    out = test_pair<double>(
+        input, pair, first, second, placed.axis, placed.axis_in_second, dot(placed.axis, placed.offset),
+        [&]() HWY_ATTR { return placed; }, out, work);
   }
+  work.add_to(counters);
   return out;
 }
 
@@ -87,7 +163,7 @@ HWY_INLINE Answer test_round(const KernelInput& input, const KernelPair& pair, f
   begin_gathering(input);
   const Body& round = input.bodies[pair.first];
   const Body& body = input.bodies[pair.second];
-  const FromHull hull(input.shapes, input.shapes.row(body.shape));
+  const Polytope hull = polytope_of(input.shapes.hull(input.shapes.row(body.shape).detail));
   const Turn<T> turn = turn_of<T>(body.pose.orientation);
   const Point<T> offset = difference_of<T>(body.pose.position, round.pose.position);
   const Point<T> centre = -rotate_back(turn, offset);
@@ -99,15 +175,14 @@ HWY_INLINE Answer test_round(const KernelInput& input, const KernelPair& pair, f
     to = centre + half;
   }
   end_gathering(input);
-  RoundPair<T> core(hull.get(), from, to, T(radius));
+  RoundPair<T> core(hull, from, to, T(radius));
   Overlap<T> found;
   const Answer answer = core.test(found);
   core.work().add_to(counters);
   if (answer == Answer::contact) {
     // About the hull's origin so far: to the round body's, which comes first.
-    Relative<T> relative(turn, offset);
     found.point = found.point - centre;
-    out = write(pair, relative, found, out);
+    out = write(pair, turn, offset, found, out);
   }
   return answer;
 }
@@ -124,12 +199,12 @@ PairContact* run_round(const KernelInput& input, PairContact* out, KindCounters&
 }
 
 PairContact* hull_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
-  return input.in_double ? run_polytopes<double, FromHull, FromHull>(input, out, counters)
-                         : run_polytopes<float, FromHull, FromHull>(input, out, counters);
+  return input.in_double ? run_in_double<FromHull, FromHull>(input, out, counters)
+                         : run_in_float<FromHull, FromHull>(input, out, counters);
 }
 PairContact* box_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
-  return input.in_double ? run_polytopes<double, FromBox, FromHull>(input, out, counters)
-                         : run_polytopes<float, FromBox, FromHull>(input, out, counters);
+  return input.in_double ? run_in_double<FromBox, FromHull>(input, out, counters)
+                         : run_in_float<FromBox, FromHull>(input, out, counters);
 }
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

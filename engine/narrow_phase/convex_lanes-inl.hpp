@@ -205,6 +205,8 @@ class Least {
     least_ = hn::Min(values, least_);
   }
 
+  HWY_INLINE T value() const { return hn::GetLane(hn::MinOfLanes(d, least_)); }
+
   HWY_INLINE std::size_t index() const {
     alignas(64) Int at[hn::MaxLanes(d)];
     hn::Store(at_, ints, at);
@@ -236,17 +238,22 @@ HWY_INLINE std::size_t least_of(const T* values, std::size_t count) {
   return least.index();
 }
 
+/// Of `count` vertices in three padded columns, minus the distance along a direction of the farthest.
+template <class T>
+HWY_INLINE Least<T> farthest_of(const float* const column[3], std::size_t count, Point<T> direction) {
+  const Columns16<T> d;
+  const auto way = spread_out(d, -direction);
+  const auto nearness = [&](std::size_t i)
+                            HWY_ATTR { return dot_of(d, read(d, column[0] + i, column[1] + i, column[2] + i), way); };
+  Least<T> least(nearness(0));
+  for (std::size_t i = hn::Lanes(d); i < count; i += hn::Lanes(d)) least.add(nearness(i), i);
+  return least;
+}
+
 /// The lowest index of the vertices farthest along a direction.
 template <class T>
 HWY_INLINE std::size_t farthest_vertex(const Polytope& p, Point<T> direction) {
-  const Columns16<T> d;
-  const auto way = spread_out(d, -direction);
-  const auto nearness = [&](std::size_t i) HWY_ATTR {
-    return dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way);
-  };
-  Least<T> least(nearness(0));
-  for (std::size_t i = hn::Lanes(d); i < p.vertices; i += hn::Lanes(d)) least.add(nearness(i), i);
-  return least.index();
+  return farthest_of<T>(p.vertex, p.vertices, direction).index();
 }
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

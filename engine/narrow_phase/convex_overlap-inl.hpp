@@ -4,9 +4,10 @@
 // The least depth is the least reach(n) = support of a along n + support of b along -n over all directions n, and it is
 // taken where n is the normal of a face of the Minkowski difference: of a face of a, of a face of b, or across an edge
 // of each whose arcs of normals cross (the Gauss map; Gregorius, "The Separating Axis Test", 2013). All of them are
-// candidates here; what keeps it fast is that a ball inside one shape, seen from a face or an edge of the other, bounds
-// reach from below, so that only few face normals and few edges can beat the best direction known. Any direction of
-// negative reach separates, and the first one tried, between the centres, finds most of those there are.
+// candidates here; what keeps it fast is that a ball and some vertices of one shape, seen from a face or an edge of the
+// other, bound reach from below, so that only few face normals and few edges can beat the best direction known. Any
+// direction of negative reach separates; the first, between the centres, which finds most of those there are, has been
+// tried before.
 //
 // It ends: every stage walks a list once. Nearly parallel edges and nearly touching arcs are judged by their true
 // reach, so that rounding can never make an answer less than the depth along its own normal.
@@ -26,6 +27,7 @@
 
 #include "narrow_phase/convex_features.hpp"
 #include "narrow_phase/convex_lanes-inl.hpp"
+#include "narrow_phase/convex_place-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
@@ -69,14 +71,23 @@ struct FaceBounds {
 template <class T>
 class PolytopePair {
  public:
-  /// `turn` and `offset` place `b` in the axes of `a`.
-  HWY_INLINE PolytopePair(const Polytope& a, const Polytope& b, const Turn<T>& turn, Point<T> offset)
-      : a_(a), b_(b), turn_(turn), offset_(offset) {}
+  /// What the placement's axis, which does not separate the two, found: the reach along it (times its length), and the
+  /// vertices that are deepest.
+  struct Start {
+    T value;
+    std::size_t vertex_of_a, vertex_of_b;
+  };
+  HWY_INLINE PolytopePair(const Polytope& a, const Polytope& b, const Placement<T>& placement, const Start& start,
+                          Work& work)
+      : a_(a), b_(b), turn_(placement.turn), offset_(placement.offset), start_(start), work_(work) {
+    const T inverse = T(1) / std::sqrt(placement.axis_squared);
+    best_ = start.value * inverse;
+    direction_ = placement.axis * inverse;
+    centre_of_b_ = rotate(turn_, point_of<T>(b.centre)) + offset_;
+  }
 
   /// Whether they overlap or touch; if so `out` says how.
   bool test(Overlap<T>& out) {
-    centre_of_b_ = rotate(turn_, point_of<T>(b_.centre)) + offset_;
-    if (separated_by_centres()) return false;
     if (separated_by_faces()) return false;
     const T after_faces = best_;
     const Point<T> direction_after_faces = direction_;
@@ -92,13 +103,10 @@ class PolytopePair {
     return true;
   }
 
-  const Work& work() const { return work_; }
-
  private:
   static constexpr Columns16<T> d{};
   using Lanes = hn::Vec<Columns16<T>>;
   using Bounds = FaceBounds<T>;
-  static constexpr std::size_t most_sets = Bounds::most_points + 1;
 
   HWY_INLINE T size() const { return T(a_.outer_radius) + T(b_.outer_radius); }
 
@@ -116,24 +124,6 @@ class PolytopePair {
       direction_ = direction;
     }
     return value < T(0);
-  }
-
-  bool separated_by_centres() {
-    Point<T> axis = centre_of_b_ - point_of<T>(a_.centre);
-    T squared = dot(axis, axis);
-    if (!(squared > T(1e-20))) {
-      axis = {T(1), T(0), T(0)};
-      squared = T(1);
-    }
-    work_.directions = 1;
-    work_.pass<T>(a_.vertices);
-    work_.pass<T>(b_.vertices);
-    const T value = reach(axis);
-    if (value < T(0)) return true;
-    const T inverse = T(1) / std::sqrt(squared);
-    best_ = value * inverse;
-    direction_ = axis * inverse;
-    return false;
   }
 
   /// The deepest vertex of the one along a direction from a to b, in the axes of the other.
@@ -191,11 +181,11 @@ class PolytopePair {
 
   bool separated_by_faces() {
     const Point<T> centre_of_a_in_b = rotate_back(turn_, point_of<T>(a_.centre) - offset_);
-    const Point<T> direction_in_b = rotate_back(turn_, direction_);
-    const std::size_t of_a = bound_faces(a_, centre_of_b_, b_.inner_radius, deepest_of_b(direction_in_b), bounds_of_a_);
-    const std::size_t of_b = bound_faces(b_, centre_of_a_in_b, a_.inner_radius, deepest_of_a(direction_), bounds_of_b_);
+    const Point<T> in_a = vertex_of_b(start_.vertex_of_b);
+    const Point<T> in_b = rotate_back(turn_, vertex_of_a(start_.vertex_of_a) - offset_);
+    const std::size_t of_a = bound_faces(a_, centre_of_b_, b_.inner_radius, in_a, bounds_of_a_);
+    const std::size_t of_b = bound_faces(b_, centre_of_a_in_b, a_.inner_radius, in_b, bounds_of_b_);
     work_.pass<T>(a_.faces + b_.faces);
-    work_.pass<T>(a_.vertices + b_.vertices);
     // The face that promises to reach least is often the one, and gives a good bound for all others.
     const Point<T> normal_of_a = normal_of<T>(a_, of_a), normal_of_b = normal_of<T>(b_, of_b);
     const Point<T> deepest_b = deepest_of_b(rotate_back(turn_, normal_of_a));
@@ -203,8 +193,11 @@ class PolytopePair {
     const Point<T> deepest_a = deepest_of_a(way_of_b);
     work_.directions += 2;
     work_.pass<T>(a_.vertices + b_.vertices);
-    if (separates(normal_of_a, T(a_.offset[of_a]) - dot(normal_of_a, deepest_b))) return true;
-    if (separates(way_of_b, T(b_.offset[of_b]) - dot(normal_of_b, deepest_a))) return true;
+    FaceChoice choice{best_};
+    choice.judge(of_a, T(a_.offset[of_a]) - dot(normal_of_a, deepest_b));
+    choice.judge(max_faces + of_b, T(b_.offset[of_b]) - dot(normal_of_b, deepest_a));
+    if (choice.least < T(0)) return true;
+    best_ = choice.least;
 
     typename Bounds::Set chances_of_a, chances_of_b;
     add_point(a_, deepest_b, bounds_of_a_, chances_of_a);
@@ -212,29 +205,44 @@ class PolytopePair {
     work_.pass<T>(a_.faces + b_.faces);
     chances_of_a[of_a / 64] &= ~(std::uint64_t{1} << of_a % 64);
     chances_of_b[of_b / 64] &= ~(std::uint64_t{1} << of_b % 64);
-    const T before = best_;
     for_each(chances_of_a, a_.faces, [&](std::size_t face) HWY_ATTR {
       const Point<T> normal = normal_of<T>(a_, face);
-      judge(normal, (T(a_.offset[face]) + support<T>(b_, -rotate_back(turn_, normal))) - dot(normal, offset_));
+      choice.judge(face, (T(a_.offset[face]) + support<T>(b_, -rotate_back(turn_, normal))) - dot(normal, offset_));
+      ++work_.directions;
       work_.pass<T>(b_.vertices);
     });
     for_each(chances_of_b, b_.faces, [&](std::size_t face) HWY_ATTR {
       const Point<T> way = -rotate(turn_, normal_of<T>(b_, face));
-      judge(way, (T(b_.offset[face]) + support<T>(a_, way)) - dot(way, offset_));
+      choice.judge(max_faces + face, (T(b_.offset[face]) + support<T>(a_, way)) - dot(way, offset_));
+      ++work_.directions;
       work_.pass<T>(a_.vertices);
     });
-    if (best_ < T(0)) return true;
-    if (best_ < before) {
+    if (choice.least < T(0)) return true;
+    const bool better = choice.least < best_;
+    best_ = choice.least;
+    if (choice.face < max_faces) {
+      direction_ = normal_of<T>(a_, choice.face);
+    } else if (choice.face != FaceChoice::none) {
+      direction_ = -rotate(turn_, normal_of<T>(b_, choice.face - max_faces));
+    }
+    if (better) {
       add_point(a_, deepest_of_b(rotate_back(turn_, direction_)), bounds_of_a_, chances_of_a);
       add_point(b_, deepest_of_a(direction_), bounds_of_b_, chances_of_b);
     }
     return false;
   }
 
-  HWY_INLINE void judge(Point<T> direction, T value) {
-    ++work_.directions;
-    separates(direction, value);
-  }
+  /// The face of least reach: one of a, or of b from max_faces on. Without a branch on which it is.
+  struct FaceChoice {
+    static constexpr std::size_t none = ~std::size_t{0};
+    T least;
+    std::size_t face = none;
+
+    HWY_INLINE void judge(std::size_t of, T value) {
+      face = value < least ? of : face;
+      least = std::min(value, least);
+    }
+  };
 
   template <class Visit>
   static HWY_INLINE void for_each(const std::uint64_t* set, std::size_t size, const Visit& visit) {
@@ -249,22 +257,23 @@ class PolytopePair {
   /// faces, reach is at least that of a point inside the other shape, which is nowhere less than at an end of the arc
   /// if it is not negative there: so a point to which both faces are too far rules the edge out.
   std::size_t list_edges(const Polytope& own, float other_radius, const Bounds& bounds, std::uint16_t* out) const {
+    return bounds.points == 3 ? list_edges<3>(own, other_radius, bounds, out)
+                              : list_edges<2>(own, other_radius, bounds, out);
+  }
+  template <std::size_t points>
+  std::size_t list_edges(const Polytope& own, float other_radius, const Bounds& bounds, std::uint16_t* out) const {
     alignas(64) std::uint8_t too_far[max_faces];  // for each face a bit for each point and the ball
-    const T* distance[most_sets];
-    Lanes least[most_sets];
-    const std::size_t sets = bounds.points + 1;
-    for (std::size_t k = 0; k < sets; ++k) {
-      const bool ball = k == bounds.points;
-      distance[k] = ball ? bounds.ball_centre : bounds.point[k];
-      least[k] = hn::Set(d, ball ? std::max(limit(other_radius), T(0)) : limit(0));
-    }
     const hn::RebindToSigned<Columns16<T>> masks;
+    const auto of_point = hn::Set(d, limit(0)), of_ball = hn::Set(d, std::max(limit(other_radius), T(0)));
+    const auto bit = [&](const T* distance, Lanes least, int k) HWY_ATTR {
+      const auto far = hn::RebindMask(masks, hn::Ge(hn::Load(d, distance), least));
+      return hn::IfThenElseZero(far, hn::Set(masks, hwy::MakeSigned<T>{1} << k));
+    };
     for (std::size_t i = 0; i < own.faces; i += hn::Lanes(d)) {
-      auto mask = hn::Zero(masks);
-      for (std::size_t k = 0; k < sets; ++k) {
-        const auto far = hn::RebindMask(masks, hn::Ge(hn::Load(d, distance[k] + i), least[k]));
-        mask = hn::Or(mask, hn::IfThenElseZero(far, hn::Set(masks, hwy::MakeSigned<T>{1} << k)));
-      }
+      auto mask = bit(bounds.ball_centre + i, of_ball, 0);
+      mask = hn::Or(mask, bit(bounds.point[0] + i, of_point, 1));
+      mask = hn::Or(mask, bit(bounds.point[1] + i, of_point, 2));
+      if constexpr (points == 3) mask = hn::Or(mask, bit(bounds.point[2] + i, of_point, 3));
       store_bytes(mask, too_far + i);
     }
     return edges_without(own, too_far, out);
@@ -306,9 +315,14 @@ class PolytopePair {
         hn::StoreMaskBits(bytes, hn::Eq(hn::And(of_left, of_right), hn::Zero(bytes)), bits);
         std::memcpy(&chance, bits, sizeof(chance));
         if (own.edges - i < 64) chance &= (std::uint64_t{1} << (own.edges - i)) - 1;
-        for (; chance != 0; chance &= chance - 1) {
-          out[count++] = static_cast<std::uint16_t>(i + static_cast<std::size_t>(std::countr_zero(chance)));
+        // Four at a time, those past the last to be overwritten: most often that is all, and no branch to be missed.
+        const std::size_t end = count + static_cast<std::size_t>(std::popcount(chance));
+        for (; count < end; count += 4) {
+          for (std::size_t k = 0; k < 4; ++k, chance &= chance - 1) {
+            out[count + k] = static_cast<std::uint16_t>(i + static_cast<std::size_t>(std::countr_zero(chance)));
+          }
         }
+        count = end;
       }
       return count;
     }
@@ -329,7 +343,7 @@ class PolytopePair {
   /// Columns of the kept edges of b, in the axes of a: normals left and right, a point, the direction.
   struct KeptEdges {
     alignas(64) T value[12 * max_edges];
-    std::uint16_t index[max_edges];
+    std::uint16_t index[max_edges + 4];
     std::size_t count = 0, stride = 0;
 
     T* column(std::size_t c) { return value + c * stride; }
@@ -350,13 +364,14 @@ class PolytopePair {
       put(kept.column(6) + i, kept.stride, vertex_of<T>(b_, edge.from));
       put(kept.column(9) + i, kept.stride, along_edge<T>(b_, kept.index[i]));
     }
-    // Lanes past the end are computed and never looked at, but not with what was on the stack.
-    for (std::size_t i = kept.count; i < kept.stride; ++i) {
-      for (std::size_t c = 0; c < 12; ++c) kept.column(c)[i] = kept.column(c)[0];
-    }
     for (std::size_t i = 0; i < kept.count; i += hn::Lanes(d)) {
+      // Lanes past the end are computed and never looked at, but not with what was on the stack.
+      const auto real = hn::FirstN(d, kept.count - i);
       for (std::size_t c = 0; c < 12; c += 3) {
-        auto p = turned(d, turn_, load(kept, c, i));
+        const auto q = load(kept, c, i);
+        auto p = turned(d, turn_,
+                        Points<Columns16<T>>{hn::IfThenElseZero(real, q.x), hn::IfThenElseZero(real, q.y),
+                                             hn::IfThenElseZero(real, q.z)});
         if (c == 6) {
           const auto o = spread_out(d, offset_);
           p = {p.x + o.x, p.y + o.y, p.z + o.z};
@@ -376,7 +391,7 @@ class PolytopePair {
   }
 
   bool separated_by_edges(bool doubt_all) {
-    std::uint16_t of_a[max_edges];
+    std::uint16_t of_a[max_edges + 4];
     const std::size_t count = list_edges(a_, b_.inner_radius, bounds_of_a_, of_a);
     if (count == 0) return false;
     KeptEdges of_b;
@@ -510,7 +525,8 @@ class PolytopePair {
   const Turn<T> turn_;
   const Point<T> offset_;
   Point<T> centre_of_b_;
-  Work work_;
+  const Start start_;
+  Work& work_;
   Bounds bounds_of_a_, bounds_of_b_;  // of the faces of each, by points of the other
   T best_ = 0;                        // the least reach found
   Point<T> direction_{};              // along this direction, from a to b

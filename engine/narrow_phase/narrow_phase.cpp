@@ -106,7 +106,8 @@ struct Sampling {
   std::size_t block, interval;
 };
 constexpr Sampling sampling_of(Kinds kinds) noexcept {
-  return kinds.second <= ShapeKind::capsule ? Sampling{64, 31 * 64} : Sampling{1, 61};
+  if (kinds.second <= ShapeKind::capsule) return {64, 31 * 64};
+  return kinds.second == ShapeKind::hull ? Sampling{16, 31 * 16} : Sampling{1, 61};
 }
 
 /// The bucket of `cost` for so many pairs: twice the logarithm of base 2, without a library.

@@ -292,8 +292,8 @@ PairContact* test_support_any(const KernelInput& input, PairContact* out, KindCo
     Direction best;
     if (!find_direction(a, b, small, best)) continue;
     const Feature of_a(a, best.n, 1e-5 * small), of_b(b, -best.n, 1e-5 * small);
-    const Vec3d across = meeting_point(of_a.span(), of_b.span(), best.n);
-    Vec3d normal = best.n, point = across + best.n * (0.5 * (of_a.height - of_b.height));
+    const Vec3d met = meeting_point(of_a.span(), of_b.span(), best.n);
+    Vec3d normal = best.n, point = met + best.n * (0.5 * (of_a.height - of_b.height) - dot(best.n, met));
     if (pair.flipped != 0) {
       normal = -normal;
       point = point - offset;
