@@ -230,13 +230,12 @@ Vec3d place_of(const Push& push, const Triangle& triangle, std::span<const Vec3d
   for (const Vec3d& p : triangle.corner) {
     if (dot(n, p) >= high - slack) of_triangle[corners++] = p;
   }
-  std::array<Vec3d, max_feature_points> of_other;
-  std::size_t others = 0;
+  FeaturePoints of_other;
   for (const Vec3d& p : points) {
-    if (dot(n, p) <= low + slack && others < of_other.size()) of_other[others++] = p;
+    if (dot(n, p) <= low + slack) of_other.add(p);
   }
-  const Vec3d across = meeting_point({of_triangle.data(), corners}, {of_other.data(), others}, n);
-  return across + n * (0.5 * (high + (low - radius)));
+  const Vec3d met = meeting_point({of_triangle.data(), corners}, of_other.get(), n);
+  return met + n * (0.5 * (high + (low - radius)) - dot(n, met));
 }
 
 }  // namespace ringfence::narrow_phase
