@@ -26,7 +26,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       leavers_(setup.peers.size()),
       hand_over_runs_(setup.peers.size()) {
   pairs_.reserve(setup.pairs);
-  new_owners_.reserve(map.grid().cells());
+  new_map_.reserve(map.grid().cells());
   kinds_.reserve(shape_kinds * shape_kinds);
   own_slots_.reserve(setup.objects);
   changed_.reserve(setup.objects);
@@ -131,7 +131,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   hand_overs_heard_ = 0;
   words_confirmed_ = 0;
   pairs_.clear();
-  new_owners_.clear();
+  new_map_.clear();
   host_.begin_contacts(frame);
   told_ = {};
   cpu_start_ = telemetry::thread_cpu_ns();
@@ -159,7 +159,7 @@ void CdNodeRole::learn_own_move(std::uint32_t hosted) {
     movers_.push_back(object.object.number);
   }
   const bool present = (object.object.flags & messages::flag_present) != 0;
-  const regions::Cover cover = map_.cover(map_.grid().cells_of(bounds), setup_.node);
+  const regions::Cover cover = map_.cover(bounds, setup_.node);
   if (present && cover != regions::Cover::none) {
     flags |= cover == regions::Cover::all ? messages::flag_inner : 0u;
     known_.set({object.object, object.pose, bounds, object.shape, object.layer});
@@ -221,10 +221,10 @@ void CdNodeRole::hear_confirmed(const MessageView& message) {
 
 void CdNodeRole::hear_owners(const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
-    new_owners_.push_back(message.record<messages::OwnerRecord>(i).owner);
+    new_map_.push_back(message.record<messages::OwnerRecord>(i).owner);
   }
   if (message.last()) {
-    map_.assign(new_owners_, static_cast<std::uint32_t>(setup_.peers.size()), message.header().epoch);
+    map_.assign(new_map_, static_cast<std::uint32_t>(setup_.peers.size()), message.header().epoch);
     // Under a new map the server tells everyone of everything in its region anew.
     known_.clear();
     map_is_new_ = true;

@@ -115,8 +115,8 @@ class CdNodeRole {
   ContactOrder order_;
   std::vector<messages::PairRecord> own_slots_;  ///< of the contacts found here, in their order
   std::size_t words_confirmed_ = 0;
-  bool map_is_new_ = false;  ///< heard in this frame
-  std::vector<NodeNumber> new_owners_;
+  bool map_is_new_ = false;                         ///< heard in this frame
+  std::vector<std::uint32_t> new_map_;              ///< its table, as far as it has come
   std::vector<std::vector<ObjectNumber>> leavers_;  ///< by the node that hosts them next
 
   messages::RunSender states_run_, collisions_run_, done_run_, kinds_run_, told_run_;

@@ -51,11 +51,15 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
   std::uint8_t& marks = objects.marks(slot);
   const bool present = objects.present()[slot] != 0;
   const Endpoint host = objects.host(slot);
+  const bool cuts = map.has_cuts();
   // The host keeps its own account of what it reported; under a new map it has started afresh like all others.
   const bool by_host = (marks & reported_mark) != 0 && host.is_node() && !everything;
   if (by_host && (marks & (inner_mark | shared_mark)) == inner_mark) {
     // Its host alone knew of it and goes on alone: there is nobody to tell.
     objects.told(slot) = map.grid().cells_of(objects.bounds()[slot]);
+    if (cuts) {
+      objects.told_bounds(slot) = objects.bounds()[slot];
+    }
     marks |= told_mark;
     return;
   }
@@ -65,30 +69,31 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
   bool shared = false;
   ++stamp_;
   if (present) {
-    regions::for_each_owner(map, now, stamps_, stamp_, [&](NodeNumber node) {
-      stamps_[node] = stamp_;
+    const auto tell = [&](NodeNumber node) {
       shared |= node != next;
       if (node != self) {
         updates_[node].push_back(slot);
       }
-    });
+    };
+    cuts ? regions::for_each_owner(map, objects.bounds()[slot], stamps_, stamp_, tell)
+         : regions::for_each_owner(map, now, stamps_, stamp_, tell);
   }
   const regions::CellBox told = objects.told(slot);
-  if ((marks & told_mark) != 0 && !everything && !(present && now == told)) {
+  const bool same_owners = present && now == told && !(cuts && map.has_cuts(now));
+  if ((marks & told_mark) != 0 && !everything && !same_owners) {
     // Stamped nodes are told where it is now; the others that knew it learn that it has gone.
     const auto leave = [&](NodeNumber node) {
       if (node != self) {
         updates_[node].push_back(slot | gone);
       }
     };
-    if (!told.single()) {
-      regions::for_each_owner(map, told, stamps_, stamp_, leave);
-    } else if (const NodeNumber node = map.owner(map.grid().index(told.lower[0], told.lower[1], told.lower[2]));
-               stamps_[node] != stamp_) {
-      leave(node);
-    }
+    cuts ? regions::for_each_owner(map, objects.told_bounds(slot), stamps_, stamp_, leave)
+         : regions::for_each_owner(map, told, stamps_, stamp_, leave);
   }
   objects.told(slot) = now;
+  if (cuts && present) {
+    objects.told_bounds(slot) = objects.bounds()[slot];
+  }
   marks = static_cast<std::uint8_t>((marks & ~(told_mark | shared_mark)) | (present ? told_mark : 0) |
                                     (shared ? shared_mark : 0));
 }

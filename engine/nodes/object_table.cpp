@@ -11,6 +11,7 @@ ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_b
   marks_.reserve(objects);
   hosts_.reserve(objects);
   told_.reserve(objects);
+  told_bounds_.reserve(objects);
   bounds_.reserve(objects);
   present_.reserve(objects);
   resting_.reserve(objects);
@@ -46,6 +47,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
     marks_.push_back(0);
     hosts_.push_back(messages::Endpoint::none());
     told_.emplace_back();
+    told_bounds_.emplace_back();
     bounds_.emplace_back();
     present_.push_back(0);
     resting_.push_back(1);

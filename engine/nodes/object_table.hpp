@@ -69,6 +69,8 @@ class ObjectTable {
   void set_host(std::uint32_t slot, messages::Endpoint host) noexcept { hosts_[slot] = host; }
   /// The cells whose owners have been told of the object, if told_mark.
   regions::CellBox& told(std::uint32_t slot) noexcept { return told_[slot]; }
+  /// Its bounds when they were, kept while the map has cuts: of cells that are cut, the parts that bounds cover count.
+  geometry::Bounds& told_bounds(std::uint32_t slot) noexcept { return told_bounds_[slot]; }
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_; }
   geometry::Bounds& bounds(std::uint32_t slot) noexcept { return bounds_[slot]; }
   /// One byte a slot: whether it holds a present object.
@@ -107,6 +109,7 @@ class ObjectTable {
   std::vector<std::uint8_t> marks_;
   std::vector<messages::Endpoint> hosts_;
   std::vector<regions::CellBox> told_;
+  std::vector<geometry::Bounds> told_bounds_;
   std::vector<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> present_;
   std::vector<std::uint8_t> resting_;

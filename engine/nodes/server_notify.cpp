@@ -10,13 +10,13 @@ using messages::MessageType;
 
 // Which region map holds from the next frame on. Contacts do not depend on it, only what the nodes cost.
 void ServerRole::follow_load() {
-  std::span<const NodeNumber> owners;
+  std::span<const std::uint32_t> table;
   std::uint32_t nodes = map_.nodes();
   if (resize_to_ != 0) {
     nodes = resize_to_;
     resize_to_ = 0;
     weigh_cells();
-    owners = balance_.share_out(map_, nodes);
+    table = balance_.share_out(map_, nodes);
   } else if (setup_.balance && nodes > 1) {
     costs_.clear();
     for (const NodeReport& node : reports_[(frame_ + 1) & 1].nodes) {
@@ -25,30 +25,27 @@ void ServerRole::follow_load() {
     balance_.add_frame(costs_);
     if (balance_.wanted()) {
       weigh_cells();
-      owners = balance_.propose(map_);
+      table = balance_.propose(map_);
     }
   }
-  if (!owners.empty()) {
-    map_.assign(owners, nodes, map_.epoch() + 1);
+  if (!table.empty()) {
+    map_.assign(table, nodes, map_.epoch() + 1);
     map_changed_ = true;
   }
 }
 
-// What a present object costs to move and sweep is about what half a contact costs to find.
 void ServerRole::weigh_cells() {
   balance_.start_weighing();
-  const auto weigh = [&](const Vec3d& position, double cost) {
-    std::uint32_t point[3];
-    setup_.space->point(position, point);
-    balance_.weigh(map_.grid().cell_of(point), cost);
-  };
+  std::uint32_t point[3];
   for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
     if (objects_.present()[slot] != 0) {
-      weigh(objects_.row(slot).pose.position, 1.0);
+      setup_.space->point(objects_.row(slot).pose.position, point);
+      balance_.weigh_object(point, objects_.bounds()[slot]);
     }
   }
   for (const Contact& contact : ledger_.contacts(frame_)) {
-    weigh(contact.point, 2.0);
+    setup_.space->point(contact.point, point);
+    balance_.weigh_contact(point);
   }
 }
 
@@ -131,7 +128,7 @@ void ServerRole::list_notices() {
     party.confirm_run.start(confirms ? ledger_.persists(party.self.number()).size() : 0);
     party.notice_run.start(party.notices.size());
     party.end_run.start(1);
-    party.map_run.start(map_.owners().size());
+    party.map_run.start(map_.table().size());
     return true;
   });
 }
@@ -166,7 +163,7 @@ bool ServerRole::notify(Party& party) {
   if (node && map_changed_ &&
       !party.map_run.pump(out, head(MessageType::region_map, party.self), sizeof(messages::OwnerRecord), counts,
                           [&](std::size_t i, std::byte* where) {
-                            const messages::OwnerRecord record{map_.owners()[i], 0};
+                            const messages::OwnerRecord record{map_.table()[i], 0};
                             std::memcpy(where, &record, sizeof record);
                           })) {
     return false;

@@ -15,7 +15,7 @@ using messages::MessageView;
 ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
     : setup_(setup),
       map_(map),
-      balance_(map.grid(), {}),
+      balance_(map.grid(), {}, setup.capacities.objects + setup.capacities.contacts),
       objects_(setup.capacities.objects, setup.model == nullptr ? 0 : (setup.model->state_bytes() + 7) / 8 * 8),
       host_(setup.model, setup.deployment == Deployment::user_server ? setup.capacities.objects : 0),
       hosting_(setup.deployment, *setup.space),

@@ -7,6 +7,10 @@ namespace ringfence::regions {
 
 namespace {
 
+// What a present object costs to move and sweep is about what half a contact costs to find.
+constexpr float weight_of_object = 1;
+constexpr float weight_of_contact = 2;
+
 double most_over_mean(std::span<const double> values) {
   const double sum = std::accumulate(values.begin(), values.end(), 0.0);
   if (values.empty() || sum <= 0) {
@@ -17,11 +21,12 @@ double most_over_mean(std::span<const double> values) {
 
 }  // namespace
 
-Balance::Balance(const CellGrid& grid, const BalanceConfig& config)
-    : config_(config), weights_(grid.cells()), bisection_(grid) {
+Balance::Balance(const CellGrid& grid, const BalanceConfig& config, std::size_t weights)
+    : config_(config), refinement_(grid), bisection_(grid), proposed_(grid, 1) {
   constexpr std::size_t most_nodes = 1024;
   costs_.reserve(most_nodes);
   shares_.reserve(most_nodes);
+  weights_.reserve(weights);
 }
 
 void Balance::add_frame(std::span<const double> costs) {
@@ -42,38 +47,87 @@ bool Balance::wanted() const noexcept {
   return frames_ == config_.window && rested_ >= config_.rest && imbalance() > config_.tolerance;
 }
 
-void Balance::start_weighing() { std::fill(weights_.begin(), weights_.end(), 0.0); }
+void Balance::start_weighing() {
+  weights_.clear();
+  objects_ = 0;
+  std::fill(std::begin(extents_), std::end(extents_), 0);
+}
+
+void Balance::weigh_object(const std::uint32_t (&point)[3], const geometry::Bounds& bounds) {
+  weights_.push_back({{point[0], point[1], point[2]}, weight_of_object});
+  ++objects_;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    extents_[axis] += bounds.upper[axis] - bounds.lower[axis];
+  }
+}
+
+void Balance::weigh_contact(const std::uint32_t (&point)[3]) {
+  weights_.push_back({{point[0], point[1], point[2]}, weight_of_contact});
+}
 
 void Balance::scale_by_cost(const RegionMap& map) {
   shares_.assign(map.nodes(), 0.0);
-  for (std::size_t cell = 0; cell < weights_.size(); ++cell) {
-    shares_[map.owners()[cell]] += weights_[cell];
+  for (const Weight& each : weights_) {
+    shares_[map.owner_at(each.point)] += static_cast<double>(each.weight);
   }
-  for (std::size_t cell = 0; cell < weights_.size(); ++cell) {
-    const NodeNumber node = map.owners()[cell];
-    weights_[cell] *=
-        shares_[node] > 0 && node < costs_.size() && costs_[node] > 0 ? costs_[node] / shares_[node] : 1.0;
+  for (std::size_t node = 0; node < shares_.size(); ++node) {
+    const bool known = shares_[node] > 0 && node < costs_.size() && costs_[node] > 0;
+    shares_[node] = known ? costs_[node] / shares_[node] : 1.0;
+  }
+  for (Weight& each : weights_) {
+    each.weight = static_cast<float>(static_cast<double>(each.weight) * shares_[map.owner_at(each.point)]);
   }
 }
 
-std::span<const NodeNumber> Balance::propose(const RegionMap& map) {
+std::span<const NodeNumber> Balance::split(std::uint32_t nodes) {
+  double total = 0;
+  for (const Weight& each : weights_) {
+    total += static_cast<double>(each.weight);
+  }
+  // Nothing is gained by parts smaller than what stands in them: it would be in many of them.
+  std::uint32_t smallest[3];
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    smallest[axis] =
+        static_cast<std::uint32_t>(std::max<std::uint64_t>(1, extents_[axis] / std::max<std::size_t>(1, objects_)));
+  }
+  refinement_.refine(weights_, total / nodes / config_.grain, smallest);
+  return bisection_.split(nodes, refinement_.leaves());
+}
+
+bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners) {
+  shares_.assign(map.nodes(), 0.0);
+  const auto leaves = refinement_.leaves();
+  for (std::size_t leaf = 0; leaf < leaves.size(); ++leaf) {
+    shares_[owners[leaf]] += leaves[leaf].weight;
+  }
+  const double gain = imbalance() - most_over_mean(shares_);
+  if (gain < config_.gain) {
+    return false;
+  }
+  proposed_.assign(refinement_.table(owners), map.nodes(), map.epoch() + 1);
+  const auto stays = [&](const Weight& each) { return map.owner_at(each.point) == proposed_.owner_at(each.point); };
+  const auto objects = std::span<const Weight>(weights_).first(objects_);
+  const auto moved = objects_ - static_cast<std::size_t>(std::count_if(objects.begin(), objects.end(), stays));
+  const double cost =
+      static_cast<double>(objects_) * config_.retell_ms + static_cast<double>(moved) * config_.hand_over_ms;
+  const double mean = std::accumulate(costs_.begin(), costs_.end(), 0.0) / config_.window / map.nodes();
+  return gain * mean * config_.horizon > cost;
+}
+
+std::span<const std::uint32_t> Balance::propose(const RegionMap& map) {
   rested_ = 0;
   scale_by_cost(map);
-  const auto owners = bisection_.split(map.nodes(), weights_);
-  shares_.assign(map.nodes(), 0.0);
-  for (std::size_t cell = 0; cell < weights_.size(); ++cell) {
-    shares_[owners[cell]] += weights_[cell];
-  }
-  const bool worth = most_over_mean(shares_) + config_.gain <= imbalance();
-  return worth ? owners : std::span<const NodeNumber>{};
+  const auto owners = split(map.nodes());
+  return worth(map, owners) ? proposed_.table() : std::span<const std::uint32_t>{};
 }
 
-std::span<const NodeNumber> Balance::share_out(const RegionMap& map, std::uint32_t nodes) {
+std::span<const std::uint32_t> Balance::share_out(const RegionMap& map, std::uint32_t nodes) {
   rested_ = 0;
   if (costs_.size() == map.nodes()) {
     scale_by_cost(map);
   }
-  return bisection_.split(nodes, weights_);
+  const auto owners = split(nodes);
+  return refinement_.table(owners);
 }
 
 }  // namespace ringfence::regions

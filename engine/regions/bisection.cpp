@@ -2,29 +2,53 @@
 
 #include <algorithm>
 #include <cassert>
-#include <numeric>
+#include <cmath>
 
 namespace ringfence::regions {
 
-Bisection::Bisection(const CellGrid& grid)
-    : grid_(grid), owners_(grid.cells()), cells_(grid.cells()), sorted_(grid.cells()) {
-  layer_.reserve(grid.along(0) + grid.along(1) + grid.along(2));
+Leaf leaf_of(const CellGrid& grid, std::uint32_t cell) noexcept {
+  Leaf leaf;
+  const CellBox box = grid.box_of(cell);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    leaf.bits[axis] = static_cast<std::uint8_t>(32 - grid.log2[axis]);
+    leaf.lower[axis] = static_cast<std::uint32_t>(std::uint64_t{box.lower[axis]} << leaf.bits[axis]);
+  }
+  leaf.entry = cell;
+  return leaf;
+}
+
+Bisection::Bisection(const CellGrid& grid) : grid_(grid) {
+  owners_.reserve(grid.cells());
+  places_.reserve(grid.cells());
 }
 
 std::span<const NodeNumber> Bisection::split(std::uint32_t nodes, std::span<const double> weights) {
-  assert(nodes >= 1 && nodes <= grid_.cells());
   assert(weights.empty() || weights.size() == grid_.cells());
-  weights_ = weights;
-  std::iota(cells_.begin(), cells_.end(), 0u);
-  split_range(0, cells_.size(), 0, nodes);
+  cells_.resize(grid_.cells());
+  for (std::uint32_t cell = 0; cell < cells_.size(); ++cell) {
+    cells_[cell] = leaf_of(grid_, cell);
+    cells_[cell].weight = weights.empty() ? 1.0 : weights[cell];
+  }
+  return split(nodes, cells_);
+}
+
+std::span<const NodeNumber> Bisection::split(std::uint32_t nodes, std::span<const Leaf> leaves) {
+  assert(nodes >= 1 && nodes <= leaves.size());
+  leaves_ = leaves;
+  owners_.resize(leaves.size());
+  places_.resize(leaves.size());
+  for (std::uint32_t leaf = 0; leaf < leaves.size(); ++leaf) {
+    places_[leaf].leaf = leaf;
+  }
+  split_range(0, leaves.size(), 0, nodes);
   return owners_;
 }
 
-// The cells [begin, end) of the list go to `nodes` nodes from `first` on.
+// The leaves at the places [begin, end) go to `nodes` nodes from `first` on.
 void Bisection::split_range(std::size_t begin, std::size_t end, std::uint32_t first, std::uint32_t nodes) {
   if (nodes == 1) {
     for (std::size_t i = begin; i < end; ++i) {
-      owners_[cells_[i]] = first;
+      owners_[places_[i].leaf] = first;
     }
     return;
   }
@@ -35,43 +59,41 @@ void Bisection::split_range(std::size_t begin, std::size_t end, std::uint32_t fi
   split_range(middle, end, first + left, nodes - left);
 }
 
+// In cells, which are nearly cubes.
 std::size_t Bisection::longest_axis(std::size_t begin, std::size_t end) const {
   std::size_t longest = 0;
-  std::uint32_t most = 0;
+  double most = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    std::uint32_t low = grid_.along(axis);
-    std::uint32_t high = 0;
+    std::uint64_t low = ~std::uint64_t{0};
+    std::uint64_t high = 0;
     for (std::size_t i = begin; i < end; ++i) {
-      low = std::min(low, coordinate(cells_[i], axis));
-      high = std::max(high, coordinate(cells_[i], axis));
+      const Leaf& leaf = leaves_[places_[i].leaf];
+      low = std::min<std::uint64_t>(low, leaf.lower[axis]);
+      high = std::max(high, leaf.lower[axis] + (std::uint64_t{1} << leaf.bits[axis]));
     }
-    if (high - low + 1 > most) {
-      most = high - low + 1;
+    const double side = std::ldexp(static_cast<double>(high - low), static_cast<int>(grid_.log2[axis]) - 32);
+    if (side > most) {
+      most = side;
       longest = axis;
     }
   }
   return longest;
 }
 
-// Stable, so that within a layer the cells keep their order and a cut through it is a step, not a scatter.
+// Stable, so that within a layer the leaves keep their order and a cut through it is a step, not a scatter.
 void Bisection::sort_along(std::size_t axis, std::size_t begin, std::size_t end) {
-  layer_.assign(grid_.along(axis) + 1, 0);
   for (std::size_t i = begin; i < end; ++i) {
-    ++layer_[coordinate(cells_[i], axis) + 1];
+    places_[i].key = std::uint64_t{leaves_[places_[i].leaf].lower[axis]} << 32 | i;
   }
-  std::partial_sum(layer_.begin(), layer_.end(), layer_.begin());
-  for (std::size_t i = begin; i < end; ++i) {
-    sorted_[begin + layer_[coordinate(cells_[i], axis)]++] = cells_[i];
-  }
-  std::copy(sorted_.begin() + static_cast<std::ptrdiff_t>(begin), sorted_.begin() + static_cast<std::ptrdiff_t>(end),
-            cells_.begin() + static_cast<std::ptrdiff_t>(begin));
+  std::sort(places_.begin() + static_cast<std::ptrdiff_t>(begin), places_.begin() + static_cast<std::ptrdiff_t>(end),
+            [](const Place& p, const Place& q) { return p.key < q.key; });
 }
 
-// Where the weight before comes nearest to its share, leaving each side at least as many cells as nodes.
+// Where the weight before comes nearest to its share, leaving each side at least as many leaves as nodes.
 std::size_t Bisection::cut(std::size_t begin, std::size_t end, std::uint32_t left, std::uint32_t nodes) const {
   double total = 0;
   for (std::size_t i = begin; i < end; ++i) {
-    total += weight(cells_[i]);
+    total += leaves_[places_[i].leaf].weight;
   }
   const bool weighted = total > 0;
   const double share = (weighted ? total : static_cast<double>(end - begin)) * left / nodes;
@@ -79,7 +101,7 @@ std::size_t Bisection::cut(std::size_t begin, std::size_t end, std::uint32_t lef
   std::size_t middle = begin;
   const std::size_t last = end - (nodes - left);
   while (middle < last) {
-    const double next = weighted ? weight(cells_[middle]) : 1.0;
+    const double next = weighted ? leaves_[places_[middle].leaf].weight : 1.0;
     if (middle >= begin + left && below + 0.5 * next > share) {
       break;
     }

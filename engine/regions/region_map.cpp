@@ -34,34 +34,40 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
                 " cells; raise WorldConfig::cells_log2 or lower WorldConfig::nodes");
   }
   Bisection bisection(grid);
-  const auto owners = bisection.split(nodes, {});
-  owners_.assign(owners.begin(), owners.end());
+  const auto owners = bisection.split(nodes, std::span<const double>{});
+  table_.assign(owners.begin(), owners.end());
 }
 
-Cover RegionMap::cover(const CellBox& box, NodeNumber node) const noexcept {
-  if (nodes_ == 1) {
-    return node == 0 ? Cover::all : Cover::none;
+NodeNumber RegionMap::owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept {
+  // The bits that the cell has not used, the next one on top.
+  std::uint32_t left[3];
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    left[axis] = point[axis] << grid_.log2[axis];
   }
-  bool some = false;
-  bool all = true;
+  while (is_cut(entry)) {
+    std::uint32_t& next = left[axis_of(entry)];
+    entry = table_[halves_of(entry) + (next >> 31)];
+    next <<= 1;
+  }
+  return entry;
+}
+
+bool RegionMap::has_cuts(const CellBox& box) const noexcept {
   for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
     for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
       for (std::uint32_t x = box.lower[0]; x <= box.upper[0]; ++x) {
-        const bool own = owners_[grid_.index(x, y, z)] == node;
-        some |= own;
-        all &= own;
-        if (some && !all) {
-          return Cover::part;
+        if (is_cut(table_[grid_.index(x, y, z)])) {
+          return true;
         }
       }
     }
   }
-  return all ? Cover::all : Cover::none;
+  return false;
 }
 
-void RegionMap::assign(std::span<const NodeNumber> owners, std::uint32_t nodes, std::uint32_t epoch) {
-  assert(owners.size() == grid_.cells());
-  owners_.assign(owners.begin(), owners.end());
+void RegionMap::assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch) {
+  assert(table.size() >= grid_.cells() && (table.size() - grid_.cells()) % 2 == 0);
+  table_.assign(table.begin(), table.end());
   nodes_ = nodes;
   epoch_ = epoch;
 }

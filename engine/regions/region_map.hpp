@@ -66,15 +66,26 @@ struct CellGrid {
   static CellGrid choose(const double extents[3], std::size_t cells);
 };
 
-/// How much of a box of cells one node owns.
+/// How much of what bounds cover one node owns.
 enum class Cover : std::uint8_t { none, part, all };
 
-/// Which CD node owns which cell. A node's region is the set of its cells.
+/// Which CD node owns which cell. A node's region is the set of its cells, or of parts of cells: one that is too heavy
+/// for a node is cut in two across the middle, and the halves again, as often as it takes.
+///
+/// The *table* says it all: first an entry a cell, which is the number of its owner, or cut_entry() for one that is
+/// cut; then two entries a cut, for its lower and its upper half, which are the same in turn.
 ///
 /// Ownership is a pure function of bounds and this map, so whoever holds the map agrees without asking: the server,
 /// every node, and any machine. Threads: immutable but for assign(); each role holds a copy of its own.
 class RegionMap {
  public:
+  /// The entry of a cell, or a part of one, that is cut across the middle of `axis`: see the halves of the `cut`-th
+  /// cut.
+  static constexpr std::uint32_t cut_entry(std::size_t axis, std::uint32_t cut) noexcept {
+    return is_cut_bit | static_cast<std::uint32_t>(axis) << 29 | cut;
+  }
+  static constexpr bool is_cut(std::uint32_t entry) noexcept { return (entry & is_cut_bit) != 0; }
+
   /// All cells split among `nodes` (1 to the number of cells) in boxes of nearly equal volume. Throws Error if there
   /// are more nodes than cells.
   RegionMap(CellGrid grid, std::uint32_t nodes);
@@ -83,11 +94,17 @@ class RegionMap {
   std::uint32_t nodes() const noexcept { return nodes_; }
   /// Counts changes of the map; every frame is detected under one epoch.
   std::uint32_t epoch() const noexcept { return epoch_; }
-  std::span<const NodeNumber> owners() const noexcept { return owners_; }
+  std::span<const std::uint32_t> table() const noexcept { return table_; }
+  /// Whether any cell is cut.
+  bool has_cuts() const noexcept { return table_.size() > grid_.cells(); }
+  /// Whether any cell of the box is.
+  bool has_cuts(const CellBox& box) const noexcept;
 
-  NodeNumber owner(std::uint32_t cell) const noexcept { return owners_[cell]; }
   /// The node that hosts what stands at a fixed-point position.
-  NodeNumber owner_at(const std::uint32_t point[3]) const noexcept { return owners_[grid_.cell_of(point)]; }
+  NodeNumber owner_at(const std::uint32_t point[3]) const noexcept {
+    const std::uint32_t entry = table_[grid_.cell_of(point)];
+    return is_cut(entry) ? owner_below(entry, point) : entry;
+  }
 
   /// The node that tests a pair: the one whose region holds the lower corner of the intersection of the two bounds.
   /// Both bounds cover that cell, so that node has been told of both. Precondition: touch(p, q).
@@ -97,34 +114,114 @@ class RegionMap {
     return owner_at(corner);
   }
 
-  /// How many of the box's cells are those of `node`.
-  Cover cover(const CellBox& box, NodeNumber node) const noexcept;
+  /// Calls `visit(node)` for the owner of each cell, or part of one, that the bounds overlap or touch from above: once
+  /// or more for each node, until it answers false.
+  template <class Visit>
+  void visit_owners(const geometry::Bounds& bounds, Visit&& visit) const {
+    const CellBox box = grid_.cells_of(bounds);
+    for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
+      for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
+        for (std::uint32_t x = box.lower[0]; x <= box.upper[0]; ++x) {
+          const std::uint32_t cell = grid_.index(x, y, z);
+          if (!(is_cut(table_[cell]) ? visit_below(cell, bounds, visit) : visit(table_[cell]))) {
+            return;
+          }
+        }
+      }
+    }
+  }
 
-  /// Replaces all owners. Precondition: one owner a cell, each below `nodes`.
-  void assign(std::span<const NodeNumber> owners, std::uint32_t nodes, std::uint32_t epoch);
+  /// How much of what the bounds overlap or touch from above is `node`'s.
+  Cover cover(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
+    if (nodes_ == 1) {
+      return node == 0 ? Cover::all : Cover::none;
+    }
+    bool some = false;
+    bool all = true;
+    visit_owners(bounds, [&](NodeNumber owner) {
+      some |= owner == node;
+      all &= owner == node;
+      return !some || all;
+    });
+    return !some ? Cover::none : all ? Cover::all : Cover::part;
+  }
+
+  /// Replaces the table. Precondition: it is one, its owners are below `nodes`.
+  void assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch);
 
  private:
+  static constexpr std::uint32_t is_cut_bit = std::uint32_t{1} << 31;
+
+  /// A cell or a part of one: its lower corner and the powers of two that its sides are.
+  struct Part {
+    std::uint32_t lower[3];
+    std::uint32_t bits[3];
+  };
+
+  std::size_t halves_of(std::uint32_t entry) const noexcept {
+    return grid_.cells() + 2 * std::size_t{entry & 0x1fffffffu};
+  }
+  static std::size_t axis_of(std::uint32_t entry) noexcept { return entry >> 29 & 3u; }
+  NodeNumber owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept;
+
+  template <class Visit>
+  bool visit_below(std::uint32_t cell, const geometry::Bounds& bounds, Visit& visit) const {
+    Part part;
+    const CellBox box = grid_.box_of(cell);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      part.bits[axis] = 32 - grid_.log2[axis];
+      part.lower[axis] = static_cast<std::uint32_t>(std::uint64_t{box.lower[axis]} << part.bits[axis]);
+    }
+    return visit_part(table_[cell], part, bounds, visit);
+  }
+
+  template <class Visit>
+  bool visit_part(std::uint32_t entry, const Part& part, const geometry::Bounds& bounds, Visit& visit) const {
+    if (!is_cut(entry)) {
+      return visit(entry);
+    }
+    const std::size_t axis = axis_of(entry);
+    const std::size_t halves = halves_of(entry);
+    Part half = part;
+    --half.bits[axis];
+    const std::uint32_t plane = part.lower[axis] + (std::uint32_t{1} << half.bits[axis]);
+    if (bounds.lower[axis] < plane && !visit_part(table_[halves], half, bounds, visit)) {
+      return false;
+    }
+    half.lower[axis] = plane;
+    return bounds.upper[axis] < plane || visit_part(table_[halves + 1], half, bounds, visit);
+  }
+
   CellGrid grid_;
   std::uint32_t nodes_;
   std::uint32_t epoch_ = 1;
-  std::vector<NodeNumber> owners_;
+  std::vector<std::uint32_t> table_;
 };
 
-/// Calls `visit(node)` once for each node that owns a cell of the box, in the order of their first cells.
+/// Calls `visit(node)` once for each node that owns something that the bounds overlap or touch from above.
 ///
 /// `stamps` has one entry a node and `stamp` a value not in it; both belong to the caller.
+template <class Visit>
+void for_each_owner(const RegionMap& map, const geometry::Bounds& bounds, std::span<std::uint64_t> stamps,
+                    std::uint64_t stamp, Visit visit) {
+  map.visit_owners(bounds, [&](NodeNumber node) {
+    if (stamps[node] != stamp) {
+      stamps[node] = stamp;
+      visit(node);
+    }
+    return true;
+  });
+}
+
+/// The same for the owners of cells. Precondition: none of them is cut.
 template <class Visit>
 void for_each_owner(const RegionMap& map, const CellBox& box, std::span<std::uint64_t> stamps, std::uint64_t stamp,
                     Visit visit) {
   const CellGrid& grid = map.grid();
-  if (box.single()) {
-    visit(map.owner(grid.index(box.lower[0], box.lower[1], box.lower[2])));
-    return;
-  }
   for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
     for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
       for (std::uint32_t x = box.lower[0]; x <= box.upper[0]; ++x) {
-        const NodeNumber node = map.owner(grid.index(x, y, z));
+        const NodeNumber node = map.table()[grid.index(x, y, z)];
         if (stamps[node] != stamp) {
           stamps[node] = stamp;
           visit(node);

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 #include <set>
@@ -13,6 +14,72 @@ namespace {
 
 using geometry::Bounds;
 using geometry::FixedSpace;
+
+std::vector<std::uint32_t> random_cuts(const CellGrid& grid, std::uint32_t nodes, std::mt19937_64& random) {
+  std::vector<std::uint32_t> table(grid.cells());
+  std::vector<std::array<std::uint32_t, 3>> bits(table.size());
+  for (auto& each : bits) each = {32 - grid.log2[0], 32 - grid.log2[1], 32 - grid.log2[2]};
+  for (std::uint32_t& entry : table) entry = static_cast<std::uint32_t>(random() % nodes);
+  for (std::uint32_t cut = 0; cut < 300; ++cut) {
+    // Half of them in what was cut last, so that some parts get very small.
+    const std::size_t entry = cut > 0 && random() % 2 == 0 ? table.size() - 1 - random() % 2 : random() % table.size();
+    const std::size_t axis = random() % 3;
+    if (RegionMap::is_cut(table[entry]) || bits[entry][axis] == 0) {
+      --cut;
+      continue;
+    }
+    table[entry] = RegionMap::cut_entry(axis, cut);
+    auto half = bits[entry];
+    --half[axis];
+    for (int side = 0; side < 2; ++side) {
+      table.push_back(static_cast<std::uint32_t>(random() % nodes));
+      bits.push_back(half);
+    }
+  }
+  return table;
+}
+
+/// What a map says, written out: every part that has an owner.
+struct Part {
+  std::array<std::uint64_t, 3> lower, upper;  ///< upper is one past the end
+  NodeNumber owner;
+  bool meets(const Bounds& bounds) const {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if (bounds.upper[axis] < lower[axis] || bounds.lower[axis] >= upper[axis]) return false;
+    }
+    return true;
+  }
+};
+
+void write_out(const RegionMap& map, std::uint32_t entry, Part part, std::vector<Part>& parts) {
+  if (!RegionMap::is_cut(entry)) {
+    part.owner = entry;
+    parts.push_back(part);
+    return;
+  }
+  const std::size_t axis = entry >> 29 & 3, halves = map.grid().cells() + 2 * (entry & 0x1fffffff);
+  const std::uint64_t middle = (part.lower[axis] + part.upper[axis]) / 2;
+  Part below = part, above = part;
+  below.upper[axis] = above.lower[axis] = middle;
+  write_out(map, map.table()[halves], below, parts);
+  write_out(map, map.table()[halves + 1], above, parts);
+}
+
+std::vector<Part> parts_of(const RegionMap& map) {
+  std::vector<Part> parts;
+  const CellGrid& grid = map.grid();
+  for (std::uint32_t cell = 0; cell < grid.cells(); ++cell) {
+    Part part{};
+    const CellBox box = grid.box_of(cell);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::uint64_t side = (std::uint64_t{1} << 32) / grid.along(axis);
+      part.lower[axis] = box.lower[axis] * side;
+      part.upper[axis] = part.lower[axis] + side;
+    }
+    write_out(map, map.table()[cell], part, parts);
+  }
+  return parts;
+}
 
 /// Worlds of all sorts of cells and node counts.
 template <class Check>
@@ -33,6 +100,11 @@ void in_worlds(unsigned seed, Check check) {
       }
       map.assign(owners, nodes, 9);
       CHECK(map.epoch() == 9);
+      CHECK_FALSE(map.has_cuts());
+      check(map, random);
+      // And with cells that are cut at random, some of them often.
+      map.assign(random_cuts(grid, nodes, random), nodes, 10);
+      CHECK(map.has_cuts());
       check(map, random);
     }
   }
@@ -73,35 +145,38 @@ TEST_CASE("the node that tests a pair has been told of both objects, and it is t
       const NodeNumber owner = map.pair_owner(p, q);
       REQUIRE(owner < map.nodes());
       REQUIRE(owner == map.pair_owner(q, p));
-      REQUIRE(map.cover(map.grid().cells_of(p), owner) != Cover::none);
-      REQUIRE(map.cover(map.grid().cells_of(q), owner) != Cover::none);
+      REQUIRE(map.cover(p, owner) != Cover::none);
+      REQUIRE(map.cover(q, owner) != Cover::none);
     }
     REQUIRE(pairs > 100);
   });
 }
 
-TEST_CASE("each owner of a cell of a box is visited once, no other, and each is covered") {
+TEST_CASE("each owner of what bounds cover is visited once, no other, and each is covered") {
   in_worlds(32, [](const RegionMap& map, std::mt19937_64& random) {
+    const std::vector<Part> parts = parts_of(map);
     std::vector<std::uint64_t> stamps(map.nodes(), 0);
     std::uint64_t stamp = 0;
-    for (int round = 0; round < 60; ++round) {
-      const CellBox box = map.grid().cells_of(random_bounds(random, 18 + static_cast<unsigned>(random() % 14)));
+    for (int round = 0; round < 40; ++round) {
+      const Bounds bounds = random_bounds(random, 18 + static_cast<unsigned>(random() % 14));
       std::set<NodeNumber> expected;
-      for (std::uint32_t x = box.lower[0]; x <= box.upper[0]; ++x) {
-        for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
-          for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
-            expected.insert(map.owners()[map.grid().index(x, y, z)]);
-          }
-        }
+      for (const Part& part : parts) {
+        if (part.meets(bounds)) expected.insert(part.owner);
       }
       std::vector<NodeNumber> visited;
-      for_each_owner(map, box, stamps, ++stamp, [&](NodeNumber node) { visited.push_back(node); });
+      for_each_owner(map, bounds, stamps, ++stamp, [&](NodeNumber node) { visited.push_back(node); });
       REQUIRE(visited.size() == expected.size());
       REQUIRE((std::set<NodeNumber>(visited.begin(), visited.end()) == expected));
       for (NodeNumber node = 0; node < std::min(map.nodes(), 20u); ++node) {
         const Cover cover = expected.count(node) == 0 ? Cover::none : expected.size() == 1 ? Cover::all : Cover::part;
-        REQUIRE(map.cover(box, node) == cover);
+        REQUIRE(map.cover(bounds, node) == cover);
       }
+      // A point has one owner: that of the part that it is in.
+      const Bounds point{{bounds.lower[0], bounds.lower[1], bounds.lower[2]},
+                         {bounds.lower[0], bounds.lower[1], bounds.lower[2]}};
+      REQUIRE(std::count_if(parts.begin(), parts.end(), [&](const Part& part) {
+                return part.meets(point) && part.owner == map.owner_at(point.lower);
+              }) == 1);
     }
   });
 }
@@ -155,7 +230,7 @@ TEST_CASE("the outermost cells reach to infinity") {
     CHECK(grid.cell_of(point) == 0);
     space.point({far, 50, -far}, point);
     CHECK(grid.cell_of(point) == grid.index(15, 8, 0));
-    CHECK(map.owner_at(point) == map.owner(grid.index(15, 8, 0)));
+    CHECK(map.owner_at(point) == map.table()[grid.index(15, 8, 0)]);
   }
 }
 

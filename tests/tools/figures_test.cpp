@@ -40,6 +40,19 @@ TEST_CASE("the narrow phase's figures are added by kinds, in their order") {
   CHECK(figures.kinds()[1].cost[7] == 20);
 }
 
+TEST_CASE("imbalance is that of whole windows of frames with the same nodes, and 1 where there is none") {
+  Imbalance imbalance;
+  CHECK(imbalance.mean() == 1);
+  const double even[] = {2, 2, 2, 2}, skew[] = {1, 6, 1, 0}, two[] = {1, 3};
+  for (std::uint32_t frame = 0; frame < Imbalance::window; ++frame) imbalance.add(frame % 2 == 0 ? even : skew);
+  CHECK(imbalance.mean() == doctest::Approx(2));  // 8 frames of 2 and 8 of 6 for the busiest, over 2 a frame
+  for (std::uint32_t frame = 0; frame + 1 < Imbalance::window; ++frame) imbalance.add(skew);
+  for (std::uint32_t frame = 0; frame < 2 * Imbalance::window; ++frame) imbalance.add(two);
+  CHECK(imbalance.windows() == 3);
+  CHECK(imbalance.max() == doctest::Approx(2));
+  CHECK(imbalance.mean() == doctest::Approx(5.0 / 3));
+}
+
 TEST_CASE("no frames make no figures, and no division by zero") {
   const Figures figures;
   CHECK(figures.frame_ms().p99 == 0);

@@ -52,6 +52,15 @@ void Figures::add(const FrameReport& report, std::span<const Contact> frame_cont
   objects = report.objects;
   server_cpu_ms += report.server_cpu_ms;
   users_cpu_ms += report.users_cpu_ms;
+  map_changes += map_epoch_ == 0 ? 0 : report.map_epoch - map_epoch_;
+  map_epoch_ = report.map_epoch;
+  const auto judge = [&](Imbalance& imbalance, auto value) {
+    values_.clear();
+    for (const NodeReport& node : report.nodes) values_.push_back(value(node));
+    imbalance.add(values_);
+  };
+  judge(cpu_imbalance, [](const NodeReport& node) { return node.cpu_ms; });
+  judge(tested_imbalance, [](const NodeReport& node) { return static_cast<double>(node.tested); });
   for (const KindReport& kind : report.kinds) add_to(kinds_, kind);
   if (node_totals_.size() < report.nodes.size()) node_totals_.resize(report.nodes.size());
   for (std::size_t i = 0; i < report.nodes.size(); ++i) {

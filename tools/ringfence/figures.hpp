@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "imbalance.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/frame_report.hpp"
 
@@ -40,7 +41,10 @@ class Figures {
   /// Totals over the counted frames.
   std::uint64_t candidates = 0, tested = 0, accepted = 0, contacts = 0, began = 0, ended = 0;
   std::uint64_t moved = 0, handed_over = 0, grown = 0;
-  std::uint64_t objects = 0;  ///< after the last frame
+  std::uint64_t objects = 0;      ///< after the last frame
+  std::uint64_t map_changes = 0;  ///< of the region map
+  Imbalance cpu_imbalance;        ///< of the nodes' CPU time
+  Imbalance tested_imbalance;     ///< of the pairs that they test
   double server_cpu_ms = 0, users_cpu_ms = 0;
 
  private:
@@ -50,6 +54,8 @@ class Figures {
   std::array<TrafficReport, traffic_count> traffic_{};
   std::array<std::uint64_t, status_count> refused_{};
   std::vector<NodeFigures> node_totals_;
+  std::vector<double> values_;
+  std::uint32_t map_epoch_ = 0;
   std::vector<KindReport> kinds_;
 };
 

@@ -113,6 +113,26 @@ Json config_of(const Job& job) {
   return config;
 }
 
+void print_imbalance(std::FILE* out, const Figures& figures) {
+  const Imbalance& cpu = figures.cpu_imbalance;
+  if (cpu.windows() == 0 || figures.nodes().size() < 2) return;
+  fmt::print(out,
+             "imbalance   busiest node over mean in {} windows of {} frames: CPU time {:.3f}, at most {:.3f}; pairs "
+             "tested {:.3f}, at most {:.3f}; region map changed {} times\n",
+             cpu.windows(), Imbalance::window, cpu.mean(), cpu.max(), figures.tested_imbalance.mean(),
+             figures.tested_imbalance.max(), figures.map_changes);
+}
+
+Json imbalance_of(const Figures& figures) {
+  const auto spread = [](const Imbalance& imbalance) {
+    return Json{{"mean", imbalance.mean()}, {"max", imbalance.max()}, {"windows", imbalance.windows()}};
+  };
+  return {{"window", Imbalance::window},
+          {"cpu", spread(figures.cpu_imbalance)},
+          {"tested", spread(figures.tested_imbalance)},
+          {"map_changes", figures.map_changes}};
+}
+
 void print_resizes(std::FILE* out, const Resizing& resizing) {
   for (const ResizeFigures& resize : resizing.figures()) {
     fmt::print(
@@ -201,6 +221,7 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
                         {"ended", figures.ended}};
   report["nodes"] = nodes_of(figures);
   report["kinds"] = kinds_of(figures);
+  report["imbalance"] = imbalance_of(figures);
   if (!job.service.resizes.empty()) report["resizes"] = resizes_of(resizing);
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
@@ -241,6 +262,7 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   fmt::print(out, "moved       {:.1f} objects a frame, {:.2f} handed over\n",
              figures.mean(static_cast<double>(figures.moved)), figures.mean(static_cast<double>(figures.handed_over)));
   print_nodes(out, figures);
+  print_imbalance(out, figures);
   print_resizes(out, resizing);
   print_traffic(out, figures);
   for (std::size_t i = 1; i < status_count; ++i) {

@@ -1,0 +1,175 @@
+#include "regions/balance.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+#include <random>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+namespace ringfence::regions {
+namespace {
+
+using geometry::Bounds;
+
+struct Crowd {
+  std::vector<Bounds> boxes;
+  std::vector<std::array<std::uint32_t, 3>> points;
+};
+
+/// `count` boxes of side `extent` about a place, spread over `spread` on each axis.
+void add_crowd(Crowd& crowd, std::size_t count, std::uint32_t at, std::uint32_t spread, std::uint32_t extent,
+               std::mt19937_64& random) {
+  for (std::size_t i = 0; i < count; ++i) {
+    Bounds box;
+    std::array<std::uint32_t, 3> point;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      box.lower[axis] = at + static_cast<std::uint32_t>(random() % spread);
+      box.upper[axis] = box.lower[axis] + extent;
+      point[axis] = box.lower[axis] + extent / 2;
+    }
+    crowd.boxes.push_back(box);
+    crowd.points.push_back(point);
+  }
+}
+
+void weigh(Balance& balance, const Crowd& crowd) {
+  balance.start_weighing();
+  for (std::size_t i = 0; i < crowd.boxes.size(); ++i) {
+    const std::uint32_t point[3] = {crowd.points[i][0], crowd.points[i][1], crowd.points[i][2]};
+    balance.weigh_object(point, crowd.boxes[i]);
+  }
+}
+
+/// A millisecond a thousand objects.
+std::vector<double> costs_of(const RegionMap& map, const Crowd& crowd, double each = 0.001) {
+  std::vector<double> costs(map.nodes(), 0.0);
+  for (const auto& point : crowd.points) costs[map.owner_at(point.data())] += each;
+  return costs;
+}
+
+double imbalance_of(const std::vector<double>& costs) {
+  return *std::max_element(costs.begin(), costs.end()) * static_cast<double>(costs.size()) /
+         std::accumulate(costs.begin(), costs.end(), 0.0);
+}
+
+/// Runs so many frames; answers how often the map changed.
+int follow(Balance& balance, RegionMap& map, const Crowd& crowd, int frames, double each = 0.001) {
+  int changes = 0;
+  for (int frame = 0; frame < frames; ++frame) {
+    balance.add_frame(costs_of(map, crowd, each));
+    if (!balance.wanted()) continue;
+    weigh(balance, crowd);
+    if (const auto table = balance.propose(map); !table.empty()) {
+      map.assign(table, map.nodes(), map.epoch() + 1);
+      ++changes;
+    }
+  }
+  return changes;
+}
+
+TEST_CASE("a crowd in a single cell is shared out among all nodes, and so are two crowds far apart") {
+  for (const std::uint32_t nodes : {2u, 3u, 8u, 16u, 64u}) {
+    CAPTURE(nodes);
+    std::mt19937_64 random(nodes);
+    const CellGrid grid{{4, 4, 4}};
+    Crowd crowd;
+    add_crowd(crowd, 6000, 0x51234567, 1u << 17, 1u << 8, random);  // a cell's side is 2^28
+    if (nodes % 2 == 0 && nodes > 2) add_crowd(crowd, 6000, 0xe0000000, 1u << 20, 1u << 8, random);
+    RegionMap map(grid, nodes);
+    Balance balance(grid, {}, 100);
+    CHECK(imbalance_of(costs_of(map, crowd)) > 0.45 * nodes);
+    CHECK(follow(balance, map, crowd, 100) >= 1);
+    CHECK(map.has_cuts());
+    CHECK(imbalance_of(costs_of(map, crowd)) < 1.15);
+  }
+}
+
+TEST_CASE("what stands on one point is not cut in vain, and what is larger than a cell does not cut it") {
+  const CellGrid grid{{2, 2, 2}};
+  std::mt19937_64 random(3);
+  for (const std::uint32_t extent : {0u, 1u << 31}) {
+    Crowd crowd;
+    add_crowd(crowd, 500, 0x12345678, 1, extent, random);
+    RegionMap map(grid, 8);
+    Balance balance(grid, {}, 0);
+    follow(balance, map, crowd, 100);
+    CHECK(map.table().size() <= grid.cells() + 2 * Refinement::most_cuts);
+    if (extent != 0) CHECK_FALSE(map.has_cuts());
+    for (const NodeNumber node : {0u, 7u}) {
+      bool owns = false;
+      map.visit_owners({{0, 0, 0}, {~0u, ~0u, ~0u}}, [&](NodeNumber owner) { return !(owns = owner == node); });
+      CHECK(owns);
+    }
+  }
+}
+
+TEST_CASE("an even load leaves the map alone, and so does a gain that would not pay for the hand-over") {
+  const CellGrid grid{{4, 4, 4}};
+  std::mt19937_64 random(5);
+  Crowd crowd;
+  add_crowd(crowd, 20000, 0, 0xf0000000, 1u << 20, random);
+  RegionMap map(grid, 4);
+  Balance balance(grid, {}, 0);
+  follow(balance, map, crowd, 200);
+  CHECK(imbalance_of(costs_of(map, crowd)) < 1.1);
+  CHECK(follow(balance, map, crowd, 200) == 0);
+  // The same skew, once dear and once cheap for the nodes.
+  add_crowd(crowd, 8000, 0x20000000, 1u << 26, 1u << 20, random);
+  RegionMap cheap = map;
+  Balance other(grid, {}, 0);
+  CHECK(follow(other, cheap, crowd, 200, 1e-7) == 0);
+  CHECK(follow(balance, map, crowd, 200) >= 1);
+  CHECK(imbalance_of(costs_of(map, crowd)) < 1.15);
+}
+
+TEST_CASE("leaves tile the world, weigh together what there is, and none is heavier than asked for") {
+  std::mt19937_64 random(6);
+  const CellGrid grid{{1, 3, 2}};
+  std::vector<Weight> weights;
+  for (int i = 0; i < 5000; ++i) {
+    const unsigned shift = static_cast<unsigned>(random() % 20);
+    Weight weight{{}, 1 + static_cast<float>(random() % 3)};
+    for (std::uint32_t& each : weight.point) each = static_cast<std::uint32_t>(random() % (1ull << 32)) >> shift;
+    weights.push_back(weight);
+  }
+  Refinement refinement(grid);
+  const std::uint32_t smallest[3] = {1, 16, 1u << 12};
+  refinement.refine(weights, 40, smallest);
+  double volume = 0, total = 0, expected = 0;
+  for (const Leaf& leaf : refinement.leaves()) {
+    volume += std::ldexp(1.0, leaf.bits[0] + leaf.bits[1] + leaf.bits[2] - 96);
+    total += leaf.weight;
+    double inside = 0;
+    for (const Weight& each : weights) {
+      bool in = true;
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        in &= each.point[axis] >= leaf.lower[axis] &&
+              each.point[axis] < leaf.lower[axis] + (std::uint64_t{1} << leaf.bits[axis]);
+      }
+      inside += in ? static_cast<double>(each.weight) : 0;
+    }
+    REQUIRE(inside == leaf.weight);
+    bool small = true;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      REQUIRE((std::uint64_t{1} << leaf.bits[axis]) >=
+              std::min<std::uint64_t>(smallest[axis], 1ull << (32 - grid.log2[axis])));
+      small &= (std::uint64_t{1} << leaf.bits[axis]) < 2 * std::uint64_t{smallest[axis]};
+    }
+    REQUIRE((leaf.weight <= 40 || small));
+  }
+  for (const Weight& each : weights) expected += static_cast<double>(each.weight);
+  CHECK(volume == doctest::Approx(1));
+  CHECK(total == doctest::Approx(expected));
+  CHECK(refinement.leaves().size() > grid.cells());
+  std::vector<NodeNumber> owners(refinement.leaves().size());
+  std::iota(owners.begin(), owners.end(), 0u);
+  RegionMap map(grid, 1);
+  map.assign(refinement.table(owners), static_cast<std::uint32_t>(owners.size()), 2);
+  for (std::size_t i = 0; i < owners.size(); ++i) REQUIRE(map.owner_at(refinement.leaves()[i].lower) == i);
+}
+
+}  // namespace
+}  // namespace ringfence::regions
