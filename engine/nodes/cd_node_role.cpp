@@ -25,11 +25,10 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       narrow_(*setup.shapes),
       leavers_(setup.peers.size()),
       hand_over_runs_(setup.peers.size()) {
-  pairs_.reserve(setup.pairs);
+  pairs_.reserve(pairs_a_test);
   new_map_.reserve(map.grid().cells());
   kinds_.reserve(shape_kinds * shape_kinds);
-  own_slots_.reserve(setup.objects);
-  changed_.reserve(setup.objects);
+  hits_.reserve(setup.objects);
   movers_.reserve(setup.objects);
   host_.reserve_contacts(setup.objects);
 }
@@ -62,7 +61,7 @@ Step CdNodeRole::step() {
     told_.busy_ns += telemetry::now_ns() - step_start_;
     return Step::progressed;
   }
-  const bool sending = stage_ == Stage::reporting || stage_ == Stage::colliding || stage_ == Stage::handing_over ||
+  const bool sending = stage_ == Stage::moving || stage_ == Stage::colliding || stage_ == Stage::handing_over ||
                        stage_ == Stage::telling;
   return sending ? Step::blocked : Step::idle;
 }
@@ -132,41 +131,65 @@ void CdNodeRole::begin(std::uint64_t frame) {
   words_confirmed_ = 0;
   pairs_.clear();
   new_map_.clear();
+  hits_.clear();
+  order_.clear();
+  candidates_ = 0;
   host_.begin_contacts(frame);
   told_ = {};
   cpu_start_ = telemetry::thread_cpu_ns();
+  movers_.clear();
+  changed_ = {};
+  states_run_.start();
   {
     TrackedTime time(setup_.track, "move", told_.move_ns);
-    host_.move(frame);
-    changed_.clear();
-    movers_.clear();
-    for (const std::uint32_t hosted : host_.changed()) {
-      learn_own_move(hosted);
-    }
+    host_.begin_move(frame);
   }
-  states_run_.start(host_.changed().size());
-  stage_ = Stage::reporting;
+  stage_ = Stage::moving;
+}
+
+// What a batch changed goes to the server while the next one is moved: it is still in the cache here, and the server
+// takes it in meanwhile. False where the link is full.
+bool CdNodeRole::move() {
+  TrackedTime time(setup_.track, "move", told_.move_ns);
+  const messages::RunHead to_server = head(MessageType::node_state, Endpoint::server());
+  const std::size_t bytes = sizeof(messages::NodeStateRecord) + host_.state_bytes();
+  for (;;) {
+    for (; !changed_.empty(); changed_ = changed_.subspan(1)) {
+      std::byte* where = states_run_.add(*setup_.server.out, to_server, bytes, traffic_);
+      if (where == nullptr) {
+        return false;
+      }
+      tell_own_move(changed_.front(), where);
+    }
+    if (!host_.move_next()) {
+      return states_run_.finish(*setup_.server.out, to_server, bytes, traffic_);
+    }
+    changed_ = host_.changed();
+  }
 }
 
 // The server tells a node of every object in its region but those that the node itself hosts and reported.
-void CdNodeRole::learn_own_move(std::uint32_t hosted) {
+void CdNodeRole::tell_own_move(std::uint32_t hosted, std::byte* where) {
   const Hosted& object = host_[hosted];
-  const geometry::Bounds bounds = setup_.shapes->bounds(object.shape, object.pose, *setup_.space);
-  std::uint32_t flags = object.object.flags;
-  if (is_at_home(object.pose.position)) {
-    flags |= messages::flag_staying;
-  } else {
-    movers_.push_back(object.object.number);
-  }
+  messages::NodeStateRecord record{object.object, object.pose,
+                                   setup_.shapes->bounds(object.shape, object.pose, *setup_.space)};
   const bool present = (object.object.flags & messages::flag_present) != 0;
-  const regions::Cover cover = map_.cover(bounds, setup_.node);
+  const regions::Cover cover = map_.cover(record.bounds, setup_.node);
   if (present && cover != regions::Cover::none) {
-    flags |= cover == regions::Cover::all ? messages::flag_inner : 0u;
-    known_.set({object.object, object.pose, bounds, object.shape, object.layer});
+    record.object.flags |= cover == regions::Cover::all ? messages::flag_inner : 0u;
+    known_.set({object.object, object.pose, record.bounds, object.shape, object.layer});
   } else {
     known_.forget(object.object.slot);
   }
-  changed_.push_back({bounds, flags});
+  if (is_at_home(object.pose.position)) {
+    record.object.flags |= messages::flag_staying;
+  } else {
+    movers_.push_back(object.object.number);
+  }
+  std::memcpy(where, &record, sizeof record);
+  if (host_.state_bytes() != 0) {
+    std::memcpy(where + sizeof record, host_.state(hosted), host_.state_bytes());
+  }
 }
 
 // Whether this node hosts what stands there, by the map as it is.
@@ -197,6 +220,9 @@ void CdNodeRole::hear_pairs(const MessageView& message) {
     const geometry::CandidatePair known{known_.find(pair.a), known_.find(pair.b)};
     assert(known.a != KnownObjects::none && known.b != KnownObjects::none);
     pairs_.push_back(known);
+    if (pairs_.size() == pairs_a_test) {
+      test_pairs();
+    }
   }
   pairs_heard_ |= message.last();
 }
@@ -232,39 +258,63 @@ void CdNodeRole::hear_owners(const MessageView& message) {
 }
 
 void CdNodeRole::sweep() {
-  TrackedTime time(setup_.track, "broad phase", told_.broad_phase_ns);
   const auto bounds = known_.bounds();
   const auto bodies = known_.bodies();
-  for (geometry::CandidatePair pair : sweep_.find(bounds, known_.present(), known_.resting(), known_.layers())) {
-    if (map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
-      continue;
+  {
+    TrackedTime time(setup_.track, "broad phase", told_.broad_phase_ns);
+    sweep_.begin(bounds, known_.present(), known_.resting(), known_.layers());
+  }
+  bool more = true;
+  while (more) {
+    {
+      TrackedTime time(setup_.track, "broad phase", told_.broad_phase_ns);
+      while (more && pairs_.size() < pairs_a_test) {
+        const auto found = sweep_.next(pairs_a_test - pairs_.size());
+        more = !found.empty();
+        for (geometry::CandidatePair pair : found) {
+          if (map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
+            continue;
+          }
+          if (bodies[pair.b].number < bodies[pair.a].number) {
+            std::swap(pair.a, pair.b);
+          }
+          pairs_.push_back(pair);
+        }
+      }
     }
-    if (bodies[pair.b].number < bodies[pair.a].number) {
-      std::swap(pair.a, pair.b);
-    }
-    pairs_.push_back(pair);
+    test_pairs();
   }
   known_.settle();
+}
+
+// As many pairs as make full blocks of every kind, and whose objects stay in the cache from the sort to the kernels.
+void CdNodeRole::test_pairs() {
+  if (pairs_.empty()) {
+    return;
+  }
+  TrackedTime time(setup_.track, "narrow phase", told_.narrow_phase_ns);
+  const auto bodies = known_.bodies();
+  for (const narrow_phase::PairContact& found : narrow_.test(bodies, pairs_)) {
+    const geometry::CandidatePair pair = pairs_[found.pair];
+    hits_.push_back({pair, found.depth, found.normal, found.point});
+    order_.add(bodies[pair.a].number, bodies[pair.b].number);
+  }
+  candidates_ += pairs_.size();
+  untested_ += narrow_.untested();
+  pairs_.clear();
 }
 
 void CdNodeRole::detect() {
   if (setup_.placement == Placement::region) {
     sweep();
+  } else {
+    test_pairs();
   }
-  {
-    TrackedTime time(setup_.track, "narrow phase", told_.narrow_phase_ns);
-    contacts_ = narrow_.test(known_.bodies(), pairs_);
-    count_kinds();
-    const auto bodies = known_.bodies();
-    order_.clear();
-    for (const narrow_phase::PairContact& contact : contacts_) {
-      const geometry::CandidatePair pair = pairs_[contact.pair];
-      order_.add(bodies[pair.a].number, bodies[pair.b].number);
-    }
-    order_.sort();
-    list_own_contacts();
-  }
-  collisions_run_.start(contacts_.size());
+  TrackedTime time(setup_.track, "narrow phase", told_.narrow_phase_ns);
+  count_kinds();
+  order_.sort();
+  next_hit_ = 0;
+  collisions_run_.start();
   done_run_.start(1);
 }
 
@@ -293,41 +343,53 @@ void CdNodeRole::count_kinds() {
       }
     }
   }
-  tested_ -= narrow_.untested();
+  tested_ -= std::exchange(untested_, 0u);
   narrow_.reset_counters();
 }
-
-// Each contact is written once, in order, where the host's next move reads it.
-void CdNodeRole::list_own_contacts() {
+// Each contact is written once, in order, where the host's next move reads it; and goes to the server at once.
+bool CdNodeRole::send_collisions() {
+  link::Sender& out = *setup_.server.out;
+  const messages::RunHead to_server = head(MessageType::collision, Endpoint::server());
   const auto bodies = known_.bodies();
-  own_slots_.clear();
-  for (std::size_t i = 0; i < contacts_.size(); ++i) {
-    // In the order of numbers, results and bodies lie anywhere.
+  for (; next_hit_ < hits_.size(); ++next_hit_) {
+    std::byte* where = collisions_run_.add(out, to_server, sizeof(messages::CollisionRecord), traffic_);
+    if (where == nullptr) {
+      return false;
+    }
+    // In the order of numbers, hits and bodies lie anywhere.
     constexpr std::size_t far = 16;
     constexpr std::size_t near = 8;
-    if (i + far < contacts_.size()) {
-      __builtin_prefetch(&contacts_[order_.at(i + far)]);
-      const geometry::CandidatePair soon = pairs_[contacts_[order_.at(i + near)].pair];
+    if (next_hit_ + far < hits_.size()) {
+      __builtin_prefetch(&hits_[order_.at(next_hit_ + far)]);
+      const geometry::CandidatePair soon = hits_[order_.at(next_hit_ + near)].pair;
       __builtin_prefetch(&bodies[soon.a]);
       __builtin_prefetch(&bodies[soon.b]);
     }
-    const narrow_phase::PairContact& found = contacts_[order_.at(i)];
-    const geometry::CandidatePair pair = pairs_[found.pair];
-    const narrow_phase::Body& a = bodies[pair.a];
-    const narrow_phase::Body& b = bodies[pair.b];
-    Contact contact;
-    contact.a = a.number;
-    contact.b = b.number;
-    contact.depth = found.depth;
-    contact.normal = found.normal;
-    contact.point = {a.pose.position.x + static_cast<double>(found.point.x),
-                     a.pose.position.y + static_cast<double>(found.point.y),
-                     a.pose.position.z + static_cast<double>(found.point.z)};
+    const Hit& hit = hits_[order_.at(next_hit_)];
+    const narrow_phase::Body& a = bodies[hit.pair.a];
+    const narrow_phase::Body& b = bodies[hit.pair.b];
+    const Vec3d& origin = a.pose.position;
+    const messages::CollisionRecord record{
+        known_.slot(hit.pair.a),
+        known_.slot(hit.pair.b),
+        hit.depth,
+        hit.normal,
+        {origin.x + static_cast<double>(hit.point.x), origin.y + static_cast<double>(hit.point.y),
+         origin.z + static_cast<double>(hit.point.z)}};
+    std::memcpy(where, &record, sizeof record);
+    Contact& contact = host_.add_own_contact(frame_, ContactOrder::key(a.number, b.number));
+    contact.depth = record.depth;
+    contact.normal = record.normal;
+    contact.point = record.point;
     contact.pose_a = a.pose;
     contact.pose_b = b.pose;
-    host_.add_own_contact(frame_, contact);
-    own_slots_.push_back({known_.slot(pair.a), known_.slot(pair.b)});
   }
+  return collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_) &&
+         done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()), sizeof(messages::NarrowDoneRecord),
+                        traffic_, [&](std::size_t, std::byte* where) {
+                          const messages::NarrowDoneRecord record{candidates_, tested_, hits_.size()};
+                          std::memcpy(where, &record, sizeof record);
+                        });
 }
 
 // Who hosts what in the next frame follows from the poses and the region map, so the server expects the same.
@@ -357,38 +419,6 @@ void CdNodeRole::list_leavers() {
       hand_over_runs_[peer].start(leavers_[peer].size());
     }
   }
-}
-
-bool CdNodeRole::send_states() {
-  const auto changed = host_.changed();
-  return states_run_.pump(*setup_.server.out, head(MessageType::node_state, Endpoint::server()),
-                          sizeof(messages::NodeStateRecord) + host_.state_bytes(), traffic_,
-                          [&](std::size_t i, std::byte* where) {
-                            const Hosted& object = host_[changed[i]];
-                            messages::NodeStateRecord record{object.object, object.pose, changed_[i].bounds};
-                            record.object.flags = changed_[i].flags;
-                            std::memcpy(where, &record, sizeof record);
-                            if (host_.state_bytes() != 0) {
-                              std::memcpy(where + sizeof record, host_.state(changed[i]), host_.state_bytes());
-                            }
-                          });
-}
-
-bool CdNodeRole::send_collisions() {
-  link::Sender& out = *setup_.server.out;
-  const auto own = host_.own_contacts(frame_);
-  const bool sent =
-      collisions_run_.pump(out, head(MessageType::collision, Endpoint::server()), sizeof(messages::CollisionRecord),
-                           traffic_, [&](std::size_t i, std::byte* where) {
-                             const messages::CollisionRecord record{own_slots_[i].a, own_slots_[i].b, own[i].depth,
-                                                                    own[i].normal, own[i].point};
-                             std::memcpy(where, &record, sizeof record);
-                           });
-  return sent && done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()),
-                                sizeof(messages::NarrowDoneRecord), traffic_, [&](std::size_t, std::byte* where) {
-                                  const messages::NarrowDoneRecord record{pairs_.size(), tested_, contacts_.size()};
-                                  std::memcpy(where, &record, sizeof record);
-                                });
 }
 
 bool CdNodeRole::send_hand_overs() {
@@ -442,8 +472,8 @@ bool CdNodeRole::advance() {
   switch (stage_) {
     case Stage::waiting:
       return false;
-    case Stage::reporting:
-      if (!send_states()) {
+    case Stage::moving:
+      if (!move()) {
         return false;
       }
       stage_ = Stage::gathering;

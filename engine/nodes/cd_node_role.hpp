@@ -13,6 +13,7 @@
 #include "messages/run.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/contact_order.hpp"
+#include "nodes/flat_list.hpp"
 #include "nodes/host.hpp"
 #include "nodes/known_objects.hpp"
 #include "nodes/role.hpp"
@@ -41,9 +42,9 @@ struct CdNodeSetup {
 /// A collision detection node: owns regions, tests the candidate pairs that fall to it, each once; in user/collision
 /// deployment it also hosts, moves and responds for the objects of its regions.
 ///
-/// A frame, in the order of its messages: frame_begin; move what is hosted, tell the server (node_state); hear who
-/// else is in the region (M2) and which pairs to test, or sweep for them; test; tell the contacts (M3); hear what
-/// concerns the hosted objects (M4); hand over what crossed a border (M5); told.
+/// A frame, in the order of its messages: frame_begin; move what is hosted, tell the server (node_state) batch by
+/// batch; hear who else is in the region (M2) and which pairs to test, or sweep for them, and test them as they come;
+/// tell the contacts (M3); hear what concerns the hosted objects (M4); hand over what crossed a border (M5); told.
 ///
 /// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
 class CdNodeRole {
@@ -59,12 +60,13 @@ class CdNodeRole {
   const Host& host() const noexcept { return host_; }
 
  private:
-  enum class Stage : std::uint8_t { waiting, reporting, gathering, colliding, ending, handing_over, settling, telling };
+  enum class Stage : std::uint8_t { waiting, moving, gathering, colliding, ending, handing_over, settling, telling };
 
   bool drain(Line& line);
   void receive(const messages::MessageView& message);
   void begin(std::uint64_t frame);
-  void learn_own_move(std::uint32_t hosted);
+  bool move();
+  void tell_own_move(std::uint32_t hosted, std::byte* where);
   void hear_positions(const messages::MessageView& message);
   void hear_pairs(const messages::MessageView& message);
   void hear_confirmed(const messages::MessageView& message);
@@ -72,12 +74,11 @@ class CdNodeRole {
   void hear_owners(const messages::MessageView& message);
   void detect();
   void sweep();
+  void test_pairs();
   void count_kinds();
-  void list_own_contacts();
   bool is_at_home(const Vec3d& position) const noexcept;
   void list_leavers();
   bool advance();
-  bool send_states();
   bool send_collisions();
   bool send_hand_overs();
   bool send_kinds();
@@ -101,25 +102,32 @@ class CdNodeRole {
   std::uint64_t hand_overs_expected_ = 0;
   std::uint64_t hand_overs_heard_ = 0;
 
-  std::vector<geometry::CandidatePair> pairs_;  ///< indices into known_
-  std::span<const narrow_phase::PairContact> contacts_;
-  std::uint64_t tested_ = 0;
-  std::vector<messages::KindRecord> kinds_;
-  /// What the server is told of an object besides its pose; parallel to host_.changed().
-  struct Changed {
-    geometry::Bounds bounds;
-    std::uint32_t flags;  ///< ObjectFlag bits
+  /// A pair found in contact: see narrow_phase::PairContact.
+  struct Hit {
+    geometry::CandidatePair pair;  ///< indices into known_
+    float depth;
+    Vec3f normal;
+    Vec3f point;
   };
-  std::vector<Changed> changed_;
-  std::vector<ObjectNumber> movers_;  ///< hosted ones that stand in another node's cell
+  static constexpr std::size_t pairs_a_test = 4096;
+
+  std::vector<geometry::CandidatePair> pairs_;  ///< indices into known_; not yet tested
+  FlatList<Hit> hits_;                          ///< in the order in which they were found
+  std::size_t next_hit_ = 0;                    ///< to be sent, by order_
+  std::uint64_t candidates_ = 0;
+  std::uint64_t tested_ = 0;
+  std::uint64_t untested_ = 0;
+  std::vector<messages::KindRecord> kinds_;
+  std::span<const std::uint32_t> changed_;  ///< of the batch that was moved last, not yet sent
+  std::vector<ObjectNumber> movers_;        ///< hosted ones that stand in another node's cell
   ContactOrder order_;
-  std::vector<messages::PairRecord> own_slots_;  ///< of the contacts found here, in their order
   std::size_t words_confirmed_ = 0;
   bool map_is_new_ = false;                         ///< heard in this frame
   std::vector<std::uint32_t> new_map_;              ///< its table, as far as it has come
   std::vector<std::vector<ObjectNumber>> leavers_;  ///< by the node that hosts them next
 
-  messages::RunSender states_run_, collisions_run_, done_run_, kinds_run_, told_run_;
+  messages::RunWriter states_run_, collisions_run_;
+  messages::RunSender done_run_, kinds_run_, told_run_;
   std::vector<messages::RunSender> hand_over_runs_;
   messages::TrafficCounts traffic_{};
   messages::ToldRecord told_;

@@ -61,12 +61,13 @@ bool ContactLedger::accept(const Received& received, NodeNumber node, const List
   const bool persists = old < before.keys.size() && before.keys[old] == key;
   old += persists ? 1 : 0;
   began_ += persists ? 0 : 1;
-  Contact& contact = now.contacts.emplace_back();
+  Contact& contact = now.contacts.add();
   contact.a = static_cast<ObjectNumber>(key >> 32);
   contact.b = static_cast<ObjectNumber>(key);
   contact.phase = persists ? Phase::persist : Phase::begin;
   contact.depth = record.depth;
   contact.normal = record.normal;
+  contact.reserved = 0;
   contact.point = record.point;
   contact.pose_a = rows[record.slot_a].pose;
   contact.pose_b = rows[record.slot_b].pose;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "messages/records.hpp"
+#include "nodes/flat_list.hpp"
 #include "nodes/object_table.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/ids.hpp"
@@ -47,15 +48,23 @@ class ContactLedger {
   std::uint64_t merge(std::span<const ObjectRow> rows);
 
   /// Begin and persist contacts of the frame, in order of (a, b); parallel to keys() and found().
-  std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.contacts; }
-  std::span<const std::uint64_t> keys(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.keys; }
-  std::span<const Found> found(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.found; }
-  /// Contacts that ended in the frame, in order of (a, b); parallel to ended_keys() and ended_found().
-  std::span<const Contact> ended(std::uint64_t frame) const noexcept { return editions_[frame & 1].ended.contacts; }
-  std::span<const std::uint64_t> ended_keys(std::uint64_t frame) const noexcept {
-    return editions_[frame & 1].ended.keys;
+  std::span<const Contact> contacts(std::uint64_t frame) const noexcept {
+    return editions_[frame & 1].live.contacts.span();
   }
-  std::span<const Found> ended_found(std::uint64_t frame) const noexcept { return editions_[frame & 1].ended.found; }
+  std::span<const std::uint64_t> keys(std::uint64_t frame) const noexcept {
+    return editions_[frame & 1].live.keys.span();
+  }
+  std::span<const Found> found(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.found.span(); }
+  /// Contacts that ended in the frame, in order of (a, b); parallel to ended_keys() and ended_found().
+  std::span<const Contact> ended(std::uint64_t frame) const noexcept {
+    return editions_[frame & 1].ended.contacts.span();
+  }
+  std::span<const std::uint64_t> ended_keys(std::uint64_t frame) const noexcept {
+    return editions_[frame & 1].ended.keys.span();
+  }
+  std::span<const Found> ended_found(std::uint64_t frame) const noexcept {
+    return editions_[frame & 1].ended.found.span();
+  }
   std::uint64_t began() const noexcept { return began_; }
 
   /// After merge(): which of the contacts that `node` found persist, 64 a word, in the order of its run.
@@ -63,9 +72,9 @@ class ContactLedger {
 
  private:
   struct List {
-    std::vector<Contact> contacts;
-    std::vector<std::uint64_t> keys;
-    std::vector<Found> found;
+    FlatList<Contact> contacts;
+    FlatList<std::uint64_t> keys;
+    FlatList<Found> found;
 
     void reserve(std::size_t contacts);
     void clear() noexcept;
@@ -88,7 +97,7 @@ class ContactLedger {
               std::span<const ObjectRow> rows);
   void end_until(const List& before, std::size_t& old, std::uint64_t key);
 
-  std::vector<std::vector<Received>> received_;       ///< by node
+  std::vector<FlatList<Received>> received_;          ///< by node
   std::vector<std::vector<std::uint64_t>> persists_;  ///< by node
   std::vector<Run> heap_;
   Edition editions_[2];

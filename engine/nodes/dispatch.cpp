@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cstring>
-#include <utility>
+
+#include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
 
@@ -14,21 +15,18 @@ Dispatch::Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Pl
     : placement_(placement),
       sweep_(placement == Placement::server ? objects : 0, placement == Placement::server ? pairs : 0, layer_masks),
       updates_(nodes),
-      pairs_(nodes),
       update_runs_(nodes),
-      pair_runs_(nodes),
+      pair_runs_(nodes, messages::RunWriter(pair_message)),
       stamps_(nodes, 0) {
   for (std::size_t node = 0; node < nodes; ++node) {
     updates_[node].reserve(std::min(objects, 2 * objects / nodes + 64));
-    pairs_[node].reserve(placement == Placement::server ? std::min(pairs, 2 * pairs / nodes + 64) : 0);
   }
 }
 
 void Dispatch::resize(std::size_t nodes) {
   updates_.resize(nodes);
-  pairs_.resize(nodes);
   update_runs_.resize(nodes);
-  pair_runs_.resize(nodes);
+  pair_runs_.resize(nodes, messages::RunWriter(pair_message));
   stamps_.resize(nodes, 0);
 }
 
@@ -98,45 +96,38 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
                                     (shared ? shared_mark : 0));
 }
 
-void Dispatch::list_pairs(const ObjectTable& objects, const regions::RegionMap& map) {
-  for (auto& pairs : pairs_) {
-    pairs.clear();
-  }
-  candidates_ = 0;
-  const auto bounds = objects.bounds();
-  const auto numbers = objects.numbers();
-  const bool alone = map.nodes() == 1;
-  for (const geometry::CandidatePair pair :
-       sweep_.find(bounds, objects.present(), objects.resting(), objects.layers())) {
-    const NodeNumber owner = alone ? 0 : map.pair_owner(bounds[pair.a], bounds[pair.b]);
-    const bool ordered = numbers[pair.a] < numbers[pair.b];
-    pairs_[owner].push_back(ordered ? messages::PairRecord{pair.a, pair.b} : messages::PairRecord{pair.b, pair.a});
-    ++candidates_;
-  }
-}
-
 void Dispatch::start() {
   for (std::size_t node = 0; node < updates_.size(); ++node) {
     update_runs_[node].start(updates_[node].size());
-    pair_runs_[node].start(pairs_[node].size());
+    pair_runs_[node].start();
   }
+  sweeping_ = false;
+  found_ = {};
+  candidates_ = 0;
+  sweep_ns_ = 0;
 }
 
-bool Dispatch::pump(std::span<Line> nodes, const ObjectTable& objects, const messages::RunHead& head,
-                    messages::TrafficCounts& counts) {
+bool Dispatch::pump(std::span<Line> nodes, const ObjectTable& objects, const regions::RegionMap& map,
+                    const messages::RunHead& head, messages::TrafficCounts& counts) {
   bool all = true;
   for (NodeNumber node = 0; node < nodes.size(); ++node) {
-    all &= pump_node(node, nodes[node], objects, head, counts);
+    all &= pump_updates(node, nodes[node], objects, head, counts);
   }
+  if (!all || placement_ == Placement::region) {
+    return all;
+  }
+  const std::uint64_t begin_ns = telemetry::now_ns();
+  all = pump_pairs(nodes, objects, map, head, counts);
+  sweep_ns_ += telemetry::now_ns() - begin_ns;
   return all;
 }
 
-bool Dispatch::pump_node(NodeNumber node, Line& line, const ObjectTable& objects, messages::RunHead head,
-                         messages::TrafficCounts& counts) {
+bool Dispatch::pump_updates(NodeNumber node, Line& line, const ObjectTable& objects, messages::RunHead head,
+                            messages::TrafficCounts& counts) {
   head.destination = Endpoint::node(node);
   head.type = MessageType::position_update;
   const auto& updates = updates_[node];
-  const bool told = update_runs_[node].pump(
+  return update_runs_[node].pump(
       *line.out, head, sizeof(messages::PositionRecord), counts, [&](std::size_t i, std::byte* where) {
         const std::uint32_t slot = updates[i] & ~gone;
         const ObjectRow& row = objects.row(slot);
@@ -146,14 +137,44 @@ bool Dispatch::pump_node(NodeNumber node, Line& line, const ObjectTable& objects
         }
         std::memcpy(where, &record, sizeof record);
       });
-  if (!told || placement_ == Placement::region) {
-    return told;
-  }
+}
+
+// Pairs leave while the sweep goes on, so that nodes test the first while the last are found.
+bool Dispatch::pump_pairs(std::span<Line> nodes, const ObjectTable& objects, const regions::RegionMap& map,
+                          messages::RunHead head, messages::TrafficCounts& counts) {
+  constexpr std::size_t pairs_at_a_time = 4096;
+  const auto bounds = objects.bounds();
+  const auto numbers = objects.numbers();
+  const bool alone = map.nodes() == 1;
   head.type = MessageType::pairs;
-  const auto& pairs = pairs_[node];
-  return pair_runs_[node].pump(
-      *line.out, head, sizeof(messages::PairRecord), counts,
-      [&](std::size_t i, std::byte* where) { std::memcpy(where, &pairs[i], sizeof pairs[i]); });
+  if (!sweeping_) {
+    sweeping_ = true;
+    sweep_.begin(bounds, objects.present(), objects.resting(), objects.layers());
+    found_ = sweep_.next(pairs_at_a_time);
+  }
+  for (; !found_.empty(); found_ = sweep_.next(pairs_at_a_time)) {
+    for (std::size_t i = 0; i < found_.size(); ++i) {
+      const geometry::CandidatePair pair = found_[i];
+      const NodeNumber owner = alone ? 0 : map.pair_owner(bounds[pair.a], bounds[pair.b]);
+      head.destination = Endpoint::node(owner);
+      std::byte* where = pair_runs_[owner].add(*nodes[owner].out, head, sizeof(messages::PairRecord), counts);
+      if (where == nullptr) {
+        found_ = found_.subspan(i);
+        return false;
+      }
+      const bool ordered = numbers[pair.a] < numbers[pair.b];
+      const messages::PairRecord record =
+          ordered ? messages::PairRecord{pair.a, pair.b} : messages::PairRecord{pair.b, pair.a};
+      std::memcpy(where, &record, sizeof record);
+      ++candidates_;
+    }
+  }
+  bool all = true;
+  for (NodeNumber node = 0; node < nodes.size(); ++node) {
+    head.destination = Endpoint::node(node);
+    all &= pair_runs_[node].finish(*nodes[node].out, head, sizeof(messages::PairRecord), counts);
+  }
+  return all;
 }
 
 }  // namespace ringfence::nodes

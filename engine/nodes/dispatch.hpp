@@ -30,30 +30,37 @@ class Dispatch {
 
   /// Lists who is told of what moved; with `everything`, of every present object anew (the map has changed).
   void list_updates(ObjectTable& objects, const regions::RegionMap& map, bool everything);
-  /// Sweeps all objects and lists each candidate with its owner. Only with Placement::server.
-  void list_pairs(const ObjectTable& objects, const regions::RegionMap& map);
   /// Starts sending what was listed.
   void start();
-  /// Sends as much as the links take; true when all is sent.
-  bool pump(std::span<Line> nodes, const ObjectTable& objects, const messages::RunHead& head,
-            messages::TrafficCounts& counts);
+  /// Sends as much as the links take; true when all is sent. With Placement::server it then sweeps all objects and
+  /// sends each candidate to its owner as it is found; what the links do not take interrupts the sweep. From start()
+  /// until then objects and map stay as they are.
+  bool pump(std::span<Line> nodes, const ObjectTable& objects, const regions::RegionMap& map,
+            const messages::RunHead& head, messages::TrafficCounts& counts);
 
-  /// Candidates that `node` was given. Only with Placement::server.
-  std::size_t pairs_of(NodeNumber node) const noexcept { return pairs_[node].size(); }
+  /// Candidates sent. Only with Placement::server.
   std::size_t candidates() const noexcept { return candidates_; }
+  /// Time spent in finding and sending them since start().
+  std::uint64_t sweep_ns() const noexcept { return sweep_ns_; }
 
  private:
   static constexpr std::uint32_t gone = 0x80000000u;
+  static constexpr std::size_t pair_message = std::size_t{1} << 14;  ///< bytes: 2000 pairs keep a node busy for a while
 
   void list_update(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot, bool everything);
-  bool pump_node(NodeNumber node, Line& line, const ObjectTable& objects, messages::RunHead head,
-                 messages::TrafficCounts& counts);
+  bool pump_updates(NodeNumber node, Line& line, const ObjectTable& objects, messages::RunHead head,
+                    messages::TrafficCounts& counts);
+  bool pump_pairs(std::span<Line> nodes, const ObjectTable& objects, const regions::RegionMap& map,
+                  messages::RunHead head, messages::TrafficCounts& counts);
 
   Placement placement_;
   broad_phase::SweepAndPrune sweep_;
   std::vector<std::vector<std::uint32_t>> updates_;  ///< by node: slots, with the bit `gone`
-  std::vector<std::vector<messages::PairRecord>> pairs_;
-  std::vector<messages::RunSender> update_runs_, pair_runs_;
+  std::vector<messages::RunSender> update_runs_;
+  std::vector<messages::RunWriter> pair_runs_;
+  bool sweeping_ = false;
+  std::span<const geometry::CandidatePair> found_;  ///< not yet sent
+  std::uint64_t sweep_ns_ = 0;
   std::vector<std::uint64_t> stamps_;
   std::uint64_t stamp_ = 0;
   std::size_t candidates_ = 0;

@@ -1,6 +1,8 @@
 #include "nodes/host.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <cassert>
 #include <cmath>
 #include <cstring>
 
@@ -24,7 +26,8 @@ Host::Host(const MotionModel* model, std::size_t objects)
 void Host::adopt(const messages::HandOverRecord& record, const std::byte* state) {
   index_.set(record.object.number, static_cast<std::uint32_t>(hosted_.size()));
   hosted_.push_back({record.object, record.pose, record.user_data, record.shape, record.layer, record.category});
-  states_.insert(states_.end(), state, state + state_bytes_);
+  states_.resize(states_.size() + state_bytes_);
+  std::copy_n(state, state_bytes_, states_.end() - state_bytes_);
   touched_.push_back(0);
 }
 
@@ -71,7 +74,34 @@ void Host::ContactList::add(const Contact& contact) {
 void Host::ContactList::clear() noexcept {
   contacts.clear();
   keys.clear();
+  persist.clear();
   own = 0;
+}
+
+// Most likely what persists was found here before, too; where the server knows better, confirm() mends it. So the
+// phases are written while the contacts are, and not once more when they have left the cache.
+Contact& Host::add_own_contact(std::uint64_t frame, std::uint64_t key) {
+  ContactList& list = lists_[frame & 1];
+  const ContactList& before = lists_[(frame - 1) & 1];
+  if (list.own == 0) {
+    before_ = 0;
+  }
+  while (before_ < before.own && before.keys[before_] < key) {
+    ++before_;
+  }
+  const bool persists = before_ < before.own && before.keys[before_] == key;
+  if (list.own % 64 == 0) {
+    list.persist.push_back(0);
+  }
+  list.persist.back() |= std::uint64_t{persists} << (list.own % 64);
+  ++list.own;
+  list.keys.push_back(key);
+  Contact& contact = list.contacts.add();
+  contact.a = static_cast<ObjectNumber>(key >> 32);
+  contact.b = static_cast<ObjectNumber>(key);
+  contact.phase = persists ? Phase::persist : Phase::begin;
+  contact.reserved = 0;
+  return contact;
 }
 
 void Host::reserve_contacts(std::size_t contacts) {
@@ -85,10 +115,16 @@ void Host::reserve_contacts(std::size_t contacts) {
 
 void Host::confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept {
   ContactList& list = lists_[frame & 1];
-  const std::size_t end = std::min(list.own, 64 * word + 64);
-  for (std::size_t i = 64 * word; i < end; ++i, persists >>= 1) {
-    list.contacts[i].phase = (persists & 1) != 0 ? Phase::persist : Phase::begin;
+  if (word >= list.persist.size()) {
+    return;
   }
+  for (std::uint64_t wrong = list.persist[word] ^ persists; wrong != 0; wrong &= wrong - 1) {
+    const auto bit = static_cast<std::size_t>(std::countr_zero(wrong));
+    if (64 * word + bit < list.own) {
+      list.contacts[64 * word + bit].phase = (persists >> bit & 1) != 0 ? Phase::persist : Phase::begin;
+    }
+  }
+  list.persist[word] = persists;
 }
 
 // Late contacts are rare (a user node came or went), so they are simply sorted in among the others.
@@ -98,11 +134,13 @@ const Host::ContactList& Host::gather_contacts(std::uint64_t frame) {
     return known;
   }
   auto& all = late_.contacts;
-  all.insert(all.end(), known.contacts.begin(), known.contacts.end());
+  for (const Contact& contact : known.contacts) {
+    all.push_back(contact);
+  }
   const auto key = [](const Contact& contact) { return ContactOrder::key(contact.a, contact.b); };
   std::sort(all.begin(), all.end(), [&](const Contact& p, const Contact& q) { return key(p) < key(q); });
   const auto same = [&](const Contact& p, const Contact& q) { return key(p) == key(q); };
-  all.erase(std::unique(all.begin(), all.end(), same), all.end());
+  all.resize(static_cast<std::size_t>(std::unique(all.begin(), all.end(), same) - all.begin()));
   late_.keys.clear();
   for (const Contact& contact : all) {
     late_.keys.push_back(contact.phase == Phase::end ? 0 : key(contact));
@@ -177,14 +215,8 @@ void Host::sort_contacts(const ContactList& list) {
 }
 
 void Host::move(std::uint64_t frame) {
-  changed_.clear();
-  refusals_ = {};
-  if (model_ != nullptr) {
-    sort_contacts(gather_contacts(frame));
-    for (std::size_t first = 0; first < hosted_.size(); first += batch) {
-      move_batch(frame, first, std::min(batch, hosted_.size() - first));
-    }
-  }
+  begin_move(frame);
+  move_batches(0, hosted_.size());
   for (const Steered& steered : steered_) {
     const std::uint32_t i = index_.find(steered.number);
     if (i != NumberIndex::none) {
@@ -195,7 +227,44 @@ void Host::move(std::uint64_t frame) {
   }
   steered_.clear();
   late_.clear();
-  for (std::size_t i = 0; i < hosted_.size(); ++i) {
+  collect_changed(0, hosted_.size());
+}
+
+void Host::begin_move(std::uint64_t frame) {
+  frame_ = frame;
+  next_moved_ = 0;
+  changed_.clear();
+  refusals_ = {};
+  if (model_ != nullptr) {
+    sort_contacts(gather_contacts(frame));
+  }
+}
+
+bool Host::move_next() {
+  assert(steered_.empty());
+  changed_.clear();
+  if (next_moved_ == hosted_.size()) {
+    late_.clear();
+    return false;
+  }
+  const std::size_t end = std::min(next_moved_ + batch, hosted_.size());
+  move_batches(next_moved_, end);
+  collect_changed(next_moved_, end);
+  next_moved_ = end;
+  return true;
+}
+
+void Host::move_batches(std::size_t first, std::size_t end) {
+  if (model_ == nullptr) {
+    return;
+  }
+  for (std::size_t at = first; at < end; at += batch) {
+    move_batch(at, std::min(batch, end - at));
+  }
+}
+
+void Host::collect_changed(std::size_t first, std::size_t end) {
+  for (std::size_t i = first; i < end; ++i) {
     if (touched_[i] != 0) {
       touched_[i] = 0;
       changed_.push_back(static_cast<std::uint32_t>(i));
@@ -203,8 +272,8 @@ void Host::move(std::uint64_t frame) {
   }
 }
 
-void Host::move_batch(std::uint64_t frame, std::size_t first, std::size_t count) {
-  if (call_model(frame, first, count)) {
+void Host::move_batch(std::size_t first, std::size_t count) {
+  if (call_model(first, count)) {
     for (std::size_t i = 0; i < count; ++i) {
       accept(first + i, outputs_[i]);
     }
@@ -212,7 +281,7 @@ void Host::move_batch(std::uint64_t frame, std::size_t first, std::size_t count)
   }
   // The model threw somewhere in the batch. It is pure, so each object is tried alone and only the guilty stand still.
   for (std::size_t i = 0; i < count; ++i) {
-    if (call_model(frame, first + i, 1)) {
+    if (call_model(first + i, 1)) {
       accept(first + i, outputs_[0]);
     } else {
       ++refusals_.model_failed;
@@ -220,7 +289,7 @@ void Host::move_batch(std::uint64_t frame, std::size_t first, std::size_t count)
   }
 }
 
-bool Host::call_model(std::uint64_t frame, std::size_t first, std::size_t count) {
+bool Host::call_model(std::size_t first, std::size_t count) {
   if (state_bytes_ != 0) {
     std::memcpy(scratch_.data(), state(first), count * state_bytes_);
   }
@@ -235,7 +304,7 @@ bool Host::call_model(std::uint64_t frame, std::size_t first, std::size_t count)
     outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_};
   }
   try {
-    model_->move(frame, std::span<const MotionInput>(inputs_, count), std::span<MotionOutput>(outputs_, count));
+    model_->move(frame_, std::span<const MotionInput>(inputs_, count), std::span<MotionOutput>(outputs_, count));
   } catch (...) {
     return false;
   }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "messages/records.hpp"
+#include "nodes/flat_list.hpp"
 #include "nodes/number_index.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/motion_model.hpp"
@@ -62,13 +63,8 @@ class Host {
   void begin_contacts(std::uint64_t frame) noexcept { lists_[frame & 1].clear(); }
   /// Adds the next contact of C(frame) that the role found itself, in order of (a, b), whether or not it hosts either
   /// object. Before any add_contact; its phase follows by confirm().
-  void add_own_contact(std::uint64_t frame, const Contact& contact) {
-    lists_[frame & 1].add(contact);
-    ++lists_[frame & 1].own;
-  }
-  std::span<const Contact> own_contacts(std::uint64_t frame) const noexcept {
-    return std::span(lists_[frame & 1].contacts).first(lists_[frame & 1].own);
-  }
+  /// Returns where it is to be written, all of it but the phase; `key` is ContactOrder::key of its two numbers.
+  Contact& add_own_contact(std::uint64_t frame, std::uint64_t key);
   /// Says which of the own contacts persist: bit i of `persists` that of own contact 64 * word + i.
   void confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept;
   /// Adds the next contact of C(frame) that the role was told, in order of (a, b). Ended ones are kept for whoever
@@ -79,7 +75,7 @@ class Host {
   void add_late_contact(const Contact& contact) { late_.add(contact); }
   /// What was told for that frame or, with the same parity, the one two before.
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept {
-    return std::span(lists_[frame & 1].contacts).subspan(lists_[frame & 1].own);
+    return lists_[frame & 1].contacts.span().subspan(lists_[frame & 1].own);
   }
   /// Reserves for so many contacts a frame.
   void reserve_contacts(std::size_t contacts);
@@ -87,7 +83,11 @@ class Host {
   /// S(frame) of all hosted objects from S(frame - 1) and C(frame - 1). Afterwards changed() lists those whose pose,
   /// presence or state differ.
   void move(std::uint64_t frame);
-  std::span<const std::uint32_t> changed() const noexcept { return changed_; }
+  /// The same a batch at a time, so that what changed can be told while it is still in the cache: begin_move(), then
+  /// move_next() until it answers false; changed() then lists those of the last batch. Precondition: nothing steered.
+  void begin_move(std::uint64_t frame);
+  bool move_next();
+  std::span<const std::uint32_t> changed() const noexcept { return changed_.span(); }
   const HostRefusals& refusals() const noexcept { return refusals_; }
 
  private:
@@ -95,8 +95,9 @@ class Host {
 
   /// Contacts of a frame: first `own`, then what was told, each in order of (a, b).
   struct ContactList {
-    std::vector<Contact> contacts;
-    std::vector<std::uint64_t> keys;  ///< of each: ContactOrder::key; 0 if it ended
+    FlatList<Contact> contacts;
+    FlatList<std::uint64_t> keys;     ///< of each: ContactOrder::key; 0 if it ended
+    FlatList<std::uint64_t> persist;  ///< a bit each of the own ones, as their phases read
     std::size_t own = 0;
 
     void add(const Contact& contact);
@@ -110,28 +111,33 @@ class Host {
   const ContactList& gather_contacts(std::uint64_t frame);
   void find_hosted(const ContactList& list);
   void sort_contacts(const ContactList& list);
-  void move_batch(std::uint64_t frame, std::size_t first, std::size_t count);
-  bool call_model(std::uint64_t frame, std::size_t first, std::size_t count);
+  void move_batches(std::size_t first, std::size_t end);
+  void collect_changed(std::size_t first, std::size_t end);
+  void move_batch(std::size_t first, std::size_t count);
+  bool call_model(std::size_t first, std::size_t count);
   void accept(std::size_t i, const MotionOutput& output);
 
   const MotionModel* model_;
   std::size_t state_bytes_;
-  std::vector<Hosted> hosted_;
-  std::vector<std::byte> states_;
+  FlatList<Hosted> hosted_;
+  FlatList<std::byte> states_;
   std::vector<std::uint8_t> touched_;  ///< placed since the last move: counts as changed
   NumberIndex index_;
   ContactList lists_[2];  ///< by parity of the frame
   ContactList late_;
   const Contact* known_contacts_ = nullptr;   ///< C(k-1) while moving
   std::vector<std::uint32_t> contact_begin_;  ///< by hosted object: its run in contact_order_
-  std::vector<std::uint32_t> contact_order_;
-  std::vector<HostedContact> hosted_contacts_;  ///< in order of (a, b)
+  FlatList<std::uint32_t> contact_order_;
+  FlatList<HostedContact> hosted_contacts_;  ///< in order of (a, b)
   struct Steered {
     ObjectNumber number;
     Pose pose;
   };
   std::vector<Steered> steered_;
-  std::vector<std::uint32_t> changed_;
+  FlatList<std::uint32_t> changed_;
+  std::uint64_t frame_ = 0;     ///< that is being moved
+  std::size_t next_moved_ = 0;  ///< of move_next()
+  std::size_t before_ = 0;      ///< of add_own_contact(): where the frame before is compared
   HostRefusals refusals_;
   MotionInput inputs_[batch];
   MotionOutput outputs_[batch];

@@ -23,8 +23,8 @@ void KnownObjects::set(const messages::PositionRecord& record) {
   if (i == none) {
     i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
     slots_.push_back(slot);
-    bodies_.emplace_back();
-    bounds_.emplace_back();
+    bodies_.add();
+    bounds_.add();
     layers_.push_back(0);
     resting_.push_back(0);
     present_.push_back(1);

@@ -8,6 +8,7 @@
 #include "geometry/bounds.hpp"
 #include "messages/records.hpp"
 #include "narrow_phase/narrow_phase.hpp"
+#include "nodes/flat_list.hpp"
 
 namespace ringfence::nodes {
 
@@ -30,8 +31,8 @@ class KnownObjects {
   void forget(std::uint32_t slot);
   void clear() noexcept;
 
-  std::span<const narrow_phase::Body> bodies() const noexcept { return bodies_; }
-  std::span<const geometry::Bounds> bounds() const noexcept { return bounds_; }
+  std::span<const narrow_phase::Body> bodies() const noexcept { return bodies_.span(); }
+  std::span<const geometry::Bounds> bounds() const noexcept { return bounds_.span(); }
   std::uint32_t slot(std::size_t i) const noexcept { return slots_[i]; }
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
 
@@ -43,9 +44,9 @@ class KnownObjects {
 
  private:
   std::vector<std::uint32_t> index_;  ///< by slot
-  std::vector<std::uint32_t> slots_;
-  std::vector<narrow_phase::Body> bodies_;
-  std::vector<geometry::Bounds> bounds_;
+  FlatList<std::uint32_t> slots_;
+  FlatList<narrow_phase::Body> bodies_;
+  FlatList<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> layers_;
   std::vector<std::uint8_t> resting_;
   std::vector<std::uint8_t> present_;

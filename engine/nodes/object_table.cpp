@@ -41,18 +41,19 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   std::uint32_t slot;
   if (free_.empty()) {
     slot = static_cast<std::uint32_t>(rows_.size());
-    rows_.emplace_back();
+    rows_.push_back({});
     origins_.emplace_back();
     numbers_.push_back(0);
     marks_.push_back(0);
     hosts_.push_back(messages::Endpoint::none());
-    told_.emplace_back();
-    told_bounds_.emplace_back();
-    bounds_.emplace_back();
+    told_.push_back({});
+    told_bounds_.push_back({});
+    bounds_.push_back({});
     present_.push_back(0);
     resting_.push_back(1);
     layers_.push_back(0);
     states_.resize(states_.size() + state_bytes_);
+    std::fill_n(state(slot), state_bytes_, std::byte{0});
   } else {
     slot = free_.back();
     free_.pop_back();

@@ -8,6 +8,7 @@
 #include "geometry/bounds.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
+#include "nodes/flat_list.hpp"
 #include "nodes/number_index.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/object.hpp"
@@ -56,7 +57,7 @@ class ObjectTable {
   std::size_t live() const noexcept { return index_.size(); }
   ObjectRow& row(std::uint32_t slot) noexcept { return rows_[slot]; }
   const ObjectRow& row(std::uint32_t slot) const noexcept { return rows_[slot]; }
-  std::span<const ObjectRow> rows() const noexcept { return rows_; }
+  std::span<const ObjectRow> rows() const noexcept { return rows_.span(); }
   ObjectOrigin& origin(std::uint32_t slot) noexcept { return origins_[slot]; }
   const ObjectOrigin& origin(std::uint32_t slot) const noexcept { return origins_[slot]; }
   std::span<const ObjectNumber> numbers() const noexcept { return numbers_; }
@@ -71,7 +72,7 @@ class ObjectTable {
   regions::CellBox& told(std::uint32_t slot) noexcept { return told_[slot]; }
   /// Its bounds when they were, kept while the map has cuts: of cells that are cut, the parts that bounds cover count.
   geometry::Bounds& told_bounds(std::uint32_t slot) noexcept { return told_bounds_[slot]; }
-  std::span<const geometry::Bounds> bounds() const noexcept { return bounds_; }
+  std::span<const geometry::Bounds> bounds() const noexcept { return bounds_.span(); }
   geometry::Bounds& bounds(std::uint32_t slot) noexcept { return bounds_[slot]; }
   /// One byte a slot: whether it holds a present object.
   std::span<const std::uint8_t> present() const noexcept { return present_; }
@@ -102,18 +103,18 @@ class ObjectTable {
 
  private:
   std::size_t state_bytes_;
-  std::vector<ObjectRow> rows_;
+  FlatList<ObjectRow> rows_;
   std::vector<ObjectOrigin> origins_;
   std::vector<ObjectNumber> numbers_;
   std::vector<std::uint8_t> layers_;
   std::vector<std::uint8_t> marks_;
   std::vector<messages::Endpoint> hosts_;
-  std::vector<regions::CellBox> told_;
-  std::vector<geometry::Bounds> told_bounds_;
-  std::vector<geometry::Bounds> bounds_;
+  FlatList<regions::CellBox> told_;
+  FlatList<geometry::Bounds> told_bounds_;
+  FlatList<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> present_;
   std::vector<std::uint8_t> resting_;
-  std::vector<std::byte> states_;
+  FlatList<std::byte> states_;
   std::vector<std::uint32_t> free_;
   std::vector<std::uint32_t> ended_;  ///< in this frame
   std::vector<std::uint32_t> moved_;

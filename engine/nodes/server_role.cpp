@@ -291,11 +291,6 @@ void ServerRole::move_own() {
 
 void ServerRole::detect() {
   spend(ringfence::Stage::move, telemetry::now_ns());
-  if (setup_.placement == Placement::server) {
-    dispatch_.list_pairs(objects_, map_);
-    report().candidates = dispatch_.candidates();
-    spend(ringfence::Stage::broad_phase, telemetry::now_ns());
-  }
   dispatch_.list_updates(objects_, map_, tell_everything_);
   tell_everything_ = false;
   dispatch_.start();
@@ -336,9 +331,14 @@ bool ServerRole::advance() {
       stage_ = Stage::dispatching;
       return true;
     case Stage::dispatching:
-      if (!dispatch_.pump(node_lines_, objects_, head(MessageType::pairs, Endpoint::none()), report().traffic)) {
+      if (!dispatch_.pump(node_lines_, objects_, map_, head(MessageType::pairs, Endpoint::none()), report().traffic)) {
         return false;
       }
+      if (setup_.placement == Placement::server) {
+        report().candidates = dispatch_.candidates();
+      }
+      // Sweeping and sending take turns; the report keeps them apart.
+      spend(ringfence::Stage::broad_phase, mark_ns_ + dispatch_.sweep_ns());
       spend(ringfence::Stage::dispatch, telemetry::now_ns());
       stage_ = Stage::colliding;
       return true;
