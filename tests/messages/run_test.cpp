@@ -128,6 +128,55 @@ TEST_CASE("what a sender could send is there for the receiver although the run i
   CHECK_FALSE(arrived.ended);
 }
 
+TEST_CASE("a run written record by record goes through the smallest ring whole, in order, and says how long it was") {
+  constexpr unsigned seed = 78;
+  CAPTURE(seed);
+  std::mt19937_64 random(seed);
+  link::Channel channel(tiny, nullptr, nullptr);
+  std::uint64_t run = 1000;
+  for (const std::size_t message_bytes : {200u, 1000u, 65536u}) {
+    RunWriter writer(message_bytes);
+    for (const MessageType type : {MessageType::pairs, MessageType::collision, MessageType::node_state}) {
+      for (const std::size_t total : {0u, 1u, 2u, 3u, 19u, 20u, 21u, 100u, 1000u}) {
+        CAPTURE(message_bytes);
+        CAPTURE(name_of(type));
+        CAPTURE(total);
+        const std::size_t each = record_bytes(type, 16);
+        const RunHead head{type, Endpoint::node(9), Endpoint::server(), ++run, 4};
+        TrafficCounts counts{};
+        Arrived arrived;
+        writer.start();
+        for (std::size_t i = 0; i < total;) {
+          if (std::byte* where = writer.add(channel.sender(), head, each, counts)) {
+            fill_record(run, i++, each, where);
+          } else {
+            const std::size_t before = arrived.records;
+            take(channel.receiver(), 16, arrived, 1 + random() % 3);
+            REQUIRE(arrived.records > before);  // what was written before is there, or nobody gets on
+          }
+        }
+        while (!writer.finish(channel.sender(), head, each, counts)) {
+          REQUIRE_FALSE(writer.done());
+          take(channel.receiver(), 16, arrived, 1);
+        }
+        CHECK(writer.done());
+        CHECK(writer.total() == total);
+        CHECK(writer.finish(channel.sender(), head, each, counts));  // a finished run sends nothing more
+        take(channel.receiver(), 16, arrived);
+        CHECK(arrived.ended);
+        CHECK(arrived.total == total);
+        CHECK(arrived.records == total);
+        CHECK((arrived.bytes == expected_bytes(run, total, each)));
+        CHECK(arrived.longest <= std::min(message_bytes, channel.sender().largest_message()));
+        const TrafficReport& traffic = counts[static_cast<std::size_t>(traffic_of(type))];
+        CHECK(traffic.messages == arrived.messages);
+        CHECK(traffic.records == total);
+        CHECK(traffic.bytes == arrived.bytes.size() + arrived.messages * sizeof(Header));
+      }
+    }
+  }
+}
+
 TEST_CASE("runs follow each other on one link without mixing") {
   link::Channel channel(tiny, nullptr, nullptr);
   RunSender first, second;
