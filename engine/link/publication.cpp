@@ -81,14 +81,22 @@ void Publication::group_by_counting(Edition& edition) {
   sorted_.resize(keys_.size());
   for (const std::uint64_t key : keys_) sorted_[next[cell_of(key)]++] = key;
   keys_.swap(sorted_);
-  edition.states.resize(added_.size());
-  for (std::size_t i = 0; i < keys_.size(); ++i) edition.states[i] = added_[index_of(keys_[i])];
+  gather(edition);
 }
 
 void Publication::group_by_sorting(Edition& edition) {
   sort_keys();
+  gather(edition);
+}
+
+/// Precondition: keys_ are in ascending order of cell.
+void Publication::gather(Edition& edition) {
+  constexpr std::size_t ahead = 16;  // what belongs to a cell was added anywhere
   edition.states.resize(added_.size());
-  for (std::size_t i = 0; i < keys_.size(); ++i) edition.states[i] = added_[index_of(keys_[i])];
+  for (std::size_t i = 0; i < keys_.size(); ++i) {
+    if (i + ahead < keys_.size()) __builtin_prefetch(&added_[index_of(keys_[i + ahead])]);
+    edition.states[i] = added_[index_of(keys_[i])];
+  }
 }
 
 /// By cell, and within a cell by index: radix with digits of 11 bits, least first, where comparing would cost more.

@@ -83,6 +83,7 @@ class Publication {
   void take_as_added(Edition& edition);
   void group_by_counting(Edition& edition);
   void group_by_sorting(Edition& edition);
+  void gather(Edition& edition);
   void sort_keys();
   void list_cells(Edition& edition);
 

@@ -62,6 +62,10 @@ bool ContactLedger::accept(const Received& received, NodeNumber node, const List
   old += persists ? 1 : 0;
   began_ += persists ? 0 : 1;
   Contact& contact = now.contacts.add();
+  // Two frames of contacts take turns, so these lines are not in the cache either.
+  constexpr std::ptrdiff_t lines_ahead = 1024;
+  __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead, 1);
+  __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64, 1);
   contact.a = static_cast<ObjectNumber>(key >> 32);
   contact.b = static_cast<ObjectNumber>(key);
   contact.phase = persists ? Phase::persist : Phase::begin;
@@ -104,6 +108,7 @@ std::uint64_t ContactLedger::merge(std::span<const ObjectRow> rows) {
       // The second object's row lies anywhere: 64,000 rows are too many for the second-level cache.
       constexpr std::ptrdiff_t ahead = 12;
       if (run.end - run.next > ahead) {
+        __builtin_prefetch(&rows[run.next[ahead].record.slot_a]);
         __builtin_prefetch(&rows[run.next[ahead].record.slot_b]);
       }
       const std::uint64_t key = run.next->key;

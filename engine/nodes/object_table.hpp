@@ -89,6 +89,18 @@ class ObjectTable {
   /// The slot that a message speaks of, if it holds exactly that object; else NumberIndex::none.
   std::uint32_t find(const messages::ObjectRef& object) const noexcept;
 
+  /// Fetches what a report on the object will write. A node's objects lie anywhere among the server's.
+  void fetch(std::uint32_t slot) const noexcept {
+    if (slot < rows_.size()) {
+      __builtin_prefetch(&rows_[slot], 1);
+      __builtin_prefetch(&bounds_[slot], 1);
+      __builtin_prefetch(&told_[slot], 1);
+      if (state_bytes_ != 0) {
+        __builtin_prefetch(states_.data() + slot * state_bytes_, 1);
+      }
+    }
+  }
+
   /// Makes an object and returns its slot; its model state is zero, its bounds are not set.
   std::uint32_t add(ObjectId id, const ObjectSpec& spec);
   /// Ends an object; its slot keeps its row until release_ended().

@@ -165,7 +165,11 @@ void ServerRole::hear_states(Party& party, const MessageView& message) {
 
 void ServerRole::hear_node_states(Party& party, const MessageView& message) {
   const std::uint64_t start = telemetry::now_ns();
+  constexpr std::size_t ahead = 6;
   for (std::size_t i = 0; i < message.count(); ++i) {
+    if (i + ahead < message.count()) {
+      objects_.fetch(message.record<messages::ObjectRef>(i + ahead).slot);
+    }
     const auto record = message.record<messages::NodeStateRecord>(i);
     const std::uint32_t slot = objects_.find(record.object);
     if (slot == NumberIndex::none || objects_.host(slot) != party.self) {
@@ -308,7 +312,6 @@ void ServerRole::collect() {
   follow_load();
   next_hosts();
   list_notices();
-  publish();
 }
 
 // One transition of the frame; false where it has to wait.
@@ -340,6 +343,9 @@ bool ServerRole::advance() {
       // Sweeping and sending take turns; the report keeps them apart.
       spend(ringfence::Stage::broad_phase, mark_ns_ + dispatch_.sweep_ns());
       spend(ringfence::Stage::dispatch, telemetry::now_ns());
+      // Poses are frozen, so states can be relayed while the nodes test.
+      publish();
+      spend(ringfence::Stage::notify, telemetry::now_ns());
       stage_ = Stage::colliding;
       return true;
     case Stage::colliding:
