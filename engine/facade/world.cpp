@@ -279,7 +279,7 @@ void World::Implementation::introduce_nodes() {
         peers[peer] = node < peer ? way.first() : way.second();
       }
     }
-    node_roles[node]->meet(peers);
+    node_roles[node]->meet(node, peers);
     if (threaded()) {
       node_workers[node].assign({Steppable::of(*node_roles[node])});
     }

@@ -29,7 +29,7 @@ const char* name_of(MessageType type) noexcept {
   constexpr const char* names[message_types] = {
       "none",    "adopt",     "drop",        "place",  "frame_begin", "state_update", "node_state", "position_update",
       "pairs",   "collision", "narrow_done", "notify", "region_map",  "frame_end",    "hand_over",  "told",
-      "refused", "kinds",     "confirm"};
+      "refused", "kinds",     "confirm",     "lost",   "probe",       "here"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }
@@ -44,7 +44,11 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
     case MessageType::place:
       return sizeof(PlaceRecord);
     case MessageType::frame_begin:
+    case MessageType::probe:
+    case MessageType::here:
       return 0;
+    case MessageType::lost:
+      return sizeof(LostRecord);
     case MessageType::state_update:
       return sizeof(StateRecord) + state_bytes;
     case MessageType::node_state:

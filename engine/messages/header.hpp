@@ -41,8 +41,13 @@ enum class MessageType : std::uint16_t {
   told = 15,  ///< to the server: the frame is complete here; a ToldRecord
   // Server to user nodes.
   refused = 16,  ///< RefusedRecord: what of the receiver's messages was refused, and why
+  // Server to CD nodes, when one of them has stopped answering, or may have.
+  lost = 19,   ///< LostRecord: that node is no longer there; a region_map follows where the frame is detected anew
+  probe = 20,  ///< no records: answer that you are there
+  // CD nodes to server.
+  here = 21,  ///< no records: the answer
 };
-inline constexpr std::uint16_t message_types = 19;
+inline constexpr std::uint16_t message_types = 22;
 
 /// The kind of traffic that a message counts as.
 Traffic traffic_of(MessageType type) noexcept;

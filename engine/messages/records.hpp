@@ -123,6 +123,13 @@ struct KindRecord {
   std::uint32_t cost[cost_buckets] = {};
 };
 
+/// A node has stopped answering.
+struct LostRecord {
+  std::uint32_t node = 0;
+  std::uint32_t again = 0;       ///< 1: forget what was tested in this frame, it is detected anew under another map
+  std::uint64_t hand_overs = 0;  ///< of those announced by frame_end, so many will not come: they were the node's
+};
+
 struct RefusedRecord {
   ObjectNumber number = 0;
   std::uint32_t reason = 0;  ///< Status
@@ -141,6 +148,7 @@ static_assert(sizeof(PlaceRecord) == 56);
 static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 8 && sizeof(RefusedRecord) == 8);
 static_assert(sizeof(KindRecord) == 240);
 static_assert(sizeof(ToldRecord) == 112);
+static_assert(sizeof(LostRecord) == 16);
 static_assert(std::is_trivially_copyable_v<CollisionRecord> && std::is_trivially_copyable_v<HandOverRecord>);
 
 }  // namespace ringfence::messages

@@ -62,6 +62,8 @@ class RunSender {
     done_ = false;
   }
   bool done() const noexcept { return done_; }
+  /// Gives up what has not been sent yet.
+  void stop() noexcept { done_ = true; }
 
   /// Sends as much as the link takes and publishes it; true when the whole run has gone. `fill(i, where)` writes
   /// record i of `bytes_each` bytes. Cost: one claim a message of at most Sender::largest_message() bytes.
@@ -123,6 +125,13 @@ class RunWriter {
     }
     ++total_;
     return room_ + sizeof(Header) + count_++ * bytes_each;
+  }
+
+  /// Sends the message that is being filled as it is, so that something else may claim from the link.
+  void flush(link::Sender& link, const RunHead& head, std::size_t bytes_each, TrafficCounts& counts) {
+    if (room_ != nullptr) {
+      close(link, head, bytes_each, counts);
+    }
   }
 
   /// Ends the run: the last message says so. False where the link has no room for it; then again later.

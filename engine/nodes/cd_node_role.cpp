@@ -23,6 +23,8 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       sweep_(setup.placement == Placement::region ? setup.objects : 0,
              setup.placement == Placement::region ? setup.pairs : 0, setup.layer_masks),
       narrow_(*setup.shapes),
+      heard_from_(setup.peers.size()),
+      lost_(setup.peers.size()),
       leavers_(setup.peers.size()),
       hand_over_runs_(setup.peers.size()) {
   pairs_.reserve(pairs_a_test);
@@ -37,8 +39,12 @@ messages::RunHead CdNodeRole::head(MessageType type, Endpoint to) const noexcept
   return {type, self_, to, frame_, map_.epoch()};
 }
 
-void CdNodeRole::meet(const std::vector<Line>& peers) {
+void CdNodeRole::meet(NodeNumber node, const std::vector<Line>& peers) {
+  setup_.node = node;
+  self_ = Endpoint::node(node);
   setup_.peers = peers;
+  heard_from_.resize(peers.size());
+  lost_.assign(peers.size(), 0);
   leavers_.resize(peers.size());
   hand_over_runs_.resize(peers.size());
   for (auto& leavers : leavers_) {
@@ -54,6 +60,7 @@ Step CdNodeRole::step() {
       progressed |= drain(peer);
     }
   }
+  progressed |= answer_probe();
   while (advance()) {
     progressed = true;
   }
@@ -83,9 +90,15 @@ bool CdNodeRole::drain(Line& line) {
 
 void CdNodeRole::receive(const MessageView& message) {
   switch (message.type()) {
-    case MessageType::hand_over:
+    case MessageType::hand_over: {
+      const NodeNumber from = Endpoint{message.header().source}.number();
+      if (lost_[from] != 0) {
+        return;  // the server has taken its objects back
+      }
+      heard_from_[from] += message.count();
       hand_overs_heard_ += message.count();
       [[fallthrough]];
+    }
     case MessageType::adopt:
       for (std::size_t i = 0; i < message.count(); ++i) {
         host_.adopt(message.record<messages::HandOverRecord>(i), message.state<messages::HandOverRecord>(i));
@@ -114,6 +127,13 @@ void CdNodeRole::receive(const MessageView& message) {
       return hear_contacts(message);
     case MessageType::region_map:
       return hear_owners(message);
+    case MessageType::lost:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        hear_lost(message.record<messages::LostRecord>(i));
+      }
+      return;
+    case MessageType::probe:
+      return here_run_.start(0);
     case MessageType::frame_end:
       hand_overs_expected_ = message.record<messages::FrameEndRecord>(0).hand_overs;
       end_heard_ = true;
@@ -129,11 +149,10 @@ void CdNodeRole::begin(std::uint64_t frame) {
   pairs_heard_ = setup_.placement == Placement::region;
   hand_overs_heard_ = 0;
   words_confirmed_ = 0;
-  pairs_.clear();
   new_map_.clear();
-  hits_.clear();
-  order_.clear();
-  candidates_ = 0;
+  forget_tests();
+  std::fill(heard_from_.begin(), heard_from_.end(), 0);
+  std::fill(lost_.begin(), lost_.end(), 0);
   host_.begin_contacts(frame);
   told_ = {};
   cpu_start_ = telemetry::thread_cpu_ns();
@@ -251,10 +270,66 @@ void CdNodeRole::hear_owners(const MessageView& message) {
   }
   if (message.last()) {
     map_.assign(new_map_, static_cast<std::uint32_t>(setup_.peers.size()), message.header().epoch);
+    new_map_.clear();
     // Under a new map the server tells everyone of everything in its region anew.
     known_.clear();
     map_is_new_ = true;
   }
+}
+
+// A peer has stopped answering. Either the frame is detected anew, under a map that follows; or its contacts are known,
+// and what was to pass between the two passes through the server's hands.
+void CdNodeRole::hear_lost(const messages::LostRecord& record) {
+  lost_[record.node] = 1;
+  if (record.again != 0) {
+    new_map_.clear();
+    forget_tests();
+    positions_heard_ = false;
+    pairs_heard_ = setup_.placement == Placement::region;
+    if (stage_ == Stage::colliding || stage_ == Stage::ending) {
+      host_.begin_contacts(frame_);
+      collisions_run_.start();
+      stage_ = Stage::gathering;
+    }
+    return;
+  }
+  hand_overs_expected_ -= record.hand_overs;
+  hand_overs_heard_ -= heard_from_[record.node];
+  heard_from_[record.node] = 0;
+  if (stage_ == Stage::handing_over) {
+    drop_leavers(record.node);
+  }
+}
+
+void CdNodeRole::forget_tests() {
+  pairs_.clear();
+  hits_.clear();
+  order_.clear();
+  candidates_ = untested_ = 0;
+  narrow_.reset_counters();
+}
+
+void CdNodeRole::drop_leavers(std::size_t peer) {
+  for (const ObjectNumber number : leavers_[peer]) {
+    host_.drop(number);
+  }
+  leavers_[peer].clear();
+  hand_over_runs_[peer].stop();
+}
+
+bool CdNodeRole::answer_probe() {
+  if (here_run_.done()) {
+    return false;
+  }
+  if (stage_ == Stage::moving) {
+    states_run_.flush(*setup_.server.out, head(MessageType::node_state, Endpoint::server()),
+                      sizeof(messages::NodeStateRecord) + host_.state_bytes(), traffic_);
+  } else if (stage_ == Stage::colliding) {
+    collisions_run_.flush(*setup_.server.out, head(MessageType::collision, Endpoint::server()),
+                          sizeof(messages::CollisionRecord), traffic_);
+  }
+  return here_run_.pump(*setup_.server.out, head(MessageType::here, Endpoint::server()), 0, traffic_,
+                        [](std::size_t, std::byte*) {});
 }
 
 void CdNodeRole::sweep() {
@@ -415,7 +490,9 @@ void CdNodeRole::list_leavers() {
     }
   }
   for (std::size_t peer = 0; peer < leavers_.size(); ++peer) {
-    if (!leavers_[peer].empty()) {
+    if (lost_[peer] != 0) {
+      drop_leavers(peer);
+    } else if (!leavers_[peer].empty()) {
       hand_over_runs_[peer].start(leavers_[peer].size());
     }
   }

@@ -53,8 +53,8 @@ class CdNodeRole {
 
   Step step();
 
-  /// The other nodes have changed in number. Between frames, while no thread steps the role.
-  void meet(const std::vector<Line>& peers);
+  /// The nodes have changed in number, and this one is now `node`. Between frames, while no thread steps the role.
+  void meet(NodeNumber node, const std::vector<Line>& peers);
 
   /// The objects hosted after the last frame. Only while no frame is under way.
   const Host& host() const noexcept { return host_; }
@@ -72,6 +72,10 @@ class CdNodeRole {
   void hear_confirmed(const messages::MessageView& message);
   void hear_contacts(const messages::MessageView& message);
   void hear_owners(const messages::MessageView& message);
+  void hear_lost(const messages::LostRecord& record);
+  void forget_tests();
+  bool answer_probe();
+  void drop_leavers(std::size_t peer);
   void detect();
   void sweep();
   void test_pairs();
@@ -101,6 +105,8 @@ class CdNodeRole {
   bool end_heard_ = false;
   std::uint64_t hand_overs_expected_ = 0;
   std::uint64_t hand_overs_heard_ = 0;
+  std::vector<std::uint64_t> heard_from_;  ///< of the hand-overs, by peer
+  std::vector<std::uint8_t> lost_;         ///< by peer: stopped answering in this frame
 
   /// A pair found in contact: see narrow_phase::PairContact.
   struct Hit {
@@ -127,7 +133,7 @@ class CdNodeRole {
   std::vector<std::vector<ObjectNumber>> leavers_;  ///< by the node that hosts them next
 
   messages::RunWriter states_run_, collisions_run_;
-  messages::RunSender done_run_, kinds_run_, told_run_;
+  messages::RunSender done_run_, kinds_run_, told_run_, here_run_;
   std::vector<messages::RunSender> hand_over_runs_;
   messages::TrafficCounts traffic_{};
   messages::ToldRecord told_;

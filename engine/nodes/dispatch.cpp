@@ -111,7 +111,7 @@ bool Dispatch::pump(std::span<Line> nodes, const ObjectTable& objects, const reg
                     const messages::RunHead& head, messages::TrafficCounts& counts) {
   bool all = true;
   for (NodeNumber node = 0; node < nodes.size(); ++node) {
-    all &= pump_updates(node, nodes[node], objects, head, counts);
+    all &= nodes[node].out == nullptr || pump_updates(node, nodes[node], objects, head, counts);
   }
   if (!all || placement_ == Placement::region) {
     return all;
@@ -137,6 +137,12 @@ bool Dispatch::pump_updates(NodeNumber node, Line& line, const ObjectTable& obje
         }
         std::memcpy(where, &record, sizeof record);
       });
+}
+
+void Dispatch::flush(NodeNumber node, Line& line, messages::RunHead head, messages::TrafficCounts& counts) {
+  head.destination = Endpoint::node(node);
+  head.type = MessageType::pairs;
+  pair_runs_[node].flush(*line.out, head, sizeof(messages::PairRecord), counts);
 }
 
 // Pairs leave while the sweep goes on, so that nodes test the first while the last are found.
@@ -171,6 +177,9 @@ bool Dispatch::pump_pairs(std::span<Line> nodes, const ObjectTable& objects, con
   }
   bool all = true;
   for (NodeNumber node = 0; node < nodes.size(); ++node) {
+    if (nodes[node].out == nullptr) {
+      continue;  // lost: nothing is its own any more
+    }
     head.destination = Endpoint::node(node);
     all &= pair_runs_[node].finish(*nodes[node].out, head, sizeof(messages::PairRecord), counts);
   }

@@ -37,6 +37,9 @@ class Dispatch {
   /// until then objects and map stay as they are.
   bool pump(std::span<Line> nodes, const ObjectTable& objects, const regions::RegionMap& map,
             const messages::RunHead& head, messages::TrafficCounts& counts);
+  /// Sends what is begun of a message of pairs for `node` as it is, so that something else may be said to it in
+  /// between.
+  void flush(NodeNumber node, Line& line, messages::RunHead head, messages::TrafficCounts& counts);
 
   /// Candidates sent. Only with Placement::server.
   std::size_t candidates() const noexcept { return candidates_; }

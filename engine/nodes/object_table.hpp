@@ -38,6 +38,7 @@ enum ObjectMark : std::uint8_t {
   shared_mark = 4,     ///< perhaps others than its host have been told of it
   moved_mark = 8,      ///< listed in moved()
   reported_mark = 16,  ///< this frame's state came from the CD node that hosts it
+  rescued_mark = 64,   ///< of a lost node, in the server's hands until the next cut
   inner_mark = 32      ///< and it says that all cells that the bounds touch are its own
 };
 

@@ -15,6 +15,7 @@ struct Party {
   messages::Endpoint self;
   Line line;
   bool connected = false;
+  bool lost = false;  ///< has stopped answering in this frame: nothing more is sent to it or believed of it
 
   // To be sent before a frame: objects by slot, contacts by index in the frame before.
   std::vector<std::uint32_t> drops, adoptions, placements;
@@ -27,6 +28,11 @@ struct Party {
 
   messages::RunSender drop_run, adopt_run, place_run, late_run, refused_run, begin_run;
   messages::RunSender map_run, confirm_run, notice_run, end_run;
+  messages::RunSender lost_run, new_map_run, probe_run;
+  std::vector<messages::LostRecord> losses;  ///< to be told to it at once
+
+  std::uint64_t heard_ns = 0;   ///< when something last came from it
+  std::uint64_t probed_ns = 0;  ///< when it was last asked whether it is there; 0: not since something came
 
   // Heard in this frame.
   bool states_heard = false;

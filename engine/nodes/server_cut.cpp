@@ -16,6 +16,7 @@ void ServerRole::cut() {
   begin_ns_ = mark_ns_ = telemetry::now_ns();
   cpu_begin_ns_ = telemetry::thread_cpu_ns();
   ingest_ns_ = 0;
+  close_ranks();
   retire_nodes();
   objects_.settle();
   users_changed_ = false;
@@ -23,6 +24,7 @@ void ServerRole::cut() {
   for (const Request& request : setup_.order->requests) {
     apply(request);
   }
+  restore_objects();
   for (const Rehosting& change : hosting_.settle(objects_, map_, connected_, users_changed_)) {
     rehost(change);
   }
@@ -39,10 +41,17 @@ void ServerRole::cut() {
     party.new_refusals.clear();
     party.refused_run.start(party.refusals.size());
     party.begin_run.start(0);
+    if (map_first_) {
+      party.new_map_run.start(map_.table().size());
+    }
     party.hand_overs = 0;
     party.states_heard = party.tested_heard = party.told_heard = false;
+    party.heard_ns = begin_ns_;
+    party.probed_ns = 0;
     return true;
   });
+  hand_overs_.clear();
+  losses_to_tell_ = false;
   stage_ = Stage::opening;
 }
 
@@ -235,7 +244,9 @@ bool ServerRole::open(Party& party) {
     list.clear();
     return true;
   };
+  const bool told = !map_first_ || party.self.is_user() || send_map(party, party.new_map_run);
   const bool sent =
+      told &&
       send(party.drop_run, party.drops, MessageType::drop,
            [&](std::size_t i, std::byte* where) {
              const messages::DropRecord record{objects_.row(party.drops[i]).object};

@@ -10,6 +10,9 @@ using messages::MessageType;
 
 // Which region map holds from the next frame on. Contacts do not depend on it, only what the nodes cost.
 void ServerRole::follow_load() {
+  if (!report().lost.empty()) {
+    return;  // the next cut draws the map anew
+  }
   std::span<const std::uint32_t> table;
   std::uint32_t nodes = map_.nodes();
   if (resize_to_ != 0) {
@@ -22,7 +25,9 @@ void ServerRole::follow_load() {
     for (const NodeReport& node : reports_[(frame_ + 1) & 1].nodes) {
       costs_.push_back(node.cpu_ms);
     }
-    balance_.add_frame(costs_);
+    if (costs_.size() == nodes) {
+      balance_.add_frame(costs_);
+    }
     if (balance_.wanted()) {
       weigh_cells();
       table = balance_.propose(map_);
@@ -62,13 +67,14 @@ void ServerRole::next_hosts() {
     }
     const NodeNumber next = hosting_.node_at(objects_.row(slot).pose.position, map_);
     if (host.number() != next) {
+      hand_overs_.push_back({slot, host.number(), next});
       objects_.set_host(slot, Endpoint::node(next));
       objects_.marks(slot) |= shared_mark;  // the old host knows it too
       ++nodes_[next].hand_overs;
       ++report().handed_over;
     }
   };
-  if (map_changed_) {
+  if (map_changed_ || rescan_hosts_) {
     for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
       follow(slot);
     }
@@ -156,16 +162,19 @@ void ServerRole::publish() {
   traffic.bytes += states * sizeof(link::PublishedState);
 }
 
+bool ServerRole::send_map(Party& party, messages::RunSender& run) {
+  return run.pump(*party.line.out, head(MessageType::region_map, party.self), sizeof(messages::OwnerRecord),
+                  report().traffic, [&](std::size_t i, std::byte* where) {
+                    const messages::OwnerRecord record{map_.table()[i], 0};
+                    std::memcpy(where, &record, sizeof record);
+                  });
+}
+
 bool ServerRole::notify(Party& party) {
   link::Sender& out = *party.line.out;
   auto& counts = report().traffic;
   const bool node = party.self.is_node();
-  if (node && map_changed_ &&
-      !party.map_run.pump(out, head(MessageType::region_map, party.self), sizeof(messages::OwnerRecord), counts,
-                          [&](std::size_t i, std::byte* where) {
-                            const messages::OwnerRecord record{map_.table()[i], 0};
-                            std::memcpy(where, &record, sizeof record);
-                          })) {
+  if (node && map_changed_ && !send_map(party, party.map_run)) {
     return false;
   }
   if (node && setup_.deployment == Deployment::user_collision &&

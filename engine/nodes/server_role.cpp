@@ -23,7 +23,8 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
                 setup.layer_masks),
       ledger_(setup.nodes.size(), setup.capacities.contacts),
       nodes_(setup.nodes.size()),
-      node_lines_(setup.nodes) {
+      node_lines_(setup.nodes),
+      rescue_(setup.model, 0) {
   for (NodeNumber node = 0; node < nodes_.size(); ++node) {
     Party& party = nodes_[node];
     party.self = Endpoint::node(node);
@@ -53,10 +54,15 @@ Step ServerRole::step() {
     progressed |= drain(party);
     return true;
   });
+  if (!report().lost.empty()) {
+    for (Party& party : nodes_) {
+      progressed |= party.lost && drain_lost(party);
+    }
+  }
   while (advance()) {
     progressed = true;
   }
-  if (progressed) {
+  if (progressed || watch()) {
     return Step::progressed;
   }
   const bool sending = stage_ == Stage::opening || stage_ == Stage::dispatching || stage_ == Stage::notifying;
@@ -81,7 +87,8 @@ bool ServerRole::drain(Party& party) {
   for (auto bytes = party.line.in->next(); !bytes.empty(); bytes = party.line.in->next()) {
     MessageView message;
     if (messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
-        message.header().source == party.self.value && message.header().frame == frame_) {
+        message.header().source == party.self.value &&
+        (message.header().frame == frame_ || message.type() == MessageType::here)) {
       receive(party, message);
     } else {
       refuse(party, Status::bad_message);
@@ -90,6 +97,10 @@ bool ServerRole::drain(Party& party) {
   }
   if (any) {
     party.line.in->release();
+    if (setup_.node_deadline_ns != 0) {
+      party.heard_ns = telemetry::now_ns();
+      party.probed_ns = 0;
+    }
   }
   return any;
 }
@@ -112,6 +123,10 @@ void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& he
 void ServerRole::receive(Party& party, const MessageView& message) {
   add(report().traffic, message.header());
   const bool node = party.self.is_node();
+  const bool tests = message.type() == MessageType::collision || message.type() == MessageType::narrow_done;
+  if (node && tests && message.header().epoch != map_.epoch()) {
+    return;  // what it found before a loss was known; it will find it again
+  }
   switch (message.type()) {
     case MessageType::state_update:
       // Poses are frozen once a host has said its last word: what comes later would reach some nodes and not others.
@@ -122,6 +137,8 @@ void ServerRole::receive(Party& party, const MessageView& message) {
       return node ? hear_collisions(party, message) : refuse(party, Status::bad_message);
     case MessageType::narrow_done:
       return node && message.count() == 1 ? hear_tested(party, message) : refuse(party, Status::bad_message);
+    case MessageType::here:
+      return node ? void() : refuse(party, Status::bad_message);
     case MessageType::kinds:
       return node ? hear_kinds(message) : refuse(party, Status::bad_message);
     case MessageType::told:
@@ -276,18 +293,22 @@ void ServerRole::hear_told(Party& party, const MessageView& message) {
 // In user/server deployment the server is the host; elsewhere only of what has no other.
 void ServerRole::move_own() {
   host_.move(frame_);
-  for (const std::uint32_t hosted : host_.changed()) {
-    const Hosted& object = host_[hosted];
+  take_moves(host_);
+}
+
+void ServerRole::take_moves(Host& host) {
+  for (const std::uint32_t hosted : host.changed()) {
+    const Hosted& object = host[hosted];
     ObjectRow& row = objects_.row(object.object.slot);
     row.pose = object.pose;
     row.object.flags = object.object.flags;
     objects_.bounds(object.object.slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
     if (objects_.state_bytes() != 0) {
-      std::memcpy(objects_.state(object.object.slot), host_.state(hosted), objects_.state_bytes());
+      std::memcpy(objects_.state(object.object.slot), host.state(hosted), objects_.state_bytes());
     }
     objects_.mark_moved(object.object.slot);
   }
-  const HostRefusals& refusals = host_.refusals();
+  const HostRefusals& refusals = host.refusals();
   report().refused[static_cast<std::size_t>(Status::model_failed)] += refusals.model_failed;
   report().refused[static_cast<std::size_t>(Status::not_finite)] += refusals.not_finite;
   report().refused[static_cast<std::size_t>(Status::not_unit)] += refusals.not_unit;
@@ -315,7 +336,9 @@ void ServerRole::collect() {
 }
 
 // One transition of the frame; false where it has to wait.
-bool ServerRole::advance() {
+bool ServerRole::advance() { return (!losses_to_tell_ || tell_losses()) && advance_stage(); }
+
+bool ServerRole::advance_stage() {
   switch (stage_) {
     case Stage::waiting:
       return false;
@@ -349,10 +372,12 @@ bool ServerRole::advance() {
       stage_ = Stage::colliding;
       return true;
     case Stage::colliding:
-      if (!std::all_of(nodes_.begin(), nodes_.end(), [](const Party& node) { return node.tested_heard; })) {
+      if (!std::all_of(nodes_.begin(), nodes_.end(),
+                       [](const Party& node) { return node.lost || node.tested_heard; })) {
         return false;
       }
       collect();
+      notify_ns_ = mark_ns_;
       stage_ = Stage::notifying;
       return true;
     case Stage::notifying:
@@ -387,7 +412,7 @@ void ServerRole::finish() {
                 (frame.candidates > setup_.capacities.pairs ? 1u : 0u) +
                 (frame.contacts > setup_.capacities.contacts ? 1u : 0u);
   tell_everything_ = map_changed_;
-  map_changed_ = false;
+  map_changed_ = rescan_hosts_ = map_first_ = false;
   stage_ = Stage::waiting;
   setup_.order->completed.store(frames_, std::memory_order_release);
   if (setup_.order->caller != nullptr) {

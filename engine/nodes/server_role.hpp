@@ -30,6 +30,11 @@ struct FrameOrder {
   std::vector<Request> requests;          ///< for the cut; the server reads them while the frame is under way
   std::atomic<std::uint64_t> ordered{0};  ///< frames ordered; a release store publishes `requests`
   std::atomic<std::uint64_t> completed{0};
+  // Where the last CD node is lost and its work is not done: the facade is asked for another, that takes its number.
+  std::atomic<bool> stand_in_wanted{false};
+  std::atomic<bool> stand_in_ready{false};
+  NodeNumber stand_in_for = 0;       ///< holds while wanted
+  Line stand_in;                     ///< the server's end of its line; holds when ready
   link::Doorbell* caller = nullptr;  ///< rung when a frame is complete; null where the caller steps the server itself
 };
 
@@ -45,8 +50,10 @@ struct ServerSetup {
   std::array<std::uint32_t, 32> layer_masks{};
   Capacities capacities;
   double interest = 0;
-  bool balance = true;                ///< regions follow the load
-  telemetry::Track* track = nullptr;  ///< null: nothing is noted
+  bool balance = true;                 ///< regions follow the load
+  std::uint64_t node_deadline_ns = 0;  ///< a CD node silent for so long in a frame, though asked, is lost; 0: never
+  std::uint64_t user_deadline_ns = 0;  ///< a user node has so long to move, and so long to take its contacts; 0: ever
+  telemetry::Track* track = nullptr;   ///< null: nothing is noted
   std::vector<Line> nodes;
 };
 
@@ -66,6 +73,11 @@ class ServerRole {
 
   Step step();
 
+  /// The CD node has gone: by its deadline (the role sees to that itself), or because its link was closed. Its regions,
+  /// the objects that it hosts and the pairs of the frame go to the others; see server_loss.cpp. Only while a frame is
+  /// under way, by the thread that steps the role.
+  void lose(NodeNumber node);
+
   // Between frames, for the facade.
   const regions::RegionMap& map() const noexcept { return map_; }
   const ObjectTable& objects() const noexcept { return objects_; }
@@ -74,6 +86,7 @@ class ServerRole {
   const FrameReport& report(std::uint64_t frame) const noexcept { return reports_[frame & 1]; }
 
  private:
+  static constexpr NodeNumber no_node = 0xffffffffu;
   enum class Stage : std::uint8_t { waiting, opening, moving, dispatching, colliding, notifying, closing };
 
   // The cut.
@@ -104,8 +117,26 @@ class ServerRole {
   void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
   void refuse(Party& sender, Status reason, ObjectNumber number = 0);
 
+  // Loss.
+  bool watch();
+  bool watch_node(Party& party, std::uint64_t now);
+  bool watch_user(Party& party, std::uint64_t now);
+  bool drain_lost(Party& party);
+  bool tell_losses();
+  bool tell_losses(Party& party);
+  void spread_cells();
+  void take_back(std::uint32_t slot);
+  void rescue_objects(NodeNumber node);
+  void forgo_hand_overs(NodeNumber node);
+  void detect_again();
+  bool meet_stand_in();
+  void close_ranks();
+  void restore_objects();
+
   // The stages.
   bool advance();
+  bool advance_stage();
+  void take_moves(Host& host);
   void move_own();
   void detect();
   void collect();
@@ -116,16 +147,18 @@ class ServerRole {
   void next_hosts();
   void publish();
   bool notify(Party& party);
+  bool send_map(Party& party, messages::RunSender& run);
   void finish();
-  /// Calls `done` for every connected party, also after one has answered false; whether all answered true.
+  /// Calls `done` for every connected party that is not lost, also after one has answered false; whether all answered
+  /// true.
   template <class Done>
   bool all_parties(Done done) {
     bool all = true;
     for (Party& party : nodes_) {
-      all &= done(party);
+      all &= party.lost || done(party);
     }
     for (const UserNumber user : connected_) {
-      all &= done(users_[user]);
+      all &= users_[user].lost || done(users_[user]);
     }
     return all;
   }
@@ -154,12 +187,28 @@ class ServerRole {
   std::vector<std::uint32_t> leaving_;  ///< slots of this frame whose hosts say that others host them next
   bool users_changed_ = false;
 
+  /// An object that another CD node hosts from the next frame on.
+  struct HandOver {
+    std::uint32_t slot;
+    NodeNumber from, to;
+  };
+  std::vector<HandOver> hand_overs_;  ///< of this frame
+  Host rescue_;                       ///< moves what lost nodes had not reported
+  std::vector<std::uint32_t> table_;  ///< of the map that is being made
+  std::vector<NodeNumber> alive_;
+  NodeNumber stand_in_for_ = no_node;  ///< awaited: the last node is lost
+  bool losses_to_tell_ = false;
+  bool rescued_ = false;       ///< objects of lost nodes are in the server's hands until the next cut
+  bool map_first_ = false;     ///< nodes are told of the map before this frame begins
+  bool rescan_hosts_ = false;  ///< the map changed within this frame, or before it
+
   Stage stage_ = Stage::waiting;
   std::uint64_t frames_ = 0;  ///< begun
   std::uint64_t frame_ = 0;
   std::uint64_t mark_ns_ = 0;    ///< when the current stage was last charged
   std::uint64_t ingest_ns_ = 0;  ///< within the current stage
   std::uint64_t begin_ns_ = 0;
+  std::uint64_t notify_ns_ = 0;  ///< when hosts began to be told
   std::uint64_t cpu_begin_ns_ = 0;
   FrameReport reports_[2];
 };

@@ -48,35 +48,87 @@ Theatre::Theatre(const Stageplay& play) : play_(play), map_(play.grid, play.node
   setup.layer_masks.fill(~0u);
   setup.capacities = {16, 16, 16, 4};
   setup.interest = play.interest;
-  for (NodeNumber p = 0; p < play.nodes; ++p) {
-    for (NodeNumber q = 0; q < play.nodes; ++q) {
-      if (p != q) {
-        peers_[{p, q}] =
-            std::make_unique<Wire>(play.ring_bytes, play.delivery_bytes, Endpoint::node(p), Endpoint::node(q));
-      }
-    }
-  }
   for (NodeNumber node = 0; node < play.nodes; ++node) {
-    Wire& in = node_in_.emplace_back(play.ring_bytes, play.delivery_bytes, Endpoint::server(), Endpoint::node(node));
-    Wire& out = node_out_.emplace_back(play.ring_bytes, play.delivery_bytes, Endpoint::node(node), Endpoint::server());
-    setup.nodes.push_back({&in.sender(), &out.receiver()});
-    CdNodeSetup own;
-    own.node = node;
-    own.shapes = &shapes_;
-    own.space = &space_;
-    own.model = play.model;
-    own.placement = play.placement;
-    own.layer_masks = setup.layer_masks;
-    own.server = {&out.sender(), &in.receiver()};
-    own.peers.resize(play.nodes);
-    for (NodeNumber peer = 0; peer < play.nodes; ++peer) {
-      if (peer != node) {
-        own.peers[peer] = {&peers_[{node, peer}]->sender(), &peers_[{peer, node}]->receiver()};
-      }
-    }
-    nodes_.emplace_back(own, map_);
+    standing_.push_back(node);
+    setup.nodes.push_back(add_node(node));
   }
+  introduce();
   server_.emplace(setup, map_);
+}
+
+Line Theatre::add_node(NodeNumber number) {
+  Node& node = nodes_.emplace_back();
+  node.in = std::make_unique<Wire>(play_.ring_bytes, play_.delivery_bytes, Endpoint::server(), Endpoint::node(number));
+  node.out = std::make_unique<Wire>(play_.ring_bytes, play_.delivery_bytes, Endpoint::node(number), Endpoint::server());
+  CdNodeSetup own;
+  own.node = number;
+  own.shapes = &shapes_;
+  own.space = &space_;
+  own.model = play_.model;
+  own.placement = play_.placement;
+  own.layer_masks.fill(~0u);
+  own.server = {&node.out->sender(), &node.in->receiver()};
+  own.peers.resize(std::max<std::size_t>(play_.nodes, number + 1));
+  node.role = std::make_unique<CdNodeRole>(own, server_ ? server_->map() : map_);
+  return {&node.in->sender(), &node.out->receiver()};
+}
+
+// Tells every node of the others, by the numbers that they have now.
+void Theatre::introduce() {
+  for (NodeNumber p = 0; p < standing_.size(); ++p) {
+    std::vector<Line> peers(standing_.size());
+    for (NodeNumber q = 0; q < standing_.size(); ++q) {
+      if (p == q) {
+        continue;
+      }
+      for (const auto& [from, to] : {std::pair(p, q), std::pair(q, p)}) {
+        auto& wire = peers_[{standing_[from], standing_[to]}];
+        if (wire == nullptr) {
+          wire =
+              std::make_unique<Wire>(play_.ring_bytes, play_.delivery_bytes, Endpoint::node(from), Endpoint::node(to));
+        }
+      }
+      peers[q] = {&peers_[{standing_[p], standing_[q]}]->sender(), &peers_[{standing_[q], standing_[p]}]->receiver()};
+    }
+    nodes_[standing_[p]].role->meet(p, peers);
+  }
+}
+
+void Theatre::kill(NodeNumber node, std::size_t messages) { nodes_[standing_[node]].messages = messages; }
+
+// Passes what a node and the server say to each other, for as long as it lives.
+bool Theatre::pass(Node& node) {
+  const std::size_t before = log_.size();
+  const bool any = node.out->pass({}, log_) | node.in->pass({}, log_);
+  if (node.messages != ~std::size_t{0}) {
+    node.messages -= std::min(node.messages, log_.size() - before);
+  }
+  return any;
+}
+
+// Nothing gets on. The dead are the reason; the link to the first of them closes.
+void Theatre::lose_the_dead() {
+  for (NodeNumber number = 0; number < standing_.size(); ++number) {
+    Node& node = nodes_[standing_[number]];
+    if (node.role != nullptr && node.messages == 0) {
+      node.role.reset();
+      return server_->lose(number);
+    }
+  }
+  REQUIRE(false);  // a frame that hangs
+}
+
+// The frame is over: those that are left are numbered anew, in order, as the server does at its next cut.
+void Theatre::bury() {
+  std::erase_if(standing_, [&](std::size_t node) { return nodes_[node].role == nullptr; });
+  if (standing_.empty()) {
+    Request request;
+    request.kind = Request::Kind::add_node;
+    standing_.push_back(nodes_.size());
+    request.line = add_node(0);
+    requests_.insert(requests_.begin(), request);
+  }
+  introduce();
 }
 
 void Theatre::connect(UserNumber number) {
@@ -145,15 +197,20 @@ void Theatre::frame() {
   int quiet = 0;
   while (order_.completed.load() != wanted) {
     bool progressed = server_->step() == Step::progressed;
-    for (CdNodeRole& node : nodes_) {
-      progressed |= node.step() == Step::progressed;
+    if (order_.stand_in_wanted.exchange(false)) {
+      standing_[order_.stand_in_for] = nodes_.size();
+      order_.stand_in = add_node(order_.stand_in_for);
+      order_.stand_in_ready.store(true);
+    }
+    for (const std::size_t node : standing_) {
+      CdNodeRole* role = nodes_[node].role.get();
+      progressed |= role != nullptr && nodes_[node].messages != 0 && role->step() == Step::progressed;
     }
     for (auto& [number, user] : users_) {
       progressed |= user.role->step() == Step::progressed;
     }
-    for (std::size_t node = 0; node < nodes_.size(); ++node) {
-      progressed |= node_out_[node].pass({}, log_);
-      progressed |= node_in_[node].pass({}, log_);
+    for (const std::size_t node : standing_) {
+      progressed |= pass(nodes_[node]);
     }
     for (auto& [ends, wire] : peers_) {
       progressed |= wire->pass({}, log_);
@@ -163,7 +220,13 @@ void Theatre::frame() {
       progressed |= user.in->pass({}, log_);
     }
     quiet = progressed ? 0 : quiet + 1;
-    REQUIRE(quiet < 3);  // nobody gets on any more: a frame that hangs
+    if (quiet == 3) {
+      lose_the_dead();
+      quiet = 0;
+    }
+  }
+  if (!report().lost.empty()) {
+    bury();
   }
   for (const UserNumber number : leaving_) {
     publications_.users[number] = {};
@@ -174,8 +237,8 @@ void Theatre::frame() {
 
 std::vector<Endpoint> Theatre::hosts_of(ObjectNumber number) const {
   std::vector<Endpoint> hosts;
-  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
-    if (nodes_[node].host().find(number) != NumberIndex::none) {
+  for (NodeNumber node = 0; node < standing_.size(); ++node) {
+    if (nodes_[standing_[node]].role->host().find(number) != NumberIndex::none) {
       hosts.push_back(Endpoint::node(node));
     }
   }
@@ -213,12 +276,12 @@ void Theatre::require_one_host_each() const {
         row.category != static_cast<std::uint16_t>(Category::avatar)) {
       std::uint32_t point[3];
       space_.point(row.pose.position, point);
-      REQUIRE(host == Endpoint::node(map_.owner_at(point)));
+      REQUIRE(host == Endpoint::node(server_->map().owner_at(point)));
     }
   }
   std::size_t held = 0;
-  for (const CdNodeRole& node : nodes_) {
-    held += node.host().size();
+  for (const std::size_t node : standing_) {
+    held += nodes_[node].role->host().size();
   }
   for (const auto& [user, own] : users_) {
     held += own.role->host().size();

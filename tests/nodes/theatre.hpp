@@ -79,6 +79,12 @@ class Theatre {
   void place(ObjectId id, const Pose& pose);
   UserRole& user(UserNumber number) { return *users_.at(number).role; }
 
+  /// The CD node of that number (among those that stand) does nothing more once `messages` more have been sent to or
+  /// by it in the next frame; when the frame then gets on no more, the server is told that it is lost.
+  void kill(NodeNumber node, std::size_t messages);
+  /// CD nodes that stand.
+  std::size_t nodes() const { return standing_.size(); }
+
   /// One frame; log() then holds its messages in an order that respects cause and effect.
   void frame();
   std::uint64_t frames() const { return order_.completed.load(); }
@@ -104,6 +110,18 @@ class Theatre {
   Wire::Tamper tamper;  ///< sees what user nodes send
 
  private:
+  struct Node;
+  Line add_node(NodeNumber number);
+  void introduce();
+  void bury();
+  bool pass(Node& node);
+  void lose_the_dead();
+
+  struct Node {
+    std::unique_ptr<Wire> in, out;  ///< to the node, from the node
+    std::unique_ptr<CdNodeRole> role;
+    std::size_t messages = ~std::size_t{0};  ///< that it still lives to see
+  };
   struct User {
     std::unique_ptr<Wire> in, out;  ///< to the user, from the user
     std::unique_ptr<link::Publication> publication;
@@ -118,9 +136,9 @@ class Theatre {
   link::Publication relay_;
   FrameOrder order_;
   std::vector<Request> requests_;
-  std::deque<Wire> node_in_, node_out_;  ///< to each node, from each node
-  std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<Wire>> peers_;
-  std::deque<CdNodeRole> nodes_;
+  std::vector<Node> nodes_;                                                     ///< all that there ever were
+  std::vector<std::size_t> standing_;                                           ///< indices into nodes_, by number
+  std::map<std::pair<std::size_t, std::size_t>, std::unique_ptr<Wire>> peers_;  ///< by indices into nodes_
   std::optional<ServerRole> server_;
   std::map<UserNumber, User> users_;
   std::set<UserNumber> leaving_;

@@ -90,6 +90,10 @@ struct FrameReport {
   std::uint64_t grown = 0;  ///< buffers that outgrew what was reserved
   double server_cpu_ms = 0;
   double users_cpu_ms = 0;  ///< all user threads together
+  /// CD nodes that stopped answering in this frame, by their numbers in it. Their work was done by the others; from the
+  /// next frame on the nodes above them are numbered one lower each.
+  std::vector<NodeNumber> lost;
+  std::vector<UserNumber> late;  ///< user nodes that missed their deadline; disconnected at the next cut
   std::vector<NodeReport> nodes;
   std::vector<KindReport> kinds;       ///< pairs of kinds that had candidates
   std::vector<TimelineSpan> timeline;  ///< empty unless WorldConfig::timeline is set

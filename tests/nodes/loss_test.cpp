@@ -1,0 +1,223 @@
+// A CD node that dies after any of its messages: the contacts of that frame and of all later ones are those of a run in
+// which it lived.
+#include <cstring>
+#include <functional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "nodes/theatre.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+constexpr std::size_t objects = 50;
+
+/// Everybody wanders over borders, remembers, and answers contacts, so that a state or contact that is lost shows.
+class Wandering : public MotionModel {
+ public:
+  std::size_t state_bytes() const noexcept override { return 8; }
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      std::uint64_t memory;
+      std::memcpy(&memory, inputs[i].state, sizeof memory);
+      for (std::size_t k = 0; k < inputs[i].contacts.size(); ++k) {
+        memory = memory * 31 + inputs[i].contacts[k].a * 7 + inputs[i].contacts[k].b;
+      }
+      memory = memory * 6364136223846793005u + frame + inputs[i].number;
+      std::memcpy(outputs[i].state, &memory, sizeof memory);
+      const auto step = [&](int shift) { return static_cast<double>(memory >> shift & 15) - 7.5; };
+      Vec3d& p = outputs[i].pose.position;
+      p = {p.x + step(20), p.y + step(30), p.z + step(40)};
+      for (double* x : {&p.x, &p.y, &p.z}) {
+        *x = *x < 2 ? 2 : *x > 62 ? 62 : *x;
+      }
+    }
+  }
+};
+const Wandering wandering;
+
+void populate(Theatre& theatre) {
+  std::mt19937 random(3);
+  const ShapeNumber ball = theatre.add_shape(Sphere{6});
+  theatre.connect(0);
+  theatre.connect(1);
+  for (std::size_t i = 0; i < objects; ++i) {
+    ObjectSpec spec;
+    spec.shape = ball;
+    spec.pose.position = {static_cast<double>(random() % 60), static_cast<double>(random() % 60),
+                          static_cast<double>(random() % 60)};
+    spec.category = i < 2 ? Category::avatar : i == 49 ? Category::fixed : Category::active;
+    spec.user = i < 2 ? static_cast<UserNumber>(i) : no_user;
+    theatre.spawn(spec);
+  }
+}
+
+using Frames = std::vector<std::vector<Contact>>;
+
+std::vector<Contact> contacts_of(const Theatre& theatre) {
+  return {theatre.contacts().begin(), theatre.contacts().end()};
+}
+bool same(const std::vector<Contact>& p, const std::vector<Contact>& q) {
+  return p.size() == q.size() && std::memcmp(p.data(), q.data(), p.size() * sizeof(Contact)) == 0;
+}
+
+constexpr std::size_t frames = 9;
+
+Frames undisturbed(const Stageplay& play) {
+  Theatre theatre(play);
+  populate(theatre);
+  Frames all;
+  for (std::size_t frame = 0; frame < frames; ++frame) {
+    theatre.frame();
+    all.push_back(contacts_of(theatre));
+  }
+  return all;
+}
+
+void in_all_plays(const std::function<void(const Stageplay&, const Frames&)>& perform) {
+  for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
+    for (const Placement placement : {Placement::server, Placement::region}) {
+      CAPTURE(name_of(deployment));
+      CAPTURE(name_of(placement));
+      Stageplay play;
+      play.deployment = deployment;
+      play.placement = placement;
+      play.model = &wandering;
+      play.grid = {{2, 2, 2}};
+      play.delivery_bytes = std::size_t{1} << 17;
+      perform(play, undisturbed(play));
+    }
+  }
+}
+
+/// Plays all frames; `before(frame)` may kill. Returns how many nodes were lost.
+std::size_t play_frames(Theatre& theatre, const Frames& expected, const std::function<void(std::size_t)>& before) {
+  std::size_t lost = 0;
+  for (std::size_t frame = 0; frame < expected.size(); ++frame) {
+    CAPTURE(frame);
+    before(frame);
+    theatre.frame();
+    const FrameReport& report = theatre.report();
+    REQUIRE(same(contacts_of(theatre), expected[frame]));
+    REQUIRE(report.accepted == report.candidates);
+    if (report.lost.empty()) {
+      theatre.require_one_host_each();
+    }
+    lost += report.lost.size();
+  }
+  return lost;
+}
+
+TEST_CASE("a node that is lost after any of its messages changes no contact, of that frame or a later one") {
+  in_all_plays([](const Stageplay& play, const Frames& expected) {
+    REQUIRE(expected.back().size() > 5);
+    std::size_t losses = 0;
+    for (NodeNumber node = 0; node < play.nodes; ++node) {
+      // Until it outlives the frame.
+      for (std::size_t messages = 0;; ++messages) {
+        CAPTURE(node);
+        CAPTURE(messages);
+        Theatre theatre(play);
+        populate(theatre);
+        const std::size_t lost = play_frames(theatre, expected, [&](std::size_t frame) {
+          if (frame == 3) theatre.kill(node, messages);
+        });
+        REQUIRE(lost <= 1);
+        losses += lost;
+        REQUIRE(theatre.nodes() == play.nodes - lost);
+        if (messages > 40) {
+          break;
+        }
+      }
+    }
+    CHECK(losses > 20);
+  });
+}
+
+TEST_CASE("nodes that are lost one after another, to the last and beyond, change no contact") {
+  in_all_plays([](const Stageplay& play, const Frames& expected) {
+    for (std::size_t messages = 0; messages < 20; ++messages) {
+      CAPTURE(messages);
+      Theatre theatre(play);
+      populate(theatre);
+      const std::size_t lost = play_frames(theatre, expected, [&](std::size_t frame) {
+        if (frame >= 2 && frame < 6) theatre.kill(static_cast<NodeNumber>(frame % theatre.nodes()), messages);
+      });
+      CHECK(lost >= (messages < 10 ? 4 : 2));
+      CHECK(theatre.nodes() == (lost < play.nodes ? play.nodes - lost : 1));
+    }
+  });
+}
+
+TEST_CASE("nodes that are lost in the same frame change no contact, also when all are") {
+  in_all_plays([](const Stageplay& play, const Frames& expected) {
+    for (std::size_t first = 0; first < 12; first += 2) {
+      for (std::size_t second = 0; second < 12; second += 3) {
+        for (const bool all : {false, true}) {
+          CAPTURE(first);
+          CAPTURE(second);
+          CAPTURE(all);
+          Theatre theatre(play);
+          populate(theatre);
+          play_frames(theatre, expected, [&](std::size_t frame) {
+            if (frame != 3) return;
+            theatre.kill(0, first);
+            theatre.kill(2, second);
+            if (all) theatre.kill(1, 7);
+          });
+        }
+      }
+    }
+  });
+}
+
+TEST_CASE("objects that are spawned, placed and destroyed around a loss have one host and the same contacts") {
+  in_all_plays([](const Stageplay& play, const Frames&) {
+    const auto life = [&](bool kills, std::size_t messages) {
+      Theatre theatre(play);
+      populate(theatre);
+      std::mt19937 random(17);
+      std::vector<ObjectId> more;
+      Frames all;
+      for (std::size_t frame = 0; frame < frames; ++frame) {
+        for (int i = 0; i < 4; ++i) {
+          ObjectSpec spec;
+          spec.pose.position = {static_cast<double>(random() % 60), 30, 30};
+          spec.category = Category::active;
+          more.push_back(theatre.spawn(spec));
+        }
+        if (frame > 1) {
+          const auto at = more.begin() + static_cast<std::ptrdiff_t>(random() % more.size());
+          theatre.destroy(*at);
+          more.erase(at);
+          theatre.place(more.back(), {{5, 5, 5}, {}});
+          theatre.place(more.front(), {{55, 5, 5}, {}});
+        }
+        if (kills && (frame == 3 || frame == 4)) {
+          theatre.kill(1, messages);
+        }
+        theatre.frame();
+        all.push_back(contacts_of(theatre));
+        if (theatre.report().lost.empty()) {
+          theatre.require_one_host_each();
+        }
+      }
+      return all;
+    };
+    const Frames expected = life(false, 0);
+    for (std::size_t messages = 0; messages < 24; ++messages) {
+      CAPTURE(messages);
+      const Frames disturbed = life(true, messages);
+      for (std::size_t frame = 0; frame < frames; ++frame) {
+        CAPTURE(frame);
+        REQUIRE(same(disturbed[frame], expected[frame]));
+      }
+    }
+  });
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test
