@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
+#include <cstring>
 #include <utility>
 
 #include "broad_phase/box_set.hpp"
@@ -52,9 +53,15 @@ struct SweepAndPrune::Implementation {
 
   LayerMasks masks;
   bool layered;
+  bool keep_resting;
+  Buffer<std::uint8_t> none_rest;  ///< zeros by slot, where nothing is to be kept
 
-  Implementation(std::size_t objects, std::size_t pairs, const LayerMasks& layer_masks)
-      : moving(objects), resting(objects), masks(layer_masks), layered(layer_masks != all_layers_collide()) {
+  Implementation(std::size_t objects, std::size_t pairs, const LayerMasks& layer_masks, bool keep)
+      : moving(objects),
+        resting(objects),
+        masks(layer_masks),
+        layered(layer_masks != all_layers_collide()),
+        keep_resting(keep) {
     reserve(objects);
     sink.pairs.grow(pairs + 1, 0);
   }
@@ -65,6 +72,10 @@ struct SweepAndPrune::Implementation {
     resting_slots.reserve(objects + 128);
     place.grow(objects, slots);
     kept.grow(objects, slots);
+    if (!keep_resting && objects > none_rest.capacity()) {
+      none_rest.reserve(objects);
+      std::memset(none_rest.data(), 0, none_rest.capacity());
+    }
   }
 
   void resize(std::size_t objects) {
@@ -170,6 +181,7 @@ struct SweepAndPrune::Implementation {
     assert(bounds.size() == present.size() && bounds.size() == still.size());
     assert(!layered || layers.size() == bounds.size());
     if (bounds.size() != slots) resize(bounds.size());
+    if (!keep_resting) still = {none_rest.data(), slots};
     const Kernels::Census census =
         kernels.take_census(present, still, kept.data(), moving_slots.data(), leaving_slots.data());
     for (std::size_t k = 0; k < census.leaving; ++k) forget(leaving_slots[k]);
@@ -195,8 +207,8 @@ struct SweepAndPrune::Implementation {
   }
 };
 
-SweepAndPrune::SweepAndPrune(std::size_t objects, std::size_t pairs, const LayerMasks& layer_masks)
-    : implementation_(std::make_unique<Implementation>(objects, pairs, layer_masks)) {}
+SweepAndPrune::SweepAndPrune(std::size_t objects, std::size_t pairs, const LayerMasks& layer_masks, bool keep_resting)
+    : implementation_(std::make_unique<Implementation>(objects, pairs, layer_masks, keep_resting)) {}
 SweepAndPrune::~SweepAndPrune() = default;
 SweepAndPrune::SweepAndPrune(SweepAndPrune&&) noexcept = default;
 SweepAndPrune& SweepAndPrune::operator=(SweepAndPrune&&) noexcept = default;

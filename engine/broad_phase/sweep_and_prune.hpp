@@ -43,8 +43,10 @@ constexpr LayerMasks all_layers_collide() noexcept {
 class SweepAndPrune {
  public:
   /// Reserves for `objects` objects and `pairs` pairs. Both may be exceeded later, at the price of an allocation.
-  /// Bit j of layer_masks[i] says whether layers i and j collide, the same both ways; without masks all do.
-  SweepAndPrune(std::size_t objects, std::size_t pairs, const LayerMasks& layer_masks = all_layers_collide());
+  /// Bit j of layer_masks[i] says whether layers i and j collide, the same both ways; without masks all do. Without
+  /// `keep_resting` everything is taken to move: the same pairs, for comparison.
+  SweepAndPrune(std::size_t objects, std::size_t pairs, const LayerMasks& layer_masks = all_layers_collide(),
+                bool keep_resting = true);
   ~SweepAndPrune();
   SweepAndPrune(SweepAndPrune&&) noexcept;
   SweepAndPrune& operator=(SweepAndPrune&&) noexcept;

@@ -85,4 +85,14 @@ void check(const WorldConfig& config) {
   }
 }
 
+Placement choose_placement(std::uint32_t nodes) noexcept { return nodes >= 2 ? Placement::region : Placement::server; }
+
+WorldConfig settle(WorldConfig config) {
+  check(config);
+  if (config.placement == Placement::automatic) {
+    config.placement = choose_placement(config.nodes);
+  }
+  return config;
+}
+
 }  // namespace ringfence::facade

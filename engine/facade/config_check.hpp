@@ -7,4 +7,15 @@ namespace ringfence::facade {
 /// Throws Error, naming the field, what was found and what is allowed, unless a World can be made of `config`.
 void check(const WorldConfig& config);
 
+/// Checks `config` and puts in what was left to the World to choose. Throws Error as check().
+WorldConfig settle(WorldConfig config);
+
+/// Which placement is the cheaper for so many CD nodes (0: everything in one thread).
+///
+/// Measured with 1000 to 256,000 objects in user/collision deployment (docs/performance.md): with one node there is
+/// nobody to share the sweep with, and what the server would save the node pays. From two nodes on, what the server
+/// no longer does (sweeping, sending pairs) is more than what the busiest node does in its place, by 3 to 22 % of the
+/// two together, and the CPU time of all threads is about the same, so that it holds on few cores too.
+Placement choose_placement(std::uint32_t nodes) noexcept;
+
 }  // namespace ringfence::facade

@@ -182,7 +182,7 @@ struct World::Implementation {
 };
 
 World::Implementation::Implementation(WorldConfig given)
-    : config((facade::check(given), std::move(given))),
+    : config(facade::settle(std::move(given))),
       space(config.bounds_min, config.bounds_max),
       registry(config.capacities.objects) {
   publications.grid = interest_grid(config, space);
@@ -206,6 +206,7 @@ void World::Implementation::build_server() {
   setup.deployment = config.deployment;
   setup.placement = config.placement;
   setup.layer_masks = layer_masks(config.layers);
+  setup.keep_resting = config.keep_resting;
   setup.capacities = config.capacities;
   setup.interest = config.interest;
   setup.balance = config.balance;
@@ -256,6 +257,7 @@ Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_
   setup.model = config.motion.get();
   setup.placement = config.placement;
   setup.layer_masks = layer_masks(config.layers);
+  setup.keep_resting = config.keep_resting;
   setup.shares_thread = !threaded();
   setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
   setup.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / count + 64);

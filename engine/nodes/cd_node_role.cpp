@@ -21,7 +21,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       host_(setup.model, setup.objects),
       known_(setup.objects),
       sweep_(setup.placement == Placement::region ? setup.objects : 0,
-             setup.placement == Placement::region ? setup.pairs : 0, setup.layer_masks),
+             setup.placement == Placement::region ? setup.pairs : 0, setup.layer_masks, setup.keep_resting),
       narrow_(*setup.shapes),
       heard_from_(setup.peers.size()),
       lost_(setup.peers.size()),

@@ -31,6 +31,7 @@ struct CdNodeSetup {
   const MotionModel* model = nullptr;  ///< null: nothing moves by itself
   Placement placement = Placement::server;
   std::array<std::uint32_t, 32> layer_masks{};  ///< which layers each layer collides with
+  bool keep_resting = true;                     ///< see WorldConfig
   bool shares_thread = false;         ///< other roles run on its thread: its CPU time is then the time that it was busy
   telemetry::Track* track = nullptr;  ///< null: nothing is noted
   std::size_t objects = 0;            ///< reserved

@@ -11,9 +11,10 @@ using messages::Endpoint;
 using messages::MessageType;
 
 Dispatch::Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Placement placement,
-                   const std::array<std::uint32_t, 32>& layer_masks)
+                   const std::array<std::uint32_t, 32>& layer_masks, bool keep_resting)
     : placement_(placement),
-      sweep_(placement == Placement::server ? objects : 0, placement == Placement::server ? pairs : 0, layer_masks),
+      sweep_(placement == Placement::server ? objects : 0, placement == Placement::server ? pairs : 0, layer_masks,
+             keep_resting),
       updates_(nodes),
       update_runs_(nodes),
       pair_runs_(nodes, messages::RunWriter(pair_message)),

@@ -23,7 +23,7 @@ namespace ringfence::nodes {
 class Dispatch {
  public:
   Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Placement placement,
-           const std::array<std::uint32_t, 32>& layer_masks);
+           const std::array<std::uint32_t, 32>& layer_masks, bool keep_resting);
 
   /// Between frames: from now on there are so many nodes.
   void resize(std::size_t nodes);

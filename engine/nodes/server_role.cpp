@@ -20,7 +20,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       host_(setup.model, setup.deployment == Deployment::user_server ? setup.capacities.objects : 0),
       hosting_(setup.deployment, *setup.space),
       dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
-                setup.layer_masks),
+                setup.layer_masks, setup.keep_resting),
       ledger_(setup.nodes.size(), setup.capacities.contacts),
       nodes_(setup.nodes.size()),
       node_lines_(setup.nodes),

@@ -48,6 +48,7 @@ struct ServerSetup {
   Deployment deployment = Deployment::user_collision;
   Placement placement = Placement::server;
   std::array<std::uint32_t, 32> layer_masks{};
+  bool keep_resting = true;  ///< see WorldConfig
   Capacities capacities;
   double interest = 0;
   bool balance = true;                 ///< regions follow the load

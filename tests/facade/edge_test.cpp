@@ -99,6 +99,50 @@ TEST_CASE("a world without extent holds objects like any other") {
   });
 }
 
+// Nodes join and leave twice in ten frames; every frame's contacts are counted.
+void check_resized(const WorldConfig& base, std::size_t objects, std::size_t contacts, const Vec3d& point) {
+  in_all_worlds(base, {0u, 1u, 4u}, [&](const WorldConfig& config) {
+    World world(config);
+    const ShapeNumber ball = world.add_shape(Sphere{1});
+    for (std::size_t i = 0; i < objects; ++i) world.spawn({.shape = ball, .pose = {point, {}}});
+    for (int frame = 0; frame < 10; ++frame) {
+      if (frame == 1) REQUIRE(world.resize(7) == Status::ok);
+      if (frame == 2) REQUIRE(world.resize(0) == Status::bad_number);
+      if (frame == 4) REQUIRE(world.resize(1) == Status::ok);
+      if (frame == 5) REQUIRE(world.resize(3) == Status::ok);
+      REQUIRE(world.advance() == Status::ok);
+      require_counts(world);
+      REQUIRE(world.contacts().size() == contacts);
+      REQUIRE(refused(world, Status::bad_number) == (frame == 2 ? 1 : 0));
+    }
+    CHECK(world.nodes() == 3);
+  });
+}
+
+TEST_CASE("nodes come and go where there is nothing, one object, everything on one point, and no extent") {
+  check_resized({}, 0, 0, {});
+  check_resized({}, 1, 0, {50, 50, 50});
+  check_resized({}, 40, 780, {50, 50, 50});
+  check_resized({}, 40, 780, {-1e6, 1e6, 0});
+  WorldConfig flat;
+  flat.bounds_min = flat.bounds_max = {3, 3, 3};
+  check_resized(flat, 40, 780, {3, 3, 3});
+}
+
+TEST_CASE("more nodes than cells are refused when the world is made, and as many as cells work") {
+  WorldConfig config;
+  config.cells_log2[1] = 1;
+  config.nodes = 3;
+  CHECK_THROWS_WITH_AS(World{config}, doctest::Contains("3 nodes cannot share 2 cells"), Error);
+  config.nodes = 2;
+  World world(config);
+  const ShapeNumber ball = world.add_shape(Sphere{1});
+  for (int i = 0; i < 20; ++i) world.spawn({.shape = ball, .pose = {{50, 41.0 + i, 50}, {}}});
+  advance(world);
+  CHECK(world.contacts().size() == 19 + 18);  // neighbours, and those that touch the next but one
+  CHECK(world.resize(3) == Status::bad_number);
+}
+
 TEST_CASE("far outside the bounds contacts are what they are inside, and what is farther than that is refused") {
   WorldConfig base;
   base.bounds_max = {10, 10, 10};

@@ -40,7 +40,7 @@ TEST_CASE("an option out of range is told with its name and range, and ends with
 TEST_CASE("a word that an option does not know is told with those that it does") {
   check_refused("run --deployment cloud",
                 "--deployment: found cloud; expected one of user, user-server, user-collision");
-  check_refused("run --broad-phase none", "--broad-phase: found none; expected one of server, region");
+  check_refused("run --broad-phase none", "--broad-phase: found none; expected one of server, region, auto");
   check_refused("run --shapes cone", "--shapes: found cone; expected one of sphere, box, capsule, hull, mixed, mesh");
   check_refused("run --shapes mesh", "shapes: mesh is not in this version");
   check_refused("run --speed 3", "--speed");
@@ -63,7 +63,8 @@ TEST_CASE("help and version end with 0, and help names no command that is not th
         "--users",      "--user-threads", "--interest",    "--objects",         "--coverage",
         "--shapes",     "--seed",         "--targets",     "--target-interval", "--retarget-interval",
         "--check",      "--collisions",   "--json",        "--frames-csv",      "--trace",
-        "--ring-bytes", "--pin",          "--resize",      "--balance",         "--quiet"}) {
+        "--ring-bytes", "--pin",          "--resize",      "--balance",         "--keep-resting",
+        "--quiet"}) {
     CHECK_MESSAGE(test::ringfence("run --help").out.find(option) != std::string::npos, option);
   }
 }

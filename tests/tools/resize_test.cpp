@@ -95,6 +95,16 @@ TEST_CASE("a schedule that cannot be is refused with the reason") {
   check_refused("--balance maybe", "--balance: found maybe; expected one of on, off");
 }
 
+TEST_CASE("a placement left to the world is reported as chosen, with the digest of any other") {
+  const std::string arguments = "run --objects 300 --users 10 --frames 6 --warmup 2 --broad-phase auto --nodes ";
+  const auto alone = run_with_json(arguments + "1"), shared = run_with_json(arguments + "3 --keep-resting off");
+  CHECK(alone["config"]["broad_phase"] == "server");
+  CHECK(shared["config"]["broad_phase"] == "region");
+  CHECK(shared["config"]["broad_phase_asked"] == "auto");
+  CHECK(alone["digest"] == shared["digest"]);
+  CHECK(test::ringfence(arguments + "3").out.find("broad phase: auto (region)") != std::string::npos);
+}
+
 TEST_CASE("a replay is resized like a run, and knows how many frames it has") {
   const std::string files = std::string("replay --nodes 1 --scene ") + RINGFENCE_DATA + "/air/scene.json --motion " +
                             RINGFENCE_DATA + "/air/motion.csv";

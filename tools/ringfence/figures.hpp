@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "imbalance.hpp"
+#include "ringfence/config.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/frame_report.hpp"
 
@@ -41,10 +42,11 @@ class Figures {
   /// Totals over the counted frames.
   std::uint64_t candidates = 0, tested = 0, accepted = 0, contacts = 0, began = 0, ended = 0;
   std::uint64_t moved = 0, handed_over = 0, grown = 0;
-  std::uint64_t objects = 0;      ///< after the last frame
-  std::uint64_t map_changes = 0;  ///< of the region map
-  Imbalance cpu_imbalance;        ///< of the nodes' CPU time
-  Imbalance tested_imbalance;     ///< of the pairs that they test
+  std::uint64_t objects = 0;                ///< after the last frame
+  Placement placement = Placement::server;  ///< where the broad phase ran
+  std::uint64_t map_changes = 0;            ///< of the region map
+  Imbalance cpu_imbalance;                  ///< of the nodes' CPU time
+  Imbalance tested_imbalance;               ///< of the pairs that they test
   double server_cpu_ms = 0, users_cpu_ms = 0;
 
  private:

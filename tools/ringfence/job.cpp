@@ -30,6 +30,7 @@ WorldConfig config_of(const Job& job) {
   config.interest = job.service.interest;
   config.ring_bytes = job.service.ring_bytes;
   config.balance = job.service.balance;
+  config.keep_resting = job.service.keep_resting;
   config.pin = job.service.pin;
   config.timeline = !job.output.trace.empty();
   config.motion = job.model;
@@ -112,6 +113,7 @@ int run_job(const Job& job) {
   }
   Recording recording(job.record_prefix, job.scene, world);
   Figures figures;
+  figures.placement = world.config().placement;
   Resizing resizing(job.service.resizes, std::max(1u, job.service.nodes));
   for (std::uint32_t frame = 0; frame < job.frames.frames; ++frame) {
     resizing.before_frame(frame, world);

@@ -175,7 +175,8 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
       ->take_last()
       ->type_name("FRAME:N,...");
   add_switch(command, "--balance", service.balance, "regions follow the load");
-  add_words(command, "--broad-phase", service.placement, {Placement::server, Placement::region},
+  add_switch(command, "--keep-resting", service.keep_resting, "the broad phase keeps what does not move apart");
+  add_words(command, "--broad-phase", service.placement, {Placement::server, Placement::region, Placement::automatic},
             "where the broad phase runs");
   command.add_option("--users", service.users, "user nodes")
       ->check(between(1u, 65'536u))

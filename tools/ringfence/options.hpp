@@ -25,6 +25,7 @@ struct ServiceOptions {
   std::uint32_t nodes = 1;
   std::vector<Resize> resizes;  ///< as given, until the job has checked them
   bool balance = true;
+  bool keep_resting = true;
   std::uint32_t users = 100;
   bool users_given = false;
   std::uint32_t user_threads = 1;

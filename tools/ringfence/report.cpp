@@ -31,14 +31,20 @@ std::string words(std::string text) {
   return text;
 }
 
-std::string service_of(const ServiceOptions& service) {
+// What was asked for, and what was chosen if that was left open.
+std::string placement_of(const ServiceOptions& service, const Figures& figures) {
+  const std::string asked = name_of(service.placement);
+  return service.placement == figures.placement ? asked : fmt::format("{} ({})", asked, name_of(figures.placement));
+}
+
+std::string service_of(const ServiceOptions& service, const Figures& figures) {
   if (service.nodes == 0) {
     return fmt::format("{}, everything in one thread, {} users, broad phase: {}", name_of(service.deployment),
-                       service.users, name_of(service.placement));
+                       service.users, placement_of(service, figures));
   }
   return fmt::format("{}, {} CD node{}, {} users in {} thread{}, broad phase: {}", name_of(service.deployment),
                      service.nodes, service.nodes == 1 ? "" : "s", service.users, service.user_threads,
-                     service.user_threads == 1 ? "" : "s", name_of(service.placement));
+                     service.user_threads == 1 ? "" : "s", placement_of(service, figures));
 }
 
 void print_stages(std::FILE* out, const Figures& figures, double frame_ms) {
@@ -90,9 +96,10 @@ void print_check(std::FILE* out, const FrameChecker& checker) {
   }
 }
 
-Json config_of(const Job& job) {
+Json config_of(const Job& job, const Figures& figures) {
   Json config = {{"deployment", name_of(job.service.deployment)},
-                 {"broad_phase", name_of(job.service.placement)},
+                 {"broad_phase", name_of(figures.placement)},
+                 {"broad_phase_asked", name_of(job.service.placement)},
                  {"nodes", job.service.nodes},
                  {"users", job.service.users},
                  {"user_threads", job.service.user_threads},
@@ -100,6 +107,7 @@ Json config_of(const Job& job) {
                  {"ring_bytes", job.service.ring_bytes},
                  {"pin", job.service.pin},
                  {"balance", job.service.balance},
+                 {"keep_resting", job.service.keep_resting},
                  {"warmup", job.frames.warmup},
                  {"objects", job.scene.objects.size()}};
   if (const worlds::PaperWorldOptions* world = job.world) {
@@ -202,7 +210,7 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
   const Machine machine = this_machine();
   const Spread frame = figures.frame_ms();
   Json report;
-  report["config"] = config_of(job);
+  report["config"] = config_of(job, figures);
   report["machine"] = {{"cpu", machine.cpu},
                        {"cores", machine.cores},
                        {"system", machine.system},
@@ -249,7 +257,7 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
 void print_report(std::FILE* out, const Job& job, const Figures& figures, const Resizing& resizing,
                   const FrameChecker& checker) {
   const Spread frame = figures.frame_ms();
-  fmt::print(out, "{}\n{}\n", job.title, service_of(job.service));
+  fmt::print(out, "{}\n{}\n", job.title, service_of(job.service, figures));
   fmt::print(out, "{} frames counted after {} of warm-up\n\n", figures.frames(), job.frames.warmup);
   fmt::print(out, "frame       mean {:.3f} ms   p50 {:.3f}   p99 {:.3f}   max {:.3f}\n", frame.mean, frame.p50,
              frame.p99, frame.max);

@@ -27,11 +27,12 @@ constexpr const char* name_of(Deployment deployment) noexcept {
 
 /// Where the broad phase runs. Same candidates, same contacts; the choice is about cost.
 enum class Placement : std::uint8_t {
-  server,  ///< the server sweeps all objects and sends each node its pairs
-  region,  ///< the server assigns objects to regions; each node sweeps its own and keeps the pairs that it owns
+  server,     ///< the server sweeps all objects and sends each node its pairs
+  region,     ///< the server assigns objects to regions; each node sweeps its own and keeps the pairs that it owns
+  automatic,  ///< the World chooses when it is made: region from two nodes on, else server; World::config() has which
 };
 constexpr const char* name_of(Placement placement) noexcept {
-  constexpr const char* names[] = {"server", "region"};
+  constexpr const char* names[] = {"server", "region", "auto"};
   return names[static_cast<std::size_t>(placement)];
 }
 
@@ -77,9 +78,10 @@ struct WorldConfig {
   Capacities capacities;
   Limits limits;
   std::size_t ring_bytes = 0;  ///< of every ring; a power of two, 4096 to 2^30; 0: by role
-  bool balance = true;    ///< regions follow the load: the map changes at frame ends when nodes cost unequal amounts
-  bool pin = false;       ///< pin threads to cores where there are enough of them
-  bool timeline = false;  ///< note in FrameReport::timeline what each thread did when
+  bool balance = true;       ///< regions follow the load: the map changes at frame ends when nodes cost unequal amounts
+  bool keep_resting = true;  ///< the broad phase keeps what does not move apart; off: for comparison, the same contacts
+  bool pin = false;          ///< pin threads to cores where there are enough of them
+  bool timeline = false;     ///< note in FrameReport::timeline what each thread did when
   LayerMatrix layers;
   std::shared_ptr<const MotionModel> motion;  ///< null: objects move only by World::move and World::place
   LogHook log;                                ///< null: silent

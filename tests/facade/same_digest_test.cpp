@@ -1,0 +1,92 @@
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "facade/swarm.hpp"
+#include "ringfence/digest.hpp"
+#include "ringfence/world.hpp"
+
+namespace ringfence::test {
+namespace {
+
+constexpr double side = 11;
+
+using Schedule = std::map<int, std::uint32_t>;
+
+struct Run {
+  std::uint64_t digest = 0;
+  std::uint64_t contacts = 0;
+  std::uint32_t epoch = 0;
+};
+
+// A crowd in the corner of a world, so that regions have something to follow, and with much that rests.
+Run run(WorldConfig config, const Schedule& schedule) {
+  config.bounds_max = {60, 60, 60};
+  config.interest = 4;
+  config.motion = std::make_shared<Bouncing>(side);
+  World world(config);
+  populate(world, 160, 4, side);
+  Digest digest;
+  Run result;
+  for (int frame = 0; frame < 36; ++frame) {
+    if (const auto at = schedule.find(frame); at != schedule.end()) REQUIRE(world.resize(at->second) == Status::ok);
+    REQUIRE(world.advance() == Status::ok);
+    const FrameReport& report = world.report();
+    REQUIRE(report.tested == report.candidates);
+    REQUIRE(report.accepted == report.candidates);
+    digest.add_frame(world.contacts());
+    result.contacts += report.contacts;
+  }
+  result.digest = digest.value();
+  result.epoch = world.report().map_epoch;
+  return result;
+}
+
+TEST_CASE("placement, node count, resizing, balancing and keeping apart what rests change no contact") {
+  WorldConfig plain;
+  plain.nodes = 0;
+  const Run expected = run(plain, {});
+  CHECK(expected.contacts > 1000);
+  const std::vector<Schedule> schedules = {{}, {{2, 3}, {3, 1}, {20, 5}}, {{0, 16}, {1, 2}, {30, 7}}};
+  std::uint32_t changed = 0;
+  std::size_t next = 0;
+  for (const std::uint32_t nodes : {0u, 1u, 2u, 3u, 5u, 8u, 16u}) {
+    for (const Placement placement : {Placement::server, Placement::region, Placement::automatic}) {
+      for (const bool balance : {true, false}) {
+        for (const bool keep_resting : {true, false}) {
+          // Three schedules and four settings beside them: each meets each as the loops go round.
+          const std::size_t schedule = next++ % schedules.size();
+          CAPTURE(nodes);
+          CAPTURE(name_of(placement));
+          CAPTURE(balance);
+          CAPTURE(keep_resting);
+          CAPTURE(schedule);
+          WorldConfig config;
+          config.nodes = nodes;
+          config.placement = placement;
+          config.balance = balance;
+          config.keep_resting = keep_resting;
+          const Run other = run(config, schedules[schedule]);
+          CHECK(other.digest == expected.digest);
+          changed += schedule == 0 && other.epoch > 1 ? 1 : 0;
+        }
+      }
+    }
+  }
+  CHECK(changed > 0);  // some maps followed the load without having been asked to
+}
+
+TEST_CASE("auto is the server's sweep for a single node and the regions' for more, and the world says which") {
+  for (const std::uint32_t nodes : {0u, 1u, 2u, 5u}) {
+    WorldConfig config;
+    config.nodes = nodes;
+    config.placement = Placement::automatic;
+    CHECK(World(config).config().placement == (nodes < 2 ? Placement::server : Placement::region));
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::test
