@@ -38,8 +38,9 @@ enum ObjectMark : std::uint8_t {
   shared_mark = 4,     ///< perhaps others than its host have been told of it
   moved_mark = 8,      ///< listed in moved()
   reported_mark = 16,  ///< this frame's state came from the CD node that hosts it
+  inner_mark = 32,     ///< and it says that all cells that the bounds touch are its own
   rescued_mark = 64,   ///< of a lost node, in the server's hands until the next cut
-  inner_mark = 32      ///< and it says that all cells that the bounds touch are its own
+  rehosted_mark = 128  ///< at this cut, from one host to another
 };
 
 /// The server's table of objects, by slot. A slot belongs to one object from its spawn to the frame after its end.

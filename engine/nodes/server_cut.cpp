@@ -25,9 +25,11 @@ void ServerRole::cut() {
     apply(request);
   }
   restore_objects();
-  for (const Rehosting& change : hosting_.settle(objects_, map_, connected_, users_changed_)) {
+  const auto changes = hosting_.settle(objects_, map_, connected_, users_changed_);
+  for (const Rehosting& change : changes) {
     rehost(change);
   }
+  tell_late_contacts(changes);
   report().nodes.resize(nodes_.size());
   leaving_.clear();
   ledger_.begin(frame_);
@@ -195,24 +197,38 @@ void ServerRole::rehost(const Rehosting& change) {
   }
   if (change.from != Endpoint::none()) {
     ++report().handed_over;
-    tell_late_contacts(change.slot, change.to);
+    objects_.marks(change.slot) |= rehosted_mark;
   }
 }
 
-// The new host answers the contacts of the frame before, so it must know them. Rare: users came or went.
-void ServerRole::tell_late_contacts(std::uint32_t slot, Endpoint host) {
+// The new hosts answer the contacts of the frame before, so they must know them. Rare: users came or went. One pass
+// over the contacts, however many objects changed hosts.
+void ServerRole::tell_late_contacts(std::span<const Rehosting> changes) {
+  const auto changed = [&](std::uint32_t slot) { return (objects_.marks(slot) & rehosted_mark) != 0; };
+  if (std::none_of(changes.begin(), changes.end(), [&](const Rehosting& change) { return changed(change.slot); })) {
+    return;
+  }
   const auto contacts = ledger_.contacts(frame_ - 1);
   const auto found = ledger_.found(frame_ - 1);
-  Party* party = party_of(host);
+  const auto tell = [&](Endpoint host, const Contact& contact) {
+    if (Party* party = party_of(host)) {
+      party->late_contacts.push_back(contact);
+    } else if (host.is_server()) {
+      host_.add_late_contact(contact);
+    }
+  };
   for (std::size_t i = 0; i < found.size(); ++i) {
-    if (found[i].a != slot && found[i].b != slot) {
-      continue;
+    const bool a = changed(found[i].a);
+    const bool b = changed(found[i].b);
+    if (a) {
+      tell(objects_.host(found[i].a), contacts[i]);
     }
-    if (party != nullptr) {
-      party->late_contacts.push_back(contacts[i]);
-    } else {
-      host_.add_late_contact(contacts[i]);
+    if (b && !(a && objects_.host(found[i].a) == objects_.host(found[i].b))) {
+      tell(objects_.host(found[i].b), contacts[i]);
     }
+  }
+  for (const Rehosting& change : changes) {
+    objects_.marks(change.slot) &= static_cast<std::uint8_t>(~rehosted_mark);
   }
 }
 

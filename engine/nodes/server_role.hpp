@@ -102,7 +102,7 @@ class ServerRole {
   void add_node(const Request& request);
   void retire_nodes();
   void rehost(const Rehosting& change);
-  void tell_late_contacts(std::uint32_t slot, messages::Endpoint host);
+  void tell_late_contacts(std::span<const Rehosting> changes);
   Party* party_of(messages::Endpoint endpoint) noexcept;
   bool open(Party& party);
 

@@ -79,7 +79,8 @@ class World {
   /// Refused (not_host) unless the object is an avatar of `user`. The last call before a frame counts.
   Status move(UserNumber user, ObjectId object, const Pose& pose);
   /// Puts any object but a static one somewhere at the next frame's cut (a teleport, a door, a lift); an absent object
-  /// is present from then on. Its host goes on from there.
+  /// is present from then on. Its host goes on from there; where the same frame also has a World::move of it, whichever
+  /// call came first, it stands where it was moved.
   Status place(ObjectId object, const Pose& pose);
   /// Takes the object out of the world's contacts, from the next frame until it is placed or moved again.
   Status remove(ObjectId object);
@@ -88,7 +89,7 @@ class World {
   /// duties are handed over; those to go then leave. No frame is lost and no contact changes. The last call before a
   /// frame counts. Refused with bad_number unless `nodes` is 1 to 1024 and at most the number of cells.
   Status resize(std::uint32_t nodes);
-  /// CD nodes at work in the last frame.
+  /// CD nodes at work in the last frame; before the first, those that there are.
   std::uint32_t nodes() const noexcept;
 
   /// A whole frame: begin_frame and finish_frame.

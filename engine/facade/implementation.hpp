@@ -1,0 +1,147 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "facade/contact_index.hpp"
+#include "facade/crew.hpp"
+#include "facade/registry.hpp"
+#include "geometry/shape_table.hpp"
+#include "link/channel.hpp"
+#include "link/cores.hpp"
+#include "link/publication.hpp"
+#include "nodes/cd_node_role.hpp"
+#include "nodes/server_role.hpp"
+#include "nodes/user_role.hpp"
+#include "regions/region_map.hpp"
+#include "ringfence/world.hpp"
+#include "telemetry/track.hpp"
+
+namespace ringfence {
+
+namespace facade {
+
+/// The way between two roles: one channel each way.
+struct Way {
+  Way(std::size_t bytes, link::Doorbell* first, link::Doorbell* second)
+      : forth(bytes, second, first), back(bytes, first, second) {}
+  nodes::Line first() noexcept { return {&forth.sender(), &back.receiver()}; }
+  nodes::Line second() noexcept { return {&back.sender(), &forth.receiver()}; }
+  link::Channel forth;
+  link::Channel back;
+};
+
+/// A connected user node and all that is its own.
+struct User {
+  User(std::size_t ring_bytes, link::Doorbell* server, link::Doorbell* own, std::size_t cells)
+      : way(ring_bytes, server, own), publication(cells, 64) {}
+  Way way;
+  link::Publication publication;
+  std::unique_ptr<nodes::UserRole> role;
+  std::size_t worker = 0;
+};
+
+}  // namespace facade
+
+/// What a World is made of: requests for the next frame, the roles with their lines and threads, and what is needed to
+/// answer calls. Its own functions are in roles.cpp (who there is, and on which thread), World's in world.cpp.
+///
+/// Threads: the one that calls World; roles are touched only while no frame is under way.
+struct World::Implementation {
+  explicit Implementation(WorldConfig given);
+
+  bool threaded() const noexcept { return config.nodes > 0; }
+  bool under_way() const noexcept { return begun != frames; }
+  std::size_t ring_bytes(std::size_t by_role) const noexcept {
+    return config.ring_bytes != 0 ? config.ring_bytes : by_role;
+  }
+  link::Doorbell* server_bell() noexcept { return threaded() ? &server_worker->bell() : nullptr; }
+
+  void build_server();
+  void start_worker(facade::Worker& worker);
+  nodes::Line add_node(const regions::RegionMap& map, std::uint32_t count);
+  void introduce_nodes();
+  void grow_nodes();
+  void retire_nodes();
+  void list_in_place();
+  void connect_users();
+  void forget_users();
+  void assign_users();
+  Status refuse(Status status) noexcept {
+    ++refused[static_cast<std::size_t>(status)];
+    return status;
+  }
+  Status check_spec(const ObjectSpec& spec) const noexcept;
+  bool is_connected(UserNumber user) const noexcept { return std::binary_search(users.begin(), users.end(), user); }
+  void step_in_place();
+  void log(LogLevel level, const std::string& line) const {
+    if (config.log) {
+      config.log(level, line);
+    }
+  }
+  void log_growth();
+  void gather_timeline();
+
+  WorldConfig config;
+  geometry::ShapeTable shapes;
+  geometry::FixedSpace space;
+  link::Cores cores;
+  std::size_t next_core = 0;
+  facade::Registry registry;
+  nodes::Publications publications;
+  std::unique_ptr<link::Publication> relay;
+  link::Doorbell caller_bell;
+  nodes::FrameOrder order;
+
+  std::vector<nodes::Request> requests;  ///< for the next cut
+  struct Steering {
+    UserNumber user;
+    ObjectNumber number;
+    Pose pose;
+  };
+  std::vector<Steering> steerings;  ///< for the next frame
+  std::vector<UserNumber> users;    ///< connected or about to be, ascending
+  std::vector<UserNumber> leaving;  ///< disconnected; their numbers are in use until the next cut
+  std::vector<UserNumber> cut_leaving;
+  std::array<std::uint64_t, status_count> refused{};
+  std::uint64_t begun = 0;
+  std::uint64_t frames = 0;
+  FrameReport report;
+  std::uint64_t users_cpu_ns = 0;
+  telemetry::Track server_track;
+  std::deque<telemetry::Track> node_tracks;
+  std::deque<telemetry::Track> user_tracks;
+  std::uint32_t resize_to = 0;  ///< nodes from the frame after the next on; 0: as they are
+  bool growth_logged = false;
+  mutable facade::ContactIndex contact_index;
+  mutable std::uint64_t indexed_frames = 0;
+
+  // Roles use the channels above them; threads, last of all, use the roles and end first.
+  std::unique_ptr<facade::Worker> server_worker;
+  std::deque<facade::Worker> node_workers;
+  std::deque<facade::Worker> user_workers;
+  std::vector<std::unique_ptr<facade::Way>> node_ways;
+  std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<facade::Way>> peer_ways;  ///< lower number first
+  std::map<UserNumber, std::unique_ptr<facade::User>> user_nodes;
+  std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;
+  std::unique_ptr<nodes::ServerRole> server;
+  std::vector<facade::Steppable> in_place;  ///< all roles, where the calling thread steps them
+
+  struct Stop {
+    Implementation& world;
+    ~Stop() {
+      world.user_workers.clear();
+      world.node_workers.clear();
+      world.server_worker.reset();
+    }
+  } stop{*this};
+};
+
+}  // namespace ringfence

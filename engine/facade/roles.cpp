@@ -1,0 +1,307 @@
+// Who there is: the roles, their lines to each other and the threads that step them; made, joined and let go.
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "facade/config_check.hpp"
+#include "facade/implementation.hpp"
+
+namespace ringfence {
+
+using facade::Steppable;
+using facade::User;
+using facade::Way;
+using facade::Worker;
+using nodes::Line;
+using nodes::Request;
+
+namespace {
+
+constexpr std::size_t server_node_ring = std::size_t{1} << 20;
+constexpr std::size_t user_ring = std::size_t{1} << 16;
+constexpr std::size_t most_interest_cells = std::size_t{1} << 15;
+
+regions::CellGrid region_grid(const WorldConfig& config, const geometry::FixedSpace& space) {
+  const std::uint32_t* given = config.cells_log2;
+  if (given[0] != 0 || given[1] != 0 || given[2] != 0) {
+    return {{given[0], given[1], given[2]}};
+  }
+  const double extents[3] = {space.max().x - space.min().x, space.max().y - space.min().y,
+                             space.max().z - space.min().z};
+  return regions::CellGrid::choose(extents, std::max<std::size_t>(4096, std::size_t{64} * config.nodes));
+}
+
+// Cells of about a third of the interest radius: few spans to read, little read in vain.
+regions::CellGrid interest_grid(const WorldConfig& config, const geometry::FixedSpace& space) {
+  const double extents[3] = {space.max().x - space.min().x, space.max().y - space.min().y,
+                             space.max().z - space.min().z};
+  const double side = std::max(config.interest / 3, 1e-3);
+  double cells = 1;
+  for (const double extent : extents) {
+    cells *= std::max(1.0, extent / side);
+  }
+  return regions::CellGrid::choose(extents, static_cast<std::size_t>(std::min(cells, double{most_interest_cells})));
+}
+
+std::array<std::uint32_t, 32> layer_masks(const LayerMatrix& layers) {
+  std::array<std::uint32_t, 32> masks{};
+  const auto named = static_cast<std::uint8_t>(std::max<std::size_t>(1, layers.names.size()));
+  const std::uint32_t every = ~std::uint32_t{0} >> (32 - named);
+  bool all_collide = true;
+  for (std::uint8_t layer = 0; layer < 32; ++layer) {
+    masks[layer] = layers.mask(layer);
+    all_collide &= layer >= named || (masks[layer] & every) == every;
+  }
+  if (all_collide) {
+    masks.fill(~std::uint32_t{0});  // which spares the sweep its layer columns
+  }
+  return masks;
+}
+
+}  // namespace
+
+World::Implementation::Implementation(WorldConfig given)
+    : config(facade::settle(std::move(given))),
+      space(config.bounds_min, config.bounds_max),
+      registry(config.capacities.objects) {
+  publications.grid = interest_grid(config, space);
+  publications.space = &space;
+  relay = std::make_unique<link::Publication>(publications.grid.cells(), config.capacities.objects);
+  publications.server.publication = relay.get();
+  publications.users.reserve(config.capacities.users);
+  order.caller = threaded() ? &caller_bell : nullptr;
+  user_tracks.resize(std::max(1u, config.user_threads));
+  build_server();
+}
+
+// The nodes are there when the server is made: it is given their lines.
+void World::Implementation::build_server() {
+  nodes::ServerSetup setup;
+  setup.shapes = &shapes;
+  setup.space = &space;
+  setup.model = config.motion.get();
+  setup.publications = &publications;
+  setup.order = &order;
+  setup.deployment = config.deployment;
+  setup.placement = config.placement;
+  setup.layer_masks = layer_masks(config.layers);
+  setup.keep_resting = config.keep_resting;
+  setup.capacities = config.capacities;
+  setup.interest = config.interest;
+  setup.balance = config.balance;
+  setup.track = config.timeline ? &server_track : nullptr;
+  const regions::RegionMap map(region_grid(config, space), std::max(1u, config.nodes));
+  if (threaded()) {
+    server_worker = std::make_unique<Worker>();
+    start_worker(*server_worker);
+  }
+  for (NodeNumber node = 0; node < map.nodes(); ++node) {
+    setup.nodes.push_back(add_node(map, map.nodes()));
+  }
+  server = std::make_unique<nodes::ServerRole>(setup, map);
+  introduce_nodes();
+  if (threaded()) {
+    server_worker->assign({Steppable::of(*server)});
+    user_workers.resize(config.user_threads);
+    for (Worker& worker : user_workers) {
+      start_worker(worker);
+    }
+  }
+}
+
+// One core each for the server and the nodes where there are enough; user threads go where there is room.
+void World::Implementation::start_worker(Worker& worker) {
+  worker.start(config.pin ? &cores : nullptr, config.pin ? next_core++ : Worker::unpinned);
+}
+
+// Makes the next CD node of `count` in the end, not yet introduced to its peers and not yet stepped; returns the
+// server's end of its line.
+Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_t count) {
+  const auto node = static_cast<NodeNumber>(node_roles.size());
+  link::Doorbell* bell = nullptr;
+  if (threaded()) {
+    start_worker(node_workers.emplace_back());
+    bell = &node_workers.back().bell();
+  }
+  node_ways.push_back(std::make_unique<Way>(ring_bytes(server_node_ring), server_bell(), bell));
+  // Many nodes need many rings between them; a hand-over is small.
+  const std::size_t peer_ring = ring_bytes(std::size_t{1} << (count <= 16 ? 18 : count <= 64 ? 14 : 12));
+  for (NodeNumber peer = 0; peer < node; ++peer) {
+    peer_ways[{peer, node}] = std::make_unique<Way>(peer_ring, threaded() ? &node_workers[peer].bell() : nullptr, bell);
+  }
+  nodes::CdNodeSetup setup;
+  setup.node = node;
+  setup.shapes = &shapes;
+  setup.space = &space;
+  setup.model = config.motion.get();
+  setup.placement = config.placement;
+  setup.layer_masks = layer_masks(config.layers);
+  setup.keep_resting = config.keep_resting;
+  setup.shares_thread = !threaded();
+  setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
+  setup.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / count + 64);
+  setup.pairs = std::min(config.capacities.pairs, 2 * config.capacities.pairs / count + 64);
+  setup.server = node_ways.back()->second();
+  node_roles.push_back(std::make_unique<nodes::CdNodeRole>(setup, map));
+  return node_ways.back()->first();
+}
+
+// Tells every node of the others and lets the threads step them.
+void World::Implementation::introduce_nodes() {
+  const auto count = static_cast<NodeNumber>(node_roles.size());
+  for (NodeNumber node = 0; node < count; ++node) {
+    if (threaded()) {
+      node_workers[node].assign({});
+    }
+    std::vector<Line> peers(count);
+    for (NodeNumber peer = 0; peer < count; ++peer) {
+      if (peer != node) {
+        Way& way = *peer_ways.at({std::min(peer, node), std::max(peer, node)});
+        peers[peer] = node < peer ? way.first() : way.second();
+      }
+    }
+    node_roles[node]->meet(node, peers);
+    if (threaded()) {
+      node_workers[node].assign({Steppable::of(*node_roles[node])});
+    }
+  }
+  list_in_place();
+}
+
+// No frame is under way.
+void World::Implementation::grow_nodes() {
+  if (resize_to == 0) {
+    return;
+  }
+  Request request;
+  request.kind = Request::Kind::add_node;
+  const bool more = resize_to > node_roles.size();
+  while (node_roles.size() < resize_to) {
+    request.line = add_node(server->map(), resize_to);
+    order.requests.push_back(request);
+  }
+  if (more) {
+    introduce_nodes();
+  }
+  request.kind = Request::Kind::resize;
+  request.nodes = std::exchange(resize_to, 0u);
+  order.requests.push_back(request);
+}
+
+// The frame in which they handed everything over is complete.
+void World::Implementation::retire_nodes() {
+  const NodeNumber count = server->map().nodes();
+  if (node_roles.size() == count) {
+    return;
+  }
+  std::vector<std::unique_ptr<Way>> retired;  // until the others have forgotten the way
+  while (node_roles.size() > count) {
+    const auto node = static_cast<NodeNumber>(node_roles.size() - 1);
+    if (threaded()) {
+      node_workers[node].assign({});
+    }
+    node_roles.pop_back();
+    if (config.timeline) {
+      node_tracks.pop_back();
+    }
+    retired.push_back(std::move(node_ways.back()));
+    node_ways.pop_back();
+    for (NodeNumber peer = 0; peer < node; ++peer) {
+      retired.push_back(std::move(peer_ways[{peer, node}]));
+      peer_ways.erase({peer, node});
+    }
+  }
+  introduce_nodes();
+  retired.clear();
+  while (node_workers.size() > count) {
+    node_workers.pop_back();
+  }
+}
+
+void World::Implementation::list_in_place() {
+  in_place.clear();
+  if (threaded()) {
+    return;
+  }
+  in_place.push_back(Steppable::of(*server));
+  for (auto& role : node_roles) {
+    in_place.push_back(Steppable::of(*role));
+  }
+  for (auto& [number, user] : user_nodes) {
+    in_place.push_back(Steppable::of(*user->role));
+  }
+}
+
+// No frame is under way: the roles are idle, and the publications nobody reads.
+void World::Implementation::connect_users() {
+  bool changed = false;
+  for (Request& request : order.requests) {
+    if (request.kind != Request::Kind::connect) {
+      continue;
+    }
+    const UserNumber number = request.user;
+    const std::size_t worker = number % std::max<std::size_t>(1, user_workers.size());
+    link::Doorbell* bell = threaded() ? &user_workers[worker].bell() : nullptr;
+    auto user = std::make_unique<User>(ring_bytes(user_ring), server_bell(), bell, publications.grid.cells());
+    user->worker = worker;
+    nodes::UserSetup setup;
+    setup.user = number;
+    setup.model = config.motion.get();
+    setup.publications = &publications;
+    setup.interest = config.interest;
+    setup.track = config.timeline ? &user_tracks[worker] : nullptr;
+    setup.objects = config.deployment == Deployment::user ? 64 : 4;
+    setup.server = user->way.second();
+    user->role = std::make_unique<nodes::UserRole>(setup);
+    request.line = user->way.first();
+    if (number >= publications.users.size()) {
+      publications.users.resize(number + 1);
+    }
+    publications.users[number] = {};
+    publications.users[number].publication = &user->publication;
+    user_nodes[number] = std::move(user);
+    changed = true;
+  }
+  if (changed) {
+    assign_users();
+  }
+}
+
+// The frame whose cut disconnected them is complete: nobody speaks to them or reads what they published.
+void World::Implementation::forget_users() {
+  if (cut_leaving.empty()) {
+    return;
+  }
+  std::vector<std::unique_ptr<User>> gone;
+  for (const UserNumber number : cut_leaving) {
+    publications.users[number] = {};
+    gone.push_back(std::move(user_nodes[number]));
+    user_nodes.erase(number);
+  }
+  assign_users();
+  cut_leaving.clear();
+}
+
+void World::Implementation::assign_users() {
+  if (!threaded()) {
+    list_in_place();
+    return;
+  }
+  std::vector<std::vector<Steppable>> roles(user_workers.size());
+  for (auto& [number, user] : user_nodes) {
+    roles[user->worker].push_back(Steppable::of(*user->role));
+  }
+  for (std::size_t worker = 0; worker < user_workers.size(); ++worker) {
+    user_workers[worker].assign(std::move(roles[worker]));
+  }
+}
+
+void World::Implementation::step_in_place() {
+  while (order.completed.load(std::memory_order_acquire) != begun) {
+    for (const Steppable& role : in_place) {
+      role.step(role.role);
+    }
+  }
+}
+
+}  // namespace ringfence
