@@ -12,6 +12,7 @@
 #include "geometry/vector.hpp"
 #include "motion/random.hpp"
 #include "ringfence/error.hpp"
+#include "worlds/asteroid.hpp"
 
 namespace ringfence::worlds {
 namespace {
@@ -20,6 +21,7 @@ using motion::Draws;
 
 constexpr std::uint32_t shapes_a_kind = 64;
 constexpr int hull_points = 32;
+constexpr std::uint32_t mesh_frequency = 4;  // 320 triangles
 constexpr int tries = 64;
 constexpr double sphere_volume = 4.18879020478639098;  // of radius 1
 constexpr double closest = 0.8;                        // centres at the start, of the sum of the radii
@@ -31,8 +33,6 @@ void check(const PaperWorldOptions& options) {
   const auto require = [](bool holds, const std::string& what) {
     if (!holds) throw Error(what);
   };
-  require(options.shapes != ShapeSetting::mesh,
-          "shapes: mesh is not in this version; expected sphere, box, capsule, hull or mixed");
   require(options.objects >= 1 && options.objects <= 10'000'000,
           fmt::format("objects: {}; expected 1 to 10000000", options.objects));
   require(options.coverage >= 1e-6 && options.coverage <= 0.6,
@@ -84,6 +84,7 @@ ShapeDescription make_shape(ShapeKind kind, std::uint64_t seed, std::uint32_t in
     const float radius = draws.between(0.4f, 0.8f), half_height = draws.between(0.3f, 1.0f);
     return Capsule{radius, half_height};
   }
+  if (kind == ShapeKind::mesh) return make_asteroid(seed, index, mesh_frequency);
   Draws draws(seed, hull_sizes, index);
   const float x = draws.between(0.6f, 1.2f), y = draws.between(0.6f, 1.2f), z = draws.between(0.6f, 1.2f);
   ConvexHull hull;
@@ -105,14 +106,16 @@ struct Library {
 Library make_library(const std::vector<ShapeKind>& cycle, std::uint64_t seed) {
   Library library;
   geometry::ShapeTable table;
-  for (const ShapeKind kind : {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull}) {
+  for (const ShapeKind kind :
+       {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh}) {
     if (std::find(cycle.begin(), cycle.end(), kind) == cycle.end()) continue;
     const auto k = static_cast<std::size_t>(kind);
     library.first[k] = static_cast<ShapeNumber>(library.shapes.size());
     library.count[k] = kind == ShapeKind::sphere ? 1 : shapes_a_kind;
     for (std::uint32_t i = 0; i < library.count[k]; ++i) {
       ShapeDescription shape = make_shape(kind, seed, i);
-      library.volumes.push_back(table.volume(table.add(shape)));
+      const auto* surface = std::get_if<TriangleMesh>(&shape);
+      library.volumes.push_back(surface != nullptr ? volume_inside(*surface) : table.volume(table.add(shape)));
       const std::string name = library.count[k] > 1 ? fmt::format("{}-{}", name_of(kind), i) : name_of(kind);
       library.shapes.push_back({name, std::move(shape), {}});
     }
@@ -131,8 +134,9 @@ std::vector<ShapeKind> kind_cycle(ShapeSetting setting) {
       return {capsule};
     case ShapeSetting::hull:
       return {hull};
-    case ShapeSetting::mixed:
     case ShapeSetting::mesh:
+      return {mesh};
+    case ShapeSetting::mixed:
       break;
   }
   return {sphere, box, hull, capsule, box, hull};

@@ -91,7 +91,7 @@ class SceneReader {
     shape.expect_object({"type", "file"});
     const JsonValue file = shape.field("file");
     const std::filesystem::path path = folder_ / file.text();
-    if (!loader_) file.fail("triangle meshes are not in this version; expected sphere, box, capsule or convex_hull");
+    if (!loader_) file.fail("there is no reader of mesh files here; expected sphere, box, capsule or convex_hull");
     try {
       return loader_(path);
     } catch (const Error& error) {

@@ -188,8 +188,6 @@ TEST_CASE("an option out of range is refused by name and range") {
   CHECK(refusal([](PaperWorldOptions& o) { o.coverage = NAN; }) == "coverage: nan; expected 0.000001 to 0.6");
   CHECK(refusal([](PaperWorldOptions& o) { o.users = 4001; }) ==
         "users: 4001; expected at most one for each of the 4000 objects");
-  CHECK(refusal([](PaperWorldOptions& o) { o.shapes = ShapeSetting::mesh; }) ==
-        "shapes: mesh is not in this version; expected sphere, box, capsule, hull or mixed");
   CHECK(refusal([](PaperWorldOptions& o) {
           o.target_interval = {5, 4};
         }) == "interval 5:4: expected A:B frames with 1 <= A <= B <= 1000000000");

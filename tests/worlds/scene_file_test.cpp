@@ -146,8 +146,8 @@ TEST_CASE("each thing that is wrong with a scene is told with line, field, findi
       {"\"radius\": 0.25", "\"radios\": 0.25",
        "s.json:7: shapes.person: unknown field \"radios\"; expected type, radius, half_height"},
       {"\"convex_hull\", \"points\": [[0,0,0],[1,0,0],[0,1,0],[0,0,1]]", "\"mesh\", \"file\": \"a.obj\"",
-       "s.json:8: shapes.rock.file: triangle meshes are not in this version; expected sphere, box, capsule or "
-       "convex_hull"},
+       "s.json:8: shapes.rock.file: there is no reader of mesh files here; expected sphere, box, capsule "
+       "or convex_hull"},
       {"\"shape\": \"ball\"", "\"shape\": \"bal\"",
        "s.json:10: objects[0].shape: unknown shape \"bal\"; expected one of the 4 in \"shapes\""},
       {"\"id\": 8", "\"id\": 7", "s.json:13: objects[2].id: id 7 is there twice; expected distinct ids"},

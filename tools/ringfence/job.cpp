@@ -9,6 +9,7 @@
 #include "exit_code.hpp"
 #include "frame_checker.hpp"
 #include "frame_outputs.hpp"
+#include "mesh_file.hpp"
 #include "progress.hpp"
 #include "recording.hpp"
 #include "report.hpp"
@@ -68,7 +69,7 @@ Job make_job(const RunOptions& options) {
 
 Job make_job(const ReplayOptions& options) {
   Job job;
-  job.scene = worlds::read_scene(options.scene);
+  job.scene = worlds::read_scene(options.scene, read_mesh);
   const worlds::Motion motion = worlds::read_motion(options.motion, job.scene);
   job.title = fmt::format("{} objects of {}, {} frames of {}", job.scene.objects.size(), options.scene, motion.frames,
                           options.motion);

@@ -1,14 +1,34 @@
 #include "recording.hpp"
 
+#include <filesystem>
 #include <limits>
+#include <system_error>
 
 #include "exit_code.hpp"
+#include "mesh_file.hpp"
+#include "ringfence/error.hpp"
 #include "worlds/scene_file.hpp"
 
 namespace ringfence::tools {
 namespace {
 
 constexpr double nowhere = std::numeric_limits<double>::quiet_NaN();
+
+/// Writes the meshes of a scene to the folder PREFIX-meshes and says so in the scene: a recording needs no other file.
+void write_meshes(const std::string& prefix, worlds::Scene& scene) {
+  const std::filesystem::path folder = prefix + "-meshes";
+  std::size_t count = 0;
+  for (worlds::NamedShape& shape : scene.shapes) {
+    const auto* mesh = std::get_if<TriangleMesh>(&shape.description);
+    if (mesh == nullptr) continue;
+    std::error_code error;
+    std::filesystem::create_directories(folder, error);
+    if (error) throw Error(folder.string() + ": " + error.message());
+    const std::filesystem::path file = std::to_string(count++) + ".ply";
+    write_mesh(folder / file, *mesh);
+    shape.mesh_file = (folder.filename() / file).string();
+  }
+}
 
 }  // namespace
 
@@ -22,6 +42,7 @@ Recording::Recording(const std::string& prefix, const worlds::Scene& scene, cons
     object.present = view.spec.present;
     object.pose = view.spec.pose;
   }
+  write_meshes(prefix, start);
   worlds::write_scene(prefix + ".json", start);
   motion_ = std::make_unique<worlds::BinaryMotionWriter>(prefix + ".bin", static_cast<std::uint32_t>(objects_.size()));
 }

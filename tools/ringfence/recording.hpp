@@ -11,7 +11,7 @@
 namespace ringfence::tools {
 
 /// Writes a run as PREFIX.json and PREFIX.bin: the scene as it stands before the first counted frame, and where every
-/// object is in each.
+/// object is in each. Meshes go to the folder PREFIX-meshes.
 class Recording {
  public:
   /// With an empty prefix nothing is recorded. `scene` is what was loaded into `world`; its objects are looked up by
