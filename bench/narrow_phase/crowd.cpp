@@ -4,11 +4,15 @@
 #include <cmath>
 #include <numeric>
 #include <random>
+#include <variant>
+
+#include "worlds/asteroid.hpp"
 
 namespace ringfence::narrow_phase_bench {
 namespace {
 
-constexpr int shapes_a_side = 64;
+/// Of large meshes few, or making them takes longer than what is measured.
+int shapes_of(const Side& side) { return side.triangles() < 1000 ? 64 : side.triangles() < 10'000 ? 16 : 4; }
 constexpr double coverage = 0.06;
 
 using Random = std::mt19937_64;
@@ -40,6 +44,8 @@ ShapeDescription draw_shape(const Side& side, Random& random) {
       return Box{{uniform(random, 0.6, 1.2), uniform(random, 0.6, 1.2), uniform(random, 0.6, 1.2)}};
     case ShapeKind::capsule:
       return Capsule{uniform(random, 0.4, 0.8), uniform(random, 0.3, 1)};
+    case ShapeKind::mesh:
+      return worlds::make_asteroid(1, static_cast<std::uint32_t>(random()), static_cast<std::uint32_t>(side.vertices));
     default: {
       const Vec3f scale{uniform(random, 0.6, 1.2), uniform(random, 0.6, 1.2), uniform(random, 0.6, 1.2)};
       ConvexHull hull;
@@ -54,21 +60,29 @@ ShapeDescription draw_shape(const Side& side, Random& random) {
 
 }  // namespace
 
-std::string Side::name() const { return kind == ShapeKind::hull ? "hull" + std::to_string(vertices) : name_of(kind); }
+std::string Side::name() const {
+  if (kind == ShapeKind::hull) return "hull" + std::to_string(vertices);
+  if (kind == ShapeKind::mesh && triangles() != 320) return "mesh" + std::to_string(triangles());
+  return name_of(kind);
+}
 
 Crowd make_crowd(const Side& a, const Side& b, std::size_t objects, std::uint64_t seed) {
   Random random(seed);
   Crowd crowd{a, b, std::make_unique<geometry::ShapeTable>(), {}, {}};
-  for (int i = 0; i < shapes_a_side; ++i) {
-    crowd.shapes->add(draw_shape(a, random));
-    crowd.shapes->add(draw_shape(b, random));
+  const int shapes_a_side = std::min(shapes_of(a), shapes_of(b));
+  std::vector<double> volumes;
+  for (int i = 0; i < 2 * shapes_a_side; ++i) {
+    const ShapeDescription shape = draw_shape(i % 2 == 0 ? a : b, random);
+    const ShapeNumber number = crowd.shapes->add(shape);
+    const auto* surface = std::get_if<TriangleMesh>(&shape);
+    volumes.push_back(surface != nullptr ? worlds::volume_inside(*surface) : crowd.shapes->volume(number));
   }
   const bool same = a.name() == b.name();
   double volume = 0;
   for (std::size_t i = 0; i < objects; ++i) {
     const auto side = static_cast<ShapeNumber>(i % 2);
-    const auto shape = static_cast<ShapeNumber>(random() % shapes_a_side * 2 + side);
-    volume += crowd.shapes->volume(shape);
+    const auto shape = static_cast<ShapeNumber>(random() % static_cast<std::uint64_t>(shapes_a_side) * 2 + side);
+    volume += volumes[shape];
     crowd.bodies.push_back({{}, shape, static_cast<ObjectNumber>(i + 1)});
   }
   const double width = std::cbrt(volume / coverage);

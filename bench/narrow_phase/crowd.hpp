@@ -11,12 +11,14 @@
 
 namespace ringfence::narrow_phase_bench {
 
-/// What the objects of one side of a crowd are: a kind and, for hulls, how many vertices.
+/// What the objects of one side of a crowd are: a kind and, for hulls, how many vertices; for meshes, how many edges of
+/// triangles to an edge of the icosahedron that they are made of.
 struct Side {
   ShapeKind kind = ShapeKind::sphere;
   int vertices = 0;
 
-  /// "sphere", "hull32": the word in benchmark names.
+  int triangles() const { return kind == ShapeKind::mesh ? 20 * vertices * vertices : 0; }
+  /// "sphere", "hull32", "mesh" (of 320 triangles, as in the paper's world), "mesh5120": the word in benchmark names.
   std::string name() const;
 };
 

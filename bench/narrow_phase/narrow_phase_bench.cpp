@@ -25,23 +25,34 @@ namespace {
 using namespace ringfence;
 using namespace ringfence::narrow_phase_bench;
 
-constexpr std::size_t crowd_objects = 4000;
+/// Large meshes take long enough that few pairs do.
+std::size_t crowd_objects(const Side& a, const Side& b) {
+  const int triangles = std::max(a.triangles(), b.triangles());
+  return triangles < 1000 ? 4000 : triangles < 10'000 ? 1000 : 200;
+}
 constexpr std::uint64_t seed = 1;
 
 struct Implementation {
   const char* name;
   std::unique_ptr<Peer> (*make)(const Crowd&);
+  enum class Meshes { no, too, only } meshes;
+
+  bool tests(const Side& a, const Side& b) const {
+    const bool any = a.kind == ShapeKind::mesh || b.kind == ShapeKind::mesh;
+    return any ? meshes != Meshes::no : meshes != Meshes::only;
+  }
 };
 
 constexpr Implementation implementations[] = {
-    {"ringfence", make_ringfence},
+    {"ringfence", make_ringfence, Implementation::Meshes::too},
 #ifdef RINGFENCE_BENCH_FCL
-    {"fcl", make_fcl},
+    {"fcl", make_fcl, Implementation::Meshes::too},
+    {"fcl_first", make_fcl_first, Implementation::Meshes::only},
 #endif
 #ifdef RINGFENCE_BENCH_BULLET
-    {"bullet", make_bullet},
+    {"bullet", make_bullet, Implementation::Meshes::no},
 #endif
-    {"libccd", make_libccd},
+    {"libccd", make_libccd, Implementation::Meshes::no},
 };
 
 /// A crowd, who tests it, and which of its candidates touch.
@@ -58,11 +69,12 @@ constexpr double allowed_difference = 0.01;
 std::unique_ptr<Arena> make_arena(const Side& a, const Side& b) {
   auto made = std::make_unique<Arena>();
   Arena& arena = *made;
-  arena.crowd = make_crowd(a, b, crowd_objects, seed);
+  arena.crowd = make_crowd(a, b, crowd_objects(a, b), seed);
   arena.all.resize(arena.crowd.pairs.size());
   std::iota(arena.all.begin(), arena.all.end(), 0u);
   std::vector<std::uint8_t> expected;
   for (const Implementation& implementation : implementations) {
+    if (!implementation.tests(a, b)) continue;
     auto peer = implementation.make(arena.crowd);
     peer->select(arena.all);
     peer->test();
@@ -190,8 +202,8 @@ void add(const Side& a, const Side& b, const std::string& name, Variant variant,
 }
 
 void add_all(const Side& a, const Side& b) {
-  if (!narrow_phase::can_test(a.kind, b.kind)) return;
   for (const Implementation& implementation : implementations) {
+    if (!implementation.tests(a, b)) continue;
     for (const Variant variant : {Variant::mix, Variant::hits, Variant::misses, Variant::cold}) {
       add(a, b, implementation.name, variant);
     }
@@ -212,6 +224,11 @@ void add_all_kinds() {
                              {capsule, capsule},
                              {capsule, hull}}) {
     add_all(a, b);
+  }
+  for (const int frequency : {4, 16, 71}) {
+    const Side mesh{ShapeKind::mesh, frequency};
+    for (const Side& other : {sphere, box, capsule, hull}) add_all(other, mesh);
+    add_all(mesh, mesh);
   }
   for (const int vertices : {8, 16, 32, 64, 128}) add_all({ShapeKind::hull, vertices}, {ShapeKind::hull, vertices});
 }

@@ -37,7 +37,10 @@ class Peer {
 };
 
 std::unique_ptr<Peer> make_ringfence(const Crowd& crowd);
+/// For meshes all contacts of a pair, as the deepest is among them.
 std::unique_ptr<Peer> make_fcl(const Crowd& crowd);
+/// Whether a pair touches and no more: it stops at the first triangles that do.
+std::unique_ptr<Peer> make_fcl_first(const Crowd& crowd);
 std::unique_ptr<Peer> make_bullet(const Crowd& crowd);
 std::unique_ptr<Peer> make_libccd(const Crowd& crowd);
 

@@ -3,6 +3,7 @@
 #include <memory>
 #include <vector>
 
+#include <fcl/geometry/bvh/BVH_model.h>
 #include <fcl/geometry/shape/box.h>
 #include <fcl/geometry/shape/capsule.h>
 #include <fcl/geometry/shape/convex.h>
@@ -23,6 +24,18 @@ inline std::shared_ptr<fcl::CollisionGeometryd> fcl_shape(const geometry::ShapeT
       return std::make_shared<fcl::Boxd>(2 * x, 2 * y, 2 * z);
     case ShapeKind::capsule:
       return std::make_shared<fcl::Capsuled>(x, 2 * y);
+    case ShapeKind::mesh: {
+      const geometry::Mesh& mesh = shapes.mesh(row.detail);
+      std::vector<fcl::Vector3d> vertices;
+      std::vector<fcl::Triangle> triangles;
+      for (const Vec3f& v : mesh.vertices()) vertices.push_back({double{v.x}, double{v.y}, double{v.z}});
+      for (const auto& t : mesh.triangles()) triangles.emplace_back(t[0], t[1], t[2]);
+      auto out = std::make_shared<fcl::BVHModel<fcl::OBBRSSd>>();
+      out->beginModel(static_cast<int>(triangles.size()), static_cast<int>(vertices.size()));
+      out->addSubModel(vertices, triangles);
+      out->endModel();
+      return out;
+    }
     default: {
       const geometry::Hull& hull = shapes.hull(row.detail);
       auto vertices = std::make_shared<std::vector<fcl::Vector3d>>();

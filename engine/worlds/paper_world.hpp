@@ -37,11 +37,11 @@ struct PaperWorld {
 /// non-active, everything turned at random. Objects 1 to `users` are the avatars.
 ///
 /// Sizes: spheres of radius 1; boxes with half extents of 0.6 to 1.2; capsules of radius 0.4 to 0.8 and half height
-/// 0.3 to 1; hulls of 32 points on a unit sphere scaled per axis by 0.6 to 1.2; meshes as make_asteroid has them, closed
-/// and of 320 triangles, whose volume is what they enclose. Of boxes, capsules, hulls and meshes there are 64 each,
-/// drawn by the seed, which the objects share. What steers starts about its target or on its way there, so that the
-/// world is crowded from the first frame; no two centres start closer than 0.8 of the sum of their equivalent radii, as
-/// far as 64 tries find such a place.
+/// 0.3 to 1; hulls of 32 points on a unit sphere scaled per axis by 0.6 to 1.2; meshes as make_asteroid has them,
+/// closed and of 320 triangles, whose volume is what they enclose. Of boxes, capsules, hulls and meshes there are 64
+/// each, drawn by the seed, which the objects share. What steers starts about its target or on its way there, so that
+/// the world is crowded from the first frame; no two centres start closer than 0.8 of the sum of their equivalent
+/// radii, as far as 64 tries find such a place.
 ///
 /// A pure function of the options, with the same bits on every machine. Throws Error naming the option that is out of
 /// range. Cost: about 1 µs an object.
