@@ -152,9 +152,10 @@ struct Meeting {
 
   /// Whether the two, as seen along the unit normal, are farther apart than `near`.
   HWY_INLINE hn::Mask<D> misses(D d, const Vector<D>& normal, hn::Vec<D> near) const {
+    // Not by the difference of the squares of the two lengths, whose rounding is larger than `near` when they are deep.
     const Vector<D> between = subtract(d, on_box, on_other);
-    const auto along = dot(d, between, normal);
-    return dot(d, between, between) - along * along > near * near;
+    const Vector<D> across = subtract(d, between, scale(d, normal, dot(d, between, normal)));
+    return dot(d, across, across) > near * near;
   }
 };
 
@@ -212,11 +213,12 @@ HWY_INLINE Meeting<D> meet_features(D d, const Features<D, axes>& features, cons
 /// not meet: a common point of the features that are flat. Where these do not meet either, rounding has chosen among
 /// axes that are as good to within it, and the deepest place is near, on features that are less flat. Then the point is
 /// moved along the normal to midway between the two surfaces. `inverse_squared` is one over the square of the length of
-/// the edges' product.
+/// the edges' product. Lanes that are not `wanted` get some point: features of shapes that are apart never meet, and
+/// the others would wait for them.
 template <class D, int axes>
 HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotope<D, axes>& other,
                                    const Vector<D>& normal, hn::Vec<D> depth, hn::Mask<D> by_edge,
-                                   const Crossing<D, axes>& crossing, hn::Vec<D> inverse_squared) {
+                                   const Crossing<D, axes>& crossing, hn::Vec<D> inverse_squared, hn::Mask<D> wanted) {
   const auto box_size = box_half.x + box_half.y + box_half.z;
   auto other_size = other.half[0];
   for (int k = 1; k < axes; ++k) other_size = other_size + other.half[k];
@@ -233,8 +235,9 @@ HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotop
       meet_edges(d, features_of(d, box_half, other, normal, by_edge, crossing, rounding), crossing, inverse_squared);
   const auto at_edges = hn::AndNot(crossed.misses(d, normal, near), by_edge);
   const Features<D, axes> flat = features_of(d, box_half, other, normal, none, crossing, rounding);
-  Meeting<D> met = meet_features(d, flat, other, normal, near, hn::Not(at_edges), {flat.box_base, flat.other_base});
-  const auto missed = hn::AndNot(at_edges, met.misses(d, normal, near));
+  const auto by_faces = hn::AndNot(at_edges, wanted);
+  Meeting<D> met = meet_features(d, flat, other, normal, near, by_faces, {flat.box_base, flat.other_base});
+  const auto missed = hn::And(by_faces, met.misses(d, normal, near));
   if (!hn::AllFalse(d, missed)) {
     met = meet_features(d, features_of(d, box_half, other, normal, none, crossing, misled), other, normal, near, missed,
                         met);

@@ -83,8 +83,9 @@ struct BoxBox {
     const auto inverse = hn::Set(d, Scalar<D>{1}) / hn::Sqrt(edge.length_squared);
     const auto depth = hn::IfThenElse(by_edge, hn::Sqrt(edge.overlap_squared) * inverse, face.overlap);
     const Vector<D> normal = towards(d, choose(d, by_edge, scale(d, crossing.product, inverse), face.normal), t);
-    const Vector<D> point = contact_point(d, p, other, normal, depth, by_edge, crossing, inverse * inverse);
-    return {hn::Not(edge.separated), depth, rotate(d, a, normal), rotate(d, a, point)};
+    const auto hit = hn::Not(edge.separated);
+    const Vector<D> point = contact_point(d, p, other, normal, depth, by_edge, crossing, inverse * inverse, hit);
+    return {hit, depth, rotate(d, a, normal), rotate(d, a, point)};
   }
 
  private:
@@ -153,11 +154,13 @@ struct BoxCapsule {
     const Vector<D> axis = choose(d, by_edge, scale(d, crossing.product, inverse), face.normal);
     const Vector<D> normal = choose(d, apart, scale(d, nearest.gap, inverse), towards(d, axis, centre));
 
-    const Vector<D> met = contact_point(d, half, other, normal, depth, by_edge, crossing, inverse * inverse);
+    const auto hit = depth >= zero;
+    const Vector<D> met =
+        contact_point(d, half, other, normal, depth, by_edge, crossing, inverse * inverse, hn::AndNot(apart, hit));
     const auto along = radius - depth * hn::Set(d, Scalar<D>(0.5));
     const Vector<D> near = subtract(d, nearest.on_segment, scale(d, normal, along));
     const Vector<D> point = choose(d, apart, near, met);
-    return {depth >= zero, depth, rotate(d, box, normal), rotate(d, box, point)};
+    return {hit, depth, rotate(d, box, normal), rotate(d, box, point)};
   }
 
  private:
