@@ -33,6 +33,16 @@ class ShapeTag {
     word_ = static_cast<std::uint64_t>(kind) << (2 * octaves) | too_large << octaves | up_to;
   }
 
+  /// Of all pairs of some shapes at once: whether they have one kind and none wants double, by the tag of each.
+  static bool alike(std::span<const ShapeTag> tags) noexcept {
+    std::uint64_t sizes = 0;
+    for (const ShapeTag& tag : tags) {
+      if (tag.kind() != tags.front().kind()) return false;
+      sizes |= tag.word_;
+    }
+    return (sizes & sizes >> octaves & all) == 0;
+  }
+
   std::size_t kind() const noexcept { return word_ >> (2 * octaves); }
   static bool wants_double(ShapeTag a, ShapeTag b) noexcept {
     const std::uint64_t both = a.word_ | b.word_;
@@ -174,6 +184,7 @@ struct NarrowPhase::Implementation {
 
   const geometry::ShapeTable& shapes;
   std::vector<ShapeTag> tags;
+  bool alike = true;  ///< all shapes, so that there is nothing to sort by
   Buffer<PairContact> contacts;
   std::unique_ptr<KernelPair[]> sorted = std::make_unique<KernelPair[]>(chunk_pairs);
   std::unique_ptr<Key[]> pair_keys = std::make_unique<Key[]>(chunk_pairs);
@@ -183,6 +194,7 @@ struct NarrowPhase::Implementation {
   std::size_t until_timed[shape_kinds][shape_kinds] = {};  ///< pairs that are not timed before the next that are
 
   void learn_shapes();
+  void copy(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
   bool find_keys(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs, std::size_t begin);
   std::uint64_t sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
   PairContact* test_key(std::span<const Body> bodies, std::size_t key, std::span<const KernelPair> pairs,
@@ -193,9 +205,17 @@ struct NarrowPhase::Implementation {
 };
 
 void NarrowPhase::Implementation::learn_shapes() {
+  if (tags.size() == shapes.size()) return;
   for (std::size_t shape = tags.size(); shape < shapes.size(); ++shape) {
     tags.push_back(tag_of(shapes.row(static_cast<ShapeNumber>(shape))));
   }
+  alike = ShapeTag::alike(tags);
+}
+
+/// Writes the pairs to `sorted` in their own order.
+void NarrowPhase::Implementation::copy(std::span<const geometry::CandidatePair> pairs, std::size_t begin) {
+  KernelPair* const to = sorted.get();
+  for (std::size_t i = 0; i < pairs.size(); ++i) write_ordered(pairs[i], begin + i, 0, to[i]);
 }
 
 /// Finds the key of each pair and writes the pairs to `sorted` in their own order, which is all that is to be done
@@ -288,6 +308,11 @@ PairContact* NarrowPhase::Implementation::time_block(Kernel kernel, const Kernel
 PairContact* NarrowPhase::Implementation::test_chunk(std::span<const Body> bodies,
                                                      std::span<const geometry::CandidatePair> pairs, std::size_t begin,
                                                      PairContact* out) {
+  if (alike) {
+    copy(pairs, begin);
+    const std::size_t kind = tags.front().kind();
+    return test_key(bodies, key_table.key[kind * 8 + kind], {sorted.get(), pairs.size()}, out);
+  }
   if (find_keys(bodies, pairs, begin)) {
     return test_key(bodies, pair_keys[0] & key_order, {sorted.get(), pairs.size()}, out);
   }
