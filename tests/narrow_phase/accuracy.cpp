@@ -1,0 +1,157 @@
+// Compares the narrow phase with the reference in double precision on many pairs of every two kinds, and says how many
+// answers are wrong. tools/check-accuracy runs it with millions of pairs; the tests run a share.
+#include <algorithm>
+#include <atomic>
+#include <charconv>
+#include <cstdio>
+#include <cstring>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "narrow_phase/convex_world.hpp"
+#include "narrow_phase/narrow_phase.hpp"
+#include "narrow_phase/pair_world.hpp"
+
+namespace ringfence::narrow_phase_test {
+namespace {
+
+constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull};
+/// Pairs of one world: hulls are shared by its bodies, so each world brings new ones.
+constexpr std::size_t world_pairs = 4000;
+
+struct Options {
+  std::uint64_t random = 1'000'000, nasty = 100'000, seed = 1;
+  unsigned threads = std::max(1u, std::thread::hardware_concurrency());
+};
+
+struct Tally {
+  std::uint64_t pairs = 0, contacts = 0;
+  std::uint64_t wrong = 0;        ///< by more than 10^-4 of the smaller object's size
+  std::uint64_t badly_wrong = 0;  ///< by more than 10^-3
+  std::string text;               ///< of the first few
+
+  void add(const Tally& other) {
+    pairs += other.pairs;
+    contacts += other.contacts;
+    wrong += other.wrong;
+    badly_wrong += other.badly_wrong;
+    if (text.size() < 4000) text += other.text;
+  }
+};
+
+/// One world: some pairs of two kinds, every other world the other way round.
+struct Task {
+  ShapeKind p, q;
+  bool nasty;
+  std::uint64_t seed;
+  std::size_t count;
+};
+
+PairWorld make_world(const Task& task) {
+  const bool hulls = task.p == ShapeKind::hull || task.q == ShapeKind::hull;
+  const auto make =
+      task.nasty ? (hulls ? nasty_convex_pairs : nasty_pairs) : (hulls ? ordinary_convex_pairs : ordinary_pairs);
+  return make(task.p, task.q, task.count, task.seed, {});
+}
+
+Tally run(const Task& task) {
+  const PairWorld world = make_world(task);
+  const std::vector<geometry::CandidatePair> pairs = task.seed % 2 == 0 ? world.pairs : world.swapped();
+  narrow_phase::NarrowPhase narrow_phase(world.shapes());
+  const auto contacts = narrow_phase.test(world.bodies, pairs);
+  const Verdict verdict = judge(world, pairs, contacts, 1e-4, 1);
+  Tally tally{pairs.size(), verdict.contacts, verdict.wrong, 0, {}};
+  if (verdict.wrong > 0) {
+    tally.badly_wrong = judge(world, pairs, contacts, 1e-3, 0).wrong;
+    tally.text =
+        std::string(task.nasty ? "nasty" : "random") + ", seed " + std::to_string(task.seed) + ", " + verdict.text;
+  }
+  return tally;
+}
+
+Tally run_all(ShapeKind p, ShapeKind q, bool nasty, const Options& options) {
+  const std::uint64_t pairs = nasty ? options.nasty : options.random;
+  std::vector<Task> tasks;
+  for (std::uint64_t done = 0; done < pairs; done += world_pairs) {
+    tasks.push_back({p, q, nasty, options.seed * 1'000'000 + tasks.size(),
+                     static_cast<std::size_t>(std::min<std::uint64_t>(world_pairs, pairs - done))});
+  }
+  std::atomic<std::size_t> next{0};
+  std::mutex adding;
+  Tally sum;
+  std::vector<std::thread> threads;
+  for (unsigned t = 0; t < options.threads; ++t) {
+    threads.emplace_back([&] {
+      for (std::size_t i; (i = next.fetch_add(1)) < tasks.size();) {
+        const Tally tally = run(tasks[i]);
+        const std::lock_guard lock(adding);
+        sum.add(tally);
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  return sum;
+}
+
+/// False where an option or its number is none.
+bool read(int argc, char** argv, Options& options) {
+  for (int i = 1; i < argc; i += 2) {
+    const std::string_view name = argv[i];
+    if (i + 1 == argc) return false;
+    std::uint64_t value = 0;
+    const char* const end = argv[i + 1] + std::strlen(argv[i + 1]);
+    const auto [at, error] = std::from_chars(argv[i + 1], end, value);
+    if (error != std::errc() || at != end) return false;
+    if (name == "--random") {
+      options.random = value;
+    } else if (name == "--nasty") {
+      options.nasty = value;
+    } else if (name == "--seed") {
+      options.seed = value;
+    } else if (name == "--threads" && value > 0 && value <= 1024) {
+      options.threads = static_cast<unsigned>(value);
+    } else {
+      return false;
+    }
+  }
+  return true;
+}
+
+int check(const Options& options) {
+  std::printf("%-17s %10s %10s %7s %7s   %10s %10s %7s %7s\n", "", "random", "contacts", "> 1e-4", "> 1e-3", "nasty",
+              "contacts", "> 1e-4", "> 1e-3");
+  bool failed = false;
+  std::string text;
+  for (const ShapeKind p : kinds) {
+    for (const ShapeKind q : kinds) {
+      if (q < p) continue;
+      std::printf("%-8s %-8s", name_of(p), name_of(q));
+      for (const bool nasty : {false, true}) {
+        const Tally tally = run_all(p, q, nasty, options);
+        std::printf(" %10llu %10llu %7llu %7llu%s", static_cast<unsigned long long>(tally.pairs),
+                    static_cast<unsigned long long>(tally.contacts), static_cast<unsigned long long>(tally.wrong),
+                    static_cast<unsigned long long>(tally.badly_wrong), nasty ? "\n" : "  ");
+        std::fflush(stdout);
+        failed |= tally.wrong > 0;
+        text += tally.text;
+      }
+    }
+  }
+  std::printf("%s", text.c_str());
+  return failed ? 1 : 0;
+}
+
+}  // namespace
+}  // namespace ringfence::narrow_phase_test
+
+int main(int argc, char** argv) {
+  ringfence::narrow_phase_test::Options options;
+  if (!ringfence::narrow_phase_test::read(argc, argv, options)) {
+    std::fprintf(stderr, "usage: check_accuracy [--random PAIRS] [--nasty PAIRS] [--seed N] [--threads N]\n");
+    return 2;
+  }
+  return ringfence::narrow_phase_test::check(options);
+}
