@@ -139,6 +139,7 @@ Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_
   setup.keep_resting = config.keep_resting;
   setup.shares_thread = !threaded();
   setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
+  setup.remember_axes = config.remember_axes;
   setup.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / count + 64);
   setup.pairs = std::min(config.capacities.pairs, 2 * config.capacities.pairs / count + 64);
   setup.server = node_ways.back()->second();

@@ -93,6 +93,23 @@ HWY_INLINE PairContact* write(const KernelPair& pair, const Turn<T>& first, Poin
   return out + 1;
 }
 
+/// Part of the two sizes by which a remembered axis has to keep two shapes apart: ten times what a reach may be off by.
+inline constexpr float proof = 1e-5f;
+
+/// Whether a remembered axis proves the two apart.
+template <class First, class Second>
+HWY_INLINE bool still_apart(const First& first, const Second& second, const Placement<float>& placed, Vec3f axis,
+                            float size, Work& work) {
+  const Vec3f n = rotate_back(placed.first, axis);
+  const float value = (first.template support<float>(n).value() +
+                       second.template support<float>(-rotate_back(placed.turn, n)).value()) -
+                      dot(n, placed.offset);
+  ++work.directions;
+  work.pass<float>(first.vertices());
+  work.pass<float>(second.vertices());
+  return value < -proof * size;
+}
+
 /// One pair, of float or double.
 template <class T, class First, class Second, class Place>
 HWY_INLINE PairContact* test_pair(const KernelInput& input, const KernelPair& pair, const First& first,
@@ -105,13 +122,29 @@ HWY_INLINE PairContact* test_pair(const KernelInput& input, const KernelPair& pa
   work.pass<T>(second.vertices());
   const T value = (p_support.value() + q_support.value()) - along_axis;
   if (value < T(0)) return out;
+  const Placement<T> placed = placement();
+  const Body &a = input.bodies[pair.first], &b = input.bodies[pair.second];
+  AxisMemory* const memory = sizeof(T) == 4 ? input.memory : nullptr;
+  const AxisMemory::Key key = AxisMemory::key_of(a.number, b.number);
+  if constexpr (sizeof(T) == 4) {
+    if (memory != nullptr && (*memory)[key].tag == key.tag) {
+      const float size = input.shapes.row(a.shape).bounding_radius + input.shapes.row(b.shape).bounding_radius;
+      if (still_apart(first, second, placed, (*memory)[key].axis, size, work)) {
+        ++work.ended_early;
+        return out;
+      }
+      (*memory)[key].tag = 0;
+    }
+  }
   const auto p = first.polytope();
   const auto q = second.polytope();
-  const Placement<T> placed = placement();
   PolytopePair<T> overlap(polytope_in(p), polytope_in(q), placed,
                           {value, p_support.vertex(polytope_in(p)), q_support.vertex(polytope_in(q))}, work);
   Overlap<T> found;
-  if (overlap.test(found)) out = write(pair, placed.first, placed.world, found, out);
+  if (overlap.test(found)) return write(pair, placed.first, placed.world, found, out);
+  if constexpr (sizeof(T) == 4) {
+    if (memory != nullptr) (*memory)[key] = {key.tag, rotate(placed.first, overlap.direction())};
+  }
   return out;
 }
 

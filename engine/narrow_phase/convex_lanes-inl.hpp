@@ -40,7 +40,7 @@ using Turn = geometry::RotationOf<T>;
 
 /// What a test did, for the counters.
 struct Work {
-  std::size_t lanes = 0, filled = 0, directions = 0;
+  std::size_t lanes = 0, filled = 0, directions = 0, ended_early = 0;
 
   /// A pass over `count` things, a vector at a time.
   template <class T>
@@ -53,6 +53,7 @@ struct Work {
     counters.lanes += lanes;
     counters.lanes_filled += filled;
     counters.iterations += directions;
+    counters.ended_early += ended_early;
   }
 };
 

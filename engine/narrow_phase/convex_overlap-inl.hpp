@@ -103,6 +103,9 @@ class PolytopePair {
     return true;
   }
 
+  /// After a test that found them apart, a unit direction that separates them, in the axes of a.
+  Point<T> direction() const { return direction_; }
+
  private:
   static constexpr Columns16<T> d{};
   using Lanes = hn::Vec<Columns16<T>>;
@@ -196,8 +199,11 @@ class PolytopePair {
     FaceChoice choice{best_};
     choice.judge(of_a, T(a_.offset[of_a]) - dot(normal_of_a, deepest_b));
     choice.judge(max_faces + of_b, T(b_.offset[of_b]) - dot(normal_of_b, deepest_a));
-    if (choice.least < T(0)) return true;
     best_ = choice.least;
+    if (best_ < T(0)) {
+      take_direction(choice);
+      return true;
+    }
 
     typename Bounds::Set chances_of_a, chances_of_b;
     add_point(a_, deepest_b, bounds_of_a_, chances_of_a);
@@ -217,14 +223,10 @@ class PolytopePair {
       ++work_.directions;
       work_.pass<T>(a_.vertices);
     });
-    if (choice.least < T(0)) return true;
     const bool better = choice.least < best_;
     best_ = choice.least;
-    if (choice.face < max_faces) {
-      direction_ = normal_of<T>(a_, choice.face);
-    } else if (choice.face != FaceChoice::none) {
-      direction_ = -rotate(turn_, normal_of<T>(b_, choice.face - max_faces));
-    }
+    take_direction(choice);
+    if (best_ < T(0)) return true;
     if (better) {
       add_point(a_, deepest_of_b(rotate_back(turn_, direction_)), bounds_of_a_, chances_of_a);
       add_point(b_, deepest_of_a(direction_), bounds_of_b_, chances_of_b);
@@ -243,6 +245,14 @@ class PolytopePair {
       least = std::min(value, least);
     }
   };
+
+  HWY_INLINE void take_direction(const FaceChoice& choice) {
+    if (choice.face < max_faces) {
+      direction_ = normal_of<T>(a_, choice.face);
+    } else if (choice.face != FaceChoice::none) {
+      direction_ = -rotate(turn_, normal_of<T>(b_, choice.face - max_faces));
+    }
+  }
 
   template <class Visit>
   static HWY_INLINE void for_each(const std::uint64_t* set, std::size_t size, const Visit& visit) {

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "geometry/shape_table.hpp"
+#include "narrow_phase/axis_memory.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "telemetry/clock.hpp"
 
@@ -52,6 +53,7 @@ struct KernelInput {
   /// a function of the two shapes alone.
   bool in_double = false;
   GatherWatch* watch = nullptr;  ///< of pairs that are timed; null for all others
+  AxisMemory* memory = nullptr;  ///< null where axes are not remembered; only kernels of polytopes look at it
 };
 
 /// Around what a kernel does to gather.
@@ -70,9 +72,9 @@ inline constexpr std::size_t contact_slack = 16;
 ///
 /// `out` has room for `input.pairs.size() + contact_slack` contacts. PairContact is in terms of the candidate's own a
 /// and b: `normal` points from a to b and `point` is relative to a's position, so a flipped pair is turned round before
-/// it is written. The kernel adds to `lanes`, `lanes_filled` and `iterations` of `counters`; the rest is counted by
-/// the caller. What is found for a pair depends on nothing but its two shapes and poses. No allocation, no exception,
-/// no state between calls.
+/// it is written. The kernel adds to `lanes`, `lanes_filled`, `iterations` and `ended_early` of `counters`; the rest is
+/// counted by the caller. What is found for a pair depends on nothing but its two shapes and poses. No allocation, no
+/// exception, no state between calls.
 using Kernel = PairContact* (*)(const KernelInput& input, PairContact* out, KindCounters& counters);
 
 // Closed forms, in lanes (primitive_kernels.cpp).

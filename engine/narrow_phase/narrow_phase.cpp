@@ -184,7 +184,8 @@ struct NarrowPhase::Implementation {
 
   const geometry::ShapeTable& shapes;
   std::vector<ShapeTag> tags;
-  bool alike = true;  ///< all shapes, so that there is nothing to sort by
+  std::unique_ptr<AxisMemory> memory;  ///< null where axes are not to be remembered
+  bool alike = true;                   ///< all shapes, so that there is nothing to sort by
   Buffer<PairContact> contacts;
   std::unique_ptr<KernelPair[]> sorted = std::make_unique<KernelPair[]>(chunk_pairs);
   std::unique_ptr<Key[]> pair_keys = std::make_unique<Key[]>(chunk_pairs);
@@ -268,6 +269,7 @@ PairContact* NarrowPhase::Implementation::test_key(std::span<const Body> bodies,
   std::size_t& until = until_timed[index_of(kinds.first)][index_of(kinds.second)];
   const Sampling sampling = sampling_of(kinds);
   KernelInput input{bodies, shapes, pairs, (key & key_in_double) != 0};
+  input.memory = memory.get();
   PairContact* end = out;
   // Whole blocks before the timed one, so that no vector is filled less for its sake.
   for (std::size_t at; (at = until / sampling.block * sampling.block) < pairs.size();) {
@@ -343,6 +345,16 @@ std::span<const PairContact> NarrowPhase::test(std::span<const Body> bodies,
   }
   assert(self.untested == 0);
   return {begin, out};
+}
+
+void NarrowPhase::remember_axes(bool on) {
+  std::unique_ptr<AxisMemory>& memory = implementation_->memory;
+  if (on == (memory != nullptr)) return;
+  memory = on ? std::make_unique<AxisMemory>() : nullptr;
+}
+
+void NarrowPhase::forget_axes() noexcept {
+  if (implementation_->memory != nullptr) implementation_->memory->clear();
 }
 
 std::size_t NarrowPhase::untested() const noexcept { return implementation_->untested; }

@@ -31,6 +31,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   new_map_.reserve(map.grid().cells());
   kinds_.reserve(shape_kinds * shape_kinds);
   hits_.reserve(setup.objects);
+  narrow_.remember_axes(setup.remember_axes);
   movers_.reserve(setup.objects);
   host_.reserve_contacts(setup.objects);
 }

@@ -34,6 +34,7 @@ struct CdNodeSetup {
   bool keep_resting = true;                     ///< see WorldConfig
   bool shares_thread = false;         ///< other roles run on its thread: its CPU time is then the time that it was busy
   telemetry::Track* track = nullptr;  ///< null: nothing is noted
+  bool remember_axes = true;          ///< see narrow_phase::NarrowPhase
   std::size_t objects = 0;            ///< reserved
   std::size_t pairs = 0;              ///< reserved
   Line server;

@@ -6,7 +6,6 @@
 #include <doctest/doctest.h>
 
 #include "motion/steering.hpp"
-#include "narrow_phase/narrow_phase.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/world.hpp"
 #include "worlds/load.hpp"
@@ -26,12 +25,29 @@ struct ForcedTarget {
 struct Run {
   std::uint64_t digest = 0;
   std::uint64_t contacts = 0;
+  std::uint64_t ended_early = 0;
+  std::uint64_t handed_over = 0;
 };
 
-Run run(const worlds::PaperWorld& paper, UserNumber users, Placement placement, std::uint32_t nodes, int frames) {
+constexpr UserNumber users = 8;
+
+worlds::PaperWorldOptions options_of(ShapeSetting shapes) {
+  worlds::PaperWorldOptions options;
+  options.objects = 400;
+  options.users = users;
+  options.shapes = shapes;
+  options.coverage = 0.12;
+  return options;
+}
+
+WorldConfig config_of(Placement placement, std::uint32_t nodes) {
   WorldConfig config;
   config.placement = placement;
   config.nodes = nodes;
+  return config;
+}
+
+Run run(const worlds::PaperWorld& paper, WorldConfig config, int frames) {
   config.motion = std::make_shared<motion::Steering>(paper.steering);
   worlds::configure_for(config, paper.scene, users);
   World world(config);
@@ -43,6 +59,8 @@ Run run(const worlds::PaperWorld& paper, UserNumber users, Placement placement, 
     REQUIRE(world.report().tested == world.report().candidates);
     digest.add_frame(world.contacts());
     result.contacts += world.contacts().size();
+    result.handed_over += world.report().handed_over;
+    for (const KindReport& kind : world.report().kinds) result.ended_early += kind.ended_early;
   }
   result.digest = digest.value();
   return result;
@@ -51,18 +69,11 @@ Run run(const worlds::PaperWorld& paper, UserNumber users, Placement placement, 
 }  // namespace
 
 TEST_CASE("a whole run has one digest on every instruction set that the machine has, for every setting of shapes") {
-  constexpr UserNumber users = 8;
-  for (const ShapeSetting shapes : {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull,
-                                    ShapeSetting::mixed, ShapeSetting::mesh}) {
-    if (shapes == ShapeSetting::mesh && !narrow_phase::can_test(ShapeKind::mesh, ShapeKind::mesh)) continue;
+  for (const ShapeSetting shapes :
+       {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed}) {
     CAPTURE(name_of(shapes));
-    worlds::PaperWorldOptions options;
-    options.objects = 400;
-    options.users = users;
-    options.shapes = shapes;
-    options.coverage = 0.12;
-    const worlds::PaperWorld paper = worlds::make_paper_world(options);
-    const Run expected = run(paper, users, Placement::server, 0, 10);
+    const worlds::PaperWorld paper = worlds::make_paper_world(options_of(shapes));
+    const Run expected = run(paper, config_of(Placement::server, 0), 10);
     REQUIRE(expected.contacts > 500);
     for (const std::string& target : narrow_phase::targets()) {
       CAPTURE(target);
@@ -71,11 +82,30 @@ TEST_CASE("a whole run has one digest on every instruction set that the machine 
         CAPTURE(name_of(placement));
         for (const std::uint32_t nodes : {0u, 1u, 3u}) {
           CAPTURE(nodes);
-          const Run got = run(paper, users, placement, nodes, 10);
+          const Run got = run(paper, config_of(placement, nodes), 10);
           CHECK(got.digest == expected.digest);
           CHECK(got.contacts == expected.contacts);
         }
       }
+    }
+  }
+}
+
+TEST_CASE("a whole run has one digest whether separating axes are remembered or not, also across hand-overs") {
+  for (const ShapeSetting shapes : {ShapeSetting::hull, ShapeSetting::mixed}) {
+    CAPTURE(name_of(shapes));
+    const worlds::PaperWorld paper = worlds::make_paper_world(options_of(shapes));
+    for (const std::uint32_t nodes : {0u, 1u, 3u}) {
+      CAPTURE(nodes);
+      WorldConfig config = config_of(Placement::server, nodes);
+      config.remember_axes = false;
+      const Run without = run(paper, config, 60);
+      config.remember_axes = true;
+      const Run with = run(paper, config, 60);
+      CHECK(with.digest == without.digest);
+      CHECK(without.ended_early == 0);
+      CHECK(with.ended_early > 20);
+      if (nodes == 3) CHECK(with.handed_over > 0);
     }
   }
 }

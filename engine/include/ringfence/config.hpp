@@ -82,6 +82,7 @@ struct WorldConfig {
   bool keep_resting = true;  ///< the broad phase keeps what does not move apart; off: for comparison, the same contacts
   bool pin = false;          ///< pin threads to cores where there are enough of them
   bool timeline = false;     ///< note in FrameReport::timeline what each thread did when
+  bool remember_axes = true;  ///< nodes remember what kept hulls apart; for the cost alone, contacts are the same
   LayerMatrix layers;
   std::shared_ptr<const MotionModel> motion;  ///< null: objects move only by World::move and World::place
   LogHook log;                                ///< null: silent
