@@ -8,6 +8,8 @@
 
 #include "worlds/asteroid.hpp"
 
+#include "geometry/vector.hpp"
+
 namespace ringfence::narrow_phase_bench {
 namespace {
 
@@ -58,6 +60,28 @@ ShapeDescription draw_shape(const Side& side, Random& random) {
   }
 }
 
+/// All pairs of one of each side whose bounds overlap, in the order of a sweep along x.
+std::vector<geometry::CandidatePair> candidates_of(const Crowd& crowd, const std::vector<narrow_phase::Body>& bodies) {
+  constexpr double far = 1000;
+  const bool same = crowd.a.name() == crowd.b.name();
+  const geometry::FixedSpace space({-far, -far, -far}, {far, far, far});
+  std::vector<geometry::Bounds> bounds;
+  for (const narrow_phase::Body& body : bodies) bounds.push_back(crowd.shapes->bounds(body.shape, body.pose, space));
+  std::vector<std::uint32_t> order(bodies.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::sort(order.begin(), order.end(),
+            [&](std::uint32_t p, std::uint32_t q) { return bounds[p].lower[0] < bounds[q].lower[0]; });
+  std::vector<geometry::CandidatePair> pairs;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    for (std::size_t j = i + 1; j < order.size() && bounds[order[j]].lower[0] <= bounds[order[i]].upper[0]; ++j) {
+      const auto [low, high] = std::minmax(order[i], order[j]);
+      if (!same && low % 2 == high % 2) continue;
+      if (geometry::touch(bounds[low], bounds[high])) pairs.push_back({low, high});
+    }
+  }
+  return pairs;
+}
+
 }  // namespace
 
 std::string Side::name() const {
@@ -77,7 +101,6 @@ Crowd make_crowd(const Side& a, const Side& b, std::size_t objects, std::uint64_
     const auto* surface = std::get_if<TriangleMesh>(&shape);
     volumes.push_back(surface != nullptr ? worlds::volume_inside(*surface) : crowd.shapes->volume(number));
   }
-  const bool same = a.name() == b.name();
   double volume = 0;
   for (std::size_t i = 0; i < objects; ++i) {
     const auto side = static_cast<ShapeNumber>(i % 2);
@@ -91,22 +114,33 @@ Crowd make_crowd(const Side& a, const Side& b, std::size_t objects, std::uint64_
     body.pose = {{place(random), place(random), place(random)}, turn(random)};
   }
 
-  const geometry::FixedSpace space({-4, -4, -4}, {width + 4, width + 4, width + 4});
-  std::vector<geometry::Bounds> bounds;
-  for (const narrow_phase::Body& body : crowd.bodies)
-    bounds.push_back(crowd.shapes->bounds(body.shape, body.pose, space));
-  std::vector<std::uint32_t> order(objects);
-  std::iota(order.begin(), order.end(), 0u);
-  std::sort(order.begin(), order.end(),
-            [&](std::uint32_t p, std::uint32_t q) { return bounds[p].lower[0] < bounds[q].lower[0]; });
-  for (std::size_t i = 0; i < objects; ++i) {
-    for (std::size_t j = i + 1; j < objects && bounds[order[j]].lower[0] <= bounds[order[i]].upper[0]; ++j) {
-      const auto [low, high] = std::minmax(order[i], order[j]);
-      if (!same && low % 2 == high % 2) continue;
-      if (geometry::touch(bounds[low], bounds[high])) crowd.pairs.push_back({low, high});
+  crowd.pairs = candidates_of(crowd, crowd.bodies);
+  return crowd;
+}
+
+std::vector<Frame> make_frames(const Crowd& crowd, std::size_t count, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<Vec3d> steps;
+  std::vector<Vec3f> spins;
+  for (std::size_t i = 0; i < crowd.bodies.size(); ++i) {
+    steps.push_back(to_double(direction(random) * uniform(random, 0, 0.3)));
+    spins.push_back(direction(random) * 0.01f);  // half the angle
+  }
+  std::vector<Frame> frames;
+  std::vector<narrow_phase::Body> bodies = crowd.bodies;
+  for (std::size_t frame = 0; frame < count; ++frame) {
+    frames.push_back({bodies, candidates_of(crowd, bodies)});
+    for (std::size_t i = 0; i < bodies.size(); ++i) {
+      Pose& pose = bodies[i].pose;
+      pose.position = pose.position + steps[i];
+      const Quat q = pose.orientation;
+      const Vec3f s = spins[i];
+      pose.orientation =
+          geometry::normalise({q.x + s.x * q.w + s.y * q.z - s.z * q.y, q.y + s.y * q.w + s.z * q.x - s.x * q.z,
+                               q.z + s.z * q.w + s.x * q.y - s.y * q.x, q.w - s.x * q.x - s.y * q.y - s.z * q.z});
     }
   }
-  return crowd;
+  return frames;
 }
 
 }  // namespace ringfence::narrow_phase_bench

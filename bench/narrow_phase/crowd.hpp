@@ -34,4 +34,14 @@ struct Crowd {
 /// `objects` objects, evenly spread over a cube of which they fill six hundredths; 64 shapes a side.
 Crowd make_crowd(const Side& a, const Side& b, std::size_t objects, std::uint64_t seed);
 
+/// A crowd's bodies and candidates in one of a run of frames.
+struct Frame {
+  std::vector<narrow_phase::Body> bodies;
+  std::vector<geometry::CandidatePair> pairs;
+};
+
+/// The crowd in `count` frames, the first as it stands: each object goes its own way, at up to 0.3 m a frame as the
+/// objects of the paper's world do, and turns by 0.02 rad.
+std::vector<Frame> make_frames(const Crowd& crowd, std::size_t count, std::uint64_t seed);
+
 }  // namespace ringfence::narrow_phase_bench

@@ -17,7 +17,8 @@
 // Benchmarks narrow/<kind_a>_<kind_b>/<impl>[/<variant>]: ns for a candidate pair, one thread, all implementations on
 // the same candidates of the same crowd. Variants: none, the mix that a broad phase produces; hits and misses, those
 // alone; cold, with the second-level cache emptied before each round; few, ringfence's calls of four pairs each; and
-// ringfence on each instruction set that there is. Before anything of a crowd is timed, the implementations are
+// ringfence on each instruction set that there is; moving, ringfence in a run of frames, and moving/forgetful, the same
+// without the memory of axes. Before anything of a crowd is timed, the implementations are
 // checked to agree on what touches.
 
 namespace {
@@ -167,6 +168,40 @@ void measure_few(benchmark::State& state, const Arena& arena) {
   benchmark::DoNotOptimize(hits);
 }
 
+/// Ringfence in a run of frames whose poses move; every round begins with an empty memory.
+void measure_moving(benchmark::State& state, const Side& a, const Side& b, bool remember) {
+  const Arena& arena = arena_of(a, b);
+  const std::vector<Frame> frames = make_frames(arena.crowd, 40, seed + 1);
+  narrow_phase::NarrowPhase narrow_phase(*arena.crowd.shapes);
+  narrow_phase.remember_axes(remember);
+  using Nanoseconds = std::chrono::duration<double, std::nano>;
+  std::vector<Nanoseconds> least(frames.size(), Nanoseconds::max());
+  std::size_t candidates = 0, hits = 0;
+  for (const Frame& frame : frames) candidates += frame.pairs.size();
+  Nanoseconds total{0};
+  for (auto _ : state) {
+    Nanoseconds round{0};
+    narrow_phase.forget_axes();
+    narrow_phase.reset_counters();
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      const auto begin = std::chrono::steady_clock::now();
+      hits += narrow_phase.test(frames[i].bodies, frames[i].pairs).size();
+      const Nanoseconds time = std::chrono::steady_clock::now() - begin;
+      least[i] = std::min(least[i], time);
+      round += time;
+    }
+    state.SetIterationTime(std::chrono::duration<double>(round).count());
+    total += round;
+  }
+  const auto all = static_cast<double>(candidates), rounds = static_cast<double>(state.iterations());
+  const auto early = static_cast<double>(narrow_phase.counters(a.kind, b.kind).ended_early);
+  state.counters["ns_per_candidate"] = total.count() / rounds / all;
+  state.counters["least_ns_per_candidate"] = std::accumulate(least.begin(), least.end(), Nanoseconds{0}).count() / all;
+  state.counters["candidates"] = all;
+  state.counters["share_of_hits"] = static_cast<double>(hits) / rounds / all;
+  state.counters["ended_early"] = early / all;
+}
+
 void run_peer(benchmark::State& state, const Side& a, const Side& b, const std::string& name, Variant variant,
               const std::string& target) {
   Arena& arena = arena_of(a, b);
@@ -210,6 +245,14 @@ void add_all(const Side& a, const Side& b) {
   }
   add(a, b, "ringfence", Variant::few);
   for (const std::string& target : narrow_phase::targets()) add(a, b, "ringfence", Variant::mix, target);
+  if (b.kind != ShapeKind::hull || (a.kind != ShapeKind::hull && a.kind != ShapeKind::box)) return;
+  for (const bool remember : {true, false}) {
+    const std::string name =
+        "narrow/" + a.name() + '_' + b.name() + "/ringfence/moving" + (remember ? "" : "/forgetful");
+    benchmark::RegisterBenchmark(name.c_str(), [=](benchmark::State& state) {
+      measure_moving(state, a, b, remember);
+    })->UseManualTime();
+  }
 }
 
 void add_all_kinds() {
