@@ -153,8 +153,14 @@ Vec3d meeting_point(std::span<const Vec3d> first, std::span<const Vec3d> second,
     const Vec3d along = first[1] - first[0], other = second[1] - second[0];
     const double sine = ringfence::dot(normal, cross(along, other));
     if (sine * sine > 1e-12 * ringfence::dot(along, along) * ringfence::dot(other, other)) {
+      // Held within both: where only their ends come near each other, the lines may cross far from there.
+      const auto held = [normal](Vec3d from, Vec3d way, Vec3d to) {
+        const Vec3d gap = to - from, level = way - normal * ringfence::dot(normal, way);
+        return from + way * std::clamp(ringfence::dot(gap, level) / ringfence::dot(level, level), 0.0, 1.0);
+      };
       const double part = ringfence::dot(normal, cross(second[0] - first[0], other)) / sine;
-      return first[0] + along * std::clamp(part, 0.0, 1.0);
+      const Vec3d near = held(second[0], other, first[0] + along * std::clamp(part, 0.0, 1.0));
+      return (held(first[0], along, near) + near) * 0.5;
     }
   }
   const Frame frame(normal);

@@ -510,14 +510,41 @@ class PolytopePair {
     find_feature(b_, -rotate_back(turn_, normal), slack, of_b);
     const T depth = (of_a.height + of_b.height) - dot(normal, offset_);
     Overlap<T> result{depth > T(0) ? depth : T(0), normal, {}};
+    const T height = of_a.height - depth * T(0.5);
     if (of_b.count == 1) {
-      result.point = vertex_of_b(of_b.first()) + normal * (depth * T(0.5));
+      const Point<T> vertex = vertex_of_b(of_b.first());
+      result.point = vertex + normal * (depth * T(0.5));
+      if (of_a.count > 2 && outside(a_, vertex)) result.point = point_about(normal, height);
     } else if (of_a.count == 1) {
-      result.point = vertex_of_a(of_a.first()) - normal * (depth * T(0.5));
+      const Point<T> vertex = vertex_of_a(of_a.first());
+      result.point = vertex - normal * (depth * T(0.5));
+      if (of_b.count > 2 && outside(b_, rotate_back(turn_, vertex - offset_)))
+        result.point = point_about(normal, height);
     } else {
-      result.point = shared_point(of_a, of_b, normal, of_a.height - depth * T(0.5));
+      result.point = shared_point(of_a, of_b, normal, height);
     }
     return result;
+  }
+
+  /// Whether a point lies outside of a shape, by as much as a contact's point may not.
+  HWY_INLINE bool outside(const Polytope& p, Point<T> point) const {
+    const auto q = spread_out(d, point);
+    const auto most = hn::Set(d, T(2e-5) * T(std::min(a_.outer_radius, b_.outer_radius)));
+    for (std::size_t i = 0; i < p.faces; i += hn::Lanes(d)) {
+      const auto normal = read(d, p.normal[0] + i, p.normal[1] + i, p.normal[2] + i);
+      if (!hn::AllTrue(d, hn::Le(dot_of(d, normal, q) - read(d, p.offset + i), most))) return true;
+    }
+    return false;
+  }
+
+  /// The point where a corner is the deepest of the one, beside the face of the other: two sides lie so nearly flat on
+  /// each other that the rest of the corner's edge or face, hardly less deep, is what meets.
+  HWY_NOINLINE Point<T> point_about(Point<T> normal, T height) const {
+    const T slack = 32 * Rounding<T>::height * size();
+    Feature of_a, of_b;
+    find_feature(a_, normal, slack, of_a);
+    find_feature(b_, -rotate_back(turn_, normal), slack, of_b);
+    return shared_point(of_a, of_b, normal, height);
   }
 
   HWY_NOINLINE Point<T> shared_point(const Feature& of_a, const Feature& of_b, Point<T> normal, T height) const {

@@ -202,14 +202,31 @@ class RoundPair {
     const Point<T> normal = normal_of<T>(p_, face), foot = end - normal * distance;
     const auto f = spread_out(d, foot);
     // Normals are rounded to float, also where the rest is in double.
-    const auto slack = hn::Set(d, (sizeof(T) == 4 ? T(-1e-6) : T(-2e-7)) * size());
+    const auto slack = hn::Set(d, (sizeof(T) == 4 ? T(1e-6) : T(2e-7)) * size());
+    std::size_t near = 0;  // planes that the foot may be on either side of
     for (std::size_t i = 0; i < p_.faces; i += hn::Lanes(d)) {
       const auto other = read(d, p_.normal[0] + i, p_.normal[1] + i, p_.normal[2] + i);
-      if (!hn::AllTrue(d, hn::Ge(read(d, p_.offset + i) - dot_of(d, other, f), slack))) return;
+      const auto inside = read(d, p_.offset + i) - dot_of(d, other, f);
+      if (!hn::AllTrue(d, hn::Ge(inside, hn::Neg(slack)))) return;
+      const std::uint32_t bits = bits_of(d, hn::Lt(inside, slack)) & first_bits(p_.faces - i);
+      near += static_cast<std::size_t>(__builtin_popcount(bits));
     }
+    // Its own plane is one. At an edge as sharp as a blade the foot may be far outside, and hardly past any other.
+    if (near > 1 && !within_face(face, normal, foot)) return;
     distance_ = distance;
     nearest_ = end;
     gap_ = -(normal * distance);
+  }
+
+  /// Whether a point of a face's plane lies on the inner side of all its edges.
+  HWY_NOINLINE bool within_face(std::size_t face, Point<T> normal, Point<T> foot) const {
+    for (std::size_t i = 0; i < p_.edges; ++i) {
+      const geometry::HullEdge& edge = p_.edge[i];
+      if (edge.left != face && edge.right != face) continue;
+      const T inside = dot(cross(normal, along_edge<T>(p_, i)), foot - vertex_of<T>(p_, edge.from));
+      if ((edge.left == face ? inside : -inside) < -rounding()) return false;
+    }
+    return true;
   }
 
   /// The edge nearest to the core, if nearer than what is known.
