@@ -6,9 +6,8 @@
 #include <random>
 #include <variant>
 
-#include "worlds/asteroid.hpp"
-
 #include "geometry/vector.hpp"
+#include "worlds/asteroid.hpp"
 
 namespace ringfence::narrow_phase_bench {
 namespace {
