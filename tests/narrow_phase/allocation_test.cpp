@@ -4,6 +4,7 @@
 
 #include <doctest/doctest.h>
 
+#include "narrow_phase/mesh_world.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "narrow_phase/pair_world.hpp"
 
@@ -22,6 +23,19 @@ void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 using namespace ringfence;
 using namespace ringfence::narrow_phase_test;
+
+TEST_CASE("meshes are tested without allocation") {
+  for (const ShapeKind kind :
+       {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh}) {
+    INFO(name_of(kind));
+    const PairWorld world = nasty_mesh_pairs(kind, 300, 22);
+    narrow_phase::NarrowPhase narrow_phase(world.shapes());
+    const std::size_t contacts = narrow_phase.test(world.bodies, world.pairs).size();
+    const std::size_t before = allocations;
+    CHECK(narrow_phase.test(world.bodies, world.pairs).size() == contacts);
+    CHECK(allocations == before);
+  }
+}
 
 TEST_CASE("in steady state nothing is allocated") {
   for (const auto& [p, q] : {std::pair{ShapeKind::sphere, ShapeKind::box},

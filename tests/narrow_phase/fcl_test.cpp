@@ -2,12 +2,14 @@
 #include <vector>
 
 #include <doctest/doctest.h>
+#include <fcl/geometry/bvh/BVH_model.h>
 #include <fcl/geometry/shape/box.h>
 #include <fcl/geometry/shape/capsule.h>
 #include <fcl/geometry/shape/convex.h>
 #include <fcl/geometry/shape/sphere.h>
 #include <fcl/narrowphase/collision.h>
 
+#include "narrow_phase/mesh_world.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "narrow_phase/pair_world.hpp"
 #include "reference/separation.hpp"
@@ -23,6 +25,18 @@ std::shared_ptr<fcl::CollisionGeometryd> convert(const geometry::ShapeTable& sha
   if (row.kind == ShapeKind::sphere) return std::make_shared<fcl::Sphered>(x);
   if (row.kind == ShapeKind::box) return std::make_shared<fcl::Boxd>(2 * x, 2 * y, 2 * z);
   if (row.kind == ShapeKind::capsule) return std::make_shared<fcl::Capsuled>(x, 2 * y);
+  if (row.kind == ShapeKind::mesh) {
+    const geometry::Mesh& mesh = shapes.mesh(row.detail);
+    std::vector<fcl::Vector3d> corners;
+    std::vector<fcl::Triangle> triangles;
+    for (const Vec3f& v : mesh.vertices()) corners.push_back({double{v.x}, double{v.y}, double{v.z}});
+    for (const auto& t : mesh.triangles()) triangles.emplace_back(t[0], t[1], t[2]);
+    auto out = std::make_shared<fcl::BVHModel<fcl::OBBRSSd>>();
+    out->beginModel(static_cast<int>(triangles.size()), static_cast<int>(corners.size()));
+    out->addSubModel(corners, triangles);
+    out->endModel();
+    return out;
+  }
   const geometry::Hull& hull = shapes.hull(row.detail);
   auto vertices = std::make_shared<std::vector<fcl::Vector3d>>();
   for (std::size_t i = 0; i < hull.vertex_count(); ++i) {
@@ -95,5 +109,15 @@ TEST_CASE("FCL agrees on what touches, for every pair of kinds, at the origin an
         CHECK(tally.different == 0);
       }
     }
+  }
+}
+
+TEST_CASE("FCL agrees on what touches where two meshes meet, or a mesh and a sphere") {
+  for (const ShapeKind kind : {ShapeKind::mesh, ShapeKind::sphere}) {
+    const std::uint64_t seed = 33;
+    INFO(name_of(kind), ", seed ", seed);
+    const Tally tally = compare(ordinary_mesh_pairs(kind, 300, seed));
+    CHECK(tally.touching > 60);
+    CHECK(tally.different == 0);
   }
 }

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <vector>
@@ -185,20 +184,5 @@ TEST_CASE("shapes of a support function meet meshes as the reference says") {
     const Verdict verdict = judge(world, pairs, narrow_phase.test(world.bodies, pairs), 1e-3);
     CHECK_MESSAGE(verdict.wrong == 0, verdict.wrong << " of " << pairs.size() << " wrong:\n" << verdict.text);
     CHECK(verdict.contacts > pairs.size() / 8);
-  }
-}
-
-TEST_CASE("soak" * doctest::skip()) {
-  const char* from = std::getenv("SOAK");
-  const std::uint64_t first = from ? std::strtoull(from, nullptr, 10) : 1000;
-  for (std::uint64_t seed = first; seed < first + 20; ++seed) {
-    for (const ShapeKind kind : kinds) {
-      INFO(name_of(kind));
-      CAPTURE(seed);
-      check(
-          nasty_mesh_pairs(kind, kind == ShapeKind::mesh ? 300 : 2000, seed, seed % 2 ? Vec3d{} : Vec3d{-1e6, 5e5, 0}));
-      check(ordinary_mesh_pairs(kind, kind == ShapeKind::mesh ? 150 : 1000, seed,
-                                seed % 2 ? Vec3d{} : Vec3d{-1e6, 5e5, 0}));
-    }
   }
 }
