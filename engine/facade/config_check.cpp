@@ -74,6 +74,12 @@ void check(const WorldConfig& config) {
   check_capacity("pairs", config.capacities.pairs, most_reserved);
   check_capacity("contacts", config.capacities.contacts, most_reserved);
   check_capacity("users", config.capacities.users, config.limits.users);
+  const auto check_deadline = [](const char* name, double ms) {
+    require(std::isfinite(ms) && ms >= 0,
+            std::string("deadlines.") + name + " is " + std::to_string(ms) + "; milliseconds, 0 for none");
+  };
+  check_deadline("node_ms", config.deadlines.node_ms);
+  check_deadline("user_ms", config.deadlines.user_ms);
   check_layers(config.layers);
   if (config.ring_bytes != 0) {
     link::Channel::check(config.ring_bytes, "WorldConfig::ring_bytes (--ring-bytes)");

@@ -16,12 +16,12 @@ Worker::~Worker() {
   delete next_.load(std::memory_order_acquire);
 }
 
-void Worker::start(const link::Cores* cores, std::size_t pin_to) {
-  thread_ = std::thread([this, cores, pin_to] {
+void Worker::start(const link::Cores* cores, std::size_t pin_to, std::chrono::nanoseconds tick) {
+  thread_ = std::thread([this, cores, pin_to, tick] {
     if (cores != nullptr && pin_to != unpinned) {
       cores->pin_this_thread(pin_to);
     }
-    run();
+    run(tick);
   });
 }
 
@@ -55,9 +55,14 @@ bool Worker::step_all() {
   return progressed;
 }
 
-void Worker::run() {
+void Worker::run(std::chrono::nanoseconds tick) {
+  const auto ready = [this] { return stop_.load(std::memory_order_acquire) || step_all(); };
   while (!stop_.load(std::memory_order_acquire)) {
-    bell_.wait([this] { return stop_.load(std::memory_order_acquire) || step_all(); });
+    if (tick.count() == 0) {
+      bell_.wait(ready);
+    } else {
+      bell_.wait_for(ready, tick);
+    }
   }
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -40,7 +41,8 @@ class Worker {
   Worker& operator=(const Worker&) = delete;
 
   link::Doorbell& bell() noexcept { return bell_; }
-  void start(const link::Cores* cores, std::size_t pin_to);
+  /// `tick`: the roles are stepped at least so often, also when nothing rings; 0: only when something does.
+  void start(const link::Cores* cores, std::size_t pin_to, std::chrono::nanoseconds tick = {});
   /// Replaces the roles that the thread steps and returns when the old ones are no longer touched. Between frames.
   void assign(std::vector<Steppable> roles);
   /// CPU time that the thread has used, nanoseconds. 0 before start.
@@ -51,7 +53,7 @@ class Worker {
     std::vector<Steppable> roles;
   };
 
-  void run();
+  void run(std::chrono::nanoseconds tick);
   bool take_assignment();
   bool step_all();
 

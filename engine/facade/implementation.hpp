@@ -1,11 +1,13 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -28,6 +30,9 @@ namespace ringfence {
 
 namespace facade {
 
+/// Of the ring between the server and a CD node, where none is given.
+inline constexpr std::size_t server_node_ring = std::size_t{1} << 20;
+
 /// The way between two roles: one channel each way.
 struct Way {
   Way(std::size_t bytes, link::Doorbell* first, link::Doorbell* second)
@@ -36,6 +41,13 @@ struct Way {
   nodes::Line second() noexcept { return {&back.sender(), &forth.receiver()}; }
   link::Channel forth;
   link::Channel back;
+};
+
+/// A CD node that was lost, kept until the world ends: nobody knows whether its thread still does something.
+struct Grave {
+  std::vector<std::unique_ptr<Way>> ways;
+  std::unique_ptr<nodes::CdNodeRole> role;
+  std::unique_ptr<Worker> worker;
 };
 
 /// A connected user node and all that is its own.
@@ -51,7 +63,8 @@ struct User {
 }  // namespace facade
 
 /// What a World is made of: requests for the next frame, the roles with their lines and threads, and what is needed to
-/// answer calls. Its own functions are in roles.cpp (who there is, and on which thread), World's in world.cpp.
+/// answer calls. Its own functions are in roles.cpp (who there is, and on which thread) and losses.cpp (who is no
+/// longer), World's in world.cpp.
 ///
 /// Threads: the one that calls World; roles are touched only while no frame is under way.
 struct World::Implementation {
@@ -65,11 +78,17 @@ struct World::Implementation {
   link::Doorbell* server_bell() noexcept { return threaded() ? &server_worker->bell() : nullptr; }
 
   void build_server();
-  void start_worker(facade::Worker& worker);
+  void start_worker(facade::Worker& worker, std::chrono::nanoseconds tick = {});
   nodes::Line add_node(const regions::RegionMap& map, std::uint32_t count);
+  std::unique_ptr<nodes::CdNodeRole> make_role(NodeNumber node, std::uint32_t count, const regions::RegionMap& map);
+  link::Doorbell* node_bell(NodeNumber node) noexcept;
   void introduce_nodes();
   void grow_nodes();
   void retire_nodes();
+  void await_frame();
+  void stand_in();
+  void bury_lost();
+  void log_losses() const;
   void list_in_place();
   void connect_users();
   void forget_users();
@@ -125,13 +144,15 @@ struct World::Implementation {
 
   // Roles use the channels above them; threads, last of all, use the roles and end first.
   std::unique_ptr<facade::Worker> server_worker;
-  std::deque<facade::Worker> node_workers;
+  std::vector<std::unique_ptr<facade::Worker>> node_workers;  ///< null for the one that the server's thread steps
   std::deque<facade::Worker> user_workers;
   std::vector<std::unique_ptr<facade::Way>> node_ways;
   std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<facade::Way>> peer_ways;  ///< lower number first
   std::map<UserNumber, std::unique_ptr<facade::User>> user_nodes;
   std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;
   std::unique_ptr<nodes::ServerRole> server;
+  std::vector<facade::Grave> graves;
+  std::optional<NodeNumber> stood_in;       ///< the number that a stand-in took in the last frame
   std::vector<facade::Steppable> in_place;  ///< all roles, where the calling thread steps them
 
   struct Stop {
@@ -139,6 +160,9 @@ struct World::Implementation {
     ~Stop() {
       world.user_workers.clear();
       world.node_workers.clear();
+      for (facade::Grave& grave : world.graves) {
+        grave.worker.reset();
+      }
       world.server_worker.reset();
     }
   } stop{*this};

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -26,6 +28,9 @@ class Registry {
   std::size_t live() const noexcept { return index_.size(); }
   bool in_use(ObjectNumber number) const noexcept { return index_.find(number) != nodes::NumberIndex::none; }
 
+  /// Avatars of a user that are alive.
+  std::size_t avatars(UserNumber user) const noexcept { return user < avatars_.size() ? avatars_[user] : 0; }
+
   /// A number that no object has, counted up from the last one given; 0 if there is none.
   ObjectNumber free_number() noexcept {
     for (std::uint64_t tries = 0; tries <= index_.size(); ++tries) {
@@ -46,6 +51,10 @@ class Registry {
     }
     index_.set(number, static_cast<std::uint32_t>(entries_.size()));
     entries_.push_back({ObjectId::of(number, generation_), category, user, false});
+    if (user != no_user) {
+      avatars_.resize(std::max<std::size_t>(avatars_.size(), user + 1));
+      ++avatars_[user];
+    }
     return entries_.back().id;
   }
 
@@ -62,16 +71,12 @@ class Registry {
 
   /// Its id is stale from now on; its number is free when the frame that cuts it is complete. Precondition: find(id) is
   /// not null.
-  void end(ObjectId id) {
-    entries_[index_.find(id.number())].ending = true;
-    ended_.push_back(id.number());
-  }
+  void end(ObjectId id) { end(entries_[index_.find(id.number())]); }
   /// Ends all avatars of a user.
   void end_avatars(UserNumber user) {
     for (Entry& entry : entries_) {
       if (entry.user == user && !entry.ending) {
-        entry.ending = true;
-        ended_.push_back(entry.id.number());
+        end(entry);
       }
     }
   }
@@ -95,10 +100,19 @@ class Registry {
   }
 
  private:
+  void end(Entry& entry) {
+    entry.ending = true;
+    ended_.push_back(entry.id.number());
+    if (entry.user != no_user) {
+      --avatars_[entry.user];
+    }
+  }
+
   nodes::NumberIndex index_;
   std::vector<Entry> entries_;
-  std::vector<ObjectNumber> ended_;  ///< since the last cut
-  std::vector<ObjectNumber> cut_;    ///< by the cut of the frame under way
+  std::vector<std::uint32_t> avatars_;  ///< alive, by user
+  std::vector<ObjectNumber> ended_;     ///< since the last cut
+  std::vector<ObjectNumber> cut_;       ///< by the cut of the frame under way
   ObjectNumber last_number_ = 0;
   std::uint32_t generation_ = 0;
 };

@@ -8,6 +8,7 @@
 
 namespace ringfence {
 
+using facade::server_node_ring;
 using facade::Steppable;
 using facade::User;
 using facade::Way;
@@ -17,7 +18,6 @@ using nodes::Request;
 
 namespace {
 
-constexpr std::size_t server_node_ring = std::size_t{1} << 20;
 constexpr std::size_t user_ring = std::size_t{1} << 16;
 constexpr std::size_t most_interest_cells = std::size_t{1} << 15;
 
@@ -41,6 +41,15 @@ regions::CellGrid interest_grid(const WorldConfig& config, const geometry::Fixed
     cells *= std::max(1.0, extent / side);
   }
   return regions::CellGrid::choose(extents, static_cast<std::size_t>(std::min(cells, double{most_interest_cells})));
+}
+
+// How often the server looks at the clock, though nothing happens: a quarter of the shorter deadline; 0: never.
+std::chrono::nanoseconds tick_of(const Deadlines& deadlines) {
+  double ms = std::max(deadlines.node_ms, deadlines.user_ms);
+  for (const double deadline : {deadlines.node_ms, deadlines.user_ms}) {
+    ms = deadline > 0 ? std::min(ms, deadline) : ms;
+  }
+  return std::chrono::nanoseconds(static_cast<std::int64_t>(std::ceil(ms * 0.25e6)));
 }
 
 std::array<std::uint32_t, 32> layer_masks(const LayerMatrix& layers) {
@@ -89,11 +98,14 @@ void World::Implementation::build_server() {
   setup.capacities = config.capacities;
   setup.interest = config.interest;
   setup.balance = config.balance;
+  setup.quotas = config.quotas;
+  setup.node_deadline_ns = threaded() ? static_cast<std::uint64_t>(config.deadlines.node_ms * 1e6) : 0;
+  setup.user_deadline_ns = threaded() ? static_cast<std::uint64_t>(config.deadlines.user_ms * 1e6) : 0;
   setup.track = config.timeline ? &server_track : nullptr;
   const regions::RegionMap map(region_grid(config, space), std::max(1u, config.nodes));
   if (threaded()) {
     server_worker = std::make_unique<Worker>();
-    start_worker(*server_worker);
+    start_worker(*server_worker, tick_of(config.deadlines));
   }
   for (NodeNumber node = 0; node < map.nodes(); ++node) {
     setup.nodes.push_back(add_node(map, map.nodes()));
@@ -110,8 +122,8 @@ void World::Implementation::build_server() {
 }
 
 // One core each for the server and the nodes where there are enough; user threads go where there is room.
-void World::Implementation::start_worker(Worker& worker) {
-  worker.start(config.pin ? &cores : nullptr, config.pin ? next_core++ : Worker::unpinned);
+void World::Implementation::start_worker(Worker& worker, std::chrono::nanoseconds tick) {
+  worker.start(config.pin ? &cores : nullptr, config.pin ? next_core++ : Worker::unpinned, tick);
 }
 
 // Makes the next CD node of `count` in the end, not yet introduced to its peers and not yet stepped; returns the
@@ -120,15 +132,26 @@ Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_
   const auto node = static_cast<NodeNumber>(node_roles.size());
   link::Doorbell* bell = nullptr;
   if (threaded()) {
-    start_worker(node_workers.emplace_back());
-    bell = &node_workers.back().bell();
+    start_worker(*node_workers.emplace_back(std::make_unique<Worker>()));
+    bell = &node_workers.back()->bell();
   }
   node_ways.push_back(std::make_unique<Way>(ring_bytes(server_node_ring), server_bell(), bell));
   // Many nodes need many rings between them; a hand-over is small.
   const std::size_t peer_ring = ring_bytes(std::size_t{1} << (count <= 16 ? 18 : count <= 64 ? 14 : 12));
   for (NodeNumber peer = 0; peer < node; ++peer) {
-    peer_ways[{peer, node}] = std::make_unique<Way>(peer_ring, threaded() ? &node_workers[peer].bell() : nullptr, bell);
+    peer_ways[{peer, node}] = std::make_unique<Way>(peer_ring, node_bell(peer), bell);
   }
+  node_roles.push_back(make_role(node, count, map));
+  return node_ways.back()->first();
+}
+
+link::Doorbell* World::Implementation::node_bell(NodeNumber node) noexcept {
+  return threaded() && node_workers[node] != nullptr ? &node_workers[node]->bell() : server_bell();
+}
+
+// The role of node number `node`, whose way to the server is there, of `count` in the end.
+std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber node, std::uint32_t count,
+                                                                    const regions::RegionMap& map) {
   nodes::CdNodeSetup setup;
   setup.node = node;
   setup.shapes = &shapes;
@@ -137,22 +160,26 @@ Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_
   setup.placement = config.placement;
   setup.layer_masks = layer_masks(config.layers);
   setup.keep_resting = config.keep_resting;
-  setup.shares_thread = !threaded();
+  setup.shares_thread = !threaded() || node_workers[node] == nullptr;
   setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
   setup.remember_axes = config.remember_axes;
   setup.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / count + 64);
   setup.pairs = std::min(config.capacities.pairs, 2 * config.capacities.pairs / count + 64);
-  setup.server = node_ways.back()->second();
-  node_roles.push_back(std::make_unique<nodes::CdNodeRole>(setup, map));
-  return node_ways.back()->first();
+  setup.server = node_ways[node]->second();
+  return std::make_unique<nodes::CdNodeRole>(setup, map);
 }
 
 // Tells every node of the others and lets the threads step them.
 void World::Implementation::introduce_nodes() {
   const auto count = static_cast<NodeNumber>(node_roles.size());
+  std::vector<Steppable> by_server;
   for (NodeNumber node = 0; node < count; ++node) {
-    if (threaded()) {
-      node_workers[node].assign({});
+    Worker* worker = threaded() ? node_workers[node].get() : nullptr;
+    if (worker != nullptr) {
+      worker->assign({});
+    } else if (threaded()) {
+      server_worker->assign({});
+      by_server.push_back(Steppable::of(*node_roles[node]));
     }
     std::vector<Line> peers(count);
     for (NodeNumber peer = 0; peer < count; ++peer) {
@@ -162,9 +189,13 @@ void World::Implementation::introduce_nodes() {
       }
     }
     node_roles[node]->meet(node, peers);
-    if (threaded()) {
-      node_workers[node].assign({Steppable::of(*node_roles[node])});
+    if (worker != nullptr) {
+      worker->assign({Steppable::of(*node_roles[node])});
     }
+  }
+  if (!by_server.empty()) {
+    by_server.insert(by_server.begin(), Steppable::of(*server));
+    server_worker->assign(by_server);
   }
   list_in_place();
 }
@@ -191,18 +222,23 @@ void World::Implementation::grow_nodes() {
 
 // The frame in which they handed everything over is complete.
 void World::Implementation::retire_nodes() {
-  const NodeNumber count = server->map().nodes();
-  if (node_roles.size() == count) {
+  // Lost ones are out of `node_roles`, and not yet out of the map.
+  const FrameReport& last = server->report(frames - 1);
+  const NodeNumber in_map = server->map().nodes();
+  const auto lost = std::count_if(last.lost.begin(), last.lost.end(),
+                                  [&](NodeNumber node) { return node < in_map && node != stood_in; });
+  const std::size_t count = in_map - static_cast<std::size_t>(lost);
+  if (node_roles.size() <= count || count == 0) {
     return;
   }
   std::vector<std::unique_ptr<Way>> retired;  // until the others have forgotten the way
   while (node_roles.size() > count) {
     const auto node = static_cast<NodeNumber>(node_roles.size() - 1);
-    if (threaded()) {
-      node_workers[node].assign({});
+    if (threaded() && node_workers[node] != nullptr) {
+      node_workers[node]->assign({});
     }
     node_roles.pop_back();
-    if (config.timeline) {
+    if (config.timeline && graves.empty()) {
       node_tracks.pop_back();
     }
     retired.push_back(std::move(node_ways.back()));

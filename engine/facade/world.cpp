@@ -1,6 +1,7 @@
 #include "ringfence/world.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <string>
 #include <utility>
 
@@ -8,6 +9,7 @@
 
 namespace ringfence {
 
+using facade::Steppable;
 using facade::Worker;
 using nodes::Request;
 
@@ -29,6 +31,9 @@ Status World::Implementation::check_spec(const ObjectSpec& spec) const noexcept 
   }
   if (spec.number != 0 && registry.in_use(spec.number)) {
     return Status::number_in_use;
+  }
+  if (avatar && config.quotas.avatars != 0 && registry.avatars(spec.user) >= config.quotas.avatars) {
+    return Status::over_quota;
   }
   return registry.live() >= config.limits.objects ? Status::over_capacity : Status::ok;
 }
@@ -243,6 +248,29 @@ Status World::resize(std::uint32_t nodes) {
   return Status::ok;
 }
 
+Status World::inject(const Fault& fault) {
+  Implementation& w = *implementation_;
+  if (w.under_way()) {
+    return w.refuse(Status::out_of_order);
+  }
+  if (!w.threaded() || fault.node >= w.node_roles.size() || fault.frame < w.begun || !std::isfinite(fault.stall_ms) ||
+      fault.stall_ms < 0 || fault.stage > NodeStage::telling) {
+    return w.refuse(Status::bad_number);
+  }
+  // Not while its thread steps it.
+  nodes::CdNodeRole& role = *w.node_roles[fault.node];
+  if (Worker* worker = w.node_workers[fault.node].get()) {
+    worker->assign({});
+    role.fail(fault);
+    worker->assign({Steppable::of(role)});
+  } else {
+    w.server_worker->assign({Steppable::of(*w.server)});
+    role.fail(fault);
+    w.server_worker->assign({Steppable::of(*w.server), Steppable::of(role)});
+  }
+  return Status::ok;
+}
+
 std::uint32_t World::nodes() const noexcept {
   const Implementation& w = *implementation_;
   return static_cast<std::uint32_t>(w.frames == 0 ? w.node_roles.size() : w.report.nodes.size());
@@ -258,6 +286,7 @@ Status World::begin_frame() {
   if (w.under_way()) {
     return w.refuse(Status::out_of_order);
   }
+  w.stood_in.reset();
   w.registry.cut();
   w.cut_leaving.swap(w.leaving);
   w.order.requests.swap(w.requests);
@@ -281,7 +310,7 @@ Status World::finish_frame() {
     return w.refuse(Status::out_of_order);
   }
   if (w.threaded()) {
-    w.caller_bell.wait([&] { return w.order.completed.load(std::memory_order_acquire) == w.begun; });
+    w.await_frame();
   } else {
     w.step_in_place();
   }
@@ -300,7 +329,14 @@ Status World::finish_frame() {
   }
   w.report.users_cpu_ms = static_cast<double>(cpu_ns - std::exchange(w.users_cpu_ns, cpu_ns)) * 1e-6;
   w.gather_timeline();
+  w.bury_lost();
   w.retire_nodes();
+  for (const UserNumber user : w.report.late) {
+    if (w.is_connected(user)) {
+      disconnect(user);
+    }
+  }
+  w.log_losses();
   w.log_growth();
   return Status::ok;
 }

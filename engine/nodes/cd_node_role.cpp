@@ -53,8 +53,24 @@ void CdNodeRole::meet(NodeNumber node, const std::vector<Line>& peers) {
   }
 }
 
+// Whether the fault that was ordered is due: then the role does nothing more, or not for a while.
+bool CdNodeRole::fails_here() noexcept {
+  static_assert(static_cast<int>(Stage::telling) == static_cast<int>(NodeStage::telling) + 1);
+  if (stage_ == Stage::waiting || frame_ != fault_->frame ||
+      static_cast<int>(stage_) != static_cast<int>(fault_->stage) + 1) {
+    return false;
+  }
+  const auto stall = static_cast<std::uint64_t>(fault_->stall_ms * 1e6);
+  failed_until_ns_ = stall == 0 ? ~std::uint64_t{0} : telemetry::now_ns() + stall;
+  fault_.reset();
+  return true;
+}
+
 Step CdNodeRole::step() {
   step_start_ = telemetry::now_ns();
+  if (failed_until_ns_ > step_start_) [[unlikely]] {
+    return Step::idle;
+  }
   bool progressed = drain(setup_.server);
   for (Line& peer : setup_.peers) {
     if (peer.in != nullptr) {
@@ -547,6 +563,9 @@ bool CdNodeRole::send_told() {
 
 // One transition of the frame; false where it has to wait.
 bool CdNodeRole::advance() {
+  if (fault_ && fails_here()) [[unlikely]] {
+    return false;
+  }
   switch (stage_) {
     case Stage::waiting:
       return false;

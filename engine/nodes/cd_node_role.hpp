@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -19,6 +20,7 @@
 #include "nodes/role.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
+#include "ringfence/fault.hpp"
 #include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
@@ -58,6 +60,10 @@ class CdNodeRole {
   /// The nodes have changed in number, and this one is now `node`. Between frames, while no thread steps the role.
   void meet(NodeNumber node, const std::vector<Line>& peers);
 
+  /// Makes it fail as described, of which the node number is not looked at. Between frames, while no thread steps the
+  /// role; the last call counts.
+  void fail(const Fault& fault) noexcept { fault_ = fault; }
+
   /// The objects hosted after the last frame. Only while no frame is under way.
   const Host& host() const noexcept { return host_; }
 
@@ -76,6 +82,7 @@ class CdNodeRole {
   void hear_owners(const messages::MessageView& message);
   void hear_lost(const messages::LostRecord& record);
   void forget_tests();
+  bool fails_here() noexcept;
   bool answer_probe();
   void drop_leavers(std::size_t peer);
   void detect();
@@ -98,6 +105,9 @@ class CdNodeRole {
   KnownObjects known_;
   broad_phase::SweepAndPrune sweep_;
   narrow_phase::NarrowPhase narrow_;
+
+  std::optional<Fault> fault_;         ///< to come
+  std::uint64_t failed_until_ns_ = 0;  ///< does nothing before
 
   Stage stage_ = Stage::waiting;
   std::uint64_t frame_ = 0;

@@ -35,6 +35,8 @@ struct Party {
   std::uint64_t probed_ns = 0;  ///< when it was last asked whether it is there; 0: not since something came
 
   // Heard in this frame.
+  std::size_t heard_bytes = 0;
+  std::size_t heard_updates = 0;
   bool states_heard = false;
   bool tested_heard = false;
   bool told_heard = false;

@@ -48,6 +48,7 @@ void ServerRole::cut() {
     }
     party.hand_overs = 0;
     party.states_heard = party.tested_heard = party.told_heard = false;
+    party.heard_bytes = party.heard_updates = 0;
     party.heard_ns = begin_ns_;
     party.probed_ns = 0;
     return true;

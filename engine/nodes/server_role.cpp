@@ -82,13 +82,20 @@ void ServerRole::spend(ringfence::Stage stage, std::uint64_t now) noexcept {
   ingest_ns_ = 0;
 }
 
+// Reads what a party has said, up to a size: one that never stops talking must not keep the others waiting.
 bool ServerRole::drain(Party& party) {
+  constexpr std::size_t most_at_once = 65536;
   bool any = false;
-  for (auto bytes = party.line.in->next(); !bytes.empty(); bytes = party.line.in->next()) {
+  std::size_t taken = 0;
+  for (auto bytes = party.line.in->next(); !bytes.empty();
+       bytes = taken < most_at_once ? party.line.in->next() : std::span<const std::byte>{}) {
+    taken += party.self.is_user() ? bytes.size() : 0;
     MessageView message;
-    if (messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
-        message.header().source == party.self.value &&
-        (message.header().frame == frame_ || message.type() == MessageType::here)) {
+    if (party.self.is_user() && is_over_quota(party, bytes)) {
+      refuse(party, Status::over_quota);
+    } else if (messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
+               message.header().source == party.self.value &&
+               (message.header().frame == frame_ || message.type() == MessageType::here)) {
       receive(party, message);
     } else {
       refuse(party, Status::bad_message);
@@ -103,6 +110,23 @@ bool ServerRole::drain(Party& party) {
     }
   }
   return any;
+}
+
+// Whether the message is left out for its sender's having said too much. That it has told all is believed nevertheless,
+// and so is that it is done: otherwise the frame would wait for it.
+bool ServerRole::is_over_quota(Party& party, std::span<const std::byte> bytes) {
+  party.heard_bytes += bytes.size();
+  if (setup_.quotas.bytes == 0 || party.heard_bytes <= setup_.quotas.bytes) {
+    return false;
+  }
+  MessageView message;
+  const bool valid = messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
+                     message.header().source == party.self.value && message.header().frame == frame_;
+  if (valid && message.type() == MessageType::told) {
+    return false;
+  }
+  party.states_heard |= valid && message.type() == MessageType::state_update && message.last();
+  return true;
 }
 
 // Counted all, told the first of: a user node that sends rubbish must not make the server send as much.
@@ -156,6 +180,10 @@ void ServerRole::hear_states(Party& party, const MessageView& message) {
   const std::uint64_t start = telemetry::now_ns();
   for (std::size_t i = 0; i < message.count(); ++i) {
     auto record = message.record<messages::StateRecord>(i);
+    if (setup_.quotas.updates != 0 && ++party.heard_updates > setup_.quotas.updates) {
+      refuse(party, Status::over_quota, record.object.number);
+      continue;
+    }
     const std::uint32_t slot = objects_.find(record.object);
     if (slot == NumberIndex::none) {
       refuse(party, Status::stale_object, record.object.number);

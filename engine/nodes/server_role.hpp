@@ -51,7 +51,8 @@ struct ServerSetup {
   bool keep_resting = true;  ///< see WorldConfig
   Capacities capacities;
   double interest = 0;
-  bool balance = true;                 ///< regions follow the load
+  bool balance = true;  ///< regions follow the load
+  Quotas quotas;
   std::uint64_t node_deadline_ns = 0;  ///< a CD node silent for so long in a frame, though asked, is lost; 0: never
   std::uint64_t user_deadline_ns = 0;  ///< a user node has so long to move, and so long to take its contacts; 0: ever
   telemetry::Track* track = nullptr;   ///< null: nothing is noted
@@ -108,6 +109,7 @@ class ServerRole {
 
   // Hearing.
   bool drain(Party& party);
+  bool is_over_quota(Party& party, std::span<const std::byte> bytes);
   void receive(Party& party, const messages::MessageView& message);
   void hear_states(Party& party, const messages::MessageView& message);
   void hear_node_states(Party& party, const messages::MessageView& message);

@@ -56,6 +56,7 @@ TEST_CASE("every call that is refused says why, is counted by reason in the next
   config.layers.names = {"solid", "ghost"};
   config.layers.collide = {{0, 0}, {0, 1}};
   config.capacities.users = config.limits.users = 4;
+  config.quotas.avatars = 1;
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double inf = std::numeric_limits<double>::infinity();
   in_all_worlds(config, {0u, 2u}, [&](const WorldConfig& other_config) {
@@ -66,6 +67,10 @@ TEST_CASE("every call that is refused says why, is counted by reason in the next
     const Pose bad_position{{0, nan, 0}, {}}, bad_infinity{{-inf, 0, 0}, {}}, bad_turn{{0, 0, 0}, {0, 0, 0, 0}},
         bad_long{{0, 0, 0}, {0.1f, 0, 0, 1}}, bad_quat{{0, 0, 0}, {static_cast<float>(nan), 0, 0, 1}};
 
+    expect(s, Status::over_quota, 1, [&] {
+      CHECK(w.spawn({.shape = s.ball, .category = Category::avatar, .user = s.alice, .pose = ok}).status ==
+            Status::over_quota);
+    });
     expect(s, Status::stale_object, 9, [&] {
       CHECK(w.destroy(s.gone) == Status::stale_object);
       CHECK(w.destroy(s.alice, s.gone) == Status::stale_object);

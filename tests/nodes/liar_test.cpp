@@ -32,12 +32,13 @@ const Drifting drifting;
 
 struct Scene {
   explicit Scene(Deployment deployment)
-      : theatre([&] {
+      : Scene([&] {
           Stageplay play;
           play.deployment = deployment;
           play.model = &drifting;
           return play;
-        }()) {
+        }()) {}
+  explicit Scene(const Stageplay& play) : theatre(play) {
     const ShapeNumber ball = theatre.add_shape(Sphere{2});
     for (UserNumber user = 0; user < 3; ++user) theatre.connect(user);
     for (ObjectNumber i = 0; i < 40; ++i) {
@@ -309,6 +310,50 @@ TEST_CASE("a flood of lies is counted whole, and answered with no more than a fe
   CHECK(answered > 0);
   CHECK(answered <= 64);
   CHECK(scene.theatre.user(liar).refused() == answered);
+}
+
+TEST_CASE("what a user node says beyond its quota is left out, and nobody else's frame is another for it") {
+  for (const bool by_bytes : {false, true}) {
+    CAPTURE(by_bytes);
+    Stageplay play;
+    play.deployment = Deployment::user_server;
+    play.model = &drifting;
+    std::vector<Outcome> honest;
+    for (const bool flooding : {false, true}) {
+      if (flooding) {
+        // Room for what is true, which comes first here, and a little more.
+        (by_bytes ? play.quotas.bytes : play.quotas.updates) = by_bytes ? 600 : 5;
+      }
+      Scene scene(play);
+      scene.theatre.tamper = [&](const Seen& seen, std::vector<Bytes>& instead) {
+        if (!flooding || seen.from != Endpoint::user(liar) || seen.type() != MessageType::state_update) return;
+        Bytes flood = state_of(scene.ref(liar), {{1, 1, 1}, {}}, seen.header.frame);
+        messages::Header last = seen.header;
+        std::memcpy(&last, instead.back().data(), sizeof last);
+        Bytes first = instead.back();
+        last.last = 0;
+        std::memcpy(first.data(), &last, sizeof last);
+        // The flood moves the liar back to where the truth has it, so that only what is beyond the quota could show.
+        std::vector<Bytes> all{first};
+        for (int i = 0; i < 4000; ++i) all.push_back(i < 2 ? first : flood);
+        all.push_back(instead.back());
+        instead = all;
+      };
+      for (int frame = 0; frame < 4; ++frame) {
+        CAPTURE(frame);
+        scene.theatre.frame();
+        const FrameReport& report = scene.theatre.report();
+        const std::uint64_t over = report.refused[static_cast<std::size_t>(Status::over_quota)];
+        if (flooding) {
+          REQUIRE((outcome_of(scene) == honest[static_cast<std::size_t>(frame)]));
+          REQUIRE(over > 3900);
+        } else {
+          honest.push_back(outcome_of(scene));
+          REQUIRE(over == 0);
+        }
+      }
+    }
+  }
 }
 
 }  // namespace

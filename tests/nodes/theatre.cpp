@@ -48,6 +48,7 @@ Theatre::Theatre(const Stageplay& play) : play_(play), map_(play.grid, play.node
   setup.layer_masks.fill(~0u);
   setup.capacities = {16, 16, 16, 4};
   setup.interest = play.interest;
+  setup.quotas = play.quotas;
   for (NodeNumber node = 0; node < play.nodes; ++node) {
     standing_.push_back(node);
     setup.nodes.push_back(add_node(node));

@@ -63,6 +63,7 @@ struct Stageplay {
   std::size_t ring_bytes = 4096;
   std::size_t delivery_bytes = std::size_t{1} << 20;  ///< of the rings behind the test's hands
   double interest = 0;
+  Quotas quotas;
 };
 
 /// A server, CD nodes and user nodes in one thread, stepped by hand, every message of theirs seen.

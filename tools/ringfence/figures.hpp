@@ -49,6 +49,15 @@ class Figures {
   Imbalance tested_imbalance;               ///< of the pairs that they test
   double server_cpu_ms = 0, users_cpu_ms = 0;
 
+  /// Nodes that were lost, CD nodes and user nodes, in order of frames.
+  struct Loss {
+    std::uint64_t frame = 0;  ///< counted
+    bool user = false;        ///< a user node that missed its deadline
+    std::uint32_t node = 0;   ///< its number in that frame
+    double frame_ms = 0;      ///< what the frame took with it
+  };
+  std::vector<Loss> losses;
+
  private:
   Digest digest_;
   std::vector<double> frame_ms_;

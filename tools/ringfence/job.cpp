@@ -31,6 +31,7 @@ WorldConfig config_of(const Job& job) {
   config.interest = job.service.interest;
   config.ring_bytes = job.service.ring_bytes;
   config.balance = job.service.balance;
+  config.deadlines = job.service.deadlines;
   config.keep_resting = job.service.keep_resting;
   config.pin = job.service.pin;
   config.timeline = !job.output.trace.empty();
@@ -61,6 +62,7 @@ Job make_job(const RunOptions& options) {
   job.frames = options.frames;
   job.service = options.service;
   check_resizes(job.service.resizes, job.frames.frames);
+  check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines.node_ms);
   job.output = options.output;
   job.record_prefix = options.record_prefix;
   job.world = &options.world;
@@ -95,6 +97,7 @@ Job make_job(const ReplayOptions& options) {
   }
   if (job.frames.frames == 0) job.frames.frames = left;
   check_resizes(job.service.resizes, job.frames.frames);
+  check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines.node_ms);
   return job;
 }
 
@@ -118,6 +121,7 @@ int run_job(const Job& job) {
   Resizing resizing(job.service.resizes, std::max(1u, job.service.nodes));
   for (std::uint32_t frame = 0; frame < job.frames.frames; ++frame) {
     resizing.before_frame(frame, world);
+    inject_faults(job.service.faults, frame, std::uint64_t{job.frames.warmup} + frame, world);
     advance(world, std::uint64_t{job.frames.warmup} + frame);
     figures.add(world.report(), world.contacts());
     resizing.add_frame(world.report());

@@ -174,6 +174,30 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
       ->trigger_on_parse()
       ->take_last()
       ->type_name("FRAME:N,...");
+  const auto read_fault = [&service](const std::string& text) {
+    try {
+      const std::vector<Fault> faults = read_faults(text);
+      service.faults.insert(service.faults.end(), faults.begin(), faults.end());
+    } catch (const Error& error) {
+      throw CLI::ValidationError("--fail", error.what());
+    }
+  };
+  command
+      .add_option_function<std::string>("--fail", read_fault,
+                                        "in counted frame FRAME CD node NODE stops when about to do STAGE")
+      ->trigger_on_parse()
+      ->take_last()
+      ->type_name("FRAME:NODE:STAGE,...");
+  command.add_option("--node-deadline-ms", service.deadlines.node_ms, "a CD node silent for so long is lost; 0: never")
+      ->check(between(0.0, 1e6))
+      ->capture_default_str()
+      ->type_name("MS");
+  command
+      .add_option("--user-deadline-ms", service.deadlines.user_ms,
+                  "a user node has so long to move and to take its contacts; 0: for ever")
+      ->check(between(0.0, 1e6))
+      ->capture_default_str()
+      ->type_name("MS");
   add_switch(command, "--balance", service.balance, "regions follow the load");
   add_switch(command, "--keep-resting", service.keep_resting, "the broad phase keeps what does not move apart");
   add_words(command, "--broad-phase", service.placement, {Placement::server, Placement::region, Placement::automatic},

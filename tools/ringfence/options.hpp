@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "failure.hpp"
 #include "resize.hpp"
 #include "ringfence/config.hpp"
 #include "worlds/paper_world.hpp"
@@ -24,6 +25,8 @@ struct ServiceOptions {
   Placement placement = Placement::server;
   std::uint32_t nodes = 1;
   std::vector<Resize> resizes;  ///< as given, until the job has checked them
+  std::vector<Fault> faults;
+  Deadlines deadlines;
   bool balance = true;
   bool keep_resting = true;
   std::uint32_t users = 100;

@@ -141,6 +141,22 @@ Json imbalance_of(const Figures& figures) {
           {"map_changes", figures.map_changes}};
 }
 
+void print_losses(std::FILE* out, const Figures& figures) {
+  for (const Figures::Loss& loss : figures.losses) {
+    fmt::print(out, "lost        frame {}: {} node {}; the frame took {:.3f} ms\n", loss.frame,
+               loss.user ? "user" : "CD", loss.node, loss.frame_ms);
+  }
+}
+
+Json losses_of(const Figures& figures) {
+  Json losses = Json::array();
+  for (const Figures::Loss& loss : figures.losses) {
+    losses.push_back(
+        {{"frame", loss.frame}, {"kind", loss.user ? "user" : "cd"}, {"node", loss.node}, {"frame_ms", loss.frame_ms}});
+  }
+  return losses;
+}
+
 void print_resizes(std::FILE* out, const Resizing& resizing) {
   for (const ResizeFigures& resize : resizing.figures()) {
     fmt::print(
@@ -230,6 +246,7 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
   report["nodes"] = nodes_of(figures);
   report["kinds"] = kinds_of(figures);
   report["imbalance"] = imbalance_of(figures);
+  report["lost"] = losses_of(figures);
   if (!job.service.resizes.empty()) report["resizes"] = resizes_of(resizing);
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
@@ -272,6 +289,7 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   print_nodes(out, figures);
   print_imbalance(out, figures);
   print_resizes(out, resizing);
+  print_losses(out, figures);
   print_traffic(out, figures);
   for (std::size_t i = 1; i < status_count; ++i) {
     const auto reason = static_cast<Status>(i);

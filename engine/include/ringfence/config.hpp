@@ -59,6 +59,27 @@ struct Capacities {
   std::size_t users = 128;
 };
 
+/// How long the server waits for others within a frame, in milliseconds; 0: for ever. Without effect with nodes = 0.
+///
+/// Choose several times the longest frame: on a machine with more threads than cores a node that lives may be silent
+/// for as long as the others take.
+struct Deadlines {
+  /// A CD node that is silent for so long, though asked, is lost: see FrameReport::lost.
+  double node_ms = 0;
+  /// A user node has so long to move, and so long to take its contacts. One that does not make it keeps its old poses
+  /// in that frame and is disconnected at the next cut: see FrameReport::late.
+  double user_ms = 0;
+};
+
+/// What one user node may use; 0: as much as it likes. What is beyond is refused with Status::over_quota, and costs the
+/// others nothing: however much it sends, the server reads at most 64 KiB of it before it turns to the others.
+struct Quotas {
+  std::size_t avatars = 0;  ///< alive at the same time; spawn refuses more
+  std::size_t updates = 0;  ///< states in its messages of a frame; those beyond are left out
+  std::size_t bytes = 0;    ///< of its messages of a frame; messages beyond are left out, but for their saying that the
+                            ///< node has told all
+};
+
 /// How far it may grow: calls beyond are refused with Status::over_capacity.
 struct Limits {
   std::size_t objects = 16'777'216;
@@ -77,6 +98,8 @@ struct WorldConfig {
   double interest = 25;  ///< metres: how far around its avatars a user node reads others' states; >= 0
   Capacities capacities;
   Limits limits;
+  Deadlines deadlines;
+  Quotas quotas;
   std::size_t ring_bytes = 0;  ///< of every ring; a power of two, 4096 to 2^30; 0: by role
   bool balance = true;       ///< regions follow the load: the map changes at frame ends when nodes cost unequal amounts
   bool keep_resting = true;  ///< the broad phase keeps what does not move apart; off: for comparison, the same contacts

@@ -23,8 +23,9 @@ enum class Status : std::uint8_t {
   bad_category,   ///< the category does not go with the call: an avatar needs a user, a static object cannot move
   late,           ///< the user node missed its deadline: old poses stand and it is disconnected at the next cut
   model_failed,   ///< the motion model threw for the object: it stands still this frame
+  over_quota,     ///< past what a user node may use; raise it in WorldConfig::quotas
 };
-inline constexpr std::size_t status_count = 16;
+inline constexpr std::size_t status_count = 17;
 
 /// A word for a report: "ok", "stale_object", ...
 constexpr const char* name_of(Status status) noexcept {
@@ -43,7 +44,8 @@ constexpr const char* name_of(Status status) noexcept {
                                    "out_of_order",
                                    "bad_category",
                                    "late",
-                                   "model_failed"};
+                                   "model_failed",
+                                   "over_quota"};
   return names[static_cast<std::size_t>(status)];
 }
 

@@ -8,6 +8,7 @@
 #include "ringfence/config.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/error.hpp"
+#include "ringfence/fault.hpp"
 #include "ringfence/frame_report.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/object.hpp"
@@ -91,6 +92,11 @@ class World {
   Status resize(std::uint32_t nodes);
   /// CD nodes at work in the last frame; before the first, those that there are.
   std::uint32_t nodes() const noexcept;
+
+  /// Makes a CD node fail at a point of a frame to come, as a test of what follows. Without WorldConfig::deadlines the
+  /// frame would wait for ever. Refused with bad_number for a frame that has begun, a node that there is not, a stall
+  /// that is negative or not finite, and with nodes = 0.
+  Status inject(const Fault& fault);
 
   /// A whole frame: begin_frame and finish_frame.
   Status advance();

@@ -1,0 +1,214 @@
+// CD nodes that stop answering, and what becomes of the world.
+#include <atomic>
+#include <map>
+#include <memory>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "facade/swarm.hpp"
+#include "ringfence/digest.hpp"
+#include "ringfence/world.hpp"
+
+namespace ringfence::test {
+namespace {
+
+constexpr double side = 14;
+constexpr int frames = 24;
+
+struct Ran {
+  std::uint64_t digest = 0;
+  std::size_t lost = 0;
+  std::uint32_t nodes = 0;
+  std::uint64_t late = 0;
+  std::size_t logged = 0;
+};
+
+Ran run(WorldConfig config, const std::multimap<int, Fault>& faults, const std::map<int, std::uint32_t>& resizes = {}) {
+  config.bounds_max = {side, side, side};
+  config.interest = 4;
+  config.motion = std::make_shared<Bouncing>(side);
+  config.user_threads = 1;
+  Ran ran;
+  config.log = [&](LogLevel level, std::string_view) { ran.logged += level == LogLevel::error ? 1 : 0; };
+  World world(config);
+  populate(world, 200, 4, side);
+  Digest digest;
+  for (int frame = 0; frame < frames; ++frame) {
+    CAPTURE(frame);
+    const auto [first, last] = faults.equal_range(frame);
+    for (auto at = first; at != last; ++at) {
+      Fault fault = at->second;
+      fault.frame = static_cast<std::uint64_t>(frame);
+      REQUIRE(world.inject(fault) == Status::ok);
+    }
+    if (const auto at = resizes.find(frame); at != resizes.end()) {
+      REQUIRE(world.resize(at->second) == Status::ok);
+    }
+    REQUIRE(world.advance() == Status::ok);
+    const FrameReport& report = world.report();
+    REQUIRE(report.accepted == report.candidates);
+    ran.lost += report.lost.size();
+    ran.nodes = world.nodes();
+    ran.late += report.refused[static_cast<std::size_t>(Status::late)];
+    digest.add_frame(world.contacts());
+  }
+  ran.digest = digest.value();
+  return ran;
+}
+
+std::uint64_t expected() {
+  WorldConfig config;
+  config.nodes = 0;
+  static const std::uint64_t digest = run(config, {}).digest;
+  return digest;
+}
+
+// Longer than any frame here takes on a machine that is busy; a false alarm would change counts, never contacts.
+constexpr double deadline_ms = 60;
+
+TEST_CASE("nodes that stop at any stage, one after another until none is left, change no contact") {
+  for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
+    for (const Placement placement : {Placement::server, Placement::region}) {
+      CAPTURE(name_of(deployment));
+      CAPTURE(name_of(placement));
+      WorldConfig config;
+      config.deployment = deployment;
+      config.placement = placement;
+      config.nodes = 7;
+      config.deadlines.node_ms = deadline_ms;
+      std::multimap<int, Fault> faults;
+      for (std::size_t stage = 0; stage < node_stage_count; ++stage) {
+        faults.insert({static_cast<int>(3 * stage + 2),
+                       {static_cast<NodeNumber>((stage * 3) % (7 - stage)), 0, static_cast<NodeStage>(stage), 0}});
+      }
+      const Ran ran = run(config, faults);
+      CHECK(ran.digest == expected());
+      CHECK(ran.lost >= 6);  // who has nothing to hand over does not pass through every stage
+      CHECK(ran.logged == ran.lost);
+      CHECK(ran.nodes >= 1);
+    }
+  }
+}
+
+TEST_CASE("nodes that are lost in the same frame, also all of them, change no contact") {
+  for (const NodeStage stage : {NodeStage::moving, NodeStage::colliding, NodeStage::ending}) {
+    WorldConfig config;
+    config.nodes = 3;
+    config.deadlines.node_ms = deadline_ms;
+    CAPTURE(name_of(stage));
+    const Ran two = run(config, {{5, {0, 0, stage, 0}}, {5, {2, 0, NodeStage::gathering, 0}}});
+    CHECK(two.digest == expected());
+    CHECK(two.lost >= 2);
+    const Ran all = run(config, {{5, {0, 0, stage, 0}}, {5, {1, 0, stage, 0}}, {5, {2, 0, stage, 0}}});
+    CHECK(all.digest == expected());
+    CHECK(all.lost >= 3);
+    CHECK(all.nodes == 1);
+  }
+}
+
+TEST_CASE("what a lost node says when it wakes is refused as late") {
+  WorldConfig config;
+  config.nodes = 3;
+  config.deadlines.node_ms = deadline_ms;
+  // Another is lost in the same frame, later, so that the first wakes before the frame ends.
+  const Ran ran = run(config, {{5, {1, 0, NodeStage::moving, 4 * deadline_ms}}, {5, {2, 0, NodeStage::ending, 0}}});
+  CHECK(ran.digest == expected());
+  CHECK(ran.lost >= 2);
+}
+
+TEST_CASE("losses and resizes in any order change no contact") {
+  WorldConfig config;
+  config.nodes = 4;
+  config.deadlines.node_ms = deadline_ms;
+  const Ran ran = run(config,
+                      {{3, {1, 0, NodeStage::colliding, 0}},  // while two join
+                       {8, {4, 0, NodeStage::ending, 0}},     // the last number, while two are to leave
+                       {12, {0, 0, NodeStage::moving, 0}},
+                       {16, {0, 0, NodeStage::telling, 0}}},
+                      {{3, 6}, {8, 3}, {13, 5}, {17, 1}, {20, 4}});
+  CHECK(ran.digest == expected());
+  CHECK(ran.lost >= 3);
+}
+
+TEST_CASE("a deadline that nobody misses changes nothing") {
+  WorldConfig config;
+  config.nodes = 3;
+  config.deadlines = {20'000, 20'000};
+  const Ran ran = run(config, {});
+  CHECK(ran.digest == expected());
+  CHECK(ran.lost == 0);
+  CHECK(ran.late == 0);
+}
+
+/// Everything stands still; the move of one object waits for a word from outside in one frame.
+class Hesitating : public MotionModel {
+ public:
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput>) const override {
+    for (const MotionInput& input : inputs) {
+      while (input.number == 2 && frame == 3 && !may_go.load()) {
+        std::this_thread::yield();
+      }
+    }
+  }
+  mutable std::atomic<bool> may_go{false};
+};
+
+TEST_CASE("a user node that misses its deadline is disconnected, its contacts end, and the others go on") {
+  const auto model = std::make_shared<Hesitating>();
+  WorldConfig config;
+  config.nodes = 2;
+  config.user_threads = 2;
+  config.motion = model;
+  config.deadlines.user_ms = deadline_ms;
+  World world(config);
+  const ShapeNumber ball = world.add_shape(Sphere{1});
+  const UserNumber first = world.connect().user;
+  const UserNumber second = world.connect().user;
+  const auto avatar = [&](UserNumber user, double x) {
+    return world.spawn({.shape = ball, .category = Category::avatar, .user = user, .pose = {{x, 0, 0}, {}}}).id;
+  };
+  const ObjectId one = avatar(first, 10);
+  const ObjectId two = avatar(second, 11.5);
+  for (int frame = 0; frame < 3; ++frame) {
+    REQUIRE(world.advance() == Status::ok);
+    REQUIRE(world.contacts().size() == 1);
+  }
+  REQUIRE(world.advance() == Status::ok);  // the hesitant one is not waited for
+  CHECK(world.report().late == std::vector<UserNumber>{second});
+  CHECK(world.report().refused[static_cast<std::size_t>(Status::late)] == 1);
+  CHECK(world.contacts().size() == 1);  // at its old pose
+  CHECK(world.collisions_of(first).size() == 1);
+  model->may_go = true;
+  REQUIRE(world.advance() == Status::ok);
+  CHECK(world.report().late.empty());
+  CHECK(world.contacts().empty());
+  REQUIRE(world.ended().size() == 1);
+  CHECK(world.ended()[0].b == two.number());
+  CHECK(world.object(two).id == ObjectId{});
+  CHECK(world.object(one).id == one);
+  CHECK(world.move(second, two, {}) == Status::unknown_user);
+  CHECK(world.connect(second).status == Status::ok);  // the number is free again
+  CHECK(world.advance() == Status::ok);
+}
+
+TEST_CASE("a fault that cannot be is refused") {
+  WorldConfig config;
+  config.nodes = 2;
+  World world(config);
+  CHECK(world.inject({2, 0, NodeStage::moving, 0}) == Status::bad_number);
+  CHECK(world.inject({0, 0, NodeStage::moving, -1}) == Status::bad_number);
+  CHECK(world.advance() == Status::ok);
+  CHECK(world.inject({0, 0, NodeStage::moving, 0}) == Status::bad_number);
+  CHECK(world.begin_frame() == Status::ok);
+  CHECK(world.inject({0, 5, NodeStage::moving, 0}) == Status::out_of_order);
+  CHECK(world.finish_frame() == Status::ok);
+  config.nodes = 0;
+  World alone(config);
+  CHECK(alone.inject({0, 0, NodeStage::moving, 0}) == Status::bad_number);
+}
+
+}  // namespace
+}  // namespace ringfence::test
