@@ -52,7 +52,7 @@ inline Placement<double> placement_of(const Pose& p, Vec3f p_centre, const Pose&
   return out;
 }
 
-/// Where the centre of a shape is, of its own origin, by its row's sizes: a box's is the origin, a hull's its centroid.
+/// Whether the centre of a kind is its origin, as a box's is; that of a hull is in the sizes of its row.
 template <ShapeKind kind>
 constexpr bool centred = kind == ShapeKind::box;
 
