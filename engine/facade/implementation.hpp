@@ -106,6 +106,7 @@ struct World::Implementation {
     }
   }
   void log_growth();
+  void gather_user_times();
   void gather_timeline();
 
   WorldConfig config;
@@ -133,7 +134,7 @@ struct World::Implementation {
   std::uint64_t begun = 0;
   std::uint64_t frames = 0;
   FrameReport report;
-  std::uint64_t users_cpu_ns = 0;
+  std::vector<std::uint64_t> user_cpu_ns;  ///< by user thread, since it started
   telemetry::Track server_track;
   std::deque<telemetry::Track> node_tracks;
   std::deque<telemetry::Track> user_tracks;

@@ -38,6 +38,17 @@ Status World::Implementation::check_spec(const ObjectSpec& spec) const noexcept 
   return registry.live() >= config.limits.objects ? Status::over_capacity : Status::ok;
 }
 
+void World::Implementation::gather_user_times() {
+  report.users_cpu_ms = report.slowest_user_cpu_ms = 0;
+  user_cpu_ns.resize(user_workers.size());
+  for (std::size_t i = 0; i < user_workers.size(); ++i) {
+    const std::uint64_t cpu_ns = user_workers[i].cpu_ns();
+    const double ms = static_cast<double>(cpu_ns - std::exchange(user_cpu_ns[i], cpu_ns)) * 1e-6;
+    report.users_cpu_ms += ms;
+    report.slowest_user_cpu_ms = std::max(report.slowest_user_cpu_ms, ms);
+  }
+}
+
 void World::Implementation::gather_timeline() {
   report.timeline.clear();
   std::uint32_t index = 0;
@@ -323,11 +334,7 @@ Status World::finish_frame() {
   for (std::size_t reason = 0; reason < status_count; ++reason) {
     w.report.refused[reason] += std::exchange(w.refused[reason], 0);
   }
-  std::uint64_t cpu_ns = 0;
-  for (Worker& worker : w.user_workers) {
-    cpu_ns += worker.cpu_ns();
-  }
-  w.report.users_cpu_ms = static_cast<double>(cpu_ns - std::exchange(w.users_cpu_ns, cpu_ns)) * 1e-6;
+  w.gather_user_times();
   w.gather_timeline();
   w.bury_lost();
   w.retire_nodes();

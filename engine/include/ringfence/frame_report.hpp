@@ -89,7 +89,8 @@ struct FrameReport {
   std::array<TrafficReport, traffic_count> traffic{};
   std::uint64_t grown = 0;  ///< buffers that outgrew what was reserved
   double server_cpu_ms = 0;
-  double users_cpu_ms = 0;  ///< all user threads together
+  double users_cpu_ms = 0;         ///< all user threads together
+  double slowest_user_cpu_ms = 0;  ///< the user thread that used most
   /// CD nodes that stopped answering in this frame, by their numbers in it. Their work was done by the others; from the
   /// next frame on the nodes above them are numbered one lower each.
   std::vector<NodeNumber> lost;
