@@ -17,8 +17,10 @@ struct Answer {
 };
 
 /// Runs the program in a shell with `arguments`. Standard error is taken in too, unless `redirect` says otherwise.
-inline Answer ringfence(const std::string& arguments, const std::string& redirect = "2>&1") {
-  const std::string command = std::string(RINGFENCE_PROGRAM) + " " + arguments + " " + redirect;
+/// `environment` stands before the command, as NAME=VALUE.
+inline Answer ringfence(const std::string& arguments, const std::string& redirect = "2>&1",
+                        const std::string& environment = "") {
+  const std::string command = environment + " " + RINGFENCE_PROGRAM + " " + arguments + " " + redirect;
   Answer answer;
   std::FILE* pipe = popen(command.c_str(), "r");
   if (!pipe) return answer;

@@ -43,10 +43,8 @@ TEST_CASE("a word that an option does not know is told with those that it does")
   check_refused("run --broad-phase none", "--broad-phase: found none; expected one of server, region, auto");
   check_refused("run --shapes cone", "--shapes: found cone; expected one of sphere, box, capsule, hull, mixed, mesh");
   check_refused("run --speed 3", "--speed");
-  check_refused("fly", "found fly; expected run, replay, record or convert");
+  check_refused("fly", "found fly; expected run, replay, record, scale, profile or convert");
   check_refused("", "subcommand");
-  check_refused("scale", "scale is not in this version");
-  check_refused("profile", "profile is not in this version");
   check_refused("node", "node is not in this version");
 }
 
@@ -55,8 +53,8 @@ TEST_CASE("help and version end with 0, and help names no command that is not th
   CHECK(test::ringfence("--version").out.starts_with("ringfence 0."));
   const Answer help = test::ringfence("--help");
   CHECK(help.code == 0);
-  for (const char* command : {"run", "replay", "record", "convert"}) CHECK(help.out.find(command) != std::string::npos);
-  CHECK(help.out.find("scale") == std::string::npos);
+  for (const char* command : {"run", "replay", "record", "scale", "profile", "convert"})
+    CHECK(help.out.find(command) != std::string::npos);
   for (const char* option :
        {"--deployment", "--nodes",        "--broad-phase", "--frames",          "--warmup",
         "--users",      "--user-threads", "--interest",    "--objects",         "--coverage",

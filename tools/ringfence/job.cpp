@@ -10,6 +10,7 @@
 #include "frame_checker.hpp"
 #include "frame_outputs.hpp"
 #include "mesh_file.hpp"
+#include "profile.hpp"
 #include "progress.hpp"
 #include "recording.hpp"
 #include "report.hpp"
@@ -20,9 +21,8 @@
 #include "worlds/scene_file.hpp"
 
 namespace ringfence::tools {
-namespace {
 
-WorldConfig config_of(const Job& job) {
+WorldConfig world_config(const Job& job) {
   WorldConfig config;
   config.nodes = job.service.nodes;
   config.user_threads = job.service.user_threads;
@@ -49,8 +49,6 @@ void advance(World& world, std::uint64_t frame) {
     throw IncompleteError(fmt::format("frame {} was refused: {}; the frames before it stand", frame, name_of(status)));
   }
 }
-
-}  // namespace
 
 Job make_job(const RunOptions& options) {
   worlds::PaperWorld world = worlds::make_paper_world(options.world);
@@ -105,7 +103,7 @@ int run_job(const Job& job) {
   FrameOutputs outputs(job.output);
   std::optional<OutputFile> json;
   if (!job.output.json.empty()) json.emplace(job.output.json);
-  World world(config_of(job));
+  World world(world_config(job));
   worlds::load_into(world, job.scene, job.service.users);
 
   FrameChecker checker(world, job.output.check);
@@ -138,7 +136,12 @@ int run_job(const Job& job) {
     json->close();
   }
   // With the contacts on standard output, the report makes room.
-  print_report(job.output.collisions == "-" ? stderr : stdout, job, figures, resizing, checker);
+  std::FILE* const out = job.output.collisions == "-" ? stderr : stdout;
+  if (job.profile) {
+    print_profile(out, job, figures);
+  } else {
+    print_report(out, job, figures, resizing, checker);
+  }
   return checker.passed() ? done : check_failed;
 }
 

@@ -6,6 +6,7 @@
 
 #include "options.hpp"
 #include "ringfence/motion_model.hpp"
+#include "ringfence/world.hpp"
 #include "worlds/scene.hpp"
 
 namespace ringfence::tools {
@@ -19,6 +20,7 @@ struct Job {
   ServiceOptions service;
   OutputOptions output;
   std::string record_prefix;                         ///< empty: nothing is recorded
+  bool profile = false;                              ///< the report is about the narrow phase
   const worlds::PaperWorldOptions* world = nullptr;  ///< its parameters, if it is the paper's
 };
 
@@ -27,6 +29,12 @@ Job make_job(const RunOptions& options);
 
 /// Reads scene and motion. Throws Error, InputError.
 Job make_job(const ReplayOptions& options);
+
+/// What a World for the job is made of; the scene is still to be loaded into it.
+WorldConfig world_config(const Job& job);
+
+/// One frame. `frame` is its number in messages. Throws IncompleteError when it is refused.
+void advance(World& world, std::uint64_t frame);
 
 /// Runs all frames, with everything that the output options ask for, and prints the report. Answers the exit code.
 /// Throws Error for bad use, IncompleteError when the run cannot be completed.

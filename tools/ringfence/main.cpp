@@ -8,9 +8,16 @@
 #include "exit_code.hpp"
 #include "job.hpp"
 #include "options.hpp"
+#include "scale.hpp"
 
 namespace ringfence::tools {
 namespace {
+
+int profile(const ProfileOptions& options) {
+  Job job = options.replay.scene.empty() ? make_job(options.run) : make_job(options.replay);
+  job.profile = true;
+  return run_job(job);
+}
 
 int run(const CommandLine& line) {
   switch (line.command) {
@@ -19,6 +26,10 @@ int run(const CommandLine& line) {
       return run_job(make_job(line.run));
     case CommandLine::Command::replay:
       return run_job(make_job(line.replay));
+    case CommandLine::Command::scale:
+      return scale(line.scale);
+    case CommandLine::Command::profile:
+      return profile(line.profile);
     case CommandLine::Command::convert:
       break;
   }
@@ -28,12 +39,13 @@ int run(const CommandLine& line) {
 int run_guarded(int argc, char** argv) {
   if (argc > 1 && argv[1][0] != '-') {
     const std::string_view word = argv[1];
-    if (word == "scale" || word == "profile" || word == "node") {
+    if (word == "node") {
       fmt::print(stderr, "ringfence: {} is not in this version\n", word);
       return bad_use;
     }
-    if (word != "run" && word != "replay" && word != "record" && word != "convert") {
-      fmt::print(stderr, "ringfence: found {}; expected run, replay, record or convert\n", word);
+    if (word != "run" && word != "replay" && word != "record" && word != "convert" && word != "scale" &&
+        word != "profile") {
+      fmt::print(stderr, "ringfence: found {}; expected run, replay, record, scale, profile or convert\n", word);
       return bad_use;
     }
   }

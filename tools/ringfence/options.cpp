@@ -12,60 +12,13 @@
 #include <fmt/format.h>
 
 #include "exit_code.hpp"
+#include "option_checks.hpp"
+#include "scale_options.hpp"
 
 namespace ringfence::tools {
 namespace {
 
 constexpr std::uint32_t most_frames = 10'000'000;
-
-/// Refuses what is outside [low, high], and NaN, saying the range.
-template <class T>
-CLI::Validator between(T low, T high) {
-  return {[low, high](std::string& text) {
-            T value{};
-            const bool right = CLI::detail::lexical_cast(text, value) && value >= low && value <= high;
-            return right ? std::string() : fmt::format("found {}; expected {} to {}", text, low, high);
-          },
-          fmt::format("{} to {}", low, high)};
-}
-
-template <class Value, std::size_t count>
-std::map<std::string, Value> by_name(const Value (&values)[count]) {
-  std::map<std::string, Value> names;
-  for (const Value value : values) names.emplace(name_of(value), value);
-  return names;
-}
-
-/// An option that takes one of a few words.
-template <class Value, std::size_t count>
-void add_words(CLI::App& command, const char* option, Value& value, const Value (&values)[count], const char* help) {
-  const auto names = by_name(values);
-  std::string words;
-  for (const Value each : values) words += fmt::format("{}{}", words.empty() ? "" : ", ", name_of(each));
-  const auto read = [names, words, &value, option](const std::string& text) {
-    const auto found = names.find(text);
-    if (found == names.end()) {
-      throw CLI::ValidationError(option, fmt::format("found {}; expected one of {}", text, words));
-    }
-    value = found->second;
-  };
-  command.add_option_function<std::string>(option, read, fmt::format("{}: {}", help, words))
-      ->default_str(name_of(value))
-      ->type_name("WORD");
-}
-
-/// An option that is on or off.
-void add_switch(CLI::App& command, const char* option, bool& value, const char* help) {
-  const auto read = [&value, option](const std::string& text) {
-    if (text != "on" && text != "off") {
-      throw CLI::ValidationError(option, fmt::format("found {}; expected one of on, off", text));
-    }
-    value = text == "on";
-  };
-  command.add_option_function<std::string>(option, read, fmt::format("{}: on, off", help))
-      ->default_str(value ? "on" : "off")
-      ->type_name("WORD");
-}
 
 void add_interval(CLI::App& command, const char* option, motion::Interval& value, const char* help) {
   const auto read = [&value, option](const std::string& text) {
@@ -102,7 +55,8 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
   app_.require_subcommand(1);
   app_.get_formatter()->column_width(36);
   const std::uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
-  line_.run.service.nodes = line_.replay.service.nodes = std::clamp(cores - 1, 1u, 1024u);
+  line_.run.service.nodes = line_.replay.service.nodes = line_.profile.run.service.nodes =
+      std::clamp(cores - 1, 1u, 1024u);
 
   CLI::App& run = *app_.add_subcommand("run", "generates the paper's world and runs it");
   add_frames(run, line_.run.frames, false);
@@ -126,6 +80,17 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
   add_world(record, line_.run.world);
   add_output(record, line_.run.output);
 
+  CLI::App& scale = *app_.add_subcommand(
+      "scale", "runs node counts x object counts x deployments, as the paper did, and says how they scale");
+  line_.scale.base.frames = {100, 100};
+  add_scale_options(scale, line_.scale);
+  add_frames(scale, line_.scale.base.frames, false);
+  add_users(scale, line_.scale.base.service);
+  add_population(scale, line_.scale.base.world);
+  scale.add_flag("--quiet", line_.scale.base.output.quiet, "no progress line");
+
+  add_profile(line_.profile);
+
   CLI::App& convert = *app_.add_subcommand("convert", "turns a real trace into PREFIX.json, PREFIX.csv for replay");
   ConvertOptions& options = line_.convert;
   convert.add_option("KIND", options.kind, "air: flights, JSON; crowd: people, text")
@@ -142,6 +107,39 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
       ->check(between(0u, 100'000u))
       ->capture_default_str()
       ->type_name("N");
+}
+
+void CommandLineParser::add_profile(ProfileOptions& options) {
+  CLI::App& profile =
+      *app_.add_subcommand("profile",
+                           "runs the paper's world or a recorded one and says where the narrow phase spends "
+                           "its time");
+  CLI::Option* const scene = profile.add_option("--scene", options.replay.scene, "a recorded scene, JSON");
+  CLI::Option* const motion = profile.add_option("--motion", options.replay.motion, "how it moves, CSV or binary");
+  scene->needs(motion)->type_name("FILE");
+  motion->needs(scene)->type_name("FILE");
+  add_frames(profile, options.run.frames, true);
+  add_service(profile, options.run.service);
+  add_world(profile, options.run.world);
+  add_output(profile, options.run.output);
+}
+
+// What holds for both is read into the run's options.
+void CommandLineParser::settle_profile(const CLI::App& command) {
+  RunOptions& run = line_.profile.run;
+  ReplayOptions& replay = line_.profile.replay;
+  run.world.users = run.service.users;
+  if (replay.scene.empty()) {
+    if (run.frames.frames == 0) {
+      throw CLI::ValidationError("--frames", fmt::format("found 0; expected 1 to {}", most_frames));
+    }
+    return;
+  }
+  replay.service = run.service;
+  replay.service.users_given = command.count("--users") > 0;
+  replay.output = run.output;
+  replay.frames = {command.count("--frames") > 0 ? run.frames.frames : 0,
+                   command.count("--warmup") > 0 ? run.frames.warmup : 0};
 }
 
 void CommandLineParser::add_frames(CLI::App& command, FrameOptions& frames, bool replay) {
@@ -198,10 +196,14 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
       ->check(between(0.0, 1e6))
       ->capture_default_str()
       ->type_name("MS");
-  add_switch(command, "--balance", service.balance, "regions follow the load");
-  add_switch(command, "--keep-resting", service.keep_resting, "the broad phase keeps what does not move apart");
   add_words(command, "--broad-phase", service.placement, {Placement::server, Placement::region, Placement::automatic},
             "where the broad phase runs");
+  add_users(command, service);
+}
+
+void CommandLineParser::add_users(CLI::App& command, ServiceOptions& service) {
+  add_switch(command, "--balance", service.balance, "regions follow the load");
+  add_switch(command, "--keep-resting", service.keep_resting, "the broad phase keeps what does not move apart");
   command.add_option("--users", service.users, "user nodes")
       ->check(between(1u, 65'536u))
       ->capture_default_str()
@@ -222,11 +224,15 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
 }
 
 void CommandLineParser::add_world(CLI::App& command, worlds::PaperWorldOptions& world) {
-  using worlds::ShapeSetting;
   command.add_option("--objects", world.objects, "objects, avatars included")
       ->check(between(1u, 10'000'000u))
       ->capture_default_str()
       ->type_name("N");
+  add_population(command, world);
+}
+
+void CommandLineParser::add_population(CLI::App& command, worlds::PaperWorldOptions& world) {
+  using worlds::ShapeSetting;
   command.add_option("--coverage", world.coverage, "share of the world's volume that they fill")
       ->check(between(1e-6, 0.6))
       ->capture_default_str()
@@ -259,12 +265,16 @@ CommandLine CommandLineParser::parse(int argc, char** argv) {
   const CLI::App& command = *app_.get_subcommands().front();
   const std::string name = command.get_name();
   using Command = CommandLine::Command;
-  line_.command = name == "run"      ? Command::run
-                  : name == "replay" ? Command::replay
-                  : name == "record" ? Command::record
-                                     : Command::convert;
+  line_.command = name == "run"       ? Command::run
+                  : name == "replay"  ? Command::replay
+                  : name == "record"  ? Command::record
+                  : name == "scale"   ? Command::scale
+                  : name == "profile" ? Command::profile
+                                      : Command::convert;
   if (line_.command == Command::replay) line_.replay.service.users_given = command.count("--users") > 0;
   line_.run.world.users = line_.run.service.users;
+  line_.scale.base.world.users = line_.scale.base.service.users;
+  if (line_.command == Command::profile) settle_profile(command);
   return line_;
 }
 

@@ -63,6 +63,26 @@ struct ReplayOptions {
   std::string motion;
 };
 
+/// What `ringfence scale` runs: every combination of the lists.
+struct ScaleOptions {
+  std::vector<Deployment> deployments{Deployment::user, Deployment::user_server, Deployment::user_collision};
+  std::vector<Placement> placements{Placement::server};
+  std::vector<std::uint32_t> nodes{1, 2, 4, 8, 16};
+  std::vector<std::uint32_t> objects{1000, 2000, 3000, 4000};
+  std::uint32_t repeats = 3;
+  std::vector<std::string> models;  ///< names of cluster models to compute from the runs
+  std::vector<std::string> costs;   ///< NAME=VALUE, in place of a cost of the models
+  std::string json, csv, plots;     ///< where to; empty: none
+  /// What all runs share: frames, world, users, progress.
+  RunOptions base;
+};
+
+/// `ringfence profile`: the paper's world, or a replay if a scene is given.
+struct ProfileOptions {
+  RunOptions run;
+  ReplayOptions replay;
+};
+
 struct ConvertOptions {
   std::string kind;  ///< air or crowd
   std::string input;
@@ -74,11 +94,13 @@ struct ConvertOptions {
 
 /// Everything that the command line can say, and which command it was.
 struct CommandLine {
-  enum class Command : std::uint8_t { run, replay, record, convert };
+  enum class Command : std::uint8_t { run, replay, record, convert, scale, profile };
   Command command = Command::run;
   RunOptions run;  ///< record too
   ReplayOptions replay;
   ConvertOptions convert;
+  ScaleOptions scale;
+  ProfileOptions profile;
 };
 
 /// Reads the command line. Throws CLI::ParseError, also for --help and --version; values out of range are told with
@@ -91,9 +113,13 @@ class CommandLineParser {
   int explain(const CLI::ParseError& error);
 
  private:
+  void add_profile(ProfileOptions& options);
+  void settle_profile(const CLI::App& command);
   void add_frames(CLI::App& command, FrameOptions& frames, bool replay);
   void add_service(CLI::App& command, ServiceOptions& service);
+  void add_users(CLI::App& command, ServiceOptions& service);
   void add_world(CLI::App& command, worlds::PaperWorldOptions& world);
+  void add_population(CLI::App& command, worlds::PaperWorldOptions& world);
   void add_output(CLI::App& command, OutputOptions& output);
 
   CLI::App app_;

@@ -1,28 +1,24 @@
 #include "report.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <string>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "machine.hpp"
+#include "profile.hpp"
 
 namespace ringfence::tools {
-namespace {
 
 using Json = nlohmann::ordered_json;
 
+namespace {
+
 constexpr std::size_t most_nodes_shown = 32;
 
-constexpr const char* name_of_traffic(Traffic kind) {
-  constexpr const char* names[] = {"M1", "M2", "M3", "M4", "M5", "states", "control"};
-  return names[static_cast<std::size_t>(kind)];
-}
-
-std::string lower(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+std::string upper(std::string text) {
+  if (text.front() == 'm') text.front() = 'M';
   return text;
 }
 
@@ -77,7 +73,7 @@ void print_traffic(std::FILE* out, const Figures& figures) {
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
     if (traffic.messages == 0 && traffic.bytes == 0) continue;
-    fmt::print(out, "  {:<8} {:>7.1f} {:>16.0f}\n", name_of_traffic(static_cast<Traffic>(i)),
+    fmt::print(out, "  {:<8} {:>7.1f} {:>16.0f}\n", upper(name_of_traffic(static_cast<Traffic>(i))),
                figures.mean(static_cast<double>(traffic.messages)), figures.mean(static_cast<double>(traffic.bytes)));
   }
 }
@@ -223,15 +219,10 @@ Json kinds_of(const Figures& figures) {
 }
 
 Json report_of(const Job& job, const Figures& figures, const Resizing& resizing, const FrameChecker& checker) {
-  const Machine machine = this_machine();
   const Spread frame = figures.frame_ms();
   Json report;
   report["config"] = config_of(job, figures);
-  report["machine"] = {{"cpu", machine.cpu},
-                       {"cores", machine.cores},
-                       {"system", machine.system},
-                       {"compiler", machine.compiler},
-                       {"build", machine.build}};
+  report["machine"] = machine_json();
   report["frames"] = figures.frames();
   report["digest"] = fmt::format("{:016x}", figures.digest());
   report["frame_ms"] = {{"mean", frame.mean}, {"p50", frame.p50}, {"p99", frame.p99}, {"max", frame.max}};
@@ -250,7 +241,7 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
   if (!job.service.resizes.empty()) report["resizes"] = resizes_of(resizing);
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
-    report["traffic"][lower(name_of_traffic(static_cast<Traffic>(i)))] = {
+    report["traffic"][name_of_traffic(static_cast<Traffic>(i))] = {
         {"messages", traffic.messages}, {"records", traffic.records}, {"bytes", traffic.bytes}};
   }
   report["moved"] = figures.moved;
@@ -266,10 +257,20 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
   if (checker.brute_force()) {
     report["check"] = {{"frames", checker.frames()}, {"differences", checker.differences()}};
   }
+  if (job.profile) report["profile"] = profile_json(figures);
   return report;
 }
 
 }  // namespace
+
+Json machine_json() {
+  const Machine machine = this_machine();
+  return {{"cpu", machine.cpu},
+          {"cores", machine.cores},
+          {"system", machine.system},
+          {"compiler", machine.compiler},
+          {"build", machine.build}};
+}
 
 void print_report(std::FILE* out, const Job& job, const Figures& figures, const Resizing& resizing,
                   const FrameChecker& checker) {

@@ -2,6 +2,8 @@
 
 #include <cstdio>
 
+#include <nlohmann/json.hpp>
+
 #include "figures.hpp"
 #include "frame_checker.hpp"
 #include "job.hpp"
@@ -9,6 +11,15 @@
 #include "resize.hpp"
 
 namespace ringfence::tools {
+
+/// As in the keys of the JSON: m1 to m5, states, control.
+constexpr const char* name_of_traffic(Traffic kind) {
+  constexpr const char* names[] = {"m1", "m2", "m3", "m4", "m5", "states", "control"};
+  return names[static_cast<std::size_t>(kind)];
+}
+
+/// This machine, as under `machine` in the JSON.
+nlohmann::ordered_json machine_json();
 
 /// The short report that a person reads.
 void print_report(std::FILE* out, const Job& job, const Figures& figures, const Resizing& resizing,

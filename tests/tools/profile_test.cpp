@@ -1,0 +1,100 @@
+#include "profile.hpp"
+
+#include <string>
+
+#include <doctest/doctest.h>
+#include <nlohmann/json.hpp>
+
+#include "tools/program.hpp"
+#include "worlds/text_file.hpp"
+
+namespace ringfence {
+namespace {
+
+using test::Answer;
+using test::Folder;
+
+KindReport timed_kind(ShapeKind first, std::uint64_t candidates, std::uint64_t nanoseconds) {
+  KindReport kind;
+  kind.first = kind.second = first;
+  kind.candidates = candidates;
+  kind.timed = 100;
+  kind.nanoseconds = nanoseconds;
+  return kind;
+}
+
+}  // namespace
+
+TEST_CASE("percentiles of a candidate's cost lie in the bucket that holds their rank") {
+  KindReport kind = timed_kind(ShapeKind::box, 1000, 2400);
+  kind.cost[8] = 60;   // 16 to 22.6 ns
+  kind.cost[10] = 39;  // 32 to 45.3 ns
+  kind.cost[20] = 1;   // 1024 to 1448 ns
+  const tools::CandidateCost cost = tools::candidate_cost(kind);
+  CHECK(cost.mean == 24);
+  CHECK(cost.p50 >= 16);
+  CHECK(cost.p50 <= 22.7);
+  CHECK(cost.p90 >= 32);
+  CHECK(cost.p90 <= 45.3);
+  CHECK(cost.p99 <= 45.3);
+  kind.cost[20] = 2;
+  kind.cost[10] = 38;
+  CHECK(tools::candidate_cost(kind).p99 >= 1024);
+  CHECK(tools::candidate_cost({}).p50 == 0);
+}
+
+TEST_CASE("kinds stand in order of the time that they take in all, not of what one candidate costs") {
+  FrameReport report;
+  report.kinds = {timed_kind(ShapeKind::sphere, 100000, 500), timed_kind(ShapeKind::box, 100, 9000)};
+  tools::Figures figures;
+  figures.add(report, {});
+  const auto kinds = tools::by_cost(figures);
+  REQUIRE(kinds.size() == 2);
+  CHECK(kinds[0].first == ShapeKind::sphere);
+}
+
+TEST_CASE("the profile of a run has all its candidates, shares that add up to one, and the run's digest") {
+  const Folder folder;
+  const std::string json = folder / "p.json", trace = folder / "t.json";
+  const std::string world = "--objects 1500 --users 10 --frames 8 --warmup 2 --nodes 2 ";
+  const Answer answer = test::ringfence("profile " + world + "--json " + json + " --trace " + trace);
+  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+  for (const char* word : {"ns mean", "p99", "lanes", "early", "gather", "imbalance", "box-box"}) {
+    CHECK_MESSAGE(answer.out.find(word) != std::string::npos, word);
+  }
+  CHECK(test::digest_in(answer.out) == test::digest_in(test::ringfence("run " + world).out));
+  const auto report = nlohmann::json::parse(worlds::read_text(json));
+  double candidates = 0, shares = 0;
+  for (const auto& kind : report["profile"]["kinds"]) {
+    candidates += kind["candidates"].get<double>();
+    shares += kind["share"].get<double>();
+    const auto& ns = kind["ns_per_candidate"];
+    CHECK(ns["p50"] <= ns["p90"]);
+    CHECK(ns["p90"] <= ns["p99"]);
+    CHECK(kind["lane_use"] <= 1);
+    CHECK(kind["hit_share"] <= 1);
+    CHECK(kind["gather_share"] <= 1);
+  }
+  CHECK(candidates * 8 == doctest::Approx(report["pairs"]["tested"].get<double>()));
+  CHECK(shares == doctest::Approx(1));
+  CHECK(report["profile"]["imbalance"] >= 1);
+  CHECK(nlohmann::json::parse(worlds::read_text(trace))["traceEvents"].size() > 8);
+}
+
+TEST_CASE("a replay is profiled with the options of replay") {
+  const Folder folder;
+  const std::string prefix = folder / "w";
+  REQUIRE(test::ringfence("record --objects 200 --users 10 --frames 6 --out " + prefix).code == 0);
+  const std::string files = " --scene " + prefix + ".json --motion " + prefix + ".bin";
+  const Answer profile = test::ringfence("profile" + files);
+  CHECK_MESSAGE(profile.code == 0, profile.out);
+  CHECK(profile.out.find("6 frames counted after 0 of warm-up") != std::string::npos);
+  CHECK(test::digest_in(profile.out) == test::digest_in(test::ringfence("replay" + files).out));
+
+  CHECK(test::ringfence("profile --scene " + prefix + ".json").code == 2);
+  const Answer none = test::ringfence("profile --frames 0");
+  CHECK(none.code == 2);
+  CHECK(none.out.find("--frames: found 0; expected 1 to 10000000") != std::string::npos);
+}
+
+}  // namespace ringfence

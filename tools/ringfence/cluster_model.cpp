@@ -1,0 +1,250 @@
+#include "cluster_model.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "messages/records.hpp"
+#include "ringfence/seen_state.hpp"
+
+namespace ringfence::tools {
+namespace {
+
+constexpr double hops_a_frame = 6;  // begin, states, M2, M3, M4, told
+constexpr double published_bytes = sizeof(SeenState);
+
+double ms(double us) { return us * 1e-3; }
+
+/// The parts of a frame that both the path through it and the load of each resource are made of.
+struct Parts {
+  double user_move, node_move, server_move;
+  double states_cpu, states_link, user_lan;
+  double sweep_server, sweep_node;
+  double m2_cpu, m2_link, m2_node;
+  double test_node;
+  double m3_cpu, m3_link, relay_cpu, relay_link;
+  double m4_cpu, m4_link, m5_node;
+  double control_cpu, control_link;
+  double latency;
+};
+
+/// Position records of M2 to all nodes, without the pairs.
+double positions(const FrameCounts& counts) {
+  return std::max(0.0, counts[Traffic::m2].records - (counts.placement == Placement::server ? counts.tested : 0));
+}
+
+/// In how many regions a moved object is, on average. In user/collision deployment its host is not told.
+double regions_an_object(const FrameCounts& counts) {
+  if (counts.moved <= 0 || counts.nodes <= 1) return 1;
+  const double untold = counts.node_hosted > 0 ? counts.moved * counts.node_hosted / counts.objects : 0;
+  return std::max(1.0, (positions(counts) + untold) / counts.moved);
+}
+
+Parts parts_of(const FrameCounts& counts, const ClusterCosts& costs) {
+  const double message = ms(costs[CostName::message_us]), record = ms(costs[CostName::record_us]);
+  const double byte = 8e-3 / costs[CostName::bandwidth_mbit];
+  const double users = std::max(1.0, counts.users), nodes = std::max(1.0, counts.nodes);
+  const double lead = counts.tested > 0 ? counts.busiest_tested * nodes / counts.tested : 1;
+  const MeanTraffic &m1 = counts[Traffic::m1], &m2 = counts[Traffic::m2], &m3 = counts[Traffic::m3],
+                    &m4 = counts[Traffic::m4], &m5 = counts[Traffic::m5], &state = counts[Traffic::state],
+                    &control = counts[Traffic::control];
+  // The engine counts what is published once under M1 and states; the rest of each is what the server is sent.
+  const double relayed = counts.server_hosted + counts.node_hosted;
+  const double told_bytes = counts.user_hosted * published_bytes, relay_bytes = relayed * published_bytes;
+  const double m1_bytes = std::max(0.0, m1.bytes - told_bytes);
+  const double node_state_bytes = std::max(0.0, state.bytes - relay_bytes);
+  const double heard = std::max(0.0, m1.records - counts.user_hosted) + std::max(0.0, state.records - relayed);
+  const double copies = costs[CostName::user_copies] > 0 ? costs[CostName::user_copies] : users - 1;
+
+  Parts parts{};
+  parts.user_move = counts.user_hosted / users * (ms(costs[CostName::move_us]) + record);
+  parts.node_move = counts.node_hosted / nodes * (ms(costs[CostName::move_us]) + record);
+  parts.server_move = counts.server_hosted * ms(costs[CostName::move_us]);
+  parts.states_cpu = (m1.messages + std::max(0.0, state.messages - 1)) * message + heard * record;
+  parts.states_link = (m1_bytes + node_state_bytes) * byte;
+  // One segment carries everything; otherwise each user node sends its own and hears all others.
+  parts.user_lan = costs[CostName::shared_user_lan] > 0
+                       ? (m1_bytes + told_bytes * copies) * byte
+                       : std::max((m1_bytes + told_bytes * copies) / users, told_bytes) * byte;
+  const double sweep = counts.objects * ms(costs[CostName::object_us]);
+  parts.sweep_server = counts.placement == Placement::server ? sweep : 0;
+  parts.sweep_node = counts.placement == Placement::server ? 0 : sweep * regions_an_object(counts) * lead / nodes;
+  parts.m2_cpu = m2.messages * message + m2.records * record;
+  parts.m2_link = m2.bytes * byte;
+  parts.m2_node = (m2.messages * message + m2.records * record) / nodes;
+  parts.test_node = counts.busiest_tested * ms(costs[CostName::pair_us]);
+  parts.m3_cpu = m3.messages * message + counts.contacts * record;
+  parts.m3_link = m3.bytes * byte;
+  parts.relay_cpu = relayed > 0 ? message + relayed * record : 0;
+  parts.relay_link = relay_bytes * byte;
+  parts.m4_cpu = m4.messages * message + m4.records * record;
+  parts.m4_link = m4.bytes * byte;
+  parts.m5_node = 2 * (m5.messages * message + m5.records * record) / nodes + m5.bytes / nodes * byte;
+  parts.control_cpu = control.messages * message;
+  parts.control_link = control.bytes * byte;
+  parts.latency = hops_a_frame * ms(costs[CostName::latency_us]);
+  return parts;
+}
+
+}  // namespace
+
+const char* ClusterLoad::limit() const {
+  const std::pair<double, const char*> loads[] = {{server_cpu, "server's CPU"},
+                                                  {server_link, "server's link"},
+                                                  {node, "busiest node"},
+                                                  {user_lan, "user LAN"},
+                                                  {latency, "latency"}};
+  return std::max_element(std::begin(loads), std::end(loads))->second;
+}
+
+ClusterFrame cluster_frame(const FrameCounts& counts, const ClusterCosts& costs) {
+  const Parts parts = parts_of(counts, costs);
+  ClusterFrame frame;
+  frame.move = std::max({parts.user_move, parts.node_move, parts.server_move});
+  frame.states = parts.states_cpu + std::max(parts.states_link, parts.user_lan);
+  frame.sweep = parts.sweep_server;
+  frame.m2 = parts.m2_cpu + parts.m2_link;
+  frame.narrow = parts.m2_node + parts.sweep_node + parts.test_node;
+  const double m3 = parts.m3_cpu + parts.relay_cpu + std::max(parts.m3_link, parts.relay_link);
+  frame.m3 = costs[CostName::overlap] > 0 ? std::max(0.0, m3 - frame.narrow) : m3;
+  frame.m4 = std::max(parts.m4_cpu + parts.m4_link, parts.m5_node);
+  frame.hops = parts.latency + parts.control_cpu + parts.control_link;
+  return frame;
+}
+
+ClusterLoad cluster_load(const FrameCounts& counts, const ClusterCosts& costs) {
+  const Parts parts = parts_of(counts, costs);
+  ClusterLoad load;
+  load.server_cpu = parts.server_move + parts.states_cpu + parts.sweep_server + parts.m2_cpu + parts.m3_cpu +
+                    parts.relay_cpu + parts.m4_cpu + parts.control_cpu;
+  load.server_link = std::max(parts.states_link + parts.m3_link, parts.m2_link + parts.m4_link + parts.relay_link);
+  load.node = parts.node_move + parts.m2_node + parts.sweep_node + parts.test_node + parts.m5_node;
+  load.user_lan = parts.user_lan;
+  load.latency = parts.latency;
+  return load;
+}
+
+FrameCounts extrapolated(const FrameCounts& one, const FrameCounts& most, std::uint32_t nodes) {
+  const double n = std::cbrt(static_cast<double>(nodes)), n_most = std::cbrt(most.nodes);
+  FrameCounts counts = most;
+  counts.nodes = nodes;
+  const double lead = most.tested > 0 ? most.busiest_tested * most.nodes / most.tested : 1;
+  counts.busiest_tested = std::max(1.0, most.tested / nodes) * (1 + (lead - 1) * std::sqrt(nodes / most.nodes));
+  counts.busiest_tested = std::min(counts.busiest_tested, most.tested);
+  counts.handed_over = most.handed_over * (n - 1) / (n_most - 1);
+
+  for (std::size_t i = 0; i < traffic_count; ++i) {
+    const MeanTraffic &low = one.traffic[i], &high = most.traffic[i];
+    const double steps = (nodes - 1) / (most.nodes - 1);
+    counts.traffic[i].messages = low.messages + (high.messages - low.messages) * steps;
+    if (static_cast<Traffic>(i) != Traffic::control) continue;
+    counts.traffic[i].records = low.records + (high.records - low.records) * steps;
+    counts.traffic[i].bytes = low.bytes + (high.bytes - low.bytes) * steps;
+  }
+  const double regions_most = regions_an_object(most);
+  const double extent = (std::cbrt(regions_most) - 1) / (n_most - 1);
+  const double more = (std::pow(1 + extent * (n - 1), 3) - regions_most) * most.moved;
+  MeanTraffic& m2 = counts[Traffic::m2];
+  m2.records += more;
+  m2.bytes += more * sizeof(messages::PositionRecord);
+  MeanTraffic& m5 = counts[Traffic::m5];
+  const double crossings = most.handed_over > 0 ? counts.handed_over / most.handed_over : 1;
+  m5.records *= crossings;
+  m5.bytes *= crossings;
+  return counts;
+}
+
+namespace {
+
+/// Medians over the rows at one node of what one pair, move, object and record cost here.
+void measure_costs(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
+  std::vector<double> pair, move, object, record;
+  for (const ScaleRow& row : rows) {
+    if (row.nodes != 1 || row.counts().tested <= 0) continue;
+    for (const ScaleSample& sample : row.samples) {
+      const FrameCounts& counts = sample.counts;
+      const double sweep = row.counts().placement == Placement::server ? sample.broad_phase_ms : 0;
+      if (row.counts().placement == Placement::server) pair.push_back(1e3 * sample.narrow_phase_ms / counts.tested);
+      if (row.counts().placement == Placement::server) object.push_back(1e3 * sweep / counts.objects);
+      if (counts.node_hosted > 0) move.push_back(1e3 * sample.move_ms / counts.node_hosted);
+      double records = 0;
+      for (const MeanTraffic& traffic : counts.traffic) records += traffic.records;
+      records -= counts.user_hosted;  // what user nodes publish the server does not touch
+      // The server's own moving would be taken for records.
+      if (counts.server_hosted == 0) record.push_back(1e3 * std::max(0.0, sample.server_ms - sweep) / records);
+    }
+  }
+  const auto settle = [&](CostName name, const std::vector<double>& values, const char* how) {
+    Cost& cost = costs.at(name);
+    if (!cost.measured) return;
+    if (values.empty()) {
+      cost.source = "a default: these runs have none at 1 node to measure it";
+      return;
+    }
+    cost.value = median(values);
+    cost.source = how;
+  };
+  settle(CostName::pair_us, pair, "measured here: a node's narrow phase over its pairs, 1 node");
+  settle(CostName::move_us, move, "measured here: a node's moving over what it hosts, 1 node");
+  settle(CostName::object_us, object, "measured here: the server's broad phase over the objects");
+  settle(CostName::record_us, record, "measured here: the rest of the server's CPU time over its records");
+}
+
+/// Chooses the time a pair so that the paper's user/collision frame at 1 node and 4000 objects comes out.
+void fit_pair(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
+  Cost& pair = costs.at(CostName::pair_us);
+  const PaperFigure* anchor = paper_figure(Deployment::user_collision, 1, 4000);
+  for (const ScaleRow& row : rows) {
+    if (row.deployment != anchor->deployment || row.nodes != anchor->nodes || row.objects != anchor->objects) continue;
+    double low = 0, high = 1e6;
+    for (int step = 0; step < 60; ++step) {  // the frame grows with the time a pair
+      pair.value = (low + high) / 2;
+      (cluster_frame(row.counts(), costs).total() < anchor->ms ? low : high) = pair.value;
+    }
+    return;
+  }
+  pair.source = "a default, from a fit to the paper's 4100 ms; user-collision, 1 node, 4000 objects was not run";
+}
+
+}  // namespace
+
+ClusterCosts settle_costs(ClusterCosts costs, const std::vector<ScaleRow>& rows) {
+  measure_costs(costs, rows);
+  if (costs.at(CostName::pair_us).fitted) fit_pair(costs, rows);
+  return costs;
+}
+
+std::vector<ClusterPrediction> predict(const std::vector<ScaleRow>& rows, const ClusterCosts& costs,
+                                       const std::vector<std::uint32_t>& beyond) {
+  std::vector<ClusterPrediction> predictions;
+  const auto add = [&](const ScaleRow& row, const FrameCounts& counts, std::uint32_t nodes, bool is_extrapolated) {
+    ClusterPrediction prediction;
+    prediction.row = &row;
+    prediction.nodes = nodes;
+    prediction.extrapolated = is_extrapolated;
+    prediction.frame = cluster_frame(counts, costs);
+    FrameCounts even = counts;
+    even.busiest_tested = counts.tested / counts.nodes;
+    prediction.even_ms = cluster_frame(even, costs).total();
+    prediction.load = cluster_load(counts, costs);
+    if (const ScaleRow* one = find_row(rows, row, 1)) {
+      const double one_ms = cluster_frame(one->counts(), costs).total();
+      prediction.scaling = scaling_of(one_ms, prediction.frame.total(), nodes);
+    }
+    if (costs.name == "2004") prediction.paper = paper_figure(row.deployment, nodes, row.objects);
+    predictions.push_back(prediction);
+  };
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const ScaleRow& row = rows[i];
+    if (row.nodes == 0) continue;
+    add(row, row.counts(), row.nodes, false);
+    const bool last_of_world = i + 1 == rows.size() || !rows[i + 1].same_world(row);
+    const ScaleRow* one = find_row(rows, row, 1);
+    if (!last_of_world || one == nullptr || row.nodes <= 1) continue;
+    for (const std::uint32_t nodes : beyond) {
+      if (nodes > row.nodes) add(row, extrapolated(one->counts(), row.counts(), nodes), nodes, true);
+    }
+  }
+  return predictions;
+}
+
+}  // namespace ringfence::tools

@@ -1,0 +1,144 @@
+#include "scale.hpp"
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "cluster_model.hpp"
+#include "exit_code.hpp"
+#include "machine.hpp"
+#include "plots.hpp"
+#include "progress.hpp"
+#include "scale_report.hpp"
+
+namespace ringfence::tools {
+namespace {
+
+constexpr std::uint32_t nodes_beyond[] = {64, 1024};
+
+template <class Value>
+std::vector<Value> sorted(std::vector<Value> values) {
+  std::sort(values.begin(), values.end());
+  values.erase(std::unique(values.begin(), values.end()), values.end());
+  return values;
+}
+
+std::vector<ScaleRow> rows_of(const ScaleOptions& options) {
+  std::vector<ScaleRow> rows;
+  for (const std::uint32_t objects : sorted(options.objects)) {
+    for (const Deployment deployment : sorted(options.deployments)) {
+      for (const Placement placement : sorted(options.placements)) {
+        for (const std::uint32_t nodes : sorted(options.nodes)) {
+          ScaleRow& row = rows.emplace_back();
+          row.objects = objects;
+          row.deployment = deployment;
+          row.placement = placement;
+          row.nodes = nodes;
+          row.user_threads = options.base.service.user_threads;
+        }
+      }
+    }
+  }
+  return rows;
+}
+
+/// What the messages of a frame take where nothing else does: the wall time less the CPU time of a world of one object,
+/// so wake-ups and the way through the rings.
+double measure_hops(const ScaleOptions& options) {
+  RunOptions empty = options.base;
+  empty.world.objects = 1;
+  empty.world.users = empty.service.users = 1;
+  empty.service.nodes = 1;
+  empty.service.user_threads = 1;
+  empty.service.deployment = Deployment::user;
+  empty.frames = {400, 100};
+  const ScaleSample sample = run_sample(make_job(empty), [] {});
+  return std::max(0.0, sample.wall_ms - sample.path_ms);
+}
+
+void run_rows(const ScaleOptions& options, std::vector<ScaleRow>& rows) {
+  const std::uint64_t frames = std::uint64_t{options.base.frames.warmup} + options.base.frames.frames;
+  std::uint64_t work = 0;
+  for (const ScaleRow& row : rows) work += frames * row.objects * options.repeats;
+  Progress progress(options.base.output.quiet, work);
+  RunOptions run = options.base;
+  std::optional<Job> job;
+  for (std::uint32_t repeat = 0; repeat < options.repeats; ++repeat) {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      ScaleRow& row = rows[i];
+      if (!job || run.world.objects != row.objects) {
+        run.world.objects = row.objects;
+        job = make_job(run);
+      }
+      job->service.deployment = row.deployment;
+      job->service.placement = row.placement;
+      job->service.nodes = row.nodes;
+      progress.name(fmt::format("run {} of {}: {} objects, {}, {} nodes", repeat * rows.size() + i + 1,
+                                rows.size() * options.repeats, row.objects, name_of(row.deployment), row.nodes));
+      row.samples.push_back(run_sample(*job, [&] { progress.step(row.objects); }));
+    }
+  }
+}
+
+void check_users(const ScaleOptions& options) {
+  const std::uint32_t fewest = *std::min_element(options.objects.begin(), options.objects.end());
+  if (options.base.world.users > fewest) {
+    throw Error(fmt::format("--users: found {}; expected at most one for each of the {} objects of --objects",
+                            options.base.world.users, fewest));
+  }
+}
+
+bool passed(const std::vector<ScaleRow>& rows) {
+  bool right = true;
+  for (const std::string& line : digest_disagreements(rows)) {
+    right = false;
+    fmt::print(stderr, "ringfence: {}\n", line);
+  }
+  for (const ScaleRow& row : rows) {
+    for (const ScaleSample& sample : row.samples) right &= sample.counted_right;
+  }
+  return right;
+}
+
+}  // namespace
+
+int scale(const ScaleOptions& options) {
+  check_users(options);
+  std::optional<OutputFile> json, csv;
+  if (!options.json.empty()) json.emplace(options.json);
+  if (!options.csv.empty()) csv.emplace(options.csv);
+  if (!options.plots.empty()) check_plots(options.plots);
+
+  ScaleResult result;
+  result.rows = rows_of(options);
+  result.hops_ms = measure_hops(options);
+  run_rows(options, result.rows);
+  summarise(result.rows, result.hops_ms, this_machine().cores);
+  for (const std::string& name : options.models) {
+    ClusterCosts costs = *find_cluster(name);
+    replace_costs(costs, options.costs);
+    costs = settle_costs(std::move(costs), result.rows);
+    const bool today = costs.name == "today";
+    std::vector<ClusterPrediction> predictions =
+        predict(result.rows, costs,
+                today ? std::vector(std::begin(nodes_beyond), std::end(nodes_beyond)) : std::vector<std::uint32_t>{});
+    result.clusters.push_back({std::move(costs), std::move(predictions)});
+  }
+
+  print_scale(options.json == "-" || options.csv == "-" ? stderr : stdout, options, result);
+  if (json) {
+    write_scale_json(*json, options, result);
+    json->close();
+  }
+  if (csv) {
+    write_scale_csv(*csv, result);
+    csv->close();
+  }
+  const bool right = passed(result.rows);
+  if (!options.plots.empty()) draw_plots(options.plots, result);
+  return right ? done : check_failed;
+}
+
+}  // namespace ringfence::tools

@@ -1,0 +1,109 @@
+#include "scale_run.hpp"
+
+#include <algorithm>
+
+#include "figures.hpp"
+#include "frame_checker.hpp"
+#include "worlds/load.hpp"
+
+namespace ringfence::tools {
+namespace {
+
+/// What is gathered frame by frame.
+struct Gathered {
+  std::vector<double> wall, server, node, users, path;
+  double busiest_tested = 0;
+
+  void add(const FrameReport& report, std::uint32_t node_threads) {
+    wall.push_back(report.frame_ms);
+    server.push_back(report.server_cpu_ms);
+    double busiest = 0;
+    std::uint64_t tested = 0;
+    for (const NodeReport& each : report.nodes) {
+      busiest = std::max(busiest, each.cpu_ms);
+      tested = std::max(tested, each.tested);
+    }
+    busiest_tested += static_cast<double>(tested);
+    // Without threads of their own, nodes and users are part of what the server's thread used.
+    const bool threads = node_threads > 0;
+    node.push_back(threads ? busiest : 0);
+    users.push_back(threads ? report.slowest_user_cpu_ms : 0);
+    path.push_back(server.back() + node.back() + users.back());
+  }
+};
+
+FrameCounts counts_of(const Job& job, const Figures& figures, double busiest_tested) {
+  FrameCounts counts;
+  counts.objects = static_cast<double>(job.scene.objects.size());
+  counts.users = job.service.users;
+  counts.nodes = std::max(1u, job.service.nodes);
+  double movable = 0, avatars = 0;
+  for (const ObjectSpec& object : job.scene.objects) {
+    if (object.category != Category::fixed) ++movable;
+    if (object.category == Category::avatar) ++avatars;
+  }
+  const Deployment deployment = job.service.deployment;
+  counts.user_hosted = deployment == Deployment::user ? movable : avatars;
+  (deployment == Deployment::user_server ? counts.server_hosted : counts.node_hosted) = movable - counts.user_hosted;
+  counts.moved = figures.mean(static_cast<double>(figures.moved));
+  counts.tested = figures.mean(static_cast<double>(figures.tested));
+  counts.contacts = figures.mean(static_cast<double>(figures.contacts));
+  counts.handed_over = figures.mean(static_cast<double>(figures.handed_over));
+  counts.busiest_tested = figures.mean(busiest_tested);
+  for (std::size_t i = 0; i < traffic_count; ++i) {
+    const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
+    counts.traffic[i] = {figures.mean(static_cast<double>(traffic.messages)),
+                         figures.mean(static_cast<double>(traffic.records)),
+                         figures.mean(static_cast<double>(traffic.bytes))};
+  }
+  return counts;
+}
+
+}  // namespace
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  if (values.size() % 2 == 1) return *middle;
+  return (*middle + *std::max_element(values.begin(), middle)) / 2;
+}
+
+ScaleSample run_sample(const Job& job, const std::function<void()>& step) {
+  World world(world_config(job));
+  worlds::load_into(world, job.scene, job.service.users);
+  FrameChecker checker(world, false);
+  for (std::uint32_t frame = 0; frame < job.frames.warmup; ++frame) {
+    advance(world, frame);
+    checker.skip_frame();
+    step();
+  }
+  Figures figures;
+  Gathered gathered;
+  for (std::uint32_t frame = 0; frame < job.frames.frames; ++frame) {
+    advance(world, std::uint64_t{job.frames.warmup} + frame);
+    figures.add(world.report(), world.contacts());
+    gathered.add(world.report(), job.service.nodes);
+    checker.check_frame(frame);
+    step();
+  }
+  ScaleSample sample;
+  sample.wall_ms = median(gathered.wall);
+  sample.server_ms = median(gathered.server);
+  sample.node_ms = median(gathered.node);
+  sample.users_ms = median(gathered.users);
+  sample.path_ms = median(gathered.path);
+  sample.imbalance = figures.cpu_imbalance.mean();
+  for (const NodeFigures& node : figures.nodes()) {
+    sample.narrow_phase_ms += node.narrow_phase_ms;
+    sample.move_ms += node.move_ms;
+  }
+  sample.broad_phase_ms = figures.stage_ms(Stage::broad_phase);
+  sample.digest = figures.digest();
+  sample.counted_right = checker.passed();
+  sample.counts = counts_of(job, figures, gathered.busiest_tested);
+  sample.counts.placement = world.config().placement;
+  return sample;
+}
+
+}  // namespace ringfence::tools
