@@ -9,11 +9,15 @@ namespace ringfence::facade {
 
 Worker::~Worker() {
   if (thread_.joinable()) {
-    stop_.store(true, std::memory_order_release);
-    bell_.ring();
+    dismiss();
     thread_.join();
   }
   delete next_.load(std::memory_order_acquire);
+}
+
+void Worker::dismiss() noexcept {
+  stop_.store(true, std::memory_order_release);
+  bell_.ring();
 }
 
 void Worker::start(const link::Cores* cores, std::size_t pin_to, std::chrono::nanoseconds tick) {
@@ -22,6 +26,8 @@ void Worker::start(const link::Cores* cores, std::size_t pin_to, std::chrono::na
       cores->pin_this_thread(pin_to);
     }
     run(tick);
+    // Pairs with the acquire in has_ended: what the roles did is done.
+    ended_.store(true, std::memory_order_release);
   });
 }
 

@@ -45,6 +45,10 @@ class Worker {
   void start(const link::Cores* cores, std::size_t pin_to, std::chrono::nanoseconds tick = {});
   /// Replaces the roles that the thread steps and returns when the old ones are no longer touched. Between frames.
   void assign(std::vector<Steppable> roles);
+  /// Asks the thread to end, without waiting for it; it steps no role any more once has_ended() answers true. For a
+  /// thread of which nobody knows whether it still does anything.
+  void dismiss() noexcept;
+  bool has_ended() const noexcept { return ended_.load(std::memory_order_acquire); }
   /// CPU time that the thread has used, nanoseconds. 0 before start.
   std::uint64_t cpu_ns() noexcept;
 
@@ -61,6 +65,7 @@ class Worker {
   link::Doorbell taken_bell_;  ///< the facade waits here for an assignment to be taken
   std::atomic<Assignment*> next_{nullptr};
   std::atomic<bool> stop_{false};
+  std::atomic<bool> ended_{false};
   std::vector<Steppable> roles_;  ///< the thread's own
   std::thread thread_;
 };

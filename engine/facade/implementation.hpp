@@ -43,11 +43,12 @@ struct Way {
   link::Channel back;
 };
 
-/// A CD node that was lost, kept until the world ends: nobody knows whether its thread still does something.
+/// A CD node that was lost: nobody knows whether its thread still does something, so all that it may touch is kept
+/// until the thread has ended.
 struct Grave {
-  std::vector<std::unique_ptr<Way>> ways;
+  std::unique_ptr<Way> way;
   std::unique_ptr<nodes::CdNodeRole> role;
-  std::unique_ptr<Worker> worker;
+  std::unique_ptr<Worker> worker;  ///< dismissed; null where the server's thread stepped the role
 };
 
 /// A connected user node and all that is its own.
@@ -87,7 +88,9 @@ struct World::Implementation {
   void retire_nodes();
   void await_frame();
   void stand_in();
+  void bury(NodeNumber node);
   void bury_lost();
+  void clear_graves();
   void log_losses() const;
   void list_in_place();
   void connect_users();
@@ -153,8 +156,9 @@ struct World::Implementation {
   std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;
   std::unique_ptr<nodes::ServerRole> server;
   std::vector<facade::Grave> graves;
-  std::optional<NodeNumber> stood_in;       ///< the number that a stand-in took in the last frame
-  std::vector<facade::Steppable> in_place;  ///< all roles, where the calling thread steps them
+  std::vector<std::unique_ptr<facade::Way>> grave_ways;  ///< between lost nodes and others
+  std::optional<NodeNumber> stood_in;                    ///< the number that a stand-in took in the last frame
+  std::vector<facade::Steppable> in_place;               ///< all roles, where the calling thread steps them
 
   struct Stop {
     Implementation& world;

@@ -30,10 +30,7 @@ void World::Implementation::await_frame() {
 // thread steps.
 void World::Implementation::stand_in() {
   const NodeNumber node = order.stand_in_for;
-  Grave& grave = graves.emplace_back();
-  grave.ways.push_back(std::move(node_ways[node]));
-  grave.role = std::move(node_roles[node]);
-  grave.worker = std::move(node_workers[node]);
+  bury(node);
   const auto count = static_cast<std::uint32_t>(node_roles.size());
   node_ways[node] = std::make_unique<Way>(ring_bytes(facade::server_node_ring), server_bell(), server_bell());
   node_roles[node] = make_role(node, count, server->map());
@@ -43,6 +40,25 @@ void World::Implementation::stand_in() {
   order.stand_in = node_ways[node]->first();
   order.stand_in_ready.store(true, std::memory_order_release);
   server_bell()->ring();
+}
+
+void World::Implementation::bury(NodeNumber node) {
+  if (node_workers[node] != nullptr) {
+    node_workers[node]->dismiss();
+  }
+  graves.push_back({std::move(node_ways[node]), std::move(node_roles[node]), std::move(node_workers[node])});
+}
+
+// What lost nodes left is let go once all their threads have ended: until then one may still speak to another.
+void World::Implementation::clear_graves() {
+  const auto is_quiet = [](const Grave& grave) { return grave.worker == nullptr || grave.worker->has_ended(); };
+  if (!graves.empty() && std::all_of(graves.begin(), graves.end(), is_quiet)) {
+    for (Grave& grave : graves) {
+      grave.worker.reset();
+    }
+    graves.clear();
+    grave_ways.clear();
+  }
 }
 
 // The frame is complete. Those that are left are numbered anew, in order, as the server does at its next cut.
@@ -61,7 +77,7 @@ void World::Implementation::bury_lost() {
       return node - static_cast<NodeNumber>(below);
     };
     if (is_lost(ends.first) || is_lost(ends.second)) {
-      graves.emplace_back().ways.push_back(std::move(way));
+      grave_ways.push_back(std::move(way));
     } else {
       left[{number(ends.first), number(ends.second)}] = std::move(way);
     }
@@ -71,10 +87,7 @@ void World::Implementation::bury_lost() {
     if (node_workers[node] == nullptr) {
       server_worker->assign({Steppable::of(*server)});
     }
-    Grave& grave = graves.emplace_back();
-    grave.ways.push_back(std::move(node_ways[node]));
-    grave.role = std::move(node_roles[node]);
-    grave.worker = std::move(node_workers[node]);
+    bury(node);
     const auto at = static_cast<std::ptrdiff_t>(node);
     node_ways.erase(node_ways.begin() + at);
     node_roles.erase(node_roles.begin() + at);

@@ -1,6 +1,7 @@
 // Who there is: the roles, their lines to each other and the threads that step them; made, joined and let go.
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "facade/config_check.hpp"
@@ -232,23 +233,33 @@ void World::Implementation::retire_nodes() {
     return;
   }
   std::vector<std::unique_ptr<Way>> retired;  // until the others have forgotten the way
+  const bool haunted = !graves.empty();       // a lost node's thread may still ring the bells of those that go
   while (node_roles.size() > count) {
     const auto node = static_cast<NodeNumber>(node_roles.size() - 1);
     if (threaded() && node_workers[node] != nullptr) {
       node_workers[node]->assign({});
     }
-    node_roles.pop_back();
-    if (config.timeline && graves.empty()) {
-      node_tracks.pop_back();
-    }
-    retired.push_back(std::move(node_ways.back()));
-    node_ways.pop_back();
     for (NodeNumber peer = 0; peer < node; ++peer) {
       retired.push_back(std::move(peer_ways[{peer, node}]));
       peer_ways.erase({peer, node});
     }
+    if (haunted) {
+      bury(node);
+      node_workers.pop_back();
+    } else {
+      retired.push_back(std::move(node_ways.back()));
+    }
+    node_ways.pop_back();
+    node_roles.pop_back();
+    if (config.timeline && node_tracks.size() == node_roles.size() + 1) {
+      node_tracks.pop_back();
+    }
   }
   introduce_nodes();
+  if (haunted) {
+    grave_ways.insert(grave_ways.end(), std::make_move_iterator(retired.begin()),
+                      std::make_move_iterator(retired.end()));
+  }
   retired.clear();
   while (node_workers.size() > count) {
     node_workers.pop_back();

@@ -337,6 +337,7 @@ Status World::finish_frame() {
   w.gather_user_times();
   w.gather_timeline();
   w.bury_lost();
+  w.clear_graves();
   w.retire_nodes();
   for (const UserNumber user : w.report.late) {
     if (w.is_connected(user)) {

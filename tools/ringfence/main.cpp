@@ -9,6 +9,7 @@
 #include "job.hpp"
 #include "options.hpp"
 #include "scale.hpp"
+#include "soak.hpp"
 
 namespace ringfence::tools {
 namespace {
@@ -22,6 +23,8 @@ int profile(const ProfileOptions& options) {
 int run(const CommandLine& line) {
   switch (line.command) {
     case CommandLine::Command::run:
+      if (line.run.soak_minutes > 0) return run_soak(make_job(line.run), line.run.soak_minutes, line.run.world.seed);
+      [[fallthrough]];
     case CommandLine::Command::record:
       return run_job(make_job(line.run));
     case CommandLine::Command::replay:

@@ -63,6 +63,11 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
   add_service(run, line_.run.service);
   add_world(run, line_.run.world);
   add_output(run, line_.run.output);
+  run.add_option("--soak", line_.run.soak_minutes,
+                 "instead of --frames: so many minutes in which everything comes, goes and fails at random")
+      ->check(between(0.001, 100'000.0))
+      ->type_name("MINUTES")
+      ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail");
 
   CLI::App& replay = *app_.add_subcommand("replay", "runs a recorded world");
   replay.add_option("--scene", line_.replay.scene, "the scene, JSON")->required()->type_name("FILE");

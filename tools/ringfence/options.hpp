@@ -53,6 +53,7 @@ struct RunOptions {
   worlds::PaperWorldOptions world;
   OutputOptions output;
   std::string record_prefix;  ///< record only
+  double soak_minutes = 0;    ///< run only; 0: no soak
 };
 
 struct ReplayOptions {

@@ -1,0 +1,237 @@
+#include "soak.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <string>
+
+#include <fmt/format.h>
+#include <malloc.h>
+
+#include "exit_code.hpp"
+#include "frame_checker.hpp"
+#include "progress.hpp"
+#include "ringfence/error.hpp"
+#include "worlds/load.hpp"
+
+namespace ringfence::tools {
+namespace {
+
+constexpr std::uint32_t most_nodes = 8;
+constexpr std::size_t most_users = 200;
+constexpr std::uint32_t frames_a_check = 16;  ///< one in so many is compared with brute force
+constexpr double default_deadline_ms = 250;
+
+/// What is allocated, in bytes.
+std::uint64_t allocated_bytes() {
+  const struct mallinfo2 info = mallinfo2();
+  return info.uordblks + info.hblkhd;
+}
+
+/// The same with so many CD nodes, so that two such figures can be compared. Counts the frames that it takes.
+std::uint64_t allocated_with(World& world, FrameChecker& checker, std::uint32_t nodes, std::uint64_t& frames) {
+  if (nodes != 0) world.resize(nodes);
+  for (int i = 0; i < 4; ++i) {
+    advance(world, ++frames);
+    checker.skip_frame();
+  }
+  return allocated_bytes();
+}
+
+double mebibytes(std::uint64_t bytes) { return static_cast<double>(bytes) / (1 << 20); }
+
+}  // namespace
+
+Soak::Soak(World& world, const worlds::Scene& scene, std::uint64_t seed) : world_(world), scene_(scene), random_(seed) {
+  for (const ObjectSpec& object : scene.objects) {
+    live_.push_back({world.find(object.number), object.category, object.user});
+    if (object.category != Category::fixed) shapes_.push_back(object.shape);
+  }
+  for (UserNumber user = 0; user < worlds::users_of(scene); ++user) users_.push_back(user);
+}
+
+void Soak::ask() {
+  const std::size_t wanted = scene_.objects.size();
+  for (std::uint64_t n = random_() % 6; n > 0 && live_.size() < wanted + wanted / 10; --n) spawn(no_user);
+  for (std::uint64_t n = random_() % 6; n > 0 && live_.size() > wanted - wanted / 10; --n) destroy();
+  for (std::uint64_t n = random_() % 4; n > 0 && !live_.empty(); --n) {
+    const Live& object = live_[random_() % live_.size()];
+    if (object.category == Category::fixed) continue;
+    const bool remove = one_in(4);
+    if ((remove ? world_.remove(object.id) : world_.place(object.id, anywhere())) == Status::ok) {
+      ++(remove ? counts_.removed : counts_.placed);
+    }
+  }
+  change_users();
+  change_nodes();
+  if (one_in(3)) lie();
+}
+
+bool Soak::judge(const FrameReport& report) {
+  bool holds = report.accepted == report.candidates && report.tested == report.candidates;
+  if (!holds) {
+    fmt::print(stderr, "frame {}: {} candidates, {} tested, {} accepted\n", report.frame, report.candidates,
+               report.tested, report.accepted);
+  }
+  for (std::size_t reason = 0; reason < status_count; ++reason) {
+    // A lost node that speaks after all is refused too, and nobody can tell how often.
+    if (reason == static_cast<std::size_t>(Status::late) || report.refused[reason] == expected_[reason]) continue;
+    holds = false;
+    fmt::print(stderr, "frame {}: {} refused as {}; expected {}\n", report.frame, report.refused[reason],
+               name_of(static_cast<Status>(reason)), expected_[reason]);
+  }
+  expected_.fill(0);
+  counts_.lost += report.lost.size();
+  counts_.wrong += holds ? 0 : 1;
+  return holds;
+}
+
+Pose Soak::anywhere() {
+  std::uniform_real_distribution<double> unit(-0.02, 1.02);  // out of bounds, too
+  const Vec3d &low = scene_.bounds_min, &high = scene_.bounds_max;
+  const auto between = [&](double from, double to) { return from + (to - from) * unit(random_); };
+  return {{between(low.x, high.x), between(low.y, high.y), between(low.z, high.z)}, {}};
+}
+
+void Soak::spawn(UserNumber user) {
+  if (shapes_.empty()) return;
+  ObjectSpec spec;
+  spec.shape = shapes_[random_() % shapes_.size()];
+  spec.category = user != no_user ? Category::avatar : one_in(3) ? Category::non_active : Category::active;
+  spec.user = user;
+  spec.pose = anywhere();
+  const Spawned spawned = world_.spawn(spec);
+  if (spawned.status != Status::ok) throw Error(fmt::format("--soak: spawn answered {}", name_of(spawned.status)));
+  live_.push_back({spawned.id, spec.category, user});
+  ++counts_.spawned;
+}
+
+void Soak::destroy() {
+  const std::size_t at = random_() % live_.size();
+  if (live_[at].category == Category::fixed || world_.destroy(live_[at].id) != Status::ok) return;
+  gone_ = live_[at].id;
+  live_[at] = live_.back();
+  live_.pop_back();
+  ++counts_.destroyed;
+}
+
+void Soak::change_users() {
+  if (one_in(40) && users_.size() < most_users) {
+    if (const Connected connected = world_.connect(); connected.status == Status::ok) {
+      users_.push_back(connected.user);
+      spawn(connected.user);
+      ++counts_.connected;
+    }
+  }
+  if (one_in(40) && users_.size() > 1) {
+    const std::size_t at = random_() % users_.size();
+    const UserNumber user = users_[at];
+    if (world_.disconnect(user) == Status::ok) {
+      std::erase_if(live_, [user](const Live& object) { return object.user == user; });
+      users_.erase(users_.begin() + static_cast<std::ptrdiff_t>(at));
+      ++counts_.disconnected;
+    }
+  }
+}
+
+void Soak::change_nodes() {
+  if (world_.config().nodes == 0) return;
+  if (one_in(60) && world_.resize(1 + static_cast<std::uint32_t>(random_() % most_nodes)) == Status::ok) {
+    ++counts_.resizes;
+  }
+  if (one_in(100)) {
+    Fault fault;
+    fault.node = static_cast<NodeNumber>(random_() % world_.nodes());
+    fault.frame = world_.frames();
+    fault.stage = static_cast<NodeStage>(random_() % node_stage_count);
+    fault.stall_ms = one_in(2) ? 0 : 2 * world_.config().deadlines.node_ms;
+    const Status status = world_.inject(fault);
+    counts_.faults += status == Status::ok ? 1 : 0;
+    expected_[static_cast<std::size_t>(status)] += status == Status::ok ? 0 : 1;
+  }
+}
+
+void Soak::expect(Status got, Status reason) {
+  ++expected_[static_cast<std::size_t>(reason)];
+  ++counts_.refused;
+  counts_.wrong += got == reason ? 0 : 1;
+}
+
+// What no caller may do, many times over.
+void Soak::lie() {
+  Pose nowhere;
+  nowhere.position.x = std::numeric_limits<double>::quiet_NaN();
+  for (int i = 0; i < 20; ++i) {
+    const Live& object = live_[random_() % live_.size()];
+    expect(world_.destroy(ObjectId{}), Status::stale_object);
+    if (gone_) expect(world_.place(gone_, {}), Status::stale_object);
+    if (object.category != Category::fixed) expect(world_.place(object.id, nowhere), Status::not_finite);
+    const UserNumber user = users_[random_() % users_.size()];
+    if (object.user != user) expect(world_.move(user, object.id, {}), Status::not_host);
+    expect(world_.spawn({.shape = 0xffffff}).status, Status::unknown_shape);
+    expect(world_.resize(0), Status::bad_number);
+  }
+}
+
+int run_soak(const Job& job, double minutes, std::uint64_t seed) {
+  Job longer = job;
+  if (longer.service.deadlines.node_ms == 0) longer.service.deadlines.node_ms = default_deadline_ms;
+  WorldConfig config = world_config(longer);
+  config.log = nullptr;  // losses are what it is about
+  World world(config);
+  worlds::load_into(world, longer.scene, longer.service.users);
+  FrameChecker checker(world, longer.output.check);
+  advance(world, 0);
+  checker.skip_frame();
+  Soak soak(world, longer.scene, seed);
+
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point begin = Clock::now();
+  const auto passed = [&] { return std::chrono::duration<double>(Clock::now() - begin).count() / (60 * minutes); };
+  constexpr std::uint64_t steps = 1000;
+  Progress progress(longer.output.quiet, steps);
+  std::uint64_t shown = 0, settled_bytes = 0, frames = 0, contacts = 0;
+  double slowest_ms = 0;
+  for (double share = 0; share < 1; share = passed()) {
+    if (settled_bytes == 0 && share > 0.1) {
+      settled_bytes = allocated_with(world, checker, longer.service.nodes, frames);
+    }
+    soak.ask();
+    advance(world, ++frames);
+    soak.judge(world.report());
+    contacts += world.contacts().size();
+    slowest_ms = std::max(slowest_ms, world.report().frame_ms);
+    if (frames % frames_a_check == 0) {
+      checker.check_frame(frames);
+    } else {
+      checker.skip_frame();
+    }
+    for (; shown < static_cast<std::uint64_t>(share * steps); ++shown) progress.step();
+  }
+  progress.finish();
+
+  const std::uint64_t bytes = allocated_with(world, checker, longer.service.nodes, frames);
+  const bool flat = settled_bytes == 0 || bytes < settled_bytes + settled_bytes / 4;
+  const Soak::Counts& n = soak.counts();
+  fmt::print("{}\nsoak        {:.1f} minutes, {} frames, {} contacts; the slowest frame took {:.1f} ms\n", longer.title,
+             minutes, frames, contacts, slowest_ms);
+  fmt::print("objects     {} spawned, {} destroyed, {} placed, {} taken out; {} at the end\n", n.spawned, n.destroyed,
+             n.placed, n.removed, world.report().objects);
+  fmt::print("user nodes  {} connected, {} disconnected\n", n.connected, n.disconnected);
+  fmt::print("CD nodes    {} resizes, {} failures ordered, {} nodes lost; {} at the end\n", n.resizes, n.faults, n.lost,
+             world.nodes());
+  fmt::print("refused     {} calls that had to be, each counted by its reason\n", n.refused);
+  if (longer.output.check) {
+    fmt::print("check       {} frames compared with brute force, {} differences\n", checker.frames(),
+               checker.differences());
+  }
+  fmt::print("memory      {:.1f} MiB allocated after a tenth of the time, {:.1f} at the end\n",
+             mebibytes(settled_bytes), mebibytes(bytes));
+  const bool held = n.wrong == 0 && checker.passed() && flat;
+  fmt::print("{}\n", held ? "all held"
+                          : fmt::format("FAILED: {} frames or calls in which something did not hold{}", n.wrong,
+                                        flat ? "" : "; memory has grown by more than a quarter"));
+  return held ? done : check_failed;
+}
+
+}  // namespace ringfence::tools
