@@ -15,7 +15,8 @@ struct CandidateCost {
 };
 
 /// From the timed sample. Percentiles are read off KindReport::cost, so they are exact to the width of a bucket, a
-/// factor of 1.41; within one they are interpolated.
+/// factor of 1.41; within one they are interpolated. The mean leaves out what cost 32 times the median and more, which
+/// is a thread that lost its core, and is then read off the buckets too.
 CandidateCost candidate_cost(const KindReport& kind);
 
 /// All pairs of kinds, by the time that they are estimated to take: mean times candidates, most first.
