@@ -80,7 +80,7 @@ class Script {
   /// that is not drawn stands first, because gnuplot refuses empty blocks.
   template <class Range, class Format>
   std::string block(const Range& range, Format format) {
-    const std::string name = fmt::format("$d{}", ++blocks_);
+    std::string name = fmt::format("$d{}", ++blocks_);
     text_ += name + " << EOD\n1 NaN NaN \"\"\n";
     for (const auto& each : range) {
       if (const std::string entry = format(each); !entry.empty()) text_ += entry + '\n';
@@ -294,7 +294,7 @@ class Script {
           return each.extrapolated ? std::string() : entry(each);
         });
         const std::string guessed = block(cluster.predictions, [&](const ClusterPrediction& each) {
-          const std::string point = entry(each);
+          std::string point = entry(each);
           if (!each.extrapolated) {
             if (!point.empty()) last = point;
             return std::string();
@@ -302,7 +302,7 @@ class Script {
           if (point.empty()) return point;
           beyond = true;
           const std::string start = std::exchange(last, "");
-          return start.empty() ? point : start + '\n' + point;
+          return start.empty() ? point : fmt::format("{}\n{}", start, point);
         });
         const bool small = objects != *objects_.rbegin();
         lines.push_back(
