@@ -12,18 +12,21 @@
 #include <vector>
 
 #include "narrow_phase/convex_world.hpp"
+#include "narrow_phase/mesh_world.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "narrow_phase/pair_world.hpp"
 
 namespace ringfence::narrow_phase_test {
 namespace {
 
-constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull};
-/// Pairs of one world: hulls are shared by its bodies, so each world brings new ones.
-constexpr std::size_t world_pairs = 4000;
+constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh};
+/// Pairs of one world: hulls and meshes are shared by its bodies, so each world brings new ones.
+constexpr std::size_t world_pairs = 4000, mesh_world_pairs = 500;
+/// Triangles of a mesh at most: the reference looks at every one.
+constexpr int most_triangles = 80;
 
 struct Options {
-  std::uint64_t random = 1'000'000, nasty = 100'000, seed = 1;
+  std::uint64_t random = 1'000'000, nasty = 100'000, mesh_random = 1'000'000, mesh_nasty = 100'000, seed = 1;
   unsigned threads = std::max(1u, std::thread::hardware_concurrency());
 };
 
@@ -50,7 +53,12 @@ struct Task {
   std::size_t count;
 };
 
+bool has_mesh(ShapeKind p, ShapeKind q) { return p == ShapeKind::mesh || q == ShapeKind::mesh; }
+
 PairWorld make_world(const Task& task) {
+  if (has_mesh(task.p, task.q)) {  // a mesh is the second
+    return (task.nasty ? nasty_mesh_pairs : ordinary_mesh_pairs)(task.p, task.count, task.seed, {}, most_triangles);
+  }
   const bool hulls = task.p == ShapeKind::hull || task.q == ShapeKind::hull;
   const auto make =
       task.nasty ? (hulls ? nasty_convex_pairs : nasty_pairs) : (hulls ? ordinary_convex_pairs : ordinary_pairs);
@@ -73,11 +81,14 @@ Tally run(const Task& task) {
 }
 
 Tally run_all(ShapeKind p, ShapeKind q, bool nasty, const Options& options) {
-  const std::uint64_t pairs = nasty ? options.nasty : options.random;
+  const bool mesh = has_mesh(p, q);
+  const std::uint64_t pairs =
+      mesh ? (nasty ? options.mesh_nasty : options.mesh_random) : (nasty ? options.nasty : options.random);
+  const std::uint64_t a_world = mesh ? mesh_world_pairs : world_pairs;
   std::vector<Task> tasks;
-  for (std::uint64_t done = 0; done < pairs; done += world_pairs) {
+  for (std::uint64_t done = 0; done < pairs; done += a_world) {
     tasks.push_back({p, q, nasty, options.seed * 1'000'000 + tasks.size(),
-                     static_cast<std::size_t>(std::min<std::uint64_t>(world_pairs, pairs - done))});
+                     static_cast<std::size_t>(std::min<std::uint64_t>(a_world, pairs - done))});
   }
   std::atomic<std::size_t> next{0};
   std::mutex adding;
@@ -109,6 +120,10 @@ bool read(int argc, char** argv, Options& options) {
       options.random = value;
     } else if (name == "--nasty") {
       options.nasty = value;
+    } else if (name == "--mesh-random") {
+      options.mesh_random = value;
+    } else if (name == "--mesh-nasty") {
+      options.mesh_nasty = value;
     } else if (name == "--seed") {
       options.seed = value;
     } else if (name == "--threads" && value > 0 && value <= 1024) {
@@ -150,7 +165,9 @@ int check(const Options& options) {
 int main(int argc, char** argv) {
   ringfence::narrow_phase_test::Options options;
   if (!ringfence::narrow_phase_test::read(argc, argv, options)) {
-    std::fprintf(stderr, "usage: check_accuracy [--random PAIRS] [--nasty PAIRS] [--seed N] [--threads N]\n");
+    std::fprintf(stderr,
+                 "usage: check_accuracy [--random PAIRS] [--nasty PAIRS] [--mesh-random PAIRS] [--mesh-nasty PAIRS] "
+                 "[--seed N] [--threads N]\n");
     return 2;
   }
   return ringfence::narrow_phase_test::check(options);

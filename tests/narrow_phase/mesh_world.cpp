@@ -54,55 +54,66 @@ TriangleMesh needles(Draw& draw, int count, double size) {
   return mesh;
 }
 
-TriangleMesh ordinary_mesh(Draw& draw) {
+/// `n`, or fewer: as many that `each` triangles times its square are no more than `most`.
+int within(int n, int each, int most) {
+  while (n > 1 && each * n * n > most) --n;
+  return n;
+}
+
+TriangleMesh rock(std::uint64_t seed, std::uint32_t index, int n, int most) {
+  return worlds::make_asteroid(seed, index, static_cast<std::uint32_t>(within(n, 20, most)));
+}
+
+TriangleMesh ordinary_mesh(Draw& draw, int most) {
   const auto index = static_cast<std::uint32_t>(draw.below(1000));
   switch (draw.below(6)) {
     case 0:
-      return terrain(2 + draw.below(8), draw.uniform(0.6, 1.5), draw.uniform(0, 0.3));
+      return terrain(within(2 + draw.below(8), 2, most), draw.uniform(0.6, 1.5), draw.uniform(0, 0.3));
     case 1:
-      return box_surface({draw.uniform(0.3, 1), draw.uniform(0.3, 1), draw.uniform(0.3, 1)}, 1 + draw.below(4));
+      return box_surface({draw.uniform(0.3, 1), draw.uniform(0.3, 1), draw.uniform(0.3, 1)},
+                         within(1 + draw.below(4), 12, most));
     case 2:
-      return bowl(worlds::make_asteroid(1, index, 4), 0.1f);
+      return bowl(rock(1, index, 4, most), 0.1f);
     default:
-      return worlds::make_asteroid(1, index, static_cast<std::uint32_t>(1 + draw.below(6)));
+      return rock(1, index, 1 + draw.below(6), most);
   }
 }
 
-TriangleMesh nasty_mesh(Draw& draw) {
+TriangleMesh nasty_mesh(Draw& draw, int most) {
   const double s = draw.logarithmic(0.05, 20);
   const auto index = static_cast<std::uint32_t>(draw.below(1000));
   switch (draw.below(9)) {
     case 0:
-      return needles(draw, 1 + draw.below(40), s);
+      return needles(draw, std::min(1 + draw.below(40), most), s);
     case 1:
-      return soup(draw, 1 + draw.below(60), s, s * draw.logarithmic(0.01, 1));
+      return soup(draw, std::min(1 + draw.below(60), most), s, s * draw.logarithmic(0.01, 1));
     case 2:
-      return terrain(1 + draw.below(6), s, 0);
+      return terrain(within(1 + draw.below(6), 2, most), s, 0);
     case 3: {
       TriangleMesh one;
       add_triangle(one, {0, 0, 0}, {s, 0, 0}, {0, s, 0});
       return one;
     }
     case 4:
-      return box_surface({s, s * 0.5, draw.below(2) == 0 ? s : s * 0.01}, 1 + draw.below(3));
+      return box_surface({s, s * 0.5, draw.below(2) == 0 ? s : s * 0.01}, within(1 + draw.below(3), 12, most));
     case 5:
-      return scaled(worlds::make_asteroid(2, index, 3), {s, s, s * 0.01});
+      return scaled(rock(2, index, 3, most), {s, s, s * 0.01});
     case 6:
-      return scaled(worlds::make_asteroid(2, index, 3), {s, s * 0.02, s * 0.02});
+      return scaled(rock(2, index, 3, most), {s, s * 0.02, s * 0.02});
     default:
-      return scaled(worlds::make_asteroid(2, index, static_cast<std::uint32_t>(2 + draw.below(4))), {s, s, s});
+      return scaled(rock(2, index, 2 + draw.below(4), most), {s, s, s});
   }
 }
 
-ShapeDescription shape_of(Draw& draw, ShapeKind kind, bool nasty) {
-  if (kind == ShapeKind::mesh) return nasty ? nasty_mesh(draw) : ordinary_mesh(draw);
+ShapeDescription shape_of(Draw& draw, ShapeKind kind, bool nasty, int most) {
+  if (kind == ShapeKind::mesh) return nasty ? nasty_mesh(draw, most) : ordinary_mesh(draw, most);
   return nasty && kind != ShapeKind::hull ? draw.nasty(kind) : draw.ordinary(kind);
 }
 
-PairWorld with_shapes(Draw& draw, ShapeKind p, bool nasty) {
+PairWorld with_shapes(Draw& draw, ShapeKind p, bool nasty, int most) {
   PairWorld world;
   for (int i = 0; i < 2 * shapes_a_side; ++i) {
-    const ShapeDescription shape = shape_of(draw, i % 2 == 0 ? p : ShapeKind::mesh, nasty);
+    const ShapeDescription shape = shape_of(draw, i % 2 == 0 ? p : ShapeKind::mesh, nasty, most);
     world.table->add(shape);
     world.reference.add(shape);
   }
@@ -197,9 +208,9 @@ TriangleMesh box_surface(Vec3d h, int n) {
   return mesh;
 }
 
-PairWorld ordinary_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
+PairWorld ordinary_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed, const Vec3d& origin, int most) {
   Draw draw(seed);
-  PairWorld world = with_shapes(draw, p, false);
+  PairWorld world = with_shapes(draw, p, false, most);
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeNumber first = pick(draw, 0), second = pick(draw, 1);
     const Pose pose{origin + draw.direction() * draw.uniform(0, 100), draw.turn()};
@@ -210,9 +221,9 @@ PairWorld ordinary_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed
   return world;
 }
 
-PairWorld nasty_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
+PairWorld nasty_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed, const Vec3d& origin, int most) {
   Draw draw(seed);
-  PairWorld world = with_shapes(draw, p, true);
+  PairWorld world = with_shapes(draw, p, true, most);
   while (world.pairs.size() < count) {
     const ShapeNumber first = pick(draw, 0);
     const ShapeNumber second = p == ShapeKind::mesh && draw.below(6) == 0 ? first : pick(draw, 1);
