@@ -69,8 +69,8 @@ Run run(const worlds::PaperWorld& paper, WorldConfig config, int frames) {
 }  // namespace
 
 TEST_CASE("a whole run has one digest on every instruction set that the machine has, for every setting of shapes") {
-  for (const ShapeSetting shapes :
-       {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed}) {
+  for (const ShapeSetting shapes : {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull,
+                                    ShapeSetting::mixed, ShapeSetting::mesh}) {
     CAPTURE(name_of(shapes));
     const worlds::PaperWorld paper = worlds::make_paper_world(options_of(shapes));
     const Run expected = run(paper, config_of(Placement::server, 0), 10);
