@@ -102,7 +102,7 @@ PairContact* test_hull_mesh(const KernelInput& input, PairContact* out, KindCoun
 PairContact* test_mesh_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_mesh_support(const KernelInput& input, PairContact* out, KindCounters& counters);
 
-/// The kernel for two kinds, `first` <= `second`; null where there is none.
+/// The kernel for two kinds, `first` <= `second`: there is one for every two.
 Kernel kernel_of(ShapeKind first, ShapeKind second) noexcept;
 
 }  // namespace ringfence::narrow_phase

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cassert>
 #include <cmath>
 #include <cstring>
 #include <utility>
@@ -177,8 +176,6 @@ Kernel kernel_of(ShapeKind first, ShapeKind second) noexcept {
   return table[index_of(first)][index_of(second)];
 }
 
-bool can_test(ShapeKind p, ShapeKind q) noexcept { return kernel_of(std::min(p, q), std::max(p, q)) != nullptr; }
-
 struct NarrowPhase::Implementation {
   explicit Implementation(const geometry::ShapeTable& table) : shapes(table) {}
 
@@ -190,7 +187,6 @@ struct NarrowPhase::Implementation {
   std::unique_ptr<KernelPair[]> sorted = std::make_unique<KernelPair[]>(chunk_pairs);
   std::unique_ptr<Key[]> pair_keys = std::make_unique<Key[]>(chunk_pairs);
   std::uint32_t ends[keys];  ///< of the pairs of each key in `sorted`; only those of the chunk's keys mean anything
-  std::size_t untested = 0;
   KindCounters counters[shape_kinds][shape_kinds];
   std::size_t until_timed[shape_kinds][shape_kinds] = {};  ///< pairs that are not timed before the next that are
 
@@ -262,10 +258,6 @@ PairContact* NarrowPhase::Implementation::test_key(std::span<const Body> bodies,
   KindCounters& counter = counters[index_of(kinds.first)][index_of(kinds.second)];
   counter.candidates += pairs.size();
   const Kernel kernel = kernel_of(kinds.first, kinds.second);
-  if (kernel == nullptr) {
-    untested += pairs.size();
-    return out;
-  }
   std::size_t& until = until_timed[index_of(kinds.first)][index_of(kinds.second)];
   const Sampling sampling = sampling_of(kinds);
   KernelInput input{bodies, shapes, pairs, (key & key_in_double) != 0};
@@ -337,13 +329,11 @@ std::span<const PairContact> NarrowPhase::test(std::span<const Body> bodies,
                                                std::span<const geometry::CandidatePair> pairs) {
   Implementation& self = *implementation_;
   self.learn_shapes();
-  self.untested = 0;
   PairContact* const begin = self.contacts.of(pairs.size() + contact_slack);
   PairContact* out = begin;
   for (std::size_t i = 0; i < pairs.size(); i += chunk_pairs) {
     out = self.test_chunk(bodies, pairs.subspan(i, std::min(chunk_pairs, pairs.size() - i)), i, out);
   }
-  assert(self.untested == 0);
   return {begin, out};
 }
 
@@ -356,8 +346,6 @@ void NarrowPhase::remember_axes(bool on) {
 void NarrowPhase::forget_axes() noexcept {
   if (implementation_->memory != nullptr) implementation_->memory->clear();
 }
-
-std::size_t NarrowPhase::untested() const noexcept { return implementation_->untested; }
 
 const KindCounters& NarrowPhase::counters(ShapeKind p, ShapeKind q) const noexcept {
   return implementation_->counters[index_of(std::min(p, q))][index_of(std::max(p, q))];

@@ -45,10 +45,6 @@ struct KindCounters {
   std::uint32_t cost[cost_buckets] = {};
 };
 
-/// Whether there is a kernel for two kinds. Symmetric. A world refuses shapes at registration whose pairs would have
-/// none: the narrow phase cannot answer for them.
-bool can_test(ShapeKind p, ShapeKind q) noexcept;
-
 /// Tests candidate pairs exactly: which are in contact, and how.
 ///
 /// Sorts the pairs by kind, gathers them into blocks and runs one kernel a block. What it answers for a pair depends
@@ -74,10 +70,6 @@ class NarrowPhase {
   /// on takes 128 KiB, and no more however long it is on.
   void remember_axes(bool on);
   void forget_axes() noexcept;
-
-  /// Candidates of the last call that no kernel could test, because `can_test` is false for their kinds. Anything but
-  /// zero is an error of the caller: those pairs are missing from the answer.
-  std::size_t untested() const noexcept;
 
   /// `kinds` as in ShapeKind; symmetric.
   const KindCounters& counters(ShapeKind p, ShapeKind q) const noexcept;

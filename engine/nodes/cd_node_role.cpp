@@ -322,7 +322,7 @@ void CdNodeRole::forget_tests() {
   pairs_.clear();
   hits_.clear();
   order_.clear();
-  candidates_ = untested_ = 0;
+  candidates_ = 0;
   narrow_.reset_counters();
 }
 
@@ -392,7 +392,6 @@ void CdNodeRole::test_pairs() {
     order_.add(bodies[pair.a].number, bodies[pair.b].number);
   }
   candidates_ += pairs_.size();
-  untested_ += narrow_.untested();
   pairs_.clear();
 }
 
@@ -435,7 +434,6 @@ void CdNodeRole::count_kinds() {
       }
     }
   }
-  tested_ -= std::exchange(untested_, 0u);
   narrow_.reset_counters();
 }
 // Each contact is written once, in order, where the host's next move reads it; and goes to the server at once.

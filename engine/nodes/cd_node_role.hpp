@@ -134,7 +134,6 @@ class CdNodeRole {
   std::size_t next_hit_ = 0;                    ///< to be sent, by order_
   std::uint64_t candidates_ = 0;
   std::uint64_t tested_ = 0;
-  std::uint64_t untested_ = 0;
   std::vector<messages::KindRecord> kinds_;
   std::span<const std::uint32_t> changed_;  ///< of the batch that was moved last, not yet sent
   std::vector<ObjectNumber> movers_;        ///< hosted ones that stand in another node's cell

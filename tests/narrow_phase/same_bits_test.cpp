@@ -184,12 +184,3 @@ TEST_CASE("swapping a and b mirrors the contact") {
     }
   }
 }
-
-TEST_CASE("what cannot be tested is said so") {
-  CHECK(narrow_phase::can_test(ShapeKind::sphere, ShapeKind::box));
-  CHECK(narrow_phase::can_test(ShapeKind::box, ShapeKind::sphere));
-  CHECK(narrow_phase::can_test(ShapeKind::support, ShapeKind::hull));
-  CHECK(narrow_phase::can_test(ShapeKind::mesh, ShapeKind::sphere));
-  CHECK(narrow_phase::can_test(ShapeKind::mesh, ShapeKind::support));
-  CHECK(narrow_phase::can_test(ShapeKind::mesh, ShapeKind::mesh));
-}
