@@ -123,7 +123,6 @@ class HullAssembly {
     const Hull& hull = assembly.hull_;
     if (hull.vertex_count_ + hull.face_count_ != hull.edges_.size() + 2) return std::nullopt;
     assembly.place_vertices();
-    assembly.list_neighbours();
     assembly.measure();
     assembly.place_planes();
     assembly.place_edges();
@@ -193,20 +192,6 @@ class HullAssembly {
       hull_.vertices_[i] = p.x;
       hull_.vertices_[stride + i] = p.y;
       hull_.vertices_[2 * stride + i] = p.z;
-    }
-  }
-
-  void list_neighbours() {
-    std::vector<std::vector<std::uint16_t>> lists(used_.size());
-    for (const HullEdge& edge : hull_.edges_) {
-      lists[edge.from].push_back(edge.to);
-      lists[edge.to].push_back(edge.from);
-    }
-    hull_.neighbour_starts_.assign(1, 0);
-    for (auto& list : lists) {
-      std::sort(list.begin(), list.end());
-      hull_.neighbours_.insert(hull_.neighbours_.end(), list.begin(), list.end());
-      hull_.neighbour_starts_.push_back(static_cast<std::uint32_t>(hull_.neighbours_.size()));
     }
   }
 

@@ -89,10 +89,6 @@ class Hull {
   std::span<const std::uint16_t> face(std::size_t i) const noexcept {
     return {face_vertices_.data() + face_starts_[i], face_starts_[i + 1] - face_starts_[i]};
   }
-  /// The vertices that share an edge with vertex `i`.
-  std::span<const std::uint16_t> neighbours(std::size_t i) const noexcept {
-    return {neighbours_.data() + neighbour_starts_[i], neighbour_starts_[i + 1] - neighbour_starts_[i]};
-  }
 
   /// Centre of the solid, a point inside.
   Vec3f centroid() const noexcept { return centroid_; }
@@ -111,8 +107,8 @@ class Hull {
   AlignedVector<float> edge_columns_;
   AlignedVector<std::uint8_t> faces_of_edges_;
   std::vector<HullEdge> edges_;
-  std::vector<std::uint32_t> face_starts_, neighbour_starts_;
-  std::vector<std::uint16_t> face_vertices_, neighbours_;
+  std::vector<std::uint32_t> face_starts_;
+  std::vector<std::uint16_t> face_vertices_;
   Vec3f centroid_;
   double volume_ = 0;
   float bounding_radius_ = 0;
