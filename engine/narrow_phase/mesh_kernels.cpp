@@ -22,7 +22,7 @@ PairContact contact_of(const MeshWalk<Query>& walk, const Query& query, const Me
 
 /// A convex shape and a mesh, either first.
 template <class Query, bool mesh_first = false>
-PairContact* run_mesh(const KernelInput& input, PairContact* out, KindCounters&) {
+PairContact* run_mesh(const KernelInput& input, PairContact* out, KindCounters& counters) {
   for (const KernelPair& pair : input.pairs) {
     const Body& convex = input.bodies[mesh_first ? pair.second : pair.first];
     const Body& surface = input.bodies[mesh_first ? pair.first : pair.second];
@@ -33,7 +33,9 @@ PairContact* run_mesh(const KernelInput& input, PairContact* out, KindCounters&)
     const double small = double{std::min(row.bounding_radius, mesh_row.bounding_radius)};
     const double sizes = double{row.bounding_radius} + double{mesh_row.bounding_radius};
     MeshWalk<Query> walk(input.shapes.mesh(mesh_row.detail).tree(), query, bound_margin * sizes);
-    if (!walk.run()) continue;
+    const bool touches = walk.run();
+    walk.work().add_to(counters);
+    if (!touches) continue;
     *out++ = contact_of(walk, query, frame, feature_slack(small, sizes), pair.pair, (pair.flipped == 0) == mesh_first);
   }
   return out;

@@ -50,6 +50,7 @@ class MeshPairWalk {
   const Triangle& triangle() const { return triangle_; }
   /// In the axes of the first.
   const Triangle& other_triangle() const { return other_triangle_; }
+  const WalkWork& work() const { return work_; }
 
  private:
   static constexpr FloatLanes d{};
@@ -105,6 +106,9 @@ class MeshPairWalk {
     const std::uint32_t level_p = pair.p.level - (keep_p ? 0 : 1), level_q = pair.q.level - (keep_q ? 0 : 1);
     const std::uint32_t group_p = keep_p ? pair.p.index / 4 : pair.p.index;
     const std::uint32_t group_q = keep_q ? pair.q.index / 4 : pair.q.index;
+    work_.pass(together,
+               (keep_p ? 1 : nodes_of(first_, level_p, group_p)) * (keep_q ? 1 : nodes_of(second_, level_q, group_q)));
+    ++work_.judged;
     alignas(64) float overlap[together];
     std::uint32_t bits = test_boxes(first_.boxes(level_p, group_p), second_.boxes(level_q, group_q), overlap);
     if (keep_p) bits &= 0xfu << 4 * (pair.p.index % 4);
@@ -140,6 +144,9 @@ class MeshPairWalk {
   }
 
   void test_leaves(const geometry::TriangleGroup& p, const geometry::TriangleGroup& q) {
+    const std::size_t in_p = triangles_of(p), in_q = triangles_of(q);
+    work_.pass(together, in_p * in_q);
+    ++work_.judged;
     alignas(64) float overlap[together];
     std::uint32_t bits = 0;
     for (std::size_t lane = 0; lane < together; lane += hn::Lanes(d)) {
@@ -153,6 +160,8 @@ class MeshPairWalk {
       const Vector<FloatLanes> normal_q = rotate(d, turn_, by_column(q.normal, lane));
       bits |= test_triangles(corner_p, normal_p, corner_q, normal_q, overlap + lane) << lane;
     }
+    // Rows and columns that repeat the last triangle are left out.
+    bits &= ((1u << in_q) - 1) * (0x1111u & ((1u << 4 * in_p) - 1));
     while (bits != 0) {
       // The likeliest first: it may rule out the others.
       auto best = static_cast<std::uint32_t>(__builtin_ctz(bits));
@@ -168,6 +177,7 @@ class MeshPairWalk {
 
   void judge(const geometry::TriangleGroup& p, std::size_t lane_p, const geometry::TriangleGroup& q,
              std::size_t lane_q) {
+    ++work_.judged;
     const Triangle triangle = triangle_of(p, lane_p);
     Triangle other = triangle_of(q, lane_q);
     for (Vec3d& corner : other.corner) corner = frame_.to_mesh(corner);
@@ -227,6 +237,7 @@ class MeshPairWalk {
   Rotation<FloatLanes> turn_, spread_;
   Vector<FloatLanes> offset_;
   Deepest deepest_;
+  WalkWork work_;
   Triangle triangle_, other_triangle_;
   Open open_[15 * 2 * geometry::max_tree_levels + 16];
   std::size_t count_ = 0;

@@ -9,7 +9,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-PairContact* mesh_mesh(const KernelInput& input, PairContact* out, KindCounters&) {
+PairContact* mesh_mesh(const KernelInput& input, PairContact* out, KindCounters& counters) {
   for (const KernelPair& pair : input.pairs) {
     const Body& first = input.bodies[pair.first];
     const Body& second = input.bodies[pair.second];
@@ -20,7 +20,9 @@ PairContact* mesh_mesh(const KernelInput& input, PairContact* out, KindCounters&
     const double sizes = double{row.bounding_radius} + double{other_row.bounding_radius};
     MeshPairWalk walk(input.shapes.mesh(row.detail).tree(), input.shapes.mesh(other_row.detail).tree(), frame,
                       bound_margin * sizes);
-    if (!walk.run()) continue;
+    const bool touches = walk.run();
+    walk.work().add_to(counters);
+    if (!touches) continue;
     const Push& push = walk.deepest().push();
     const Vec3d place =
         place_of(push, walk.triangle(), {walk.other_triangle().corner, 3}, 0, feature_slack(small, sizes));

@@ -20,6 +20,7 @@
 
 #include "geometry/mesh_tree.hpp"
 #include "narrow_phase/lanes-inl.hpp"
+#include "narrow_phase/narrow_phase.hpp"
 #include "narrow_phase/triangle.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -31,6 +32,36 @@ inline constexpr std::size_t together = 16;
 inline constexpr double bound_margin = 2e-6;
 
 using FloatLanes = hn::CappedTag<float, together>;
+
+/// What a walk did, for the counters.
+struct WalkWork {
+  std::size_t lanes = 0, filled = 0;
+  std::size_t judged = 0;  ///< nodes, or pairs of nodes, that were looked into; primitives, or pairs, judged in double
+
+  /// A pass over `count` places of up to `together`, of which `used` hold something.
+  HWY_INLINE void pass(std::size_t count, std::size_t used) {
+    constexpr std::size_t width = hn::MaxLanes(FloatLanes());
+    lanes += (count + width - 1) / width * width;
+    filled += used;
+  }
+  void add_to(KindCounters& counters) const {
+    counters.lanes += lanes;
+    counters.lanes_filled += filled;
+    counters.iterations += judged;
+  }
+};
+
+/// Nodes of a group of four siblings: fewer only at the end of a level.
+HWY_INLINE std::size_t nodes_of(const geometry::MeshTree& tree, std::uint32_t level, std::uint32_t group) {
+  return std::min(geometry::tree_fan, tree.nodes(level) - geometry::tree_fan * group);
+}
+
+/// Triangles of a leaf: the last of a mesh is repeated in the places that are left, which nobody need look at.
+HWY_INLINE std::size_t triangles_of(const geometry::TriangleGroup& leaf) {
+  std::size_t count = 1;
+  for (std::size_t i = 1; i < geometry::tree_fan; ++i) count += leaf.index[i] != leaf.index[i - 1] ? 1 : 0;
+  return count;
+}
 
 /// The deepest contact found so far, and what must be reached to be of interest.
 class Deepest {
@@ -162,11 +193,16 @@ class MeshWalk {
 
   const Deepest& deepest() const { return deepest_; }
   const Triangle& triangle() const { return triangle_; }
+  const WalkWork& work() const { return work_; }
 
  private:
-  std::uint32_t test_boxes(const geometry::TreeNode* nodes, std::size_t count) const {
+  std::uint32_t test_boxes(const geometry::TreeNode* nodes, std::size_t count) {
     const FloatLanes d;
     const geometry::BoxGroup* groups[4];
+    std::size_t boxes = 0;
+    for (std::size_t i = 0; i < count; ++i) boxes += nodes_of(tree_, nodes[i].level - 1, nodes[i].index);
+    work_.pass(geometry::tree_fan * count, boxes);
+    work_.judged += count;
     for (std::size_t i = 0; i < 4; ++i) {
       const geometry::TreeNode node = nodes[std::min(i, count - 1)];
       groups[i] = &tree_.boxes(node.level - 1, node.index);
@@ -189,6 +225,10 @@ class MeshWalk {
     const FloatLanes d;
     const geometry::TriangleGroup* groups[4];
     for (std::size_t i = 0; i < 4; ++i) groups[i] = &tree_.leaf(leaves_[std::min(i, count - 1)]);
+    std::uint32_t places = 0;
+    for (std::size_t i = 0; i < count; ++i) places |= ((1u << triangles_of(*groups[i])) - 1) << 4 * i;
+    work_.pass(geometry::tree_fan * count, static_cast<std::size_t>(__builtin_popcount(places)));
+    work_.judged += count;
     std::uint32_t bits = 0;
     for (std::size_t lane = 0; lane < 4 * count; lane += hn::Lanes(d)) {
       const auto column = [&](std::size_t k) {
@@ -201,7 +241,8 @@ class MeshWalk {
       const TriangleLanes<FloatLanes> in{{column(0), column(3), column(6)}, column(9)};
       bits |= bits_of_mask(d, query_.triangles(d, in, deepest_.floor())) << lane;
     }
-    bits &= (std::uint32_t{1} << 4 * count) - 1;
+    bits &= places;
+    work_.judged += static_cast<std::size_t>(__builtin_popcount(bits));
     for (; bits != 0; bits &= bits - 1) {
       const auto lane = static_cast<std::uint32_t>(__builtin_ctz(bits));
       const geometry::TriangleGroup& leaf = *groups[lane / 4];
@@ -213,6 +254,7 @@ class MeshWalk {
   const geometry::MeshTree& tree_;
   const Query& query_;
   Deepest deepest_;
+  WalkWork work_;
   Triangle triangle_;
   geometry::TreeNode open_[12 * geometry::max_tree_levels + 16];
   std::uint32_t leaves_[4];

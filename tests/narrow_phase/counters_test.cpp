@@ -1,9 +1,13 @@
 #include <cstdint>
 #include <numeric>
+#include <span>
+#include <string>
 
 #include <doctest/doctest.h>
 
+#include "narrow_phase/mesh_world.hpp"
 #include "narrow_phase/pair_world.hpp"
+#include "narrow_phase/targets.hpp"
 
 namespace ringfence::narrow_phase_test {
 namespace {
@@ -47,6 +51,51 @@ TEST_CASE("every kernel says how many of its lanes it filled, those that search 
       CHECK((counters.iterations >= 200) == searches);
     }
   }
+}
+
+TEST_CASE("kernels of meshes say how many lanes they filled, and looked into the same nodes whatever the target") {
+  for (const ShapeKind kind :
+       {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh}) {
+    CAPTURE(name_of(kind));
+    const PairWorld world = ordinary_mesh_pairs(kind, 200, 20);
+    NarrowPhase narrow_phase(world.shapes());
+    narrow_phase.test(world.bodies, world.pairs);
+    const KindCounters& counters = narrow_phase.counters(kind, ShapeKind::mesh);
+    const KindCounters expected = counters;
+    CHECK(expected.iterations >= 200);  // the root at least
+    CHECK(expected.lanes_filled > expected.iterations);
+    for (const std::string& target : narrow_phase::targets()) {
+      CAPTURE(target);
+      narrow_phase::force_target(target);
+      narrow_phase.reset_counters();
+      narrow_phase.test(world.bodies, world.pairs);
+      CHECK(counters.iterations == expected.iterations);
+      CHECK(counters.lanes_filled == expected.lanes_filled);
+      CHECK(counters.lanes >= counters.lanes_filled);
+      CHECK(counters.lanes < 16 * counters.lanes_filled);
+    }
+    narrow_phase::force_target("");
+  }
+}
+
+TEST_CASE("places of a tree without a node or a triangle are no filled lanes") {
+  PairWorld world;
+  TriangleMesh one;
+  one.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  one.indices = {0, 1, 2};
+  world.add_pair(one, {}, Sphere{0.5f}, {{0.2, 0.2, 0.1}, {}});
+  world.add_pair(one, {}, one, {{0, 0, 5}, {}});
+  world.add_pair(terrain(2, 1, 0), {}, Sphere{0.5f}, {{0, 0, 0.3}, {}});  // 8 triangles: a root and two leaves
+  const auto count = [&](std::size_t pair) {
+    NarrowPhase narrow_phase(world.shapes());
+    narrow_phase.test(world.bodies, std::span(world.pairs).subspan(pair, 1));
+    return narrow_phase.counters(pair == 1 ? ShapeKind::mesh : ShapeKind::sphere, ShapeKind::mesh);
+  };
+  CHECK(count(0).lanes_filled == 1);
+  CHECK(count(0).iterations == 2);  // the leaf; the triangle; the other three places repeat it
+  CHECK(count(1).lanes_filled == 1);
+  CHECK(count(1).iterations == 1);  // the two leaves; the only pair of triangles is ruled out
+  CHECK(count(2).lanes_filled == 2 + 8);
 }
 
 TEST_CASE("a sample of the candidates is timed, however few or many come at once") {

@@ -45,9 +45,11 @@ struct KindReport {
   ShapeKind second = ShapeKind::sphere;
   std::uint64_t candidates = 0;
   std::uint64_t hits = 0;
-  std::uint64_t lanes = 0;               ///< vector lanes spent, idle ones included; 0 where a kernel is not in lanes
-  std::uint64_t lanes_filled = 0;        ///< of them, those that worked on a pair, or on a face, edge or vertex of one
-  std::uint64_t iterations = 0;          ///< steps of searches: directions judged for hulls; 0 for closed forms
+  std::uint64_t lanes = 0;         ///< vector lanes spent, idle ones included; 0 where a kernel is not in lanes
+  std::uint64_t lanes_filled = 0;  ///< of them, those that worked on a pair or on a part of one: a face, a triangle
+  /// Steps of searches: directions judged for hulls; for meshes, nodes of the tree that were looked into and triangles
+  /// that were judged exactly, for two meshes pairs of them; 0 for closed forms.
+  std::uint64_t iterations = 0;
   std::uint64_t ended_early = 0;         ///< candidates that an axis remembered from an earlier frame proved apart
   std::uint64_t timed = 0;               ///< candidates that were timed
   std::uint64_t nanoseconds = 0;         ///< in the kernels for those, gathering included
