@@ -107,6 +107,10 @@ Tally run_all(ShapeKind p, ShapeKind q, bool nasty, const Options& options) {
   return sum;
 }
 
+std::uint64_t pairs_of(ShapeKind p, ShapeKind q, const Options& options) {
+  return has_mesh(p, q) ? options.mesh_random + options.mesh_nasty : options.random + options.nasty;
+}
+
 /// False where an option or its number is none.
 bool read(int argc, char** argv, Options& options) {
   for (int i = 1; i < argc; i += 2) {
@@ -142,7 +146,7 @@ int check(const Options& options) {
   std::string text;
   for (const ShapeKind p : kinds) {
     for (const ShapeKind q : kinds) {
-      if (q < p) continue;
+      if (q < p || pairs_of(p, q, options) == 0) continue;
       std::printf("%-8s %-8s", name_of(p), name_of(q));
       for (const bool nasty : {false, true}) {
         const Tally tally = run_all(p, q, nasty, options);
