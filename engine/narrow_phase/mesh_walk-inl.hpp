@@ -58,8 +58,8 @@ HWY_INLINE std::size_t nodes_of(const geometry::MeshTree& tree, std::uint32_t le
 
 /// Triangles of a leaf: the last of a mesh is repeated in the places that are left, which nobody need look at.
 HWY_INLINE std::size_t triangles_of(const geometry::TriangleGroup& leaf) {
-  std::size_t count = 1;
-  for (std::size_t i = 1; i < geometry::tree_fan; ++i) count += leaf.index[i] != leaf.index[i - 1] ? 1 : 0;
+  std::size_t count = geometry::tree_fan;
+  while (count > 1 && leaf.index[count - 1] == leaf.index[count - 2]) --count;
   return count;
 }
 
@@ -199,8 +199,12 @@ class MeshWalk {
   std::uint32_t test_boxes(const geometry::TreeNode* nodes, std::size_t count) {
     const FloatLanes d;
     const geometry::BoxGroup* groups[4];
+    const std::uint32_t level = nodes[0].level - 1;
+    const std::size_t last = tree_.nodes(level);
     std::size_t boxes = 0;
-    for (std::size_t i = 0; i < count; ++i) boxes += nodes_of(tree_, nodes[i].level - 1, nodes[i].index);
+    for (std::size_t i = 0; i < count; ++i) {
+      boxes += std::min(geometry::tree_fan, last - geometry::tree_fan * nodes[i].index);
+    }
     work_.pass(geometry::tree_fan * count, boxes);
     work_.judged += count;
     for (std::size_t i = 0; i < 4; ++i) {
@@ -242,8 +246,8 @@ class MeshWalk {
       bits |= bits_of_mask(d, query_.triangles(d, in, deepest_.floor())) << lane;
     }
     bits &= places;
-    work_.judged += static_cast<std::size_t>(__builtin_popcount(bits));
     for (; bits != 0; bits &= bits - 1) {
+      ++work_.judged;
       const auto lane = static_cast<std::uint32_t>(__builtin_ctz(bits));
       const geometry::TriangleGroup& leaf = *groups[lane / 4];
       const Triangle triangle = triangle_of(leaf, lane % 4);
