@@ -59,7 +59,9 @@ class MeshTree {
     return boxes_[levels_[level].first_group + group];
   }
   /// The group that has the node's own box, in lane node.index % 4.
-  const BoxGroup& boxes_with(TreeNode node) const noexcept { return boxes(node.level, node.index / tree_fan); }
+  const BoxGroup& boxes_with(TreeNode node) const noexcept {
+    return boxes(node.level, static_cast<std::uint32_t>(node.index / tree_fan));
+  }
   const TriangleGroup& leaf(std::uint32_t index) const noexcept { return leaves_[index]; }
   std::span<const TriangleGroup> leaves() const noexcept { return leaves_; }
   std::span<const BoxGroup> all_boxes() const noexcept { return boxes_; }
