@@ -281,7 +281,7 @@ bool ServerRole::drain_lost(Party& party) {
   return any;
 }
 
-// Called when nothing gets on. Whether that has changed.
+// Called when the frame does not get on. Whether that has changed.
 bool ServerRole::watch() {
   if (stage_ == Stage::waiting || (setup_.node_deadline_ns == 0 && setup_.user_deadline_ns == 0)) {
     return false;

@@ -34,6 +34,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
   }
   users_.reserve(setup.capacities.users);
   leaving_.reserve(setup.capacities.objects);
+  hand_overs_.reserve(setup.capacities.objects);
   connected_.reserve(setup.capacities.users);
 }
 
@@ -59,10 +60,12 @@ Step ServerRole::step() {
       progressed |= party.lost && drain_lost(party);
     }
   }
+  bool advanced = false;
   while (advance()) {
-    progressed = true;
+    advanced = true;
   }
-  if (progressed || watch()) {
+  // Being heard is not getting on: who talks without end must not keep the others from their deadlines.
+  if (advanced || watch() || progressed) {
     return Step::progressed;
   }
   const bool sending = stage_ == Stage::opening || stage_ == Stage::dispatching || stage_ == Stage::notifying;

@@ -1,4 +1,5 @@
 // A user node that lies: what it says is refused by reason, and nobody else notices.
+#include <chrono>
 #include <cstring>
 #include <functional>
 #include <limits>
@@ -310,6 +311,29 @@ TEST_CASE("a flood of lies is counted whole, and answered with no more than a fe
   CHECK(answered > 0);
   CHECK(answered <= 64);
   CHECK(scene.theatre.user(liar).refused() == answered);
+}
+
+TEST_CASE("a user node that talks without end misses its deadline like a silent one") {
+  Stageplay play;
+  play.model = &drifting;
+  play.user_deadline_ns = 2'000'000;
+  Scene scene(play);
+  scene.theatre.frame();
+  bool flooding = false;
+  scene.theatre.tamper = [&](const Seen& seen, std::vector<Bytes>& instead) {
+    if (seen.from != Endpoint::user(liar)) return;
+    instead.clear();
+    flooding = true;
+  };
+  // The server never finds the liar's link empty. That the frame ends at all is what is tested.
+  const auto start = std::chrono::steady_clock::now();
+  scene.theatre.between = [&] {
+    REQUIRE(std::chrono::steady_clock::now() - start < std::chrono::seconds(20));
+    if (flooding) scene.theatre.from(liar).forge(state_of(scene.ref(0), {{1, 1, 1}, {}}, 1));
+  };
+  scene.theatre.frame();
+  CHECK(scene.theatre.report().late == std::vector<UserNumber>{liar});
+  CHECK(scene.theatre.report().refused[static_cast<std::size_t>(Status::not_host)] > 0);
 }
 
 TEST_CASE("what a user node says beyond its quota is left out, and nobody else's frame is another for it") {

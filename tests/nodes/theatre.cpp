@@ -19,18 +19,22 @@ bool Wire::pass(const Tamper& tamper, std::vector<Seen>& log) {
       tamper(seen, instead);
     }
     for (const auto& message : instead) {
-      const auto room = far_.sender().claim(message.size());
-      REQUIRE(room.size() == message.size());
-      std::copy(message.begin(), message.end(), room.begin());
-      far_.sender().commit(message.size());
+      forge(message);
     }
     log.push_back(std::move(seen));
   }
   if (any) {
     near_.receiver().release();
-    far_.sender().publish();
   }
   return any;
+}
+
+void Wire::forge(std::span<const std::byte> message) {
+  const auto room = far_.sender().claim(message.size());
+  REQUIRE(room.size() == message.size());
+  std::copy(message.begin(), message.end(), room.begin());
+  far_.sender().commit(message.size());
+  far_.sender().publish();
 }
 
 Theatre::Theatre(const Stageplay& play) : play_(play), map_(play.grid, play.nodes), relay_(play.grid.cells(), 16) {
@@ -49,6 +53,7 @@ Theatre::Theatre(const Stageplay& play) : play_(play), map_(play.grid, play.node
   setup.capacities = {16, 16, 16, 4};
   setup.interest = play.interest;
   setup.quotas = play.quotas;
+  setup.user_deadline_ns = play.user_deadline_ns;
   for (NodeNumber node = 0; node < play.nodes; ++node) {
     standing_.push_back(node);
     setup.nodes.push_back(add_node(node));
@@ -197,6 +202,9 @@ void Theatre::frame() {
   order_.ordered.store(wanted);
   int quiet = 0;
   while (order_.completed.load() != wanted) {
+    if (between) {
+      between();
+    }
     bool progressed = server_->step() == Step::progressed;
     if (order_.stand_in_wanted.exchange(false)) {
       standing_[order_.stand_in_for] = nodes_.size();

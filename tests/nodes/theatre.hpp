@@ -47,6 +47,8 @@ class Wire {
   /// Takes what was sent, lets `tamper` make of it what it likes, delivers that, and notes it in `log`.
   using Tamper = std::function<void(const Seen& message, std::vector<std::vector<std::byte>>& instead)>;
   bool pass(const Tamper& tamper, std::vector<Seen>& log);
+  /// Delivers what nobody sent.
+  void forge(std::span<const std::byte> message);
 
  private:
   Endpoint from_, to_;
@@ -64,6 +66,7 @@ struct Stageplay {
   std::size_t delivery_bytes = std::size_t{1} << 20;  ///< of the rings behind the test's hands
   double interest = 0;
   Quotas quotas;
+  std::uint64_t user_deadline_ns = 0;
 };
 
 /// A server, CD nodes and user nodes in one thread, stepped by hand, every message of theirs seen.
@@ -108,7 +111,9 @@ class Theatre {
   /// hosts what is not there; in user/collision deployment, that the host owns the cell that the object stands in.
   void require_one_host_each() const;
 
-  Wire::Tamper tamper;  ///< sees what user nodes send
+  Wire::Tamper tamper;            ///< sees what user nodes send
+  std::function<void()> between;  ///< called each time round in a frame
+  Wire& from(UserNumber user) { return *users_.at(user).out; }
 
  private:
   struct Node;
