@@ -30,7 +30,8 @@ std::uint32_t fixed(double metres, double scale) {
 }  // namespace
 
 const std::vector<std::string>& box_world_names() {
-  static const std::vector<std::string> names = {"cluster", "uniform", "spot", "line", "sizes", "still90"};
+  static const std::vector<std::string> names = {"cluster", "uniform", "spot",    "line",
+                                                 "sizes",   "still30", "still60", "still90"};
   return names;
 }
 
@@ -50,7 +51,8 @@ BoxFrames make_box_world(const std::string& name, std::size_t boxes) {
     volume += 8 * body.half[0] * body.half[1] * body.half[2];
   }
   double side = std::cbrt(volume / 0.06);
-  if (name == "cluster" || name == "still90") {
+  const bool still = name.starts_with("still");
+  if (name == "cluster" || still) {
     std::vector<std::array<double, 3>> targets(std::max<std::size_t>(1, boxes / 50));
     for (auto& target : targets) target = anywhere(random, side);
     // Chosen for the number of pairs that the paper's world has: about half a pair a box.
@@ -78,8 +80,8 @@ BoxFrames make_box_world(const std::string& name, std::size_t boxes) {
   BoxFrames world;
   world.present.assign(boxes, 1);
   world.resting.assign(boxes, 0);
-  if (name == "still90")
-    for (std::size_t i = 0; i < boxes; ++i) world.resting[i] = random() % 10 != 0;
+  if (still)
+    for (std::size_t i = 0; i < boxes; ++i) world.resting[i] = random() % 100 < std::stoul(name.substr(5));
   const double scale = 4294967295.0 / side;
   for (int f = 0; f < 4; ++f) {
     // There and back, so that the circle closes without a jump.

@@ -23,7 +23,7 @@ struct BoxFrames {
 /// - spot: the same in one Gaussian heap in a world a thousand times as wide, a hundredth of them strewn about;
 /// - line: the same on the y axis, boxes and gaps in balance;
 /// - sizes: from 1 cm to 1 km, volume spread evenly over the sizes, 6 % of a cube;
-/// - still90: cluster, nine of ten boxes at rest.
+/// - still30, still60, still90: cluster, so many of a hundred boxes at rest.
 /// All that moves moves up to 0.15 m a frame and axis. Slots are in no spatial order.
 const std::vector<std::string>& box_world_names();
 BoxFrames make_box_world(const std::string& name, std::size_t boxes);

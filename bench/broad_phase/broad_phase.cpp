@@ -17,7 +17,8 @@ namespace {
 
 class Ringfence final : public PairFinder {
  public:
-  explicit Ringfence(const BoxFrames& world) : sweep_(world.present.size(), world.present.size()) {}
+  Ringfence(const BoxFrames& world, bool keep_resting)
+      : sweep_(world.present.size(), world.present.size(), broad_phase::all_layers_collide(), keep_resting) {}
   const std::vector<geometry::CandidatePair>& pairs() override {
     pairs_.assign(found_.begin(), found_.end());
     return pairs_;
@@ -41,7 +42,8 @@ struct Implementation {
 
 const std::vector<Implementation>& implementations() {
   static const std::vector<Implementation> all = {
-      {"ringfence", 1000000, [](const BoxFrames& world) -> PairFinder* { return new Ringfence(world); }},
+      {"ringfence", 1000000, [](const BoxFrames& world) -> PairFinder* { return new Ringfence(world, true); }},
+      {"ringfence_all", 1000000, [](const BoxFrames& world) -> PairFinder* { return new Ringfence(world, false); }},
 #ifdef RINGFENCE_BENCH_EMBREE
       {"embree", 1000000, make_embree},
 #endif

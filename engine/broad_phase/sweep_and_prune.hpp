@@ -61,8 +61,9 @@ class SweepAndPrune {
   /// that the sweep may use; all zero is always right). The spans have equal size, below 2^32 - 1, which may differ
   /// from call to call. Precondition: lower <= upper on each axis. The result lives until the next call of any member.
   ///
-  /// An object that starts to rest costs as before for a few frames: the structure for what rests is built again when
-  /// the work that it would have saved equals its cost. In that frame the call takes as long as if all moved.
+  /// What rests is kept apart from where two thirds rest, until less than a half does. An object that starts to rest
+  /// costs as before for a few frames: the structure for what rests is built again when the work that it would have
+  /// saved equals its cost. In that frame the call takes as long as if all moved.
   std::span<const geometry::CandidatePair> find(std::span<const geometry::Bounds> bounds,
                                                 std::span<const std::uint8_t> present,
                                                 std::span<const std::uint8_t> resting,
