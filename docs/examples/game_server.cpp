@@ -30,6 +30,16 @@ constexpr double side = 40;   // of the arena, metres
 constexpr double step = 0.2;  // what a player walks in a frame, metres
 constexpr int frames = 300;
 
+// [rock]
+/// A rock that everybody walks around: a pyramid of four triangles, open below. Meshes are surfaces.
+ringfence::TriangleMesh rock() {
+  ringfence::TriangleMesh mesh;
+  mesh.vertices = {{-2, -2, 0}, {2, -2, 0}, {2, 2, 0}, {-2, 2, 0}, {0, 0, 3}};
+  mesh.indices = {0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};  // three a triangle
+  return mesh;
+}
+// [rock]
+
 /// How much, and which way, a contact pushes one of its two objects.
 Vec3d push_of(const Contact& contact, ringfence::ObjectNumber self, double share) {
   const double length = (contact.a == self ? -share : share) * double{contact.depth};
@@ -107,6 +117,7 @@ class GameServer {
 
     // Layer 0 collides with itself and the ground, layer 1; the ground does not collide with what lies on it for ever.
     world_.spawn({.shape = floor, .category = Category::fixed, .layer = 1, .pose = {{side / 2, side / 2, -0.5}, {}}});
+    world_.spawn({.shape = world_.add_shape(rock()), .category = Category::fixed, .pose = {{12, 19, 0}, {}}});
     for (int i = 0; i < 60; ++i) {
       const Vec3d at{2 + (i * 7) % 36 + 0.25, 2 + (i * 11) % 37 + 0.25, 0.5};
       world_.spawn({.shape = crate, .category = Category::non_active, .pose = {at, {}}});
