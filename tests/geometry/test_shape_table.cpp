@@ -7,6 +7,7 @@
 
 #include <doctest/doctest.h>
 
+#include "geometry/ellipsoid.hpp"
 #include "geometry/shape_table.hpp"
 #include "geometry/vector.hpp"
 #include "ringfence/error.hpp"
@@ -15,20 +16,6 @@ using namespace ringfence;
 using namespace ringfence::geometry;
 
 namespace {
-
-/// An ellipsoid by its support function: something that no other kind is.
-class Ellipsoid : public SupportFunction {
- public:
-  explicit Ellipsoid(Vec3f radii) : radii_(radii) {}
-  Vec3f support(Vec3f d) const override {
-    const Vec3f scaled{d.x * radii_.x, d.y * radii_.y, d.z * radii_.z};
-    const float norm = length(scaled);
-    return {scaled.x * radii_.x / norm, scaled.y * radii_.y / norm, scaled.z * radii_.z / norm};
-  }
-
- private:
-  Vec3f radii_;
-};
 
 std::vector<Vec3f> ball_of_points(std::mt19937& random, std::size_t count, double radius) {
   std::normal_distribution<double> normal;
@@ -80,7 +67,7 @@ TEST_CASE("the bounds of every kind of shape hold it and are tight, near the ori
   table.add(Box{{100.0f, 300.0f, 20.0f}});
   table.add(Capsule{0.3f, 1.1f});
   for (const std::size_t count : {4u, 8u, 32u, 100u, 256u}) table.add(ConvexHull{ball_of_points(random, count, 1.3)});
-  table.add(SupportShape{std::make_shared<Ellipsoid>(Vec3f{0.5f, 1.0f, 2.0f})});
+  table.add(SupportShape{std::make_shared<test::Ellipsoid>(Vec3f{0.5f, 1.0f, 2.0f})});
   table.add(TriangleMesh{ball_of_points(random, 9, 1.0), {0, 1, 2, 3, 4, 5, 6, 7, 8}});
 
   std::normal_distribution<float> normal;
@@ -151,7 +138,7 @@ TEST_CASE("a shape that cannot be is refused with the value and the range, and t
         std::string::npos);
   CHECK(refusal(TriangleMesh{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {0, 1, 3}}).find("out of range") != std::string::npos);
   CHECK(refusal(SupportShape{}).find("no function") != std::string::npos);
-  CHECK(refusal(SupportShape{std::make_shared<Ellipsoid>(Vec3f{1, 1, 1e-5f})}).find("1 mm") != std::string::npos);
+  CHECK(refusal(SupportShape{std::make_shared<test::Ellipsoid>(Vec3f{1, 1, 1e-5f})}).find("1 mm") != std::string::npos);
   CHECK(refusal(Box{{0.0005f, 1, 1}}).empty());
   CHECK(refusal(Sphere{1e6f}).empty());
 }

@@ -5,6 +5,7 @@
 
 #include <doctest/doctest.h>
 
+#include "geometry/ellipsoid.hpp"
 #include "geometry/vector.hpp"
 #include "narrow_phase/convex_features.hpp"
 #include "narrow_phase/convex_world.hpp"
@@ -37,20 +38,6 @@ void check(const PairWorld& world, narrow_phase::Kernel kernel) {
 bool same_bits(const std::vector<PairContact>& p, const std::vector<PairContact>& q) {
   return p.size() == q.size() && std::memcmp(p.data(), q.data(), p.size() * sizeof(PairContact)) == 0;
 }
-
-/// An ellipsoid by its support function.
-class Ellipsoid : public SupportFunction {
- public:
-  explicit Ellipsoid(Vec3f radii) : radii_(radii) {}
-  Vec3f support(Vec3f d) const override {
-    const Vec3f scaled{d.x * radii_.x, d.y * radii_.y, d.z * radii_.z};
-    const float norm = length(scaled);
-    return {scaled.x * radii_.x / norm, scaled.y * radii_.y / norm, scaled.z * radii_.z / norm};
-  }
-
- private:
-  Vec3f radii_;
-};
 
 }  // namespace
 
@@ -103,7 +90,7 @@ TEST_CASE("shapes of a support function meet spheres, boxes, capsules, hulls and
     // The hulls, and the spheres where two support shapes are to meet, give way to ellipsoids.
     std::vector<ShapeNumber> ellipsoids;
     for (int i = 0; i < 8; ++i) {
-      const ShapeDescription shape = SupportShape{std::make_shared<Ellipsoid>(
+      const ShapeDescription shape = SupportShape{std::make_shared<test::Ellipsoid>(
           Vec3f{static_cast<float>(draw.uniform(0.4, 1.2)), static_cast<float>(draw.uniform(0.4, 1.2)),
                 static_cast<float>(draw.uniform(0.4, 1.2))})};
       ellipsoids.push_back(world.table->add(shape));

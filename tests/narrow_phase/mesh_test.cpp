@@ -6,6 +6,7 @@
 
 #include <doctest/doctest.h>
 
+#include "geometry/ellipsoid.hpp"
 #include "geometry/vector.hpp"
 #include "narrow_phase/mesh_world.hpp"
 #include "narrow_phase/narrow_phase.hpp"
@@ -149,31 +150,13 @@ TEST_CASE("a hundred thousand triangles are met as exactly as few") {
   check(world);
 }
 
-namespace {
-
-/// An ellipsoid by its support function.
-class Ellipsoid : public SupportFunction {
- public:
-  explicit Ellipsoid(Vec3f radii) : radii_(radii) {}
-  Vec3f support(Vec3f d) const override {
-    const Vec3f scaled{d.x * radii_.x, d.y * radii_.y, d.z * radii_.z};
-    const float norm = length(scaled);
-    return {scaled.x * radii_.x / norm, scaled.y * radii_.y / norm, scaled.z * radii_.z / norm};
-  }
-
- private:
-  Vec3f radii_;
-};
-
-}  // namespace
-
 TEST_CASE("shapes of a support function meet meshes as the reference says") {
   PairWorld world = ordinary_mesh_pairs(ShapeKind::sphere, 60, 37);
   Draw draw(38);
   std::vector<ShapeNumber> ellipsoids;
   for (int i = 0; i < 8; ++i) {
     const auto size = [&] { return static_cast<float>(draw.uniform(0.4, 1.2)); };
-    const ShapeDescription shape = SupportShape{std::make_shared<Ellipsoid>(Vec3f{size(), size(), size()})};
+    const ShapeDescription shape = SupportShape{std::make_shared<test::Ellipsoid>(Vec3f{size(), size(), size()})};
     ellipsoids.push_back(world.table->add(shape));
     world.reference.add(shape);
   }
