@@ -107,10 +107,12 @@ void CdNodeRole::hear_lost(const messages::LostRecord& record) {
   if (record.again != 0) {
     new_map_.clear();
     forget_tests();
+    if (stage_ != Stage::waiting) {
+      host_.begin_contacts(frame_);
+    }
     positions_heard_ = false;
     pairs_heard_ = setup_.placement == Placement::region;
     if (stage_ == Stage::colliding || stage_ == Stage::ending) {
-      host_.begin_contacts(frame_);
       collisions_run_.start();
       stage_ = Stage::gathering;
     }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cstring>
+#include <new>
 #include <utility>
 
 #include "telemetry/clock.hpp"
@@ -162,6 +163,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   cpu_start_ = telemetry::thread_cpu_ns();
   movers_.clear();
   changed_ = {};
+  next_changed_ = 0;
   states_run_.start();
   {
     TrackedTime time(setup_.track, "move", told_.move_ns);
@@ -177,41 +179,53 @@ bool CdNodeRole::move() {
   const messages::RunHead to_server = head(MessageType::node_state, Endpoint::server());
   const std::size_t bytes = sizeof(messages::NodeStateRecord) + host_.state_bytes();
   for (;;) {
-    for (; !changed_.empty(); changed_ = changed_.subspan(1)) {
+    for (; next_changed_ < changed_.size(); ++next_changed_) {
       std::byte* where = states_run_.add(*setup_.server.out, to_server, bytes, traffic_);
       if (where == nullptr) {
         return false;
       }
-      tell_own_move(changed_.front(), where);
+      tell_own_move(next_changed_, where);
     }
     if (!host_.move_next()) {
       return states_run_.finish(*setup_.server.out, to_server, bytes, traffic_);
     }
     changed_ = host_.changed();
+    next_changed_ = 0;
+    bound_batch();
+  }
+}
+
+// Apart from the telling: what is read again as a whole right after it was written in parts stalls the processor.
+void CdNodeRole::bound_batch() {
+  for (std::size_t i = 0; i < changed_.size(); ++i) {
+    const Hosted& object = host_[changed_[i]];
+    changed_bounds_[i] = setup_.shapes->bounds(object.shape, object.pose, *setup_.space);
+    known_.fetch(object.object.slot);
   }
 }
 
 // The server tells a node of every object in its region but those that the node itself hosts and reported.
-void CdNodeRole::tell_own_move(std::uint32_t hosted, std::byte* where) {
-  const Hosted& object = host_[hosted];
-  messages::NodeStateRecord record{object.object, object.pose,
-                                   setup_.shapes->bounds(object.shape, object.pose, *setup_.space)};
+void CdNodeRole::tell_own_move(std::size_t i, std::byte* where) {
+  const Hosted& object = host_[changed_[i]];
+  const geometry::Bounds& bounds = changed_bounds_[i];
   const bool present = (object.object.flags & messages::flag_present) != 0;
-  const regions::Cover cover = map_.cover(record.bounds, setup_.node);
+  const regions::Cover cover = map_.cover(bounds, setup_.node);
+  std::uint32_t flags = object.object.flags;
   if (present && cover != regions::Cover::none) {
-    record.object.flags |= cover == regions::Cover::all ? messages::flag_inner : 0u;
-    known_.set({object.object, object.pose, record.bounds, object.shape, object.layer});
+    flags |= cover == regions::Cover::all ? messages::flag_inner : 0u;
+    known_.set(object.object, object.pose, bounds, object.shape, object.layer);
   } else {
     known_.forget(object.object.slot);
   }
   if (is_at_home(object.pose.position)) {
-    record.object.flags |= messages::flag_staying;
+    flags |= messages::flag_staying;
   } else {
     movers_.push_back(object.object.number);
   }
-  std::memcpy(where, &record, sizeof record);
+  auto* record = new (where) messages::NodeStateRecord{object.object, object.pose, bounds};
+  record->object.flags = flags;
   if (host_.state_bytes() != 0) {
-    std::memcpy(where + sizeof record, host_.state(hosted), host_.state_bytes());
+    std::memcpy(where + sizeof *record, host_.state(changed_[i]), host_.state_bytes());
   }
 }
 
@@ -231,7 +245,7 @@ void CdNodeRole::hear_positions(const MessageView& message) {
     if ((record.object.flags & messages::flag_gone) != 0) {
       known_.forget(record.object.slot);
     } else {
-      known_.set(record);
+      known_.set(record.object, record.pose, record.bounds, record.shape, record.layer);
     }
   }
   positions_heard_ |= message.last();
@@ -317,14 +331,35 @@ void CdNodeRole::test_pairs() {
     return;
   }
   TrackedTime time(setup_.track, "narrow phase", told_.narrow_phase_ns);
-  const auto bodies = known_.bodies();
-  for (const narrow_phase::PairContact& found : narrow_.test(bodies, pairs_)) {
-    const geometry::CandidatePair pair = pairs_[found.pair];
-    hits_.push_back({pair, found.depth, found.normal, found.point});
-    order_.add(bodies[pair.a].number, bodies[pair.b].number);
+  for (const narrow_phase::PairContact& found : narrow_.test(known_.bodies(), pairs_)) {
+    add_hit(pairs_[found.pair], found);
   }
   candidates_ += pairs_.size();
   pairs_.clear();
+}
+
+// While both bodies are in the cache; in the order of numbers they lie anywhere.
+void CdNodeRole::add_hit(const geometry::CandidatePair& pair, const narrow_phase::PairContact& found) {
+  const narrow_phase::Body& a = known_.bodies()[pair.a];
+  const narrow_phase::Body& b = known_.bodies()[pair.b];
+  const Vec3d& origin = a.pose.position;
+  const Vec3d point{origin.x + static_cast<double>(found.point.x), origin.y + static_cast<double>(found.point.y),
+                    origin.z + static_cast<double>(found.point.z)};
+  order_.add(a.number, b.number);
+  messages::CollisionRecord& hit = hits_.add();
+  hit.slot_a = known_.slot(pair.a);
+  hit.slot_b = known_.slot(pair.b);
+  hit.depth = found.depth;
+  hit.normal = found.normal;
+  hit.point = point;
+  Contact& contact = host_.add_own_contact(frame_);
+  contact.a = a.number;
+  contact.b = b.number;
+  contact.depth = found.depth;
+  contact.normal = found.normal;
+  contact.point = point;
+  contact.pose_a = a.pose;
+  contact.pose_b = b.pose;
 }
 
 void CdNodeRole::detect() {
@@ -369,43 +404,24 @@ void CdNodeRole::count_kinds() {
   narrow_.reset_counters();
 }
 
-// Each contact is written once, in order, where the host's next move reads it; and goes to the server at once.
+// In order of (a, b), so that the server merges runs and the host's next move reads its contacts in it.
 bool CdNodeRole::send_collisions() {
   link::Sender& out = *setup_.server.out;
   const messages::RunHead to_server = head(MessageType::collision, Endpoint::server());
-  const auto bodies = known_.bodies();
   for (; next_hit_ < hits_.size(); ++next_hit_) {
     std::byte* where = collisions_run_.add(out, to_server, sizeof(messages::CollisionRecord), traffic_);
     if (where == nullptr) {
       return false;
     }
-    // In the order of numbers, hits and bodies lie anywhere.
-    constexpr std::size_t far = 16;
-    constexpr std::size_t near = 8;
-    if (next_hit_ + far < hits_.size()) {
-      __builtin_prefetch(&hits_[order_.at(next_hit_ + far)]);
-      const geometry::CandidatePair soon = hits_[order_.at(next_hit_ + near)].pair;
-      __builtin_prefetch(&bodies[soon.a]);
-      __builtin_prefetch(&bodies[soon.b]);
+    constexpr std::size_t ahead = 16;
+    if (next_hit_ + ahead < hits_.size()) {
+      const auto* soon = reinterpret_cast<const std::byte*>(&hits_[order_.at(next_hit_ + ahead)]);
+      __builtin_prefetch(soon);
+      __builtin_prefetch(soon + sizeof(messages::CollisionRecord) - 1);
     }
-    const Hit& hit = hits_[order_.at(next_hit_)];
-    const narrow_phase::Body& a = bodies[hit.pair.a];
-    const narrow_phase::Body& b = bodies[hit.pair.b];
-    const Vec3d& origin = a.pose.position;
-    const messages::CollisionRecord record{
-        known_.slot(hit.pair.a),
-        known_.slot(hit.pair.b),
-        hit.depth,
-        hit.normal,
-        {origin.x + static_cast<double>(hit.point.x), origin.y + static_cast<double>(hit.point.y),
-         origin.z + static_cast<double>(hit.point.z)}};
-    std::memcpy(where, &record, sizeof record);
-    Contact& contact = host_.add_own_contact(frame_, ContactOrder::key(a.number, b.number));
-    contact.depth = record.depth;
-    contact.normal = record.normal;
-    contact.point = record.point;
-    contact.pose_a = a.pose;
-    contact.pose_b = b.pose;
+    const std::uint32_t hit = order_.at(next_hit_);
+    std::memcpy(where, &hits_[hit], sizeof hits_[hit]);
+    host_.order_own_contact(frame_, order_.key_at(next_hit_), hit);
   }
   return collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_) &&
          done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()), sizeof(messages::NarrowDoneRecord),

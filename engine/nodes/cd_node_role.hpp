@@ -74,7 +74,8 @@ class CdNodeRole {
   void receive(const messages::MessageView& message);
   void begin(std::uint64_t frame);
   bool move();
-  void tell_own_move(std::uint32_t hosted, std::byte* where);
+  void bound_batch();
+  void tell_own_move(std::size_t i, std::byte* where);
   void hear_positions(const messages::MessageView& message);
   void hear_pairs(const messages::MessageView& message);
   void hear_confirmed(const messages::MessageView& message);
@@ -88,6 +89,7 @@ class CdNodeRole {
   void detect();
   void sweep();
   void test_pairs();
+  void add_hit(const geometry::CandidatePair& pair, const narrow_phase::PairContact& found);
   void count_kinds();
   bool is_at_home(const Vec3d& position) const noexcept;
   void list_leavers();
@@ -120,23 +122,18 @@ class CdNodeRole {
   std::vector<std::uint64_t> heard_from_;  ///< of the hand-overs, by peer
   std::vector<std::uint8_t> lost_;         ///< by peer: stopped answering in this frame
 
-  /// A pair found in contact: see narrow_phase::PairContact.
-  struct Hit {
-    geometry::CandidatePair pair;  ///< indices into known_
-    float depth;
-    Vec3f normal;
-    Vec3f point;
-  };
   static constexpr std::size_t pairs_a_test = 4096;
 
   std::vector<geometry::CandidatePair> pairs_;  ///< indices into known_; not yet tested
-  FlatList<Hit> hits_;                          ///< in the order in which they were found
+  FlatList<messages::CollisionRecord> hits_;    ///< in the order in which they were found
   std::size_t next_hit_ = 0;                    ///< to be sent, by order_
   std::uint64_t candidates_ = 0;
   std::uint64_t tested_ = 0;
   std::vector<messages::KindRecord> kinds_;
-  std::span<const std::uint32_t> changed_;  ///< of the batch that was moved last, not yet sent
-  std::vector<ObjectNumber> movers_;        ///< hosted ones that stand in another node's cell
+  std::span<const std::uint32_t> changed_;  ///< of the batch that was moved last
+  std::size_t next_changed_ = 0;            ///< of these, to be sent
+  std::array<geometry::Bounds, Host::batch> changed_bounds_;
+  std::vector<ObjectNumber> movers_;  ///< hosted ones that stand in another node's cell
   ContactOrder order_;
   std::size_t words_confirmed_ = 0;
   bool map_is_new_ = false;                         ///< heard in this frame

@@ -74,44 +74,52 @@ void Host::ContactList::add(const Contact& contact) {
 void Host::ContactList::clear() noexcept {
   contacts.clear();
   keys.clear();
+  own_order.clear();
   persist.clear();
   own = 0;
 }
 
-// Most likely what persists was found here before, too; where the server knows better, confirm() mends it. So the
-// phases are written while the contacts are, and not once more when they have left the cache.
-Contact& Host::add_own_contact(std::uint64_t frame, std::uint64_t key) {
+Contact& Host::add_own_contact(std::uint64_t frame) {
+  ContactList& list = lists_[frame & 1];
+  ++list.own;
+  Contact& contact = list.contacts.add();
+  // Two frames of contacts take turns, so these lines are not in the cache.
+  constexpr std::ptrdiff_t lines_ahead = 1024;
+  __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead, 1);
+  __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64, 1);
+  contact.phase = Phase::persist;  // as 19 in 20 do
+  contact.reserved = 0;
+  return contact;
+}
+
+// Most likely what persists was found here before, too; where the server knows better, confirm() mends it.
+void Host::order_own_contact(std::uint64_t frame, std::uint64_t key, std::uint32_t contact) {
   ContactList& list = lists_[frame & 1];
   const ContactList& before = lists_[(frame - 1) & 1];
-  if (list.own == 0) {
+  const std::size_t i = list.own_order.size();
+  if (i == 0) {
     before_ = 0;
   }
   while (before_ < before.own && before.keys[before_] < key) {
     ++before_;
   }
   const bool persists = before_ < before.own && before.keys[before_] == key;
-  if (list.own % 64 == 0) {
+  if (i % 64 == 0) {
     list.persist.push_back(0);
   }
-  list.persist.back() |= std::uint64_t{persists} << (list.own % 64);
-  ++list.own;
+  list.persist.back() |= std::uint64_t{persists} << (i % 64);
   list.keys.push_back(key);
-  Contact& contact = list.contacts.add();
-  // Two frames of contacts take turns, so these lines are not in the cache.
-  constexpr std::ptrdiff_t lines_ahead = 1024;
-  __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead, 1);
-  __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64, 1);
-  contact.a = static_cast<ObjectNumber>(key >> 32);
-  contact.b = static_cast<ObjectNumber>(key);
-  contact.phase = persists ? Phase::persist : Phase::begin;
-  contact.reserved = 0;
-  return contact;
+  list.own_order.push_back(contact);
+  if (!persists) {
+    list.contacts[contact].phase = Phase::begin;
+  }
 }
 
 void Host::reserve_contacts(std::size_t contacts) {
   for (ContactList& list : lists_) {
     list.contacts.reserve(contacts);
     list.keys.reserve(contacts);
+    list.own_order.reserve(contacts);
   }
   hosted_contacts_.reserve(contacts);
   contact_order_.reserve(2 * contacts);
@@ -125,7 +133,7 @@ void Host::confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists
   for (std::uint64_t wrong = list.persist[word] ^ persists; wrong != 0; wrong &= wrong - 1) {
     const auto bit = static_cast<std::size_t>(std::countr_zero(wrong));
     if (64 * word + bit < list.own) {
-      list.contacts[64 * word + bit].phase = (persists >> bit & 1) != 0 ? Phase::persist : Phase::begin;
+      list.contacts[list.own_order[64 * word + bit]].phase = (persists >> bit & 1) != 0 ? Phase::persist : Phase::begin;
     }
   }
   list.persist[word] = persists;
@@ -149,7 +157,6 @@ const Host::ContactList& Host::gather_contacts(std::uint64_t frame) {
   for (const Contact& contact : all) {
     late_.keys.push_back(contact.phase == Phase::end ? 0 : key(contact));
   }
-  late_.own = all.size();
   return late_;
 }
 
@@ -173,7 +180,7 @@ void Host::find_hosted(const ContactList& list) {
     const std::uint32_t a = index_.find(static_cast<ObjectNumber>(keys[i] >> 32));
     const std::uint32_t b = index_.find(static_cast<ObjectNumber>(keys[i]));
     if (a != NumberIndex::none || b != NumberIndex::none) {
-      hosted_contacts_.push_back({static_cast<std::uint32_t>(i), a, b});
+      hosted_contacts_.push_back({list.at(i), a, b});
     }
     if (first) {
       own = skip_ended(own + 1, own_end);
@@ -268,28 +275,46 @@ void Host::move_batches(std::size_t first, std::size_t end) {
 }
 
 void Host::collect_changed(std::size_t first, std::size_t end) {
+  changed_.resize(end - first);
+  std::size_t changed = 0;
   for (std::size_t i = first; i < end; ++i) {
-    if (touched_[i] != 0) {
-      touched_[i] = 0;
-      changed_.push_back(static_cast<std::uint32_t>(i));
-    }
+    changed_[changed] = static_cast<std::uint32_t>(i);
+    changed += touched_[i];
   }
+  std::fill(touched_.begin() + static_cast<std::ptrdiff_t>(first), touched_.begin() + static_cast<std::ptrdiff_t>(end),
+            std::uint8_t{0});
+  changed_.resize(changed);
 }
 
 void Host::move_batch(std::size_t first, std::size_t count) {
   if (call_model(first, count)) {
-    for (std::size_t i = 0; i < count; ++i) {
-      accept(first + i, outputs_[i]);
-    }
+    accept(first, count);
     return;
   }
   // The model threw somewhere in the batch. It is pure, so each object is tried alone and only the guilty stand still.
   for (std::size_t i = 0; i < count; ++i) {
     if (call_model(first + i, 1)) {
-      accept(first + i, outputs_[0]);
+      accept(first + i, 1);
     } else {
       ++refusals_.model_failed;
     }
+  }
+}
+
+// A world's objects do not stay in the cache from frame to frame, and an object's contacts lie anywhere among all.
+void Host::fetch(std::size_t i) const noexcept {
+  if (i >= hosted_.size()) {
+    return;
+  }
+  __builtin_prefetch(&hosted_[i], 1);
+  if (state_bytes_ != 0) {
+    __builtin_prefetch(state(i), 1);
+  }
+  for (std::uint32_t c = contact_begin_[i]; c < contact_begin_[i + 1]; ++c) {
+    const auto* contact = reinterpret_cast<const std::byte*>(&known_contacts_[contact_order_[c]]);
+    __builtin_prefetch(contact);
+    __builtin_prefetch(contact + 64);
+    __builtin_prefetch(contact + sizeof(Contact) - 1);
   }
 }
 
@@ -298,6 +323,7 @@ bool Host::call_model(std::size_t first, std::size_t count) {
     std::memcpy(scratch_.data(), state(first), count * state_bytes_);
   }
   for (std::size_t i = 0; i < count; ++i) {
+    fetch(first + batch + i);
     const Hosted& hosted = hosted_[first + i];
     const std::uint32_t begin = contact_begin_[first + i];
     const std::span<const std::uint32_t> order(contact_order_.data() + begin, contact_begin_[first + i + 1] - begin);
@@ -315,7 +341,20 @@ bool Host::call_model(std::size_t first, std::size_t count) {
   return true;
 }
 
-void Host::accept(std::size_t i, const MotionOutput& output) {
+// Takes the states as they are in scratch_, but for those of objects that stand still.
+void Host::accept(std::size_t first, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    std::byte* const next = scratch_.data() + i * state_bytes_;
+    if (!accept(first + i, outputs_[i], next) && state_bytes_ != 0) {
+      std::memcpy(next, state(first + i), state_bytes_);
+    }
+  }
+  if (state_bytes_ != 0) {
+    std::memcpy(states_.data() + first * state_bytes_, scratch_.data(), count * state_bytes_);
+  }
+}
+
+bool Host::accept(std::size_t i, const MotionOutput& output, const std::byte* next) {
   Hosted& hosted = hosted_[i];
   const std::uint32_t flags = output.present ? flag_present : 0u;
   const bool moved = !(output.pose == hosted.pose);  // a pose that holds NaN counts as moved, and is refused
@@ -324,19 +363,15 @@ void Host::accept(std::size_t i, const MotionOutput& output) {
     const Status status = make_valid(pose);
     if (status != Status::ok) {
       ++(status == Status::not_finite ? refusals_.not_finite : refusals_.not_unit);
-      return;
+      return false;
     }
     hosted.pose = pose;
   }
-  std::byte* kept = states_.data() + i * state_bytes_;
-  if (moved || flags != hosted.object.flags ||
-      (state_bytes_ != 0 && std::memcmp(kept, output.state, state_bytes_) != 0)) {
+  if (moved || flags != hosted.object.flags || (state_bytes_ != 0 && std::memcmp(state(i), next, state_bytes_) != 0)) {
     touched_[i] = 1;
   }
   hosted.object.flags = flags;
-  if (state_bytes_ != 0) {
-    std::memcpy(kept, output.state, state_bytes_);
-  }
+  return true;
 }
 
 Status make_valid(Pose& pose) noexcept {

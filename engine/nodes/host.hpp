@@ -36,6 +36,8 @@ struct HostRefusals {
 /// Threads: belongs to its role. Memory: grows with the objects and contacts hosted.
 class Host {
  public:
+  static constexpr std::size_t batch = 64;  ///< objects that are moved at a time, at most
+
   /// `model` may be null (nothing moves by itself) and outlives the host. `objects` are reserved.
   Host(const MotionModel* model, std::size_t objects);
 
@@ -61,11 +63,13 @@ class Host {
 
   /// Empties C(frame), of which the contacts then follow. C(frame - 1) stays readable, also for other threads.
   void begin_contacts(std::uint64_t frame) noexcept { lists_[frame & 1].clear(); }
-  /// Adds the next contact of C(frame) that the role found itself, in order of (a, b), whether or not it hosts either
-  /// object. Before any add_contact; its phase follows by confirm().
-  /// Returns where it is to be written, all of it but the phase; `key` is ContactOrder::key of its two numbers.
-  Contact& add_own_contact(std::uint64_t frame, std::uint64_t key);
-  /// Says which of the own contacts persist: bit i of `persists` that of own contact 64 * word + i.
+  /// Adds a contact of C(frame) that the role found itself, in any order, whether or not it hosts either object. Before
+  /// any add_contact. Returns where it is to be written, all of it but the phase.
+  Contact& add_own_contact(std::uint64_t frame);
+  /// After the last of them: which of the own contacts, counted as they were added, is the next in order of (a, b);
+  /// `key` is ContactOrder::key of its two numbers. Its phase is guessed, and follows by confirm().
+  void order_own_contact(std::uint64_t frame, std::uint64_t key, std::uint32_t contact);
+  /// Says which of the own contacts persist: bit i of `persists` that of the own contact 64 * word + i by (a, b).
   void confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept;
   /// Adds the next contact of C(frame) that the role was told, in order of (a, b). Ended ones are kept for whoever
   /// asks, not for the model.
@@ -91,16 +95,17 @@ class Host {
   const HostRefusals& refusals() const noexcept { return refusals_; }
 
  private:
-  static constexpr std::size_t batch = 64;
-
-  /// Contacts of a frame: first `own`, then what was told, each in order of (a, b).
+  /// Contacts of a frame: first `own` as they were found, then what was told, in order of (a, b).
   struct ContactList {
     FlatList<Contact> contacts;
-    FlatList<std::uint64_t> keys;     ///< of each: ContactOrder::key; 0 if it ended
-    FlatList<std::uint64_t> persist;  ///< a bit each of the own ones, as their phases read
+    FlatList<std::uint64_t> keys;  ///< ContactOrder::key, ascending: of the own ones, then of the told; 0 if it ended
+    FlatList<std::uint32_t> own_order;  ///< the own ones by (a, b)
+    FlatList<std::uint64_t> persist;    ///< a bit each of the own ones by (a, b), as their phases read
     std::size_t own = 0;
 
     void add(const Contact& contact);
+    /// Which contact the i-th key is of.
+    std::uint32_t at(std::size_t i) const noexcept { return i < own ? own_order[i] : static_cast<std::uint32_t>(i); }
     void clear() noexcept;
   };
   /// A contact of an object that is hosted: its place in the list, and who of the two is hosted.
@@ -115,7 +120,9 @@ class Host {
   void collect_changed(std::size_t first, std::size_t end);
   void move_batch(std::size_t first, std::size_t count);
   bool call_model(std::size_t first, std::size_t count);
-  void accept(std::size_t i, const MotionOutput& output);
+  void fetch(std::size_t i) const noexcept;
+  void accept(std::size_t first, std::size_t count);
+  bool accept(std::size_t i, const MotionOutput& output, const std::byte* next);
 
   const MotionModel* model_;
   std::size_t state_bytes_;
@@ -137,7 +144,7 @@ class Host {
   FlatList<std::uint32_t> changed_;
   std::uint64_t frame_ = 0;     ///< that is being moved
   std::size_t next_moved_ = 0;  ///< of move_next()
-  std::size_t before_ = 0;      ///< of add_own_contact(): where the frame before is compared
+  std::size_t before_ = 0;      ///< of order_own_contact(): where the frame before is compared
   HostRefusals refusals_;
   MotionInput inputs_[batch];
   MotionOutput outputs_[batch];

@@ -14,8 +14,9 @@ KnownObjects::KnownObjects(std::size_t objects) {
   present_.reserve(objects);
 }
 
-void KnownObjects::set(const messages::PositionRecord& record) {
-  const std::uint32_t slot = record.object.slot;
+void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
+                       ShapeNumber shape, std::uint32_t layer) {
+  const std::uint32_t slot = object.slot;
   if (slot >= index_.size()) {
     index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
   }
@@ -29,9 +30,9 @@ void KnownObjects::set(const messages::PositionRecord& record) {
     resting_.push_back(0);
     present_.push_back(1);
   }
-  bodies_[i] = {record.pose, record.shape, record.object.number};
-  bounds_[i] = record.bounds;
-  layers_[i] = static_cast<std::uint8_t>(record.layer);
+  bodies_[i] = {pose, shape, object.number};
+  bounds_[i] = bounds;
+  layers_[i] = static_cast<std::uint8_t>(layer);
   resting_[i] = 0;
 }
 

@@ -26,7 +26,15 @@ class KnownObjects {
   std::uint32_t find(std::uint32_t slot) const noexcept { return slot < index_.size() ? index_[slot] : none; }
 
   /// Adds an object or replaces what is known of it.
-  void set(const messages::PositionRecord& record);
+  void set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds, ShapeNumber shape,
+           std::uint32_t layer);
+  /// Fetches what a set() of the object in that slot will write.
+  void fetch(std::uint32_t slot) const noexcept {
+    if (const std::uint32_t i = find(slot); i != none) {
+      __builtin_prefetch(&bodies_[i], 1);
+      __builtin_prefetch(&bounds_[i], 1);
+    }
+  }
   /// Forgets it; the last one takes its index. Does nothing if it is not known.
   void forget(std::uint32_t slot);
   void clear() noexcept;

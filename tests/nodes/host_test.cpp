@@ -172,6 +172,66 @@ TEST_CASE("the model is given of each hosted object its begin and persist contac
   }
 }
 
+TEST_CASE("what a role found itself, in any order, the model is given by (a, b) among what it was told, as confirmed") {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    Recording model(16);
+    Host host(&model, 4);
+    for (ObjectNumber number = 1; number <= 60; ++number) adopt(host, number);
+    for (std::uint64_t frame = 0; frame < 20; ++frame) {
+      CAPTURE(frame);
+      std::map<std::pair<ObjectNumber, ObjectNumber>, Contact> own, told;
+      for (int i = 0; i < 300; ++i) {
+        const auto a = static_cast<ObjectNumber>(1 + random() % 99);
+        const auto b = a + 1 + static_cast<ObjectNumber>(random() % (100 - a));
+        const std::uint64_t kind = random() % 3;
+        if (own.count({a, b}) + told.count({a, b}) == 0) {
+          (kind == 0 ? told : own)[{a, b}] = contact_of(a, b, kind == 1 ? Phase::begin : Phase::persist);
+        }
+      }
+      std::vector<std::pair<ObjectNumber, ObjectNumber>> found;
+      for (const auto& [key, contact] : own) found.push_back(key);
+      std::shuffle(found.begin(), found.end(), random);
+      host.begin_contacts(frame);
+      for (const auto& key : found) {
+        Contact& contact = host.add_own_contact(frame);
+        const Phase guess = contact.phase;
+        contact = own[key];
+        contact.phase = guess;
+      }
+      std::vector<std::uint64_t> persists((own.size() + 63) / 64, 0);
+      std::size_t i = 0;
+      for (const auto& [key, contact] : own) {
+        const auto at = static_cast<std::uint32_t>(std::find(found.begin(), found.end(), key) - found.begin());
+        host.order_own_contact(frame, std::uint64_t{key.first} << 32 | key.second, at);
+        persists[i / 64] |= std::uint64_t{contact.phase == Phase::persist} << (i % 64);
+        ++i;
+      }
+      for (std::size_t word = 0; word < persists.size(); ++word) host.confirm(frame, word, persists[word]);
+      for (const auto& [key, contact] : told) host.add_contact(frame, contact);
+      REQUIRE(host.contacts(frame).size() == told.size());
+      host.begin_contacts(frame + 1);
+      host.move(frame + 1);
+      told.insert(own.begin(), own.end());
+      for (ObjectNumber number = 1; number <= 60; ++number) {
+        CAPTURE(number);
+        Keys expected;
+        std::vector<Phase> phases, given;
+        for (const auto& [key, contact] : told) {
+          if (key.first == number || key.second == number) {
+            expected.push_back(key);
+            phases.push_back(contact.phase);
+          }
+        }
+        for (const Contact& contact : model.given[number]) given.push_back(contact.phase);
+        REQUIRE((keys(model.given[number]) == expected));
+        REQUIRE((given == phases));
+      }
+    }
+  }
+}
+
 TEST_CASE("late contacts count for one frame only") {
   Recording model(16);
   Host host(&model, 4);

@@ -186,7 +186,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       case 2:
       case 3: {
         const messages::PositionRecord record = draw();
-        known.set(record);
+        known.set(record.object, record.pose, record.bounds, record.shape, record.layer);
         model[record.object.slot] = record;
         changed.insert(record.object.slot);
         break;
