@@ -41,6 +41,7 @@ TEST_CASE("a word that an option does not know is told with those that it does")
   check_refused("run --deployment cloud",
                 "--deployment: found cloud; expected one of user, user-server, user-collision");
   check_refused("run --broad-phase none", "--broad-phase: found none; expected one of server, region, auto");
+  check_refused("run --objects 10 --objects 20", "--objects: given 2 times; expected once");
   check_refused("run --shapes cone", "--shapes: found cone; expected one of sphere, box, capsule, hull, mixed, mesh");
   check_refused("run --speed 3", "--speed");
   check_refused("fly", "found fly; expected run, replay, record, scale, profile or convert");

@@ -290,7 +290,13 @@ int CommandLineParser::explain(const CLI::ParseError& error) {
   }
   const auto commands = app_.get_subcommands();
   const std::string command = commands.empty() ? "" : " " + commands.front()->get_name();
-  fmt::print(stderr, "ringfence: {}\nringfence{} --help says what there is\n", error.what(), command);
+  std::string what = error.what();
+  for (const CLI::Option* option : commands.empty() ? std::vector<CLI::Option*>() : commands.front()->get_options()) {
+    if (error.get_name() == "ArgumentMismatch" && option->count() > 1 && option->get_items_expected_max() == 1) {
+      what = fmt::format("{}: given {} times; expected once", option->get_name(), option->count());
+    }
+  }
+  fmt::print(stderr, "ringfence: {}\nringfence{} --help says what there is\n", what, command);
   return bad_use;
 }
 
