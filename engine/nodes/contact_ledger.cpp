@@ -20,10 +20,14 @@ ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : received
   // A node's share is rarely more than twice the mean; what is more grows once.
   const std::size_t share = std::min(contacts, 2 * contacts / nodes + 64);
   for (std::size_t node = 0; node < nodes; ++node) {
-    received_[node].reserve(share);
+    received_[node].keys.reserve(share);
+    received_[node].records.reserve(share);
     persists_[node].reserve(share / 64 + 1);
   }
   heap_.reserve(nodes);
+  sources_.reserve(contacts);
+  newcomers_.reserve(contacts);
+  ending_.reserve(contacts);
   for (Edition& edition : editions_) {
     edition.live.reserve(contacts);
     edition.ended.reserve(contacts);
@@ -32,66 +36,36 @@ ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : received
 
 void ContactLedger::begin(std::uint64_t frame) {
   frame_ = frame;
-  began_ = 0;
-  for (auto& run : received_) {
-    run.clear();
+  newcomers_.clear();
+  for (Received& run : received_) {
+    run.keys.clear();
+    run.records.clear();
   }
   editions_[frame & 1].live.clear();
   editions_[frame & 1].ended.clear();
 }
 
-// What was in contact before and has a smaller key than the next contact is in contact no more.
-void ContactLedger::end_until(const List& before, std::size_t& old, std::uint64_t key) {
-  List& ended = editions_[frame_ & 1].ended;
-  while (old < before.keys.size() && before.keys[old] < key) {
-    ended.contacts.push_back(before.contacts[old]);
-    ended.contacts.back().phase = Phase::end;
-    ended.keys.push_back(before.keys[old]);
-    ended.found.push_back(before.found[old]);
-    ++old;
-  }
-}
-
-// Returns whether the contact persists.
-bool ContactLedger::accept(const Received& received, NodeNumber node, const List& before, std::size_t& old,
-                           std::span<const ObjectRow> rows) {
-  List& now = editions_[frame_ & 1].live;
-  const auto& [key, record] = received;
-  end_until(before, old, key);
-  const bool persists = old < before.keys.size() && before.keys[old] == key;
-  old += persists ? 1 : 0;
-  began_ += persists ? 0 : 1;
-  Contact& contact = now.contacts.add();
-  // Two frames of contacts take turns, so these lines are not in the cache either.
-  constexpr std::ptrdiff_t lines_ahead = 1024;
-  __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead, 1);
-  __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64, 1);
-  contact.a = static_cast<ObjectNumber>(key >> 32);
-  contact.b = static_cast<ObjectNumber>(key);
-  contact.phase = persists ? Phase::persist : Phase::begin;
-  contact.depth = record.depth;
-  contact.normal = record.normal;
-  contact.reserved = 0;
-  contact.point = record.point;
-  contact.pose_a = rows[record.slot_a].pose;
-  contact.pose_b = rows[record.slot_b].pose;
-  now.keys.push_back(key);
-  now.found.push_back({record.slot_a, record.slot_b, node});
-  return persists;
-}
-
 std::uint64_t ContactLedger::merge(std::span<const ObjectRow> rows) {
-  const auto later = [](const Run& p, const Run& q) { return p.next->key > q.next->key; };
+  const std::uint64_t doubled = merge_keys();
+  write_contacts(rows);
+  write_ended();
+  return doubled;
+}
+
+std::uint64_t ContactLedger::merge_keys() {
+  const auto later = [](const Run& p, const Run& q) { return *p.next > *q.next; };
   heap_.clear();
+  sources_.clear();
+  newcomers_.clear();
+  ending_.clear();
   for (NodeNumber node = 0; node < received_.size(); ++node) {
-    const auto& run = received_[node];
+    const FlatList<std::uint64_t>& run = received_[node].keys;
     persists_[node].assign((run.size() + 63) / 64, 0);
     if (!run.empty()) {
-      heap_.push_back({run.data(), run.data() + run.size(), node});
+      heap_.push_back({run.begin(), run.end(), node});
     }
   }
   std::make_heap(heap_.begin(), heap_.end(), later);
-  const List& before = editions_[(frame_ - 1) & 1].live;
   std::size_t old = 0;
   std::uint64_t last = 0;
   std::uint64_t doubled = 0;
@@ -100,36 +74,107 @@ std::uint64_t ContactLedger::merge(std::span<const ObjectRow> rows) {
       std::pop_heap(heap_.begin(), heap_.end(), later);
     }
     Run& run = heap_.back();
-    const Received* const first = received_[run.node].data();
-    std::uint64_t* const persists = persists_[run.node].data();
     // A run is taken on for as long as no other has anything smaller: neighbouring pairs tend to share a node.
-    const std::uint64_t limit = heap_.size() > 1 ? heap_.front().next->key : ~std::uint64_t{0};
+    const std::uint64_t limit = heap_.size() > 1 ? *heap_.front().next : ~std::uint64_t{0};
     do {
-      // The second object's row lies anywhere: 64,000 rows are too many for the second-level cache.
-      constexpr std::ptrdiff_t ahead = 12;
-      if (run.end - run.next > ahead) {
-        __builtin_prefetch(&rows[run.next[ahead].record.slot_a]);
-        __builtin_prefetch(&rows[run.next[ahead].record.slot_b]);
-      }
-      const std::uint64_t key = run.next->key;
+      const std::uint64_t key = *run.next;
       if (key == last) {
         ++doubled;
       } else {
-        const auto i = static_cast<std::size_t>(run.next - first);
-        const bool persist = accept(*run.next, run.node, before, old, rows);
-        persists[i / 64] |= std::uint64_t{persist} << (i % 64);
+        follow(run, key, old);
         last = key;
       }
       ++run.next;
-    } while (run.next != run.end && run.next->key <= limit);
+    } while (run.next != run.end && *run.next <= limit);
     if (run.next == run.end) {
       heap_.pop_back();
     } else {
       std::push_heap(heap_.begin(), heap_.end(), later);
     }
   }
-  end_until(before, old, ~std::uint64_t{0});
+  end_until(old, ~std::uint64_t{0});
   return doubled;
+}
+
+// The next key of all, beside those of the frame before.
+void ContactLedger::follow(const Run& run, std::uint64_t key, std::size_t& old) {
+  List& now = editions_[frame_ & 1].live;
+  const List& before = editions_[(frame_ - 1) & 1].live;
+  end_until(old, key);
+  const auto index = static_cast<std::uint32_t>(run.next - received_[run.node].keys.begin());
+  if (old < before.keys.size() && before.keys[old] == key) {
+    ++old;
+    persists_[run.node][index / 64] |= std::uint64_t{1} << (index % 64);
+  } else {
+    newcomers_.push_back(static_cast<std::uint32_t>(now.keys.size()));
+  }
+  now.keys.push_back(key);
+  sources_.push_back({run.node, index});
+}
+
+// What was in contact before and has a smaller key than the next contact is in contact no more.
+void ContactLedger::end_until(std::size_t& old, std::uint64_t key) {
+  const List& before = editions_[(frame_ - 1) & 1].live;
+  while (old < before.keys.size() && before.keys[old] < key) {
+    ending_.push_back(static_cast<std::uint32_t>(old));
+    ++old;
+  }
+}
+
+void ContactLedger::write_contacts(std::span<const ObjectRow> rows) {
+  // Two frames of contacts take turns, and 64,000 rows are too many for the second-level cache.
+  constexpr std::size_t ahead = 12;
+  List& now = editions_[frame_ & 1].live;
+  now.contacts.resize(sources_.size());
+  now.found.resize(sources_.size());
+  std::size_t newcomer = 0;
+  for (std::size_t i = 0; i < sources_.size(); ++i) {
+    if (i + ahead < sources_.size()) {
+      const Source& source = sources_[i + ahead];
+      const messages::CollisionRecord& soon = received_[source.node].records[source.index];
+      __builtin_prefetch(&rows[soon.slot_a]);
+      __builtin_prefetch(&rows[soon.slot_b]);
+      const auto* room = reinterpret_cast<const std::byte*>(&now.contacts[i + ahead]);
+      __builtin_prefetch(room, 1);
+      __builtin_prefetch(room + 64, 1);
+      __builtin_prefetch(room + sizeof(Contact) - 1, 1);
+    }
+    const auto [node, index] = sources_[i];
+    const messages::CollisionRecord& record = received_[node].records[index];
+    const std::uint64_t key = now.keys[i];
+    Contact& contact = now.contacts[i];
+    contact.a = static_cast<ObjectNumber>(key >> 32);
+    contact.b = static_cast<ObjectNumber>(key);
+    const bool begins = newcomer < newcomers_.size() && newcomers_[newcomer] == i;
+    newcomer += begins ? 1 : 0;
+    contact.phase = begins ? Phase::begin : Phase::persist;
+    contact.depth = record.depth;
+    contact.normal = record.normal;
+    contact.reserved = 0;
+    contact.point = record.point;
+    contact.pose_a = rows[record.slot_a].pose;
+    contact.pose_b = rows[record.slot_b].pose;
+    now.found[i] = {record.slot_a, record.slot_b, node};
+  }
+}
+
+void ContactLedger::write_ended() {
+  constexpr std::size_t ahead = 8;
+  const List& before = editions_[(frame_ - 1) & 1].live;
+  List& ended = editions_[frame_ & 1].ended;
+  for (std::size_t i = 0; i < ending_.size(); ++i) {
+    if (i + ahead < ending_.size()) {
+      const auto* soon = reinterpret_cast<const std::byte*>(&before.contacts[ending_[i + ahead]]);
+      __builtin_prefetch(soon);
+      __builtin_prefetch(soon + 64);
+      __builtin_prefetch(soon + sizeof(Contact) - 1);
+    }
+    const std::uint32_t old = ending_[i];
+    ended.contacts.push_back(before.contacts[old]);
+    ended.contacts.back().phase = Phase::end;
+    ended.keys.push_back(before.keys[old]);
+    ended.found.push_back(before.found[old]);
+  }
 }
 
 }  // namespace ringfence::nodes
