@@ -9,9 +9,6 @@ namespace ringfence::link {
 
 namespace {
 
-constexpr std::uint32_t cell_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key >> 32); }
-constexpr std::uint32_t index_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key); }
-
 /// Keeps the reads of an edition before a second look at its stamp, and the loss of a stamp before writes.
 /// Only a broken frame protocol needs it, and the thread sanitizer, which knows no fences, would report that as a race.
 void keep_order() noexcept {
@@ -45,22 +42,39 @@ void Publication::begin(std::uint64_t frame) noexcept {
 }
 
 void Publication::add(std::uint32_t cell, const PublishedState& state) {
-  assert(cell < cell_count_);
-  if (!keys_.empty() && cell < cell_of(keys_.back())) ascending_ = false;
-  keys_.push_back(std::uint64_t{cell} << 32 | static_cast<std::uint32_t>(added_.size()));
+  list(cell, static_cast<std::uint32_t>(added_.size()));
   added_.push_back(state);
 }
 
+void Publication::list(std::uint32_t cell, std::uint32_t index) {
+  assert(cell < cell_count_);
+  if (!keys_.empty() && cell < cell_of(keys_.back())) ascending_ = false;
+  keys_.push_back(std::uint64_t{cell} << 32 | index);
+}
+
 void Publication::publish() {
-  Edition& edition = editions_[current_];
-  edition.dense = is_dense(added_.size());
   if (ascending_) {
-    take_as_added(edition);
-  } else if (edition.dense) {
-    group_by_counting(edition);
+    Edition& edition = arrange();
+    edition.states.swap(added_);
+    show(edition);
   } else {
-    group_by_sorting(edition);
+    publish_listed([this](std::uint32_t i) { __builtin_prefetch(&added_[i]); },
+                   [this](std::uint32_t i) -> const PublishedState& { return added_[i]; });
   }
+}
+
+/// Puts the keys in ascending order of cell, within a cell in that of adding.
+Publication::Edition& Publication::arrange() {
+  Edition& edition = editions_[current_];
+  edition.dense = is_dense(keys_.size());
+  if (!ascending_) {
+    edition.dense ? count_keys(edition.directory) : sort_keys();
+  }
+  return edition;
+}
+
+/// Precondition: the edition has its states.
+void Publication::show(Edition& edition) {
   list_cells(edition);
   // Pairs with the load in find: the edition is whole.
   edition.stamp.store(frame_, std::memory_order_release);
@@ -71,32 +85,13 @@ bool Publication::is_dense(std::size_t states) const noexcept {
   return cell_count_ <= 4 * states;
 }
 
-void Publication::take_as_added(Edition& edition) { edition.states.swap(added_); }
-
-void Publication::group_by_counting(Edition& edition) {
-  std::vector<std::uint32_t>& next = edition.directory;
+void Publication::count_keys(std::vector<std::uint32_t>& next) {
   next.assign(cell_count_ + 1, 0);
   for (const std::uint64_t key : keys_) ++next[cell_of(key) + 1];
   for (std::size_t cell = 0; cell < cell_count_; ++cell) next[cell + 1] += next[cell];
   sorted_.resize(keys_.size());
   for (const std::uint64_t key : keys_) sorted_[next[cell_of(key)]++] = key;
   keys_.swap(sorted_);
-  gather(edition);
-}
-
-void Publication::group_by_sorting(Edition& edition) {
-  sort_keys();
-  gather(edition);
-}
-
-/// Precondition: keys_ are in ascending order of cell.
-void Publication::gather(Edition& edition) {
-  constexpr std::size_t ahead = 16;  // what belongs to a cell was added anywhere
-  edition.states.resize(added_.size());
-  for (std::size_t i = 0; i < keys_.size(); ++i) {
-    if (i + ahead < keys_.size()) __builtin_prefetch(&added_[index_of(keys_[i + ahead])]);
-    edition.states[i] = added_[index_of(keys_[i])];
-  }
 }
 
 /// By cell, and within a cell by index: radix with digits of 11 bits, least first, where comparing would cost more.

@@ -47,6 +47,23 @@ class Publication {
   /// Writer: groups what was added by cell and shows it, by one store.
   void publish();
 
+  /// Writer, in place of add: a state of `cell` that is entry `index` of a table that the writer keeps.
+  void list(std::uint32_t cell, std::uint32_t index);
+  /// Writer, in place of publish: the same of what was listed. `fetch(index)` is called a while before
+  /// `state_of(index)`, which answers a PublishedState and is called once for each.
+  template <class Fetch, class StateOf>
+  void publish_listed(Fetch fetch, StateOf state_of) {
+    constexpr std::size_t ahead = 16;  // what belongs to a cell lies anywhere
+    Edition& edition = arrange();
+    const std::size_t size = keys_.size();
+    edition.states.resize(size);
+    for (std::size_t i = 0; i < size; ++i) {
+      if (i + ahead < size) fetch(index_of(keys_[i + ahead]));
+      edition.states[i] = state_of(index_of(keys_[i]));
+    }
+    show(edition);
+  }
+
   /// Reader: whether `frame` is there to be read: it was published last, or before that.
   bool published(std::uint64_t frame) const noexcept { return find(frame) != nullptr; }
   /// Reader: the states of one cell; empty when there are none, or the frame is not there.
@@ -78,12 +95,14 @@ class Publication {
 
   static constexpr std::uint64_t no_stamp = ~std::uint64_t{0};
 
+  static constexpr std::uint32_t cell_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key >> 32); }
+  static constexpr std::uint32_t index_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key); }
+
   const Edition* find(std::uint64_t frame) const noexcept;
+  Edition& arrange();
+  void show(Edition& edition);
   bool is_dense(std::size_t states) const noexcept;
-  void take_as_added(Edition& edition);
-  void group_by_counting(Edition& edition);
-  void group_by_sorting(Edition& edition);
-  void gather(Edition& edition);
+  void count_keys(std::vector<std::uint32_t>& next);
   void sort_keys();
   void list_cells(Edition& edition);
 
@@ -95,7 +114,7 @@ class Publication {
   std::uint64_t frame_ = 0;
   bool ascending_ = true;  ///< so far the states were added in ascending order of cell
   std::vector<PublishedState> added_;
-  std::vector<std::uint64_t> keys_;  ///< cell << 32 | index in added_
+  std::vector<std::uint64_t> keys_;  ///< cell << 32 | index in added_, or in the writer's table
   std::vector<std::uint64_t> sorted_;
 };
 

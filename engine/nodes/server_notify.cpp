@@ -1,5 +1,6 @@
 // The server's last stage: who hosts what in the next frame, and who is told of which contact.
 #include <cstring>
+#include <utility>
 
 #include "nodes/server_role.hpp"
 
@@ -141,25 +142,57 @@ void ServerRole::list_notices() {
 
 // The state relay: to the user nodes the server appears to host every active and non-active object.
 void ServerRole::publish() {
-  if (setup_.interest <= 0 || connected_.empty()) {
+  // In user domain deployment each user node publishes what it hosts.
+  if (setup_.interest <= 0 || connected_.empty() || setup_.deployment == Deployment::user) {
+    relay_is_known_ = false;
     return;
   }
-  if (setup_.deployment == Deployment::user) {
-    return;  // each user node publishes what it hosts
-  }
-  PublicationWriter writer(*setup_.publications, setup_.publications->server, frame_);
+  update_relay();
+  Published& relay = setup_.publications->server;
+  link::Publication& publication = *relay.publication;
+  publication.begin(frame_);
   for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
-    const ObjectRow& row = objects_.row(slot);
-    const auto category = static_cast<Category>(row.category);
-    if (objects_.present()[slot] != 0 && (category == Category::active || category == Category::non_active)) {
-      writer.add(row.object.number, row.pose);
+    if (relay_cells_[slot] != not_relayed) {
+      publication.list(relay_cells_[slot], slot);
     }
   }
+  std::uint64_t states = 0;
+  publication.publish_listed([&](std::uint32_t slot) { __builtin_prefetch(&objects_.row(slot)); },
+                             [&](std::uint32_t slot) {
+                               const ObjectRow& row = objects_.row(slot);
+                               ++states;
+                               return link::PublishedState{row.object.number, 0, row.pose};
+                             });
+  // To look for it everywhere costs a reader less than to find out here where it is.
+  relay.reach[frame_ & 1] = setup_.publications->grid.all();
+  relay.any[frame_ & 1] = states != 0;
   TrafficReport& traffic = report().traffic[static_cast<std::size_t>(Traffic::state)];
-  const std::uint64_t states = writer.publish();
   ++traffic.messages;
   traffic.records += states;
   traffic.bytes += states * sizeof(link::PublishedState);
+}
+
+// The cell of every object that is relayed. What has not moved is where it was, if it was looked at since.
+void ServerRole::update_relay() {
+  const auto update = [&](std::uint32_t slot) {
+    const ObjectRow& row = objects_.row(slot);
+    const auto category = static_cast<Category>(row.category);
+    const bool relayed =
+        objects_.present()[slot] != 0 && (category == Category::active || category == Category::non_active);
+    std::uint32_t point[3];
+    setup_.space->point(row.pose.position, point);
+    relay_cells_[slot] = relayed ? setup_.publications->grid.cell_of(point) : not_relayed;
+  };
+  const std::size_t known = std::exchange(relay_is_known_, true) ? relay_cells_.size() : 0;
+  relay_cells_.resize(objects_.slots());
+  for (auto slot = static_cast<std::uint32_t>(known); slot < objects_.slots(); ++slot) {
+    update(slot);
+  }
+  for (const std::uint32_t slot : objects_.moved()) {
+    if (slot < known) {
+      update(slot);
+    }
+  }
 }
 
 bool ServerRole::send_map(Party& party, messages::RunSender& run) {

@@ -89,6 +89,7 @@ class ServerRole {
 
  private:
   static constexpr NodeNumber no_node = 0xffffffffu;
+  static constexpr std::uint32_t not_relayed = 0xffffffffu;
   enum class Stage : std::uint8_t { waiting, opening, moving, dispatching, colliding, notifying, closing };
 
   // The cut.
@@ -149,6 +150,7 @@ class ServerRole {
   void weigh_cells();
   void next_hosts();
   void publish();
+  void update_relay();
   bool notify(Party& party);
   bool send_map(Party& party, messages::RunSender& run);
   void finish();
@@ -187,7 +189,9 @@ class ServerRole {
   std::vector<Party> users_;  ///< by user number
   std::vector<UserNumber> connected_;
   std::vector<Line> node_lines_;
-  std::vector<std::uint32_t> leaving_;  ///< slots of this frame whose hosts say that others host them next
+  FlatList<std::uint32_t> relay_cells_;  ///< by slot: the cell of the publication, or not_relayed
+  bool relay_is_known_ = false;          ///< relay_cells_ hold, but for what moved in this frame
+  std::vector<std::uint32_t> leaving_;   ///< slots of this frame whose hosts say that others host them next
   bool users_changed_ = false;
 
   /// An object that another CD node hosts from the next frame on.

@@ -52,6 +52,14 @@ struct CellGrid {
     const auto z = static_cast<std::uint16_t>(cell >> (log2[0] + log2[1]));
     return {{x, y, z}, {x, y, z}};
   }
+  /// All cells.
+  CellBox all() const noexcept {
+    CellBox box;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      box.upper[axis] = static_cast<std::uint16_t>(along(axis) - 1);
+    }
+    return box;
+  }
   /// The cells that the bounds overlap or touch from above.
   CellBox cells_of(const geometry::Bounds& bounds) const noexcept {
     CellBox box;

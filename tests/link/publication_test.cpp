@@ -25,13 +25,30 @@ Oracle write_random(Publication& publication, std::uint64_t frame, std::size_t c
   for (std::uint32_t& cell : where) cell = static_cast<std::uint32_t>(random() % cells);
   if (sorted) std::sort(where.begin(), where.end());
   Oracle oracle;
+  // Of every two frames the states of one are copied in, and of the other listed and taken from a table of their own.
+  const bool listed = frame % 2 == 1;
+  std::vector<PublishedState> table(2 * states);
   publication.begin(frame);
   for (std::size_t i = 0; i < states; ++i) {
     const PublishedState state = state_of(static_cast<std::uint32_t>(i + 1), static_cast<double>(random() % 1000));
-    publication.add(where[i], state);
+    if (listed) {
+      table[2 * i] = state;
+      publication.list(where[i], static_cast<std::uint32_t>(2 * i));
+    } else {
+      publication.add(where[i], state);
+    }
     oracle[where[i]].push_back(state);
   }
-  publication.publish();
+  if (listed) {
+    std::vector<int> asked(table.size(), 0);
+    publication.publish_listed([&](std::uint32_t i) { REQUIRE(i < table.size()); },
+                               [&](std::uint32_t i) {
+                                 REQUIRE(++asked[i] == 1);
+                                 return table[i];
+                               });
+  } else {
+    publication.publish();
+  }
   return oracle;
 }
 
