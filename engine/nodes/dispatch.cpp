@@ -41,8 +41,19 @@ void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map,
     }
     return;
   }
-  for (const std::uint32_t slot : objects.moved()) {
+  for (const std::uint32_t slot : objects.untold()) {
     list_update(objects, map, slot, false);
+  }
+}
+
+void Dispatch::pass_over(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot) {
+  objects.marks(slot) |= told_mark;
+  if (map.nodes() == 1) {
+    return;  // wherever it was told to be, that node was told
+  }
+  objects.told(slot) = map.grid().cells_of(objects.bounds()[slot]);
+  if (map.has_cuts()) {
+    objects.told_bounds(slot) = objects.bounds()[slot];
   }
 }
 
@@ -54,13 +65,7 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
   // The host keeps its own account of what it reported; under a new map it has started afresh like all others.
   const bool by_host = (marks & reported_mark) != 0 && host.is_node() && !everything;
   if (by_host && (marks & (inner_mark | shared_mark)) == inner_mark) {
-    // Its host alone knew of it and goes on alone: there is nobody to tell.
-    objects.told(slot) = map.grid().cells_of(objects.bounds()[slot]);
-    if (cuts) {
-      objects.told_bounds(slot) = objects.bounds()[slot];
-    }
-    marks |= told_mark;
-    return;
+    return pass_over(objects, map, slot);
   }
   const regions::CellBox now = present ? map.grid().cells_of(objects.bounds()[slot]) : regions::CellBox{};
   const NodeNumber self = by_host ? host.number() : 0xffffffffu;

@@ -20,6 +20,7 @@ ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_b
   free_.reserve(objects);
   ended_.reserve(objects);
   moved_.reserve(objects);
+  untold_.reserve(objects);
 }
 
 messages::HandOverRecord ObjectTable::hand_over(std::uint32_t slot) const noexcept {
@@ -91,11 +92,19 @@ void ObjectTable::settle() {
     resting_[slot] = 1;
   }
   moved_.clear();
+  untold_.clear();
   free_.insert(free_.end(), ended_.begin(), ended_.end());
   ended_.clear();
 }
 
 void ObjectTable::mark_moved(std::uint32_t slot) {
+  if ((marks_[slot] & moved_mark) == 0) {
+    untold_.push_back(slot);
+  }
+  mark_moved_alone(slot);
+}
+
+void ObjectTable::mark_moved_alone(std::uint32_t slot) {
   present_[slot] = (rows_[slot].object.flags & messages::flag_present) != 0 ? 1 : 0;
   resting_[slot] = 0;
   if ((marks_[slot] & moved_mark) == 0) {

@@ -112,8 +112,12 @@ class ObjectTable {
 
   /// Notes that pose or presence changed; keeps `present` in step with the row.
   void mark_moved(std::uint32_t slot);
+  /// The same where nobody but its host has to be told.
+  void mark_moved_alone(std::uint32_t slot);
   /// Slots that moved, appeared or ended in this frame, each once.
   std::span<const std::uint32_t> moved() const noexcept { return moved_; }
+  /// Of these, those of which perhaps others than their hosts have to be told.
+  std::span<const std::uint32_t> untold() const noexcept { return untold_; }
 
  private:
   std::size_t state_bytes_;
@@ -131,7 +135,7 @@ class ObjectTable {
   FlatList<std::byte> states_;
   std::vector<std::uint32_t> free_;
   std::vector<std::uint32_t> ended_;  ///< in this frame
-  std::vector<std::uint32_t> moved_;
+  std::vector<std::uint32_t> moved_, untold_;
   NumberIndex index_;
 };
 

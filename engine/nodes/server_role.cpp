@@ -228,14 +228,20 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
     ObjectRow& row = objects_.row(slot);
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
-    objects_.marks(slot) |=
-        static_cast<std::uint8_t>(reported_mark | ((record.object.flags & messages::flag_inner) != 0 ? inner_mark : 0));
+    const bool inner = (record.object.flags & messages::flag_inner) != 0;
+    std::uint8_t& marks = objects_.marks(slot);
+    marks |= static_cast<std::uint8_t>(reported_mark | (inner ? inner_mark : 0));
     if ((record.object.flags & messages::flag_staying) == 0) {
       leaving_.push_back(slot);
     }
     objects_.bounds(slot) = record.bounds;
     std::copy_n(message.state<messages::NodeStateRecord>(i), objects_.state_bytes(), objects_.state(slot));
-    objects_.mark_moved(slot);
+    if (inner && (marks & shared_mark) == 0) {
+      Dispatch::pass_over(objects_, map_, slot);
+      objects_.mark_moved_alone(slot);
+    } else {
+      objects_.mark_moved(slot);
+    }
   }
   party.states_heard |= message.last();
   ingest_ns_ += telemetry::now_ns() - start;

@@ -81,7 +81,7 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
       table.settle();
       REQUIRE(table.moved().empty());
       ended_now.clear();
-      std::set<std::uint32_t> touched;
+      std::set<std::uint32_t> touched, untold;
       for (std::uint64_t spawns = random() % 6; spawns > 0; --spawns) {
         ObjectSpec spec;
         spec.number = static_cast<ObjectNumber>(1 + random() % 1000);
@@ -104,6 +104,7 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         std::fill_n(table.state(slot), state_bytes, std::byte{mark});
         live[spec.number] = {slot, generation, spec, mark};
         touched.insert(slot);
+        untold.insert(slot);
       }
       for (std::uint64_t ends = random() % 5; ends > 0 && !live.empty(); --ends) {
         const auto at = std::next(live.begin(), static_cast<std::ptrdiff_t>(random() % live.size()));
@@ -114,21 +115,32 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         REQUIRE(table.present()[slot] == 0);
         REQUIRE(table.row(slot).object.number == at->first);  // readable until the next frame
         ended_now.insert(slot);
-        touched.insert(slot);
+        if (touched.insert(slot).second) {
+          untold.insert(slot);
+        }
         live.erase(at);
       }
       for (auto& [number, model] : live) {
         if (random() % 4 == 0) {
           model.spec.present = random() % 2 == 0;
           table.row(model.slot).object.flags = model.spec.present ? messages::flag_present : 0u;
-          table.mark_moved(model.slot);
-          touched.insert(model.slot);
+          if (random() % 2 == 0) {
+            table.mark_moved_alone(model.slot);
+            touched.insert(model.slot);
+          } else {
+            table.mark_moved(model.slot);
+            if (touched.insert(model.slot).second) {
+              untold.insert(model.slot);
+            }
+          }
         }
       }
       REQUIRE(table.live() == live.size());
       const auto moved = table.moved();
       REQUIRE(moved.size() == touched.size());
       REQUIRE((std::set<std::uint32_t>(moved.begin(), moved.end()) == touched));
+      REQUIRE((std::set<std::uint32_t>(table.untold().begin(), table.untold().end()) == untold));
+      REQUIRE(table.untold().size() == untold.size());
       REQUIRE(table.present().size() == table.slots());
       REQUIRE(table.bounds().size() == table.slots());
       std::size_t present = 0;
