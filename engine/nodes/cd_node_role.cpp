@@ -252,10 +252,13 @@ void CdNodeRole::hear_positions(const MessageView& message) {
 }
 
 void CdNodeRole::hear_pairs(const MessageView& message) {
+  const auto bodies = known_.bodies();
   for (std::size_t i = 0; i < message.count(); ++i) {
     const auto pair = message.record<messages::PairRecord>(i);
     const geometry::CandidatePair known{known_.find(pair.a), known_.find(pair.b)};
     assert(known.a != KnownObjects::none && known.b != KnownObjects::none);
+    __builtin_prefetch(&bodies[known.a]);
+    __builtin_prefetch(&bodies[known.b]);
     pairs_.push_back(known);
     if (pairs_.size() == pairs_a_test) {
       test_pairs();

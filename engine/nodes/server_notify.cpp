@@ -188,9 +188,14 @@ void ServerRole::update_relay() {
   for (auto slot = static_cast<std::uint32_t>(known); slot < objects_.slots(); ++slot) {
     update(slot);
   }
-  for (const std::uint32_t slot : objects_.moved()) {
-    if (slot < known) {
-      update(slot);
+  constexpr std::size_t ahead = 8;
+  const auto moved = objects_.moved();
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    if (i + ahead < moved.size()) {
+      __builtin_prefetch(&objects_.row(moved[i + ahead]));
+    }
+    if (moved[i] < known) {
+      update(moved[i]);
     }
   }
 }
