@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "nodes/server_role.hpp"
+#include "nodes/spawn_order.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
@@ -21,9 +22,7 @@ void ServerRole::cut() {
   objects_.settle();
   users_changed_ = false;
   start_report();
-  for (const Request& request : setup_.order->requests) {
-    apply(request);
-  }
+  apply_requests();
   restore_objects();
   const auto changes = hosting_.settle(objects_, map_, connected_, users_changed_);
   for (const Rehosting& change : changes) {
@@ -68,6 +67,27 @@ void ServerRole::start_report() {
   frame.nodes = std::move(nodes);
   frame.kinds = std::move(kinds);
   frame.frame = frame_;
+}
+
+// In the order of the calls, but for spawns that follow each other: those fill the tables in the order of their places.
+void ServerRole::apply_requests() {
+  const std::span<const Request> requests = setup_.order->requests;
+  for (std::size_t begin = 0; begin < requests.size();) {
+    std::size_t end = begin;
+    while (end < requests.size() && requests[end].kind == Request::Kind::spawn) {
+      ++end;
+    }
+    if (end - begin > 1) {
+      const auto spawns = requests.subspan(begin, end - begin);
+      for (const std::uint32_t i : order_by_place(spawns, *setup_.space, spawn_order_)) {
+        spawn(spawns[i]);
+      }
+      begin = end;
+    } else {
+      apply(requests[begin]);
+      ++begin;
+    }
+  }
 }
 
 void ServerRole::apply(const Request& request) {

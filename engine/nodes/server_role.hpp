@@ -95,6 +95,7 @@ class ServerRole {
   // The cut.
   void cut();
   void start_report();
+  void apply_requests();
   void apply(const Request& request);
   void connect(const Request& request);
   void disconnect(UserNumber user);
@@ -189,6 +190,7 @@ class ServerRole {
   std::vector<Party> users_;  ///< by user number
   std::vector<UserNumber> connected_;
   std::vector<Line> node_lines_;
+  std::vector<std::uint32_t> spawn_order_;
   FlatList<std::uint32_t> relay_cells_;  ///< by slot: the cell of the publication, or not_relayed
   bool relay_is_known_ = false;          ///< relay_cells_ hold, but for what moved in this frame
   std::vector<std::uint32_t> leaving_;   ///< slots of this frame whose hosts say that others host them next
