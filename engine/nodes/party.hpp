@@ -15,7 +15,9 @@ struct Party {
   messages::Endpoint self;
   Line line;
   bool connected = false;
-  bool lost = false;  ///< has stopped answering in this frame: nothing more is sent to it or believed of it
+  bool lost = false;     ///< has stopped answering in this frame: nothing more is sent to it or believed of it
+  bool leaving = false;  ///< is to hand everything over at the end of a frame
+  bool left = false;     ///< has done so: gone at the next cut
 
   // To be sent before a frame: objects by slot, contacts by index in the frame before.
   std::vector<std::uint32_t> drops, adoptions, placements;

@@ -100,6 +100,9 @@ void ServerRole::apply(const Request& request) {
       return spawn(request);
     case Request::Kind::add_node:
       return add_node(request);
+    case Request::Kind::retire_node:
+      nodes_[request.nodes].leaving = true;
+      return;
     case Request::Kind::resize:
       resize_to_ = request.nodes;
       return;

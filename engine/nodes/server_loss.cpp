@@ -17,10 +17,13 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 
-void ServerRole::lose(NodeNumber node) {
+bool ServerRole::lose(NodeNumber node) {
+  if (stage_ == Stage::waiting) {
+    return false;
+  }
   Party& party = nodes_[node];
-  if (stage_ == Stage::waiting || party.lost) {
-    return;
+  if (party.lost) {
+    return true;
   }
   party.lost = true;
   node_lines_[node] = {};
@@ -37,7 +40,7 @@ void ServerRole::lose(NodeNumber node) {
   losses_to_tell_ = true;
   if (!again) {
     forgo_hand_overs(node);
-    return;
+    return true;
   }
   spread_cells();
   rescue_objects(node);
@@ -50,6 +53,7 @@ void ServerRole::lose(NodeNumber node) {
       setup_.order->caller->ring();
     }
   }
+  return true;
 }
 
 // In stretches, so that what was one region becomes few. Where nobody is left, the last one's stand-in gets all.
@@ -196,14 +200,15 @@ bool ServerRole::meet_stand_in() {
 
 // At the cut: the nodes that are left are numbered anew, from 0 and in order, as the facade does too.
 void ServerRole::close_ranks() {
-  if (std::none_of(nodes_.begin(), nodes_.end(), [](const Party& party) { return party.lost; })) {
+  const auto is_gone = [](const Party& party) { return party.lost || party.left; };
+  if (std::none_of(nodes_.begin(), nodes_.end(), is_gone)) {
     return;
   }
   alive_.assign(nodes_.size(), no_node);  // new numbers by old
   NodeNumber left = 0;
   std::uint32_t in_map = 0;
   for (NodeNumber node = 0; node < nodes_.size(); ++node) {
-    if (!nodes_[node].lost) {
+    if (!is_gone(nodes_[node])) {
       alive_[node] = left++;
       in_map += node < map_.nodes() ? 1 : 0;
     }
@@ -216,7 +221,7 @@ void ServerRole::close_ranks() {
     }
   }
   map_.assign(table_, std::max(1u, in_map), map_.epoch() + 1);
-  std::erase_if(nodes_, [](const Party& party) { return party.lost; });
+  std::erase_if(nodes_, is_gone);
   node_lines_.clear();
   for (NodeNumber node = 0; node < left; ++node) {
     nodes_[node].self = Endpoint::node(node);

@@ -1,4 +1,5 @@
 // The server's last stage: who hosts what in the next frame, and who is told of which contact.
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
@@ -17,10 +18,9 @@ void ServerRole::follow_load() {
   std::span<const std::uint32_t> table;
   std::uint32_t nodes = map_.nodes();
   if (resize_to_ != 0) {
-    nodes = resize_to_;
-    resize_to_ = 0;
+    nodes = std::exchange(resize_to_, 0u);
     weigh_cells();
-    table = balance_.share_out(map_, nodes);
+    table = share_out(nodes);
   } else if (setup_.balance && nodes > 1) {
     costs_.clear();
     for (const NodeReport& node : reports_[(frame_ + 1) & 1].nodes) {
@@ -38,6 +38,33 @@ void ServerRole::follow_load() {
     map_.assign(table, nodes, map_.epoch() + 1);
     map_changed_ = true;
   }
+}
+
+// By what stands and collides where. Nodes that leave get nothing, whatever their numbers; then all keep their numbers
+// until the next cut.
+std::span<const std::uint32_t> ServerRole::share_out(std::uint32_t& nodes) {
+  alive_.clear();
+  for (const Party& party : nodes_) {
+    if (!party.leaving) {
+      alive_.push_back(party.self.number());
+    }
+  }
+  if (alive_.empty() || alive_.size() == nodes_.size()) {
+    for (Party& party : nodes_) {
+      party.leaving = false;  // nobody is left to give anything to
+    }
+    return balance_.share_out(map_, nodes);
+  }
+  const auto table = balance_.share_out(map_, static_cast<std::uint32_t>(alive_.size()));
+  table_.assign(table.begin(), table.end());
+  for (std::uint32_t& entry : table_) {
+    entry = regions::RegionMap::is_cut(entry) ? entry : alive_[entry];
+  }
+  for (Party& party : nodes_) {
+    party.left = party.leaving;
+  }
+  nodes = static_cast<std::uint32_t>(nodes_.size());
+  return table_;
 }
 
 void ServerRole::weigh_cells() {

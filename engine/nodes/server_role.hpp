@@ -76,11 +76,13 @@ class ServerRole {
   Step step();
 
   /// The CD node has gone: by its deadline (the role sees to that itself), or because its link was closed. Its regions,
-  /// the objects that it hosts and the pairs of the frame go to the others; see server_loss.cpp. Only while a frame is
-  /// under way, by the thread that steps the role.
-  void lose(NodeNumber node);
+  /// the objects that it hosts and the pairs of the frame go to the others; see server_loss.cpp. By the thread that
+  /// steps the role. False, and nothing happens, while no frame is under way: then it is lost within the next.
+  bool lose(NodeNumber node);
 
   // Between frames, for the facade.
+  /// Whether the CD node has handed everything over, as Request::retire_node asked, and is gone at the next cut.
+  bool has_left(NodeNumber node) const noexcept { return nodes_[node].left; }
   const regions::RegionMap& map() const noexcept { return map_; }
   const ObjectTable& objects() const noexcept { return objects_; }
   // For the last frame; they stay as they are while the next one is under way.
@@ -148,6 +150,7 @@ class ServerRole {
   void list_notices();
   void list_notice(std::uint32_t notice, const Contact& contact, const Found& found);
   void follow_load();
+  std::span<const std::uint32_t> share_out(std::uint32_t& nodes);
   void weigh_cells();
   void next_hosts();
   void publish();

@@ -118,7 +118,8 @@ void Theatre::lose_the_dead() {
     Node& node = nodes_[standing_[number]];
     if (node.role != nullptr && node.messages == 0) {
       node.role.reset();
-      return server_->lose(number);
+      server_->lose(number);
+      return;
     }
   }
   REQUIRE(false);  // a frame that hangs
