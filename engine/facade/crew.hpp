@@ -8,22 +8,11 @@
 #include <thread>
 #include <vector>
 
+#include "facade/steppable.hpp"
 #include "link/cores.hpp"
 #include "link/doorbell.hpp"
-#include "nodes/role.hpp"
 
 namespace ringfence::facade {
-
-/// Any role, as a thread sees it: something to step.
-struct Steppable {
-  void* role = nullptr;
-  nodes::Step (*step)(void*) = nullptr;
-
-  template <class Role>
-  static Steppable of(Role& role) noexcept {
-    return {&role, [](void* self) { return static_cast<Role*>(self)->step(); }};
-  }
-};
 
 /// One thread that steps the roles given to it and sleeps on its doorbell when none of them gets on.
 ///

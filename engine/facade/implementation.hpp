@@ -14,9 +14,10 @@
 
 #include "facade/contact_index.hpp"
 #include "facade/crew.hpp"
+#include "facade/fleet.hpp"
 #include "facade/registry.hpp"
+#include "facade/way.hpp"
 #include "geometry/shape_table.hpp"
-#include "link/channel.hpp"
 #include "link/cores.hpp"
 #include "link/publication.hpp"
 #include "nodes/cd_node_role.hpp"
@@ -32,16 +33,8 @@ namespace facade {
 
 /// Of the ring between the server and a CD node, where none is given.
 inline constexpr std::size_t server_node_ring = std::size_t{1} << 20;
-
-/// The way between two roles: one channel each way.
-struct Way {
-  Way(std::size_t bytes, link::Doorbell* first, link::Doorbell* second)
-      : forth(bytes, second, first), back(bytes, first, second) {}
-  nodes::Line first() noexcept { return {&forth.sender(), &back.receiver()}; }
-  nodes::Line second() noexcept { return {&back.sender(), &forth.receiver()}; }
-  link::Channel forth;
-  link::Channel back;
-};
+/// The same for a node of the fleet: what fills it is sent, while the server goes on with what follows.
+inline constexpr std::size_t fleet_ring = std::size_t{1} << 16;
 
 /// A CD node that was lost: nobody knows whether its thread still does something, so all that it may touch is kept
 /// until the thread has ended.
@@ -80,10 +73,14 @@ struct World::Implementation {
 
   void build_server();
   void start_worker(facade::Worker& worker, std::chrono::nanoseconds tick = {});
-  nodes::Line add_node(const regions::RegionMap& map, std::uint32_t count);
+  nodes::Line add_node(const regions::RegionMap& map, std::uint32_t count, Fleet::Member member = Fleet::nobody);
+  std::vector<nodes::Line> peers_of(NodeNumber node);
+  void seat_fleet();
+  std::vector<facade::Steppable> server_crew();
   std::unique_ptr<nodes::CdNodeRole> make_role(NodeNumber node, std::uint32_t count, const regions::RegionMap& map);
   link::Doorbell* node_bell(NodeNumber node) noexcept;
   void introduce_nodes();
+  void welcome_arrivals();
   void grow_nodes();
   void retire_nodes();
   void await_frame();
@@ -148,12 +145,14 @@ struct World::Implementation {
 
   // Roles use the channels above them; threads, last of all, use the roles and end first.
   std::unique_ptr<facade::Worker> server_worker;
-  std::vector<std::unique_ptr<facade::Worker>> node_workers;  ///< null for the one that the server's thread steps
+  /// Null for the one that the server's thread steps, and for those of the fleet.
+  std::vector<std::unique_ptr<facade::Worker>> node_workers;
   std::deque<facade::Worker> user_workers;
   std::vector<std::unique_ptr<facade::Way>> node_ways;
   std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<facade::Way>> peer_ways;  ///< lower number first
   std::map<UserNumber, std::unique_ptr<facade::User>> user_nodes;
-  std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;
+  std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;  ///< null for those of the fleet
+  std::vector<Fleet::Member> node_members;                     ///< nobody for those in this process
   std::unique_ptr<nodes::ServerRole> server;
   std::vector<facade::Grave> graves;
   std::vector<std::unique_ptr<facade::Way>> grave_ways;  ///< between lost nodes and others
@@ -169,6 +168,9 @@ struct World::Implementation {
         grave.worker.reset();
       }
       world.server_worker.reset();
+      if (world.config.fleet != nullptr) {
+        world.config.fleet->close();
+      }
     }
   } stop{*this};
 };

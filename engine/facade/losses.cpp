@@ -30,11 +30,13 @@ void World::Implementation::await_frame() {
 // thread steps.
 void World::Implementation::stand_in() {
   const NodeNumber node = order.stand_in_for;
+  server_worker->assign({Steppable::of(*server)});  // of the fleet all are lost: there is nobody to carry to
   bury(node);
   const auto count = static_cast<std::uint32_t>(node_roles.size());
   node_ways[node] = std::make_unique<Way>(ring_bytes(facade::server_node_ring), server_bell(), server_bell());
   node_roles[node] = make_role(node, count, server->map());
   node_roles[node]->meet(node, std::vector<Line>(count));
+  node_members[node] = Fleet::nobody;
   server_worker->assign({Steppable::of(*server), Steppable::of(*node_roles[node])});
   stood_in = node;
   order.stand_in = node_ways[node]->first();
@@ -61,11 +63,20 @@ void World::Implementation::clear_graves() {
   }
 }
 
-// The frame is complete. Those that are left are numbered anew, in order, as the server does at its next cut.
+// The frame is complete. Those that are neither lost nor have left are numbered anew, in order, as the server does at
+// its next cut.
 void World::Implementation::bury_lost() {
-  std::vector<NodeNumber> lost = report.lost;
-  std::erase_if(lost, [&](NodeNumber node) { return node == stood_in; });
+  std::vector<NodeNumber> lost;
+  for (NodeNumber node = 0; node < node_roles.size(); ++node) {
+    const bool gone = std::find(report.lost.begin(), report.lost.end(), node) != report.lost.end();
+    if ((gone && node != stood_in) || server->has_left(node)) {
+      lost.push_back(node);
+    }
+  }
   if (lost.empty()) {
+    if (stood_in && config.fleet != nullptr) {
+      introduce_nodes();  // the fleet has lost its last seat
+    }
     return;
   }
   std::sort(lost.rbegin(), lost.rend());
@@ -92,9 +103,11 @@ void World::Implementation::bury_lost() {
     node_ways.erase(node_ways.begin() + at);
     node_roles.erase(node_roles.begin() + at);
     node_workers.erase(node_workers.begin() + at);
+    node_members.erase(node_members.begin() + at);
   }
   if (node_roles.empty()) {
     node_workers.push_back(nullptr);
+    node_members.push_back(Fleet::nobody);
     node_ways.push_back(std::make_unique<Way>(ring_bytes(facade::server_node_ring), server_bell(), server_bell()));
     node_roles.push_back(make_role(0, 1, server->map()));
     Request request;

@@ -9,6 +9,7 @@
 
 namespace ringfence {
 
+using facade::fleet_ring;
 using facade::server_node_ring;
 using facade::Steppable;
 using facade::User;
@@ -44,6 +45,11 @@ regions::CellGrid interest_grid(const WorldConfig& config, const geometry::Fixed
   return regions::CellGrid::choose(extents, static_cast<std::size_t>(std::min(cells, double{most_interest_cells})));
 }
 
+// What one of `count` nodes reserves: twice its even share.
+std::size_t share_of(std::size_t capacity, std::size_t count) noexcept {
+  return std::min(capacity, 2 * capacity / count + 64);
+}
+
 // How often the server looks at the clock, though nothing happens: a quarter of the shorter deadline; 0: never.
 std::chrono::nanoseconds tick_of(const Deadlines& deadlines) {
   double ms = std::max(deadlines.node_ms, deadlines.user_ms);
@@ -51,6 +57,13 @@ std::chrono::nanoseconds tick_of(const Deadlines& deadlines) {
     ms = deadline > 0 ? std::min(ms, deadline) : ms;
   }
   return std::chrono::nanoseconds(static_cast<std::int64_t>(std::ceil(ms * 0.25e6)));
+}
+
+// A network may make the bridge wait for what nothing rings for.
+std::chrono::nanoseconds fleet_tick(const Deadlines& deadlines) {
+  constexpr std::chrono::milliseconds longest(20);
+  const std::chrono::nanoseconds tick = tick_of(deadlines);
+  return tick.count() == 0 ? longest : std::min<std::chrono::nanoseconds>(tick, longest);
 }
 
 std::array<std::uint32_t, 32> layer_masks(const LayerMatrix& layers) {
@@ -106,15 +119,20 @@ void World::Implementation::build_server() {
   const regions::RegionMap map(region_grid(config, space), std::max(1u, config.nodes));
   if (threaded()) {
     server_worker = std::make_unique<Worker>();
-    start_worker(*server_worker, tick_of(config.deadlines));
+    start_worker(*server_worker, config.fleet != nullptr ? fleet_tick(config.deadlines) : tick_of(config.deadlines));
   }
-  for (NodeNumber node = 0; node < map.nodes(); ++node) {
-    setup.nodes.push_back(add_node(map, map.nodes()));
+  std::vector<Fleet::Member> members(map.nodes(), Fleet::nobody);
+  if (config.fleet != nullptr) {
+    const std::uint32_t* log2 = map.grid().log2;
+    config.fleet->open({&config, setup.layer_masks, {log2[0], log2[1], log2[2]}, server_bell()});
+    members = config.fleet->await(map.nodes());
+  }
+  for (const Fleet::Member member : members) {
+    setup.nodes.push_back(add_node(map, map.nodes(), member));
   }
   server = std::make_unique<nodes::ServerRole>(setup, map);
   introduce_nodes();
   if (threaded()) {
-    server_worker->assign({Steppable::of(*server)});
     user_workers.resize(config.user_threads);
     for (Worker& worker : user_workers) {
       start_worker(worker);
@@ -128,21 +146,36 @@ void World::Implementation::start_worker(Worker& worker, std::chrono::nanosecond
 }
 
 // Makes the next CD node of `count` in the end, not yet introduced to its peers and not yet stepped; returns the
-// server's end of its line.
-Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_t count) {
+// server's end of its line. Of a fleet's member only the lines are made: its role is elsewhere.
+Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_t count, Fleet::Member member) {
   const auto node = static_cast<NodeNumber>(node_roles.size());
-  link::Doorbell* bell = nullptr;
-  if (threaded()) {
-    start_worker(*node_workers.emplace_back(std::make_unique<Worker>()));
-    bell = &node_workers.back()->bell();
+  const bool here = member == Fleet::nobody;
+  node_workers.emplace_back();
+  if (here && threaded() && config.fleet == nullptr) {
+    node_workers.back() = std::make_unique<Worker>();
+    start_worker(*node_workers.back());
   }
-  node_ways.push_back(std::make_unique<Way>(ring_bytes(server_node_ring), server_bell(), bell));
+  node_members.push_back(member);
+  link::Doorbell* bell = node_bell(node);
+  node_ways.push_back(std::make_unique<Way>(here ? ring_bytes(server_node_ring) : fleet_ring, server_bell(), bell));
   // Many nodes need many rings between them; a hand-over is small.
-  const std::size_t peer_ring = ring_bytes(std::size_t{1} << (count <= 16 ? 18 : count <= 64 ? 14 : 12));
+  const std::size_t peer_ring = config.fleet != nullptr ? fleet_ring
+                                                        : ring_bytes(std::size_t{1} << (count <= 16   ? 18
+                                                                                        : count <= 64 ? 14
+                                                                                                      : 12));
   for (NodeNumber peer = 0; peer < node; ++peer) {
-    peer_ways[{peer, node}] = std::make_unique<Way>(peer_ring, node_bell(peer), bell);
+    if (here || node_members[peer] == Fleet::nobody) {
+      peer_ways[{peer, node}] = std::make_unique<Way>(peer_ring, node_bell(peer), bell);
+    }
   }
-  node_roles.push_back(make_role(node, count, map));
+  if (here) {
+    node_roles.push_back(make_role(node, count, map));
+  } else {
+    node_roles.emplace_back();
+    if (config.timeline) {
+      node_tracks.emplace_back();  // keeps the tracks of others in their places
+    }
+  }
   return node_ways.back()->first();
 }
 
@@ -164,8 +197,8 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
   setup.shares_thread = !threaded() || node_workers[node] == nullptr;
   setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
   setup.remember_axes = config.remember_axes;
-  setup.objects = std::min(config.capacities.objects, 2 * config.capacities.objects / count + 64);
-  setup.pairs = std::min(config.capacities.pairs, 2 * config.capacities.pairs / count + 64);
+  setup.objects = share_of(config.capacities.objects, count);
+  setup.pairs = share_of(config.capacities.pairs, count);
   setup.server = node_ways[node]->second();
   return std::make_unique<nodes::CdNodeRole>(setup, map);
 }
@@ -173,36 +206,124 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
 // Tells every node of the others and lets the threads step them.
 void World::Implementation::introduce_nodes() {
   const auto count = static_cast<NodeNumber>(node_roles.size());
-  std::vector<Steppable> by_server;
+  if (threaded() && server != nullptr) {
+    server_worker->assign({});
+  }
   for (NodeNumber node = 0; node < count; ++node) {
+    if (node_roles[node] == nullptr) {
+      continue;
+    }
     Worker* worker = threaded() ? node_workers[node].get() : nullptr;
     if (worker != nullptr) {
       worker->assign({});
-    } else if (threaded()) {
-      server_worker->assign({});
-      by_server.push_back(Steppable::of(*node_roles[node]));
     }
-    std::vector<Line> peers(count);
-    for (NodeNumber peer = 0; peer < count; ++peer) {
-      if (peer != node) {
-        Way& way = *peer_ways.at({std::min(peer, node), std::max(peer, node)});
-        peers[peer] = node < peer ? way.first() : way.second();
-      }
-    }
-    node_roles[node]->meet(node, peers);
+    node_roles[node]->meet(node, peers_of(node));
     if (worker != nullptr) {
       worker->assign({Steppable::of(*node_roles[node])});
     }
   }
-  if (!by_server.empty()) {
-    by_server.insert(by_server.begin(), Steppable::of(*server));
-    server_worker->assign(by_server);
+  seat_fleet();
+  if (threaded()) {
+    server_worker->assign(server_crew());
   }
   list_in_place();
 }
 
+// The lines of a node to its peers, by their numbers; empty where this process has none.
+std::vector<Line> World::Implementation::peers_of(NodeNumber node) {
+  std::vector<Line> peers(node_roles.size());
+  for (NodeNumber peer = 0; peer < peers.size(); ++peer) {
+    const auto way = peer_ways.find({std::min(peer, node), std::max(peer, node)});
+    if (way != peer_ways.end()) {
+      peers[peer] = node < peer ? way->second->first() : way->second->second();
+    }
+  }
+  return peers;
+}
+
+// What the server's thread steps: the server, nodes without a thread of their own, and then what carries to the others.
+std::vector<Steppable> World::Implementation::server_crew() {
+  std::vector<Steppable> crew{Steppable::of(*server)};
+  for (std::size_t node = 0; node < node_roles.size(); ++node) {
+    if (node_roles[node] != nullptr && node_workers[node] == nullptr) {
+      crew.push_back(Steppable::of(*node_roles[node]));
+    }
+  }
+  if (config.fleet != nullptr) {
+    crew.push_back(config.fleet->bridge());
+  }
+  return crew;
+}
+
+// No thread steps the bridge.
+void World::Implementation::seat_fleet() {
+  if (config.fleet == nullptr) {
+    return;
+  }
+  std::vector<Fleet::Seat> seats(node_roles.size());
+  for (NodeNumber node = 0; node < seats.size(); ++node) {
+    Fleet::Seat& seat = seats[node];
+    seat.objects = share_of(config.capacities.objects, seats.size());
+    seat.pairs = share_of(config.capacities.pairs, seats.size());
+    seat.member = node_members[node];
+    if (seat.member != Fleet::nobody) {
+      seat.server = node_ways[node]->second();
+      seat.peers = peers_of(node);
+    }
+  }
+  config.fleet->seat(*server, seats, server->map());
+}
+
+// Takes in the members of the fleet that are ready, and lets those hand over that want to leave. Where those are all,
+// a role that the server's thread steps takes their place; it goes in turn when others have come.
+void World::Implementation::welcome_arrivals() {
+  const std::uint32_t wanted = std::exchange(resize_to, 0u);
+  const auto arrivals = config.fleet->arrivals();
+  const auto is_leaving = [&](std::size_t node) {
+    if (wanted != 0 && node >= wanted) {
+      return true;
+    }
+    const bool member = node_members[node] != Fleet::nobody;
+    return member ? config.fleet->is_leaving(node_members[node]) : !arrivals.empty();
+  };
+  std::vector<NodeNumber> going;
+  for (NodeNumber node = 0; node < node_roles.size(); ++node) {
+    if (is_leaving(node)) {
+      going.push_back(node);
+    }
+  }
+  if (arrivals.empty() && going.empty()) {
+    return;
+  }
+  std::vector<Fleet::Member> joining = arrivals;
+  if (joining.empty() && going.size() == node_roles.size()) {
+    joining.push_back(Fleet::nobody);
+  }
+  const auto total = static_cast<std::uint32_t>(node_roles.size() + joining.size());
+  Request request;
+  request.kind = Request::Kind::add_node;
+  for (const Fleet::Member member : joining) {
+    request.line = add_node(server->map(), total, member);
+    order.requests.push_back(request);
+  }
+  if (!joining.empty()) {
+    introduce_nodes();
+  }
+  request.kind = Request::Kind::retire_node;
+  for (const NodeNumber node : going) {
+    request.nodes = node;
+    order.requests.push_back(request);
+  }
+  request.kind = Request::Kind::resize;
+  request.nodes = total - static_cast<std::uint32_t>(going.size());
+  order.requests.push_back(request);
+}
+
 // No frame is under way.
 void World::Implementation::grow_nodes() {
+  if (config.fleet != nullptr) {
+    welcome_arrivals();
+  }
   if (resize_to == 0) {
     return;
   }
@@ -223,12 +344,14 @@ void World::Implementation::grow_nodes() {
 
 // The frame in which they handed everything over is complete.
 void World::Implementation::retire_nodes() {
-  // Lost ones are out of `node_roles`, and not yet out of the map.
+  // Lost ones, and those that have left, are out of `node_roles` and not yet out of the map.
   const FrameReport& last = server->report(frames - 1);
   const NodeNumber in_map = server->map().nodes();
-  const auto lost = std::count_if(last.lost.begin(), last.lost.end(),
-                                  [&](NodeNumber node) { return node < in_map && node != stood_in; });
-  const std::size_t count = in_map - static_cast<std::size_t>(lost);
+  std::size_t count = 0;
+  for (NodeNumber node = 0; node < in_map; ++node) {
+    const bool lost = std::find(last.lost.begin(), last.lost.end(), node) != last.lost.end();
+    count += (!lost || node == stood_in) && !server->has_left(node) ? 1 : 0;
+  }
   if (node_roles.size() <= count || count == 0) {
     return;
   }
@@ -238,6 +361,8 @@ void World::Implementation::retire_nodes() {
     const auto node = static_cast<NodeNumber>(node_roles.size() - 1);
     if (threaded() && node_workers[node] != nullptr) {
       node_workers[node]->assign({});
+    } else if (threaded()) {
+      server_worker->assign({Steppable::of(*server)});
     }
     for (NodeNumber peer = 0; peer < node; ++peer) {
       retired.push_back(std::move(peer_ways[{peer, node}]));
@@ -251,6 +376,7 @@ void World::Implementation::retire_nodes() {
     }
     node_ways.pop_back();
     node_roles.pop_back();
+    node_members.pop_back();
     if (config.timeline && node_tracks.size() == node_roles.size() + 1) {
       node_tracks.pop_back();
     }

@@ -90,6 +90,9 @@ ShapeNumber World::add_shape(const ShapeDescription& description) {
   }
   Implementation& w = *implementation_;
   const ShapeNumber shape = w.shapes.add(description);
+  if (w.config.fleet != nullptr) {
+    w.config.fleet->add_shape(shape, description);
+  }
   if (w.shapes.row(shape).kind == ShapeKind::mesh) {
     const geometry::Mesh& mesh = w.shapes.mesh(w.shapes.row(shape).detail);
     if (mesh.dropped_triangles() > 0) {
@@ -252,7 +255,8 @@ Status World::remove(ObjectId object) {
 
 Status World::resize(std::uint32_t nodes) {
   Implementation& w = *implementation_;
-  if (nodes == 0 || nodes > 1024 || nodes > w.server->map().grid().cells()) {
+  const std::size_t most = w.config.fleet != nullptr ? w.node_roles.size() : 1024;
+  if (nodes == 0 || nodes > most || nodes > w.server->map().grid().cells()) {
     return w.refuse(Status::bad_number);
   }
   w.resize_to = nodes;
@@ -265,7 +269,7 @@ Status World::inject(const Fault& fault) {
     return w.refuse(Status::out_of_order);
   }
   if (!w.threaded() || fault.node >= w.node_roles.size() || fault.frame < w.begun || !std::isfinite(fault.stall_ms) ||
-      fault.stall_ms < 0 || fault.stage > NodeStage::telling) {
+      fault.stall_ms < 0 || fault.stage > NodeStage::telling || w.node_roles[fault.node] == nullptr) {
     return w.refuse(Status::bad_number);
   }
   // Not while its thread steps it.
@@ -277,7 +281,7 @@ Status World::inject(const Fault& fault) {
   } else {
     w.server_worker->assign({Steppable::of(*w.server)});
     role.fail(fault);
-    w.server_worker->assign({Steppable::of(*w.server), Steppable::of(role)});
+    w.server_worker->assign(w.server_crew());
   }
   return Status::ok;
 }

@@ -86,6 +86,9 @@ struct Limits {
   std::size_t users = 65'536;
 };
 
+/// CD nodes in other processes, here or on other machines: see ringfence/cluster.hpp of ringfence::dds.
+class Fleet;
+
 /// What a World is made of. Checked as a whole by the constructor, which throws Error naming the field.
 struct WorldConfig {
   Vec3d bounds_min{0, 0, 0};  ///< metres; objects may leave the bounds: the outer regions reach to infinity
@@ -109,6 +112,10 @@ struct WorldConfig {
   LayerMatrix layers;
   std::shared_ptr<const MotionModel> motion;  ///< null: objects move only by World::move and World::place
   LogHook log;                                ///< null: silent
+  /// Null: CD nodes are threads of this process. Else the World waits until the fleet has `nodes` of them, takes in
+  /// those that come later, and lets go of those that ask to leave; where none is left, the server's thread does the
+  /// work. Serves one World and outlives it.
+  std::shared_ptr<Fleet> fleet;
 };
 
 }  // namespace ringfence

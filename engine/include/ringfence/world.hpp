@@ -88,14 +88,15 @@ class World {
 
   /// Changes the number of CD nodes: those to come join the next frame, and at its end regions, hosted objects and
   /// duties are handed over; those to go then leave. No frame is lost and no contact changes. The last call before a
-  /// frame counts. Refused with bad_number unless `nodes` is 1 to 1024 and at most the number of cells.
+  /// frame counts. Refused with bad_number unless `nodes` is 1 to 1024 and at most the number of cells; with a fleet,
+  /// whose nodes join by themselves, also where it is more than there are.
   Status resize(std::uint32_t nodes);
   /// CD nodes at work in the last frame; before the first, those that there are.
   std::uint32_t nodes() const noexcept;
 
   /// Makes a CD node fail at a point of a frame to come, as a test of what follows. Without WorldConfig::deadlines the
   /// frame would wait for ever. Refused with bad_number for a frame that has begun, a node that there is not, a stall
-  /// that is negative or not finite, and with nodes = 0.
+  /// that is negative or not finite, a node of a fleet, and with nodes = 0.
   Status inject(const Fault& fault);
 
   /// A whole frame: begin_frame and finish_frame.

@@ -1,0 +1,18 @@
+#pragma once
+
+#include "nodes/role.hpp"
+
+namespace ringfence::facade {
+
+/// Any role, as a thread sees it: something to step.
+struct Steppable {
+  void* role = nullptr;
+  nodes::Step (*step)(void*) = nullptr;
+
+  template <class Role>
+  static Steppable of(Role& role) noexcept {
+    return {&role, [](void* self) { return static_cast<Role*>(self)->step(); }};
+  }
+};
+
+}  // namespace ringfence::facade
