@@ -10,6 +10,8 @@
 #include "frame_checker.hpp"
 #include "frame_outputs.hpp"
 #include "mesh_file.hpp"
+#include "motion_setup.hpp"
+#include "node_crew.hpp"
 #include "profile.hpp"
 #include "progress.hpp"
 #include "recording.hpp"
@@ -21,6 +23,20 @@
 #include "worlds/scene_file.hpp"
 
 namespace ringfence::tools {
+namespace {
+
+// With nodes that others start, there are as many as are waited for.
+void settle_link(ServiceOptions& service) {
+  LinkOptions& link = service.link;
+  if (link.kind == LinkKind::rings) {
+    if (link.wait_nodes != 0) throw Error("--wait-nodes: found with --link rings; expected with --link dds");
+    return;
+  }
+  if (link.wait_nodes != 0) service.nodes = link.wait_nodes;
+  if (service.nodes == 0) throw Error("--nodes: found 0; expected at least 1 with --link dds");
+}
+
+}  // namespace
 
 WorldConfig world_config(const Job& job) {
   WorldConfig config;
@@ -59,6 +75,8 @@ Job make_job(const RunOptions& options) {
   job.model = std::make_shared<motion::Steering>(world.steering);
   job.frames = options.frames;
   job.service = options.service;
+  settle_link(job.service);
+  if (job.service.link.kind == LinkKind::dds) job.motion_setup = pack_motion(world.steering);
   check_resizes(job.service.resizes, job.frames.frames);
   check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines.node_ms);
   job.output = options.output;
@@ -75,6 +93,8 @@ Job make_job(const ReplayOptions& options) {
                           options.motion);
   job.model = std::make_shared<worlds::ReplayModel>(motion);
   job.service = options.service;
+  settle_link(job.service);
+  if (job.service.link.kind == LinkKind::dds) job.motion_setup = pack_motion(motion);
   job.output = options.output;
   job.frames = options.frames;
 
@@ -103,7 +123,13 @@ int run_job(const Job& job) {
   FrameOutputs outputs(job.output);
   std::optional<OutputFile> json;
   if (!job.output.json.empty()) json.emplace(job.output.json);
-  World world(world_config(job));
+  WorldConfig config = world_config(job);
+  std::optional<NodeCrew> crew;
+  if (job.service.link.kind == LinkKind::dds) {
+    crew.emplace(job.service.link, config.nodes, job.motion_setup, config.log);
+    config.fleet = crew->fleet();
+  }
+  World world(std::move(config));
   worlds::load_into(world, job.scene, job.service.users);
 
   FrameChecker checker(world, job.output.check);

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "options.hpp"
 #include "ringfence/motion_model.hpp"
@@ -16,6 +18,7 @@ struct Job {
   std::string title;  ///< for the report: what is run
   worlds::Scene scene;
   std::shared_ptr<const MotionModel> model;
+  std::vector<std::byte> motion_setup;  ///< the model as bytes, where nodes are processes
   FrameOptions frames;
   ServiceOptions service;
   OutputOptions output;

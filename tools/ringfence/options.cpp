@@ -96,6 +96,9 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
 
   add_profile(line_.profile);
 
+  add_node(*app_.add_subcommand("node", "serves a world of another process as a CD node, over Cyclone DDS"),
+           line_.node);
+
   CLI::App& convert = *app_.add_subcommand("convert", "turns a real trace into PREFIX.json, PREFIX.csv for replay");
   ConvertOptions& options = line_.convert;
   convert.add_option("KIND", options.kind, "air: flights, JSON; crowd: people, text")
@@ -203,6 +206,7 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
       ->type_name("MS");
   add_words(command, "--broad-phase", service.placement, {Placement::server, Placement::region, Placement::automatic},
             "where the broad phase runs");
+  add_link(command, service.link);
   add_users(command, service);
 }
 
@@ -275,6 +279,7 @@ CommandLine CommandLineParser::parse(int argc, char** argv) {
                   : name == "record"  ? Command::record
                   : name == "scale"   ? Command::scale
                   : name == "profile" ? Command::profile
+                  : name == "node"    ? Command::node
                                       : Command::convert;
   if (line_.command == Command::replay) line_.replay.service.users_given = command.count("--users") > 0;
   line_.run.world.users = line_.run.service.users;

@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 
 #include "failure.hpp"
+#include "link_options.hpp"
 #include "resize.hpp"
 #include "ringfence/config.hpp"
 #include "worlds/paper_world.hpp"
@@ -35,6 +36,7 @@ struct ServiceOptions {
   double interest = 25;
   std::uint64_t ring_bytes = 0;
   bool pin = false;
+  LinkOptions link;
 };
 
 /// What comes out, and where; an empty path is none.
@@ -95,13 +97,14 @@ struct ConvertOptions {
 
 /// Everything that the command line can say, and which command it was.
 struct CommandLine {
-  enum class Command : std::uint8_t { run, replay, record, convert, scale, profile };
+  enum class Command : std::uint8_t { run, replay, record, convert, scale, profile, node };
   Command command = Command::run;
   RunOptions run;  ///< record too
   ReplayOptions replay;
   ConvertOptions convert;
   ScaleOptions scale;
   ProfileOptions profile;
+  NodeOptions node;
 };
 
 /// Reads the command line. Throws CLI::ParseError, also for --help and --version; values out of range are told with

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "ringfence/config.hpp"
+#include "ringfence/ids.hpp"
+#include "ringfence/shape.hpp"
+
+namespace ringfence::dds {
+
+/// What a node needs to know of a World besides shapes and regions: the bytes of TermsSample.
+struct WorldTermsRecord {
+  double bounds_min[3] = {};
+  double bounds_max[3] = {};
+  double lease_ms = 0;
+  std::uint64_t setup_bytes = 0;  ///< of ClusterConfig::setup; not 0: it comes as a piece
+  std::uint32_t cells_log2[3] = {};
+  std::uint32_t placement = 0;
+  std::uint32_t layer_masks[32] = {};
+  std::uint32_t state_bytes = 0;  ///< of the World's motion model
+  std::uint32_t has_model = 0;
+  std::uint32_t keep_resting = 0;
+  std::uint32_t remember_axes = 0;
+};
+static_assert(sizeof(WorldTermsRecord) == 224 && std::is_trivially_copyable_v<WorldTermsRecord>);
+
+/// A shape as bytes. Of a support function only that it is one.
+std::vector<std::byte> pack_shape(const ShapeDescription& shape);
+
+/// The shape that pack_shape made the bytes of. Trusts nothing: throws Error where they are not such. `support` gives
+/// the support function of number `shape`; throws Error where it is null, or gives none, and one is needed.
+ShapeDescription unpack_shape(std::span<const std::byte> bytes, ShapeNumber shape,
+                              const std::function<std::shared_ptr<const SupportFunction>(ShapeNumber)>& support);
+
+}  // namespace ringfence::dds

@@ -1,0 +1,258 @@
+#include "dds/domain.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <random>
+#include <utility>
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "ringfence/error.hpp"
+
+namespace ringfence::dds {
+
+namespace {
+
+constexpr std::uint32_t most_domain = 200;
+
+/// Where a World of a domain listens: the participant of index 0, by the standard's port mapping.
+constexpr std::uint32_t world_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 10; }
+
+bool is_loopback(const std::string& interface) { return interface == "lo" || interface.rfind("127.", 0) == 0; }
+
+std::string tag(const std::string& name, const std::string& value) {
+  return "<" + name + ">" + value + "</" + name + ">";
+}
+
+void check(const NetworkConfig& network, Side side) {
+  const auto require = [](bool holds, const std::string& what) {
+    if (!holds) {
+      throw Error("NetworkConfig: " + what);
+    }
+  };
+  require(network.domain <= most_domain || (side == Side::world && network.domain == NetworkConfig::any_domain),
+          "domain (--domain) is " + std::to_string(network.domain) + "; 0 to " + std::to_string(most_domain));
+  require(network.lease_ms >= 10 && network.lease_ms <= 60'000,
+          "lease_ms (--lease-ms) is " + std::to_string(network.lease_ms) + "; 10 to 60000");
+  require(network.socket_bytes >= 65'536 && network.socket_bytes <= std::size_t{1} << 30,
+          "socket_bytes (--socket-bytes) is " + std::to_string(network.socket_bytes) + "; 65536 to 1073741824");
+  for (const std::string* text : {&network.interface}) {
+    require(text->find_first_of("<>&\"") == std::string::npos, "interface (--interface) is " + *text);
+  }
+  for (const std::string& peer : network.peers) {
+    require(!peer.empty() && peer.find_first_of("<>&\" ") == std::string::npos, "a peer (--peers) is \"" + peer + "\"");
+  }
+}
+
+std::string general_settings(const NetworkConfig& network, bool multicast) {
+  std::string general;
+  if (!network.interface.empty()) {
+    const bool address = network.interface.find_first_not_of("0123456789.") == std::string::npos;
+    general += "<Interfaces><NetworkInterface " + std::string(address ? "address" : "name") + "=\"" +
+               network.interface + "\"" + (is_loopback(network.interface) ? " multicast=\"false\"" : "") +
+               "/></Interfaces>";
+  }
+  // Data always goes to one: multicast, where it is used, is for finding each other.
+  general += tag("AllowMulticast", multicast ? "spdp" : "false");
+  if (is_loopback(network.interface)) {
+    // Nothing is lost between processes but where a socket is full, so a parcel is one datagram.
+    general +=
+        tag("MaxMessageSize", "65000 B") + tag("FragmentSize", "64000 B") + tag("MaxRexmitMessageSize", "65000 B");
+  }
+  return tag("General", general);
+}
+
+std::string settings(const NetworkConfig& network, Side side, std::uint32_t domain) {
+  const bool local = is_loopback(network.interface);
+  const bool multicast = !local && network.peers.empty();
+  std::string discovery = tag("ParticipantIndex", side == Side::world ? "0" : "none") + tag("SPDPInterval", "250 ms") +
+                          tag("LeaseDuration", "10 s");
+  std::vector<std::string> peers = network.peers;
+  if (side == Side::node && local && peers.empty()) {
+    peers.emplace_back("127.0.0.1");
+  }
+  std::string list;
+  for (const std::string& peer : peers) {
+    const bool has_port = peer.find(':') != std::string::npos;
+    list += "<Peer address=\"" + peer + (has_port ? "" : ":" + std::to_string(world_port(domain))) + "\"/>";
+  }
+  if (!list.empty()) {
+    discovery += tag("Peers", list);
+  }
+  const std::string bytes = std::to_string(network.socket_bytes) + " B";
+  const std::string internal =
+      "<SocketReceiveBufferSize min=\"default\" max=\"" + bytes + "\"/>" +
+      // Above what a window of parcels comes to: a way is full by its window long before (see Path).
+      tag("Watermarks",
+          tag("WhcLow", "1 MB") + tag("WhcHigh", "32 MB") + tag("WhcHighInit", "32 MB") + tag("WhcAdaptive", "false")) +
+      "<HeartbeatInterval min=\"2 ms\" minsched=\"4 ms\" max=\"50 ms\">20 ms</HeartbeatInterval>" +
+      tag("NackDelay", "2 ms") + tag("AckDelay", "5 ms") + tag("PrioritizeRetransmit", "false") +
+      tag("WriterLingerDuration", "50 ms");
+  return "<Domain id=\"any\">" + general_settings(network, multicast) + tag("Discovery", discovery) +
+         tag("Internal", internal) + "</Domain>";
+}
+
+bool is_port_free(std::uint32_t port) {
+  const int socket = ::socket(AF_INET, SOCK_DGRAM, 0);
+  if (socket < 0) {
+    return true;  // whatever it is, it will be told when the domain is joined
+  }
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_ANY);
+  address.sin_port = htons(static_cast<std::uint16_t>(port));
+  const bool free = ::bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  ::close(socket);
+  return free;
+}
+
+std::uint32_t free_domain() {
+  for (std::uint32_t domain = 0; domain <= most_domain; ++domain) {
+    if (is_port_free(world_port(domain)) && is_port_free(world_port(domain) + 1)) {
+      return domain;
+    }
+  }
+  throw Error("No DDS domain from 0 to " + std::to_string(most_domain) + " has its port free on this machine");
+}
+
+void tell_data(void* hook) { static_cast<const Domain::Hook*>(hook)->data(); }
+void tell_others(void* hook) { static_cast<const Domain::Hook*>(hook)->others(); }
+
+dds_qos_t* quality(const Carriage& carriage, const std::string& partition) {
+  dds_qos_t* qos = dds_create_qos();
+  dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, 0);
+  dds_qset_durability(qos, carriage.durable ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
+  dds_qset_history(qos, carriage.keep_all ? DDS_HISTORY_KEEP_ALL : DDS_HISTORY_KEEP_LAST, 1);
+  if (carriage.durable) {
+    dds_qset_durability_service(qos, 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED,
+                                DDS_LENGTH_UNLIMITED);
+  }
+  if (carriage.lease_ms > 0) {
+    dds_qset_liveliness(qos, DDS_LIVELINESS_AUTOMATIC, static_cast<dds_duration_t>(carriage.lease_ms * 1e6));
+  }
+  if (!partition.empty()) {
+    dds_qset_partition1(qos, partition.c_str());
+  }
+  return qos;
+}
+
+}  // namespace
+
+Entity::Entity(dds_entity_t entity, const char* what) : entity_(entity) {
+  if (entity < 0) {
+    throw Error(std::string("Cyclone DDS cannot make ") + what + ": " + dds_strretcode(-entity));
+  }
+}
+
+void Entity::reset() noexcept {
+  if (entity_ > 0) {
+    dds_delete(entity_);
+  }
+  entity_ = 0;
+}
+
+Domain::Domain(const NetworkConfig& network, Side side) {
+  check(network, side);
+  number_ = network.domain == NetworkConfig::any_domain ? free_domain() : network.domain;
+  const std::string where = " (domain " + std::to_string(number_) + ", interface " +
+                            (network.interface.empty() ? "chosen by Cyclone DDS" : network.interface) + ")";
+  if (side == Side::world && !is_port_free(world_port(number_))) {
+    throw Error("UDP port " + std::to_string(world_port(number_)) + " is taken" + where +
+                ": another World has this domain; choose another with --domain");
+  }
+  domain_ = Entity(dds_create_domain(number_, settings(network, side, number_).c_str()),
+                   ("a domain" + where + "; see that the interface exists (ip addr)").c_str());
+  participant_ = Entity(dds_create_participant(number_, nullptr, nullptr),
+                        ("a participant" + where + "; see that the interface exists (ip addr)").c_str());
+  const auto make_topic = [&](const dds_topic_descriptor_t& type, const char* name) {
+    return Entity(dds_create_topic(participant_.get(), &type, name, nullptr, nullptr), name);
+  };
+  presence_ = make_topic(ringfence_wire_Presence_desc, presence_topic);
+  terms_ = make_topic(ringfence_wire_Terms_desc, terms_topic);
+  piece_ = make_topic(ringfence_wire_Piece_desc, piece_topic);
+  parcel_up_ = make_topic(ringfence_wire_Parcel_desc, up_topic);
+  parcel_down_ = make_topic(ringfence_wire_Parcel_desc, down_topic);
+  pulse_topic_ = make_topic(ringfence_wire_Pulse_desc, "ringfence_pulse");
+}
+
+// A participant says that it lives when four fifths of its shortest lease have passed. This writer, which writes
+// nothing, has half the lease of those that are watched: one such word may get lost, or come late from a busy machine.
+void Domain::beat(double lease_ms) {
+  pulse_.reset();
+  dds_qos_t* qos = quality({false, false, lease_ms / 2}, {});
+  pulse_ = Entity(dds_create_writer(participant_.get(), pulse_topic_.get(), qos, nullptr), "a pulse");
+  dds_delete_qos(qos);
+}
+
+Domain::~Domain() {
+  pulse_.reset();
+  participant_.reset();
+}
+
+dds_entity_t Domain::topic(const char* name) {
+  const std::pair<const char*, const Entity*> topics[] = {{presence_topic, &presence_},
+                                                          {terms_topic, &terms_},
+                                                          {piece_topic, &piece_},
+                                                          {up_topic, &parcel_up_},
+                                                          {down_topic, &parcel_down_}};
+  return std::find_if(std::begin(topics), std::end(topics), [&](const auto& each) { return each.first == name; })
+      ->second->get();
+}
+
+Entity Domain::reader(const char* name, const Carriage& carriage, const std::string& partition) {
+  // Any lease will do: how long a writer may be silent is what it promised itself.
+  dds_qos_t* qos = quality({carriage.durable, carriage.keep_all, 0}, partition);
+  const dds_entity_t made = dds_create_reader(participant_.get(), topic(name), qos, nullptr);
+  dds_delete_qos(qos);
+  return {made, name};
+}
+
+Entity Domain::writer(const char* name, const Carriage& carriage, const std::string& partition) {
+  dds_qos_t* qos = quality(carriage, partition);
+  const dds_entity_t made = dds_create_writer(participant_.get(), topic(name), qos, nullptr);
+  dds_delete_qos(qos);
+  return {made, name};
+}
+
+void Domain::listen(const Entity& entity, const Hook& hook) {
+  dds_listener_t* listener = dds_create_listener(const_cast<Hook*>(&hook));
+  dds_lset_data_available(listener, [](dds_entity_t, void* arg) { tell_data(arg); });
+  dds_lset_subscription_matched(
+      listener, [](dds_entity_t, const dds_subscription_matched_status_t, void* arg) { tell_others(arg); });
+  dds_lset_liveliness_changed(listener,
+                              [](dds_entity_t, const dds_liveliness_changed_status_t, void* arg) { tell_others(arg); });
+  dds_lset_publication_matched(
+      listener, [](dds_entity_t, const dds_publication_matched_status_t, void* arg) { tell_others(arg); });
+  dds_set_listener(entity.get(), listener);
+  dds_delete_listener(listener);
+  hook.data();
+  hook.others();
+}
+
+std::string Domain::socket_shortage(const NetworkConfig& network) {
+  std::ifstream file("/proc/sys/net/core/rmem_max");
+  std::size_t most = 0;
+  if (!(file >> most) || most >= network.socket_bytes) {
+    return {};
+  }
+  return "sockets are to hold " + std::to_string(network.socket_bytes) + " bytes, the system allows " +
+         std::to_string(most) + ": frames with more are sent again in parts; sysctl -w net.core.rmem_max=" +
+         std::to_string(network.socket_bytes);
+}
+
+std::string partition_of(std::uint64_t incarnation) { return "node-" + std::to_string(incarnation); }
+
+std::uint64_t draw_incarnation() {
+  std::random_device device;
+  std::uint64_t drawn = 0;
+  while (drawn == 0) {
+    drawn = std::uint64_t{device()} << 32 | device();
+  }
+  return drawn;
+}
+
+}  // namespace ringfence::dds

@@ -1,0 +1,129 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <utility>
+
+#include "dds/wire.hpp"
+#include "ringfence/cluster.hpp"
+
+namespace ringfence::dds {
+
+/// Whose side of the network: a World stands where nodes look for it.
+enum class Side : std::uint8_t { world, node };
+
+/// A DDS entity that is deleted with its owner. Moves, does not copy.
+class Entity {
+ public:
+  Entity() = default;
+  /// Takes over what a dds_create_* call answered; throws Error, naming `what`, where that was an error.
+  Entity(dds_entity_t entity, const char* what);
+  ~Entity() { reset(); }
+  Entity(Entity&& other) noexcept : entity_(std::exchange(other.entity_, 0)) {}
+  Entity& operator=(Entity&& other) noexcept {
+    std::swap(entity_, other.entity_);
+    return *this;
+  }
+  void reset() noexcept;
+  dds_entity_t get() const noexcept { return entity_; }
+  explicit operator bool() const noexcept { return entity_ > 0; }
+
+ private:
+  dds_entity_t entity_ = 0;
+};
+
+/// How one topic is carried.
+struct Carriage {
+  bool durable = false;  ///< the last of each key is kept for late joiners
+  bool keep_all = true;  ///< else the last of each key
+  double lease_ms = 0;   ///< > 0: who is silent for so long is not alive
+};
+
+/// A process's place in a domain: one participant, with the topics of wire.idl.
+///
+/// Configured without the environment: the settings are made from NetworkConfig. Writers never wait: a write that finds
+/// the cache of unacknowledged samples full answers DDS_RETCODE_TIMEOUT.
+///
+/// Threads: made and used by one; the hooks given to readers are called by the receiving threads of Cyclone DDS.
+class Domain {
+ public:
+  /// What is called where something may have come, or somebody has come or gone.
+  struct Hook {
+    std::function<void()> data;
+    std::function<void()> others;
+  };
+
+  /// Throws Error, saying what to change, where the interface or the port cannot be had.
+  Domain(const NetworkConfig& network, Side side);
+  ~Domain();
+  Domain(const Domain&) = delete;
+  Domain& operator=(const Domain&) = delete;
+
+  std::uint32_t number() const noexcept { return number_; }
+  dds_entity_t participant() const noexcept { return participant_.get(); }
+
+  /// `partition` empty: none.
+  Entity reader(const char* topic, const Carriage& carriage, const std::string& partition);
+  Entity writer(const char* topic, const Carriage& carriage, const std::string& partition);
+  /// Has `hook` called for the reader or writer; and once now, for what has been already. It outlives the entity.
+  static void listen(const Entity& entity, const Hook& hook);
+
+  /// Lets the process say often enough that it lives for the writers with that lease.
+  void beat(double lease_ms);
+
+  /// What the sockets were asked for and were not given, as a sentence; empty where they got it.
+  static std::string socket_shortage(const NetworkConfig& network);
+
+ private:
+  dds_entity_t topic(const char* name);
+
+  std::uint32_t number_ = 0;
+  Entity domain_;
+  Entity participant_;
+  Entity pulse_;
+  Entity presence_, terms_, piece_, parcel_up_, parcel_down_, pulse_topic_;
+};
+
+/// The names of the topics.
+inline constexpr const char* presence_topic = "ringfence_presence";
+inline constexpr const char* terms_topic = "ringfence_terms";
+inline constexpr const char* piece_topic = "ringfence_piece";
+inline constexpr const char* up_topic = "ringfence_up";      ///< parcels from nodes
+inline constexpr const char* down_topic = "ringfence_down";  ///< parcels to a node, in the partition of its incarnation
+
+/// How the topics are carried.
+constexpr Carriage watched_carriage(double lease_ms) noexcept { return {true, false, lease_ms}; }
+inline constexpr Carriage piece_carriage{true, false, 0};
+inline constexpr Carriage parcel_carriage{false, true, 0};
+
+/// The partition of one node.
+std::string partition_of(std::uint64_t incarnation);
+
+/// A number that no other process has drawn.
+std::uint64_t draw_incarnation();
+
+/// Takes what has come, up to `most` samples at a time until there is none, and shows each to `see(sample, info)`.
+/// Without copying: what `see` is shown lives until it returns.
+template <class Sample, class See>
+bool take_all(const Entity& reader, See see) {
+  constexpr std::uint32_t most = 16;
+  void* samples[most] = {};
+  dds_sample_info_t infos[most];
+  bool any = false;
+  for (;;) {
+    samples[0] = nullptr;
+    const dds_return_t got = dds_take(reader.get(), samples, infos, most, most);
+    if (got <= 0) {
+      return any;
+    }
+    for (dds_return_t i = 0; i < got; ++i) {
+      see(*static_cast<const Sample*>(samples[i]), infos[i]);
+    }
+    dds_return_loan(reader.get(), samples, got);
+    any = true;
+  }
+}
+
+}  // namespace ringfence::dds

@@ -1,0 +1,473 @@
+#include "dds/node_fleet.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include <dds/ddsc/dds_statistics.h>
+
+#include "dds/description.hpp"
+#include "dds/shelf.hpp"
+#include "nodes/server_role.hpp"
+#include "ringfence/error.hpp"
+
+namespace ringfence::dds {
+
+using messages::Endpoint;
+using nodes::Step;
+
+namespace {
+
+std::string limit(const char* text) { return std::string(text == nullptr ? "" : text).substr(0, 200); }
+
+}  // namespace
+
+NodeFleet::NodeFleet(ClusterConfig config)
+    : config_(std::move(config)),
+      world_(draw_incarnation()),
+      presence_hook_{[this] {
+                       presence_waits_.store(true, std::memory_order_release);
+                       noted_.notify_all();
+                       ring_server();
+                     },
+                     [] {}},
+      parcel_hook_{[this] {
+                     parcels_wait_.store(true, std::memory_order_release);
+                     ring_server();
+                   },
+                   [] {}},
+      domain_(config_.network, Side::world) {
+  const double lease = config_.network.lease_ms;
+  domain_.beat(lease);
+  terms_ = domain_.writer(terms_topic, watched_carriage(lease), {});
+  pieces_ = domain_.writer(piece_topic, piece_carriage, {});
+  up_ = domain_.reader(up_topic, parcel_carriage, {});
+  presence_ = domain_.reader(presence_topic, watched_carriage(lease), {});
+  Domain::listen(up_, parcel_hook_);
+  Domain::listen(presence_, presence_hook_);
+  if (const std::string shortage = Domain::socket_shortage(config_.network); !shortage.empty()) {
+    log(LogLevel::warning, shortage);
+  }
+}
+
+NodeFleet::~NodeFleet() {
+  presence_.reset();
+  up_.reset();
+}
+
+void NodeFleet::log(LogLevel level, const std::string& line) const {
+  if (config_.log) {
+    config_.log(level, line);
+  }
+}
+
+// Who says what of itself, and who is gone. Not by the receiving threads: they hold locks of Cyclone DDS, which others
+// want while they hold the mutex.
+void NodeFleet::note_presence() {
+  if (!presence_waits_.exchange(false, std::memory_order_acquire)) {
+    return;
+  }
+  take_all<PresenceSample>(presence_, [&](const PresenceSample& sample, const dds_sample_info_t& info) {
+    const bool alive = info.instance_state == DDS_IST_ALIVE;
+    auto found = nodes_.find(sample.incarnation);
+    if (found == nodes_.end()) {
+      if (!alive || !info.valid_data) {
+        return;
+      }
+      found = nodes_.emplace(sample.incarnation, std::make_shared<Node>()).first;
+      found->second->incarnation = sample.incarnation;
+    }
+    Node& node = *found->second;
+    if (info.valid_data) {
+      std::uint8_t order[4];
+      write_byte_order(order);
+      node.name = limit(sample.name);
+      node.fits = sample.version == wire_version && std::equal(order, order + 4, sample.order) &&
+                  sample.layout == layout_of_records();
+      node.reason = limit(sample.reason);
+      node.state.store(static_cast<NodeState>(sample.state), std::memory_order_relaxed);
+    }
+    if (!alive) {
+      node.gone.store(true, std::memory_order_release);
+      somebody_gone_.store(true, std::memory_order_release);
+    }
+  });
+}
+
+void NodeFleet::ring_server() {
+  if (link::Doorbell* bell = server_bell_.load(std::memory_order_acquire)) {
+    bell->ring();
+  }
+}
+
+void NodeFleet::open(const WorldTerms& terms) {
+  if (server_bell_.load(std::memory_order_relaxed) != nullptr) {
+    throw Error("A cluster serves one World; make another Cluster for another World");
+  }
+  server_bell_.store(terms.server_bell, std::memory_order_release);
+  const WorldConfig& config = *terms.config;
+  WorldTermsRecord record;
+  const Vec3d corners[2] = {config.bounds_min, config.bounds_max};
+  for (std::size_t end = 0; end < 2; ++end) {
+    double* bounds = end == 0 ? record.bounds_min : record.bounds_max;
+    bounds[0] = corners[end].x;
+    bounds[1] = corners[end].y;
+    bounds[2] = corners[end].z;
+  }
+  record.lease_ms = config_.network.lease_ms;
+  record.setup_bytes = config_.setup.size();
+  std::copy_n(terms.cells_log2, 3, record.cells_log2);
+  record.placement = static_cast<std::uint32_t>(config.placement);
+  std::copy(terms.layer_masks.begin(), terms.layer_masks.end(), record.layer_masks);
+  record.state_bytes = config.motion == nullptr ? 0 : static_cast<std::uint32_t>(config.motion->state_bytes());
+  record.has_model = config.motion == nullptr ? 0 : 1;
+  record.keep_resting = config.keep_resting ? 1 : 0;
+  record.remember_axes = config.remember_axes ? 1 : 0;
+  std::string name = "ringfence";
+  TermsSample sample{
+      world_, wire_version, {}, layout_of_records(), name.data(), borrow(std::as_bytes(std::span(&record, 1)))};
+  write_byte_order(sample.order);
+  if ((!config_.setup.empty() && !put_on_shelf(pieces_.get(), world_, PieceKind::setup, 0, 0, config_.setup)) ||
+      dds_write(terms_.get(), &sample) != DDS_RETCODE_OK) {
+    throw Error("Cyclone DDS does not take the World's terms; see that the network is up");
+  }
+}
+
+void NodeFleet::add_shape(ShapeNumber shape, const ShapeDescription& description) {
+  if (!put_on_shelf(pieces_.get(), world_, PieceKind::shape, shape, 0, pack_shape(description))) {
+    throw Error("shape " + std::to_string(shape) + " could not be sent to the nodes; see that the network is up");
+  }
+  shapes_ = shape + 1;
+  for (const auto& node : seats_) {
+    if (node != nullptr) {
+      node->path->set_shapes(shapes_);
+    }
+  }
+}
+
+// Those that are new get a way; those that are gone are forgotten.
+void NodeFleet::attend() {
+  for (auto at = nodes_.begin(); at != nodes_.end();) {
+    Node& node = *at->second;
+    const NodeState state = node.state.load(std::memory_order_relaxed);
+    if (node.gone.load(std::memory_order_acquire) && !node.seated) {
+      at = nodes_.erase(at);
+      continue;
+    }
+    if ((!node.fits || state == NodeState::refused) && !node.refusal_logged) {
+      node.refusal_logged = true;
+      ++totals_.refused;
+      log(LogLevel::warning, "node " + node.name + " is refused: " +
+                                 (!node.reason.empty() ? node.reason : "it is of another version or machine"));
+    }
+    if (node.fits && !node.writer) {
+      node.writer = domain_.writer(down_topic, parcel_carriage, partition_of(node.incarnation));
+      node.path = std::make_unique<Path>(node.writer.get(), node.incarnation);
+    }
+    ++at;
+  }
+}
+
+std::vector<Fleet::Member> NodeFleet::arrivals() {
+  const std::lock_guard lock(mutex_);
+  note_presence();
+  attend();
+  std::vector<Member> ready;
+  for (const auto& [incarnation, node] : nodes_) {
+    if (!node->fits || node->seated || node->dismissed || node->state.load() != NodeState::ready) {
+      continue;
+    }
+    dds_publication_matched_status_t matched{};
+    if (dds_get_publication_matched_status(node->writer.get(), &matched) == DDS_RETCODE_OK &&
+        matched.current_count > 0) {
+      ready.push_back(incarnation);
+    }
+  }
+  return ready;
+}
+
+std::vector<Fleet::Member> NodeFleet::await(std::uint32_t nodes) {
+  const auto deadline =
+      std::chrono::steady_clock::now() + std::chrono::microseconds(static_cast<std::int64_t>(config_.wait_ms * 1e3));
+  for (;;) {
+    std::vector<Member> ready = arrivals();
+    if (ready.size() >= nodes) {
+      ready.resize(nodes);  // the others join the first frame
+      return ready;
+    }
+    if (std::chrono::steady_clock::now() >= deadline) {
+      const NetworkConfig& network = config_.network;
+      throw Error(
+          std::to_string(ready.size()) + " of " + std::to_string(nodes) + " nodes joined domain " +
+          std::to_string(domain()) + " within " + std::to_string(static_cast<long>(config_.wait_ms)) +
+          " ms: start `ringfence node --domain " + std::to_string(domain()) + "` on machines of the network of " +
+          (network.interface.empty() ? "the interface that Cyclone DDS chose (--interface)" : network.interface) +
+          ", with --peers and this machine's address where multicast does not pass; UDP ports " +
+          std::to_string(7400 + 250 * domain()) + " and the 249 above must be open");
+    }
+    std::unique_lock lock(mutex_);
+    noted_.wait_for(lock, std::chrono::milliseconds(2));
+  }
+}
+
+bool NodeFleet::is_leaving(Member member) {
+  const std::lock_guard lock(mutex_);
+  const auto found = nodes_.find(member);
+  return found != nodes_.end() && found->second->state.load() == NodeState::leaving;
+}
+
+void NodeFleet::dismiss(Node& node) {
+  node.seated = false;
+  node.dismissed = true;
+  node.server = {};
+  node.peers.clear();
+  if (node.lost || node.gone.load(std::memory_order_acquire)) {
+    ++totals_.lost;
+    log(LogLevel::error, "node " + node.name + " is lost");
+  } else {
+    ++totals_.left;
+    log(LogLevel::info, "node " + node.name + " leaves");
+  }
+  // Whether or not it is still there: what it hears last is that it has no seat.
+  node.path->say(ParcelKind::dismissed, {});
+  node.path->flush();
+}
+
+void NodeFleet::seat(nodes::ServerRole& server, std::span<const Seat> seats, const regions::RegionMap& map) {
+  const std::lock_guard lock(mutex_);
+  server_ = &server;
+  const auto old = std::exchange(seats_, {});
+  seats_.resize(seats.size());
+  seated_.clear();
+  for (std::size_t number = 0; number < seats.size(); ++number) {
+    if (seats[number].member != nobody) {
+      seats_[number] = nodes_.at(seats[number].member);
+      seated_[seats[number].member] = seats_[number].get();
+    }
+  }
+  for (const auto& node : old) {
+    if (node != nullptr && seated_.count(node->incarnation) == 0) {
+      dismiss(*node);
+    }
+  }
+  const auto is_new = [](const auto& node) { return node != nullptr && !node->seated; };
+  if (epoch_on_shelf_ != map.epoch() && std::any_of(seats_.begin(), seats_.end(), is_new)) {
+    put_on_shelf(pieces_.get(), world_, PieceKind::regions, 0, map.epoch(), std::as_bytes(map.table()));
+    epoch_on_shelf_ = map.epoch();
+  }
+  for (std::size_t number = 0; number < seats.size(); ++number) {
+    Node* node = seats_[number].get();
+    if (node == nullptr) {
+      continue;
+    }
+    node->number = static_cast<NodeNumber>(number);
+    node->server = seats[number].server;
+    node->peers = seats[number].peers;
+    const Meeting meeting{node->number,
+                          static_cast<std::uint32_t>(seats.size()),
+                          seats[number].objects,
+                          seats[number].pairs,
+                          map.epoch(),
+                          map.nodes(),
+                          static_cast<std::uint32_t>(map.table().size()),
+                          node->seated ? 0u : 1u};
+    if (!node->seated) {
+      node->seated = true;
+      ++totals_.joined;
+      log(LogLevel::info, "node " + node->name + " joins as number " + std::to_string(number));
+    }
+    node->path->set_shapes(shapes_);
+    node->path->say(ParcelKind::meet, std::as_bytes(std::span(&meeting, 1)));
+    node->path->flush();
+  }
+  losses_ = true;  // whoever has gone meanwhile
+}
+
+// True once no node that has gone is taken for one that lives.
+bool NodeFleet::tell_losses() {
+  bool told = false;
+  losses_ = false;
+  for (const auto& node : seats_) {
+    if (node == nullptr || node->lost || !(node->broken || node->gone.load(std::memory_order_acquire))) {
+      continue;
+    }
+    if (server_->lose(node->number)) {
+      node->lost = told = true;
+    } else {
+      losses_ = true;  // no frame is under way: in the next
+    }
+  }
+  return told;
+}
+
+Step NodeFleet::step() {
+  bool progressed = false;
+  if (presence_waits_.load(std::memory_order_relaxed)) {
+    const std::lock_guard lock(mutex_);
+    note_presence();
+  }
+  losses_ |= somebody_gone_.exchange(false, std::memory_order_acquire);
+  if (losses_) {
+    progressed |= tell_losses();
+  }
+  for (const auto& node : seats_) {
+    if (node != nullptr && node->path->has_kept() && !node->lost) {
+      auto show = [&](ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
+        return deliver(*node, kind, offset, bytes);
+      };
+      progressed |= node->path->deliver_kept(show);
+    }
+  }
+  if (parcels_wait_.exchange(false, std::memory_order_acquire)) {
+    progressed |= take_all<ParcelSample>(up_, [&](const ParcelSample& parcel, const dds_sample_info_t& info) {
+      if (info.valid_data) {
+        take_parcel(parcel);
+      }
+    });
+  }
+  for (const auto& node : seats_) {
+    if (node != nullptr && !node->lost) {
+      progressed |= carry(*node);
+    }
+  }
+  return progressed ? Step::progressed : Step::idle;
+}
+
+void NodeFleet::take_parcel(const ParcelSample& parcel) {
+  const auto found = seated_.find(parcel.incarnation);
+  if (found == seated_.end() || found->second->lost) {
+    // From before a loss, or from one that does not know yet that it has no seat.
+    stale_parcels_.fetch_add(1, std::memory_order_relaxed);
+    if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::question) {
+      const std::lock_guard lock(mutex_);
+      const auto asker = nodes_.find(parcel.incarnation);
+      if (asker != nodes_.end() && asker->second->path != nullptr) {
+        asker->second->path->remark(ParcelKind::dismissed);
+      }
+    }
+    return;
+  }
+  Node& node = *found->second;
+  auto show = [&](ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
+    return deliver(node, kind, offset, bytes);
+  };
+  if (!node.path->receive(parcel, show)) {
+    node.broken = losses_ = true;
+  }
+}
+
+bool NodeFleet::deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes) {
+  if (kind != ParcelKind::messages) {
+    return true;
+  }
+  const bool all = for_each_message(bytes, offset, [&](Endpoint to, std::span<const std::byte> message) {
+    return deliver_message(from, to, message);
+  });
+  publish(from);
+  return all;
+}
+
+bool NodeFleet::deliver_message(Node& from, Endpoint to, std::span<const std::byte> message) {
+  link::Sender* out = from.server.out;
+  if (to.is_node()) {
+    if (to.number() >= seats_.size()) {
+      return true;
+    }
+    if (Node* other = seats_[to.number()].get()) {
+      return other->lost || other->path->add(message, Endpoint::node(from.number));
+    }
+    out = from.peers[to.number()].out;
+  }
+  if (out == nullptr || message.size() > out->largest_message()) {
+    return true;  // no message of this World
+  }
+  const std::span<std::byte> room = out->claim(message.size());
+  if (room.empty()) {
+    return false;
+  }
+  std::copy(message.begin(), message.end(), room.begin());
+  out->commit(message.size());
+  return true;
+}
+
+void NodeFleet::publish(Node& node) {
+  node.server.out->publish();
+  for (const nodes::Line& peer : node.peers) {
+    if (peer.out != nullptr) {
+      peer.out->publish();
+    }
+  }
+}
+
+// What server and nodes of this process have said to the node goes out. Whether there was anything.
+bool NodeFleet::carry(Node& node) {
+  const std::uint64_t before = node.path->counters().sent_parcels;
+  bool all = node.path->gather(*node.server.in, Endpoint::server());
+  for (std::uint32_t peer = 0; all && peer < node.peers.size(); ++peer) {
+    if (node.peers[peer].in != nullptr) {
+      all = node.path->gather(*node.peers[peer].in, Endpoint::node(peer));
+    }
+  }
+  node.path->flush();
+  node.path->acknowledge();
+  return node.path->counters().sent_parcels != before;
+}
+
+void NodeFleet::close() noexcept {
+  try {
+    const std::lock_guard lock(mutex_);
+    server_bell_.store(nullptr, std::memory_order_release);
+    for (const auto& [incarnation, node] : nodes_) {
+      if (node->path != nullptr && !node->dismissed) {
+        node->path->say(ParcelKind::dismissed, {});
+        node->path->flush();
+      }
+    }
+    for (const auto& [incarnation, node] : nodes_) {
+      if (node->path != nullptr && !node->gone.load(std::memory_order_acquire)) {
+        dds_wait_for_acks(node->writer.get(), DDS_MSECS(200));
+      }
+    }
+    seats_.clear();
+    seated_.clear();
+    terms_.reset();
+  } catch (...) {
+    // The nodes notice by themselves that the World is gone.
+  }
+}
+
+ClusterReport NodeFleet::report() const {
+  const std::lock_guard lock(mutex_);
+  ClusterReport report = totals_;
+  report.stale_parcels = stale_parcels_.load(std::memory_order_relaxed);
+  for (const auto& node : seats_) {
+    if (node == nullptr) {
+      continue;
+    }
+    const Path::Counters& counters = node->path->counters();
+    MemberReport& member = report.members.emplace_back();
+    member.name = node->name;
+    member.number = node->number;
+    member.sent_parcels = counters.sent_parcels;
+    member.sent_bytes = counters.sent_bytes;
+    member.taken_parcels = counters.taken_parcels;
+    member.taken_bytes = counters.taken_bytes;
+    member.refused_writes = counters.refused_writes;
+    if (dds_statistics* statistics = dds_create_statistics(node->writer.get())) {
+      if (const dds_stat_keyvalue* value = dds_lookup_statistic(statistics, "rexmit_bytes")) {
+        member.retransmitted_bytes = value->u.u64;
+      }
+      dds_delete_statistics(statistics);
+    }
+  }
+  return report;
+}
+
+Cluster::Cluster(ClusterConfig config) : fleet_(std::make_shared<NodeFleet>(std::move(config))) {}
+Cluster::~Cluster() = default;
+
+std::shared_ptr<Fleet> Cluster::fleet() const { return fleet_; }
+std::uint32_t Cluster::domain() const noexcept { return fleet_->domain(); }
+ClusterReport Cluster::report() const { return fleet_->report(); }
+
+}  // namespace ringfence::dds

@@ -1,0 +1,278 @@
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <optional>
+#include <utility>
+
+#include <unistd.h>
+
+#include "dds/node_session.hpp"
+#include "ringfence/cluster.hpp"
+#include "ringfence/error.hpp"
+
+namespace ringfence::dds {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// A World that is silent for longer than a lease may only be busy, or behind a network that is mended soon.
+constexpr std::chrono::seconds patience_with_world(3);
+
+std::string own_name() {
+  char host[256] = {};
+  gethostname(host, sizeof host - 1);
+  return std::string(host) + ":" + std::to_string(getpid());
+}
+
+}  // namespace
+
+class NodeService::Implementation {
+ public:
+  explicit Implementation(NodeServiceConfig config)
+      : config_(std::move(config)),
+        // Two looks, then to sleep: on a machine with more nodes than cores, whoever is waited for needs this one.
+        bell_(link::Patience{20, 2}),
+        control_hook_{[this] { stir(); }, [this] { stir(); }},
+        parcel_hook_{[this] {
+                       parcels_wait_.store(true, std::memory_order_release);
+                       bell_.ring();
+                     },
+                     [this] { stir(); }},
+        domain_(config_.network, Side::node) {
+    if (config_.name.empty()) {
+      config_.name = own_name();
+    }
+    up_ = domain_.writer(up_topic, parcel_carriage, {});
+    Domain::listen(up_, control_hook_);
+    read_world();
+    if (const std::string shortage = Domain::socket_shortage(config_.network); !shortage.empty()) {
+      log(LogLevel::warning, shortage);
+    }
+  }
+
+  ~Implementation() {
+    session_.reset();
+    terms_.reset();
+    pieces_.reset();
+    up_.reset();
+  }
+
+  Ending run() {
+    // What a full network makes wait, nothing rings for.
+    constexpr std::chrono::milliseconds tick(20);
+    while (!ending_) {
+      bell_.wait_for([this] { return step() || ending_; }, tick);
+    }
+    session_.reset();
+    return *ending_;
+  }
+
+  void drain() noexcept {
+    drains_.fetch_add(1, std::memory_order_release);
+    bell_.ring();
+  }
+
+ private:
+  void log(LogLevel level, const std::string& line) const {
+    if (config_.log) {
+      config_.log(level, line);
+    }
+  }
+
+  // Readers of their own for each World: what another has said while this one was served is shown to them anew.
+  void read_world() {
+    terms_ = domain_.reader(terms_topic, watched_carriage(config_.network.lease_ms), {});
+    pieces_ = domain_.reader(piece_topic, piece_carriage, {});
+    Domain::listen(terms_, control_hook_);
+    Domain::listen(pieces_, control_hook_);
+  }
+
+  // By receiving threads.
+  void stir() {
+    stirred_.store(true, std::memory_order_release);
+    bell_.ring();
+  }
+
+  bool step() {
+    if (ending_) {
+      return true;
+    }
+    bool progressed = false;
+    if (stirred_.exchange(false, std::memory_order_acquire)) {
+      attend();
+    }
+    watch_world();
+    if (std::exchange(renew_readers_, false)) {
+      read_world();
+    }
+    if (drains_.load(std::memory_order_acquire) != 0) {
+      leave();
+    }
+    if (session_ != nullptr) {
+      progressed = session_->step(parcels_wait_.exchange(false, std::memory_order_acquire));
+      if (session_->is_over()) {
+        end_session();
+        progressed = true;
+      }
+    }
+    return progressed;
+  }
+
+  void attend() {
+    take_all<TermsSample>(terms_, [&](const TermsSample& sample, const dds_sample_info_t& info) {
+      if (info.instance_state == DDS_IST_NOT_ALIVE_DISPOSED && world_ != nullptr && sample.world == world_->number()) {
+        forget_world(Ending::dismissed, "the World has ended");
+      } else if (info.valid_data && info.instance_state == DDS_IST_ALIVE && world_ == nullptr) {
+        meet_world(sample);
+      }
+    });
+    if (world_ == nullptr) {
+      return;
+    }
+    try {
+      take_all<PieceSample>(pieces_, [&](const PieceSample& piece, const dds_sample_info_t& info) {
+        if (info.valid_data && piece.world == world_->number()) {
+          world_->add(piece);
+        }
+      });
+    } catch (const Error& error) {
+      refuse(error.what());
+      return;
+    }
+    if (session_ != nullptr) {
+      dds_publication_matched_status_t matched{};
+      dds_get_publication_matched_status(up_.get(), &matched);
+      session_->attend(matched.current_count > 0);
+    }
+  }
+
+  void meet_world(const TermsSample& sample) {
+    std::uint8_t order[4];
+    write_byte_order(order);
+    WorldTermsRecord record;
+    const auto bytes = bytes_of(sample.bytes);
+    if (sample.version != wire_version || !std::equal(order, order + 4, sample.order) ||
+        sample.layout != layout_of_records() || bytes.size() != sizeof record) {
+      log(LogLevel::error, "the World of domain " + std::to_string(domain_.number()) +
+                               " is of another version, or its machine keeps bytes in another order");
+      ending_ = config_.once ? std::optional(Ending::refused) : ending_;
+      return;
+    }
+    std::memcpy(&record, bytes.data(), sizeof record);
+    domain_.beat(record.lease_ms);
+    presence_ = domain_.writer(presence_topic, watched_carriage(record.lease_ms), {});
+    try {
+      world_ = std::make_unique<KnownWorld>(sample.world, record, config_);
+    } catch (const Error& error) {
+      log(LogLevel::error, error.what());
+      ending_ = config_.once ? std::optional(Ending::refused) : ending_;
+      return;
+    }
+    heard_ = Clock::now();
+    begin_session();
+  }
+
+  void begin_session() {
+    session_ = std::make_unique<NodeSession>(domain_, *world_, presence_.get(), up_.get(), config_.name, parcel_hook_);
+  }
+
+  void end_session() {
+    if (drains_.load(std::memory_order_acquire) != 0) {
+      ending_ = Ending::drained;
+    } else if (!is_world_silent()) {
+      log(LogLevel::info, "has no seat any more and joins anew");
+      begin_session();
+    }
+  }
+
+  void refuse(const std::string& reason) {
+    log(LogLevel::error, reason);
+    session_->refuse(reason);
+    if (config_.once) {
+      dds_sleepfor(DDS_MSECS(50));  // the World logs it too
+      ending_ = Ending::refused;
+    }
+  }
+
+  void forget_world(Ending ending, const char* why) {
+    log(LogLevel::info, why);
+    session_.reset();
+    presence_.reset();
+    world_.reset();
+    renew_readers_ = true;
+    if (config_.once) {
+      ending_ = drains_.load(std::memory_order_acquire) != 0 ? Ending::drained : ending;
+    }
+  }
+
+  bool is_world_silent() const {
+    dds_liveliness_changed_status_t liveliness{};
+    return dds_get_liveliness_changed_status(terms_.get(), &liveliness) != DDS_RETCODE_OK ||
+           liveliness.alive_count == 0;
+  }
+
+  // Called with every step, so it looks at what DDS says only when that may have changed, or there is something to wait
+  // for.
+  void watch_world() {
+    if (world_ == nullptr) {
+      return;
+    }
+    const auto now = Clock::now();
+    const bool slept = now - looked_ > std::chrono::microseconds(static_cast<long>(world_->terms().lease_ms * 1e3));
+    const bool due = silent_ || now - looked_ > std::chrono::milliseconds(10);
+    if (!due) {
+      return;
+    }
+    const bool stopped = slept && looked_ != Clock::time_point{};
+    looked_ = now;
+    if (is_world_silent()) {
+      silent_ = true;
+      if (now - heard_ > patience_with_world) {
+        silent_ = false;
+        forget_world(Ending::abandoned, "the World is gone");
+      }
+      return;
+    }
+    heard_ = now;
+    if ((std::exchange(silent_, false) || stopped) && session_ != nullptr && session_->has_seat()) {
+      session_->ask();
+    }
+    if (session_ != nullptr && session_->is_over()) {
+      begin_session();
+    }
+  }
+
+  void leave() {
+    const bool twice = drains_.load(std::memory_order_acquire) > 1;
+    if (twice || session_ == nullptr || session_->leave()) {
+      ending_ = Ending::drained;
+    }
+  }
+
+  NodeServiceConfig config_;
+  link::Doorbell bell_;
+  std::atomic<bool> stirred_{false};
+  std::atomic<bool> parcels_wait_{false};
+  std::atomic<std::uint32_t> drains_{0};
+  Domain::Hook control_hook_;
+  Domain::Hook parcel_hook_;
+  Domain domain_;
+  Entity up_, terms_, pieces_, presence_;
+  std::unique_ptr<KnownWorld> world_;
+  std::unique_ptr<NodeSession> session_;
+  std::optional<Ending> ending_;
+  Clock::time_point heard_{};
+  Clock::time_point looked_{};
+  bool silent_ = false;
+  bool renew_readers_ = false;
+};
+
+NodeService::NodeService(NodeServiceConfig config)
+    : implementation_(std::make_unique<Implementation>(std::move(config))) {}
+NodeService::~NodeService() = default;
+
+Ending NodeService::run() { return implementation_->run(); }
+void NodeService::drain() noexcept { implementation_->drain(); }
+
+}  // namespace ringfence::dds

@@ -1,0 +1,231 @@
+#include "dds/node_session.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "regions/region_map.hpp"
+#include "ringfence/error.hpp"
+
+namespace ringfence::dds {
+
+using messages::Endpoint;
+using nodes::Step;
+
+namespace {
+
+constexpr std::size_t server_ring = std::size_t{1} << 16;
+
+/// Hand-overs are small, and of many peers' rings most stay empty.
+std::size_t peer_ring(std::uint32_t count) noexcept { return std::size_t{1} << (count <= 16 ? 16 : 13); }
+
+Vec3d corner(const double (&values)[3]) noexcept { return {values[0], values[1], values[2]}; }
+
+}  // namespace
+
+KnownWorld::KnownWorld(std::uint64_t number, const WorldTermsRecord& terms, const NodeServiceConfig& config)
+    : number_(number), terms_(terms), config_(config), space_(corner(terms.bounds_min), corner(terms.bounds_max)) {
+  if (terms.setup_bytes == 0) {
+    make_model({});
+  }
+}
+
+void KnownWorld::make_model(std::span<const std::byte> setup) {
+  model_ = config_.model ? config_.model(setup) : nullptr;
+  const std::size_t state = model_ == nullptr ? 0 : model_->state_bytes();
+  if (state != terms_.state_bytes || (model_ != nullptr) != (terms_.has_model != 0)) {
+    throw Error("the World's motion model keeps " + std::to_string(terms_.state_bytes) +
+                " bytes an object, this node's " + std::to_string(state) +
+                ": give the node the same model (NodeServiceConfig::model)");
+  }
+  ready_ = true;
+}
+
+void KnownWorld::add(const PieceSample& piece) {
+  shelf_.add(piece);
+  if (!ready_ && terms_.setup_bytes != 0) {
+    if (const auto* setup = shelf_.find(PieceKind::setup, 0, 0)) {
+      make_model(*setup);
+    }
+  }
+  for (;;) {
+    const auto number = static_cast<ShapeNumber>(shapes_.size());
+    const auto* bytes = shelf_.find(PieceKind::shape, number, 0);
+    if (bytes == nullptr) {
+      return;
+    }
+    shapes_.add(unpack_shape(*bytes, number, config_.support));
+    shelf_.drop(PieceKind::shape, number);
+  }
+}
+
+NodeSession::NodeSession(Domain& domain, KnownWorld& world, dds_entity_t presence, dds_entity_t up,
+                         const std::string& name, const Domain::Hook& hook)
+    : world_(world),
+      incarnation_(draw_incarnation()),
+      name_(name),
+      presence_(presence),
+      down_(domain.reader(down_topic, parcel_carriage, partition_of(incarnation_))),
+      path_(up, incarnation_),
+      server_way_(std::make_unique<facade::Way>(server_ring, nullptr, nullptr)) {
+  Domain::listen(down_, hook);
+  say(NodeState::joining);
+}
+
+NodeSession::~NodeSession() {
+  PresenceSample sample{};
+  sample.incarnation = incarnation_;
+  dds_dispose(presence_, &sample);
+}
+
+void NodeSession::say(NodeState state, const std::string& reason) {
+  state_ = state;
+  std::string name = name_;
+  std::string why = reason;
+  PresenceSample sample{
+      incarnation_,    wire_version, {},        layout_of_records(), static_cast<std::uint32_t>(state),
+      world_.number(), name.data(),  why.data()};
+  write_byte_order(sample.order);
+  dds_write(presence_, &sample);
+}
+
+void NodeSession::refuse(const std::string& reason) { say(NodeState::refused, reason); }
+
+void NodeSession::attend(bool up_matched) {
+  if (state_ != NodeState::joining || !up_matched || !world_.is_ready()) {
+    return;
+  }
+  dds_subscription_matched_status_t matched{};
+  if (dds_get_subscription_matched_status(down_.get(), &matched) == DDS_RETCODE_OK && matched.current_count > 0) {
+    say(NodeState::ready);
+  }
+}
+
+bool NodeSession::leave() {
+  if (role_ == nullptr) {
+    return true;
+  }
+  if (state_ != NodeState::leaving) {
+    say(NodeState::leaving);
+  }
+  return false;
+}
+
+bool NodeSession::step(bool parcels_wait) {
+  auto show = [this](ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes) {
+    return deliver(kind, shapes, offset, bytes);
+  };
+  bool progressed = path_.has_kept() && path_.deliver_kept(show);
+  if (parcels_wait) {
+    progressed |= take_all<ParcelSample>(down_, [&](const ParcelSample& parcel, const dds_sample_info_t& info) {
+      if (info.valid_data && parcel.incarnation == incarnation_) {
+        if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::dismissed || !path_.receive(parcel, show)) {
+          over_ = true;
+        }
+      }
+    });
+  }
+  if (role_ == nullptr) {
+    return progressed;
+  }
+  progressed |= role_->step() == Step::progressed;
+  const std::uint64_t before = path_.counters().sent_parcels;
+  bool all = path_.gather(*server_way_->first().in, Endpoint::server());
+  for (std::uint32_t peer = 0; all && peer < peer_ways_.size(); ++peer) {
+    if (peer_ways_[peer] != nullptr) {
+      all = path_.gather(*peer_ways_[peer]->first().in, Endpoint::node(peer));
+    }
+  }
+  path_.flush();
+  path_.acknowledge();
+  return progressed || path_.counters().sent_parcels != before;
+}
+
+bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset,
+                          std::span<const std::byte> bytes) {
+  if (world_.shapes().size() < shapes) {
+    return false;  // they are on their way
+  }
+  if (kind == ParcelKind::messages) {
+    const bool all = for_each_message(bytes, offset, [&](Endpoint from, std::span<const std::byte> message) {
+      return deliver_message(from, message);
+    });
+    server_way_->first().out->publish();
+    for (const auto& way : peer_ways_) {
+      if (way != nullptr) {
+        way->first().out->publish();
+      }
+    }
+    return all;
+  }
+  Meeting meeting;
+  if (kind != ParcelKind::meet || bytes.size() != sizeof meeting) {
+    return true;
+  }
+  std::memcpy(&meeting, bytes.data(), sizeof meeting);
+  return meet(meeting);
+}
+
+bool NodeSession::deliver_message(Endpoint from, std::span<const std::byte> message) {
+  link::Sender* out = server_way_->first().out;
+  if (from.is_node()) {
+    if (from.number() >= peer_ways_.size() || peer_ways_[from.number()] == nullptr) {
+      return true;
+    }
+    out = peer_ways_[from.number()]->first().out;
+  }
+  if (role_ == nullptr || message.size() > out->largest_message()) {
+    return true;
+  }
+  const std::span<std::byte> room = out->claim(message.size());
+  if (room.empty()) {
+    return false;
+  }
+  std::copy(message.begin(), message.end(), room.begin());
+  out->commit(message.size());
+  return true;
+}
+
+// Between frames: the role has done everything, and its rings are empty.
+bool NodeSession::meet(const Meeting& meeting) {
+  if (role_ == nullptr) {
+    const auto* table = world_.regions(meeting.epoch);
+    if (table == nullptr || table->size() != std::size_t{meeting.map_words} * sizeof(std::uint32_t)) {
+      return false;  // it is on its way
+    }
+    const WorldTermsRecord& terms = world_.terms();
+    nodes::CdNodeSetup setup;
+    setup.node = meeting.number;
+    setup.shapes = &world_.shapes();
+    setup.space = &world_.space();
+    setup.model = world_.model();
+    setup.placement = static_cast<Placement>(terms.placement);
+    std::copy(std::begin(terms.layer_masks), std::end(terms.layer_masks), setup.layer_masks.begin());
+    setup.keep_resting = terms.keep_resting != 0;
+    setup.remember_axes = terms.remember_axes != 0;
+    setup.objects = meeting.objects;
+    setup.pairs = meeting.pairs;
+    setup.server = server_way_->second();
+    std::vector<std::uint32_t> owners(meeting.map_words);
+    std::memcpy(owners.data(), table->data(), table->size());
+    regions::RegionMap map(regions::CellGrid{{terms.cells_log2[0], terms.cells_log2[1], terms.cells_log2[2]}}, 1);
+    map.assign(owners, meeting.map_nodes, meeting.epoch);
+    role_ = std::make_unique<nodes::CdNodeRole>(setup, map);
+  } else {
+    while (role_->step() == Step::progressed) {
+    }
+  }
+  peer_ways_.clear();
+  peer_ways_.resize(meeting.count);
+  std::vector<nodes::Line> lines(meeting.count);
+  for (std::uint32_t peer = 0; peer < meeting.count; ++peer) {
+    if (peer != meeting.number) {
+      peer_ways_[peer] = std::make_unique<facade::Way>(peer_ring(meeting.count), nullptr, nullptr);
+      lines[peer] = peer_ways_[peer]->second();
+    }
+  }
+  role_->meet(meeting.number, lines);
+  return true;
+}
+
+}  // namespace ringfence::dds

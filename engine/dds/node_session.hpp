@@ -1,0 +1,104 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "dds/description.hpp"
+#include "dds/domain.hpp"
+#include "dds/path.hpp"
+#include "dds/shelf.hpp"
+#include "facade/way.hpp"
+#include "geometry/shape_table.hpp"
+#include "link/doorbell.hpp"
+#include "nodes/cd_node_role.hpp"
+#include "ringfence/cluster.hpp"
+
+namespace ringfence::dds {
+
+/// A World as a node knows it: its terms, its shapes as far as they have come, and what moves its objects.
+///
+/// Threads: one.
+class KnownWorld {
+ public:
+  /// Throws Error where the terms cannot be met. `config` outlives it.
+  KnownWorld(std::uint64_t number, const WorldTermsRecord& terms, const NodeServiceConfig& config);
+
+  std::uint64_t number() const noexcept { return number_; }
+  const WorldTermsRecord& terms() const noexcept { return terms_; }
+  const geometry::FixedSpace& space() const noexcept { return space_; }
+  const geometry::ShapeTable& shapes() const noexcept { return shapes_; }
+  const MotionModel* model() const noexcept { return model_.get(); }
+  /// The region map's table under that epoch, or null where it has not come yet.
+  const std::vector<std::byte>* regions(std::uint32_t epoch) const { return shelf_.find(PieceKind::regions, 0, epoch); }
+
+  /// Takes a piece and does what can be done with it. Throws Error where a shape or the embedder's own will not do.
+  void add(const PieceSample& piece);
+  /// Whether the motion model is there, or none is needed.
+  bool is_ready() const noexcept { return ready_; }
+
+ private:
+  void make_model(std::span<const std::byte> setup);
+
+  std::uint64_t number_;
+  WorldTermsRecord terms_;
+  const NodeServiceConfig& config_;
+  geometry::FixedSpace space_;
+  geometry::ShapeTable shapes_;
+  std::shared_ptr<const MotionModel> model_;
+  Shelf shelf_;
+  bool ready_ = false;
+};
+
+/// A node's time under one number in the World's books: from saying that it is there to hearing that it has no seat.
+///
+/// The node's role and its ends of the rings are all in one thread, which carries between rings and parcels as well: a
+/// frame's message passes no other thread on its way from the network to the role.
+///
+/// Threads: one, but for the hooks.
+class NodeSession {
+ public:
+  /// `hook` is called when a parcel has come, and when others come or go; it outlives it.
+  NodeSession(Domain& domain, KnownWorld& world, dds_entity_t presence, dds_entity_t up, const std::string& name,
+              const Domain::Hook& hook);
+  ~NodeSession();
+  NodeSession(const NodeSession&) = delete;
+  NodeSession& operator=(const NodeSession&) = delete;
+
+  /// Says how it stands where that has changed. `up_matched`: the World hears what the node says.
+  void attend(bool up_matched);
+  /// Does what can be done now; whether that was anything.
+  bool step(bool parcels_wait);
+  /// Wants to leave: true where there is nothing to hand over.
+  bool leave();
+  void refuse(const std::string& reason);
+  /// Asks whether it has its seat still.
+  void ask() { path_.remark(ParcelKind::question); }
+
+  bool has_seat() const noexcept { return role_ != nullptr; }
+  /// Has lost its seat, or its way.
+  bool is_over() const noexcept { return over_; }
+
+ private:
+  void say(NodeState state, const std::string& reason = {});
+  bool deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes);
+  bool deliver_message(messages::Endpoint from, std::span<const std::byte> message);
+  bool meet(const Meeting& meeting);
+
+  KnownWorld& world_;
+  std::uint64_t incarnation_;
+  std::string name_;
+  dds_entity_t presence_;
+  Entity down_;
+  Path path_;
+  NodeState state_ = NodeState::joining;
+  std::unique_ptr<facade::Way> server_way_;
+  std::vector<std::unique_ptr<facade::Way>> peer_ways_;  ///< by number
+  std::unique_ptr<nodes::CdNodeRole> role_;
+  bool over_ = false;
+};
+
+}  // namespace ringfence::dds

@@ -1,0 +1,112 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+#include <dds/dds.h>
+
+#include "messages/header.hpp"
+#include "messages/records.hpp"
+#include "ringfence/contact.hpp"
+#include "ringfence/motion_model.hpp"
+#include "wire.h"
+
+namespace ringfence::dds {
+
+using PresenceSample = ringfence_wire_Presence;
+using TermsSample = ringfence_wire_Terms;
+using PieceSample = ringfence_wire_Piece;
+using ParcelSample = ringfence_wire_Parcel;
+
+/// Where a node stands, as its Presence says.
+enum class NodeState : std::uint32_t {
+  joining,  ///< reads terms, shapes and regions
+  ready,    ///< may be given a seat
+  leaving,  ///< has a seat and wants to leave
+  refused,  ///< does not fit; Presence::reason says why
+};
+
+/// What a Parcel is.
+enum class ParcelKind : std::uint32_t {
+  messages,   ///< whole messages; see Packing
+  meet,       ///< World to node, before a frame: Meeting
+  dismissed,  ///< World to node: no seat any more; join anew, or end
+  taken,      ///< says no more than Parcel::taken; not numbered
+  question,   ///< node to World: have I still a seat? Answered by `dismissed` where not; not numbered
+};
+
+/// What a Piece is of.
+enum class PieceKind : std::uint32_t {
+  shape,    ///< `number` is its ShapeNumber
+  regions,  ///< the region map's table, under `epoch`
+  setup,    ///< ClusterConfig::setup
+};
+
+/// A node's place from the next frame on.
+struct Meeting {
+  std::uint32_t number = 0;
+  std::uint32_t count = 0;
+  std::uint64_t objects = 0;  ///< to be reserved
+  std::uint64_t pairs = 0;
+  std::uint32_t epoch = 0;      ///< of the map that holds
+  std::uint32_t map_nodes = 0;  ///< whom that map knows
+  std::uint32_t map_words = 0;  ///< of its table
+  std::uint32_t is_new = 0;     ///< 1: the node has no role yet
+};
+static_assert(sizeof(Meeting) == 40 && std::is_trivially_copyable_v<Meeting>);
+
+/// Of this protocol between processes. What is said in messages has a version of its own.
+inline constexpr std::uint32_t wire_version = 1;
+
+/// A number that differs where records are laid out differently: their sizes, folded.
+constexpr std::uint64_t layout_of_records() noexcept {
+  using namespace messages;
+  std::uint64_t hash = 0xcbf29ce484222325u;
+  for (const std::size_t size : {std::size_t{protocol_version},
+                                 sizeof(Header),
+                                 sizeof(ObjectRef),
+                                 sizeof(StateRecord),
+                                 sizeof(NodeStateRecord),
+                                 sizeof(PositionRecord),
+                                 sizeof(PairRecord),
+                                 sizeof(CollisionRecord),
+                                 sizeof(ConfirmRecord),
+                                 sizeof(NarrowDoneRecord),
+                                 sizeof(HandOverRecord),
+                                 sizeof(DropRecord),
+                                 sizeof(PlaceRecord),
+                                 sizeof(OwnerRecord),
+                                 sizeof(FrameEndRecord),
+                                 sizeof(ToldRecord),
+                                 sizeof(KindRecord),
+                                 sizeof(LostRecord),
+                                 sizeof(RefusedRecord),
+                                 sizeof(Contact),
+                                 sizeof(Meeting),
+                                 max_motion_state}) {
+    hash = (hash ^ size) * 0x100000001b3u;
+  }
+  return hash;
+}
+
+/// The bytes of a number that says in which order this machine keeps bytes.
+inline void write_byte_order(std::uint8_t (&order)[4]) noexcept {
+  constexpr std::uint32_t mark = 0x01020304;
+  std::memcpy(order, &mark, sizeof mark);
+}
+
+/// How a sample speaks of bytes that are not its own.
+inline ringfence_wire_Bytes borrow(std::span<const std::byte> bytes) noexcept {
+  ringfence_wire_Bytes borrowed{};
+  borrowed._maximum = borrowed._length = static_cast<std::uint32_t>(bytes.size());
+  borrowed._buffer = reinterpret_cast<std::uint8_t*>(const_cast<std::byte*>(bytes.data()));
+  borrowed._release = false;
+  return borrowed;
+}
+inline std::span<const std::byte> bytes_of(const ringfence_wire_Bytes& bytes) noexcept {
+  return {reinterpret_cast<const std::byte*>(bytes._buffer), bytes._length};
+}
+
+}  // namespace ringfence::dds

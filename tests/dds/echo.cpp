@@ -1,0 +1,41 @@
+// Sends back every message that it hears, as a process of its own. Arguments: domain; milliseconds between two looks.
+#include <chrono>
+#include <cstdlib>
+#include <thread>
+
+#include "dds/wayside.hpp"
+
+int main(int argc, char** argv) {
+  using namespace ringfence;
+  if (argc != 3) return 2;
+  dds::NetworkConfig network;
+  network.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
+  network.interface = "lo";
+  test::Wayside side(network, dds::Side::node, dds::up_topic, dds::down_topic, 7);
+  const auto pause = std::chrono::milliseconds(std::atoi(argv[2]));
+  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  bool last = false;
+  while (std::chrono::steady_clock::now() < end && !side.broken()) {
+    side.step();
+    for (;;) {
+      if (last) break;
+      // Room first: what has been taken out of the ring cannot be put back.
+      const auto room = side.out().claim(side.out().largest_message());
+      if (room.empty()) break;
+      const auto message = side.in().next();
+      if (message.empty()) break;
+      std::copy(message.begin(), message.end(), room.begin());
+      side.out().commit(message.size());
+      last = message.size() == 1 && message[0] == test::last_word;
+    }
+    side.in().release();
+    side.out().publish();
+    if (last && !side.path().has_to_send()) {
+      side.step();
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until it is acknowledged
+      return 0;
+    }
+    std::this_thread::sleep_for(pause);
+  }
+  return 1;
+}

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "dds/domain.hpp"
+#include "dds/path.hpp"
+#include "facade/way.hpp"
+
+namespace ringfence::test {
+
+/// One end of a way between two processes, with a ring to send by and one to hear by: what bridge and node have,
+/// without a World.
+class Wayside {
+ public:
+  /// `mine` and `theirs` are the topics written and read.
+  Wayside(const dds::NetworkConfig& network, dds::Side side, const char* mine, const char* theirs,
+          std::uint64_t incarnation)
+      : domain_(network, side),
+        writer_(domain_.writer(mine, dds::parcel_carriage, {})),
+        reader_(domain_.reader(theirs, dds::parcel_carriage, {})),
+        path_(writer_.get(), incarnation),
+        way_(std::size_t{1} << 16, nullptr, nullptr) {}
+
+  link::Sender& out() { return way_.forth.sender(); }
+  link::Receiver& in() { return way_.back.receiver(); }
+  dds::Path& path() { return path_; }
+  std::uint32_t domain() const { return domain_.number(); }
+  bool broken() const { return broken_; }
+
+  bool is_matched() const {
+    dds_publication_matched_status_t out{};
+    dds_subscription_matched_status_t in{};
+    dds_get_publication_matched_status(writer_.get(), &out);
+    dds_get_subscription_matched_status(reader_.get(), &in);
+    return out.current_count > 0 && in.current_count > 0;
+  }
+
+  /// Carries what can be carried now.
+  void step() {
+    auto show = [this](dds::ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
+      return kind != dds::ParcelKind::messages ||
+             dds::for_each_message(bytes, offset, [this](messages::Endpoint, std::span<const std::byte> message) {
+               const auto room = way_.back.sender().claim(message.size());
+               if (room.empty()) {
+                 return false;
+               }
+               std::copy(message.begin(), message.end(), room.begin());
+               way_.back.sender().commit(message.size());
+               return true;
+             });
+    };
+    path_.deliver_kept(show);
+    dds::take_all<dds::ParcelSample>(reader_, [&](const dds::ParcelSample& parcel, const dds_sample_info_t& info) {
+      broken_ |= info.valid_data && !path_.receive(parcel, show);
+    });
+    way_.back.sender().publish();
+    path_.gather(way_.forth.receiver(), messages::Endpoint::server());
+    path_.flush();
+    path_.acknowledge();
+  }
+
+ private:
+  dds::Domain domain_;
+  dds::Entity writer_;
+  dds::Entity reader_;
+  dds::Path path_;
+  facade::Way way_;
+  bool broken_ = false;
+};
+
+/// Of the echo: whoever hears a message of this one byte ends.
+inline constexpr std::byte last_word{0xff};
+
+}  // namespace ringfence::test
