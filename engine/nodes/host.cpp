@@ -54,14 +54,15 @@ messages::HandOverRecord Host::hand_over(std::size_t i) const noexcept {
   return {hosted.object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category};
 }
 
-void Host::place(ObjectNumber number, const Pose& pose, bool present) {
+bool Host::place(ObjectNumber number, const Pose& pose, bool present) {
   const std::uint32_t i = index_.find(number);
   if (i == NumberIndex::none) {
-    return;
+    return false;
   }
   hosted_[i].pose = pose;
   hosted_[i].object.flags = present ? flag_present : 0u;
   touched_[i] = 1;
+  return true;
 }
 
 void Host::steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }

@@ -56,8 +56,8 @@ class Host {
   void drop(ObjectNumber number);
   /// What the next host must be given.
   messages::HandOverRecord hand_over(std::size_t i) const noexcept;
-  /// Sets the pose from outside before the next move; the model goes on from there.
-  void place(ObjectNumber number, const Pose& pose, bool present);
+  /// Sets the pose from outside before the next move; the model goes on from there. False if it is not hosted.
+  bool place(ObjectNumber number, const Pose& pose, bool present);
   /// In the next move the object stands at `pose`, whatever the model says. Counts for one frame.
   void steer(ObjectNumber number, const Pose& pose);
 

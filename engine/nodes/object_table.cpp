@@ -113,4 +113,17 @@ void ObjectTable::mark_moved_alone(std::uint32_t slot) {
   }
 }
 
+void ObjectTable::order_moved() {
+  if (moved_.size() * 8 < slots()) {
+    return;
+  }
+  moved_.clear();
+  for (std::uint32_t slot = 0; slot < slots(); ++slot) {
+    if ((marks_[slot] & moved_mark) != 0) {
+      moved_.push_back(slot);
+    }
+  }
+  untold_ = moved_;
+}
+
 }  // namespace ringfence::nodes

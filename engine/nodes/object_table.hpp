@@ -114,6 +114,9 @@ class ObjectTable {
   void mark_moved(std::uint32_t slot);
   /// The same where nobody but its host has to be told.
   void mark_moved_alone(std::uint32_t slot);
+  /// Lists what has moved so far by slot, where it is so much that whoever goes through it should go through memory.
+  /// Precondition: nothing has moved alone.
+  void order_moved();
   /// Slots that moved, appeared or ended in this frame, each once.
   std::span<const std::uint32_t> moved() const noexcept { return moved_; }
   /// Of these, those of which perhaps others than their hosts have to be told.

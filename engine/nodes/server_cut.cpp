@@ -71,6 +71,7 @@ void ServerRole::start_report() {
 
 // In the order of the calls, but for spawns that follow each other: those fill the tables in the order of their places.
 void ServerRole::apply_requests() {
+  constexpr std::size_t ahead = 8;  // what is placed lies anywhere
   const std::span<const Request> requests = setup_.order->requests;
   for (std::size_t begin = 0; begin < requests.size();) {
     std::size_t end = begin;
@@ -84,10 +85,14 @@ void ServerRole::apply_requests() {
       }
       begin = end;
     } else {
+      if (begin + ahead < requests.size()) {
+        objects_.fetch(objects_.find(requests[begin + ahead].object.number()));
+      }
       apply(requests[begin]);
       ++begin;
     }
   }
+  objects_.order_moved();
 }
 
 void ServerRole::apply(const Request& request) {
@@ -197,13 +202,14 @@ void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {
   ObjectRow& row = objects_.row(slot);
   row.pose = pose;
   row.object.flags = present ? messages::flag_present : 0u;
-  objects_.bounds(slot) = setup_.shapes->bounds(row.shape, pose, *setup_.space);
   objects_.mark_moved(slot);
   const Endpoint host = objects_.host(slot);
+  if (host.is_server() && host_.place(row.object.number, pose, present)) {
+    return;  // the bounds follow when it has moved
+  }
+  objects_.bounds(slot) = setup_.shapes->bounds(row.shape, pose, *setup_.space);
   if (Party* party = party_of(host)) {
     party->placements.push_back(slot);
-  } else if (host.is_server()) {
-    host_.place(row.object.number, pose, present);
   }
 }
 
@@ -213,6 +219,8 @@ void ServerRole::rehost(const Rehosting& change) {
     from->drops.push_back(change.slot);
   } else if (change.from.is_server()) {
     host_.drop(row.object.number);
+    // It may have been placed at this cut, and the next host reports only what it moves.
+    objects_.bounds(change.slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
   }
   if (Party* to = party_of(change.to)) {
     to->adoptions.push_back(change.slot);

@@ -335,7 +335,13 @@ void ServerRole::move_own() {
 }
 
 void ServerRole::take_moves(Host& host) {
-  for (const std::uint32_t hosted : host.changed()) {
+  constexpr std::size_t ahead = 6;
+  const auto changed = host.changed();
+  for (std::size_t i = 0; i < changed.size(); ++i) {
+    if (i + ahead < changed.size()) {
+      objects_.fetch(host[changed[i + ahead]].object.slot);
+    }
+    const std::uint32_t hosted = changed[i];
     const Hosted& object = host[hosted];
     ObjectRow& row = objects_.row(object.object.slot);
     row.pose = object.pose;

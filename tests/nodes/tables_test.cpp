@@ -121,6 +121,12 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         }
         live.erase(at);
       }
+      if (random() % 2 == 0) {
+        const std::size_t before = table.moved().size();
+        table.order_moved();
+        REQUIRE(table.moved().size() == before);
+        REQUIRE((before * 8 < table.slots() || std::is_sorted(table.moved().begin(), table.moved().end())));
+      }
       for (auto& [number, model] : live) {
         if (random() % 4 == 0) {
           model.spec.present = random() % 2 == 0;
