@@ -147,7 +147,7 @@ class Boost {
  private:
   static constexpr std::size_t batch = std::max<std::size_t>(1, 4096 / sizeof(E));
   boost::lockfree::spsc_queue<E> queue_;
-  std::array<E, batch> staged_;
+  alignas(link::line_bytes) std::array<E, batch> staged_;
 };
 #endif
 
@@ -174,7 +174,8 @@ class Tbb {
 
  private:
   tbb::concurrent_bounded_queue<E> queue_;
-  E staged_, taken_;
+  alignas(link::line_bytes) E staged_;
+  alignas(link::line_bytes) E taken_;
 };
 
 constexpr std::size_t over = ~std::size_t{0};
@@ -258,22 +259,29 @@ void round_trip(benchmark::State& state, const Traffic& traffic) {
     const auto there = std::make_unique<Link>(one);
     const auto back = make_back(*there, one);
     const std::uint64_t expected = expected_sum(one);
-    std::uint64_t wrong_here = 0, wrong_there = 0;
+    // On lines of their own: what both threads touch beside the link would be counted as the link's.
+    struct alignas(link::line_bytes) End {
+      Link* there;
+      Link* back;
+      Traffic one;
+      std::uint64_t expected, wrong;
+    };
+    End here{there.get(), back.get(), one, expected, 0}, far = here;
     const std::vector<double> seconds = run_bursts(
         bursts,
         [&] {
           for (std::size_t i = 0; i < trips; ++i) {
-            there->produce(one);
-            wrong_here += back->consume(one) != expected;
+            here.there->produce(here.one);
+            here.wrong += here.back->consume(here.one) != here.expected;
           }
         },
         [&] {
           for (std::size_t i = 0; i < trips; ++i) {
-            wrong_there += there->consume(one) != expected;
-            back->produce(one);
+            far.wrong += far.there->consume(far.one) != far.expected;
+            far.back->produce(far.one);
           }
         });
-    if (wrong_here + wrong_there != 0) return state.SkipWithError("what arrived is not what was sent");
+    if (here.wrong + far.wrong != 0) return state.SkipWithError("what arrived is not what was sent");
     report(state, seconds, trips, static_cast<double>(2 * trips * one.bytes()));
     state.counters["ns_a_trip"] = seconds[seconds.size() / 10] / trips * 1e9;
   }
