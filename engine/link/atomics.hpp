@@ -32,17 +32,42 @@ enum class Defect : std::uint8_t {
   capacity_off_by_one,   ///< the writer takes one unit more than there is
   early_release,         ///< a message is given back when it is returned, not when it was read
   padding_lost,          ///< the writer steps over less than the header says
+  line_not_told,         ///< publishing goes on to the next line, and no header says so
+  line_told_late,        ///< a header says so only once it is published
+  fetched_unreleased,    ///< the writer asks for lines that the reader has not given back
+  fetched_unpublished,   ///< the reader asks for lines that the writer has not published
   overhang_lost,         ///< a message that crosses the end of the ring is not kept in one piece
   waiter_forgotten,      ///< a release does not ring the sender that waits for room
   waiting_not_said,      ///< a sender that finds no room does not ask to be woken
   no_publish_when_full,  ///< a sender that finds no room keeps what it has staged
   closing_not_told,      ///< closing does not ring the other end
+  deadline_not_set,      ///< who waits with a deadline sleeps without one
+  deadline_not_kept,     ///< who waits with a deadline does not look at the clock
+  late_is_met,           ///< who gave up at a deadline says that what it waited for is there
 };
 
 /// How long a thread looks before it says that it sleeps, and looks once more.
 struct Patience {
   std::uint32_t spins = 0;   ///< looks with a pause instruction after each
   std::uint32_t yields = 0;  ///< looks with a sched_yield after each, after the spins
+  std::uint32_t eager = 0;   ///< looks one after another, before the spins: an answer under way takes about 150 ns
+};
+
+/// How a ring deals with the machine's cache lines: in bytes. Nothing but speed depends on it.
+struct LineUse {
+  std::size_t line = 64;  ///< a power of two of at least 16
+  /// From here on the end of a message is padded to a line: that costs less than straddling lines.
+  std::size_t large = 1024;
+  /// Before a message of at least `ahead_from` is staged, the lines of the next `write_ahead`, as far as the reader has
+  /// given them back, are asked for, `write_step` or more at a time: the reader has them from the last time round.
+  std::size_t ahead_from = 256;
+  std::size_t write_ahead = 4096;
+  std::size_t write_step = 1024;
+  /// When a message is read, the lines of what is published behind it are asked for, up to `read_ahead`, `read_step` or
+  /// more at a time; not behind one of at least `bulk`, whose own lines the processor foresees.
+  std::size_t read_ahead = 2048;
+  std::size_t read_step = 512;
+  std::size_t bulk = 2048;
 };
 
 /// The machine's atomics, memory and futex: what ring and doorbell run on in production.
@@ -63,15 +88,22 @@ struct ThreadAtomics {
     return word;
   }
 
-  /// Asks for a line of ring memory that will be written soon. Plain x86-64 code has no built-in for it: compilers emit
-  /// a prefetch for reading unless told of the instruction, which every processor accepts and some ignore.
-  static void prefetch_to_write(const std::byte* at) noexcept {
+  static constexpr LineUse lines{};
+
+  /// Asks for a line of ring memory that this thread will write soon, and that no other is at. Plain x86-64 code has no
+  /// built-in for it: compilers emit a prefetch for reading unless told of the instruction, which every processor
+  /// accepts and some ignore.
+  static void fetch_to_write(const std::byte* at) noexcept {
 #if defined(__x86_64__)
     asm volatile("prefetchw %0" : : "m"(*at));
 #else
     __builtin_prefetch(at, 1);
 #endif
   }
+  /// Asks for a line of ring memory that is published.
+  static void fetch_to_read(const std::byte* at) noexcept { __builtin_prefetch(at); }
+  /// Asks for a line of ring memory that may be published at this moment.
+  static void fetch_awaited(const std::byte* at) noexcept { __builtin_prefetch(at); }
 
   /// Sleeps while `word` is `expected`; may return early for no reason.
   static void sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept;
@@ -80,6 +112,9 @@ struct ThreadAtomics {
                           std::chrono::steady_clock::time_point deadline) noexcept;
   /// Wakes whoever sleeps on `word`.
   static void wake(const Atomic<std::uint32_t>& word) noexcept;
+  static bool is_past(std::chrono::steady_clock::time_point deadline) noexcept {
+    return std::chrono::steady_clock::now() >= deadline;
+  }
 
   static void pause() noexcept;
   static void yield() noexcept;

@@ -54,11 +54,15 @@ class alignas(line_bytes) BasicDoorbell {
   bool wait_until(Ready ready, std::chrono::steady_clock::time_point deadline) noexcept {
     if (look(ready)) return true;
     while (!arm(ready)) {
-      if (std::chrono::steady_clock::now() >= deadline) {
+      if (Policy::defect != Defect::deadline_not_kept && Policy::is_past(deadline)) {
         disarm();
-        return ready();
+        return Policy::defect == Defect::late_is_met || ready();
       }
-      Policy::sleep_until(state_, asleep, deadline);
+      if constexpr (Policy::defect == Defect::deadline_not_set) {
+        Policy::sleep(state_, asleep);
+      } else {
+        Policy::sleep_until(state_, asleep, deadline);
+      }
     }
     return true;
   }
@@ -76,6 +80,9 @@ class alignas(line_bytes) BasicDoorbell {
   template <class Ready>
   bool look(Ready& ready) noexcept {
     const Patience patience = patience_ ? *patience_ : Policy::patience();
+    for (std::uint32_t i = 0; i < patience.eager; ++i) {
+      if (ready()) return true;
+    }
     for (std::uint32_t i = 0; i < patience.spins; ++i) {
       if (ready()) return true;
       Policy::pause();
@@ -112,7 +119,8 @@ class alignas(line_bytes) BasicDoorbell {
   }
 
   typename Policy::template Atomic<std::uint32_t> state_{awake};
-  std::optional<Patience> patience_;
+  // Read at each wait: on the line of the state it would take that away from who rings.
+  alignas(line_bytes) std::optional<Patience> patience_;
 };
 
 /// The doorbell of a thread.

@@ -76,6 +76,7 @@ void Explorer::begin() {
     thread.view = View{};
     thread.done = true;
     thread.parked = -1;
+    thread.past = Time::min();
     thread.pending = {};
   }
 }
@@ -135,7 +136,7 @@ void Explorer::run(void* program, Body body, int threads) {
     for (int i = 1; i <= threads; ++i) {
       if (threads_[i].done) continue;
       live |= 1u << i;
-      if (threads_[i].parked < 0) enabled |= 1u << i;
+      if (threads_[i].parked < 0 || threads_[i].sleeps_until != Time::max()) enabled |= 1u << i;
     }
     if (live == 0) break;
     // A thread that has just begun, or woken, goes on to the first operation that another could notice.
@@ -151,6 +152,12 @@ void Explorer::run(void* program, Body body, int threads) {
     const int chosen = choose_thread(enabled & ~asleep, asleep);
     for (int i = 1; i <= threads; ++i) {
       if (dependent(threads_[i].pending, threads_[chosen].pending)) asleep &= ~(1u << i);
+    }
+    if (threads_[chosen].pending.kind == Kind::timeout) {
+      ++steps_;
+      events_.push_back({static_cast<std::uint8_t>(chosen), threads_[chosen].pending, 0});
+      threads_[chosen].parked = -1;
+      threads_[chosen].past = std::max(threads_[chosen].past, threads_[chosen].sleeps_until);
     }
     step(chosen);
   }
@@ -221,7 +228,7 @@ std::uint64_t Explorer::load(int location, std::memory_order order) {
 void Explorer::put(int location, std::uint64_t value, std::memory_order order, bool modifies) {
   Thread& thread = threads_[me_];
   auto& stores = locations_[location].stores;
-  if (stores.size() >= 250 || thread.view.clock[me_] >= 250) std::abort();
+  if (stores.size() >= 250 || thread.view.clock[me_] >= 250) fail("the program goes on and on");
   ++thread.view.clock[me_];
   thread.view.newest[location] = static_cast<std::uint8_t>(stores.size());
   Stored stored{value, View{}};
@@ -261,20 +268,35 @@ std::uint64_t Explorer::fetch_or(int location, std::uint64_t bits, std::memory_o
   return before;
 }
 
-void Explorer::sleep(int location, std::uint64_t expected) {
-  announce(Kind::sleep, location);
-  // The kernel compares under a lock, with the newest value.
-  if (locations_[location].stores.back().value != expected) return;
+void Explorer::park(int location, Time until) {
   Thread& thread = threads_[me_];
   thread.parked = location;
+  thread.sleeps_until = until;
   thread.pending = {};
+  if (until != Time::max()) thread.pending = {Kind::timeout, static_cast<std::uint8_t>(location)};
   ringfence_switch_stack(&thread.stack_pointer, scheduler_stack_pointer_);
+}
+
+void Explorer::sleep(int location, std::uint64_t expected) { sleep_until(location, expected, Time::max()); }
+
+void Explorer::sleep_until(int location, std::uint64_t expected, Time deadline) {
+  announce(Kind::sleep, location);
+  // The kernel compares under a lock, with the newest value.
+  if (locations_[location].stores.back().value == expected) park(location, deadline);
+}
+
+bool Explorer::is_past(Time deadline) {
+  Time& past = threads_[me_].past;
+  if (deadline > past && choose(2) == 1) past = deadline;
+  return deadline <= past;
 }
 
 void Explorer::wake(int location) {
   announce(Kind::wake, location);
   for (Thread& thread : threads_) {
-    if (thread.parked == location) thread.parked = -1;
+    if (thread.parked != location) continue;
+    thread.parked = -1;
+    thread.pending = {};
   }
 }
 
@@ -300,6 +322,7 @@ void Explorer::write(std::byte* at, std::uint64_t word) {
   for (int i = 0; i < most_threads; ++i) {
     if (i != me_ && view.clock[i] < shadow->seen[i]) fail("a write over what may still be read");
   }
+  shadow->seen.fill(0);
   shadow->writer = static_cast<std::uint8_t>(me_);
   shadow->written = static_cast<std::uint8_t>(view.clock[me_] + 1);
   std::memcpy(at, &word, sizeof word);
@@ -316,8 +339,29 @@ std::uint64_t Explorer::read(const std::byte* at) {
   return word;
 }
 
+void Explorer::fetch_to_write(const std::byte* at, std::size_t line) {
+  if (!shadow_of(at)) return;
+  const std::size_t first = static_cast<std::size_t>(at - memory_) / line * line;
+  const View& view = threads_[me_].view;
+  for (std::size_t word = first / 8; word < std::min((first + line) / 8, shadows_.size()); ++word) {
+    const Shadow& shadow = shadows_[word];
+    bool read = shadow.written == 0;
+    for (int i = 0; i < most_threads; ++i) {
+      if (i != me_ && view.clock[i] < shadow.seen[i]) return fail("a line is asked for that may still be read");
+      read = read || shadow.seen[i] != 0;
+    }
+    if (!read) return fail("a line is asked for to be written that nobody has read");
+  }
+}
+
+void Explorer::fetch_to_read(const std::byte* at) {
+  const Shadow* shadow = shadow_of(at);
+  if (!shadow || shadow->writer == me_) return;
+  if (threads_[me_].view.clock[shadow->writer] < shadow->written) fail("a line is asked for that is not published");
+}
+
 std::string Explorer::describe_trace() const {
-  constexpr const char* names[] = {"none", "load", "store", "exchange", "fetch_or", "sleep", "wake"};
+  constexpr const char* names[] = {"none", "load", "store", "exchange", "fetch_or", "sleep", "wake", "timeout"};
   std::string text;
   for (const Event& event : events_) {
     text += "  thread " + std::to_string(event.thread) + ' ' + names[static_cast<int>(event.operation.kind)] +

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -25,6 +26,9 @@
 ///  - plain stores to one location by two threads that settle in another order than they were made. One thread may
 ///    store to a location, others change it by read-modify-writes alone; the checker refuses anything else;
 ///  - fences and sequential consistency.
+///
+/// Time is a choice: a deadline is past, or not yet, whenever a thread looks, and a sleep with a deadline may end at
+/// any moment. Asking for cache lines is no operation of the model, but checked against the vector clocks.
 ///
 /// Schedules that differ only in the order of independent operations are tried once (sleep sets, Godefroid 1996), which
 /// loses no failure. Method: as in CDSChecker (Norris and Demsky 2013), Relacy and loom; races by vector clocks.
@@ -54,7 +58,9 @@ struct Report {
   std::string trace;             ///< the operations of the execution that failed
 };
 
-enum class Kind : std::uint8_t { none, load, store, exchange, fetch_or, sleep, wake };
+enum class Kind : std::uint8_t { none, load, store, exchange, fetch_or, sleep, wake, timeout };
+
+using Time = std::chrono::steady_clock::time_point;
 
 /// What a thread is about to do.
 struct Operation {
@@ -74,11 +80,19 @@ class Explorer {
   std::uint64_t exchange(int location, std::uint64_t value, std::memory_order order);
   std::uint64_t fetch_or(int location, std::uint64_t bits, std::memory_order order);
   void sleep(int location, std::uint64_t expected);
+  /// May also end by itself at any time from then on; `deadline` is past then.
+  void sleep_until(int location, std::uint64_t expected, Time deadline);
   void wake(int location);
+  /// Either, but never again false for this deadline or an earlier one.
+  bool is_past(Time deadline);
   /// Makes [begin, begin + bytes) the only plain memory there is; aligned to 8.
   void watch(std::byte* begin, std::size_t bytes);
   void write(std::byte* at, std::uint64_t word);
   std::uint64_t read(const std::byte* at);
+  /// Asking for a line changes nothing, but must not disturb another thread: what is asked for to write has been read
+  /// by whom it was for, what is asked for to read has been published.
+  void fetch_to_write(const std::byte* at, std::size_t line);
+  void fetch_to_read(const std::byte* at);
   /// Ends the execution as failed; does not return in a thread of the program.
   void fail(const char* why);
 
@@ -111,6 +125,8 @@ class Explorer {
     Operation pending;
     bool done = true;
     int parked = -1;  ///< the location whose futex it sleeps on
+    Time sleeps_until = Time::max();
+    Time past = Time::min();  ///< the latest deadline that it knows to be past
     void* stack_pointer = nullptr;
     std::vector<std::byte> stack;
   };
@@ -124,6 +140,7 @@ class Explorer {
   int find_fresh(unsigned enabled) const;
   int choose(int count);
   int choose_thread(unsigned candidates, unsigned& tried);
+  void park(int location, Time until);
   void step(int thread);
   void put(int location, std::uint64_t value, std::memory_order order, bool modifies);
   const Stored& take_newest(int location, std::memory_order order);
@@ -185,7 +202,24 @@ struct CheckedAtomics {
     explorer().sleep(word.location(), expected);
   }
   static void wake(const Atomic<std::uint32_t>& word) { explorer().wake(word.location()); }
-  static void prefetch_to_write(const std::byte*) {}
+  static void sleep_until(const Atomic<std::uint32_t>& word, std::uint32_t expected, Time deadline) {
+    explorer().sleep_until(word.location(), expected, deadline);
+  }
+  static bool is_past(Time deadline) { return explorer().is_past(deadline); }
+
+  /// Lines so short that rings of 64 bytes have several: small messages fill one, larger ones are padded, and both
+  /// sides ask for lines ahead.
+  static constexpr link::LineUse lines{.line = 16,
+                                       .large = 32,
+                                       .ahead_from = 8,
+                                       .write_ahead = 48,
+                                       .write_step = 16,
+                                       .read_ahead = 32,
+                                       .read_step = 8,
+                                       .bulk = 64};
+  static void fetch_to_write(const std::byte* at) { explorer().fetch_to_write(at, lines.line); }
+  static void fetch_to_read(const std::byte* at) { explorer().fetch_to_read(at); }
+  static void fetch_awaited(const std::byte*) {}
   static void pause() {}
   static void yield() {}
   static void joined() {}

@@ -1,5 +1,6 @@
 // What is proven about ring, doorbell and channel: every small program below, in every schedule and with every store
 // that a load may see; and for each seeded defect, that one of them fails.
+#include <chrono>
 #include <string>
 #include <type_traits>
 
@@ -204,6 +205,93 @@ struct Gathering {
   void finish() {}
 };
 
+/// Small messages and larger ones, one by one and together: they begin at lines where that keeps them whole, and lines
+/// are asked for ahead on both sides. Nobody waits.
+template <class Policy>
+struct Lines {
+  static constexpr int threads = 2;
+  static constexpr int tries = 6;
+  static std::size_t size_of(int message) { return message == 1 ? 24 : 8; }
+
+  Rings<Policy> rings;
+  link::Ring<Policy> ring = rings.make(0);
+  link::BasicSender<Policy> sender{ring, nullptr};
+  link::BasicReceiver<Policy> receiver{ring, nullptr};
+  int sent = 0, received = 0;
+
+  void thread(int which) {
+    for (int i = 0; i < tries; ++i) {
+      if (which == 1) {
+        if (send(sender, sent, size_of(sent))) ++sent;
+        if (i != 3) sender.publish();
+      } else {
+        poll(i % 3 == 1);
+      }
+    }
+  }
+  void poll(bool release) {
+    const auto message = receiver.next();
+    if (!message.empty()) expect<Policy>(message, received, size_of(received)), ++received;
+    if (release) receiver.release();
+  }
+  void finish() {
+    for (int i = 0; i <= tries && !explorer().failed(); ++i) poll(true);
+    if (sent != received) explorer().fail("a message was lost or doubled");
+  }
+};
+
+/// Waits with deadlines, which may pass at any moment; who gives up is told so, and can wait again.
+template <class Policy>
+struct Hurrying {
+  static constexpr int threads = 2;
+  static constexpr int messages = 2;
+
+  Rings<Policy> rings;
+  link::Ring<Policy> ring = rings.make(0);
+  link::BasicDoorbell<Policy> senders_bell, receivers_bell;
+  link::BasicSender<Policy> sender{ring, &receivers_bell};
+  link::BasicReceiver<Policy> receiver{ring, &senders_bell};
+
+  static constexpr Time deadline{std::chrono::seconds(1)};
+
+  void thread(int which) {
+    for (int i = 0; i < messages; ++i) {
+      if (which == 1) {
+        const auto said = [&] { return send(sender, i, 32); };
+        if (i == 0 || !senders_bell.wait_until(said, deadline)) senders_bell.wait(said);
+        sender.publish();
+      } else {
+        const auto heard = [&] { return receiver.has_message(); };
+        if (i == 1 || !receivers_bell.wait_until(heard, deadline)) receivers_bell.wait(heard);
+        expect<Policy>(receiver.next(), i, 32);
+        receiver.release();
+      }
+    }
+  }
+  void finish() {}
+};
+
+/// Somebody rings, but not for what is waited for: the deadline ends the wait.
+template <class Policy>
+struct Unanswered {
+  static constexpr int threads = 2;
+
+  Rings<Policy> rings;
+  link::BasicDoorbell<Policy> bell;
+  bool met = true;
+
+  void thread(int which) {
+    if (which == 1) {
+      bell.ring();
+    } else {
+      met = bell.wait_until([] { return false; }, Time(std::chrono::seconds(1)));
+    }
+  }
+  void finish() {
+    if (met) explorer().fail("a wait that was not met says that it was");
+  }
+};
+
 /// Far more than any program here has: a program that grew too large fails instead of being cut off.
 constexpr std::uint64_t most_executions = 20'000'000;
 
@@ -228,55 +316,86 @@ Verdict explore_all() {
     verdict.failure = std::string(name) + ": " + report.failure;
     verdict.trace = report.trace;
   };
+  next("unanswered", std::type_identity<Unanswered<Policy>>());
   next("gathering", std::type_identity<Gathering<Policy>>());
   next("one message and the end", std::type_identity<Streaming<Policy, 1, 32, true, true>>());
   next("two messages, room for one", std::type_identity<Streaming<Policy, 2, 32, true, false>>());
   next("three messages, published when full", std::type_identity<Streaming<Policy, 3, 24, false, false>>());
   next("leaving", std::type_identity<Leaving<Policy>>());
+  next("lines", std::type_identity<Lines<Policy>>());
   next("two messages and the end", std::type_identity<Streaming<Policy, 2, 32, true, true>>());
   next("echo", std::type_identity<Echo<Policy>>());
   next("polling", std::type_identity<Polling<Policy>>());
   next("three messages, room for one", std::type_identity<Streaming<Policy, 3, 32, true, false>>());
   next("four messages, published when full", std::type_identity<Streaming<Policy, 4, 16, false, false>>());
+  next("hurrying", std::type_identity<Hurrying<Policy>>());
   return verdict;
 }
 
+double seconds_since(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
 TEST_CASE("ring, doorbell and channel hold in every execution of the small programs") {
+  const auto begin = std::chrono::steady_clock::now();
   const Verdict verdict = explore_all<Defect::none>();
   INFO(verdict.trace);
   CHECK_MESSAGE(verdict.failure.empty(), verdict.failure);
   CHECK(verdict.exhausted);
-  MESSAGE(verdict.executions << " executions, all hold; " << verdict.pruned << " repetitions of them left out");
+  MESSAGE(verdict.executions << " executions, all hold; " << verdict.pruned << " repetitions of them left out; "
+                             << seconds_since(begin) << " s");
 }
 
+/// The seeded defects so far: how many were found, in how many executions, and by what.
+struct Tally {
+  int killed = 0, survived = 0;
+  std::uint64_t executions = 0;
+  std::string report;
+};
+
 template <Defect defect>
-void expect_found(const char* name, std::string& report) {
+void expect_found(const char* name, Tally& tally) {
   const Verdict verdict = explore_all<defect>();
-  CHECK_MESSAGE(!verdict.failure.empty(), name << " survived " << verdict.executions << " executions");
-  report += "\n  " + std::string(name) + " after " + std::to_string(verdict.executions) + " by " + verdict.failure;
+  const bool found = !verdict.failure.empty();
+  CHECK_MESSAGE(found, name << " survived " << verdict.executions << " executions");
+  ++(found ? tally.killed : tally.survived);
+  tally.executions += verdict.executions;
+  tally.report +=
+      "\n  " + std::string(name) + " after " + std::to_string(verdict.executions) + " by " + verdict.failure;
 }
 
 TEST_CASE("every seeded defect of ring, doorbell and channel is found") {
-  std::string report;
-  expect_found<Defect::publish_unordered>("publish_unordered", report);
-  expect_found<Defect::peek_unordered>("peek_unordered", report);
-  expect_found<Defect::release_unordered>("release_unordered", report);
-  expect_found<Defect::room_unordered>("room_unordered", report);
-  expect_found<Defect::wait_unordered>("wait_unordered", report);
-  expect_found<Defect::ring_unordered>("ring_unordered", report);
-  expect_found<Defect::arm_unordered>("arm_unordered", report);
-  expect_found<Defect::disarm_by_store>("disarm_by_store", report);
-  expect_found<Defect::no_recheck>("no_recheck", report);
-  expect_found<Defect::flag_set_late>("flag_set_late", report);
-  expect_found<Defect::capacity_off_by_one>("capacity_off_by_one", report);
-  expect_found<Defect::early_release>("early_release", report);
-  expect_found<Defect::padding_lost>("padding_lost", report);
-  expect_found<Defect::overhang_lost>("overhang_lost", report);
-  expect_found<Defect::waiter_forgotten>("waiter_forgotten", report);
-  expect_found<Defect::waiting_not_said>("waiting_not_said", report);
-  expect_found<Defect::no_publish_when_full>("no_publish_when_full", report);
-  expect_found<Defect::closing_not_told>("closing_not_told", report);
-  MESSAGE("found, after so many executions:" << report);
+  const auto begin = std::chrono::steady_clock::now();
+  Tally tally;
+  expect_found<Defect::publish_unordered>("publish_unordered", tally);
+  expect_found<Defect::peek_unordered>("peek_unordered", tally);
+  expect_found<Defect::release_unordered>("release_unordered", tally);
+  expect_found<Defect::room_unordered>("room_unordered", tally);
+  expect_found<Defect::wait_unordered>("wait_unordered", tally);
+  expect_found<Defect::ring_unordered>("ring_unordered", tally);
+  expect_found<Defect::arm_unordered>("arm_unordered", tally);
+  expect_found<Defect::disarm_by_store>("disarm_by_store", tally);
+  expect_found<Defect::no_recheck>("no_recheck", tally);
+  expect_found<Defect::flag_set_late>("flag_set_late", tally);
+  expect_found<Defect::capacity_off_by_one>("capacity_off_by_one", tally);
+  expect_found<Defect::early_release>("early_release", tally);
+  expect_found<Defect::padding_lost>("padding_lost", tally);
+  expect_found<Defect::line_not_told>("line_not_told", tally);
+  expect_found<Defect::line_told_late>("line_told_late", tally);
+  expect_found<Defect::fetched_unreleased>("fetched_unreleased", tally);
+  expect_found<Defect::fetched_unpublished>("fetched_unpublished", tally);
+  expect_found<Defect::overhang_lost>("overhang_lost", tally);
+  expect_found<Defect::waiter_forgotten>("waiter_forgotten", tally);
+  expect_found<Defect::waiting_not_said>("waiting_not_said", tally);
+  expect_found<Defect::no_publish_when_full>("no_publish_when_full", tally);
+  expect_found<Defect::closing_not_told>("closing_not_told", tally);
+  expect_found<Defect::deadline_not_set>("deadline_not_set", tally);
+  expect_found<Defect::deadline_not_kept>("deadline_not_kept", tally);
+  expect_found<Defect::late_is_met>("late_is_met", tally);
+  static_assert(static_cast<int>(Defect::late_is_met) == 25, "a defect is added: look for it here too");
+  CHECK(tally.killed + tally.survived == 25);
+  MESSAGE(tally.killed << " mutants killed, " << tally.survived << " survived; " << tally.executions << " executions, "
+                       << seconds_since(begin) << " s:" << tally.report);
 }
 
 }  // namespace

@@ -175,5 +175,57 @@ TEST_CASE("the checker reports a race on plain memory, and a sleeper that nobody
   CHECK(explore<NobodyWakes>(1000).failure == "a thread sleeps and nobody wakes it");
 }
 
+/// `first`: what the sleeper finds; `second`: whether its deadline was past when it went on.
+struct SleepingUntil : Litmus {
+  static constexpr int threads = 2;
+  void thread(int which) {
+    constexpr Time deadline{std::chrono::seconds(1)};
+    if (which == 1) {
+      x.exchange(1, release);
+      explorer().wake(x.location());
+    } else {
+      explorer().sleep_until(x.location(), 0, deadline);
+      first = x.fetch_or(0, acquire);
+      second = explorer().is_past(deadline) ? 1 : 0;
+      if (second == 1 && !explorer().is_past(deadline)) explorer().fail("time ran backwards");
+    }
+  }
+};
+
+TEST_CASE(
+    "the checker ends a sleep with a deadline by a wake-up, by the deadline, or by another value, and by no more") {
+  // Not {0, 0}: who was neither woken nor late has found another value.
+  CHECK(outcomes_of<SleepingUntil>() == Outcomes{{0, 1}, {1, 0}, {1, 1}});
+}
+
+/// One thread writes two words of a line and tells of it; another asks for the line, with or without having heard.
+template <bool to_write, bool hears, bool reads>
+struct Fetching : Litmus {
+  static constexpr int threads = 2;
+  alignas(16) std::byte memory[16] = {};
+  Fetching() { explorer().watch(memory, sizeof memory); }
+  void thread(int which) {
+    if (which == 1) {
+      explorer().write(memory, 1);
+      x.store(1, release);
+      if (reads && y.load(acquire) == 1) explorer().fetch_to_write(memory + 8, 16);
+      if (!reads && to_write) explorer().fetch_to_write(memory + 8, 16);
+    } else if (x.load(hears ? acquire : relaxed) == 1) {
+      if (!to_write) explorer().fetch_to_read(memory);
+      if (reads) {
+        explorer().read(memory);
+        y.store(1, hears ? release : relaxed);
+      }
+    }
+  }
+};
+
+TEST_CASE("the checker reports lines that are asked for before they are published, or before they have been read") {
+  CHECK(explore<Fetching<false, true, false>>(1000).failure.empty());
+  CHECK(explore<Fetching<false, false, false>>(1000).failure == "a line is asked for that is not published");
+  CHECK(explore<Fetching<true, true, true>>(1000).failure.empty());
+  CHECK(explore<Fetching<true, true, false>>(1000).failure == "a line is asked for to be written that nobody has read");
+}
+
 }  // namespace
 }  // namespace ringfence::checker
