@@ -1,5 +1,6 @@
 // frame/empty/<nodes>: what waiting costs in a frame with nothing to do. A server tells each node to begin and waits
-// for all to end, over links. Pinned to the first two cores in turn, or `unpinned`: where the system puts them.
+// for all to end, over links. Pinned to two cores in turn, or `unpinned`: where the system puts them; one frame after
+// the other, or `paced`, 2 ms apart, so that all have gone to sleep before each.
 #include <algorithm>
 #include <chrono>
 #include <cstring>
@@ -62,8 +63,9 @@ struct Node {
   }
 };
 
-void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned) {
-  constexpr std::size_t frames = 50, batches = 21;
+void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned, std::chrono::microseconds pace) {
+  constexpr std::size_t frames = 50;
+  const std::size_t batches = pace.count() == 0 ? 21 : 7;
   const link::Cores cores;
   link::Doorbell server;
   std::vector<std::unique_ptr<Node>> all;
@@ -71,7 +73,7 @@ void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned) {
   for (std::size_t i = 0; i < nodes; ++i) {
     all.push_back(std::make_unique<Node>(server));
     threads.emplace_back([&cores, node = all.back().get(), i, pinned] {
-      if (pinned) cores.pin_this_thread(i % 2);
+      if (pinned) cores.pin_this_thread((i + 1) % 2);
       node->serve();
     });
   }
@@ -81,8 +83,10 @@ void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned) {
     if (pinned) cores.pin_this_thread(0);
     for (std::size_t batch = 0; batch < batches; ++batch) {
       const double cpu_before = cpu_seconds();
-      const auto before = std::chrono::steady_clock::now();
+      std::chrono::steady_clock::duration spent{};
       for (std::size_t i = 0; i < frames; ++i) {
+        if (pace.count() != 0) std::this_thread::sleep_for(pace);
+        const auto before = std::chrono::steady_clock::now();
         ++frame;
         for (const auto& node : all) say(node->in.sender(), server, frame);
         std::size_t heard = 0;
@@ -94,8 +98,9 @@ void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned) {
             if (node->out.receiver().has_message()) heard += hear(node->out.receiver()) == frame;
           }
         }
+        spent += std::chrono::steady_clock::now() - before;
       }
-      wall.push_back(std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count() / frames);
+      wall.push_back(std::chrono::duration<double>(spent).count() / frames);
       cpu.push_back((cpu_seconds() - cpu_before) / frames);
     }
     for (const auto& node : all) say(node->in.sender(), server, ~std::uint64_t{0});
@@ -111,11 +116,17 @@ void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned) {
 }  // namespace
 
 void register_doorbells() {
-  for (const bool pinned : {true, false}) {
+  struct Way {
+    const char* name;
+    bool pinned;
+    std::chrono::microseconds pace;
+  };
+  for (const Way& way :
+       {Way{"empty", true, {}}, {"empty_unpinned", false, {}}, {"empty_paced", true, std::chrono::milliseconds(2)}}) {
     for (const std::size_t nodes : {std::size_t{1}, std::size_t{2}, std::size_t{4}, std::size_t{16}}) {
-      const std::string name = (pinned ? "frame/empty/" : "frame/empty_unpinned/") + std::to_string(nodes);
-      const auto run = [nodes, pinned](benchmark::State& state) {
-        for (auto _ : state) empty_frames(state, nodes, pinned);
+      const std::string name = std::string("frame/") + way.name + '/' + std::to_string(nodes);
+      const auto run = [nodes, way](benchmark::State& state) {
+        for (auto _ : state) empty_frames(state, nodes, way.pinned, way.pace);
       };
       benchmark::RegisterBenchmark(name.c_str(), run)->UseManualTime()->Iterations(1)->Unit(benchmark::kMicrosecond);
     }
