@@ -192,8 +192,7 @@ struct SleepingUntil : Litmus {
   }
 };
 
-TEST_CASE(
-    "the checker ends a sleep with a deadline by a wake-up, by the deadline, or by another value, and by no more") {
+TEST_CASE("the checker ends a sleep with a deadline by a wake-up, the deadline, or another value") {
   // Not {0, 0}: who was neither woken nor late has found another value.
   CHECK(outcomes_of<SleepingUntil>() == Outcomes{{0, 1}, {1, 0}, {1, 1}});
 }
@@ -220,7 +219,7 @@ struct Fetching : Litmus {
   }
 };
 
-TEST_CASE("the checker reports lines that are asked for before they are published, or before they have been read") {
+TEST_CASE("the checker reports lines that are asked for before they are published, or before they are read") {
   CHECK(explore<Fetching<false, true, false>>(1000).failure.empty());
   CHECK(explore<Fetching<false, false, false>>(1000).failure == "a line is asked for that is not published");
   CHECK(explore<Fetching<true, true, true>>(1000).failure.empty());
