@@ -1,0 +1,166 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <doctest/doctest.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "facade/swarm.hpp"
+#include "ringfence/cluster.hpp"
+#include "ringfence/digest.hpp"
+#include "ringfence/world.hpp"
+
+namespace ringfence::test {
+
+using Clock = std::chrono::steady_clock;
+
+/// Waits until `holds()`, looking every millisecond; whether it did within `seconds`.
+template <class Holds>
+bool wait_until(Holds holds, double seconds = 20) {
+  const auto end = Clock::now() + std::chrono::duration<double>(seconds);
+  while (!holds()) {
+    if (Clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return true;
+}
+
+/// A child process that is killed with its owner, if it has not ended.
+class Process {
+ public:
+  explicit Process(std::vector<std::string> words) {
+    std::vector<char*> arguments;
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    REQUIRE(posix_spawn(&number_, arguments[0], nullptr, nullptr, arguments.data(), environ) == 0);
+  }
+  ~Process() {
+    if (!status_) {
+      kill(number_, SIGKILL);
+      waitpid(number_, nullptr, 0);
+    }
+  }
+  Process(const Process&) = delete;
+  Process& operator=(const Process&) = delete;
+
+  void signal(int which) const { kill(number_, which); }
+  bool has_ended() {
+    int status = 0;
+    if (!status_ && waitpid(number_, &status, WNOHANG) == number_) status_ = status;
+    return status_.has_value();
+  }
+  /// Of a process that has ended by itself; -1 for one that was killed.
+  int exit_code() const { return status_ && WIFEXITED(*status_) ? WEXITSTATUS(*status_) : -1; }
+
+ private:
+  pid_t number_ = 0;
+  std::optional<int> status_;
+};
+
+/// A small world that keeps colliding, whose CD nodes are processes over loopback.
+class NodeWorld {
+ public:
+  static constexpr std::size_t objects = 240;
+  static constexpr std::size_t users = 4;
+  static constexpr double side = 16;
+
+  NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, double lease_ms = 100) {
+    dds::ClusterConfig cluster;
+    cluster.network.domain = dds::NetworkConfig::any_domain;
+    cluster.network.interface = "lo";
+    cluster.network.lease_ms = lease_ms;
+    cluster.setup.resize(sizeof side);
+    std::memcpy(cluster.setup.data(), &side, sizeof side);
+    cluster.log = [this](LogLevel, std::string_view line) { log_.emplace_back(line); };
+    cluster_ = std::make_unique<dds::Cluster>(std::move(cluster));
+    for (std::uint32_t node = 0; node < nodes; ++node) start_node();
+    WorldConfig config = config_of(deployment, placement);
+    config.nodes = nodes;
+    config.fleet = cluster_->fleet();
+    world_ = std::make_unique<World>(std::move(config));
+    populate(*world_, objects, users, side);
+  }
+
+  static WorldConfig config_of(Deployment deployment, Placement placement) {
+    WorldConfig config;
+    config.bounds_max = {side, side, side};
+    config.deployment = deployment;
+    config.placement = placement;
+    config.motion = std::make_shared<Bouncing>(side);
+    return config;
+  }
+
+  /// What the frames' contacts are when all is in one thread and nothing happens.
+  static std::uint64_t expected(std::uint64_t frames) {
+    static std::map<std::uint64_t, std::uint64_t> known;
+    if (const auto found = known.find(frames); found != known.end()) return found->second;
+    WorldConfig config = config_of(Deployment::user_server, Placement::server);
+    config.nodes = 0;
+    World world(std::move(config));
+    populate(world, objects, users, side);
+    Digest digest;
+    for (std::uint64_t frame = 0; frame < frames; ++frame) {
+      REQUIRE(world.advance() == Status::ok);
+      digest.add_frame(world.contacts());
+    }
+    return known[frames] = digest.value();
+  }
+
+  World& world() { return *world_; }
+  const dds::Cluster& cluster() const { return *cluster_; }
+  Process& process(std::size_t i) { return *processes_[i]; }
+  const std::vector<std::string>& log() const { return log_; }
+
+  Process& start_node() {
+    const std::string name = "n" + std::to_string(processes_.size());
+    processes_.push_back(std::make_unique<Process>(
+        std::vector<std::string>{RINGFENCE_NODE, std::to_string(cluster_->domain()), name, "ever"}));
+    return *processes_.back();
+  }
+
+  void run(std::uint64_t frames, const std::function<void()>& within_first = {}) {
+    for (std::uint64_t frame = 0; frame < frames; ++frame) {
+      REQUIRE(world_->begin_frame() == Status::ok);
+      if (frame == 0 && within_first) within_first();
+      REQUIRE(world_->finish_frame() == Status::ok);
+      digest_.add_frame(world_->contacts());
+      lost_ += world_->report().lost.size();
+    }
+  }
+  /// Runs frames until `holds()`; whether it did.
+  template <class Holds>
+  bool run_until(Holds holds) {
+    return wait_until([&] {
+      run(1);
+      return holds();
+    });
+  }
+  std::uint64_t seats() const { return cluster_->report().members.size(); }
+  std::uint64_t lost() const { return lost_; }
+
+  /// Whether all frames so far have had the contacts of a world to which nothing happened.
+  bool is_right() const { return digest_.value() == expected(world_->frames()); }
+
+ private:
+  std::vector<std::string> log_;
+  std::vector<std::unique_ptr<Process>> processes_;
+  std::unique_ptr<dds::Cluster> cluster_;
+  std::unique_ptr<World> world_;
+  Digest digest_;
+  std::uint64_t lost_ = 0;
+};
+
+}  // namespace ringfence::test
