@@ -194,6 +194,7 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
   setup.placement = config.placement;
   setup.layer_masks = layer_masks(config.layers);
   setup.keep_resting = config.keep_resting;
+  setup.hosts = config.deployment == Deployment::user_collision;
   setup.shares_thread = !threaded() || node_workers[node] == nullptr;
   setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
   setup.remember_axes = config.remember_axes;

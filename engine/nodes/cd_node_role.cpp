@@ -355,6 +355,9 @@ void CdNodeRole::add_hit(const geometry::CandidatePair& pair, const narrow_phase
   hit.depth = found.depth;
   hit.normal = found.normal;
   hit.point = point;
+  if (!setup_.hosts) {
+    return;
+  }
   Contact& contact = host_.add_own_contact(frame_);
   contact.a = a.number;
   contact.b = b.number;
@@ -424,7 +427,9 @@ bool CdNodeRole::send_collisions() {
     }
     const std::uint32_t hit = order_.at(next_hit_);
     std::memcpy(where, &hits_[hit], sizeof hits_[hit]);
-    host_.order_own_contact(frame_, order_.key_at(next_hit_), hit);
+    if (setup_.hosts) {
+      host_.order_own_contact(frame_, order_.key_at(next_hit_), hit);
+    }
   }
   return collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_) &&
          done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()), sizeof(messages::NarrowDoneRecord),

@@ -32,6 +32,7 @@ struct CdNodeSetup {
   const geometry::FixedSpace* space = nullptr;
   const MotionModel* model = nullptr;  ///< null: nothing moves by itself
   Placement placement = Placement::server;
+  bool hosts = true;  ///< user/collision deployment: it may be given objects, so it keeps the contacts that it finds
   std::array<std::uint32_t, 32> layer_masks{};  ///< which layers each layer collides with
   bool keep_resting = true;                     ///< see WorldConfig
   bool shares_thread = false;         ///< other roles run on its thread: its CPU time is then the time that it was busy

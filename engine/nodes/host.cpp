@@ -76,7 +76,6 @@ void Host::ContactList::clear() noexcept {
   contacts.clear();
   keys.clear();
   own_order.clear();
-  persist.clear();
   own = 0;
 }
 
@@ -88,32 +87,9 @@ Contact& Host::add_own_contact(std::uint64_t frame) {
   constexpr std::ptrdiff_t lines_ahead = 1024;
   __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead, 1);
   __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64, 1);
-  contact.phase = Phase::persist;  // as 19 in 20 do
+  contact.phase = Phase::persist;  // as 19 in 20 do; of the others confirm() knows
   contact.reserved = 0;
   return contact;
-}
-
-// Most likely what persists was found here before, too; where the server knows better, confirm() mends it.
-void Host::order_own_contact(std::uint64_t frame, std::uint64_t key, std::uint32_t contact) {
-  ContactList& list = lists_[frame & 1];
-  const ContactList& before = lists_[(frame - 1) & 1];
-  const std::size_t i = list.own_order.size();
-  if (i == 0) {
-    before_ = 0;
-  }
-  while (before_ < before.own && before.keys[before_] < key) {
-    ++before_;
-  }
-  const bool persists = before_ < before.own && before.keys[before_] == key;
-  if (i % 64 == 0) {
-    list.persist.push_back(0);
-  }
-  list.persist.back() |= std::uint64_t{persists} << (i % 64);
-  list.keys.push_back(key);
-  list.own_order.push_back(contact);
-  if (!persists) {
-    list.contacts[contact].phase = Phase::begin;
-  }
 }
 
 void Host::reserve_contacts(std::size_t contacts) {
@@ -128,16 +104,13 @@ void Host::reserve_contacts(std::size_t contacts) {
 
 void Host::confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept {
   ContactList& list = lists_[frame & 1];
-  if (word >= list.persist.size()) {
-    return;
-  }
-  for (std::uint64_t wrong = list.persist[word] ^ persists; wrong != 0; wrong &= wrong - 1) {
-    const auto bit = static_cast<std::size_t>(std::countr_zero(wrong));
-    if (64 * word + bit < list.own) {
-      list.contacts[list.own_order[64 * word + bit]].phase = (persists >> bit & 1) != 0 ? Phase::persist : Phase::begin;
+  for (std::uint64_t begins = ~persists; begins != 0; begins &= begins - 1) {
+    const std::size_t i = 64 * word + static_cast<std::size_t>(std::countr_zero(begins));
+    if (i >= list.own_order.size()) {
+      return;
     }
+    list.contacts[list.own_order[i]].phase = Phase::begin;
   }
-  list.persist[word] = persists;
 }
 
 // Late contacts are rare (a user node came or went), so they are simply sorted in among the others.

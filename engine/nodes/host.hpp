@@ -64,11 +64,15 @@ class Host {
   /// Empties C(frame), of which the contacts then follow. C(frame - 1) stays readable, also for other threads.
   void begin_contacts(std::uint64_t frame) noexcept { lists_[frame & 1].clear(); }
   /// Adds a contact of C(frame) that the role found itself, in any order, whether or not it hosts either object. Before
-  /// any add_contact. Returns where it is to be written, all of it but the phase.
+  /// any add_contact. Returns where it is to be written, all of it but the phase, which reads persist.
   Contact& add_own_contact(std::uint64_t frame);
   /// After the last of them: which of the own contacts, counted as they were added, is the next in order of (a, b);
-  /// `key` is ContactOrder::key of its two numbers. Its phase is guessed, and follows by confirm().
-  void order_own_contact(std::uint64_t frame, std::uint64_t key, std::uint32_t contact);
+  /// `key` is ContactOrder::key of its two numbers.
+  void order_own_contact(std::uint64_t frame, std::uint64_t key, std::uint32_t contact) {
+    ContactList& list = lists_[frame & 1];
+    list.keys.push_back(key);
+    list.own_order.push_back(contact);
+  }
   /// Says which of the own contacts persist: bit i of `persists` that of the own contact 64 * word + i by (a, b).
   void confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept;
   /// Adds the next contact of C(frame) that the role was told, in order of (a, b). Ended ones are kept for whoever
@@ -100,7 +104,6 @@ class Host {
     FlatList<Contact> contacts;
     FlatList<std::uint64_t> keys;  ///< ContactOrder::key, ascending: of the own ones, then of the told; 0 if it ended
     FlatList<std::uint32_t> own_order;  ///< the own ones by (a, b)
-    FlatList<std::uint64_t> persist;    ///< a bit each of the own ones by (a, b), as their phases read
     std::size_t own = 0;
 
     void add(const Contact& contact);
@@ -144,7 +147,6 @@ class Host {
   FlatList<std::uint32_t> changed_;
   std::uint64_t frame_ = 0;     ///< that is being moved
   std::size_t next_moved_ = 0;  ///< of move_next()
-  std::size_t before_ = 0;      ///< of order_own_contact(): where the frame before is compared
   HostRefusals refusals_;
   MotionInput inputs_[batch];
   MotionOutput outputs_[batch];
