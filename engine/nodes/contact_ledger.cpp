@@ -19,13 +19,13 @@ void ContactLedger::List::clear() noexcept {
 ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : received_(nodes), persists_(nodes) {
   // A node's share is rarely more than twice the mean; what is more grows once.
   const std::size_t share = std::min(contacts, 2 * contacts / nodes + 64);
-  for (std::size_t node = 0; node < nodes; ++node) {
-    received_[node].keys.reserve(share);
-    received_[node].records.reserve(share);
-    persists_[node].reserve(share / 64 + 1);
+  for (auto& persists : persists_) {
+    persists.reserve(share / 64 + 1);
   }
-  heap_.reserve(nodes);
+  order_.reserve(contacts);
+  records_.reserve(contacts);
   sources_.reserve(contacts);
+  merged_.reserve(contacts);
   newcomers_.reserve(contacts);
   ending_.reserve(contacts);
   for (Edition& edition : editions_) {
@@ -37,10 +37,12 @@ ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : received
 void ContactLedger::begin(std::uint64_t frame) {
   frame_ = frame;
   newcomers_.clear();
-  for (Received& run : received_) {
-    run.keys.clear();
-    run.records.clear();
-  }
+  std::fill(received_.begin(), received_.end(), 0u);
+  order_.clear();
+  records_.clear();
+  sources_.clear();
+  last_key_ = 0;
+  ascending_ = true;
   editions_[frame & 1].live.clear();
   editions_[frame & 1].ended.clear();
 }
@@ -53,43 +55,26 @@ std::uint64_t ContactLedger::merge(std::span<const ObjectRow> rows) {
 }
 
 std::uint64_t ContactLedger::merge_keys() {
-  const auto later = [](const Run& p, const Run& q) { return *p.next > *q.next; };
-  heap_.clear();
-  sources_.clear();
+  merged_.clear();
   newcomers_.clear();
   ending_.clear();
-  for (NodeNumber node = 0; node < received_.size(); ++node) {
-    const FlatList<std::uint64_t>& run = received_[node].keys;
-    persists_[node].assign((run.size() + 63) / 64, 0);
-    if (!run.empty()) {
-      heap_.push_back({run.begin(), run.end(), node});
-    }
+  for (std::size_t node = 0; node < received_.size(); ++node) {
+    persists_[node].assign((received_[node] + 63) / 64, 0);
   }
-  std::make_heap(heap_.begin(), heap_.end(), later);
+  if (!ascending_) {
+    order_.sort();
+  }
   std::size_t old = 0;
   std::uint64_t last = 0;
   std::uint64_t doubled = 0;
-  while (!heap_.empty()) {
-    if (heap_.size() > 1) {
-      std::pop_heap(heap_.begin(), heap_.end(), later);
-    }
-    Run& run = heap_.back();
-    // A run is taken on for as long as no other has anything smaller: neighbouring pairs tend to share a node.
-    const std::uint64_t limit = heap_.size() > 1 ? *heap_.front().next : ~std::uint64_t{0};
-    do {
-      const std::uint64_t key = *run.next;
-      if (key == last) {
-        ++doubled;
-      } else {
-        follow(run, key, old);
-        last = key;
-      }
-      ++run.next;
-    } while (run.next != run.end && *run.next <= limit);
-    if (run.next == run.end) {
-      heap_.pop_back();
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    const std::uint32_t received = ascending_ ? static_cast<std::uint32_t>(i) : order_.at(i);
+    const std::uint64_t key = order_.added(received);
+    if (key == last) {
+      ++doubled;
     } else {
-      std::push_heap(heap_.begin(), heap_.end(), later);
+      follow(received, key, old);
+      last = key;
     }
   }
   end_until(old, ~std::uint64_t{0});
@@ -97,19 +82,19 @@ std::uint64_t ContactLedger::merge_keys() {
 }
 
 // The next key of all, beside those of the frame before.
-void ContactLedger::follow(const Run& run, std::uint64_t key, std::size_t& old) {
+void ContactLedger::follow(std::uint32_t received, std::uint64_t key, std::size_t& old) {
   List& now = editions_[frame_ & 1].live;
   const List& before = editions_[(frame_ - 1) & 1].live;
   end_until(old, key);
-  const auto index = static_cast<std::uint32_t>(run.next - received_[run.node].keys.begin());
   if (old < before.keys.size() && before.keys[old] == key) {
     ++old;
-    persists_[run.node][index / 64] |= std::uint64_t{1} << (index % 64);
+    const auto [node, index] = sources_[received];
+    persists_[node][index / 64] |= std::uint64_t{1} << (index % 64);
   } else {
     newcomers_.push_back(static_cast<std::uint32_t>(now.keys.size()));
   }
   now.keys.push_back(key);
-  sources_.push_back({run.node, index});
+  merged_.push_back(received);
 }
 
 // What was in contact before and has a smaller key than the next contact is in contact no more.
@@ -123,15 +108,20 @@ void ContactLedger::end_until(std::size_t& old, std::uint64_t key) {
 
 void ContactLedger::write_contacts(std::span<const ObjectRow> rows) {
   // Two frames of contacts take turns, and 64,000 rows are too many for the second-level cache.
+  constexpr std::size_t far = 24;
   constexpr std::size_t ahead = 12;
   List& now = editions_[frame_ & 1].live;
-  now.contacts.resize(sources_.size());
-  now.found.resize(sources_.size());
+  now.contacts.resize(merged_.size());
+  now.found.resize(merged_.size());
   std::size_t newcomer = 0;
-  for (std::size_t i = 0; i < sources_.size(); ++i) {
-    if (i + ahead < sources_.size()) {
-      const Source& source = sources_[i + ahead];
-      const messages::CollisionRecord& soon = received_[source.node].records[source.index];
+  for (std::size_t i = 0; i < merged_.size(); ++i) {
+    if (i + far < merged_.size()) {
+      const auto* soon = reinterpret_cast<const std::byte*>(&records_[merged_[i + far]]);
+      __builtin_prefetch(soon);
+      __builtin_prefetch(soon + sizeof(messages::CollisionRecord) - 1);
+    }
+    if (i + ahead < merged_.size()) {
+      const messages::CollisionRecord& soon = records_[merged_[i + ahead]];
       __builtin_prefetch(&rows[soon.slot_a]);
       __builtin_prefetch(&rows[soon.slot_b]);
       const auto* room = reinterpret_cast<const std::byte*>(&now.contacts[i + ahead]);
@@ -139,8 +129,8 @@ void ContactLedger::write_contacts(std::span<const ObjectRow> rows) {
       __builtin_prefetch(room + 64, 1);
       __builtin_prefetch(room + sizeof(Contact) - 1, 1);
     }
-    const auto [node, index] = sources_[i];
-    const messages::CollisionRecord& record = received_[node].records[index];
+    const messages::CollisionRecord& record = records_[merged_[i]];
+    const NodeNumber node = sources_[merged_[i]].node;
     const std::uint64_t key = now.keys[i];
     Contact& contact = now.contacts[i];
     contact.a = static_cast<ObjectNumber>(key >> 32);

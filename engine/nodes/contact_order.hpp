@@ -17,12 +17,20 @@ class ContactOrder {
  public:
   static constexpr std::uint64_t key(ObjectNumber a, ObjectNumber b) noexcept { return std::uint64_t{a} << 32 | b; }
 
+  /// For so many keys; more are taken at the price of allocations.
+  void reserve(std::size_t keys) {
+    keys_.reserve(keys);
+    entries_.reserve(keys);
+    other_.reserve(keys);
+  }
   /// Forgets all keys.
   void clear() noexcept { keys_.clear(); }
   void add(ObjectNumber a, ObjectNumber b) { keys_.push_back(key(a, b)); }
   /// Sorts; afterwards at(i) is the position, in the order of add, of the i-th contact by (a, b), and key_at(i) its
   /// key.
   void sort();
+  /// The i-th key that was added.
+  std::uint64_t added(std::size_t i) const noexcept { return keys_[i]; }
   std::size_t size() const noexcept { return keys_.size(); }
   std::uint32_t at(std::size_t i) const noexcept {
     return static_cast<std::uint32_t>(wide_ ? wide_entries_[i].index

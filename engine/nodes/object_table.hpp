@@ -99,6 +99,7 @@ class ObjectTable {
       __builtin_prefetch(&told_[slot], 1);
       if (state_bytes_ != 0) {
         __builtin_prefetch(states_.data() + slot * state_bytes_, 1);
+        __builtin_prefetch(states_.data() + (slot + 1) * state_bytes_ - 1, 1);
       }
     }
   }
