@@ -47,6 +47,17 @@ void World::Implementation::gather_user_times() {
     report.users_cpu_ms += ms;
     report.slowest_user_cpu_ms = std::max(report.slowest_user_cpu_ms, ms);
   }
+  if (!threaded()) {
+    report.path = {};
+    return;
+  }
+  // The roles say how long they moved and looked around, the thread what it used: its CPU time is shared out in the
+  // ratio of the two.
+  PathReport& path = report.path;
+  const double busy_ms = path.user_move_ms + path.user_look_ms;
+  const double share = busy_ms > 0 ? path.user_move_ms / busy_ms : 0;
+  path.user_move_ms = report.slowest_user_cpu_ms * share;
+  path.user_look_ms = report.slowest_user_cpu_ms * (1 - share);
 }
 
 void World::Implementation::gather_timeline() {

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <new>
 #include <span>
 #include <type_traits>
 
@@ -101,6 +102,13 @@ class MessageView {
     Record record;
     std::memcpy(&record, at(i), sizeof(Record));
     return record;
+  }
+  /// The same where it lies, for as long as the message is there. What is copied as a whole and then read in other
+  /// parts waits for all that was written before it.
+  template <class Record>
+  const Record& view(std::size_t i) const noexcept {
+    static_assert(alignof(Record) <= 8 && std::is_trivially_copyable_v<Record>);
+    return *std::launder(reinterpret_cast<const Record*>(at(i)));
   }
   const std::byte* at(std::size_t i) const noexcept { return records_ + i * header_.record_bytes; }
   /// What follows the fixed part of record i: the model's state.

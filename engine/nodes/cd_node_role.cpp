@@ -32,6 +32,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   new_map_.reserve(map.grid().cells());
   kinds_.reserve(shape_kinds * shape_kinds);
   hits_.reserve(setup.objects);
+  order_.reserve(setup.objects);
   narrow_.remember_axes(setup.remember_axes);
   movers_.reserve(setup.objects);
   host_.reserve_contacts(setup.objects);
@@ -241,7 +242,7 @@ bool CdNodeRole::is_at_home(const Vec3d& position) const noexcept {
 
 void CdNodeRole::hear_positions(const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
-    const auto record = message.record<messages::PositionRecord>(i);
+    const auto& record = message.view<messages::PositionRecord>(i);
     if ((record.object.flags & messages::flag_gone) != 0) {
       known_.forget(record.object.slot);
     } else {
@@ -254,7 +255,7 @@ void CdNodeRole::hear_positions(const MessageView& message) {
 void CdNodeRole::hear_pairs(const MessageView& message) {
   const auto bodies = known_.bodies();
   for (std::size_t i = 0; i < message.count(); ++i) {
-    const auto pair = message.record<messages::PairRecord>(i);
+    const auto& pair = message.view<messages::PairRecord>(i);
     const geometry::CandidatePair known{known_.find(pair.a), known_.find(pair.b)};
     assert(known.a != KnownObjects::none && known.b != KnownObjects::none);
     __builtin_prefetch(&bodies[known.a]);
@@ -445,11 +446,17 @@ bool CdNodeRole::send_kinds() {
                          [&](std::size_t i, std::byte* where) { std::memcpy(where, &kinds_[i], sizeof kinds_[i]); });
 }
 
+// In this frame so far.
+std::uint64_t CdNodeRole::cpu_spent() const noexcept {
+  return setup_.shares_thread ? told_.busy_ns + (telemetry::now_ns() - step_start_)
+                              : telemetry::thread_cpu_ns() - cpu_start_;
+}
+
 bool CdNodeRole::send_told() {
   return told_run_.pump(*setup_.server.out, head(MessageType::told, Endpoint::server()), sizeof(messages::ToldRecord),
                         traffic_, [&](std::size_t, std::byte* where) {
+                          told_.cpu_ns = cpu_spent();
                           told_.busy_ns += telemetry::now_ns() - step_start_;
-                          told_.cpu_ns = setup_.shares_thread ? told_.busy_ns : telemetry::thread_cpu_ns() - cpu_start_;
                           told_.hosted = host_.size();
                           const HostRefusals& refusals = host_.refusals();
                           told_.model_failed = refusals.model_failed;
@@ -474,6 +481,7 @@ bool CdNodeRole::advance() {
       if (!move()) {
         return false;
       }
+      told_.move_cpu_ns = cpu_spent();
       stage_ = Stage::gathering;
       return true;
     case Stage::gathering:
@@ -487,6 +495,7 @@ bool CdNodeRole::advance() {
       if (!send_collisions()) {
         return false;
       }
+      told_.detect_cpu_ns = cpu_spent() - told_.move_cpu_ns;
       stage_ = Stage::ending;
       return true;
     case Stage::ending:

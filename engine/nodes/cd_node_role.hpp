@@ -99,6 +99,7 @@ class CdNodeRole {
   bool send_hand_overs();
   bool send_kinds();
   bool send_told();
+  std::uint64_t cpu_spent() const noexcept;
   messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
 
   CdNodeSetup setup_;

@@ -15,7 +15,7 @@ using messages::MessageType;
 void ServerRole::cut() {
   frame_ = frames_++;
   begin_ns_ = mark_ns_ = telemetry::now_ns();
-  cpu_begin_ns_ = telemetry::thread_cpu_ns();
+  cpu_begin_ns_ = cpu_mark_ns_ = telemetry::thread_cpu_ns();
   ingest_ns_ = 0;
   close_ranks();
   retire_nodes();

@@ -85,6 +85,12 @@ void ServerRole::spend(ringfence::Stage stage, std::uint64_t now) noexcept {
   ingest_ns_ = 0;
 }
 
+void ServerRole::spend_cpu(double PathReport::*step) noexcept {
+  const std::uint64_t now = telemetry::thread_cpu_ns();
+  report().path.*step += telemetry::to_ms(now - cpu_mark_ns_);
+  cpu_mark_ns_ = now;
+}
+
 // Reads what a party has said, up to a size: one that never stops talking must not keep the others waiting.
 bool ServerRole::drain(Party& party) {
   constexpr std::size_t most_at_once = 65536;
@@ -214,12 +220,12 @@ void ServerRole::hear_states(Party& party, const MessageView& message) {
 
 void ServerRole::hear_node_states(Party& party, const MessageView& message) {
   const std::uint64_t start = telemetry::now_ns();
-  constexpr std::size_t ahead = 6;
+  constexpr std::size_t ahead = 12;
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
-      objects_.fetch(message.record<messages::ObjectRef>(i + ahead).slot);
+      objects_.fetch(message.view<messages::ObjectRef>(i + ahead).slot);
     }
-    const auto record = message.record<messages::NodeStateRecord>(i);
+    const auto& record = message.view<messages::NodeStateRecord>(i);
     const std::uint32_t slot = objects_.find(record.object);
     if (slot == NumberIndex::none || objects_.host(slot) != party.self) {
       refuse(party, slot == NumberIndex::none ? Status::stale_object : Status::not_host, record.object.number);
@@ -250,7 +256,7 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
 void ServerRole::hear_collisions(Party& party, const MessageView& message) {
   const auto numbers = objects_.numbers();
   for (std::size_t i = 0; i < message.count(); ++i) {
-    const auto record = message.record<messages::CollisionRecord>(i);
+    const auto& record = message.view<messages::CollisionRecord>(i);
     ledger_.receive(party.self.number(), ContactOrder::key(numbers[record.slot_a], numbers[record.slot_b]), record);
   }
 }
@@ -313,6 +319,11 @@ void ServerRole::hear_told(Party& party, const MessageView& message) {
     node.move_ms = telemetry::to_ms(record.move_ns);
     node.broad_phase_ms = telemetry::to_ms(record.broad_phase_ns);
     node.narrow_phase_ms = telemetry::to_ms(record.narrow_phase_ns);
+    PathReport& path = frame.path;
+    path.node_move_ms = std::max(path.node_move_ms, telemetry::to_ms(record.move_cpu_ns));
+    path.node_detect_ms = std::max(path.node_detect_ms, telemetry::to_ms(record.detect_cpu_ns));
+    path.node_end_ms =
+        std::max(path.node_end_ms, telemetry::to_ms(record.cpu_ns - record.move_cpu_ns - record.detect_cpu_ns));
     node.hosted = record.hosted;
     node.handed_over = record.handed_over;
     TrafficReport& m5 = frame.traffic[static_cast<std::size_t>(Traffic::m5)];
@@ -320,6 +331,8 @@ void ServerRole::hear_told(Party& party, const MessageView& message) {
     m5.records += record.handed_over;
     m5.bytes += record.m5_bytes;
   } else {
+    frame.path.user_move_ms += telemetry::to_ms(record.move_ns);
+    frame.path.user_look_ms += telemetry::to_ms(record.busy_ns);
     // Every user node also tells the others, once: the publication.
     TrafficReport& m1 = frame.traffic[static_cast<std::size_t>(Traffic::m1)];
     m1.records += record.published;
@@ -390,6 +403,7 @@ bool ServerRole::advance_stage() {
       if (!all_parties([&](Party& party) { return open(party); })) {
         return false;
       }
+      spend_cpu(&PathReport::open_ms);
       move_own();
       stage_ = Stage::moving;
       return true;
@@ -397,6 +411,7 @@ bool ServerRole::advance_stage() {
       if (!all_parties([](const Party& party) { return party.states_heard; })) {
         return false;
       }
+      spend_cpu(&PathReport::ingest_ms);
       detect();
       stage_ = Stage::dispatching;
       return true;
@@ -410,8 +425,10 @@ bool ServerRole::advance_stage() {
       // Sweeping and sending take turns; the report keeps them apart.
       spend(ringfence::Stage::broad_phase, mark_ns_ + dispatch_.sweep_ns());
       spend(ringfence::Stage::dispatch, telemetry::now_ns());
+      spend_cpu(&PathReport::dispatch_ms);
       // Poses are frozen, so states can be relayed while the nodes test.
       publish();
+      spend_cpu(&PathReport::publish_ms);
       spend(ringfence::Stage::notify, telemetry::now_ns());
       stage_ = Stage::colliding;
       return true;
@@ -420,7 +437,9 @@ bool ServerRole::advance_stage() {
                        [](const Party& node) { return node.lost || node.tested_heard; })) {
         return false;
       }
+      spend_cpu(&PathReport::hear_ms);
       collect();
+      spend_cpu(&PathReport::collect_ms);
       notify_ns_ = mark_ns_;
       stage_ = Stage::notifying;
       return true;
@@ -443,6 +462,7 @@ bool ServerRole::advance_stage() {
 void ServerRole::finish() {
   const std::uint64_t now = telemetry::now_ns();
   spend(ringfence::Stage::notify, now);
+  spend_cpu(&PathReport::notify_ms);
   FrameReport& frame = report();
   frame.objects = objects_.live();
   frame.map_epoch = map_.epoch();

@@ -173,6 +173,7 @@ class ServerRole {
   }
 
   void spend(ringfence::Stage stage, std::uint64_t now) noexcept;
+  void spend_cpu(double PathReport::*step) noexcept;
   FrameReport& report() noexcept { return reports_[frame_ & 1]; }
   messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
   static void add(messages::TrafficCounts& counts, const messages::Header& header) noexcept;
@@ -222,6 +223,7 @@ class ServerRole {
   std::uint64_t begin_ns_ = 0;
   std::uint64_t notify_ns_ = 0;  ///< when hosts began to be told
   std::uint64_t cpu_begin_ns_ = 0;
+  std::uint64_t cpu_mark_ns_ = 0;  ///< when CPU time was last charged to the path
   FrameReport reports_[2];
 };
 

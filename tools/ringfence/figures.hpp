@@ -48,6 +48,8 @@ class Figures {
   Imbalance cpu_imbalance;                  ///< of the nodes' CPU time
   Imbalance tested_imbalance;               ///< of the pairs that they test
   double server_cpu_ms = 0, users_cpu_ms = 0;
+  PathReport path;
+  double critical_ms = 0;  ///< of each frame's path
 
   /// Nodes that were lost, CD nodes and user nodes, in order of frames.
   struct Loss {

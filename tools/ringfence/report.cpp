@@ -249,6 +249,10 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
   report["grown"] = figures.grown;
   report["server_cpu_ms"] = figures.mean(figures.server_cpu_ms);
   report["users_cpu_ms"] = figures.mean(figures.users_cpu_ms);
+  if (job.service.nodes > 0) {
+    for (const auto& [name, step] : PathReport::all()) report["path_ms"][name] = figures.mean(figures.path.*step);
+    report["path_ms"]["critical"] = figures.mean(figures.critical_ms);
+  }
   report["refused"] = Json::object();
   for (std::size_t i = 0; i < status_count; ++i) {
     const auto reason = static_cast<Status>(i);

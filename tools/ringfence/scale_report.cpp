@@ -27,8 +27,8 @@ void print_head(std::FILE* out, const ScaleOptions& options, const ScaleResult& 
              "wall       a frame, median (least to most of the runs); with more threads than cores it cannot shrink\n"
              "server, node, users   CPU time a frame of the server's thread, the busiest node's, the busiest user "
              "thread's\n"
-             "modelled   their sum in each frame, and {:.3f} ms for the messages of an empty frame: the frame with a\n"
-             "           core for each thread and no two of them at work at once\n"
+             "modelled   CPU time along the critical path of each frame, and {:.3f} ms for the messages of an empty\n"
+             "           frame: the frame with a core for each thread; of what is done at the same time the longest\n"
              "w/m        wall over modelled, where cores suffice to compare them\n"
              "speedup, efficiency, serial   of the modelled time, over 1 node; serial is Karp and Flatt's fraction\n\n",
              result.hops_ms);

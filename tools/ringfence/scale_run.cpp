@@ -28,7 +28,7 @@ struct Gathered {
     const bool threads = node_threads > 0;
     node.push_back(threads ? busiest : 0);
     users.push_back(threads ? report.slowest_user_cpu_ms : 0);
-    path.push_back(server.back() + node.back() + users.back());
+    path.push_back(threads ? report.path.critical_ms() : server.back());
   }
 };
 

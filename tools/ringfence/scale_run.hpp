@@ -33,7 +33,7 @@ struct ScaleSample {
   double server_ms = 0;  ///< CPU time of the server's thread; with nodes = 0 of the only thread
   double node_ms = 0;    ///< CPU time of the CD node that used most in the frame; 0 with nodes = 0
   double users_ms = 0;   ///< CPU time of the user thread that used most; 0 with nodes = 0
-  double path_ms = 0;    ///< the sum of the three, frame by frame: the critical path without wake-ups
+  double path_ms = 0;    ///< PathReport::critical_ms: the critical path without wake-ups
   double imbalance = 1;  ///< Figures::cpu_imbalance; 1 where the run is too short for it
   /// Means over the frames, less the share of time in which busy nodes did not have a core.
   double narrow_phase_ms = 0, move_ms = 0;  ///< of all nodes together

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "ringfence/ids.hpp"
@@ -66,6 +67,45 @@ struct TrafficReport {
   std::uint64_t bytes = 0;
 };
 
+/// What the steps of a frame cost, in CPU time, each after the one above it; of what is done by many at once, what it
+/// cost the one that it cost most. Where two stand in one line they are done at the same time. With nodes = 0 all zero.
+struct PathReport {
+  double open_ms = 0;                                        ///< server: the cut, the frame's begin
+  double ingest_ms = 0, node_move_ms = 0, user_move_ms = 0;  ///< server, until it has all states; nodes; users
+  double dispatch_ms = 0;                                    ///< server: what moved; its sweep, sending pairs
+  double publish_ms = 0, node_detect_ms = 0;                 ///< server; nodes: from their states to their contacts
+  double hear_ms = 0;                                        ///< server: taking in what nodes found
+  double collect_ms = 0;                                     ///< server: merging, phases, who is told of what
+  double notify_ms = 0;                                      ///< server: telling, until it is told by all
+  double node_end_ms = 0, user_look_ms = 0;                  ///< nodes: handing over; users: looking around
+
+  static constexpr std::size_t steps = 12;
+  using Step = std::pair<const char*, double PathReport::*>;
+  /// All of the above by their names, in their order.
+  static constexpr std::array<Step, steps> all() noexcept {
+    return {{{"open", &PathReport::open_ms},
+             {"ingest", &PathReport::ingest_ms},
+             {"node_move", &PathReport::node_move_ms},
+             {"user_move", &PathReport::user_move_ms},
+             {"dispatch", &PathReport::dispatch_ms},
+             {"publish", &PathReport::publish_ms},
+             {"node_detect", &PathReport::node_detect_ms},
+             {"hear", &PathReport::hear_ms},
+             {"collect", &PathReport::collect_ms},
+             {"notify", &PathReport::notify_ms},
+             {"node_end", &PathReport::node_end_ms},
+             {"user_look", &PathReport::user_look_ms}}};
+  }
+
+  /// The least time of the frame with a core for each thread, but for the way of messages: of what is done at the same
+  /// time the longest counts. What may or may not overlap, as nodes' tests and the server's sweep, is added up.
+  double critical_ms() const noexcept {
+    const auto longest = [](double p, double q) { return p > q ? p : q; };
+    return open_ms + longest(ingest_ms, longest(node_move_ms, user_move_ms)) + dispatch_ms +
+           longest(publish_ms, node_detect_ms) + hear_ms + collect_ms + notify_ms + longest(node_end_ms, user_look_ms);
+  }
+};
+
 /// One thing that a thread did in a frame; see WorldConfig::timeline.
 struct TimelineSpan {
   std::uint32_t track = 0;     ///< 0: the server; 1 to nodes: the CD nodes; then the user threads, in order
@@ -93,6 +133,7 @@ struct FrameReport {
   double server_cpu_ms = 0;
   double users_cpu_ms = 0;         ///< all user threads together
   double slowest_user_cpu_ms = 0;  ///< the user thread that used most
+  PathReport path;
   /// CD nodes that stopped answering in this frame, by their numbers in it. Their work was done by the others; from the
   /// next frame on the nodes above them are numbered one lower each.
   std::vector<NodeNumber> lost;
