@@ -11,6 +11,7 @@
 #include <sched.h>
 
 #include "link/cores.hpp"
+#include "link/watchdog.hpp"
 
 namespace ringfence::link {
 namespace {
@@ -29,8 +30,14 @@ TEST_CASE("a ring from another thread ends a wait, with or without a deadline, h
     auto theirs = std::make_unique<BasicDoorbell<ThreadAtomics>>(patience);
     std::atomic<int> turn{0};
     constexpr int rounds = 3000;
+    Watchdog dog("a ring from another thread");
+    Post& ours = dog.post("who asks");
+    Post& others = dog.post("who answers");
+    ours.waits_for("an answer");
+    others.waits_for("a question");
     std::thread other([&] {
       for (int i = 0; i < rounds; ++i) {
+        others.moves();
         theirs->wait([&] { return turn.load(std::memory_order_acquire) == 2 * i + 1; });
         turn.store(2 * i + 2, std::memory_order_release);
         mine->ring();
@@ -38,6 +45,7 @@ TEST_CASE("a ring from another thread ends a wait, with or without a deadline, h
     });
     int timely = 0;
     for (int i = 0; i < rounds; ++i) {
+      ours.moves();
       turn.store(2 * i + 1, std::memory_order_release);
       theirs->ring();
       const auto answered = [&] { return turn.load(std::memory_order_acquire) == 2 * i + 2; };
@@ -66,8 +74,12 @@ TEST_CASE("many ringers and one sleeper: nothing that was told is missed") {
       }
     });
   }
+  Watchdog dog("many ringers and one sleeper");
+  Post& post = dog.post("the sleeper");
+  post.waits_for("a ring");
   int heard = 0;
   while (heard < ringers * times) {
+    post.moves();
     int sum = 0;
     bell->wait([&] {
       sum = 0;

@@ -5,12 +5,14 @@
 #include <cstring>
 #include <memory>
 #include <random>
+#include <string>
 #include <thread>
 #include <vector>
 
 #include <doctest/doctest.h>
 
 #include "link/channel.hpp"
+#include "link/watchdog.hpp"
 
 namespace ringfence::link {
 namespace {
@@ -39,6 +41,9 @@ class Talker {
     out_.publish();
     in_.release();
     return heard || said;
+  }
+  const char* waits_for() const noexcept {
+    return sent_ == messages ? "a message" : received_ == messages ? "room to send" : "a message, or room to send";
   }
   bool ready() { return in_.has_message() || (sent_ < messages && !out_.claim(next_size()).empty()); }
   bool done() const { return sent_ == messages && received_ == messages; }
@@ -105,6 +110,7 @@ TEST_CASE("a star of nine threads over the smallest rings, all rings full both w
     Channel in, out;
     explicit Node(Doorbell& server) : in(4096, &bell, &server), out(4096, &server, &bell) {}
   };
+  Watchdog dog("a star of nine threads");
   auto server = std::make_unique<Doorbell>();
   std::vector<std::unique_ptr<Node>> all;
   for (std::size_t i = 0; i < nodes; ++i) all.push_back(std::make_unique<Node>(*server));
@@ -114,10 +120,18 @@ TEST_CASE("a star of nine threads over the smallest rings, all rings full both w
   for (std::size_t i = 0; i < nodes; ++i) {
     threads.emplace_back([&, i] {
       Node& node = *all[i];
+      Post& post = dog.post("node " + std::to_string(i));
       Talker talker(node.out.sender(), node.in.receiver(), seed + i);
       while (!talker.done()) {
-        if (!talker.step() && !talker.done()) node.bell.wait([&] { return talker.ready(); });
+        if (talker.step()) {
+          post.moves();
+        } else if (!talker.done()) {
+          post.waits_for(talker.waits_for());
+          node.bell.wait([&] { return talker.ready(); });
+          post.waits_for(nullptr);
+        }
       }
+      post.leaves();
       wrong.fetch_add(talker.wrong());
     });
   }
@@ -128,13 +142,18 @@ TEST_CASE("a star of nine threads over the smallest rings, all rings full both w
   const auto done = [&] {
     return std::all_of(talkers.begin(), talkers.end(), [](const Talker& talker) { return talker.done(); });
   };
+  Post& post = dog.post("the server");
   while (!done()) {
     bool progress = false;
     for (Talker& talker : talkers) progress = talker.step() || progress;
+    if (progress) post.moves();
     if (progress || done()) continue;
+    post.waits_for("a message of any node, or room to any");
     server->wait(
         [&] { return std::any_of(talkers.begin(), talkers.end(), [](Talker& talker) { return talker.ready(); }); });
+    post.waits_for(nullptr);
   }
+  post.leaves();
   for (std::thread& thread : threads) thread.join();
   for (const Talker& talker : talkers) wrong.fetch_add(talker.wrong());
   CHECK(wrong.load() == 0);
