@@ -88,6 +88,70 @@ TEST_CASE("a mesh file that cannot be read is named with the reason") {
   refused(meshes + "/lines.obj", "");
 }
 
+TEST_CASE("a mesh file that is not finite, too large or promises more than it holds is refused") {
+  const auto refused = [](const std::string& name, const std::string& text, const std::string& why) {
+    try {
+      tools::parse_mesh(text, name);
+      FAIL_CHECK(name << " is taken");
+    } catch (const Error& error) {
+      const std::string what = error.what();
+      CHECK_MESSAGE(what.starts_with(name + ": "), what);
+      CHECK_MESSAGE(what.find(why) != std::string::npos, what);
+    }
+  };
+  refused("nan.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n", "is no place");
+  refused("inf.obj", "v 0 0 0\nv 1e39 0 0\nv 0 1 0\nf 1 2 3\n", "is no place");
+  const std::string header =
+      "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+  refused("promise.ply", header, "4000000000 elements");
+  refused("uncounted.ply", "ply\nformat ascii 1.0\nelement vertex\nend_header\n", "without a number");
+  std::string many = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  for (int i = 0; i < 1'000'001; ++i) many += "f 1 2 3\n";
+  refused("many.obj", many, "has 1000001 triangles");
+}
+
+TEST_CASE("a mesh file that makes its reader crash is refused, and the program lives") {
+  // A node that is its own child: assimp follows it until the stack ends.
+  const std::string circle = R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+    "nodes": [{"children": [1]}, {"children": [0]}]})";
+  try {
+    tools::parse_mesh(circle, "circle.gltf");
+    FAIL_CHECK("a circle is taken");
+  } catch (const Error& error) {
+    CHECK(std::string(error.what()).starts_with("circle.gltf: "));
+  }
+}
+
+TEST_CASE("a glTF file reads its buffers beside it and below, and nothing elsewhere") {
+  const Folder folder;
+  std::filesystem::create_directories(folder / "scene/parts");
+  std::string corners;
+  for (const float x : {0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.0f}) {
+    corners.append(reinterpret_cast<const char*>(&x), sizeof x);
+  }
+  worlds::write_text(folder / "scene/parts/corners.bin", corners);
+  worlds::write_text(folder / "corners.bin", corners);
+  const auto triangles = [&](const std::string& uri) -> std::size_t {
+    worlds::write_text(folder / "scene/t.gltf",
+                       R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+      "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "buffers": [{"byteLength": 36, "uri": ")" +
+                           uri + R"("}], "bufferViews": [{"buffer": 0, "byteLength": 36}],
+      "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
+                     "min": [0, 0, 0], "max": [1, 1, 0]}]})");
+    try {
+      return tools::read_mesh(folder / "scene/t.gltf").indices.size() / 3;
+    } catch (const Error&) {
+      return 0;
+    }
+  };
+  CHECK(triangles("parts/corners.bin") == 1);
+  CHECK(triangles("../corners.bin") == 0);
+  CHECK(triangles("parts/../../corners.bin") == 0);
+  CHECK(triangles(folder / "corners.bin") == 0);
+  CHECK(triangles("none.bin") == 0);
+}
+
 TEST_CASE("a written mesh reads back bit for bit") {
   const Folder folder;
   const TriangleMesh mesh = worlds::make_asteroid(3, 4, 5);

@@ -1,69 +1,21 @@
 #include "mesh_file.hpp"
 
-#include <algorithm>
-#include <array>
 #include <bit>
-#include <cctype>
+#include <cstdint>
 #include <cstring>
-#include <string>
-#include <string_view>
 #include <system_error>
 
-#include <assimp/Importer.hpp>
-#include <assimp/config.h>
-#include <assimp/postprocess.h>
-#include <assimp/scene.h>
 #include <fmt/format.h>
 
+#include "mesh_import.hpp"
 #include "ringfence/error.hpp"
 #include "worlds/text_file.hpp"
 
 namespace ringfence::tools {
 namespace {
 
-constexpr std::array endings{".obj", ".stl", ".ply", ".gltf", ".glb", ".3ds"};
-
-/// What assimp may do and no more: nothing that moves a corner or reorders triangles.
-constexpr unsigned steps = aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_RemoveComponent |
-                           aiProcess_PreTransformVertices | aiProcess_JoinIdenticalVertices;
-constexpr int not_geometry = aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
-                             aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
-                             aiComponent_TEXTURES | aiComponent_LIGHTS | aiComponent_CAMERAS | aiComponent_MATERIALS;
-
-void append(const aiMesh& part, TriangleMesh& mesh) {
-  const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
-  for (unsigned i = 0; i < part.mNumVertices; ++i) {
-    mesh.vertices.push_back({part.mVertices[i].x, part.mVertices[i].y, part.mVertices[i].z});
-  }
-  for (unsigned i = 0; i < part.mNumFaces; ++i) {
-    const aiFace& face = part.mFaces[i];
-    if (face.mNumIndices != 3) continue;
-    for (unsigned k = 0; k < 3; ++k) mesh.indices.push_back(first + face.mIndices[k]);
-  }
-}
-
-/// assimp searches a PLY file for the end of its header for ever, and stops the program at faces without corners.
-std::string flaw_of_text(const std::filesystem::path& file, const std::string& ending) {
-  if (ending != ".ply") return "";
-  const std::string text = worlds::read_text(file);
-  const bool whole = text.starts_with("ply") && std::string_view(text).substr(0, 65536).find("end_header") != text.npos;
-  return whole ? "" : "has no PLY header";
-}
-
-std::string flaw_of(const aiScene& scene) {
-  for (unsigned m = 0; m < scene.mNumMeshes; ++m) {
-    const aiMesh& part = *scene.mMeshes[m];
-    for (unsigned i = 0; i < part.mNumFaces; ++i) {
-      const aiFace& face = part.mFaces[i];
-      if (face.mNumIndices == 0) return fmt::format("face {} has no corners", i);
-      for (unsigned k = 0; k < face.mNumIndices; ++k) {
-        if (face.mIndices[k] < part.mNumVertices) continue;
-        return fmt::format("face {} names corner {} of {}", i, face.mIndices[k], part.mNumVertices);
-      }
-    }
-  }
-  return "";
-}
+constexpr std::uintmax_t most_bytes = std::uintmax_t{1} << 30;
+constexpr char is_mesh = 'm', is_refusal = 'r';
 
 template <class T>
 void put(std::string& to, T value) {
@@ -73,37 +25,81 @@ void put(std::string& to, T value) {
   to.append(bytes, sizeof(T));
 }
 
+template <class T>
+void put_all(std::string& to, const std::vector<T>& values) {
+  put(to, std::uint64_t{values.size()});
+  to.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+}
+
+/// False where `from` does not hold as many as it says.
+template <class T>
+bool take_all(std::string_view& from, std::vector<T>& values) {
+  std::uint64_t count = 0;
+  if (from.size() < sizeof count) return false;
+  std::memcpy(&count, from.data(), sizeof count);
+  from.remove_prefix(sizeof count);
+  if (count > from.size() / sizeof(T)) return false;
+  values.resize(count);
+  if (count != 0) std::memcpy(values.data(), from.data(), count * sizeof(T));
+  from.remove_prefix(count * sizeof(T));
+  return true;
+}
+
+/// What the child says: the mesh, or why there is none.
+std::string import_to_text(std::string_view bytes, const std::string& name, const std::filesystem::path& folder) {
+  try {
+    const TriangleMesh mesh = import_mesh(bytes, name, folder);
+    // Before it is sent: a small file can make a large mesh.
+    const std::string flaw = flaw_of(mesh);
+    if (!flaw.empty()) return is_refusal + flaw;
+    std::string text(1, is_mesh);
+    put_all(text, mesh.vertices);
+    put_all(text, mesh.indices);
+    return text;
+  } catch (const Error& error) {
+    return std::string(1, is_refusal) + error.what();
+  }
+}
+
 }  // namespace
 
-TriangleMesh read_mesh(const std::filesystem::path& file) {
-  std::string ending = file.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  if (std::find(endings.begin(), endings.end(), ending) == endings.end()) {
-    throw Error(fmt::format("{}: ends in \"{}\"; expected .obj, .stl, .ply, .gltf, .glb or .3ds", file.string(),
-                            file.extension().string()));
+TriangleMesh parse_mesh(std::string_view bytes, const std::string& name, const std::filesystem::path& folder,
+                        const ChildLimits& limits) {
+  const auto refuse = [&](std::string_view why) { throw Error(fmt::format("{}: {}", name, why)); };
+  if (mesh_ending(name).empty()) {
+    refuse(fmt::format("ends in \"{}\"; expected .obj, .stl, .ply, .gltf, .glb or .3ds",
+                       std::filesystem::path(name).extension().string()));
   }
+  const ChildAnswer answer = run_in_child([&] { return import_to_text(bytes, name, folder); }, limits);
+  if (!answer.end.empty()) refuse("assimp, which reads it, " + answer.end);
+  std::string_view said = answer.said;
+  if (said.starts_with(is_refusal)) refuse(said.substr(1));
+  // The child may have been overwritten by what it read: its mesh is checked again.
+  TriangleMesh mesh;
+  if (!said.starts_with(is_mesh)) refuse("assimp, which reads it, said nothing");
+  said.remove_prefix(1);
+  if (!take_all(said, mesh.vertices) || !take_all(said, mesh.indices) || !said.empty()) refuse("is cut short");
+  const std::string flaw = flaw_of(mesh);
+  if (!flaw.empty()) refuse(flaw);
+  return mesh;
+}
+
+TriangleMesh read_mesh(const std::filesystem::path& file) {
+  // Before the file is looked for: an ending that is not read is wrong wherever it lies.
+  if (mesh_ending(file).empty()) return parse_mesh({}, file.string());
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) {
     throw Error(fmt::format("{}: {}", file.string(), error ? error.message() : std::string("not a file")));
   }
-  Assimp::Importer importer;
-  importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
-  importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS, not_geometry);
-  std::string flaw = flaw_of_text(file, ending);
-  const aiScene* scene = flaw.empty() ? importer.ReadFile(file.string(), 0) : nullptr;
-  if (scene != nullptr) flaw = flaw_of(*scene);
-  if (scene != nullptr && flaw.empty()) scene = importer.ApplyPostProcessing(steps);
-  if (!flaw.empty()) throw Error(fmt::format("{}: {}", file.string(), flaw));
-  if (scene == nullptr) throw Error(fmt::format("{}: {}", file.string(), importer.GetErrorString()));
-  TriangleMesh mesh;
-  for (unsigned i = 0; i < scene->mNumMeshes; ++i) append(*scene->mMeshes[i], mesh);
-  if (ending == ".3ds") {
-    // assimp turns what 3DS calls up from z to y.
-    for (Vec3f& v : mesh.vertices) v = {v.x, -v.z, v.y};
-  }
-  if (mesh.indices.empty()) throw Error(fmt::format("{}: has no triangles", file.string()));
-  return mesh;
+  const std::uintmax_t bytes = std::filesystem::file_size(file, error);
+  if (error) throw Error(fmt::format("{}: {}", file.string(), error.message()));
+  if (bytes > most_bytes) throw Error(fmt::format("{}: has {} bytes, more than {}", file.string(), bytes, most_bytes));
+  const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
+  // A large file takes time and memory in proportion: assimp reads about 20 MB of OBJ a second.
+  ChildLimits limits;
+  limits.cpu_seconds += static_cast<unsigned>(bytes >> 21);
+  limits.memory_bytes += 32 * bytes;
+  return parse_mesh(worlds::read_text(file), file.string(), folder, limits);
 }
 
 void write_mesh(const std::filesystem::path& file, const TriangleMesh& mesh) {
