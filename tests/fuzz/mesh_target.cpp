@@ -1,0 +1,57 @@
+// Any bytes as a mesh file of each format (the first byte chooses it): refused with a message that begins with the
+// file's name, whatever assimp does with it, or a mesh that a world takes, or refuses by its own rules; and the same
+// mesh when assimp reads it in this process.
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <string>
+#include <string_view>
+
+#include "fuzz/target.hpp"
+#include "geometry/mesh.hpp"
+#include "mesh_file.hpp"
+#include "mesh_import.hpp"
+#include "ringfence/error.hpp"
+
+using namespace ringfence;
+
+namespace {
+
+constexpr std::array names{"fuzz.obj", "fuzz.stl", "fuzz.ply", "fuzz.gltf", "fuzz.glb", "fuzz.3ds"};
+constexpr tools::ChildLimits limits{2, std::size_t{1} << 30};
+
+bool same(const TriangleMesh& p, const TriangleMesh& q) {
+  return p.indices == q.indices && p.vertices.size() == q.vertices.size() &&
+         (p.vertices.empty() ||
+          std::memcmp(p.vertices.data(), q.vertices.data(), p.vertices.size() * sizeof(Vec3f)) == 0);
+}
+
+void prepare(const TriangleMesh& mesh) {
+  constexpr std::size_t enough = 20'000;  // corners; more of them take long and are no other case
+  if (mesh.indices.size() > enough) return;
+  try {
+    const geometry::Mesh prepared(mesh);
+  } catch (const Error&) {
+    // No area at all, or corners too far from each other: refused where a world is told of it.
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t size) {
+  if (size == 0) return 0;
+  const std::string name = names[input[0] % names.size()];
+  const std::string_view bytes(reinterpret_cast<const char*>(input + 1), size - 1);
+  TriangleMesh mesh;
+  try {
+    mesh = tools::parse_mesh(bytes, name, {}, limits);
+  } catch (const Error& error) {
+    fuzz::require(std::string_view(error.what()).starts_with(name + ": "));
+    return 0;
+  }
+  fuzz::require(tools::flaw_of(mesh).empty());
+  // A child has survived it; here the fuzzer sees which of our lines it takes.
+  fuzz::require(same(mesh, tools::import_mesh(bytes, name, {})));
+  prepare(mesh);
+  return 0;
+}
