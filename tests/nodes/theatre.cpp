@@ -105,11 +105,12 @@ void Theatre::kill(NodeNumber node, std::size_t messages) { nodes_[standing_[nod
 // Passes what a node and the server say to each other, for as long as it lives.
 bool Theatre::pass(Node& node) {
   const std::size_t before = log_.size();
-  const bool any = node.out->pass({}, log_) | node.in->pass({}, log_);
+  const bool heard = node.out->pass({}, log_);
+  const bool told = node.in->pass({}, log_);
   if (node.messages != ~std::size_t{0}) {
     node.messages -= std::min(node.messages, log_.size() - before);
   }
-  return any;
+  return heard || told;
 }
 
 // Nothing gets on. The dead are the reason; the link to the first of them closes.
