@@ -6,5 +6,6 @@ namespace ringfence::bench {
 void register_rings();
 void register_doorbells();
 void register_publications();
+void register_messages();
 
 }  // namespace ringfence::bench

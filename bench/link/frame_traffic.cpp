@@ -1,0 +1,49 @@
+#include "link/frame_traffic.hpp"
+
+#include <memory>
+
+#include "messages/header.hpp"
+#include "messages/records.hpp"
+#include "ringfence/world.hpp"
+#include "worlds/load.hpp"
+#include "worlds/paper_world.hpp"
+
+namespace ringfence::bench {
+
+FrameTraffic count_frame(std::uint32_t objects, std::uint32_t nodes) {
+  constexpr int settling = 20;
+  worlds::PaperWorldOptions options;
+  options.objects = objects;
+  options.users = 0;
+  const worlds::PaperWorld paper = worlds::make_paper_world(options);
+  const auto model = std::make_shared<motion::Steering>(paper.steering);
+  WorldConfig config;
+  config.nodes = nodes;
+  config.placement = Placement::server;
+  config.balance = false;
+  config.motion = model;
+  worlds::configure_for(config, paper.scene, 0);
+  World world(config);
+  worlds::load_into(world, paper.scene, 0);
+  for (int frame = 0; frame < settling; ++frame) world.advance();
+
+  const FrameReport& report = world.report();
+  FrameTraffic traffic;
+  traffic.state_bytes = (model->state_bytes() + 7) / 8 * 8;
+  // M2 is counted as a whole: messages and records of two kinds, of which the sizes tell how many are which.
+  const TrafficReport& m2 = report.traffic[static_cast<std::size_t>(Traffic::m2)];
+  const std::uint64_t records_bytes = m2.bytes - m2.messages * sizeof(messages::Header);
+  const std::uint64_t positions = (records_bytes - m2.records * sizeof(messages::PairRecord)) /
+                                  (sizeof(messages::PositionRecord) - sizeof(messages::PairRecord));
+  for (const NodeReport& node : report.nodes) {
+    NodeTraffic& one = traffic.nodes.emplace_back();
+    one.states = node.hosted;
+    one.positions = positions / report.nodes.size();
+    one.pairs = node.candidates;
+    one.collisions = node.contacts;
+    one.confirms = (node.contacts + 63) / 64;
+  }
+  return traffic;
+}
+
+}  // namespace ringfence::bench
