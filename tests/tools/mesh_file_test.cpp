@@ -105,6 +105,7 @@ TEST_CASE("a mesh file that is not finite, too large or promises more than it ho
       "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\nproperty float z\n"
       "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
   refused("promise.ply", header, "4000000000 elements");
+  refused("endless.ply", header.substr(0, header.size() - 12) + " end_header\n", "has no PLY header");
   refused("uncounted.ply", "ply\nformat ascii 1.0\nelement vertex\nend_header\n", "without a number");
   std::string many = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
   for (int i = 0; i < 1'000'001; ++i) many += "f 1 2 3\n";

@@ -118,12 +118,15 @@ void leave_only(Assimp::Importer& importer, const char* name) {
   for (const auto& other : others) importer.UnregisterLoader(other.get());
 }
 
-/// assimp searches a PLY file for the end of its header for ever, and makes room for whatever number of elements that
-/// promises.
+/// assimp searches a PLY file for a line that ends its header for ever, and makes room for whatever number of elements
+/// that promises.
 std::string flaw_of_ply(std::string_view text) {
   constexpr std::string_view element = "element ";
-  const std::size_t end = text.substr(0, 65536).find("end_header");
-  if (!text.starts_with("ply") || end == text.npos) return "has no PLY header";
+  constexpr std::string_view last = "\nend_header";
+  const std::string_view start = text.substr(0, 65536);
+  const std::size_t end = start.find(last);
+  const std::string_view after = start.substr(end == start.npos ? start.size() : end + last.size(), 1);
+  if (!text.starts_with("ply") || (after != "\n" && after != "\r")) return "has no PLY header";
   const std::string_view header = text.substr(0, end);
   for (std::size_t at = 0; (at = header.find(element, at)) != header.npos;) {
     at += element.size();
