@@ -250,7 +250,8 @@ class RingReader {
     tail_seen_ = tail & ~RingWords<Policy>::flags;
     ended_ = (tail & RingWords<Policy>::closed) != 0;
     if (read_ != tail_seen_) return true;
-    // Whoever looks again finds the message and its position together: a round trip of 300 ns instead of 340.
+    // Whoever looks again finds the message and its position together. With messages that begin at lines a round trip
+    // took 313 ns instead of 358 in one run, 330 instead of 361 in another.
     Policy::fetch_awaited(bytes_ + (read_ & mask_));
     return false;
   }
