@@ -225,6 +225,10 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
     if (i + ahead < message.count()) {
       objects_.fetch(message.view<messages::ObjectRef>(i + ahead).slot);
     }
+    if (i + 2 * ahead < message.count()) {
+      __builtin_prefetch(message.at(i + 2 * ahead));
+      __builtin_prefetch(message.at(i + 2 * ahead) + 64);
+    }
     const auto& record = message.view<messages::NodeStateRecord>(i);
     const std::uint32_t slot = objects_.find(record.object);
     if (slot == NumberIndex::none || objects_.host(slot) != party.self) {
