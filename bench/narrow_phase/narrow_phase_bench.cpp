@@ -13,13 +13,15 @@
 #include "narrow_phase/narrow_phase.hpp"
 #include "narrow_phase/peer.hpp"
 #include "narrow_phase/targets.hpp"
+#include "narrow_phase/world_pairs.hpp"
 
 // Benchmarks narrow/<kind_a>_<kind_b>/<impl>[/<variant>]: ns for a candidate pair, one thread, all implementations on
 // the same candidates of the same crowd. Variants: none, the mix that a broad phase produces; hits and misses, those
 // alone; cold, with the second-level cache emptied before each round; few, ringfence's calls of four pairs each; and
 // ringfence on each instruction set that there is; moving, ringfence in a run of frames, and moving/forgetful, the same
-// without the memory of axes. Before anything of a crowd is timed, the implementations are
-// checked to agree on what touches.
+// without the memory of axes. Before anything of a crowd is timed, the implementations are checked to agree on what
+// touches. narrow/world/<pairs>/ringfence: all candidates, or those of two kinds, of frames of the paper's world, in
+// the order and as cold as a node gets them.
 
 namespace {
 
@@ -282,6 +284,7 @@ int main(int argc, char** argv) {
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   add_all_kinds();
+  add_world_pairs();
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();
 }
