@@ -175,11 +175,11 @@ class HullAssembly {
         const std::uint32_t from = triangles_[t].corner[e], to = triangles_[t].corner[(e + 1) % 3];
         const std::uint32_t left = facets_.of_triangle[t], right = facets_.of_triangle[triangles_[t].across[e]];
         if (left == right || from > to) continue;
-        hull_.edges_.push_back({number_of_[from],
-                                number_of_[to],
-                                static_cast<std::uint16_t>(left),
-                                static_cast<std::uint16_t>(right),
-                                {}});
+        HullEdge& edge = hull_.edges_.emplace_back();
+        edge.from = number_of_[from];
+        edge.to = number_of_[to];
+        edge.left = static_cast<std::uint16_t>(left);
+        edge.right = static_cast<std::uint16_t>(right);
       }
     }
   }
@@ -257,21 +257,16 @@ class HullAssembly {
       HullEdge& edge = hull_.edges_[i < count ? i : 0];
       const Vec3f left = hull_.normal(edge.left), right = hull_.normal(edge.right), from = hull_.vertex(edge.from);
       const Vec3d way = to_double(hull_.vertex(edge.to)) - to_double(from);
-      const double reach = length(way);
-      const Vec3f along = edge.along = to_float(way * (1 / reach));
-      const float values[edge_columns] = {left.x,
-                                          left.y,
-                                          left.z,
-                                          right.x,
-                                          right.y,
-                                          right.z,
-                                          from.x,
-                                          from.y,
-                                          from.z,
-                                          along.x,
-                                          along.y,
-                                          along.z,
-                                          static_cast<float>(reach)};
+      const Vec3f along = to_float(way * (1 / length(way)));
+      edge.left_normal = left;
+      edge.right_normal = right;
+      edge.along = along;
+      edge.from_x = from.x;
+      edge.from_y = from.y;
+      edge.from_z = from.z;
+      edge.length = static_cast<float>(length(way));
+      const float values[edge_columns] = {left.x, left.y, left.z,  right.x, right.y, right.z,    from.x,
+                                          from.y, from.z, along.x, along.y, along.z, edge.length};
       for (std::size_t c = 0; c < edge_columns; ++c) hull_.edge_columns_[c * stride + i] = values[c];
     }
   }

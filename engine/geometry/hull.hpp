@@ -19,13 +19,20 @@ inline constexpr std::size_t max_hull_vertices = 256;
 /// `count` padded to whole vectors.
 constexpr std::size_t padded(std::size_t count) noexcept { return (count + hull_lanes - 1) / hull_lanes * hull_lanes; }
 
-/// An edge and the two faces that meet in it. Seen from outside, the left face lies to the left of `from` -> `to`.
-struct HullEdge {
+/// An edge and the two faces that meet in it: one cache line. Seen from outside, the left face lies to the left of
+/// `from` -> `to`. Where edges are looked at one by one, three rows of four floats hold all that is to be known of one.
+struct alignas(64) HullEdge {
+  Vec3f left_normal;  ///< outward, unit, as in the faces' columns
+  float from_x;       ///< the coordinates of vertex `from`
+  Vec3f right_normal;
+  float from_y;
+  Vec3f along;  ///< unit, from `from` to `to`
+  float from_z;
+  float length;
   std::uint16_t from, to;
   std::uint16_t left, right;
-  Vec3f along;  ///< unit, from `from` to `to`
 };
-static_assert(sizeof(HullEdge) == 20);
+static_assert(sizeof(HullEdge) == 64);
 
 /// Bytes that the columns of an edge's faces are padded to, the widest vector there is.
 inline constexpr std::size_t face_column_bytes = 64;
@@ -106,7 +113,7 @@ class Hull {
   AlignedVector<float> faces_;
   AlignedVector<float> edge_columns_;
   AlignedVector<std::uint8_t> faces_of_edges_;
-  std::vector<HullEdge> edges_;
+  AlignedVector<HullEdge> edges_;
   std::vector<std::uint32_t> face_starts_;
   std::vector<std::uint16_t> face_vertices_;
   Vec3f centroid_;

@@ -88,7 +88,29 @@ HWY_INLINE void store_rows(D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Ve
   for (int r = 0; r < 4; ++r) hn::Store(out[r], d, rows.at[r]);
 }
 
+/// One row of each of four blocks of lanes side by side: `row(lane)` points to four floats.
+template <class D, class Row>
+HWY_INLINE hn::Vec<D> join_rows(D d, const Row& row, std::size_t lane) {
+  if constexpr (hn::MaxLanes(D()) == 4) {
+    return hn::LoadU(d, row(lane));
+  } else {
+    const hn::Half<D> half;
+    return hn::Combine(d, join_rows(half, row, lane + hn::MaxLanes(half)), join_rows(half, row, lane));
+  }
+}
+
 #endif
+
+/// Four floats from each lane's row to four vectors of lanes; `row(lane)` points to them. Without a detour through
+/// memory, where the wide loads would wait for the narrow stores.
+template <class D, class Row>
+HWY_INLINE void gather_rows(D d, const Row& row, hn::Vec<D>* out) {
+#if HWY_TARGET == HWY_SCALAR
+  for (int k = 0; k < 4; ++k) out[k] = hn::Set(d, row(0)[k]);
+#else
+  transpose(d, join_rows(d, row, 0), join_rows(d, row, 1), join_rows(d, row, 2), join_rows(d, row, 3), out);
+#endif
+}
 
 HWY_INLINE void copy_row(const float* from, float* to) { std::memcpy(to, from, 4 * sizeof(float)); }
 

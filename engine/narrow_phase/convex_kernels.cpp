@@ -4,190 +4,11 @@
 #define HWY_TARGET_INCLUDE "narrow_phase/convex_kernels.cpp"
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
-#include "narrow_phase/convex_overlap-inl.hpp"
+#include "narrow_phase/convex_pair-inl.hpp"
 #include "narrow_phase/convex_round-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
-
-/// Where a shape's polytope comes from.
-class FromHull {
- public:
-  static constexpr ShapeKind kind = ShapeKind::hull;
-  HWY_INLINE FromHull(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row)
-      : hull_(shapes.hull(row.detail)) {}
-  /// The support along a direction, and later where it is.
-  template <class T>
-  class Support {
-   public:
-    HWY_INLINE Support(const geometry::Hull& hull, Point<T> direction) : farthest_(farthest(hull, direction)) {}
-    HWY_INLINE T value() const { return -farthest_.value(); }
-    HWY_INLINE std::size_t vertex(const Polytope&) const { return farthest_.index(); }
-
-   private:
-    static HWY_INLINE Least<T> farthest(const geometry::Hull& hull, Point<T> direction) {
-      const float* const columns[3] = {hull.x(), hull.y(), hull.z()};
-      return farthest_of<T>(columns, hull.vertex_count(), direction);
-    }
-    Least<T> farthest_;
-  };
-  template <class T>
-  HWY_INLINE Support<T> support(Point<T> direction) const {
-    return {hull_, direction};
-  }
-  Vec3f centre() const { return hull_.centroid(); }
-  std::size_t vertices() const { return hull_.vertex_count(); }
-  Polytope polytope() const { return polytope_of(hull_); }
-
- private:
-  const geometry::Hull& hull_;
-};
-class FromBox {
- public:
-  static constexpr ShapeKind kind = ShapeKind::box;
-  HWY_INLINE FromBox(const geometry::ShapeTable&, const geometry::ShapeRow& row) : size_(row.size) {}
-  template <class T>
-  class Support {
-   public:
-    HWY_INLINE Support(const float* size, Point<T> direction) : size_(size), direction_(direction) {}
-    HWY_INLINE T value() const {
-      return (std::abs(direction_.x) * T(size_[0]) + std::abs(direction_.y) * T(size_[1])) +
-             std::abs(direction_.z) * T(size_[2]);
-    }
-    HWY_INLINE std::size_t vertex(const Polytope& box) const { return farthest_vertex<T>(box, direction_); }
-
-   private:
-    const float* size_;
-    Point<T> direction_;
-  };
-  template <class T>
-  HWY_INLINE Support<T> support(Point<T> direction) const {
-    return {size_, direction};
-  }
-  Vec3f centre() const { return {}; }
-  std::size_t vertices() const { return 8; }
-  BoxPolytope polytope() const { return BoxPolytope(size_); }
-
- private:
-  const float* size_;
-};
-HWY_INLINE const Polytope& polytope_in(const Polytope& polytope) { return polytope; }
-HWY_INLINE const Polytope& polytope_in(const BoxPolytope& box) { return box.polytope(); }
-
-/// Writes what was found in the axes of the first body, `first` in the world's, turned to the pair's own a and b;
-/// `world` leads from the first's position to the second's.
-template <class T>
-HWY_INLINE PairContact* write(const KernelPair& pair, const Turn<T>& first, Point<T> world, const Overlap<T>& found,
-                              PairContact* out) {
-  Point<T> normal = rotate(first, found.normal), point = rotate(first, found.point);
-  if (pair.flipped != 0) {
-    normal = -normal;
-    point = point - world;
-  }
-  // Adding zero makes every zero positive, so that no bit depends on how it came about.
-  const auto plain = [](T value) { return static_cast<float>(value) + 0.0f; };
-  *out = {pair.pair,
-          plain(found.depth),
-          {plain(normal.x), plain(normal.y), plain(normal.z)},
-          {plain(point.x), plain(point.y), plain(point.z)}};
-  return out + 1;
-}
-
-/// Part of the two sizes by which a remembered axis has to keep two shapes apart: ten times what a reach may be off by.
-inline constexpr float proof = 1e-5f;
-
-/// Whether a remembered axis proves the two apart.
-template <class First, class Second>
-HWY_INLINE bool still_apart(const First& first, const Second& second, const Placement<float>& placed, Vec3f axis,
-                            float size, Work& work) {
-  const Vec3f n = rotate_back(placed.first, axis);
-  const float value = (first.template support<float>(n).value() +
-                       second.template support<float>(-rotate_back(placed.turn, n)).value()) -
-                      dot(n, placed.offset);
-  ++work.directions;
-  work.pass<float>(first.vertices());
-  work.pass<float>(second.vertices());
-  return value < -proof * size;
-}
-
-/// One pair, of float or double.
-template <class T, class First, class Second, class Place>
-HWY_INLINE PairContact* test_pair(const KernelInput& input, const KernelPair& pair, const First& first,
-                                  const Second& second, Point<T> axis, Point<T> axis_in_second, T along_axis,
-                                  const Place& placement, PairContact* out, Work& work) {
-  const auto p_support = first.template support<T>(axis);
-  const auto q_support = second.template support<T>(-axis_in_second);
-  ++work.directions;
-  work.pass<T>(first.vertices());
-  work.pass<T>(second.vertices());
-  const T value = (p_support.value() + q_support.value()) - along_axis;
-  if (value < T(0)) return out;
-  const Placement<T> placed = placement();
-  const Body &a = input.bodies[pair.first], &b = input.bodies[pair.second];
-  AxisMemory* const memory = sizeof(T) == 4 ? input.memory : nullptr;
-  const AxisMemory::Key key = AxisMemory::key_of(a.number, b.number);
-  if constexpr (sizeof(T) == 4) {
-    if (memory != nullptr && (*memory)[key].tag == key.tag) {
-      const float size = input.shapes.row(a.shape).bounding_radius + input.shapes.row(b.shape).bounding_radius;
-      if (still_apart(first, second, placed, (*memory)[key].axis, size, work)) {
-        ++work.ended_early;
-        return out;
-      }
-      (*memory)[key].tag = 0;
-    }
-  }
-  const auto p = first.polytope();
-  const auto q = second.polytope();
-  PolytopePair<T> overlap(polytope_in(p), polytope_in(q), placed,
-                          {value, p_support.vertex(polytope_in(p)), q_support.vertex(polytope_in(q))}, work);
-  Overlap<T> found;
-  if (overlap.test(found)) return write(pair, placed.first, placed.world, found, out);
-  if constexpr (sizeof(T) == 4) {
-    if (memory != nullptr) (*memory)[key] = {key.tag, rotate(placed.first, overlap.direction())};
-  }
-  return out;
-}
-
-template <class First, class Second>
-PairContact* run_in_float(const KernelInput& input, PairContact* out, KindCounters& counters) {
-  PlacementColumns placed;
-  Work work;
-  for (std::size_t begin = 0; begin < input.pairs.size();) {
-    const std::span<const KernelPair> rest = input.pairs.subspan(begin);
-    begin_gathering(input);
-    const std::size_t count = placed.fill<First::kind, Second::kind>(input, rest.data(), rest.size());
-    end_gathering(input);
-    for (std::size_t i = 0; i < count; ++i) {
-      const First first(input.shapes, input.shapes.row(input.bodies[rest[i].first].shape));
-      const Second second(input.shapes, input.shapes.row(input.bodies[rest[i].second].shape));
-      out = test_pair<float>(
-          input, rest[i], first, second, placed.axis(i), placed.axis_in_second(i), placed.along_axis(i),
-          [&]() HWY_ATTR { return placed.get(i); }, out, work);
-    }
-    begin += count;
-  }
-  work.add_to(counters);
-  return out;
-}
-
-template <class First, class Second>
-PairContact* run_in_double(const KernelInput& input, PairContact* out, KindCounters& counters) {
-  Work work;
-  for (const KernelPair& pair : input.pairs) {
-    begin_gathering(input);
-    const Body& p = input.bodies[pair.first];
-    const Body& q = input.bodies[pair.second];
-    const First first(input.shapes, input.shapes.row(p.shape));
-    const Second second(input.shapes, input.shapes.row(q.shape));
-    const Placement<double> placed = placement_of(p.pose, first.centre(), q.pose, second.centre());
-    end_gathering(input);
-    out = test_pair<double>(
-        input, pair, first, second, placed.axis, placed.axis_in_second, dot(placed.axis, placed.offset),
-        [&]() HWY_ATTR { return placed; }, out, work);
-  }
-  work.add_to(counters);
-  return out;
-}
 
 /// A capsule, or a sphere as one of no height, first and a hull second; worked out in the axes of the hull.
 template <class T>
@@ -235,10 +56,6 @@ PairContact* hull_hull(const KernelInput& input, PairContact* out, KindCounters&
   return input.in_double ? run_in_double<FromHull, FromHull>(input, out, counters)
                          : run_in_float<FromHull, FromHull>(input, out, counters);
 }
-PairContact* box_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
-  return input.in_double ? run_in_double<FromBox, FromHull>(input, out, counters)
-                         : run_in_float<FromBox, FromHull>(input, out, counters);
-}
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -247,7 +64,6 @@ HWY_AFTER_NAMESPACE();
 namespace ringfence::narrow_phase {
 
 HWY_EXPORT(hull_hull);
-HWY_EXPORT(box_hull);
 HWY_EXPORT(run_round);
 
 PairContact* test_hull_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
@@ -258,9 +74,6 @@ PairContact* test_sphere_hull(const KernelInput& input, PairContact* out, KindCo
 }
 PairContact* test_capsule_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
   return HWY_DYNAMIC_DISPATCH(run_round)(input, out, counters);
-}
-PairContact* test_box_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
-  return HWY_DYNAMIC_DISPATCH(box_hull)(input, out, counters);
 }
 
 }  // namespace ringfence::narrow_phase

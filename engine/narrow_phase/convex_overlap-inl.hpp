@@ -20,39 +20,16 @@
 #endif
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
 
-#include "narrow_phase/convex_features.hpp"
-#include "narrow_phase/convex_lanes-inl.hpp"
+#include "narrow_phase/convex_edges-inl.hpp"
+#include "narrow_phase/convex_feature-inl.hpp"
 #include "narrow_phase/convex_place-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
-
-/// How deep two shapes overlap, in the axes of the first and about its origin.
-template <class T>
-struct Overlap {
-  T depth;
-  Point<T> normal;  ///< unit, from the first to the second
-  Point<T> point;
-};
-
-/// Sines below which rounding decides: arcs of normals that just miss are tried too, those that just meet and edges
-/// nearly parallel are judged by their true reach, and edges closer to parallel have no direction across.
-template <class T>
-struct Rounding {
-  static constexpr T miss = sizeof(T) == 4 ? T(1e-6) : T(3e-7);
-  static constexpr T sure = T(1e-5);
-  static constexpr T sure_sine_squared = T(1e-4);
-  static constexpr T parallel_sine_squared = sizeof(T) == 4 ? T(1e-12) : T(1e-20);
-  /// Part of the two sizes that a reach may be off by; candidates are kept by that much more.
-  static constexpr T reach = sizeof(T) == 4 ? T(1e-6) : T(2e-8);
-  /// Part of the two sizes by which vertices of one feature may differ in height. Normals of faces are in float.
-  static constexpr T height = sizeof(T) == 4 ? T(3e-6) : T(1.5e-7);
-};
 
 /// What is known of the reach of one shape's faces: bounds from below by points inside the other shape, each by the
 /// other's deepest vertex along some direction, and by the ball inside the other.
@@ -158,28 +135,12 @@ class PolytopePair {
     T* const out = bounds.point[bounds.points++];
     const auto p = spread_out(d, point);
     const auto most = hn::Set(d, limit(0));
-    collect(own.faces, chances, [&](std::size_t i) HWY_ATTR {
+    collect(d, own.faces, chances, [&](std::size_t i) HWY_ATTR {
       const auto normal = read(d, own.normal[0] + i, own.normal[1] + i, own.normal[2] + i);
       const auto depth = read(d, own.offset + i) - dot_of(d, normal, p);
       hn::Store(depth, d, out + i);
       return hn::Lt(hn::Max(depth, hn::Load(d, bounds.bound + i)), most);
     });
-  }
-
-  /// The set of those below `size` for which `test`, asked for a vector from i on, says so; answers how many.
-  template <class Test>
-  static HWY_INLINE std::size_t collect(std::size_t size, std::uint64_t* set, const Test& test) {
-    std::size_t count = 0;
-    for (std::size_t begin = 0; begin < size; begin += 64) {
-      std::uint64_t word = 0;
-      const std::size_t end = std::min(size, begin + 64);
-      for (std::size_t i = begin; i < end; i += hn::Lanes(d)) {
-        word |= std::uint64_t{bits_of(d, test(i)) & first_bits(size - i)} << (i - begin);
-      }
-      set[begin / 64] = word;
-      count += static_cast<std::size_t>(std::popcount(word));
-    }
-    return count;
   }
 
   bool separated_by_faces() {
@@ -211,13 +172,13 @@ class PolytopePair {
     work_.pass<T>(a_.faces + b_.faces);
     chances_of_a[of_a / 64] &= ~(std::uint64_t{1} << of_a % 64);
     chances_of_b[of_b / 64] &= ~(std::uint64_t{1} << of_b % 64);
-    for_each(chances_of_a, a_.faces, [&](std::size_t face) HWY_ATTR {
+    for_each_in(chances_of_a, a_.faces, [&](std::size_t face) HWY_ATTR {
       const Point<T> normal = normal_of<T>(a_, face);
       choice.judge(face, (T(a_.offset[face]) + support<T>(b_, -rotate_back(turn_, normal))) - dot(normal, offset_));
       ++work_.directions;
       work_.pass<T>(b_.vertices);
     });
-    for_each(chances_of_b, b_.faces, [&](std::size_t face) HWY_ATTR {
+    for_each_in(chances_of_b, b_.faces, [&](std::size_t face) HWY_ATTR {
       const Point<T> way = -rotate(turn_, normal_of<T>(b_, face));
       choice.judge(max_faces + face, (T(b_.offset[face]) + support<T>(a_, way)) - dot(way, offset_));
       ++work_.directions;
@@ -254,15 +215,6 @@ class PolytopePair {
     }
   }
 
-  template <class Visit>
-  static HWY_INLINE void for_each(const std::uint64_t* set, std::size_t size, const Visit& visit) {
-    for (std::size_t w = 0; w * 64 < size; ++w) {
-      for (std::uint64_t bits = set[w]; bits != 0; bits &= bits - 1) {
-        visit(w * 64 + static_cast<std::size_t>(std::countr_zero(bits)));
-      }
-    }
-  }
-
   /// The edges that no point and not the ball rule out, ascending. Along the arc between the normals of an edge's two
   /// faces, reach is at least that of a point inside the other shape, which is nowhere less than at an end of the arc
   /// if it is not negative there: so a point to which both faces are too far rules the edge out.
@@ -273,81 +225,18 @@ class PolytopePair {
   template <std::size_t points>
   std::size_t list_edges(const Polytope& own, float other_radius, const Bounds& bounds, std::uint16_t* out) const {
     alignas(64) std::uint8_t too_far[max_faces];  // for each face a bit for each point and the ball
-    const hn::RebindToSigned<Columns16<T>> masks;
+    const hn::RebindToSigned<Columns16<T>> ints;
     const auto of_point = hn::Set(d, limit(0)), of_ball = hn::Set(d, std::max(limit(other_radius), T(0)));
-    const auto bit = [&](const T* distance, Lanes least, int k) HWY_ATTR {
-      const auto far = hn::RebindMask(masks, hn::Ge(hn::Load(d, distance), least));
-      return hn::IfThenElseZero(far, hn::Set(masks, hwy::MakeSigned<T>{1} << k));
-    };
+    const auto bit = [&](const T* distance, Lanes least, int k)
+                         HWY_ATTR { return bit_where(d, hn::Ge(hn::Load(d, distance), least), k); };
     for (std::size_t i = 0; i < own.faces; i += hn::Lanes(d)) {
       auto mask = bit(bounds.ball_centre + i, of_ball, 0);
       mask = hn::Or(mask, bit(bounds.point[0] + i, of_point, 1));
       mask = hn::Or(mask, bit(bounds.point[1] + i, of_point, 2));
       if constexpr (points == 3) mask = hn::Or(mask, bit(bounds.point[2] + i, of_point, 3));
-      store_bytes(mask, too_far + i);
+      store_bytes(ints, mask, too_far + i);
     }
-    return edges_without(own, too_far, out);
-  }
-
-  static HWY_INLINE void store_bytes(hn::Vec<hn::RebindToSigned<Columns16<T>>> values, std::uint8_t* to) {
-    const hn::RebindToSigned<Columns16<T>> wide;
-    if constexpr (sizeof(T) == 4) {
-      const hn::Rebind<std::uint8_t, decltype(wide)> bytes;
-      hn::StoreU(hn::DemoteTo(bytes, values), bytes, to);
-    } else {
-      alignas(64) std::int64_t each[hn::MaxLanes(wide)];
-      hn::Store(values, wide, each);
-      for (std::size_t i = 0; i < hn::MaxLanes(wide); ++i) to[i] = static_cast<std::uint8_t>(each[i]);
-    }
-  }
-
-  /// The edges whose two faces have no bit in common.
-  static std::size_t edges_without(const Polytope& own, const std::uint8_t* bits_of_face, std::uint16_t* out) {
-    std::size_t count = 0;
-#if HWY_TARGET != HWY_SCALAR
-    if (own.faces_of_edges != nullptr) {
-      const hn::CappedTag<std::uint8_t, geometry::face_column_bytes> bytes;
-      const std::uint8_t* const left = own.faces_of_edges;
-      const std::uint8_t* const right = left + (own.edges + geometry::face_column_bytes - 1) /
-                                                   geometry::face_column_bytes * geometry::face_column_bytes;
-      for (std::size_t i = 0; i < own.edges; i += hn::Lanes(bytes)) {
-        const auto l = hn::Load(bytes, left + i), r = hn::Load(bytes, right + i);
-        auto of_left = hn::Zero(bytes), of_right = of_left;
-        // Tables of 16 bytes: an index is in one of them, and in all others finds nothing.
-        for (std::size_t f = 0; f < own.faces; f += 16) {
-          const auto table = hn::LoadDup128(bytes, bits_of_face + f);
-          const auto first = hn::Set(bytes, static_cast<std::uint8_t>(f));
-          of_left = hn::Or(of_left, hn::TableLookupBytesOr0(table, beyond_15(bytes, l - first)));
-          of_right = hn::Or(of_right, hn::TableLookupBytesOr0(table, beyond_15(bytes, r - first)));
-        }
-        std::uint64_t chance = 0;
-        std::uint8_t bits[8] = {};
-        hn::StoreMaskBits(bytes, hn::Eq(hn::And(of_left, of_right), hn::Zero(bytes)), bits);
-        std::memcpy(&chance, bits, sizeof(chance));
-        if (own.edges - i < 64) chance &= (std::uint64_t{1} << (own.edges - i)) - 1;
-        // Four at a time, those past the last to be overwritten: most often that is all, and no branch to be missed.
-        const std::size_t end = count + static_cast<std::size_t>(std::popcount(chance));
-        for (; count < end; count += 4) {
-          for (std::size_t k = 0; k < 4; ++k, chance &= chance - 1) {
-            out[count + k] = static_cast<std::uint16_t>(i + static_cast<std::size_t>(std::countr_zero(chance)));
-          }
-        }
-        count = end;
-      }
-      return count;
-    }
-#endif
-    for (std::size_t i = 0; i < own.edges; ++i) {
-      out[count] = static_cast<std::uint16_t>(i);
-      count += (bits_of_face[own.edge[i].left] & bits_of_face[own.edge[i].right]) == 0;
-    }
-    return count;
-  }
-
-  /// With the highest bit set where it is more than 15.
-  template <class D>
-  static HWY_INLINE hn::Vec<D> beyond_15(D bytes, hn::Vec<D> index) {
-    return hn::Or(index, hn::VecFromMask(bytes, hn::Gt(index, hn::Set(bytes, 15))));
+    return list_edges_where(own, too_far, NotTogether(), std::uint16_t{0}, out);
   }
 
   /// Columns of the kept edges of b, in the axes of a: normals left and right, a point, the direction.
@@ -473,52 +362,31 @@ class PolytopePair {
     return separates(direction, reach(direction));
   }
 
-  /// The vertices that lie within rounding of the farthest along a direction.
-  struct Feature {
-    std::uint64_t vertices[geometry::max_hull_vertices / 64];
-    std::size_t count;
-    T height;
-
-    HWY_INLINE std::size_t first() const {
-      std::size_t w = 0;
-      while (vertices[w] == 0) ++w;
-      return w * 64 + static_cast<std::size_t>(std::countr_zero(vertices[w]));
-    }
-  };
-  static HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Feature& out) {
-    const auto way = spread_out(d, direction);
-    const auto height = [&](std::size_t i) HWY_ATTR {
-      return dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way);
-    };
-    auto most = height(0);
-    for (std::size_t i = hn::Lanes(d); i < p.vertices; i += hn::Lanes(d)) most = hn::Max(most, height(i));
-    out.height = hn::GetLane(hn::MaxOfLanes(d, most));
-    const auto least = hn::Set(d, out.height - slack);
-    out.count = collect(p.vertices, out.vertices, [&](std::size_t i) HWY_ATTR { return hn::Ge(height(i), least); });
-  }
-
   HWY_INLINE Point<T> vertex_of_a(std::size_t i) const { return vertex_of<T>(a_, i); }
   HWY_INLINE Point<T> vertex_of_b(std::size_t i) const { return rotate(turn_, vertex_of<T>(b_, i)) + offset_; }
+
+  /// By how much a contact's point may not lie outside of either.
+  HWY_INLINE T too_far_out() const { return T(2e-5) * T(std::min(a_.outer_radius, b_.outer_radius)); }
 
   /// Depth and point along the best direction.
   Overlap<T> measured() const {
     const T inverse = T(1) / std::sqrt(dot(direction_, direction_));
     const Point<T> normal = direction_ * inverse;
     const T slack = Rounding<T>::height * size();
-    Feature of_a, of_b;
-    find_feature(a_, normal, slack, of_a);
-    find_feature(b_, -rotate_back(turn_, normal), slack, of_b);
+    Feature<T> of_a, of_b;
+    find_feature<T>(a_, normal, slack, of_a);
+    find_feature<T>(b_, -rotate_back(turn_, normal), slack, of_b);
     const T depth = (of_a.height + of_b.height) - dot(normal, offset_);
     Overlap<T> result{depth > T(0) ? depth : T(0), normal, {}};
     const T height = of_a.height - depth * T(0.5);
     if (of_b.count == 1) {
       const Point<T> vertex = vertex_of_b(of_b.first());
       result.point = vertex + normal * (depth * T(0.5));
-      if (of_a.count > 2 && outside(a_, vertex)) result.point = point_about(normal, height);
+      if (of_a.count > 2 && outside(a_, vertex, too_far_out())) result.point = point_about(normal, height);
     } else if (of_a.count == 1) {
       const Point<T> vertex = vertex_of_a(of_a.first());
       result.point = vertex - normal * (depth * T(0.5));
-      if (of_b.count > 2 && outside(b_, rotate_back(turn_, vertex - offset_)))
+      if (of_b.count > 2 && outside(b_, rotate_back(turn_, vertex - offset_), too_far_out()))
         result.point = point_about(normal, height);
     } else {
       result.point = shared_point(of_a, of_b, normal, height);
@@ -526,32 +394,21 @@ class PolytopePair {
     return result;
   }
 
-  /// Whether a point lies outside of a shape, by as much as a contact's point may not.
-  HWY_INLINE bool outside(const Polytope& p, Point<T> point) const {
-    const auto q = spread_out(d, point);
-    const auto most = hn::Set(d, T(2e-5) * T(std::min(a_.outer_radius, b_.outer_radius)));
-    for (std::size_t i = 0; i < p.faces; i += hn::Lanes(d)) {
-      const auto normal = read(d, p.normal[0] + i, p.normal[1] + i, p.normal[2] + i);
-      if (!hn::AllTrue(d, hn::Le(dot_of(d, normal, q) - read(d, p.offset + i), most))) return true;
-    }
-    return false;
-  }
-
   /// The point where a corner is the deepest of the one, beside the face of the other: two sides lie so nearly flat on
   /// each other that the rest of the corner's edge or face, hardly less deep, is what meets.
   HWY_NOINLINE Point<T> point_about(Point<T> normal, T height) const {
     const T slack = 32 * Rounding<T>::height * size();
-    Feature of_a, of_b;
-    find_feature(a_, normal, slack, of_a);
-    find_feature(b_, -rotate_back(turn_, normal), slack, of_b);
+    Feature<T> of_a, of_b;
+    find_feature<T>(a_, normal, slack, of_a);
+    find_feature<T>(b_, -rotate_back(turn_, normal), slack, of_b);
     return shared_point(of_a, of_b, normal, height);
   }
 
-  HWY_NOINLINE Point<T> shared_point(const Feature& of_a, const Feature& of_b, Point<T> normal, T height) const {
+  HWY_NOINLINE Point<T> shared_point(const Feature<T>& of_a, const Feature<T>& of_b, Point<T> normal, T height) const {
     FeaturePoints first, second;
     const auto in_double = [](Point<T> p) { return Vec3d{double(p.x), double(p.y), double(p.z)}; };
-    for_each(of_a.vertices, a_.vertices, [&](std::size_t i) HWY_ATTR { first.add(in_double(vertex_of_a(i))); });
-    for_each(of_b.vertices, b_.vertices, [&](std::size_t i) HWY_ATTR { second.add(in_double(vertex_of_b(i))); });
+    for_each_in(of_a.vertices, a_.vertices, [&](std::size_t i) HWY_ATTR { first.add(in_double(vertex_of_a(i))); });
+    for_each_in(of_b.vertices, b_.vertices, [&](std::size_t i) HWY_ATTR { second.add(in_double(vertex_of_b(i))); });
     const Vec3d p = meeting_point(first.get(), second.get(), in_double(normal));
     const Point<T> met{static_cast<T>(p.x), static_cast<T>(p.y), static_cast<T>(p.z)};
     return met + normal * (height - dot(normal, met));

@@ -91,6 +91,17 @@ class PlacementColumns {
     return p;
   }
 
+  /// Columns of `most` floats, one a pair; see Placement.
+  const float* first(int row, int column) const { return first_[row][column]; }
+  const float* turn(int row, int column) const { return turn_[row][column]; }
+  const float* offset(int k) const { return offset_[k]; }
+  const float* world(int k) const { return world_[k]; }
+  const float* axis(int k) const { return axis_[k]; }
+  const float* along_axis() const { return along_axis_; }
+  /// The first's and the second's ShapeRow::size.
+  const float* first_size(int k) const { return first_size_[k]; }
+  const float* second_size(int k) const { return second_size_[k]; }
+
   HWY_INLINE Vec3f axis(std::size_t i) const { return at(axis_, i); }
   HWY_INLINE Vec3f axis_in_second(std::size_t i) const { return at(axis_in_second_, i); }
   /// axis · offset: what the supports along the axis have to make up for the two to touch.
@@ -158,6 +169,8 @@ class PlacementColumns {
     put(d, turn, turn_, i);
     put(d, offset, offset_, i);
     put(d, in.offset, world_, i);
+    put(d, in.first_size, first_size_, i);
+    put(d, in.second_size, second_size_, i);
     put(d, axis, axis_, i);
     put(d, unrotate(d, turn, axis), axis_in_second_, i);
     hn::StoreU(squared, d, axis_squared_ + i);
@@ -166,7 +179,7 @@ class PlacementColumns {
 
   alignas(64) float first_[3][3][most];
   float turn_[3][3][most];
-  Column3 offset_, world_, axis_, axis_in_second_;
+  Column3 offset_, world_, axis_, axis_in_second_, first_size_, second_size_;
   float axis_squared_[most], along_axis_[most];
 };
 

@@ -64,10 +64,10 @@ class NarrowPhase {
   /// The result lives until the next call.
   std::span<const PairContact> test(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
 
-  /// Whether separating axes of pairs of hulls, and of a hull and a box, are remembered from call to call by the
-  /// bodies' numbers; off at first. It changes the cost of pairs that are apart, and no answer: a remembered axis ends
-  /// a test only where it keeps the two apart by 10^-5 of their sizes, far more than what rounding can hide. Turning it
-  /// on takes 128 KiB, and no more however long it is on.
+  /// Whether separating axes of pairs of hulls are remembered from call to call by the bodies' numbers; off at first.
+  /// It changes the cost of pairs that are apart, and no answer: a remembered axis ends a test only where it keeps the
+  /// two apart by 10^-5 of their sizes, far more than what rounding can hide. Turning it on takes 128 KiB, and no more
+  /// however long it is on.
   void remember_axes(bool on);
   void forget_axes() noexcept;
 
