@@ -27,15 +27,15 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 enum class Answer { apart, contact, unsure };
 
-template <class T>
+/// `segment` says whether the core is more than a point.
+template <class T, bool segment>
 class RoundPair {
  public:
   /// The core reaches from `from` to `to`, in the axes of the polytope; the same point twice for a sphere.
   HWY_INLINE RoundPair(const Polytope& polytope, Point<T> from, Point<T> to, T radius)
       : p_(polytope), from_(from), to_(to), radius_(radius) {
     const Point<T> way = to - from;
-    const T squared = dot(way, way);
-    length_ = std::sqrt(squared);
+    length_ = segment ? std::sqrt(dot(way, way)) : T(0);
     way_ = length_ > T(0) ? way * (T(1) / length_) : Point<T>{};
   }
 
@@ -46,13 +46,15 @@ class RoundPair {
     work_.pass<T>(p_.faces);
     if (depth_ > radius_) return Answer::apart;
     T inside = depth_;  // of any direction, the greatest distance by which it keeps core and polytope apart
-    if (length_ > T(0)) {
+    const T doubtful = T(1e-5) * size();
+    // Where a face's plane keeps the two apart, no crossing need be known to tell that the core lies outside.
+    if (segment && depth_ < doubtful) {
       inside = std::max(inside, farthest_crossing());
       work_.directions += p_.edges;
       work_.pass<T>(p_.edges);
+      if (inside > radius_) return Answer::apart;
     }
-    if (inside > radius_) return Answer::apart;
-    if (sizeof(T) == 4 && std::abs(inside) < T(1e-5) * size()) return Answer::unsure;
+    if (sizeof(T) == 4 && std::abs(inside) < doubtful) return Answer::unsure;
     if (inside <= T(0)) {
       out = from_inside(inside);
       return Answer::contact;
@@ -105,9 +107,9 @@ class RoundPair {
       const auto nearest = hn::Min(dot_of(d, normal, from), dot_of(d, normal, to));
       hn::Store(read(d, p_.offset + i) - nearest, d, nearness + i);
     }
-    const std::size_t face = least_of(nearness, p_.faces);
-    depth_ = -nearness[face];
-    outward_ = normal_of<T>(p_, face);
+    face_ = least_of(nearness, p_.faces);
+    depth_ = -nearness[face_];
+    outward_ = normal_of<T>(p_, face_);
   }
 
   /// The greatest distance along directions across the segment and an edge whose arc of normals holds one; kept as the
@@ -181,10 +183,14 @@ class RoundPair {
   /// farthest plane of each end can be the one. Whether a crossing of an edge is nearer is for nearest_edge.
   HWY_INLINE bool over_a_face() {
     distance_ = far_away;
-    under_end(from_);
-    if (length_ == T(0)) return distance_ < far_away;
-    under_end(to_);
-    return false;
+    if constexpr (segment) {
+      under_end(from_);
+      under_end(to_);
+      return false;
+    } else {
+      over(face_, depth_, from_);
+      return distance_ < far_away;
+    }
   }
 
   HWY_INLINE void under_end(Point<T> end) {
@@ -197,7 +203,11 @@ class RoundPair {
       at += hn::Lanes(d);
     } while (at < p_.faces);
     const std::size_t face = least_of(nearness, p_.faces);
-    const T distance = -nearness[face];
+    over(face, -nearness[face], end);
+  }
+
+  /// Takes the foot of an end on its farthest plane, if it lies within that face and is nearer than what is known.
+  HWY_INLINE void over(std::size_t face, T distance, Point<T> end) {
     if (distance <= T(0) || distance >= distance_) return;
     const Point<T> normal = normal_of<T>(p_, face), foot = end - normal * distance;
     const auto f = spread_out(d, foot);
@@ -235,14 +245,17 @@ class RoundPair {
     alignas(64) T squares[max_edges];
     const auto from = spread_out(d, from_), way = spread_out(d, way_);
     const auto whole = hn::Set(d, length_);
-    for (std::size_t i = 0; i < p_.edges; i += hn::Lanes(d)) {
+    std::size_t i = 0;
+    do {  // at least once: there are edges, but the compiler does not know
       const auto start = minus(d, from, edges(EdgeColumn::from_x, i));
       const auto along = edges(EdgeColumn::along_x, i);
       const auto [s, t] = nearest_parts(start, along, read(d, p_.of(EdgeColumn::length) + i), way, whole);
-      const Points<Columns16<T>> gap{start.x + way.x * s - along.x * t, start.y + way.y * s - along.y * t,
-                                     start.z + way.z * s - along.z * t};
+      Points<Columns16<T>> at = start;
+      if constexpr (segment) at = {at.x + way.x * s, at.y + way.y * s, at.z + way.z * s};
+      const Points<Columns16<T>> gap{at.x - along.x * t, at.y - along.y * t, at.z - along.z * t};
       hn::Store(dot_of(d, gap, gap), d, squares + i);
-    }
+      i += hn::Lanes(d);
+    } while (i < p_.edges);
     const T least = std::sqrt(squares[least_of(squares, p_.edges)]);
     if (least >= distance_) return;
     if (sizeof(T) == 4) {
@@ -251,8 +264,8 @@ class RoundPair {
     }
     // The columns are in float: more than one edge may be the nearest.
     const T most = least + T(5e-7) * size();
-    for (std::size_t i = 0; i < p_.edges; ++i) {
-      if (squares[i] <= most * most) measure_edge(i);
+    for (std::size_t edge = 0; edge < p_.edges; ++edge) {
+      if (squares[edge] <= most * most) measure_edge(edge);
     }
   }
 
@@ -281,6 +294,9 @@ class RoundPair {
                                         hn::Vec<Columns16<T>> length, const Points<Columns16<T>>& way,
                                         hn::Vec<Columns16<T>> whole) {
     const auto zero = hn::Zero(d), one = hn::Set(d, T(1));
+    if constexpr (!segment) {
+      return {zero, hn::Min(hn::Max(dot_of(d, along, start), zero), length)};
+    }
     const auto b = dot_of(d, way, along), c = dot_of(d, way, start), f = dot_of(d, along, start);
     const auto sine_squared = one - b * b;
     const auto skew = hn::Gt(sine_squared, hn::Set(d, sizeof(T) == 4 ? T(1e-5) : T(1e-12)));
@@ -307,7 +323,7 @@ class RoundPair {
 
   HWY_INLINE Point<T> deepest_point(Point<T> normal, T from_height, T to_height) const {
     const T slack = (sizeof(T) == 4 ? T(3e-6) : T(1.5e-7)) * size();
-    if (length_ == T(0) || from_height > to_height + slack) return from_;
+    if (!segment || length_ == T(0) || from_height > to_height + slack) return from_;
     if (to_height > from_height + slack) return to_;
     return shared_point(normal, slack);
   }
@@ -329,8 +345,9 @@ class RoundPair {
   const Point<T> from_, to_;
   const T radius_;
   T length_;
-  Point<T> way_;  // from from_ to to_, unit; zero for a sphere
-  T depth_ = 0;   // distance along outward_ that keeps core and polytope apart; negative inside
+  Point<T> way_;          // from from_ to to_, unit; zero for a sphere
+  std::size_t face_ = 0;  // whose plane is farthest from the core
+  T depth_ = 0;           // distance along outward_ that keeps core and polytope apart; negative inside
   Point<T> outward_{};
   T distance_ = 0;  // of the nearest points
   Work work_;
