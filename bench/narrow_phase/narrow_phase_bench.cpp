@@ -247,7 +247,7 @@ void add_all(const Side& a, const Side& b) {
   }
   add(a, b, "ringfence", Variant::few);
   for (const std::string& target : narrow_phase::targets()) add(a, b, "ringfence", Variant::mix, target);
-  if (b.kind != ShapeKind::hull || (a.kind != ShapeKind::hull && a.kind != ShapeKind::box)) return;
+  if (a.kind != ShapeKind::hull || b.kind != ShapeKind::hull) return;  // no others remember
   for (const bool remember : {true, false}) {
     const std::string name =
         "narrow/" + a.name() + '_' + b.name() + "/ringfence/moving" + (remember ? "" : "/forgetful");

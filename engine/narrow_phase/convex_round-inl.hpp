@@ -100,15 +100,16 @@ class RoundPair {
 
   /// The face whose plane is farthest from the core, which lies outside of it by depth_.
   HWY_INLINE void farthest_face() {
-    alignas(64) T nearness[max_faces];
     const auto from = spread_out(d, from_), to = spread_out(d, to_);
-    for (std::size_t i = 0; i < p_.faces; i += hn::Lanes(d)) {
+    const auto nearness = [&](std::size_t i) HWY_ATTR {
       const auto normal = read(d, p_.normal[0] + i, p_.normal[1] + i, p_.normal[2] + i);
-      const auto nearest = hn::Min(dot_of(d, normal, from), dot_of(d, normal, to));
-      hn::Store(read(d, p_.offset + i) - nearest, d, nearness + i);
-    }
-    face_ = least_of(nearness, p_.faces);
-    depth_ = -nearness[face_];
+      const auto along = dot_of(d, normal, from);
+      return read(d, p_.offset + i) - (segment ? hn::Min(along, dot_of(d, normal, to)) : along);
+    };
+    Least<T> least(nearness(0));
+    for (std::size_t i = hn::Lanes(d); i < p_.faces; i += hn::Lanes(d)) least.add(nearness(i), i);
+    face_ = least.index();
+    depth_ = -least.value();
     outward_ = normal_of<T>(p_, face_);
   }
 
@@ -194,16 +195,13 @@ class RoundPair {
   }
 
   HWY_INLINE void under_end(Point<T> end) {
-    alignas(64) T nearness[max_faces];
     const auto e = spread_out(d, end);
-    std::size_t at = 0;
-    do {  // at least once: there are faces, but the compiler does not know
-      const auto normal = read(d, p_.normal[0] + at, p_.normal[1] + at, p_.normal[2] + at);
-      hn::Store(read(d, p_.offset + at) - dot_of(d, normal, e), d, nearness + at);
-      at += hn::Lanes(d);
-    } while (at < p_.faces);
-    const std::size_t face = least_of(nearness, p_.faces);
-    over(face, -nearness[face], end);
+    const auto nearness = [&](std::size_t i) HWY_ATTR {
+      return read(d, p_.offset + i) - dot_of(d, read(d, p_.normal[0] + i, p_.normal[1] + i, p_.normal[2] + i), e);
+    };
+    Least<T> least(nearness(0));
+    for (std::size_t i = hn::Lanes(d); i < p_.faces; i += hn::Lanes(d)) least.add(nearness(i), i);
+    over(least.index(), -least.value(), end);
   }
 
   /// Takes the foot of an end on its farthest plane, if it lies within that face and is nearer than what is known.
@@ -213,16 +211,16 @@ class RoundPair {
     const auto f = spread_out(d, foot);
     // Normals are rounded to float, also where the rest is in double.
     const auto slack = hn::Set(d, (sizeof(T) == 4 ? T(1e-6) : T(2e-7)) * size());
-    std::size_t near = 0;  // planes that the foot may be on either side of
+    std::size_t near = 0, beyond = 0;  // planes that the foot may be on either side of, and those that it is outside of
     for (std::size_t i = 0; i < p_.faces; i += hn::Lanes(d)) {
       const auto other = read(d, p_.normal[0] + i, p_.normal[1] + i, p_.normal[2] + i);
       const auto inside = read(d, p_.offset + i) - dot_of(d, other, f);
-      if (!hn::AllTrue(d, hn::Ge(inside, hn::Neg(slack)))) return;
+      beyond += hn::CountTrue(d, hn::Lt(inside, hn::Neg(slack)));
       const std::uint32_t bits = bits_of(d, hn::Lt(inside, slack)) & first_bits(p_.faces - i);
       near += static_cast<std::size_t>(__builtin_popcount(bits));
     }
     // Its own plane is one. At an edge as sharp as a blade the foot may be far outside, and hardly past any other.
-    if (near > 1 && !within_face(face, normal, foot)) return;
+    if (beyond > 0 || (near > 1 && !within_face(face, normal, foot))) return;
     distance_ = distance;
     nearest_ = end;
     gap_ = -(normal * distance);
@@ -242,30 +240,31 @@ class RoundPair {
   /// The edge nearest to the core, if nearer than what is known.
   HWY_INLINE void nearest_edge() {
     using geometry::EdgeColumn;
-    alignas(64) T squares[max_edges];
     const auto from = spread_out(d, from_), way = spread_out(d, way_);
     const auto whole = hn::Set(d, length_);
-    std::size_t i = 0;
-    do {  // at least once: there are edges, but the compiler does not know
+    const auto square = [&](std::size_t i) HWY_ATTR {
       const auto start = minus(d, from, edges(EdgeColumn::from_x, i));
       const auto along = edges(EdgeColumn::along_x, i);
       const auto [s, t] = nearest_parts(start, along, read(d, p_.of(EdgeColumn::length) + i), way, whole);
       Points<Columns16<T>> at = start;
       if constexpr (segment) at = {at.x + way.x * s, at.y + way.y * s, at.z + way.z * s};
       const Points<Columns16<T>> gap{at.x - along.x * t, at.y - along.y * t, at.z - along.z * t};
-      hn::Store(dot_of(d, gap, gap), d, squares + i);
-      i += hn::Lanes(d);
-    } while (i < p_.edges);
-    const T least = std::sqrt(squares[least_of(squares, p_.edges)]);
-    if (least >= distance_) return;
+      return dot_of(d, gap, gap);
+    };
+    Least<T> least(square(0));
+    for (std::size_t i = hn::Lanes(d); i < p_.edges; i += hn::Lanes(d)) least.add(square(i), i);
+    const T distance = std::sqrt(least.value());
+    if (distance >= distance_) return;
     if (sizeof(T) == 4) {
-      measure_edge(least_of(squares, p_.edges));
+      measure_edge(least.index());
       return;
     }
     // The columns are in float: more than one edge may be the nearest.
-    const T most = least + T(5e-7) * size();
-    for (std::size_t edge = 0; edge < p_.edges; ++edge) {
-      if (squares[edge] <= most * most) measure_edge(edge);
+    const T most = distance + T(5e-7) * size();
+    const auto most_squared = hn::Set(d, most * most);
+    for (std::size_t i = 0; i < p_.edges; i += hn::Lanes(d)) {
+      std::uint32_t near = bits_of(d, hn::Le(square(i), most_squared)) & first_bits(p_.edges - i);
+      for (; near != 0; near &= near - 1) measure_edge(i + static_cast<std::size_t>(__builtin_ctz(near)));
     }
   }
 
