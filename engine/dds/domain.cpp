@@ -89,9 +89,10 @@ std::string settings(const NetworkConfig& network, Side side, std::uint32_t doma
       // Above what a window of parcels comes to: a way is full by its window long before (see Path).
       tag("Watermarks",
           tag("WhcLow", "1 MB") + tag("WhcHigh", "32 MB") + tag("WhcHighInit", "32 MB") + tag("WhcAdaptive", "false")) +
-      "<HeartbeatInterval min=\"2 ms\" minsched=\"4 ms\" max=\"50 ms\">20 ms</HeartbeatInterval>" +
-      tag("NackDelay", "2 ms") + tag("AckDelay", "5 ms") + tag("PrioritizeRetransmit", "false") +
-      tag("WriterLingerDuration", "50 ms");
+      // Every heartbeat asks for an answer, and every timed one wakes a thread: no more often than what was lost at the
+      // end of a stage may take to be noticed.
+      "<HeartbeatInterval min=\"20 ms\" minsched=\"20 ms\" max=\"100 ms\">100 ms</HeartbeatInterval>" +
+      tag("NackDelay", "2 ms") + tag("PrioritizeRetransmit", "false") + tag("WriterLingerDuration", "50 ms");
   return "<Domain id=\"any\">" + general_settings(network, multicast) + tag("Discovery", discovery) +
          tag("Internal", internal) + "</Domain>";
 }

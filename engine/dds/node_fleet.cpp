@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstring>
 #include <utility>
 
 #include <dds/ddsc/dds_statistics.h>
@@ -262,7 +263,12 @@ void NodeFleet::seat(nodes::ServerRole& server, std::span<const Seat> seats, con
     }
     node->number = static_cast<NodeNumber>(number);
     node->server = seats[number].server;
-    node->peers = seats[number].peers;
+    node->peers.clear();
+    for (std::size_t peer = 0; peer < seats[number].peers.size(); ++peer) {
+      if (seats[number].peers[peer].out != nullptr) {
+        node->peers.emplace_back(static_cast<NodeNumber>(peer), seats[number].peers[peer]);
+      }
+    }
     const Meeting meeting{node->number,
                           static_cast<std::uint32_t>(seats.size()),
                           seats[number].objects,
@@ -360,23 +366,30 @@ bool NodeFleet::deliver(Node& from, ParcelKind kind, std::size_t& offset, std::s
   if (kind != ParcelKind::messages) {
     return true;
   }
-  const bool all = for_each_message(bytes, offset, [&](Endpoint to, std::span<const std::byte> message) {
-    return deliver_message(from, to, message);
-  });
+  const bool all = for_each_message(bytes, offset,
+                                    [&](std::span<const std::byte> message) { return deliver_message(from, message); });
   publish(from);
   return all;
 }
 
-bool NodeFleet::deliver_message(Node& from, Endpoint to, std::span<const std::byte> message) {
+bool NodeFleet::deliver_message(Node& from, std::span<const std::byte> message) {
+  messages::Header header;
+  if (message.size() < sizeof header) {
+    return true;  // no message
+  }
+  std::memcpy(&header, message.data(), sizeof header);
+  const Endpoint to{header.destination};
   link::Sender* out = from.server.out;
   if (to.is_node()) {
     if (to.number() >= seats_.size()) {
       return true;
     }
     if (Node* other = seats_[to.number()].get()) {
-      return other->lost || other->path->add(message, Endpoint::node(from.number));
+      return other->lost || other->path->add(message);
     }
-    out = from.peers[to.number()].out;
+    const auto peer =
+        std::find_if(from.peers.begin(), from.peers.end(), [&](const auto& each) { return each.first == to.number(); });
+    out = peer == from.peers.end() ? nullptr : peer->second.out;
   }
   if (out == nullptr || message.size() > out->largest_message()) {
     return true;  // no message of this World
@@ -392,21 +405,17 @@ bool NodeFleet::deliver_message(Node& from, Endpoint to, std::span<const std::by
 
 void NodeFleet::publish(Node& node) {
   node.server.out->publish();
-  for (const nodes::Line& peer : node.peers) {
-    if (peer.out != nullptr) {
-      peer.out->publish();
-    }
+  for (const auto& [number, line] : node.peers) {
+    line.out->publish();
   }
 }
 
 // What server and nodes of this process have said to the node goes out. Whether there was anything.
 bool NodeFleet::carry(Node& node) {
   const std::uint64_t before = node.path->counters().sent_parcels;
-  bool all = node.path->gather(*node.server.in, Endpoint::server());
-  for (std::uint32_t peer = 0; all && peer < node.peers.size(); ++peer) {
-    if (node.peers[peer].in != nullptr) {
-      all = node.path->gather(*node.peers[peer].in, Endpoint::node(peer));
-    }
+  bool all = node.path->gather(*node.server.in);
+  for (std::size_t peer = 0; all && peer < node.peers.size(); ++peer) {
+    all = node.path->gather(*node.peers[peer].second.in);
   }
   node.path->flush();
   node.path->acknowledge();

@@ -10,6 +10,7 @@
 #include <string>
 #include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "dds/domain.hpp"
@@ -62,7 +63,8 @@ class NodeFleet final : public Fleet {
     std::unique_ptr<Path> path;
     NodeNumber number = 0;
     nodes::Line server;
-    std::vector<nodes::Line> peers;
+    /// Its ends of the lines with nodes in this process, by their numbers: nearly always none.
+    std::vector<std::pair<NodeNumber, nodes::Line>> peers;
     bool lost = false;    ///< the server knows
     bool broken = false;  ///< something of its way is missing
     bool touched = false;
@@ -75,7 +77,7 @@ class NodeFleet final : public Fleet {
   bool tell_losses();
   void take_parcel(const ParcelSample& parcel);
   bool deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes);
-  bool deliver_message(Node& from, messages::Endpoint to, std::span<const std::byte> message);
+  bool deliver_message(Node& from, std::span<const std::byte> message);
   bool carry(Node& node);
   void publish(Node& node);
   void dismiss(Node& node);

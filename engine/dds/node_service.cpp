@@ -62,7 +62,9 @@ class NodeService::Implementation {
     // What a full network makes wait, nothing rings for.
     constexpr std::chrono::milliseconds tick(20);
     while (!ending_) {
-      bell_.wait_for([this] { return step() || ending_; }, tick);
+      bell_.wait_for([this] { return is_rung(); }, tick);
+      while (step() && !ending_) {
+      }
     }
     session_.reset();
     return *ending_;
@@ -88,6 +90,12 @@ class NodeService::Implementation {
     Domain::listen(pieces_, control_hook_);
   }
 
+  // Whether a step may find something to do: looked at many times a frame.
+  bool is_rung() const noexcept {
+    return parcels_wait_.load(std::memory_order_relaxed) || stirred_.load(std::memory_order_relaxed) ||
+           drains_.load(std::memory_order_relaxed) != drains_seen_;
+  }
+
   // By receiving threads.
   void stir() {
     stirred_.store(true, std::memory_order_release);
@@ -106,7 +114,8 @@ class NodeService::Implementation {
     if (std::exchange(renew_readers_, false)) {
       read_world();
     }
-    if (drains_.load(std::memory_order_acquire) != 0) {
+    drains_seen_ = drains_.load(std::memory_order_acquire);
+    if (drains_seen_ != 0) {
       leave();
     }
     if (session_ != nullptr) {
@@ -244,8 +253,7 @@ class NodeService::Implementation {
   }
 
   void leave() {
-    const bool twice = drains_.load(std::memory_order_acquire) > 1;
-    if (twice || session_ == nullptr || session_->leave()) {
+    if (drains_seen_ > 1 || session_ == nullptr || session_->leave()) {
       ending_ = Ending::drained;
     }
   }
@@ -255,6 +263,7 @@ class NodeService::Implementation {
   std::atomic<bool> stirred_{false};
   std::atomic<bool> parcels_wait_{false};
   std::atomic<std::uint32_t> drains_{0};
+  std::uint32_t drains_seen_ = 0;
   Domain::Hook control_hook_;
   Domain::Hook parcel_hook_;
   Domain domain_;

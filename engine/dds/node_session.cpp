@@ -9,15 +9,11 @@
 
 namespace ringfence::dds {
 
-using messages::Endpoint;
 using nodes::Step;
 
 namespace {
 
-constexpr std::size_t server_ring = std::size_t{1} << 16;
-
-/// Hand-overs are small, and of many peers' rings most stay empty.
-std::size_t peer_ring(std::uint32_t count) noexcept { return std::size_t{1} << (count <= 16 ? 16 : 13); }
+constexpr std::size_t ring_bytes = std::size_t{1} << 16;
 
 Vec3d corner(const double (&values)[3]) noexcept { return {values[0], values[1], values[2]}; }
 
@@ -67,7 +63,7 @@ NodeSession::NodeSession(Domain& domain, KnownWorld& world, dds_entity_t presenc
       presence_(presence),
       down_(domain.reader(down_topic, parcel_carriage, partition_of(incarnation_))),
       path_(up, incarnation_),
-      server_way_(std::make_unique<facade::Way>(server_ring, nullptr, nullptr)) {
+      way_(ring_bytes, nullptr, nullptr) {
   Domain::listen(down_, hook);
   say(NodeState::joining);
 }
@@ -130,12 +126,7 @@ bool NodeSession::step(bool parcels_wait) {
   }
   progressed |= role_->step() == Step::progressed;
   const std::uint64_t before = path_.counters().sent_parcels;
-  bool all = path_.gather(*server_way_->first().in, Endpoint::server());
-  for (std::uint32_t peer = 0; all && peer < peer_ways_.size(); ++peer) {
-    if (peer_ways_[peer] != nullptr) {
-      all = path_.gather(*peer_ways_[peer]->first().in, Endpoint::node(peer));
-    }
-  }
+  path_.gather(*way_.first().in);
   path_.flush();
   path_.acknowledge();
   return progressed || path_.counters().sent_parcels != before;
@@ -147,15 +138,9 @@ bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& of
     return false;  // they are on their way
   }
   if (kind == ParcelKind::messages) {
-    const bool all = for_each_message(bytes, offset, [&](Endpoint from, std::span<const std::byte> message) {
-      return deliver_message(from, message);
-    });
-    server_way_->first().out->publish();
-    for (const auto& way : peer_ways_) {
-      if (way != nullptr) {
-        way->first().out->publish();
-      }
-    }
+    const bool all =
+        for_each_message(bytes, offset, [&](std::span<const std::byte> message) { return deliver_message(message); });
+    way_.first().out->publish();
     return all;
   }
   Meeting meeting;
@@ -166,14 +151,8 @@ bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& of
   return meet(meeting);
 }
 
-bool NodeSession::deliver_message(Endpoint from, std::span<const std::byte> message) {
-  link::Sender* out = server_way_->first().out;
-  if (from.is_node()) {
-    if (from.number() >= peer_ways_.size() || peer_ways_[from.number()] == nullptr) {
-      return true;
-    }
-    out = peer_ways_[from.number()]->first().out;
-  }
+bool NodeSession::deliver_message(std::span<const std::byte> message) {
+  link::Sender* out = way_.first().out;
   if (role_ == nullptr || message.size() > out->largest_message()) {
     return true;
   }
@@ -205,7 +184,7 @@ bool NodeSession::meet(const Meeting& meeting) {
     setup.remember_axes = terms.remember_axes != 0;
     setup.objects = meeting.objects;
     setup.pairs = meeting.pairs;
-    setup.server = server_way_->second();
+    setup.server = way_.second();
     std::vector<std::uint32_t> owners(meeting.map_words);
     std::memcpy(owners.data(), table->data(), table->size());
     regions::RegionMap map(regions::CellGrid{{terms.cells_log2[0], terms.cells_log2[1], terms.cells_log2[2]}}, 1);
@@ -215,15 +194,9 @@ bool NodeSession::meet(const Meeting& meeting) {
     while (role_->step() == Step::progressed) {
     }
   }
-  peer_ways_.clear();
-  peer_ways_.resize(meeting.count);
-  std::vector<nodes::Line> lines(meeting.count);
-  for (std::uint32_t peer = 0; peer < meeting.count; ++peer) {
-    if (peer != meeting.number) {
-      peer_ways_[peer] = std::make_unique<facade::Way>(peer_ring(meeting.count), nullptr, nullptr);
-      lines[peer] = peer_ways_[peer]->second();
-    }
-  }
+  // What comes from peers comes by the server's line, which is looked at already.
+  std::vector<nodes::Line> lines(meeting.count, nodes::Line{way_.second().out, nullptr});
+  lines[meeting.number] = {};
   role_->meet(meeting.number, lines);
   return true;
 }

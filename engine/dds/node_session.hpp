@@ -55,8 +55,9 @@ class KnownWorld {
 
 /// A node's time under one number in the World's books: from saying that it is there to hearing that it has no seat.
 ///
-/// The node's role and its ends of the rings are all in one thread, which carries between rings and parcels as well: a
-/// frame's message passes no other thread on its way from the network to the role.
+/// The node's role is in the thread that carries between its rings and the parcels: a frame's message passes no other
+/// thread on its way from the network to the role. It has one line for the server and all other nodes, since the
+/// messages themselves say whom they are from and for; so what a node costs here does not grow with their number.
 ///
 /// Threads: one, but for the hooks.
 class NodeSession {
@@ -85,7 +86,7 @@ class NodeSession {
  private:
   void say(NodeState state, const std::string& reason = {});
   bool deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes);
-  bool deliver_message(messages::Endpoint from, std::span<const std::byte> message);
+  bool deliver_message(std::span<const std::byte> message);
   bool meet(const Meeting& meeting);
 
   KnownWorld& world_;
@@ -95,8 +96,7 @@ class NodeSession {
   Entity down_;
   Path path_;
   NodeState state_ = NodeState::joining;
-  std::unique_ptr<facade::Way> server_way_;
-  std::vector<std::unique_ptr<facade::Way>> peer_ways_;  ///< by number
+  facade::Way way_;
   std::unique_ptr<nodes::CdNodeRole> role_;
   bool over_ = false;
 };

@@ -6,7 +6,7 @@ Path::Path(dds_entity_t writer, std::uint64_t incarnation) : writer_(writer), in
   batch_.reserve(std::size_t{1} << 17);
 }
 
-bool Path::gather(link::Receiver& in, messages::Endpoint party) {
+bool Path::gather(link::Receiver& in) {
   // What next() has returned cannot be given back, so there must be room before it is called: a node's rings are of 64
   // KiB, so their messages are of at most half that.
   constexpr std::size_t full = most_bytes - 32'768 - sizeof(Packing);
@@ -16,7 +16,7 @@ bool Path::gather(link::Receiver& in, messages::Endpoint party) {
     const auto message = in.next();
     more = !message.empty();
     if (more) {
-      add(message, party);
+      add(message);
       any = true;
     }
   }
@@ -26,14 +26,14 @@ bool Path::gather(link::Receiver& in, messages::Endpoint party) {
   return !more;
 }
 
-bool Path::add(std::span<const std::byte> message, messages::Endpoint party) {
+bool Path::add(std::span<const std::byte> message) {
   const std::size_t filled = (message.size() + 7) / 8 * 8;
   if (!sayings_.empty() || (!batch_.empty() && batch_.size() + sizeof(Packing) + filled > most_bytes)) {
     if (!flush()) {
       return false;
     }
   }
-  const Packing packing{static_cast<std::uint32_t>(message.size()), party.value};
+  const Packing packing{static_cast<std::uint32_t>(message.size()), 0};
   const std::size_t at = batch_.size();
   batch_.resize(at + sizeof packing + filled);
   std::memcpy(batch_.data() + at, &packing, sizeof packing);

@@ -9,16 +9,15 @@
 #include <vector>
 
 #include "dds/domain.hpp"
-#include "messages/header.hpp"
-#include "nodes/role.hpp"
+#include "link/channel.hpp"
 
 namespace ringfence::dds {
 
-/// Before each message in a parcel: 8 bytes. The message follows, filled up to a multiple of 8.
+/// Before each message in a parcel: 8 bytes. The message follows, filled up to a multiple of 8. Whom it is from and for
+/// it says itself (messages::Header).
 struct Packing {
   std::uint32_t bytes;  ///< of the message
-  /// An Endpoint: whom it is for (to the World), or whom it is from (to a node).
-  std::uint32_t party;
+  std::uint32_t reserved;
 };
 static_assert(sizeof(Packing) == 8);
 
@@ -51,10 +50,10 @@ class Path {
   void set_shapes(std::uint32_t shapes) noexcept { shapes_ = shapes; }
 
   // Out.
-  /// Takes what can be read from `in`, as messages of (or for) `party`. False where the way is full before the end.
-  bool gather(link::Receiver& in, messages::Endpoint party);
+  /// Takes what can be read from `in`. False where the way is full before the end.
+  bool gather(link::Receiver& in);
   /// Adds one message. False, and nothing is added, where the way is full.
-  bool add(std::span<const std::byte> message, messages::Endpoint party);
+  bool add(std::span<const std::byte> message);
   /// Writes what was gathered. False where the way is full.
   bool flush();
   /// Queues something other than messages; it goes behind what was gathered before, and ahead of what comes later.
@@ -106,7 +105,7 @@ class Path {
   Counters counters_;
 };
 
-/// Shows each message of a parcel from `offset` on to `see(party, message)` until that answers false; moves `offset`
+/// Shows each message of a parcel from `offset` on to `see(message)` until that answers false; moves `offset`
 /// behind the last that was dealt with. False where it stopped; what is no message ends the parcel.
 template <class See>
 bool for_each_message(std::span<const std::byte> bytes, std::size_t& offset, See see) {
@@ -117,7 +116,7 @@ bool for_each_message(std::span<const std::byte> bytes, std::size_t& offset, See
     if (packing.bytes == 0 || packing.bytes > bytes.size() - begin) {
       break;
     }
-    if (!see(messages::Endpoint{packing.party}, bytes.subspan(begin, packing.bytes))) {
+    if (!see(bytes.subspan(begin, packing.bytes))) {
       return false;
     }
     offset = std::min(bytes.size(), begin + (std::size_t{packing.bytes} + 7) / 8 * 8);

@@ -43,7 +43,7 @@ class Wayside {
   void step() {
     auto show = [this](dds::ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
       return kind != dds::ParcelKind::messages ||
-             dds::for_each_message(bytes, offset, [this](messages::Endpoint, std::span<const std::byte> message) {
+             dds::for_each_message(bytes, offset, [this](std::span<const std::byte> message) {
                const auto room = way_.back.sender().claim(message.size());
                if (room.empty()) {
                  return false;
@@ -58,7 +58,7 @@ class Wayside {
       broken_ |= info.valid_data && !path_.receive(parcel, show);
     });
     way_.back.sender().publish();
-    path_.gather(way_.forth.receiver(), messages::Endpoint::server());
+    path_.gather(way_.forth.receiver());
     path_.flush();
     path_.acknowledge();
   }

@@ -1,0 +1,175 @@
+// One stage of a frame over loopback: a server says something to each of n processes, and waits for all their answers.
+// The way is that of bridge and node: ring, parcel, sample, and back.
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <benchmark/benchmark.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "dds/domain.hpp"
+#include "dds/path.hpp"
+#include "dds/star.hpp"
+#include "facade/way.hpp"
+#include "link/doorbell.hpp"
+
+namespace ringfence::bench {
+namespace {
+
+class Star {
+ public:
+  explicit Star(std::uint32_t nodes)
+      : hook_{[this] {
+                came_.store(true, std::memory_order_release);
+                bell_.ring();
+              },
+              [] {}},
+        domain_(network(), dds::Side::world),
+        up_(domain_.reader(dds::up_topic, dds::parcel_carriage, {})),
+        out_bytes_(bytes_out(nodes)),
+        back_bytes_(bytes_back(nodes)) {
+    dds::Domain::listen(up_, hook_);
+    for (std::uint32_t node = 0; node < nodes; ++node) {
+      auto& ray = rays_.emplace_back(std::make_unique<Ray>(domain_, node + 1));
+      std::string words[] = {RINGFENCE_PEER, std::to_string(domain_.number()), std::to_string(node + 1),
+                             std::to_string(nodes)};
+      char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), nullptr};
+      if (posix_spawn(&ray->process, RINGFENCE_PEER, nullptr, nullptr, arguments, environ) != 0) std::abort();
+    }
+  }
+  ~Star() {
+    for (const auto& ray : rays_) {
+      ray->path.say(dds::ParcelKind::dismissed, {});
+      ray->path.flush();
+    }
+    for (const auto& ray : rays_) {
+      int status = 0;
+      for (int turn = 0; turn < 500 && waitpid(ray->process, &status, WNOHANG) == 0; ++turn) usleep(10'000);
+      kill(ray->process, SIGKILL);
+    }
+  }
+
+  bool wait_for_nodes() {
+    for (int turn = 0; turn < 20'000; ++turn) {
+      bool all = true;
+      for (const auto& ray : rays_) {
+        dds_publication_matched_status_t matched{};
+        dds_get_publication_matched_status(ray->writer.get(), &matched);
+        all &= matched.current_count > 0;
+      }
+      dds_subscription_matched_status_t matched{};
+      dds_get_subscription_matched_status(up_.get(), &matched);
+      if (all && matched.current_count == rays_.size()) return true;
+      usleep(1000);
+    }
+    return false;
+  }
+
+  /// One stage; false where an answer does not come.
+  bool step() {
+    for (const auto& ray : rays_) {
+      link::Sender& out = *ray->way.first().out;
+      for (std::size_t said = 0; said < out_bytes_;) {
+        const std::size_t bytes = std::min(out_bytes_ - said, out.largest_message());
+        const auto room = out.claim(bytes);
+        if (room.empty()) {
+          carry(*ray);
+          continue;
+        }
+        out.commit(bytes);
+        said += bytes;
+      }
+      out.publish();
+      carry(*ray);
+    }
+    const std::size_t awaited = rays_.size() * back_bytes_;
+    const bool all = bell_.wait_for(
+        [&] {
+          if (came_.exchange(false, std::memory_order_acquire)) take();
+          return heard_ >= awaited;
+        },
+        std::chrono::seconds(5));
+    heard_ = 0;
+    return all;
+  }
+
+ private:
+  struct Ray {
+    Ray(dds::Domain& domain, std::uint64_t incarnation)
+        : writer(domain.writer(dds::down_topic, dds::parcel_carriage, dds::partition_of(incarnation))),
+          path(writer.get(), incarnation),
+          way(std::size_t{1} << 16, nullptr, nullptr) {}
+    dds::Entity writer;
+    dds::Path path;
+    facade::Way way;
+    pid_t process = 0;
+  };
+
+  static dds::NetworkConfig network() {
+    dds::NetworkConfig network;
+    network.domain = dds::NetworkConfig::any_domain;
+    network.interface = "lo";
+    return network;
+  }
+
+  void carry(Ray& ray) {
+    ray.path.gather(*ray.way.second().in);
+    ray.path.flush();
+  }
+
+  void take() {
+    dds::take_all<dds::ParcelSample>(up_, [&](const dds::ParcelSample& parcel, const dds_sample_info_t& info) {
+      if (!info.valid_data) return;
+      auto show = [&](dds::ParcelKind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
+        return dds::for_each_message(bytes, offset, [&](std::span<const std::byte> message) {
+          benchmark::DoNotOptimize(message.data());
+          heard_ += message.size();
+          return true;
+        });
+      };
+      rays_[parcel.incarnation - 1]->path.receive(parcel, show);
+    });
+  }
+
+  link::Doorbell bell_{link::Patience{20, 2}};
+  std::atomic<bool> came_{false};
+  dds::Domain::Hook hook_;
+  dds::Domain domain_;
+  dds::Entity up_;
+  std::vector<std::unique_ptr<Ray>> rays_;
+  std::size_t out_bytes_;
+  std::size_t back_bytes_;
+  std::size_t heard_ = 0;
+};
+
+void star(benchmark::State& state) {
+  Star star(static_cast<std::uint32_t>(state.range(0)));
+  if (!star.wait_for_nodes()) {
+    state.SkipWithError("the processes do not come");
+    return;
+  }
+  for (int turn = 0; turn < 50; ++turn) star.step();
+  for (auto _ : state) {
+    if (!star.step()) {
+      state.SkipWithError("an answer does not come");
+      return;
+    }
+  }
+}
+BENCHMARK(star)
+    ->Name("dds/star")
+    ->Arg(1)
+    ->Arg(4)
+    ->Arg(16)
+    ->Arg(64)
+    ->Unit(benchmark::kMicrosecond)
+    ->UseRealTime()
+    ->MinTime(1.0);
+
+}  // namespace
+}  // namespace ringfence::bench

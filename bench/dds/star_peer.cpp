@@ -1,0 +1,72 @@
+// A node of the star: answers each parcel. Arguments: domain, incarnation, number of nodes.
+#include <atomic>
+#include <chrono>
+#include <cstdlib>
+#include <vector>
+
+#include "dds/domain.hpp"
+#include "dds/path.hpp"
+#include "dds/star.hpp"
+#include "facade/way.hpp"
+#include "link/doorbell.hpp"
+
+int main(int argc, char** argv) {
+  using namespace ringfence;
+  if (argc != 4) return 2;
+  dds::NetworkConfig network;
+  network.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
+  network.interface = "lo";
+  const auto incarnation = static_cast<std::uint64_t>(std::atoll(argv[2]));
+  const auto nodes = static_cast<std::size_t>(std::atoi(argv[3]));
+  const std::size_t expected = bench::bytes_out(nodes);
+  const std::size_t back = bench::bytes_back(nodes);
+
+  dds::Domain domain(network, dds::Side::node);
+  link::Doorbell bell(link::Patience{20, 2});
+  std::atomic<bool> came{false};
+  const dds::Domain::Hook hook{[&] {
+                                 came.store(true, std::memory_order_release);
+                                 bell.ring();
+                               },
+                               [] {}};
+  const dds::Entity up = domain.writer(dds::up_topic, dds::parcel_carriage, {});
+  const dds::Entity down = domain.reader(dds::down_topic, dds::parcel_carriage, dds::partition_of(incarnation));
+  dds::Domain::listen(down, hook);
+  dds::Path path(up.get(), incarnation);
+  facade::Way way(std::size_t{1} << 16, nullptr, nullptr);
+  link::Sender& out = *way.second().out;
+  bool last = false;
+  std::size_t heard = 0;
+  auto show = [&](dds::ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
+    last = kind == dds::ParcelKind::dismissed;
+    dds::for_each_message(bytes, offset, [&](std::span<const std::byte> message) {
+      heard += message.size();
+      return true;
+    });
+    for (std::size_t said = 0; heard >= expected && said < back;) {
+      const std::size_t size = std::min(back - said, out.largest_message());
+      const auto room = out.claim(size);
+      if (room.empty()) {
+        path.gather(*way.first().in);
+        path.flush();
+        continue;
+      }
+      out.commit(size);
+      said += size;
+    }
+    heard = heard >= expected ? 0 : heard;
+    out.publish();
+    return true;
+  };
+  while (!last) {
+    const bool rung = bell.wait_for([&] { return came.load(std::memory_order_relaxed); }, std::chrono::seconds(20));
+    if (!rung) return 1;  // whom it answers is gone
+    came.exchange(false, std::memory_order_acquire);
+    dds::take_all<dds::ParcelSample>(down, [&](const dds::ParcelSample& parcel, const dds_sample_info_t& info) {
+      if (info.valid_data && !path.receive(parcel, show)) last = true;
+    });
+    path.gather(*way.first().in);
+    path.flush();
+  }
+  return 0;
+}
