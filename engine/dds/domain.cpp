@@ -1,12 +1,15 @@
 #include "dds/domain.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <atomic>
+#include <chrono>
 #include <fstream>
+#include <mutex>
 #include <random>
 #include <utility>
 
 #include <arpa/inet.h>
+#include <dds/ddsrt/log.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -120,6 +123,56 @@ std::uint32_t free_domain() {
   throw Error("No DDS domain from 0 to " + std::to_string(most_domain) + " has its port free on this machine");
 }
 
+/// What Cyclone DDS says of itself, kept until somebody who may log asks for it: its threads say it, often, and of a
+/// link that is cut once a datagram.
+class Words {
+ public:
+  static Words& all() {
+    static Words words;
+    return words;
+  }
+  void add(const char* line) {
+    const std::lock_guard lock(mutex_);
+    if (lines_.size() < most_lines) {
+      std::string text(line);
+      while (!text.empty() && text.back() == '\n') {
+        text.pop_back();
+      }
+      lines_.push_back("Cyclone DDS: " + text);
+    } else {
+      ++more_;
+    }
+    any_.store(true, std::memory_order_release);
+  }
+  /// At most once a second, unless it must be now.
+  std::vector<std::string> take(bool at_once) {
+    if (!any_.load(std::memory_order_acquire)) {
+      return {};
+    }
+    const std::lock_guard lock(mutex_);
+    const auto now = std::chrono::steady_clock::now();
+    if (!at_once && now - taken_ < std::chrono::seconds(1)) {
+      return {};
+    }
+    taken_ = now;
+    std::vector<std::string> lines = std::exchange(lines_, {});
+    if (more_ != 0) {
+      lines.push_back("Cyclone DDS: and " + std::to_string(std::exchange(more_, 0u)) + " lines more");
+    }
+    any_.store(false, std::memory_order_release);
+    return lines;
+  }
+
+ private:
+  static constexpr std::size_t most_lines = 4;
+
+  std::mutex mutex_;
+  std::atomic<bool> any_{false};
+  std::vector<std::string> lines_;
+  std::uint64_t more_ = 0;
+  std::chrono::steady_clock::time_point taken_;
+};
+
 void tell_data(void* hook) { static_cast<const Domain::Hook*>(hook)->data(); }
 void tell_others(void* hook) { static_cast<const Domain::Hook*>(hook)->others(); }
 
@@ -165,10 +218,17 @@ Domain::Domain(const NetworkConfig& network, Side side) {
     throw Error("UDP port " + std::to_string(world_port(number_)) + " is taken" + where +
                 ": another World has this domain; choose another with --domain");
   }
-  domain_ = Entity(dds_create_domain(number_, settings(network, side, number_).c_str()),
-                   ("a domain" + where + "; see that the interface exists (ip addr)").c_str());
-  participant_ = Entity(dds_create_participant(number_, nullptr, nullptr),
-                        ("a participant" + where + "; see that the interface exists (ip addr)").c_str());
+  dds_set_log_sink([](void*, const dds_log_data_t* line) { Words::all().add(line->message); }, nullptr);
+  try {
+    domain_ = Entity(dds_create_domain(number_, settings(network, side, number_).c_str()), "a domain");
+    participant_ = Entity(dds_create_participant(number_, nullptr, nullptr), "a participant");
+  } catch (const Error& error) {
+    std::string why = error.what() + where + "; see that the interface exists (ip addr)";
+    for (const std::string& line : Words::all().take(true)) {
+      why += "; " + line;
+    }
+    throw Error(why);
+  }
   const auto make_topic = [&](const dds_topic_descriptor_t& type, const char* name) {
     return Entity(dds_create_topic(participant_.get(), &type, name, nullptr, nullptr), name);
   };
@@ -233,6 +293,8 @@ void Domain::listen(const Entity& entity, const Hook& hook) {
   hook.data();
   hook.others();
 }
+
+std::vector<std::string> Domain::take_words() { return Words::all().take(false); }
 
 std::string Domain::socket_shortage(const NetworkConfig& network) {
   std::ifstream file("/proc/sys/net/core/rmem_max");

@@ -5,6 +5,7 @@
 #include <functional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "dds/wire.hpp"
 #include "ringfence/cluster.hpp"
@@ -72,6 +73,9 @@ class Domain {
 
   /// Lets the process say often enough that it lives for the writers with that lease.
   void beat(double lease_ms);
+
+  /// What Cyclone DDS had to say since the last time, from any of its threads: its first words, and how many more.
+  static std::vector<std::string> take_words();
 
   /// What the sockets were asked for and were not given, as a sentence; empty where they got it.
   static std::string socket_shortage(const NetworkConfig& network);

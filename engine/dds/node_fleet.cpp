@@ -11,6 +11,7 @@
 #include "dds/shelf.hpp"
 #include "nodes/server_role.hpp"
 #include "ringfence/error.hpp"
+#include "telemetry/clock.hpp"
 
 namespace ringfence::dds {
 
@@ -148,6 +149,9 @@ void NodeFleet::add_shape(ShapeNumber shape, const ShapeDescription& description
 
 // Those that are new get a way; those that are gone are forgotten.
 void NodeFleet::attend() {
+  for (const std::string& line : Domain::take_words()) {
+    log(LogLevel::warning, line);
+  }
   for (auto at = nodes_.begin(); at != nodes_.end();) {
     Node& node = *at->second;
     const NodeState state = node.state.load(std::memory_order_relaxed);
@@ -412,14 +416,14 @@ void NodeFleet::publish(Node& node) {
 
 // What server and nodes of this process have said to the node goes out. Whether there was anything.
 bool NodeFleet::carry(Node& node) {
-  const std::uint64_t before = node.path->counters().sent_parcels;
+  const std::uint64_t before = node.path->sent();
   bool all = node.path->gather(*node.server.in);
   for (std::size_t peer = 0; all && peer < node.peers.size(); ++peer) {
     all = node.path->gather(*node.peers[peer].second.in);
   }
   node.path->flush();
   node.path->acknowledge();
-  return node.path->counters().sent_parcels != before;
+  return node.path->sent() != before;
 }
 
 void NodeFleet::close() noexcept {
@@ -453,7 +457,7 @@ ClusterReport NodeFleet::report() const {
     if (node == nullptr) {
       continue;
     }
-    const Path::Counters& counters = node->path->counters();
+    const Path::Counters counters = node->path->counters();
     MemberReport& member = report.members.emplace_back();
     member.name = node->name;
     member.number = node->number;
@@ -462,6 +466,10 @@ ClusterReport NodeFleet::report() const {
     member.taken_parcels = counters.taken_parcels;
     member.taken_bytes = counters.taken_bytes;
     member.refused_writes = counters.refused_writes;
+    member.answers = counters.answers;
+    member.answer_ms_mean =
+        counters.answers == 0 ? 0 : telemetry::to_ms(counters.answer_ns) / static_cast<double>(counters.answers);
+    member.answer_ms_max = telemetry::to_ms(counters.answer_ns_max);
     if (dds_statistics* statistics = dds_create_statistics(node->writer.get())) {
       if (const dds_stat_keyvalue* value = dds_lookup_statistic(statistics, "rexmit_bytes")) {
         member.retransmitted_bytes = value->u.u64;

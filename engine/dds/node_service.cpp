@@ -235,6 +235,9 @@ class NodeService::Implementation {
     }
     const bool stopped = slept && looked_ != Clock::time_point{};
     looked_ = now;
+    for (const std::string& line : Domain::take_words()) {
+      log(LogLevel::warning, line);
+    }
     if (is_world_silent()) {
       silent_ = true;
       if (now - heard_ > patience_with_world) {

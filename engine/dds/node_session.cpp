@@ -125,11 +125,11 @@ bool NodeSession::step(bool parcels_wait) {
     return progressed;
   }
   progressed |= role_->step() == Step::progressed;
-  const std::uint64_t before = path_.counters().sent_parcels;
+  const std::uint64_t before = path_.sent();
   path_.gather(*way_.first().in);
   path_.flush();
   path_.acknowledge();
-  return progressed || path_.counters().sent_parcels != before;
+  return progressed || path_.sent() != before;
 }
 
 bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset,

@@ -1,5 +1,9 @@
 #include "dds/path.hpp"
 
+#include <utility>
+
+#include "telemetry/clock.hpp"
+
 namespace ringfence::dds {
 
 Path::Path(dds_entity_t writer, std::uint64_t incarnation) : writer_(writer), incarnation_(incarnation) {
@@ -63,23 +67,29 @@ void Path::say(ParcelKind kind, std::span<const std::byte> bytes) {
 
 bool Path::write(ParcelKind kind, std::span<const std::byte> bytes) {
   if (sent_ - sent_taken_ >= window) {
-    ++counters_.refused_writes;
+    refused_writes_.add(1);
     return false;
   }
-  const ParcelSample parcel{incarnation_, sent_ + 1, taken_, static_cast<std::uint32_t>(kind), shapes_, borrow(bytes)};
+  const ParcelSample parcel{
+      incarnation_, sent_ + 1, taken_, static_cast<std::uint32_t>(kind), shapes_.load(std::memory_order_relaxed),
+      borrow(bytes)};
   if (dds_write(writer_, &parcel) != DDS_RETCODE_OK) {
-    ++counters_.refused_writes;
+    refused_writes_.add(1);
     return false;
   }
   ++sent_;
+  if (asked_ns_ == 0) {
+    asked_ns_ = telemetry::now_ns();
+  }
   taken_told_ = taken_;
-  ++counters_.sent_parcels;
-  counters_.sent_bytes += bytes.size();
+  sent_parcels_.add(1);
+  sent_bytes_.add(bytes.size());
   return true;
 }
 
 void Path::remark(ParcelKind kind) {
-  const ParcelSample parcel{incarnation_, 0, taken_, static_cast<std::uint32_t>(kind), shapes_, {}};
+  const ParcelSample parcel{
+      incarnation_, 0, taken_, static_cast<std::uint32_t>(kind), shapes_.load(std::memory_order_relaxed), {}};
   if (dds_write(writer_, &parcel) == DDS_RETCODE_OK) {
     taken_told_ = taken_;
   }
@@ -87,13 +97,27 @@ void Path::remark(ParcelKind kind) {
 
 bool Path::note(const ParcelSample& parcel) {
   sent_taken_ = std::max<std::uint64_t>(sent_taken_, std::min<std::uint64_t>(parcel.taken, sent_));
-  return parcel.number == 0 || parcel.number == ++received_;
+  if (parcel.number == 0) {
+    return true;
+  }
+  if (asked_ns_ != 0) {
+    const std::uint64_t passed = telemetry::now_ns() - std::exchange(asked_ns_, 0);
+    answers_.add(1);
+    answer_ns_.add(passed);
+    answer_ns_max_.raise(passed);
+  }
+  return parcel.number == ++received_;
 }
 
 void Path::taken(std::size_t bytes) noexcept {
   ++taken_;
-  ++counters_.taken_parcels;
-  counters_.taken_bytes += bytes;
+  taken_parcels_.add(1);
+  taken_bytes_.add(bytes);
+}
+
+Path::Counters Path::counters() const noexcept {
+  return {sent_parcels_.value(),   sent_bytes_.value(), taken_parcels_.value(), taken_bytes_.value(),
+          refused_writes_.value(), answers_.value(),    answer_ns_.value(),     answer_ns_max_.value()};
 }
 
 void Path::acknowledge() {

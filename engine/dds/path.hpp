@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -39,15 +40,21 @@ class Path {
     std::uint64_t sent_parcels = 0, sent_bytes = 0;
     std::uint64_t taken_parcels = 0, taken_bytes = 0;
     std::uint64_t refused_writes = 0;
+    std::uint64_t answers = 0;    ///< times that something came after something was sent
+    std::uint64_t answer_ns = 0;  ///< from the first that was sent until then, summed
+    std::uint64_t answer_ns_max = 0;
   };
 
   /// `incarnation` is the node's; it marks all that passes either way. The writer outlives the path.
   Path(dds_entity_t writer, std::uint64_t incarnation);
 
   std::uint64_t incarnation() const noexcept { return incarnation_; }
-  const Counters& counters() const noexcept { return counters_; }
-  /// The number of shapes that the World has, as parcels say.
-  void set_shapes(std::uint32_t shapes) noexcept { shapes_ = shapes; }
+  /// From any thread.
+  Counters counters() const noexcept;
+  /// Parcels with a number that were sent so far.
+  std::uint64_t sent() const noexcept { return sent_; }
+  /// The number of shapes that the World has, as parcels say. From any thread.
+  void set_shapes(std::uint32_t shapes) noexcept { shapes_.store(shapes, std::memory_order_relaxed); }
 
   // Out.
   /// Takes what can be read from `in`. False where the way is full before the end.
@@ -93,7 +100,7 @@ class Path {
 
   dds_entity_t writer_;
   std::uint64_t incarnation_;
-  std::uint32_t shapes_ = 0;
+  std::atomic<std::uint32_t> shapes_{0};
   std::vector<std::byte> batch_;
   std::deque<Saying> sayings_;
   std::deque<Kept> kept_;
@@ -102,7 +109,20 @@ class Path {
   std::uint64_t received_ = 0;
   std::uint64_t taken_ = 0;
   std::uint64_t taken_told_ = 0;
-  Counters counters_;
+  std::uint64_t asked_ns_ = 0;  ///< when the first parcel after the last that came was sent; 0: none was
+
+  /// Written by the path's thread alone, so a load and a store do.
+  class Counter {
+   public:
+    void add(std::uint64_t more) noexcept { value_.store(value() + more, std::memory_order_relaxed); }
+    void raise(std::uint64_t to) noexcept { value_.store(std::max(value(), to), std::memory_order_relaxed); }
+    std::uint64_t value() const noexcept { return value_.load(std::memory_order_relaxed); }
+
+   private:
+    std::atomic<std::uint64_t> value_{0};
+  };
+  Counter sent_parcels_, sent_bytes_, taken_parcels_, taken_bytes_, refused_writes_;
+  Counter answers_, answer_ns_, answer_ns_max_;
 };
 
 /// Shows each message of a parcel from `offset` on to `see(message)` until that answers false; moves `offset`

@@ -170,6 +170,18 @@ TEST_CASE("nodes come and go at random in the middle of everything, and no conta
   }
 }
 
+TEST_CASE("a node on a slow machine gets less to do") {
+  NodeWorld nodes(Deployment::user_collision, Placement::region, 1);
+  nodes.start_node(60);
+  CHECK(nodes.run_until([&] { return nodes.seats() == 2; }));
+  // Balanced by what nodes were measured to cost, not by count.
+  CHECK(nodes.run_until([&] {
+    const auto& reports = nodes.world().report().nodes;
+    return reports.size() == 2 && 2 * reports[1].hosted < reports[0].hosted;
+  }));
+  CHECK(nodes.is_right());
+}
+
 TEST_CASE("shapes and objects that are added while nodes come reach all of them") {
   const auto add = [](World& world, std::uint32_t i) {
     const ShapeNumber shape = world.add_shape(Box{{0.5f + 0.125f * static_cast<float>(i), 0.5f, 1.0f}});

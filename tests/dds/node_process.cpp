@@ -1,4 +1,5 @@
-// A CD node as a process of its own, with the model that the tests' worlds have. Arguments: domain, name, once or ever.
+// A CD node as a process of its own, with the model that the tests' worlds have. Arguments: domain, name, interface,
+// how many times as long as it need it takes to move an object.
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -13,19 +14,35 @@ ringfence::dds::NodeService* draining_service = nullptr;
 
 void drain(int) { draining_service->drain(); }
 
+/// Does the same, but takes long about it: as a slow machine would.
+class Slow : public ringfence::test::Bouncing {
+ public:
+  Slow(double side, int times) : Bouncing(side), times_(times) {}
+  void move(std::uint64_t frame, std::span<const ringfence::MotionInput> inputs,
+            std::span<ringfence::MotionOutput> outputs) const override {
+    for (int i = 0; i < times_; ++i) {
+      Bouncing::move(frame, inputs, outputs);
+    }
+  }
+
+ private:
+  int times_;
+};
+
 }  // namespace
 
 int main(int argc, char** argv) {
   using namespace ringfence;
-  if (argc != 4) return 2;
+  if (argc != 5) return 2;
   dds::NodeServiceConfig config;
   config.network.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
-  config.network.interface = "lo";
+  config.network.interface = argv[3];
   config.name = argv[2];
-  config.once = std::string(argv[3]) == "once";
-  config.model = [](std::span<const std::byte> setup) {
+  const int times = std::atoi(argv[4]);
+  config.model = [times](std::span<const std::byte> setup) -> std::shared_ptr<const MotionModel> {
     double side = 0;
     std::memcpy(&side, setup.data(), sizeof side);
+    if (times > 1) return std::make_shared<Slow>(side, times);
     return std::make_shared<test::Bouncing>(side);
   };
   dds::NodeService service(std::move(config));

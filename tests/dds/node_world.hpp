@@ -70,6 +70,14 @@ class Process {
   std::optional<int> status_;
 };
 
+/// How a world's processes are started: where, and on which interface.
+struct Place {
+  std::string interface = "lo";
+  std::string node_interface = "lo";
+  std::function<void()> before_start;  ///< in the thread that starts them
+  std::function<void()> after_start;
+};
+
 /// A small world that keeps colliding, whose CD nodes are processes over loopback.
 class NodeWorld {
  public:
@@ -77,11 +85,11 @@ class NodeWorld {
   static constexpr std::size_t users = 4;
   static constexpr double side = 16;
 
-  NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, double lease_ms = 100) {
+  NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, Place place = {})
+      : place_(std::move(place)) {
     dds::ClusterConfig cluster;
     cluster.network.domain = dds::NetworkConfig::any_domain;
-    cluster.network.interface = "lo";
-    cluster.network.lease_ms = lease_ms;
+    cluster.network.interface = place_.interface;
     cluster.setup.resize(sizeof side);
     std::memcpy(cluster.setup.data(), &side, sizeof side);
     cluster.log = [this](LogLevel, std::string_view line) { log_.emplace_back(line); };
@@ -124,10 +132,13 @@ class NodeWorld {
   Process& process(std::size_t i) { return *processes_[i]; }
   const std::vector<std::string>& log() const { return log_; }
 
-  Process& start_node() {
+  /// One that takes `times` as long as it need to move an object.
+  Process& start_node(int times = 1) {
     const std::string name = "n" + std::to_string(processes_.size());
-    processes_.push_back(std::make_unique<Process>(
-        std::vector<std::string>{RINGFENCE_NODE, std::to_string(cluster_->domain()), name, "ever"}));
+    if (place_.before_start) place_.before_start();
+    processes_.push_back(std::make_unique<Process>(std::vector<std::string>{
+        RINGFENCE_NODE, std::to_string(cluster_->domain()), name, place_.node_interface, std::to_string(times)}));
+    if (place_.after_start) place_.after_start();
     return *processes_.back();
   }
 
@@ -155,6 +166,7 @@ class NodeWorld {
   bool is_right() const { return digest_.value() == expected(world_->frames()); }
 
  private:
+  Place place_;
   std::vector<std::string> log_;
   std::vector<std::unique_ptr<Process>> processes_;
   std::unique_ptr<dds::Cluster> cluster_;

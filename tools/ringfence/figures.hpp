@@ -2,9 +2,11 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "imbalance.hpp"
+#include "ringfence/cluster.hpp"
 #include "ringfence/config.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/frame_report.hpp"
@@ -59,6 +61,7 @@ class Figures {
     double frame_ms = 0;      ///< what the frame took with it
   };
   std::vector<Loss> losses;
+  std::optional<dds::ClusterReport> cluster;  ///< where CD nodes are processes: after the last frame
 
  private:
   Digest digest_;

@@ -17,6 +17,7 @@
 #include "recording.hpp"
 #include "report.hpp"
 #include "ringfence/world.hpp"
+#include "status_line.hpp"
 #include "worlds/load.hpp"
 #include "worlds/motion_file.hpp"
 #include "worlds/replay_model.hpp"
@@ -34,6 +35,15 @@ void settle_link(ServiceOptions& service) {
   }
   if (link.wait_nodes != 0) service.nodes = link.wait_nodes;
   if (service.nodes == 0) throw Error("--nodes: found 0; expected at least 1 with --link dds");
+  if (!service.faults.empty()) throw Error("--fail: found with --link dds; there, end the processes");
+  for (const Resize& resize : service.resizes) {
+    if (resize.nodes > service.nodes) {
+      throw Error(
+          fmt::format("--resize: found {} nodes with --link dds; expected at most the {} that there are, more "
+                      "join by themselves (ringfence node)",
+                      resize.nodes, service.nodes));
+    }
+  }
 }
 
 }  // namespace
@@ -134,10 +144,11 @@ int run_job(const Job& job) {
 
   FrameChecker checker(world, job.output.check);
   Progress progress(job.output.quiet, std::uint64_t{job.frames.warmup} + job.frames.frames);
+  StatusLine status(job, world, crew ? &*crew : nullptr, progress);
   for (std::uint32_t frame = 0; frame < job.frames.warmup; ++frame) {
     advance(world, frame);
     checker.skip_frame();
-    progress.step();
+    status.step();
   }
   Recording recording(job.record_prefix, job.scene, world);
   Figures figures;
@@ -152,9 +163,10 @@ int run_job(const Job& job) {
     outputs.add_frame(frame, world);
     recording.add_frame(world);
     checker.check_frame(frame);
-    progress.step();
+    status.step();
   }
-  progress.finish();
+  status.finish();
+  if (crew) figures.cluster = crew->cluster().report();
   recording.finish();
   outputs.finish();
   if (json) {

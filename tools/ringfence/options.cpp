@@ -67,7 +67,7 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
                  "instead of --frames: so many minutes in which everything comes, goes and fails at random")
       ->check(between(0.001, 100'000.0))
       ->type_name("MINUTES")
-      ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail");
+      ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail", "--status", "--link");
 
   CLI::App& replay = *app_.add_subcommand("replay", "runs a recorded world");
   replay.add_option("--scene", line_.replay.scene, "the scene, JSON")->required()->type_name("FILE");
@@ -265,6 +265,7 @@ void CommandLineParser::add_output(CLI::App& command, OutputOptions& output) {
       ->type_name("FILE");
   command.add_option("--json", output.json, "all figures of the run")->type_name("FILE");
   command.add_option("--frames-csv", output.frames_csv, "one row a frame")->type_name("FILE");
+  command.add_option("--status", output.status, "how the run stands, JSON, rewritten once a second")->type_name("FILE");
   command.add_option("--trace", output.trace, "a timeline for Perfetto, Chrome trace JSON")->type_name("FILE");
   command.add_flag("--quiet", output.quiet, "no progress line");
 }

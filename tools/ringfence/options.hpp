@@ -47,6 +47,7 @@ struct OutputOptions {
   std::string frames_csv;
   std::string trace;
   bool quiet = false;
+  std::string status;  ///< rewritten once a second
 };
 
 struct RunOptions {

@@ -104,6 +104,8 @@ Json config_of(const Job& job, const Figures& figures) {
                  {"pin", job.service.pin},
                  {"balance", job.service.balance},
                  {"keep_resting", job.service.keep_resting},
+                 {"link", name_of(job.service.link.kind)},
+                 {"lease_ms", job.service.link.network.lease_ms},
                  {"warmup", job.frames.warmup},
                  {"objects", job.scene.objects.size()}};
   if (const worlds::PaperWorldOptions* world = job.world) {
@@ -141,6 +143,19 @@ void print_losses(std::FILE* out, const Figures& figures) {
   for (const Figures::Loss& loss : figures.losses) {
     fmt::print(out, "lost        frame {}: {} node {}; the frame took {:.3f} ms\n", loss.frame,
                loss.user ? "user" : "CD", loss.node, loss.frame_ms);
+  }
+}
+
+void print_cluster(std::FILE* out, const dds::ClusterReport& cluster) {
+  fmt::print(out, "cluster     {} joined, {} left, {} lost, {} refused; {} stale parcels\n", cluster.joined,
+             cluster.left, cluster.lost, cluster.refused, cluster.stale_parcels);
+  fmt::print(out, "process                      sent MB  taken MB  resent MB   answer ms      max\n");
+  for (std::size_t i = 0; i < std::min(cluster.members.size(), most_nodes_shown); ++i) {
+    const dds::MemberReport& member = cluster.members[i];
+    const auto mb = [](std::uint64_t bytes) { return static_cast<double>(bytes) * 1e-6; };
+    fmt::print(out, "  {:<4}{:<21} {:>8.2f} {:>9.2f} {:>10.2f} {:>11.3f} {:>8.3f}\n", member.number, member.name,
+               mb(member.sent_bytes), mb(member.taken_bytes), mb(member.retransmitted_bytes), member.answer_ms_mean,
+               member.answer_ms_max);
   }
 }
 
@@ -238,6 +253,7 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
   report["kinds"] = kinds_of(figures);
   report["imbalance"] = imbalance_of(figures);
   report["lost"] = losses_of(figures);
+  if (figures.cluster) report["cluster"] = cluster_json(*figures.cluster);
   if (!job.service.resizes.empty()) report["resizes"] = resizes_of(resizing);
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
@@ -267,6 +283,29 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
 
 }  // namespace
 
+Json cluster_json(const dds::ClusterReport& cluster) {
+  Json members = Json::array();
+  for (const dds::MemberReport& member : cluster.members) {
+    members.push_back({{"name", member.name},
+                       {"number", member.number},
+                       {"sent_parcels", member.sent_parcels},
+                       {"sent_bytes", member.sent_bytes},
+                       {"taken_parcels", member.taken_parcels},
+                       {"taken_bytes", member.taken_bytes},
+                       {"retransmitted_bytes", member.retransmitted_bytes},
+                       {"refused_writes", member.refused_writes},
+                       {"answers", member.answers},
+                       {"answer_ms_mean", member.answer_ms_mean},
+                       {"answer_ms_max", member.answer_ms_max}});
+  }
+  return {{"joined", cluster.joined},
+          {"left", cluster.left},
+          {"lost", cluster.lost},
+          {"refused", cluster.refused},
+          {"stale_parcels", cluster.stale_parcels},
+          {"members", members}};
+}
+
 Json machine_json() {
   const Machine machine = this_machine();
   return {{"cpu", machine.cpu},
@@ -295,6 +334,7 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   print_imbalance(out, figures);
   print_resizes(out, resizing);
   print_losses(out, figures);
+  if (figures.cluster) print_cluster(out, *figures.cluster);
   print_traffic(out, figures);
   for (std::size_t i = 1; i < status_count; ++i) {
     const auto reason = static_cast<Status>(i);

@@ -29,4 +29,7 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
 void write_json_report(OutputFile& out, const Job& job, const Figures& figures, const Resizing& resizing,
                        const FrameChecker& checker);
 
+/// What a cluster did, as the JSON of a run and of --status have it.
+nlohmann::ordered_json cluster_json(const dds::ClusterReport& cluster);
+
 }  // namespace ringfence::tools

@@ -42,6 +42,9 @@ struct MemberReport {
   std::uint64_t taken_parcels = 0, taken_bytes = 0;
   std::uint64_t retransmitted_bytes = 0;  ///< by Cyclone DDS, to it
   std::uint64_t refused_writes = 0;       ///< times that its way was full
+  std::uint64_t answers = 0;              ///< times that it was awaited and spoke
+  double answer_ms_mean = 0;              ///< from the first parcel that it had not answered to its next
+  double answer_ms_max = 0;
 };
 
 /// What the whole cluster did.

@@ -1,0 +1,78 @@
+#include "status_line.hpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <string>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "exit_code.hpp"
+#include "output_file.hpp"
+#include "report.hpp"
+
+namespace ringfence::tools {
+
+using Clock = std::chrono::steady_clock;
+
+StatusLine::StatusLine(const Job& job, const World& world, const NodeCrew* crew, Progress& progress)
+    : job_(job), world_(world), crew_(crew), progress_(progress), last_look_(Clock::now()) {
+  if (!job_.output.status.empty()) write(false);
+}
+
+void StatusLine::step() {
+  progress_.step();
+  if (crew_ == nullptr && job_.output.status.empty()) return;
+  const auto now = Clock::now();
+  if (now < next_) return;
+  next_ = now + std::chrono::seconds(1);
+  look(false);
+}
+
+void StatusLine::finish() {
+  progress_.finish();
+  if (!job_.output.status.empty()) look(true);
+}
+
+void StatusLine::look(bool last) {
+  if (crew_ != nullptr) {
+    const dds::ClusterReport cluster = crew_->cluster().report();
+    const auto now = Clock::now();
+    const double seconds = std::chrono::duration<double>(now - last_look_).count();
+    std::uint64_t bytes = 0;
+    double slowest = 0;
+    for (const dds::MemberReport& member : cluster.members) {
+      bytes += member.sent_bytes + member.taken_bytes;
+      slowest = std::max(slowest, member.answer_ms_max);
+    }
+    const double rate = bytes > last_bytes_ ? static_cast<double>(bytes - last_bytes_) * 1e-6 / seconds : 0;
+    progress_.name(fmt::format("frame {}: {} nodes, {} lost, {:.0f} frames/s, {:.1f} MB/s, slowest answer {:.1f} ms",
+                               world_.frames(), cluster.members.size(), cluster.lost,
+                               static_cast<double>(world_.frames() - last_frames_) / seconds, rate, slowest));
+    last_bytes_ = bytes;
+    last_frames_ = world_.frames();
+    last_look_ = now;
+  }
+  if (!job_.output.status.empty()) write(last);
+}
+
+// Under another name first, so that whoever reads it finds it whole.
+void StatusLine::write(bool last) const {
+  nlohmann::ordered_json status = {{"frame", world_.frames()},
+                                   {"frames", std::uint64_t{job_.frames.warmup} + job_.frames.frames},
+                                   {"done", last},
+                                   {"nodes", world_.nodes()},
+                                   {"frame_ms", world_.report().frame_ms},
+                                   {"contacts", world_.report().contacts},
+                                   {"objects", world_.report().objects}};
+  if (crew_ != nullptr) status["cluster"] = cluster_json(crew_->cluster().report());
+  const std::string part = job_.output.status + ".part";
+  OutputFile file(part);
+  file.print("{}\n", status.dump(1, ' '));
+  file.close();
+  if (std::rename(part.c_str(), job_.output.status.c_str()) != 0) {
+    throw IncompleteError(fmt::format("{} cannot be written", job_.output.status));
+  }
+}
+
+}  // namespace ringfence::tools
