@@ -38,6 +38,16 @@ include(GNUInstallDirs)
 target_include_directories(ringfence_library INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/engine/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
 
+# The second library: nodes in other processes.
+if(RINGFENCE_HAS_DDS)
+  add_library(ringfence_dds_library STATIC
+    $<TARGET_OBJECTS:ringfence_dds> $<TARGET_OBJECTS:ringfence_dds_wire_objects>)
+  add_library(ringfence::dds ALIAS ringfence_dds_library)
+  set_target_properties(ringfence_dds_library PROPERTIES OUTPUT_NAME ringfence_dds EXPORT_NAME dds LINKER_LANGUAGE CXX)
+  target_compile_features(ringfence_dds_library PUBLIC cxx_std_20)
+  target_link_libraries(ringfence_dds_library PUBLIC ringfence_library PRIVATE CycloneDDS::ddsc)
+endif()
+
 include(CMakePackageConfigHelpers)
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/ringfence)
 configure_package_config_file(${PROJECT_SOURCE_DIR}/cmake/ringfence-config.cmake.in
@@ -59,6 +69,11 @@ if(RINGFENCE_INSTALL)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/engine/include/ringfence DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
     COMPONENT development FILES_MATCHING PATTERN "*.hpp")
   install(EXPORT ringfence-targets NAMESPACE ringfence:: DESTINATION ${package_dir} COMPONENT development)
+  if(RINGFENCE_HAS_DDS)
+    install(TARGETS ringfence_dds_library EXPORT ringfence-dds-targets
+      ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+    install(EXPORT ringfence-dds-targets NAMESPACE ringfence:: DESTINATION ${package_dir} COMPONENT development)
+  endif()
   install(FILES ${PROJECT_BINARY_DIR}/package/ringfence-config.cmake
     ${PROJECT_BINARY_DIR}/package/ringfence-config-version.cmake
     DESTINATION ${package_dir} COMPONENT development)
