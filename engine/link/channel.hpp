@@ -11,23 +11,6 @@
 
 namespace ringfence::link {
 
-/// Carries messages between a ring and somewhere that shares no memory: how another transport becomes a link.
-///
-/// The roles only ever see Sender and Receiver, and these only ever see a ring. A foreign link has such a ring at each
-/// end, in the same thread as the role, and a pump at its far end: an outgoing pump takes what is published out of the
-/// ring (with a RingReader) and hands it to the transport for as long as that takes more; an incoming one writes what
-/// has arrived into the ring (with a RingWriter) for as long as there is room. So the bytes are those of a ring, a full
-/// transport is a full ring, nothing blocks, and the way through memory has no virtual call.
-///
-/// The transport's own threads ring the role's doorbell when something has arrived, or when it takes more again.
-class Pump {
- public:
-  virtual ~Pump() = default;
-  /// Moves what can be moved now, without waiting. Called by the thread of the end it serves: after it published, when
-  /// it found no room, when it found no message.
-  virtual void pump() noexcept = 0;
-};
-
 /// The sending end of a one-way link: one thread's.
 ///
 /// A message is written where it will be read: claim room, fill it, commit what was used, and when all that is to be
@@ -38,8 +21,8 @@ class alignas(line_bytes) BasicSender {
  public:
   using Bell = BasicDoorbell<Policy>;
 
-  /// `bell` is the receiver's; null where nobody sleeps on it. `pump`, if any, is called instead of ringing.
-  BasicSender(Ring<Policy> ring, Bell* bell, Pump* pump = nullptr) noexcept : writer_(ring), bell_(bell), pump_(pump) {}
+  /// `bell` is the receiver's; null where nobody sleeps on it.
+  BasicSender(Ring<Policy> ring, Bell* bell) noexcept : writer_(ring), bell_(bell) {}
   BasicSender(const BasicSender&) = delete;
   BasicSender& operator=(const BasicSender&) = delete;
 
@@ -84,16 +67,11 @@ class alignas(line_bytes) BasicSender {
   [[gnu::noinline]] std::span<std::byte> claim_when_full(std::size_t bytes) noexcept;
 
   void tell() noexcept {
-    if (pump_) {
-      pump_->pump();
-    } else if (bell_) {
-      bell_->ring();
-    }
+    if (bell_) bell_->ring();
   }
 
   RingWriter<Policy> writer_;
   Bell* bell_;
-  Pump* pump_;
 };
 
 /// The receiving end of a one-way link: one thread's.
@@ -102,19 +80,14 @@ class alignas(line_bytes) BasicReceiver {
  public:
   using Bell = BasicDoorbell<Policy>;
 
-  /// `bell` is the sender's; null where it never waits. `pump`, if any, is called where no message is found.
-  BasicReceiver(Ring<Policy> ring, Bell* bell, Pump* pump = nullptr) noexcept
-      : reader_(ring), bell_(bell), pump_(pump) {}
+  /// `bell` is the sender's; null where it never waits.
+  BasicReceiver(Ring<Policy> ring, Bell* bell) noexcept : reader_(ring), bell_(bell) {}
   BasicReceiver(const BasicReceiver&) = delete;
   BasicReceiver& operator=(const BasicReceiver&) = delete;
 
   /// The next unread message where it lies, or empty where there is none yet. Lives until release().
   std::span<const std::byte> next() noexcept {
-    if (!reader_.available()) {
-      if (!pump_) return {};
-      pump_->pump();
-      if (!reader_.available()) return {};
-    }
+    if (!reader_.available()) return {};
     if constexpr (Policy::defect == Defect::early_release) {
       const std::span<const std::byte> message = reader_.next();
       release();
@@ -124,12 +97,7 @@ class alignas(line_bytes) BasicReceiver {
   }
 
   /// Whether next() would return a message: what a doorbell's owner waits for.
-  bool has_message() noexcept {
-    if (reader_.available()) return true;
-    if (!pump_) return false;
-    pump_->pump();
-    return reader_.available();
-  }
+  bool has_message() noexcept { return reader_.available(); }
 
   /// Gives back the room of everything that next() returned, and rings a sender that waits for room.
   void release() noexcept {
@@ -150,7 +118,6 @@ class alignas(line_bytes) BasicReceiver {
  private:
   RingReader<Policy> reader_;
   Bell* bell_;
-  Pump* pump_;
 };
 
 template <class Policy>
@@ -159,14 +126,7 @@ std::span<std::byte> BasicSender<Policy>::claim_when_full(std::size_t bytes) noe
   if (std::byte* room = writer_.claim_again(bytes)) return {room, bytes};
   // What is staged may be what the receiver waits for; it frees nothing that it does not know of.
   if constexpr (Policy::defect != Defect::no_publish_when_full) publish();
-  std::byte* room = nullptr;
-  if (pump_) {
-    pump_->pump();
-    room = writer_.claim_again(bytes);
-  } else {
-    room = writer_.claim_or_ask(bytes);
-  }
-  if (room) return {room, bytes};
+  if (std::byte* room = writer_.claim_or_ask(bytes)) return {room, bytes};
   return {};
 }
 

@@ -2,11 +2,8 @@
 
 #include <algorithm>
 #include <cstring>
-#include <deque>
-#include <memory>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include <doctest/doctest.h>
 
@@ -150,83 +147,6 @@ TEST_CASE("closing is seen by the other end, after the last message") {
   channel.receiver().release();
   channel.receiver().close();
   CHECK(channel.sender().closed());
-}
-
-/// A transport in the same process, with room for so many messages.
-struct Wire {
-  std::deque<std::vector<std::byte>> messages;
-  std::size_t room;
-};
-
-struct OutgoingPump : Pump {
-  RingReader<ThreadAtomics> from;
-  Wire& wire;
-  OutgoingPump(Ring<ThreadAtomics> ring, Wire& to) : from(ring), wire(to) {}
-  void pump() noexcept override {
-    while (wire.messages.size() < wire.room && from.available()) {
-      const auto message = from.next();
-      wire.messages.emplace_back(message.begin(), message.end());
-    }
-    from.release();
-  }
-};
-
-struct IncomingPump : Pump {
-  RingWriter<ThreadAtomics> to;
-  Wire& wire;
-  IncomingPump(Ring<ThreadAtomics> ring, Wire& from) : to(ring), wire(from) {}
-  void pump() noexcept override {
-    while (!wire.messages.empty()) {
-      const auto& message = wire.messages.front();
-      std::byte* room = to.claim_again(message.size());
-      if (!room) break;
-      std::copy(message.begin(), message.end(), room);
-      to.commit(message.size());
-      wire.messages.pop_front();
-    }
-    if (to.staged() != 0) to.publish();
-  }
-};
-
-TEST_CASE("another transport carries the same messages, and when it is full the link is") {
-  constexpr std::size_t capacity = 4096;
-  constexpr std::size_t footprint = ring_footprint<ThreadAtomics>(capacity);
-  struct alignas(line_bytes) Memory {
-    std::byte bytes[footprint];
-  };
-  const auto near = std::make_unique<Memory>(), far = std::make_unique<Memory>();
-  const auto near_ring = make_ring<ThreadAtomics>(near.get(), capacity);
-  const auto far_ring = make_ring<ThreadAtomics>(far.get(), capacity);
-  Wire wire{{}, 10};
-  OutgoingPump out(near_ring, wire);
-  IncomingPump in(far_ring, wire);
-  BasicSender<ThreadAtomics> sender(near_ring, nullptr, &out);
-  BasicReceiver<ThreadAtomics> receiver(far_ring, nullptr, &in);
-
-  int sent = 0, received = 0;
-  const auto size_of = [](int i) { return static_cast<std::size_t>(i * 37 % 900 + 4); };
-  while (received < 5000) {
-    // Until ring and wire are full; then until both are empty.
-    for (;; ++sent) {
-      const auto room = sender.claim(size_of(sent));
-      if (room.empty()) break;
-      std::memcpy(room.data(), &sent, sizeof sent);
-      sender.commit(size_of(sent));
-    }
-    REQUIRE(sent > received);
-    CHECK(wire.messages.size() == 10);
-    for (;; ++received) {
-      const auto message = receiver.next();
-      if (message.empty()) break;
-      int number;
-      std::memcpy(&number, message.data(), sizeof number);
-      REQUIRE(number == received);
-      REQUIRE(message.size() == size_of(received));
-      receiver.release();
-      out.pump();
-    }
-    CHECK(received == sent);
-  }
 }
 
 }  // namespace
