@@ -470,7 +470,7 @@ class BoxHullBlock {
   BlockContacts found_;
 };
 
-PairContact* box_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
+inline PairContact* box_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
   if (input.in_double) return run_in_double<FromBox, FromHull>(input, out, counters);
   Work work;
   for (std::size_t begin = 0; begin < input.pairs.size(); begin += block_pairs) {
