@@ -166,7 +166,7 @@ int run_job(const Job& job) {
     status.step();
   }
   status.finish();
-  if (crew) figures.cluster = crew->cluster().report();
+  if (crew) figures.cluster = crew->report();
   recording.finish();
   outputs.finish();
   if (json) {

@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 #include <spawn.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -16,9 +15,6 @@
 #include "motion_setup.hpp"
 
 namespace ringfence::tools {
-
-#if RINGFENCE_HAS_DDS
-
 namespace {
 
 dds::NodeService* draining_service = nullptr;
@@ -26,8 +22,6 @@ dds::NodeService* draining_service = nullptr;
 void drain(int) { draining_service->drain(); }
 
 }  // namespace
-
-bool has_dds() noexcept { return true; }
 
 NodeCrew::NodeCrew(const LinkOptions& link, std::uint32_t nodes, std::vector<std::byte> setup, LogHook log)
     : network_(link.network) {
@@ -39,7 +33,7 @@ NodeCrew::NodeCrew(const LinkOptions& link, std::uint32_t nodes, std::vector<std
   config.wait_ms = link.wait_ms;
   config.setup = std::move(setup);
   config.log = std::move(log);
-  cluster_ = std::make_unique<dds::Cluster>(std::move(config));
+  cluster_ = std::make_shared<dds::Cluster>(std::move(config));
   network_.domain = cluster_->domain();
   for (std::uint32_t node = 0; own && node < nodes; ++node) start_node();
 }
@@ -59,6 +53,8 @@ NodeCrew::~NodeCrew() {
 }
 
 std::shared_ptr<Fleet> NodeCrew::fleet() const { return cluster_->fleet(); }
+
+dds::ClusterReport NodeCrew::report() const { return cluster_->report(); }
 
 void NodeCrew::start_node() {
   std::vector<std::string> words = {"ringfence",      "node",
@@ -105,26 +101,5 @@ int run_node(const NodeOptions& options) {
   }
   return incomplete;
 }
-
-#else
-
-namespace {
-
-[[noreturn]] void refuse() {
-  throw Error(
-      "this build is without Cyclone DDS: install cyclonedds-dev and cyclonedds-tools, then configure and build anew");
-}
-
-}  // namespace
-
-bool has_dds() noexcept { return false; }
-
-NodeCrew::NodeCrew(const LinkOptions&, std::uint32_t, std::vector<std::byte>, LogHook) { refuse(); }
-NodeCrew::~NodeCrew() = default;
-std::shared_ptr<Fleet> NodeCrew::fleet() const { return nullptr; }
-void NodeCrew::start_node() {}
-int run_node(const NodeOptions&) { refuse(); }
-
-#endif
 
 }  // namespace ringfence::tools

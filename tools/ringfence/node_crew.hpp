@@ -11,12 +11,10 @@
 
 namespace ringfence::tools {
 
-/// Whether this build can have nodes in other processes.
-bool has_dds() noexcept;
-
 /// The nodes of a run that are processes: joins the domain, starts them unless others do, and ends them.
 ///
-/// Outlives the World that it is for.
+/// Outlives the World that it is for. In a build without Cyclone DDS everything throws Error, which says what to
+/// install.
 class NodeCrew {
  public:
   /// `setup` is what moves the objects; see pack_motion. Throws Error where the domain cannot be joined,
@@ -28,12 +26,12 @@ class NodeCrew {
   NodeCrew& operator=(const NodeCrew&) = delete;
 
   std::shared_ptr<Fleet> fleet() const;
-  const dds::Cluster& cluster() const noexcept { return *cluster_; }
+  dds::ClusterReport report() const;
   /// One more process, which joins by itself.
   void start_node();
 
  private:
-  std::unique_ptr<dds::Cluster> cluster_;
+  std::shared_ptr<dds::Cluster> cluster_;
   dds::NetworkConfig network_;
   std::vector<int> processes_;
 };

@@ -36,7 +36,7 @@ void StatusLine::finish() {
 
 void StatusLine::look(bool last) {
   if (crew_ != nullptr) {
-    const dds::ClusterReport cluster = crew_->cluster().report();
+    const dds::ClusterReport cluster = crew_->report();
     const auto now = Clock::now();
     const double seconds = std::chrono::duration<double>(now - last_look_).count();
     std::uint64_t bytes = 0;
@@ -65,7 +65,7 @@ void StatusLine::write(bool last) const {
                                    {"frame_ms", world_.report().frame_ms},
                                    {"contacts", world_.report().contacts},
                                    {"objects", world_.report().objects}};
-  if (crew_ != nullptr) status["cluster"] = cluster_json(crew_->cluster().report());
+  if (crew_ != nullptr) status["cluster"] = cluster_json(crew_->report());
   const std::string part = job_.output.status + ".part";
   OutputFile file(part);
   file.print("{}\n", status.dump(1, ' '));
