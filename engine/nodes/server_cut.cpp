@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "nodes/server_role.hpp"
-#include "nodes/spawn_order.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
@@ -80,8 +79,8 @@ void ServerRole::apply_requests() {
     }
     if (end - begin > 1) {
       const auto spawns = requests.subspan(begin, end - begin);
-      for (const std::uint32_t i : order_by_place(spawns, *setup_.space, spawn_order_)) {
-        spawn(spawns[i]);
+      for (const PlacedSpawn& placed : order_by_place(spawns, *setup_.space, spawn_order_)) {
+        spawn(spawns[placed.position]);
       }
       begin = end;
     } else {

@@ -34,6 +34,8 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
   }
   users_.reserve(setup.capacities.users);
   leaving_.reserve(setup.capacities.objects);
+  relay_cells_.reserve(setup.capacities.objects);
+  spawn_order_.reserve(setup.capacities.objects);
   hand_overs_.reserve(setup.capacities.objects);
   connected_.reserve(setup.capacities.users);
 }

@@ -17,6 +17,7 @@
 #include "nodes/party.hpp"
 #include "nodes/publications.hpp"
 #include "nodes/request.hpp"
+#include "nodes/spawn_order.hpp"
 #include "regions/balance.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
@@ -194,7 +195,7 @@ class ServerRole {
   std::vector<Party> users_;  ///< by user number
   std::vector<UserNumber> connected_;
   std::vector<Line> node_lines_;
-  std::vector<std::uint32_t> spawn_order_;
+  std::vector<PlacedSpawn> spawn_order_;
   FlatList<std::uint32_t> relay_cells_;  ///< by slot: the cell of the publication, or not_relayed
   bool relay_is_known_ = false;          ///< relay_cells_ hold, but for what moved in this frame
   std::vector<std::uint32_t> leaving_;   ///< slots of this frame whose hosts say that others host them next

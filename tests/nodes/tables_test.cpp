@@ -267,9 +267,13 @@ TEST_CASE("objects that are spawned together are taken in an order that keeps ne
     spawn.spec.pose.position = {within(160), within(80), within(160)};
   }
   spawns[7].spec.pose.position = {-1e9, 40, 1e9};  // outside counts as at the edge
-  std::vector<std::uint32_t> order;
-  REQUIRE(order_by_place(spawns, space, order).size() == spawns.size());
-  std::set<std::uint32_t> seen(order.begin(), order.end());
+  std::vector<PlacedSpawn> scratch;
+  const auto order = order_by_place(spawns, space, scratch);
+  REQUIRE(order.size() == spawns.size());
+  std::set<std::uint32_t> seen;
+  for (const PlacedSpawn& placed : order) {
+    seen.insert(placed.position);
+  }
   CHECK(seen.size() == spawns.size());
   CHECK(*seen.rbegin() == spawns.size() - 1);
   const auto distance = [&](std::uint32_t p, std::uint32_t q) {
@@ -280,10 +284,10 @@ TEST_CASE("objects that are spawned together are taken in an order that keeps ne
   // At random two of them are 84 m apart; in rows the next is at 8.
   std::size_t near = 0;
   for (std::size_t i = 1; i < order.size(); ++i) {
-    near += distance(order[i - 1], order[i]) < 20 ? 1u : 0u;
+    near += distance(order[i - 1].position, order[i].position) < 20 ? 1u : 0u;
   }
   CHECK(near > order.size() * 8 / 10);
-  CHECK(order_by_place({}, space, order).empty());
+  CHECK(order_by_place({}, space, scratch).empty());
 }
 
 }  // namespace
