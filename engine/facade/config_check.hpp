@@ -1,8 +1,13 @@
 #pragma once
 
+#include <cstdint>
+
 #include "ringfence/config.hpp"
 
 namespace ringfence::facade {
+
+/// CD nodes of a World.
+inline constexpr std::uint32_t most_nodes = 1024;
 
 /// Throws Error, naming the field, what was found and what is allowed, unless a World can be made of `config`.
 void check(const WorldConfig& config);

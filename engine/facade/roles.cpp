@@ -293,11 +293,19 @@ void World::Implementation::welcome_arrivals() {
       going.push_back(node);
     }
   }
-  if (arrivals.empty() && going.empty()) {
+  // More than can have a seat wait until one is free.
+  const std::size_t cells = server->map().grid().cells();
+  const std::size_t staying = node_roles.size() - going.size();
+  const std::size_t room = std::min(cells - std::min(cells, staying), facade::most_nodes - node_roles.size());
+  std::vector<Fleet::Member> joining(arrivals.begin(),
+                                     arrivals.begin() + static_cast<std::ptrdiff_t>(std::min(arrivals.size(), room)));
+  if (joining.empty() && going.empty()) {
     return;
   }
-  std::vector<Fleet::Member> joining = arrivals;
-  if (joining.empty() && going.size() == node_roles.size()) {
+  if (joining.empty() && staying == 0) {
+    if (room == 0) {
+      return;  // none can take over in this frame, so all stay for it
+    }
     joining.push_back(Fleet::nobody);
   }
   const auto total = static_cast<std::uint32_t>(node_roles.size() + joining.size());

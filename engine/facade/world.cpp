@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "facade/config_check.hpp"
 #include "facade/implementation.hpp"
 
 namespace ringfence {
@@ -266,7 +267,7 @@ Status World::remove(ObjectId object) {
 
 Status World::resize(std::uint32_t nodes) {
   Implementation& w = *implementation_;
-  const std::size_t most = w.config.fleet != nullptr ? w.node_roles.size() : 1024;
+  const std::size_t most = w.config.fleet != nullptr ? w.node_roles.size() : facade::most_nodes;
   if (nodes == 0 || nodes > most || nodes > w.server->map().grid().cells()) {
     return w.refuse(Status::bad_number);
   }

@@ -137,6 +137,20 @@ TEST_CASE("nodes that join a running world get their share of it") {
   });
 }
 
+TEST_CASE("a node for which there is no cell waits until another leaves") {
+  NodeWorld nodes(Deployment::user_collision, Placement::region, 2, {}, 1);
+  nodes.start_node();
+  CHECK(test::wait_until([&] { return nodes.waiting() == 1; }));
+  nodes.run(5);
+  CHECK(nodes.seats() == 2);
+  nodes.process(0).signal(SIGTERM);
+  CHECK(nodes.run_until([&] { return nodes.process(0).has_ended(); }));
+  CHECK(nodes.run_until([&] { return nodes.seats() == 2 && nodes.waiting() == 0; }));
+  nodes.run(5);
+  CHECK(nodes.lost() == 0);
+  CHECK(nodes.is_right());
+}
+
 TEST_CASE("nodes come and go at random in the middle of everything, and no contact changes") {
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     INFO("seed ", seed);

@@ -18,6 +18,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "facade/fleet.hpp"
 #include "facade/swarm.hpp"
 #include "ringfence/cluster.hpp"
 #include "ringfence/digest.hpp"
@@ -92,7 +93,9 @@ class NodeWorld {
   static constexpr std::size_t users = 4;
   static constexpr double side = 16;
 
-  NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, Place place = {})
+  /// `along_x`, where it is not 0, is the number of cells, as a power of two.
+  NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, Place place = {},
+            std::uint32_t along_x = 0)
       : place_(std::move(place)) {
     dds::ClusterConfig cluster;
     cluster.network.domain = dds::NetworkConfig::any_domain;
@@ -105,6 +108,7 @@ class NodeWorld {
     for (std::uint32_t node = 0; node < nodes; ++node) start_node();
     WorldConfig config = config_of(deployment, placement);
     config.nodes = nodes;
+    config.cells_log2[0] = along_x;
     config.fleet = cluster_->fleet();
     world_ = std::make_unique<World>(std::move(config));
     populate(*world_, objects, users, side);
@@ -137,6 +141,8 @@ class NodeWorld {
 
   World& world() { return *world_; }
   const dds::Cluster& cluster() const { return *cluster_; }
+  /// Nodes that are ready and have no seat. Between frames.
+  std::size_t waiting() const { return cluster_->fleet()->arrivals().size(); }
   Process& process(std::size_t i) { return *processes_[i]; }
   const std::vector<std::string>& log() const { return log_; }
 

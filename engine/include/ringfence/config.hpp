@@ -113,8 +113,8 @@ struct WorldConfig {
   std::shared_ptr<const MotionModel> motion;  ///< null: objects move only by World::move and World::place
   LogHook log;                                ///< null: silent
   /// Null: CD nodes are threads of this process. Else the World waits until the fleet has `nodes` of them, takes in
-  /// those that come later, and lets go of those that ask to leave; where none is left, the server's thread does the
-  /// work. Serves one World and outlives it.
+  /// those that come later, up to one a cell and 1024 in all (more wait until there is room), and lets go of those that
+  /// ask to leave; where none is left, the server's thread does the work. Serves one World and outlives it.
   std::shared_ptr<Fleet> fleet;
 };
 
