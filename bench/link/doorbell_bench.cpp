@@ -10,23 +10,14 @@
 #include <vector>
 
 #include <benchmark/benchmark.h>
-#include <sys/resource.h>
 
 #include "link/benches.hpp"
 #include "link/channel.hpp"
 #include "link/cores.hpp"
+#include "link/cpu_time.hpp"
 
 namespace ringfence::bench {
 namespace {
-
-double cpu_seconds() {
-  rusage usage;
-  getrusage(RUSAGE_SELF, &usage);
-  const auto seconds = [](const timeval& time) {
-    return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_usec) * 1e-6;
-  };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
 
 /// Sends one message of 64 bytes: the frame's number, or ~0 to stop.
 void say(link::Sender& sender, link::Doorbell& own, std::uint64_t frame) {

@@ -11,11 +11,11 @@
 #include <vector>
 
 #include <benchmark/benchmark.h>
-#include <sys/resource.h>
 
 #include "link/benches.hpp"
 #include "link/channel.hpp"
 #include "link/cores.hpp"
+#include "link/cpu_time.hpp"
 #include "link/frame_traffic.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
@@ -27,15 +27,6 @@ namespace {
 using messages::MessageType;
 
 constexpr std::size_t ring_bytes = std::size_t{1} << 20;  // as between the server and a CD node
-
-double cpu_seconds() {
-  rusage usage;
-  getrusage(RUSAGE_SELF, &usage);
-  const auto seconds = [](const timeval& time) {
-    return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_usec) * 1e-6;
-  };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
 
 /// What an end has sent and heard so far; the runs of a frame come in the same order always.
 struct Account {
