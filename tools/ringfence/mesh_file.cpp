@@ -14,7 +14,6 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::uintmax_t most_bytes = std::uintmax_t{1} << 30;
 constexpr char is_mesh = 'm', is_refusal = 'r';
 
 template <class T>
@@ -93,7 +92,8 @@ TriangleMesh read_mesh(const std::filesystem::path& file) {
   }
   const std::uintmax_t bytes = std::filesystem::file_size(file, error);
   if (error) throw Error(fmt::format("{}: {}", file.string(), error.message()));
-  if (bytes > most_bytes) throw Error(fmt::format("{}: has {} bytes, more than {}", file.string(), bytes, most_bytes));
+  if (bytes > most_mesh_bytes)
+    throw Error(fmt::format("{}: has {} bytes, more than {}", file.string(), bytes, most_mesh_bytes));
   const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
   // A large file takes time and memory in proportion: assimp reads about 20 MB of OBJ a second.
   ChildLimits limits;

@@ -38,7 +38,6 @@ constexpr std::array formats{Format{".obj", "Wavefront Object Importer"},
                              Format{".3ds", "Discreet 3DS Importer"}};
 
 constexpr std::size_t most_triangles = 1'000'000;
-constexpr std::uintmax_t most_bytes = std::uintmax_t{1} << 30;
 
 /// What assimp may do and no more: nothing that moves a corner or reorders triangles.
 constexpr unsigned steps = aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_RemoveComponent |
@@ -101,7 +100,7 @@ class Files final : public Assimp::IOSystem {
     std::error_code error;
     const std::filesystem::path found = folder_ / named;
     if (!std::filesystem::is_regular_file(found, error)) return {};
-    return std::filesystem::file_size(found, error) <= most_bytes && !error ? found : std::filesystem::path();
+    return std::filesystem::file_size(found, error) <= most_mesh_bytes && !error ? found : std::filesystem::path();
   }
 
   std::string_view bytes_;
@@ -186,7 +185,8 @@ TriangleMesh import_mesh(std::string_view bytes, const std::string& name, const 
   const std::string ending = mesh_ending(name);
   const auto format = std::find_if(formats.begin(), formats.end(), [&](const Format& f) { return ending == f.ending; });
   if (format == formats.end()) throw Error("is no mesh file");
-  if (bytes.size() > most_bytes) throw Error(fmt::format("has {} bytes, more than {}", bytes.size(), most_bytes));
+  if (bytes.size() > most_mesh_bytes)
+    throw Error(fmt::format("has {} bytes, more than {}", bytes.size(), most_mesh_bytes));
   std::string flaw = ending == ".ply" ? flaw_of_ply(bytes) : "";
   if (!flaw.empty()) throw Error(flaw);
   Assimp::Importer importer;

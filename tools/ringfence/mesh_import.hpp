@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <string_view>
@@ -7,6 +8,9 @@
 #include "ringfence/shape.hpp"
 
 namespace ringfence::tools {
+
+/// Of a mesh file, and of each buffer that it names.
+inline constexpr std::uintmax_t most_mesh_bytes = std::uintmax_t{1} << 30;
 
 /// The format of a mesh file, by its name's ending, in small letters and with the dot; empty for one that is not read.
 std::string mesh_ending(const std::filesystem::path& name);
