@@ -34,6 +34,7 @@ void World::Implementation::stand_in() {
   bury(node);
   const auto count = static_cast<std::uint32_t>(node_roles.size());
   node_ways[node] = std::make_unique<Way>(ring_bytes(facade::server_node_ring), server_bell(), server_bell());
+  node_ways[node]->share_memory();
   node_roles[node] = make_role(node, count, server->map());
   node_roles[node]->meet(node, std::vector<Line>(count));
   node_members[node] = Fleet::nobody;
@@ -60,6 +61,7 @@ void World::Implementation::clear_graves() {
     }
     graves.clear();
     grave_ways.clear();
+    server->forget_lost();
   }
 }
 
@@ -109,6 +111,7 @@ void World::Implementation::bury_lost() {
     node_workers.push_back(nullptr);
     node_members.push_back(Fleet::nobody);
     node_ways.push_back(std::make_unique<Way>(ring_bytes(facade::server_node_ring), server_bell(), server_bell()));
+    node_ways.back()->share_memory();
     node_roles.push_back(make_role(0, 1, server->map()));
     Request request;
     request.kind = Request::Kind::add_node;

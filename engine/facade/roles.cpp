@@ -158,6 +158,9 @@ Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_
   node_members.push_back(member);
   link::Doorbell* bell = node_bell(node);
   node_ways.push_back(std::make_unique<Way>(here ? ring_bytes(server_node_ring) : fleet_ring, server_bell(), bell));
+  if (here) {
+    node_ways.back()->share_memory();
+  }
   // Many nodes need many rings between them; a hand-over is small.
   const std::size_t peer_ring = config.fleet != nullptr ? fleet_ring
                                                         : ring_bytes(std::size_t{1} << (count <= 16   ? 18

@@ -26,6 +26,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       narrow_(*setup.shapes),
       heard_from_(setup.peers.size()),
       lost_(setup.peers.size()),
+      findings_(setup.server.findings != nullptr ? setup.server.findings : &own_findings_),
       leavers_(setup.peers.size()),
       hand_over_runs_(setup.peers.size()) {
   pairs_.reserve(pairs_a_test);
@@ -210,15 +211,16 @@ void CdNodeRole::tell_own_move(std::size_t i, std::byte* where) {
   const Hosted& object = host_[changed_[i]];
   const geometry::Bounds& bounds = changed_bounds_[i];
   const bool present = (object.object.flags & messages::flag_present) != 0;
+  const bool staying = is_at_home(object.pose.position);
   const regions::Cover cover = map_.cover(bounds, setup_.node);
   std::uint32_t flags = object.object.flags;
   if (present && cover != regions::Cover::none) {
     flags |= cover == regions::Cover::all ? messages::flag_inner : 0u;
-    known_.set(object.object, object.pose, bounds, object.shape, object.layer);
+    known_.set(object.object, object.pose, bounds, object.shape, object.layer, staying);
   } else {
     known_.forget(object.object.slot);
   }
-  if (is_at_home(object.pose.position)) {
+  if (staying) {
     flags |= messages::flag_staying;
   } else {
     movers_.push_back(object.object.number);
@@ -246,7 +248,9 @@ void CdNodeRole::hear_positions(const MessageView& message) {
     if ((record.object.flags & messages::flag_gone) != 0) {
       known_.forget(record.object.slot);
     } else {
-      known_.set(record.object, record.pose, record.bounds, record.shape, record.layer);
+      const bool staying =
+          setup_.hosts && host_.find(record.object.number) != NumberIndex::none && is_at_home(record.pose.position);
+      known_.set(record.object, record.pose, record.bounds, record.shape, record.layer, staying);
     }
   }
   positions_heard_ |= message.last();
@@ -347,24 +351,15 @@ void CdNodeRole::add_hit(const geometry::CandidatePair& pair, const narrow_phase
   const narrow_phase::Body& a = known_.bodies()[pair.a];
   const narrow_phase::Body& b = known_.bodies()[pair.b];
   const Vec3d& origin = a.pose.position;
-  const Vec3d point{origin.x + static_cast<double>(found.point.x), origin.y + static_cast<double>(found.point.y),
-                    origin.z + static_cast<double>(found.point.z)};
   order_.add(a.number, b.number);
-  messages::CollisionRecord& hit = hits_.add();
-  hit.slot_a = known_.slot(pair.a);
-  hit.slot_b = known_.slot(pair.b);
-  hit.depth = found.depth;
-  hit.normal = found.normal;
-  hit.point = point;
-  if (!setup_.hosts) {
-    return;
-  }
+  hits_.push_back({known_.slot(pair.a), known_.slot(pair.b), !known_.staying(pair.a) || !known_.staying(pair.b)});
   Contact& contact = host_.add_own_contact(frame_);
   contact.a = a.number;
   contact.b = b.number;
   contact.depth = found.depth;
   contact.normal = found.normal;
-  contact.point = point;
+  contact.point = {origin.x + static_cast<double>(found.point.x), origin.y + static_cast<double>(found.point.y),
+                   origin.z + static_cast<double>(found.point.z)};
   contact.pose_a = a.pose;
   contact.pose_b = b.pose;
 }
@@ -378,6 +373,7 @@ void CdNodeRole::detect() {
   TrackedTime time(setup_.track, "narrow phase", told_.narrow_phase_ns);
   count_kinds();
   order_.sort();
+  list_findings();
   next_hit_ = 0;
   collisions_run_.start();
   done_run_.start(1);
@@ -412,32 +408,60 @@ void CdNodeRole::count_kinds() {
 }
 
 // In order of (a, b), so that the server merges runs and the host's next move reads its contacts in it.
+void CdNodeRole::list_findings() {
+  Findings& findings = *findings_;
+  findings.contacts = host_.own_contacts(frame_);
+  findings.keys.resize(hits_.size());
+  findings.found.resize(hits_.size());
+  findings.outer.clear();
+  for (std::size_t i = 0; i < hits_.size(); ++i) {
+    const std::uint32_t contact = order_.at(i);
+    const std::uint64_t key = order_.key_at(i);
+    const Hit& hit = hits_[contact];
+    findings.keys[i] = key;
+    findings.found[i] = {hit.slot_a, hit.slot_b, contact};
+    if (hit.outer) {
+      findings.outer.push_back(static_cast<std::uint32_t>(i));
+    }
+    if (setup_.hosts) {
+      host_.order_own_contact(frame_, key, contact);
+    }
+  }
+}
+
+// To a server in another process; one in this process reads them where they lie.
 bool CdNodeRole::send_collisions() {
   link::Sender& out = *setup_.server.out;
   const messages::RunHead to_server = head(MessageType::collision, Endpoint::server());
-  for (; next_hit_ < hits_.size(); ++next_hit_) {
+  const bool shared = findings_ != &own_findings_;
+  for (; !shared && next_hit_ < hits_.size(); ++next_hit_) {
     std::byte* where = collisions_run_.add(out, to_server, sizeof(messages::CollisionRecord), traffic_);
     if (where == nullptr) {
       return false;
     }
-    constexpr std::size_t ahead = 16;
-    if (next_hit_ + ahead < hits_.size()) {
-      const auto* soon = reinterpret_cast<const std::byte*>(&hits_[order_.at(next_hit_ + ahead)]);
-      __builtin_prefetch(soon);
-      __builtin_prefetch(soon + sizeof(messages::CollisionRecord) - 1);
-    }
-    const std::uint32_t hit = order_.at(next_hit_);
-    std::memcpy(where, &hits_[hit], sizeof hits_[hit]);
-    if (setup_.hosts) {
-      host_.order_own_contact(frame_, order_.key_at(next_hit_), hit);
-    }
+    const FoundContact& found = own_findings_.found[next_hit_];
+    const Contact& contact = own_findings_.contacts[found.contact];
+    new (where) messages::CollisionRecord{found.slot_a, found.slot_b, contact.depth, contact.normal, contact.point};
   }
-  return collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_) &&
+  return (shared || collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_)) &&
          done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()), sizeof(messages::NarrowDoneRecord),
                         traffic_, [&](std::size_t, std::byte* where) {
                           const messages::NarrowDoneRecord record{candidates_, tested_, hits_.size()};
                           std::memcpy(where, &record, sizeof record);
                         });
+}
+
+// The phases of what was found, and the rest of its way to the embedder.
+void CdNodeRole::hear_ranks() {
+  if (findings_ == &own_findings_) {
+    return;
+  }
+  for (std::size_t i = 0; setup_.hosts && i < findings_->ranks.size(); ++i) {
+    if (Findings::phase_of(findings_->ranks[i]) == Phase::begin) {
+      host_.confirm_begin(frame_, findings_->found[i].contact);
+    }
+  }
+  findings_->write_rest(setup_.node);
 }
 
 bool CdNodeRole::send_kinds() {
@@ -502,6 +526,7 @@ bool CdNodeRole::advance() {
       if (!contacts_heard_ || !end_heard_) {
         return false;
       }
+      hear_ranks();
       list_leavers();
       stage_ = Stage::handing_over;
       return true;

@@ -14,6 +14,7 @@
 #include "messages/run.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/contact_order.hpp"
+#include "nodes/findings.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/host.hpp"
 #include "nodes/known_objects.hpp"
@@ -92,6 +93,8 @@ class CdNodeRole {
   void test_pairs();
   void add_hit(const geometry::CandidatePair& pair, const narrow_phase::PairContact& found);
   void count_kinds();
+  void list_findings();
+  void hear_ranks();
   bool is_at_home(const Vec3d& position) const noexcept;
   void list_leavers();
   bool advance();
@@ -127,8 +130,15 @@ class CdNodeRole {
   static constexpr std::size_t pairs_a_test = 4096;
 
   std::vector<geometry::CandidatePair> pairs_;  ///< indices into known_; not yet tested
-  FlatList<messages::CollisionRecord> hits_;    ///< in the order in which they were found
-  std::size_t next_hit_ = 0;                    ///< to be sent, by order_
+  /// The slots of a contact's objects.
+  struct Hit {
+    std::uint32_t slot_a, slot_b;
+    bool outer;  ///< one of the two is hosted elsewhere, or will be
+  };
+  FlatList<Hit> hits_;        ///< parallel to the host's own contacts: in the order in which they were found
+  Findings own_findings_;     ///< where the server cannot read what is shared
+  Findings* findings_;        ///< by (a, b)
+  std::size_t next_hit_ = 0;  ///< of these, to be sent
   std::uint64_t candidates_ = 0;
   std::uint64_t tested_ = 0;
   std::vector<messages::KindRecord> kinds_;

@@ -26,6 +26,7 @@ class ContactOrder {
   /// Forgets all keys.
   void clear() noexcept { keys_.clear(); }
   void add(ObjectNumber a, ObjectNumber b) { keys_.push_back(key(a, b)); }
+  void add(std::uint64_t key) { keys_.push_back(key); }
   /// Sorts; afterwards at(i) is the position, in the order of add, of the i-th contact by (a, b), and key_at(i) its
   /// key.
   void sort();

@@ -5,6 +5,7 @@
 #include <cassert>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "nodes/contact_order.hpp"
 
@@ -68,6 +69,12 @@ bool Host::place(ObjectNumber number, const Pose& pose, bool present) {
 void Host::steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
 
 void Host::ContactList::add(const Contact& contact) {
+  if (contacts.full() && outgrown.empty()) [[unlikely]] {
+    outgrown = std::exchange(contacts, {});
+    contacts.reserve(2 * outgrown.size() + 64);
+    contacts.resize(outgrown.size());
+    std::copy(outgrown.begin(), outgrown.end(), contacts.begin());
+  }
   contacts.push_back(contact);
   keys.push_back(contact.phase == Phase::end ? 0 : ContactOrder::key(contact.a, contact.b));
 }
@@ -77,6 +84,7 @@ void Host::ContactList::clear() noexcept {
   keys.clear();
   own_order.clear();
   own = 0;
+  outgrown = {};
 }
 
 Contact& Host::add_own_contact(std::uint64_t frame) {
@@ -144,7 +152,7 @@ void Host::find_hosted(const ContactList& list) {
     }
     return i;
   };
-  const std::size_t own_end = list.own;
+  const std::size_t own_end = list.own_order.size();
   const std::size_t end = list.keys.size();
   std::size_t own = skip_ended(0, own_end);
   std::size_t told = skip_ended(own_end, end);

@@ -10,12 +10,13 @@ KnownObjects::KnownObjects(std::size_t objects) {
   bodies_.reserve(objects);
   bounds_.reserve(objects);
   layers_.reserve(objects);
+  staying_.reserve(objects);
   resting_.reserve(objects);
   present_.reserve(objects);
 }
 
 void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
-                       ShapeNumber shape, std::uint32_t layer) {
+                       ShapeNumber shape, std::uint32_t layer, bool staying) {
   const std::uint32_t slot = object.slot;
   if (slot >= index_.size()) {
     index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
@@ -27,12 +28,14 @@ void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, cons
     bodies_.add();
     bounds_.add();
     layers_.push_back(0);
+    staying_.push_back(0);
     resting_.push_back(0);
     present_.push_back(1);
   }
   bodies_[i] = {pose, shape, object.number};
   bounds_[i] = bounds;
   layers_[i] = static_cast<std::uint8_t>(layer);
+  staying_[i] = staying ? 1 : 0;
   resting_[i] = 0;
 }
 
@@ -47,6 +50,7 @@ void KnownObjects::forget(std::uint32_t slot) {
     bodies_[i] = bodies_[last];
     bounds_[i] = bounds_[last];
     layers_[i] = layers_[last];
+    staying_[i] = staying_[last];
     resting_[i] = 0;
     index_[slots_[i]] = i;
   }
@@ -54,6 +58,7 @@ void KnownObjects::forget(std::uint32_t slot) {
   bodies_.pop_back();
   bounds_.pop_back();
   layers_.pop_back();
+  staying_.pop_back();
   resting_.pop_back();
   present_.pop_back();
   index_[slot] = none;
@@ -67,6 +72,7 @@ void KnownObjects::clear() noexcept {
   bodies_.clear();
   bounds_.clear();
   layers_.clear();
+  staying_.clear();
   resting_.clear();
   present_.clear();
 }

@@ -25,9 +25,9 @@ class KnownObjects {
   /// Index of the object in a slot, or none.
   std::uint32_t find(std::uint32_t slot) const noexcept { return slot < index_.size() ? index_[slot] : none; }
 
-  /// Adds an object or replaces what is known of it.
+  /// Adds an object or replaces what is known of it. `staying`: the node hosts it, in the next frame too.
   void set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds, ShapeNumber shape,
-           std::uint32_t layer);
+           std::uint32_t layer, bool staying);
   /// Fetches what a set() of the object in that slot will write.
   void fetch(std::uint32_t slot) const noexcept {
     if (const std::uint32_t i = find(slot); i != none) {
@@ -42,6 +42,8 @@ class KnownObjects {
   std::span<const narrow_phase::Body> bodies() const noexcept { return bodies_.span(); }
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_.span(); }
   std::uint32_t slot(std::size_t i) const noexcept { return slots_[i]; }
+  /// As set() was last told.
+  bool staying(std::size_t i) const noexcept { return staying_[i] != 0; }
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
 
   /// One byte an object: 1 where nothing about it has changed since the last call of settle().
@@ -56,6 +58,7 @@ class KnownObjects {
   FlatList<narrow_phase::Body> bodies_;
   FlatList<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> layers_;
+  std::vector<std::uint8_t> staying_;
   std::vector<std::uint8_t> resting_;
   std::vector<std::uint8_t> present_;
 };

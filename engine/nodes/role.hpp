@@ -6,6 +6,8 @@
 
 namespace ringfence::nodes {
 
+struct Findings;
+
 /// What a role's step answers. A role never blocks: it does what it can and says how it stands.
 enum class Step : std::uint8_t {
   idle,        ///< nothing to do until a message arrives
@@ -17,6 +19,7 @@ enum class Step : std::uint8_t {
 struct Line {
   link::Sender* out = nullptr;
   link::Receiver* in = nullptr;
+  Findings* findings = nullptr;  ///< that a CD node shares with the server; null where they are in two processes
 };
 
 }  // namespace ringfence::nodes

@@ -1,5 +1,6 @@
 // The server's last stage: who hosts what in the next frame, and who is told of which contact.
 #include <algorithm>
+#include <bit>
 #include <cstring>
 #include <utility>
 
@@ -10,29 +11,37 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 
-// Which region map holds from the next frame on. Contacts do not depend on it, only what the nodes cost.
-void ServerRole::follow_load() {
+// Whether another region map may hold from the next frame on.
+bool ServerRole::wants_map() {
   if (!report().lost.empty()) {
-    return;  // the next cut draws the map anew
+    return false;  // the next cut draws the map anew
   }
-  std::span<const std::uint32_t> table;
+  if (resize_to_ != 0) {
+    return true;
+  }
+  if (!setup_.balance || map_.nodes() == 1) {
+    return false;
+  }
+  costs_.clear();
+  for (const NodeReport& node : reports_[(frame_ + 1) & 1].nodes) {
+    costs_.push_back(node.cpu_ms);
+  }
+  if (costs_.size() == map_.nodes()) {
+    balance_.add_frame(costs_);
+  }
+  return balance_.wanted();
+}
+
+// Contacts do not depend on the map, only what the nodes cost.
+void ServerRole::draw_map() {
+  weigh_cells();
   std::uint32_t nodes = map_.nodes();
+  std::span<const std::uint32_t> table;
   if (resize_to_ != 0) {
     nodes = std::exchange(resize_to_, 0u);
-    weigh_cells();
     table = share_out(nodes);
-  } else if (setup_.balance && nodes > 1) {
-    costs_.clear();
-    for (const NodeReport& node : reports_[(frame_ + 1) & 1].nodes) {
-      costs_.push_back(node.cpu_ms);
-    }
-    if (costs_.size() == nodes) {
-      balance_.add_frame(costs_);
-    }
-    if (balance_.wanted()) {
-      weigh_cells();
-      table = balance_.propose(map_);
-    }
+  } else {
+    table = balance_.propose(map_);
   }
   if (!table.empty()) {
     map_.assign(table, nodes, map_.epoch() + 1);
@@ -113,7 +122,7 @@ void ServerRole::next_hosts() {
   }
 }
 
-// A node that found the contact itself is told of it by one bit: see ContactLedger::persists.
+// A node that found the contact itself is told of it by one bit: see ContactLedger::persists, Findings::ranks.
 void ServerRole::list_notice(std::uint32_t notice, const Contact& contact, const Found& found) {
   const Endpoint first = objects_.host(found.a);
   const Endpoint second = objects_.host(found.b);
@@ -141,24 +150,31 @@ void ServerRole::list_notices() {
     return true;
   });
   const auto contacts = ledger_.contacts(frame_);
+  const auto written = ledger_.written();
   const auto keys = ledger_.keys(frame_);
   const auto found = ledger_.found(frame_);
   const auto ended = ledger_.ended(frame_);
   const auto ended_keys = ledger_.ended_keys(frame_);
   const auto ended_found = ledger_.ended_found(frame_);
-  std::uint32_t i = 0;
-  std::uint32_t j = 0;
-  while (i < keys.size() || j < ended_keys.size()) {
-    if (j == ended_keys.size() || (i < keys.size() && keys[i] < ended_keys[j])) {
+  std::uint32_t next_ended = 0;
+  const auto list_ended = [&](std::uint64_t key) {
+    for (; next_ended < ended_keys.size() && ended_keys[next_ended] < key; ++next_ended) {
+      list_notice(next_ended | Party::ended, ended[next_ended], ended_found[next_ended]);
+    }
+  };
+  for (std::uint32_t word = 0; word < written.size(); ++word) {
+    for (std::uint64_t left = written[word]; left != 0; left &= left - 1) {
+      const std::uint32_t i = 64 * word + static_cast<std::uint32_t>(std::countr_zero(left));
+      list_ended(keys[i]);
       list_notice(i, contacts[i], found[i]);
-      ++i;
-    } else {
-      list_notice(j | Party::ended, ended[j], ended_found[j]);
-      ++j;
     }
   }
+  list_ended(~std::uint64_t{0});
   all_parties([&](Party& party) {
     const bool confirms = party.self.is_node() && setup_.deployment == Deployment::user_collision;
+    if (confirms && party.line.findings != nullptr && !party.lost) {
+      count_shared(Traffic::m4, party.line.findings->ranks.size(), sizeof(std::uint32_t));
+    }
     party.confirm_run.start(confirms ? ledger_.persists(party.self.number()).size() : 0);
     party.notice_run.start(party.notices.size());
     party.end_run.start(1);
@@ -242,7 +258,7 @@ bool ServerRole::notify(Party& party) {
   if (node && map_changed_ && !send_map(party, party.map_run)) {
     return false;
   }
-  if (node && setup_.deployment == Deployment::user_collision &&
+  if (node && setup_.deployment == Deployment::user_collision && party.line.findings == nullptr &&
       !party.confirm_run.pump(out, head(MessageType::confirm, party.self), sizeof(messages::ConfirmRecord), counts,
                               [&](std::size_t i, std::byte* where) {
                                 const messages::ConfirmRecord record{ledger_.persists(party.self.number())[i]};

@@ -156,6 +156,14 @@ void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& he
   traffic.bytes += header.bytes;
 }
 
+// What is read where it lies counts as the message in its place.
+void ServerRole::count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept {
+  TrafficReport& traffic = report().traffic[static_cast<std::size_t>(kind)];
+  ++traffic.messages;
+  traffic.records += records;
+  traffic.bytes += records * bytes_each;
+}
+
 void ServerRole::receive(Party& party, const MessageView& message) {
   add(report().traffic, message.header());
   const bool node = party.self.is_node();
@@ -275,6 +283,10 @@ void ServerRole::hear_tested(Party& party, const MessageView& message) {
   node.tested = record.tested;
   node.contacts = record.contacts;
   report().tested += record.tested;
+  if (Findings* const findings = party.line.findings) {
+    ledger_.receive(party.self.number(), *findings);
+    count_shared(Traffic::m3, findings->keys.size(), sizeof(messages::CollisionRecord));
+  }
   if (ledger_.received(party.self.number()) == record.contacts) {
     report().accepted += record.tested;
   } else {
@@ -386,14 +398,20 @@ void ServerRole::detect() {
 
 void ServerRole::collect() {
   spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
-  const std::uint64_t doubled = ledger_.merge(objects_.rows());
+  const std::uint64_t doubled = ledger_.merge();
+  const bool map_may_change = wants_map();
+  // Of what only its finder is to be told, the server need not know more than that it is there.
+  const bool all = setup_.deployment != Deployment::user_collision || map_may_change || rescan_hosts_;
+  ledger_.write(objects_.rows(), all);
   FrameReport& frame = report();
   frame.accepted += doubled;  // shows as accepted != tested: never silently
-  frame.contacts = ledger_.contacts(frame_).size();
+  frame.contacts = ledger_.live();
   frame.began = ledger_.began();
   frame.ended = ledger_.ended(frame_).size();
   spend(ringfence::Stage::collect, telemetry::now_ns());
-  follow_load();
+  if (map_may_change) {
+    draw_map();
+  }
   next_hosts();
   list_notices();
 }
@@ -466,6 +484,9 @@ bool ServerRole::advance_stage() {
 }
 
 void ServerRole::finish() {
+  if (!report().lost.empty()) {
+    ledger_.take_over(report().lost);
+  }
   const std::uint64_t now = telemetry::now_ns();
   spend(ringfence::Stage::notify, now);
   spend_cpu(&PathReport::notify_ms);

@@ -86,6 +86,8 @@ class ServerRole {
   bool has_left(NodeNumber node) const noexcept { return nodes_[node].left; }
   const regions::RegionMap& map() const noexcept { return map_; }
   const ObjectTable& objects() const noexcept { return objects_; }
+  /// No thread of a lost node is left.
+  void forget_lost() noexcept { ledger_.forget_lost(); }
   // For the last frame; they stay as they are while the next one is under way.
   const ContactLedger& ledger() const noexcept { return ledger_; }
   const FrameReport& report(std::uint64_t frame) const noexcept { return reports_[frame & 1]; }
@@ -122,6 +124,7 @@ class ServerRole {
   void hear_tested(Party& party, const messages::MessageView& message);
   void hear_kinds(const messages::MessageView& message);
   void hear_told(Party& party, const messages::MessageView& message);
+  void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
   void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
   void refuse(Party& sender, Status reason, ObjectNumber number = 0);
 
@@ -150,7 +153,8 @@ class ServerRole {
   void collect();
   void list_notices();
   void list_notice(std::uint32_t notice, const Contact& contact, const Found& found);
-  void follow_load();
+  bool wants_map();
+  void draw_map();
   std::span<const std::uint32_t> share_out(std::uint32_t& nodes);
   void weigh_cells();
   void next_hosts();

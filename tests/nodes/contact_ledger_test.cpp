@@ -1,6 +1,7 @@
 #include "nodes/contact_ledger.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <map>
 #include <random>
 #include <utility>
@@ -79,7 +80,8 @@ TEST_CASE("the ledger begins, continues and ends contacts as a map of the two fr
       for (NodeNumber node = 0; node < nodes; ++node) {
         REQUIRE(ledger.received(node) == received[node]);
       }
-      REQUIRE(ledger.merge(rows_of(frame)) == 0);
+      REQUIRE(ledger.merge() == 0);
+      ledger.write(rows_of(frame), true);
       for (NodeNumber node = 0; node < nodes; ++node) {
         const auto persists = ledger.persists(node);
         REQUIRE(persists.size() == (runs[node].size() + 63) / 64);
@@ -141,6 +143,103 @@ TEST_CASE("the ledger begins, continues and ends contacts as a map of the two fr
   }
 }
 
+/// A node that shares what it finds: its contacts in an order of its own, some of which others have to be told.
+struct Sharing {
+  Findings findings;
+  std::vector<Contact> contacts;
+
+  void find(const std::vector<Contact>& sorted, std::mt19937_64& random) {
+    contacts = sorted;
+    std::shuffle(contacts.begin(), contacts.end(), random);
+    findings.contacts = contacts.data();
+    findings.keys.clear();
+    findings.found.clear();
+    findings.outer.clear();
+    for (const Contact& contact : sorted) {
+      const auto same = [&](const Contact& other) { return other.a == contact.a && other.b == contact.b; };
+      const auto at = std::find_if(contacts.begin(), contacts.end(), same) - contacts.begin();
+      if (random() % 3 == 0) {
+        findings.outer.push_back(static_cast<std::uint32_t>(findings.keys.size()));
+      }
+      findings.keys.push_back(word_of({contact.a, contact.b}));
+      findings.found.push_back({contact.a % slots, contact.b % slots, static_cast<std::uint32_t>(at)});
+    }
+  }
+};
+
+TEST_CASE("what nodes share and write themselves makes the list that the server would have written, also when lost") {
+  for (const unsigned seed : {11u, 12u, 13u, 14u}) {
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    constexpr NodeNumber nodes = 5;
+    ContactLedger ledger(nodes, 16), plain(1, 16);
+    std::vector<Sharing> sharing(nodes);
+    for (std::uint64_t frame = 0; frame < 120; ++frame) {
+      CAPTURE(frame);
+      ledger.begin(frame);
+      plain.begin(frame);
+      std::vector<std::vector<Contact>> shares(nodes);
+      std::map<Key, Contact> now;
+      for (std::uint64_t i = random() % 200; i > 0; --i) {
+        const auto a = static_cast<ObjectNumber>(1 + random() % 20), b = static_cast<ObjectNumber>(21 + random() % 20);
+        Contact contact;
+        contact.a = a;
+        contact.b = b;
+        contact.depth = static_cast<float>(random() % 1000);
+        contact.point = {1.0 * a, 2.0 * b, 3};
+        contact.phase = Phase::end;  // not the node's to say
+        contact.pose_a = rows_of(frame)[a % slots].pose;
+        contact.pose_b = rows_of(frame)[b % slots].pose;
+        now[{a, b}] = contact;
+      }
+      for (const auto& [key, contact] : now) {
+        messages::CollisionRecord record = record_of(key, contact.depth);
+        record.normal = contact.normal;
+        record.point = contact.point;
+        plain.receive(0, word_of(key), record);
+        shares[random() % nodes].push_back(contact);
+      }
+      REQUIRE(plain.merge() == 0);
+      plain.write(rows_of(frame), true);
+      for (NodeNumber node = 0; node < nodes; ++node) {
+        sharing[node].find(shares[node], random);
+        ledger.receive(node, sharing[node].findings);
+        REQUIRE(ledger.received(node) == shares[node].size());
+      }
+      REQUIRE(ledger.merge() == 0);
+      const bool all = frame % 4 == 0;
+      ledger.write(rows_of(frame), all);
+      // Some are lost before they have written, or after; what a late one writes later hurts nobody.
+      std::vector<NodeNumber> lost;
+      for (NodeNumber node = 0; node < nodes; ++node) {
+        if (frame % 3 == 0 && random() % 2 == 0) {
+          lost.push_back(node);
+        } else {
+          sharing[node].findings.write_rest(node);
+        }
+      }
+      if (!lost.empty()) {
+        ledger.take_over(lost);
+      }
+      for (const NodeNumber node : lost) {
+        std::fill(sharing[node].contacts.begin(), sharing[node].contacts.end(), Contact{});
+        sharing[node].findings.write_rest(node);
+      }
+      const auto contacts = ledger.contacts(frame), expected = plain.contacts(frame);
+      REQUIRE(contacts.size() == expected.size());
+      for (std::size_t i = 0; i < contacts.size(); ++i) {
+        REQUIRE(std::memcmp(&contacts[i], &expected[i], sizeof(Contact)) == 0);
+        REQUIRE(ledger.found(frame)[i].a == plain.found(frame)[i].a);
+        REQUIRE(ledger.found(frame)[i].b == plain.found(frame)[i].b);
+      }
+      const auto ended = ledger.ended(frame), expected_ended = plain.ended(frame);
+      REQUIRE(ended.size() == expected_ended.size());
+      REQUIRE((ended.empty() || std::memcmp(ended.data(), expected_ended.data(), ended.size_bytes()) == 0));
+      ledger.forget_lost();
+    }
+  }
+}
+
 TEST_CASE("a pair that two nodes found is kept once and counted") {
   constexpr unsigned seed = 3;
   CAPTURE(seed);
@@ -162,7 +261,8 @@ TEST_CASE("a pair that two nodes found is kept once and counted") {
     for (const auto& [key, times] : found) {
       surplus += static_cast<std::uint64_t>(times - 1);
     }
-    CHECK(ledger.merge(rows_of(0)) == surplus);
+    CHECK(ledger.merge() == surplus);
+    ledger.write(rows_of(0), true);
     CHECK(ledger.contacts(0).size() == found.size());
   }
 }

@@ -4,6 +4,7 @@
 #include <functional>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -79,10 +80,13 @@ Frames undisturbed(const Stageplay& play) {
 
 void in_all_plays(const std::function<void(const Stageplay&, const Frames&)>& perform) {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
-    for (const Placement placement : {Placement::server, Placement::region}) {
+    for (const auto& [placement, shares] : {std::pair{Placement::server, false}, std::pair{Placement::region, false},
+                                            std::pair{Placement::server, true}, std::pair{Placement::region, true}}) {
       CAPTURE(name_of(deployment));
       CAPTURE(name_of(placement));
+      CAPTURE(shares);
       Stageplay play;
+      play.shares_memory = shares;
       play.deployment = deployment;
       play.placement = placement;
       play.model = &wandering;

@@ -55,18 +55,20 @@ class Jumping : public MotionModel {
 
 std::string words(const Stageplay& play) {
   return std::string(name_of(play.deployment)) + ", broad phase " + name_of(play.placement) + ", " +
-         std::to_string(play.nodes) + " nodes";
+         std::to_string(play.nodes) + " nodes" + (play.shares_memory ? ", shared memory" : "");
 }
 
 template <class Test>
 void in_all_plays(const MotionModel* model, Test test) {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
     for (const Placement placement : {Placement::server, Placement::region}) {
-      for (const std::uint32_t nodes : {1u, 3u, 8u}) {
+      for (const auto& [nodes, shares] : {std::pair{1u, false}, std::pair{3u, false}, std::pair{8u, false},
+                                          std::pair{1u, true}, std::pair{3u, true}}) {
         Stageplay play;
         play.deployment = deployment;
         play.placement = placement;
         play.nodes = nodes;
+        play.shares_memory = shares;
         play.grid = {{2, 2, 2}};
         play.model = model;
         CAPTURE(words(play));
@@ -188,7 +190,9 @@ void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t u
   for (NodeNumber node = 0; node < play.nodes; ++node) {
     check_order(log, Endpoint::server(), Endpoint::node(node),
                 {drop, adopt, place, notify, frame_begin, position_update, pairs, confirm, notify, frame_end});
-    check_order(log, Endpoint::node(node), Endpoint::server(), {node_state, collision, narrow_done, kinds, told});
+    check_order(log, Endpoint::node(node), Endpoint::server(),
+                play.shares_memory ? std::vector{node_state, narrow_done, kinds, told}
+                                   : std::vector{node_state, collision, narrow_done, kinds, told});
     for (NodeNumber peer = 0; peer < play.nodes; ++peer) {
       check_order(log, Endpoint::node(node), Endpoint::node(peer), {hand_over});
     }
@@ -261,7 +265,20 @@ void check_notices(const Theatre& theatre, const Stageplay& play, std::size_t us
         }
       }
     }
-    const bool confirms = to.is_node() && play.deployment == Deployment::user_collision;
+    const bool hosting_node = to.is_node() && play.deployment == Deployment::user_collision;
+    if (hosting_node && play.shares_memory) {
+      REQUIRE(found.empty());
+      const Findings& findings = *theatre.findings(to.number());
+      for (std::size_t i = 0; i < findings.keys.size(); ++i) {
+        const auto key = findings.keys[i];
+        const auto own = expected.find({static_cast<ObjectNumber>(key >> 32), static_cast<ObjectNumber>(key)});
+        if (own != expected.end()) {
+          REQUIRE(own->second.phase == Findings::phase_of(findings.ranks[i]));
+          expected.erase(own);
+        }
+      }
+    }
+    const bool confirms = hosting_node && !play.shares_memory;
     REQUIRE(confirmed.size() == (confirms ? (found.size() + 63) / 64 : 0));
     for (std::size_t i = 0; confirms && i < found.size(); ++i) {
       const auto number = [&](std::uint32_t slot) { return theatre.table().row(slot).object.number; };

@@ -205,7 +205,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       case 2:
       case 3: {
         const messages::PositionRecord record = draw();
-        known.set(record.object, record.pose, record.bounds, record.shape, record.layer);
+        known.set(record.object, record.pose, record.bounds, record.shape, record.layer, record.layer % 2 == 0);
         model[record.object.slot] = record;
         changed.insert(record.object.slot);
         break;
@@ -248,6 +248,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       REQUIRE(known.bodies()[i].pose == at->second.pose);
       REQUIRE(known.bounds()[i] == at->second.bounds);
       REQUIRE(known.layers()[i] == at->second.layer);
+      REQUIRE(known.staying(i) == (at->second.layer % 2 == 0));
       REQUIRE(known.present()[i] == 1);
       if (changed.count(slot) != 0) {
         REQUIRE(known.resting()[i] == 0);  // what rests for the sweep has truly not changed

@@ -73,10 +73,13 @@ Line Theatre::add_node(NodeNumber number) {
   own.model = play_.model;
   own.placement = play_.placement;
   own.layer_masks.fill(~0u);
-  own.server = {&node.out->sender(), &node.in->receiver()};
+  if (play_.shares_memory) {
+    node.findings = std::make_unique<Findings>();
+  }
+  own.server = {&node.out->sender(), &node.in->receiver(), node.findings.get()};
   own.peers.resize(std::max<std::size_t>(play_.nodes, number + 1));
   node.role = std::make_unique<CdNodeRole>(own, server_ ? server_->map() : map_);
-  return {&node.in->sender(), &node.out->receiver()};
+  return {&node.in->sender(), &node.out->receiver(), node.findings.get()};
 }
 
 // Tells every node of the others, by the numbers that they have now.
@@ -118,7 +121,7 @@ void Theatre::lose_the_dead() {
   for (NodeNumber number = 0; number < standing_.size(); ++number) {
     Node& node = nodes_[standing_[number]];
     if (node.role != nullptr && node.messages == 0) {
-      node.role.reset();
+      node.dead = std::move(node.role);
       server_->lose(number);
       return;
     }

@@ -67,6 +67,7 @@ struct Stageplay {
   double interest = 0;
   Quotas quotas;
   std::uint64_t user_deadline_ns = 0;
+  bool shares_memory = false;  ///< server and CD nodes, as where they are in one process
 };
 
 /// A server, CD nodes and user nodes in one thread, stepped by hand, every message of theirs seen.
@@ -97,6 +98,8 @@ class Theatre {
 
   const ServerRole& server() const { return *server_; }
   const ObjectTable& table() const { return server_->objects(); }
+  /// What the node shares with the server; null unless the play says that they share memory.
+  const Findings* findings(NodeNumber node) const { return nodes_[standing_[node]].findings.get(); }
   const FrameReport& report() const { return server_->report(last()); }
   std::span<const Contact> contacts() const { return server_->ledger().contacts(last()); }
   std::span<const Contact> ended() const { return server_->ledger().ended(last()); }
@@ -125,7 +128,9 @@ class Theatre {
 
   struct Node {
     std::unique_ptr<Wire> in, out;  ///< to the node, from the node
+    std::unique_ptr<Findings> findings;
     std::unique_ptr<CdNodeRole> role;
+    std::unique_ptr<CdNodeRole> dead;        ///< what it was, when it is no more: its memory stays
     std::size_t messages = ~std::size_t{0};  ///< that it still lives to see
   };
   struct User {
