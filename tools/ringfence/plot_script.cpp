@@ -1,5 +1,6 @@
 // The gnuplot script that `ringfence scale --plots` writes.
 #include <algorithm>
+#include <iterator>
 #include <set>
 #include <utility>
 
@@ -142,18 +143,26 @@ class Script {
       });
       lines.push_back(line(data, solid, shade++, nodes_word(nodes) + ", modelled"));
     }
-    bool stated = false;
-    const std::string data = block(paper_figures, [&](const PaperFigure& figure) {
-      if (figure.deployment != deployment) return std::string();
-      stated = true;
-      return fmt::format("{} {} {} \"{}, {} {:.0f}\"", figure.objects, figure.ms, figure.nodes,
-                         nodes_word(figure.nodes), figure.relation, figure.ms);
-    });
-    if (stated) {
-      lines.push_back(data + " using 1:2 with points pt 4 ps 1.3 lw 2 lc rgb 'black' title 'stated in the paper'");
-      // Beside the fewest objects the words stand on the left, where no lines are.
-      lines.push_back(data + " using ($1 < 2500 ? $1 - 90 : NaN):2:4 with labels right font ',9' notitle");
-      lines.push_back(data + " using ($1 < 2500 ? NaN : $1 + 90):2:4 with labels left font ',9' notitle");
+    // Squares have the colour of their node count. Beside the fewest objects the words stand on the left, where no
+    // lines are.
+    shade = 0;
+    bool named = false;
+    for (const std::uint32_t nodes : nodes_) {
+      const std::string tint = colour(shade++);
+      std::vector<PaperFigure> stated;
+      std::copy_if(std::begin(paper_figures), std::end(paper_figures), std::back_inserter(stated),
+                   [&](const PaperFigure& each) { return each.deployment == deployment && each.nodes == nodes; });
+      if (stated.empty()) continue;
+      const std::string data = block(stated, [](const PaperFigure& each) {
+        return fmt::format("{} {} \"{} {:.0f}\"", each.objects, each.ms, each.relation, each.ms);
+      });
+      lines.push_back(fmt::format("{} using 1:2 with points pt 4 ps 1.3 lw 2 lc rgb '{}' {}", data, tint,
+                                  named ? "notitle" : "title 'squares: stated in the paper'"));
+      named = true;
+      for (const char* side : {"($1 < 2500 ? $1 - 120 : NaN):2:3 with labels right",
+                               "($1 < 2500 ? NaN : $1 + 120):2:3 with labels left"}) {
+        lines.push_back(fmt::format("{} using {} font ',9' tc rgb '{}' notitle", data, side, tint));
+      }
     }
     return joined(lines, next);
   }
@@ -174,7 +183,7 @@ class Script {
         joined(tics, ","), low - margin, high + margin, left);
     if (!right.empty()) {
       body += fmt::format(
-          "set xtics (1000,2000,3000,4000)\nset xrange [-1900:7400]\n"
+          "set xtics (1000,2000,3000,4000)\nset xrange [-200:5200]\n"
           "set title 'the paper''s cluster of 2004'\nplot {}\n",
           right);
     }
