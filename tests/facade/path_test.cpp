@@ -50,9 +50,9 @@ TEST_CASE("the steps of the path are the CPU time of who took them, none left ou
       REQUIRE(world.advance() == Status::ok);
       const FrameReport& report = world.report();
       const PathReport& path = report.path;
-      for (const auto& [name, step] : PathReport::all()) {
-        CAPTURE(name);
-        REQUIRE(path.*step >= 0);
+      for (const PathReport::Step& step : PathReport::all()) {
+        CAPTURE(step.first);
+        REQUIRE(path.*step.second >= 0);
       }
       // Between the last two looks at the clock the server does next to nothing.
       const double server = path.open_ms + path.ingest_ms + path.dispatch_ms + path.publish_ms + path.hear_ms +
