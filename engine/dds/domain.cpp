@@ -14,6 +14,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "dds/gives_way.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence::dds {
@@ -43,9 +44,8 @@ void check(const NetworkConfig& network, Side side) {
           "lease_ms (--lease-ms) is " + std::to_string(network.lease_ms) + "; 10 to 60000");
   require(network.socket_bytes >= 65'536 && network.socket_bytes <= std::size_t{1} << 30,
           "socket_bytes (--socket-bytes) is " + std::to_string(network.socket_bytes) + "; 65536 to 1073741824");
-  for (const std::string* text : {&network.interface}) {
-    require(text->find_first_of("<>&\"") == std::string::npos, "interface (--interface) is " + *text);
-  }
+  require(network.interface.find_first_of("<>&\"") == std::string::npos,
+          "interface (--interface) is " + network.interface);
   for (const std::string& peer : network.peers) {
     require(!peer.empty() && peer.find_first_of("<>&\" ") == std::string::npos, "a peer (--peers) is \"" + peer + "\"");
   }
@@ -220,6 +220,7 @@ Domain::Domain(const NetworkConfig& network, Side side) {
   }
   dds_set_log_sink([](void*, const dds_log_data_t* line) { Words::all().add(line->message); }, nullptr);
   try {
+    const GivesWay gives_way;  // the threads of Cyclone DDS are made here
     domain_ = Entity(dds_create_domain(number_, settings(network, side, number_).c_str()), "a domain");
     participant_ = Entity(dds_create_participant(number_, nullptr, nullptr), "a participant");
   } catch (const Error& error) {

@@ -127,6 +127,9 @@ bool take_all(const Entity& reader, See see) {
     }
     dds_return_loan(reader.get(), samples, got);
     any = true;
+    if (got < static_cast<dds_return_t>(most)) {
+      return true;
+    }
   }
 }
 

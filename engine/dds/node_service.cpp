@@ -6,6 +6,7 @@
 
 #include <unistd.h>
 
+#include "dds/gives_way.hpp"
 #include "dds/node_session.hpp"
 #include "ringfence/cluster.hpp"
 #include "ringfence/error.hpp"
@@ -59,6 +60,7 @@ class NodeService::Implementation {
   }
 
   Ending run() {
+    const GivesWay gives_way;
     // What a full network makes wait, nothing rings for.
     constexpr std::chrono::milliseconds tick(20);
     while (!ending_) {

@@ -38,10 +38,10 @@ bool Path::add(std::span<const std::byte> message) {
     }
   }
   const Packing packing{static_cast<std::uint32_t>(message.size()), 0};
-  const std::size_t at = batch_.size();
-  batch_.resize(at + sizeof packing + filled);
-  std::memcpy(batch_.data() + at, &packing, sizeof packing);
-  std::memcpy(batch_.data() + at + sizeof packing, message.data(), message.size());
+  const auto* head = reinterpret_cast<const std::byte*>(&packing);
+  batch_.insert(batch_.end(), head, head + sizeof packing);
+  batch_.insert(batch_.end(), message.begin(), message.end());
+  batch_.resize(batch_.size() + (filled - message.size()));
   return true;
 }
 

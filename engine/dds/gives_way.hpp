@@ -1,0 +1,35 @@
+#pragma once
+
+#include <sched.h>
+
+namespace ringfence::dds {
+
+/// While it lives, its thread, and threads that are made by it, do not push aside whom they find running when they are
+/// woken (SCHED_BATCH); a core that is free they get as soon as ever.
+///
+/// Where there are more processes than cores a stage of a frame is a burst of wake-ups: by default each pushes aside
+/// whoever has just begun to answer, or the server that has still to write to the others. Who waits for his turn finds
+/// more to do when it comes. Measured with 4 processes on two cores: 237 to 208 us a stage.
+///
+/// Leaves alone what has another scheduling class than the default one. Threads: made and destroyed by one.
+class GivesWay {
+ public:
+  GivesWay() noexcept : changed_(sched_getscheduler(0) == SCHED_OTHER && set(SCHED_BATCH)) {}
+  ~GivesWay() {
+    if (changed_) {
+      set(SCHED_OTHER);
+    }
+  }
+  GivesWay(const GivesWay&) = delete;
+  GivesWay& operator=(const GivesWay&) = delete;
+
+ private:
+  static bool set(int policy) noexcept {
+    const sched_param parameters{};
+    return sched_setscheduler(0, policy, &parameters) == 0;
+  }
+
+  bool changed_;
+};
+
+}  // namespace ringfence::dds
