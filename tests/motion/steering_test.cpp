@@ -87,7 +87,7 @@ TEST_CASE("4000 balls settle at 1600 to 3500 contacts a frame and no crush") {
     ++touching[contact.a];
     ++touching[contact.b];
   }
-  for (const auto& [number, count] : touching) CHECK_MESSAGE(count <= 16, "object ", number);
+  for (const auto& object : touching) CHECK_MESSAGE(object.second <= 16, "object ", object.first);
 }
 
 TEST_CASE("objects cluster about targets and disperse again") {
