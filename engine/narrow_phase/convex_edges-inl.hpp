@@ -37,6 +37,30 @@ HWY_INLINE void store_bytes(D ints, hn::Vec<D> values, std::uint8_t* to) {
   }
 }
 
+/// The lanes of a mask of at most 64 bytes as bits.
+template <class B>
+HWY_INLINE std::uint64_t byte_bits(B bytes, hn::Mask<B> mask) {
+  std::uint64_t word = 0;
+  std::uint8_t bits[8] = {};
+  hn::StoreMaskBits(bytes, mask, bits);
+  std::memcpy(&word, bits, sizeof(word));
+  return word;
+}
+
+/// Appends `first` and the index of each bit that is set to the `count` of `out`; answers how many there are then. May
+/// write three more.
+template <class Index>
+HWY_INLINE std::size_t append_bits(std::uint64_t bits, std::size_t first, Index* out, std::size_t count) {
+  // Four at a time, those past the last to be overwritten: most often that is all, and no branch to be missed.
+  const std::size_t end = count + static_cast<std::size_t>(std::popcount(bits));
+  for (; count < end; count += 4) {
+    for (std::size_t k = 0; k < 4; ++k, bits &= bits - 1) {
+      out[count + k] = static_cast<Index>(first + static_cast<std::size_t>(std::countr_zero(bits)));
+    }
+  }
+  return end;
+}
+
 /// Both faces of an edge may be ruled out by the same of the bits.
 struct NotTogether {
   HWY_INLINE bool operator()(std::uint8_t left, std::uint8_t right) const { return (left & right) == 0; }
@@ -45,6 +69,11 @@ struct NotTogether {
     return hn::Eq(hn::And(left, right), hn::Zero(bytes));
   }
 };
+
+/// From the left faces of all edges to the right ones.
+HWY_INLINE std::size_t face_column_stride(const Polytope& own) {
+  return (own.edges + geometry::face_column_bytes - 1) / geometry::face_column_bytes * geometry::face_column_bytes;
+}
 
 /// Writes the edges for whose faces' bytes `keep(left, right)` holds, ascending, with `tag` in their upper bits;
 /// answers how many. `out` has room for all edges and three more. `bytes_of_faces` is padded to 16.
@@ -56,8 +85,7 @@ HWY_INLINE std::size_t list_edges_where(const Polytope& own, const std::uint8_t*
   if (own.faces_of_edges != nullptr) {
     const hn::CappedTag<std::uint8_t, geometry::face_column_bytes> bytes;
     const std::uint8_t* const left = own.faces_of_edges;
-    const std::uint8_t* const right = left + (own.edges + geometry::face_column_bytes - 1) /
-                                                 geometry::face_column_bytes * geometry::face_column_bytes;
+    const std::uint8_t* const right = left + face_column_stride(own);
     // With the highest bit set where it is more than 15.
     const auto beyond_15 = [&](hn::Vec<decltype(bytes)> index) HWY_ATTR {
       return hn::Or(index, hn::VecFromMask(bytes, hn::Gt(index, hn::Set(bytes, 15))));
@@ -72,19 +100,9 @@ HWY_INLINE std::size_t list_edges_where(const Polytope& own, const std::uint8_t*
         of_left = hn::Or(of_left, hn::TableLookupBytesOr0(table, beyond_15(l - first)));
         of_right = hn::Or(of_right, hn::TableLookupBytesOr0(table, beyond_15(r - first)));
       }
-      std::uint64_t chance = 0;
-      std::uint8_t bits[8] = {};
-      hn::StoreMaskBits(bytes, keep(bytes, of_left, of_right), bits);
-      std::memcpy(&chance, bits, sizeof(chance));
+      std::uint64_t chance = byte_bits(bytes, keep(bytes, of_left, of_right));
       if (own.edges - i < 64) chance &= (std::uint64_t{1} << (own.edges - i)) - 1;
-      // Four at a time, those past the last to be overwritten: most often that is all, and no branch to be missed.
-      const std::size_t end = count + static_cast<std::size_t>(std::popcount(chance));
-      for (; count < end; count += 4) {
-        for (std::size_t k = 0; k < 4; ++k, chance &= chance - 1) {
-          out[count + k] = static_cast<Index>(tag | (i + static_cast<std::size_t>(std::countr_zero(chance))));
-        }
-      }
-      count = end;
+      count = append_bits(chance, tag | i, out, count);
     }
     return count;
   }
@@ -92,6 +110,37 @@ HWY_INLINE std::size_t list_edges_where(const Polytope& own, const std::uint8_t*
   for (std::size_t i = 0; i < own.edges; ++i) {
     out[count] = static_cast<Index>(tag | i);
     count += keep(bytes_of_faces[own.edge[i].left], bytes_of_faces[own.edge[i].right]);
+  }
+  return count;
+}
+
+/// Writes the edges of a face: first those that have it to the left, with `left_tag` in their upper bits, then those
+/// that have it to the right, each ascending; answers how many. `out` has room for them and three more.
+template <class Index>
+HWY_INLINE std::size_t list_edges_of_face(const Polytope& own, std::size_t face, Index left_tag, Index right_tag,
+                                          Index* out) {
+  std::size_t count = 0;
+#if HWY_TARGET != HWY_SCALAR
+  if (own.faces_of_edges != nullptr) {
+    const hn::CappedTag<std::uint8_t, geometry::face_column_bytes> bytes;
+    const auto wanted = hn::Set(bytes, static_cast<std::uint8_t>(face));
+    const auto list = [&](const std::uint8_t* column, Index tag) HWY_ATTR {
+      for (std::size_t i = 0; i < own.edges; i += hn::Lanes(bytes)) {
+        std::uint64_t bits = byte_bits(bytes, hn::Eq(hn::Load(bytes, column + i), wanted));
+        if (own.edges - i < 64) bits &= (std::uint64_t{1} << (own.edges - i)) - 1;
+        count = append_bits(bits, tag | i, out, count);
+      }
+    };
+    list(own.faces_of_edges, left_tag);
+    list(own.faces_of_edges + face_column_stride(own), right_tag);
+    return count;
+  }
+#endif
+  for (std::size_t i = 0; i < own.edges; ++i) {
+    if (own.edge[i].left == face) out[count++] = static_cast<Index>(left_tag | i);
+  }
+  for (std::size_t i = 0; i < own.edges; ++i) {
+    if (own.edge[i].right == face) out[count++] = static_cast<Index>(right_tag | i);
   }
   return count;
 }

@@ -85,7 +85,7 @@ PairContact* test_box_box(const KernelInput& input, PairContact* out, KindCounte
 PairContact* test_box_capsule(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_capsule_capsule(const KernelInput& input, PairContact* out, KindCounters& counters);
 
-// Convex hulls (convex_kernels.cpp, box_hull_kernels.cpp).
+// Convex hulls (round_hull_kernels.cpp, box_hull_kernels.cpp, convex_kernels.cpp).
 PairContact* test_sphere_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_box_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_capsule_hull(const KernelInput& input, PairContact* out, KindCounters& counters);

@@ -18,6 +18,17 @@ constexpr std::size_t index_of(ShapeKind kind) noexcept { return static_cast<std
 /// Pairs sorted at a time: what the sort touches is still in the cache when the kernels gather it.
 constexpr std::size_t chunk_pairs = 4096;
 
+/// How many pairs before a pair is looked at its bodies are fetched. Those of a large world come from far, in an order
+/// that no machine foresees: 8 to 10 ns a pair of 64,000 objects.
+constexpr std::size_t fetched_ahead = 24;
+
+/// Of a body, which may lie across two lines.
+inline void fetch(const Body& body) noexcept {
+  const char* const bytes = reinterpret_cast<const char*>(&body);
+  __builtin_prefetch(bytes);
+  __builtin_prefetch(bytes + sizeof(Body) - 1);
+}
+
 /// Beyond a ratio of sizes of 2^5, some 10^-7 of the larger is no longer far below 10^-4 of the smaller.
 constexpr int float_octaves = 5;
 
@@ -223,8 +234,11 @@ bool NarrowPhase::Implementation::find_keys(std::span<const Body> bodies,
   Key* const key = pair_keys.get();
   KernelPair* const to = sorted.get();
   unsigned any = 0, all = ~0u;
+  const std::size_t last = pairs.size() - 1;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const geometry::CandidatePair pair = pairs[i];
+    const geometry::CandidatePair pair = pairs[i], ahead = pairs[std::min(i + fetched_ahead, last)];
+    fetch(bodies[ahead.a]);
+    fetch(bodies[ahead.b]);
     const ShapeTag a = tag[bodies[pair.a].shape], b = tag[bodies[pair.b].shape];
     const unsigned k = key_table.key[a.kind() * 8 + b.kind()] + unsigned{ShapeTag::wants_double(a, b)};
     any |= k;

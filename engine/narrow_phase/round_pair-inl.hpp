@@ -1,4 +1,4 @@
-// A sphere or a capsule against a convex polytope: its core, a point or a segment, against the polytope, then its
+// One sphere or capsule against a convex polytope: its core, a point or a segment, against the polytope, then its
 // radius. Included once for each Highway target.
 //
 // Where the core lies outside, the contact is at the nearest points: on a face, if the core's end nearest to its plane
@@ -10,11 +10,11 @@
 // same distance. So the direction is tried: where it does not keep the shapes apart as it should, the answer is
 // `unsure`, and the caller asks again in double.
 
-#if defined(RINGFENCE_NARROW_PHASE_CONVEX_ROUND_INL) == defined(HWY_TARGET_TOGGLE)
-#ifdef RINGFENCE_NARROW_PHASE_CONVEX_ROUND_INL
-#undef RINGFENCE_NARROW_PHASE_CONVEX_ROUND_INL
+#if defined(RINGFENCE_NARROW_PHASE_ROUND_PAIR_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_ROUND_PAIR_INL
+#undef RINGFENCE_NARROW_PHASE_ROUND_PAIR_INL
 #else
-#define RINGFENCE_NARROW_PHASE_CONVEX_ROUND_INL
+#define RINGFENCE_NARROW_PHASE_ROUND_PAIR_INL
 #endif
 
 #include <algorithm>
@@ -26,6 +26,25 @@ HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 enum class Answer { apart, contact, unsure };
+
+/// Where the core lies in the axes of the polytope; a sphere's is the same point three times.
+template <class T>
+struct RoundPlacement {
+  Turn<T> turn;     ///< from the axes of the polytope to the world's
+  Point<T> offset;  ///< from the round body's position to the polytope's, in the world's axes
+  Point<T> centre, from, to;
+
+  HWY_INLINE RoundPlacement(const Pose& round, const Pose& body, float half_height)
+      : turn(turn_of<T>(body.orientation)), offset(difference_of<T>(body.position, round.position)) {
+    centre = from = to = -rotate_back(turn, offset);
+    if (half_height > 0) {
+      const Turn<T> own = turn_of<T>(round.orientation);
+      const Point<T> half = rotate_back(turn, Point<T>{own.m[0][2], own.m[1][2], own.m[2][2]}) * T(half_height);
+      from = centre - half;
+      to = centre + half;
+    }
+  }
+};
 
 /// `segment` says whether the core is more than a point.
 template <class T, bool segment>
@@ -46,15 +65,15 @@ class RoundPair {
     work_.pass<T>(p_.faces);
     if (depth_ > radius_) return Answer::apart;
     T inside = depth_;  // of any direction, the greatest distance by which it keeps core and polytope apart
-    const T doubtful = T(1e-5) * size();
+    const T in_doubt = doubtful * size();
     // Where a face's plane keeps the two apart, no crossing need be known to tell that the core lies outside.
-    if (segment && depth_ < doubtful) {
+    if (segment && depth_ < in_doubt) {
       inside = std::max(inside, farthest_crossing());
       work_.directions += p_.edges;
       work_.pass<T>(p_.edges);
       if (inside > radius_) return Answer::apart;
     }
-    if (sizeof(T) == 4 && std::abs(inside) < doubtful) return Answer::unsure;
+    if (sizeof(T) == 4 && std::abs(inside) < in_doubt) return Answer::unsure;
     if (inside <= T(0)) {
       out = from_inside(inside);
       return Answer::contact;
@@ -84,6 +103,34 @@ class RoundPair {
 
   const Work& work() const { return work_; }
 
+  /// Parts of the sizes: how near to the surface a core may be inside or outside by rounding, and what two lengths may
+  /// differ by.
+  static constexpr T doubtful = T(1e-5);
+  static constexpr T rounding_part = sizeof(T) == 4 ? T(1e-6) : T(1e-12);
+
+  /// How far along core and edge their nearest points are. (Ericson 2005, section 5.1.9, with unit directions)
+  struct Parts {
+    hn::Vec<Columns16<T>> of_core, of_edge;
+  };
+  static HWY_INLINE Parts nearest_parts(const Points<Columns16<T>>& start, const Points<Columns16<T>>& along,
+                                        hn::Vec<Columns16<T>> length, const Points<Columns16<T>>& way,
+                                        hn::Vec<Columns16<T>> whole) {
+    const auto zero = hn::Zero(d), one = hn::Set(d, T(1));
+    if constexpr (!segment) {
+      return {zero, hn::Min(hn::Max(dot_of(d, along, start), zero), length)};
+    }
+    const auto b = dot_of(d, way, along), c = dot_of(d, way, start), f = dot_of(d, along, start);
+    const auto sine_squared = one - b * b;
+    const auto skew = hn::Gt(sine_squared, hn::Set(d, sizeof(T) == 4 ? T(1e-5) : T(1e-12)));
+    const auto free = (b * f - c) / hn::IfThenElse(skew, sine_squared, one);
+    const auto clamped = [&](hn::Vec<Columns16<T>> v, hn::Vec<Columns16<T>> most)
+                             HWY_ATTR { return hn::Min(hn::Max(v, zero), most); };
+    auto s = hn::IfThenElseZero(skew, clamped(free, whole));
+    const auto t = clamped(f + b * s, length);
+    s = clamped(b * t - c, whole);
+    return {s, clamped(f + b * s, length)};
+  }
+
  private:
   static constexpr Columns16<T> d{};
   static constexpr T far_away = T(1e15);  // its square is finite in float
@@ -91,7 +138,7 @@ class RoundPair {
   HWY_INLINE T size() const { return T(p_.outer_radius) + length_ + std::sqrt(dot(from_, from_)); }
   /// A difference of depths well within 10^-4 of the smaller of the two.
   HWY_INLINE T sure() const { return T(2e-5) * std::min(T(p_.outer_radius), radius_ + length_ * T(0.5)); }
-  HWY_INLINE T rounding() const { return (sizeof(T) == 4 ? T(1e-6) : T(1e-12)) * size(); }
+  HWY_INLINE T rounding() const { return rounding_part * size(); }
 
   /// By how much a plane across `outward` can keep the core outside of the polytope.
   HWY_INLINE T apart_along(Point<T> outward) const {
@@ -283,29 +330,6 @@ class RoundPair {
     distance_ = distance;
     nearest_ = from_ + way_ * s;
     gap_ = gap;
-  }
-
-  /// How far along core and edge their nearest points are. (Ericson 2005, section 5.1.9, with unit directions)
-  struct Parts {
-    hn::Vec<Columns16<T>> of_core, of_edge;
-  };
-  static HWY_INLINE Parts nearest_parts(const Points<Columns16<T>>& start, const Points<Columns16<T>>& along,
-                                        hn::Vec<Columns16<T>> length, const Points<Columns16<T>>& way,
-                                        hn::Vec<Columns16<T>> whole) {
-    const auto zero = hn::Zero(d), one = hn::Set(d, T(1));
-    if constexpr (!segment) {
-      return {zero, hn::Min(hn::Max(dot_of(d, along, start), zero), length)};
-    }
-    const auto b = dot_of(d, way, along), c = dot_of(d, way, start), f = dot_of(d, along, start);
-    const auto sine_squared = one - b * b;
-    const auto skew = hn::Gt(sine_squared, hn::Set(d, sizeof(T) == 4 ? T(1e-5) : T(1e-12)));
-    const auto free = (b * f - c) / hn::IfThenElse(skew, sine_squared, one);
-    const auto clamped = [&](hn::Vec<Columns16<T>> v, hn::Vec<Columns16<T>> most)
-                             HWY_ATTR { return hn::Min(hn::Max(v, zero), most); };
-    auto s = hn::IfThenElseZero(skew, clamped(free, whole));
-    const auto t = clamped(f + b * s, length);
-    s = clamped(b * t - c, whole);
-    return {s, clamped(f + b * s, length)};
   }
 
   /// The contact where the core reaches inside: across the direction that keeps the two apart the most.
