@@ -78,23 +78,26 @@ bool skipped(const TwoMachines& machines) {
 
 }  // namespace
 
-TEST_CASE("nodes behind a link that is cut are lost, and join anew when it heals, without a change of contacts") {
+TEST_CASE("nodes behind a link that is cut are lost in any deployment, and join anew when it heals") {
   const TwoMachines machines;
   if (skipped(machines)) {
     return;
   }
-  for (const Placement placement : {Placement::server, Placement::region}) {
-    machines.go(machines.here());
-    NodeWorld nodes(Deployment::user_collision, placement, 2, machines.place());
-    nodes.run(20);
-    nodes.run(1, [&] { machines.cut(); });
-    CHECK(nodes.run_until([&] { return nodes.lost() == 2; }));
-    nodes.run(5);
-    CHECK(nodes.seats() == 0);
-    machines.heal();
-    CHECK(nodes.run_until([&] { return nodes.seats() == 2; }));
-    nodes.run(5);
-    CHECK(nodes.is_right());
+  for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
+    for (const Placement placement : {Placement::server, Placement::region}) {
+      INFO("deployment ", std::string(name_of(deployment)), ", placement ", std::string(name_of(placement)));
+      machines.go(machines.here());
+      NodeWorld nodes(deployment, placement, 2, machines.place());
+      nodes.run(20);
+      nodes.run(1, [&] { machines.cut(); });
+      CHECK(nodes.run_until([&] { return nodes.lost() == 2; }));
+      nodes.run(5);
+      CHECK(nodes.seats() == 0);
+      machines.heal();
+      CHECK(nodes.run_until([&] { return nodes.seats() == 2; }));
+      nodes.run(5);
+      CHECK(nodes.is_right());
+    }
   }
 }
 
