@@ -27,8 +27,10 @@ struct WorldTermsRecord {
   std::uint32_t has_model = 0;
   std::uint32_t keep_resting = 0;
   std::uint32_t remember_axes = 0;
+  std::uint32_t hosts = 0;  ///< its nodes may be given objects (user/collision deployment)
+  std::uint32_t reserved = 0;
 };
-static_assert(sizeof(WorldTermsRecord) == 224 && std::is_trivially_copyable_v<WorldTermsRecord>);
+static_assert(sizeof(WorldTermsRecord) == 232 && std::is_trivially_copyable_v<WorldTermsRecord>);
 
 /// A shape as bytes. Of a support function only that it is one.
 std::vector<std::byte> pack_shape(const ShapeDescription& shape);

@@ -2,10 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstring>
 #include <utility>
-
-#include <dds/ddsc/dds_statistics.h>
 
 #include "dds/description.hpp"
 #include "dds/shelf.hpp"
@@ -15,12 +12,14 @@
 
 namespace ringfence::dds {
 
-using messages::Endpoint;
-using nodes::Step;
-
 namespace {
 
 std::string limit(const char* text) { return std::string(text == nullptr ? "" : text).substr(0, 200); }
+
+/// From one time to a later one; 0 where one of them is not known.
+double ms_between(std::uint64_t from, std::uint64_t to) noexcept {
+  return from == 0 || to < from ? 0 : telemetry::to_ms(to - from);
+}
 
 }  // namespace
 
@@ -78,6 +77,7 @@ void NodeFleet::note_presence() {
       }
       found = nodes_.emplace(sample.incarnation, std::make_shared<Node>()).first;
       found->second->incarnation = sample.incarnation;
+      found->second->seen_ns = telemetry::now_ns();
     }
     Node& node = *found->second;
     if (info.valid_data) {
@@ -88,6 +88,9 @@ void NodeFleet::note_presence() {
                   sample.layout == layout_of_records();
       node.reason = limit(sample.reason);
       node.state.store(static_cast<NodeState>(sample.state), std::memory_order_relaxed);
+      if (node.asked_to_leave_ns == 0 && node.state.load(std::memory_order_relaxed) == NodeState::leaving) {
+        node.asked_to_leave_ns = telemetry::now_ns();
+      }
     }
     if (!alive) {
       node.gone.store(true, std::memory_order_release);
@@ -125,6 +128,7 @@ void NodeFleet::open(const WorldTerms& terms) {
   record.has_model = config.motion == nullptr ? 0 : 1;
   record.keep_resting = config.keep_resting ? 1 : 0;
   record.remember_axes = config.remember_axes ? 1 : 0;
+  record.hosts = config.deployment == Deployment::user_collision ? 1 : 0;
   std::string name = "ringfence";
   TermsSample sample{
       world_, wire_version, {}, layout_of_records(), name.data(), borrow(std::as_bytes(std::span(&record, 1)))};
@@ -155,6 +159,7 @@ void NodeFleet::attend() {
   for (auto at = nodes_.begin(); at != nodes_.end();) {
     Node& node = *at->second;
     const NodeState state = node.state.load(std::memory_order_relaxed);
+    tell_join(node);
     if (node.gone.load(std::memory_order_acquire) && !node.seated) {
       at = nodes_.erase(at);
       continue;
@@ -221,16 +226,41 @@ bool NodeFleet::is_leaving(Member member) {
   return found != nodes_.end() && found->second->state.load() == NodeState::leaving;
 }
 
+void NodeFleet::tell(MemberChange::Kind kind, const Node& node, std::uint64_t at_ns, double before_ms,
+                     double after_ms) {
+  if (totals_.changes.size() == ClusterReport::most_changes) {
+    totals_.changes.erase(totals_.changes.begin());
+  }
+  const double passed_s = ms_between(at_ns, telemetry::now_ns()) * 1e-3;
+  const double now_s = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+  totals_.changes.push_back({kind, node.name, now_s - passed_s, before_ms, after_ms});
+}
+
+// Once it has said something in a frame.
+void NodeFleet::tell_join(Node& node) {
+  const std::uint64_t spoke = node.spoke_ns.load(std::memory_order_relaxed);
+  if (spoke == 0 || std::exchange(node.join_told, true)) {
+    return;
+  }
+  tell(MemberChange::Kind::joined, node, node.seated_ns, ms_between(node.seen_ns, node.seated_ns),
+       ms_between(node.seated_ns, spoke));
+}
+
 void NodeFleet::dismiss(Node& node) {
+  tell_join(node);
+  const std::uint64_t now = telemetry::now_ns();
   node.seated = false;
   node.dismissed = true;
   node.server = {};
   node.peers.clear();
   if (node.lost || node.gone.load(std::memory_order_acquire)) {
     ++totals_.lost;
+    const std::uint64_t noticed = node.lost_ns != 0 ? node.lost_ns : now;
+    tell(MemberChange::Kind::lost, node, noticed, ms_between(node.heard_ns, noticed), ms_between(noticed, now));
     log(LogLevel::error, "node " + node.name + " is lost");
   } else {
     ++totals_.left;
+    tell(MemberChange::Kind::left, node, now, ms_between(node.asked_to_leave_ns, now), 0);
     log(LogLevel::info, "node " + node.name + " leaves");
   }
   // Whether or not it is still there: what it hears last is that it has no seat.
@@ -283,6 +313,7 @@ void NodeFleet::seat(nodes::ServerRole& server, std::span<const Seat> seats, con
                           node->seated ? 0u : 1u};
     if (!node->seated) {
       node->seated = true;
+      node->seated_ns = node->heard_ns = telemetry::now_ns();
       ++totals_.joined;
       log(LogLevel::info, "node " + node->name + " joins as number " + std::to_string(number));
     }
@@ -291,139 +322,6 @@ void NodeFleet::seat(nodes::ServerRole& server, std::span<const Seat> seats, con
     node->path->flush();
   }
   losses_ = true;  // whoever has gone meanwhile
-}
-
-// True once no node that has gone is taken for one that lives.
-bool NodeFleet::tell_losses() {
-  bool told = false;
-  losses_ = false;
-  for (const auto& node : seats_) {
-    if (node == nullptr || node->lost || !(node->broken || node->gone.load(std::memory_order_acquire))) {
-      continue;
-    }
-    if (server_->lose(node->number)) {
-      node->lost = told = true;
-    } else {
-      losses_ = true;  // no frame is under way: in the next
-    }
-  }
-  return told;
-}
-
-Step NodeFleet::step() {
-  bool progressed = false;
-  if (presence_waits_.load(std::memory_order_relaxed)) {
-    const std::lock_guard lock(mutex_);
-    note_presence();
-  }
-  losses_ |= somebody_gone_.exchange(false, std::memory_order_acquire);
-  if (losses_) {
-    progressed |= tell_losses();
-  }
-  for (const auto& node : seats_) {
-    if (node != nullptr && node->path->has_kept() && !node->lost) {
-      auto show = [&](ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
-        return deliver(*node, kind, offset, bytes);
-      };
-      progressed |= node->path->deliver_kept(show);
-    }
-  }
-  if (parcels_wait_.exchange(false, std::memory_order_acquire)) {
-    progressed |= take_all<ParcelSample>(up_, [&](const ParcelSample& parcel, const dds_sample_info_t& info) {
-      if (info.valid_data) {
-        take_parcel(parcel);
-      }
-    });
-  }
-  for (const auto& node : seats_) {
-    if (node != nullptr && !node->lost) {
-      progressed |= carry(*node);
-    }
-  }
-  return progressed ? Step::progressed : Step::idle;
-}
-
-void NodeFleet::take_parcel(const ParcelSample& parcel) {
-  const auto found = seated_.find(parcel.incarnation);
-  if (found == seated_.end() || found->second->lost) {
-    // From before a loss, or from one that does not know yet that it has no seat.
-    stale_parcels_.fetch_add(1, std::memory_order_relaxed);
-    if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::question) {
-      const std::lock_guard lock(mutex_);
-      const auto asker = nodes_.find(parcel.incarnation);
-      if (asker != nodes_.end() && asker->second->path != nullptr) {
-        asker->second->path->remark(ParcelKind::dismissed);
-      }
-    }
-    return;
-  }
-  Node& node = *found->second;
-  auto show = [&](ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
-    return deliver(node, kind, offset, bytes);
-  };
-  if (!node.path->receive(parcel, show)) {
-    node.broken = losses_ = true;
-  }
-}
-
-bool NodeFleet::deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes) {
-  if (kind != ParcelKind::messages) {
-    return true;
-  }
-  const bool all = for_each_message(bytes, offset,
-                                    [&](std::span<const std::byte> message) { return deliver_message(from, message); });
-  publish(from);
-  return all;
-}
-
-bool NodeFleet::deliver_message(Node& from, std::span<const std::byte> message) {
-  messages::Header header;
-  if (message.size() < sizeof header) {
-    return true;  // no message
-  }
-  std::memcpy(&header, message.data(), sizeof header);
-  const Endpoint to{header.destination};
-  link::Sender* out = from.server.out;
-  if (to.is_node()) {
-    if (to.number() >= seats_.size()) {
-      return true;
-    }
-    if (Node* other = seats_[to.number()].get()) {
-      return other->lost || other->path->add(message);
-    }
-    const auto peer =
-        std::find_if(from.peers.begin(), from.peers.end(), [&](const auto& each) { return each.first == to.number(); });
-    out = peer == from.peers.end() ? nullptr : peer->second.out;
-  }
-  if (out == nullptr || message.size() > out->largest_message()) {
-    return true;  // no message of this World
-  }
-  const std::span<std::byte> room = out->claim(message.size());
-  if (room.empty()) {
-    return false;
-  }
-  std::copy(message.begin(), message.end(), room.begin());
-  out->commit(message.size());
-  return true;
-}
-
-void NodeFleet::publish(Node& node) {
-  node.server.out->publish();
-  for (const auto& [number, line] : node.peers) {
-    line.out->publish();
-  }
-}
-
-// What server and nodes of this process have said to the node goes out. Whether there was anything.
-bool NodeFleet::carry(Node& node) {
-  const std::uint64_t before = node.path->sent();
-  bool all = node.path->gather(*node.server.in);
-  for (std::size_t peer = 0; all && peer < node.peers.size(); ++peer) {
-    all = node.path->gather(*node.peers[peer].second.in);
-  }
-  node.path->flush();
-  node.path->acknowledge();
-  return node.path->sent() != before;
 }
 
 void NodeFleet::close() noexcept {
@@ -448,43 +346,5 @@ void NodeFleet::close() noexcept {
     // The nodes notice by themselves that the World is gone.
   }
 }
-
-ClusterReport NodeFleet::report() const {
-  const std::lock_guard lock(mutex_);
-  ClusterReport report = totals_;
-  report.stale_parcels = stale_parcels_.load(std::memory_order_relaxed);
-  for (const auto& node : seats_) {
-    if (node == nullptr) {
-      continue;
-    }
-    const Path::Counters counters = node->path->counters();
-    MemberReport& member = report.members.emplace_back();
-    member.name = node->name;
-    member.number = node->number;
-    member.sent_parcels = counters.sent_parcels;
-    member.sent_bytes = counters.sent_bytes;
-    member.taken_parcels = counters.taken_parcels;
-    member.taken_bytes = counters.taken_bytes;
-    member.refused_writes = counters.refused_writes;
-    member.answers = counters.answers;
-    member.answer_ms_mean =
-        counters.answers == 0 ? 0 : telemetry::to_ms(counters.answer_ns) / static_cast<double>(counters.answers);
-    member.answer_ms_max = telemetry::to_ms(counters.answer_ns_max);
-    if (dds_statistics* statistics = dds_create_statistics(node->writer.get())) {
-      if (const dds_stat_keyvalue* value = dds_lookup_statistic(statistics, "rexmit_bytes")) {
-        member.retransmitted_bytes = value->u.u64;
-      }
-      dds_delete_statistics(statistics);
-    }
-  }
-  return report;
-}
-
-Cluster::Cluster(ClusterConfig config) : fleet_(std::make_shared<NodeFleet>(std::move(config))) {}
-Cluster::~Cluster() = default;
-
-std::shared_ptr<Fleet> Cluster::fleet() const { return fleet_; }
-std::uint32_t Cluster::domain() const noexcept { return fleet_->domain(); }
-ClusterReport Cluster::report() const { return fleet_->report(); }
 
 }  // namespace ringfence::dds

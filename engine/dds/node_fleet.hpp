@@ -67,7 +67,14 @@ class NodeFleet final : public Fleet {
     std::vector<std::pair<NodeNumber, nodes::Line>> peers;
     bool lost = false;    ///< the server knows
     bool broken = false;  ///< something of its way is missing
-    bool touched = false;
+    // When what happened, for ClusterReport::changes; 0: not yet.
+    std::uint64_t seen_ns = 0;
+    std::uint64_t asked_to_leave_ns = 0;
+    std::uint64_t seated_ns = 0;
+    std::uint64_t heard_ns = 0;              ///< last
+    std::uint64_t lost_ns = 0;               ///< when the server was told
+    std::atomic<std::uint64_t> spoke_ns{0};  ///< first, with its seat
+    bool join_told = false;
   };
 
   void note_presence();
@@ -81,6 +88,8 @@ class NodeFleet final : public Fleet {
   bool carry(Node& node);
   void publish(Node& node);
   void dismiss(Node& node);
+  void tell_join(Node& node);
+  void tell(MemberChange::Kind kind, const Node& node, std::uint64_t at_ns, double before_ms, double after_ms);
 
   ClusterConfig config_;
   std::uint64_t world_;

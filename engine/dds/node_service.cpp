@@ -201,7 +201,7 @@ class NodeService::Implementation {
     log(LogLevel::error, reason);
     session_->refuse(reason);
     if (config_.once) {
-      dds_sleepfor(DDS_MSECS(50));  // the World logs it too
+      dds_wait_for_acks(presence_.get(), DDS_MSECS(200));  // the World is to log it too
       ending_ = Ending::refused;
     }
   }

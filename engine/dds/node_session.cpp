@@ -138,8 +138,9 @@ bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& of
     return false;  // they are on their way
   }
   if (kind == ParcelKind::messages) {
-    const bool all =
-        for_each_message(bytes, offset, [&](std::span<const std::byte> message) { return deliver_message(message); });
+    const bool all = for_each_message(bytes, offset, [&](std::span<const std::byte> message) {
+      return role_ == nullptr || pass_on(message, *way_.first().out);
+    });
     way_.first().out->publish();
     return all;
   }
@@ -149,20 +150,6 @@ bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& of
   }
   std::memcpy(&meeting, bytes.data(), sizeof meeting);
   return meet(meeting);
-}
-
-bool NodeSession::deliver_message(std::span<const std::byte> message) {
-  link::Sender* out = way_.first().out;
-  if (role_ == nullptr || message.size() > out->largest_message()) {
-    return true;
-  }
-  const std::span<std::byte> room = out->claim(message.size());
-  if (room.empty()) {
-    return false;
-  }
-  std::copy(message.begin(), message.end(), room.begin());
-  out->commit(message.size());
-  return true;
 }
 
 // Between frames: the role has done everything, and its rings are empty.
@@ -180,6 +167,7 @@ bool NodeSession::meet(const Meeting& meeting) {
     setup.model = world_.model();
     setup.placement = static_cast<Placement>(terms.placement);
     std::copy(std::begin(terms.layer_masks), std::end(terms.layer_masks), setup.layer_masks.begin());
+    setup.hosts = terms.hosts != 0;
     setup.keep_resting = terms.keep_resting != 0;
     setup.remember_axes = terms.remember_axes != 0;
     setup.objects = meeting.objects;

@@ -86,7 +86,6 @@ class NodeSession {
  private:
   void say(NodeState state, const std::string& reason = {});
   bool deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes);
-  bool deliver_message(std::span<const std::byte> message);
   bool meet(const Meeting& meeting);
 
   KnownWorld& world_;

@@ -145,6 +145,21 @@ bool for_each_message(std::span<const std::byte> bytes, std::size_t& offset, See
   return true;
 }
 
+/// Copies a message into a ring, unpublished. False where there is no room now; what no message of that ring can be is
+/// left out.
+inline bool pass_on(std::span<const std::byte> message, link::Sender& out) {
+  if (message.size() > out.largest_message()) {
+    return true;
+  }
+  const std::span<std::byte> room = out.claim(message.size());
+  if (room.empty()) {
+    return false;
+  }
+  std::copy(message.begin(), message.end(), room.begin());
+  out.commit(message.size());
+  return true;
+}
+
 template <class Deliver>
 bool Path::receive(const ParcelSample& parcel, Deliver& deliver) {
   if (!note(parcel)) {

@@ -47,6 +47,12 @@ TEST_CASE("a node that is killed anywhere in a frame is lost in that frame or th
     nodes.run(10);
     CHECK(nodes.seats() == 2);
     CHECK(nodes.cluster().report().lost == 1);
+    const dds::MemberChange change = nodes.cluster().report().changes.back();
+    CHECK(change.kind == dds::MemberChange::Kind::lost);
+    CHECK(change.name == "n1");
+    // It may have gone without having been silent for a frame, but no lease is over before its time.
+    CHECK(change.before_ms > 0.5 * test::lease_ms);
+    CHECK(change.after_ms > 0);
     CHECK(nodes.is_right());
   });
 }
@@ -102,6 +108,10 @@ TEST_CASE("a node that is told to end hands everything over first, and ends well
     CHECK(nodes.world().nodes() == 2);
     CHECK(nodes.lost() == 0);
     CHECK(nodes.cluster().report().left == 1);
+    const dds::MemberChange change = nodes.cluster().report().changes.back();
+    CHECK(change.kind == dds::MemberChange::Kind::left);
+    CHECK(change.name == "n0");
+    CHECK(change.before_ms > 0);
     CHECK(nodes.is_right());
   });
 }
@@ -132,6 +142,13 @@ TEST_CASE("nodes that join a running world get their share of it") {
     CHECK(nodes.world().nodes() == 3);
     for (const NodeReport& node : nodes.world().report().nodes) {
       CHECK(node.tested > 0);
+    }
+    const auto changes = nodes.cluster().report().changes;
+    CHECK(changes.size() == 3);
+    for (const dds::MemberChange& change : changes) {
+      CHECK(change.kind == dds::MemberChange::Kind::joined);
+      CHECK(change.before_ms > 0);
+      CHECK(change.after_ms > 0);
     }
     CHECK(nodes.is_right());
   });

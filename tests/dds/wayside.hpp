@@ -44,13 +44,7 @@ class Wayside {
     auto show = [this](dds::ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
       return kind != dds::ParcelKind::messages ||
              dds::for_each_message(bytes, offset, [this](std::span<const std::byte> message) {
-               const auto room = way_.back.sender().claim(message.size());
-               if (room.empty()) {
-                 return false;
-               }
-               std::copy(message.begin(), message.end(), room.begin());
-               way_.back.sender().commit(message.size());
-               return true;
+               return dds::pass_on(message, way_.back.sender());
              });
     };
     path_.deliver_kept(show);

@@ -283,8 +283,30 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
 
 }  // namespace
 
+Json change_json(const dds::MemberChange& change) {
+  switch (change.kind) {
+    case dds::MemberChange::Kind::joined:
+      return {{"what", "joined"},
+              {"name", change.name},
+              {"at", change.at},
+              {"waited_ms", change.before_ms},
+              {"spoke_ms", change.after_ms}};
+    case dds::MemberChange::Kind::left:
+      return {{"what", "left"}, {"name", change.name}, {"at", change.at}, {"asked_ms", change.before_ms}};
+    case dds::MemberChange::Kind::lost:
+      break;
+  }
+  return {{"what", "lost"},
+          {"name", change.name},
+          {"at", change.at},
+          {"silent_ms", change.before_ms},
+          {"complete_ms", change.after_ms}};
+}
+
 Json cluster_json(const dds::ClusterReport& cluster) {
   Json members = Json::array();
+  Json changes = Json::array();
+  for (const dds::MemberChange& change : cluster.changes) changes.push_back(change_json(change));
   for (const dds::MemberReport& member : cluster.members) {
     members.push_back({{"name", member.name},
                        {"number", member.number},
@@ -303,6 +325,7 @@ Json cluster_json(const dds::ClusterReport& cluster) {
           {"lost", cluster.lost},
           {"refused", cluster.refused},
           {"stale_parcels", cluster.stale_parcels},
+          {"changes", changes},
           {"members", members}};
 }
 

@@ -47,9 +47,26 @@ struct MemberReport {
   double answer_ms_max = 0;
 };
 
+/// Somebody has come or gone, and how long that took, as the World saw it.
+struct MemberChange {
+  enum class Kind : std::uint8_t {
+    joined,  ///< `before_ms`: from its first word until it had a seat; `after_ms`: from then until it spoke in a frame
+    left,    ///< `before_ms`: from its asking to leave until it had handed everything over; `after_ms`: 0
+    lost,    ///< `before_ms`: how long it had been silent when that was noticed; `after_ms`: from then to frame's end
+  };
+  Kind kind = Kind::joined;
+  std::string name;
+  double at = 0;  ///< when it had its seat, had left, or was found to be lost: seconds since 1970
+  double before_ms = 0;
+  double after_ms = 0;
+};
+
 /// What the whole cluster did.
 struct ClusterReport {
+  static constexpr std::size_t most_changes = 256;
+
   std::vector<MemberReport> members;  ///< with a seat, by number
+  std::vector<MemberChange> changes;  ///< the last `most_changes`, oldest first
   std::uint64_t joined = 0, left = 0, lost = 0, refused = 0;
   std::uint64_t stale_parcels = 0;  ///< came from before a loss and were refused
 };

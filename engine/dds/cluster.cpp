@@ -1,0 +1,50 @@
+// What a cluster tells of itself.
+#include <memory>
+#include <utility>
+
+#include <dds/ddsc/dds_statistics.h>
+
+#include "dds/node_fleet.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::dds {
+
+ClusterReport NodeFleet::report() const {
+  const std::lock_guard lock(mutex_);
+  ClusterReport report = totals_;
+  report.stale_parcels = stale_parcels_.load(std::memory_order_relaxed);
+  for (const auto& node : seats_) {
+    if (node == nullptr) {
+      continue;
+    }
+    const Path::Counters counters = node->path->counters();
+    MemberReport& member = report.members.emplace_back();
+    member.name = node->name;
+    member.number = node->number;
+    member.sent_parcels = counters.sent_parcels;
+    member.sent_bytes = counters.sent_bytes;
+    member.taken_parcels = counters.taken_parcels;
+    member.taken_bytes = counters.taken_bytes;
+    member.refused_writes = counters.refused_writes;
+    member.answers = counters.answers;
+    member.answer_ms_mean =
+        counters.answers == 0 ? 0 : telemetry::to_ms(counters.answer_ns) / static_cast<double>(counters.answers);
+    member.answer_ms_max = telemetry::to_ms(counters.answer_ns_max);
+    if (dds_statistics* statistics = dds_create_statistics(node->writer.get())) {
+      if (const dds_stat_keyvalue* value = dds_lookup_statistic(statistics, "rexmit_bytes")) {
+        member.retransmitted_bytes = value->u.u64;
+      }
+      dds_delete_statistics(statistics);
+    }
+  }
+  return report;
+}
+
+Cluster::Cluster(ClusterConfig config) : fleet_(std::make_shared<NodeFleet>(std::move(config))) {}
+Cluster::~Cluster() = default;
+
+std::shared_ptr<Fleet> Cluster::fleet() const { return fleet_; }
+std::uint32_t Cluster::domain() const noexcept { return fleet_->domain(); }
+ClusterReport Cluster::report() const { return fleet_->report(); }
+
+}  // namespace ringfence::dds
