@@ -4,7 +4,6 @@
 #include <functional>
 #include <random>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -80,8 +79,9 @@ Frames undisturbed(const Stageplay& play) {
 
 void in_all_plays(const std::function<void(const Stageplay&, const Frames&)>& perform) {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
-    for (const auto& [placement, shares] : {std::pair{Placement::server, false}, std::pair{Placement::region, false},
-                                            std::pair{Placement::server, true}, std::pair{Placement::region, true}}) {
+    for (int form = 0; form < 4; ++form) {
+      const Placement placement = form % 2 == 0 ? Placement::server : Placement::region;
+      const bool shares = form / 2 != 0;
       CAPTURE(name_of(deployment));
       CAPTURE(name_of(placement));
       CAPTURE(shares);
