@@ -20,7 +20,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       self_(Endpoint::node(setup.node)),
       map_(map),
       host_(setup.model, setup.objects),
-      known_(setup.objects),
+      known_(setup.objects, setup.placement == Placement::region),
       sweep_(setup.placement == Placement::region ? setup.objects : 0,
              setup.placement == Placement::region ? setup.pairs : 0, setup.layer_masks, setup.keep_resting),
       narrow_(*setup.shapes),

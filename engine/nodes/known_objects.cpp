@@ -4,15 +4,17 @@
 
 namespace ringfence::nodes {
 
-KnownObjects::KnownObjects(std::size_t objects) {
+KnownObjects::KnownObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
   index_.reserve(objects);
   slots_.reserve(objects);
   bodies_.reserve(objects);
-  bounds_.reserve(objects);
-  layers_.reserve(objects);
   staying_.reserve(objects);
-  resting_.reserve(objects);
-  present_.reserve(objects);
+  if (sweeps_) {
+    bounds_.reserve(objects);
+    layers_.reserve(objects);
+    resting_.reserve(objects);
+    present_.reserve(objects);
+  }
 }
 
 void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
@@ -26,17 +28,21 @@ void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, cons
     i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
     slots_.push_back(slot);
     bodies_.add();
-    bounds_.add();
-    layers_.push_back(0);
     staying_.push_back(0);
-    resting_.push_back(0);
-    present_.push_back(1);
+    if (sweeps_) {
+      bounds_.add();
+      layers_.push_back(0);
+      resting_.push_back(0);
+      present_.push_back(1);
+    }
   }
   bodies_[i] = {pose, shape, object.number};
-  bounds_[i] = bounds;
-  layers_[i] = static_cast<std::uint8_t>(layer);
   staying_[i] = staying ? 1 : 0;
-  resting_[i] = 0;
+  if (sweeps_) {
+    bounds_[i] = bounds;
+    layers_[i] = static_cast<std::uint8_t>(layer);
+    resting_[i] = 0;
+  }
 }
 
 void KnownObjects::forget(std::uint32_t slot) {
@@ -48,19 +54,23 @@ void KnownObjects::forget(std::uint32_t slot) {
   if (i != last) {
     slots_[i] = slots_[last];
     bodies_[i] = bodies_[last];
-    bounds_[i] = bounds_[last];
-    layers_[i] = layers_[last];
     staying_[i] = staying_[last];
-    resting_[i] = 0;
+    if (sweeps_) {
+      bounds_[i] = bounds_[last];
+      layers_[i] = layers_[last];
+      resting_[i] = 0;
+    }
     index_[slots_[i]] = i;
   }
   slots_.pop_back();
   bodies_.pop_back();
-  bounds_.pop_back();
-  layers_.pop_back();
   staying_.pop_back();
-  resting_.pop_back();
-  present_.pop_back();
+  if (sweeps_) {
+    bounds_.pop_back();
+    layers_.pop_back();
+    resting_.pop_back();
+    present_.pop_back();
+  }
   index_[slot] = none;
 }
 

@@ -19,7 +19,8 @@ class KnownObjects {
  public:
   static constexpr std::uint32_t none = 0xffffffffu;
 
-  explicit KnownObjects(std::size_t objects);
+  /// `sweeps`: bounds, layers and what rests are kept for a sweep; else nobody asks for them.
+  KnownObjects(std::size_t objects, bool sweeps);
 
   std::size_t size() const noexcept { return slots_.size(); }
   /// Index of the object in a slot, or none.
@@ -32,7 +33,9 @@ class KnownObjects {
   void fetch(std::uint32_t slot) const noexcept {
     if (const std::uint32_t i = find(slot); i != none) {
       __builtin_prefetch(&bodies_[i], 1);
-      __builtin_prefetch(&bounds_[i], 1);
+      if (sweeps_) {
+        __builtin_prefetch(&bounds_[i], 1);
+      }
     }
   }
   /// Forgets it; the last one takes its index. Does nothing if it is not known.
@@ -53,6 +56,7 @@ class KnownObjects {
   void settle() noexcept;
 
  private:
+  bool sweeps_;
   std::vector<std::uint32_t> index_;  ///< by slot
   FlatList<std::uint32_t> slots_;
   FlatList<narrow_phase::Body> bodies_;

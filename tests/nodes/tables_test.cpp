@@ -184,7 +184,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
   constexpr unsigned seed = 5;
   CAPTURE(seed);
   std::mt19937_64 random(seed);
-  KnownObjects known(8);
+  KnownObjects known(8, true);
   std::map<std::uint32_t, messages::PositionRecord> model;
   std::set<std::uint32_t> changed;  // slots set since the last settle
   const auto draw = [&] {
