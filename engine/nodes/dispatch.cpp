@@ -41,19 +41,13 @@ void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map,
     }
     return;
   }
-  for (const std::uint32_t slot : objects.untold()) {
-    list_update(objects, map, slot, false);
-  }
-}
-
-void Dispatch::pass_over(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot) {
-  objects.marks(slot) |= told_mark;
-  if (map.nodes() == 1) {
-    return;  // wherever it was told to be, that node was told
-  }
-  objects.told(slot) = map.grid().cells_of(objects.bounds()[slot]);
-  if (map.has_cuts()) {
-    objects.told_bounds(slot) = objects.bounds()[slot];
+  constexpr std::size_t ahead = 8;
+  const auto untold = objects.untold();
+  for (std::size_t i = 0; i < untold.size(); ++i) {
+    if (i + ahead < untold.size()) {
+      objects.fetch_bounds(untold[i + ahead]);
+    }
+    list_update(objects, map, untold[i], false);
   }
 }
 
@@ -65,7 +59,8 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
   // The host keeps its own account of what it reported; under a new map it has started afresh like all others.
   const bool by_host = (marks & reported_mark) != 0 && host.is_node() && !everything;
   if (by_host && (marks & (inner_mark | shared_mark)) == inner_mark) {
-    return pass_over(objects, map, slot);
+    marks |= told_mark;
+    return;
   }
   const regions::CellBox now = present ? map.grid().cells_of(objects.bounds()[slot]) : regions::CellBox{};
   const NodeNumber self = by_host ? host.number() : 0xffffffffu;
@@ -91,8 +86,13 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
         updates_[node].push_back(slot | gone);
       }
     };
-    cuts ? regions::for_each_owner(map, objects.told_bounds(slot), stamps_, stamp_, leave)
-         : regions::for_each_owner(map, told, stamps_, stamp_, leave);
+    const bool host_alone = (marks & shared_mark) == 0 && host.is_node();
+    if (host_alone && stamps_[host.number()] != stamp_) {
+      leave(host.number());
+    } else if (!host_alone) {
+      cuts ? regions::for_each_owner(map, objects.told_bounds(slot), stamps_, stamp_, leave)
+           : regions::for_each_owner(map, told, stamps_, stamp_, leave);
+    }
   }
   objects.told(slot) = now;
   if (cuts && present) {

@@ -28,9 +28,6 @@ class Dispatch {
   /// Between frames: from now on there are so many nodes.
   void resize(std::size_t nodes);
 
-  /// Notes where an object is of which its host alone has known, and that the host says is within its own cells only:
-  /// there is nobody to tell.
-  static void pass_over(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot);
   /// Lists who is told of what moved and was not passed over; with `everything`, of every present object anew (the map
   /// has changed).
   void list_updates(ObjectTable& objects, const regions::RegionMap& map, bool everything);

@@ -34,8 +34,8 @@ struct ObjectOrigin {
 /// What holds of an object, as bits.
 enum ObjectMark : std::uint8_t {
   alive_mark = 1,
-  told_mark = 2,       ///< ObjectTable::told() holds: nodes have been told of the object
-  shared_mark = 4,     ///< perhaps others than its host have been told of it
+  told_mark = 2,       ///< nodes have been told of the object: those of ObjectTable::told(), if shared_mark
+  shared_mark = 4,     ///< perhaps others than its host have been told of it; else the host alone knows it
   moved_mark = 8,      ///< listed in moved()
   reported_mark = 16,  ///< this frame's state came from the CD node that hosts it
   inner_mark = 32,     ///< and it says that all cells that the bounds touch are its own
@@ -70,7 +70,7 @@ class ObjectTable {
   messages::Endpoint host(std::uint32_t slot) const noexcept { return hosts_[slot]; }
   std::span<const messages::Endpoint> hosts() const noexcept { return hosts_; }
   void set_host(std::uint32_t slot, messages::Endpoint host) noexcept { hosts_[slot] = host; }
-  /// The cells whose owners have been told of the object, if told_mark.
+  /// The cells whose owners have been told of the object, if told_mark and shared_mark.
   regions::CellBox& told(std::uint32_t slot) noexcept { return told_[slot]; }
   /// Its bounds when they were, kept while the map has cuts: of cells that are cut, the parts that bounds cover count.
   geometry::Bounds& told_bounds(std::uint32_t slot) noexcept { return told_bounds_[slot]; }
@@ -92,16 +92,23 @@ class ObjectTable {
   std::uint32_t find(const messages::ObjectRef& object) const noexcept;
 
   /// Fetches what a report on the object will write. A node's objects lie anywhere among the server's.
-  void fetch(std::uint32_t slot) const noexcept {
+  void fetch(std::uint32_t slot, bool with_bounds = true) const noexcept {
     if (slot < rows_.size()) {
       __builtin_prefetch(&rows_[slot], 1);
-      __builtin_prefetch(&bounds_[slot], 1);
-      __builtin_prefetch(&told_[slot], 1);
+      if (with_bounds) {
+        fetch_bounds(slot);
+      }
       if (state_bytes_ != 0) {
         __builtin_prefetch(states_.data() + slot * state_bytes_, 1);
         __builtin_prefetch(states_.data() + (slot + 1) * state_bytes_ - 1, 1);
       }
     }
+  }
+
+  /// Fetches what telling nodes of it takes.
+  void fetch_bounds(std::uint32_t slot) const noexcept {
+    __builtin_prefetch(&bounds_[slot], 1);
+    __builtin_prefetch(&told_[slot], 1);
   }
 
   /// Makes an object and returns its slot; its model state is zero, its bounds are not set.

@@ -77,6 +77,7 @@ std::span<const std::uint32_t> ServerRole::share_out(std::uint32_t& nodes) {
 }
 
 void ServerRole::weigh_cells() {
+  refresh_bounds();
   balance_.start_weighing();
   std::uint32_t point[3];
   for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {

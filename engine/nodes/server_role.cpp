@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "nodes/contact_order.hpp"
 #include "telemetry/track.hpp"
@@ -231,9 +232,11 @@ void ServerRole::hear_states(Party& party, const MessageView& message) {
 void ServerRole::hear_node_states(Party& party, const MessageView& message) {
   const std::uint64_t start = telemetry::now_ns();
   constexpr std::size_t ahead = 12;
+  const bool sweeps = setup_.placement == Placement::server;
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
-      objects_.fetch(message.view<messages::ObjectRef>(i + ahead).slot);
+      const auto& soon = message.view<messages::ObjectRef>(i + ahead);
+      objects_.fetch(soon.slot, sweeps || (soon.flags & messages::flag_inner) == 0);
     }
     if (i + 2 * ahead < message.count()) {
       __builtin_prefetch(message.at(i + 2 * ahead));
@@ -254,10 +257,15 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
     if ((record.object.flags & messages::flag_staying) == 0) {
       leaving_.push_back(slot);
     }
-    objects_.bounds(slot) = record.bounds;
     std::copy_n(message.state<messages::NodeStateRecord>(i), objects_.state_bytes(), objects_.state(slot));
-    if (inner && (marks & shared_mark) == 0) {
-      Dispatch::pass_over(objects_, map_, slot);
+    const bool host_alone = inner && (marks & shared_mark) == 0;  // knows where it is: there is nobody to tell
+    if (sweeps || !host_alone) {
+      objects_.bounds(slot) = record.bounds;
+    } else {
+      bounds_are_stale_ = true;  // a line less a state; they follow from the pose when somebody asks
+    }
+    if (host_alone) {
+      marks |= told_mark;
       objects_.mark_moved_alone(slot);
     } else {
       objects_.mark_moved(slot);
@@ -389,8 +397,23 @@ void ServerRole::take_moves(Host& host) {
   report().refused[static_cast<std::size_t>(Status::not_unit)] += refusals.not_unit;
 }
 
+void ServerRole::refresh_bounds() {
+  if (!std::exchange(bounds_are_stale_, false)) {
+    return;
+  }
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    if (objects_.present()[slot] != 0) {
+      const ObjectRow& row = objects_.row(slot);
+      objects_.bounds(slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
+    }
+  }
+}
+
 void ServerRole::detect() {
   spend(ringfence::Stage::move, telemetry::now_ns());
+  if (tell_everything_) {
+    refresh_bounds();
+  }
   dispatch_.list_updates(objects_, map_, tell_everything_);
   tell_everything_ = false;
   dispatch_.start();

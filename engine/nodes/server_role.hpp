@@ -150,6 +150,7 @@ class ServerRole {
   void take_moves(Host& host);
   void move_own();
   void detect();
+  void refresh_bounds();
   void collect();
   void list_notices();
   void list_notice(std::uint32_t notice, const Contact& contact, const Found& found);
@@ -204,6 +205,7 @@ class ServerRole {
   bool relay_is_known_ = false;          ///< relay_cells_ hold, but for what moved in this frame
   std::vector<std::uint32_t> leaving_;   ///< slots of this frame whose hosts say that others host them next
   bool users_changed_ = false;
+  bool bounds_are_stale_ = false;  ///< those of present objects of which their hosts alone know
 
   /// An object that another CD node hosts from the next frame on.
   struct HandOver {
