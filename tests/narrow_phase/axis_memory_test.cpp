@@ -21,8 +21,8 @@ class Motion {
   Motion(std::vector<narrow_phase::Body>& bodies, std::uint64_t seed) : bodies_(bodies) {
     Draw draw(seed);
     for (std::size_t i = 0; i < bodies.size(); ++i) {
-      step_.push_back(draw.direction() * draw.uniform(0, 0.03));
-      spin_.push_back(draw.direction() * draw.uniform(0, 0.02));
+      step_.push_back(draw.way(0, 0.03));
+      spin_.push_back(draw.way(0, 0.02));
     }
   }
   void advance() {

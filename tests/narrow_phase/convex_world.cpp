@@ -42,23 +42,28 @@ ConvexHull grid(double x, double y, double z) {
 ShapeDescription ordinary_shape(Draw& draw, ShapeKind kind) {
   if (kind != ShapeKind::hull) return draw.ordinary(kind);
   static constexpr int sizes[] = {4, 5, 6, 8, 12, 16, 24, 32, 32, 48, 64, 100};
-  return ellipsoid(draw, sizes[draw.below(12)],
-                   {draw.uniform(0.4, 1.2), draw.uniform(0.4, 1.2), draw.uniform(0.4, 1.2)});
+  const Vec3d radii{draw.uniform(0.4, 1.2), draw.uniform(0.4, 1.2), draw.uniform(0.4, 1.2)};
+  return ellipsoid(draw, sizes[draw.below(12)], radii);
 }
 
 ShapeDescription nasty_shape(Draw& draw, ShapeKind kind) {
   if (kind != ShapeKind::hull) return draw.nasty(kind);
   const double s = draw.logarithmic(0.05, 30);
-  const Vec3d away = draw.direction() * (s * draw.uniform(1, 4));
+  const double far = draw.uniform(1, 4);
+  const Vec3d away = draw.way(s * far);
   switch (draw.below(9)) {
     case 0:
       return ellipsoid(draw, 20, {s, s * 0.003, s * 0.003});  // needle
     case 1:
       return ellipsoid(draw, 24, {s, s, std::max(5.1e-4, s * 0.001)});  // plate
-    case 2:
-      return grid(s, s * (draw.below(2) == 0 ? 1 : 0.5), draw.below(2) == 0 ? s : std::max(5e-4, s * 0.002));
-    case 3:
-      return prism(3 + draw.below(30), s, draw.below(2) == 0 ? s : s * 0.01);
+    case 2: {
+      const double z = draw.below(2) == 0 ? s : std::max(5e-4, s * 0.002);
+      return grid(s, s * (draw.below(2) == 0 ? 1 : 0.5), z);
+    }
+    case 3: {
+      const double half_height = draw.below(2) == 0 ? s : s * 0.01;
+      return prism(3 + draw.below(30), s, half_height);
+    }
     case 4:
       return ConvexHull{
           {{0, 0, 0}, {static_cast<float>(s), 0, 0}, {0, static_cast<float>(s), 0}, {0, 0, static_cast<float>(s)}}};
@@ -113,11 +118,13 @@ Vec3d special_place(Draw& draw, const PairWorld& world, ShapeNumber p, const Pos
     case 1:
       return centred;
     case 2:
-      return centred + draw.direction() * (draw.logarithmic(1e-9, 1e-2) * small);
-    case 3:  // along an axis of p by round shares of its size
-      return centred + turned(pose_p.orientation, axes[draw.below(3)]) * (radius(world, p) * 0.25 * draw.below(8));
+      return centred + draw.way(draw.logarithmic(1e-9, 1e-2) * small);
+    case 3: {  // along an axis of p by round shares of its size
+      const double far = radius(world, p) * 0.25 * draw.below(8);
+      return centred + turned(pose_p.orientation, axes[draw.below(3)]) * far;
+    }
     case 4:
-      return centred + draw.direction() * (draw.uniform(0, 1) * reach);
+      return centred + draw.way(draw.uniform(0, 1) * reach);
     default: {  // touching, or off it by a little to either side
       const Vec3d direction = draw.below(2) == 0 ? draw.direction() : turned(pose_p.orientation, axes[draw.below(3)]);
       double low = 0, high = 2 * reach;
@@ -127,7 +134,8 @@ Vec3d special_place(Draw& draw, const PairWorld& world, ShapeNumber p, const Pos
         (reference::separation(world.reference[p], pose_p, world.reference[q], pose_q).distance > 0 ? high : low) =
             middle;
       }
-      const double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-6, 1e-2) * small * (draw.below(2) == 0 ? 1 : -1);
+      double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-6, 1e-2) * small;
+      if (off != 0 && draw.below(2) != 0) off = -off;
       return centred + direction * (low + off);
     }
   }
@@ -145,10 +153,10 @@ PairWorld ordinary_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeNumber first = firsts[static_cast<std::size_t>(draw.below(shapes_a_kind))];
     const ShapeNumber second = seconds[static_cast<std::size_t>(draw.below(shapes_a_kind))];
-    const Pose pose{origin + draw.direction() * draw.uniform(0, 100), draw.turn()};
+    const Pose pose{origin + draw.way(0, 100), draw.turn()};
     const double reach = radius(world, first) + radius(world, second);
     add_pair(world, first, pose, second,
-             {pose.position + draw.direction() * (std::cbrt(draw.uniform(0, 1)) * reach), draw.turn()});
+             {pose.position + draw.way(std::cbrt(draw.uniform(0, 1)) * reach), draw.turn()});
   }
   return world;
 }

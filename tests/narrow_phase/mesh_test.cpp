@@ -144,7 +144,7 @@ TEST_CASE("a hundred thousand triangles are met as exactly as few") {
   for (std::uint32_t i = 0; i < 24; ++i) {
     world.bodies.push_back({{{}, draw.turn()}, numbers[0], 2 * i + 1});
     const double away = i % 2 == 0 ? draw.uniform(1.6, 2.2) : draw.uniform(0.5, 1.5);
-    world.bodies.push_back({{draw.direction() * away, draw.turn()}, numbers[i % 2 == 0 ? 1 : 2], 2 * i + 2});
+    world.bodies.push_back({{draw.way(away), draw.turn()}, numbers[i % 2 == 0 ? 1 : 2], 2 * i + 2});
     world.pairs.push_back({2 * i, 2 * i + 1});
   }
   check(world);

@@ -38,8 +38,9 @@ TriangleMesh bowl(const TriangleMesh& whole, float below) {
 TriangleMesh soup(Draw& draw, int count, double size, double triangle) {
   TriangleMesh mesh;
   for (int i = 0; i < count; ++i) {
-    const Vec3d p = draw.direction() * (draw.uniform(0, 1) * size);
-    add_triangle(mesh, p, p + draw.direction() * triangle, p + draw.direction() * (triangle * draw.uniform(0.1, 1)));
+    const Vec3d p = draw.way(0, size);
+    const Vec3d third = p + draw.way(0.1 * triangle, triangle);
+    add_triangle(mesh, p, p + draw.way(triangle), third);
   }
   return mesh;
 }
@@ -47,9 +48,9 @@ TriangleMesh soup(Draw& draw, int count, double size, double triangle) {
 TriangleMesh needles(Draw& draw, int count, double size) {
   TriangleMesh mesh;
   for (int i = 0; i < count; ++i) {
-    const Vec3d p = draw.direction() * (draw.uniform(0, 0.5) * size), along = draw.direction();
-    add_triangle(mesh, p, p + along * size,
-                 p + along * (size * draw.uniform(0, 1)) + draw.direction() * (size * draw.logarithmic(1e-6, 1e-2)));
+    const Vec3d p = draw.way(0, 0.5 * size), along = draw.direction();
+    const Vec3d off = draw.way(size * draw.logarithmic(1e-6, 1e-2));
+    add_triangle(mesh, p, p + along * size, p + along * draw.uniform(0, size) + off);
   }
   return mesh;
 }
@@ -67,11 +68,14 @@ TriangleMesh rock(std::uint64_t seed, std::uint32_t index, int n, int most) {
 TriangleMesh ordinary_mesh(Draw& draw, int most) {
   const auto index = static_cast<std::uint32_t>(draw.below(1000));
   switch (draw.below(6)) {
-    case 0:
-      return terrain(within(2 + draw.below(8), 2, most), draw.uniform(0.6, 1.5), draw.uniform(0, 0.3));
-    case 1:
-      return box_surface({draw.uniform(0.3, 1), draw.uniform(0.3, 1), draw.uniform(0.3, 1)},
-                         within(1 + draw.below(4), 12, most));
+    case 0: {
+      const double height = draw.uniform(0, 0.3), half = draw.uniform(0.6, 1.5);
+      return terrain(within(2 + draw.below(8), 2, most), half, height);
+    }
+    case 1: {
+      const int n = within(1 + draw.below(4), 12, most);
+      return box_surface({draw.uniform(0.3, 1), draw.uniform(0.3, 1), draw.uniform(0.3, 1)}, n);
+    }
     case 2:
       return bowl(rock(1, index, 4, most), 0.1f);
     default:
@@ -85,8 +89,10 @@ TriangleMesh nasty_mesh(Draw& draw, int most) {
   switch (draw.below(9)) {
     case 0:
       return needles(draw, std::min(1 + draw.below(40), most), s);
-    case 1:
-      return soup(draw, std::min(1 + draw.below(60), most), s, s * draw.logarithmic(0.01, 1));
+    case 1: {
+      const double triangle = s * draw.logarithmic(0.01, 1);
+      return soup(draw, std::min(1 + draw.below(60), most), s, triangle);
+    }
     case 2:
       return terrain(within(1 + draw.below(6), 2, most), s, 0);
     case 3: {
@@ -94,8 +100,10 @@ TriangleMesh nasty_mesh(Draw& draw, int most) {
       add_triangle(one, {0, 0, 0}, {s, 0, 0}, {0, s, 0});
       return one;
     }
-    case 4:
-      return box_surface({s, s * 0.5, draw.below(2) == 0 ? s : s * 0.01}, within(1 + draw.below(3), 12, most));
+    case 4: {
+      const int n = within(1 + draw.below(3), 12, most);
+      return box_surface({s, s * 0.5, draw.below(2) == 0 ? s : s * 0.01}, n);
+    }
     case 5:
       return scaled(rock(2, index, 3, most), {s, s, s * 0.01});
     case 6:
@@ -153,16 +161,19 @@ Vec3d special_place(Draw& draw, const PairWorld& world, ShapeNumber p, const Pos
     case 0:
       return pose_p.position;
     case 1:
-      return pose_p.position + draw.direction() * (draw.logarithmic(1e-9, 1e-2) * small);
-    case 2:
-      return pose_p.position + geometry::rotate(turn, axes[draw.below(3)]) * (radius(world, p) * 0.25 * draw.below(8));
+      return pose_p.position + draw.way(draw.logarithmic(1e-9, 1e-2) * small);
+    case 2: {
+      const double far = radius(world, p) * 0.25 * draw.below(8);
+      return pose_p.position + geometry::rotate(turn, axes[draw.below(3)]) * far;
+    }
     case 3: {
       const Vec3d direction = draw.below(2) == 0 ? draw.direction() : geometry::rotate(turn, axes[draw.below(3)]);
-      const double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-6, 1e-2) * small * (draw.below(2) == 0 ? 1 : -1);
+      double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-6, 1e-2) * small;
+      if (off != 0 && draw.below(2) != 0) off = -off;
       return touching(world, p, pose_p, q, turn_q, direction) + direction * off;
     }
     default:  // by the surface of the larger
-      return pose_p.position + draw.direction() * (draw.uniform(0.2, 1) * reach);
+      return pose_p.position + draw.way(draw.uniform(0.2, 1) * reach);
   }
 }
 
@@ -213,10 +224,9 @@ PairWorld ordinary_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed
   PairWorld world = with_shapes(draw, p, false, most);
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeNumber first = pick(draw, 0), second = pick(draw, 1);
-    const Pose pose{origin + draw.direction() * draw.uniform(0, 100), draw.turn()};
+    const Pose pose{origin + draw.way(0, 100), draw.turn()};
     const double reach = radius(world, first) + radius(world, second);
-    add_pair(world, first, pose, second,
-             {pose.position + draw.direction() * (draw.uniform(0.1, 1) * reach), draw.turn()});
+    add_pair(world, first, pose, second, {pose.position + draw.way(draw.uniform(0.1, 1) * reach), draw.turn()});
   }
   return world;
 }

@@ -30,13 +30,14 @@ Vec3d special_place(Draw& draw, const reference::PreparedShape& a, const Pose& p
     case 0:
       return pose_a.position;
     case 1:  // almost the same place
-      return along(pose_a.position, draw.direction(), draw.logarithmic(1e-12, 1e-3) * small);
+      return pose_a.position + draw.way(draw.logarithmic(1e-12, 1e-3) * small);
     case 2: {  // offset along one axis of a, by round shares of the size
       Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-      return along(pose_a.position, axes[draw.below(3)], a.bounding_radius * 0.25 * draw.below(8));
+      const double far = a.bounding_radius * 0.25 * draw.below(8);
+      return along(pose_a.position, axes[draw.below(3)], far);
     }
     case 3:  // anywhere within reach
-      return along(pose_a.position, draw.direction(), draw.uniform(0, 1) * reach);
+      return pose_a.position + draw.way(draw.uniform(0, 1) * reach);
     default: {  // touching, or off it by a little to either side
       Pose pose_b = turned_b;
       const Vec3d direction = draw.direction();
@@ -46,7 +47,8 @@ Vec3d special_place(Draw& draw, const reference::PreparedShape& a, const Pose& p
         pose_b.position = along(pose_a.position, direction, middle);
         (reference::separation(a, pose_a, b, pose_b).distance > 0 ? high : low) = middle;
       }
-      const double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-7, 1e-2) * small * (draw.below(2) ? 1 : -1);
+      double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-7, 1e-2) * small;
+      if (off != 0 && draw.below(2) == 0) off = -off;
       return along(pose_a.position, direction, low + off);
     }
   }
@@ -59,11 +61,10 @@ PairWorld ordinary_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint6
   PairWorld world;
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeDescription a = draw.ordinary(p), b = draw.ordinary(q);
-    const Vec3d place = along(origin, draw.direction(), draw.uniform(0, 100));
+    const Vec3d place = origin + draw.way(0, 100);
     const std::uint32_t first = world.add(a, {place, draw.turn()});
     const double reach = double{world.table->row(world.bodies[first].shape).bounding_radius} + 1.2;
-    const std::uint32_t second =
-        world.add(b, {along(place, draw.direction(), draw.uniform(0, 1.1) * reach), draw.turn()});
+    const std::uint32_t second = world.add(b, {place + draw.way(draw.uniform(0, 1.1) * reach), draw.turn()});
     world.pairs.push_back({first, second});
   }
   return world;

@@ -46,6 +46,9 @@ struct PairWorld {
 };
 
 /// Draws shapes and poses: ordinary ones, and those that break kernels.
+///
+/// What is drawn twice in one expression is drawn in an order that compilers choose, so that pairs found with one are
+/// not found again with another: draw one after the other, or within braces.
 class Draw {
  public:
   explicit Draw(std::uint64_t seed) : random_(seed) {}
@@ -59,6 +62,16 @@ class Draw {
       const double length = std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
       if (length > 0.1 && length < 1) return {v.x / length, v.y / length, v.z / length};
     }
+  }
+
+  /// A way of `low` to `high` into any direction.
+  Vec3d way(double low, double high) {
+    const double length = uniform(low, high);
+    return way(length);
+  }
+  Vec3d way(double length) {
+    const Vec3d d = direction();
+    return {d.x * length, d.y * length, d.z * length};
   }
 
   Quat turn() {
@@ -113,7 +126,8 @@ class Draw {
     static constexpr double tilts[] = {0, 0, 0, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
     const double quarters[4][4] = {{0, 0, 0, 1}, {h, 0, 0, h}, {0, h, 0, h}, {0, 0, h, h}};
     const double* q = quarters[below(4)];
-    const Quat tilt = about(direction(), tilts[below(10)]);
+    const double angle = tilts[below(10)];
+    const Quat tilt = about(direction(), angle);
     const std::array<double, 4> turned = product({other.x, other.y, other.z, other.w}, {q[0], q[1], q[2], q[3]});
     const std::array<double, 4> out = product({tilt.x, tilt.y, tilt.z, tilt.w}, turned);
     return unit(out[0], out[1], out[2], out[3]);
