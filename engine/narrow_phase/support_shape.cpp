@@ -8,6 +8,7 @@
 
 #include "geometry/vector.hpp"
 #include "narrow_phase/convex_features.hpp"
+#include "narrow_phase/cutting_planes.hpp"
 #include "narrow_phase/kernel.hpp"
 
 // A shape that only its support function describes, against any convex shape or triangle, by libccd's GJK and expanding
@@ -122,6 +123,16 @@ std::array<Vec3d, all_around> spiral() {
   return out;
 }
 
+/// Two directions across a unit one, and across each other.
+struct Frame {
+  Vec3d u, v;
+  explicit Frame(Vec3d n) {
+    const Vec3d across = std::abs(n.x) < 0.6 ? cross(n, Vec3d{1, 0, 0}) : cross(n, Vec3d{0, 1, 0});
+    u = across * (1 / length(across));
+    v = cross(n, u);
+  }
+};
+
 /// The best few directions known, ascending.
 class Shortlist {
  public:
@@ -138,7 +149,7 @@ class Shortlist {
     return true;
   }
 
-  /// Turns each by ever smaller steps while that makes it shorter, and answers the shortest. False if one separates.
+  /// Follows each downhill, and answers the least. False if one separates.
   bool polish(Direction& out) {
     out.depth = 1e300;
     for (Direction& start : best_) {
@@ -150,37 +161,29 @@ class Shortlist {
   }
 
  private:
-  /// A step to either side, across, and half-way between; turned by a golden turn each round, because a crease of reach
-  /// may run any way.
+  /// Goes where the support points met so far say that reach is least, in steps as wide as they were right about.
   bool polish_one(Direction& best) const {
-    double x = 1, y = 0;
-    int fruitless = 0;
-    for (double step = 0.2; step > 1e-7;) {
-      const Vec3d n = best.n;
-      const double before = best.depth;
-      const Vec3d across = std::abs(n.x) < 0.6 ? cross(n, Vec3d{1, 0, 0}) : cross(n, Vec3d{0, 1, 0});
-      const Vec3d u = across * (1 / length(across)), v = cross(n, u);
-      for (const auto& [p, q] :
-           {std::array{x, y}, std::array{-y, x}, std::array{x - y, y + x}, std::array{x + y, y - x}}) {
-        const Vec3d side = u * (p * step) + v * (q * step);
-        for (const Vec3d& way : {n + side, n - side}) {
-          const Vec3d turned = way * (1 / length(way));
-          const double depth = reach(a_, b_, turned);
-          if (depth < 0) return false;
-          if (depth < best.depth) best = {turned, depth};
-        }
-      }
-      const double turned = x * golden_cosine - y * golden_sine;
-      y = x * golden_sine + y * golden_cosine;
-      x = turned;
-      fruitless = best.depth < before ? 0 : fruitless + 1;
-      if (fruitless == 2) {
-        step *= 0.5;
-        fruitless = 0;
+    CuttingPlanes planes;
+    planes.add(difference(best.n));
+    double widest = 0.25;  // as a tangent
+    for (int i = 0; i < 60 && widest > 1e-8; ++i) {
+      const Frame frame(best.n);
+      const Vec3d way = planes.lowest(best.n, frame.u, frame.v, widest);
+      const Vec3d n = way * (1 / length(way));
+      const Vec3d point = difference(n);
+      planes.add(point);
+      const double depth = dot(n, point);
+      if (depth < 0) return false;
+      if (depth < best.depth) {
+        best = {n, depth};
+      } else {
+        widest *= 0.5;
       }
     }
     return true;
   }
+  /// The support point of the Minkowski difference.
+  Vec3d difference(Vec3d n) const { return a_.support(n) - b_.support(-n); }
 
   const Convex& a_;
   const Convex& b_;
@@ -239,13 +242,12 @@ struct Feature {
   double height;
 
   Feature(const Convex& convex, Vec3d n, double slack) {
-    const Vec3d across = std::abs(n.x) < 0.6 ? cross(n, Vec3d{1, 0, 0}) : cross(n, Vec3d{0, 1, 0});
-    const Vec3d u = across * (1 / length(across)), v = cross(n, u);
+    const Frame frame(n);
     points[count++] = convex.support(n);
     height = dot(n, points[0]);
     for (int i = 0; i < 8; ++i) {
       constexpr double x[] = {1, 1, 0, -1, -1, -1, 0, 1}, y[] = {0, 1, 1, 1, 0, -1, -1, -1};
-      const Vec3d p = convex.support(n + u * (1e-4 * x[i]) + v * (1e-4 * y[i]));
+      const Vec3d p = convex.support(n + frame.u * (1e-4 * x[i]) + frame.v * (1e-4 * y[i]));
       if (dot(n, p) >= height - slack) points[count++] = p;
     }
   }
