@@ -188,6 +188,8 @@ dds_qos_t* quality(const Carriage& carriage, const std::string& partition) {
   if (carriage.lease_ms > 0) {
     dds_qset_liveliness(qos, DDS_LIVELINESS_AUTOMATIC, static_cast<dds_duration_t>(carriage.lease_ms * 1e6));
   }
+  // Else one whose lease is over counts as one that has said that it ends.
+  dds_qset_writer_data_lifecycle(qos, false);
   if (!partition.empty()) {
     dds_qset_partition1(qos, partition.c_str());
   }

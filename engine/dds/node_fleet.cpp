@@ -341,6 +341,10 @@ void NodeFleet::close() noexcept {
     }
     seats_.clear();
     seated_.clear();
+    TermsSample sample{};
+    sample.world = world_;
+    dds_dispose(terms_.get(), &sample);
+    dds_wait_for_acks(terms_.get(), DDS_MSECS(200));
     terms_.reset();
   } catch (...) {
     // The nodes notice by themselves that the World is gone.

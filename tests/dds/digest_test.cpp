@@ -1,8 +1,11 @@
 // The program with its nodes as processes over loopback, beside itself with its nodes as threads.
+#include <fstream>
+#include <iterator>
 #include <string>
 
 #include <doctest/doctest.h>
 
+#include "dds/node_world.hpp"
 #include "tools/program.hpp"
 
 namespace ringfence {
@@ -48,6 +51,25 @@ TEST_CASE("a recorded world runs over nodes in other processes as it does over t
   const Answer answer = test::ringfence(air + "--link dds");
   CHECK_MESSAGE(answer.code == 0, answer.out);
   CHECK(test::digest_in(answer.out) == expected);
+}
+
+TEST_CASE("a World that stood still for longer than its lease has its nodes again when it goes on") {
+  const test::Folder folder;
+  const std::string json = folder / "report.json";
+  test::Process world({RINGFENCE_PROGRAM, "run", "--objects", "300", "--users", "4", "--frames", "4000", "--warmup",
+                       "0", "--link", "dds", "--nodes", "2", "--quiet", "--json", json, "--status",
+                       folder / "status.json"});
+  CHECK(test::wait_until([&] { return std::ifstream(folder / "status.json").good(); }));
+  world.signal(SIGSTOP);
+  std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(4 * test::lease_ms));
+  world.signal(SIGCONT);
+  CHECK(test::wait_until([&] { return world.has_ended(); }, 60));
+  CHECK(world.exit_code() == 0);
+  std::ifstream file(json);
+  const std::string report((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  const std::size_t members = report.find("\"members\"");
+  REQUIRE(members != std::string::npos);
+  CHECK(report.find("\"number\": 1", members) != std::string::npos);
 }
 
 TEST_CASE("a World that nobody joins says what to look at, and ends with 2") {
