@@ -89,6 +89,9 @@ std::string settings(const NetworkConfig& network, Side side, std::uint32_t doma
   const std::string bytes = std::to_string(network.socket_bytes) + " B";
   const std::string internal =
       "<SocketReceiveBufferSize min=\"default\" max=\"" + bytes + "\"/>" +
+      // Linux keeps what is for a neighbour that it does not find, as behind a link that is cut: 212,992 bytes for
+      // each, of the sender's buffer. A send waits where that is full, and with it the frame.
+      "<SocketSendBufferSize min=\"default\" max=\"" + bytes + "\"/>" +
       // Above what a window of parcels comes to: a way is full by its window long before (see Path).
       tag("Watermarks",
           tag("WhcLow", "1 MB") + tag("WhcHigh", "32 MB") + tag("WhcHighInit", "32 MB") + tag("WhcAdaptive", "false")) +
@@ -300,14 +303,18 @@ void Domain::listen(const Entity& entity, const Hook& hook) {
 std::vector<std::string> Domain::take_words() { return Words::all().take(false); }
 
 std::string Domain::socket_shortage(const NetworkConfig& network) {
-  std::ifstream file("/proc/sys/net/core/rmem_max");
-  std::size_t most = 0;
-  if (!(file >> most) || most >= network.socket_bytes) {
-    return {};
+  const std::string wanted = std::to_string(network.socket_bytes);
+  std::string shortage;
+  for (const auto& [name, what] : {std::pair("rmem_max", "frames with more are sent again in parts"),
+                                   std::pair("wmem_max", "a link that is cut may hold up the frame longer")}) {
+    std::ifstream file(std::string("/proc/sys/net/core/") + name);
+    std::size_t most = 0;
+    if (file >> most && most < network.socket_bytes) {
+      shortage += (shortage.empty() ? "sockets are to hold " + wanted + " bytes, the system allows " : ", and ") +
+                  std::to_string(most) + ": " + what + "; sysctl -w net.core." + name + "=" + wanted;
+    }
   }
-  return "sockets are to hold " + std::to_string(network.socket_bytes) + " bytes, the system allows " +
-         std::to_string(most) + ": frames with more are sent again in parts; sysctl -w net.core.rmem_max=" +
-         std::to_string(network.socket_bytes);
+  return shortage;
 }
 
 std::string partition_of(std::uint64_t incarnation) { return "node-" + std::to_string(incarnation); }

@@ -129,14 +129,19 @@ void NodeFleet::open(const WorldTerms& terms) {
   record.keep_resting = config.keep_resting ? 1 : 0;
   record.remember_axes = config.remember_axes ? 1 : 0;
   record.hosts = config.deployment == Deployment::user_collision ? 1 : 0;
-  std::string name = "ringfence";
-  TermsSample sample{
-      world_, wire_version, {}, layout_of_records(), name.data(), borrow(std::as_bytes(std::span(&record, 1)))};
-  write_byte_order(sample.order);
+  terms_record_ = record;
   if ((!config_.setup.empty() && !put_on_shelf(pieces_.get(), world_, PieceKind::setup, 0, 0, config_.setup)) ||
-      dds_write(terms_.get(), &sample) != DDS_RETCODE_OK) {
+      !say_terms()) {
     throw Error("Cyclone DDS does not take the World's terms; see that the network is up");
   }
+}
+
+bool NodeFleet::say_terms() {
+  std::string name = "ringfence";
+  TermsSample sample{
+      world_, wire_version, {}, layout_of_records(), name.data(), borrow(std::as_bytes(std::span(&terms_record_, 1)))};
+  write_byte_order(sample.order);
+  return dds_write(terms_.get(), &sample) == DDS_RETCODE_OK;
 }
 
 void NodeFleet::add_shape(ShapeNumber shape, const ShapeDescription& description) {
@@ -151,6 +156,13 @@ void NodeFleet::add_shape(ShapeNumber shape, const ShapeDescription& description
   }
 }
 
+// Whether its process may be there still, only cut off: once the link heals it is to hear that it has no seat.
+bool NodeFleet::is_heard(const Node& node) {
+  dds_publication_matched_status_t matched{};
+  return node.writer && dds_get_publication_matched_status(node.writer.get(), &matched) == DDS_RETCODE_OK &&
+         matched.current_count > 0;
+}
+
 // Those that are new get a way; those that are gone are forgotten.
 void NodeFleet::attend() {
   for (const std::string& line : Domain::take_words()) {
@@ -160,7 +172,7 @@ void NodeFleet::attend() {
     Node& node = *at->second;
     const NodeState state = node.state.load(std::memory_order_relaxed);
     tell_join(node);
-    if (node.gone.load(std::memory_order_acquire) && !node.seated) {
+    if (node.gone.load(std::memory_order_acquire) && !node.seated && !is_heard(node)) {
       at = nodes_.erase(at);
       continue;
     }
@@ -184,12 +196,9 @@ std::vector<Fleet::Member> NodeFleet::arrivals() {
   attend();
   std::vector<Member> ready;
   for (const auto& [incarnation, node] : nodes_) {
-    if (!node->fits || node->seated || node->dismissed || node->state.load() != NodeState::ready) {
-      continue;
-    }
-    dds_publication_matched_status_t matched{};
-    if (dds_get_publication_matched_status(node->writer.get(), &matched) == DDS_RETCODE_OK &&
-        matched.current_count > 0) {
+    const bool gone = node->gone.load(std::memory_order_acquire);
+    if (node->fits && !gone && !node->seated && !node->dismissed && node->state.load() == NodeState::ready &&
+        is_heard(*node)) {
       ready.push_back(incarnation);
     }
   }
@@ -258,6 +267,8 @@ void NodeFleet::dismiss(Node& node) {
     const std::uint64_t noticed = node.lost_ns != 0 ? node.lost_ns : now;
     tell(MemberChange::Kind::lost, node, noticed, ms_between(node.heard_ns, noticed), ms_between(noticed, now));
     log(LogLevel::error, "node " + node.name + " is lost");
+    // To whom a cut has made the World silent it is alive again by a sample of the same writer only, not by its pulse.
+    say_terms();
   } else {
     ++totals_.left;
     tell(MemberChange::Kind::left, node, now, ms_between(node.asked_to_leave_ns, now), 0);

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "dds/description.hpp"
 #include "dds/domain.hpp"
 #include "dds/path.hpp"
 #include "facade/fleet.hpp"
@@ -77,7 +78,9 @@ class NodeFleet final : public Fleet {
     bool join_told = false;
   };
 
+  bool say_terms();
   void note_presence();
+  static bool is_heard(const Node& node);
   void ring_server();
   void log(LogLevel level, const std::string& line) const;
   void attend();
@@ -93,6 +96,7 @@ class NodeFleet final : public Fleet {
 
   ClusterConfig config_;
   std::uint64_t world_;
+  WorldTermsRecord terms_record_;
   std::atomic<link::Doorbell*> server_bell_{nullptr};
   std::atomic<bool> parcels_wait_{false};
   std::atomic<bool> presence_waits_{false};

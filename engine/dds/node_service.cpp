@@ -121,7 +121,9 @@ class NodeService::Implementation {
       leave();
     }
     if (session_ != nullptr) {
-      progressed = session_->step(parcels_wait_.exchange(false, std::memory_order_acquire));
+      const bool parcels = parcels_wait_.exchange(false, std::memory_order_acquire);
+      spoken_to_ |= parcels;
+      progressed = session_->step(parcels);
       if (session_->is_over()) {
         end_session();
         progressed = true;
@@ -217,7 +219,12 @@ class NodeService::Implementation {
     }
   }
 
-  bool is_world_silent() const {
+  // Once its lease is over, only what it says of itself makes it alive again; what it says to this node shows it as
+  // well.
+  bool is_world_silent() {
+    if (std::exchange(spoken_to_, false)) {
+      return false;
+    }
     dds_liveliness_changed_status_t liveliness{};
     return dds_get_liveliness_changed_status(terms_.get(), &liveliness) != DDS_RETCODE_OK ||
            liveliness.alive_count == 0;
@@ -279,6 +286,7 @@ class NodeService::Implementation {
   Clock::time_point heard_{};
   Clock::time_point looked_{};
   bool silent_ = false;
+  bool spoken_to_ = false;  ///< since it was last asked whether the World is silent
   bool renew_readers_ = false;
 };
 

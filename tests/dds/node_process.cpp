@@ -38,6 +38,7 @@ int main(int argc, char** argv) {
   config.network.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
   config.network.interface = argv[3];
   config.name = argv[2];
+  config.once = true;  // who takes a World that is cut off for one that has ended is gone for good
   const int times = std::atoi(argv[4]);
   config.model = [times](std::span<const std::byte> setup) -> std::shared_ptr<const MotionModel> {
     double side = 0;

@@ -88,8 +88,9 @@ int run_node(const NodeOptions& options) {
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
   const dds::Ending ending = service.run();
-  std::signal(SIGTERM, SIG_IGN);
-  std::signal(SIGINT, SIG_IGN);
+  // The threads of Cyclone DDS do not end where the network's interface is gone: so another signal ends the process.
+  std::signal(SIGTERM, SIG_DFL);
+  std::signal(SIGINT, SIG_DFL);
   switch (ending) {
     case dds::Ending::drained:
     case dds::Ending::dismissed:
