@@ -30,7 +30,7 @@ class Star {
               },
               [] {}},
         domain_(network(), dds::Side::world),
-        up_(domain_.reader(dds::up_topic, dds::parcel_carriage, {})),
+        up_(domain_.reader(dds::Topic::up, dds::parcel_carriage, {})),
         out_bytes_(bytes_out(nodes)),
         back_bytes_(bytes_back(nodes)) {
     dds::Domain::listen(up_, hook_);
@@ -101,7 +101,7 @@ class Star {
  private:
   struct Ray {
     Ray(dds::Domain& domain, std::uint64_t incarnation)
-        : writer(domain.writer(dds::down_topic, dds::parcel_carriage, dds::partition_of(incarnation))),
+        : writer(domain.writer(dds::Topic::down, dds::parcel_carriage, dds::partition_of(incarnation))),
           path(writer.get(), incarnation),
           way(std::size_t{1} << 16, nullptr, nullptr) {}
     dds::Entity writer;

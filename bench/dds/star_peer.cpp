@@ -31,8 +31,8 @@ int main(int argc, char** argv) {
                                  bell.ring();
                                },
                                [] {}};
-  const dds::Entity up = domain.writer(dds::up_topic, dds::parcel_carriage, {});
-  const dds::Entity down = domain.reader(dds::down_topic, dds::parcel_carriage, dds::partition_of(incarnation));
+  const dds::Entity up = domain.writer(dds::Topic::up, dds::parcel_carriage, {});
+  const dds::Entity down = domain.reader(dds::Topic::down, dds::parcel_carriage, dds::partition_of(incarnation));
   dds::Domain::listen(down, hook);
   dds::Path path(up.get(), incarnation);
   facade::Way way(std::size_t{1} << 16, nullptr, nullptr);

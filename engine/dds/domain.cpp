@@ -1,6 +1,7 @@
 #include "dds/domain.hpp"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <fstream>
@@ -199,6 +200,18 @@ dds_qos_t* quality(const Carriage& carriage, const std::string& partition) {
   return qos;
 }
 
+struct TopicKind {
+  const dds_topic_descriptor_t* type;
+  const char* name;
+};
+/// In the order of Topic.
+constexpr std::array<TopicKind, topic_count> topic_kinds = {{{&ringfence_wire_Presence_desc, "ringfence_presence"},
+                                                             {&ringfence_wire_Terms_desc, "ringfence_terms"},
+                                                             {&ringfence_wire_Piece_desc, "ringfence_piece"},
+                                                             {&ringfence_wire_Parcel_desc, "ringfence_up"},
+                                                             {&ringfence_wire_Parcel_desc, "ringfence_down"}}};
+constexpr std::size_t index_of(Topic topic) noexcept { return static_cast<std::size_t>(topic); }
+
 }  // namespace
 
 Entity::Entity(dds_entity_t entity, const char* what) : entity_(entity) {
@@ -235,15 +248,11 @@ Domain::Domain(const NetworkConfig& network, Side side) {
     }
     throw Error(why);
   }
-  const auto make_topic = [&](const dds_topic_descriptor_t& type, const char* name) {
-    return Entity(dds_create_topic(participant_.get(), &type, name, nullptr, nullptr), name);
+  const auto make_topic = [&](const TopicKind& kind) {
+    return Entity(dds_create_topic(participant_.get(), kind.type, kind.name, nullptr, nullptr), kind.name);
   };
-  presence_ = make_topic(ringfence_wire_Presence_desc, presence_topic);
-  terms_ = make_topic(ringfence_wire_Terms_desc, terms_topic);
-  piece_ = make_topic(ringfence_wire_Piece_desc, piece_topic);
-  parcel_up_ = make_topic(ringfence_wire_Parcel_desc, up_topic);
-  parcel_down_ = make_topic(ringfence_wire_Parcel_desc, down_topic);
-  pulse_topic_ = make_topic(ringfence_wire_Pulse_desc, "ringfence_pulse");
+  std::transform(topic_kinds.begin(), topic_kinds.end(), topics_.begin(), make_topic);
+  pulse_topic_ = make_topic({&ringfence_wire_Pulse_desc, "ringfence_pulse"});
 }
 
 // A participant says that it lives when four fifths of its shortest lease have passed. This writer, which writes
@@ -260,29 +269,19 @@ Domain::~Domain() {
   participant_.reset();
 }
 
-dds_entity_t Domain::topic(const char* name) {
-  const std::pair<const char*, const Entity*> topics[] = {{presence_topic, &presence_},
-                                                          {terms_topic, &terms_},
-                                                          {piece_topic, &piece_},
-                                                          {up_topic, &parcel_up_},
-                                                          {down_topic, &parcel_down_}};
-  return std::find_if(std::begin(topics), std::end(topics), [&](const auto& each) { return each.first == name; })
-      ->second->get();
-}
-
-Entity Domain::reader(const char* name, const Carriage& carriage, const std::string& partition) {
+Entity Domain::reader(Topic topic, const Carriage& carriage, const std::string& partition) {
   // Any lease will do: how long a writer may be silent is what it promised itself.
   dds_qos_t* qos = quality({carriage.durable, carriage.keep_all, 0}, partition);
-  const dds_entity_t made = dds_create_reader(participant_.get(), topic(name), qos, nullptr);
+  const dds_entity_t made = dds_create_reader(participant_.get(), topics_[index_of(topic)].get(), qos, nullptr);
   dds_delete_qos(qos);
-  return {made, name};
+  return {made, topic_kinds[index_of(topic)].name};
 }
 
-Entity Domain::writer(const char* name, const Carriage& carriage, const std::string& partition) {
+Entity Domain::writer(Topic topic, const Carriage& carriage, const std::string& partition) {
   dds_qos_t* qos = quality(carriage, partition);
-  const dds_entity_t made = dds_create_writer(participant_.get(), topic(name), qos, nullptr);
+  const dds_entity_t made = dds_create_writer(participant_.get(), topics_[index_of(topic)].get(), qos, nullptr);
   dds_delete_qos(qos);
-  return {made, name};
+  return {made, topic_kinds[index_of(topic)].name};
 }
 
 void Domain::listen(const Entity& entity, const Hook& hook) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -42,6 +43,16 @@ struct Carriage {
   double lease_ms = 0;   ///< > 0: who is silent for so long is not alive
 };
 
+/// What passes between the processes of a world; wire.idl has the types.
+enum class Topic : std::uint8_t {
+  presence,
+  terms,
+  piece,
+  up,    ///< parcels from nodes
+  down,  ///< parcels to a node, in the partition of its incarnation
+};
+inline constexpr std::size_t topic_count = 5;
+
 /// A process's place in a domain: one participant, with the topics of wire.idl.
 ///
 /// Configured without the environment: the settings are made from NetworkConfig. Writers never wait: a write that finds
@@ -66,8 +77,8 @@ class Domain {
   dds_entity_t participant() const noexcept { return participant_.get(); }
 
   /// `partition` empty: none.
-  Entity reader(const char* topic, const Carriage& carriage, const std::string& partition);
-  Entity writer(const char* topic, const Carriage& carriage, const std::string& partition);
+  Entity reader(Topic topic, const Carriage& carriage, const std::string& partition);
+  Entity writer(Topic topic, const Carriage& carriage, const std::string& partition);
   /// Has `hook` called for the reader or writer; and once now, for what has been already. It outlives the entity.
   static void listen(const Entity& entity, const Hook& hook);
 
@@ -81,21 +92,13 @@ class Domain {
   static std::string socket_shortage(const NetworkConfig& network);
 
  private:
-  dds_entity_t topic(const char* name);
-
   std::uint32_t number_ = 0;
   Entity domain_;
   Entity participant_;
   Entity pulse_;
-  Entity presence_, terms_, piece_, parcel_up_, parcel_down_, pulse_topic_;
+  std::array<Entity, topic_count> topics_;
+  Entity pulse_topic_;
 };
-
-/// The names of the topics.
-inline constexpr const char* presence_topic = "ringfence_presence";
-inline constexpr const char* terms_topic = "ringfence_terms";
-inline constexpr const char* piece_topic = "ringfence_piece";
-inline constexpr const char* up_topic = "ringfence_up";      ///< parcels from nodes
-inline constexpr const char* down_topic = "ringfence_down";  ///< parcels to a node, in the partition of its incarnation
 
 /// How the topics are carried.
 constexpr Carriage watched_carriage(double lease_ms) noexcept { return {true, false, lease_ms}; }

@@ -40,10 +40,10 @@ NodeFleet::NodeFleet(ClusterConfig config)
       domain_(config_.network, Side::world) {
   const double lease = config_.network.lease_ms;
   domain_.beat(lease);
-  terms_ = domain_.writer(terms_topic, watched_carriage(lease), {});
-  pieces_ = domain_.writer(piece_topic, piece_carriage, {});
-  up_ = domain_.reader(up_topic, parcel_carriage, {});
-  presence_ = domain_.reader(presence_topic, watched_carriage(lease), {});
+  terms_ = domain_.writer(Topic::terms, watched_carriage(lease), {});
+  pieces_ = domain_.writer(Topic::piece, piece_carriage, {});
+  up_ = domain_.reader(Topic::up, parcel_carriage, {});
+  presence_ = domain_.reader(Topic::presence, watched_carriage(lease), {});
   Domain::listen(up_, parcel_hook_);
   Domain::listen(presence_, presence_hook_);
   if (const std::string shortage = Domain::socket_shortage(config_.network); !shortage.empty()) {
@@ -183,7 +183,7 @@ void NodeFleet::attend() {
                                  (!node.reason.empty() ? node.reason : "it is of another version or machine"));
     }
     if (node.fits && !node.writer) {
-      node.writer = domain_.writer(down_topic, parcel_carriage, partition_of(node.incarnation));
+      node.writer = domain_.writer(Topic::down, parcel_carriage, partition_of(node.incarnation));
       node.path = std::make_unique<Path>(node.writer.get(), node.incarnation);
     }
     ++at;

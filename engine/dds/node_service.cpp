@@ -44,7 +44,7 @@ class NodeService::Implementation {
     if (config_.name.empty()) {
       config_.name = own_name();
     }
-    up_ = domain_.writer(up_topic, parcel_carriage, {});
+    up_ = domain_.writer(Topic::up, parcel_carriage, {});
     Domain::listen(up_, control_hook_);
     read_world();
     if (const std::string shortage = Domain::socket_shortage(config_.network); !shortage.empty()) {
@@ -86,8 +86,8 @@ class NodeService::Implementation {
 
   // Readers of their own for each World: what another has said while this one was served is shown to them anew.
   void read_world() {
-    terms_ = domain_.reader(terms_topic, watched_carriage(config_.network.lease_ms), {});
-    pieces_ = domain_.reader(piece_topic, piece_carriage, {});
+    terms_ = domain_.reader(Topic::terms, watched_carriage(config_.network.lease_ms), {});
+    pieces_ = domain_.reader(Topic::piece, piece_carriage, {});
     Domain::listen(terms_, control_hook_);
     Domain::listen(pieces_, control_hook_);
   }
@@ -174,7 +174,7 @@ class NodeService::Implementation {
     }
     std::memcpy(&record, bytes.data(), sizeof record);
     domain_.beat(record.lease_ms);
-    presence_ = domain_.writer(presence_topic, watched_carriage(record.lease_ms), {});
+    presence_ = domain_.writer(Topic::presence, watched_carriage(record.lease_ms), {});
     try {
       world_ = std::make_unique<KnownWorld>(sample.world, record, config_);
     } catch (const Error& error) {

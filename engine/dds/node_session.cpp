@@ -61,7 +61,7 @@ NodeSession::NodeSession(Domain& domain, KnownWorld& world, dds_entity_t presenc
       incarnation_(draw_incarnation()),
       name_(name),
       presence_(presence),
-      down_(domain.reader(down_topic, parcel_carriage, partition_of(incarnation_))),
+      down_(domain.reader(Topic::down, parcel_carriage, partition_of(incarnation_))),
       path_(up, incarnation_),
       way_(ring_bytes, nullptr, nullptr) {
   Domain::listen(down_, hook);

@@ -11,7 +11,7 @@ int main(int argc, char** argv) {
   dds::NetworkConfig network;
   network.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
   network.interface = "lo";
-  test::Wayside side(network, dds::Side::node, dds::up_topic, dds::down_topic, 7);
+  test::Wayside side(network, dds::Side::node, dds::Topic::up, dds::Topic::down, 7);
   const auto pause = std::chrono::milliseconds(std::atoi(argv[2]));
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   bool last = false;

@@ -75,7 +75,7 @@ void check_same_bytes(int pause_ms, std::size_t count, std::uint64_t seed) {
   dds::NetworkConfig network;
   network.domain = dds::NetworkConfig::any_domain;
   network.interface = "lo";
-  test::Wayside side(network, dds::Side::world, dds::down_topic, dds::up_topic, 7);
+  test::Wayside side(network, dds::Side::world, dds::Topic::down, dds::Topic::up, 7);
   const Echo echo(side.domain(), pause_ms);
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
   const auto in_time = [&] { return std::chrono::steady_clock::now() < end; };
@@ -136,7 +136,7 @@ TEST_CASE("a full way takes no parcel more than its window, and refuses without 
   network.domain = dds::NetworkConfig::any_domain;
   network.interface = "lo";
   // Nobody answers, so nothing is ever taken.
-  test::Wayside side(network, dds::Side::world, dds::down_topic, dds::up_topic, 7);
+  test::Wayside side(network, dds::Side::world, dds::Topic::down, dds::Topic::up, 7);
   const Bytes message(30'000, std::byte{1});
   std::size_t said = 0;
   for (int turn = 0; turn < 1000; ++turn) {

@@ -16,7 +16,7 @@ int main(int argc, char** argv) {
   network.interface = "lo";
   dds::Domain domain(network, dds::Side::node);
   domain.beat(network.lease_ms);
-  const dds::Entity writer = domain.writer(dds::presence_topic, dds::watched_carriage(network.lease_ms), {});
+  const dds::Entity writer = domain.writer(dds::Topic::presence, dds::watched_carriage(network.lease_ms), {});
   char name[] = "stranger";
   dds::PresenceSample sample{};
   sample.incarnation = 5;

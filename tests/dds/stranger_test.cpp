@@ -55,7 +55,7 @@ test::Answer answer_to(Difference difference, const dds::WorldTermsRecord& recor
   network.interface = "lo";
   dds::Domain domain(network, dds::Side::world);
   domain.beat(network.lease_ms);
-  const dds::Entity writer = domain.writer(dds::terms_topic, dds::watched_carriage(network.lease_ms), {});
+  const dds::Entity writer = domain.writer(dds::Topic::terms, dds::watched_carriage(network.lease_ms), {});
   char name[] = "stranger";
   dds::TermsSample sample{};
   sample.world = 7;

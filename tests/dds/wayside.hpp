@@ -17,7 +17,7 @@ namespace ringfence::test {
 class Wayside {
  public:
   /// `mine` and `theirs` are the topics written and read.
-  Wayside(const dds::NetworkConfig& network, dds::Side side, const char* mine, const char* theirs,
+  Wayside(const dds::NetworkConfig& network, dds::Side side, dds::Topic mine, dds::Topic theirs,
           std::uint64_t incarnation)
       : domain_(network, side),
         writer_(domain_.writer(mine, dds::parcel_carriage, {})),
