@@ -453,15 +453,10 @@ bool CdNodeRole::send_collisions() {
 
 // The phases of what was found, and the rest of its way to the embedder.
 void CdNodeRole::hear_ranks() {
-  if (findings_ == &own_findings_) {
+  if (findings_ == &own_findings_ || !setup_.hosts) {
     return;
   }
-  for (std::size_t i = 0; setup_.hosts && i < findings_->ranks.size(); ++i) {
-    if (Findings::phase_of(findings_->ranks[i]) == Phase::begin) {
-      host_.confirm_begin(frame_, findings_->found[i].contact);
-    }
-  }
-  findings_->write_rest(setup_.node);
+  findings_->write_rest(setup_.node, [&](std::uint32_t contact) { host_.confirm_begin(frame_, contact); });
 }
 
 bool CdNodeRole::send_kinds() {

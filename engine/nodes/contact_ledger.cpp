@@ -130,7 +130,6 @@ void ContactLedger::write(std::span<const ObjectRow> rows, bool all) {
       write_received(node, rows);
       continue;
     }
-    findings->left = !all;
     findings->live = now.contacts.data();
     findings->ledger_found = now.found.data();
     const std::size_t size = all ? findings->keys.size() : findings->outer.size();

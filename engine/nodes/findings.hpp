@@ -63,11 +63,16 @@ struct Findings {
     std::memcpy(&to.depth, &from.depth, sizeof(Contact) - offsetof(Contact, depth));
     to_found[ranks[i] & rank_mask] = {it.slot_a, it.slot_b, node};
   }
-  /// The node's last part in a frame: puts what the server has left to it into the ledger.
-  void write_rest(NodeNumber node) const noexcept {
+  /// The node's last part in a frame: puts what the server has left to it into the ledger, and calls `begin` with each
+  /// of its contacts that begins.
+  template <class Begins>
+  void write_rest(NodeNumber node, Begins begin) const {
     constexpr std::size_t ahead = 10;
-    for (std::size_t i = 0; left && i < found.size(); ++i) {
+    for (std::size_t i = 0; i < found.size(); ++i) {
       fetch(i + ahead);
+      if ((ranks[i] & begins) != 0) {
+        begin(found[i].contact);
+      }
       if ((ranks[i] & written) == 0) {
         write(i, node, live, ledger_found);
       }

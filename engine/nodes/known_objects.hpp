@@ -33,6 +33,7 @@ class KnownObjects {
   void fetch(std::uint32_t slot) const noexcept {
     if (const std::uint32_t i = find(slot); i != none) {
       __builtin_prefetch(&bodies_[i], 1);
+      __builtin_prefetch(reinterpret_cast<const std::byte*>(&bodies_[i] + 1) - 1, 1);
       if (sweeps_) {
         __builtin_prefetch(&bounds_[i], 1);
       }

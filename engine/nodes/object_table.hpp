@@ -96,7 +96,7 @@ class ObjectTable {
     if (slot < rows_.size()) {
       __builtin_prefetch(&rows_[slot], 1);
       if (with_bounds) {
-        fetch_bounds(slot);
+        __builtin_prefetch(&bounds_[slot], 1);
       }
       if (state_bytes_ != 0) {
         __builtin_prefetch(states_.data() + slot * state_bytes_, 1);

@@ -215,7 +215,7 @@ TEST_CASE("what nodes share and write themselves makes the list that the server 
         if (frame % 3 == 0 && random() % 2 == 0) {
           lost.push_back(node);
         } else {
-          sharing[node].findings.write_rest(node);
+          sharing[node].findings.write_rest(node, [](std::uint32_t) {});
         }
       }
       if (!lost.empty()) {
@@ -223,7 +223,7 @@ TEST_CASE("what nodes share and write themselves makes the list that the server 
       }
       for (const NodeNumber node : lost) {
         std::fill(sharing[node].contacts.begin(), sharing[node].contacts.end(), Contact{});
-        sharing[node].findings.write_rest(node);
+        sharing[node].findings.write_rest(node, [](std::uint32_t) {});
       }
       const auto contacts = ledger.contacts(frame), expected = plain.contacts(frame);
       REQUIRE(contacts.size() == expected.size());
