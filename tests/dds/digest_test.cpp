@@ -21,7 +21,7 @@ TEST_CASE("nodes in other processes find the same contacts in every deployment, 
   REQUIRE(expected.size() == 16);
   for (const char* deployment : {"user", "user-server", "user-collision"}) {
     for (const char* placement : {"server", "region"}) {
-      for (const int nodes : {1, 2, 4}) {
+      for (const int nodes : {1, 2, 4, 16}) {
         const std::string arguments = world + "--link dds --deployment " + deployment + " --broad-phase " + placement +
                                       " --nodes " + std::to_string(nodes);
         const Answer answer = test::ringfence(arguments);
