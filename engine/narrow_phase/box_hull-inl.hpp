@@ -17,6 +17,7 @@
 #define RINGFENCE_NARROW_PHASE_BOX_HULL_INL
 #endif
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -385,7 +386,7 @@ class BoxHullBlock {
       Vec3f point;
       if (of_hull.count == 1) {
         const Vec3f vertex = vertex_in_box(i, of_hull.first());
-        if (flats > 1 && outside_box(i, vertex)) {
+        if (flats > 0 && outside_box(i, vertex)) {
           test_alone(i);
           continue;
         }
@@ -393,7 +394,7 @@ class BoxHullBlock {
       } else if (flats == 0) {
         const Vec3f vertex = at(corner, i);
         const Vec3f in_its_axes = rotate_back(rotation_of(i), vertex - at_offset(i));
-        if (of_hull.count > 2 && outside<float>(hull, in_its_axes, too_far_out(i))) {
+        if (outside<float>(hull, in_its_axes, too_far_out(i))) {
           test_alone(i);
           continue;
         }
@@ -401,6 +402,13 @@ class BoxHullBlock {
       } else {
         const std::uint32_t is_flat[3] = {flat[0][i], flat[1][i], flat[2][i]};
         point = shared_point(i, at(corner, i), is_flat, of_hull, n, of_box[i] - depth * 0.5f);
+        // Two edges that cross meet inside both.
+        const bool cross = flats == 1 && of_hull.count == 2 && !nearly_parallel(i, of_hull);
+        if (!cross && (outside_box(i, point) ||
+                       outside<float>(hull, rotate_back(rotation_of(i), point - at_offset(i)), too_far_out(i)))) {
+          test_alone(i);
+          continue;
+        }
       }
       found_.put(i, std::max(depth, 0.0f), n, point);
     }
@@ -420,6 +428,13 @@ class BoxHullBlock {
     const float most = too_far_out(i);
     return std::abs(p.x) > placed_.first_size(0)[i] + most || std::abs(p.y) > placed_.first_size(1)[i] + most ||
            std::abs(p.z) > placed_.first_size(2)[i] + most;
+  }
+
+  /// Whether an edge of the hull lies within a hundredth of an axis of the box.
+  HWY_INLINE bool nearly_parallel(std::size_t i, const Feature<float>& of_hull) const {
+    const Vec3f way = vertex_in_box(i, of_hull.last()) - vertex_in_box(i, of_hull.first());
+    const float longest = std::max(std::max(std::abs(way.x), std::abs(way.y)), std::abs(way.z));
+    return dot(way, way) < 1.0001f * longest * longest;
   }
 
   HWY_NOINLINE Vec3f shared_point(std::size_t i, Vec3f corner, const std::uint32_t is_flat[3],

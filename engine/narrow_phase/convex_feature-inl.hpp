@@ -12,6 +12,7 @@
 #include <bit>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 
 #include "narrow_phase/convex_features.hpp"
 #include "narrow_phase/convex_lanes-inl.hpp"
@@ -78,7 +79,18 @@ struct Feature {
     while (vertices[w] == 0) ++w;
     return w * 64 + static_cast<std::size_t>(std::countr_zero(vertices[w]));
   }
+  /// Of not more than two.
+  HWY_INLINE std::size_t last() const {
+    const std::size_t w = first() / 64;
+    const std::uint64_t rest = vertices[w] & (vertices[w] - 1);
+    if (rest != 0) return w * 64 + static_cast<std::size_t>(std::countr_zero(rest));
+    std::size_t next = w + 1;
+    while (next < std::size(vertices) && vertices[next] == 0) ++next;
+    return next < std::size(vertices) ? next * 64 + static_cast<std::size_t>(std::countr_zero(vertices[next]))
+                                      : first();
+  }
 };
+
 template <class T>
 HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Feature<T>& out) {
   const Columns16<T> d;
@@ -91,6 +103,19 @@ HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Fea
   out.height = hn::GetLane(hn::MaxOfLanes(d, most));
   const auto least = hn::Set(d, out.height - slack);
   out.count = collect(d, p.vertices, out.vertices, [&](std::size_t i) HWY_ATTR { return hn::Ge(height(i), least); });
+}
+
+/// How far outside of a shape a point lies: the greatest distance from the plane of a face, negative inside.
+template <class T>
+HWY_INLINE T farthest_out(const Polytope& p, Point<T> point) {
+  const Columns16<T> d;
+  const auto q = spread_out(d, point);
+  const auto height = [&](std::size_t i) HWY_ATTR {
+    return dot_of(d, read(d, p.normal[0] + i, p.normal[1] + i, p.normal[2] + i), q) - read(d, p.offset + i);
+  };
+  auto most = height(0);
+  for (std::size_t i = hn::Lanes(d); i < p.faces; i += hn::Lanes(d)) most = hn::Max(most, height(i));
+  return hn::GetLane(hn::MaxOfLanes(d, most));
 }
 
 /// Whether a point lies more than `most` outside of a shape.

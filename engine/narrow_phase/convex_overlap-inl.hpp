@@ -382,26 +382,53 @@ class PolytopePair {
     if (of_b.count == 1) {
       const Point<T> vertex = vertex_of_b(of_b.first());
       result.point = vertex + normal * (depth * T(0.5));
-      if (of_a.count > 2 && outside(a_, vertex, too_far_out())) result.point = point_about(normal, height);
+      if (outside(a_, vertex, too_far_out())) result.point = point_about(normal, height, result.point);
     } else if (of_a.count == 1) {
       const Point<T> vertex = vertex_of_a(of_a.first());
       result.point = vertex - normal * (depth * T(0.5));
-      if (of_b.count > 2 && outside(b_, rotate_back(turn_, vertex - offset_), too_far_out()))
-        result.point = point_about(normal, height);
+      if (outside(b_, rotate_back(turn_, vertex - offset_), too_far_out()))
+        result.point = point_about(normal, height, result.point);
     } else {
       result.point = shared_point(of_a, of_b, normal, height);
+      // Two edges that cross meet inside both, but for sizes so far apart that it is looked at in double.
+      const bool cross = sizeof(T) == 4 && of_a.count == 2 && of_b.count == 2 && !nearly_parallel(of_a, of_b);
+      if (!cross && far_out(result.point) > too_far_out()) {
+        result.point = point_about(normal, height, result.point);
+      }
     }
     return result;
   }
 
-  /// The point where a corner is the deepest of the one, beside the face of the other: two sides lie so nearly flat on
-  /// each other that the rest of the corner's edge or face, hardly less deep, is what meets.
-  HWY_NOINLINE Point<T> point_about(Point<T> normal, T height) const {
-    const T slack = 32 * Rounding<T>::height * size();
-    Feature<T> of_a, of_b;
-    find_feature<T>(a_, normal, slack, of_a);
-    find_feature<T>(b_, -rotate_back(turn_, normal), slack, of_b);
-    return shared_point(of_a, of_b, normal, height);
+  /// Whether two edges, each of two vertices, lie within a hundredth of parallel.
+  bool nearly_parallel(const Feature<T>& of_a, const Feature<T>& of_b) const {
+    const Point<T> p = vertex_of_a(of_a.last()) - vertex_of_a(of_a.first());
+    const Point<T> q = rotate(turn_, vertex_of<T>(b_, of_b.last()) - vertex_of<T>(b_, of_b.first()));
+    const Point<T> across = cross(p, q);
+    return dot(across, across) < T(1e-4) * dot(p, p) * dot(q, q);
+  }
+
+  /// By how much a point lies outside of the one that it is farther out of.
+  T far_out(Point<T> point) const {
+    return std::max(farthest_out<T>(a_, point), farthest_out<T>(b_, rotate_back(turn_, point - offset_)));
+  }
+
+  /// The point where what is deepest of the one lies beside the other: two sides are so nearly flat on each other, or
+  /// two edges so nearly parallel, that the rest of the edge or face, hardly less deep, is what meets. How much of it
+  /// is found by trying.
+  HWY_NOINLINE Point<T> point_about(Point<T> normal, T height, Point<T> first) const {
+    Point<T> best = first;
+    T least = far_out(first);
+    for (T factor = 32; factor < T(1e5) && least > too_far_out(); factor *= 32) {
+      const T slack = factor * Rounding<T>::height * size();
+      Feature<T> of_a, of_b;
+      find_feature<T>(a_, normal, slack, of_a);
+      find_feature<T>(b_, -rotate_back(turn_, normal), slack, of_b);
+      const Point<T> point = shared_point(of_a, of_b, normal, height);
+      const T out = far_out(point);
+      best = out < least ? point : best;
+      least = std::min(out, least);
+    }
+    return best;
   }
 
   HWY_NOINLINE Point<T> shared_point(const Feature<T>& of_a, const Feature<T>& of_b, Point<T> normal, T height) const {

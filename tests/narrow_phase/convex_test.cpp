@@ -131,6 +131,27 @@ TEST_CASE("the two pairs in eleven million that were wrong are right") {
   }
 }
 
+TEST_CASE("the point of two long edges that are parallel but for rounding lies in both bodies") {
+  // tools/check-accuracy found them, with points metres outside: hulls metres long that are turned alike, and a box and
+  // a hull of plates a millimetre thick.
+  struct Found {
+    PairWorld world;
+    std::size_t pair;
+    narrow_phase::Kernel kernel;
+  };
+  Found found[] = {
+      {nasty_convex_pairs(ShapeKind::hull, ShapeKind::hull, 4000, 11000003), 824, narrow_phase::test_hull_hull},
+      {nasty_convex_pairs(ShapeKind::box, ShapeKind::hull, 4000, 5000004), 561, narrow_phase::test_box_hull}};
+  for (Found& f : found) {
+    const geometry::CandidatePair pair = f.world.pairs[f.pair];
+    for (const std::vector<geometry::CandidatePair>& pairs : {std::vector{pair}, f.world.pairs}) {
+      const Verdict verdict = judge(f.world, pairs, run_kernel(f.world, pairs, f.kernel));
+      CHECK(verdict.contacts > pairs.size() / 2);
+      CHECK_MESSAGE(verdict.wrong == 0, verdict.text);
+    }
+  }
+}
+
 TEST_CASE("two features meet in the middle of what they share") {
   const Vec3d up{0, 0, 1};
   const auto square = [](double x, double y, double half, double z) {
