@@ -309,8 +309,9 @@ std::string Domain::socket_shortage(const NetworkConfig& network) {
     std::ifstream file(std::string("/proc/sys/net/core/") + name);
     std::size_t most = 0;
     if (file >> most && most < network.socket_bytes) {
-      shortage += (shortage.empty() ? "sockets are to hold " + wanted + " bytes, the system allows " : ", and ") +
-                  std::to_string(most) + ": " + what + "; sysctl -w net.core." + name + "=" + wanted;
+      shortage += shortage.empty() ? "sockets are to hold " + wanted + " bytes, the system allows " : ", and ";
+      shortage.append(std::to_string(most)).append(": ").append(what);
+      shortage.append("; sysctl -w net.core.").append(name).append("=").append(wanted);
     }
   }
   return shortage;
