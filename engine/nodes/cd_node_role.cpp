@@ -61,10 +61,10 @@ Step CdNodeRole::step() {
   if (failed_until_ns_ > step_start_) [[unlikely]] {
     return Step::idle;
   }
-  bool progressed = drain(setup_.server);
+  bool progressed = listen(setup_.server);
   for (Line& peer : setup_.peers) {
     if (peer.in != nullptr) {
-      progressed |= drain(peer);
+      progressed |= listen(peer);
     }
   }
   progressed |= answer_probe();
@@ -80,19 +80,8 @@ Step CdNodeRole::step() {
   return sending ? Step::blocked : Step::idle;
 }
 
-bool CdNodeRole::drain(Line& line) {
-  bool any = false;
-  for (auto bytes = line.in->next(); !bytes.empty(); bytes = line.in->next()) {
-    MessageView message;
-    if (messages::decode(bytes, host_.state_bytes(), message) == Status::ok) {
-      receive(message);
-    }
-    any = true;
-  }
-  if (any) {
-    line.in->release();
-  }
-  return any;
+bool CdNodeRole::listen(Line& line) {
+  return drain(*line.in, host_.state_bytes(), [this](const MessageView& message) { receive(message); });
 }
 
 void CdNodeRole::receive(const MessageView& message) {
@@ -104,24 +93,9 @@ void CdNodeRole::receive(const MessageView& message) {
       }
       heard_from_[from] += message.count();
       hand_overs_heard_ += message.count();
-      [[fallthrough]];
+      host_.hear(message);
+      return;
     }
-    case MessageType::adopt:
-      for (std::size_t i = 0; i < message.count(); ++i) {
-        host_.adopt(message.record<messages::HandOverRecord>(i), message.state<messages::HandOverRecord>(i));
-      }
-      return;
-    case MessageType::drop:
-      for (std::size_t i = 0; i < message.count(); ++i) {
-        host_.drop(message.record<messages::DropRecord>(i).object.number);
-      }
-      return;
-    case MessageType::place:
-      for (std::size_t i = 0; i < message.count(); ++i) {
-        const auto record = message.record<messages::PlaceRecord>(i);
-        host_.place(record.object.number, record.pose, (record.object.flags & messages::flag_present) != 0);
-      }
-      return;
     case MessageType::frame_begin:
       return begin(message.header().frame);
     case MessageType::position_update:
@@ -146,7 +120,7 @@ void CdNodeRole::receive(const MessageView& message) {
       end_heard_ = true;
       return;
     default:
-      return;
+      host_.hear(message);
   }
 }
 

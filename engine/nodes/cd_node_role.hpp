@@ -72,7 +72,7 @@ class CdNodeRole {
  private:
   enum class Stage : std::uint8_t { waiting, moving, gathering, colliding, ending, handing_over, settling, telling };
 
-  bool drain(Line& line);
+  bool listen(Line& line);
   void receive(const messages::MessageView& message);
   void begin(std::uint64_t frame);
   bool move();

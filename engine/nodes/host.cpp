@@ -67,6 +67,30 @@ bool Host::place(ObjectNumber number, const Pose& pose, bool present) {
   return true;
 }
 
+bool Host::hear(const messages::MessageView& message) {
+  switch (message.type()) {
+    case messages::MessageType::hand_over:
+    case messages::MessageType::adopt:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        adopt(message.record<messages::HandOverRecord>(i), message.state<messages::HandOverRecord>(i));
+      }
+      return true;
+    case messages::MessageType::drop:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        drop(message.record<messages::DropRecord>(i).object.number);
+      }
+      return true;
+    case messages::MessageType::place:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        const auto record = message.record<messages::PlaceRecord>(i);
+        place(record.object.number, record.pose, (record.object.flags & messages::flag_present) != 0);
+      }
+      return true;
+    default:
+      return false;
+  }
+}
+
 void Host::steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
 
 void Host::ContactList::add(const Contact& contact) {

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "messages/header.hpp"
 #include "messages/records.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/number_index.hpp"
@@ -58,6 +59,8 @@ class Host {
   messages::HandOverRecord hand_over(std::size_t i) const noexcept;
   /// Sets the pose from outside before the next move; the model goes on from there. False if it is not hosted.
   bool place(ObjectNumber number, const Pose& pose, bool present);
+  /// Does what a message of type adopt, hand_over, drop or place says; false for any other.
+  bool hear(const messages::MessageView& message);
   /// In the next move the object stands at `pose`, whatever the model says. Counts for one frame.
   void steer(ObjectNumber number, const Pose& pose);
 

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "link/channel.hpp"
+#include "messages/header.hpp"
 
 namespace ringfence::nodes {
 
@@ -21,5 +23,23 @@ struct Line {
   link::Receiver* in = nullptr;
   Findings* findings = nullptr;  ///< that a CD node shares with the server; null where they are in two processes
 };
+
+/// Takes all that has come over `in`, shows receive(message) what decodes, and gives the room back. Whether there was
+/// anything.
+template <class Receive>
+bool drain(link::Receiver& in, std::size_t state_bytes, Receive receive) {
+  bool any = false;
+  for (auto bytes = in.next(); !bytes.empty(); bytes = in.next()) {
+    messages::MessageView message;
+    if (messages::decode(bytes, state_bytes, message) == Status::ok) {
+      receive(message);
+    }
+    any = true;
+  }
+  if (any) {
+    in.release();
+  }
+  return any;
+}
 
 }  // namespace ringfence::nodes

@@ -16,7 +16,8 @@ UserRole::UserRole(const UserSetup& setup)
     : setup_(setup), self_(Endpoint::user(setup.user)), host_(setup.model, setup.objects) {}
 
 Step UserRole::step() {
-  bool progressed = drain();
+  bool progressed =
+      drain(*setup_.server.in, host_.state_bytes(), [this](const MessageView& message) { receive(message); });
   while (advance()) {
     progressed = true;
   }
@@ -26,39 +27,8 @@ Step UserRole::step() {
   return stage_ == Stage::reporting || stage_ == Stage::telling ? Step::blocked : Step::idle;
 }
 
-bool UserRole::drain() {
-  bool any = false;
-  for (auto bytes = setup_.server.in->next(); !bytes.empty(); bytes = setup_.server.in->next()) {
-    MessageView message;
-    if (messages::decode(bytes, host_.state_bytes(), message) == Status::ok) {
-      receive(message);
-    }
-    any = true;
-  }
-  if (any) {
-    setup_.server.in->release();
-  }
-  return any;
-}
-
 void UserRole::receive(const MessageView& message) {
   switch (message.type()) {
-    case MessageType::adopt:
-      for (std::size_t i = 0; i < message.count(); ++i) {
-        host_.adopt(message.record<messages::HandOverRecord>(i), message.state<messages::HandOverRecord>(i));
-      }
-      return;
-    case MessageType::drop:
-      for (std::size_t i = 0; i < message.count(); ++i) {
-        host_.drop(message.record<messages::DropRecord>(i).object.number);
-      }
-      return;
-    case MessageType::place:
-      for (std::size_t i = 0; i < message.count(); ++i) {
-        const auto record = message.record<messages::PlaceRecord>(i);
-        host_.place(record.object.number, record.pose, (record.object.flags & messages::flag_present) != 0);
-      }
-      return;
     case MessageType::frame_begin:
       return begin(message.header().frame);
     case MessageType::refused:
@@ -67,7 +37,7 @@ void UserRole::receive(const MessageView& message) {
     case MessageType::notify:
       return hear_contacts(message);
     default:
-      return;
+      host_.hear(message);
   }
 }
 

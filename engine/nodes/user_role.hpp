@@ -56,7 +56,6 @@ class UserRole {
     Pose pose;
   };
 
-  bool drain();
   void receive(const messages::MessageView& message);
   void hear_contacts(const messages::MessageView& message);
   void begin(std::uint64_t frame);
