@@ -57,8 +57,9 @@ struct User {
 }  // namespace facade
 
 /// What a World is made of: requests for the next frame, the roles with their lines and threads, and what is needed to
-/// answer calls. Its own functions are in roles.cpp (who there is, and on which thread) and losses.cpp (who is no
-/// longer), World's in world.cpp.
+/// answer calls. Its own functions are in roles.cpp (the server, the user nodes and the threads), seats.cpp (CD nodes,
+/// made, joined and let go) and losses.cpp (who is no longer); World's in requests.cpp (what is asked for the next
+/// frame) and world.cpp.
 ///
 /// Threads: the one that calls World; roles are touched only while no frame is under way.
 struct World::Implementation {
@@ -112,6 +113,7 @@ struct World::Implementation {
   WorldConfig config;
   geometry::ShapeTable shapes;
   geometry::FixedSpace space;
+  std::array<std::uint32_t, 32> layer_masks;  ///< by layer: with which it collides
   link::Cores cores;
   std::size_t next_core = 0;
   facade::Registry registry;

@@ -1,0 +1,217 @@
+// What a World is asked for from outside; the next frame's cut applies it.
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "facade/config_check.hpp"
+#include "facade/implementation.hpp"
+
+namespace ringfence {
+
+using facade::Steppable;
+using facade::Worker;
+using nodes::Request;
+
+ShapeNumber World::add_shape(const ShapeDescription& description) {
+  if (implementation_->under_way()) {
+    throw Error("add_shape: a frame is under way; register shapes before begin_frame or after finish_frame");
+  }
+  Implementation& w = *implementation_;
+  const ShapeNumber shape = w.shapes.add(description);
+  if (w.config.fleet != nullptr) {
+    w.config.fleet->add_shape(shape, description);
+  }
+  if (w.shapes.row(shape).kind == ShapeKind::mesh) {
+    const geometry::Mesh& mesh = w.shapes.mesh(w.shapes.row(shape).detail);
+    if (mesh.dropped_triangles() > 0) {
+      w.log(LogLevel::warning, "shape " + std::to_string(shape) + ": " + std::to_string(mesh.dropped_triangles()) +
+                                   " triangles without area are left out of the mesh, " +
+                                   std::to_string(mesh.triangles().size()) + " are kept");
+    }
+  }
+  return shape;
+}
+
+Connected World::connect(UserNumber user) {
+  Implementation& w = *implementation_;
+  const auto taken = [&](UserNumber number) {
+    const auto holds = [&](const std::vector<UserNumber>& list) {
+      return std::find(list.begin(), list.end(), number) != list.end();
+    };
+    return w.is_connected(number) || holds(w.leaving) || holds(w.cut_leaving);
+  };
+  if (user == no_user) {
+    user = 0;
+    while (taken(user)) {
+      ++user;
+    }
+  }
+  if (user >= w.config.limits.users) {
+    return {w.refuse(Status::over_capacity), no_user};
+  }
+  if (taken(user)) {
+    return {w.refuse(Status::number_in_use), no_user};
+  }
+  w.users.insert(std::lower_bound(w.users.begin(), w.users.end(), user), user);
+  Request request;
+  request.kind = Request::Kind::connect;
+  request.user = user;
+  w.requests.push_back(request);
+  return {Status::ok, user};
+}
+
+Status World::disconnect(UserNumber user) {
+  Implementation& w = *implementation_;
+  if (!w.is_connected(user)) {
+    return w.refuse(Status::unknown_user);
+  }
+  w.users.erase(std::lower_bound(w.users.begin(), w.users.end(), user));
+  w.leaving.push_back(user);
+  w.registry.end_avatars(user);
+  std::erase_if(w.steerings, [&](const auto& steering) { return steering.user == user; });
+  Request request;
+  request.kind = Request::Kind::disconnect;
+  request.user = user;
+  w.requests.push_back(request);
+  return Status::ok;
+}
+
+Spawned World::spawn(const ObjectSpec& spec) {
+  Implementation& w = *implementation_;
+  Request request;
+  request.kind = Request::Kind::spawn;
+  request.spec = spec;
+  Status status = w.check_spec(spec);
+  if (status == Status::ok) {
+    status = nodes::make_valid(request.spec.pose);
+  }
+  const ObjectNumber number = spec.number != 0 ? spec.number : w.registry.free_number();
+  if (status == Status::ok && number == 0) {
+    status = Status::bad_number;
+  }
+  if (status != Status::ok) {
+    return {w.refuse(status), {}};
+  }
+  request.spec.number = number;
+  request.object = w.registry.add(number, spec.category, spec.user);
+  w.requests.push_back(request);
+  return {Status::ok, request.object};
+}
+
+Status World::destroy(ObjectId object) {
+  Implementation& w = *implementation_;
+  if (w.registry.find(object) == nullptr) {
+    return w.refuse(Status::stale_object);
+  }
+  w.registry.end(object);
+  Request request;
+  request.kind = Request::Kind::destroy;
+  request.object = object;
+  w.requests.push_back(request);
+  return Status::ok;
+}
+
+Status World::destroy(UserNumber user, ObjectId object) {
+  Implementation& w = *implementation_;
+  if (!w.is_connected(user)) {
+    return w.refuse(Status::unknown_user);
+  }
+  const facade::Registry::Entry* entry = w.registry.find(object);
+  if (entry == nullptr) {
+    return w.refuse(Status::stale_object);
+  }
+  return entry->user == user ? destroy(object) : w.refuse(Status::not_host);
+}
+
+Status World::move(UserNumber user, ObjectId object, const Pose& pose) {
+  Implementation& w = *implementation_;
+  if (!w.is_connected(user)) {
+    return w.refuse(Status::unknown_user);
+  }
+  const facade::Registry::Entry* entry = w.registry.find(object);
+  if (entry == nullptr) {
+    return w.refuse(Status::stale_object);
+  }
+  if (entry->user != user) {
+    return w.refuse(Status::not_host);
+  }
+  Pose valid = pose;
+  if (const Status status = nodes::make_valid(valid); status != Status::ok) {
+    return w.refuse(status);
+  }
+  w.steerings.push_back({user, object.number(), valid});
+  return Status::ok;
+}
+
+Status World::place(ObjectId object, const Pose& pose) {
+  Implementation& w = *implementation_;
+  const facade::Registry::Entry* entry = w.registry.find(object);
+  if (entry == nullptr) {
+    return w.refuse(Status::stale_object);
+  }
+  if (entry->category == Category::fixed) {
+    return w.refuse(Status::bad_category);
+  }
+  Request request;
+  request.kind = Request::Kind::place;
+  request.object = object;
+  request.spec.pose = pose;
+  if (const Status status = nodes::make_valid(request.spec.pose); status != Status::ok) {
+    return w.refuse(status);
+  }
+  w.requests.push_back(request);
+  return Status::ok;
+}
+
+Status World::remove(ObjectId object) {
+  Implementation& w = *implementation_;
+  const facade::Registry::Entry* entry = w.registry.find(object);
+  if (entry == nullptr) {
+    return w.refuse(Status::stale_object);
+  }
+  if (entry->category == Category::fixed) {
+    return w.refuse(Status::bad_category);
+  }
+  // It was moved before it was taken out, so that move no longer counts.
+  std::erase_if(w.steerings, [&](const auto& steering) { return steering.number == object.number(); });
+  Request request;
+  request.kind = Request::Kind::remove;
+  request.object = object;
+  w.requests.push_back(request);
+  return Status::ok;
+}
+
+Status World::resize(std::uint32_t nodes) {
+  Implementation& w = *implementation_;
+  const std::size_t most = w.config.fleet != nullptr ? w.node_roles.size() : facade::most_nodes;
+  if (nodes == 0 || nodes > most || nodes > w.server->map().grid().cells()) {
+    return w.refuse(Status::bad_number);
+  }
+  w.resize_to = nodes;
+  return Status::ok;
+}
+
+Status World::inject(const Fault& fault) {
+  Implementation& w = *implementation_;
+  if (w.under_way()) {
+    return w.refuse(Status::out_of_order);
+  }
+  if (!w.threaded() || fault.node >= w.node_roles.size() || fault.frame < w.begun || !std::isfinite(fault.stall_ms) ||
+      fault.stall_ms < 0 || fault.stage > NodeStage::telling || w.node_roles[fault.node] == nullptr) {
+    return w.refuse(Status::bad_number);
+  }
+  // Not while its thread steps it.
+  nodes::CdNodeRole& role = *w.node_roles[fault.node];
+  if (Worker* worker = w.node_workers[fault.node].get()) {
+    worker->assign({});
+    role.fail(fault);
+    worker->assign({Steppable::of(role)});
+  } else {
+    w.server_worker->assign({Steppable::of(*w.server)});
+    role.fail(fault);
+    w.server_worker->assign(w.server_crew());
+  }
+  return Status::ok;
+}
+
+}  // namespace ringfence

@@ -1,0 +1,169 @@
+// How a CD node sweeps, tests its pairs and tells what touches.
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "nodes/cd_node_role.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+using telemetry::TrackedTime;
+
+void CdNodeRole::sweep() {
+  const auto bounds = known_.bounds();
+  const auto bodies = known_.bodies();
+  {
+    TrackedTime time(setup_.track, "broad phase", told_.broad_phase_ns);
+    sweep_.begin(bounds, known_.present(), known_.resting(), known_.layers());
+  }
+  bool more = true;
+  while (more) {
+    {
+      TrackedTime time(setup_.track, "broad phase", told_.broad_phase_ns);
+      while (more && pairs_.size() < pairs_a_test) {
+        const auto found = sweep_.next(pairs_a_test - pairs_.size());
+        more = !found.empty();
+        for (geometry::CandidatePair pair : found) {
+          if (map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
+            continue;
+          }
+          if (bodies[pair.b].number < bodies[pair.a].number) {
+            std::swap(pair.a, pair.b);
+          }
+          pairs_.push_back(pair);
+        }
+      }
+    }
+    test_pairs();
+  }
+  known_.settle();
+}
+
+// As many pairs as make full blocks of every kind, and whose objects stay in the cache from the sort to the kernels.
+void CdNodeRole::test_pairs() {
+  if (pairs_.empty()) {
+    return;
+  }
+  TrackedTime time(setup_.track, "narrow phase", told_.narrow_phase_ns);
+  for (const narrow_phase::PairContact& found : narrow_.test(known_.bodies(), pairs_)) {
+    add_hit(pairs_[found.pair], found);
+  }
+  candidates_ += pairs_.size();
+  pairs_.clear();
+}
+
+// While both bodies are in the cache; in the order of numbers they lie anywhere.
+void CdNodeRole::add_hit(const geometry::CandidatePair& pair, const narrow_phase::PairContact& found) {
+  const narrow_phase::Body& a = known_.bodies()[pair.a];
+  const narrow_phase::Body& b = known_.bodies()[pair.b];
+  const Vec3d& origin = a.pose.position;
+  order_.add(a.number, b.number);
+  hits_.push_back({known_.slot(pair.a), known_.slot(pair.b), !known_.staying(pair.a) || !known_.staying(pair.b)});
+  Contact& contact = host_.add_own_contact(frame_);
+  contact.a = a.number;
+  contact.b = b.number;
+  contact.depth = found.depth;
+  contact.normal = found.normal;
+  contact.point = {origin.x + static_cast<double>(found.point.x), origin.y + static_cast<double>(found.point.y),
+                   origin.z + static_cast<double>(found.point.z)};
+  contact.pose_a = a.pose;
+  contact.pose_b = b.pose;
+}
+
+void CdNodeRole::detect() {
+  if (setup_.placement == Placement::region) {
+    sweep();
+  } else {
+    test_pairs();
+  }
+  TrackedTime time(setup_.track, "narrow phase", told_.narrow_phase_ns);
+  count_kinds();
+  order_.sort();
+  list_findings();
+  next_hit_ = 0;
+  collisions_run_.start();
+  done_run_.start(1);
+}
+
+// Counted by the kernels themselves, so that "each pair once" is checked against what was done, not what was asked.
+void CdNodeRole::count_kinds() {
+  tested_ = 0;
+  kinds_.clear();
+  for (std::uint32_t p = 0; p < shape_kinds; ++p) {
+    for (std::uint32_t q = p; q < shape_kinds; ++q) {
+      const auto& counters = narrow_.counters(static_cast<ShapeKind>(p), static_cast<ShapeKind>(q));
+      if (counters.candidates != 0) {
+        messages::KindRecord& record = kinds_.emplace_back();
+        record.first = p;
+        record.second = q;
+        record.candidates = counters.candidates;
+        record.hits = counters.hits;
+        record.lanes = counters.lanes;
+        record.lanes_filled = counters.lanes_filled;
+        record.iterations = counters.iterations;
+        record.ended_early = counters.ended_early;
+        record.timed = counters.timed;
+        record.nanoseconds = counters.nanoseconds;
+        record.gather_nanoseconds = counters.gather_nanoseconds;
+        std::copy(std::begin(counters.cost), std::end(counters.cost), std::begin(record.cost));
+        tested_ += counters.candidates;
+      }
+    }
+  }
+  narrow_.reset_counters();
+}
+
+// In order of (a, b), so that the server merges runs and the host's next move reads its contacts in it.
+void CdNodeRole::list_findings() {
+  Findings& findings = *findings_;
+  findings.contacts = host_.own_contacts(frame_);
+  findings.keys.resize(hits_.size());
+  findings.found.resize(hits_.size());
+  findings.outer.clear();
+  for (std::size_t i = 0; i < hits_.size(); ++i) {
+    const std::uint32_t contact = order_.at(i);
+    const std::uint64_t key = order_.key_at(i);
+    const Hit& hit = hits_[contact];
+    findings.keys[i] = key;
+    findings.found[i] = {hit.slot_a, hit.slot_b, contact};
+    if (hit.outer) {
+      findings.outer.push_back(static_cast<std::uint32_t>(i));
+    }
+    if (setup_.hosts) {
+      host_.order_own_contact(frame_, key, contact);
+    }
+  }
+}
+
+// To a server in another process; one in this process reads them where they lie.
+bool CdNodeRole::send_collisions() {
+  link::Sender& out = *setup_.server.out;
+  const messages::RunHead to_server = head(MessageType::collision, Endpoint::server());
+  const bool shared = findings_ != &own_findings_;
+  for (; !shared && next_hit_ < hits_.size(); ++next_hit_) {
+    std::byte* where = collisions_run_.add(out, to_server, sizeof(messages::CollisionRecord), traffic_);
+    if (where == nullptr) {
+      return false;
+    }
+    const FoundContact& found = own_findings_.found[next_hit_];
+    const Contact& contact = own_findings_.contacts[found.contact];
+    new (where) messages::CollisionRecord{found.slot_a, found.slot_b, contact.depth, contact.normal, contact.point};
+  }
+  return (shared || collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_)) &&
+         done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()), sizeof(messages::NarrowDoneRecord),
+                        traffic_, [&](std::size_t, std::byte* where) {
+                          const messages::NarrowDoneRecord record{candidates_, tested_, hits_.size()};
+                          std::memcpy(where, &record, sizeof record);
+                        });
+}
+
+bool CdNodeRole::send_kinds() {
+  return kinds_run_.pump(*setup_.server.out, head(MessageType::kinds, Endpoint::server()), sizeof(messages::KindRecord),
+                         traffic_,
+                         [&](std::size_t i, std::byte* where) { std::memcpy(where, &kinds_[i], sizeof kinds_[i]); });
+}
+
+}  // namespace ringfence::nodes

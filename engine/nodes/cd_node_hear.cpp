@@ -1,0 +1,125 @@
+// What a CD node takes in from the server and its peers.
+#include <cassert>
+
+#include "nodes/cd_node_role.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+using messages::MessageView;
+
+bool CdNodeRole::listen(Line& line) {
+  return drain(*line.in, host_.state_bytes(), [this](const MessageView& message) { receive(message); });
+}
+
+void CdNodeRole::receive(const MessageView& message) {
+  switch (message.type()) {
+    case MessageType::hand_over: {
+      const NodeNumber from = Endpoint{message.header().source}.number();
+      if (lost_[from] != 0) {
+        return;  // the server has taken its objects back
+      }
+      heard_from_[from] += message.count();
+      hand_overs_heard_ += message.count();
+      host_.hear(message);
+      return;
+    }
+    case MessageType::frame_begin:
+      return begin(message.header().frame);
+    case MessageType::position_update:
+      return hear_positions(message);
+    case MessageType::pairs:
+      return hear_pairs(message);
+    case MessageType::confirm:
+      return hear_confirmed(message);
+    case MessageType::notify:
+      return hear_contacts(message);
+    case MessageType::region_map:
+      return hear_owners(message);
+    case MessageType::lost:
+      for (std::size_t i = 0; i < message.count(); ++i) {
+        hear_lost(message.record<messages::LostRecord>(i));
+      }
+      return;
+    case MessageType::probe:
+      return here_run_.start(0);
+    case MessageType::frame_end:
+      hand_overs_expected_ = message.record<messages::FrameEndRecord>(0).hand_overs;
+      end_heard_ = true;
+      return;
+    default:
+      host_.hear(message);
+  }
+}
+
+void CdNodeRole::hear_positions(const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto& record = message.view<messages::PositionRecord>(i);
+    if ((record.object.flags & messages::flag_gone) != 0) {
+      known_.forget(record.object.slot);
+    } else {
+      const bool staying =
+          setup_.hosts && host_.find(record.object.number) != NumberIndex::none && is_at_home(record.pose.position);
+      known_.set(record.object, record.pose, record.bounds, record.shape, record.layer, staying);
+    }
+  }
+  positions_heard_ |= message.last();
+}
+
+void CdNodeRole::hear_pairs(const MessageView& message) {
+  const auto bodies = known_.bodies();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto& pair = message.view<messages::PairRecord>(i);
+    const geometry::CandidatePair known{known_.find(pair.a), known_.find(pair.b)};
+    assert(known.a != KnownObjects::none && known.b != KnownObjects::none);
+    __builtin_prefetch(&bodies[known.a]);
+    __builtin_prefetch(&bodies[known.b]);
+    pairs_.push_back(known);
+    if (pairs_.size() == pairs_a_test) {
+      test_pairs();
+    }
+  }
+  pairs_heard_ |= message.last();
+}
+
+void CdNodeRole::hear_contacts(const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    // Between frames these are the last contacts of an object that was taken over.
+    if (stage_ == Stage::waiting) {
+      host_.add_late_contact(message.record<Contact>(i));
+    } else {
+      host_.add_contact(frame_, message.record<Contact>(i));
+    }
+  }
+  contacts_heard_ |= message.last() && stage_ != Stage::waiting;
+}
+
+void CdNodeRole::hear_confirmed(const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    host_.confirm(frame_, words_confirmed_++, message.record<messages::ConfirmRecord>(i).persists);
+  }
+}
+
+void CdNodeRole::hear_owners(const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    new_map_.push_back(message.record<messages::OwnerRecord>(i).owner);
+  }
+  if (message.last()) {
+    map_.assign(new_map_, static_cast<std::uint32_t>(setup_.peers.size()), message.header().epoch);
+    new_map_.clear();
+    // Under a new map the server tells everyone of everything in its region anew.
+    known_.clear();
+    map_is_new_ = true;
+  }
+}
+
+// The phases of what was found, and the rest of its way to the embedder.
+void CdNodeRole::hear_ranks() {
+  if (findings_ == &own_findings_ || !setup_.hosts) {
+    return;
+  }
+  findings_->write_rest(setup_.node, [&](std::uint32_t contact) { host_.confirm_begin(frame_, contact); });
+}
+
+}  // namespace ringfence::nodes

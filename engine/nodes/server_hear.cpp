@@ -1,0 +1,286 @@
+// What the server takes in from nodes and user nodes.
+#include <algorithm>
+
+#include "nodes/contact_order.hpp"
+#include "nodes/server_role.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::MessageType;
+using messages::MessageView;
+
+// Reads what a party has said, up to a size: one that never stops talking must not keep the others waiting.
+bool ServerRole::drain(Party& party) {
+  constexpr std::size_t most_at_once = 65536;
+  bool any = false;
+  std::size_t taken = 0;
+  for (auto bytes = party.line.in->next(); !bytes.empty();
+       bytes = taken < most_at_once ? party.line.in->next() : std::span<const std::byte>{}) {
+    taken += party.self.is_user() ? bytes.size() : 0;
+    MessageView message;
+    if (party.self.is_user() && is_over_quota(party, bytes)) {
+      refuse(party, Status::over_quota);
+    } else if (messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
+               ((message.header().source == party.self.value && message.header().frame == frame_) ||
+                (party.self.is_node() && message.type() == MessageType::here))) {
+      // An answer to a probe may come a frame late, and from before the sender was numbered anew.
+      receive(party, message);
+    } else {
+      refuse(party, Status::bad_message);
+    }
+    any = true;
+  }
+  if (any) {
+    party.line.in->release();
+    if (setup_.node_deadline_ns != 0) {
+      party.heard_ns = telemetry::now_ns();
+      party.probed_ns = 0;
+    }
+  }
+  return any;
+}
+
+// Whether the message is left out for its sender's having said too much. That it has told all is believed nevertheless,
+// and so is that it is done: otherwise the frame would wait for it.
+bool ServerRole::is_over_quota(Party& party, std::span<const std::byte> bytes) {
+  party.heard_bytes += bytes.size();
+  if (setup_.quotas.bytes == 0 || party.heard_bytes <= setup_.quotas.bytes) {
+    return false;
+  }
+  MessageView message;
+  const bool valid = messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
+                     message.header().source == party.self.value && message.header().frame == frame_;
+  if (valid && message.type() == MessageType::told) {
+    return false;
+  }
+  party.states_heard |= valid && message.type() == MessageType::state_update && message.last();
+  return true;
+}
+
+// Counted all, told the first of: a user node that sends rubbish must not make the server send as much.
+void ServerRole::refuse(Party& sender, Status reason, ObjectNumber number) {
+  refuse(reason);
+  if (sender.self.is_user() && sender.new_refusals.size() < Party::most_refusals) {
+    sender.new_refusals.push_back({number, static_cast<std::uint32_t>(reason)});
+  }
+}
+
+void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& header) noexcept {
+  TrafficReport& traffic = counts[static_cast<std::size_t>(traffic_of(static_cast<MessageType>(header.type)))];
+  ++traffic.messages;
+  traffic.records += header.count;
+  traffic.bytes += header.bytes;
+}
+
+// What is read where it lies counts as the message in its place.
+void ServerRole::count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept {
+  TrafficReport& traffic = report().traffic[static_cast<std::size_t>(kind)];
+  ++traffic.messages;
+  traffic.records += records;
+  traffic.bytes += records * bytes_each;
+}
+
+void ServerRole::receive(Party& party, const MessageView& message) {
+  add(report().traffic, message.header());
+  const bool node = party.self.is_node();
+  const bool tests = message.type() == MessageType::collision || message.type() == MessageType::narrow_done;
+  if (node && tests && message.header().epoch != map_.epoch()) {
+    return;  // what it found before a loss was known; it will find it again
+  }
+  switch (message.type()) {
+    case MessageType::state_update:
+      // Poses are frozen once a host has said its last word: what comes later would reach some nodes and not others.
+      return node || party.states_heard ? refuse(party, Status::bad_message) : hear_states(party, message);
+    case MessageType::node_state:
+      return node ? hear_node_states(party, message) : refuse(party, Status::bad_message);
+    case MessageType::collision:
+      return node ? hear_collisions(party, message) : refuse(party, Status::bad_message);
+    case MessageType::narrow_done:
+      return node && message.count() == 1 ? hear_tested(party, message) : refuse(party, Status::bad_message);
+    case MessageType::here:
+      return node ? void() : refuse(party, Status::bad_message);
+    case MessageType::kinds:
+      return node ? hear_kinds(message) : refuse(party, Status::bad_message);
+    case MessageType::told:
+      // Believed once, and not before the sender can have heard what it says that it has dealt with.
+      return message.count() == 1 && !party.told_heard && (stage_ == Stage::notifying || stage_ == Stage::closing)
+                 ? hear_told(party, message)
+                 : refuse(party, Status::bad_message);
+    default:
+      return refuse(party, Status::bad_message);
+  }
+}
+
+// M1. A user node may lie: what it says is taken for an object only if it hosts it and the pose can stand.
+void ServerRole::hear_states(Party& party, const MessageView& message) {
+  const std::uint64_t start = telemetry::now_ns();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    auto record = message.record<messages::StateRecord>(i);
+    if (setup_.quotas.updates != 0 && ++party.heard_updates > setup_.quotas.updates) {
+      refuse(party, Status::over_quota, record.object.number);
+      continue;
+    }
+    const std::uint32_t slot = objects_.find(record.object);
+    if (slot == NumberIndex::none) {
+      refuse(party, Status::stale_object, record.object.number);
+      continue;
+    }
+    ObjectRow& row = objects_.row(slot);
+    if (objects_.host(slot) != party.self) {
+      refuse(party, Status::not_host, record.object.number);
+      continue;
+    }
+    if (const Status status = make_valid(record.pose); status != Status::ok) {
+      refuse(party, status, record.object.number);
+      continue;
+    }
+    row.pose = record.pose;
+    row.object.flags = record.object.flags & messages::flag_present;
+    objects_.bounds(slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
+    std::copy_n(message.state<messages::StateRecord>(i), objects_.state_bytes(), objects_.state(slot));
+    objects_.mark_moved(slot);
+  }
+  party.states_heard |= message.last();
+  ingest_ns_ += telemetry::now_ns() - start;
+}
+
+void ServerRole::hear_node_states(Party& party, const MessageView& message) {
+  const std::uint64_t start = telemetry::now_ns();
+  constexpr std::size_t ahead = 12;
+  const bool sweeps = setup_.placement == Placement::server;
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    if (i + ahead < message.count()) {
+      const auto& soon = message.view<messages::ObjectRef>(i + ahead);
+      objects_.fetch(soon.slot, sweeps || (soon.flags & messages::flag_inner) == 0);
+    }
+    if (i + 2 * ahead < message.count()) {
+      __builtin_prefetch(message.at(i + 2 * ahead));
+      __builtin_prefetch(message.at(i + 2 * ahead) + 64);
+    }
+    const auto& record = message.view<messages::NodeStateRecord>(i);
+    const std::uint32_t slot = objects_.find(record.object);
+    if (slot == NumberIndex::none || objects_.host(slot) != party.self) {
+      refuse(party, slot == NumberIndex::none ? Status::stale_object : Status::not_host, record.object.number);
+      continue;
+    }
+    ObjectRow& row = objects_.row(slot);
+    row.pose = record.pose;
+    row.object.flags = record.object.flags & messages::flag_present;
+    const bool inner = (record.object.flags & messages::flag_inner) != 0;
+    std::uint8_t& marks = objects_.marks(slot);
+    marks |= static_cast<std::uint8_t>(reported_mark | (inner ? inner_mark : 0));
+    if ((record.object.flags & messages::flag_staying) == 0) {
+      leaving_.push_back(slot);
+    }
+    std::copy_n(message.state<messages::NodeStateRecord>(i), objects_.state_bytes(), objects_.state(slot));
+    const bool host_alone = inner && (marks & shared_mark) == 0;  // knows where it is: there is nobody to tell
+    if (sweeps || !host_alone) {
+      objects_.bounds(slot) = record.bounds;
+    } else {
+      bounds_are_stale_ = true;  // a line less a state; they follow from the pose when somebody asks
+    }
+    if (host_alone) {
+      marks |= told_mark;
+      objects_.mark_moved_alone(slot);
+    } else {
+      objects_.mark_moved(slot);
+    }
+  }
+  party.states_heard |= message.last();
+  ingest_ns_ += telemetry::now_ns() - start;
+}
+
+void ServerRole::hear_collisions(Party& party, const MessageView& message) {
+  const auto numbers = objects_.numbers();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto& record = message.view<messages::CollisionRecord>(i);
+    ledger_.receive(party.self.number(), ContactOrder::key(numbers[record.slot_a], numbers[record.slot_b]), record);
+  }
+}
+
+// A node's results count only whole: when it says how many pairs it tested, and all its contacts are here.
+void ServerRole::hear_tested(Party& party, const MessageView& message) {
+  const auto record = message.record<messages::NarrowDoneRecord>(0);
+  NodeReport& node = report().nodes[party.self.number()];
+  node.candidates = record.candidates;
+  node.tested = record.tested;
+  node.contacts = record.contacts;
+  report().tested += record.tested;
+  if (Findings* const findings = party.line.findings) {
+    ledger_.receive(party.self.number(), *findings);
+    count_shared(Traffic::m3, findings->keys.size(), sizeof(messages::CollisionRecord));
+  }
+  if (ledger_.received(party.self.number()) == record.contacts) {
+    report().accepted += record.tested;
+  } else {
+    refuse(party, Status::bad_message);
+  }
+  if (setup_.placement == Placement::region) {
+    report().candidates += record.candidates;
+  }
+  party.tested_heard = true;
+}
+
+void ServerRole::hear_kinds(const MessageView& message) {
+  auto& kinds = report().kinds;
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto record = message.record<messages::KindRecord>(i);
+    const auto first = static_cast<ShapeKind>(record.first);
+    const auto second = static_cast<ShapeKind>(record.second);
+    auto at = std::find_if(kinds.begin(), kinds.end(),
+                           [&](const KindReport& kind) { return kind.first == first && kind.second == second; });
+    if (at == kinds.end()) {
+      at = kinds.emplace(kinds.end());
+      at->first = first;
+      at->second = second;
+    }
+    at->candidates += record.candidates;
+    at->hits += record.hits;
+    at->lanes += record.lanes;
+    at->lanes_filled += record.lanes_filled;
+    at->iterations += record.iterations;
+    at->ended_early += record.ended_early;
+    at->timed += record.timed;
+    at->nanoseconds += record.nanoseconds;
+    at->gather_nanoseconds += record.gather_nanoseconds;
+    for (std::size_t k = 0; k < cost_buckets; ++k) at->cost[k] += record.cost[k];
+  }
+}
+
+void ServerRole::hear_told(Party& party, const MessageView& message) {
+  const auto record = message.record<messages::ToldRecord>(0);
+  FrameReport& frame = report();
+  frame.refused[static_cast<std::size_t>(Status::model_failed)] += record.model_failed;
+  frame.refused[static_cast<std::size_t>(Status::not_finite)] += record.not_finite;
+  frame.refused[static_cast<std::size_t>(Status::not_unit)] += record.not_unit;
+  if (party.self.is_node()) {
+    NodeReport& node = frame.nodes[party.self.number()];
+    node.busy_ms = telemetry::to_ms(record.busy_ns);
+    node.cpu_ms = telemetry::to_ms(record.cpu_ns);
+    node.move_ms = telemetry::to_ms(record.move_ns);
+    node.broad_phase_ms = telemetry::to_ms(record.broad_phase_ns);
+    node.narrow_phase_ms = telemetry::to_ms(record.narrow_phase_ns);
+    PathReport& path = frame.path;
+    path.node_move_ms = std::max(path.node_move_ms, telemetry::to_ms(record.move_cpu_ns));
+    path.node_detect_ms = std::max(path.node_detect_ms, telemetry::to_ms(record.detect_cpu_ns));
+    path.node_end_ms =
+        std::max(path.node_end_ms, telemetry::to_ms(record.cpu_ns - record.move_cpu_ns - record.detect_cpu_ns));
+    node.hosted = record.hosted;
+    node.handed_over = record.handed_over;
+    TrafficReport& m5 = frame.traffic[static_cast<std::size_t>(Traffic::m5)];
+    m5.messages += record.m5_messages;
+    m5.records += record.handed_over;
+    m5.bytes += record.m5_bytes;
+  } else {
+    frame.path.user_move_ms += telemetry::to_ms(record.move_ns);
+    frame.path.user_look_ms += telemetry::to_ms(record.busy_ns);
+    // Every user node also tells the others, once: the publication.
+    TrafficReport& m1 = frame.traffic[static_cast<std::size_t>(Traffic::m1)];
+    m1.records += record.published;
+    m1.bytes += record.published * sizeof(link::PublishedState);
+  }
+  party.told_heard = true;
+}
+
+}  // namespace ringfence::nodes
