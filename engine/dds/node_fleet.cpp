@@ -339,17 +339,6 @@ void NodeFleet::close() noexcept {
   try {
     const std::lock_guard lock(mutex_);
     server_bell_.store(nullptr, std::memory_order_release);
-    for (const auto& [incarnation, node] : nodes_) {
-      if (node->path != nullptr && !node->dismissed) {
-        node->path->say(ParcelKind::dismissed, {});
-        node->path->flush();
-      }
-    }
-    for (const auto& [incarnation, node] : nodes_) {
-      if (node->path != nullptr && !node->gone.load(std::memory_order_acquire)) {
-        dds_wait_for_acks(node->writer.get(), DDS_MSECS(200));
-      }
-    }
     seats_.clear();
     seated_.clear();
     TermsSample sample{};

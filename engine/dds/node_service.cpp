@@ -63,6 +63,7 @@ class NodeService::Implementation {
     const GivesWay gives_way;
     // What a full network makes wait, nothing rings for.
     constexpr std::chrono::milliseconds tick(20);
+    log(LogLevel::info, "waits for a World in domain " + std::to_string(domain_.number()));
     while (!ending_) {
       bell_.wait_for([this] { return is_rung(); }, tick);
       while (step() && !ending_) {
@@ -124,6 +125,9 @@ class NodeService::Implementation {
       const bool parcels = parcels_wait_.exchange(false, std::memory_order_acquire);
       spoken_to_ |= parcels;
       progressed = session_->step(parcels);
+      if (session_->has_seat() && !std::exchange(serves_, true)) {
+        log(LogLevel::info, "has a seat and serves the World");
+      }
       if (session_->is_over()) {
         end_session();
         progressed = true;
@@ -187,6 +191,7 @@ class NodeService::Implementation {
   }
 
   void begin_session() {
+    serves_ = false;
     session_ = std::make_unique<NodeSession>(domain_, *world_, presence_.get(), up_.get(), config_.name, parcel_hook_);
   }
 
@@ -288,6 +293,7 @@ class NodeService::Implementation {
   bool silent_ = false;
   bool spoken_to_ = false;  ///< since it was last asked whether the World is silent
   bool renew_readers_ = false;
+  bool serves_ = false;  ///< the session has its seat, and that was logged
 };
 
 NodeService::NodeService(NodeServiceConfig config)
