@@ -81,6 +81,7 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
   setup.shares_thread = !threaded() || node_workers[node] == nullptr;
   setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
   setup.remember_axes = config.remember_axes;
+  setup.keeps_states = config.interest == 0;  // else the server relays them to users
   setup.objects = share_of(config.capacities.objects, count);
   setup.pairs = share_of(config.capacities.pairs, count);
   setup.server = node_ways[node]->second();

@@ -199,7 +199,8 @@ std::span<const std::span<const SeenState>> World::seen_by(UserNumber user) cons
 
 namespace {
 
-ObjectView view_of(const nodes::ObjectTable& objects, std::uint32_t slot) {
+ObjectView view_of(const nodes::ServerRole& server, std::uint32_t slot) {
+  const nodes::ObjectTable& objects = server.objects();
   const nodes::ObjectRow& row = objects.row(slot);
   const nodes::ObjectOrigin& origin = objects.origin(slot);
   ObjectView view;
@@ -211,7 +212,7 @@ ObjectView view_of(const nodes::ObjectTable& objects, std::uint32_t slot) {
                (row.object.flags & messages::flag_present) != 0,
                origin.user,
                origin.user_data,
-               row.pose};
+               server.pose(slot)};
   return view;
 }
 
@@ -225,7 +226,7 @@ ObjectView World::object(ObjectId object) const noexcept {
   const nodes::ObjectTable& table = w.server->objects();
   const std::uint32_t slot = table.find(object.number());
   const bool there = slot != nodes::NumberIndex::none && table.row(slot).object.generation == object.generation();
-  return there ? view_of(table, slot) : ObjectView{};
+  return there ? view_of(*w.server, slot) : ObjectView{};
 }
 
 std::vector<ObjectView> World::objects() const {
@@ -238,7 +239,7 @@ std::vector<ObjectView> World::objects() const {
   views.reserve(table.live());
   for (std::uint32_t slot = 0; slot < table.slots(); ++slot) {
     if (table.alive(slot)) {
-      views.push_back(view_of(table, slot));
+      views.push_back(view_of(*w.server, slot));
     }
   }
   std::sort(views.begin(), views.end(),

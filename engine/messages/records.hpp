@@ -25,6 +25,9 @@ enum ObjectFlag : std::uint32_t {
   flag_gone = 2,     ///< position_update: the object is no longer in the receiver's region
   flag_inner = 4,    ///< node_state: present, and all cells that the bounds touch are the sender's
   flag_staying = 8,  ///< node_state: by its position and the map as it is, the sender hosts it in the next frame too
+  flag_kept = 16,   ///< node_state: both hold, and while they do the sender keeps further states to itself; they are to
+                    ///< be read in memory that it shares with the server
+  flag_rests = 32,  ///< node_state: as in the frame before; told because the sender keeps it to itself no more
 };
 
 /// M1. Followed by the model's state.
@@ -113,6 +116,7 @@ struct ToldRecord {
   std::uint64_t published = 0;  ///< states in the role's publication
   std::uint64_t move_cpu_ns = 0,
                 detect_cpu_ns = 0;  ///< of cpu_ns: until all states are told; from then to all contacts
+  std::uint64_t kept = 0;           ///< states that changed and that the sender kept to itself
 };
 
 /// A node's narrow phase by two kinds of shapes; see KindReport.
@@ -148,7 +152,7 @@ static_assert(sizeof(DropRecord) == 16);
 static_assert(sizeof(PlaceRecord) == 56);
 static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 8 && sizeof(RefusedRecord) == 8);
 static_assert(sizeof(KindRecord) == 240);
-static_assert(sizeof(ToldRecord) == 120);
+static_assert(sizeof(ToldRecord) == 128);
 static_assert(sizeof(LostRecord) == 16);
 static_assert(std::is_trivially_copyable_v<CollisionRecord> && std::is_trivially_copyable_v<HandOverRecord>);
 

@@ -111,6 +111,11 @@ void CdNodeRole::hear_owners(const MessageView& message) {
     // Under a new map the server tells everyone of everything in its region anew.
     known_.clear();
     map_is_new_ = true;
+    // Under a map that is drawn at the end of a frame regions may shrink; where nodes were lost they only grow, and
+    // what nobody else had to know of stays so.
+    if (stage_ == Stage::ending) {
+      host_.forget_kept();
+    }
   }
 }
 

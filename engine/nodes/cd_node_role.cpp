@@ -24,6 +24,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       heard_from_(setup.peers.size()),
       lost_(setup.peers.size()),
       findings_(setup.server.findings != nullptr ? setup.server.findings : &own_findings_),
+      keeps_(setup.server.findings != nullptr && setup.placement == Placement::region && setup.keeps_states),
       leavers_(setup.peers.size()),
       hand_over_runs_(setup.peers.size()) {
   pairs_.reserve(pairs_a_test);
@@ -34,6 +35,10 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   narrow_.remember_axes(setup.remember_axes);
   movers_.reserve(setup.objects);
   host_.reserve_contacts(setup.objects);
+  findings_->host = &host_;
+  if (keeps_) {
+    findings_->kept.reserve(setup.objects, host_.state_bytes());
+  }
 }
 
 messages::RunHead CdNodeRole::head(MessageType type, Endpoint to) const noexcept {
@@ -97,6 +102,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   {
     TrackedTime time(setup_.track, "move", told_.move_ns);
     host_.begin_move(frame);
+    findings_->kept.begin(frame);
   }
   stage_ = Stage::moving;
 }
@@ -109,6 +115,9 @@ bool CdNodeRole::move() {
   const std::size_t bytes = sizeof(messages::NodeStateRecord) + host_.state_bytes();
   for (;;) {
     for (; next_changed_ < changed_.size(); ++next_changed_) {
+      if (!tells_[next_changed_]) {
+        continue;
+      }
       std::byte* where = states_run_.add(*setup_.server.out, to_server, bytes, traffic_);
       if (where == nullptr) {
         return false;
@@ -116,15 +125,16 @@ bool CdNodeRole::move() {
       tell_own_move(next_changed_, where);
     }
     if (!host_.move_next()) {
+      findings_->kept.finish();
       return states_run_.finish(*setup_.server.out, to_server, bytes, traffic_);
     }
     changed_ = host_.changed();
     next_changed_ = 0;
     bound_batch();
+    place_batch();
   }
 }
 
-// Apart from the telling: what is read again as a whole right after it was written in parts stalls the processor.
 void CdNodeRole::bound_batch() {
   for (std::size_t i = 0; i < changed_.size(); ++i) {
     const Hosted& object = host_[changed_[i]];
@@ -133,27 +143,45 @@ void CdNodeRole::bound_batch() {
   }
 }
 
+// Apart from the bounding: what is read again as a whole right after it was written in parts stalls the processor.
+void CdNodeRole::place_batch() {
+  for (std::size_t i = 0; i < changed_.size(); ++i) {
+    const Hosted& object = host_[changed_[i]];
+    if (!host_.differs()[i]) {
+      changed_flags_[i] = messages::flag_present | messages::flag_inner | messages::flag_staying | messages::flag_rests;
+      tells_[i] = true;
+      host_.keep(changed_[i], false);
+      continue;
+    }
+    const bool present = (object.object.flags & messages::flag_present) != 0;
+    const bool staying = is_at_home(object.pose.position);
+    const regions::Cover cover = present ? map_.cover(changed_bounds_[i], setup_.node) : regions::Cover::none;
+    if (cover != regions::Cover::none) {
+      known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer, staying);
+    } else {
+      known_.forget(object.object.slot);
+    }
+    if (!staying) {
+      movers_.push_back(object.object.number);
+    }
+    const bool inner = cover == regions::Cover::all;
+    const bool keeps = keeps_ && inner && staying;
+    tells_[i] = !keeps || (object.object.flags & messages::flag_kept) == 0;
+    if (!tells_[i]) {
+      findings_->kept.add(frame_, object.object, object.pose, host_.state(changed_[i]));
+      ++told_.kept;
+    }
+    changed_flags_[i] = (present ? messages::flag_present : 0u) | (inner ? messages::flag_inner : 0u) |
+                        (staying ? messages::flag_staying : 0u) | (keeps ? messages::flag_kept : 0u);
+    host_.keep(changed_[i], keeps);
+  }
+}
+
 // The server tells a node of every object in its region but those that the node itself hosts and reported.
 void CdNodeRole::tell_own_move(std::size_t i, std::byte* where) {
   const Hosted& object = host_[changed_[i]];
-  const geometry::Bounds& bounds = changed_bounds_[i];
-  const bool present = (object.object.flags & messages::flag_present) != 0;
-  const bool staying = is_at_home(object.pose.position);
-  const regions::Cover cover = map_.cover(bounds, setup_.node);
-  std::uint32_t flags = object.object.flags;
-  if (present && cover != regions::Cover::none) {
-    flags |= cover == regions::Cover::all ? messages::flag_inner : 0u;
-    known_.set(object.object, object.pose, bounds, object.shape, object.layer, staying);
-  } else {
-    known_.forget(object.object.slot);
-  }
-  if (staying) {
-    flags |= messages::flag_staying;
-  } else {
-    movers_.push_back(object.object.number);
-  }
-  auto* record = new (where) messages::NodeStateRecord{object.object, object.pose, bounds};
-  record->object.flags = flags;
+  auto* record = new (where) messages::NodeStateRecord{object.object, object.pose, changed_bounds_[i]};
+  record->object.flags = changed_flags_[i];
   if (host_.state_bytes() != 0) {
     std::memcpy(where + sizeof *record, host_.state(changed_[i]), host_.state_bytes());
   }

@@ -39,8 +39,9 @@ struct CdNodeSetup {
   bool shares_thread = false;         ///< other roles run on its thread: its CPU time is then the time that it was busy
   telemetry::Track* track = nullptr;  ///< null: nothing is noted
   bool remember_axes = true;          ///< see narrow_phase::NarrowPhase
-  std::size_t objects = 0;            ///< reserved
-  std::size_t pairs = 0;              ///< reserved
+  bool keeps_states = true;  ///< keeps states to itself that the server can read in shared memory (placement region)
+  std::size_t objects = 0;   ///< reserved
+  std::size_t pairs = 0;     ///< reserved
   Line server;
   std::vector<Line> peers;  ///< by node number; the own entry is empty
 };
@@ -77,6 +78,7 @@ class CdNodeRole {
   void begin(std::uint64_t frame);
   bool move();
   void bound_batch();
+  void place_batch();
   void tell_own_move(std::size_t i, std::byte* where);
   void hear_positions(const messages::MessageView& message);
   void hear_pairs(const messages::MessageView& message);
@@ -138,6 +140,7 @@ class CdNodeRole {
   FlatList<Hit> hits_;        ///< parallel to the host's own contacts: in the order in which they were found
   Findings own_findings_;     ///< where the server cannot read what is shared
   Findings* findings_;        ///< by (a, b)
+  bool keeps_;                ///< states of which nobody else need know are not told
   std::size_t next_hit_ = 0;  ///< of these, to be sent
   std::uint64_t candidates_ = 0;
   std::uint64_t tested_ = 0;
@@ -145,7 +148,9 @@ class CdNodeRole {
   std::span<const std::uint32_t> changed_;  ///< of the batch that was moved last
   std::size_t next_changed_ = 0;            ///< of these, to be sent
   std::array<geometry::Bounds, Host::batch> changed_bounds_;
-  std::vector<ObjectNumber> movers_;  ///< hosted ones that stand in another node's cell
+  std::array<std::uint32_t, Host::batch> changed_flags_;  ///< ObjectFlag bits of their records
+  std::array<bool, Host::batch> tells_;                   ///< which of them the server is told of
+  std::vector<ObjectNumber> movers_;                      ///< hosted ones that stand in another node's cell
   ContactOrder order_;
   std::size_t words_confirmed_ = 0;
   bool map_is_new_ = false;                         ///< heard in this frame

@@ -52,7 +52,7 @@ void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map,
 }
 
 void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot, bool everything) {
-  std::uint8_t& marks = objects.marks(slot);
+  ObjectMarks& marks = objects.marks(slot);
   const bool present = objects.present()[slot] != 0;
   const Endpoint host = objects.host(slot);
   const bool cuts = map.has_cuts();
@@ -98,8 +98,8 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
   if (cuts && present) {
     objects.told_bounds(slot) = objects.bounds()[slot];
   }
-  marks = static_cast<std::uint8_t>((marks & ~(told_mark | shared_mark)) | (present ? told_mark : 0) |
-                                    (shared ? shared_mark : 0));
+  marks = static_cast<ObjectMarks>((marks & ~(told_mark | shared_mark)) | (present ? told_mark : 0) |
+                                   (shared ? shared_mark : 0));
 }
 
 void Dispatch::start() {

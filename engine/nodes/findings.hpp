@@ -5,10 +5,13 @@
 #include <cstring>
 
 #include "nodes/flat_list.hpp"
+#include "nodes/kept_states.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/ids.hpp"
 
 namespace ringfence::nodes {
+
+class Host;
 
 /// The slots of a contact's two objects, and the node that found it.
 struct Found {
@@ -37,6 +40,8 @@ struct FoundContact {
 /// more but the phases of its contacts; the server writes to its part no more, and keeps what it may still write to.
 struct Findings {
   // The node's part.
+  const Host* host = nullptr;         ///< the node's; set once. Read between frames
+  KeptStates kept;                    ///< states that it did not tell; its own rules hold
   const Contact* contacts = nullptr;  ///< as they were found
   FlatList<std::uint64_t> keys;       ///< ContactOrder::key, ascending
   FlatList<FoundContact> found;       ///< parallel to keys

@@ -12,6 +12,7 @@
 
 namespace ringfence::nodes {
 
+using messages::flag_kept;
 using messages::flag_present;
 
 Host::Host(const MotionModel* model, std::size_t objects)
@@ -20,14 +21,17 @@ Host::Host(const MotionModel* model, std::size_t objects)
   states_.reserve(objects * state_bytes_);
   touched_.reserve(objects);
   changed_.reserve(objects);
+  differs_.reserve(objects);
   contact_begin_.reserve(objects + 1);
   steered_.reserve(64);
   scratch_.resize(batch * state_bytes_);
 }
 
 void Host::adopt(const messages::HandOverRecord& record, const std::byte* state) {
+  drop(record.object.number);
   index_.set(record.object.number, static_cast<std::uint32_t>(hosted_.size()));
   hosted_.push_back({record.object, record.pose, record.user_data, record.shape, record.layer, record.category});
+  hosted_.back().object.flags &= flag_present;
   states_.resize(states_.size() + state_bytes_);
   std::copy_n(state, state_bytes_, states_.end() - state_bytes_);
   touched_.push_back(0);
@@ -51,9 +55,16 @@ void Host::drop(ObjectNumber number) {
   states_.resize(last * state_bytes_);
 }
 
+void Host::keep(std::size_t i, bool kept) noexcept {
+  std::uint32_t& flags = hosted_[i].object.flags;
+  flags = kept ? flags | flag_kept : flags & ~flag_kept;
+}
+
 messages::HandOverRecord Host::hand_over(std::size_t i) const noexcept {
   const Hosted& hosted = hosted_[i];
-  return {hosted.object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category};
+  messages::ObjectRef object = hosted.object;
+  object.flags &= flag_present;
+  return {object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category};
 }
 
 bool Host::place(ObjectNumber number, const Pose& pose, bool present) {
@@ -253,6 +264,7 @@ void Host::begin_move(std::uint64_t frame) {
   next_moved_ = 0;
   changed_.clear();
   refusals_ = {};
+  kept_mask_ = std::exchange(forget_kept_, false) ? 0u : flag_kept;
   if (model_ != nullptr) {
     sort_contacts(gather_contacts(frame));
   }
@@ -283,14 +295,19 @@ void Host::move_batches(std::size_t first, std::size_t end) {
 
 void Host::collect_changed(std::size_t first, std::size_t end) {
   changed_.resize(end - first);
+  differs_.resize(end - first);
   std::size_t changed = 0;
   for (std::size_t i = first; i < end; ++i) {
+    std::uint32_t& flags = hosted_[i].object.flags;
+    flags &= flag_present | kept_mask_;
     changed_[changed] = static_cast<std::uint32_t>(i);
-    changed += touched_[i];
+    differs_[changed] = touched_[i];
+    changed += touched_[i] | (flags / flag_kept);
   }
   std::fill(touched_.begin() + static_cast<std::ptrdiff_t>(first), touched_.begin() + static_cast<std::ptrdiff_t>(end),
             std::uint8_t{0});
   changed_.resize(changed);
+  differs_.resize(changed);
 }
 
 void Host::move_batch(std::size_t first, std::size_t count) {
@@ -363,7 +380,7 @@ void Host::accept(std::size_t first, std::size_t count) {
 
 bool Host::accept(std::size_t i, const MotionOutput& output, const std::byte* next) {
   Hosted& hosted = hosted_[i];
-  const std::uint32_t flags = output.present ? flag_present : 0u;
+  const std::uint32_t flags = (output.present ? flag_present : 0u) | (hosted.object.flags & flag_kept);
   const bool moved = !(output.pose == hosted.pose);  // a pose that holds NaN counts as moved, and is refused
   if (moved) {
     Pose pose = output.pose;

@@ -18,7 +18,7 @@ namespace ringfence::nodes {
 
 /// An object in the hands of its host: S(k), without the model's part.
 struct Hosted {
-  messages::ObjectRef object;  ///< flags: flag_present
+  messages::ObjectRef object;  ///< flags: flag_present, flag_kept
   Pose pose;
   std::uint64_t user_data = 0;
   ShapeNumber shape = 0;
@@ -51,10 +51,14 @@ class Host {
   /// Index of a hosted object, or NumberIndex::none.
   std::uint32_t find(ObjectNumber number) const noexcept { return index_.find(number); }
 
-  /// Takes over an object with its whole state.
+  /// Takes over an object with its whole state; what it had of one of that number is forgotten.
   void adopt(const messages::HandOverRecord& record, const std::byte* state);
   /// Forgets an object. The last one takes its index. Does nothing if it is not hosted.
   void drop(ObjectNumber number);
+  /// Sets or takes off flag_kept of hosted object i: its host keeps its states to itself. place() takes it off, too.
+  void keep(std::size_t i, bool kept) noexcept;
+  /// Takes it off all in the next move.
+  void forget_kept() noexcept { forget_kept_ = true; }
   /// What the next host must be given.
   messages::HandOverRecord hand_over(std::size_t i) const noexcept;
   /// Sets the pose from outside before the next move; the model goes on from there. False if it is not hosted.
@@ -99,13 +103,15 @@ class Host {
   void reserve_contacts(std::size_t contacts);
 
   /// S(frame) of all hosted objects from S(frame - 1) and C(frame - 1). Afterwards changed() lists those whose pose,
-  /// presence or state differ.
+  /// presence or state differ, and those with flag_kept, which is how they come to be told when they rest.
   void move(std::uint64_t frame);
   /// The same a batch at a time, so that what changed can be told while it is still in the cache: begin_move(), then
   /// move_next() until it answers false; changed() then lists those of the last batch. Precondition: nothing steered.
   void begin_move(std::uint64_t frame);
   bool move_next();
   std::span<const std::uint32_t> changed() const noexcept { return changed_.span(); }
+  /// Parallel to it, one byte each: whether it differs.
+  std::span<const std::uint8_t> differs() const noexcept { return differs_.span(); }
   const HostRefusals& refusals() const noexcept { return refusals_; }
 
  private:
@@ -142,7 +148,9 @@ class Host {
   std::size_t state_bytes_;
   FlatList<Hosted> hosted_;
   FlatList<std::byte> states_;
-  std::vector<std::uint8_t> touched_;  ///< placed since the last move: counts as changed
+  std::vector<std::uint8_t> touched_;  ///< differs, or was placed since the last move
+  bool forget_kept_ = false;
+  std::uint32_t kept_mask_ = messages::flag_kept;  ///< of the flags that go on in this move
   NumberIndex index_;
   ContactList lists_[2];  ///< by parity of the frame
   ContactList late_;
@@ -156,6 +164,7 @@ class Host {
   };
   std::vector<Steered> steered_;
   FlatList<std::uint32_t> changed_;
+  FlatList<std::uint8_t> differs_;
   std::uint64_t frame_ = 0;     ///< that is being moved
   std::size_t next_moved_ = 0;  ///< of move_next()
   HostRefusals refusals_;

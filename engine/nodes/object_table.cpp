@@ -78,7 +78,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
 
 void ObjectTable::end(std::uint32_t slot) {
   ObjectRow& row = rows_[slot];
-  marks_[slot] &= static_cast<std::uint8_t>(~alive_mark);
+  marks_[slot] &= static_cast<ObjectMarks>(~alive_mark);
   row.object.flags = 0;
   index_.erase(row.object.number);
   ended_.push_back(slot);
@@ -88,7 +88,7 @@ void ObjectTable::end(std::uint32_t slot) {
 void ObjectTable::settle() {
   // What moved rests from the next frame on, unless it moves again: mark_moved clears the byte then.
   for (const std::uint32_t slot : moved_) {
-    marks_[slot] &= static_cast<std::uint8_t>(~(moved_mark | reported_mark | inner_mark));
+    marks_[slot] &= static_cast<ObjectMarks>(~(moved_mark | reported_mark | inner_mark));
     resting_[slot] = 1;
   }
   moved_.clear();

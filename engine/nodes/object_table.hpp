@@ -32,15 +32,17 @@ struct ObjectOrigin {
 };
 
 /// What holds of an object, as bits.
-enum ObjectMark : std::uint8_t {
+using ObjectMarks = std::uint16_t;
+enum ObjectMark : ObjectMarks {
   alive_mark = 1,
-  told_mark = 2,       ///< nodes have been told of the object: those of ObjectTable::told(), if shared_mark
-  shared_mark = 4,     ///< perhaps others than its host have been told of it; else the host alone knows it
-  moved_mark = 8,      ///< listed in moved()
-  reported_mark = 16,  ///< this frame's state came from the CD node that hosts it
-  inner_mark = 32,     ///< and it says that all cells that the bounds touch are its own
-  rescued_mark = 64,   ///< of a lost node, in the server's hands until the next cut
-  rehosted_mark = 128  ///< at this cut, from one host to another
+  told_mark = 2,        ///< nodes have been told of the object: those of ObjectTable::told(), if shared_mark
+  shared_mark = 4,      ///< perhaps others than its host have been told of it; else the host alone knows it
+  moved_mark = 8,       ///< listed in moved()
+  reported_mark = 16,   ///< this frame's state came from the CD node that hosts it
+  inner_mark = 32,      ///< and it says that all cells that the bounds touch are its own
+  rescued_mark = 64,    ///< of a lost node, in the server's hands until the next cut
+  rehosted_mark = 128,  ///< at this cut, from one host to another
+  kept_mark = 256       ///< its host keeps its states to itself: row, state and bounds here may be of an earlier frame
 };
 
 /// The server's table of objects, by slot. A slot belongs to one object from its spawn to the frame after its end.
@@ -65,7 +67,14 @@ class ObjectTable {
   std::span<const ObjectNumber> numbers() const noexcept { return numbers_; }
   bool alive(std::uint32_t slot) const noexcept { return (marks_[slot] & alive_mark) != 0; }
   /// ObjectMark bits; the table itself keeps alive_mark and moved_mark.
-  std::uint8_t& marks(std::uint32_t slot) noexcept { return marks_[slot]; }
+  ObjectMarks& marks(std::uint32_t slot) noexcept { return marks_[slot]; }
+  ObjectMarks marks(std::uint32_t slot) const noexcept { return marks_[slot]; }
+  /// Takes kept_mark off all.
+  void forget_kept() noexcept {
+    for (ObjectMarks& marks : marks_) {
+      marks = static_cast<ObjectMarks>(marks & ~kept_mark);
+    }
+  }
   /// Who moves the object; none while nobody does.
   messages::Endpoint host(std::uint32_t slot) const noexcept { return hosts_[slot]; }
   std::span<const messages::Endpoint> hosts() const noexcept { return hosts_; }
@@ -136,7 +145,7 @@ class ObjectTable {
   std::vector<ObjectOrigin> origins_;
   std::vector<ObjectNumber> numbers_;
   std::vector<std::uint8_t> layers_;
-  std::vector<std::uint8_t> marks_;
+  std::vector<ObjectMarks> marks_;
   std::vector<messages::Endpoint> hosts_;
   FlatList<regions::CellBox> told_;
   FlatList<geometry::Bounds> told_bounds_;

@@ -52,6 +52,7 @@ void ServerRole::cut() {
     return true;
   });
   hand_overs_.clear();
+  kept_moved_ = 0;
   losses_to_tell_ = false;
   stage_ = Stage::opening;
 }
@@ -124,7 +125,7 @@ void ServerRole::apply(const Request& request) {
   } else if (request.kind == Request::Kind::place) {
     place(slot, request.spec.pose, true);
   } else {
-    place(slot, objects_.row(slot).pose, false);
+    place(slot, pose(slot), false);
   }
 }
 
@@ -197,7 +198,20 @@ void ServerRole::end_object(std::uint32_t slot) {
   objects_.end(slot);
 }
 
+// The host forgets that it keeps an object to itself when it is told where to place it.
+void ServerRole::let_go(std::uint32_t slot) {
+  if ((objects_.marks(slot) & kept_mark) == 0) {
+    return;
+  }
+  const Host& host = *nodes_[objects_.host(slot).number()].line.findings->host;
+  const std::uint32_t at = host.find(objects_.row(slot).object.number);
+  objects_.row(slot).pose = host[at].pose;
+  std::copy_n(host.state(at), objects_.state_bytes(), objects_.state(slot));
+  objects_.marks(slot) = static_cast<ObjectMarks>(objects_.marks(slot) & ~kept_mark);
+}
+
 void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {
+  let_go(slot);
   ObjectRow& row = objects_.row(slot);
   row.pose = pose;
   row.object.flags = present ? messages::flag_present : 0u;
@@ -259,7 +273,7 @@ void ServerRole::tell_late_contacts(std::span<const Rehosting> changes) {
     }
   }
   for (const Rehosting& change : changes) {
-    objects_.marks(change.slot) &= static_cast<std::uint8_t>(~rehosted_mark);
+    objects_.marks(change.slot) &= static_cast<ObjectMarks>(~rehosted_mark);
   }
 }
 

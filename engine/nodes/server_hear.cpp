@@ -168,8 +168,11 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
     const bool inner = (record.object.flags & messages::flag_inner) != 0;
-    std::uint8_t& marks = objects_.marks(slot);
-    marks |= static_cast<std::uint8_t>(reported_mark | (inner ? inner_mark : 0));
+    ObjectMarks& marks = objects_.marks(slot);
+    const bool kept = (record.object.flags & messages::flag_kept) != 0 && party.line.findings != nullptr;
+    marks = static_cast<ObjectMarks>((marks & ~kept_mark) | reported_mark | (inner ? inner_mark : 0) |
+                                     (kept ? kept_mark : 0));
+    kept_moved_ -= (record.object.flags & messages::flag_rests) != 0 ? 1 : 0;  // counts as moved, but has not
     if ((record.object.flags & messages::flag_staying) == 0) {
       leaving_.push_back(slot);
     }
@@ -267,6 +270,10 @@ void ServerRole::hear_told(Party& party, const MessageView& message) {
     path.node_end_ms =
         std::max(path.node_end_ms, telemetry::to_ms(record.cpu_ns - record.move_cpu_ns - record.detect_cpu_ns));
     node.hosted = record.hosted;
+    if (record.kept != 0) {
+      kept_moved_ += static_cast<std::int64_t>(record.kept);
+      count_shared(Traffic::state, record.kept, sizeof(messages::NodeStateRecord) + objects_.state_bytes());
+    }
     node.handed_over = record.handed_over;
     TrafficReport& m5 = frame.traffic[static_cast<std::size_t>(Traffic::m5)];
     m5.messages += record.m5_messages;

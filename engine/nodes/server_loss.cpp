@@ -82,7 +82,7 @@ void ServerRole::spread_cells() {
 
 void ServerRole::take_back(std::uint32_t slot) {
   objects_.set_host(slot, Endpoint::server());
-  objects_.marks(slot) |= rescued_mark;
+  objects_.marks(slot) = static_cast<ObjectMarks>((objects_.marks(slot) & ~kept_mark) | rescued_mark);
   rescued_ = true;
 }
 
@@ -91,6 +91,7 @@ void ServerRole::rescue_objects(NodeNumber node) {
   while (rescue_.size() != 0) {
     rescue_.drop(rescue_[0].object.number);
   }
+  read_kept(node, frame_ - 1);
   for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
     if (!objects_.alive(slot) || objects_.host(slot) != gone) {
       continue;
@@ -129,6 +130,7 @@ void ServerRole::detect_again() {
 
 // Contacts are known. What the node was to give to others will not come, or has come and is given again at the cut.
 void ServerRole::forgo_hand_overs(NodeNumber node) {
+  read_kept(node, frame_);
   for (const HandOver& change : hand_overs_) {
     Party& to = nodes_[change.to];
     if (change.from != node || to.lost) {
@@ -268,7 +270,7 @@ void ServerRole::restore_objects() {
     }
   }
   for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
-    objects_.marks(slot) &= static_cast<std::uint8_t>(~rescued_mark);
+    objects_.marks(slot) &= static_cast<ObjectMarks>(~rescued_mark);
   }
   rescued_ = false;
 }

@@ -46,6 +46,7 @@ void ServerRole::draw_map() {
   if (!table.empty()) {
     map_.assign(table, nodes, map_.epoch() + 1);
     map_changed_ = true;
+    objects_.forget_kept();  // and so do the nodes
   }
 }
 
@@ -77,7 +78,7 @@ std::span<const std::uint32_t> ServerRole::share_out(std::uint32_t& nodes) {
 }
 
 void ServerRole::weigh_cells() {
-  refresh_bounds();
+  refresh_objects();
   balance_.start_weighing();
   std::uint32_t point[3];
   for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {

@@ -122,7 +122,49 @@ void ServerRole::take_moves(Host& host) {
   report().refused[static_cast<std::size_t>(Status::not_unit)] += refusals.not_unit;
 }
 
-void ServerRole::refresh_bounds() {
+const Pose& ServerRole::pose(std::uint32_t slot) const noexcept {
+  const ObjectRow& row = objects_.row(slot);
+  if ((objects_.marks(slot) & kept_mark) == 0) {
+    return row.pose;
+  }
+  const Host& host = *nodes_[objects_.host(slot).number()].line.findings->host;
+  return host[host.find(row.object.number)].pose;
+}
+
+// Takes over what a node has kept to itself, as the node moved it in `frame`.
+void ServerRole::read_kept(NodeNumber node, std::uint64_t frame) {
+  const Findings* const findings = nodes_[node].line.findings;
+  if (findings == nullptr) {
+    return;
+  }
+  const std::span<const KeptState> kept = findings->kept.of(frame);
+  for (std::size_t i = 0; i < kept.size(); ++i) {
+    const std::uint32_t slot = objects_.find(kept[i].object);
+    if (slot == NumberIndex::none || objects_.host(slot) != Endpoint::node(node)) {
+      continue;
+    }
+    ObjectMarks& marks = objects_.marks(slot);
+    if ((marks & (kept_mark | reported_mark)) != kept_mark) {
+      continue;
+    }
+    objects_.row(slot).pose = kept[i].pose;
+    std::copy_n(findings->kept.state(frame, i), objects_.state_bytes(), objects_.state(slot));
+    bounds_are_stale_ = true;
+    if (frame == frame_) {
+      marks |= reported_mark;
+      objects_.mark_moved_alone(slot);
+      kept_moved_ -= nodes_[node].lost ? 0 : 1;
+    }
+  }
+}
+
+// So that all rows, states and bounds are of this frame. The nodes have moved, and wait.
+void ServerRole::refresh_objects() {
+  for (const Party& party : nodes_) {
+    if (!party.lost) {
+      read_kept(party.self.number(), frame_);
+    }
+  }
   if (!std::exchange(bounds_are_stale_, false)) {
     return;
   }
@@ -137,7 +179,7 @@ void ServerRole::refresh_bounds() {
 void ServerRole::detect() {
   spend(ringfence::Stage::move, telemetry::now_ns());
   if (tell_everything_) {
-    refresh_bounds();
+    refresh_objects();
   }
   dispatch_.list_updates(objects_, map_, tell_everything_);
   tell_everything_ = false;
@@ -241,7 +283,7 @@ void ServerRole::finish() {
   FrameReport& frame = report();
   frame.objects = objects_.live();
   frame.map_epoch = map_.epoch();
-  frame.moved = objects_.moved().size();
+  frame.moved = static_cast<std::uint64_t>(static_cast<std::int64_t>(objects_.moved().size()) + kept_moved_);
   frame.frame_ms = telemetry::to_ms(now - begin_ns_);
   frame.server_cpu_ms = telemetry::to_ms(telemetry::thread_cpu_ns() - cpu_begin_ns_);
   for (NodeReport& node : frame.nodes) {

@@ -85,7 +85,11 @@ class ServerRole {
   /// Whether the CD node has handed everything over, as Request::retire_node asked, and is gone at the next cut.
   bool has_left(NodeNumber node) const noexcept { return nodes_[node].left; }
   const regions::RegionMap& map() const noexcept { return map_; }
+  /// Poses and states of objects that their hosts keep to themselves (kept_mark) may be of an earlier frame: see
+  /// pose().
   const ObjectTable& objects() const noexcept { return objects_; }
+  /// Where the live object in that slot stands.
+  const Pose& pose(std::uint32_t slot) const noexcept;
   /// No thread of a lost node is left.
   void forget_lost() noexcept { ledger_.forget_lost(); }
   // For the last frame; they stay as they are while the next one is under way.
@@ -106,6 +110,7 @@ class ServerRole {
   void disconnect(UserNumber user);
   void spawn(const Request& request);
   void end_object(std::uint32_t slot);
+  void let_go(std::uint32_t slot);
   void place(std::uint32_t slot, const Pose& pose, bool present);
   void add_node(const Request& request);
   void retire_nodes();
@@ -150,7 +155,8 @@ class ServerRole {
   void take_moves(Host& host);
   void move_own();
   void detect();
-  void refresh_bounds();
+  void read_kept(NodeNumber node, std::uint64_t frame);
+  void refresh_objects();
   void collect();
   void list_notices();
   void list_notice(std::uint32_t notice, const Contact& contact, const Found& found);
@@ -206,6 +212,7 @@ class ServerRole {
   std::vector<std::uint32_t> leaving_;   ///< slots of this frame whose hosts say that others host them next
   bool users_changed_ = false;
   bool bounds_are_stale_ = false;  ///< those of present objects of which their hosts alone know
+  std::int64_t kept_moved_ = 0;  ///< objects that moved in this frame and are not in objects_.moved(), less the others
 
   /// An object that another CD node hosts from the next frame on.
   struct HandOver {

@@ -115,6 +115,26 @@ Keys keys(const std::vector<Contact>& contacts) {
   return out;
 }
 
+TEST_CASE("what is given to a host that has it already is there once, as it was given last") {
+  const Recording model(16);
+  Host host(&model, 4);
+  const std::uint64_t first[2] = {1, 2}, second[2] = {3, 4};
+  host.adopt(record_of(5), reinterpret_cast<const std::byte*>(first));
+  host.adopt(record_of(6), reinterpret_cast<const std::byte*>(first));
+  messages::HandOverRecord again = record_of(5);
+  again.pose.position.x = 77;
+  host.adopt(again, reinterpret_cast<const std::byte*>(second));
+  REQUIRE(host.size() == 2);
+  const std::uint32_t at = host.find(5);
+  REQUIRE(at != NumberIndex::none);
+  CHECK(host[at].pose.position.x == 77);
+  CHECK(std::memcmp(host.state(at), second, sizeof second) == 0);
+  host.drop(5);
+  CHECK(host.size() == 1);
+  CHECK(host.find(5) == NumberIndex::none);
+  CHECK(host[host.find(6)].object.number == 6);
+}
+
 TEST_CASE("the model is given of each hosted object its begin and persist contacts in order of (a, b), no others") {
   for (const unsigned seed : {1u, 2u, 3u}) {
     CAPTURE(seed);

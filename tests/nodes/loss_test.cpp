@@ -15,12 +15,16 @@ namespace {
 
 constexpr std::size_t objects = 50;
 
-/// Everybody wanders over borders, remembers, and answers contacts, so that a state or contact that is lost shows.
+/// Everybody wanders over borders, rests now and then, remembers, and answers contacts, so that a state or contact that
+/// is lost shows.
 class Wandering : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 8; }
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
     for (std::size_t i = 0; i < inputs.size(); ++i) {
+      if ((frame / 2 + inputs[i].number) % 4 == 0) {
+        continue;
+      }
       std::uint64_t memory;
       std::memcpy(&memory, inputs[i].state, sizeof memory);
       for (std::size_t k = 0; k < inputs[i].contacts.size(); ++k) {

@@ -117,8 +117,8 @@ void brute_force(const Theatre& theatre, Pairs& sure, Pairs& unsure) {
         return double{std::get<Sphere>(theatre.shapes().description(row.shape)).radius};
       };
       const double reach = radius(a) + radius(b);
-      const Vec3d d{b.pose.position.x - a.pose.position.x, b.pose.position.y - a.pose.position.y,
-                    b.pose.position.z - a.pose.position.z};
+      const Vec3d &at_a = theatre.server().pose(p).position, &at_b = theatre.server().pose(q).position;
+      const Vec3d d{at_b.x - at_a.x, at_b.y - at_a.y, at_b.z - at_a.z};
       const double apart = std::sqrt(d.x * d.x + d.y * d.y + d.z * d.z) - reach;
       if (std::abs(apart) < 1e-4) {
         unsure.insert({a.object.number, b.object.number});
@@ -137,8 +137,8 @@ void check_contacts(const Theatre& theatre) {
     REQUIRE(found.insert(key).second);
     REQUIRE((sure.count(key) != 0 || unsure.count(key) != 0));
     // It carries the poses that it was determined from.
-    REQUIRE(theatre.table().row(theatre.table().find(contact.a)).pose == contact.pose_a);
-    REQUIRE(theatre.table().row(theatre.table().find(contact.b)).pose == contact.pose_b);
+    REQUIRE(theatre.server().pose(theatre.table().find(contact.a)) == contact.pose_a);
+    REQUIRE(theatre.server().pose(theatre.table().find(contact.b)) == contact.pose_b);
   }
   for (const auto& key : sure) {
     REQUIRE(found.count(key) != 0);

@@ -75,6 +75,7 @@ Line Theatre::add_node(NodeNumber number) {
   own.layer_masks.fill(~0u);
   if (play_.shares_memory) {
     node.findings = std::make_unique<Findings>();
+    own.keeps_states = play_.interest == 0;
   }
   own.server = {&node.out->sender(), &node.in->receiver(), node.findings.get()};
   own.peers.resize(std::max<std::size_t>(play_.nodes, number + 1));
@@ -272,6 +273,7 @@ void Theatre::require_one_host_each() const {
   std::size_t hosted = 0;
   for (std::uint32_t slot = 0; slot < table().slots(); ++slot) {
     const ObjectRow& row = table().row(slot);
+    const Pose& pose = server_->pose(slot);
     if (!table().alive(slot)) {
       continue;
     }
@@ -289,7 +291,7 @@ void Theatre::require_one_host_each() const {
     if (play_.deployment == Deployment::user_collision &&
         row.category != static_cast<std::uint16_t>(Category::avatar)) {
       std::uint32_t point[3];
-      space_.point(row.pose.position, point);
+      space_.point(pose.position, point);
       REQUIRE(host == Endpoint::node(server_->map().owner_at(point)));
     }
   }

@@ -1,0 +1,166 @@
+// States that a CD node keeps to itself: who is told, and that the server finds what it was not told.
+#include "nodes/kept_states.hpp"
+
+#include <array>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "nodes/theatre.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+/// One object on a line, where a table says.
+class Scripted : public MotionModel {
+ public:
+  explicit Scripted(std::vector<double> places) : places_(std::move(places)) {}
+  std::size_t state_bytes() const noexcept override { return 8; }
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      outputs[i].pose.position.x = places_[frame];
+      std::memcpy(outputs[i].state, &places_[frame], sizeof(double));
+    }
+  }
+
+ private:
+  std::vector<double> places_;
+};
+
+Stageplay stage(const MotionModel& model) {
+  Stageplay play;
+  play.placement = Placement::region;
+  play.shares_memory = true;
+  play.nodes = 2;
+  play.grid = {{2, 0, 0}};  // cells of 16 m, two a node
+  play.model = &model;
+  return play;
+}
+
+ObjectSpec ball_at(Theatre& theatre, double x) {
+  ObjectSpec spec;
+  spec.shape = theatre.add_shape(Sphere{1});
+  spec.pose.position = {x, 8, 8};
+  return spec;
+}
+
+/// The flags of the states of the last frame that were told.
+std::vector<std::uint32_t> told(const Theatre& theatre) {
+  std::vector<std::uint32_t> flags;
+  for (const Seen& seen : theatre.log()) {
+    for (std::size_t i = 0; seen.type() == MessageType::node_state && i < seen.header.count; ++i) {
+      flags.push_back(seen.record<messages::NodeStateRecord>(i).object.flags);
+    }
+  }
+  return flags;
+}
+
+constexpr std::uint32_t at_home = messages::flag_present | messages::flag_inner | messages::flag_staying;
+constexpr std::uint32_t border = messages::flag_present | messages::flag_staying;
+
+TEST_CASE("a node tells of an object when it comes, rests, nears a border and goes, and else keeps it to itself") {
+  // The border is at 32.
+  const std::vector<double> places = {4, 5, 6, 6, 6, 7, 8, 9, 31.5, 31, 30, 29, 33.5, 40, 41};
+  const std::vector<std::vector<std::uint32_t>> expected = {
+      {at_home | messages::flag_kept},
+      {},
+      {},
+      {at_home | messages::flag_rests},
+      {},
+      {at_home | messages::flag_kept},
+      {},
+      {},
+      {border},
+      {border},  // touches 32 with its radius: bounds are closed
+      {at_home | messages::flag_kept},
+      {},
+      {messages::flag_present},
+      {at_home | messages::flag_kept},
+      {},
+  };
+  const Scripted model(places);
+  Theatre theatre(stage(model));
+  const ObjectId id = theatre.spawn(ball_at(theatre, 3));
+  for (std::size_t frame = 0; frame < places.size(); ++frame) {
+    CAPTURE(frame);
+    theatre.frame();
+    CHECK(told(theatre) == expected[frame]);
+    CHECK(theatre.server().pose(theatre.table().find(id.number())).position.x == places[frame]);
+    CHECK(theatre.report().moved == (frame > 0 && places[frame] == places[frame - 1] ? 0 : 1));
+    theatre.require_one_host_each();
+  }
+}
+
+TEST_CASE("what is placed or taken out goes on from where its host had it") {
+  const std::vector<double> places = {4, 5, 6, 7, 8, 9, 10, 11};
+  const Scripted model(places);
+  Theatre theatre(stage(model));
+  const ObjectId id = theatre.spawn(ball_at(theatre, 3));
+  const auto y = [&] { return theatre.server().pose(theatre.table().find(id.number())).position.y; };
+  for (int frame = 0; frame < 3; ++frame) theatre.frame();
+  Pose pose;
+  pose.position = {50, 9, 9};  // elsewhere, until the model moves it back in the same frame
+  theatre.place(id, pose);
+  theatre.frame();
+  CHECK(told(theatre) == std::vector{at_home | messages::flag_kept});
+  CHECK(y() == 9);
+  theatre.frame();
+  CHECK(told(theatre).empty());
+  theatre.destroy(id);
+  theatre.frame();
+  theatre.require_one_host_each();
+  CHECK(theatre.table().live() == 0);
+}
+
+TEST_CASE("a node that is lost leaves what it kept to itself as it was before the frame, and as it was moved") {
+  const std::vector<double> places = {4, 5, 6, 7, 8, 9, 10, 11};
+  for (std::size_t messages = 0; messages < 16; ++messages) {
+    CAPTURE(messages);
+    const Scripted model(places);
+    Theatre theatre(stage(model));
+    const ObjectId id = theatre.spawn(ball_at(theatre, 3));
+    for (std::size_t frame = 0; frame < places.size(); ++frame) {
+      if (frame == 4) theatre.kill(0, messages);
+      theatre.frame();
+      CHECK(theatre.server().pose(theatre.table().find(id.number())).position.x == places[frame]);
+    }
+    theatre.require_one_host_each();
+  }
+}
+
+TEST_CASE("kept states of a frame stay while those of the next are written, with the model's part") {
+  constexpr std::size_t state_bytes = 24;
+  KeptStates kept;
+  kept.reserve(4, state_bytes);
+  const auto number = [](std::uint64_t frame, std::uint32_t i) { return static_cast<std::uint32_t>(100 * frame) + i; };
+  const auto require = [&](std::uint64_t frame, std::uint32_t size) {
+    REQUIRE(kept.of(frame).size() == size);
+    for (std::uint32_t i = 0; i < size; ++i) {
+      CHECK(kept.of(frame)[i].object.number == number(frame, i));
+      CHECK(kept.of(frame)[i].pose.position.z == number(frame, i));
+      std::array<std::uint32_t, state_bytes / 4> state;
+      std::memcpy(state.data(), kept.state(frame, i), state_bytes);
+      for (const std::uint32_t word : state) CHECK(word == number(frame, i));
+    }
+  };
+  for (std::uint64_t frame = 0; frame < 6; ++frame) {
+    const auto size = static_cast<std::uint32_t>(frame * 17 % 40);  // more than was reserved
+    kept.begin(frame);
+    for (std::uint32_t i = 0; i < size; ++i) {
+      Pose pose;
+      pose.position.z = number(frame, i);
+      std::array<std::uint32_t, state_bytes / 4> state;
+      state.fill(number(frame, i));
+      kept.add(frame, {i, 1, number(frame, i), messages::flag_present}, pose,
+               reinterpret_cast<const std::byte*>(state.data()));
+      if (frame > 0) require(frame - 1, static_cast<std::uint32_t>((frame - 1) * 17 % 40));
+    }
+    kept.finish();
+    require(frame, size);
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test
