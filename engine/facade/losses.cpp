@@ -61,7 +61,6 @@ void World::Implementation::clear_graves() {
     }
     graves.clear();
     grave_ways.clear();
-    server->forget_lost();
   }
 }
 

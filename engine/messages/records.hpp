@@ -28,6 +28,9 @@ enum ObjectFlag : std::uint32_t {
   flag_kept = 16,   ///< node_state: both hold, and while they do the sender keeps further states to itself; they are to
                     ///< be read in memory that it shares with the server
   flag_rests = 32,  ///< node_state: as in the frame before; told because the sender keeps it to itself no more
+  flag_avatar = 64,  ///< position_update: a user node hosts the object
+  flag_fixed = 128,  ///< position_update: nobody hosts it; else whoever the deployment says, in user/collision
+                     ///< deployment from the next frame on the CD node that owns the cell of its position
 };
 
 /// M1. Followed by the model's state.

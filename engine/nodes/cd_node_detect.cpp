@@ -61,7 +61,8 @@ void CdNodeRole::add_hit(const geometry::CandidatePair& pair, const narrow_phase
   const narrow_phase::Body& b = known_.bodies()[pair.b];
   const Vec3d& origin = a.pose.position;
   order_.add(a.number, b.number);
-  hits_.push_back({known_.slot(pair.a), known_.slot(pair.b), !known_.staying(pair.a) || !known_.staying(pair.b)});
+  hits_.push_back({known_.slot(pair.a), known_.slot(pair.b),
+                   known_.next_host(pair.a) != NextHost::self || known_.next_host(pair.b) != NextHost::self});
   Contact& contact = host_.add_own_contact(frame_);
   contact.a = a.number;
   contact.b = b.number;
@@ -114,28 +115,6 @@ void CdNodeRole::count_kinds() {
     }
   }
   narrow_.reset_counters();
-}
-
-// In order of (a, b), so that the server merges runs and the host's next move reads its contacts in it.
-void CdNodeRole::list_findings() {
-  Findings& findings = *findings_;
-  findings.contacts = host_.own_contacts(frame_);
-  findings.keys.resize(hits_.size());
-  findings.found.resize(hits_.size());
-  findings.outer.clear();
-  for (std::size_t i = 0; i < hits_.size(); ++i) {
-    const std::uint32_t contact = order_.at(i);
-    const std::uint64_t key = order_.key_at(i);
-    const Hit& hit = hits_[contact];
-    findings.keys[i] = key;
-    findings.found[i] = {hit.slot_a, hit.slot_b, contact};
-    if (hit.outer) {
-      findings.outer.push_back(static_cast<std::uint32_t>(i));
-    }
-    if (setup_.hosts) {
-      host_.order_own_contact(frame_, key, contact);
-    }
-  }
 }
 
 // To a server in another process; one in this process reads them where they lie.

@@ -59,12 +59,17 @@ void CdNodeRole::hear_positions(const MessageView& message) {
     if ((record.object.flags & messages::flag_gone) != 0) {
       known_.forget(record.object.slot);
     } else {
-      const bool staying =
-          setup_.hosts && host_.find(record.object.number) != NumberIndex::none && is_at_home(record.pose.position);
-      known_.set(record.object, record.pose, record.bounds, record.shape, record.layer, staying);
+      known_.set(record.object, record.pose, record.bounds, record.shape, record.layer, next_host(record));
     }
   }
   positions_heard_ |= message.last();
+}
+
+NextHost CdNodeRole::next_host(const messages::PositionRecord& record) const noexcept {
+  if ((record.object.flags & (messages::flag_avatar | messages::flag_fixed)) != 0) {
+    return (record.object.flags & messages::flag_avatar) != 0 ? NextHost::user : NextHost::nobody;
+  }
+  return setup_.hosts && is_at_home(record.pose.position) ? NextHost::self : NextHost::node;
 }
 
 void CdNodeRole::hear_pairs(const MessageView& message) {
@@ -117,14 +122,6 @@ void CdNodeRole::hear_owners(const MessageView& message) {
       host_.forget_kept();
     }
   }
-}
-
-// The phases of what was found, and the rest of its way to the embedder.
-void CdNodeRole::hear_ranks() {
-  if (findings_ == &own_findings_ || !setup_.hosts) {
-    return;
-  }
-  findings_->write_rest(setup_.node, [&](std::uint32_t contact) { host_.confirm_begin(frame_, contact); });
 }
 
 }  // namespace ringfence::nodes

@@ -32,6 +32,8 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   kinds_.reserve(shape_kinds * shape_kinds);
   hits_.reserve(setup.objects);
   order_.reserve(setup.objects);
+  for_peers_.reserve(setup.objects);
+  findings_order_.reserve(setup.objects);
   narrow_.remember_axes(setup.remember_axes);
   movers_.reserve(setup.objects);
   host_.reserve_contacts(setup.objects);
@@ -157,7 +159,8 @@ void CdNodeRole::place_batch() {
     const bool staying = is_at_home(object.pose.position);
     const regions::Cover cover = present ? map_.cover(changed_bounds_[i], setup_.node) : regions::Cover::none;
     if (cover != regions::Cover::none) {
-      known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer, staying);
+      known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer,
+                 staying ? NextHost::self : NextHost::node);
     } else {
       known_.forget(object.object.slot);
     }
@@ -253,7 +256,7 @@ bool CdNodeRole::advance() {
       if (!contacts_heard_ || !end_heard_) {
         return false;
       }
-      hear_ranks();
+      finish_contacts();
       list_leavers();
       stage_ = Stage::handing_over;
       return true;

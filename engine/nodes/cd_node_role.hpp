@@ -15,6 +15,7 @@
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/contact_order.hpp"
 #include "nodes/findings.hpp"
+#include "nodes/findings_order.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/host.hpp"
 #include "nodes/known_objects.hpp"
@@ -96,7 +97,10 @@ class CdNodeRole {
   void add_hit(const geometry::CandidatePair& pair, const narrow_phase::PairContact& found);
   void count_kinds();
   void list_findings();
-  void hear_ranks();
+  void list_told(std::uint32_t position);
+  void finish_contacts();
+  void take_from_peers();
+  NextHost next_host(const messages::PositionRecord& record) const noexcept;
   bool is_at_home(const Vec3d& position) const noexcept;
   void list_leavers();
   bool advance();
@@ -135,7 +139,7 @@ class CdNodeRole {
   /// The slots of a contact's objects.
   struct Hit {
     std::uint32_t slot_a, slot_b;
-    bool outer;  ///< one of the two is hosted elsewhere, or will be
+    bool outer;  ///< one of the two somebody else hosts from the next frame on, or nobody
   };
   FlatList<Hit> hits_;        ///< parallel to the host's own contacts: in the order in which they were found
   Findings own_findings_;     ///< where the server cannot read what is shared
@@ -152,6 +156,8 @@ class CdNodeRole {
   std::array<bool, Host::batch> tells_;                   ///< which of them the server is told of
   std::vector<ObjectNumber> movers_;                      ///< hosted ones that stand in another node's cell
   ContactOrder order_;
+  FindingsOrder findings_order_;
+  FlatList<ForPeer> for_peers_;
   std::size_t words_confirmed_ = 0;
   bool map_is_new_ = false;                         ///< heard in this frame
   std::vector<std::uint32_t> new_map_;              ///< its table, as far as it has come

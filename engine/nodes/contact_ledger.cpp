@@ -1,7 +1,6 @@
 #include "nodes/contact_ledger.hpp"
 
 #include <algorithm>
-#include <utility>
 
 namespace ringfence::nodes {
 
@@ -11,229 +10,273 @@ void ContactLedger::List::reserve(std::size_t size) {
   found.reserve(size);
 }
 
-void ContactLedger::List::clear() noexcept {
-  contacts.clear();
-  keys.clear();
-  found.clear();
+void ContactLedger::List::resize(std::size_t size) {
+  contacts.resize(size);
+  keys.resize(size);
+  found.resize(size);
 }
 
 ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(nodes) {
   order_.reserve(contacts);
-  finders_.reserve(contacts);
-  ending_.reserve(contacts);
-  written_.reserve(contacts / 64 + 1);
+  ending_order_.reserve(contacts);
+  endings_.reserve(contacts);
+  told_.reserve(contacts);
+  findings_.reserve(nodes);
+  compared_.reserve(nodes);
   for (Edition& edition : editions_) {
     edition.live.reserve(contacts);
     edition.ended.reserve(contacts);
   }
 }
 
+void ContactLedger::resize(std::size_t nodes) { runs_.resize(nodes); }
+
 void ContactLedger::begin(std::uint64_t frame) {
   frame_ = frame;
-  began_ = 0;
-  left_to_nodes_ = false;
   for (Run& run : runs_) {
     run.shared = nullptr;
-    run.own.keys.clear();
-    run.records.clear();
+    run.own->start(frame);
+    run.contacts.clear();
   }
-  editions_[frame & 1].live.clear();
-  editions_[frame & 1].ended.clear();
+  now().resize(0);
+  ended().resize(0);
 }
 
-std::uint64_t ContactLedger::merge() {
-  ending_.clear();
-  gather_keys();
-  if (!ascending_) {
-    order_.sort();
-  }
-  std::size_t old = 0;
-  std::uint64_t last = 0;
-  std::uint64_t doubled = 0;
-  for (std::size_t i = 0; i < order_.size(); ++i) {
-    const std::size_t received = ascending_ ? i : order_.at(i);
-    const std::uint64_t key = order_.added(received);
-    if (key == last) {
-      ++doubled;
-      Run& run = runs_[finders_[received]];
-      run.ranks()[received - run.first] = Findings::written;
-    } else {
-      follow(received, key, old);
-      last = key;
-    }
-  }
-  end_until(old, ~std::uint64_t{0});
-  return doubled;
-}
-
-void ContactLedger::gather_keys() {
-  order_.clear();
-  finders_.clear();
-  ascending_ = true;
-  std::uint64_t last = 0;
-  for (NodeNumber node = 0; node < runs_.size(); ++node) {
-    Run& run = runs_[node];
-    const std::size_t size = run.keys().size();
-    run.first = order_.size();
-    run.ranks().resize(size);
-    run.persists.assign(run.shared != nullptr ? 0 : (size + 63) / 64, 0);
-    finders_.resize(run.first + size);
-    std::fill(finders_.begin() + run.first, finders_.end(), node);
-    for (const std::uint64_t key : run.keys()) {
-      ascending_ &= key > last;
-      last = key;
-      order_.add(key);
-    }
-  }
-}
-
-// The next key of all, beside those of the frame before.
-void ContactLedger::follow(std::size_t received, std::uint64_t key, std::size_t& old) {
-  List& now = editions_[frame_ & 1].live;
-  const List& before = editions_[(frame_ - 1) & 1].live;
-  end_until(old, key);
-  Run& run = runs_[finders_[received]];
-  const std::size_t i = received - run.first;
-  const auto rank = static_cast<std::uint32_t>(now.keys.size());
-  if (old < before.keys.size() && before.keys[old] == key) {
-    ++old;
-    run.ranks()[i] = rank;
-    if (run.shared == nullptr) {
-      run.persists[i / 64] |= std::uint64_t{1} << (i % 64);
-    }
-  } else {
-    ++began_;
-    run.ranks()[i] = rank | Findings::begins;
-  }
-  now.keys.push_back(key);
-}
-
-// What was in contact before and has a smaller key than the next contact is in contact no more.
-void ContactLedger::end_until(std::size_t& old, std::uint64_t key) {
-  const List& before = editions_[(frame_ - 1) & 1].live;
-  while (old < before.keys.size() && before.keys[old] < key) {
-    ending_.push_back(static_cast<std::uint32_t>(old));
-    ++old;
-  }
-}
-
-void ContactLedger::write(std::span<const ObjectRow> rows, bool all) {
-  constexpr std::size_t ahead = 10;  // neither list is in the cache
-  List& now = editions_[frame_ & 1].live;
-  now.contacts.resize(now.keys.size());
-  now.found.resize(now.keys.size());
-  written_.assign((now.keys.size() + 63) / 64, 0);
-  left_to_nodes_ = !all;
-  for (NodeNumber node = 0; node < runs_.size(); ++node) {
-    Findings* const findings = runs_[node].shared;
-    if (findings == nullptr) {
-      write_received(node, rows);
-      continue;
-    }
-    findings->live = now.contacts.data();
-    findings->ledger_found = now.found.data();
-    const std::size_t size = all ? findings->keys.size() : findings->outer.size();
-    const auto at = [&](std::size_t i) { return all ? i : i < size ? findings->outer[i] : findings->found.size(); };
-    for (std::size_t i = 0; i < size; ++i) {
-      findings->fetch(at(i + ahead));
-      write_shared(node, at(i));
-    }
-  }
-  write_ended();
-}
-
-void ContactLedger::write_shared(NodeNumber node, std::size_t i) {
-  Findings& findings = *runs_[node].shared;
-  std::uint32_t& rank = findings.ranks[i];
-  if ((rank & Findings::written) == 0) {
-    findings.write(i, node, findings.live, findings.ledger_found);
-    note_written(rank & Findings::rank_mask);
-    rank |= Findings::written;
-  }
-}
-
-void ContactLedger::write_received(NodeNumber node, std::span<const ObjectRow> rows) {
-  // Two frames of contacts take turns, and 64,000 rows are too many for the second-level cache.
-  constexpr std::size_t ahead = 12;
+void ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows) {
   Run& run = runs_[node];
-  List& now = editions_[frame_ & 1].live;
-  for (std::size_t i = 0; i < run.records.size(); ++i) {
-    if (i + ahead < run.records.size()) {
-      const messages::CollisionRecord& soon = run.records[i + ahead];
-      __builtin_prefetch(&rows[soon.slot_a]);
-      __builtin_prefetch(&rows[soon.slot_b]);
-      const auto* room =
-          reinterpret_cast<const std::byte*>(&now.contacts[run.own.ranks[i + ahead] & Findings::rank_mask]);
-      __builtin_prefetch(room, 1);
-      __builtin_prefetch(room + 64, 1);
-      __builtin_prefetch(room + sizeof(Contact) - 1, 1);
+  const ObjectRow& a = rows[record.slot_a];
+  const ObjectRow& b = rows[record.slot_b];
+  run.own->keys.push_back(ContactOrder::key(a.object.number, b.object.number));
+  run.own->found.push_back({record.slot_a, record.slot_b, static_cast<std::uint32_t>(run.contacts.size())});
+  run.contacts.push_back(
+      {a.object.number, b.object.number, Phase::persist, record.depth, record.normal, 0, record.point, a.pose, b.pose});
+}
+
+void ContactLedger::compare() {
+  gather_findings();
+  const bool by_nodes = nodes_have_compared();
+  gather_changes(by_nodes);
+  follow(by_nodes);
+  list_persisting();
+  compared_.clear();
+  for (const Run& run : runs_) {
+    compared_.push_back(run.shared);
+  }
+}
+
+void ContactLedger::gather_findings() {
+  size_ = 0;
+  findings_.clear();
+  for (Run& run : runs_) {
+    Findings& findings = run.findings();
+    if (run.shared == nullptr) {
+      findings.contacts = run.contacts.data();
     }
-    const std::uint32_t rank = run.own.ranks[i] & Findings::rank_mask;
-    if ((run.own.ranks[i] & Findings::written) != 0) {
+    findings.begun.clear();
+    findings_.push_back(&findings);
+    size_ += findings.keys.size();
+  }
+}
+
+// Whether the lists that the nodes compared with are together, each contact once, those of the frame before.
+bool ContactLedger::nodes_have_compared() const noexcept {
+  return doubled_ == 0 && std::equal(runs_.begin(), runs_.end(), compared_.begin(), compared_.end(),
+                                     [&](const Run& run, const Findings* compared) {
+                                       return run.shared != nullptr && run.shared == compared &&
+                                              run.shared->frame_before == frame_ - 1;
+                                     });
+}
+
+// What may have begun into order_, and what may have ended into ending_order_, or all.
+void ContactLedger::gather_changes(bool by_nodes) {
+  order_.start(findings_);
+  ending_order_.clear();
+  endings_.clear();
+  for (NodeNumber node = 0; node < findings_.size(); ++node) {
+    const Findings& findings = *findings_[node];
+    if (!by_nodes) {
+      for (std::uint32_t i = 0; i < findings.keys.size(); ++i) {
+        order_.add(node, i);
+      }
       continue;
     }
-    const messages::CollisionRecord& record = run.records[i];
-    const std::uint64_t key = run.own.keys[i];
-    Contact& contact = now.contacts[rank];
-    contact.a = static_cast<ObjectNumber>(key >> 32);
-    contact.b = static_cast<ObjectNumber>(key);
-    contact.phase = Findings::phase_of(run.own.ranks[i]);
-    contact.depth = record.depth;
-    contact.normal = record.normal;
-    contact.reserved = 0;
-    contact.point = record.point;
-    contact.pose_a = rows[record.slot_a].pose;
-    contact.pose_b = rows[record.slot_b].pose;
-    now.found[rank] = {record.slot_a, record.slot_b, node};
-    note_written(rank);
-  }
-}
-
-void ContactLedger::write_ended() {
-  constexpr std::size_t ahead = 8;
-  const List& before = editions_[(frame_ - 1) & 1].live;
-  List& ended = editions_[frame_ & 1].ended;
-  for (std::size_t i = 0; i < ending_.size(); ++i) {
-    if (i + ahead < ending_.size()) {
-      const auto* soon = reinterpret_cast<const std::byte*>(&before.contacts[ending_[i + ahead]]);
-      __builtin_prefetch(soon);
-      __builtin_prefetch(soon + 64);
-      __builtin_prefetch(soon + sizeof(Contact) - 1);
+    for (const Beginning& one : findings.beginning) {
+      order_.add(node, one.position, one.key);
     }
-    const std::uint32_t old = ending_[i];
-    ended.contacts.push_back(before.contacts[old]);
-    ended.contacts.back().phase = Phase::end;
-    ended.keys.push_back(before.keys[old]);
-    ended.found.push_back(before.found[old]);
+    for (const Ending& one : findings.ending) {
+      ending_order_.add(one.key);
+      endings_.push_back({one.slot_a, one.slot_b, node});
+    }
   }
+  order_.sort();
+  ending_order_.sort();
 }
 
-// A lost node's thread may be late rather than dead, and write what it was told to write in any later frame. So the
-// list goes where it does not know of, and the old one stays until its thread has ended.
-void ContactLedger::take_over(std::span<const NodeNumber> lost) {
-  if (!left_to_nodes_) {
-    return;
+// A pair that one node found no more and another did not find before has passed from one to the other, and persists.
+void ContactLedger::follow(bool by_nodes) {
+  const List& old = before();
+  const std::size_t endings = by_nodes ? ending_order_.size() : old.keys.size();
+  const auto ending_key = [&](std::size_t i) { return by_nodes ? ending_order_.key_at(i) : old.keys[i]; };
+  std::size_t next = 0;
+  std::uint64_t last = 0;
+  std::uint64_t going_on = 0;
+  began_ = 0;
+  const auto end_until = [&](std::uint64_t key) {
+    for (; next < endings && ending_key(next) < key; ++next) {
+      if (ending_key(next) != going_on) {
+        ended().keys.push_back(ending_key(next));
+        ended().found.push_back(by_nodes ? endings_[ending_order_.at(next)] : old.found[next]);
+      }
+    }
+  };
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    const std::uint64_t key = order_.key(i);
+    end_until(key);
+    if (next < endings && ending_key(next) == key) {
+      going_on = key;
+    } else {
+      findings_[order_.node(i)]->begun.push_back(order_.position(i));
+      began_ += key != last ? 1 : 0;
+    }
+    last = key;
   }
-  List& now = editions_[frame_ & 1].live;
-  List fresh;
-  fresh.contacts.resize(now.contacts.size());
-  fresh.found.resize(now.found.size());
-  for (NodeNumber node = 0; node < runs_.size(); ++node) {
-    Run& run = runs_[node];
-    const bool is_lost = run.shared != nullptr && std::find(lost.begin(), lost.end(), node) != lost.end();
-    for (std::size_t i = 0; i < run.ranks().size(); ++i) {
-      const std::uint32_t rank = run.ranks()[i] & Findings::rank_mask;
-      if (is_lost && (run.ranks()[i] & Findings::written) == 0) {
-        run.shared->write(i, node, fresh.contacts.data(), fresh.found.data());
-      } else {
-        fresh.contacts[rank] = now.contacts[rank];
-        fresh.found[rank] = now.found[rank];
+  end_until(~std::uint64_t{0});
+  ended().contacts.resize(ended().keys.size());
+}
+
+void ContactLedger::list_persisting() {
+  for (Run& run : runs_) {
+    const Findings& findings = run.findings();
+    run.persists.assign(run.shared != nullptr ? 0 : (findings.keys.size() + 63) / 64, ~std::uint64_t{0});
+    if (run.shared == nullptr) {
+      for (const std::uint32_t i : findings.begun) {
+        run.persists[i / 64] &= ~(std::uint64_t{1} << (i % 64));
       }
     }
   }
-  fresh.keys = std::move(now.keys);
-  retired_.push_back(std::move(now));
-  now = std::move(fresh);
+}
+
+void ContactLedger::write_ended(std::size_t i, Contact& to) const noexcept {
+  const auto& keys = before().keys;
+  const std::uint64_t key = editions_[frame_ & 1].ended.keys[i];
+  to = before().contacts[static_cast<std::size_t>(std::lower_bound(keys.begin(), keys.end(), key) - keys.begin())];
+  to.phase = Phase::end;
+}
+
+// Any cut is right; those of the frame before are nearly even.
+std::uint64_t ContactLedger::key_at(std::size_t share, std::size_t shares) const noexcept {
+  if (share == 0 || share == shares) {
+    return share == 0 ? 0 : ~std::uint64_t{0};
+  }
+  const auto* keys = &before().keys;
+  if (keys->empty()) {
+    for (const Findings* findings : findings_) {
+      keys = findings->keys.size() > keys->size() ? &findings->keys : keys;
+    }
+  }
+  return keys->empty() ? 0 : (*keys)[share * keys->size() / shares];
+}
+
+void ContactLedger::share_out() {
+  List& list = now();
+  list.resize(size_);
+  doubled_ = 0;
+  const auto shares = static_cast<std::size_t>(
+      std::count_if(runs_.begin(), runs_.end(), [](const Run& run) { return run.shared != nullptr; }));
+  List& gone = ended();
+  const std::size_t ends = gone.keys.size();
+  Stretch stretch;
+  stretch.findings = findings_;
+  stretch.end_key = ~std::uint64_t{0};
+  stretch.contacts = list.contacts.data();
+  stretch.keys = list.keys.data();
+  stretch.found = list.found.data();
+  stretch.ended_keys = gone.keys.span();
+  stretch.ended = gone.contacts.data();
+  stretch.keys_before = before().keys.span();
+  stretch.contacts_before = before().contacts.data();
+  if (shares == 0) {
+    doubled_ = write_stretch(stretch, order_);
+    return;
+  }
+  std::size_t share = 0;
+  for (const Run& run : runs_) {
+    if (run.shared != nullptr) {
+      const std::size_t first = share * ends / shares;
+      const std::size_t end = (share + 1) * ends / shares;
+      stretch.first_key = key_at(share, shares);
+      stretch.end_key = key_at(share + 1, shares);
+      stretch.ended_keys = gone.keys.span().subspan(first, end - first);
+      stretch.ended = gone.contacts.data() + first;
+      ++share;
+      run.shared->stretch = stretch;
+      run.shared->doubled = run.shared->taken = 0;
+      run.shared->admit();
+    }
+  }
+}
+
+void ContactLedger::lose(NodeNumber node) {
+  Findings* const shared = runs_[node].shared;
+  if (shared != nullptr && shared->bar()) {
+    doubled_ += write_stretch(shared->stretch, order_);
+  }
+}
+
+bool ContactLedger::complete() {
+  const auto is_inside = [](const Run& run) { return run.shared != nullptr && run.shared->is_inside(); };
+  if (std::any_of(runs_.begin(), runs_.end(), is_inside)) {
+    return false;
+  }
+  for (const Run& run : runs_) {
+    doubled_ += run.shared != nullptr ? run.shared->doubled : 0;
+  }
+  if (doubled_ != 0) [[unlikely]] {
+    drop_doubled();
+  }
+  return true;
+}
+
+// Who found one beyond once may have taken it for one that begins: its phase is made out anew.
+void ContactLedger::drop_doubled() {
+  List& list = now();
+  const auto& keys = before().keys;
+  std::size_t kept = 0;
+  began_ = 0;
+  for (std::size_t i = 0; i < list.keys.size(); ++i) {
+    if (kept == 0 || list.keys[i] != list.keys[kept - 1]) {
+      const bool persists = std::binary_search(keys.begin(), keys.end(), list.keys[i]);
+      began_ += persists ? 0 : 1;
+      list.contacts[kept] = list.contacts[i];
+      list.contacts[kept].phase = persists ? Phase::persist : Phase::begin;
+      list.keys[kept] = list.keys[i];
+      list.found[kept] = list.found[i];
+      ++kept;
+    }
+  }
+  list.resize(kept);
+}
+
+std::span<const ToldContact> ContactLedger::told(bool all) {
+  told_.clear();
+  order_.start(findings_);
+  for (NodeNumber node = 0; node < findings_.size(); ++node) {
+    const Findings& findings = *findings_[node];
+    const std::size_t many = all ? findings.keys.size() : findings.outer.size();
+    for (std::uint32_t i = 0; i < many; ++i) {
+      order_.add(node, all ? i : findings.outer[i]);
+    }
+  }
+  order_.sort();
+  std::uint64_t last = 0;
+  order_.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
+    if (key != last) {
+      const FoundContact& found = findings_[node]->found[position];
+      told_.push_back({key, findings_[node], position, phase, {found.slot_a, found.slot_b, node}});
+    }
+    last = key;
+  });
+  return told_.span();
 }
 
 }  // namespace ringfence::nodes

@@ -1,13 +1,16 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
 #include "messages/records.hpp"
 #include "nodes/contact_order.hpp"
 #include "nodes/findings.hpp"
+#include "nodes/findings_order.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/object_table.hpp"
 #include "ringfence/contact.hpp"
@@ -15,48 +18,76 @@
 
 namespace ringfence::nodes {
 
-/// The server's account of contacts: takes what the CD nodes found, merges it in order of (a, b), and tells by the
-/// frame before which contacts began, go on or ended.
+/// A contact that the server has to tell somebody of, where it lies.
+struct ToldContact {
+  std::uint64_t key = 0;  ///< ContactOrder::key
+  const Findings* findings = nullptr;
+  std::uint32_t position = 0;  ///< there
+  Phase phase = Phase::begin;
+  Found found;
+
+  void write(Contact& to) const noexcept { findings->copy(position, phase, to); }
+};
+
+/// The server's account of contacts: takes what the CD nodes found, tells by the frame before which contacts began, go
+/// on or ended, and sees that the list of all is written in order of (a, b).
 ///
-/// Eight bytes a contact are put in order (nothing is to be done where one node found all, as it tells them in order);
-/// what is large follows when the order is known: written by the server, or by the node that found it (Findings). A
-/// contact is written once, into the list that the embedder reads. Merging the nodes' runs by a heap took twice as
-/// long: their numbers take turns at random. Two frames are kept, by parity: the last one stays readable while the next
-/// is made. Threads: belongs to the server role; const calls for the last frame from the facade. Memory: grows to the
-/// largest frame.
+/// Of nodes that share their findings it compares only what is in this frame's list of a node and not in its last, or
+/// the other way round; what they found is put in order and written by as many of them as there are. It compares
+/// everything where that would not be the whole truth: where a node sends messages or is in its first frame, where
+/// another is gone or lost since the frame before, or two found the same. It writes the list itself where no node
+/// shares. Two frames are kept, by parity: the last one stays readable while the next is made.
+///
+/// Threads: belongs to the server role; const calls for the last frame from the facade. Memory: grows to the largest
+/// frame.
 class ContactLedger {
  public:
   ContactLedger(std::size_t nodes, std::size_t contacts);
 
   /// From the next begin() on there are so many nodes.
-  void resize(std::size_t nodes) { runs_.resize(nodes); }
+  void resize(std::size_t nodes);
   /// Empties C(frame) and what has been received.
   void begin(std::uint64_t frame);
-  /// The next contact that `node` found; `key` is ContactOrder::key of the two objects' numbers.
-  void receive(NodeNumber node, std::uint64_t key, const messages::CollisionRecord& record) {
-    runs_[node].own.keys.push_back(key);
-    runs_[node].records.push_back(record);
-  }
+  /// The next contact that `node` found, by (a, b); numbers and poses are those of the two slots in `rows`.
+  void receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows);
   /// All that `node` found, in place of the above.
   void receive(NodeNumber node, Findings& findings) noexcept { runs_[node].shared = &findings; }
-  std::size_t received(NodeNumber node) const noexcept { return runs_[node].keys().size(); }
+  std::size_t received(NodeNumber node) const noexcept { return runs_[node].findings().keys.size(); }
+  /// Whether all nodes share their findings, and all have been received.
+  bool all_share() const noexcept {
+    return std::all_of(runs_.begin(), runs_.end(), [](const Run& run) { return run.shared != nullptr; });
+  }
 
-  /// Puts the keys of what was received in order and tells began and ended ones; contacts(frame) are not written yet.
-  /// Returns the pairs that two nodes found: always 0, unless a bug made two nodes own one pair; the surplus is
-  /// dropped.
-  std::uint64_t merge();
-  /// After merge(): writes contacts and found, with the poses of received ones from `rows` (by slot). Unless `all`, it
-  /// leaves to nodes that share their findings what concerns nobody else; written() then lists the others.
-  void write(std::span<const ObjectRow> rows, bool all);
-  /// After write(): one bit a contact of the frame, in order, whether it is written.
-  std::span<const std::uint64_t> written() const noexcept { return written_; }
-  /// The frame is complete, and of what was left to nodes these have been lost since: writes it, to where they do not
-  /// write any more.
-  void take_over(std::span<const NodeNumber> lost);
-  /// No lost node's thread is left.
-  void forget_lost() noexcept { retired_.clear(); }
+  /// All is received: finds out what began and ended.
+  void compare();
+  /// After compare(): has the lists written, by nodes that share their findings if there are such.
+  void share_out();
+  /// After share_out(): the node is lost. What it was to write and had not begun to is written.
+  void lose(NodeNumber node);
+  /// Every node that is not lost has told. False while one that is lost is still writing; else C(frame) is complete.
+  bool complete();
+  /// After complete(): how often a pair was found beyond once: always 0, unless a bug made two nodes own it. The
+  /// surplus is dropped.
+  std::uint64_t doubled() const noexcept { return doubled_; }
 
-  /// Begin and persist contacts of the frame, in order of (a, b); parallel to keys() and found().
+  /// After compare(): the contacts that user nodes have to be told of, or `all`, in order of (a, b). Until the nodes
+  /// begin the next frame.
+  std::span<const ToldContact> told(bool all);
+  /// After compare(): calls visit(point) with where each contact is, whoever found it, in no particular order.
+  template <class Visit>
+  void visit_points(Visit visit) const {
+    for (const Findings* findings : findings_) {
+      for (const FoundContact& found : findings->found) {
+        visit(findings->contacts[found.contact].point);
+      }
+    }
+  }
+  /// After compare(): which of the contacts that `node` sent persist, 64 a word, in the order of its run; nothing of a
+  /// node that shares its findings.
+  std::span<const std::uint64_t> persists(NodeNumber node) const noexcept { return runs_[node].persists; }
+
+  /// Begin and persist contacts of the frame, in order of (a, b); parallel to keys() and found(). Of the frame that is
+  /// being made only after complete().
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept {
     return editions_[frame & 1].live.contacts.span();
   }
@@ -64,7 +95,8 @@ class ContactLedger {
     return editions_[frame & 1].live.keys.span();
   }
   std::span<const Found> found(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.found.span(); }
-  /// Contacts that ended in the frame, in order of (a, b); parallel to ended_keys() and ended_found().
+  /// Contacts that ended in the frame, in order of (a, b); parallel to ended_keys() and ended_found(), which hold after
+  /// compare().
   std::span<const Contact> ended(std::uint64_t frame) const noexcept {
     return editions_[frame & 1].ended.contacts.span();
   }
@@ -74,13 +106,12 @@ class ContactLedger {
   std::span<const Found> ended_found(std::uint64_t frame) const noexcept {
     return editions_[frame & 1].ended.found.span();
   }
-  /// After merge().
-  std::size_t live() const noexcept { return editions_[frame_ & 1].live.keys.size(); }
+  /// After compare(): what ended() will hold at that place.
+  void write_ended(std::size_t i, Contact& to) const noexcept;
+  /// After compare(): how many were found, doubled ones too.
+  std::size_t size() const noexcept { return size_; }
+  /// After complete().
   std::uint64_t began() const noexcept { return began_; }
-
-  /// After merge(): which of the contacts that `node` found persist, 64 a word, in the order of its run. Of a node that
-  /// shares its findings, nothing: it is told by their ranks.
-  std::span<const std::uint64_t> persists(NodeNumber node) const noexcept { return runs_[node].persists; }
 
  private:
   struct List {
@@ -89,7 +120,7 @@ class ContactLedger {
     FlatList<Found> found;
 
     void reserve(std::size_t contacts);
-    void clear() noexcept;
+    void resize(std::size_t contacts);
   };
   struct Edition {
     List live;
@@ -98,33 +129,36 @@ class ContactLedger {
   /// What one node found, in order of (a, b).
   struct Run {
     Findings* shared = nullptr;
-    Findings own;  ///< of a node that sends messages: keys and ranks
-    FlatList<messages::CollisionRecord> records;
+    std::unique_ptr<Findings> own = std::make_unique<Findings>();  ///< of a node that sends messages
+    FlatList<Contact> contacts;                                    ///< those of `own`
     std::vector<std::uint64_t> persists;
-    std::size_t first = 0;  ///< of its contacts among all that were received
 
-    const FlatList<std::uint64_t>& keys() const noexcept { return shared != nullptr ? shared->keys : own.keys; }
-    FlatList<std::uint32_t>& ranks() noexcept { return shared != nullptr ? shared->ranks : own.ranks; }
+    Findings& findings() const noexcept { return shared != nullptr ? *shared : *own; }
   };
 
-  void gather_keys();
-  void follow(std::size_t received, std::uint64_t key, std::size_t& old);
-  void end_until(std::size_t& old, std::uint64_t key);
-  void write_shared(NodeNumber node, std::size_t i);
-  void write_received(NodeNumber node, std::span<const ObjectRow> rows);
-  void write_ended();
-  void note_written(std::uint32_t rank) noexcept { written_[rank / 64] |= std::uint64_t{1} << (rank % 64); }
+  List& now() noexcept { return editions_[frame_ & 1].live; }
+  List& ended() noexcept { return editions_[frame_ & 1].ended; }
+  const List& before() const noexcept { return editions_[(frame_ - 1) & 1].live; }
+  void gather_findings();
+  bool nodes_have_compared() const noexcept;
+  void gather_changes(bool by_nodes);
+  void follow(bool by_nodes);
+  void list_persisting();
+  std::uint64_t key_at(std::size_t share, std::size_t shares) const noexcept;
+  void drop_doubled();
 
-  std::vector<Run> runs_;           ///< by node
-  ContactOrder order_;              ///< of what was received
-  FlatList<NodeNumber> finders_;    ///< parallel to it
-  bool ascending_ = true;           ///< it came in order
-  FlatList<std::uint32_t> ending_;  ///< of the contacts of the frame before
-  std::vector<std::uint64_t> written_;
+  std::vector<Run> runs_;            ///< by node
+  std::vector<Findings*> findings_;  ///< of the frame, by node
+  std::vector<Findings*>
+      compared_;  ///< those of the frame before that its contacts are made of; null: it sent messages
+  FindingsOrder order_;
+  ContactOrder ending_order_;
+  FlatList<Found> endings_;  ///< parallel to its keys, in the order of add
+  FlatList<ToldContact> told_;
+  std::size_t size_ = 0;
   std::uint64_t began_ = 0;
-  bool left_to_nodes_ = false;  ///< in this frame
+  std::uint64_t doubled_ = 0;
   Edition editions_[2];
-  std::vector<List> retired_;  ///< where lost nodes may still write
   std::uint64_t frame_ = 0;
 };
 

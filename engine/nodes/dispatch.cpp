@@ -141,6 +141,11 @@ bool Dispatch::pump_updates(NodeNumber node, Line& line, const ObjectTable& obje
         if ((updates[i] & gone) != 0) {
           record.object.flags |= messages::flag_gone;
         }
+        if (row.category == static_cast<std::uint16_t>(Category::avatar)) {
+          record.object.flags |= messages::flag_avatar;
+        } else if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
+          record.object.flags |= messages::flag_fixed;
+        }
         std::memcpy(where, &record, sizeof record);
       });
 }

@@ -1,8 +1,11 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <span>
+#include <vector>
 
 #include "nodes/flat_list.hpp"
 #include "nodes/kept_states.hpp"
@@ -12,6 +15,7 @@
 namespace ringfence::nodes {
 
 class Host;
+struct Findings;
 
 /// The slots of a contact's two objects, and the node that found it.
 struct Found {
@@ -27,77 +31,127 @@ struct FoundContact {
   std::uint32_t contact = 0;  ///< which of Findings::contacts
 };
 
-/// What a CD node found in a frame, in memory that it shares with the server where the two are in one process: in place
-/// of the messages `collision` and `confirm`.
+/// A contact that the node which found it has to tell another.
+struct ForPeer {
+  NodeNumber peer = 0;
+  std::uint32_t position = 0;  ///< in Findings::keys
+};
+
+/// A stretch of the lists that the embedder reads: all contacts of a frame, whoever found them, whose keys are in
+/// [first_key, end_key), and some of those that ended. See write_stretch().
+struct Stretch {
+  std::span<Findings* const> findings;  ///< of all nodes, by number
+  std::uint64_t first_key = 0;
+  std::uint64_t end_key = 0;
+  Contact* contacts = nullptr;  ///< the lists of the frame, each from its beginning: the findings tell where to begin
+  std::uint64_t* keys = nullptr;
+  Found* found = nullptr;
+  std::span<const std::uint64_t> ended_keys;   ///< of this stretch, ascending
+  Contact* ended = nullptr;                    ///< parallel to it
+  std::span<const std::uint64_t> keys_before;  ///< all of the frame before, ascending
+  const Contact* contacts_before = nullptr;    ///< parallel to it
+};
+
+/// A contact in a node's list that is not in its list of the frame before.
+struct Beginning {
+  std::uint64_t key = 0;
+  std::uint32_t position = 0;  ///< in Findings::keys
+};
+
+/// A contact in a node's list of the frame before that is not in this frame's, and the slots of its objects.
+struct Ending {
+  std::uint64_t key = 0;
+  std::uint32_t slot_a = 0;
+  std::uint32_t slot_b = 0;
+};
+
+/// What a CD node found in a frame, in memory that all roles of a process share: in place of the messages `collision`,
+/// `confirm` and, from node to node, `notify`.
 ///
-/// The server puts the keys of all nodes in order and answers with each contact's rank among all; then the node itself
-/// copies its contacts to their places in the list that the embedder reads. So of a contact that concerns nobody but
-/// its finder eight bytes pass through the server's hands, and all else is done by as many threads as there are nodes.
+/// A node lists its contacts by (a, b) and compares them with those of its frame before: what is in one list only may
+/// have begun or ended, or the pair may have passed from or to another node. The server compares these few of all nodes
+/// with each other, answers which begin for good, and cuts the embedder's list into one stretch a node. Then each node
+/// puts its stretch in order, whoever found the contacts, and takes from the others' findings what concerns the objects
+/// that it hosts. So what the server does for contacts is in proportion to those that change and to those of avatars.
 ///
 /// Threads: one writer at a time, handed over by messages. The node writes its part before `narrow_done` and leaves it
-/// as it is until the next `frame_begin`; the server reads it from then on, and writes its own part before `frame_end`,
-/// after which the node writes to the ledger. A node that is lost is told no more, so nothing of its part changes any
-/// more but the phases of its contacts; the server writes to its part no more, and keeps what it may still write to.
+/// as it is until the next `frame_begin`; the server reads it from then on, and writes its own part before `frame_end`;
+/// then all nodes read all findings until each has told. A node that is lost meanwhile may be late rather than dead,
+/// and must not read what the others have gone on to write: before it does anything with findings that are not its own,
+/// it enters(), and the server bars() those that are lost. Whoever is within by then is awaited: some hundred
+/// microseconds of copying, without a wait of its own.
 struct Findings {
+  static constexpr std::uint64_t no_frame = ~std::uint64_t{0};  ///< the one before frame 0 too: nothing was found in it
+
   // The node's part.
-  const Host* host = nullptr;         ///< the node's; set once. Read between frames
-  KeptStates kept;                    ///< states that it did not tell; its own rules hold
-  const Contact* contacts = nullptr;  ///< as they were found
-  FlatList<std::uint64_t> keys;       ///< ContactOrder::key, ascending
-  FlatList<FoundContact> found;       ///< parallel to keys
-  FlatList<std::uint32_t> outer;      ///< of these, ascending: all of which others may have to be told
+  const Host* host = nullptr;                ///< the node's; set once. Read between frames
+  KeptStates kept;                           ///< states that it did not tell; its own rules hold
+  std::uint64_t frame = no_frame;            ///< that the lists are of
+  const Contact* contacts = nullptr;         ///< as they were found
+  FlatList<std::uint64_t> keys;              ///< ContactOrder::key, ascending
+  FlatList<FoundContact> found;              ///< parallel to keys
+  std::uint64_t frame_before = no_frame;     ///< that the next two are of
+  FlatList<std::uint64_t> keys_before;       ///< what the node found in it, ascending
+  FlatList<FoundContact> found_before;       ///< parallel to keys_before
+  FlatList<Beginning> beginning;             ///< by key
+  FlatList<Ending> ending;                   ///< by key
+  FlatList<std::uint32_t> outer;             ///< of which user nodes have to be told, ascending
+  FlatList<std::uint32_t> for_peers;         ///< of which the other nodes have to be told, a run a node, each ascending
+  std::vector<std::uint32_t> for_peer_from;  ///< by node, and one more: where its run begins
 
   // The server's part.
-  static constexpr std::uint32_t begins = 0x80000000u;   ///< in a rank: was not there in the frame before
-  static constexpr std::uint32_t written = 0x40000000u;  ///< in a rank: the server has put it into the ledger
-  static constexpr std::uint32_t rank_mask = written - 1;
-  bool left = false;              ///< some are left to the node to write
-  FlatList<std::uint32_t> ranks;  ///< parallel to keys: the place among all contacts of the frame
-  Contact* live = nullptr;        ///< the ledger's contacts of the frame
-  Found* ledger_found = nullptr;  ///< and who found them
+  FlatList<std::uint32_t> begun;  ///< which of keys were in contact nowhere in the frame before, ascending
+  Stretch stretch;                ///< that the node writes
+  bool peers_tell = false;        ///< nodes take what concerns them from for_peers; else the server tells them
 
-  static Phase phase_of(std::uint32_t rank) noexcept { return (rank & begins) != 0 ? Phase::begin : Phase::persist; }
-  /// Puts the i-th contact, which `node` found, to its place in lists like the ledger's.
-  void write(std::size_t i, NodeNumber node, Contact* to_live, Found* to_found) const noexcept {
-    const FoundContact& it = found[i];
-    const Contact& from = contacts[it.contact];
-    Contact& to = to_live[ranks[i] & rank_mask];
+  // The node's last part, before `told`.
+  std::uint64_t doubled = 0;  ///< contacts of the stretch whose pair another node found as well
+  std::uint64_t taken = 0;    ///< contacts that it took from other nodes' findings
+
+  /// The node: empties its part for the frame; what it found in the one before stays, also when a frame is begun twice.
+  void start(std::uint64_t new_frame);
+  /// The node: fills beginning and ending.
+  void compare();
+  /// The node: fills for_peers and for_peer_from; `told` ascend by position, `nodes` is how many there are.
+  void list_for_peers(std::span<const ForPeer> told, NodeNumber nodes);
+  /// Whether `position` is one of begun.
+  bool begins(std::uint32_t position) const noexcept;
+  /// Copies a contact to where it is read as a whole. Its own phase, which its node may be writing, is not looked at.
+  void copy(std::uint32_t position, Phase phase, Contact& to) const noexcept {
+    const Contact& from = contacts[found[position].contact];
     to.a = from.a;
     to.b = from.b;
-    to.phase = phase_of(ranks[i]);  // that of `from` its node may be writing
+    to.phase = phase;
     std::memcpy(&to.depth, &from.depth, sizeof(Contact) - offsetof(Contact, depth));
-    to_found[ranks[i] & rank_mask] = {it.slot_a, it.slot_b, node};
   }
-  /// The node's last part in a frame: puts what the server has left to it into the ledger, and calls `begin` with each
-  /// of its contacts that begins.
-  template <class Begins>
-  void write_rest(NodeNumber node, Begins begin) const {
-    constexpr std::size_t ahead = 10;
-    for (std::size_t i = 0; i < found.size(); ++i) {
-      fetch(i + ahead);
-      if ((ranks[i] & begins) != 0) {
-        begin(found[i].contact);
-      }
-      if ((ranks[i] & written) == 0) {
-        write(i, node, live, ledger_found);
-      }
-    }
-  }
-  /// Fetches what writing the i-th into the ledger will touch; `i` may be past the end. Contacts lie as they were
-  /// found.
-  void fetch(std::size_t i) const noexcept {
-    if (i >= found.size()) {
-      return;
-    }
-    const auto* from = reinterpret_cast<const std::byte*>(&contacts[found[i].contact]);
+  /// Fetches what copy() reads: contacts lie as they were found.
+  void fetch(std::uint32_t position) const noexcept {
+    const auto* from = reinterpret_cast<const std::byte*>(&contacts[found[position].contact]);
     __builtin_prefetch(from);
     __builtin_prefetch(from + 64);
     __builtin_prefetch(from + sizeof(Contact) - 1);
-    const auto* to = reinterpret_cast<const std::byte*>(&live[ranks[i] & rank_mask]);
-    __builtin_prefetch(to, 1);
-    __builtin_prefetch(to + 64, 1);
-    __builtin_prefetch(to + sizeof(Contact) - 1, 1);
   }
+
+  /// The server, before `frame_end`: the node may enter, once.
+  void admit() noexcept { gate_.store(open, std::memory_order_relaxed); }
+  /// The node: whether it may read the findings of others and write its stretch. If so, it leaves() when it has.
+  bool enter() noexcept {
+    std::uint32_t expected = open;
+    // Pairs with itself in bar(): one of the two comes first.
+    return gate_.compare_exchange_strong(expected, inside, std::memory_order_acq_rel);
+  }
+  void leave() noexcept { gate_.store(left, std::memory_order_release); }
+  /// The server: the node is lost, and enters no more. False if it has already entered.
+  bool bar() noexcept {
+    std::uint32_t expected = open;
+    return gate_.compare_exchange_strong(expected, barred, std::memory_order_acq_rel);
+  }
+  /// Whether the node is between enter() and leave(). What it did before it left is visible after the answer false.
+  bool is_inside() const noexcept { return gate_.load(std::memory_order_acquire) == inside; }
+
+ private:
+  enum Gate : std::uint32_t { barred, open, inside, left };
+  std::atomic<std::uint32_t> gate_{barred};
 };
 
 }  // namespace ringfence::nodes

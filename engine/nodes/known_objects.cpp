@@ -8,7 +8,7 @@ KnownObjects::KnownObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
   index_.reserve(objects);
   slots_.reserve(objects);
   bodies_.reserve(objects);
-  staying_.reserve(objects);
+  next_hosts_.reserve(objects);
   if (sweeps_) {
     bounds_.reserve(objects);
     layers_.reserve(objects);
@@ -18,7 +18,7 @@ KnownObjects::KnownObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
 }
 
 void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
-                       ShapeNumber shape, std::uint32_t layer, bool staying) {
+                       ShapeNumber shape, std::uint32_t layer, NextHost next) {
   const std::uint32_t slot = object.slot;
   if (slot >= index_.size()) {
     index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
@@ -28,7 +28,7 @@ void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, cons
     i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
     slots_.push_back(slot);
     bodies_.add();
-    staying_.push_back(0);
+    next_hosts_.push_back(next);
     if (sweeps_) {
       bounds_.add();
       layers_.push_back(0);
@@ -37,7 +37,7 @@ void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, cons
     }
   }
   bodies_[i] = {pose, shape, object.number};
-  staying_[i] = staying ? 1 : 0;
+  next_hosts_[i] = next;
   if (sweeps_) {
     bounds_[i] = bounds;
     layers_[i] = static_cast<std::uint8_t>(layer);
@@ -54,7 +54,7 @@ void KnownObjects::forget(std::uint32_t slot) {
   if (i != last) {
     slots_[i] = slots_[last];
     bodies_[i] = bodies_[last];
-    staying_[i] = staying_[last];
+    next_hosts_[i] = next_hosts_[last];
     if (sweeps_) {
       bounds_[i] = bounds_[last];
       layers_[i] = layers_[last];
@@ -64,7 +64,7 @@ void KnownObjects::forget(std::uint32_t slot) {
   }
   slots_.pop_back();
   bodies_.pop_back();
-  staying_.pop_back();
+  next_hosts_.pop_back();
   if (sweeps_) {
     bounds_.pop_back();
     layers_.pop_back();
@@ -82,7 +82,7 @@ void KnownObjects::clear() noexcept {
   bodies_.clear();
   bounds_.clear();
   layers_.clear();
-  staying_.clear();
+  next_hosts_.clear();
   resting_.clear();
   present_.clear();
 }

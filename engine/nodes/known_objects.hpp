@@ -12,6 +12,14 @@
 
 namespace ringfence::nodes {
 
+/// Who hosts an object from the next frame on, as far as a CD node knows.
+enum class NextHost : std::uint8_t {
+  self,    ///< the node
+  node,    ///< another CD node: the one that owns the cell of its position, in user/collision deployment
+  user,    ///< a user node
+  nobody,  ///< it does not move
+};
+
 /// The objects that overlap a CD node's region, as the node last heard of them, packed for its sweep and narrow phase.
 ///
 /// Threads: belongs to its CD node. Memory: grows with the objects known; four bytes a slot of the world.
@@ -26,9 +34,9 @@ class KnownObjects {
   /// Index of the object in a slot, or none.
   std::uint32_t find(std::uint32_t slot) const noexcept { return slot < index_.size() ? index_[slot] : none; }
 
-  /// Adds an object or replaces what is known of it. `staying`: the node hosts it, in the next frame too.
+  /// Adds an object or replaces what is known of it.
   void set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds, ShapeNumber shape,
-           std::uint32_t layer, bool staying);
+           std::uint32_t layer, NextHost next);
   /// Fetches what a set() of the object in that slot will write.
   void fetch(std::uint32_t slot) const noexcept {
     if (const std::uint32_t i = find(slot); i != none) {
@@ -47,7 +55,7 @@ class KnownObjects {
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_.span(); }
   std::uint32_t slot(std::size_t i) const noexcept { return slots_[i]; }
   /// As set() was last told.
-  bool staying(std::size_t i) const noexcept { return staying_[i] != 0; }
+  NextHost next_host(std::size_t i) const noexcept { return next_hosts_[i]; }
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
 
   /// One byte an object: 1 where nothing about it has changed since the last call of settle().
@@ -63,7 +71,7 @@ class KnownObjects {
   FlatList<narrow_phase::Body> bodies_;
   FlatList<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> layers_;
-  std::vector<std::uint8_t> staying_;
+  std::vector<NextHost> next_hosts_;
   std::vector<std::uint8_t> resting_;
   std::vector<std::uint8_t> present_;
 };

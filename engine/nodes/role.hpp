@@ -21,7 +21,7 @@ enum class Step : std::uint8_t {
 struct Line {
   link::Sender* out = nullptr;
   link::Receiver* in = nullptr;
-  Findings* findings = nullptr;  ///< that a CD node shares with the server; null where they are in two processes
+  Findings* findings = nullptr;  ///< of the CD node, shared; null where it is in another process than the server
 };
 
 /// Takes all that has come over `in`, shows receive(message) what decodes, and gives the room back. Whether there was

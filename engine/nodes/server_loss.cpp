@@ -39,6 +39,7 @@ bool ServerRole::lose(NodeNumber node) {
   }
   losses_to_tell_ = true;
   if (!again) {
+    ledger_.lose(node);
     forgo_hand_overs(node);
     return true;
   }

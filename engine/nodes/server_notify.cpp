@@ -1,6 +1,5 @@
 // The server's last stage: who hosts what in the next frame, and who is told of which contact.
 #include <algorithm>
-#include <bit>
 #include <cstring>
 #include <utility>
 
@@ -87,10 +86,10 @@ void ServerRole::weigh_cells() {
       balance_.weigh_object(point, objects_.bounds()[slot]);
     }
   }
-  for (const Contact& contact : ledger_.contacts(frame_)) {
-    setup_.space->point(contact.point, point);
+  ledger_.visit_points([&](const Vec3d& where) {
+    setup_.space->point(where, point);
     balance_.weigh_contact(point);
-  }
+  });
 }
 
 // In user/collision deployment hosts follow the poses and the region map. The nodes conclude the same from what they
@@ -122,67 +121,6 @@ void ServerRole::next_hosts() {
       follow(slot);
     }
   }
-}
-
-// A node that found the contact itself is told of it by one bit: see ContactLedger::persists, Findings::ranks.
-void ServerRole::list_notice(std::uint32_t notice, const Contact& contact, const Found& found) {
-  const Endpoint first = objects_.host(found.a);
-  const Endpoint second = objects_.host(found.b);
-  const Endpoint finder = (notice & Party::ended) != 0 ? Endpoint::none() : Endpoint::node(found.by);
-  const auto tell = [&](Endpoint host) {
-    if (host == finder) {
-      return;
-    }
-    if (Party* party = party_of(host)) {
-      party->notices.push_back(notice);
-    } else if (host.is_server()) {
-      host_.add_contact(frame_, contact);
-    }
-  };
-  tell(first);
-  if (second != first) {
-    tell(second);
-  }
-}
-
-// Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order too.
-void ServerRole::list_notices() {
-  all_parties([](Party& party) {
-    party.notices.clear();
-    return true;
-  });
-  const auto contacts = ledger_.contacts(frame_);
-  const auto written = ledger_.written();
-  const auto keys = ledger_.keys(frame_);
-  const auto found = ledger_.found(frame_);
-  const auto ended = ledger_.ended(frame_);
-  const auto ended_keys = ledger_.ended_keys(frame_);
-  const auto ended_found = ledger_.ended_found(frame_);
-  std::uint32_t next_ended = 0;
-  const auto list_ended = [&](std::uint64_t key) {
-    for (; next_ended < ended_keys.size() && ended_keys[next_ended] < key; ++next_ended) {
-      list_notice(next_ended | Party::ended, ended[next_ended], ended_found[next_ended]);
-    }
-  };
-  for (std::uint32_t word = 0; word < written.size(); ++word) {
-    for (std::uint64_t left = written[word]; left != 0; left &= left - 1) {
-      const std::uint32_t i = 64 * word + static_cast<std::uint32_t>(std::countr_zero(left));
-      list_ended(keys[i]);
-      list_notice(i, contacts[i], found[i]);
-    }
-  }
-  list_ended(~std::uint64_t{0});
-  all_parties([&](Party& party) {
-    const bool confirms = party.self.is_node() && setup_.deployment == Deployment::user_collision;
-    if (confirms && party.line.findings != nullptr && !party.lost) {
-      count_shared(Traffic::m4, party.line.findings->ranks.size(), sizeof(std::uint32_t));
-    }
-    party.confirm_run.start(confirms ? ledger_.persists(party.self.number()).size() : 0);
-    party.notice_run.start(party.notices.size());
-    party.end_run.start(1);
-    party.map_run.start(map_.table().size());
-    return true;
-  });
 }
 
 // The state relay: to the user nodes the server appears to host every active and non-active object.
@@ -268,13 +206,9 @@ bool ServerRole::notify(Party& party) {
                               })) {
     return false;
   }
-  const bool sent = party.notice_run.pump(
-      out, head(MessageType::notify, party.self), sizeof(Contact), counts, [&](std::size_t i, std::byte* where) {
-        const std::uint32_t notice = party.notices[i];
-        const Contact& contact = (notice & Party::ended) != 0 ? ledger_.ended(frame_)[notice & ~Party::ended]
-                                                              : ledger_.contacts(frame_)[notice];
-        std::memcpy(where, &contact, sizeof contact);
-      });
+  const bool sent =
+      party.notice_run.pump(out, head(MessageType::notify, party.self), sizeof(Contact), counts,
+                            [&](std::size_t i, std::byte* where) { write_notice(party.notices[i], where); });
   if (!sent || !node) {
     return sent;
   }

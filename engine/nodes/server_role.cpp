@@ -186,26 +186,6 @@ void ServerRole::detect() {
   dispatch_.start();
 }
 
-void ServerRole::collect() {
-  spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
-  const std::uint64_t doubled = ledger_.merge();
-  const bool map_may_change = wants_map();
-  // Of what only its finder is to be told, the server need not know more than that it is there.
-  const bool all = setup_.deployment != Deployment::user_collision || map_may_change || rescan_hosts_;
-  ledger_.write(objects_.rows(), all);
-  FrameReport& frame = report();
-  frame.accepted += doubled;  // shows as accepted != tested: never silently
-  frame.contacts = ledger_.live();
-  frame.began = ledger_.began();
-  frame.ended = ledger_.ended(frame_).size();
-  spend(ringfence::Stage::collect, telemetry::now_ns());
-  if (map_may_change) {
-    draw_map();
-  }
-  next_hosts();
-  list_notices();
-}
-
 // One transition of the frame; false where it has to wait.
 bool ServerRole::advance() { return (!losses_to_tell_ || tell_losses()) && advance_stage(); }
 
@@ -264,7 +244,7 @@ bool ServerRole::advance_stage() {
       stage_ = Stage::closing;
       return true;
     case Stage::closing:
-      if (!all_parties([](const Party& party) { return party.told_heard; })) {
+      if (!all_parties([](const Party& party) { return party.told_heard; }) || !ledger_.complete()) {
         return false;
       }
       finish();
@@ -274,9 +254,7 @@ bool ServerRole::advance_stage() {
 }
 
 void ServerRole::finish() {
-  if (!report().lost.empty()) {
-    ledger_.take_over(report().lost);
-  }
+  count_contacts();
   const std::uint64_t now = telemetry::now_ns();
   spend(ringfence::Stage::notify, now);
   spend_cpu(&PathReport::notify_ms);

@@ -90,8 +90,6 @@ class ServerRole {
   const ObjectTable& objects() const noexcept { return objects_; }
   /// Where the live object in that slot stands.
   const Pose& pose(std::uint32_t slot) const noexcept;
-  /// No thread of a lost node is left.
-  void forget_lost() noexcept { ledger_.forget_lost(); }
   // For the last frame; they stay as they are while the next one is under way.
   const ContactLedger& ledger() const noexcept { return ledger_; }
   const FrameReport& report(std::uint64_t frame) const noexcept { return reports_[frame & 1]; }
@@ -159,7 +157,9 @@ class ServerRole {
   void refresh_objects();
   void collect();
   void list_notices();
-  void list_notice(std::uint32_t notice, const Contact& contact, const Found& found);
+  void list_notice(std::uint32_t notice, const Found& found);
+  void write_notice(std::uint32_t notice, std::byte* where) const noexcept;
+  void count_contacts();
   bool wants_map();
   void draw_map();
   std::span<const std::uint32_t> share_out(std::uint32_t& nodes);
@@ -202,6 +202,8 @@ class ServerRole {
   Hosting hosting_;
   Dispatch dispatch_;
   ContactLedger ledger_;
+  std::span<const ToldContact> told_;  ///< of this frame, by the server
+  bool peers_tell_ = false;            ///< in this frame nodes take what concerns them from each other's findings
   std::vector<Party> nodes_;
   std::vector<Party> users_;  ///< by user number
   std::vector<UserNumber> connected_;

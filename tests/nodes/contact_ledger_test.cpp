@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <random>
 #include <utility>
 #include <vector>
@@ -16,254 +17,352 @@ namespace {
 
 using Key = std::pair<ObjectNumber, ObjectNumber>;
 
-constexpr std::uint32_t slots = 97;
+constexpr std::uint32_t slots = 40;
 
 std::uint64_t word_of(const Key& key) { return ContactOrder::key(key.first, key.second); }
 
-messages::CollisionRecord record_of(const Key& key, float depth) {
-  messages::CollisionRecord record;
-  record.slot_a = key.first % slots;
-  record.slot_b = key.second % slots;
-  record.depth = depth;
-  record.normal = {depth, 1, 2};
-  record.point = {double{depth}, 3, 4};
-  return record;
-}
-
-/// Rows of which each stands somewhere else, and elsewhere in each frame.
-std::vector<ObjectRow> rows_of(std::uint64_t frame) {
+/// Rows of which each stands somewhere else, and elsewhere in each frame; numbers ascend by slot.
+std::vector<ObjectRow> rows_of(std::uint64_t frame, bool large_numbers) {
   std::vector<ObjectRow> rows(slots);
   for (std::uint32_t slot = 0; slot < slots; ++slot) {
+    rows[slot].object.number = large_numbers ? 0xfffffff0u - 97'000'001u * (slots - slot) : slot + 1;
     rows[slot].pose.position = {static_cast<double>(slot), static_cast<double>(frame), 0};
   }
   return rows;
 }
 
-TEST_CASE("the ledger begins, continues and ends contacts as a map of the two frames does") {
-  for (const std::size_t nodes : {1u, 2u, 3u, 16u}) {
-    const auto seed = static_cast<unsigned>(100 + nodes);
-    CAPTURE(seed);
-    std::mt19937_64 random(seed);
-    ContactLedger ledger(nodes, 16);
-    std::map<Key, float> before;
-    for (std::uint64_t frame = 0; frame < 200; ++frame) {
-      CAPTURE(frame);
-      std::map<Key, float> now;
-      const std::uint64_t many = frame % 7 == 0 ? 0 : random() % 120;
-      const std::uint64_t numbers = frame % 5 == 0 ? 0xfffffff0u : 25;
-      for (std::uint64_t i = 0; i < many; ++i) {
-        auto a = static_cast<ObjectNumber>(1 + random() % numbers);
-        auto b = static_cast<ObjectNumber>(1 + random() % numbers);
-        if (a != b) {
-          now[{std::min(a, b), std::max(a, b)}] = static_cast<float>(random() % 1000);
-        }
-      }
-      if (frame % 3 != 0) {
-        for (const auto& [key, depth] : before) {
-          if (random() % 2 == 0) {
-            now[key] = depth + 1;
-          }
-        }
-      }
-      ledger.begin(frame);
-      // Dealt to the nodes at random, in the order of the keys at each.
-      std::vector<std::size_t> received(nodes, 0);
-      std::vector<std::vector<bool>> runs(nodes);  // whether each contact of a node's run persists
-      std::vector<NodeNumber> finders;
-      for (const auto& [key, depth] : now) {
-        const auto node = static_cast<NodeNumber>(random() % nodes);
-        ledger.receive(node, word_of(key), record_of(key, depth));
-        ++received[node];
-        finders.push_back(node);
-        runs[node].push_back(before.count(key) != 0);
-      }
-      for (NodeNumber node = 0; node < nodes; ++node) {
-        REQUIRE(ledger.received(node) == received[node]);
-      }
-      REQUIRE(ledger.merge() == 0);
-      ledger.write(rows_of(frame), true);
-      for (NodeNumber node = 0; node < nodes; ++node) {
-        const auto persists = ledger.persists(node);
-        REQUIRE(persists.size() == (runs[node].size() + 63) / 64);
-        for (std::size_t i = 0; i < runs[node].size(); ++i) {
-          REQUIRE((persists[i / 64] >> (i % 64) & 1) == (runs[node][i] ? 1u : 0u));
-        }
-      }
+/// The contacts of a frame by key, as they are to be listed but for the phase.
+struct Truth {
+  Contact contact;
+  std::uint32_t slot_a = 0, slot_b = 0;
+  std::size_t finder = 0;  ///< who owns the pair, counted among all nodes that ever were
+};
+using Truths = std::map<Key, Truth>;
 
-      const auto contacts = ledger.contacts(frame);
-      const auto found = ledger.found(frame);
-      const auto keys = ledger.keys(frame);
-      REQUIRE(contacts.size() == now.size());
-      REQUIRE(found.size() == now.size());
-      REQUIRE(keys.size() == now.size());
-      std::size_t i = 0;
-      std::size_t began = 0;
-      for (const auto& [key, depth] : now) {
-        const bool persists = before.count(key) != 0;
-        began += persists ? 0 : 1;
-        REQUIRE((Key{contacts[i].a, contacts[i].b} == key));
-        REQUIRE(contacts[i].depth == depth);
-        REQUIRE(contacts[i].phase == (persists ? Phase::persist : Phase::begin));
-        REQUIRE(contacts[i].normal.x == depth);
-        REQUIRE(contacts[i].point.x == double{depth});
-        REQUIRE(contacts[i].pose_a.position.x == key.first % slots);
-        REQUIRE(contacts[i].pose_b.position.x == key.second % slots);
-        REQUIRE(contacts[i].pose_b.position.y == static_cast<double>(frame));
-        REQUIRE(keys[i] == word_of(key));
-        REQUIRE(found[i].a == key.first % slots);
-        REQUIRE(found[i].b == key.second % slots);
-        REQUIRE(found[i].by == finders[i]);
-        ++i;
+/// A CD node as the ledger sees it.
+struct Node {
+  std::unique_ptr<Findings> shared;  ///< null: it sends messages
+  std::vector<Contact> contacts;     ///< as it found them
+  std::vector<std::uint32_t> outer;
+  FindingsOrder order;
+
+  void find(std::uint64_t frame, const std::vector<const Truth*>& own, std::mt19937_64& random) {
+    contacts.clear();
+    std::vector<std::uint32_t> places(own.size());
+    for (std::uint32_t i = 0; i < own.size(); ++i) places[i] = i;
+    std::shuffle(places.begin(), places.end(), random);
+    contacts.resize(own.size());
+    shared->start(frame);
+    for (std::uint32_t i = 0; i < own.size(); ++i) {
+      contacts[places[i]] = own[i]->contact;
+      shared->keys.push_back(word_of({own[i]->contact.a, own[i]->contact.b}));
+      shared->found.push_back({own[i]->slot_a, own[i]->slot_b, places[i]});
+      if (random() % 4 == 0) {
+        shared->outer.push_back(i);
       }
-      REQUIRE(ledger.began() == began);
-      const auto ended = ledger.ended(frame);
-      const auto ended_found = ledger.ended_found(frame);
-      std::size_t e = 0;
-      for (const auto& [key, depth] : before) {
-        if (now.count(key) != 0) {
-          continue;
-        }
-        REQUIRE(e < ended.size());
-        REQUIRE((Key{ended[e].a, ended[e].b} == key));
-        REQUIRE(ended[e].phase == Phase::end);
-        REQUIRE(ended[e].depth == depth);  // the geometry of the last contact
-        REQUIRE(ended[e].pose_a.position.y == static_cast<double>(frame - 1));
-        REQUIRE(ledger.ended_keys(frame)[e] == word_of(key));
-        REQUIRE(ended_found[e].a == key.first % slots);
-        ++e;
-      }
-      REQUIRE(e == ended.size());
-      REQUIRE(ended_found.size() == e);
-      // The frame before stays readable while this one was made.
-      if (frame > 0) {
-        REQUIRE(ledger.contacts(frame - 1).size() == before.size());
-      }
-      before = now;
     }
+    shared->contacts = contacts.data();
+    shared->compare();
   }
-}
-
-/// A node that shares what it finds: its contacts in an order of its own, some of which others have to be told.
-struct Sharing {
-  Findings findings;
-  std::vector<Contact> contacts;
-
-  void find(const std::vector<Contact>& sorted, std::mt19937_64& random) {
-    contacts = sorted;
-    std::shuffle(contacts.begin(), contacts.end(), random);
-    findings.contacts = contacts.data();
-    findings.keys.clear();
-    findings.found.clear();
-    findings.outer.clear();
-    for (const Contact& contact : sorted) {
-      const auto same = [&](const Contact& other) { return other.a == contact.a && other.b == contact.b; };
-      const auto at = std::find_if(contacts.begin(), contacts.end(), same) - contacts.begin();
-      if (random() % 3 == 0) {
-        findings.outer.push_back(static_cast<std::uint32_t>(findings.keys.size()));
-      }
-      findings.keys.push_back(word_of({contact.a, contact.b}));
-      findings.found.push_back({contact.a % slots, contact.b % slots, static_cast<std::uint32_t>(at)});
-    }
+  void write() {
+    shared->doubled = write_stretch(shared->stretch, order);
+    shared->leave();
   }
 };
 
-TEST_CASE("what nodes share and write themselves makes the list that the server would have written, also when lost") {
-  for (const unsigned seed : {11u, 12u, 13u, 14u}) {
-    CAPTURE(seed);
-    std::mt19937_64 random(seed);
-    constexpr NodeNumber nodes = 5;
-    ContactLedger ledger(nodes, 16), plain(1, 16);
-    std::vector<Sharing> sharing(nodes);
-    for (std::uint64_t frame = 0; frame < 120; ++frame) {
-      CAPTURE(frame);
-      ledger.begin(frame);
-      plain.begin(frame);
-      std::vector<std::vector<Contact>> shares(nodes);
-      std::map<Key, Contact> now;
-      for (std::uint64_t i = random() % 200; i > 0; --i) {
-        const auto a = static_cast<ObjectNumber>(1 + random() % 20), b = static_cast<ObjectNumber>(21 + random() % 20);
-        Contact contact;
-        contact.a = a;
-        contact.b = b;
-        contact.depth = static_cast<float>(random() % 1000);
-        contact.point = {1.0 * a, 2.0 * b, 3};
-        contact.phase = Phase::end;  // not the node's to say
-        contact.pose_a = rows_of(frame)[a % slots].pose;
-        contact.pose_b = rows_of(frame)[b % slots].pose;
-        now[{a, b}] = contact;
+bool same(const Contact& p, const Contact& q) { return std::memcmp(&p, &q, sizeof p) == 0; }
+
+/// A world without objects that moves only what the ledger is told of.
+class Play {
+ public:
+  enum class Form { sending, sharing, mixed };
+
+  Play(unsigned seed, Form form) : random_(seed), form_(form), large_numbers_(seed % 2 == 0), ledger_(3, 16) {
+    for (int i = 0; i < 3; ++i) join();
+  }
+
+  void frame() {
+    deal();
+    ledger_.resize(nodes_.size());
+    ledger_.begin(frame_);
+    const auto rows = rows_of(frame_, large_numbers_);
+    std::vector<std::vector<const Truth*>> runs(nodes_.size());
+    for (const auto& [key, truth] : now_) {
+      runs[truth.finder].push_back(&truth);
+      // Two nodes own it: a bug elsewhere.
+      if (doubles && random_() % 16 == 0) {
+        runs[(truth.finder + 1) % nodes_.size()].push_back(&truth);
+        ++surplus_;
       }
-      for (const auto& [key, contact] : now) {
-        messages::CollisionRecord record = record_of(key, contact.depth);
-        record.normal = contact.normal;
-        record.point = contact.point;
-        plain.receive(0, word_of(key), record);
-        shares[random() % nodes].push_back(contact);
-      }
-      REQUIRE(plain.merge() == 0);
-      plain.write(rows_of(frame), true);
-      for (NodeNumber node = 0; node < nodes; ++node) {
-        sharing[node].find(shares[node], random);
-        ledger.receive(node, sharing[node].findings);
-        REQUIRE(ledger.received(node) == shares[node].size());
-      }
-      REQUIRE(ledger.merge() == 0);
-      const bool all = frame % 4 == 0;
-      ledger.write(rows_of(frame), all);
-      // Some are lost before they have written, or after; what a late one writes later hurts nobody.
-      std::vector<NodeNumber> lost;
-      for (NodeNumber node = 0; node < nodes; ++node) {
-        if (frame % 3 == 0 && random() % 2 == 0) {
-          lost.push_back(node);
-        } else {
-          sharing[node].findings.write_rest(node, [](std::uint32_t) {});
+    }
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      if (nodes_[node]->shared != nullptr) {
+        nodes_[node]->find(frame_, runs[node], random_);
+        ledger_.receive(node, *nodes_[node]->shared);
+      } else {
+        for (const Truth* truth : runs[node]) {
+          messages::CollisionRecord record;
+          record.slot_a = truth->slot_a;
+          record.slot_b = truth->slot_b;
+          record.depth = truth->contact.depth;
+          record.normal = truth->contact.normal;
+          record.point = truth->contact.point;
+          ledger_.receive(node, record, rows);
         }
       }
-      if (!lost.empty()) {
-        ledger.take_over(lost);
+      REQUIRE(ledger_.received(node) == runs[node].size());
+    }
+    ledger_.compare();
+    ledger_.share_out();
+    check_persisting(runs);
+    check_told();
+    const auto lost = write();
+    check_lists();
+    for (auto node = lost.rbegin(); node != lost.rend(); ++node) {
+      leave(*node);
+    }
+    before_ = now_;
+    ++frame_;
+    if (random_() % 5 == 0) join();
+    if (random_() % 7 == 0 && nodes_.size() > 1) leave(random_() % nodes_.size());
+    if (random_() % 9 == 0 && nodes_.back()->shared != nullptr) {
+      nodes_.back()->shared = std::make_unique<Findings>();  // another in its place, which remembers nothing
+    }
+  }
+
+  bool doubles = false;
+  std::size_t waits = 0;  ///< for a lost node that was writing
+
+ private:
+  void join() {
+    const bool shares = form_ == Form::sharing || (form_ == Form::mixed && random_() % 2 == 0);
+    nodes_.push_back(std::make_unique<Node>());
+    nodes_.back()->shared = shares ? std::make_unique<Findings>() : nullptr;
+  }
+  void leave(std::size_t node) {
+    gone_.push_back(std::move(nodes_[node]));
+    nodes_.erase(nodes_.begin() + static_cast<std::ptrdiff_t>(node));
+    if (nodes_.empty()) join();
+  }
+
+  // Most contacts go on, and most of these with the node that had them.
+  void deal() {
+    now_.clear();
+    surplus_ = 0;
+    const auto rows = rows_of(frame_, large_numbers_);
+    const auto add = [&](std::uint32_t slot_a, std::uint32_t slot_b, std::size_t finder) {
+      const Key key{rows[slot_a].object.number, rows[slot_b].object.number};
+      Truth& truth = now_[key];
+      truth = {{}, slot_a, slot_b, finder % nodes_.size()};
+      truth.contact.a = key.first;
+      truth.contact.b = key.second;
+      truth.contact.depth = static_cast<float>(random_() % 1000);
+      truth.contact.normal = {truth.contact.depth, 1, 2};
+      truth.contact.point = {1.0 * slot_a, 2.0 * slot_b, 3};
+      truth.contact.phase = Phase::end;  // not the node's to say
+      truth.contact.pose_a = rows[slot_a].pose;
+      truth.contact.pose_b = rows[slot_b].pose;
+    };
+    if (frame_ % 11 != 10) {
+      for (const auto& [key, truth] : before_) {
+        if (random_() % 8 != 0) {
+          add(truth.slot_a, truth.slot_b, random_() % 6 == 0 ? random_() : truth.finder);
+        }
       }
-      for (const NodeNumber node : lost) {
-        std::fill(sharing[node].contacts.begin(), sharing[node].contacts.end(), Contact{});
-        sharing[node].findings.write_rest(node, [](std::uint32_t) {});
+    }
+    for (std::uint64_t i = random_() % 40; i > 0; --i) {
+      const auto a = static_cast<std::uint32_t>(random_() % (slots - 1));
+      add(a, a + 1 + static_cast<std::uint32_t>(random_() % (slots - a - 1)), random_());
+    }
+  }
+
+  Phase phase_of(const Key& key) const { return before_.count(key) != 0 ? Phase::persist : Phase::begin; }
+
+  void check_persisting(const std::vector<std::vector<const Truth*>>& runs) {
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      const bool sends = nodes_[node]->shared == nullptr;
+      const auto persists = ledger_.persists(node);
+      REQUIRE(persists.size() == (sends ? (runs[node].size() + 63) / 64 : 0));
+      for (std::uint32_t i = 0; i < runs[node].size(); ++i) {
+        if (doubles) {
+          continue;  // who has one that is not its own may think that it begins
+        }
+        const bool begins = phase_of({runs[node][i]->contact.a, runs[node][i]->contact.b}) == Phase::begin;
+        REQUIRE((sends ? (persists[i / 64] >> (i % 64) & 1) == 0 : nodes_[node]->shared->begins(i)) == begins);
       }
-      const auto contacts = ledger.contacts(frame), expected = plain.contacts(frame);
-      REQUIRE(contacts.size() == expected.size());
-      for (std::size_t i = 0; i < contacts.size(); ++i) {
-        REQUIRE(std::memcmp(&contacts[i], &expected[i], sizeof(Contact)) == 0);
-        REQUIRE(ledger.found(frame)[i].a == plain.found(frame)[i].a);
-        REQUIRE(ledger.found(frame)[i].b == plain.found(frame)[i].b);
+    }
+  }
+
+  void check_told() {
+    const auto all = ledger_.told(true);
+    REQUIRE(all.size() == now_.size());
+    std::size_t i = 0;
+    for (const auto& [key, truth] : now_) {
+      Contact expected = truth.contact;
+      expected.phase = phase_of(key);
+      Contact told;
+      all[i].write(told);
+      REQUIRE((doubles || same(told, expected)));
+      REQUIRE(all[i].key == word_of(key));
+      REQUIRE(all[i].found.a == truth.slot_a);
+      REQUIRE((doubles || all[i].found.by == truth.finder));
+      ++i;
+    }
+    std::vector<std::uint64_t> outer;
+    for (const auto& node : nodes_) {
+      for (std::size_t k = 0; node->shared != nullptr && k < node->shared->outer.size(); ++k) {
+        outer.push_back(node->shared->keys[node->shared->outer[k]]);
       }
-      const auto ended = ledger.ended(frame), expected_ended = plain.ended(frame);
-      REQUIRE(ended.size() == expected_ended.size());
-      REQUIRE((ended.empty() || std::memcmp(ended.data(), expected_ended.data(), ended.size_bytes()) == 0));
-      ledger.forget_lost();
+    }
+    std::sort(outer.begin(), outer.end());
+    outer.erase(std::unique(outer.begin(), outer.end()), outer.end());
+    const auto told = ledger_.told(false);
+    REQUIRE(told.size() == outer.size());
+    for (std::size_t k = 0; k < told.size(); ++k) {
+      REQUIRE(told[k].key == outer[k]);
+    }
+    std::size_t points = 0;
+    ledger_.visit_points([&](const Vec3d&) { ++points; });
+    REQUIRE(points == now_.size() + surplus_);
+  }
+
+  // Each writes its stretch, or is lost: before it enters, within, or when it has left.
+  std::vector<std::size_t> write() {
+    std::vector<std::size_t> lost, late;
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      Findings* const shared = nodes_[node]->shared.get();
+      const auto fate = frame_ % 4 == 3 ? random_() % 6 : 5;
+      if (shared != nullptr && fate > 0) {
+        REQUIRE(shared->enter());
+        if (fate > 1) {
+          nodes_[node]->write();
+        } else {
+          late.push_back(node);
+        }
+      }
+      if (fate < 3) {
+        ledger_.lose(node);
+        REQUIRE((shared == nullptr || !shared->enter()));  // late, it writes no more
+        lost.push_back(node);
+      }
+    }
+    for (const std::size_t node : late) {
+      REQUIRE_FALSE(ledger_.complete());
+      ++waits;
+      nodes_[node]->write();
+    }
+    REQUIRE(ledger_.complete());
+    return lost;
+  }
+
+  void check_lists() {
+    REQUIRE(ledger_.doubled() == surplus_);
+    REQUIRE(ledger_.size() == now_.size() + surplus_);
+    const auto contacts = ledger_.contacts(frame_);
+    REQUIRE(contacts.size() == now_.size());
+    REQUIRE(ledger_.keys(frame_).size() == now_.size());
+    REQUIRE(ledger_.found(frame_).size() == now_.size());
+    std::size_t i = 0;
+    std::size_t began = 0;
+    for (const auto& [key, truth] : now_) {
+      Contact expected = truth.contact;
+      expected.phase = phase_of(key);
+      began += expected.phase == Phase::begin ? 1 : 0;
+      REQUIRE(same(contacts[i], expected));
+      REQUIRE(ledger_.keys(frame_)[i] == word_of(key));
+      REQUIRE(ledger_.found(frame_)[i].a == truth.slot_a);
+      REQUIRE(ledger_.found(frame_)[i].b == truth.slot_b);
+      REQUIRE((doubles || ledger_.found(frame_)[i].by == truth.finder));
+      ++i;
+    }
+    REQUIRE(ledger_.began() == began);
+    std::size_t e = 0;
+    const auto ended = ledger_.ended(frame_);
+    for (const auto& [key, truth] : before_) {
+      if (now_.count(key) != 0) {
+        continue;
+      }
+      Contact expected = truth.contact;  // the geometry of the last contact
+      expected.phase = Phase::end;
+      REQUIRE(e < ended.size());
+      REQUIRE(same(ended[e], expected));
+      Contact told;
+      ledger_.write_ended(e, told);
+      REQUIRE(same(told, expected));
+      REQUIRE(ledger_.ended_keys(frame_)[e] == word_of(key));
+      REQUIRE(ledger_.ended_found(frame_)[e].a == truth.slot_a);
+      REQUIRE(ledger_.ended_found(frame_)[e].b == truth.slot_b);
+      ++e;
+    }
+    REQUIRE(e == ended.size());
+    // The frame before stays readable while this one was made.
+    REQUIRE((frame_ == 0 || ledger_.contacts(frame_ - 1).size() == before_.size()));
+  }
+
+  std::mt19937_64 random_;
+  Form form_;
+  bool large_numbers_;
+  ContactLedger ledger_;
+  std::vector<std::unique_ptr<Node>> nodes_;
+  std::vector<std::unique_ptr<Node>> gone_;  ///< whose memory stays
+  Truths now_, before_;
+  std::size_t surplus_ = 0;
+  std::uint64_t frame_ = 0;
+};
+
+TEST_CASE("the ledger begins, continues and ends contacts as a map of the two frames does, whoever writes or is lost") {
+  for (const Play::Form form : {Play::Form::sending, Play::Form::sharing, Play::Form::mixed}) {
+    for (unsigned seed = 100; seed < 106; ++seed) {
+      CAPTURE(seed);
+      CAPTURE(static_cast<int>(form));
+      Play play(seed, form);
+      for (int frame = 0; frame < 200; ++frame) {
+        CAPTURE(frame);
+        play.frame();
+      }
+      CHECK((play.waits > 0) == (form != Play::Form::sending));
     }
   }
 }
 
-TEST_CASE("a pair that two nodes found is kept once and counted") {
-  constexpr unsigned seed = 3;
-  CAPTURE(seed);
-  std::mt19937_64 random(seed);
-  for (int round = 0; round < 200; ++round) {
-    CAPTURE(round);
-    ContactLedger ledger(4, 8);
-    ledger.begin(0);
-    std::map<Key, int> found;
-    for (ObjectNumber a = 1; a <= 12; ++a) {
-      for (NodeNumber node = 0; node < 4; ++node) {
-        if (random() % 3 == 0) {
-          ledger.receive(node, word_of({a, a + 1}), record_of({a, a + 1}, 1));
-          ++found[{a, a + 1}];
-        }
+TEST_CASE("a pair that two nodes found is kept once and counted, and the frames after it are right") {
+  for (const Play::Form form : {Play::Form::sending, Play::Form::sharing, Play::Form::mixed}) {
+    for (unsigned seed = 200; seed < 204; ++seed) {
+      CAPTURE(seed);
+      CAPTURE(static_cast<int>(form));
+      Play play(seed, form);
+      for (int frame = 0; frame < 120; ++frame) {
+        CAPTURE(frame);
+        play.doubles = frame % 3 == 1;
+        play.frame();
       }
     }
-    std::uint64_t surplus = 0;
-    for (const auto& [key, times] : found) {
-      surplus += static_cast<std::uint64_t>(times - 1);
+  }
+}
+
+TEST_CASE("what a node finds for its peers is listed by peer, in order") {
+  constexpr unsigned seed = 9;
+  CAPTURE(seed);
+  std::mt19937_64 random(seed);
+  Findings findings;
+  for (NodeNumber nodes = 1; nodes < 20; ++nodes) {
+    CAPTURE(nodes);
+    std::vector<ForPeer> told;
+    std::vector<std::vector<std::uint32_t>> expected(nodes);
+    for (std::uint32_t position = 0; position < 60; ++position) {
+      const auto peer = static_cast<NodeNumber>(random() % nodes);
+      if (random() % 3 != 0) {
+        told.push_back({peer, position});
+        expected[peer].push_back(position);
+      }
     }
-    CHECK(ledger.merge() == surplus);
-    ledger.write(rows_of(0), true);
-    CHECK(ledger.contacts(0).size() == found.size());
+    findings.list_for_peers(told, nodes);
+    REQUIRE(findings.for_peer_from.size() == nodes + 1);
+    for (NodeNumber peer = 0; peer < nodes; ++peer) {
+      const auto* const first = findings.for_peers.begin() + findings.for_peer_from[peer];
+      const auto* const end = findings.for_peers.begin() + findings.for_peer_from[peer + 1];
+      REQUIRE(std::vector<std::uint32_t>(first, end) == expected[peer]);
+    }
   }
 }
 

@@ -205,7 +205,8 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       case 2:
       case 3: {
         const messages::PositionRecord record = draw();
-        known.set(record.object, record.pose, record.bounds, record.shape, record.layer, record.layer % 2 == 0);
+        known.set(record.object, record.pose, record.bounds, record.shape, record.layer,
+                  static_cast<NextHost>(record.layer % 4));
         model[record.object.slot] = record;
         changed.insert(record.object.slot);
         break;
@@ -248,7 +249,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       REQUIRE(known.bodies()[i].pose == at->second.pose);
       REQUIRE(known.bounds()[i] == at->second.bounds);
       REQUIRE(known.layers()[i] == at->second.layer);
-      REQUIRE(known.staying(i) == (at->second.layer % 2 == 0));
+      REQUIRE(known.next_host(i) == static_cast<NextHost>(at->second.layer % 4));
       REQUIRE(known.present()[i] == 1);
       if (changed.count(slot) != 0) {
         REQUIRE(known.resting()[i] == 0);  // what rests for the sweep has truly not changed

@@ -98,8 +98,9 @@ class Theatre {
 
   const ServerRole& server() const { return *server_; }
   const ObjectTable& table() const { return server_->objects(); }
-  /// What the node shares with the server; null unless the play says that they share memory.
+  /// What the node shares; null unless the play says that they share memory.
   const Findings* findings(NodeNumber node) const { return nodes_[standing_[node]].findings.get(); }
+  const Host& host(NodeNumber node) const { return nodes_[standing_[node]].role->host(); }
   const FrameReport& report() const { return server_->report(last()); }
   std::span<const Contact> contacts() const { return server_->ledger().contacts(last()); }
   std::span<const Contact> ended() const { return server_->ledger().ended(last()); }

@@ -1,0 +1,100 @@
+// What a CD node shares of what it found, and what it does with what all have.
+#include <cassert>
+
+#include "nodes/cd_node_role.hpp"
+
+namespace ringfence::nodes {
+
+// In order of (a, b), so that runs can be merged and the host's next move reads its contacts in it.
+void CdNodeRole::list_findings() {
+  Findings& findings = *findings_;
+  findings.start(frame_);
+  findings.contacts = host_.own_contacts(frame_);
+  findings.keys.resize(hits_.size());
+  findings.found.resize(hits_.size());
+  for_peers_.clear();
+  const bool tells = setup_.hosts && findings_ != &own_findings_;
+  for (std::size_t i = 0; i < hits_.size(); ++i) {
+    const std::uint32_t contact = order_.at(i);
+    const std::uint64_t key = order_.key_at(i);
+    const Hit& hit = hits_[contact];
+    findings.keys[i] = key;
+    findings.found[i] = {hit.slot_a, hit.slot_b, contact};
+    if (hit.outer && tells) {
+      list_told(static_cast<std::uint32_t>(i));
+    }
+    if (setup_.hosts) {
+      host_.order_own_contact(frame_, key, contact);
+    }
+  }
+  if (findings_ != &own_findings_) {
+    findings.compare();
+    findings.list_for_peers(for_peers_.span(), static_cast<NodeNumber>(setup_.peers.size()));
+  }
+}
+
+// Who hosts the two objects in the next frame: that follows from what they are and where they stand, if the map stays.
+void CdNodeRole::list_told(std::uint32_t position) {
+  const FoundContact& found = findings_->found[position];
+  NodeNumber first = setup_.node;
+  bool users = false;
+  for (const std::uint32_t slot : {found.slot_a, found.slot_b}) {
+    const std::uint32_t known = known_.find(slot);
+    assert(known != KnownObjects::none);
+    users |= known_.next_host(known) == NextHost::user;
+    if (known_.next_host(known) != NextHost::node) {
+      continue;
+    }
+    std::uint32_t point[3];
+    setup_.space->point(known_.bodies()[known].pose.position, point);
+    const NodeNumber next = map_.owner_at(point);
+    if (next != setup_.node && next != first) {
+      for_peers_.push_back({next, position});
+      first = next;
+    }
+  }
+  if (users) {
+    findings_->outer.push_back(position);
+  }
+}
+
+// The phases of what was found, a stretch of the embedder's list, and what others found of the hosted objects.
+void CdNodeRole::finish_contacts() {
+  if (findings_ == &own_findings_) {
+    return;
+  }
+  Findings& findings = *findings_;
+  if (setup_.hosts) {
+    for (const std::uint32_t position : findings.begun) {
+      host_.confirm_begin(frame_, findings.found[position].contact);
+    }
+  }
+  if (!findings.enter()) {
+    return;  // lost, and what the others share is not for this frame any more
+  }
+  findings.doubled = write_stretch(findings.stretch, findings_order_);
+  if (setup_.hosts && findings.peers_tell) {
+    take_from_peers();
+  }
+  findings.leave();
+}
+
+void CdNodeRole::take_from_peers() {
+  const auto all = findings_->stretch.findings;
+  findings_order_.start(all);
+  for (NodeNumber peer = 0; peer < all.size(); ++peer) {
+    const Findings& findings = *all[peer];
+    for (std::uint32_t i = findings.for_peer_from[setup_.node]; i < findings.for_peer_from[setup_.node + 1]; ++i) {
+      findings_order_.add(peer, findings.for_peers[i]);
+    }
+  }
+  findings_order_.sort();
+  findings_order_.visit([&](std::uint64_t, NodeNumber peer, std::uint32_t position, Phase phase) {
+    Contact contact;
+    all[peer]->copy(position, phase, contact);
+    host_.add_contact(frame_, contact);
+  });
+  findings_->taken = findings_order_.size();
+}
+
+}  // namespace ringfence::nodes

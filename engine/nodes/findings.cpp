@@ -1,0 +1,63 @@
+#include "nodes/findings.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace ringfence::nodes {
+
+void Findings::start(std::uint64_t new_frame) {
+  if (frame != new_frame) {
+    std::swap(keys, keys_before);
+    std::swap(found, found_before);
+    frame_before = std::exchange(frame, new_frame);
+  }
+  keys.clear();
+  found.clear();
+  beginning.clear();
+  ending.clear();
+  outer.clear();
+  for_peers.clear();
+  for_peer_from.clear();
+}
+
+void Findings::compare() {
+  std::size_t old = 0;
+  const std::size_t olds = keys_before.size();
+  const auto end = [&] { ending.push_back({keys_before[old], found_before[old].slot_a, found_before[old].slot_b}); };
+  for (std::uint32_t i = 0; i < keys.size(); ++i) {
+    const std::uint64_t key = keys[i];
+    for (; old < olds && keys_before[old] < key; ++old) {
+      end();
+    }
+    if (old < olds && keys_before[old] == key) {
+      ++old;
+    } else {
+      beginning.push_back({key, i});
+    }
+  }
+  for (; old < olds; ++old) {
+    end();
+  }
+}
+
+// A stable counting sort.
+void Findings::list_for_peers(std::span<const ForPeer> told, NodeNumber nodes) {
+  for_peer_from.assign(nodes + 2, 0);
+  for (const ForPeer& one : told) {
+    ++for_peer_from[one.peer + 2];
+  }
+  for (NodeNumber peer = 0; peer < nodes; ++peer) {
+    for_peer_from[peer + 2] += for_peer_from[peer + 1];
+  }
+  for_peers.resize(told.size());
+  for (const ForPeer& one : told) {
+    for_peers[for_peer_from[one.peer + 1]++] = one.position;
+  }
+  for_peer_from.pop_back();
+}
+
+bool Findings::begins(std::uint32_t position) const noexcept {
+  return std::binary_search(begun.begin(), begun.end(), position);
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,77 @@
+#include "nodes/findings_order.hpp"
+
+#include <algorithm>
+#include <cassert>
+
+namespace ringfence::nodes {
+
+void FindingsOrder::reserve(std::size_t contacts) {
+  order_.reserve(contacts);
+  sources_.reserve(contacts);
+}
+
+void FindingsOrder::start(std::span<Findings* const> findings) {
+  findings_ = findings;
+  order_.clear();
+  sources_.clear();
+  ascending_ = true;
+}
+
+void FindingsOrder::sort() {
+  if (!ascending_) {
+    order_.sort();
+  }
+}
+
+namespace {
+
+// Few of many end, so they are looked for in leaps.
+void write_ended(const Stretch& stretch) {
+  const auto keys = stretch.keys_before;
+  auto old = keys.begin();
+  for (std::size_t i = 0; i < stretch.ended_keys.size(); ++i) {
+    const std::uint64_t key = stretch.ended_keys[i];
+    std::ptrdiff_t leap = i == 0 ? keys.end() - old : 1;
+    while (leap < keys.end() - old && old[leap] < key) {
+      old += leap;
+      leap *= 2;
+    }
+    old = std::lower_bound(old, old + std::min(leap + 1, keys.end() - old), key);
+    assert(old != keys.end() && *old == key);
+    stretch.ended[i] = stretch.contacts_before[old - keys.begin()];
+    stretch.ended[i].phase = Phase::end;
+  }
+}
+
+}  // namespace
+
+std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order) {
+  order.start(stretch.findings);
+  std::size_t at = 0;
+  for (NodeNumber node = 0; node < stretch.findings.size(); ++node) {
+    const auto& keys = stretch.findings[node]->keys;
+    const auto* const first = std::lower_bound(keys.begin(), keys.end(), stretch.first_key);
+    const auto* const end = std::lower_bound(first, keys.end(), stretch.end_key);
+    at += static_cast<std::size_t>(first - keys.begin());
+    for (const auto* key = first; key != end; ++key) {
+      order.add(node, static_cast<std::uint32_t>(key - keys.begin()));
+    }
+  }
+  order.sort();
+  std::uint64_t doubled = 0;
+  std::uint64_t last = 0;
+  order.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
+    const Findings& findings = *stretch.findings[node];
+    const FoundContact& found = findings.found[position];
+    findings.copy(position, phase, stretch.contacts[at]);
+    stretch.keys[at] = key;
+    stretch.found[at] = {found.slot_a, found.slot_b, node};
+    ++at;
+    doubled += key == last ? 1 : 0;
+    last = key;
+  });
+  write_ended(stretch);
+  return doubled;
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "nodes/contact_order.hpp"
+#include "nodes/findings.hpp"
+#include "nodes/flat_list.hpp"
+#include "ringfence/ids.hpp"
+
+namespace ringfence::nodes {
+
+/// Some of what several nodes found, in order of (a, b).
+///
+/// The nodes' runs are each in order, but their numbers take turns at random, so merging them costs more than a radix
+/// sort of the eight bytes of each; nothing is sorted where the runs follow each other, as that of a single node does.
+/// Memory: 48 bytes a contact, kept. Belongs to one role.
+class FindingsOrder {
+ public:
+  void reserve(std::size_t contacts);
+  /// Forgets all; what is added then is of these findings, by node number. They outlive it.
+  void start(std::span<Findings* const> findings);
+  /// Adds the contact at that position of the node's. Precondition: ascending for each node, one node after the other.
+  void add(NodeNumber node, std::uint32_t position) { add(node, position, findings_[node]->keys[position]); }
+  void add(NodeNumber node, std::uint32_t position, std::uint64_t key) {
+    ascending_ &= order_.size() == 0 || key > last_;
+    last_ = key;
+    order_.add(key);
+    sources_.push_back({node, position});
+  }
+  /// Puts them in order. Those of one pair, if there are such, follow each other.
+  void sort();
+  std::size_t size() const noexcept { return order_.size(); }
+  std::uint64_t key(std::size_t i) const noexcept { return order_.added(place(i)); }
+  NodeNumber node(std::size_t i) const noexcept { return sources_[place(i)].node; }
+  std::uint32_t position(std::size_t i) const noexcept { return sources_[place(i)].position; }
+  /// Calls visit(key, node, position, phase) for each, in order. Precondition: Findings::begun hold.
+  template <class Visit>
+  void visit(Visit each) {
+    constexpr std::size_t ahead = 10;
+    next_begun_.assign(findings_.size(), 0);
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (i + ahead < size()) {
+        const Source& soon = sources_[place(i + ahead)];
+        findings_[soon.node]->fetch(soon.position);
+      }
+      const Source& source = sources_[place(i)];
+      each(key(i), source.node, source.position, begins(source) ? Phase::begin : Phase::persist);
+    }
+  }
+
+ private:
+  struct Source {
+    NodeNumber node;
+    std::uint32_t position;
+  };
+  std::size_t place(std::size_t i) const noexcept { return ascending_ ? i : order_.at(i); }
+  bool begins(const Source& source) noexcept {
+    const auto& begun = findings_[source.node]->begun;
+    std::uint32_t& next = next_begun_[source.node];
+    while (next < begun.size() && begun[next] < source.position) {
+      ++next;
+    }
+    return next < begun.size() && begun[next] == source.position;
+  }
+
+  std::span<Findings* const> findings_;
+  ContactOrder order_;
+  FlatList<Source> sources_;  ///< in the order of add
+  std::vector<std::uint32_t> next_begun_;
+  std::uint64_t last_ = 0;
+  bool ascending_ = true;
+};
+
+/// Writes a stretch, with phases, in order, and copies what ended from the frame before. Returns how many of its
+/// contacts are of a pair that has been written before it: always 0, unless a bug made two nodes own one pair. They are
+/// written too, so that every stretch has the place that its neighbours reckon with.
+///
+/// Any thread that may read all findings of the frame: see Findings::enter. `order` is scratch.
+std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order);
+
+}  // namespace ringfence::nodes
