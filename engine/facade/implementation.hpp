@@ -74,6 +74,7 @@ struct World::Implementation {
 
   void build_server();
   void start_worker(facade::Worker& worker, std::chrono::nanoseconds tick = {});
+  void share_memory(facade::Way& way, std::uint32_t count);
   nodes::Line add_node(const regions::RegionMap& map, std::uint32_t count, Fleet::Member member = Fleet::nobody);
   std::vector<nodes::Line> peers_of(NodeNumber node);
   void seat_fleet();
@@ -89,6 +90,7 @@ struct World::Implementation {
   void bury(NodeNumber node);
   void bury_lost();
   void clear_graves();
+  void keep_published(facade::Way& way);
   void log_losses() const;
   void list_in_place();
   void connect_users();
@@ -158,8 +160,10 @@ struct World::Implementation {
   std::unique_ptr<nodes::ServerRole> server;
   std::vector<facade::Grave> graves;
   std::vector<std::unique_ptr<facade::Way>> grave_ways;  ///< between lost nodes and others
-  std::optional<NodeNumber> stood_in;                    ///< the number that a stand-in took in the last frame
-  std::vector<facade::Steppable> in_place;               ///< all roles, where the calling thread steps them
+  /// Of CD nodes that are gone: what they published in the last frame is read until the next is complete.
+  std::vector<std::unique_ptr<nodes::NodePublication>> parted;
+  std::optional<NodeNumber> stood_in;       ///< the number that a stand-in took in the last frame
+  std::vector<facade::Steppable> in_place;  ///< all roles, where the calling thread steps them
 
   struct Stop {
     Implementation& world;

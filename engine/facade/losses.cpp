@@ -34,7 +34,7 @@ void World::Implementation::stand_in() {
   bury(node);
   const auto count = static_cast<std::uint32_t>(node_roles.size());
   node_ways[node] = std::make_unique<Way>(ring_bytes(facade::server_node_ring), server_bell(), server_bell());
-  node_ways[node]->share_memory();
+  share_memory(*node_ways[node], count);
   node_roles[node] = make_role(node, count, server->map());
   node_roles[node]->meet(node, std::vector<Line>(count));
   node_members[node] = Fleet::nobody;
@@ -58,9 +58,16 @@ void World::Implementation::clear_graves() {
   if (!graves.empty() && std::all_of(graves.begin(), graves.end(), is_quiet)) {
     for (Grave& grave : graves) {
       grave.worker.reset();
+      keep_published(*grave.way);
     }
     graves.clear();
     grave_ways.clear();
+  }
+}
+
+void World::Implementation::keep_published(Way& way) {
+  if (way.publication != nullptr) {
+    parted.push_back(std::move(way.publication));
   }
 }
 
@@ -110,7 +117,7 @@ void World::Implementation::bury_lost() {
     node_workers.push_back(nullptr);
     node_members.push_back(Fleet::nobody);
     node_ways.push_back(std::make_unique<Way>(ring_bytes(facade::server_node_ring), server_bell(), server_bell()));
-    node_ways.back()->share_memory();
+    share_memory(*node_ways.back(), 1);
     node_roles.push_back(make_role(0, 1, server->map()));
     Request request;
     request.kind = Request::Kind::add_node;

@@ -39,7 +39,7 @@ Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_
   link::Doorbell* bell = node_bell(node);
   node_ways.push_back(std::make_unique<Way>(here ? ring_bytes(server_node_ring) : fleet_ring, server_bell(), bell));
   if (here) {
-    node_ways.back()->share_memory();
+    share_memory(*node_ways.back(), count);
   }
   // Many nodes need many rings between them; a hand-over is small.
   const std::size_t peer_ring = config.fleet != nullptr ? fleet_ring
@@ -62,6 +62,15 @@ Line World::Implementation::add_node(const regions::RegionMap& map, std::uint32_
   return node_ways.back()->first();
 }
 
+// What the server and a CD node of this process, one of `count`, have in common.
+void World::Implementation::share_memory(Way& way, std::uint32_t count) {
+  way.findings = std::make_unique<nodes::Findings>();
+  if (config.deployment == Deployment::user_collision && config.interest > 0) {
+    way.publication =
+        std::make_unique<nodes::NodePublication>(publications.grid.cells(), share_of(config.capacities.objects, count));
+  }
+}
+
 link::Doorbell* World::Implementation::node_bell(NodeNumber node) noexcept {
   return threaded() && node_workers[node] != nullptr ? &node_workers[node]->bell() : server_bell();
 }
@@ -81,7 +90,9 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
   setup.shares_thread = !threaded() || node_workers[node] == nullptr;
   setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
   setup.remember_axes = config.remember_axes;
-  setup.keeps_states = config.interest == 0;  // else the server relays them to users
+  // Else the server relays them to the users.
+  setup.keeps_states = config.interest <= 0 || node_ways[node]->publication != nullptr;
+  setup.interest_grid = publications.grid;
   setup.objects = share_of(config.capacities.objects, count);
   setup.pairs = share_of(config.capacities.pairs, count);
   setup.server = node_ways[node]->second();
@@ -265,6 +276,7 @@ void World::Implementation::retire_nodes() {
       bury(node);
       node_workers.pop_back();
     } else {
+      keep_published(*node_ways.back());
       retired.push_back(std::move(node_ways.back()));
     }
     node_ways.pop_back();

@@ -5,6 +5,7 @@
 
 #include "link/channel.hpp"
 #include "nodes/findings.hpp"
+#include "nodes/publications.hpp"
 #include "nodes/role.hpp"
 
 namespace ringfence::facade {
@@ -14,12 +15,12 @@ namespace ringfence::facade {
 struct Way {
   Way(std::size_t bytes, link::Doorbell* first, link::Doorbell* second)
       : forth(bytes, second, first), back(bytes, first, second) {}
-  void share_memory() { findings = std::make_unique<nodes::Findings>(); }
-  nodes::Line first() noexcept { return {&forth.sender(), &back.receiver(), findings.get()}; }
-  nodes::Line second() noexcept { return {&back.sender(), &forth.receiver(), findings.get()}; }
+  nodes::Line first() noexcept { return {&forth.sender(), &back.receiver(), findings.get(), publication.get()}; }
+  nodes::Line second() noexcept { return {&back.sender(), &forth.receiver(), findings.get(), publication.get()}; }
   link::Channel forth;
   link::Channel back;
   std::unique_ptr<nodes::Findings> findings;
+  std::unique_ptr<nodes::NodePublication> publication;
 };
 
 }  // namespace ringfence::facade

@@ -137,6 +137,7 @@ Status World::finish_frame() {
   w.order.requests.clear();
   w.registry.forget_cut();
   w.forget_users();
+  w.parted.clear();
 
   w.report = w.server->report(w.frames - 1);
   for (std::size_t reason = 0; reason < status_count; ++reason) {

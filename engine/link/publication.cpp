@@ -9,6 +9,9 @@ namespace ringfence::link {
 
 namespace {
 
+/// A directory costs 4 bytes a cell to fill; a search about 5 ns a step for each cell that a reader looks at.
+constexpr std::size_t most_a_state = 4;
+
 /// Keeps the reads of an edition before a second look at its stamp, and the loss of a stamp before writes.
 /// Only a broken frame protocol needs it, and the thread sanitizer, which knows no fences, would report that as a race.
 void keep_order() noexcept {
@@ -27,12 +30,12 @@ Publication::Publication(std::size_t cells, std::size_t states) : cell_count_(ce
     edition.states.reserve(states);
     edition.cells.reserve(std::min(states, cells));
     edition.starts.reserve(std::min(states, cells) + 1);
-    if (is_dense(states)) edition.directory.reserve(cells + 1);
+    edition.directory.reserve(std::min(cells, most_a_state * states) + 1);
   }
 }
 
 void Publication::begin(std::uint64_t frame) noexcept {
-  current_ ^= 1;
+  current_ ^= frame != frame_ ? 1 : 0;
   editions_[current_].stamp.store(no_stamp, std::memory_order_relaxed);
   keep_order();
   frame_ = frame;
@@ -44,12 +47,6 @@ void Publication::begin(std::uint64_t frame) noexcept {
 void Publication::add(std::uint32_t cell, const PublishedState& state) {
   list(cell, static_cast<std::uint32_t>(added_.size()));
   added_.push_back(state);
-}
-
-void Publication::list(std::uint32_t cell, std::uint32_t index) {
-  assert(cell < cell_count_);
-  if (!keys_.empty() && cell < cell_of(keys_.back())) ascending_ = false;
-  keys_.push_back(std::uint64_t{cell} << 32 | index);
 }
 
 void Publication::publish() {
@@ -66,9 +63,23 @@ void Publication::publish() {
 /// Puts the keys in ascending order of cell, within a cell in that of adding.
 Publication::Edition& Publication::arrange() {
   Edition& edition = editions_[current_];
-  edition.dense = is_dense(keys_.size());
+  edition.dense = false;
+  if (keys_.empty()) {
+    return edition;
+  }
+  std::uint32_t least = cell_of(keys_.front());
+  std::uint32_t greatest = cell_of(keys_.back());
   if (!ascending_) {
-    edition.dense ? count_keys(edition.directory) : sort_keys();
+    for (const std::uint64_t key : keys_) {
+      least = std::min(least, cell_of(key));
+      greatest = std::max(greatest, cell_of(key));
+    }
+  }
+  const std::size_t cells = greatest - least + std::size_t{1};
+  edition.dense = cells <= most_a_state * keys_.size();
+  edition.first = least;
+  if (!ascending_) {
+    edition.dense ? count_keys(edition, cells) : sort_keys();
   }
   return edition;
 }
@@ -80,17 +91,14 @@ void Publication::show(Edition& edition) {
   edition.stamp.store(frame_, std::memory_order_release);
 }
 
-bool Publication::is_dense(std::size_t states) const noexcept {
-  // A directory costs 4 bytes a cell to fill; a search about 5 ns a step for each cell that a reader looks at.
-  return cell_count_ <= 4 * states;
-}
-
-void Publication::count_keys(std::vector<std::uint32_t>& next) {
-  next.assign(cell_count_ + 1, 0);
-  for (const std::uint64_t key : keys_) ++next[cell_of(key) + 1];
-  for (std::size_t cell = 0; cell < cell_count_; ++cell) next[cell + 1] += next[cell];
+void Publication::count_keys(Edition& edition, std::size_t cells) {
+  std::vector<std::uint32_t>& next = edition.directory;
+  const std::uint32_t first = edition.first;
+  next.assign(cells + 1, 0);
+  for (const std::uint64_t key : keys_) ++next[cell_of(key) - first + 1];
+  for (std::size_t cell = 0; cell < cells; ++cell) next[cell + 1] += next[cell];
   sorted_.resize(keys_.size());
-  for (const std::uint64_t key : keys_) sorted_[next[cell_of(key)]++] = key;
+  for (const std::uint64_t key : keys_) sorted_[next[cell_of(key) - first]++] = key;
   keys_.swap(sorted_);
 }
 
@@ -127,34 +135,22 @@ void Publication::list_cells(Edition& edition) {
   }
   edition.starts.push_back(static_cast<std::uint32_t>(keys_.size()));
   if (!edition.dense) return;
-  edition.directory.resize(cell_count_ + 1);
+  edition.directory.resize(edition.cells.back() - edition.first + std::size_t{2});
   std::size_t cell = 0;
   for (std::size_t i = 0; i < edition.cells.size(); ++i) {
-    while (cell <= edition.cells[i]) edition.directory[cell++] = edition.starts[i];
+    while (cell <= edition.cells[i] - edition.first) edition.directory[cell++] = edition.starts[i];
   }
-  while (cell <= cell_count_) edition.directory[cell++] = edition.starts.back();
+  edition.directory[cell] = edition.starts.back();
 }
 
-const Publication::Edition* Publication::find(std::uint64_t frame) const noexcept {
-  // Pairs with the store in publish.
-  for (const Edition& edition : editions_) {
-    if (edition.stamp.load(std::memory_order_acquire) == frame) return &edition;
-  }
-  return nullptr;
-}
-
-std::span<const PublishedState> Publication::read(std::uint64_t frame, std::uint32_t first,
-                                                  std::uint32_t last) const noexcept {
-  assert(first <= last && last < cell_count_);
-  const Edition* edition = find(frame);
-  if (!edition) return {};
-  const PublishedState* states = edition->states.data();
-  if (edition->dense) return {states + edition->directory[first], states + edition->directory[last + 1]};
-  const auto begin = edition->cells.begin(), end = edition->cells.end();
+std::span<const PublishedState> Publication::search(const Edition& edition, std::uint32_t first,
+                                                    std::uint32_t last) noexcept {
+  const PublishedState* states = edition.states.data();
+  const auto begin = edition.cells.begin(), end = edition.cells.end();
   const auto from = std::lower_bound(begin, end, first);
   const auto to = first == last ? from + (from != end && *from == first) : std::upper_bound(from, end, last);
-  return {states + edition->starts[static_cast<std::size_t>(from - begin)],
-          states + edition->starts[static_cast<std::size_t>(to - begin)]};
+  return {states + edition.starts[static_cast<std::size_t>(from - begin)],
+          states + edition.starts[static_cast<std::size_t>(to - begin)]};
 }
 
 std::span<const PublishedState> Publication::states(std::uint64_t frame) const noexcept {

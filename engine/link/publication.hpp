@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
+#include <cassert>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -28,8 +30,9 @@ using PublishedState = SeenState;
 /// Cost: by the number of states, not of cells. Adding is a copy; publishing moves nothing when the states were added
 /// in ascending order of cell, else sorts (counting where there are few cells to a state, radix or comparison
 /// elsewhere) and moves each state once. Reading a cell is one index where states are dense, a binary search over the
-/// cells that hold something where they are sparse; nothing is copied and no line is written, so readers do not disturb
-/// each other.
+/// cells that hold something where they are sparse; of the cells only those from the first to the last that hold
+/// something count, so that many writers of a part of them each do as well as one of all. Nothing is copied and no line
+/// is written, so readers do not disturb each other.
 ///
 /// Threads: begin, add and publish from one thread, the writer; everything const from any. Memory: reserved by the
 /// constructor, grown between frames and never shrunk.
@@ -39,8 +42,8 @@ class Publication {
   /// allocation.
   Publication(std::size_t cells, std::size_t states);
 
-  /// Writer: starts the edition of `frame`, which is greater than any before and less than 2^64 - 1. The edition of two
-  /// publications ago is gone from here on.
+  /// Writer: starts the edition of `frame`, which is no less than any before and less than 2^64 - 1. The edition of two
+  /// frames ago is gone from here on. The same frame again is published anew, for which no reader may have begun it.
   void begin(std::uint64_t frame) noexcept;
   /// Writer: adds a state of `cell`. Any order; within a cell the order of adding is kept.
   void add(std::uint32_t cell, const PublishedState& state);
@@ -48,7 +51,11 @@ class Publication {
   void publish();
 
   /// Writer, in place of add: a state of `cell` that is entry `index` of a table that the writer keeps.
-  void list(std::uint32_t cell, std::uint32_t index);
+  void list(std::uint32_t cell, std::uint32_t index) {
+    assert(cell < cell_count_);
+    if (!keys_.empty() && cell < cell_of(keys_.back())) ascending_ = false;
+    keys_.push_back(std::uint64_t{cell} << 32 | index);
+  }
   /// Writer, in place of publish: the same of what was listed. `fetch(index)` is called a while before
   /// `state_of(index)`, which answers a PublishedState and is called once for each.
   template <class Fetch, class StateOf>
@@ -72,7 +79,21 @@ class Publication {
   }
   /// Reader: the states of the cells from `first` to `last`, both included, in ascending order of cell: one row of the
   /// cells near an avatar by one look-up.
-  std::span<const PublishedState> read(std::uint64_t frame, std::uint32_t first, std::uint32_t last) const noexcept;
+  std::span<const PublishedState> read(std::uint64_t frame, std::uint32_t first, std::uint32_t last) const noexcept {
+    const Edition* edition = find(frame);
+    return edition ? row(*edition, first, last) : std::span<const PublishedState>();
+  }
+  /// Reader: the same for many rows: calls `use(states)` for each of which cells_of(i), i from 0 to `rows` - 1, is the
+  /// first and last cell, and that is not empty.
+  template <class CellsOf, class Use>
+  void read_rows(std::uint64_t frame, std::size_t rows, CellsOf cells_of, Use use) const {
+    const Edition* edition = find(frame);
+    for (std::size_t i = 0; edition && i < rows; ++i) {
+      const auto [first, last] = cells_of(i);
+      const auto states = row(*edition, first, last);
+      if (!states.empty()) use(states);
+    }
+  }
   /// Reader: all states of a frame in ascending order of cell.
   std::span<const PublishedState> states(std::uint64_t frame) const noexcept;
   /// Reader: the cells of a frame that hold states, ascending.
@@ -87,10 +108,11 @@ class Publication {
   struct alignas(line_bytes) Edition {
     std::atomic<std::uint64_t> stamp{no_stamp};  ///< the frame, while the rest is whole
     bool dense = false;                          ///< `directory` is filled
+    std::uint32_t first = 0;                     ///< the lowest cell that holds something, if dense
     std::vector<PublishedState> states;
     std::vector<std::uint32_t> cells;
     std::vector<std::uint32_t> starts;
-    std::vector<std::uint32_t> directory;  ///< by cell: how many states lie in cells before it; one more entry
+    std::vector<std::uint32_t> directory;  ///< by cell from `first`: how many states lie before it; one more entry
   };
 
   static constexpr std::uint64_t no_stamp = ~std::uint64_t{0};
@@ -98,11 +120,27 @@ class Publication {
   static constexpr std::uint32_t cell_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key >> 32); }
   static constexpr std::uint32_t index_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key); }
 
-  const Edition* find(std::uint64_t frame) const noexcept;
+  const Edition* find(std::uint64_t frame) const noexcept {
+    // Pairs with the store in show.
+    for (const Edition& edition : editions_) {
+      if (edition.stamp.load(std::memory_order_acquire) == frame) return &edition;
+    }
+    return nullptr;
+  }
+  static std::span<const PublishedState> row(const Edition& edition, std::uint32_t first, std::uint32_t last) noexcept {
+    assert(first <= last);
+    if (!edition.dense) return search(edition, first, last);
+    first = std::max(first, edition.first);
+    last = std::min(last, edition.cells.back());
+    if (last < first) return {};
+    const PublishedState* states = edition.states.data();
+    return {states + edition.directory[first - edition.first], states + edition.directory[last - edition.first + 1]};
+  }
+  static std::span<const PublishedState> search(const Edition& edition, std::uint32_t first,
+                                                std::uint32_t last) noexcept;
   Edition& arrange();
   void show(Edition& edition);
-  bool is_dense(std::size_t states) const noexcept;
-  void count_keys(std::vector<std::uint32_t>& next);
+  void count_keys(Edition& edition, std::size_t cells);
   void sort_keys();
   void list_cells(Edition& edition);
 

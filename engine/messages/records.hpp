@@ -118,7 +118,7 @@ struct ToldRecord {
   std::uint64_t m5_messages = 0, m5_bytes = 0;
   std::uint64_t published = 0;  ///< states in the role's publication
   std::uint64_t move_cpu_ns = 0,
-                detect_cpu_ns = 0;  ///< of cpu_ns: until all states are told; from then to all contacts
+                detect_cpu_ns = 0;  ///< of cpu_ns: until all states are told and published; then to all contacts
   std::uint64_t kept = 0;           ///< states that changed and that the sender kept to itself
 };
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <new>
+#include <utility>
 
 #include "telemetry/clock.hpp"
 
@@ -101,6 +102,11 @@ void CdNodeRole::begin(std::uint64_t frame) {
   changed_ = {};
   next_changed_ = 0;
   states_run_.start();
+  const bool published =
+      std::exchange(publishes_, setup_.server.publication != nullptr && setup_.server.publication->wanted);
+  if (publishes_ && !published) {
+    host_.forget_cells();  // nobody noted them
+  }
   {
     TrackedTime time(setup_.track, "move", told_.move_ns);
     host_.begin_move(frame);
@@ -156,7 +162,14 @@ void CdNodeRole::place_batch() {
       continue;
     }
     const bool present = (object.object.flags & messages::flag_present) != 0;
-    const bool staying = is_at_home(object.pose.position);
+    std::uint32_t point[3];
+    if (publishes_ || map_.nodes() != 1) {
+      setup_.space->point(object.pose.position, point);
+    }
+    if (publishes_) {
+      host_.set_cell(changed_[i], relay_cell(object, point));
+    }
+    const bool staying = map_.nodes() == 1 || map_.owner_at(point) == setup_.node;
     const regions::Cover cover = present ? map_.cover(changed_bounds_[i], setup_.node) : regions::Cover::none;
     if (cover != regions::Cover::none) {
       known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer,
@@ -200,6 +213,40 @@ bool CdNodeRole::is_at_home(const Vec3d& position) const noexcept {
   return map_.owner_at(point) == setup_.node;
 }
 
+std::uint32_t CdNodeRole::relay_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept {
+  return (object.object.flags & messages::flag_present) != 0 ? setup_.interest_grid.cell_of(point) : Host::unpublished;
+}
+
+// The state relay, while the server takes in what others tell: poses are final once they have been told.
+void CdNodeRole::publish() {
+  if (!publishes_) {
+    return;
+  }
+  std::uint64_t publish_ns = 0;
+  TrackedTime time(setup_.track, "publish", publish_ns);
+  link::Publication& publication = setup_.server.publication->publication;
+  publication.begin(frame_);
+  for (std::uint32_t i = 0; i < host_.size(); ++i) {
+    if (host_.cell(i) == Host::unplaced) {
+      std::uint32_t point[3];
+      setup_.space->point(host_[i].pose.position, point);
+      host_.set_cell(i, relay_cell(host_[i], point));
+    }
+    if (host_.cell(i) != Host::unpublished) {
+      publication.list(host_.cell(i), i);
+    }
+  }
+  publication.publish_listed(
+      [this](std::uint32_t i) {
+        __builtin_prefetch(&host_[i]);
+        __builtin_prefetch(reinterpret_cast<const std::byte*>(&host_[i] + 1) - 1);
+      },
+      [this](std::uint32_t i) {
+        return link::PublishedState{host_[i].object.number, 0, host_[i].pose};
+      });
+  note_reach(setup_.server.publication->published, setup_.interest_grid, frame_);
+}
+
 // In this frame so far.
 std::uint64_t CdNodeRole::cpu_spent() const noexcept {
   return setup_.shares_thread ? told_.busy_ns + (telemetry::now_ns() - step_start_)
@@ -235,6 +282,7 @@ bool CdNodeRole::advance() {
       if (!move()) {
         return false;
       }
+      publish();
       told_.move_cpu_ns = cpu_spent();
       stage_ = Stage::gathering;
       return true;

@@ -19,6 +19,7 @@
 #include "nodes/flat_list.hpp"
 #include "nodes/host.hpp"
 #include "nodes/known_objects.hpp"
+#include "nodes/publications.hpp"
 #include "nodes/role.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
@@ -41,8 +42,9 @@ struct CdNodeSetup {
   telemetry::Track* track = nullptr;  ///< null: nothing is noted
   bool remember_axes = true;          ///< see narrow_phase::NarrowPhase
   bool keeps_states = true;  ///< keeps states to itself that the server can read in shared memory (placement region)
-  std::size_t objects = 0;   ///< reserved
-  std::size_t pairs = 0;     ///< reserved
+  regions::CellGrid interest_grid;  ///< by which it publishes, if the server's line has a publication
+  std::size_t objects = 0;          ///< reserved
+  std::size_t pairs = 0;            ///< reserved
   Line server;
   std::vector<Line> peers;  ///< by node number; the own entry is empty
 };
@@ -51,8 +53,9 @@ struct CdNodeSetup {
 /// deployment it also hosts, moves and responds for the objects of its regions.
 ///
 /// A frame, in the order of its messages: frame_begin; move what is hosted, tell the server (node_state) batch by
-/// batch; hear who else is in the region (M2) and which pairs to test, or sweep for them, and test them as they come;
-/// tell the contacts (M3); hear what concerns the hosted objects (M4); hand over what crossed a border (M5); told.
+/// batch, and publish it to the user nodes where they share memory; hear who else is in the region (M2) and which pairs
+/// to test, or sweep for them, and test them as they come; tell the contacts (M3); hear what concerns the hosted
+/// objects (M4); hand over what crossed a border (M5); told.
 ///
 /// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
 class CdNodeRole {
@@ -81,6 +84,8 @@ class CdNodeRole {
   void bound_batch();
   void place_batch();
   void tell_own_move(std::size_t i, std::byte* where);
+  std::uint32_t relay_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
+  void publish();
   void hear_positions(const messages::MessageView& message);
   void hear_pairs(const messages::MessageView& message);
   void hear_confirmed(const messages::MessageView& message);
@@ -154,6 +159,7 @@ class CdNodeRole {
   std::array<geometry::Bounds, Host::batch> changed_bounds_;
   std::array<std::uint32_t, Host::batch> changed_flags_;  ///< ObjectFlag bits of their records
   std::array<bool, Host::batch> tells_;                   ///< which of them the server is told of
+  bool publishes_ = false;                                ///< in this frame
   std::vector<ObjectNumber> movers_;                      ///< hosted ones that stand in another node's cell
   ContactOrder order_;
   FindingsOrder findings_order_;

@@ -20,6 +20,7 @@ Host::Host(const MotionModel* model, std::size_t objects)
   hosted_.reserve(objects);
   states_.reserve(objects * state_bytes_);
   touched_.reserve(objects);
+  cells_.reserve(objects);
   changed_.reserve(objects);
   differs_.reserve(objects);
   contact_begin_.reserve(objects + 1);
@@ -35,6 +36,7 @@ void Host::adopt(const messages::HandOverRecord& record, const std::byte* state)
   states_.resize(states_.size() + state_bytes_);
   std::copy_n(state, state_bytes_, states_.end() - state_bytes_);
   touched_.push_back(0);
+  cells_.push_back(unplaced);
 }
 
 void Host::drop(ObjectNumber number) {
@@ -47,11 +49,13 @@ void Host::drop(ObjectNumber number) {
   if (i != last) {
     hosted_[i] = hosted_[last];
     touched_[i] = touched_[last];
+    cells_[i] = cells_[last];
     std::copy_n(states_.data() + last * state_bytes_, state_bytes_, states_.data() + i * state_bytes_);
     index_.set(hosted_[i].object.number, i);
   }
   hosted_.pop_back();
   touched_.pop_back();
+  cells_.pop_back();
   states_.resize(last * state_bytes_);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -50,6 +51,14 @@ class Host {
   std::size_t state_bytes() const noexcept { return state_bytes_; }
   /// Index of a hosted object, or NumberIndex::none.
   std::uint32_t find(ObjectNumber number) const noexcept { return index_.find(number); }
+
+  /// The cell of the interest grid in which the role publishes hosted object i: what the role last said, unplaced from
+  /// its adoption or the last forget_cells() on.
+  std::uint32_t cell(std::size_t i) const noexcept { return cells_[i]; }
+  void set_cell(std::size_t i, std::uint32_t cell) noexcept { cells_[i] = cell; }
+  void forget_cells() noexcept { std::fill(cells_.begin(), cells_.end(), unplaced); }
+  static constexpr std::uint32_t unplaced = 0xffffffffu;
+  static constexpr std::uint32_t unpublished = 0xfffffffeu;  ///< nobody is told where it is: it is not present
 
   /// Takes over an object with its whole state; what it had of one of that number is forgotten.
   void adopt(const messages::HandOverRecord& record, const std::byte* state);
@@ -151,6 +160,7 @@ class Host {
   std::vector<std::uint8_t> touched_;  ///< differs, or was placed since the last move
   bool forget_kept_ = false;
   std::uint32_t kept_mask_ = messages::flag_kept;  ///< of the flags that go on in this move
+  FlatList<std::uint32_t> cells_;
   NumberIndex index_;
   ContactList lists_[2];  ///< by parity of the frame
   ContactList late_;

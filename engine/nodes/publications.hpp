@@ -19,17 +19,39 @@ struct Published {
   bool any[2] = {false, false};
 };
 
-/// All that user nodes read about others: the server's relay of active and non-active objects, and each user node's
-/// own publication.
+/// What a CD node in the server's process tells the user nodes of the objects that it hosts.
+///
+/// Threads: the server writes `wanted` before it lets the frame begin; the node writes the rest before it says that it
+/// has tested, and what holds of it from then on is for the server to say (Publications::relays). A node that is lost
+/// may write as long as its thread lives, which nobody reads any more.
+struct NodePublication {
+  NodePublication(std::size_t cells, std::size_t states) : publication(cells, states) {
+    published.publication = &publication;
+  }
+  NodePublication(const NodePublication&) = delete;
+  NodePublication& operator=(const NodePublication&) = delete;
+  link::Publication publication;
+  Published published;
+  bool wanted = false;  ///< somebody reads it in this frame
+};
+
+/// All that user nodes read about others: the relay of active and non-active objects, by the server or the CD nodes
+/// that host them, and each user node's own publication.
 ///
 /// Threads: the facade changes entries only while no frame is under way; in a frame each writer writes its own entry
 /// before it reports, and the others read it after the server has told them that the frame is detected.
 struct Publications {
   regions::CellGrid grid;
   const geometry::FixedSpace* space = nullptr;
-  Published server;
+  Published server;  ///< of what no CD node publishes
+  /// By parity of the frame: those that hold, each object in one of them, as the server says. They stay readable until
+  /// the next frame is complete.
+  std::vector<const Published*> relays[2];
   std::vector<Published> users;  ///< by user number
 };
+
+/// Notes the reach of a publication that has been published for `frame`.
+void note_reach(Published& own, const regions::CellGrid& grid, std::uint64_t frame) noexcept;
 
 /// Fills one publication for one frame and notes its reach.
 class PublicationWriter {

@@ -9,6 +9,7 @@
 namespace ringfence::nodes {
 
 struct Findings;
+struct NodePublication;
 
 /// What a role's step answers. A role never blocks: it does what it can and says how it stands.
 enum class Step : std::uint8_t {
@@ -22,6 +23,7 @@ struct Line {
   link::Sender* out = nullptr;
   link::Receiver* in = nullptr;
   Findings* findings = nullptr;  ///< of the CD node, shared; null where it is in another process than the server
+  NodePublication* publication = nullptr;  ///< in which such a node tells what it hosts; null: the server relays it
 };
 
 /// Takes all that has come over `in`, shows receive(message) what decodes, and gives the room back. Whether there was

@@ -29,6 +29,7 @@ void ServerRole::cut() {
   }
   tell_late_contacts(changes);
   report().nodes.resize(nodes_.size());
+  order_relay();
   leaving_.clear();
   ledger_.begin(frame_);
   host_.begin_contacts(frame_);

@@ -196,6 +196,7 @@ bool ServerRole::meet_stand_in() {
   party.connected = true;
   party.heard_ns = telemetry::now_ns();
   party.begin_run.start(0);
+  order_relay(party);
   node_lines_[stand_in_for_] = party.line;
   stand_in_for_ = no_node;
   return true;

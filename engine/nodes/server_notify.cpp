@@ -123,66 +123,6 @@ void ServerRole::next_hosts() {
   }
 }
 
-// The state relay: to the user nodes the server appears to host every active and non-active object.
-void ServerRole::publish() {
-  // In user domain deployment each user node publishes what it hosts.
-  if (setup_.interest <= 0 || connected_.empty() || setup_.deployment == Deployment::user) {
-    relay_is_known_ = false;
-    return;
-  }
-  update_relay();
-  Published& relay = setup_.publications->server;
-  link::Publication& publication = *relay.publication;
-  publication.begin(frame_);
-  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
-    if (relay_cells_[slot] != not_relayed) {
-      publication.list(relay_cells_[slot], slot);
-    }
-  }
-  std::uint64_t states = 0;
-  publication.publish_listed([&](std::uint32_t slot) { __builtin_prefetch(&objects_.row(slot)); },
-                             [&](std::uint32_t slot) {
-                               const ObjectRow& row = objects_.row(slot);
-                               ++states;
-                               return link::PublishedState{row.object.number, 0, row.pose};
-                             });
-  // To look for it everywhere costs a reader less than to find out here where it is.
-  relay.reach[frame_ & 1] = setup_.publications->grid.all();
-  relay.any[frame_ & 1] = states != 0;
-  TrafficReport& traffic = report().traffic[static_cast<std::size_t>(Traffic::state)];
-  ++traffic.messages;
-  traffic.records += states;
-  traffic.bytes += states * sizeof(link::PublishedState);
-}
-
-// The cell of every object that is relayed. What has not moved is where it was, if it was looked at since.
-void ServerRole::update_relay() {
-  const auto update = [&](std::uint32_t slot) {
-    const ObjectRow& row = objects_.row(slot);
-    const auto category = static_cast<Category>(row.category);
-    const bool relayed =
-        objects_.present()[slot] != 0 && (category == Category::active || category == Category::non_active);
-    std::uint32_t point[3];
-    setup_.space->point(row.pose.position, point);
-    relay_cells_[slot] = relayed ? setup_.publications->grid.cell_of(point) : not_relayed;
-  };
-  const std::size_t known = std::exchange(relay_is_known_, true) ? relay_cells_.size() : 0;
-  relay_cells_.resize(objects_.slots());
-  for (auto slot = static_cast<std::uint32_t>(known); slot < objects_.slots(); ++slot) {
-    update(slot);
-  }
-  constexpr std::size_t ahead = 8;
-  const auto moved = objects_.moved();
-  for (std::size_t i = 0; i < moved.size(); ++i) {
-    if (i + ahead < moved.size()) {
-      __builtin_prefetch(&objects_.row(moved[i + ahead]));
-    }
-    if (moved[i] < known) {
-      update(moved[i]);
-    }
-  }
-}
-
 bool ServerRole::send_map(Party& party, messages::RunSender& run) {
   return run.pump(*party.line.out, head(MessageType::region_map, party.self), sizeof(messages::OwnerRecord),
                   report().traffic, [&](std::size_t i, std::byte* where) {

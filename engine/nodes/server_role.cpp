@@ -232,6 +232,7 @@ bool ServerRole::advance_stage() {
         return false;
       }
       spend_cpu(&PathReport::hear_ms);
+      list_relays();
       collect();
       spend_cpu(&PathReport::collect_ms);
       notify_ns_ = mark_ns_;

@@ -52,7 +52,8 @@ struct ServerSetup {
   bool keep_resting = true;  ///< see WorldConfig
   Capacities capacities;
   double interest = 0;
-  bool balance = true;  ///< regions follow the load
+  std::size_t relays_for = 4;  ///< up to so many CD nodes the server relays the states of what they host
+  bool balance = true;         ///< regions follow the load
   Quotas quotas;
   std::uint64_t node_deadline_ns = 0;  ///< a CD node silent for so long in a frame, though asked, is lost; 0: never
   std::uint64_t user_deadline_ns = 0;  ///< a user node has so long to move, and so long to take its contacts; 0: ever
@@ -165,8 +166,13 @@ class ServerRole {
   std::span<const std::uint32_t> share_out(std::uint32_t& nodes);
   void weigh_cells();
   void next_hosts();
+  bool relays() const noexcept;
+  void order_relay();
+  void order_relay(Party& node);
+  bool publishes(messages::Endpoint host) const noexcept;
   void publish();
   void update_relay();
+  void list_relays();
   bool notify(Party& party);
   bool send_map(Party& party, messages::RunSender& run);
   void finish();
@@ -210,6 +216,7 @@ class ServerRole {
   std::vector<Line> node_lines_;
   std::vector<PlacedSpawn> spawn_order_;
   FlatList<std::uint32_t> relay_cells_;  ///< by slot: the cell of the publication, or not_relayed
+  bool nodes_publish_ = false;           ///< in this frame CD nodes relay what they host, those that can
   bool relay_is_known_ = false;          ///< relay_cells_ hold, but for what moved in this frame
   std::vector<std::uint32_t> leaving_;   ///< slots of this frame whose hosts say that others host them next
   bool users_changed_ = false;

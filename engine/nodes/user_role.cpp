@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "telemetry/track.hpp"
 
@@ -102,8 +103,8 @@ void UserRole::look_around() {
     }
   }
   for (std::size_t box = 0; box < boxes_.size(); ++box) {
-    if (all.server.publication != nullptr) {
-      read_box(all.server, boxes_[box], box);
+    for (const Published* relay : all.relays[frame_ & 1]) {
+      read_box(*relay, boxes_[box], box);
     }
     for (UserNumber user = 0; user < all.users.size(); ++user) {
       if (user != setup_.user && all.users[user].publication != nullptr) {
@@ -142,15 +143,19 @@ void UserRole::read_box(const Published& published, const CellBox& box, std::siz
 void UserRole::read_rows(const Published& published, const CellBox& box) {
   const regions::CellGrid& grid = setup_.publications->grid;
   auto& seen = seen_[frame_ & 1];
-  for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
-    for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
-      const auto states =
-          published.publication->read(frame_, grid.index(box.lower[0], y, z), grid.index(box.upper[0], y, z));
-      if (!states.empty()) {
-        seen.push_back(states);
-      }
-    }
-  }
+  const std::size_t wide = box.upper[1] - box.lower[1] + std::size_t{1};
+  std::uint32_t y = box.lower[1];
+  std::uint32_t z = box.lower[2];
+  published.publication->read_rows(
+      frame_, wide * (box.upper[2] - box.lower[2] + std::size_t{1}),
+      [&](std::size_t) {
+        const std::pair cells(grid.index(box.lower[0], y, z), grid.index(box.upper[0], y, z));
+        const bool end = y == box.upper[1];
+        y = end ? box.lower[1] : y + 1;
+        z += end ? 1 : 0;
+        return cells;
+      },
+      [&](std::span<const link::PublishedState> states) { seen.push_back(states); });
 }
 
 void UserRole::read_cells(const Published& published, const CellBox& box, std::size_t earlier) {

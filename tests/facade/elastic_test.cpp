@@ -4,6 +4,7 @@
 #include <doctest/doctest.h>
 
 #include "facade/swarm.hpp"
+#include "facade/views.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/world.hpp"
 
@@ -38,6 +39,7 @@ Elastic run(WorldConfig config, const std::map<int, std::uint32_t>& schedule, in
     // New nodes join the frame in which they are asked for; those to go still take part in it.
     REQUIRE(world.nodes() == std::max(expected, next));
     expected = next;
+    require_views(world, first_users(6));
     digest.add_frame(world.contacts());
     std::uint64_t hosted = 0;
     for (const NodeReport& node : report.nodes) {

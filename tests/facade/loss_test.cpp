@@ -9,6 +9,7 @@
 #include <doctest/doctest.h>
 
 #include "facade/swarm.hpp"
+#include "facade/views.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/world.hpp"
 
@@ -54,6 +55,7 @@ Ran run(WorldConfig config, const std::multimap<int, Fault>& faults, const std::
     REQUIRE(world.advance() == Status::ok);
     const FrameReport& report = world.report();
     REQUIRE(report.accepted == report.candidates);
+    require_views(world, first_users(4));
     ran.lost += report.lost.size();
     ran.nodes = world.nodes();
     ran.late += report.refused[static_cast<std::size_t>(Status::late)];

@@ -12,6 +12,7 @@
 #include "facade/checks.hpp"
 #include "facade/script.hpp"
 #include "facade/swarm.hpp"
+#include "facade/views.hpp"
 #include "ringfence/world.hpp"
 
 namespace ringfence::test {
@@ -120,61 +121,19 @@ TEST_CASE("the collisions of an object are those contacts that name it") {
   }
 }
 
-double distance(const Vec3d& p, const Vec3d& q) {
-  return std::sqrt((p.x - q.x) * (p.x - q.x) + (p.y - q.y) * (p.y - q.y) + (p.z - q.z) * (p.z - q.z));
-}
-
 TEST_CASE("a user node sees all others within its interest as they stand, each once, and nothing of its own") {
   constexpr unsigned seed = 73;
   CAPTURE(seed);
   for (const double interest : {0.4, 3.0, 40.0}) {
     CAPTURE(interest);
-    in_all_worlds(config_of(interest), {0u, 2u}, [&](const WorldConfig& config) {
+    in_all_worlds(config_of(interest), {0u, 2u, 6u}, [&](const WorldConfig& config) {
       World world(config);
       Script script(world, seed, side);
       for (int frame = 0; frame < 20; ++frame) {
         CAPTURE(frame);
         const std::vector<UserNumber> users = script.users();
         advance(world);
-        std::map<ObjectNumber, ObjectView> objects;
-        for (const ObjectView& view : world.objects()) objects[view.spec.number] = view;
-        std::map<ObjectNumber, std::set<UserNumber>> unseen;
-        for (const UserNumber user : users) {
-          CAPTURE(user);
-          std::set<ObjectNumber> seen;
-          for (const auto run : world.seen_by(user)) {
-            for (const SeenState& state : run) {
-              REQUIRE(seen.insert(state.number).second);
-              const auto at = objects.find(state.number);
-              REQUIRE(at != objects.end());
-              const ObjectSpec& spec = at->second.spec;
-              REQUIRE(spec.pose == state.pose);
-              REQUIRE(spec.present);
-              REQUIRE(spec.category != Category::fixed);
-              REQUIRE(spec.user != user);
-            }
-          }
-          for (const auto& entry : objects) {
-            const ObjectNumber number = entry.first;
-            const ObjectView& view = entry.second;
-            const bool other = view.spec.present && view.spec.category != Category::fixed && view.spec.user != user;
-            const bool near = std::any_of(objects.begin(), objects.end(), [&](const auto& candidate) {
-              const ObjectSpec& own = candidate.second.spec;
-              return own.user == user && own.present &&
-                     distance(own.pose.position, view.spec.pose.position) <= interest * (1 - 1e-9);
-            });
-            if (other && near && seen.count(number) == 0) unseen[number].insert(user);
-          }
-        }
-        for (const auto& entry : unseen) {
-          const ObjectNumber number = entry.first;
-          const std::set<UserNumber>& who = entry.second;
-          CAPTURE(number);
-          // In user domain deployment one user node hosts the object itself; there is no other reason.
-          REQUIRE(config.deployment == Deployment::user);
-          REQUIRE(objects[number].spec.user == no_user);
-          REQUIRE(who.size() == 1);
-        }
+        require_views(world, users);
         script.ask();
       }
     });
@@ -223,7 +182,7 @@ struct Readings {
 TEST_CASE("while a frame is under way the results of the one before can be read and do not change") {
   constexpr unsigned seed = 74;
   CAPTURE(seed);
-  in_all_worlds(config_of(3), {0u, 1u, 3u}, [&](const WorldConfig& config) {
+  in_all_worlds(config_of(3), {0u, 1u, 3u, 6u}, [&](const WorldConfig& config) {
     World world(config);
     Script script(world, seed, side);
     advance(world);
@@ -240,6 +199,32 @@ TEST_CASE("while a frame is under way the results of the one before can be read 
       REQUIRE(world.frames() == before.frames + 1);
     }
   });
+}
+
+TEST_CASE("what CD nodes published that are gone can be read until the next frame is complete") {
+  WorldConfig config = config_of(3);
+  config.nodes = 9;
+  config.deadlines.node_ms = 60;
+  World world(config);
+  populate(world, 300, 6, side);
+  const std::vector<UserNumber> users = first_users(6);
+  for (int frame = 0; frame < 16; ++frame) {
+    CAPTURE(frame);
+    if (frame == 3) REQUIRE(world.resize(7) == Status::ok);
+    if (frame == 6) REQUIRE(world.inject({2, world.frames(), NodeStage::telling, 0}) == Status::ok);
+    if (frame == 9)
+      REQUIRE(world.inject({0, world.frames(), NodeStage::moving, 150}) == Status::ok);  // its thread ends later
+    if (frame == 13) REQUIRE(world.resize(1) == Status::ok);
+    REQUIRE(world.advance() == Status::ok);
+    require_views(world, users);
+    const Readings before(world, users, {});
+    CHECK(before.seen.size() > 100);
+    REQUIRE(world.begin_frame() == Status::ok);
+    REQUIRE((Readings(world, users, {}) == before));
+    REQUIRE(world.finish_frame() == Status::ok);
+    require_views(world, users);
+  }
+  CHECK(world.nodes() == 1);
 }
 
 TEST_CASE("what is asked while a frame is under way belongs to the next frame") {

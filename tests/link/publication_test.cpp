@@ -19,10 +19,11 @@ PublishedState state_of(std::uint32_t number, double x) { return {number, number
 /// What a publication should say, kept as slowly and plainly as can be.
 using Oracle = std::map<std::uint32_t, std::vector<PublishedState>>;
 
+/// States of the `cells` cells from `first_cell` on.
 Oracle write_random(Publication& publication, std::uint64_t frame, std::size_t cells, std::size_t states, bool sorted,
-                    std::mt19937_64& random) {
+                    std::mt19937_64& random, std::size_t first_cell = 0) {
   std::vector<std::uint32_t> where(states);
-  for (std::uint32_t& cell : where) cell = static_cast<std::uint32_t>(random() % cells);
+  for (std::uint32_t& cell : where) cell = static_cast<std::uint32_t>(first_cell + random() % cells);
   if (sorted) std::sort(where.begin(), where.end());
   Oracle oracle;
   // Of every two frames the states of one are copied in, and of the other listed and taken from a table of their own.
@@ -95,6 +96,52 @@ TEST_CASE("a publication returns for each cell, and each run of cells, what was 
       CHECK(publication.intact(9));
     }
   }
+}
+
+TEST_CASE("of states in a part of the cells, those of any run of cells are returned, within the part and beyond it") {
+  const std::uint64_t seed = 20262;
+  CAPTURE(seed);
+  std::mt19937_64 random(seed);
+  for (int round = 0; round < 60; ++round) {
+    CAPTURE(round);
+    const std::size_t cells = 1 + random() % 3000;
+    const std::size_t part = 1 + random() % cells;
+    const std::size_t first_cell = random() % (cells - part + 1);
+    Publication publication(cells, 8);
+    const Oracle oracle = write_random(publication, 4, part, random() % 900, round % 3 == 0, random, first_cell);
+    const auto any_cell = [&] { return static_cast<std::uint32_t>(random() % cells); };
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> runs{{0u, static_cast<std::uint32_t>(cells - 1)}};
+    for (int i = 0; i < 60; ++i) {
+      const auto [first, last] = std::minmax({any_cell(), any_cell()});
+      runs.emplace_back(first, last);
+    }
+    std::vector<PublishedState> all, by_rows;
+    for (const auto& [first, last] : runs) {
+      const auto some = expected(oracle, first, last);
+      REQUIRE(same(publication.read(4, first, last), some));
+      all.insert(all.end(), some.begin(), some.end());
+    }
+    publication.read_rows(
+        4, runs.size(), [&](std::size_t i) { return runs[i]; },
+        [&](std::span<const PublishedState> states) {
+          REQUIRE(!states.empty());
+          by_rows.insert(by_rows.end(), states.begin(), states.end());
+        });
+    REQUIRE(same(by_rows, all));
+  }
+}
+
+TEST_CASE("a frame that is published anew says what was said last, and the frame before stays") {
+  Publication publication(100, 4);
+  std::mt19937_64 random(11);
+  const Oracle before = write_random(publication, 7, 100, 30, false, random);
+  write_random(publication, 8, 100, 50, false, random);
+  const Oracle anew = write_random(publication, 8, 100, 40, false, random);
+  CHECK(same(publication.states(8), expected(anew, 0, 99)));
+  CHECK(same(publication.states(7), expected(before, 0, 99)));
+  const Oracle after = write_random(publication, 9, 100, 20, false, random);
+  CHECK(same(publication.states(8), expected(anew, 0, 99)));
+  CHECK(same(publication.states(9), expected(after, 0, 99)));
 }
 
 TEST_CASE("the last two frames can be read, no other, and a reader that was overtaken is told") {

@@ -52,6 +52,7 @@ Theatre::Theatre(const Stageplay& play) : play_(play), map_(play.grid, play.node
   setup.layer_masks.fill(~0u);
   setup.capacities = {16, 16, 16, 4};
   setup.interest = play.interest;
+  setup.relays_for = 0;
   setup.quotas = play.quotas;
   setup.user_deadline_ns = play.user_deadline_ns;
   for (NodeNumber node = 0; node < play.nodes; ++node) {
@@ -75,12 +76,15 @@ Line Theatre::add_node(NodeNumber number) {
   own.layer_masks.fill(~0u);
   if (play_.shares_memory) {
     node.findings = std::make_unique<Findings>();
-    own.keeps_states = play_.interest == 0;
+    if (play_.deployment == Deployment::user_collision && play_.interest > 0) {
+      node.publication = std::make_unique<NodePublication>(play_.grid.cells(), 16);
+    }
   }
-  own.server = {&node.out->sender(), &node.in->receiver(), node.findings.get()};
+  own.interest_grid = play_.grid;
+  own.server = {&node.out->sender(), &node.in->receiver(), node.findings.get(), node.publication.get()};
   own.peers.resize(std::max<std::size_t>(play_.nodes, number + 1));
   node.role = std::make_unique<CdNodeRole>(own, server_ ? server_->map() : map_);
-  return {&node.in->sender(), &node.out->receiver(), node.findings.get()};
+  return {&node.in->sender(), &node.out->receiver(), node.findings.get(), node.publication.get()};
 }
 
 // Tells every node of the others, by the numbers that they have now.
@@ -303,6 +307,54 @@ void Theatre::require_one_host_each() const {
     held += own.role->host().size();
   }
   REQUIRE(held == hosted);  // nobody holds on to what is gone
+}
+
+void Theatre::require_views() const {
+  const auto category = [](const ObjectRow& row) { return static_cast<Category>(row.category); };
+  const auto present = [&](std::uint32_t slot) { return table().alive(slot) && table().present()[slot] != 0; };
+  const auto at = [&](std::uint32_t slot) {
+    std::uint32_t point[3];
+    space_.point(server_->pose(slot).position, point);
+    return play_.grid.box_of(play_.grid.cell_of(point));
+  };
+  const double r = play_.interest;
+  for (const auto& entry : users_) {
+    const UserNumber user = entry.first;
+    const User& own = entry.second;
+    CAPTURE(user);
+    std::vector<regions::CellBox> near;
+    for (std::uint32_t slot = 0; slot < table().slots(); ++slot) {
+      const ObjectRow& row = table().row(slot);
+      if (r > 0 && present(slot) && category(row) == Category::avatar && table().origin(slot).user == user) {
+        const Vec3d p = row.pose.position;
+        geometry::Bounds bounds;
+        space_.point({p.x - r, p.y - r, p.z - r}, bounds.lower);
+        space_.point({p.x + r, p.y + r, p.z + r}, bounds.upper);
+        near.push_back(play_.grid.cells_of(bounds));
+      }
+    }
+    std::map<ObjectNumber, Pose> seen;
+    for (const auto run : own.role->seen(last())) {
+      for (const link::PublishedState& state : run) {
+        CAPTURE(state.number);
+        REQUIRE(seen.emplace(state.number, state.pose).second);
+      }
+    }
+    std::size_t expected = 0;
+    for (std::uint32_t slot = 0; slot < table().slots(); ++slot) {
+      const ObjectRow& row = table().row(slot);
+      if (!present(slot) || category(row) == Category::fixed || table().host(slot) == Endpoint::user(user) ||
+          std::none_of(near.begin(), near.end(), [&](const regions::CellBox& box) { return box.holds(at(slot)); })) {
+        continue;
+      }
+      CAPTURE(row.object.number);
+      const auto state = seen.find(row.object.number);
+      REQUIRE(state != seen.end());
+      REQUIRE(state->second == server_->pose(slot));
+      ++expected;
+    }
+    REQUIRE(seen.size() == expected);
+  }
 }
 
 }  // namespace ringfence::nodes::test

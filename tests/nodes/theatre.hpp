@@ -104,6 +104,9 @@ class Theatre {
   const FrameReport& report() const { return server_->report(last()); }
   std::span<const Contact> contacts() const { return server_->ledger().contacts(last()); }
   std::span<const Contact> ended() const { return server_->ledger().ended(last()); }
+  const Stageplay& play() const { return play_; }
+  /// What user nodes were told to read of others in the last frame, besides each other.
+  const std::vector<const Published*>& relays() const { return publications_.relays[last() & 1]; }
   const regions::RegionMap& map() const { return map_; }
   const geometry::FixedSpace& space() const { return space_; }
   const geometry::ShapeTable& shapes() const { return shapes_; }
@@ -114,6 +117,9 @@ class Theatre {
   /// Requires that every object that can move has exactly one host, the one in the server's table, and that nobody
   /// hosts what is not there; in user/collision deployment, that the host owns the cell that the object stands in.
   void require_one_host_each() const;
+  /// Requires that every user node that has done the last frame sees what stands in the cells near its avatars, of what
+  /// others host, each once and as it stands, and nothing else; and that what was relayed was counted.
+  void require_views() const;
 
   Wire::Tamper tamper;            ///< sees what user nodes send
   std::function<void()> between;  ///< called each time round in a frame
@@ -130,6 +136,7 @@ class Theatre {
   struct Node {
     std::unique_ptr<Wire> in, out;  ///< to the node, from the node
     std::unique_ptr<Findings> findings;
+    std::unique_ptr<NodePublication> publication;
     std::unique_ptr<CdNodeRole> role;
     std::unique_ptr<CdNodeRole> dead;        ///< what it was, when it is no more: its memory stays
     std::size_t messages = ~std::size_t{0};  ///< that it still lives to see

@@ -1,0 +1,82 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <set>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "ringfence/world.hpp"
+
+namespace ringfence::test {
+
+inline double distance(const Vec3d& p, const Vec3d& q) {
+  return std::sqrt((p.x - q.x) * (p.x - q.x) + (p.y - q.y) * (p.y - q.y) + (p.z - q.z) * (p.z - q.z));
+}
+
+/// Requires of the last frame that each of its `users` saw all others within its interest as they stand, each once, and
+/// nothing of its own; and that all that was relayed was counted.
+inline void require_views(const World& world, const std::vector<UserNumber>& users) {
+  const WorldConfig& config = world.config();
+  std::map<ObjectNumber, ObjectView> objects;
+  for (const ObjectView& view : world.objects()) objects[view.spec.number] = view;
+  std::map<ObjectNumber, std::set<UserNumber>> unseen;
+  for (const UserNumber user : users) {
+    CAPTURE(user);
+    std::set<ObjectNumber> seen;
+    for (const auto run : world.seen_by(user)) {
+      for (const SeenState& state : run) {
+        CAPTURE(state.number);
+        REQUIRE(seen.insert(state.number).second);
+        const auto at = objects.find(state.number);
+        REQUIRE(at != objects.end());
+        const ObjectSpec& spec = at->second.spec;
+        REQUIRE(spec.pose == state.pose);
+        REQUIRE(spec.present);
+        REQUIRE(spec.category != Category::fixed);
+        REQUIRE(spec.user != user);
+      }
+    }
+    std::vector<Vec3d> eyes;
+    for (const auto& [number, view] : objects) {
+      if (view.spec.user == user && view.spec.present) eyes.push_back(view.spec.pose.position);
+    }
+    for (const auto& [number, view] : objects) {
+      const ObjectSpec& spec = view.spec;
+      const bool near = std::any_of(eyes.begin(), eyes.end(), [&](const Vec3d& eye) {
+        return distance(eye, spec.pose.position) <= config.interest * (1 - 1e-9);
+      });
+      const bool other = spec.present && spec.category != Category::fixed && spec.user != user;
+      if (other && near && seen.count(number) == 0) unseen[number].insert(user);
+    }
+  }
+  for (const auto& entry : unseen) {
+    const ObjectNumber number = entry.first;
+    const std::set<UserNumber>& who = entry.second;
+    CAPTURE(number);
+    // In user domain deployment one user node hosts the object itself; there is no other reason.
+    REQUIRE(config.deployment == Deployment::user);
+    REQUIRE(objects[number].spec.user == no_user);
+    REQUIRE(who.size() == 1);
+  }
+  const bool relays = config.deployment != Deployment::user && config.interest > 0 && !users.empty();
+  const auto relayed = std::count_if(objects.begin(), objects.end(), [](const auto& entry) {
+    const ObjectSpec& spec = entry.second.spec;
+    return spec.present && (spec.category == Category::active || spec.category == Category::non_active);
+  });
+  // What CD nodes tell the server is counted with it.
+  REQUIRE((!relays || world.report().traffic[static_cast<std::size_t>(Traffic::state)].records >=
+                          static_cast<std::uint64_t>(relayed)));
+}
+
+/// The first `count` users, as where nobody comes or goes.
+inline std::vector<UserNumber> first_users(UserNumber count) {
+  std::vector<UserNumber> users;
+  while (users.size() < count) users.push_back(static_cast<UserNumber>(users.size()));
+  return users;
+}
+
+}  // namespace ringfence::test
