@@ -53,7 +53,7 @@ Step ServerRole::step() {
     progressed = true;
   }
   all_parties([&](Party& party) {
-    progressed |= drain(party);
+    progressed |= awaits(party) && drain(party);
     return true;
   });
   if (!report().lost.empty()) {
@@ -71,6 +71,25 @@ Step ServerRole::step() {
   }
   const bool sending = stage_ == Stage::opening || stage_ == Stage::dispatching || stage_ == Stage::notifying;
   return sending ? Step::blocked : Step::idle;
+}
+
+// Whether the frame waits for a word of the party. Of a hundred user nodes most have nothing to say at most times, and
+// to look is to fetch a line that they write; what they say unasked is heard when they are next asked.
+bool ServerRole::awaits(const Party& party) const noexcept {
+  switch (stage_) {
+    case Stage::waiting:
+      return false;
+    case Stage::opening:
+    case Stage::moving:
+      return !party.states_heard || party.probed_ns != 0;
+    case Stage::dispatching:
+    case Stage::colliding:
+      return party.self.is_node() && (!party.tested_heard || party.probed_ns != 0);
+    case Stage::notifying:
+    case Stage::closing:
+      return !party.told_heard || party.probed_ns != 0;
+  }
+  return true;
 }
 
 // What passed since the last mark is charged to a stage of the report, less what ingest took of it.

@@ -119,6 +119,7 @@ class ServerRole {
   bool open(Party& party);
 
   // Hearing.
+  bool awaits(const Party& party) const noexcept;
   bool drain(Party& party);
   bool is_over_quota(Party& party, std::span<const std::byte> bytes);
   void receive(Party& party, const messages::MessageView& message);
