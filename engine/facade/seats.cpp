@@ -90,6 +90,7 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
   setup.shares_thread = !threaded() || node_workers[node] == nullptr;
   setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
   setup.remember_axes = config.remember_axes;
+  setup.may_be_lost = threaded() && config.deadlines.node_ms > 0;
   // Else the server relays them to the users.
   setup.keeps_states = config.interest <= 0 || node_ways[node]->publication != nullptr;
   setup.interest_grid = publications.grid;

@@ -14,7 +14,8 @@ using telemetry::TrackedTime;
 
 void CdNodeRole::sweep() {
   const auto bounds = known_.bounds();
-  const auto bodies = known_.bodies();
+  const auto inner = known_.inner();
+  const auto numbers = known_.numbers();
   {
     TrackedTime time(setup_.track, "broad phase", told_.broad_phase_ns);
     sweep_.begin(bounds, known_.present(), known_.resting(), known_.layers());
@@ -27,10 +28,11 @@ void CdNodeRole::sweep() {
         const auto found = sweep_.next(pairs_a_test - pairs_.size());
         more = !found.empty();
         for (geometry::CandidatePair pair : found) {
-          if (map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
+          // What is all within the region meets nothing anywhere else.
+          if ((inner[pair.a] | inner[pair.b]) == 0 && map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
             continue;
           }
-          if (bodies[pair.b].number < bodies[pair.a].number) {
+          if (numbers[pair.b] < numbers[pair.a]) {
             std::swap(pair.a, pair.b);
           }
           pairs_.push_back(pair);

@@ -59,7 +59,9 @@ void CdNodeRole::hear_positions(const MessageView& message) {
     if ((record.object.flags & messages::flag_gone) != 0) {
       known_.forget(record.object.slot);
     } else {
-      known_.set(record.object, record.pose, record.bounds, record.shape, record.layer, next_host(record));
+      const NextHost next = next_host(record);
+      const bool inner = next == NextHost::self && map_.cover(record.bounds, setup_.node) == regions::Cover::all;
+      known_.set(record.object, record.pose, record.bounds, record.shape, record.layer, next, inner);
     }
   }
   positions_heard_ |= message.last();

@@ -39,7 +39,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   movers_.reserve(setup.objects);
   host_.reserve_contacts(setup.objects);
   findings_->host = &host_;
-  if (keeps_) {
+  if (keeps_ && setup.may_be_lost) {
     findings_->kept.reserve(setup.objects, host_.state_bytes());
   }
 }
@@ -171,21 +171,21 @@ void CdNodeRole::place_batch() {
     }
     const bool staying = map_.nodes() == 1 || map_.owner_at(point) == setup_.node;
     const regions::Cover cover = present ? map_.cover(changed_bounds_[i], setup_.node) : regions::Cover::none;
+    const bool inner = cover == regions::Cover::all;
     if (cover != regions::Cover::none) {
       known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer,
-                 staying ? NextHost::self : NextHost::node);
+                 staying ? NextHost::self : NextHost::node, inner);
     } else {
       known_.forget(object.object.slot);
     }
     if (!staying) {
       movers_.push_back(object.object.number);
     }
-    const bool inner = cover == regions::Cover::all;
     const bool keeps = keeps_ && inner && staying;
     tells_[i] = !keeps || (object.object.flags & messages::flag_kept) == 0;
-    if (!tells_[i]) {
+    told_.kept += tells_[i] ? 0 : 1;
+    if (!tells_[i] && setup_.may_be_lost) {
       findings_->kept.add(frame_, object.object, object.pose, host_.state(changed_[i]));
-      ++told_.kept;
     }
     changed_flags_[i] = (present ? messages::flag_present : 0u) | (inner ? messages::flag_inner : 0u) |
                         (staying ? messages::flag_staying : 0u) | (keeps ? messages::flag_kept : 0u);

@@ -41,6 +41,7 @@ struct CdNodeSetup {
   bool shares_thread = false;         ///< other roles run on its thread: its CPU time is then the time that it was busy
   telemetry::Track* track = nullptr;  ///< null: nothing is noted
   bool remember_axes = true;          ///< see narrow_phase::NarrowPhase
+  bool may_be_lost = true;            ///< so that what it keeps to itself must be safe from its being late
   bool keeps_states = true;  ///< keeps states to itself that the server can read in shared memory (placement region)
   regions::CellGrid interest_grid;  ///< by which it publishes, if the server's line has a publication
   std::size_t objects = 0;          ///< reserved

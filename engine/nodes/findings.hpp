@@ -84,7 +84,7 @@ struct Findings {
   static constexpr std::uint64_t no_frame = ~std::uint64_t{0};  ///< the one before frame 0 too: nothing was found in it
 
   // The node's part.
-  const Host* host = nullptr;                ///< the node's; set once. Read between frames
+  const Host* host = nullptr;                ///< the node's; set once. Read between frames, and while the node waits
   KeptStates kept;                           ///< states that it did not tell; its own rules hold
   std::uint64_t frame = no_frame;            ///< that the lists are of
   const Contact* contacts = nullptr;         ///< as they were found

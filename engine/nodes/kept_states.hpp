@@ -17,12 +17,12 @@ struct alignas(64) KeptState {
 };
 static_assert(sizeof(KeptState) == 64);
 
-/// The states that a CD node moves and does not tell, as nobody else need know of them: left where the server can read
-/// them, in memory that both share, in place of messages `node_state`.
+/// The states that a CD node that may be lost moves and does not tell, as nobody else need know of them: left where the
+/// server can read them, in memory that both share, in place of messages `node_state`.
 ///
-/// It reads them when the node is lost, when a region map is drawn anew, or when it must tell others after all. Two
-/// frames are kept, by parity: S(k - 1) stays as it is while S(k) is moved, also of a node that is late rather than
-/// dead. Written past the caches where the processor can: as a rule nobody reads them.
+/// It reads them when the node is lost, and only then: of a node that answers it reads the Host. Two frames are kept,
+/// by parity: S(k - 1) stays as it is while S(k) is moved, also by a node that is late rather than dead. Written past
+/// the caches where the processor can: as a rule nobody reads them.
 ///
 /// Threads: one writer; the server reads the last frame from when the node has told that it has moved all until the
 /// next begins, and the frame before at any time in a frame. Memory: grows to what is kept, never shrinks.

@@ -9,6 +9,8 @@ KnownObjects::KnownObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
   slots_.reserve(objects);
   bodies_.reserve(objects);
   next_hosts_.reserve(objects);
+  numbers_.reserve(objects);
+  inner_.reserve(objects);
   if (sweeps_) {
     bounds_.reserve(objects);
     layers_.reserve(objects);
@@ -18,7 +20,7 @@ KnownObjects::KnownObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
 }
 
 void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
-                       ShapeNumber shape, std::uint32_t layer, NextHost next) {
+                       ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner) {
   const std::uint32_t slot = object.slot;
   if (slot >= index_.size()) {
     index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
@@ -29,6 +31,8 @@ void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, cons
     slots_.push_back(slot);
     bodies_.add();
     next_hosts_.push_back(next);
+    numbers_.add();
+    inner_.push_back(0);
     if (sweeps_) {
       bounds_.add();
       layers_.push_back(0);
@@ -38,6 +42,8 @@ void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, cons
   }
   bodies_[i] = {pose, shape, object.number};
   next_hosts_[i] = next;
+  numbers_[i] = object.number;
+  inner_[i] = inner ? 1 : 0;
   if (sweeps_) {
     bounds_[i] = bounds;
     layers_[i] = static_cast<std::uint8_t>(layer);
@@ -55,6 +61,8 @@ void KnownObjects::forget(std::uint32_t slot) {
     slots_[i] = slots_[last];
     bodies_[i] = bodies_[last];
     next_hosts_[i] = next_hosts_[last];
+    numbers_[i] = numbers_[last];
+    inner_[i] = inner_[last];
     if (sweeps_) {
       bounds_[i] = bounds_[last];
       layers_[i] = layers_[last];
@@ -65,6 +73,8 @@ void KnownObjects::forget(std::uint32_t slot) {
   slots_.pop_back();
   bodies_.pop_back();
   next_hosts_.pop_back();
+  numbers_.pop_back();
+  inner_.pop_back();
   if (sweeps_) {
     bounds_.pop_back();
     layers_.pop_back();
@@ -83,6 +93,8 @@ void KnownObjects::clear() noexcept {
   bounds_.clear();
   layers_.clear();
   next_hosts_.clear();
+  numbers_.clear();
+  inner_.clear();
   resting_.clear();
   present_.clear();
 }

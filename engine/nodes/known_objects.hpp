@@ -34,9 +34,9 @@ class KnownObjects {
   /// Index of the object in a slot, or none.
   std::uint32_t find(std::uint32_t slot) const noexcept { return slot < index_.size() ? index_[slot] : none; }
 
-  /// Adds an object or replaces what is known of it.
+  /// Adds an object or replaces what is known of it. `inner`: all that its bounds touch is the node's.
   void set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds, ShapeNumber shape,
-           std::uint32_t layer, NextHost next);
+           std::uint32_t layer, NextHost next, bool inner);
   /// Fetches what a set() of the object in that slot will write.
   void fetch(std::uint32_t slot) const noexcept {
     if (const std::uint32_t i = find(slot); i != none) {
@@ -56,6 +56,10 @@ class KnownObjects {
   std::uint32_t slot(std::size_t i) const noexcept { return slots_[i]; }
   /// As set() was last told.
   NextHost next_host(std::size_t i) const noexcept { return next_hosts_[i]; }
+  /// One byte each: whether set() was last told that it is inner. That it is not, is always right, but costs time.
+  std::span<const std::uint8_t> inner() const noexcept { return inner_; }
+  /// The number of each; bodies() has them, too, a cache line each.
+  std::span<const ObjectNumber> numbers() const noexcept { return numbers_.span(); }
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
 
   /// One byte an object: 1 where nothing about it has changed since the last call of settle().
@@ -72,6 +76,8 @@ class KnownObjects {
   FlatList<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> layers_;
   std::vector<NextHost> next_hosts_;
+  FlatList<ObjectNumber> numbers_;
+  std::vector<std::uint8_t> inner_;
   std::vector<std::uint8_t> resting_;
   std::vector<std::uint8_t> present_;
 };

@@ -81,6 +81,19 @@ void ServerRole::spread_cells() {
   }
 }
 
+// Of a node that is lost, whose thread may be late rather than dead: what it does not write any more.
+void ServerRole::read_kept(NodeNumber node, std::uint64_t frame) {
+  const Party& party = nodes_[node];
+  if (party.line.findings == nullptr) {
+    return;
+  }
+  const KeptStates& kept = party.line.findings->kept;
+  const std::span<const KeptState> states = kept.of(frame);
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    take_in(party, frame, states[i].object, states[i].pose, kept.state(frame, i));
+  }
+}
+
 void ServerRole::take_back(std::uint32_t slot) {
   objects_.set_host(slot, Endpoint::server());
   objects_.marks(slot) = static_cast<ObjectMarks>((objects_.marks(slot) & ~kept_mark) | rescued_mark);

@@ -150,38 +150,39 @@ const Pose& ServerRole::pose(std::uint32_t slot) const noexcept {
   return host[host.find(row.object.number)].pose;
 }
 
-// Takes over what a node has kept to itself, as the node moved it in `frame`.
-void ServerRole::read_kept(NodeNumber node, std::uint64_t frame) {
-  const Findings* const findings = nodes_[node].line.findings;
-  if (findings == nullptr) {
+// Takes in what a host has kept to itself of an object in `frame`, unless it was told or taken in since.
+void ServerRole::take_in(const Party& party, std::uint64_t frame, const messages::ObjectRef& object, const Pose& pose,
+                         const std::byte* state) {
+  const std::uint32_t slot = objects_.find(object);
+  if (slot == NumberIndex::none || objects_.host(slot) != party.self) {
     return;
   }
-  const std::span<const KeptState> kept = findings->kept.of(frame);
-  for (std::size_t i = 0; i < kept.size(); ++i) {
-    const std::uint32_t slot = objects_.find(kept[i].object);
-    if (slot == NumberIndex::none || objects_.host(slot) != Endpoint::node(node)) {
-      continue;
-    }
-    ObjectMarks& marks = objects_.marks(slot);
-    if ((marks & (kept_mark | reported_mark)) != kept_mark) {
-      continue;
-    }
-    objects_.row(slot).pose = kept[i].pose;
-    std::copy_n(findings->kept.state(frame, i), objects_.state_bytes(), objects_.state(slot));
-    bounds_are_stale_ = true;
-    if (frame == frame_) {
-      marks |= reported_mark;
-      objects_.mark_moved_alone(slot);
-      kept_moved_ -= nodes_[node].lost ? 0 : 1;
-    }
+  ObjectMarks& marks = objects_.marks(slot);
+  if ((marks & (kept_mark | reported_mark)) != kept_mark) {
+    return;
+  }
+  objects_.row(slot).pose = pose;
+  std::copy_n(state, objects_.state_bytes(), objects_.state(slot));
+  bounds_are_stale_ = true;
+  if (frame == frame_) {
+    marks |= reported_mark;
+    objects_.mark_moved_alone(slot);
+    kept_moved_ -= party.lost ? 0 : 1;  // it will say how many it kept
   }
 }
 
 // So that all rows, states and bounds are of this frame. The nodes have moved, and wait.
 void ServerRole::refresh_objects() {
   for (const Party& party : nodes_) {
-    if (!party.lost) {
-      read_kept(party.self.number(), frame_);
+    if (party.lost || party.line.findings == nullptr) {
+      continue;
+    }
+    const Host& host = *party.line.findings->host;
+    for (std::size_t i = 0; i < host.size(); ++i) {
+      const Hosted& object = host[i];
+      if ((object.object.flags & messages::flag_kept) != 0) {
+        take_in(party, frame_, object.object, object.pose, host.state(i));
+      }
     }
   }
   if (!std::exchange(bounds_are_stale_, false)) {

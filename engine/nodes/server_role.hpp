@@ -141,6 +141,7 @@ class ServerRole {
   bool tell_losses();
   bool tell_losses(Party& party);
   void spread_cells();
+  void read_kept(NodeNumber node, std::uint64_t frame);
   void take_back(std::uint32_t slot);
   void rescue_objects(NodeNumber node);
   void forgo_hand_overs(NodeNumber node);
@@ -155,7 +156,8 @@ class ServerRole {
   void take_moves(Host& host);
   void move_own();
   void detect();
-  void read_kept(NodeNumber node, std::uint64_t frame);
+  void take_in(const Party& party, std::uint64_t frame, const messages::ObjectRef& object, const Pose& pose,
+               const std::byte* state);
   void refresh_objects();
   void collect();
   void list_notices();

@@ -206,7 +206,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       case 3: {
         const messages::PositionRecord record = draw();
         known.set(record.object, record.pose, record.bounds, record.shape, record.layer,
-                  static_cast<NextHost>(record.layer % 4));
+                  static_cast<NextHost>(record.layer % 4), record.layer % 3 == 0);
         model[record.object.slot] = record;
         changed.insert(record.object.slot);
         break;
@@ -250,6 +250,8 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       REQUIRE(known.bounds()[i] == at->second.bounds);
       REQUIRE(known.layers()[i] == at->second.layer);
       REQUIRE(known.next_host(i) == static_cast<NextHost>(at->second.layer % 4));
+      REQUIRE((known.inner()[i] != 0) == (at->second.layer % 3 == 0));
+      REQUIRE(known.numbers()[i] == known.bodies()[i].number);
       REQUIRE(known.present()[i] == 1);
       if (changed.count(slot) != 0) {
         REQUIRE(known.resting()[i] == 0);  // what rests for the sweep has truly not changed
