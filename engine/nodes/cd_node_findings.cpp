@@ -54,7 +54,7 @@ void CdNodeRole::list_told(std::uint32_t position) {
     }
   }
   if (users) {
-    findings_->outer.push_back(position);
+    findings_->outer.push_back({findings_->keys[position], position, found});
   }
 }
 
@@ -91,7 +91,7 @@ void CdNodeRole::take_from_peers() {
   findings_order_.sort();
   findings_order_.visit([&](std::uint64_t, NodeNumber peer, std::uint32_t position, Phase phase) {
     Contact contact;
-    all[peer]->copy(position, phase, contact);
+    Findings::copy(all[peer]->contact(position), phase, contact);
     host_.add_contact(frame_, contact);
   });
   findings_->taken = findings_order_.size();

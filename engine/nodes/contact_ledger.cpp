@@ -19,7 +19,6 @@ void ContactLedger::List::resize(std::size_t size) {
 ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(nodes) {
   order_.reserve(contacts);
   ending_order_.reserve(contacts);
-  endings_.reserve(contacts);
   told_.reserve(contacts);
   findings_.reserve(nodes);
   compared_.reserve(nodes);
@@ -54,9 +53,9 @@ void ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& re
 
 void ContactLedger::compare() {
   gather_findings();
-  const bool by_nodes = nodes_have_compared();
-  gather_changes(by_nodes);
-  follow(by_nodes);
+  by_nodes_ = nodes_have_compared();
+  gather_changes();
+  follow();
   list_persisting();
   compared_.clear();
   for (const Run& run : runs_) {
@@ -88,24 +87,22 @@ bool ContactLedger::nodes_have_compared() const noexcept {
 }
 
 // What may have begun into order_, and what may have ended into ending_order_, or all.
-void ContactLedger::gather_changes(bool by_nodes) {
+void ContactLedger::gather_changes() {
   order_.start(findings_);
   ending_order_.clear();
-  endings_.clear();
   for (NodeNumber node = 0; node < findings_.size(); ++node) {
     const Findings& findings = *findings_[node];
-    if (!by_nodes) {
+    if (!by_nodes_) {
       for (std::uint32_t i = 0; i < findings.keys.size(); ++i) {
         order_.add(node, i);
       }
       continue;
     }
-    for (const Beginning& one : findings.beginning) {
-      order_.add(node, one.position, one.key);
+    for (std::size_t i = 0; i < findings.beginning.size(); ++i) {
+      order_.add(node, findings.beginning_at[i], findings.beginning[i]);
     }
-    for (const Ending& one : findings.ending) {
-      ending_order_.add(one.key);
-      endings_.push_back({one.slot_a, one.slot_b, node});
+    for (const std::uint64_t key : findings.ending) {
+      ending_order_.add(key);
     }
   }
   order_.sort();
@@ -113,10 +110,10 @@ void ContactLedger::gather_changes(bool by_nodes) {
 }
 
 // A pair that one node found no more and another did not find before has passed from one to the other, and persists.
-void ContactLedger::follow(bool by_nodes) {
+void ContactLedger::follow() {
   const List& old = before();
-  const std::size_t endings = by_nodes ? ending_order_.size() : old.keys.size();
-  const auto ending_key = [&](std::size_t i) { return by_nodes ? ending_order_.key_at(i) : old.keys[i]; };
+  const std::size_t endings = by_nodes_ ? ending_order_.size() : old.keys.size();
+  const auto ending_key = [&](std::size_t i) { return by_nodes_ ? ending_order_.key_at(i) : old.keys[i]; };
   std::size_t next = 0;
   std::uint64_t last = 0;
   std::uint64_t going_on = 0;
@@ -125,7 +122,6 @@ void ContactLedger::follow(bool by_nodes) {
     for (; next < endings && ending_key(next) < key; ++next) {
       if (ending_key(next) != going_on) {
         ended().keys.push_back(ending_key(next));
-        ended().found.push_back(by_nodes ? endings_[ending_order_.at(next)] : old.found[next]);
       }
     }
   };
@@ -154,13 +150,6 @@ void ContactLedger::list_persisting() {
       }
     }
   }
-}
-
-void ContactLedger::write_ended(std::size_t i, Contact& to) const noexcept {
-  const auto& keys = before().keys;
-  const std::uint64_t key = editions_[frame_ & 1].ended.keys[i];
-  to = before().contacts[static_cast<std::size_t>(std::lower_bound(keys.begin(), keys.end(), key) - keys.begin())];
-  to.phase = Phase::end;
 }
 
 // Any cut is right; those of the frame before are nearly even.
@@ -259,12 +248,14 @@ void ContactLedger::drop_doubled() {
 
 std::span<const ToldContact> ContactLedger::told(bool all) {
   told_.clear();
+  if (!all) {
+    tell_outer();
+    return told_.span();
+  }
   order_.start(findings_);
   for (NodeNumber node = 0; node < findings_.size(); ++node) {
-    const Findings& findings = *findings_[node];
-    const std::size_t many = all ? findings.keys.size() : findings.outer.size();
-    for (std::uint32_t i = 0; i < many; ++i) {
-      order_.add(node, all ? i : findings.outer[i]);
+    for (std::uint32_t i = 0; i < findings_[node]->keys.size(); ++i) {
+      order_.add(node, i);
     }
   }
   order_.sort();
@@ -272,11 +263,63 @@ std::span<const ToldContact> ContactLedger::told(bool all) {
   order_.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
     if (key != last) {
       const FoundContact& found = findings_[node]->found[position];
-      told_.push_back({key, findings_[node], position, phase, {found.slot_a, found.slot_b, node}});
+      told_.push_back({key, &findings_[node]->contact(position), {found.slot_a, found.slot_b, node}, phase});
     }
     last = key;
   });
   return told_.span();
+}
+
+// Few.
+void ContactLedger::tell_outer() {
+  for (NodeNumber node = 0; node < findings_.size(); ++node) {
+    const Findings& findings = *findings_[node];
+    for (const OuterContact& outer : findings.outer) {
+      const Contact& contact = findings.contacts[outer.found.contact];
+      Findings::fetch(contact);
+      told_.push_back({outer.key,
+                       &contact,
+                       {outer.found.slot_a, outer.found.slot_b, node},
+                       findings.begins(outer.position) ? Phase::begin : Phase::persist});
+    }
+  }
+  const auto by_key = [](const ToldContact& p, const ToldContact& q) { return p.key < q.key; };
+  std::sort(told_.begin(), told_.end(), by_key);
+  const auto same = [](const ToldContact& p, const ToldContact& q) { return p.key == q.key; };
+  told_.resize(static_cast<std::size_t>(std::unique(told_.begin(), told_.end(), same) - told_.begin()));
+}
+
+std::span<const ToldContact> ContactLedger::told_ended(bool all) {
+  told_ended_.clear();
+  const auto& keys = ended().keys;
+  std::size_t old = 0;
+  if (all || !by_nodes_) {
+    for (const std::uint64_t key : keys) {
+      tell_ended(key, old);
+    }
+    return told_ended_.span();
+  }
+  ending_order_.clear();
+  for (const Findings* findings : findings_) {
+    for (const OuterContact& outer : findings->outer_ending) {
+      ending_order_.add(outer.key);
+    }
+  }
+  ending_order_.sort();
+  for (std::size_t i = 0; i < ending_order_.size(); ++i) {
+    // It may have passed to another node.
+    if (std::binary_search(keys.begin(), keys.end(), ending_order_.key_at(i))) {
+      tell_ended(ending_order_.key_at(i), old);
+    }
+  }
+  return told_ended_.span();
+}
+
+void ContactLedger::tell_ended(std::uint64_t key, std::size_t& old) {
+  const auto& keys = before().keys;
+  const auto* const at = leap_to(keys.begin() + old, keys.end(), key);
+  old = static_cast<std::size_t>(at - keys.begin());
+  told_ended_.push_back({key, &before().contacts[old], before().found[old], Phase::end});
 }
 
 }  // namespace ringfence::nodes

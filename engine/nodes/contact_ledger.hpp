@@ -21,12 +21,11 @@ namespace ringfence::nodes {
 /// A contact that the server has to tell somebody of, where it lies.
 struct ToldContact {
   std::uint64_t key = 0;  ///< ContactOrder::key
-  const Findings* findings = nullptr;
-  std::uint32_t position = 0;  ///< there
-  Phase phase = Phase::begin;
+  const Contact* contact = nullptr;
   Found found;
+  Phase phase = Phase::begin;
 
-  void write(Contact& to) const noexcept { findings->copy(position, phase, to); }
+  void write(Contact& to) const noexcept { Findings::copy(*contact, phase, to); }
 };
 
 /// The server's account of contacts: takes what the CD nodes found, tells by the frame before which contacts began, go
@@ -73,6 +72,8 @@ class ContactLedger {
   /// After compare(): the contacts that user nodes have to be told of, or `all`, in order of (a, b). Until the nodes
   /// begin the next frame.
   std::span<const ToldContact> told(bool all);
+  /// After compare(): the same for contacts that ended, geometry and poses being those of the last contact.
+  std::span<const ToldContact> told_ended(bool all);
   /// After compare(): calls visit(point) with where each contact is, whoever found it, in no particular order.
   template <class Visit>
   void visit_points(Visit visit) const {
@@ -95,19 +96,13 @@ class ContactLedger {
     return editions_[frame & 1].live.keys.span();
   }
   std::span<const Found> found(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.found.span(); }
-  /// Contacts that ended in the frame, in order of (a, b); parallel to ended_keys() and ended_found(), which hold after
-  /// compare().
+  /// Contacts that ended in the frame, in order of (a, b); parallel to ended_keys(), which hold after compare().
   std::span<const Contact> ended(std::uint64_t frame) const noexcept {
     return editions_[frame & 1].ended.contacts.span();
   }
   std::span<const std::uint64_t> ended_keys(std::uint64_t frame) const noexcept {
     return editions_[frame & 1].ended.keys.span();
   }
-  std::span<const Found> ended_found(std::uint64_t frame) const noexcept {
-    return editions_[frame & 1].ended.found.span();
-  }
-  /// After compare(): what ended() will hold at that place.
-  void write_ended(std::size_t i, Contact& to) const noexcept;
   /// After compare(): how many were found, doubled ones too.
   std::size_t size() const noexcept { return size_; }
   /// After complete().
@@ -141,9 +136,11 @@ class ContactLedger {
   const List& before() const noexcept { return editions_[(frame_ - 1) & 1].live; }
   void gather_findings();
   bool nodes_have_compared() const noexcept;
-  void gather_changes(bool by_nodes);
-  void follow(bool by_nodes);
+  void gather_changes();
+  void follow();
   void list_persisting();
+  void tell_outer();
+  void tell_ended(std::uint64_t key, std::size_t& old);
   std::uint64_t key_at(std::size_t share, std::size_t shares) const noexcept;
   void drop_doubled();
 
@@ -153,8 +150,8 @@ class ContactLedger {
       compared_;  ///< those of the frame before that its contacts are made of; null: it sent messages
   FindingsOrder order_;
   ContactOrder ending_order_;
-  FlatList<Found> endings_;  ///< parallel to its keys, in the order of add
-  FlatList<ToldContact> told_;
+  FlatList<ToldContact> told_, told_ended_;
+  bool by_nodes_ = false;  ///< who compared in this frame
   std::size_t size_ = 0;
   std::uint64_t began_ = 0;
   std::uint64_t doubled_ = 0;

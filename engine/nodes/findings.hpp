@@ -52,17 +52,11 @@ struct Stretch {
   const Contact* contacts_before = nullptr;    ///< parallel to it
 };
 
-/// A contact in a node's list that is not in its list of the frame before.
-struct Beginning {
+/// A contact of which user nodes have to be told, with all that the server needs for that in one piece.
+struct OuterContact {
   std::uint64_t key = 0;
   std::uint32_t position = 0;  ///< in Findings::keys
-};
-
-/// A contact in a node's list of the frame before that is not in this frame's, and the slots of its objects.
-struct Ending {
-  std::uint64_t key = 0;
-  std::uint32_t slot_a = 0;
-  std::uint32_t slot_b = 0;
+  FoundContact found;
 };
 
 /// What a CD node found in a frame, in memory that all roles of a process share: in place of the messages `collision`,
@@ -90,12 +84,14 @@ struct Findings {
   const Contact* contacts = nullptr;         ///< as they were found
   FlatList<std::uint64_t> keys;              ///< ContactOrder::key, ascending
   FlatList<FoundContact> found;              ///< parallel to keys
-  std::uint64_t frame_before = no_frame;     ///< that the next two are of
+  std::uint64_t frame_before = no_frame;     ///< that the next is of
   FlatList<std::uint64_t> keys_before;       ///< what the node found in it, ascending
-  FlatList<FoundContact> found_before;       ///< parallel to keys_before
-  FlatList<Beginning> beginning;             ///< by key
-  FlatList<Ending> ending;                   ///< by key
-  FlatList<std::uint32_t> outer;             ///< of which user nodes have to be told, ascending
+  FlatList<std::uint64_t> beginning;         ///< those of keys that are not among keys_before, ascending
+  FlatList<std::uint32_t> beginning_at;      ///< parallel to it: their positions in keys
+  FlatList<std::uint64_t> ending;            ///< those of keys_before that are not among keys, ascending
+  FlatList<OuterContact> outer;              ///< by key
+  FlatList<OuterContact> outer_before;       ///< of the frame before
+  FlatList<OuterContact> outer_ending;       ///< those of them that are among ending
   FlatList<std::uint32_t> for_peers;         ///< of which the other nodes have to be told, a run a node, each ascending
   std::vector<std::uint32_t> for_peer_from;  ///< by node, and one more: where its run begins
 
@@ -110,23 +106,23 @@ struct Findings {
 
   /// The node: empties its part for the frame; what it found in the one before stays, also when a frame is begun twice.
   void start(std::uint64_t new_frame);
-  /// The node: fills beginning and ending.
+  /// The node: fills beginning, ending and outer_ending.
   void compare();
   /// The node: fills for_peers and for_peer_from; `told` ascend by position, `nodes` is how many there are.
   void list_for_peers(std::span<const ForPeer> told, NodeNumber nodes);
   /// Whether `position` is one of begun.
   bool begins(std::uint32_t position) const noexcept;
   /// Copies a contact to where it is read as a whole. Its own phase, which its node may be writing, is not looked at.
-  void copy(std::uint32_t position, Phase phase, Contact& to) const noexcept {
-    const Contact& from = contacts[found[position].contact];
+  static void copy(const Contact& from, Phase phase, Contact& to) noexcept {
     to.a = from.a;
     to.b = from.b;
     to.phase = phase;
     std::memcpy(&to.depth, &from.depth, sizeof(Contact) - offsetof(Contact, depth));
   }
+  const Contact& contact(std::uint32_t position) const noexcept { return contacts[found[position].contact]; }
   /// Fetches what copy() reads: contacts lie as they were found.
-  void fetch(std::uint32_t position) const noexcept {
-    const auto* from = reinterpret_cast<const std::byte*>(&contacts[found[position].contact]);
+  static void fetch(const Contact& contact) noexcept {
+    const auto* from = reinterpret_cast<const std::byte*>(&contact);
     __builtin_prefetch(from);
     __builtin_prefetch(from + 64);
     __builtin_prefetch(from + sizeof(Contact) - 1);

@@ -25,25 +25,28 @@ void FindingsOrder::sort() {
 
 namespace {
 
-// Few of many end, so they are looked for in leaps.
 void write_ended(const Stretch& stretch) {
   const auto keys = stretch.keys_before;
-  auto old = keys.begin();
+  const std::uint64_t* const end = keys.data() + keys.size();
+  const std::uint64_t* old = keys.data();
   for (std::size_t i = 0; i < stretch.ended_keys.size(); ++i) {
     const std::uint64_t key = stretch.ended_keys[i];
-    std::ptrdiff_t leap = i == 0 ? keys.end() - old : 1;
-    while (leap < keys.end() - old && old[leap] < key) {
-      old += leap;
-      leap *= 2;
-    }
-    old = std::lower_bound(old, old + std::min(leap + 1, keys.end() - old), key);
-    assert(old != keys.end() && *old == key);
-    stretch.ended[i] = stretch.contacts_before[old - keys.begin()];
-    stretch.ended[i].phase = Phase::end;
+    old = i == 0 ? std::lower_bound(old, end, key) : leap_to(old, end, key);
+    assert(old != end && *old == key);
+    Findings::copy(stretch.contacts_before[old - keys.data()], Phase::end, stretch.ended[i]);
   }
 }
 
 }  // namespace
+
+const std::uint64_t* leap_to(const std::uint64_t* first, const std::uint64_t* end, std::uint64_t key) noexcept {
+  std::ptrdiff_t leap = 1;
+  while (leap < end - first && first[leap] < key) {
+    first += leap;
+    leap *= 2;
+  }
+  return std::lower_bound(first, first + std::min(leap + 1, end - first), key);
+}
 
 std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order) {
   order.start(stretch.findings);
@@ -63,7 +66,7 @@ std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order) {
   order.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
     const Findings& findings = *stretch.findings[node];
     const FoundContact& found = findings.found[position];
-    findings.copy(position, phase, stretch.contacts[at]);
+    Findings::copy(findings.contact(position), phase, stretch.contacts[at]);
     stretch.keys[at] = key;
     stretch.found[at] = {found.slot_a, found.slot_b, node};
     ++at;

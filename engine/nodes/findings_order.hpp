@@ -44,7 +44,7 @@ class FindingsOrder {
     for (std::size_t i = 0; i < size(); ++i) {
       if (i + ahead < size()) {
         const Source& soon = sources_[place(i + ahead)];
-        findings_[soon.node]->fetch(soon.position);
+        Findings::fetch(findings_[soon.node]->contact(soon.position));
       }
       const Source& source = sources_[place(i)];
       each(key(i), source.node, source.position, begins(source) ? Phase::begin : Phase::persist);
@@ -73,6 +73,10 @@ class FindingsOrder {
   std::uint64_t last_ = 0;
   bool ascending_ = true;
 };
+
+/// The first of ascending keys that is not below `key`, where it is likely to be near: few of many contacts end, so
+/// they are looked for in leaps.
+const std::uint64_t* leap_to(const std::uint64_t* first, const std::uint64_t* end, std::uint64_t key) noexcept;
 
 /// Writes a stretch, with phases, in order, and copies what ended from the frame before. Returns how many of its
 /// contacts are of a pair that has been written before it: always 0, unless a bug made two nodes own one pair. They are

@@ -23,7 +23,7 @@ struct Party {
   std::vector<std::uint32_t> drops, adoptions, placements;
   std::vector<Contact> late_contacts;
   std::vector<messages::RefusedRecord> refusals;  ///< what of its messages was refused in the frame before
-  // To be sent after the narrow phase: places in ContactLedger::told(), with the bit `ended` in the list of ended ones.
+  // To be sent after the narrow phase: places in ContactLedger::told(), with the bit `ended` in told_ended().
   std::vector<std::uint32_t> notices;
   std::uint64_t hand_overs = 0;  ///< that will reach it (CD nodes)
   static constexpr std::uint32_t ended = 0x80000000u;

@@ -49,11 +49,7 @@ void ServerRole::list_notice(std::uint32_t notice, const Found& found) {
 
 void ServerRole::write_notice(std::uint32_t notice, std::byte* where) const noexcept {
   Contact contact;
-  if ((notice & Party::ended) != 0) {
-    ledger_.write_ended(notice & ~Party::ended, contact);
-  } else {
-    told_[notice].write(contact);
-  }
+  ((notice & Party::ended) != 0 ? told_ended_[notice & ~Party::ended] : told_[notice]).write(contact);
   std::memcpy(where, &contact, sizeof contact);
 }
 
@@ -67,12 +63,11 @@ void ServerRole::list_notices() {
   const bool nodes_host = setup_.deployment == Deployment::user_collision;
   peers_tell_ = nodes_host && !map_changed_ && !rescan_hosts_ && ledger_.all_share();
   told_ = ledger_.told(!peers_tell_);
-  const auto ended_keys = ledger_.ended_keys(frame_);
-  const auto ended_found = ledger_.ended_found(frame_);
+  told_ended_ = ledger_.told_ended(!peers_tell_);
   std::uint32_t next_ended = 0;
   const auto list_ended = [&](std::uint64_t key) {
-    for (; next_ended < ended_keys.size() && ended_keys[next_ended] < key; ++next_ended) {
-      list_notice(next_ended | Party::ended, ended_found[next_ended]);
+    for (; next_ended < told_ended_.size() && told_ended_[next_ended].key < key; ++next_ended) {
+      list_notice(next_ended | Party::ended, told_ended_[next_ended].found);
     }
   };
   for (std::uint32_t i = 0; i < told_.size(); ++i) {

@@ -211,8 +211,8 @@ class ServerRole {
   Hosting hosting_;
   Dispatch dispatch_;
   ContactLedger ledger_;
-  std::span<const ToldContact> told_;  ///< of this frame, by the server
-  bool peers_tell_ = false;            ///< in this frame nodes take what concerns them from each other's findings
+  std::span<const ToldContact> told_, told_ended_;  ///< of this frame, by the server
+  bool peers_tell_ = false;  ///< in this frame nodes take what concerns them from each other's findings
   std::vector<Party> nodes_;
   std::vector<Party> users_;  ///< by user number
   std::vector<UserNumber> connected_;
