@@ -53,6 +53,7 @@ class NumberIndex {
     }
     if ((size_ + 1) * 2 > entries_.size()) {
       resize(size_ + 1);
+      return set(number, index);  // what was put in anew may have made places for more than itself
     }
     std::size_t at = home(number);
     while (entries_[at].number != 0 && entries_[at].number != number) {

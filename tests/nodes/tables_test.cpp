@@ -63,6 +63,33 @@ TEST_CASE("the number index finds what a standard map finds, after any stores an
   }
 }
 
+// Numbers that are about as sparse as those that have places: they come and go between places and hash.
+TEST_CASE("the number index finds everything while places grow in the midst of a rehash") {
+  for (unsigned seed = 0; seed < 300; ++seed) {
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    NumberIndex index(seed % 3 * 20);
+    std::unordered_map<ObjectNumber, std::uint32_t> model;
+    const std::uint64_t numbers = 400 + random() % 8000;
+    for (std::uint32_t round = 0; round < 600; ++round) {
+      const auto number = static_cast<ObjectNumber>(1 + random() % numbers);
+      if (random() % 5 != 0) {
+        index.set(number, round);
+        model[number] = round;
+      } else {
+        index.erase(number);
+        model.erase(number);
+      }
+      REQUIRE(index.size() == model.size());
+      const auto at = model.find(number);
+      REQUIRE(index.find(number) == (at == model.end() ? NumberIndex::none : at->second));
+    }
+    for (const auto& [number, value] : model) {
+      REQUIRE(index.find(number) == value);
+    }
+  }
+}
+
 TEST_CASE("an object table keeps every live object by number and slot, and reuses a slot only after a settled frame") {
   for (const std::size_t state_bytes : {0u, 24u}) {
     const unsigned seed = 11 + static_cast<unsigned>(state_bytes);
