@@ -257,7 +257,9 @@ void World::Implementation::retire_nodes() {
     const bool lost = std::find(last.lost.begin(), last.lost.end(), node) != last.lost.end();
     count += (!lost || node == stood_in) && !server->has_left(node) ? 1 : 0;
   }
-  if (node_roles.size() <= count || count == 0) {
+  // Where all that are in the map are lost, the server keeps the first of the others.
+  count = std::max<std::size_t>(count, 1);
+  if (node_roles.size() <= count) {
     return;
   }
   std::vector<std::unique_ptr<Way>> retired;  // until the others have forgotten the way

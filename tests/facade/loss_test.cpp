@@ -2,6 +2,7 @@
 #include <atomic>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <string_view>
 #include <thread>
 #include <vector>
@@ -24,6 +25,7 @@ struct Ran {
   std::size_t lost = 0;
   std::uint32_t nodes = 0;
   std::uint64_t late = 0;
+  std::uint64_t refused = 0;  ///< late or not
   std::size_t logged = 0;
 };
 
@@ -59,6 +61,7 @@ Ran run(WorldConfig config, const std::multimap<int, Fault>& faults, const std::
     ran.lost += report.lost.size();
     ran.nodes = world.nodes();
     ran.late += report.refused[static_cast<std::size_t>(Status::late)];
+    ran.refused = std::accumulate(report.refused.begin(), report.refused.end(), ran.refused);
     digest.add_frame(world.contacts());
   }
   ran.digest = digest.value();
@@ -137,6 +140,33 @@ TEST_CASE("losses and resizes in any order change no contact") {
                       {{3, 6}, {8, 3}, {13, 5}, {17, 1}, {20, 4}});
   CHECK(ran.digest == expected());
   CHECK(ran.lost >= 3);
+}
+
+// The server and the World each conclude who goes, and have to number alike who is left.
+TEST_CASE("when all that were to stay are lost as the others leave, the first of those stays, and the world can grow") {
+  for (const std::uint32_t staying : {1u, 2u}) {
+    for (const NodeStage stage : {NodeStage::ending, NodeStage::settling, NodeStage::telling}) {
+      for (const std::uint32_t next : {2u, 3u, 6u}) {
+        CAPTURE(staying);
+        CAPTURE(name_of(stage));
+        CAPTURE(next);
+        WorldConfig config;
+        config.nodes = 5;
+        config.deadlines.node_ms = deadline_ms;
+        std::multimap<int, Fault> faults;
+        for (NodeNumber node = 0; node < staying; ++node) {
+          faults.insert({4, {node, 0, stage, 0}});
+        }
+        const Ran ran = run(config, faults, {{4, staying}, {5, next}, {8, 4}});
+        CHECK(ran.digest == expected());
+        CHECK(ran.refused == ran.late);
+        CHECK(ran.lost >= staying);
+        if (ran.lost == staying) {
+          CHECK(ran.nodes == 4);
+        }
+      }
+    }
+  }
 }
 
 TEST_CASE("a deadline that nobody misses changes nothing") {
