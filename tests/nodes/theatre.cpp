@@ -1,15 +1,21 @@
 #include "nodes/theatre.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstring>
+#include <utility>
 
 #include <doctest/doctest.h>
 
 namespace ringfence::nodes::test {
 
-bool Wire::pass(const Tamper& tamper, std::vector<Seen>& log) {
+bool Wire::pass(const Tamper& tamper, std::vector<Seen>& log, std::size_t most) {
   bool any = false;
-  for (auto bytes = near_.receiver().next(); !bytes.empty(); bytes = near_.receiver().next()) {
+  for (std::size_t passed = 0; passed < most; ++passed) {
+    const auto bytes = near_.receiver().next();
+    if (bytes.empty()) {
+      break;
+    }
     any = true;
     Seen seen{from_, to_, {}, {bytes.begin(), bytes.end()}};
     REQUIRE(bytes.size() >= sizeof(messages::Header));
@@ -121,22 +127,53 @@ bool Theatre::pass(Node& node) {
   return heard || told;
 }
 
+bool Theatre::lose(NodeNumber number, bool goes_on) {
+  if (!server_->lose(number)) {
+    return false;  // it has not begun the frame
+  }
+  Node& node = nodes_[standing_[number]];
+  node.dead = std::move(node.role);
+  node.goes_on = goes_on;
+  return true;
+}
+
 // Nothing gets on. The dead are the reason; the link to the first of them closes.
 void Theatre::lose_the_dead() {
   for (NodeNumber number = 0; number < standing_.size(); ++number) {
     Node& node = nodes_[standing_[number]];
     if (node.role != nullptr && node.messages == 0) {
-      node.dead = std::move(node.role);
-      server_->lose(number);
+      lose(number, false);
       return;
     }
   }
   REQUIRE(false);  // a frame that hangs
 }
 
+// As the World does when a frame begins.
+void Theatre::grow() {
+  if (resize_to_ == 0) {
+    return;
+  }
+  Request request;
+  request.kind = Request::Kind::add_node;
+  while (standing_.size() < resize_to_) {
+    const auto number = static_cast<NodeNumber>(standing_.size());
+    standing_.push_back(nodes_.size());
+    request.line = add_node(number);
+    requests_.push_back(request);
+  }
+  introduce();
+  request.kind = Request::Kind::resize;
+  request.nodes = std::exchange(resize_to_, 0u);
+  requests_.push_back(request);
+}
+
 // The frame is over: those that are left are numbered anew, in order, as the server does at its next cut.
 void Theatre::bury() {
-  std::erase_if(standing_, [&](std::size_t node) { return nodes_[node].role == nullptr; });
+  const auto in_map = static_cast<std::ptrdiff_t>(std::min<std::size_t>(server_->map().nodes(), standing_.size()));
+  const auto stands = [&](std::size_t node) { return nodes_[node].role != nullptr; };
+  const auto left = static_cast<std::size_t>(std::count_if(standing_.begin(), standing_.begin() + in_map, stands));
+  std::erase_if(standing_, [&](std::size_t node) { return !stands(node); });
   if (standing_.empty()) {
     Request request;
     request.kind = Request::Kind::add_node;
@@ -144,7 +181,16 @@ void Theatre::bury() {
     request.line = add_node(0);
     requests_.insert(requests_.begin(), request);
   }
+  retire(std::max<std::size_t>(left, 1));
   introduce();
+}
+
+// Those that the map no longer knows have handed everything over.
+void Theatre::retire(std::size_t left) {
+  while (standing_.size() > left) {
+    nodes_[standing_.back()].role = nullptr;
+    standing_.pop_back();
+  }
 }
 
 void Theatre::connect(UserNumber number) {
@@ -204,47 +250,25 @@ void Theatre::place(ObjectId id, const Pose& pose) {
   requests_.push_back(request);
 }
 
-void Theatre::frame() {
+void Theatre::frame(const std::optional<Disorder>& disorder) {
   log_.clear();
+  grow();
   order_.requests.swap(requests_);
   requests_.clear();
   const std::uint64_t wanted = order_.ordered.load() + 1;
   order_.ordered.store(wanted);
   int quiet = 0;
+  if (disorder) {
+    step_in_disorder(*disorder);
+  }
   while (order_.completed.load() != wanted) {
-    if (between) {
-      between();
-    }
-    bool progressed = server_->step() == Step::progressed;
-    if (order_.stand_in_wanted.exchange(false)) {
-      standing_[order_.stand_in_for] = nodes_.size();
-      order_.stand_in = add_node(order_.stand_in_for);
-      order_.stand_in_ready.store(true);
-    }
-    for (const std::size_t node : standing_) {
-      CdNodeRole* role = nodes_[node].role.get();
-      progressed |= role != nullptr && nodes_[node].messages != 0 && role->step() == Step::progressed;
-    }
-    for (auto& [number, user] : users_) {
-      progressed |= user.role->step() == Step::progressed;
-    }
-    for (const std::size_t node : standing_) {
-      progressed |= pass(nodes_[node]);
-    }
-    for (auto& [ends, wire] : peers_) {
-      progressed |= wire->pass({}, log_);
-    }
-    for (auto& [number, user] : users_) {
-      progressed |= user.out->pass(tamper, log_);
-      progressed |= user.in->pass({}, log_);
-    }
-    quiet = progressed ? 0 : quiet + 1;
+    quiet = step_in_order() ? 0 : quiet + 1;
     if (quiet == 3) {
       lose_the_dead();
       quiet = 0;
     }
   }
-  if (!report().lost.empty()) {
+  if (!report().lost.empty() || server_->map().nodes() < standing_.size()) {
     bury();
   }
   for (const UserNumber number : leaving_) {
@@ -252,6 +276,106 @@ void Theatre::frame() {
     users_.erase(number);
   }
   leaving_.clear();
+}
+
+// Another takes the place of the last node.
+void Theatre::stand_in() {
+  if (order_.stand_in_wanted.exchange(false)) {
+    standing_[order_.stand_in_for] = nodes_.size();
+    order_.stand_in = add_node(order_.stand_in_for);
+    nodes_.back().role->meet(order_.stand_in_for, std::vector<Line>(standing_.size()));
+    order_.stand_in_ready.store(true);
+  }
+}
+
+bool Theatre::step_in_order() {
+  if (between) {
+    between();
+  }
+  bool progressed = server_->step() == Step::progressed;
+  stand_in();
+  for (const std::size_t node : standing_) {
+    CdNodeRole* role = nodes_[node].role.get();
+    progressed |= role != nullptr && nodes_[node].messages != 0 && role->step() == Step::progressed;
+  }
+  for (auto& [number, user] : users_) {
+    progressed |= user.role->step() == Step::progressed;
+  }
+  for (const std::size_t node : standing_) {
+    progressed |= pass(nodes_[node]);
+  }
+  for (auto& [ends, wire] : peers_) {
+    progressed |= takes(ends.second) && wire->pass({}, log_);
+  }
+  for (auto& [number, user] : users_) {
+    progressed |= user.out->pass(tamper, log_);
+    progressed |= user.in->pass({}, log_);
+  }
+  return progressed;
+}
+
+// Until the frame is over, or has had its losses and so many rounds that what is left may go in order.
+void Theatre::step_in_disorder(const Disorder& disorder) {
+  std::mt19937_64& random = *disorder.random;
+  const auto one_in = [&](std::uint64_t n) { return random() % n == 0; };
+  for (Node& node : nodes_) {
+    node.pace = std::array{1u, 1u, 2u, 8u, 30u}[random() % 5];
+    node.goes_on &= !one_in(3);
+  }
+  const std::uint64_t server_pace = 1 + random() % 4;
+  const std::uint64_t until_loss = 1 + random() % 60;
+  const std::array<unsigned, 6> wire_paces{1, 1, 1, 3, 10, one_in(3) ? 60u : 1u};
+  const auto draw_pace = [&](const std::unique_ptr<Wire>& wire) {
+    if (wire != nullptr) wire->pace = wire_paces[random() % wire_paces.size()];
+  };
+  for (Node& node : nodes_) {
+    draw_pace(node.in);
+    draw_pace(node.out);
+  }
+  for (auto& [ends, wire] : peers_) {
+    draw_pace(wire);
+  }
+  std::size_t losses = disorder.losses;
+  bool may_lose = !disorder.late;
+  std::size_t looked_at = 0;                // of the log
+  const std::size_t known = nodes_.size();  // what stands in is not lost in the same frame: it is the server's thread
+  for (int round = 0; round < 400 && order_.completed.load() != order_.ordered.load(); ++round) {
+    if (one_in(server_pace)) {
+      server_->step();
+    }
+    stand_in();
+    for (Node& node : nodes_) {
+      CdNodeRole* const role = node.role != nullptr ? node.role.get() : node.goes_on ? node.dead.get() : nullptr;
+      if (role != nullptr && node.pace != 0 && one_in(node.pace)) {
+        role->step();
+      }
+    }
+    for (auto& [number, user] : users_) {
+      if (one_in(2)) user.role->step();
+    }
+    const auto pass = [&](const std::unique_ptr<Wire>& wire) {
+      if (wire != nullptr && one_in(wire->pace)) wire->pass({}, log_, 1 + random() % 4);
+    };
+    for (std::size_t node = 0; node < nodes_.size(); ++node) {
+      if (takes(node)) pass(nodes_[node].in);
+      pass(nodes_[node].out);
+    }
+    for (auto& [ends, wire] : peers_) {
+      if (takes(ends.second)) pass(wire);
+    }
+    for (auto& [number, user] : users_) {
+      pass(user.out);
+      pass(user.in);
+    }
+    const auto number = static_cast<NodeNumber>(random() % standing_.size());
+    const bool stands = standing_[number] < known && nodes_[standing_[number]].role != nullptr;
+    for (; !may_lose && looked_at < log_.size(); ++looked_at) {
+      may_lose = log_[looked_at].type() == MessageType::frame_end;
+    }
+    if (losses > 0 && may_lose && stands && one_in(until_loss)) {
+      losses -= lose(number, !one_in(3)) ? 1 : 0;
+    }
+  }
 }
 
 std::vector<Endpoint> Theatre::hosts_of(ObjectNumber number) const {
@@ -277,10 +401,10 @@ void Theatre::require_one_host_each() const {
   std::size_t hosted = 0;
   for (std::uint32_t slot = 0; slot < table().slots(); ++slot) {
     const ObjectRow& row = table().row(slot);
-    const Pose& pose = server_->pose(slot);
     if (!table().alive(slot)) {
       continue;
     }
+    const Pose& pose = server_->pose(slot);
     const auto hosts = hosts_of(row.object.number);
     CAPTURE(row.object.number);
     const Endpoint host = table().host(slot);

@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <random>
 #include <set>
 #include <span>
 #include <vector>
@@ -44,9 +45,11 @@ class Wire {
       : from_(from), to_(to), near_(ring_bytes, nullptr, nullptr), far_(delivery_bytes, nullptr, nullptr) {}
   link::Sender& sender() { return near_.sender(); }
   link::Receiver& receiver() { return far_.receiver(); }
-  /// Takes what was sent, lets `tamper` make of it what it likes, delivers that, and notes it in `log`.
+  unsigned pace = 1;  ///< in disorder it passes something once in so many rounds
+  /// Takes what was sent (of it at most so many messages), lets `tamper` make of it what it likes, delivers that, and
+  /// notes it in `log`.
   using Tamper = std::function<void(const Seen& message, std::vector<std::vector<std::byte>>& instead)>;
-  bool pass(const Tamper& tamper, std::vector<Seen>& log);
+  bool pass(const Tamper& tamper, std::vector<Seen>& log, std::size_t most = ~std::size_t{0});
   /// Delivers what nobody sent.
   void forge(std::span<const std::byte> message);
 
@@ -70,6 +73,17 @@ struct Stageplay {
   bool shares_memory = false;  ///< server and CD nodes, as where they are in one process
 };
 
+/// How the roles of a frame take turns: at random, each at a pace of its own, with what is under way held back at
+/// random; and which CD nodes are lost in it.
+///
+/// A node that is lost has stopped before, or stops then, or does not know of it and goes on for some frames, as a
+/// thread that was late does.
+struct Disorder {
+  std::mt19937_64* random;
+  std::size_t losses = 0;  ///< at random moments; fewer if the frame is over before
+  bool late = false;       ///< losses come after the first node has heard that the frame ends
+};
+
 /// A server, CD nodes and user nodes in one thread, stepped by hand, every message of theirs seen.
 class Theatre {
  public:
@@ -87,11 +101,14 @@ class Theatre {
   /// The CD node of that number (among those that stand) does nothing more once `messages` more have been sent to or
   /// by it in the next frame; when the frame then gets on no more, the server is told that it is lost.
   void kill(NodeNumber node, std::size_t messages);
+  /// So many CD nodes from the frame after the next on, as World::resize has it.
+  void resize(std::uint32_t nodes) { resize_to_ = nodes; }
   /// CD nodes that stand.
   std::size_t nodes() const { return standing_.size(); }
 
   /// One frame; log() then holds its messages in an order that respects cause and effect.
-  void frame();
+  void frame() { frame({}); }
+  void frame(const std::optional<Disorder>& disorder);
   std::uint64_t frames() const { return order_.completed.load(); }
   std::uint64_t last() const { return frames() - 1; }
   const std::vector<Seen>& log() const { return log_; }
@@ -129,8 +146,15 @@ class Theatre {
   struct Node;
   Line add_node(NodeNumber number);
   void introduce();
+  void grow();
   void bury();
+  void retire(std::size_t left);
+  bool step_in_order();
+  void step_in_disorder(const Disorder& disorder);
+  void stand_in();
   bool pass(Node& node);
+  bool takes(std::size_t node) const { return nodes_[node].role != nullptr || nodes_[node].goes_on; }
+  bool lose(NodeNumber number, bool goes_on);
   void lose_the_dead();
 
   struct Node {
@@ -139,6 +163,8 @@ class Theatre {
     std::unique_ptr<NodePublication> publication;
     std::unique_ptr<CdNodeRole> role;
     std::unique_ptr<CdNodeRole> dead;        ///< what it was, when it is no more: its memory stays
+    bool goes_on = false;                    ///< though it is lost
+    unsigned pace = 1;                       ///< in disorder it is stepped once in so many rounds; 0: not any more
     std::size_t messages = ~std::size_t{0};  ///< that it still lives to see
   };
   struct User {
@@ -161,6 +187,7 @@ class Theatre {
   std::optional<ServerRole> server_;
   std::map<UserNumber, User> users_;
   std::set<UserNumber> leaving_;
+  std::uint32_t resize_to_ = 0;  ///< 0: as they are
   std::vector<Seen> log_;
   std::uint32_t generation_ = 0;
   ObjectNumber number_ = 0;

@@ -1,0 +1,174 @@
+// Everything at once and in any order: roles that take turns at random over links that hold little, CD nodes that are
+// lost at any moment, several in a frame, of which some do not know of it and go on; joins, leaves, spawns, ends,
+// places, user nodes that come and go. The contacts are those of one node that nothing happens to.
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <optional>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "nodes/theatre.hpp"
+#include "nodes/wandering.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+const Wandering wandering(248);  // a hand-over of a dozen objects fills a ring
+
+/// What is asked of two theatres alike, by one seed.
+class Script {
+ public:
+  Script(Theatre& theatre, std::uint64_t seed) : theatre_(theatre), random_(seed) {
+    ball_ = theatre.add_shape(Sphere{6});
+    for (UserNumber user = 0; user < 2; ++user) {
+      connect(user);
+    }
+    for (int i = 0; i < 60; ++i) {
+      spawn(i % 13 == 12 ? Category::fixed : i % 3 == 0 ? Category::non_active : Category::active, no_user);
+    }
+  }
+
+  void ask() {
+    for (std::uint64_t n = random_() % 4; n > 0; --n) {
+      spawn(Category::active, no_user);
+    }
+    for (std::uint64_t n = random_() % 4; n > 0 && objects_.size() > 50; --n) {
+      const std::size_t at = random_() % objects_.size();
+      theatre_.destroy(objects_[at]);
+      objects_[at] = objects_.back();
+      objects_.pop_back();
+    }
+    for (std::uint64_t n = random_() % 4; n > 0; --n) {
+      theatre_.place(objects_[random_() % objects_.size()], anywhere());
+    }
+    if (random_() % 8 == 0) {
+      const auto user = static_cast<UserNumber>(random_() % 3);
+      if (connected_[user]) {
+        theatre_.disconnect(user);
+        connected_[user] = false;
+      } else {
+        connect(user);
+      }
+    }
+  }
+  void forget_numbers() { asked_.clear(); }
+
+ private:
+  Pose anywhere() {
+    const auto coordinate = [&] { return static_cast<double>(random_() % 600) / 10; };
+    return {{coordinate(), coordinate(), coordinate()}, {}};
+  }
+  void connect(UserNumber user) {
+    theatre_.connect(user);
+    connected_[user] = true;
+    spawn(Category::avatar, user);
+  }
+  void spawn(Category category, UserNumber user) {
+    ObjectSpec spec;
+    spec.shape = ball_;
+    spec.category = category;
+    spec.user = user;
+    spec.pose = anywhere();
+    // Numbers far apart and numbers that were in use before, beside those that are counted up.
+    if (random_() % 4 == 0) {
+      const auto number = static_cast<ObjectNumber>(10'000 + random_() % 3000);
+      const bool is_free = theatre_.table().find(number) == NumberIndex::none && asked_.insert(number).second;
+      spec.number = is_free ? number : 0;
+    }
+    const ObjectId id = theatre_.spawn(spec);
+    if (category != Category::fixed && category != Category::avatar) {
+      objects_.push_back(id);
+    }
+  }
+
+  Theatre& theatre_;
+  std::mt19937_64 random_;
+  ShapeNumber ball_ = 0;
+  std::vector<ObjectId> objects_;  ///< that can move, avatars apart
+  bool connected_[3] = {};
+  std::set<ObjectNumber> asked_;  ///< numbers given that the table may not know yet
+};
+
+struct Played {
+  std::size_t lost = 0, resized = 0;
+};
+
+Played play(std::uint64_t seed, int frames) {
+  std::mt19937_64 random(seed);
+  const auto one_in = [&](std::uint64_t n) { return random() % n == 0; };
+  Stageplay plain;
+  plain.deployment = std::array{Deployment::user, Deployment::user_server, Deployment::user_collision,
+                                Deployment::user_collision, Deployment::user_collision}[random() % 5];
+  plain.model = &wandering;
+  plain.grid = {{2, 2, 2}};
+  plain.nodes = 1;
+  plain.delivery_bytes = std::size_t{1} << 17;
+  Stageplay wild = plain;
+  wild.placement = one_in(3) ? Placement::server : Placement::region;
+  wild.nodes = 1 + static_cast<std::uint32_t>(random() % 5);
+  wild.shares_memory = !one_in(3);
+  wild.interest = one_in(2) ? 12 : 0;
+  const std::string said = std::string(name_of(wild.deployment)) + ", " + name_of(wild.placement) +
+                           (wild.shares_memory ? ", memory shared" : ", messages only");
+  CAPTURE(said);
+  Theatre expected(plain), theatre(wild);
+  Script calm(expected, seed), same(theatre, seed);
+  const std::uint64_t losing = 1 + random() % 8;
+  const std::uint64_t resizing = 1 + random() % 12;
+  Played played;
+  for (int frame = 0; frame < frames; ++frame) {
+    CAPTURE(frame);
+    calm.ask();
+    same.ask();
+    expected.frame();
+    if (one_in(resizing)) {
+      theatre.resize(1 + static_cast<std::uint32_t>(random() % 6));
+      ++played.resized;
+    }
+    theatre.frame(Disorder{&random, one_in(losing) ? 1 + random() % 4 : 0, one_in(2)});
+    calm.forget_numbers();
+    same.forget_numbers();
+    const FrameReport& report = theatre.report();
+    const auto contacts = theatre.contacts(), others = expected.contacts();
+    REQUIRE(contacts.size() == others.size());
+    REQUIRE(std::memcmp(contacts.data(), others.data(), contacts.size_bytes()) == 0);
+    REQUIRE(report.accepted == report.candidates);
+    REQUIRE(report.tested == report.candidates);
+    for (std::size_t reason = 0; reason < status_count; ++reason) {
+      CAPTURE(name_of(static_cast<Status>(reason)));
+      REQUIRE((reason == static_cast<std::size_t>(Status::late) || report.refused[reason] == 0));
+    }
+    if (report.lost.empty()) {
+      theatre.require_one_host_each();
+      if (wild.interest > 0) {
+        theatre.require_views();
+      }
+    }
+    played.lost += report.lost.size();
+  }
+  return played;
+}
+
+TEST_CASE("in any order of turns, with losses at any moment, joins and leaves, the contacts are those of one node") {
+  const char* const asked = std::getenv("RINGFENCE_SCHEDULES");
+  const std::uint64_t schedules = asked != nullptr ? std::strtoull(asked, nullptr, 10) : 60;
+  const char* const from = std::getenv("RINGFENCE_FIRST_SCHEDULE");
+  const std::uint64_t first = from != nullptr ? std::strtoull(from, nullptr, 10) : 1;
+  Played all;
+  for (std::uint64_t seed = first; seed < first + schedules; ++seed) {
+    CAPTURE(seed);
+    const Played played = play(seed, 20);
+    all.lost += played.lost;
+    all.resized += played.resized;
+  }
+  CHECK(all.lost > 5 * schedules);
+  CHECK(all.resized > 2 * schedules);
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test
