@@ -22,7 +22,7 @@ void CdNodeRole::receive(const MessageView& message) {
       }
       heard_from_[from] += message.count();
       hand_overs_heard_ += message.count();
-      host_.hear(message);
+      host_.adopt(message);
       return;
     }
     case MessageType::frame_begin:

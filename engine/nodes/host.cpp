@@ -82,13 +82,16 @@ bool Host::place(ObjectNumber number, const Pose& pose, bool present) {
   return true;
 }
 
+void Host::adopt(const messages::MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    adopt(message.record<messages::HandOverRecord>(i), message.state<messages::HandOverRecord>(i));
+  }
+}
+
 bool Host::hear(const messages::MessageView& message) {
   switch (message.type()) {
-    case messages::MessageType::hand_over:
     case messages::MessageType::adopt:
-      for (std::size_t i = 0; i < message.count(); ++i) {
-        adopt(message.record<messages::HandOverRecord>(i), message.state<messages::HandOverRecord>(i));
-      }
+      adopt(message);
       return true;
     case messages::MessageType::drop:
       for (std::size_t i = 0; i < message.count(); ++i) {

@@ -60,7 +60,8 @@ class Host {
   static constexpr std::uint32_t unplaced = 0xffffffffu;
   static constexpr std::uint32_t unpublished = 0xfffffffeu;  ///< nobody is told where it is: it is not present
 
-  /// Takes over an object with its whole state; what it had of one of that number is forgotten.
+  /// Takes over an object with its whole state; what it had of one of that number is forgotten. The protocol gives an
+  /// object once, and the server's word, which orders a frame, comes after any peer's: so what comes last holds.
   void adopt(const messages::HandOverRecord& record, const std::byte* state);
   /// Forgets an object. The last one takes its index. Does nothing if it is not hosted.
   void drop(ObjectNumber number);
@@ -72,7 +73,10 @@ class Host {
   messages::HandOverRecord hand_over(std::size_t i) const noexcept;
   /// Sets the pose from outside before the next move; the model goes on from there. False if it is not hosted.
   bool place(ObjectNumber number, const Pose& pose, bool present);
-  /// Does what a message of type adopt, hand_over, drop or place says; false for any other.
+  /// Takes over what a message of type adopt or hand_over says.
+  void adopt(const messages::MessageView& message);
+  /// Does what a message of type adopt, drop or place says; false for any other. The server's word: a hand-over, which
+  /// is another CD node's, is for whoever listens to such.
   bool hear(const messages::MessageView& message);
   /// In the next move the object stands at `pose`, whatever the model says. Counts for one frame.
   void steer(ObjectNumber number, const Pose& pose);
