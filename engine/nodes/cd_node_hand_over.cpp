@@ -30,13 +30,9 @@ void CdNodeRole::list_leavers() {
     }
   } else {
     for (const ObjectNumber number : movers_) {
-      // Seen once not to be hosted any more, on an overloaded machine with losses; how is not known. The server waits
-      // for what is not given, and takes it back by the deadline.
       const std::uint32_t at = host_.find(number);
-      assert(at != NumberIndex::none);
-      if (at != NumberIndex::none) {
-        follow(at);
-      }
+      assert(at != NumberIndex::none);  // what moved in this frame has not been dropped or given away before
+      follow(at);
     }
   }
   for (std::size_t peer = 0; peer < leavers_.size(); ++peer) {
@@ -110,6 +106,9 @@ bool CdNodeRole::answer_probe() {
 // A peer has stopped answering. Either the frame is detected anew, under a map that follows; or its contacts are known,
 // and what was to pass between the two passes through the server's hands.
 void CdNodeRole::hear_lost(const messages::LostRecord& record) {
+  if (stage_ == Stage::waiting && record.again == 0) {
+    return;  // it has told all, so that nothing is open between the two; and the number may be somebody else's by now
+  }
   lost_[record.node] = 1;
   if (record.again != 0) {
     new_map_.clear();
