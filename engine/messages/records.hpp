@@ -116,10 +116,11 @@ struct ToldRecord {
   std::uint64_t hosted = 0, handed_over = 0;
   std::uint64_t model_failed = 0, not_finite = 0, not_unit = 0;  ///< model outputs refused, by reason
   std::uint64_t m5_messages = 0, m5_bytes = 0;
-  std::uint64_t published = 0;  ///< states in the role's publication
-  std::uint64_t move_cpu_ns = 0,
-                detect_cpu_ns = 0;  ///< of cpu_ns: until all states are told and published; then to all contacts
-  std::uint64_t kept = 0;           ///< states that changed and that the sender kept to itself
+  std::uint64_t published = 0;       ///< states in the role's publication
+  std::uint64_t move_cpu_ns = 0;     ///< of cpu_ns: until all states are told
+  std::uint64_t detect_cpu_ns = 0;   ///< of cpu_ns: from then until all contacts are, without publish_cpu_ns
+  std::uint64_t kept = 0;            ///< states that changed and that the sender kept to itself
+  std::uint64_t publish_cpu_ns = 0;  ///< of cpu_ns: from when all states are told until they are published
 };
 
 /// A node's narrow phase by two kinds of shapes; see KindReport.
@@ -155,7 +156,7 @@ static_assert(sizeof(DropRecord) == 16);
 static_assert(sizeof(PlaceRecord) == 56);
 static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 8 && sizeof(RefusedRecord) == 8);
 static_assert(sizeof(KindRecord) == 240);
-static_assert(sizeof(ToldRecord) == 128);
+static_assert(sizeof(ToldRecord) == 136);
 static_assert(sizeof(LostRecord) == 16);
 static_assert(std::is_trivially_copyable_v<CollisionRecord> && std::is_trivially_copyable_v<HandOverRecord>);
 

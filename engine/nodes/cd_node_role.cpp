@@ -282,8 +282,9 @@ bool CdNodeRole::advance() {
       if (!move()) {
         return false;
       }
-      publish();
       told_.move_cpu_ns = cpu_spent();
+      publish();
+      told_.publish_cpu_ns = cpu_spent() - told_.move_cpu_ns;
       stage_ = Stage::gathering;
       return true;
     case Stage::gathering:
@@ -297,7 +298,7 @@ bool CdNodeRole::advance() {
       if (!send_collisions()) {
         return false;
       }
-      told_.detect_cpu_ns = cpu_spent() - told_.move_cpu_ns;
+      told_.detect_cpu_ns = cpu_spent() - told_.move_cpu_ns - told_.publish_cpu_ns;
       stage_ = Stage::ending;
       return true;
     case Stage::ending:

@@ -269,9 +269,10 @@ void ServerRole::hear_told(Party& party, const MessageView& message) {
     node.narrow_phase_ms = telemetry::to_ms(record.narrow_phase_ns);
     PathReport& path = frame.path;
     path.node_move_ms = std::max(path.node_move_ms, telemetry::to_ms(record.move_cpu_ns));
+    path.node_publish_ms = std::max(path.node_publish_ms, telemetry::to_ms(record.publish_cpu_ns));
     path.node_detect_ms = std::max(path.node_detect_ms, telemetry::to_ms(record.detect_cpu_ns));
-    path.node_end_ms =
-        std::max(path.node_end_ms, telemetry::to_ms(record.cpu_ns - record.move_cpu_ns - record.detect_cpu_ns));
+    path.node_end_ms = std::max(path.node_end_ms, telemetry::to_ms(record.cpu_ns - record.move_cpu_ns -
+                                                                   record.publish_cpu_ns - record.detect_cpu_ns));
     node.hosted = record.hosted;
     if (record.kept != 0) {
       kept_moved_ += static_cast<std::int64_t>(record.kept);

@@ -50,11 +50,13 @@ template <class Perform>
 void in_all_plays(Perform perform) {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
     for (const Placement placement : {Placement::server, Placement::region}) {
-      for (const bool shares : {false, true}) {
+      for (const int publish : {0, 1, 2}) {  // nobody, all, some
         CAPTURE(name_of(deployment));
         CAPTURE(name_of(placement));
-        CAPTURE(shares);
-        perform(play_of(deployment, placement, shares));
+        CAPTURE(publish);
+        Stageplay play = play_of(deployment, placement, publish != 0);
+        play.all_publish = publish == 1;
+        perform(play);
       }
     }
   }

@@ -83,7 +83,11 @@ Line Theatre::add_node(NodeNumber number) {
   if (play_.shares_memory) {
     node.findings = std::make_unique<Findings>();
     if (play_.deployment == Deployment::user_collision && play_.interest > 0) {
-      node.publication = std::make_unique<NodePublication>(play_.grid.cells(), 16);
+      if (play_.all_publish || number % 2 == 0) {
+        node.publication = std::make_unique<NodePublication>(play_.grid.cells(), 16);
+      } else {
+        own.keeps_states = false;
+      }
     }
   }
   own.interest_grid = play_.grid;

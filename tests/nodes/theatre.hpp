@@ -71,6 +71,7 @@ struct Stageplay {
   Quotas quotas;
   std::uint64_t user_deadline_ns = 0;
   bool shares_memory = false;  ///< server and CD nodes, as where they are in one process
+  bool all_publish = true;     ///< where they share memory; else every second one, as where others are elsewhere
 };
 
 /// How the roles of a frame take turns: at random, each at a pace of its own, with what is under way held back at

@@ -72,14 +72,14 @@ struct TrafficReport {
 struct PathReport {
   double open_ms = 0;                                        ///< server: the cut, the frame's begin
   double ingest_ms = 0, node_move_ms = 0, user_move_ms = 0;  ///< server, until it has all states; nodes; users
-  double dispatch_ms = 0;                                    ///< server: what moved; its sweep, sending pairs
-  double publish_ms = 0, node_detect_ms = 0;                 ///< server; nodes: from their states to their contacts
+  double dispatch_ms = 0, node_publish_ms = 0;               ///< server: what moved, its sweep; nodes: what they host
+  double publish_ms = 0, node_detect_ms = 0;                 ///< server; nodes: until they have told their contacts
   double hear_ms = 0;                                        ///< server: taking in what nodes found
   double collect_ms = 0;                                     ///< server: merging, phases, who is told of what
   double notify_ms = 0;                                      ///< server: telling, until it is told by all
   double node_end_ms = 0, user_look_ms = 0;                  ///< nodes: handing over; users: looking around
 
-  static constexpr std::size_t steps = 12;
+  static constexpr std::size_t steps = 13;
   using Step = std::pair<const char*, double PathReport::*>;
   /// All of the above by their names, in their order.
   static constexpr std::array<Step, steps> all() noexcept {
@@ -88,6 +88,7 @@ struct PathReport {
              {"node_move", &PathReport::node_move_ms},
              {"user_move", &PathReport::user_move_ms},
              {"dispatch", &PathReport::dispatch_ms},
+             {"node_publish", &PathReport::node_publish_ms},
              {"publish", &PathReport::publish_ms},
              {"node_detect", &PathReport::node_detect_ms},
              {"hear", &PathReport::hear_ms},
@@ -101,7 +102,7 @@ struct PathReport {
   /// time the longest counts. What may or may not overlap, as nodes' tests and the server's sweep, is added up.
   double critical_ms() const noexcept {
     const auto longest = [](double p, double q) { return p > q ? p : q; };
-    return open_ms + longest(ingest_ms, longest(node_move_ms, user_move_ms)) + dispatch_ms +
+    return open_ms + longest(ingest_ms, longest(node_move_ms, user_move_ms)) + longest(dispatch_ms, node_publish_ms) +
            longest(publish_ms, node_detect_ms) + hear_ms + collect_ms + notify_ms + longest(node_end_ms, user_look_ms);
   }
 };
