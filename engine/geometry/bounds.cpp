@@ -44,21 +44,22 @@ std::uint32_t rounded_up(double step) noexcept {
 
 }  // namespace
 
-FixedSpace::FixedSpace(Vec3d min, Vec3d max) : min_(min), max_(max) {
-  scale_ = {steps_a_metre("x", min.x, max_.x), steps_a_metre("y", min.y, max_.y), steps_a_metre("z", min.z, max_.z)};
+FixedSpace::FixedSpace(Vec3d min, Vec3d max) : rows_{{min.x, min.y, min.z, 0}, {}}, max_(max) {
+  rows_.scale[0] = steps_a_metre("x", min.x, max_.x);
+  rows_.scale[1] = steps_a_metre("y", min.y, max_.y);
+  rows_.scale[2] = steps_a_metre("z", min.z, max_.z);
 }
 
 Bounds FixedSpace::bounds(Vec3d min, Vec3d max) const noexcept {
-  return {{rounded_down((min.x - min_.x) * scale_.x), rounded_down((min.y - min_.y) * scale_.y),
-           rounded_down((min.z - min_.z) * scale_.z)},
-          {rounded_up((max.x - min_.x) * scale_.x), rounded_up((max.y - min_.y) * scale_.y),
-           rounded_up((max.z - min_.z) * scale_.z)}};
+  const auto steps = [this](double place, int axis) { return (place - rows_.min[axis]) * rows_.scale[axis]; };
+  return {{rounded_down(steps(min.x, 0)), rounded_down(steps(min.y, 1)), rounded_down(steps(min.z, 2))},
+          {rounded_up(steps(max.x, 0)), rounded_up(steps(max.y, 1)), rounded_up(steps(max.z, 2))}};
 }
 
 void FixedSpace::point(Vec3d position, std::uint32_t out[3]) const noexcept {
-  out[0] = rounded_down((position.x - min_.x) * scale_.x);
-  out[1] = rounded_down((position.y - min_.y) * scale_.y);
-  out[2] = rounded_down((position.z - min_.z) * scale_.z);
+  out[0] = rounded_down((position.x - rows_.min[0]) * rows_.scale[0]);
+  out[1] = rounded_down((position.y - rows_.min[1]) * rows_.scale[1]);
+  out[2] = rounded_down((position.z - rows_.min[2]) * rows_.scale[2]);
 }
 
 }  // namespace ringfence::geometry

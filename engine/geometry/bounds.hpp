@@ -49,13 +49,21 @@ class FixedSpace {
   /// A position's fixed-point coordinates, rounded down: for cells, which are half-open. Not NaN.
   void point(Vec3d position, std::uint32_t out[3]) const noexcept;
 
-  Vec3d min() const noexcept { return min_; }
+  Vec3d min() const noexcept { return {rows_.min[0], rows_.min[1], rows_.min[2]}; }
   Vec3d max() const noexcept { return max_; }
   /// Steps a metre on each axis.
-  Vec3d scale() const noexcept { return scale_; }
+  Vec3d scale() const noexcept { return {rows_.scale[0], rows_.scale[1], rows_.scale[2]}; }
+
+  /// `min` and `scale` as kernels load them: a coordinate an axis, the fourth is 0.
+  struct Rows {
+    alignas(32) double min[4];
+    double scale[4];
+  };
+  const Rows& rows() const noexcept { return rows_; }
 
  private:
-  Vec3d min_, max_, scale_;
+  Rows rows_;
+  Vec3d max_;
 };
 
 }  // namespace ringfence::geometry

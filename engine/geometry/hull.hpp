@@ -131,8 +131,4 @@ class Hull {
 /// convex at every step whatever the input. Cost: about 2 µs an input point.
 Hull build_hull(std::span<const Vec3f> points);
 
-/// The greatest and least of direction · vertex over a hull in the three rows of `r`: its extent on the world's axes.
-/// In float, the same bits at every vector width.
-void hull_extent(const Hull& hull, const Rotation& r, float lower[3], float upper[3]) noexcept;
-
 }  // namespace ringfence::geometry

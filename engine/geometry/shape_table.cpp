@@ -6,6 +6,7 @@
 #include <limits>
 #include <string>
 
+#include "geometry/solid_bounds.hpp"
 #include "geometry/vector.hpp"
 #include "ringfence/error.hpp"
 
@@ -14,9 +15,6 @@ namespace {
 
 constexpr double least_thickness = 1e-3;
 constexpr double farthest = 1e6;
-/// Part of the bounding radius by which bounds are wider than what float arithmetic says: 16 float steps, where the
-/// rotation matrix can be off by 6 and the sum of products by 3.
-constexpr double rounding_margin = 0x1p-20;
 constexpr double pi = 3.14159265358979323846;
 
 std::string shown(double value) {
@@ -89,25 +87,9 @@ ShapeRow row_of(const SupportShape& shape) {
       .kind = ShapeKind::support};
 }
 
-Vec3d box_extent(const Rotation& r, Vec3f half) {
-  const auto axis = [&](const float row[3]) {
-    return double{(std::abs(row[0]) * half.x + std::abs(row[1]) * half.y) + std::abs(row[2]) * half.z};
-  };
-  return {axis(r.m[0]), axis(r.m[1]), axis(r.m[2])};
-}
-
 struct Extent {
   Vec3d lower, upper;  ///< about the position, world axes
 };
-
-Extent symmetric(Vec3d half) { return {-half, half}; }
-
-Extent hull_extent_of(const Hull& hull, const Rotation& r) {
-  float lower[3], upper[3];
-  hull_extent(hull, r, lower, upper);
-  return {{double{lower[0]}, double{lower[1]}, double{lower[2]}},
-          {double{upper[0]}, double{upper[1]}, double{upper[2]}}};
-}
 
 Extent support_extent(const SupportFunction& function, const Rotation& r) {
   const auto reach = [&](const float row[3], float sign) {
@@ -183,30 +165,14 @@ double ShapeTable::volume(ShapeNumber shape) const noexcept {
 
 Bounds ShapeTable::bounds(ShapeNumber shape, const Pose& pose, const FixedSpace& space) const noexcept {
   const ShapeRow& row = rows_[shape];
+  if (row.kind < ShapeKind::hull) return solid_bounds(row, nullptr, pose, space);
+  if (row.kind == ShapeKind::hull) return solid_bounds(row, &hulls_[row.detail], pose, space);
   const Rotation r = rotation(pose.orientation);
   Extent extent;
-  switch (row.kind) {
-    case ShapeKind::sphere:
-      extent = symmetric({double{row.size[0]}, double{row.size[0]}, double{row.size[0]}});
-      break;
-    case ShapeKind::box:
-      extent = symmetric(box_extent(r, {row.size[0], row.size[1], row.size[2]}));
-      break;
-    case ShapeKind::capsule: {
-      const Vec3d axis = box_extent(r, {0, 0, row.size[1]});
-      const double radius = double{row.size[0]};
-      extent = symmetric(axis + Vec3d{radius, radius, radius});
-      break;
-    }
-    case ShapeKind::hull:
-      extent = hull_extent_of(hulls_[row.detail], r);
-      break;
-    case ShapeKind::mesh:
-      meshes_[row.detail]->extent(r, extent.lower, extent.upper);
-      break;
-    case ShapeKind::support:
-      extent = support_extent(*supports_[row.detail], r);
-      break;
+  if (row.kind == ShapeKind::mesh) {
+    meshes_[row.detail]->extent(r, extent.lower, extent.upper);
+  } else {
+    extent = support_extent(*supports_[row.detail], r);
   }
   const double margin = rounding_margin * double{row.bounding_radius};
   const Vec3d widening{margin, margin, margin};

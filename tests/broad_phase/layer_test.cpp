@@ -5,8 +5,8 @@
 
 #include "broad_phase/all_pairs.hpp"
 #include "broad_phase/box_worlds.hpp"
-#include "broad_phase/every_target.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
+#include "geometry/every_target.hpp"
 
 namespace ringfence::broad_phase::test {
 namespace {
@@ -23,7 +23,7 @@ LayerMasks draw_masks(std::mt19937_64& random) {
 }
 
 TEST_CASE("pairs whose layers do not collide are never emitted, in any world or instruction set") {
-  on_every_target([] {
+  ringfence::test::on_every_target([] {
     for (const BoxWorld& world : box_worlds()) {
       for (const std::size_t count : {2, 65, 700}) {
         const std::uint64_t seed = 31 + count;

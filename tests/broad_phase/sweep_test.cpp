@@ -6,9 +6,9 @@
 
 #include "broad_phase/all_pairs.hpp"
 #include "broad_phase/box_worlds.hpp"
-#include "broad_phase/every_target.hpp"
 #include "broad_phase/kernels.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
+#include "geometry/every_target.hpp"
 
 namespace ringfence::broad_phase::test {
 namespace {
@@ -22,7 +22,7 @@ std::string compare(SweepAndPrune& sweep, const std::vector<Bounds>& boxes, cons
 }
 
 TEST_CASE("the pairs are those of brute force, each once, in every world, size and instruction set") {
-  on_every_target([] {
+  ringfence::test::on_every_target([] {
     for (const BoxWorld& world : box_worlds()) {
       SweepAndPrune sweep(0, 0);
       for (const std::size_t count : {0, 1, 2, 3, 9, 65, 300, 1200}) {
@@ -40,7 +40,7 @@ TEST_CASE("the pairs are those of brute force, each once, in every world, size a
 
 TEST_CASE("each instruction set has kernels of its own") {
   std::vector<std::size_t> lanes;
-  on_every_target([&] { lanes.push_back(choose_kernels().lanes); });
+  ringfence::test::on_every_target([&] { lanes.push_back(choose_kernels().lanes); });
   CHECK(lanes.front() == choose_kernels().lanes);  // targets come best first
   CHECK(lanes.back() <= 2);
 }

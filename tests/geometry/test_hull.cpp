@@ -257,29 +257,6 @@ TEST_CASE("ten thousand points in a ball, near coplanar and near duplicate, end 
   CHECK(hull.vertex_count() == 8);
 }
 
-TEST_CASE("the extent of a hull is that of its vertices, to the last bit at any vector width") {
-  std::mt19937 random(17);
-  std::normal_distribution<float> normal;
-  for (int round = 0; round < 200; ++round) {
-    const Hull hull = build_hull(ellipsoid(random, 4 + random() % 250, {1, 2, 3}));
-    const auto r =
-        geometry::rotation(geometry::normalise({normal(random), normal(random), normal(random), normal(random)}));
-    float lower[3], upper[3];
-    geometry::hull_extent(hull, r, lower, upper);
-    for (int i = 0; i < 3; ++i) {
-      float least = 1e30f, most = -1e30f;
-      for (std::size_t v = 0; v < hull.vertex_count(); ++v) {
-        const Vec3f p = hull.vertex(v);
-        const float reach = (r.m[i][0] * p.x + r.m[i][1] * p.y) + r.m[i][2] * p.z;
-        least = std::min(least, reach);
-        most = std::max(most, reach);
-      }
-      REQUIRE(lower[i] == least);
-      REQUIRE(upper[i] == most);
-    }
-  }
-}
-
 TEST_CASE("what is no solid is refused with the reason") {
   const auto reason = [](const Points& points) -> std::string {
     try {

@@ -8,6 +8,7 @@
 #include <doctest/doctest.h>
 
 #include "geometry/ellipsoid.hpp"
+#include "geometry/every_target.hpp"
 #include "geometry/shape_table.hpp"
 #include "geometry/vector.hpp"
 #include "ringfence/error.hpp"
@@ -99,6 +100,58 @@ TEST_CASE("the bounds of every kind of shape hold it and are tight, near the ori
       }
     }
   }
+}
+
+TEST_CASE("bounds of solids are those of their extents in float, to the last bit on every instruction set") {
+  std::mt19937 random(17);
+  ShapeTable table;
+  table.add(Sphere{0.7f});
+  table.add(Box{{0.5f, 0.0005f, 2.0f}});
+  table.add(Capsule{0.3f, 1.1f});
+  table.add(Capsule{0.3f, 0.0f});
+  for (const std::size_t count : {4u, 15u, 16u, 17u, 33u, 256u}) {
+    table.add(ConvexHull{ball_of_points(random, count, 1.3)});
+  }
+  // Where the shape's axis of a row of the matrix reaches most, term by term in the order that kernels repeat.
+  const auto reach = [&](ShapeNumber shape, const float row[3]) {
+    const auto sum = [](float x, float y, float z) { return (x + y) + z; };
+    const ShapeRow& is = table.row(shape);
+    if (is.kind == ShapeKind::sphere) return double{is.size[0]};
+    if (is.kind == ShapeKind::capsule) return double{std::abs(row[2]) * is.size[1]} + double{is.size[0]};
+    if (is.kind == ShapeKind::box) {
+      return double{sum(std::abs(row[0]) * is.size[0], std::abs(row[1]) * is.size[1], std::abs(row[2]) * is.size[2])};
+    }
+    const Hull& hull = table.hull(is.detail);
+    float most = -1e30f;
+    for (std::size_t v = 0; v < hull.vertex_count(); ++v) {
+      const Vec3f p = hull.vertex(v);
+      most = std::max(most, sum(row[0] * p.x, row[1] * p.y, row[2] * p.z));
+    }
+    return double{most};
+  };
+  std::normal_distribution<float> normal;
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const FixedSpace space({-40, -40, -30}, {40, 50, 40});
+  test::on_every_target([&] {
+    for (ShapeNumber shape = 0; shape < table.size(); ++shape) {
+      CAPTURE(shape);
+      for (int i = 0; i < 500; ++i) {
+        // Some stand outside of the world, in part or whole, and some are not turned.
+        Pose pose{{unit(random) * 45, unit(random) * 45, unit(random) * 45}, {}};
+        if (i % 8 != 0) pose.orientation = normalise({normal(random), normal(random), normal(random), normal(random)});
+        const Rotation r = rotation(pose.orientation);
+        const double margin = 0x1p-20 * double{table.row(shape).bounding_radius};
+        double low[3], high[3];
+        for (int axis = 0; axis < 3; ++axis) {
+          const float back[3] = {-r.m[axis][0], -r.m[axis][1], -r.m[axis][2]};
+          low[axis] = -reach(shape, back) - margin;
+          high[axis] = reach(shape, r.m[axis]) + margin;
+        }
+        REQUIRE(table.bounds(shape, pose, space) == space.bounds(pose.position + Vec3d{low[0], low[1], low[2]},
+                                                                 pose.position + Vec3d{high[0], high[1], high[2]}));
+      }
+    }
+  });
 }
 
 TEST_CASE("volumes are those of the solids") {

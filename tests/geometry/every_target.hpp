@@ -5,7 +5,7 @@
 #include <doctest/doctest.h>
 #include <hwy/highway.h>
 
-namespace ringfence::broad_phase::test {
+namespace ringfence::test {
 
 /// Runs `body` once for each instruction set that this build has and this machine can run.
 template <class Body>
@@ -20,4 +20,4 @@ void on_every_target(Body&& body) {
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
-}  // namespace ringfence::broad_phase::test
+}  // namespace ringfence::test
