@@ -86,13 +86,19 @@ float least_size(const geometry::ShapeRow& row) noexcept {
 
 ShapeTag tag_of(const geometry::ShapeRow& row) noexcept { return {row.kind, row.bounding_radius, least_size(row)}; }
 
-/// What pairs are sorted by, in a byte: the two kinds (21 unordered pairs), whether the pair is computed in double,
-/// and, not part of the order, whether it is flipped.
-using Key = std::uint8_t;
-constexpr Key key_in_double = 1;
-constexpr Key key_flipped = 0x80;
-constexpr Key key_order = 0x3f;
+/// What pairs are sorted by: the two kinds (21 unordered pairs), whether the pair is computed in double, and, of pairs
+/// with a hull, some bits of its number, so that pairs of one hull come one after the other and find it in the nearest
+/// cache. One bit more, not part of the order, says whether the pair is flipped.
+using Key = std::uint16_t;
+constexpr unsigned shape_bits = 6;
+constexpr unsigned key_in_double = 1;  ///< of a key without its shape, below `keys`
+constexpr unsigned key_flipped = 0x8000;
+constexpr unsigned key_order = 0x7fff;
 constexpr std::size_t keys = shape_kinds * (shape_kinds + 1);
+constexpr std::size_t places = keys << shape_bits;
+
+/// Fewer are not sorted by shape: there are not enough of one hull to be worth it.
+constexpr std::size_t least_sorted_by_shape = 1024;
 
 struct Kinds {
   ShapeKind first, second;
@@ -100,15 +106,21 @@ struct Kinds {
 
 /// The keys of all ordered pairs of kinds (rows of 8), and the kinds of all keys.
 struct KeyTable {
-  Key key[8 * shape_kinds] = {};
+  struct Entry {
+    Key key = 0;     ///< without shape
+    Key shapes = 0;  ///< the bits of the second's shape that are part of it
+  };
+  Entry entry[8 * shape_kinds] = {};
   Kinds kinds[keys] = {};
 
   constexpr KeyTable() {
-    Key next = 0;
+    unsigned next = 0;
     for (std::size_t second = 0; second < shape_kinds; ++second) {
+      const bool hull = static_cast<ShapeKind>(second) == ShapeKind::hull;
+      const Key shapes = hull ? (1u << shape_bits) - 1 : 0;
       for (std::size_t first = 0; first <= second; ++first) {
-        key[second * 8 + first] = next | key_flipped;
-        key[first * 8 + second] = next;
+        entry[second * 8 + first] = {static_cast<Key>(next << shape_bits | key_flipped), shapes};
+        entry[first * 8 + second] = {static_cast<Key>(next << shape_bits), shapes};
         for (std::size_t i = 0; i < 2; ++i) {
           kinds[next++] = {static_cast<ShapeKind>(first), static_cast<ShapeKind>(second)};
         }
@@ -118,6 +130,7 @@ struct KeyTable {
 };
 constexpr KeyTable key_table;
 static_assert(keys <= 64, "a set of keys is a word");
+static_assert(places <= key_order);
 
 /// What is timed of the pairs of two kinds: one block in so many pairs. Of closed forms a block that fills the vectors
 /// of every target, of the rest single pairs, which take longer than looking at the clock. That costs 0.1 ns a sphere
@@ -150,7 +163,7 @@ void write_ordered(const geometry::CandidatePair& pair, std::size_t index, Key k
   const auto both = std::bit_cast<std::uint64_t>(pair);
   const std::uint64_t turned = std::rotl(both, 32);
   const std::uint64_t words[2] = {(key & key_flipped) != 0 ? turned : both,
-                                  index | (std::uint64_t{key} << 56 & std::uint64_t{1} << 63)};
+                                  index | (std::uint64_t{key} << 48 & std::uint64_t{1} << 63)};
   std::memcpy(static_cast<void*>(&to), words, sizeof(words));
 }
 
@@ -197,14 +210,15 @@ struct NarrowPhase::Implementation {
   Buffer<PairContact> contacts;
   std::unique_ptr<KernelPair[]> sorted = std::make_unique<KernelPair[]>(chunk_pairs);
   std::unique_ptr<Key[]> pair_keys = std::make_unique<Key[]>(chunk_pairs);
-  std::uint32_t ends[keys];  ///< of the pairs of each key in `sorted`; only those of the chunk's keys mean anything
+  std::uint32_t ends[places];    ///< of the pairs of each key in `sorted`, as far as they have been written
+  std::uint32_t key_ends[keys];  ///< the same of keys without shapes; only those of the chunk's mean anything
   KindCounters counters[shape_kinds][shape_kinds];
   std::size_t until_timed[shape_kinds][shape_kinds] = {};  ///< pairs that are not timed before the next that are
 
   void learn_shapes();
   void copy(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
-  bool find_keys(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs, std::size_t begin);
-  std::uint64_t sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
+  std::uint64_t find_keys(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
+  void sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin, std::uint64_t set);
   PairContact* test_key(std::span<const Body> bodies, std::size_t key, std::span<const KernelPair> pairs,
                         PairContact* out);
   PairContact* time_block(Kernel kernel, const KernelInput& input, PairContact* out, KindCounters& counter);
@@ -226,44 +240,47 @@ void NarrowPhase::Implementation::copy(std::span<const geometry::CandidatePair> 
   for (std::size_t i = 0; i < pairs.size(); ++i) write_ordered(pairs[i], begin + i, 0, to[i]);
 }
 
-/// Finds the key of each pair and writes the pairs to `sorted` in their own order, which is all that is to be done
-/// where there is one key only. Says whether there is.
-bool NarrowPhase::Implementation::find_keys(std::span<const Body> bodies,
-                                            std::span<const geometry::CandidatePair> pairs, std::size_t begin) {
+/// Finds the key of each pair, and counts in `ends` how often each occurs. Answers the set of keys without shapes.
+std::uint64_t NarrowPhase::Implementation::find_keys(std::span<const Body> bodies,
+                                                     std::span<const geometry::CandidatePair> pairs) {
   const ShapeTag* const tag = tags.data();
   Key* const key = pair_keys.get();
-  KernelPair* const to = sorted.get();
-  unsigned any = 0, all = ~0u;
+  const unsigned by_shape = pairs.size() >= least_sorted_by_shape ? ~0u : 0u;
   const std::size_t last = pairs.size() - 1;
+  std::uint64_t set = 0;
+  std::fill(std::begin(ends), std::end(ends), 0u);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const geometry::CandidatePair pair = pairs[i], ahead = pairs[std::min(i + fetched_ahead, last)];
     fetch(bodies[ahead.a]);
     fetch(bodies[ahead.b]);
-    const ShapeTag a = tag[bodies[pair.a].shape], b = tag[bodies[pair.b].shape];
-    const unsigned k = key_table.key[a.kind() * 8 + b.kind()] + unsigned{ShapeTag::wants_double(a, b)};
-    any |= k;
-    all &= k;
+    const ShapeNumber p = bodies[pair.a].shape, q = bodies[pair.b].shape;
+    const ShapeTag a = tag[p], b = tag[q];
+    const KeyTable::Entry entry = key_table.entry[a.kind() * 8 + b.kind()];
+    const ShapeNumber second = (entry.key & key_flipped) != 0 ? p : q;
+    const unsigned k =
+        (entry.key | unsigned{ShapeTag::wants_double(a, b)} << shape_bits) | (second & entry.shapes & by_shape);
     key[i] = static_cast<Key>(k);
-    write_ordered(pair, begin + i, static_cast<Key>(k), to[i]);
+    const unsigned place = k & key_order;
+    ++ends[place];
+    set |= std::uint64_t{1} << (place >> shape_bits);
   }
-  return ((any ^ all) & key_order) == 0;
+  return set;
 }
 
-/// Counting sort of the chunk's pairs by key; `begin` is the index of the first. Answers the set of keys.
-std::uint64_t NarrowPhase::Implementation::sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin) {
-  const Key* const key = pair_keys.get();
-  std::uint64_t set = 0;
-  std::fill(std::begin(ends), std::end(ends), 0u);
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    set |= std::uint64_t{1} << (key[i] & key_order);
-    ++ends[key[i] & key_order];
-  }
+/// Counting sort of the chunk's pairs by key; `begin` is the index of the first.
+void NarrowPhase::Implementation::sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin,
+                                       std::uint64_t set) {
   std::uint32_t sum = 0;
-  for_each_key(set, [&](std::size_t k) { sum += std::exchange(ends[k], sum); });
+  for_each_key(set, [&](std::size_t k) {
+    const bool by_shape = key_table.kinds[k].second == ShapeKind::hull && pairs.size() >= least_sorted_by_shape;
+    const std::size_t from = k << shape_bits, size = by_shape ? std::size_t{1} << shape_bits : 1;
+    for (std::size_t place = from; place < from + size; ++place) sum += std::exchange(ends[place], sum);
+    key_ends[k] = sum;
+  });
+  const Key* const key = pair_keys.get();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     write_ordered(pairs[i], begin + i, key[i], sorted[ends[key[i] & key_order]++]);
   }
-  return set;
 }
 
 PairContact* NarrowPhase::Implementation::test_key(std::span<const Body> bodies, std::size_t key,
@@ -319,16 +336,14 @@ PairContact* NarrowPhase::Implementation::test_chunk(std::span<const Body> bodie
   if (alike) {
     copy(pairs, begin);
     const std::size_t kind = tags.front().kind();
-    return test_key(bodies, key_table.key[kind * 8 + kind], {sorted.get(), pairs.size()}, out);
+    return test_key(bodies, key_table.entry[kind * 8 + kind].key >> shape_bits, {sorted.get(), pairs.size()}, out);
   }
-  if (find_keys(bodies, pairs, begin)) {
-    return test_key(bodies, pair_keys[0] & key_order, {sorted.get(), pairs.size()}, out);
-  }
-  const std::uint64_t set = sort(pairs, begin);
+  const std::uint64_t set = find_keys(bodies, pairs);
+  sort(pairs, begin, set);
   std::uint32_t from = 0;
   for_each_key(set, [&](std::size_t key) {
-    out = test_key(bodies, key, {sorted.get() + from, sorted.get() + ends[key]}, out);
-    from = ends[key];
+    out = test_key(bodies, key, {sorted.get() + from, sorted.get() + key_ends[key]}, out);
+    from = key_ends[key];
   });
   return out;
 }

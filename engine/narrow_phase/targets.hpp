@@ -7,7 +7,8 @@
 namespace ringfence::narrow_phase {
 
 /// The instruction sets that the kernels were built for and this machine can run, best first; the last is plain C++
-/// without intrinsics. Names are Highway's in lower case: "avx3" (AVX-512), "avx2", "sse4", "neon", "emu128".
+/// without intrinsics. Names are Highway's in lower case: "avx3_dl" (AVX-512 as from Ice Lake on; kernels of hulls
+/// only), "avx3" (AVX-512), "avx2", "sse4", "neon", "emu128".
 std::vector<std::string> targets();
 
 /// For tests and measurements: makes every Highway kernel of the process run on `name`, one of `targets()`; empty
