@@ -51,9 +51,9 @@ FixedSpace::FixedSpace(Vec3d min, Vec3d max) : rows_{{min.x, min.y, min.z, 0}, {
 }
 
 Bounds FixedSpace::bounds(Vec3d min, Vec3d max) const noexcept {
-  const auto steps = [this](double place, int axis) { return (place - rows_.min[axis]) * rows_.scale[axis]; };
-  return {{rounded_down(steps(min.x, 0)), rounded_down(steps(min.y, 1)), rounded_down(steps(min.z, 2))},
-          {rounded_up(steps(max.x, 0)), rounded_up(steps(max.y, 1)), rounded_up(steps(max.z, 2))}};
+  const auto at = [this](double place, int axis) { return (place - rows_.min[axis]) * rows_.scale[axis]; };
+  return {{rounded_down(at(min.x, 0)), rounded_down(at(min.y, 1)), rounded_down(at(min.z, 2))},
+          {rounded_up(at(max.x, 0)), rounded_up(at(max.y, 1)), rounded_up(at(max.z, 2))}};
 }
 
 void FixedSpace::point(Vec3d position, std::uint32_t out[3]) const noexcept {
