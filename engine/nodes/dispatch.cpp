@@ -133,9 +133,13 @@ bool Dispatch::pump_updates(NodeNumber node, Line& line, const ObjectTable& obje
   head.destination = Endpoint::node(node);
   head.type = MessageType::position_update;
   const auto& updates = updates_[node];
+  constexpr std::size_t ahead = 8;
   return update_runs_[node].pump(
       *line.out, head, sizeof(messages::PositionRecord), counts, [&](std::size_t i, std::byte* where) {
         const std::uint32_t slot = updates[i] & ~gone;
+        if (i + ahead < updates.size()) {
+          objects.fetch_position(updates[i + ahead] & ~gone);
+        }
         const ObjectRow& row = objects.row(slot);
         messages::PositionRecord record{row.object, row.pose, objects.bounds()[slot], row.shape, row.layer};
         if ((updates[i] & gone) != 0) {

@@ -104,6 +104,8 @@ class ObjectTable {
   void fetch(std::uint32_t slot, bool with_bounds = true) const noexcept {
     if (slot < rows_.size()) {
       __builtin_prefetch(&rows_[slot], 1);
+      __builtin_prefetch(&marks_[slot], 1);
+      __builtin_prefetch(&hosts_[slot]);
       if (with_bounds) {
         __builtin_prefetch(&bounds_[slot], 1);
       }
@@ -118,6 +120,15 @@ class ObjectTable {
   void fetch_bounds(std::uint32_t slot) const noexcept {
     __builtin_prefetch(&bounds_[slot], 1);
     __builtin_prefetch(&told_[slot], 1);
+    __builtin_prefetch(&marks_[slot], 1);
+    __builtin_prefetch(&present_[slot]);
+    __builtin_prefetch(&hosts_[slot]);
+  }
+
+  /// Fetches what one of them is told.
+  void fetch_position(std::uint32_t slot) const noexcept {
+    __builtin_prefetch(&rows_[slot]);
+    __builtin_prefetch(&bounds_[slot]);
   }
 
   /// Makes an object and returns its slot; its model state is zero, its bounds are not set.
