@@ -101,6 +101,8 @@ struct World::Implementation {
     return status;
   }
   Status check_spec(const ObjectSpec& spec) const noexcept;
+  /// Whether the object is an avatar of the user's.
+  Status check_own(UserNumber user, ObjectId object) const noexcept;
   bool is_connected(UserNumber user) const noexcept { return std::binary_search(users.begin(), users.end(), user); }
   void step_in_place();
   void log(LogLevel level, const std::string& line) const {

@@ -111,29 +111,26 @@ Status World::destroy(ObjectId object) {
   return Status::ok;
 }
 
-Status World::destroy(UserNumber user, ObjectId object) {
-  Implementation& w = *implementation_;
-  if (!w.is_connected(user)) {
-    return w.refuse(Status::unknown_user);
+Status World::Implementation::check_own(UserNumber user, ObjectId object) const noexcept {
+  if (!is_connected(user)) {
+    return Status::unknown_user;
   }
-  const facade::Registry::Entry* entry = w.registry.find(object);
+  const facade::Registry::Entry* entry = registry.find(object);
   if (entry == nullptr) {
-    return w.refuse(Status::stale_object);
+    return Status::stale_object;
   }
-  return entry->user == user ? destroy(object) : w.refuse(Status::not_host);
+  return entry->user == user ? Status::ok : Status::not_host;
+}
+
+Status World::destroy(UserNumber user, ObjectId object) {
+  const Status status = implementation_->check_own(user, object);
+  return status == Status::ok ? destroy(object) : implementation_->refuse(status);
 }
 
 Status World::move(UserNumber user, ObjectId object, const Pose& pose) {
   Implementation& w = *implementation_;
-  if (!w.is_connected(user)) {
-    return w.refuse(Status::unknown_user);
-  }
-  const facade::Registry::Entry* entry = w.registry.find(object);
-  if (entry == nullptr) {
-    return w.refuse(Status::stale_object);
-  }
-  if (entry->user != user) {
-    return w.refuse(Status::not_host);
+  if (const Status status = w.check_own(user, object); status != Status::ok) {
+    return w.refuse(status);
   }
   Pose valid = pose;
   if (const Status status = nodes::make_valid(valid); status != Status::ok) {
