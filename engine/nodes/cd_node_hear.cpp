@@ -91,15 +91,10 @@ void CdNodeRole::hear_pairs(const MessageView& message) {
 }
 
 void CdNodeRole::hear_contacts(const MessageView& message) {
-  for (std::size_t i = 0; i < message.count(); ++i) {
-    // Between frames these are the last contacts of an object that was taken over.
-    if (stage_ == Stage::waiting) {
-      host_.add_late_contact(message.record<Contact>(i));
-    } else {
-      host_.add_contact(frame_, message.record<Contact>(i));
-    }
-  }
-  contacts_heard_ |= message.last() && stage_ != Stage::waiting;
+  // Between frames these are the last contacts of an object that was taken over.
+  const bool late = stage_ == Stage::waiting;
+  late ? host_.add_late_contacts(message) : host_.add_contacts(frame_, message);
+  contacts_heard_ |= message.last() && !late;
 }
 
 void CdNodeRole::hear_confirmed(const MessageView& message) {

@@ -109,6 +109,18 @@ bool Host::hear(const messages::MessageView& message) {
   }
 }
 
+void Host::add_contacts(std::uint64_t frame, const messages::MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    add_contact(frame, message.record<Contact>(i));
+  }
+}
+
+void Host::add_late_contacts(const messages::MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    add_late_contact(message.record<Contact>(i));
+  }
+}
+
 void Host::steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
 
 void Host::ContactList::add(const Contact& contact) {

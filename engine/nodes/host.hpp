@@ -105,9 +105,12 @@ class Host {
   /// Adds the next contact of C(frame) that the role was told, in order of (a, b). Ended ones are kept for whoever
   /// asks, not for the model.
   void add_contact(std::uint64_t frame, const Contact& contact) { lists_[frame & 1].add(contact); }
+  /// The same of all that a message of type notify tells.
+  void add_contacts(std::uint64_t frame, const messages::MessageView& message);
   /// Adds a contact of C(frame - 1) before move(frame): what a new host is told of an object that it took over between
   /// two frames. In any order, and possibly known already.
   void add_late_contact(const Contact& contact) { late_.add(contact); }
+  void add_late_contacts(const messages::MessageView& message);
   /// What was told for that frame or, with the same parity, the one two before.
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept {
     return lists_[frame & 1].contacts.span().subspan(lists_[frame & 1].own);

@@ -43,15 +43,10 @@ void UserRole::receive(const MessageView& message) {
 }
 
 void UserRole::hear_contacts(const MessageView& message) {
-  for (std::size_t i = 0; i < message.count(); ++i) {
-    // Between frames these are the last contacts of an object that was taken over.
-    if (stage_ == Stage::waiting) {
-      host_.add_late_contact(message.record<Contact>(i));
-    } else {
-      host_.add_contact(frame_, message.record<Contact>(i));
-    }
-  }
-  contacts_heard_ |= message.last() && stage_ != Stage::waiting;
+  // Between frames these are the last contacts of an object that was taken over.
+  const bool late = stage_ == Stage::waiting;
+  late ? host_.add_late_contacts(message) : host_.add_contacts(frame_, message);
+  contacts_heard_ |= message.last() && !late;
 }
 
 void UserRole::begin(std::uint64_t frame) {
