@@ -13,6 +13,8 @@
 
 #include <doctest/doctest.h>
 
+#include "messages/run.hpp"
+
 namespace ringfence::nodes {
 namespace {
 
@@ -425,6 +427,30 @@ TEST_CASE("adopting and dropping in any order keeps every object with its own st
       }
     }
   }
+}
+
+TEST_CASE("a hand-over is taken from who listens to CD nodes, and is not the server's word") {
+  Host host(nullptr, 0);
+  const messages::HandOverRecord record = record_of(5);
+  std::vector<std::byte> bytes(sizeof(messages::Header) + sizeof record);
+  std::memcpy(bytes.data() + sizeof(messages::Header), &record, sizeof record);
+  for (const auto type : {messages::MessageType::hand_over, messages::MessageType::adopt}) {
+    const messages::RunHead head{type, messages::Endpoint::node(1), messages::Endpoint::node(0), 0, 0};
+    messages::write_header(bytes.data(), head, sizeof record, 1, true, 1);
+    messages::MessageView message;
+    REQUIRE(messages::decode(bytes, 0, message) == Status::ok);
+    const bool by_server = type == messages::MessageType::adopt;
+    CHECK(host.hear(message) == by_server);
+    CHECK(host.size() == (by_server ? 1 : 0));
+  }
+  host.drop(5);
+  messages::write_header(
+      bytes.data(), {messages::MessageType::hand_over, messages::Endpoint::node(1), messages::Endpoint::node(0), 0, 0},
+      sizeof record, 1, true, 1);
+  messages::MessageView message;
+  REQUIRE(messages::decode(bytes, 0, message) == Status::ok);
+  host.adopt(message);
+  CHECK(hosted(host, 5).user_data == record.user_data);
 }
 
 TEST_CASE("without a model nothing moves by itself, but places and steers still count") {
