@@ -128,6 +128,22 @@ TEST_CASE("what a lost node says when it wakes is refused as late") {
   CHECK(ran.lost >= 2);
 }
 
+TEST_CASE(
+    "a lost node that wakes frames later, when contacts are to be ordered, leaves alone what others have gone on "
+    "with") {
+  WorldConfig config;
+  config.nodes = 4;
+  config.deadlines.node_ms = deadline_ms;
+  for (const NodeNumber first : {0u, 3u}) {
+    CAPTURE(first);
+    // A later loss keeps the world long enough for the first to wake in.
+    const Ran ran =
+        run(config, {{5, {first, 0, NodeStage::ending, 2 * deadline_ms}}, {8, {1, 0, NodeStage::colliding, 0}}});
+    CHECK(ran.digest == expected());
+    CHECK(ran.lost >= 2);
+  }
+}
+
 TEST_CASE("losses and resizes in any order change no contact") {
   WorldConfig config;
   config.nodes = 4;
