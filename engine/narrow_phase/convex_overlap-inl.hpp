@@ -35,14 +35,12 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 /// other's deepest vertex along some direction, and by the ball inside the other.
 template <class T>
 struct FaceBounds {
-  static constexpr std::size_t most_points = 3;
   static constexpr std::size_t words = max_faces / 64;
   using Set = std::uint64_t[words];  ///< of faces
 
   alignas(64) T ball_centre[max_faces];  ///< from the centre of the ball to the face's plane, positive inside
-  alignas(64) T point[most_points][max_faces];
-  alignas(64) T bound[max_faces];  ///< the best of the ball's and the first points'
-  std::size_t points = 0;
+  alignas(64) T point[2][max_faces];
+  alignas(64) T bound[max_faces];  ///< the better of the ball's and the first point's
 };
 
 template <class T>
@@ -126,13 +124,12 @@ class PolytopePair {
       hn::Store(of_point, d, out.point[0] + i);
       hn::Store(hn::Max(of_centre + r, of_point), d, out.bound + i);
     }
-    out.points = 1;
     return least_of(out.bound, own.faces);
   }
 
-  /// The faces whose bounds, and that of one point more, leave a chance.
+  /// The faces whose bounds, and that of a second point, leave a chance.
   void add_point(const Polytope& own, Point<T> point, Bounds& bounds, typename Bounds::Set chances) const {
-    T* const out = bounds.point[bounds.points++];
+    T* const out = bounds.point[1];
     const auto p = spread_out(d, point);
     const auto most = hn::Set(d, limit(0));
     collect(d, own.faces, chances, [&](std::size_t i) HWY_ATTR {
@@ -184,15 +181,9 @@ class PolytopePair {
       ++work_.directions;
       work_.pass<T>(a_.vertices);
     });
-    const bool better = choice.least < best_;
     best_ = choice.least;
     take_direction(choice);
-    if (best_ < T(0)) return true;
-    if (better) {
-      add_point(a_, deepest_of_b(rotate_back(turn_, direction_)), bounds_of_a_, chances_of_a);
-      add_point(b_, deepest_of_a(direction_), bounds_of_b_, chances_of_b);
-    }
-    return false;
+    return best_ < T(0);
   }
 
   /// The face of least reach: one of a, or of b from max_faces on. Without a branch on which it is.
@@ -219,11 +210,6 @@ class PolytopePair {
   /// faces, reach is at least that of a point inside the other shape, which is nowhere less than at an end of the arc
   /// if it is not negative there: so a point to which both faces are too far rules the edge out.
   std::size_t list_edges(const Polytope& own, float other_radius, const Bounds& bounds, std::uint16_t* out) const {
-    return bounds.points == 3 ? list_edges<3>(own, other_radius, bounds, out)
-                              : list_edges<2>(own, other_radius, bounds, out);
-  }
-  template <std::size_t points>
-  std::size_t list_edges(const Polytope& own, float other_radius, const Bounds& bounds, std::uint16_t* out) const {
     alignas(64) std::uint8_t too_far[max_faces];  // for each face a bit for each point and the ball
     const hn::RebindToSigned<Columns16<T>> ints;
     const auto of_point = hn::Set(d, limit(0)), of_ball = hn::Set(d, std::max(limit(other_radius), T(0)));
@@ -233,7 +219,6 @@ class PolytopePair {
       auto mask = bit(bounds.ball_centre + i, of_ball, 0);
       mask = hn::Or(mask, bit(bounds.point[0] + i, of_point, 1));
       mask = hn::Or(mask, bit(bounds.point[1] + i, of_point, 2));
-      if constexpr (points == 3) mask = hn::Or(mask, bit(bounds.point[2] + i, of_point, 3));
       store_bytes(ints, mask, too_far + i);
     }
     return list_edges_where(own, too_far, NotTogether(), std::uint16_t{0}, out);
