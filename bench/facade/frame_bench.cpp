@@ -33,6 +33,8 @@ const std::vector<Implementation>& implementations() {
   constexpr double peer = 0.03;  // Bullet keeps points of the frame before, and margins
   static const std::vector<Implementation> all = {
       {"ringfence", false, any, 0, [](const RecordedWorld& w) { return make_service_frame(w, 0, Placement::server); }},
+      {"ringfence_region", false, any, 0,
+       [](const RecordedWorld& w) { return make_service_frame(w, 0, Placement::region); }},
       {"ringfence_place", false, any, 0, make_place_frame},
       {"ringfence_server_2", true, any, 0,
        [](const RecordedWorld& w) { return make_service_frame(w, 2, Placement::server); }},

@@ -12,6 +12,7 @@ namespace {
 class ToldMotion final : public MotionModel {
  public:
   void tell(const Pose* poses) noexcept { poses_ = poses; }
+  bool uses_contacts() const noexcept override { return false; }
   void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
     for (std::size_t i = 0; i < inputs.size(); ++i) outputs[i].pose = poses_[inputs[i].number - 1];
   }

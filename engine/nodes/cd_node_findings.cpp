@@ -23,7 +23,7 @@ void CdNodeRole::list_findings() {
     if (hit.outer && tells) {
       list_told(static_cast<std::uint32_t>(i));
     }
-    if (setup_.hosts) {
+    if (setup_.hosts && host_.uses_contacts()) {
       host_.order_own_contact(frame_, key, contact);
     }
   }

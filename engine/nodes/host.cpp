@@ -16,7 +16,10 @@ using messages::flag_kept;
 using messages::flag_present;
 
 Host::Host(const MotionModel* model, std::size_t objects)
-    : model_(model), state_bytes_(model == nullptr ? 0 : (model->state_bytes() + 7) / 8 * 8), index_(objects) {
+    : model_(model),
+      state_bytes_(model == nullptr ? 0 : (model->state_bytes() + 7) / 8 * 8),
+      uses_contacts_(model != nullptr && model->uses_contacts()),
+      index_(objects) {
   hosted_.reserve(objects);
   states_.reserve(objects * state_bytes_);
   touched_.reserve(objects);
@@ -284,7 +287,7 @@ void Host::begin_move(std::uint64_t frame) {
   changed_.clear();
   refusals_ = {};
   kept_mask_ = std::exchange(forget_kept_, false) ? 0u : flag_kept;
-  if (model_ != nullptr) {
+  if (uses_contacts_) {
     sort_contacts(gather_contacts(frame));
   }
 }
@@ -354,11 +357,19 @@ void Host::fetch(std::size_t i) const noexcept {
   if (state_bytes_ != 0) {
     __builtin_prefetch(state(i), 1);
   }
-  for (std::uint32_t c = contact_begin_[i]; c < contact_begin_[i + 1]; ++c) {
-    const auto* contact = reinterpret_cast<const std::byte*>(&known_contacts_[contact_order_[c]]);
+  for (const std::uint32_t c : contacts_of(i)) {
+    const auto* contact = reinterpret_cast<const std::byte*>(&known_contacts_[c]);
     __builtin_prefetch(contact);
     __builtin_prefetch(contact + offsetof(Contact, pose_a) - 1);
   }
+}
+
+// In known_contacts_.
+std::span<const std::uint32_t> Host::contacts_of(std::size_t i) const noexcept {
+  if (!uses_contacts_) {
+    return {};
+  }
+  return {contact_order_.data() + contact_begin_[i], contact_begin_[i + 1] - contact_begin_[i]};
 }
 
 bool Host::call_model(std::size_t first, std::size_t count) {
@@ -368,12 +379,15 @@ bool Host::call_model(std::size_t first, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
     fetch(first + batch + i);
     const Hosted& hosted = hosted_[first + i];
-    const std::uint32_t begin = contact_begin_[first + i];
-    const std::span<const std::uint32_t> order(contact_order_.data() + begin, contact_begin_[first + i + 1] - begin);
     const bool present = (hosted.object.flags & flag_present) != 0;
-    inputs_[i] = {
-        hosted.object.number, hosted.shape,     static_cast<Category>(hosted.category), present, hosted.user_data,
-        hosted.pose,          state(first + i), ObjectContacts(known_contacts_, order)};
+    inputs_[i] = {hosted.object.number,
+                  hosted.shape,
+                  static_cast<Category>(hosted.category),
+                  present,
+                  hosted.user_data,
+                  hosted.pose,
+                  state(first + i),
+                  ObjectContacts(known_contacts_, contacts_of(first + i))};
     outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_};
   }
   try {

@@ -44,6 +44,8 @@ class Host {
   Host(const MotionModel* model, std::size_t objects);
 
   std::size_t size() const noexcept { return hosted_.size(); }
+  /// Whether the model looks at contacts; else they need not be put in order here.
+  bool uses_contacts() const noexcept { return uses_contacts_; }
   const Hosted& operator[](std::size_t i) const noexcept { return hosted_[i]; }
   /// The model's part of the state of hosted object i; state_bytes() long.
   const std::byte* state(std::size_t i) const noexcept { return states_.data() + i * state_bytes_; }
@@ -157,11 +159,13 @@ class Host {
   void move_batch(std::size_t first, std::size_t count);
   bool call_model(std::size_t first, std::size_t count);
   void fetch(std::size_t i) const noexcept;
+  std::span<const std::uint32_t> contacts_of(std::size_t i) const noexcept;
   void accept(std::size_t first, std::size_t count);
   bool accept(std::size_t i, const MotionOutput& output, const std::byte* next);
 
   const MotionModel* model_;
   std::size_t state_bytes_;
+  bool uses_contacts_;
   FlatList<Hosted> hosted_;
   FlatList<std::byte> states_;
   std::vector<std::uint8_t> touched_;  ///< differs, or was placed since the last move

@@ -19,6 +19,7 @@ class ReplayModel final : public MotionModel {
 
   std::size_t state_bytes() const noexcept override;
   void start(const ObjectSpec& spec, std::byte* state) const override;
+  bool uses_contacts() const noexcept override { return false; }
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override;
 
  private:

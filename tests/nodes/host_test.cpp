@@ -117,6 +117,32 @@ Keys keys(const std::vector<Contact>& contacts) {
   return out;
 }
 
+TEST_CASE("a model that does not look at contacts is given none, and one that does all of its objects'") {
+  class Blind : public Recording {
+   public:
+    Blind() : Recording(0) {}
+    bool uses_contacts() const noexcept override { return false; }
+  };
+  const Blind blind;
+  const Recording seeing(0);
+  for (const Recording* model : {static_cast<const Recording*>(&blind), &seeing}) {
+    Host host(model, 4);
+    for (const ObjectNumber number : {1u, 2u, 3u}) host.adopt(record_of(number), nullptr);
+    host.move(1);
+    host.begin_contacts(1);
+    Contact contact;
+    contact.a = 1;
+    contact.b = 3;
+    host.add_contact(1, contact);
+    host.move(2);
+    const std::size_t expected = model == &seeing ? 1 : 0;
+    CHECK(model->given.at(1).size() == expected);
+    CHECK(model->given.at(2).empty());
+    CHECK(model->given.at(3).size() == expected);
+    CHECK(host.contacts(1).size() == 1);
+  }
+}
+
 TEST_CASE("what is given to a host that has it already is there once, as it was given last") {
   const Recording model(16);
   Host host(&model, 4);

@@ -32,7 +32,7 @@ struct MotionInput {
   std::uint64_t user_data = 0;
   Pose pose;                         ///< S(k-1)
   const std::byte* state = nullptr;  ///< the model's own part of S(k-1): state_bytes() of plain data, 8-byte aligned
-  ObjectContacts contacts;           ///< C(k-1)
+  ObjectContacts contacts;           ///< C(k-1), if the model uses_contacts()
 };
 
 /// What the model answers. Filled beforehand with "stands still": pose, presence and state as they were.
@@ -63,6 +63,10 @@ class MotionModel {
     (void)spec;
     (void)state;
   }
+
+  /// Whether `move` looks at the contacts that it is given. If not, nobody gathers them by object, which takes a
+  /// twentieth of a frame, and `contacts` of every input is empty. Constant over the model's life.
+  virtual bool uses_contacts() const noexcept { return true; }
 
   /// Moves a batch for frame `frame`. `inputs` and `outputs` have equal size and order; up to 64 at a time.
   virtual void move(std::uint64_t frame, std::span<const MotionInput> inputs,
