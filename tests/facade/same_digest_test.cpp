@@ -79,12 +79,12 @@ TEST_CASE("placement, node count, resizing, balancing and keeping apart what res
   CHECK(changed > 0);  // some maps followed the load without having been asked to
 }
 
-TEST_CASE("auto is the server's sweep for a single node and the regions' for more, and the world says which") {
+TEST_CASE("auto is the server's sweep for one node with its thread and the regions' else, and the world says which") {
   for (const std::uint32_t nodes : {0u, 1u, 2u, 5u}) {
     WorldConfig config;
     config.nodes = nodes;
     config.placement = Placement::automatic;
-    CHECK(World(config).config().placement == (nodes < 2 ? Placement::server : Placement::region));
+    CHECK(World(config).config().placement == (nodes == 1 ? Placement::server : Placement::region));
   }
 }
 

@@ -29,7 +29,7 @@ constexpr const char* name_of(Deployment deployment) noexcept {
 enum class Placement : std::uint8_t {
   server,     ///< the server sweeps all objects and sends each node its pairs
   region,     ///< the server assigns objects to regions; each node sweeps its own and keeps the pairs that it owns
-  automatic,  ///< the World chooses when it is made: region from two nodes on, else server; World::config() has which
+  automatic,  ///< the World chooses when it is made: server with one node, else region; World::config() has which
 };
 constexpr const char* name_of(Placement placement) noexcept {
   constexpr const char* names[] = {"server", "region", "auto"};
