@@ -89,12 +89,17 @@ class RoundPair {
     // From the core's nearest point towards the polytope's: the two surfaces are `radius` and `distance` away from it.
     const Point<T> normal = gap_ * (T(1) / std::sqrt(dot(gap_, gap_)));
     const T depth = radius_ - distance_;
+    // The points are never nearer than the nearest, so the depth is never too great; nor is it too small if the normal
+    // keeps the two apart by what it says.
+    const T reach = radius_ - apart_along(-normal);
     if (sizeof(T) == 4) {
-      // The points are never nearer than the nearest, so the depth is never too great; nor is it too small if the
-      // normal keeps the two apart by what it says.
-      const T reach = radius_ - apart_along(-normal);
       if (reach < T(0)) return Answer::apart;
       if (reach > depth + sure() || depth < T(0)) return Answer::unsure;
+    } else if (reach > depth + sure() && distance_ - inside <= sure()) {
+      // From as near as the hull's own rounding, the way to the nearest point may lead anywhere; the plane that keeps
+      // the two apart the most is as far away.
+      out = from_inside(inside);
+      return Answer::contact;
     }
     if (depth < T(0)) return Answer::apart;
     out = {depth, normal, nearest_ + normal * ((radius_ + distance_) * T(0.5))};
