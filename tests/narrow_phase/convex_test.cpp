@@ -131,8 +131,7 @@ TEST_CASE("the two pairs in eleven million that were wrong are right") {
   }
 }
 
-TEST_CASE(
-    "a round body whose core is at a hull's edge or corner, just outside, has a normal that keeps the two apart") {
+TEST_CASE("a round body at a hull's edge, just outside, has a normal that keeps the two apart") {
   // A soak of ten million contacts found two, off by 5 10^-4: from so near, rounding turns the way to the nearest
   // point.
   const unsigned seed = 41;
