@@ -154,43 +154,53 @@ void CdNodeRole::bound_batch() {
 // Apart from the bounding: what is read again as a whole right after it was written in parts stalls the processor.
 void CdNodeRole::place_batch() {
   for (std::size_t i = 0; i < changed_.size(); ++i) {
-    const Hosted& object = host_[changed_[i]];
-    if (!host_.differs()[i]) {
-      changed_flags_[i] = messages::flag_present | messages::flag_inner | messages::flag_staying | messages::flag_rests;
-      tells_[i] = true;
-      host_.keep(changed_[i], false);
-      continue;
-    }
-    const bool present = (object.object.flags & messages::flag_present) != 0;
-    std::uint32_t point[3];
-    if (publishes_ || map_.nodes() != 1) {
-      setup_.space->point(object.pose.position, point);
-    }
-    if (publishes_) {
-      host_.set_cell(changed_[i], relay_cell(object, point));
-    }
-    const bool staying = map_.nodes() == 1 || map_.owner_at(point) == setup_.node;
-    const regions::Cover cover = present ? map_.cover(changed_bounds_[i], setup_.node) : regions::Cover::none;
-    const bool inner = cover == regions::Cover::all;
-    if (cover != regions::Cover::none) {
-      known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer,
-                 staying ? NextHost::self : NextHost::node, inner);
+    if (host_.differs()[i]) {
+      place(i);
     } else {
-      known_.forget(object.object.slot);
+      tell_resting(i);
     }
-    if (!staying) {
-      movers_.push_back(object.object.number);
-    }
-    const bool keeps = keeps_ && inner && staying;
-    tells_[i] = !keeps || (object.object.flags & messages::flag_kept) == 0;
-    told_.kept += tells_[i] ? 0 : 1;
-    if (!tells_[i] && setup_.may_be_lost) {
-      findings_->kept.add(frame_, object.object, object.pose, host_.state(changed_[i]));
-    }
-    changed_flags_[i] = (present ? messages::flag_present : 0u) | (inner ? messages::flag_inner : 0u) |
-                        (staying ? messages::flag_staying : 0u) | (keeps ? messages::flag_kept : 0u);
-    host_.keep(changed_[i], keeps);
   }
+}
+
+// The i-th of the batch is where it was, and its state has been kept from the server so far.
+void CdNodeRole::tell_resting(std::size_t i) {
+  changed_flags_[i] = messages::flag_present | messages::flag_inner | messages::flag_staying | messages::flag_rests;
+  tells_[i] = true;
+  host_.keep(changed_[i], false);
+}
+
+// Where the i-th of the batch stands by the map as it is, and whether anybody need be told.
+void CdNodeRole::place(std::size_t i) {
+  const Hosted& object = host_[changed_[i]];
+  const bool present = (object.object.flags & messages::flag_present) != 0;
+  std::uint32_t point[3];
+  if (publishes_ || map_.nodes() != 1) {
+    setup_.space->point(object.pose.position, point);
+  }
+  if (publishes_) {
+    host_.set_cell(changed_[i], relay_cell(object, point));
+  }
+  const bool staying = map_.nodes() == 1 || map_.owner_at(point) == setup_.node;
+  const regions::Cover cover = present ? map_.cover(changed_bounds_[i], setup_.node) : regions::Cover::none;
+  const bool inner = cover == regions::Cover::all;
+  if (cover != regions::Cover::none) {
+    known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer,
+               staying ? NextHost::self : NextHost::node, inner);
+  } else {
+    known_.forget(object.object.slot);
+  }
+  if (!staying) {
+    movers_.push_back(object.object.number);
+  }
+  const bool keeps = keeps_ && inner && staying;
+  tells_[i] = !keeps || (object.object.flags & messages::flag_kept) == 0;
+  told_.kept += tells_[i] ? 0 : 1;
+  if (!tells_[i] && setup_.may_be_lost) {
+    findings_->kept.add(frame_, object.object, object.pose, host_.state(changed_[i]));
+  }
+  changed_flags_[i] = (present ? messages::flag_present : 0u) | (inner ? messages::flag_inner : 0u) |
+                      (staying ? messages::flag_staying : 0u) | (keeps ? messages::flag_kept : 0u);
+  host_.keep(changed_[i], keeps);
 }
 
 // The server tells a node of every object in its region but those that the node itself hosts and reported.

@@ -84,6 +84,8 @@ class CdNodeRole {
   bool move();
   void bound_batch();
   void place_batch();
+  void tell_resting(std::size_t i);
+  void place(std::size_t i);
   void tell_own_move(std::size_t i, std::byte* where);
   std::uint32_t relay_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
   void publish();
