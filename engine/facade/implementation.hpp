@@ -103,6 +103,8 @@ struct World::Implementation {
   Status check_spec(const ObjectSpec& spec) const noexcept;
   /// Whether the object is an avatar of the user's.
   Status check_own(UserNumber user, ObjectId object) const noexcept;
+  /// Whether the object is there and may be placed and taken out.
+  Status check_movable(ObjectId object) const noexcept;
   bool is_connected(UserNumber user) const noexcept { return std::binary_search(users.begin(), users.end(), user); }
   void step_in_place();
   void log(LogLevel level, const std::string& line) const {

@@ -140,14 +140,18 @@ Status World::move(UserNumber user, ObjectId object, const Pose& pose) {
   return Status::ok;
 }
 
+Status World::Implementation::check_movable(ObjectId object) const noexcept {
+  const facade::Registry::Entry* entry = registry.find(object);
+  if (entry == nullptr) {
+    return Status::stale_object;
+  }
+  return entry->category == Category::fixed ? Status::bad_category : Status::ok;
+}
+
 Status World::place(ObjectId object, const Pose& pose) {
   Implementation& w = *implementation_;
-  const facade::Registry::Entry* entry = w.registry.find(object);
-  if (entry == nullptr) {
-    return w.refuse(Status::stale_object);
-  }
-  if (entry->category == Category::fixed) {
-    return w.refuse(Status::bad_category);
+  if (const Status status = w.check_movable(object); status != Status::ok) {
+    return w.refuse(status);
   }
   Request request;
   request.kind = Request::Kind::place;
@@ -162,12 +166,8 @@ Status World::place(ObjectId object, const Pose& pose) {
 
 Status World::remove(ObjectId object) {
   Implementation& w = *implementation_;
-  const facade::Registry::Entry* entry = w.registry.find(object);
-  if (entry == nullptr) {
-    return w.refuse(Status::stale_object);
-  }
-  if (entry->category == Category::fixed) {
-    return w.refuse(Status::bad_category);
+  if (const Status status = w.check_movable(object); status != Status::ok) {
+    return w.refuse(status);
   }
   // It was moved before it was taken out, so that move no longer counts.
   std::erase_if(w.steerings, [&](const auto& steering) { return steering.number == object.number(); });
