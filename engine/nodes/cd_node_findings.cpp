@@ -69,14 +69,14 @@ void CdNodeRole::finish_contacts() {
       host_.confirm_begin(frame_, findings.found[position].contact);
     }
   }
-  if (!findings.enter()) {
+  if (!findings.gate.enter()) {
     return;  // lost, and what the others share is not for this frame any more
   }
   findings.doubled = write_stretch(findings.stretch, findings_order_);
   if (setup_.hosts && findings.peers_tell) {
     take_from_peers();
   }
-  findings.leave();
+  findings.gate.leave();
 }
 
 void CdNodeRole::take_from_peers() {

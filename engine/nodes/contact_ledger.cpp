@@ -200,20 +200,20 @@ void ContactLedger::share_out() {
       ++share;
       run.shared->stretch = stretch;
       run.shared->doubled = run.shared->taken = 0;
-      run.shared->admit();
+      run.shared->gate.admit();
     }
   }
 }
 
 void ContactLedger::lose(NodeNumber node) {
   Findings* const shared = runs_[node].shared;
-  if (shared != nullptr && shared->bar()) {
+  if (shared != nullptr && shared->gate.bar()) {
     doubled_ += write_stretch(shared->stretch, order_);
   }
 }
 
 bool ContactLedger::complete() {
-  const auto is_inside = [](const Run& run) { return run.shared != nullptr && run.shared->is_inside(); };
+  const auto is_inside = [](const Run& run) { return run.shared != nullptr && run.shared->gate.is_inside(); };
   if (std::any_of(runs_.begin(), runs_.end(), is_inside)) {
     return false;
   }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -8,6 +7,7 @@
 #include <vector>
 
 #include "nodes/flat_list.hpp"
+#include "nodes/gate.hpp"
 #include "nodes/kept_states.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/ids.hpp"
@@ -70,10 +70,7 @@ struct OuterContact {
 ///
 /// Threads: one writer at a time, handed over by messages. The node writes its part before `narrow_done` and leaves it
 /// as it is until the next `frame_begin`; the server reads it from then on, and writes its own part before `frame_end`;
-/// then all nodes read all findings until each has told. A node that is lost meanwhile may be late rather than dead,
-/// and must not read what the others have gone on to write: before it does anything with findings that are not its own,
-/// it enters(), and the server bars() those that are lost. Whoever is within by then is awaited: some hundred
-/// microseconds of copying, without a wait of its own.
+/// then all nodes that the gate lets in read all findings until each has told.
 struct Findings {
   static constexpr std::uint64_t no_frame = ~std::uint64_t{0};  ///< the one before frame 0 too: nothing was found in it
 
@@ -99,6 +96,7 @@ struct Findings {
   FlatList<std::uint32_t> begun;  ///< which of keys were in contact nowhere in the frame before, ascending
   Stretch stretch;                ///< that the node writes
   bool peers_tell = false;        ///< nodes take what concerns them from for_peers; else the server tells them
+  Gate gate;                      ///< to the findings of others, before `frame_end`
 
   // The node's last part, before `told`.
   std::uint64_t doubled = 0;  ///< contacts of the stretch whose pair another node found as well
@@ -127,27 +125,6 @@ struct Findings {
     __builtin_prefetch(from + 64);
     __builtin_prefetch(from + sizeof(Contact) - 1);
   }
-
-  /// The server, before `frame_end`: the node may enter, once.
-  void admit() noexcept { gate_.store(open, std::memory_order_relaxed); }
-  /// The node: whether it may read the findings of others and write its stretch. If so, it leaves() when it has.
-  bool enter() noexcept {
-    std::uint32_t expected = open;
-    // Pairs with itself in bar(): one of the two comes first.
-    return gate_.compare_exchange_strong(expected, inside, std::memory_order_acq_rel);
-  }
-  void leave() noexcept { gate_.store(left, std::memory_order_release); }
-  /// The server: the node is lost, and enters no more. False if it has already entered.
-  bool bar() noexcept {
-    std::uint32_t expected = open;
-    return gate_.compare_exchange_strong(expected, barred, std::memory_order_acq_rel);
-  }
-  /// Whether the node is between enter() and leave(). What it did before it left is visible after the answer false.
-  bool is_inside() const noexcept { return gate_.load(std::memory_order_acquire) == inside; }
-
- private:
-  enum Gate : std::uint32_t { barred, open, inside, left };
-  std::atomic<std::uint32_t> gate_{barred};
 };
 
 }  // namespace ringfence::nodes

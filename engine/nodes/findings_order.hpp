@@ -82,7 +82,7 @@ const std::uint64_t* leap_to(const std::uint64_t* first, const std::uint64_t* en
 /// contacts are of a pair that has been written before it: always 0, unless a bug made two nodes own one pair. They are
 /// written too, so that every stretch has the place that its neighbours reckon with.
 ///
-/// Any thread that may read all findings of the frame: see Findings::enter. `order` is scratch.
+/// Any thread that may read all findings of the frame: see Findings::gate. `order` is scratch.
 std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order);
 
 }  // namespace ringfence::nodes

@@ -65,7 +65,7 @@ struct Node {
   }
   void write() {
     shared->doubled = write_stretch(shared->stretch, order);
-    shared->leave();
+    shared->gate.leave();
   }
 };
 
@@ -269,7 +269,7 @@ class Play {
       Findings* const shared = nodes_[node]->shared.get();
       const auto fate = frame_ % 4 == 3 ? random_() % 6 : 5;
       if (shared != nullptr && fate > 0) {
-        REQUIRE(shared->enter());
+        REQUIRE(shared->gate.enter());
         if (fate > 1) {
           nodes_[node]->write();
         } else {
@@ -278,7 +278,7 @@ class Play {
       }
       if (fate < 3) {
         ledger_.lose(node);
-        REQUIRE((shared == nullptr || !shared->enter()));  // late, it writes no more
+        REQUIRE((shared == nullptr || !shared->gate.enter()));  // late, it writes no more
         lost.push_back(node);
       }
     }
