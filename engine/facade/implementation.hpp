@@ -25,6 +25,7 @@
 #include "nodes/user_role.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/world.hpp"
+#include "telemetry/step_clock.hpp"
 #include "telemetry/track.hpp"
 
 namespace ringfence {
@@ -142,7 +143,8 @@ struct World::Implementation {
   std::uint64_t begun = 0;
   std::uint64_t frames = 0;
   FrameReport report;
-  std::vector<std::uint64_t> user_cpu_ns;  ///< by user thread, since it started
+  std::vector<std::uint64_t> user_cpu_ns;        ///< by user thread, since it started
+  std::deque<telemetry::StepClock> user_clocks;  ///< by user thread
   telemetry::Track server_track;
   std::deque<telemetry::Track> node_tracks;
   std::deque<telemetry::Track> user_tracks;

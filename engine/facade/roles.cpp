@@ -85,6 +85,7 @@ World::Implementation::Implementation(WorldConfig given)
   publications.users.reserve(config.capacities.users);
   order.caller = threaded() ? &caller_bell : nullptr;
   user_tracks.resize(std::max(1u, config.user_threads));
+  user_clocks.resize(user_tracks.size());
   build_server();
 }
 
@@ -168,6 +169,7 @@ void World::Implementation::connect_users() {
     setup.publications = &publications;
     setup.interest = config.interest;
     setup.track = config.timeline ? &user_tracks[worker] : nullptr;
+    setup.clock = threaded() ? &user_clocks[worker] : nullptr;
     setup.objects = config.deployment == Deployment::user ? 64 : 4;
     setup.server = user->way.second();
     user->role = std::make_unique<nodes::UserRole>(setup);

@@ -8,6 +8,9 @@
 
 namespace ringfence {
 
+using telemetry::StepClock;
+using telemetry::to_ms;
+
 Status World::Implementation::check_spec(const ObjectSpec& spec) const noexcept {
   if (spec.shape >= shapes.size()) {
     return Status::unknown_shape;
@@ -36,23 +39,21 @@ Status World::Implementation::check_spec(const ObjectSpec& spec) const noexcept 
 void World::Implementation::gather_user_times() {
   report.users_cpu_ms = report.slowest_user_cpu_ms = 0;
   user_cpu_ns.resize(user_workers.size());
+  PathReport& path = report.path;
   for (std::size_t i = 0; i < user_workers.size(); ++i) {
     const std::uint64_t cpu_ns = user_workers[i].cpu_ns();
-    const double ms = static_cast<double>(cpu_ns - std::exchange(user_cpu_ns[i], cpu_ns)) * 1e-6;
-    report.users_cpu_ms += ms;
-    report.slowest_user_cpu_ms = std::max(report.slowest_user_cpu_ms, ms);
+    const std::uint64_t all_ns = cpu_ns - std::exchange(user_cpu_ns[i], cpu_ns);
+    const std::uint64_t move_ns = std::min(all_ns, user_clocks[i].take(StepClock::move));
+    const std::uint64_t look_ns = std::min(all_ns - move_ns, user_clocks[i].take(StepClock::look));
+    report.users_cpu_ms += to_ms(all_ns);
+    report.slowest_user_cpu_ms = std::max(report.slowest_user_cpu_ms, to_ms(all_ns));
+    path.user_move_ms = std::max(path.user_move_ms, to_ms(move_ns));
+    path.user_look_ms = std::max(path.user_look_ms, to_ms(look_ns));
+    path.user_end_ms = std::max(path.user_end_ms, to_ms(all_ns - move_ns - look_ns));
   }
   if (!threaded()) {
-    report.path = {};
-    return;
+    path = {};
   }
-  // The roles say how long they moved and looked around, the thread what it used: its CPU time is shared out in the
-  // ratio of the two.
-  PathReport& path = report.path;
-  const double busy_ms = path.user_move_ms + path.user_look_ms;
-  const double share = busy_ms > 0 ? path.user_move_ms / busy_ms : 0;
-  path.user_move_ms = report.slowest_user_cpu_ms * share;
-  path.user_look_ms = report.slowest_user_cpu_ms * (1 - share);
 }
 
 void World::Implementation::gather_timeline() {

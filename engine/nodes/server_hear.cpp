@@ -103,9 +103,8 @@ void ServerRole::receive(Party& party, const MessageView& message) {
       return node ? hear_kinds(message) : refuse(party, Status::bad_message);
     case MessageType::told:
       // Believed once, and not before the sender can have heard what it says that it has dealt with.
-      return message.count() == 1 && !party.told_heard && (stage_ == Stage::notifying || stage_ == Stage::closing)
-                 ? hear_told(party, message)
-                 : refuse(party, Status::bad_message);
+      return message.count() == 1 && !party.told_heard && is_telling() ? hear_told(party, message)
+                                                                       : refuse(party, Status::bad_message);
     default:
       return refuse(party, Status::bad_message);
   }
@@ -284,8 +283,6 @@ void ServerRole::hear_told(Party& party, const MessageView& message) {
     m5.records += record.handed_over;
     m5.bytes += record.m5_bytes;
   } else {
-    frame.path.user_move_ms += telemetry::to_ms(record.move_ns);
-    frame.path.user_look_ms += telemetry::to_ms(record.busy_ns);
     // Every user node also tells the others, once: the publication.
     TrafficReport& m1 = frame.traffic[static_cast<std::size_t>(Traffic::m1)];
     m1.records += record.published;

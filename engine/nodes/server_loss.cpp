@@ -28,7 +28,7 @@ bool ServerRole::lose(NodeNumber node) {
   party.lost = true;
   node_lines_[node] = {};
   report().lost.push_back(node);
-  const bool again = stage_ != Stage::notifying && stage_ != Stage::closing;
+  const bool again = !is_telling();
   bool any_left = false;
   for (Party& other : nodes_) {
     if (!other.lost) {
@@ -343,9 +343,8 @@ bool ServerRole::watch_node(Party& party, std::uint64_t now) {
 }
 
 bool ServerRole::watch_user(Party& party, std::uint64_t now) {
-  const bool telling = stage_ == Stage::notifying || stage_ == Stage::closing;
-  const bool awaited = telling ? !party.told_heard : !party.states_heard;
-  const std::uint64_t since = telling ? notify_ns_ : begin_ns_;
+  const bool awaited = is_telling() ? !party.told_heard : !party.states_heard;
+  const std::uint64_t since = is_telling() ? notify_ns_ : begin_ns_;
   if (!awaited || now - since <= setup_.user_deadline_ns) {
     return false;
   }

@@ -69,7 +69,8 @@ Step ServerRole::step() {
   if (advanced || watch() || progressed) {
     return Step::progressed;
   }
-  const bool sending = stage_ == Stage::opening || stage_ == Stage::dispatching || stage_ == Stage::notifying;
+  const bool sending = stage_ == Stage::opening || stage_ == Stage::inviting || stage_ == Stage::dispatching ||
+                       stage_ == Stage::notifying || stage_ == Stage::informing;
   return sending ? Step::blocked : Step::idle;
 }
 
@@ -80,12 +81,15 @@ bool ServerRole::awaits(const Party& party) const noexcept {
     case Stage::waiting:
       return false;
     case Stage::opening:
+    case Stage::inviting:
     case Stage::moving:
       return !party.states_heard || party.probed_ns != 0;
     case Stage::dispatching:
     case Stage::colliding:
-      return party.self.is_node() && (!party.tested_heard || party.probed_ns != 0);
     case Stage::notifying:
+      return party.self.is_node() && (!party.tested_heard || party.probed_ns != 0);
+    case Stage::informing:
+      return (party.self.is_user() && !party.told_heard) || party.probed_ns != 0;
     case Stage::closing:
       return !party.told_heard || party.probed_ns != 0;
   }
@@ -214,10 +218,17 @@ bool ServerRole::advance_stage() {
     case Stage::waiting:
       return false;
     case Stage::opening:
-      if (!all_parties([&](Party& party) { return open(party); })) {
+      if (!all_nodes([&](Party& node) { return open(node); })) {
         return false;
       }
       spend_cpu(&PathReport::open_ms);
+      stage_ = Stage::inviting;
+      return true;
+    case Stage::inviting:
+      if (!all_users([&](Party& user) { return open(user); })) {
+        return false;
+      }
+      spend_cpu(&PathReport::invite_ms);
       move_own();
       stage_ = Stage::moving;
       return true;
@@ -247,8 +258,7 @@ bool ServerRole::advance_stage() {
       stage_ = Stage::colliding;
       return true;
     case Stage::colliding:
-      if (!std::all_of(nodes_.begin(), nodes_.end(),
-                       [](const Party& node) { return node.lost || node.tested_heard; })) {
+      if (!all_nodes([](const Party& node) { return node.tested_heard; })) {
         return false;
       }
       spend_cpu(&PathReport::hear_ms);
@@ -259,13 +269,23 @@ bool ServerRole::advance_stage() {
       stage_ = Stage::notifying;
       return true;
     case Stage::notifying:
-      if (!all_parties([&](Party& party) { return notify(party); })) {
+      if (!all_nodes([&](Party& node) { return notify(node); })) {
         return false;
       }
+      spend_cpu(&PathReport::notify_ms);
+      stage_ = Stage::informing;
+      return true;
+    case Stage::informing:
+      // Users are heard before nodes, which have more to end.
+      if (!all_users([&](Party& user) { return notify(user); }) ||
+          !all_users([](const Party& user) { return user.told_heard; })) {
+        return false;
+      }
+      spend_cpu(&PathReport::inform_ms);
       stage_ = Stage::closing;
       return true;
     case Stage::closing:
-      if (!all_parties([](const Party& party) { return party.told_heard; }) || !ledger_.complete()) {
+      if (!all_nodes([](const Party& node) { return node.told_heard; }) || !ledger_.complete()) {
         return false;
       }
       finish();
@@ -278,7 +298,7 @@ void ServerRole::finish() {
   count_contacts();
   const std::uint64_t now = telemetry::now_ns();
   spend(ringfence::Stage::notify, now);
-  spend_cpu(&PathReport::notify_ms);
+  spend_cpu(&PathReport::finish_ms);
   FrameReport& frame = report();
   frame.objects = objects_.live();
   frame.map_epoch = map_.epoch();

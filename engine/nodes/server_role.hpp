@@ -67,8 +67,10 @@ struct ServerSetup {
 /// objects.
 ///
 /// The frame's steps are those of design and docs/architecture.md, one stage each:
-///   cut, opening, moving (ingest), dispatching (broad phase before it), colliding, notifying (collect before it),
-///   closing.
+///   cut, opening, inviting, moving (ingest), dispatching (broad phase before it), colliding, notifying (collect before
+///   it), informing, closing.
+/// Nodes come first: what the server does for users passes while nodes move, or end (opening and notifying are theirs,
+/// inviting and informing the users').
 ///
 /// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
 class ServerRole {
@@ -98,7 +100,17 @@ class ServerRole {
  private:
   static constexpr NodeNumber no_node = 0xffffffffu;
   static constexpr std::uint32_t not_relayed = 0xffffffffu;
-  enum class Stage : std::uint8_t { waiting, opening, moving, dispatching, colliding, notifying, closing };
+  enum class Stage : std::uint8_t {
+    waiting,
+    opening,
+    inviting,
+    moving,
+    dispatching,
+    colliding,
+    notifying,
+    informing,
+    closing
+  };
 
   // The cut.
   void cut();
@@ -179,19 +191,31 @@ class ServerRole {
   bool notify(Party& party);
   bool send_map(Party& party, messages::RunSender& run);
   void finish();
-  /// Calls `done` for every connected party that is not lost, also after one has answered false; whether all answered
-  /// true.
+  // They call `done` for every party of a kind that is not lost, users if connected, also after one has answered false;
+  // whether all answered true.
   template <class Done>
-  bool all_parties(Done done) {
+  bool all_nodes(Done done) {
     bool all = true;
     for (Party& party : nodes_) {
       all &= party.lost || done(party);
     }
+    return all;
+  }
+  template <class Done>
+  bool all_users(Done done) {
+    bool all = true;
     for (const UserNumber user : connected_) {
       all &= users_[user].lost || done(users_[user]);
     }
     return all;
   }
+  template <class Done>
+  bool all_parties(Done done) {
+    const bool nodes = all_nodes(done);
+    return all_users(done) && nodes;
+  }
+  /// Whether the contacts of the frame are known, so that a loss does not change them any more.
+  bool is_telling() const noexcept { return stage_ >= Stage::notifying; }
 
   void spend(ringfence::Stage stage, std::uint64_t now) noexcept;
   void spend_cpu(double PathReport::*step) noexcept;

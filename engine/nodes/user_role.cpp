@@ -45,6 +45,9 @@ void UserRole::receive(const MessageView& message) {
 void UserRole::hear_contacts(const MessageView& message) {
   // Between frames these are the last contacts of an object that was taken over.
   const bool late = stage_ == Stage::waiting;
+  if (!late) {
+    enter(telemetry::StepClock::end);
+  }
   late ? host_.add_late_contacts(message) : host_.add_contacts(frame_, message);
   contacts_heard_ |= message.last() && !late;
 }
@@ -53,6 +56,7 @@ void UserRole::begin(std::uint64_t frame) {
   frame_ = frame;
   contacts_heard_ = false;
   told_ = {};
+  enter(telemetry::StepClock::move);
   telemetry::TrackedTime time(setup_.track, "move", told_.move_ns);
   host_.begin_contacts(frame);
   for (const Steered& steered : steered_) {
@@ -204,6 +208,12 @@ bool UserRole::send_told() {
                         });
 }
 
+void UserRole::enter(telemetry::StepClock::Step step) noexcept {
+  if (setup_.clock != nullptr) {
+    setup_.clock->enter(step);
+  }
+}
+
 // One transition of the frame; false where it has to wait.
 bool UserRole::advance() {
   switch (stage_) {
@@ -219,6 +229,7 @@ bool UserRole::advance() {
       if (!contacts_heard_) {
         return false;
       }
+      enter(telemetry::StepClock::look);
       {
         telemetry::TrackedTime time(setup_.track, "look around", told_.busy_ns);
         look_around();

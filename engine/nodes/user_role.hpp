@@ -10,6 +10,7 @@
 #include "nodes/publications.hpp"
 #include "nodes/role.hpp"
 #include "ringfence/config.hpp"
+#include "telemetry/step_clock.hpp"
 #include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
@@ -19,9 +20,10 @@ struct UserSetup {
   UserNumber user = 0;
   const MotionModel* model = nullptr;
   Publications* publications = nullptr;
-  double interest = 0;                ///< metres; 0: reads nothing of others
-  telemetry::Track* track = nullptr;  ///< of the thread that steps it; null: nothing is noted
-  std::size_t objects = 0;            ///< reserved
+  double interest = 0;                    ///< metres; 0: reads nothing of others
+  telemetry::Track* track = nullptr;      ///< of the thread that steps it; null: nothing is noted
+  telemetry::StepClock* clock = nullptr;  ///< likewise
+  std::size_t objects = 0;                ///< reserved
   Line server;
 };
 
@@ -64,6 +66,7 @@ class UserRole {
   void read_box(const Published& published, const regions::CellBox& box, std::size_t earlier);
   void read_rows(const Published& published, const regions::CellBox& box);
   void read_cells(const Published& published, const regions::CellBox& box, std::size_t earlier);
+  void enter(telemetry::StepClock::Step step) noexcept;
   bool advance();
   bool send_states();
   bool send_told();

@@ -68,22 +68,39 @@ struct TrafficReport {
 };
 
 /// What the steps of a frame cost, in CPU time, each after the one above it; of what is done by many at once, what it
-/// cost the one that it cost most. Where two stand in one line they are done at the same time. With nodes = 0 all zero.
+/// cost the one that it cost most. Between two empty lines stands what is done at the same time, by the server, the
+/// nodes and the users. With nodes = 0 all zero.
 struct PathReport {
-  double open_ms = 0;                                        ///< server: the cut, the frame's begin
-  double ingest_ms = 0, node_move_ms = 0, user_move_ms = 0;  ///< server, until it has all states; nodes; users
-  double dispatch_ms = 0, node_publish_ms = 0;               ///< server: what moved, its sweep; nodes: what they host
-  double publish_ms = 0, node_detect_ms = 0;                 ///< server; nodes: until they have told their contacts
-  double hear_ms = 0;                                        ///< server: taking in what nodes found
-  double collect_ms = 0;                                     ///< server: merging, phases, who is told of what
-  double notify_ms = 0;                                      ///< server: telling, until it is told by all
-  double node_end_ms = 0, user_look_ms = 0;                  ///< nodes: handing over; users: looking around
+  double open_ms = 0;  ///< server: the cut, telling nodes that the frame begins
 
-  static constexpr std::size_t steps = 13;
+  double invite_ms = 0;     ///< server: telling users that it begins, before they move
+  double ingest_ms = 0;     ///< server: from then until it has all states
+  double node_move_ms = 0;  ///< nodes
+  double user_move_ms = 0;  ///< users
+
+  double dispatch_ms = 0;      ///< server: what moved, its sweep
+  double node_publish_ms = 0;  ///< nodes: what they host
+
+  double publish_ms = 0;      ///< server: what nobody else publishes
+  double node_detect_ms = 0;  ///< nodes: until they have told their contacts
+
+  double hear_ms = 0;     ///< server: taking in what nodes found
+  double collect_ms = 0;  ///< server: merging, phases, who is told of what
+  double notify_ms = 0;   ///< server: telling nodes
+
+  double inform_ms = 0;     ///< server: telling users, before they end, until they all have
+  double node_end_ms = 0;   ///< nodes: putting contacts in order, handing over
+  double user_look_ms = 0;  ///< users: looking around
+  double user_end_ms = 0;   ///< users: taking in what they are told
+
+  double finish_ms = 0;  ///< server: hearing that nodes have ended
+
+  static constexpr std::size_t steps = 17;
   using Step = std::pair<const char*, double PathReport::*>;
   /// All of the above by their names, in their order.
   static constexpr std::array<Step, steps> all() noexcept {
     return {{{"open", &PathReport::open_ms},
+             {"invite", &PathReport::invite_ms},
              {"ingest", &PathReport::ingest_ms},
              {"node_move", &PathReport::node_move_ms},
              {"user_move", &PathReport::user_move_ms},
@@ -94,16 +111,20 @@ struct PathReport {
              {"hear", &PathReport::hear_ms},
              {"collect", &PathReport::collect_ms},
              {"notify", &PathReport::notify_ms},
+             {"inform", &PathReport::inform_ms},
              {"node_end", &PathReport::node_end_ms},
-             {"user_look", &PathReport::user_look_ms}}};
+             {"user_look", &PathReport::user_look_ms},
+             {"user_end", &PathReport::user_end_ms},
+             {"finish", &PathReport::finish_ms}}};
   }
 
   /// The least time of the frame with a core for each thread, but for the way of messages: of what is done at the same
   /// time the longest counts. What may or may not overlap, as nodes' tests and the server's sweep, is added up.
   double critical_ms() const noexcept {
     const auto longest = [](double p, double q) { return p > q ? p : q; };
-    return open_ms + longest(ingest_ms, longest(node_move_ms, user_move_ms)) + longest(dispatch_ms, node_publish_ms) +
-           longest(publish_ms, node_detect_ms) + hear_ms + collect_ms + notify_ms + longest(node_end_ms, user_look_ms);
+    return open_ms + longest(node_move_ms, invite_ms + longest(ingest_ms, user_move_ms)) +
+           longest(dispatch_ms, node_publish_ms) + longest(publish_ms, node_detect_ms) + hear_ms + collect_ms +
+           notify_ms + longest(node_end_ms, inform_ms + user_look_ms + user_end_ms) + finish_ms;
   }
 };
 
