@@ -49,30 +49,20 @@ void CdNodeRole::test_pairs() {
     return;
   }
   TrackedTime time(setup_.track, "narrow phase", told_.narrow_phase_ns);
-  for (const narrow_phase::PairContact& found : narrow_.test(known_.bodies(), pairs_)) {
-    add_hit(pairs_[found.pair], found);
-  }
+  add_hits(narrow_.test(known_.bodies(), pairs_));
   candidates_ += pairs_.size();
   pairs_.clear();
 }
 
-// While both bodies are in the cache; in the order of numbers they lie anywhere.
-void CdNodeRole::add_hit(const geometry::CandidatePair& pair, const narrow_phase::PairContact& found) {
-  const narrow_phase::Body& a = known_.bodies()[pair.a];
-  const narrow_phase::Body& b = known_.bodies()[pair.b];
-  const Vec3d& origin = a.pose.position;
-  order_.add(a.number, b.number);
-  hits_.push_back({known_.slot(pair.a), known_.slot(pair.b),
-                   known_.next_host(pair.a) != NextHost::self || known_.next_host(pair.b) != NextHost::self});
-  Contact& contact = host_.add_own_contact(frame_);
-  contact.a = a.number;
-  contact.b = b.number;
-  contact.depth = found.depth;
-  contact.normal = found.normal;
-  contact.point = {origin.x + static_cast<double>(found.point.x), origin.y + static_cast<double>(found.point.y),
-                   origin.z + static_cast<double>(found.point.z)};
-  contact.pose_a = a.pose;
-  contact.pose_b = b.pose;
+// As the kernels wrote it, a quarter of a contact: the rest is the two bodies', and is added where it is read in order.
+void CdNodeRole::add_hits(std::span<const narrow_phase::PairContact> found) {
+  const auto numbers = known_.numbers();
+  for (const narrow_phase::PairContact& touch : found) {
+    const geometry::CandidatePair& pair = pairs_[touch.pair];
+    touches_.push_back(touch);
+    hits_.push_back(pair);
+    order_.add(numbers[pair.a], numbers[pair.b]);
+  }
 }
 
 void CdNodeRole::detect() {
@@ -129,8 +119,9 @@ bool CdNodeRole::send_collisions() {
       return false;
     }
     const FoundContact& found = own_findings_.found[next_hit_];
-    const Contact& contact = own_findings_.contacts[found.contact];
-    new (where) messages::CollisionRecord{found.slot_a, found.slot_b, contact.depth, contact.normal, contact.point};
+    const narrow_phase::PairContact& touch = touches_[found.touch];
+    new (where) messages::CollisionRecord{found.slot_a, found.slot_b, touch.depth, touch.normal,
+                                          own_findings_.point(static_cast<std::uint32_t>(next_hit_))};
   }
   return (shared || collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_)) &&
          done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()), sizeof(messages::NarrowDoneRecord),

@@ -1,5 +1,5 @@
 // What a CD node shares of what it found, and what it does with what all have.
-#include <cassert>
+#include <algorithm>
 
 #include "nodes/cd_node_role.hpp"
 
@@ -9,23 +9,24 @@ namespace ringfence::nodes {
 void CdNodeRole::list_findings() {
   Findings& findings = *findings_;
   findings.start(frame_);
-  findings.contacts = host_.own_contacts(frame_);
+  findings.contacts = nullptr;
+  findings.touches = touches_.data();
+  findings.bodies = known_.bodies().data();
   findings.keys.resize(hits_.size());
   findings.found.resize(hits_.size());
   for_peers_.clear();
   const bool tells = setup_.hosts && findings_ != &own_findings_;
   for (std::size_t i = 0; i < hits_.size(); ++i) {
-    const std::uint32_t contact = order_.at(i);
-    const std::uint64_t key = order_.key_at(i);
-    const Hit& hit = hits_[contact];
-    findings.keys[i] = key;
-    findings.found[i] = {hit.slot_a, hit.slot_b, contact};
-    if (hit.outer && tells) {
+    const std::uint32_t touch = order_.at(i);
+    const geometry::CandidatePair& hit = hits_[touch];
+    findings.keys[i] = order_.key_at(i);
+    findings.found[i] = {known_.slot(hit.a), known_.slot(hit.b), hit.a, hit.b, touch};
+    if (tells && (known_.next_host(hit.a) != NextHost::self || known_.next_host(hit.b) != NextHost::self)) {
       list_told(static_cast<std::uint32_t>(i));
     }
-    if (setup_.hosts && host_.uses_contacts()) {
-      host_.order_own_contact(frame_, key, contact);
-    }
+  }
+  if (keeps_contacts()) {
+    keep_contacts();
   }
   if (findings_ != &own_findings_) {
     findings.compare();
@@ -38,9 +39,7 @@ void CdNodeRole::list_told(std::uint32_t position) {
   const FoundContact& found = findings_->found[position];
   NodeNumber first = setup_.node;
   bool users = false;
-  for (const std::uint32_t slot : {found.slot_a, found.slot_b}) {
-    const std::uint32_t known = known_.find(slot);
-    assert(known != KnownObjects::none);
+  for (const std::uint32_t known : {found.body_a, found.body_b}) {
     users |= known_.next_host(known) == NextHost::user;
     if (known_.next_host(known) != NextHost::node) {
       continue;
@@ -58,15 +57,28 @@ void CdNodeRole::list_told(std::uint32_t position) {
   }
 }
 
+// For the model, which reads them in the next frame, when the bodies have moved on.
+void CdNodeRole::keep_contacts() {
+  constexpr std::uint32_t ahead = 10;
+  Findings& findings = *findings_;
+  const auto count = static_cast<std::uint32_t>(findings.keys.size());
+  for (std::uint32_t i = 0; i < count; ++i) {
+    findings.fetch(std::min(i + ahead, count - 1));
+    findings.write(i, Phase::persist, host_.add_own_contact(frame_));
+    host_.order_own_contact(frame_, findings.keys[i], i);
+  }
+  findings.contacts = host_.own_contacts(frame_);
+}
+
 // The phases of what was found, a stretch of the embedder's list, and what others found of the hosted objects.
 void CdNodeRole::finish_contacts() {
   if (findings_ == &own_findings_) {
     return;
   }
   Findings& findings = *findings_;
-  if (setup_.hosts) {
+  if (keeps_contacts()) {
     for (const std::uint32_t position : findings.begun) {
-      host_.confirm_begin(frame_, findings.found[position].contact);
+      host_.confirm_begin(frame_, position);
     }
   }
   if (!findings.gate.enter()) {
@@ -91,7 +103,7 @@ void CdNodeRole::take_from_peers() {
   findings_order_.sort();
   findings_order_.visit([&](std::uint64_t, NodeNumber peer, std::uint32_t position, Phase phase) {
     Contact contact;
-    Findings::copy(all[peer]->contact(position), phase, contact);
+    all[peer]->write(position, phase, contact);
     host_.add_contact(frame_, contact);
   });
   findings_->taken = findings_order_.size();

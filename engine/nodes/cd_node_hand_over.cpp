@@ -135,6 +135,7 @@ void CdNodeRole::hear_lost(const messages::LostRecord& record) {
 void CdNodeRole::forget_tests() {
   pairs_.clear();
   hits_.clear();
+  touches_.clear();
   order_.clear();
   candidates_ = 0;
   narrow_.reset_counters();

@@ -32,6 +32,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   new_map_.reserve(map.grid().cells());
   kinds_.reserve(shape_kinds * shape_kinds);
   hits_.reserve(setup.objects);
+  touches_.reserve(setup.objects);
   order_.reserve(setup.objects);
   for_peers_.reserve(setup.objects);
   findings_order_.reserve(setup.objects);

@@ -102,10 +102,13 @@ class CdNodeRole {
   void detect();
   void sweep();
   void test_pairs();
-  void add_hit(const geometry::CandidatePair& pair, const narrow_phase::PairContact& found);
+  void add_hits(std::span<const narrow_phase::PairContact> found);
   void count_kinds();
   void list_findings();
   void list_told(std::uint32_t position);
+  /// Whether the node's model will look at what it found.
+  bool keeps_contacts() const noexcept { return setup_.hosts && host_.uses_contacts(); }
+  void keep_contacts();
   void finish_contacts();
   void take_from_peers();
   NextHost next_host(const messages::PositionRecord& record) const noexcept;
@@ -143,17 +146,13 @@ class CdNodeRole {
 
   static constexpr std::size_t pairs_a_test = 4096;
 
-  std::vector<geometry::CandidatePair> pairs_;  ///< indices into known_; not yet tested
-  /// The slots of a contact's objects.
-  struct Hit {
-    std::uint32_t slot_a, slot_b;
-    bool outer;  ///< one of the two somebody else hosts from the next frame on, or nobody
-  };
-  FlatList<Hit> hits_;        ///< parallel to the host's own contacts: in the order in which they were found
-  Findings own_findings_;     ///< where the server cannot read what is shared
-  Findings* findings_;        ///< by (a, b)
-  bool keeps_;                ///< states of which nobody else need know are not told
-  std::size_t next_hit_ = 0;  ///< of these, to be sent
+  std::vector<geometry::CandidatePair> pairs_;   ///< indices into known_; not yet tested
+  FlatList<geometry::CandidatePair> hits_;       ///< those of them that touch, in the order in which they were found
+  FlatList<narrow_phase::PairContact> touches_;  ///< parallel to it
+  Findings own_findings_;                        ///< where the server cannot read what is shared
+  Findings* findings_;                           ///< by (a, b)
+  bool keeps_;                                   ///< states of which nobody else need know are not told
+  std::size_t next_hit_ = 0;                     ///< of these, to be sent
   std::uint64_t candidates_ = 0;
   std::uint64_t tested_ = 0;
   std::vector<messages::KindRecord> kinds_;

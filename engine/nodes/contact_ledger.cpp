@@ -46,7 +46,7 @@ void ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& re
   const ObjectRow& a = rows[record.slot_a];
   const ObjectRow& b = rows[record.slot_b];
   run.own->keys.push_back(ContactOrder::key(a.object.number, b.object.number));
-  run.own->found.push_back({record.slot_a, record.slot_b, static_cast<std::uint32_t>(run.contacts.size())});
+  run.own->found.push_back({record.slot_a, record.slot_b});
   run.contacts.push_back(
       {a.object.number, b.object.number, Phase::persist, record.depth, record.normal, 0, record.point, a.pose, b.pose});
 }
@@ -263,7 +263,7 @@ std::span<const ToldContact> ContactLedger::told(bool all) {
   order_.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
     if (key != last) {
       const FoundContact& found = findings_[node]->found[position];
-      told_.push_back({key, &findings_[node]->contact(position), {found.slot_a, found.slot_b, node}, phase});
+      told_.push_back({key, findings_[node], position, nullptr, {found.slot_a, found.slot_b, node}, phase});
     }
     last = key;
   });
@@ -275,10 +275,11 @@ void ContactLedger::tell_outer() {
   for (NodeNumber node = 0; node < findings_.size(); ++node) {
     const Findings& findings = *findings_[node];
     for (const OuterContact& outer : findings.outer) {
-      const Contact& contact = findings.contacts[outer.found.contact];
-      Findings::fetch(contact);
+      findings.fetch(outer.position);
       told_.push_back({outer.key,
-                       &contact,
+                       &findings,
+                       outer.position,
+                       nullptr,
                        {outer.found.slot_a, outer.found.slot_b, node},
                        findings.begins(outer.position) ? Phase::begin : Phase::persist});
     }
@@ -319,7 +320,7 @@ void ContactLedger::tell_ended(std::uint64_t key, std::size_t& old) {
   const auto& keys = before().keys;
   const auto* const at = leap_to(keys.begin() + old, keys.end(), key);
   old = static_cast<std::size_t>(at - keys.begin());
-  told_ended_.push_back({key, &before().contacts[old], before().found[old], Phase::end});
+  told_ended_.push_back({key, nullptr, 0, &before().contacts[old], before().found[old], Phase::end});
 }
 
 }  // namespace ringfence::nodes

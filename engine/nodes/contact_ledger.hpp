@@ -20,12 +20,20 @@ namespace ringfence::nodes {
 
 /// A contact that the server has to tell somebody of, where it lies.
 struct ToldContact {
-  std::uint64_t key = 0;  ///< ContactOrder::key
-  const Contact* contact = nullptr;
+  std::uint64_t key = 0;               ///< ContactOrder::key
+  const Findings* findings = nullptr;  ///< that it is one of; null: it ended
+  std::uint32_t position = 0;          ///< in Findings::keys
+  const Contact* ended = nullptr;      ///< as it was last
   Found found;
   Phase phase = Phase::begin;
 
-  void write(Contact& to) const noexcept { Findings::copy(*contact, phase, to); }
+  void write(Contact& to) const noexcept {
+    if (findings != nullptr) {
+      findings->write(position, phase, to);
+    } else {
+      Findings::copy(*ended, phase, to);
+    }
+  }
 };
 
 /// The server's account of contacts: takes what the CD nodes found, tells by the frame before which contacts began, go
@@ -78,8 +86,8 @@ class ContactLedger {
   template <class Visit>
   void visit_points(Visit visit) const {
     for (const Findings* findings : findings_) {
-      for (const FoundContact& found : findings->found) {
-        visit(findings->contacts[found.contact].point);
+      for (std::uint32_t i = 0; i < findings->keys.size(); ++i) {
+        visit(findings->point(i));
       }
     }
   }
@@ -125,7 +133,7 @@ class ContactLedger {
   struct Run {
     Findings* shared = nullptr;
     std::unique_ptr<Findings> own = std::make_unique<Findings>();  ///< of a node that sends messages
-    FlatList<Contact> contacts;                                    ///< those of `own`
+    FlatList<Contact> contacts;                                    ///< those of `own`, in its order
     std::vector<std::uint64_t> persists;
 
     Findings& findings() const noexcept { return shared != nullptr ? *shared : *own; }

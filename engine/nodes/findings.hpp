@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "narrow_phase/narrow_phase.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/gate.hpp"
 #include "nodes/kept_states.hpp"
@@ -28,7 +29,9 @@ struct Found {
 struct FoundContact {
   std::uint32_t slot_a = 0;
   std::uint32_t slot_b = 0;
-  std::uint32_t contact = 0;  ///< which of Findings::contacts
+  std::uint32_t body_a = 0;  ///< which of Findings::bodies; not looked at where contacts are kept
+  std::uint32_t body_b = 0;
+  std::uint32_t touch = 0;  ///< which of Findings::touches
 };
 
 /// A contact that the node which found it has to tell another.
@@ -68,6 +71,9 @@ struct OuterContact {
 /// puts its stretch in order, whoever found the contacts, and takes from the others' findings what concerns the objects
 /// that it hosts. So what the server does for contacts is in proportion to those that change and to those of avatars.
 ///
+/// A contact has 136 bytes, of which most are the poses of two bodies that the node holds anyway. So it is put together
+/// only where somebody reads it: at once where the node's own model does, else in the embedder's list.
+///
 /// Threads: one writer at a time, handed over by messages. The node writes its part before `narrow_done` and leaves it
 /// as it is until the next `frame_begin`; the server reads it from then on, and writes its own part before `frame_end`;
 /// then all nodes that the gate lets in read all findings until each has told.
@@ -75,20 +81,22 @@ struct Findings {
   static constexpr std::uint64_t no_frame = ~std::uint64_t{0};  ///< the one before frame 0 too: nothing was found in it
 
   // The node's part.
-  const Host* host = nullptr;                ///< the node's; set once. Read between frames, and while the node waits
-  KeptStates kept;                           ///< states that it did not tell; its own rules hold
-  std::uint64_t frame = no_frame;            ///< that the lists are of
-  const Contact* contacts = nullptr;         ///< as they were found
-  FlatList<std::uint64_t> keys;              ///< ContactOrder::key, ascending
-  FlatList<FoundContact> found;              ///< parallel to keys
-  std::uint64_t frame_before = no_frame;     ///< that the next is of
-  FlatList<std::uint64_t> keys_before;       ///< what the node found in it, ascending
-  FlatList<std::uint64_t> beginning;         ///< those of keys that are not among keys_before, ascending
-  FlatList<std::uint32_t> beginning_at;      ///< parallel to it: their positions in keys
-  FlatList<std::uint64_t> ending;            ///< those of keys_before that are not among keys, ascending
-  FlatList<OuterContact> outer;              ///< by key
-  FlatList<OuterContact> outer_before;       ///< of the frame before
-  FlatList<OuterContact> outer_ending;       ///< those of them that are among ending
+  const Host* host = nullptr;         ///< the node's; set once. Read between frames, and while the node waits
+  KeptStates kept;                    ///< states that it did not tell; its own rules hold
+  std::uint64_t frame = no_frame;     ///< that the lists are of
+  const Contact* contacts = nullptr;  ///< parallel to keys; null: made of the next two
+  const narrow_phase::PairContact* touches = nullptr;  ///< as they were found
+  const narrow_phase::Body* bodies = nullptr;          ///< as they stood when the pairs were tested
+  FlatList<std::uint64_t> keys;                        ///< ContactOrder::key, ascending
+  FlatList<FoundContact> found;                        ///< parallel to keys
+  std::uint64_t frame_before = no_frame;               ///< that the next is of
+  FlatList<std::uint64_t> keys_before;                 ///< what the node found in it, ascending
+  FlatList<std::uint64_t> beginning;                   ///< those of keys that are not among keys_before, ascending
+  FlatList<std::uint32_t> beginning_at;                ///< parallel to it: their positions in keys
+  FlatList<std::uint64_t> ending;                      ///< those of keys_before that are not among keys, ascending
+  FlatList<OuterContact> outer;                        ///< by key
+  FlatList<OuterContact> outer_before;                 ///< of the frame before
+  FlatList<OuterContact> outer_ending;                 ///< those of them that are among ending
   FlatList<std::uint32_t> for_peers;         ///< of which the other nodes have to be told, a run a node, each ascending
   std::vector<std::uint32_t> for_peer_from;  ///< by node, and one more: where its run begins
 
@@ -117,13 +125,56 @@ struct Findings {
     to.phase = phase;
     std::memcpy(&to.depth, &from.depth, sizeof(Contact) - offsetof(Contact, depth));
   }
-  const Contact& contact(std::uint32_t position) const noexcept { return contacts[found[position].contact]; }
-  /// Fetches what copy() reads: contacts lie as they were found.
-  static void fetch(const Contact& contact) noexcept {
-    const auto* from = reinterpret_cast<const std::byte*>(&contact);
-    __builtin_prefetch(from);
-    __builtin_prefetch(from + 64);
-    __builtin_prefetch(from + sizeof(Contact) - 1);
+  /// Writes the contact at that position of the list.
+  void write(std::uint32_t position, Phase phase, Contact& to) const noexcept {
+    if (contacts != nullptr) {
+      copy(contacts[position], phase, to);
+      return;
+    }
+    const FoundContact& one = found[position];
+    const narrow_phase::PairContact& touch = touches[one.touch];
+    const narrow_phase::Body& a = bodies[one.body_a];
+    const narrow_phase::Body& b = bodies[one.body_b];
+    to.a = a.number;
+    to.b = b.number;
+    to.phase = phase;
+    to.depth = touch.depth;
+    to.normal = touch.normal;
+    to.reserved = 0;
+    to.point = in_world(touch, a);
+    to.pose_a = a.pose;
+    to.pose_b = b.pose;
+  }
+  /// Contact::point of the contact at that position.
+  Vec3d point(std::uint32_t position) const noexcept {
+    const FoundContact& one = found[position];
+    return contacts != nullptr ? contacts[position].point : in_world(touches[one.touch], bodies[one.body_a]);
+  }
+  /// Fetches what write() reads, which lies anywhere.
+  void fetch(std::uint32_t position) const noexcept {
+    if (contacts != nullptr) {
+      fetch_lines(contacts[position]);
+      return;
+    }
+    const FoundContact& one = found[position];
+    __builtin_prefetch(&touches[one.touch]);
+    fetch_lines(bodies[one.body_a]);
+    fetch_lines(bodies[one.body_b]);
+  }
+
+ private:
+  static Vec3d in_world(const narrow_phase::PairContact& touch, const narrow_phase::Body& a) noexcept {
+    const Vec3d& origin = a.pose.position;
+    return {origin.x + static_cast<double>(touch.point.x), origin.y + static_cast<double>(touch.point.y),
+            origin.z + static_cast<double>(touch.point.z)};
+  }
+  template <class T>
+  static void fetch_lines(const T& object) noexcept {
+    const auto* from = reinterpret_cast<const std::byte*>(&object);
+    for (std::size_t at = 0; at < sizeof(T) - 1; at += 64) {
+      __builtin_prefetch(from + at);
+    }
+    __builtin_prefetch(from + sizeof(T) - 1);
   }
 };
 

@@ -64,7 +64,7 @@ std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order) {
     const auto* const end = std::lower_bound(first, keys.end(), stretch.end_key);
     at += static_cast<std::size_t>(first - keys.begin());
     for (const auto* key = first; key != end; ++key) {
-      order.add(node, static_cast<std::uint32_t>(key - keys.begin()));
+      order.add(node, static_cast<std::uint32_t>(key - keys.begin()), *key);
     }
   }
   order.sort();
@@ -74,7 +74,7 @@ std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order) {
     const Findings& findings = *stretch.findings[node];
     const FoundContact& found = findings.found[position];
     fetch_ahead(stretch.contacts + at);
-    Findings::copy(findings.contact(position), phase, stretch.contacts[at]);
+    findings.write(position, phase, stretch.contacts[at]);
     stretch.keys[at] = key;
     stretch.found[at] = {found.slot_a, found.slot_b, node};
     ++at;

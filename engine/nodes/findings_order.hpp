@@ -44,7 +44,7 @@ class FindingsOrder {
     for (std::size_t i = 0; i < size(); ++i) {
       if (i + ahead < size()) {
         const Source& soon = sources_[place(i + ahead)];
-        Findings::fetch(findings_[soon.node]->contact(soon.position));
+        findings_[soon.node]->fetch(soon.position);
       }
       const Source& source = sources_[place(i)];
       each(key(i), source.node, source.position, begins(source) ? Phase::begin : Phase::persist);

@@ -41,31 +41,56 @@ using Truths = std::map<Key, Truth>;
 
 /// A CD node as the ledger sees it.
 struct Node {
-  std::unique_ptr<Findings> shared;  ///< null: it sends messages
-  std::vector<Contact> contacts;     ///< as it found them
+  std::unique_ptr<Findings> shared;                ///< null: it sends messages
+  std::vector<Contact> contacts;                   ///< in the order of the list
+  std::vector<narrow_phase::PairContact> touches;  ///< as it found them
+  std::vector<narrow_phase::Body> bodies;          ///< all, in an order of its own
   FindingsOrder order;
 
-  void find(std::uint64_t frame, const std::vector<const Truth*>& own, std::mt19937_64& random) {
-    contacts.clear();
-    std::vector<std::uint32_t> places(own.size());
-    for (std::uint32_t i = 0; i < own.size(); ++i) places[i] = i;
-    std::shuffle(places.begin(), places.end(), random);
+  void find(std::uint64_t frame, const std::vector<const Truth*>& own, const std::vector<ObjectRow>& rows,
+            std::mt19937_64& random) {
+    std::vector<std::uint32_t> places = shuffled(own.size(), random);
+    const std::vector<std::uint32_t> seats = shuffled(rows.size(), random);
+    bodies.resize(rows.size());
+    for (std::size_t slot = 0; slot < rows.size(); ++slot) {
+      bodies[seats[slot]] = {rows[slot].pose, 0, rows[slot].object.number};
+    }
     contacts.resize(own.size());
+    touches.resize(own.size());
     shared->start(frame);
     for (std::uint32_t i = 0; i < own.size(); ++i) {
-      contacts[places[i]] = own[i]->contact;
-      shared->keys.push_back(word_of({own[i]->contact.a, own[i]->contact.b}));
-      shared->found.push_back({own[i]->slot_a, own[i]->slot_b, places[i]});
+      const Contact& contact = contacts[i] = own[i]->contact;
+      const Vec3d& origin = contact.pose_a.position;
+      const auto part = [](double point, double from) { return static_cast<float>(point - from); };
+      touches[places[i]] = {
+          0,
+          contact.depth,
+          contact.normal,
+          {part(contact.point.x, origin.x), part(contact.point.y, origin.y), part(contact.point.z, origin.z)}};
+      shared->keys.push_back(word_of({contact.a, contact.b}));
+      shared->found.push_back(
+          {own[i]->slot_a, own[i]->slot_b, seats[own[i]->slot_a], seats[own[i]->slot_b], places[i]});
       if (random() % 4 == 0) {
         shared->outer.push_back({shared->keys[i], i, shared->found[i]});
       }
     }
-    shared->contacts = contacts.data();
+    // A node keeps contacts only where its model looks at them.
+    shared->contacts = random() % 2 == 0 ? contacts.data() : nullptr;
+    shared->touches = touches.data();
+    shared->bodies = bodies.data();
     shared->compare();
   }
   void write() {
     shared->doubled = write_stretch(shared->stretch, order);
     shared->gate.leave();
+  }
+
+ private:
+  static std::vector<std::uint32_t> shuffled(std::size_t count, std::mt19937_64& random) {
+    std::vector<std::uint32_t> places(count);
+    for (std::uint32_t i = 0; i < count; ++i) places[i] = i;
+    std::shuffle(places.begin(), places.end(), random);
+    return places;
   }
 };
 
@@ -96,7 +121,7 @@ class Play {
     }
     for (NodeNumber node = 0; node < nodes_.size(); ++node) {
       if (nodes_[node]->shared != nullptr) {
-        nodes_[node]->find(frame_, runs[node], random_);
+        nodes_[node]->find(frame_, runs[node], rows, random_);
         ledger_.receive(node, *nodes_[node]->shared);
       } else {
         for (const Truth* truth : runs[node]) {
