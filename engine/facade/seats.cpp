@@ -133,6 +133,7 @@ std::vector<Line> World::Implementation::peers_of(NodeNumber node) {
     const auto way = peer_ways.find({std::min(peer, node), std::max(peer, node)});
     if (way != peer_ways.end()) {
       peers[peer] = node < peer ? way->second->first() : way->second->second();
+      peers[peer].findings = node_ways[peer]->findings.get();
     }
   }
   return peers;

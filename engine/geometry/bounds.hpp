@@ -24,6 +24,12 @@ constexpr bool touch(const Bounds& p, const Bounds& q) noexcept {
          p.lower[2] <= q.upper[2] && q.lower[2] <= p.upper[2];
 }
 
+/// Whether a point, as FixedSpace::point gives it, lies within.
+constexpr bool holds(const Bounds& bounds, const std::uint32_t point[3]) noexcept {
+  return bounds.lower[0] <= point[0] && point[0] <= bounds.upper[0] && bounds.lower[1] <= point[1] &&
+         point[1] <= bounds.upper[1] && bounds.lower[2] <= point[2] && point[2] <= bounds.upper[2];
+}
+
 /// Two objects whose bounds overlap or touch. Which of the two is `a` is stated where pairs are handed over.
 struct CandidatePair {
   std::uint32_t a;  ///< index in the table of objects that the holder works on

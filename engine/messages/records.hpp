@@ -25,9 +25,9 @@ enum ObjectFlag : std::uint32_t {
   flag_gone = 2,     ///< position_update: the object is no longer in the receiver's region
   flag_inner = 4,    ///< node_state: present, and all cells that the bounds touch are the sender's
   flag_staying = 8,  ///< node_state: by its position and the map as it is, the sender hosts it in the next frame too
-  flag_kept = 16,   ///< node_state: both hold, and while they do the sender keeps further states to itself; they are to
-                    ///< be read in memory that it shares with the server
-  flag_rests = 32,  ///< node_state: as in the frame before; told because the sender keeps it to itself no more
+  flag_kept = 16,    ///< node_state, hand_over: from now on its host keeps its states from the server, which finds them
+                     ///< in memory that they share, and tells the nodes whose regions it touches
+  flag_rests = 32,   ///< node_state: as in the frame before; told because the sender keeps it to itself no more
   flag_avatar = 64,  ///< position_update: a user node hosts the object
   flag_fixed = 128,  ///< position_update: nobody hosts it; else whoever the deployment says, in user/collision
                      ///< deployment from the next frame on the CD node that owns the cell of its position

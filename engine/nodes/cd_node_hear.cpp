@@ -56,15 +56,19 @@ void CdNodeRole::receive(const MessageView& message) {
 void CdNodeRole::hear_positions(const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
     const auto& record = message.view<messages::PositionRecord>(i);
-    if ((record.object.flags & messages::flag_gone) != 0) {
-      known_.forget(record.object.slot);
-    } else {
-      const NextHost next = next_host(record);
-      const bool inner = next == NextHost::self && map_.cover(record.bounds, setup_.node) == regions::Cover::all;
-      known_.set(record.object, record.pose, record.bounds, record.shape, record.layer, next, inner);
-    }
+    hear_position(record, (record.object.flags & messages::flag_gone) != 0);
   }
   positions_heard_ |= message.last();
+}
+
+void CdNodeRole::hear_position(const messages::PositionRecord& record, bool gone) {
+  if (gone) {
+    known_.forget(record.object.slot);
+    return;
+  }
+  const NextHost next = next_host(record);
+  const bool inner = next == NextHost::self && map_.cover(record.bounds, setup_.node) == regions::Cover::all;
+  known_.set(record.object, record.pose, record.bounds, record.shape, record.layer, next, inner);
 }
 
 NextHost CdNodeRole::next_host(const messages::PositionRecord& record) const noexcept {

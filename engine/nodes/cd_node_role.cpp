@@ -25,7 +25,6 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       heard_from_(setup.peers.size()),
       lost_(setup.peers.size()),
       findings_(setup.server.findings != nullptr ? setup.server.findings : &own_findings_),
-      keeps_(setup.server.findings != nullptr && setup.placement == Placement::region && setup.keeps_states),
       leavers_(setup.peers.size()),
       hand_over_runs_(setup.peers.size()) {
   pairs_.reserve(pairs_a_test);
@@ -40,9 +39,14 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   movers_.reserve(setup.objects);
   host_.reserve_contacts(setup.objects);
   findings_->host = &host_;
-  if (keeps_ && setup.may_be_lost) {
+  if (shares_states() && setup.may_be_lost) {
     findings_->kept.reserve(setup.objects, host_.state_bytes());
   }
+}
+
+// Whether it can, as far as the server is concerned.
+bool CdNodeRole::shares_states() const noexcept {
+  return setup_.server.findings != nullptr && setup_.placement == Placement::region && setup_.keeps_states;
 }
 
 messages::RunHead CdNodeRole::head(MessageType type, Endpoint to) const noexcept {
@@ -57,6 +61,10 @@ void CdNodeRole::meet(NodeNumber node, const std::vector<Line>& peers) {
   lost_.assign(peers.size(), 0);
   leavers_.resize(peers.size());
   hand_over_runs_.resize(peers.size());
+  stamps_.assign(peers.size(), 0);
+  keeps_ = shares_states() && std::all_of(peers.begin(), peers.end(), [](const Line& peer) {
+             return peer.out == nullptr || peer.findings != nullptr;
+           });
   for (auto& leavers : leavers_) {
     leavers.reserve(setup_.objects / peers.size() + 16);
   }
@@ -112,6 +120,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
     TrackedTime time(setup_.track, "move", told_.move_ns);
     host_.begin_move(frame);
     findings_->kept.begin(frame);
+    findings_->halo.start(frame);
   }
   stage_ = Stage::moving;
 }
@@ -135,6 +144,7 @@ bool CdNodeRole::move() {
     }
     if (!host_.move_next()) {
       findings_->kept.finish();
+      findings_->halo.finish(static_cast<NodeNumber>(setup_.peers.size()));
       return states_run_.finish(*setup_.server.out, to_server, bytes, traffic_);
     }
     changed_ = host_.changed();
@@ -165,7 +175,10 @@ void CdNodeRole::place_batch() {
 
 // The i-th of the batch is where it was, and its state has been kept from the server so far.
 void CdNodeRole::tell_resting(std::size_t i) {
-  changed_flags_[i] = messages::flag_present | messages::flag_inner | messages::flag_staying | messages::flag_rests;
+  const std::uint32_t known = known_.find(host_[changed_[i]].object.slot);
+  const bool inner = known != KnownObjects::none && known_.inner()[known] != 0;
+  changed_flags_[i] =
+      messages::flag_present | messages::flag_staying | messages::flag_rests | (inner ? messages::flag_inner : 0u);
   tells_[i] = true;
   host_.keep(changed_[i], false);
 }
@@ -184,6 +197,10 @@ void CdNodeRole::place(std::size_t i) {
   const bool staying = map_.nodes() == 1 || map_.owner_at(point) == setup_.node;
   const regions::Cover cover = present ? map_.cover(changed_bounds_[i], setup_.node) : regions::Cover::none;
   const bool inner = cover == regions::Cover::all;
+  const bool was_kept = (object.object.flags & messages::flag_kept) != 0;
+  if (was_kept && map_.nodes() != 1) {
+    tell_peers(object, changed_bounds_[i], inner);
+  }
   if (cover != regions::Cover::none) {
     known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer,
                staying ? NextHost::self : NextHost::node, inner);
@@ -193,8 +210,9 @@ void CdNodeRole::place(std::size_t i) {
   if (!staying) {
     movers_.push_back(object.object.number);
   }
-  const bool keeps = keeps_ && inner && staying;
-  tells_[i] = !keeps || (object.object.flags & messages::flag_kept) == 0;
+  // Where it stands within its bounds, its next host is told of it, too, and knows by them who else was.
+  const bool keeps = keeps_ && present && ((inner && staying) || geometry::holds(changed_bounds_[i], point));
+  tells_[i] = !keeps || !staying || !was_kept;
   told_.kept += tells_[i] ? 0 : 1;
   if (!tells_[i] && setup_.may_be_lost) {
     findings_->kept.add(frame_, object.object, object.pose, host_.state(changed_[i]));
@@ -302,6 +320,7 @@ bool CdNodeRole::advance() {
       if (!positions_heard_ || !pairs_heard_) {
         return false;
       }
+      hear_peers();
       detect();
       stage_ = Stage::colliding;
       return true;

@@ -42,7 +42,8 @@ struct CdNodeSetup {
   telemetry::Track* track = nullptr;  ///< null: nothing is noted
   bool remember_axes = true;          ///< see narrow_phase::NarrowPhase
   bool may_be_lost = true;            ///< so that what it keeps to itself must be safe from its being late
-  bool keeps_states = true;  ///< keeps states to itself that the server can read in shared memory (placement region)
+  bool keeps_states = true;  ///< keeps states to itself that the server can read in shared memory, and tells its peers
+                             ///< where it shares with all of them (placement region)
   regions::CellGrid interest_grid;  ///< by which it publishes, if the server's line has a publication
   std::size_t objects = 0;          ///< reserved
   std::size_t pairs = 0;            ///< reserved
@@ -54,9 +55,9 @@ struct CdNodeSetup {
 /// deployment it also hosts, moves and responds for the objects of its regions.
 ///
 /// A frame, in the order of its messages: frame_begin; move what is hosted, tell the server (node_state) batch by
-/// batch, and publish it to the user nodes where they share memory; hear who else is in the region (M2) and which pairs
-/// to test, or sweep for them, and test them as they come; tell the contacts (M3); hear what concerns the hosted
-/// objects (M4); hand over what crossed a border (M5); told.
+/// batch, and its peers where they share memory, and publish it to the user nodes there; hear who else is in the region
+/// (M2) and which pairs to test, or sweep for them, and test them as they come; tell the contacts (M3); hear what
+/// concerns the hosted objects (M4); hand over what crossed a border (M5); told.
 ///
 /// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
 class CdNodeRole {
@@ -81,6 +82,7 @@ class CdNodeRole {
   bool listen(Line& line);
   void receive(const messages::MessageView& message);
   void begin(std::uint64_t frame);
+  bool shares_states() const noexcept;
   bool move();
   void bound_batch();
   void place_batch();
@@ -89,7 +91,10 @@ class CdNodeRole {
   void tell_own_move(std::size_t i, std::byte* where);
   std::uint32_t relay_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
   void publish();
+  void tell_peers(const Hosted& object, const geometry::Bounds& bounds, bool inner);
+  void hear_peers();
   void hear_positions(const messages::MessageView& message);
+  void hear_position(const messages::PositionRecord& record, bool gone);
   void hear_pairs(const messages::MessageView& message);
   void hear_confirmed(const messages::MessageView& message);
   void hear_contacts(const messages::MessageView& message);
@@ -151,7 +156,7 @@ class CdNodeRole {
   FlatList<narrow_phase::PairContact> touches_;  ///< parallel to it
   Findings own_findings_;                        ///< where the server cannot read what is shared
   Findings* findings_;                           ///< by (a, b)
-  bool keeps_;                                   ///< states of which nobody else need know are not told
+  bool keeps_ = false;                           ///< states of which the server need not know it is not told
   std::size_t next_hit_ = 0;                     ///< of these, to be sent
   std::uint64_t candidates_ = 0;
   std::uint64_t tested_ = 0;
@@ -166,6 +171,8 @@ class CdNodeRole {
   ContactOrder order_;
   FindingsOrder findings_order_;
   FlatList<ForPeer> for_peers_;
+  std::vector<std::uint64_t> stamps_;  ///< by node: see regions::for_each_owner
+  std::uint64_t stamp_ = 0;
   std::size_t words_confirmed_ = 0;
   bool map_is_new_ = false;                         ///< heard in this frame
   std::vector<std::uint32_t> new_map_;              ///< its table, as far as it has come

@@ -9,6 +9,7 @@
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/gate.hpp"
+#include "nodes/halo.hpp"
 #include "nodes/kept_states.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/ids.hpp"
@@ -83,6 +84,7 @@ struct Findings {
   // The node's part.
   const Host* host = nullptr;         ///< the node's; set once. Read between frames, and while the node waits
   KeptStates kept;                    ///< states that it did not tell; its own rules hold
+  Halo halo;                          ///< what it tells the other nodes of these; likewise
   std::uint64_t frame = no_frame;     ///< that the lists are of
   const Contact* contacts = nullptr;  ///< parallel to keys; null: made of the next two
   const narrow_phase::PairContact* touches = nullptr;  ///< as they were found

@@ -35,7 +35,7 @@ void Host::adopt(const messages::HandOverRecord& record, const std::byte* state)
   drop(record.object.number);
   index_.set(record.object.number, static_cast<std::uint32_t>(hosted_.size()));
   hosted_.push_back({record.object, record.pose, record.user_data, record.shape, record.layer, record.category});
-  hosted_.back().object.flags &= flag_present;
+  hosted_.back().object.flags &= flag_present | flag_kept;
   states_.resize(states_.size() + state_bytes_);
   std::copy_n(state, state_bytes_, states_.end() - state_bytes_);
   touched_.push_back(0);
@@ -69,9 +69,7 @@ void Host::keep(std::size_t i, bool kept) noexcept {
 
 messages::HandOverRecord Host::hand_over(std::size_t i) const noexcept {
   const Hosted& hosted = hosted_[i];
-  messages::ObjectRef object = hosted.object;
-  object.flags &= flag_present;
-  return {object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category};
+  return {hosted.object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category};
 }
 
 bool Host::place(ObjectNumber number, const Pose& pose, bool present) {

@@ -17,8 +17,8 @@ struct alignas(64) KeptState {
 };
 static_assert(sizeof(KeptState) == 64);
 
-/// The states that a CD node that may be lost moves and does not tell, as nobody else need know of them: left where the
-/// server can read them, in memory that both share, in place of messages `node_state`.
+/// The states that a CD node that may be lost moves and does not tell the server, which need not know of them: left
+/// where it can read them, in memory that both share, in place of messages `node_state`.
 ///
 /// It reads them when the node is lost, and only then: of a node that answers it reads the Host. Two frames are kept,
 /// by parity: S(k - 1) stays as it is while S(k) is moved, also by a node that is late rather than dead. Written past

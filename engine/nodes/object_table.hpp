@@ -42,7 +42,8 @@ enum ObjectMark : ObjectMarks {
   inner_mark = 32,      ///< and it says that all cells that the bounds touch are its own
   rescued_mark = 64,    ///< of a lost node, in the server's hands until the next cut
   rehosted_mark = 128,  ///< at this cut, from one host to another
-  kept_mark = 256       ///< its host keeps its states to itself: row, state and bounds here may be of an earlier frame
+  kept_mark = 256       ///< its host keeps its states from the server and tells the nodes of it: row, state, bounds
+                        ///< and what was told of it may be of an earlier frame here
 };
 
 /// The server's table of objects, by slot. A slot belongs to one object from its spawn to the frame after its end.

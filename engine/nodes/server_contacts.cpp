@@ -99,6 +99,7 @@ void ServerRole::count_contacts() {
   }
   for (const Party& party : nodes_) {
     if (const Findings* findings = party.line.findings; findings != nullptr && !party.lost) {
+      count_shared(Traffic::m2, peers_told_ ? findings->halo.size() : 0, sizeof(messages::PositionRecord));
       count_shared(Traffic::m4, (findings->keys.size() + 63) / 64, sizeof(messages::ConfirmRecord));
       count_shared(Traffic::m4, findings->taken, sizeof(Contact));
     }

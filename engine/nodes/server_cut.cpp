@@ -190,6 +190,7 @@ void ServerRole::spawn(const Request& request) {
 }
 
 void ServerRole::end_object(std::uint32_t slot) {
+  let_go(slot);
   const Endpoint host = objects_.host(slot);
   if (Party* party = party_of(host)) {
     party->drops.push_back(slot);
@@ -199,16 +200,19 @@ void ServerRole::end_object(std::uint32_t slot) {
   objects_.end(slot);
 }
 
-// The host forgets that it keeps an object to itself when it is told where to place it.
+// From now on the server tells the nodes of it. The host, if it goes on, forgets that it keeps the object to itself
+// when it is told where to place it.
 void ServerRole::let_go(std::uint32_t slot) {
   if ((objects_.marks(slot) & kept_mark) == 0) {
     return;
   }
   const Host& host = *nodes_[objects_.host(slot).number()].line.findings->host;
   const std::uint32_t at = host.find(objects_.row(slot).object.number);
-  objects_.row(slot).pose = host[at].pose;
+  ObjectRow& row = objects_.row(slot);
+  row.pose = host[at].pose;
   std::copy_n(host.state(at), objects_.state_bytes(), objects_.state(slot));
   objects_.marks(slot) = static_cast<ObjectMarks>(objects_.marks(slot) & ~kept_mark);
+  note_told(slot, setup_.shapes->bounds(row.shape, row.pose, *setup_.space), true);
 }
 
 void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {

@@ -167,6 +167,7 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
     row.object.flags = record.object.flags & messages::flag_present;
     const bool inner = (record.object.flags & messages::flag_inner) != 0;
     ObjectMarks& marks = objects_.marks(slot);
+    const bool was_kept = (marks & kept_mark) != 0;
     const bool kept = (record.object.flags & messages::flag_kept) != 0 && party.line.findings != nullptr;
     marks = static_cast<ObjectMarks>((marks & ~kept_mark) | reported_mark | (inner ? inner_mark : 0) |
                                      (kept ? kept_mark : 0));
@@ -175,6 +176,11 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
       leaving_.push_back(slot);
     }
     std::copy_n(message.state<messages::NodeStateRecord>(i), objects_.state_bytes(), objects_.state(slot));
+    if (was_kept) {
+      note_told(slot, record.bounds, !inner);
+      objects_.mark_moved_alone(slot);
+      continue;
+    }
     const bool host_alone = inner && (marks & shared_mark) == 0;  // knows where it is: there is nobody to tell
     if (sweeps || !host_alone) {
       objects_.bounds(slot) = record.bounds;
@@ -190,6 +196,16 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
   }
   party.states_heard |= message.last();
   ingest_ns_ += telemetry::now_ns() - start;
+}
+
+// The host has told the nodes whose regions these bounds touch; if they are not `shared` they touch the host's alone.
+void ServerRole::note_told(std::uint32_t slot, const geometry::Bounds& bounds, bool shared) {
+  const bool present = (objects_.row(slot).object.flags & messages::flag_present) != 0;
+  objects_.bounds(slot) = objects_.told_bounds(slot) = bounds;
+  objects_.told(slot) = map_.grid().cells_of(bounds);
+  ObjectMarks& marks = objects_.marks(slot);
+  marks = static_cast<ObjectMarks>((marks & ~(told_mark | shared_mark)) | (present ? told_mark : 0) |
+                                   (shared ? shared_mark : 0));
 }
 
 void ServerRole::hear_collisions(Party& party, const MessageView& message) {

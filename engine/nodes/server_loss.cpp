@@ -26,6 +26,7 @@ bool ServerRole::lose(NodeNumber node) {
     return true;
   }
   party.lost = true;
+  bar_from_halos();
   node_lines_[node] = {};
   report().lost.push_back(node);
   const bool again = !is_telling();

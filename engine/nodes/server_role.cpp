@@ -206,8 +206,37 @@ void ServerRole::detect() {
     refresh_objects();
   }
   dispatch_.list_updates(objects_, map_, tell_everything_);
+  peers_told_ = !tell_everything_ && setup_.placement == Placement::region;
+  if (peers_told_) {
+    admit_to_halos();
+  }
   tell_everything_ = false;
   dispatch_.start();
+}
+
+// Before the last position is sent, whereupon they enter.
+void ServerRole::admit_to_halos() {
+  for (const Party& party : nodes_) {
+    if (party.line.findings != nullptr) {
+      party.line.findings->halo.gate.admit();
+    }
+  }
+}
+
+// A node is lost: it hears no more of its peers. Nor do the others, if they have not: they hear everything anew.
+void ServerRole::bar_from_halos() noexcept {
+  for (const Party& party : nodes_) {
+    if (party.line.findings != nullptr) {
+      party.line.findings->halo.gate.bar();
+    }
+  }
+}
+
+// Of those that are lost: peers may begin the next frame.
+bool ServerRole::halos_are_left() const noexcept {
+  return std::none_of(nodes_.begin(), nodes_.end(), [](const Party& party) {
+    return party.lost && party.line.findings != nullptr && party.line.findings->halo.gate.is_inside();
+  });
 }
 
 // One transition of the frame; false where it has to wait.
@@ -285,7 +314,7 @@ bool ServerRole::advance_stage() {
       stage_ = Stage::closing;
       return true;
     case Stage::closing:
-      if (!all_nodes([](const Party& node) { return node.told_heard; }) || !ledger_.complete()) {
+      if (!all_nodes([](const Party& node) { return node.told_heard; }) || !ledger_.complete() || !halos_are_left()) {
         return false;
       }
       finish();

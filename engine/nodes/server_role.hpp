@@ -137,6 +137,7 @@ class ServerRole {
   void receive(Party& party, const messages::MessageView& message);
   void hear_states(Party& party, const messages::MessageView& message);
   void hear_node_states(Party& party, const messages::MessageView& message);
+  void note_told(std::uint32_t slot, const geometry::Bounds& bounds, bool shared);
   void hear_collisions(Party& party, const messages::MessageView& message);
   void hear_tested(Party& party, const messages::MessageView& message);
   void hear_kinds(const messages::MessageView& message);
@@ -168,6 +169,9 @@ class ServerRole {
   void take_moves(Host& host);
   void move_own();
   void detect();
+  void admit_to_halos();
+  void bar_from_halos() noexcept;
+  bool halos_are_left() const noexcept;
   void take_in(const Party& party, std::uint64_t frame, const messages::ObjectRef& object, const Pose& pose,
                const std::byte* state);
   void refresh_objects();
@@ -230,6 +234,7 @@ class ServerRole {
   std::uint32_t resize_to_ = 0;   ///< nodes from the next frame on; 0: as they are
   bool map_changed_ = false;      ///< nodes are told of the new map at the end of this frame
   bool tell_everything_ = false;  ///< the map changed at the end of the frame before
+  bool peers_told_ = false;       ///< in this frame nodes hear each other's halos
   ObjectTable objects_;
   Host host_;
   Hosting hosting_;

@@ -18,13 +18,28 @@
 namespace ringfence::nodes::test {
 namespace {
 
-const Wandering wandering(248);  // a hand-over of a dozen objects fills a ring
+/// Some vanish now and then.
+class Vanishing : public Wandering {
+ public:
+  using Wandering::Wandering;
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    Wandering::move(frame, inputs, outputs);
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      if (inputs[i].number % 7 == 3 && inputs[i].category != Category::avatar) {
+        outputs[i].present = (frame + inputs[i].number) % 5 > 1;
+      }
+    }
+  }
+};
+const Vanishing wandering(248);  // a hand-over of a dozen objects fills a ring
 
 /// What is asked of two theatres alike, by one seed.
 class Script {
  public:
   Script(Theatre& theatre, std::uint64_t seed) : theatre_(theatre), random_(seed) {
-    ball_ = theatre.add_shape(Sphere{6});
+    shapes_[0] = theatre.add_shape(Sphere{6});
+    // Its origin is outside, even of its bounds: its host need not touch it.
+    shapes_[1] = theatre.add_shape(ConvexHull{{{5, 1, 1}, {15, 1, 1}, {5, 9, 1}, {5, 1, 9}, {12, 7, 8}}});
     for (UserNumber user = 0; user < 2; ++user) {
       connect(user);
     }
@@ -70,7 +85,7 @@ class Script {
   }
   void spawn(Category category, UserNumber user) {
     ObjectSpec spec;
-    spec.shape = ball_;
+    spec.shape = shapes_[random_() % 4 == 0 ? 1 : 0];
     spec.category = category;
     spec.user = user;
     spec.pose = anywhere();
@@ -88,7 +103,7 @@ class Script {
 
   Theatre& theatre_;
   std::mt19937_64 random_;
-  ShapeNumber ball_ = 0;
+  ShapeNumber shapes_[2] = {};
   std::vector<ObjectId> objects_;  ///< that can move, avatars apart
   bool connected_[3] = {};
   std::set<ObjectNumber> asked_;  ///< numbers given that the table may not know yet

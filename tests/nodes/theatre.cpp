@@ -112,7 +112,8 @@ void Theatre::introduce() {
               std::make_unique<Wire>(play_.ring_bytes, play_.delivery_bytes, Endpoint::node(from), Endpoint::node(to));
         }
       }
-      peers[q] = {&peers_[{standing_[p], standing_[q]}]->sender(), &peers_[{standing_[q], standing_[p]}]->receiver()};
+      peers[q] = {&peers_[{standing_[p], standing_[q]}]->sender(), &peers_[{standing_[q], standing_[p]}]->receiver(),
+                  nodes_[standing_[q]].findings.get()};
     }
     nodes_[standing_[p]].role->meet(p, peers);
   }

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "messages/records.hpp"
+#include "nodes/flat_list.hpp"
+#include "nodes/gate.hpp"
+#include "ringfence/ids.hpp"
+
+namespace ringfence::nodes {
+
+/// What a CD node tells the others of its process of the objects that it hosts and whose states it keeps from the
+/// server: where they stand, if they touch the others' regions, or that they do so no more. M2 from node to node, in
+/// place of states to the server and positions from there: a halo exchange, as domain decomposition has it.
+///
+/// An object near a corner is one record, however many nodes are told of it.
+///
+/// Threads: one writer. It fills a frame's halo before it tells the server that it has moved all, and leaves it as it
+/// is until the next `frame_begin`; those that their gates let in read it when the server has sent them the positions
+/// that it knows. Memory: grows to the largest frame.
+class Halo {
+ public:
+  /// An entry of told().
+  struct Told {
+    std::uint32_t record;  ///< which
+    bool gone;             ///< it touches the receiver's region no more
+  };
+
+  /// Before the first frame: for so many objects.
+  void reserve(std::size_t objects);
+  /// Empties it for the frame.
+  void start(std::uint64_t frame);
+  /// One more record; the tell() that follow are of it.
+  void add(const messages::PositionRecord& record) { records_.push_back(record); }
+  void tell(NodeNumber peer, bool gone) {
+    entries_.push_back({peer, static_cast<std::uint32_t>(records_.size() - 1) | (gone ? gone_bit : 0)});
+  }
+  /// After the last of them; `nodes` is how many there are.
+  void finish(NodeNumber nodes);
+
+  std::uint64_t frame() const noexcept { return frame_; }
+  /// What `peer` is told; each object once.
+  std::size_t told(NodeNumber peer) const noexcept { return from_[peer + 1] - from_[peer]; }
+  Told told(NodeNumber peer, std::size_t i) const noexcept {
+    const std::uint32_t entry = told_[from_[peer] + i];
+    return {entry & ~gone_bit, (entry & gone_bit) != 0};
+  }
+  const messages::PositionRecord& record(std::uint32_t i) const noexcept { return records_[i]; }
+  void fetch(std::uint32_t i) const noexcept {
+    __builtin_prefetch(&records_[i]);
+    __builtin_prefetch(reinterpret_cast<const std::byte*>(&records_[i] + 1) - 1);
+  }
+  /// To all nodes together.
+  std::size_t size() const noexcept { return told_.size(); }
+
+  Gate gate;  ///< of the node that this is the halo of, to the halos of the others
+
+ private:
+  static constexpr std::uint32_t gone_bit = 0x80000000u;
+  static constexpr std::uint64_t no_frame = ~std::uint64_t{0};
+  struct Entry {
+    NodeNumber peer;
+    std::uint32_t told;
+  };
+
+  std::uint64_t frame_ = no_frame;
+  FlatList<messages::PositionRecord> records_;
+  FlatList<Entry> entries_;          ///< as they came
+  FlatList<std::uint32_t> told_;     ///< which of records_, with gone_bit; a run a node
+  std::vector<std::uint32_t> from_;  ///< by node, and one more: where its run begins
+};
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,110 @@
+// What CD nodes that share memory tell each other of objects near their borders.
+#include "nodes/halo.hpp"
+
+#include <cstring>
+#include <map>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "nodes/theatre.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+TEST_CASE("a halo tells each node what was meant for it, and nobody anything else") {
+  std::mt19937_64 random(7);
+  Halo halo;
+  halo.reserve(4);
+  for (std::uint64_t frame = 0; frame < 50; ++frame) {
+    const auto nodes = static_cast<NodeNumber>(1 + random() % 9);
+    std::map<NodeNumber, std::vector<std::pair<ObjectNumber, bool>>> meant;
+    halo.start(frame);
+    std::size_t entries = 0;
+    for (ObjectNumber number = static_cast<ObjectNumber>(random() % 300); number > 0; --number) {
+      messages::PositionRecord record;
+      record.object.number = number;
+      record.pose.position.x = number * 0.5;
+      halo.add(record);
+      for (NodeNumber peer = 0; peer < nodes; ++peer) {
+        if (random() % 3 == 0) {
+          const bool gone = random() % 4 == 0;
+          halo.tell(peer, gone);
+          meant[peer].push_back({number, gone});
+          ++entries;
+        }
+      }
+    }
+    halo.finish(nodes);
+    CHECK(halo.frame() == frame);
+    CHECK(halo.size() == entries);
+    for (NodeNumber peer = 0; peer < nodes; ++peer) {
+      REQUIRE(halo.told(peer) == meant[peer].size());
+      for (std::size_t i = 0; i < halo.told(peer); ++i) {
+        const auto [record, gone] = halo.told(peer, i);
+        CHECK(halo.record(record).object.number == meant[peer][i].first);
+        CHECK(halo.record(record).pose.position.x == meant[peer][i].first * 0.5);
+        CHECK(gone == meant[peer][i].second);
+      }
+    }
+  }
+}
+
+/// The first stands, the second is where a table says.
+class Visitor : public MotionModel {
+ public:
+  explicit Visitor(std::vector<double> places) : places_(std::move(places)) {}
+  std::size_t state_bytes() const noexcept override { return 0; }
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      if (inputs[i].number == 2) {
+        outputs[i].pose.position.x = places_[frame];
+      }
+    }
+  }
+
+ private:
+  std::vector<double> places_;
+};
+
+TEST_CASE("a node hears from its peer, not from the server, of what comes near the border, crosses it and goes") {
+  // The border is at 32, what stands reaches from 32.5 to 34.5.
+  const std::vector<double> places = {4, 20, 31.5, 31.2, 29.9, 20, 31.5, 33.5, 40, 36.5, 34.5, 31.5, 20, 21};
+  const Visitor model(places);
+  Stageplay play;
+  play.placement = Placement::region;
+  play.shares_memory = true;
+  play.nodes = 2;
+  play.grid = {{2, 0, 0}};
+  play.model = &model;
+  Theatre theatre(play);
+  ObjectSpec spec;
+  spec.shape = theatre.add_shape(Sphere{1});
+  spec.pose.position = {33.5, 8, 8};
+  theatre.spawn(spec);
+  spec.pose.position = {3, 8, 8};
+  theatre.spawn(spec);
+  for (std::size_t frame = 0; frame < places.size(); ++frame) {
+    CAPTURE(frame);
+    theatre.frame();
+    const bool touch = places[frame] >= 31.5 && places[frame] <= 35.5;
+    CHECK(theatre.contacts().size() == (touch ? 1 : 0));
+    std::size_t by_server = 0;
+    for (const Seen& seen : theatre.log()) {
+      by_server += seen.type() == MessageType::position_update ? seen.header.count : 0;
+    }
+    // In the first frame what stands, of which no host reports; then all is in the hosts' hands.
+    CHECK(by_server == (frame == 0 ? 1 : 0));
+    // Of what touches the other's region, and once more when it does so no longer.
+    const auto over_border = [&](std::size_t f) { return places[f] >= 31 && places[f] <= 33; };
+    const bool told =
+        frame > 0 && (over_border(frame) || over_border(frame - 1) || (places[frame - 1] < 32) != (places[frame] < 32));
+    CHECK(theatre.report().traffic[static_cast<std::size_t>(Traffic::m2)].records == by_server + (told ? 1 : 0));
+    theatre.require_one_host_each();
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test
