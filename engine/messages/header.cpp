@@ -29,7 +29,7 @@ const char* name_of(MessageType type) noexcept {
   constexpr const char* names[message_types] = {
       "none",    "adopt",     "drop",        "place",  "frame_begin", "state_update", "node_state", "position_update",
       "pairs",   "collision", "narrow_done", "notify", "region_map",  "frame_end",    "hand_over",  "told",
-      "refused", "kinds",     "confirm",     "lost",   "probe",       "here"};
+      "refused", "kinds",     "confirm",     "lost",   "probe",       "here",         "published",  "look"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }
@@ -46,6 +46,8 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
     case MessageType::frame_begin:
     case MessageType::probe:
     case MessageType::here:
+    case MessageType::published:
+    case MessageType::look:
       return 0;
     case MessageType::lost:
       return sizeof(LostRecord);

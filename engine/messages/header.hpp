@@ -46,9 +46,12 @@ enum class MessageType : std::uint16_t {
   lost = 19,   ///< LostRecord: that node is no longer there; a region_map follows where the frame is detected anew
   probe = 20,  ///< no records: answer that you are there
   // CD nodes to server.
-  here = 21,  ///< no records: the answer
+  here = 21,       ///< no records: the answer
+  published = 22,  ///< no records: what the sender hosts can be read in its publication
+  // Server to user nodes, while CD nodes test.
+  look = 23,  ///< no records: all that is published of this frame can be read
 };
-inline constexpr std::uint16_t message_types = 22;
+inline constexpr std::uint16_t message_types = 24;
 
 /// The kind of traffic that a message counts as.
 Traffic traffic_of(MessageType type) noexcept;

@@ -274,6 +274,12 @@ void CdNodeRole::publish() {
         return link::PublishedState{host_[i].object.number, 0, host_[i].pose};
       });
   note_reach(setup_.server.publication->published, setup_.interest_grid, frame_);
+  published_run_.start(0);
+}
+
+bool CdNodeRole::send_published() {
+  return published_run_.pump(*setup_.server.out, head(MessageType::published, Endpoint::server()), 0, traffic_,
+                             [](std::size_t, std::byte*) {});
 }
 
 // In this frame so far.
@@ -308,11 +314,16 @@ bool CdNodeRole::advance() {
     case Stage::waiting:
       return false;
     case Stage::moving:
-      if (!move()) {
+      if (!states_run_.done()) {
+        if (!move()) {
+          return false;
+        }
+        told_.move_cpu_ns = cpu_spent();
+        publish();
+      }
+      if (!send_published()) {
         return false;
       }
-      told_.move_cpu_ns = cpu_spent();
-      publish();
       told_.publish_cpu_ns = cpu_spent() - told_.move_cpu_ns;
       stage_ = Stage::gathering;
       return true;

@@ -55,9 +55,9 @@ struct CdNodeSetup {
 /// deployment it also hosts, moves and responds for the objects of its regions.
 ///
 /// A frame, in the order of its messages: frame_begin; move what is hosted, tell the server (node_state) batch by
-/// batch, and its peers where they share memory, and publish it to the user nodes there; hear who else is in the region
-/// (M2) and which pairs to test, or sweep for them, and test them as they come; tell the contacts (M3); hear what
-/// concerns the hosted objects (M4); hand over what crossed a border (M5); told.
+/// batch, and its peers where they share memory, and publish it to the user nodes there (published); hear who else is
+/// in the region (M2) and which pairs to test, or sweep for them, and test them as they come; tell the contacts (M3);
+/// hear what concerns the hosted objects (M4); hand over what crossed a border (M5); told.
 ///
 /// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
 class CdNodeRole {
@@ -91,6 +91,7 @@ class CdNodeRole {
   void tell_own_move(std::size_t i, std::byte* where);
   std::uint32_t relay_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
   void publish();
+  bool send_published();
   void tell_peers(const Hosted& object, const geometry::Bounds& bounds, bool inner);
   void hear_peers();
   void hear_positions(const messages::MessageView& message);
@@ -179,7 +180,7 @@ class CdNodeRole {
   std::vector<std::vector<ObjectNumber>> leavers_;  ///< by the node that hosts them next
 
   messages::RunWriter states_run_, collisions_run_;
-  messages::RunSender done_run_, kinds_run_, told_run_, here_run_;
+  messages::RunSender published_run_, done_run_, kinds_run_, told_run_, here_run_;
   std::vector<messages::RunSender> hand_over_runs_;
   messages::TrafficCounts traffic_{};
   messages::ToldRecord told_;

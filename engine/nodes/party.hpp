@@ -29,6 +29,7 @@ struct Party {
   static constexpr std::uint32_t ended = 0x80000000u;
 
   messages::RunSender drop_run, adopt_run, place_run, late_run, refused_run, begin_run;
+  messages::RunSender look_run;  ///< to be sent once all is published
   messages::RunSender map_run, confirm_run, notice_run, end_run;
   messages::RunSender lost_run, new_map_run, probe_run;
   std::vector<messages::LostRecord> losses;  ///< to be told to it at once
@@ -40,6 +41,7 @@ struct Party {
   std::size_t heard_bytes = 0;
   std::size_t heard_updates = 0;
   bool states_heard = false;
+  bool published_heard = false;
   bool tested_heard = false;
   bool told_heard = false;
   static constexpr std::size_t most_refusals = 64;  ///< reported a frame; all are counted

@@ -21,9 +21,10 @@ struct Published {
 
 /// What a CD node in the server's process tells the user nodes of the objects that it hosts.
 ///
-/// Threads: the server writes `wanted` before it lets the frame begin; the node writes the rest before it says that it
-/// has tested, and what holds of it from then on is for the server to say (Publications::relays). A node that is lost
-/// may write as long as its thread lives, which nobody reads any more.
+/// Threads: the server writes `wanted` before it lets the frame begin; the node writes the rest before it says so
+/// (`published`), and what holds of it from then on is for the server to say (Publications::relays). A node that is
+/// lost before it has said so may write as long as its thread lives, which nobody reads; one that is lost later has
+/// said all, and does not write before it is told of another frame, which it is not.
 struct NodePublication {
   NodePublication(std::size_t cells, std::size_t states) : publication(cells, states) {
     published.publication = &publication;
@@ -39,13 +40,13 @@ struct NodePublication {
 /// that host them, and each user node's own publication.
 ///
 /// Threads: the facade changes entries only while no frame is under way; in a frame each writer writes its own entry
-/// before it reports, and the others read it after the server has told them that the frame is detected.
+/// before it reports, and the others read it after the server has told them to look.
 struct Publications {
   regions::CellGrid grid;
   const geometry::FixedSpace* space = nullptr;
   Published server;  ///< of what no CD node publishes
-  /// By parity of the frame: those that hold, each object in one of them, as the server says. They stay readable until
-  /// the next frame is complete.
+  /// By parity of the frame: those that hold, each object in one of them, as the server says before user nodes look.
+  /// They stay as they are from then on, whoever is lost, and readable until the next frame is complete.
   std::vector<const Published*> relays[2];
   std::vector<Published> users;  ///< by user number
 };

@@ -46,7 +46,7 @@ void ServerRole::cut() {
       party.new_map_run.start(map_.table().size());
     }
     party.hand_overs = 0;
-    party.states_heard = party.tested_heard = party.told_heard = false;
+    party.states_heard = party.published_heard = party.tested_heard = party.told_heard = false;
     party.heard_bytes = party.heard_updates = 0;
     party.heard_ns = begin_ns_;
     party.probed_ns = 0;
@@ -54,7 +54,7 @@ void ServerRole::cut() {
   });
   hand_overs_.clear();
   kept_moved_ = 0;
-  losses_to_tell_ = false;
+  losses_to_tell_ = relays_listed_ = false;
   stage_ = Stage::opening;
 }
 

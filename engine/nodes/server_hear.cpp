@@ -97,6 +97,8 @@ void ServerRole::receive(Party& party, const MessageView& message) {
       return node ? hear_collisions(party, message) : refuse(party, Status::bad_message);
     case MessageType::narrow_done:
       return node && message.count() == 1 ? hear_tested(party, message) : refuse(party, Status::bad_message);
+    case MessageType::published:
+      return node ? void(party.published_heard = true) : refuse(party, Status::bad_message);
     case MessageType::here:
       return node ? void() : refuse(party, Status::bad_message);
     case MessageType::kinds:

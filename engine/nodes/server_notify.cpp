@@ -135,6 +135,9 @@ bool ServerRole::notify(Party& party) {
   link::Sender& out = *party.line.out;
   auto& counts = report().traffic;
   const bool node = party.self.is_node();
+  if (!tell_to_look(party)) {
+    return false;
+  }
   if (node && map_changed_ && !send_map(party, party.map_run)) {
     return false;
   }

@@ -5,10 +5,12 @@
 #include <utility>
 
 #include "nodes/server_role.hpp"
+#include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
 
 using messages::Endpoint;
+using messages::MessageType;
 
 bool ServerRole::relays() const noexcept {
   return setup_.interest > 0 && !connected_.empty() && setup_.deployment != Deployment::user;
@@ -36,8 +38,13 @@ bool ServerRole::publishes(Endpoint host) const noexcept {
 }
 
 // What nobody else publishes: all, or what nodes in other processes host, and what lost ones hosted. Again in the same
-// frame, if a node is lost after it.
+// frame, if a node is lost after it; but not once user nodes look: then it was lost after it had published, too, and
+// what it hosted stands in S(k) where they read it.
 void ServerRole::publish() {
+  if (relays_listed_) {
+    relay_is_known_ = false;  // what was taken back has moved since
+    return;
+  }
   Published& relay = setup_.publications->server;
   relay.any[frame_ & 1] = false;
   const bool all_published =
@@ -93,8 +100,33 @@ void ServerRole::update_relay() {
   }
 }
 
-// Once all nodes have answered whole, so that what they published is there, and no loss changes any more who relays
-// what.
+bool ServerRole::all_published() noexcept {
+  return all_nodes([&](const Party& node) { return node.published_heard || !publishes(node.self); });
+}
+
+// All states are in publications that nobody writes any more in this frame, so user nodes may read while nodes test.
+// One whose link is full is told when it is told of its contacts: nobody waits for it here.
+void ServerRole::let_look() {
+  spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
+  list_relays();
+  relays_listed_ = true;
+  if (setup_.interest > 0) {
+    all_users([&](Party& user) {
+      user.look_run.start(0);
+      tell_to_look(user);
+      return true;
+    });
+  }
+  spend_cpu(&PathReport::publish_ms);
+  spend(ringfence::Stage::notify, telemetry::now_ns());
+}
+
+bool ServerRole::tell_to_look(Party& user) {
+  return user.look_run.pump(*user.line.out, head(MessageType::look, user.self), 0, report().traffic,
+                            [](std::size_t, std::byte*) {});
+}
+
+// Which publications hold: no loss changes any more who relays what.
 void ServerRole::list_relays() {
   auto& relays_of_frame = setup_.publications->relays[frame_ & 1];
   relays_of_frame.clear();

@@ -287,11 +287,13 @@ bool ServerRole::advance_stage() {
       stage_ = Stage::colliding;
       return true;
     case Stage::colliding:
+      if (!relays_listed_ && all_published()) {
+        let_look();
+      }
       if (!all_nodes([](const Party& node) { return node.tested_heard; })) {
         return false;
       }
       spend_cpu(&PathReport::hear_ms);
-      list_relays();
       collect();
       spend_cpu(&PathReport::collect_ms);
       notify_ns_ = mark_ns_;

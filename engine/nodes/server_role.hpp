@@ -191,6 +191,9 @@ class ServerRole {
   bool publishes(messages::Endpoint host) const noexcept;
   void publish();
   void update_relay();
+  bool all_published() noexcept;
+  void let_look();
+  bool tell_to_look(Party& user);
   void list_relays();
   bool notify(Party& party);
   bool send_map(Party& party, messages::RunSender& run);
@@ -250,6 +253,7 @@ class ServerRole {
   FlatList<std::uint32_t> relay_cells_;  ///< by slot: the cell of the publication, or not_relayed
   bool nodes_publish_ = false;           ///< in this frame CD nodes relay what they host, those that can
   bool relay_is_known_ = false;          ///< relay_cells_ hold, but for what moved in this frame
+  bool relays_listed_ = false;           ///< user nodes look: what is published in this frame stays as it is
   std::vector<std::uint32_t> leaving_;   ///< slots of this frame whose hosts say that others host them next
   bool users_changed_ = false;
   bool bounds_are_stale_ = false;  ///< those of present objects of which their hosts alone know

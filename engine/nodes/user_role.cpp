@@ -35,6 +35,9 @@ void UserRole::receive(const MessageView& message) {
     case MessageType::refused:
       refused_ += message.count();
       return;
+    case MessageType::look:
+      may_look_ = true;
+      return;
     case MessageType::notify:
       return hear_contacts(message);
     default:
@@ -45,7 +48,7 @@ void UserRole::receive(const MessageView& message) {
 void UserRole::hear_contacts(const MessageView& message) {
   // Between frames these are the last contacts of an object that was taken over.
   const bool late = stage_ == Stage::waiting;
-  if (!late) {
+  if (!late && stage_ == Stage::listening) {
     enter(telemetry::StepClock::end);
   }
   late ? host_.add_late_contacts(message) : host_.add_contacts(frame_, message);
@@ -55,6 +58,7 @@ void UserRole::hear_contacts(const MessageView& message) {
 void UserRole::begin(std::uint64_t frame) {
   frame_ = frame;
   contacts_heard_ = false;
+  may_look_ = setup_.interest <= 0;  // there is nothing to wait for
   told_ = {};
   enter(telemetry::StepClock::move);
   telemetry::TrackedTime time(setup_.track, "move", told_.move_ns);
@@ -223,10 +227,10 @@ bool UserRole::advance() {
       if (!send_states()) {
         return false;
       }
-      stage_ = Stage::listening;
+      stage_ = Stage::looking;
       return true;
-    case Stage::listening:
-      if (!contacts_heard_) {
+    case Stage::looking:
+      if (!may_look_) {
         return false;
       }
       enter(telemetry::StepClock::look);
@@ -234,6 +238,13 @@ bool UserRole::advance() {
         telemetry::TrackedTime time(setup_.track, "look around", told_.busy_ns);
         look_around();
       }
+      stage_ = Stage::listening;
+      return true;
+    case Stage::listening:
+      if (!contacts_heard_) {
+        return false;
+      }
+      enter(telemetry::StepClock::end);
       told_run_.start(1);
       stage_ = Stage::telling;
       return true;

@@ -28,8 +28,8 @@ struct UserSetup {
 };
 
 /// A user node: hosts its avatars, and in user domain deployment its share of all other objects; moves them, tells the
-/// server (M1) and the other users (its publication), is told of the collisions that concern them (M4), and reads what
-/// others published near its avatars. It knows the server alone.
+/// server (M1) and the other users (its publication), reads what others published near its avatars once the server says
+/// that it may, and is told of the collisions that concern them (M4). It knows the server alone.
 ///
 /// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
 class UserRole {
@@ -52,7 +52,7 @@ class UserRole {
   std::uint64_t refused() const noexcept { return refused_; }
 
  private:
-  enum class Stage : std::uint8_t { waiting, reporting, listening, telling };
+  enum class Stage : std::uint8_t { waiting, reporting, looking, listening, telling };
   struct Steered {
     ObjectNumber number;
     Pose pose;
@@ -76,6 +76,7 @@ class UserRole {
   Host host_;
   Stage stage_ = Stage::waiting;
   std::uint64_t frame_ = 0;
+  bool may_look_ = false;  ///< all have published
   bool contacts_heard_ = false;
   std::uint64_t refused_ = 0;
   std::vector<Steered> steered_;  ///< for the next frame

@@ -41,6 +41,8 @@ constexpr std::array<RecordSize, message_types> sizes = {{{0, false},
                                                           {sizeof(ConfirmRecord), false},
                                                           {sizeof(LostRecord), false},
                                                           {0, false},
+                                                          {0, false},
+                                                          {0, false},
                                                           {0, false}}};
 
 std::size_t size_of(std::uint16_t type, std::size_t state_bytes) {
@@ -95,7 +97,7 @@ bool fits(std::span<const std::byte> bytes, std::size_t state_bytes) {
   const auto last = field<std::uint16_t>(bytes, 6);
   const auto count = field<std::uint32_t>(bytes, 28);
   const auto whole = field<std::uint32_t>(bytes, 32);
-  if (version != 1 || type == 0 || type > 21 || last > 1 || each != size_of(type, state_bytes)) {
+  if (version != 1 || type == 0 || type > 23 || last > 1 || each != size_of(type, state_bytes)) {
     return false;
   }
   if (each == 0) {

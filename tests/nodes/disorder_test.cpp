@@ -160,9 +160,9 @@ Played play(std::uint64_t seed, int frames) {
     }
     if (report.lost.empty()) {
       theatre.require_one_host_each();
-      if (wild.interest > 0) {
-        theatre.require_views();
-      }
+    }
+    if (wild.interest > 0) {
+      theatre.require_views();
     }
     played.lost += report.lost.size();
   }

@@ -70,6 +70,7 @@ void in_all_plays(const MotionModel* model, Test test) {
         play.nodes = nodes;
         play.shares_memory = shares;
         play.grid = {{2, 2, 2}};
+        play.interest = nodes == 3 ? 12 : 0;
         play.model = model;
         CAPTURE(words(play));
         test(play);
@@ -191,7 +192,7 @@ void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t u
     check_order(log, Endpoint::server(), Endpoint::node(node),
                 {drop, adopt, place, notify, frame_begin, position_update, pairs, confirm, notify, frame_end});
     check_order(log, Endpoint::node(node), Endpoint::server(),
-                play.shares_memory ? std::vector{node_state, narrow_done, kinds, told}
+                play.shares_memory ? std::vector{node_state, published, narrow_done, kinds, told}
                                    : std::vector{node_state, collision, narrow_done, kinds, told});
     for (NodeNumber peer = 0; peer < play.nodes; ++peer) {
       check_order(log, Endpoint::node(node), Endpoint::node(peer), {hand_over});
@@ -199,7 +200,7 @@ void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t u
   }
   for (UserNumber user = 0; user < users; ++user) {
     check_order(log, Endpoint::server(), Endpoint::user(user),
-                {drop, adopt, place, notify, refused, frame_begin, notify});
+                {drop, adopt, place, notify, refused, frame_begin, look, notify});
     check_order(log, Endpoint::user(user), Endpoint::server(), {state_update, told});
   }
   const auto is = [](MessageType type) { return [type](const Seen& seen) { return seen.type() == type; }; };
@@ -212,6 +213,15 @@ void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t u
   const auto m4 = [&](const Seen& seen) { return seen.type() == notify && &seen > log.data() + last_of(log, m2); };
   REQUIRE(last_of(log, is(narrow_done)) < first_of(log, m4));
   REQUIRE(begin >= 0);
+  // Nobody looks before all is published.
+  REQUIRE((first_of(log, is(look)) >= 0) == (play.interest > 0 && users > 0));
+  if (play.interest > 0 && users > 0) {
+    REQUIRE(first_of(log, is(look)) > std::max(last_of(log, state), last_of(log, is(published))));
+    REQUIRE(last_of(log, is(look)) < first_of(log, m4));
+    const bool publish = play.shares_memory && play.deployment == Deployment::user_collision;
+    REQUIRE(static_cast<std::uint32_t>(std::count_if(log.begin(), log.end(), is(published))) ==
+            (publish ? play.nodes : 0));
+  }
   if (const auto m5 = first_of(log, is(hand_over)); m5 >= 0) {
     REQUIRE(m5 > first_of(log, is(frame_end)));
     REQUIRE(play.deployment == Deployment::user_collision);

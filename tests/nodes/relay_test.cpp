@@ -1,4 +1,5 @@
 // What user nodes see of what they do not host: the same, whoever tells them.
+#include <algorithm>
 #include <cstring>
 #include <random>
 #include <vector>
@@ -183,6 +184,36 @@ TEST_CASE("after a node is lost, by whatever of its messages, user nodes see eac
       }
     }
   });
+}
+
+TEST_CASE("user nodes look while nodes test, and what they see stands though a node is lost then") {
+  for (const Placement placement : {Placement::server, Placement::region}) {
+    const Stageplay play = play_of(Deployment::user_collision, placement, true);
+    std::size_t lost_late = 0;
+    for (NodeNumber node = 0; node < play.nodes; ++node) {
+      for (std::size_t messages = 0; messages < 40; ++messages) {
+        CAPTURE(node);
+        CAPTURE(messages);
+        Life life(play, 9);
+        for (int frame = 0; frame < 3; ++frame) life.frame();
+        life.theatre.kill(node, messages);
+        life.frame();
+        const auto of_node = [&](MessageType type) {
+          return std::any_of(life.theatre.log().begin(), life.theatre.log().end(), [&](const Seen& seen) {
+            return seen.from == Endpoint::node(node) && seen.type() == type;
+          });
+        };
+        if (!life.theatre.report().lost.empty() && of_node(MessageType::published) &&
+            !of_node(MessageType::narrow_done)) {
+          ++lost_late;
+          // Nobody tells again what it has told.
+          REQUIRE(life.theatre.relays().size() == play.nodes);
+        }
+        life.frame();
+      }
+    }
+    CHECK(lost_late >= play.nodes);
+  }
 }
 
 TEST_CASE("nodes that are lost together, or one after another to the last, take nothing from what user nodes see") {

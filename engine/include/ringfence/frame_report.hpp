@@ -81,17 +81,17 @@ struct PathReport {
   double dispatch_ms = 0;      ///< server: what moved, its sweep
   double node_publish_ms = 0;  ///< nodes: what they host
 
-  double publish_ms = 0;      ///< server: what nobody else publishes
+  double publish_ms = 0;      ///< server: what nobody else publishes, telling users to look
   double node_detect_ms = 0;  ///< nodes: until they have told their contacts
+  double user_look_ms = 0;    ///< users, when they are told to
 
   double hear_ms = 0;     ///< server: taking in what nodes found
   double collect_ms = 0;  ///< server: merging, phases, who is told of what
   double notify_ms = 0;   ///< server: telling nodes
 
-  double inform_ms = 0;     ///< server: telling users, before they end, until they all have
-  double node_end_ms = 0;   ///< nodes: putting contacts in order, handing over
-  double user_look_ms = 0;  ///< users: looking around
-  double user_end_ms = 0;   ///< users: taking in what they are told
+  double inform_ms = 0;    ///< server: telling users, before they end, until they all have
+  double node_end_ms = 0;  ///< nodes: putting contacts in order, handing over
+  double user_end_ms = 0;  ///< users: taking in what they are told
 
   double finish_ms = 0;  ///< server: hearing that nodes have ended
 
@@ -108,12 +108,12 @@ struct PathReport {
              {"node_publish", &PathReport::node_publish_ms},
              {"publish", &PathReport::publish_ms},
              {"node_detect", &PathReport::node_detect_ms},
+             {"user_look", &PathReport::user_look_ms},
              {"hear", &PathReport::hear_ms},
              {"collect", &PathReport::collect_ms},
              {"notify", &PathReport::notify_ms},
              {"inform", &PathReport::inform_ms},
              {"node_end", &PathReport::node_end_ms},
-             {"user_look", &PathReport::user_look_ms},
              {"user_end", &PathReport::user_end_ms},
              {"finish", &PathReport::finish_ms}}};
   }
@@ -123,8 +123,8 @@ struct PathReport {
   double critical_ms() const noexcept {
     const auto longest = [](double p, double q) { return p > q ? p : q; };
     return open_ms + longest(node_move_ms, invite_ms + longest(ingest_ms, user_move_ms)) +
-           longest(dispatch_ms, node_publish_ms) + longest(publish_ms, node_detect_ms) + hear_ms + collect_ms +
-           notify_ms + longest(node_end_ms, inform_ms + user_look_ms + user_end_ms) + finish_ms;
+           longest(dispatch_ms, node_publish_ms) + longest(node_detect_ms, publish_ms + user_look_ms) + hear_ms +
+           collect_ms + notify_ms + longest(node_end_ms, inform_ms + user_end_ms) + finish_ms;
   }
 };
 
