@@ -212,9 +212,14 @@ void Host::find_hosted(const ContactList& list) {
   const std::size_t end = list.keys.size();
   std::size_t own = skip_ended(0, own_end);
   std::size_t told = skip_ended(own_end, end);
+  constexpr std::size_t ahead = 16;
   while (own < own_end || told < end) {
     const bool first = told == end || (own < own_end && keys[own] < keys[told]);
     const std::size_t i = first ? own : told;
+    if (i + ahead < end) {
+      index_.fetch(static_cast<ObjectNumber>(keys[i + ahead] >> 32));
+      index_.fetch(static_cast<ObjectNumber>(keys[i + ahead]));
+    }
     const std::uint32_t a = index_.find(static_cast<ObjectNumber>(keys[i] >> 32));
     const std::uint32_t b = index_.find(static_cast<ObjectNumber>(keys[i]));
     if (a != NumberIndex::none || b != NumberIndex::none) {

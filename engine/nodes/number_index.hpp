@@ -41,6 +41,15 @@ class NumberIndex {
     }
   }
 
+  /// Fetches what find() will look at.
+  void fetch(ObjectNumber number) const noexcept {
+    if (number < places_.size()) {
+      __builtin_prefetch(&places_[number]);
+    } else {
+      __builtin_prefetch(&entries_[home(number)]);
+    }
+  }
+
   /// Stores or replaces. Precondition: number is not 0.
   void set(ObjectNumber number, std::uint32_t index) {
     if (number >= places_.size() && number < places_a_number * (size() + least_places)) {
