@@ -13,6 +13,7 @@ using messages::MessageType;
 using telemetry::TrackedTime;
 
 void CdNodeRole::sweep() {
+  const auto bodies = known_.bodies();
   const auto bounds = known_.bounds();
   const auto inner = known_.inner();
   const auto numbers = known_.numbers();
@@ -33,6 +34,8 @@ void CdNodeRole::sweep() {
             continue;
           }
           // Every other pair the wrong way round, at random: a branch would be missed as often.
+          __builtin_prefetch(&bodies[pair.a]);
+          __builtin_prefetch(&bodies[pair.b]);
           const std::uint32_t flip = (pair.a ^ pair.b) & (numbers[pair.b] < numbers[pair.a] ? ~0u : 0u);
           pairs_.push_back({pair.a ^ flip, pair.b ^ flip});
         }
