@@ -76,11 +76,7 @@ Step CdNodeRole::step() {
     return Step::idle;
   }
   bool progressed = listen(setup_.server);
-  for (Line& peer : setup_.peers) {
-    if (peer.in != nullptr) {
-      progressed |= listen(peer);
-    }
-  }
+  progressed |= listen_to_peers();
   progressed |= answer_probe();
   while (advance()) {
     progressed = true;

@@ -80,6 +80,7 @@ class CdNodeRole {
   enum class Stage : std::uint8_t { waiting, moving, gathering, colliding, ending, handing_over, settling, telling };
 
   bool listen(Line& line);
+  bool listen_to_peers();
   void receive(const messages::MessageView& message);
   void begin(std::uint64_t frame);
   bool shares_states() const noexcept;
