@@ -154,7 +154,7 @@ void CdNodeRole::bound_batch() {
   for (std::size_t i = 0; i < changed_.size(); ++i) {
     const Hosted& object = host_[changed_[i]];
     changed_bounds_[i] = setup_.shapes->bounds(object.shape, object.pose, *setup_.space);
-    known_.fetch(object.object.slot);
+    known_.fetch(object.object.slot, host_.place_in_list(changed_[i]));
   }
 }
 
@@ -198,8 +198,10 @@ void CdNodeRole::place(std::size_t i) {
     tell_peers(object, changed_bounds_[i], inner);
   }
   if (cover != regions::Cover::none) {
-    known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer,
-               staying ? NextHost::self : NextHost::node, inner);
+    const std::uint32_t known =
+        known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer,
+                   staying ? NextHost::self : NextHost::node, inner, host_.place_in_list(changed_[i]));
+    host_.set_place_in_list(changed_[i], known);
   } else {
     known_.forget(object.object.slot);
   }

@@ -24,6 +24,7 @@ Host::Host(const MotionModel* model, std::size_t objects)
   states_.reserve(objects * state_bytes_);
   touched_.reserve(objects);
   cells_.reserve(objects);
+  places_in_list_.reserve(objects);
   changed_.reserve(objects);
   differs_.reserve(objects);
   contact_begin_.reserve(objects + 1);
@@ -40,6 +41,7 @@ void Host::adopt(const messages::HandOverRecord& record, const std::byte* state)
   std::copy_n(state, state_bytes_, states_.end() - state_bytes_);
   touched_.push_back(0);
   cells_.push_back(unplaced);
+  places_in_list_.push_back(NumberIndex::none);
 }
 
 void Host::drop(ObjectNumber number) {
@@ -53,12 +55,14 @@ void Host::drop(ObjectNumber number) {
     hosted_[i] = hosted_[last];
     touched_[i] = touched_[last];
     cells_[i] = cells_[last];
+    places_in_list_[i] = places_in_list_[last];
     std::copy_n(states_.data() + last * state_bytes_, state_bytes_, states_.data() + i * state_bytes_);
     index_.set(hosted_[i].object.number, i);
   }
   hosted_.pop_back();
   touched_.pop_back();
   cells_.pop_back();
+  places_in_list_.pop_back();
   states_.resize(last * state_bytes_);
 }
 

@@ -62,6 +62,11 @@ class Host {
   static constexpr std::uint32_t unplaced = 0xffffffffu;
   static constexpr std::uint32_t unpublished = 0xfffffffeu;  ///< nobody is told where it is: it is not present
 
+  /// What the role last noted of hosted object i: where it is in a list of the role's. NumberIndex::none from its
+  /// adoption on.
+  std::uint32_t place_in_list(std::size_t i) const noexcept { return places_in_list_[i]; }
+  void set_place_in_list(std::size_t i, std::uint32_t place) noexcept { places_in_list_[i] = place; }
+
   /// Takes over an object with its whole state; what it had of one of that number is forgotten. The protocol gives an
   /// object once, and the server's word, which orders a frame, comes after any peer's: so what comes last holds.
   void adopt(const messages::HandOverRecord& record, const std::byte* state);
@@ -172,6 +177,7 @@ class Host {
   bool forget_kept_ = false;
   std::uint32_t kept_mask_ = messages::flag_kept;  ///< of the flags that go on in this move
   FlatList<std::uint32_t> cells_;
+  FlatList<std::uint32_t> places_in_list_;
   NumberIndex index_;
   ContactList lists_[2];  ///< by parity of the frame
   ContactList late_;

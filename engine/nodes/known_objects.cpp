@@ -19,14 +19,14 @@ KnownObjects::KnownObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
   }
 }
 
-void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
-                       ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner) {
+std::uint32_t KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
+                                ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner, std::uint32_t was) {
   const std::uint32_t slot = object.slot;
-  if (slot >= index_.size()) {
-    index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
-  }
-  std::uint32_t i = index_[slot];
+  std::uint32_t i = find(slot, was);
   if (i == none) {
+    if (slot >= index_.size()) {
+      index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
+    }
     i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
     slots_.push_back(slot);
     bodies_.add();
@@ -49,6 +49,7 @@ void KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, cons
     layers_[i] = static_cast<std::uint8_t>(layer);
     resting_[i] = 0;
   }
+  return i;
 }
 
 void KnownObjects::forget(std::uint32_t slot) {

@@ -34,12 +34,19 @@ class KnownObjects {
   /// Index of the object in a slot, or none.
   std::uint32_t find(std::uint32_t slot) const noexcept { return slot < index_.size() ? index_[slot] : none; }
 
-  /// Adds an object or replaces what is known of it. `inner`: all that its bounds touch is the node's.
-  void set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds, ShapeNumber shape,
-           std::uint32_t layer, NextHost next, bool inner);
-  /// Fetches what a set() of the object in that slot will write.
-  void fetch(std::uint32_t slot) const noexcept {
-    if (const std::uint32_t i = find(slot); i != none) {
+  /// The same, for who remembers where it was: that is looked at first. The table by slot has a line of the cache for
+  /// each of a node's objects, the list of slots for sixteen.
+  std::uint32_t find(std::uint32_t slot, std::uint32_t was) const noexcept {
+    return was < slots_.size() && slots_[was] == slot ? was : find(slot);
+  }
+
+  /// Adds an object or replaces what is known of it, and says where it is. `inner`: all that its bounds touch is the
+  /// node's. `was`: where it may be, as in find().
+  std::uint32_t set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
+                    ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner, std::uint32_t was = none);
+  /// Fetches what such a set() of the object in that slot will write.
+  void fetch(std::uint32_t slot, std::uint32_t was) const noexcept {
+    if (const std::uint32_t i = find(slot, was); i != none) {
       __builtin_prefetch(&bodies_[i], 1);
       __builtin_prefetch(reinterpret_cast<const std::byte*>(&bodies_[i] + 1) - 1, 1);
       if (sweeps_) {
