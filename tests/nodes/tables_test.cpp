@@ -213,7 +213,8 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
   std::mt19937_64 random(seed);
   KnownObjects known(8, true);
   std::map<std::uint32_t, messages::PositionRecord> model;
-  std::set<std::uint32_t> changed;  // slots set since the last settle
+  std::map<std::uint32_t, std::uint32_t> places;  // by slot, what its last set said
+  std::set<std::uint32_t> changed;                // slots set since the last settle
   const auto draw = [&] {
     messages::PositionRecord record;
     record.object.slot = static_cast<std::uint32_t>(random() % 200);
@@ -232,8 +233,12 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       case 2:
       case 3: {
         const messages::PositionRecord record = draw();
-        known.set(record.object, record.pose, record.bounds, record.shape, record.layer,
-                  static_cast<NextHost>(record.layer % 4), record.layer % 3 == 0);
+        // Where it was when it was last set: still there, or gone, or another's place by now.
+        const auto was = places.try_emplace(record.object.slot, KnownObjects::none).first;
+        was->second = known.set(record.object, record.pose, record.bounds, record.shape, record.layer,
+                                static_cast<NextHost>(record.layer % 4), record.layer % 3 == 0, was->second);
+        REQUIRE(known.find(record.object.slot) == was->second);
+        REQUIRE(known.find(record.object.slot, static_cast<std::uint32_t>(random() % 300)) == was->second);
         model[record.object.slot] = record;
         changed.insert(record.object.slot);
         break;
