@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -120,6 +121,19 @@ struct Findings {
   void list_for_peers(std::span<const ForPeer> told, NodeNumber nodes);
   /// Whether `position` is one of begun.
   bool begins(std::uint32_t position) const noexcept;
+  /// Calls each(key, position, phase) for all, in order. Precondition: begun holds.
+  template <class Each>
+  void visit(Each each) const {
+    constexpr std::uint32_t ahead = 10;
+    const auto count = static_cast<std::uint32_t>(keys.size());
+    const std::uint32_t* next = begun.begin();
+    for (std::uint32_t i = 0; i < count; ++i) {
+      fetch(std::min(i + ahead, count - 1));
+      const bool begins = next != begun.end() && *next == i;
+      next += begins ? 1 : 0;
+      each(keys[i], i, begins ? Phase::begin : Phase::persist);
+    }
+  }
   /// Copies a contact to where it is read as a whole. Its own phase, which its node may be writing, is not looked at.
   static void copy(const Contact& from, Phase phase, Contact& to) noexcept {
     to.a = from.a;

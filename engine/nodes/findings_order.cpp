@@ -56,8 +56,27 @@ const std::uint64_t* leap_to(const std::uint64_t* first, const std::uint64_t* en
 }
 
 std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order) {
-  order.start(stretch.findings);
+  std::uint64_t doubled = 0;
+  std::uint64_t last = 0;
   std::size_t at = 0;
+  const auto write = [&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
+    const Findings& findings = *stretch.findings[node];
+    const FoundContact& found = findings.found[position];
+    fetch_ahead(stretch.contacts + at);
+    findings.write(position, phase, stretch.contacts[at]);
+    stretch.keys[at] = key;
+    stretch.found[at] = {found.slot_a, found.slot_b, node};
+    ++at;
+    doubled += key == last ? 1 : 0;
+    last = key;
+  };
+  if (stretch.findings.size() == 1) {  // in order as it is, and all of it
+    stretch.findings.front()->visit(
+        [&](std::uint64_t key, std::uint32_t position, Phase phase) { write(key, 0, position, phase); });
+    write_ended(stretch);
+    return doubled;
+  }
+  order.start(stretch.findings);
   for (NodeNumber node = 0; node < stretch.findings.size(); ++node) {
     const auto& keys = stretch.findings[node]->keys;
     const auto* const first = std::lower_bound(keys.begin(), keys.end(), stretch.first_key);
@@ -68,19 +87,7 @@ std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order) {
     }
   }
   order.sort();
-  std::uint64_t doubled = 0;
-  std::uint64_t last = 0;
-  order.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
-    const Findings& findings = *stretch.findings[node];
-    const FoundContact& found = findings.found[position];
-    fetch_ahead(stretch.contacts + at);
-    findings.write(position, phase, stretch.contacts[at]);
-    stretch.keys[at] = key;
-    stretch.found[at] = {found.slot_a, found.slot_b, node};
-    ++at;
-    doubled += key == last ? 1 : 0;
-    last = key;
-  });
+  order.visit(write);
   write_ended(stretch);
   return doubled;
 }
