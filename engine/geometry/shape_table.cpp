@@ -141,6 +141,7 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
   }
   descriptions_.push_back(description);
   rows_.push_back(row);
+  hull_of_.push_back(row.kind == ShapeKind::hull ? &hulls_.back() : nullptr);
   return static_cast<ShapeNumber>(rows_.size() - 1);
 }
 
@@ -164,9 +165,23 @@ double ShapeTable::volume(ShapeNumber shape) const noexcept {
 }
 
 Bounds ShapeTable::bounds(ShapeNumber shape, const Pose& pose, const FixedSpace& space) const noexcept {
-  const ShapeRow& row = rows_[shape];
-  if (row.kind < ShapeKind::hull) return solid_bounds(row, nullptr, pose, space);
-  if (row.kind == ShapeKind::hull) return solid_bounds(row, &hulls_[row.detail], pose, space);
+  const PlacedShape placed{&pose, shape};
+  Bounds out;
+  bounds({&placed, 1}, space, &out);
+  return out;
+}
+
+void ShapeTable::bounds(std::span<const PlacedShape> placed, const FixedSpace& space, Bounds* out) const noexcept {
+  bound_solids(placed, rows_.data(), hull_of_.data(), space, out);
+  if (meshes_.empty() && supports_.empty()) return;
+  for (std::size_t i = 0; i < placed.size(); ++i) {
+    const ShapeRow& row = rows_[placed[i].shape];
+    if (row.kind > ShapeKind::hull) out[i] = rare_bounds(row, *placed[i].pose, space);
+  }
+}
+
+/// Of a mesh or a support shape.
+Bounds ShapeTable::rare_bounds(const ShapeRow& row, const Pose& pose, const FixedSpace& space) const noexcept {
   const Rotation r = rotation(pose.orientation);
   Extent extent;
   if (row.kind == ShapeKind::mesh) {

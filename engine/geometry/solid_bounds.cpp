@@ -153,7 +153,7 @@ inline Reach symmetric(const Axes& half) {
 }
 
 /// Spheres, boxes and capsules are one formula, a box with a radius, so that no branch depends on which of them it is.
-Bounds bounds_of(const ShapeRow& row, const Hull* hull, const Pose& pose, const FixedSpace::Rows& space) {
+HWY_INLINE Bounds bounds_of(const ShapeRow& row, const Hull* hull, const Pose& pose, const FixedSpace::Rows& space) {
   const double margin = rounding_margin * double{row.bounding_radius};
   const RotationColumns turn = columns_of(pose.orientation);
   if (hull != nullptr) return bounds_about(pose, hull_reach(*hull, turn), 0, margin, space);
@@ -162,16 +162,24 @@ Bounds bounds_of(const ShapeRow& row, const Hull* hull, const Pose& pose, const 
   return bounds_about(pose, symmetric(box_reach(turn, half)), box ? 0 : double{row.size[0]}, margin, space);
 }
 
+void bounds_of_all(const PlacedShape* placed, const PlacedShape* end, const ShapeRow* rows, const Hull* const* hulls,
+                   const FixedSpace::Rows& space, Bounds* out) {
+  for (; placed != end; ++placed, ++out) {
+    *out = bounds_of(rows[placed->shape], hulls[placed->shape], *placed->pose, space);
+  }
+}
+
 }  // namespace ringfence::geometry::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
 namespace ringfence::geometry {
 
-HWY_EXPORT(bounds_of);
+HWY_EXPORT(bounds_of_all);
 
-Bounds solid_bounds(const ShapeRow& row, const Hull* hull, const Pose& pose, const FixedSpace& space) noexcept {
-  return HWY_DYNAMIC_DISPATCH(bounds_of)(row, hull, pose, space.rows());
+void bound_solids(std::span<const PlacedShape> placed, const ShapeRow* rows, const Hull* const* hulls,
+                  const FixedSpace& space, Bounds* out) noexcept {
+  HWY_DYNAMIC_DISPATCH(bounds_of_all)(placed.data(), placed.data() + placed.size(), rows, hulls, space.rows(), out);
 }
 
 }  // namespace ringfence::geometry

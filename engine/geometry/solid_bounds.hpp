@@ -1,8 +1,9 @@
 #pragma once
 
+#include <span>
+
 #include "geometry/bounds.hpp"
 #include "geometry/shape_table.hpp"
-#include "ringfence/pose.hpp"
 
 namespace ringfence::geometry {
 
@@ -10,8 +11,10 @@ namespace ringfence::geometry {
 /// rotation matrix can be off by 6 and the sum of products by 3.
 inline constexpr double rounding_margin = 0x1p-20;
 
-/// ShapeTable::bounds of a sphere, box, capsule or hull; `hull` is that of a hull's row, and not looked at for other
-/// kinds. In lanes, an axis a lane; rounded as FixedSpace::bounds does, the same bits at every vector width.
-Bounds solid_bounds(const ShapeRow& row, const Hull* hull, const Pose& pose, const FixedSpace& space) noexcept;
+/// ShapeTable::bounds of those of `placed` that are spheres, boxes, capsules or hulls; what is written for others means
+/// nothing. `rows` and `hulls` are by shape, null where that is no hull. In lanes, an axis a lane; rounded as
+/// FixedSpace::bounds does, the same bits at every vector width.
+void bound_solids(std::span<const PlacedShape> placed, const ShapeRow* rows, const Hull* const* hulls,
+                  const FixedSpace& space, Bounds* out) noexcept;
 
 }  // namespace ringfence::geometry

@@ -151,16 +151,27 @@ bool CdNodeRole::move() {
 }
 
 void CdNodeRole::bound_batch() {
+  geometry::PlacedShape placed[Host::batch];
   for (std::size_t i = 0; i < changed_.size(); ++i) {
     const Hosted& object = host_[changed_[i]];
-    changed_bounds_[i] = setup_.shapes->bounds(object.shape, object.pose, *setup_.space);
-    known_.fetch(object.object.slot, host_.place_in_list(changed_[i]));
+    placed[i] = {&object.pose, object.shape};
   }
+  setup_.shapes->bounds({placed, changed_.size()}, *setup_.space, changed_bounds_.data());
 }
 
 // Apart from the bounding: what is read again as a whole right after it was written in parts stalls the processor.
 void CdNodeRole::place_batch() {
+  constexpr std::size_t ahead = 12;
+  const auto fetch = [&](std::size_t i) {
+    if (i < changed_.size()) {
+      known_.fetch(host_[changed_[i]].object.slot, host_.place_in_list(changed_[i]));
+    }
+  };
+  for (std::size_t i = 0; i < ahead; ++i) {
+    fetch(i);
+  }
   for (std::size_t i = 0; i < changed_.size(); ++i) {
+    fetch(i + ahead);
     if (host_.differs()[i]) {
       place(i);
     } else {

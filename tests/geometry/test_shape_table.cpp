@@ -102,6 +102,37 @@ TEST_CASE("the bounds of every kind of shape hold it and are tight, near the ori
   }
 }
 
+TEST_CASE("bounds of many shapes at once are those of each, in their order") {
+  std::mt19937 random(29);
+  ShapeTable table;
+  table.add(Sphere{0.7f});
+  table.add(Capsule{0.3f, 1.1f});
+  table.add(ConvexHull{ball_of_points(random, 32, 1.3)});
+  table.add(SupportShape{std::make_shared<test::Ellipsoid>(Vec3f{0.5f, 1.0f, 2.0f})});
+  table.add(Box{{0.5f, 0.1f, 2.0f}});
+  table.add(TriangleMesh{ball_of_points(random, 9, 1.0), {0, 1, 2, 3, 4, 5, 6, 7, 8}});
+  table.add(ConvexHull{ball_of_points(random, 8, 0.4)});
+  const FixedSpace space({-100, -100, -100}, {100, 100, 100});
+  std::normal_distribution<float> normal;
+  std::uniform_real_distribution<double> unit(-110, 110);
+  for (const std::size_t count : {0u, 1u, 63u, 64u, 65u, 300u}) {
+    CAPTURE(count);
+    std::vector<Pose> poses;
+    std::vector<PlacedShape> placed;
+    for (std::size_t i = 0; i < count; ++i) {
+      poses.push_back({{unit(random), unit(random), unit(random)},
+                       normalise({normal(random), normal(random), normal(random), normal(random)})});
+    }
+    for (const Pose& pose : poses) placed.push_back({&pose, static_cast<ShapeNumber>(random() % table.size())});
+    std::vector<Bounds> bounds(count + 1, Bounds{{1, 2, 3}, {4, 5, 6}});
+    table.bounds(placed, space, bounds.data());
+    for (std::size_t i = 0; i < count; ++i) {
+      REQUIRE(bounds[i] == table.bounds(placed[i].shape, poses[i], space));
+    }
+    REQUIRE(bounds[count] == Bounds{{1, 2, 3}, {4, 5, 6}});
+  }
+}
+
 TEST_CASE("bounds of solids are those of their extents in float, to the last bit on every instruction set") {
   std::mt19937 random(17);
   ShapeTable table;
