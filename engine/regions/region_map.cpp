@@ -36,6 +36,26 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
   Bisection bisection(grid);
   const auto owners = bisection.split(nodes, std::span<const double>{});
   table_.assign(owners.begin(), owners.end());
+  find_whole();
+}
+
+// Pairs along x, then two such pairs along y, then two such squares along z.
+void RegionMap::find_whole() {
+  const auto cells = static_cast<std::uint32_t>(grid_.cells());
+  whole_.resize(cells);
+  for (std::uint32_t cell = 0; cell < cells; ++cell) {
+    whole_[cell] = is_cut(table_[cell]) ? 0 : 1;
+  }
+  for (std::size_t axis = 0, shift = 0; axis < 3; shift += grid_.log2[axis++]) {
+    const std::uint32_t next = std::uint32_t{1} << shift;
+    const std::uint32_t last = grid_.along(axis) - 1;
+    for (std::uint32_t cell = 0; cell < cells; ++cell) {
+      // Upwards, so that the neighbour's is still as it was after the axis before.
+      if ((cell >> shift & last) != last) {
+        whole_[cell] &= table_[cell] == table_[cell + next] ? whole_[cell + next] : std::uint8_t{0};
+      }
+    }
+  }
 }
 
 NodeNumber RegionMap::owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept {
@@ -68,6 +88,7 @@ bool RegionMap::has_cuts(const CellBox& box) const noexcept {
 void RegionMap::assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch) {
   assert(table.size() >= grid_.cells() && (table.size() - grid_.cells()) % 2 == 0);
   table_.assign(table.begin(), table.end());
+  find_whole();
   nodes_ = nodes;
   epoch_ = epoch;
 }

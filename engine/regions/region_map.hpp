@@ -127,6 +127,10 @@ class RegionMap {
   template <class Visit>
   void visit_owners(const geometry::Bounds& bounds, Visit&& visit) const {
     const CellBox box = grid_.cells_of(bounds);
+    if (const std::uint32_t cell = grid_.index(box.lower[0], box.lower[1], box.lower[2]); is_whole(box, cell)) {
+      visit(table_[cell]);
+      return;
+    }
     for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
       for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
         for (std::uint32_t x = box.lower[0]; x <= box.upper[0]; ++x) {
@@ -143,6 +147,10 @@ class RegionMap {
   Cover cover(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
     if (nodes_ == 1) {
       return node == 0 ? Cover::all : Cover::none;
+    }
+    const CellBox box = grid_.cells_of(bounds);
+    if (const std::uint32_t cell = grid_.index(box.lower[0], box.lower[1], box.lower[2]); is_whole(box, cell)) {
+      return table_[cell] == node ? Cover::all : Cover::none;
     }
     bool some = false;
     bool all = true;
@@ -169,6 +177,13 @@ class RegionMap {
   std::size_t halves_of(std::uint32_t entry) const noexcept {
     return grid_.cells() + 2 * std::size_t{entry & 0x1fffffffu};
   }
+  /// Whether all cells of the box, whose lowest is `cell`, are one node's, as far as whole_ can tell: most bounds are
+  /// smaller than a cell, and most cells lie within a region.
+  bool is_whole(const CellBox& box, std::uint32_t cell) const noexcept {
+    const auto across = [&](std::size_t axis) { return std::uint32_t{box.upper[axis]} - box.lower[axis]; };
+    return (across(0) | across(1) | across(2)) <= 1 && whole_[cell] != 0;
+  }
+  void find_whole();
   static std::size_t axis_of(std::uint32_t entry) noexcept { return entry >> 29 & 3u; }
   NodeNumber owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept;
 
@@ -204,6 +219,9 @@ class RegionMap {
   std::uint32_t nodes_;
   std::uint32_t epoch_ = 1;
   std::vector<std::uint32_t> table_;
+  /// A byte a cell: whether it and its neighbours towards the upper corner, seven where there are as many, are one
+  /// node's and none of them is cut.
+  std::vector<std::uint8_t> whole_;
 };
 
 /// Calls `visit(node)` once for each node that owns something that the bounds overlap or touch from above.

@@ -93,6 +93,18 @@ void in_worlds(unsigned seed, Check check) {
       CAPTURE(nodes);
       RegionMap map(grid, nodes);
       check(map, random);
+      // With a few cells somebody else's, or cut, amid those of a region.
+      std::vector<std::uint32_t> spotted(map.table().begin(), map.table().end());
+      for (std::uint32_t cut = 0; cut < 3; ++cut) {
+        spotted[random() % grid.cells()] = static_cast<std::uint32_t>(random() % nodes);
+        const std::size_t cell = random() % grid.cells();
+        if (spotted.size() == grid.cells()) {
+          spotted.insert(spotted.end(), {spotted[cell], static_cast<std::uint32_t>(random() % nodes)});
+          spotted[cell] = RegionMap::cut_entry(0, 0);
+        }
+      }
+      map.assign(spotted, nodes, 8);
+      check(map, random);
       // Also under a map that no bisection would make: every cell anybody's.
       std::vector<NodeNumber> owners(grid.cells());
       for (NodeNumber& owner : owners) {
