@@ -99,6 +99,9 @@ class alignas(line_bytes) BasicReceiver {
   /// Whether next() would return a message: what a doorbell's owner waits for.
   bool has_message() noexcept { return reader_.available(); }
 
+  /// Asks for the lines that has_message() and next() look at, for who looks at many links, one after the other.
+  void fetch() const noexcept { reader_.fetch(); }
+
   /// Gives back the room of everything that next() returned, and rings a sender that waits for room.
   void release() noexcept {
     if (reader_.release() && bell_ && Policy::defect != Defect::waiter_forgotten) bell_->ring();

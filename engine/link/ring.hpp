@@ -256,6 +256,12 @@ class RingReader {
     return false;
   }
 
+  /// Asks for the lines that available() and next() look at.
+  void fetch() const noexcept {
+    Policy::fetch_awaited(reinterpret_cast<const std::byte*>(&words_->tail));
+    Policy::fetch_awaited(bytes_ + (read_ & mask_));
+  }
+
   /// The next message; precondition: available(). Lives until release().
   std::span<const std::byte> next() noexcept {
     const std::byte* at = bytes_ + (read_ & mask_);

@@ -20,7 +20,16 @@ void ServerRole::collect() {
     draw_map();
   }
   next_hosts();
-  list_notices();
+  // Nodes know who hosts the objects next unless the map has changed since they listed what they found.
+  peers_tell_ =
+      setup_.deployment == Deployment::user_collision && !map_changed_ && !rescan_hosts_ && ledger_.all_share();
+  if (!peers_tell_) {
+    list_notices();
+  }
+  all_nodes([&](Party& node) {
+    start_telling(node);
+    return true;
+  });
 }
 
 // A node that found the contact itself is told of it by one bit: see ContactLedger::persists, Findings::begun. Of what
@@ -55,13 +64,6 @@ void ServerRole::write_notice(std::uint32_t notice, std::byte* where) const noex
 
 // Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order too.
 void ServerRole::list_notices() {
-  all_parties([](Party& party) {
-    party.notices.clear();
-    return true;
-  });
-  // Nodes know who hosts the objects next unless the map has changed since they listed what they found.
-  const bool nodes_host = setup_.deployment == Deployment::user_collision;
-  peers_tell_ = nodes_host && !map_changed_ && !rescan_hosts_ && ledger_.all_share();
   told_ = ledger_.told(!peers_tell_);
   told_ended_ = ledger_.told_ended(!peers_tell_);
   std::uint32_t next_ended = 0;
@@ -75,15 +77,28 @@ void ServerRole::list_notices() {
     list_notice(i, told_[i].found);
   }
   list_ended(~std::uint64_t{0});
-  all_parties([&](Party& party) {
-    const bool confirms = party.self.is_node() && nodes_host;
-    if (party.line.findings != nullptr) {
-      party.line.findings->peers_tell = peers_tell_;
-    }
-    party.confirm_run.start(confirms ? ledger_.persists(party.self.number()).size() : 0);
-    party.notice_run.start(party.notices.size());
-    party.end_run.start(1);
-    party.map_run.start(map_.table().size());
+}
+
+void ServerRole::start_telling(Party& party) {
+  const bool confirms = party.self.is_node() && setup_.deployment == Deployment::user_collision;
+  if (party.line.findings != nullptr) {
+    party.line.findings->peers_tell = peers_tell_;
+  }
+  party.confirm_run.start(confirms ? ledger_.persists(party.self.number()).size() : 0);
+  party.notice_run.start(party.notices.size());
+  party.end_run.start(1);
+  party.map_run.start(map_.table().size());
+}
+
+// Where nodes are told nothing by the server, what users are told is listed while they end.
+void ServerRole::start_telling_users() {
+  if (peers_tell_) {
+    list_notices();
+  }
+  awaited_users_.clear();
+  all_users([&](Party& user) {
+    start_telling(user);
+    awaited_users_.push_back(user.self.number());
     return true;
   });
 }

@@ -33,29 +33,45 @@ void ServerRole::cut() {
   leaving_.clear();
   ledger_.begin(frame_);
   host_.begin_contacts(frame_);
-  all_parties([&](Party& party) {
-    party.drop_run.start(party.drops.size());
-    party.adopt_run.start(party.adoptions.size());
-    party.place_run.start(party.placements.size());
-    party.late_run.start(party.late_contacts.size());
-    party.refusals.swap(party.new_refusals);
-    party.new_refusals.clear();
-    party.refused_run.start(party.refusals.size());
-    party.begin_run.start(0);
-    if (map_first_) {
-      party.new_map_run.start(map_.table().size());
-    }
-    party.hand_overs = 0;
-    party.states_heard = party.published_heard = party.tested_heard = party.told_heard = false;
-    party.heard_bytes = party.heard_updates = 0;
-    party.heard_ns = begin_ns_;
-    party.probed_ns = 0;
+  all_nodes([&](Party& node) {
+    start(node);
     return true;
   });
   hand_overs_.clear();
   kept_moved_ = 0;
   losses_to_tell_ = relays_listed_ = false;
   stage_ = Stage::opening;
+}
+
+// What is to be sent before the frame, and what is to be heard in it.
+void ServerRole::start(Party& party) {
+  party.drop_run.start(party.drops.size());
+  party.adopt_run.start(party.adoptions.size());
+  party.place_run.start(party.placements.size());
+  party.late_run.start(party.late_contacts.size());
+  party.refusals.swap(party.new_refusals);
+  party.new_refusals.clear();
+  party.refused_run.start(party.refusals.size());
+  party.begin_run.start(0);
+  if (map_first_) {
+    party.new_map_run.start(map_.table().size());
+  }
+  party.hand_overs = 0;
+  party.states_heard = party.published_heard = party.tested_heard = party.told_heard = false;
+  party.heard_bytes = party.heard_updates = 0;
+  party.heard_ns = begin_ns_;
+  party.probed_ns = 0;
+  party.notices.clear();
+}
+
+// While the nodes move.
+void ServerRole::start_users() {
+  awaited_users_.clear();
+  all_users([&](Party& user) {
+    start(user);
+    awaited_users_.push_back(user.self.number());
+    return true;
+  });
 }
 
 void ServerRole::start_report() {

@@ -105,8 +105,9 @@ void ServerRole::receive(Party& party, const MessageView& message) {
       return node ? hear_kinds(message) : refuse(party, Status::bad_message);
     case MessageType::told:
       // Believed once, and not before the sender can have heard what it says that it has dealt with.
-      return message.count() == 1 && !party.told_heard && is_telling() ? hear_told(party, message)
-                                                                       : refuse(party, Status::bad_message);
+      return message.count() == 1 && !party.told_heard && is_telling() && party.notice_run.done()
+                 ? hear_told(party, message)
+                 : refuse(party, Status::bad_message);
     default:
       return refuse(party, Status::bad_message);
   }

@@ -344,6 +344,9 @@ bool ServerRole::watch_node(Party& party, std::uint64_t now) {
 }
 
 bool ServerRole::watch_user(Party& party, std::uint64_t now) {
+  if (stage_ == Stage::opening) {
+    return false;  // it has not been told to move
+  }
   const bool awaited = is_telling() ? !party.told_heard : !party.states_heard;
   const std::uint64_t since = is_telling() ? notify_ns_ : begin_ns_;
   if (!awaited || now - since <= setup_.user_deadline_ns) {

@@ -37,6 +37,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
   spawn_order_.reserve(setup.capacities.objects);
   hand_overs_.reserve(setup.capacities.objects);
   connected_.reserve(setup.capacities.users);
+  awaited_users_.reserve(setup.capacities.users);
 }
 
 messages::RunHead ServerRole::head(MessageType type, Endpoint to) const noexcept {
@@ -52,10 +53,11 @@ Step ServerRole::step() {
     cut();
     progressed = true;
   }
-  all_parties([&](Party& party) {
-    progressed |= awaits(party) && drain(party);
+  all_nodes([&](Party& node) {
+    progressed |= awaits(node) && drain(node);
     return true;
   });
+  progressed |= hear_users();
   if (!report().lost.empty()) {
     for (Party& party : nodes_) {
       progressed |= party.lost && drain_lost(party);
@@ -74,26 +76,46 @@ Step ServerRole::step() {
   return sending ? Step::blocked : Step::idle;
 }
 
-// Whether the frame waits for a word of the party. Of a hundred user nodes most have nothing to say at most times, and
-// to look is to fetch a line that they write; what they say unasked is heard when they are next asked.
-bool ServerRole::awaits(const Party& party) const noexcept {
+// Whether the frame waits for a word of the node.
+bool ServerRole::awaits(const Party& node) const noexcept {
   switch (stage_) {
     case Stage::waiting:
       return false;
     case Stage::opening:
     case Stage::inviting:
     case Stage::moving:
-      return !party.states_heard || party.probed_ns != 0;
+      return !node.states_heard || node.probed_ns != 0;
     case Stage::dispatching:
     case Stage::colliding:
     case Stage::notifying:
-      return party.self.is_node() && (!party.tested_heard || party.probed_ns != 0);
+      return !node.tested_heard || node.probed_ns != 0;
     case Stage::informing:
-      return (party.self.is_user() && !party.told_heard) || party.probed_ns != 0;
+      return node.probed_ns != 0;
     case Stage::closing:
-      return !party.told_heard || party.probed_ns != 0;
+      return !node.told_heard || node.probed_ns != 0;
   }
   return true;
+}
+
+// Of a hundred user nodes most have nothing to say at most times, and to look is to fetch lines that they write: what
+// they say unasked is heard when they are next asked.
+bool ServerRole::hear_users() {
+  constexpr std::size_t ahead = 4;
+  bool any = false;
+  for (std::size_t i = 0; i < awaited_users_.size();) {
+    if (i + ahead < awaited_users_.size()) {
+      users_[awaited_users_[i + ahead]].line.in->fetch();
+    }
+    Party& user = users_[awaited_users_[i]];
+    any |= !user.lost && drain(user);
+    if (user.lost || (is_telling() ? user.told_heard : user.states_heard)) {
+      awaited_users_[i] = awaited_users_.back();
+      awaited_users_.pop_back();
+    } else {
+      ++i;
+    }
+  }
+  return any;
 }
 
 // What passed since the last mark is charged to a stage of the report, less what ingest took of it.
@@ -251,6 +273,7 @@ bool ServerRole::advance_stage() {
         return false;
       }
       spend_cpu(&PathReport::open_ms);
+      start_users();
       stage_ = Stage::inviting;
       return true;
     case Stage::inviting:
@@ -262,7 +285,7 @@ bool ServerRole::advance_stage() {
       stage_ = Stage::moving;
       return true;
     case Stage::moving:
-      if (!all_parties([](const Party& party) { return party.states_heard; })) {
+      if (!all_nodes([](const Party& node) { return node.states_heard; }) || !awaited_users_.empty()) {
         return false;
       }
       spend_cpu(&PathReport::ingest_ms);
@@ -304,12 +327,15 @@ bool ServerRole::advance_stage() {
         return false;
       }
       spend_cpu(&PathReport::notify_ms);
+      start_telling_users();
       stage_ = Stage::informing;
       return true;
     case Stage::informing:
       // Users are heard before nodes, which have more to end.
-      if (!all_users([&](Party& user) { return notify(user); }) ||
-          !all_users([](const Party& user) { return user.told_heard; })) {
+      for (const UserNumber user : awaited_users_) {
+        notify(users_[user]);
+      }
+      if (!awaited_users_.empty()) {
         return false;
       }
       spend_cpu(&PathReport::inform_ms);

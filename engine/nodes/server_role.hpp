@@ -128,10 +128,13 @@ class ServerRole {
   void rehost(const Rehosting& change);
   void tell_late_contacts(std::span<const Rehosting> changes);
   Party* party_of(messages::Endpoint endpoint) noexcept;
+  void start(Party& party);
+  void start_users();
   bool open(Party& party);
 
   // Hearing.
-  bool awaits(const Party& party) const noexcept;
+  bool awaits(const Party& node) const noexcept;
+  bool hear_users();
   bool drain(Party& party);
   bool is_over_quota(Party& party, std::span<const std::byte> bytes);
   void receive(Party& party, const messages::MessageView& message);
@@ -177,6 +180,8 @@ class ServerRole {
   void refresh_objects();
   void collect();
   void list_notices();
+  void start_telling(Party& party);
+  void start_telling_users();
   void list_notice(std::uint32_t notice, const Found& found);
   void write_notice(std::uint32_t notice, std::byte* where) const noexcept;
   void count_contacts();
@@ -216,11 +221,6 @@ class ServerRole {
     }
     return all;
   }
-  template <class Done>
-  bool all_parties(Done done) {
-    const bool nodes = all_nodes(done);
-    return all_users(done) && nodes;
-  }
   /// Whether the contacts of the frame are known, so that a loss does not change them any more.
   bool is_telling() const noexcept { return stage_ >= Stage::notifying; }
 
@@ -248,6 +248,7 @@ class ServerRole {
   std::vector<Party> nodes_;
   std::vector<Party> users_;  ///< by user number
   std::vector<UserNumber> connected_;
+  std::vector<UserNumber> awaited_users_;  ///< of whom the frame waits for a word
   std::vector<Line> node_lines_;
   std::vector<PlacedSpawn> spawn_order_;
   FlatList<std::uint32_t> relay_cells_;  ///< by slot: the cell of the publication, or not_relayed
