@@ -44,6 +44,7 @@ enum class Defect : std::uint8_t {
   deadline_not_set,      ///< who waits with a deadline sleeps without one
   deadline_not_kept,     ///< who waits with a deadline does not look at the clock
   late_is_met,           ///< who gave up at a deadline says that what it waited for is there
+  heeded_by_store,       ///< who heeds a ring loses what another told meanwhile
 };
 
 /// How long a thread looks before it says that it sleeps, and looks once more.
@@ -51,6 +52,7 @@ struct Patience {
   std::uint32_t spins = 0;   ///< looks with a pause instruction after each
   std::uint32_t yields = 0;  ///< looks with a sched_yield after each, after the spins
   std::uint32_t eager = 0;   ///< looks one after another, before the spins: an answer under way takes about 150 ns
+  bool by_bell = false;      ///< spins and yields look only once somebody has rung: for looks that are dear
 };
 
 /// How a ring deals with the machine's cache lines: in bytes. Nothing but speed depends on it.

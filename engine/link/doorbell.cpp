@@ -69,7 +69,8 @@ Patience ThreadAtomics::patience() noexcept {
   static const int cores = usable_cores();
   // With more threads than cores whoever is waited for may need this very core; otherwise sleeping is what costs.
   const bool crowded = waiting_threads.load(std::memory_order_relaxed) > cores;
-  return crowded ? Patience{20, 3} : Patience{2000, 3, 100};
+  // Then a server's look at a hundred links, or a user thread's, is time taken from whoever is waited for.
+  return crowded ? Patience{20, 3, 0, true} : Patience{2000, 3, 100};
 }
 
 void ProcessAtomics::sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept {

@@ -42,7 +42,8 @@ class alignas(line_bytes) BasicDoorbell {
     if (before == asleep) Policy::wake(state_);
   }
 
-  /// Returns when `ready()` is true. It is called again and again, from this thread, and must be cheap; it may act.
+  /// Returns when `ready()` is true. It is called again and again, from this thread; it may act. Where there are more
+  /// threads than cores it is called between the first look and the last before sleeping only when somebody has rung.
   template <class Ready>
   void wait(Ready ready) noexcept {
     if (look(ready)) return;
@@ -83,15 +84,28 @@ class alignas(line_bytes) BasicDoorbell {
     for (std::uint32_t i = 0; i < patience.eager; ++i) {
       if (ready()) return true;
     }
+    if (patience.by_bell && ready()) return true;
     for (std::uint32_t i = 0; i < patience.spins; ++i) {
-      if (ready()) return true;
+      if ((!patience.by_bell || has_rung()) && ready()) return true;
       Policy::pause();
     }
     for (std::uint32_t i = 0; i < patience.yields; ++i) {
-      if (ready()) return true;
+      if ((!patience.by_bell || has_rung()) && ready()) return true;
       Policy::yield();
     }
     return false;
+  }
+
+  /// Whether somebody has rung since this was last asked. What he did before is seen then.
+  bool has_rung() noexcept {
+    if (state_.load(std::memory_order_relaxed) != rung) return false;
+    if constexpr (Policy::defect == Defect::heeded_by_store) {
+      state_.store(awake, std::memory_order_relaxed);
+    } else {
+      // Pairs with ring, as in arm; an exchange for the reason that disarm has.
+      state_.exchange(awake, std::memory_order_acquire);
+    }
+    return true;
   }
 
   /// Says that the owner sleeps and looks once more. True when it need not sleep after all.

@@ -61,6 +61,18 @@ TEST_CASE("a ring from another thread ends a wait, with or without a deadline, h
   }
 }
 
+TEST_CASE("who looks by the bell looks at the condition a few times while nobody rings, however patient") {
+  int looks = 0;
+  BasicDoorbell<ThreadAtomics> bell(Patience{1000, 1000, 0, true});
+  const auto never = [&] {
+    ++looks;
+    return false;
+  };
+  CHECK_FALSE(bell.wait_for(never, std::chrono::milliseconds(1)));
+  CHECK(looks > 0);
+  CHECK(looks < 20);  // once before, once before each sleep, which may end early
+}
+
 TEST_CASE("many ringers and one sleeper: nothing that was told is missed") {
   constexpr int ringers = 6, times = 4000;
   auto bell = std::make_unique<Doorbell>();
