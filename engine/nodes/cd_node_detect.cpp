@@ -58,13 +58,19 @@ void CdNodeRole::test_pairs() {
 }
 
 // As the kernels wrote it, a quarter of a contact: the rest is the two bodies', and is added where it is read in order.
+// But at once for the model, which reads them in the next frame, when the bodies have moved on, and object by object,
+// as the sweep found them rather than by (a, b).
 void CdNodeRole::add_hits(std::span<const narrow_phase::PairContact> found) {
   const auto numbers = known_.numbers();
+  const auto bodies = known_.bodies();
   for (const narrow_phase::PairContact& touch : found) {
     const geometry::CandidatePair& pair = pairs_[touch.pair];
     touches_.push_back(touch);
     hits_.push_back(pair);
     order_.add(numbers[pair.a], numbers[pair.b]);
+    if (keeps_contacts()) {
+      Findings::put_together(touch, bodies[pair.a], bodies[pair.b], Phase::persist, host_.add_own_contact(frame_));
+    }
   }
 }
 

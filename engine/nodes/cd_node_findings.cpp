@@ -1,6 +1,4 @@
 // What a CD node shares of what it found, and what it does with what all have.
-#include <algorithm>
-
 #include "nodes/cd_node_role.hpp"
 
 namespace ringfence::nodes {
@@ -21,12 +19,12 @@ void CdNodeRole::list_findings() {
     const geometry::CandidatePair& hit = hits_[touch];
     findings.keys[i] = order_.key_at(i);
     findings.found[i] = {known_.slot(hit.a), known_.slot(hit.b), hit.a, hit.b, touch};
+    if (keeps_contacts()) {
+      host_.order_own_contact(frame_, findings.keys[i], touch);
+    }
     if (tells && (known_.next_host(hit.a) != NextHost::self || known_.next_host(hit.b) != NextHost::self)) {
       list_told(static_cast<std::uint32_t>(i));
     }
-  }
-  if (keeps_contacts()) {
-    keep_contacts();
   }
   if (findings_ != &own_findings_) {
     findings.compare();
@@ -57,19 +55,6 @@ void CdNodeRole::list_told(std::uint32_t position) {
   }
 }
 
-// For the model, which reads them in the next frame, when the bodies have moved on.
-void CdNodeRole::keep_contacts() {
-  constexpr std::uint32_t ahead = 10;
-  Findings& findings = *findings_;
-  const auto count = static_cast<std::uint32_t>(findings.keys.size());
-  for (std::uint32_t i = 0; i < count; ++i) {
-    findings.fetch(std::min(i + ahead, count - 1));
-    findings.write(i, Phase::persist, host_.add_own_contact(frame_));
-    host_.order_own_contact(frame_, findings.keys[i], i);
-  }
-  findings.contacts = host_.own_contacts(frame_);
-}
-
 // The phases of what was found, a stretch of the embedder's list, and what others found of the hosted objects.
 void CdNodeRole::finish_contacts() {
   if (findings_ == &own_findings_) {
@@ -78,7 +63,7 @@ void CdNodeRole::finish_contacts() {
   Findings& findings = *findings_;
   if (keeps_contacts()) {
     for (const std::uint32_t position : findings.begun) {
-      host_.confirm_begin(frame_, position);
+      host_.confirm_begin(frame_, findings.found[position].touch);
     }
   }
   if (!findings.gate.enter()) {

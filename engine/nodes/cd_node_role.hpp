@@ -115,7 +115,6 @@ class CdNodeRole {
   void list_told(std::uint32_t position);
   /// Whether the node's model will look at what it found.
   bool keeps_contacts() const noexcept { return setup_.hosts && host_.uses_contacts(); }
-  void keep_contacts();
   void finish_contacts();
   void take_from_peers();
   NextHost next_host(const messages::PositionRecord& record) const noexcept;

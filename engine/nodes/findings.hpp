@@ -148,9 +148,10 @@ struct Findings {
       return;
     }
     const FoundContact& one = found[position];
-    const narrow_phase::PairContact& touch = touches[one.touch];
-    const narrow_phase::Body& a = bodies[one.body_a];
-    const narrow_phase::Body& b = bodies[one.body_b];
+    put_together(touches[one.touch], bodies[one.body_a], bodies[one.body_b], phase, to);
+  }
+  static void put_together(const narrow_phase::PairContact& touch, const narrow_phase::Body& a,
+                           const narrow_phase::Body& b, Phase phase, Contact& to) noexcept {
     to.a = a.number;
     to.b = b.number;
     to.phase = phase;

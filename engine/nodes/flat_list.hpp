@@ -18,8 +18,6 @@ class FlatList {
   void reserve(std::size_t count) { buffer_.grow(count, size_); }
   std::size_t size() const noexcept { return size_; }
   bool empty() const noexcept { return size_ == 0; }
-  /// Whether one more makes it grow.
-  bool full() const noexcept { return size_ == buffer_.capacity(); }
   void clear() noexcept { size_ = 0; }
 
   /// One more at the end, not initialised.

@@ -129,12 +129,6 @@ void Host::add_late_contacts(const messages::MessageView& message) {
 void Host::steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
 
 void Host::ContactList::add(const Contact& contact) {
-  if (contacts.full() && outgrown.empty()) [[unlikely]] {
-    outgrown = std::exchange(contacts, {});
-    contacts.reserve(2 * outgrown.size() + 64);
-    contacts.resize(outgrown.size());
-    std::copy(outgrown.begin(), outgrown.end(), contacts.begin());
-  }
   contacts.push_back(contact);
   keys.push_back(contact.phase == Phase::end ? 0 : ContactOrder::key(contact.a, contact.b));
 }
@@ -144,7 +138,6 @@ void Host::ContactList::clear() noexcept {
   keys.clear();
   own_order.clear();
   own = 0;
-  outgrown = {};
 }
 
 Contact& Host::add_own_contact(std::uint64_t frame) {

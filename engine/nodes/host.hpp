@@ -106,9 +106,6 @@ class Host {
   void confirm_begin(std::uint64_t frame, std::uint32_t contact) noexcept {
     lists_[frame & 1].contacts[contact].phase = Phase::begin;
   }
-  /// The own contacts as they were added. They stay there until the next begin_contacts(), also when others are added
-  /// that the role was told.
-  const Contact* own_contacts(std::uint64_t frame) const noexcept { return lists_[frame & 1].contacts.data(); }
   /// Adds the next contact of C(frame) that the role was told, in order of (a, b). Ended ones are kept for whoever
   /// asks, not for the model.
   void add_contact(std::uint64_t frame, const Contact& contact) { lists_[frame & 1].add(contact); }
@@ -144,7 +141,6 @@ class Host {
     FlatList<std::uint64_t> keys;  ///< ContactOrder::key, ascending: of the own ones, then of the told; 0 if it ended
     FlatList<std::uint32_t> own_order;  ///< the own ones by (a, b)
     std::size_t own = 0;
-    FlatList<Contact> outgrown;  ///< where the own ones were when the list grew: the server may be reading them
 
     void add(const Contact& contact);
     /// Which contact the i-th key is of.
