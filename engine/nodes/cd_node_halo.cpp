@@ -7,9 +7,8 @@
 namespace ringfence::nodes {
 
 // Of a hosted object that is kept from the server, before what is known of it is replaced. `inner`: all that the bounds
-// touch is this node's.
-void CdNodeRole::tell_peers(const Hosted& object, const geometry::Bounds& bounds, bool inner) {
-  const std::uint32_t was = known_.find(object.object.slot);
+// touch is this node's. `was`: where it is among what is known, or KnownObjects::none.
+void CdNodeRole::tell_peers(const Hosted& object, const geometry::Bounds& bounds, bool inner, std::uint32_t was) {
   const bool was_inner = was == KnownObjects::none || known_.inner()[was] != 0;
   if (inner && was_inner) {
     return;

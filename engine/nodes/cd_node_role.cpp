@@ -206,7 +206,7 @@ void CdNodeRole::place(std::size_t i) {
   const bool inner = cover == regions::Cover::all;
   const bool was_kept = (object.object.flags & messages::flag_kept) != 0;
   if (was_kept && map_.nodes() != 1) {
-    tell_peers(object, changed_bounds_[i], inner);
+    tell_peers(object, changed_bounds_[i], inner, known_.find(object.object.slot, host_.place_in_list(changed_[i])));
   }
   if (cover != regions::Cover::none) {
     const std::uint32_t known =

@@ -93,7 +93,7 @@ class CdNodeRole {
   std::uint32_t relay_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
   void publish();
   bool send_published();
-  void tell_peers(const Hosted& object, const geometry::Bounds& bounds, bool inner);
+  void tell_peers(const Hosted& object, const geometry::Bounds& bounds, bool inner, std::uint32_t was);
   void hear_peers();
   void hear_positions(const messages::MessageView& message);
   void hear_position(const messages::PositionRecord& record, bool gone);
