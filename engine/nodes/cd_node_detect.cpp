@@ -65,6 +65,8 @@ void CdNodeRole::add_hits(std::span<const narrow_phase::PairContact> found) {
   const auto bodies = known_.bodies();
   for (const narrow_phase::PairContact& touch : found) {
     const geometry::CandidatePair& pair = pairs_[touch.pair];
+    __builtin_prefetch(touches_.end() + 8, 1);
+    __builtin_prefetch(hits_.end() + 32, 1);
     touches_.push_back(touch);
     hits_.push_back(pair);
     order_.add(numbers[pair.a], numbers[pair.b]);

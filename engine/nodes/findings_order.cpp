@@ -63,6 +63,8 @@ std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order) {
     const Findings& findings = *stretch.findings[node];
     const FoundContact& found = findings.found[position];
     fetch_ahead(stretch.contacts + at);
+    __builtin_prefetch(stretch.keys + at + 16, 1);
+    __builtin_prefetch(stretch.found + at + 16, 1);
     findings.write(position, phase, stretch.contacts[at]);
     stretch.keys[at] = key;
     stretch.found[at] = {found.slot_a, found.slot_b, node};

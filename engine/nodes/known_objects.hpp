@@ -49,8 +49,13 @@ class KnownObjects {
     if (const std::uint32_t i = find(slot, was); i != none) {
       __builtin_prefetch(&bodies_[i], 1);
       __builtin_prefetch(reinterpret_cast<const std::byte*>(&bodies_[i] + 1) - 1, 1);
+      __builtin_prefetch(&next_hosts_[i], 1);
+      __builtin_prefetch(&numbers_[i], 1);
+      __builtin_prefetch(&inner_[i], 1);
       if (sweeps_) {
         __builtin_prefetch(&bounds_[i], 1);
+        __builtin_prefetch(&layers_[i], 1);
+        __builtin_prefetch(&resting_[i], 1);
       }
     }
   }
