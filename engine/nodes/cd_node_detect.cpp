@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "nodes/cd_node_role.hpp"
+#include "nodes/fetch.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
@@ -34,8 +35,8 @@ void CdNodeRole::sweep() {
             continue;
           }
           // Every other pair the wrong way round, at random: a branch would be missed as often.
-          __builtin_prefetch(&bodies[pair.a]);
-          __builtin_prefetch(&bodies[pair.b]);
+          fetch_to_read(&bodies[pair.a]);
+          fetch_to_read(&bodies[pair.b]);
           const std::uint32_t flip = (pair.a ^ pair.b) & (numbers[pair.b] < numbers[pair.a] ? ~0u : 0u);
           pairs_.push_back({pair.a ^ flip, pair.b ^ flip});
         }
@@ -65,10 +66,10 @@ void CdNodeRole::add_hits(std::span<const narrow_phase::PairContact> found) {
   const auto bodies = known_.bodies();
   for (const narrow_phase::PairContact& touch : found) {
     const geometry::CandidatePair& pair = pairs_[touch.pair];
-    __builtin_prefetch(touches_.end() + 8, 1);
-    __builtin_prefetch(hits_.end() + 32, 1);
     touches_.push_back(touch);
     hits_.push_back(pair);
+    fetch_to_write(touches_.end() + 8);
+    fetch_to_write(hits_.end() + 32);
     order_.add(numbers[pair.a], numbers[pair.b]);
     if (keeps_contacts()) {
       Findings::put_together(touch, bodies[pair.a], bodies[pair.b], Phase::persist, host_.add_own_contact(frame_));

@@ -1,5 +1,6 @@
 // What a CD node shares of what it found, and what it does with what all have.
 #include "nodes/cd_node_role.hpp"
+#include "nodes/fetch.hpp"
 
 namespace ringfence::nodes {
 
@@ -15,8 +16,8 @@ void CdNodeRole::list_findings() {
   for_peers_.clear();
   const bool tells = setup_.hosts && findings_ != &own_findings_;
   for (std::size_t i = 0; i < hits_.size(); ++i) {
-    __builtin_prefetch(findings.keys.data() + i + 32, 1);
-    __builtin_prefetch(findings.found.data() + i + 16, 1);
+    fetch_to_write(findings.keys.data() + i + 32);
+    fetch_to_write(findings.found.data() + i + 16);
     const std::uint32_t touch = order_.at(i);
     const geometry::CandidatePair& hit = hits_[touch];
     findings.keys[i] = order_.key_at(i);

@@ -2,6 +2,7 @@
 #include <cassert>
 
 #include "nodes/cd_node_role.hpp"
+#include "nodes/fetch.hpp"
 
 namespace ringfence::nodes {
 
@@ -100,8 +101,8 @@ void CdNodeRole::hear_pairs(const MessageView& message) {
     const auto& pair = message.view<messages::PairRecord>(i);
     const geometry::CandidatePair known{known_.find(pair.a), known_.find(pair.b)};
     assert(known.a != KnownObjects::none && known.b != KnownObjects::none);
-    __builtin_prefetch(&bodies[known.a]);
-    __builtin_prefetch(&bodies[known.b]);
+    fetch_to_read(&bodies[known.a]);
+    fetch_to_read(&bodies[known.b]);
     pairs_.push_back(known);
     if (pairs_.size() == pairs_a_test) {
       test_pairs();

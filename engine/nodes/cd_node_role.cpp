@@ -5,6 +5,7 @@
 #include <new>
 #include <utility>
 
+#include "nodes/fetch.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
@@ -276,8 +277,8 @@ void CdNodeRole::publish() {
   }
   publication.publish_listed(
       [this](std::uint32_t i) {
-        __builtin_prefetch(&host_[i]);
-        __builtin_prefetch(reinterpret_cast<const std::byte*>(&host_[i] + 1) - 1);
+        fetch_to_read(&host_[i]);
+        fetch_to_read(reinterpret_cast<const std::byte*>(&host_[i] + 1) - 1);
       },
       [this](std::uint32_t i) {
         return link::PublishedState{host_[i].object.number, 0, host_[i].pose};

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "narrow_phase/narrow_phase.hpp"
+#include "nodes/fetch.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/gate.hpp"
 #include "nodes/halo.hpp"
@@ -174,7 +175,7 @@ struct Findings {
       return;
     }
     const FoundContact& one = found[position];
-    __builtin_prefetch(&touches[one.touch]);
+    fetch_to_read(&touches[one.touch]);
     fetch_lines(bodies[one.body_a]);
     fetch_lines(bodies[one.body_b]);
   }
@@ -189,9 +190,9 @@ struct Findings {
   static void fetch_lines(const T& object) noexcept {
     const auto* from = reinterpret_cast<const std::byte*>(&object);
     for (std::size_t at = 0; at < sizeof(T) - 1; at += 64) {
-      __builtin_prefetch(from + at);
+      fetch_to_read(from + at);
     }
-    __builtin_prefetch(from + sizeof(T) - 1);
+    fetch_to_read(from + sizeof(T) - 1);
   }
 };
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cassert>
 
+#include "nodes/fetch.hpp"
+
 namespace ringfence::nodes {
 
 void FindingsOrder::reserve(std::size_t contacts) {
@@ -28,8 +30,8 @@ namespace {
 /// Two frames of contacts take turns, so what is written next is not in the cache.
 void fetch_ahead(const Contact* next) noexcept {
   constexpr std::ptrdiff_t lines_ahead = 1024;
-  __builtin_prefetch(reinterpret_cast<const std::byte*>(next) + lines_ahead, 1);
-  __builtin_prefetch(reinterpret_cast<const std::byte*>(next) + lines_ahead + 64, 1);
+  fetch_to_write(reinterpret_cast<const std::byte*>(next) + lines_ahead);
+  fetch_to_write(reinterpret_cast<const std::byte*>(next) + lines_ahead + 64);
 }
 
 void write_ended(const Stretch& stretch) {
@@ -63,8 +65,8 @@ std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order) {
     const Findings& findings = *stretch.findings[node];
     const FoundContact& found = findings.found[position];
     fetch_ahead(stretch.contacts + at);
-    __builtin_prefetch(stretch.keys + at + 16, 1);
-    __builtin_prefetch(stretch.found + at + 16, 1);
+    fetch_to_write(stretch.keys + at + 16);
+    fetch_to_write(stretch.found + at + 16);
     findings.write(position, phase, stretch.contacts[at]);
     stretch.keys[at] = key;
     stretch.found[at] = {found.slot_a, found.slot_b, node};

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "messages/records.hpp"
+#include "nodes/fetch.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/gate.hpp"
 #include "ringfence/ids.hpp"
@@ -50,8 +51,8 @@ class Halo {
   }
   const messages::PositionRecord& record(std::uint32_t i) const noexcept { return records_[i]; }
   void fetch(std::uint32_t i) const noexcept {
-    __builtin_prefetch(&records_[i]);
-    __builtin_prefetch(reinterpret_cast<const std::byte*>(&records_[i] + 1) - 1);
+    fetch_to_read(&records_[i]);
+    fetch_to_read(reinterpret_cast<const std::byte*>(&records_[i] + 1) - 1);
   }
   /// To all nodes together.
   std::size_t size() const noexcept { return told_.size(); }

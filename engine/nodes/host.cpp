@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "nodes/contact_order.hpp"
+#include "nodes/fetch.hpp"
 
 namespace ringfence::nodes {
 
@@ -146,8 +147,8 @@ Contact& Host::add_own_contact(std::uint64_t frame) {
   Contact& contact = list.contacts.add();
   // Two frames of contacts take turns, so these lines are not in the cache.
   constexpr std::ptrdiff_t lines_ahead = 1024;
-  __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead, 1);
-  __builtin_prefetch(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64, 1);
+  fetch_to_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead);
+  fetch_to_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64);
   contact.phase = Phase::persist;  // as 19 in 20 do; of the others confirm() knows
   contact.reserved = 0;
   return contact;
@@ -353,14 +354,14 @@ void Host::fetch(std::size_t i) const noexcept {
   if (i >= hosted_.size()) {
     return;
   }
-  __builtin_prefetch(&hosted_[i], 1);
+  fetch_to_write(&hosted_[i]);
   if (state_bytes_ != 0) {
-    __builtin_prefetch(state(i), 1);
+    fetch_to_write(state(i));
   }
   for (const std::uint32_t c : contacts_of(i)) {
     const auto* contact = reinterpret_cast<const std::byte*>(&known_contacts_[c]);
-    __builtin_prefetch(contact);
-    __builtin_prefetch(contact + offsetof(Contact, pose_a) - 1);
+    fetch_to_read(contact);
+    fetch_to_read(contact + offsetof(Contact, pose_a) - 1);
   }
 }
 

@@ -8,6 +8,7 @@
 #include "geometry/bounds.hpp"
 #include "messages/records.hpp"
 #include "narrow_phase/narrow_phase.hpp"
+#include "nodes/fetch.hpp"
 #include "nodes/flat_list.hpp"
 
 namespace ringfence::nodes {
@@ -47,15 +48,15 @@ class KnownObjects {
   /// Fetches what such a set() of the object in that slot will write.
   void fetch(std::uint32_t slot, std::uint32_t was) const noexcept {
     if (const std::uint32_t i = find(slot, was); i != none) {
-      __builtin_prefetch(&bodies_[i], 1);
-      __builtin_prefetch(reinterpret_cast<const std::byte*>(&bodies_[i] + 1) - 1, 1);
-      __builtin_prefetch(&next_hosts_[i], 1);
-      __builtin_prefetch(&numbers_[i], 1);
-      __builtin_prefetch(&inner_[i], 1);
+      fetch_to_write(&bodies_[i]);
+      fetch_to_write(reinterpret_cast<const std::byte*>(&bodies_[i] + 1) - 1);
+      fetch_to_write(&next_hosts_[i]);
+      fetch_to_write(&numbers_[i]);
+      fetch_to_write(&inner_[i]);
       if (sweeps_) {
-        __builtin_prefetch(&bounds_[i], 1);
-        __builtin_prefetch(&layers_[i], 1);
-        __builtin_prefetch(&resting_[i], 1);
+        fetch_to_write(&bounds_[i]);
+        fetch_to_write(&layers_[i]);
+        fetch_to_write(&resting_[i]);
       }
     }
   }

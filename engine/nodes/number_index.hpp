@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "nodes/fetch.hpp"
 #include "ringfence/ids.hpp"
 
 namespace ringfence::nodes {
@@ -44,9 +45,9 @@ class NumberIndex {
   /// Fetches what find() will look at.
   void fetch(ObjectNumber number) const noexcept {
     if (number < places_.size()) {
-      __builtin_prefetch(&places_[number]);
+      fetch_to_read(&places_[number]);
     } else {
-      __builtin_prefetch(&entries_[home(number)]);
+      fetch_to_read(&entries_[home(number)]);
     }
   }
 

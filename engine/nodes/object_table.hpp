@@ -8,6 +8,7 @@
 #include "geometry/bounds.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
+#include "nodes/fetch.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/number_index.hpp"
 #include "regions/region_map.hpp"
@@ -104,32 +105,32 @@ class ObjectTable {
   /// Fetches what a report on the object will write. A node's objects lie anywhere among the server's.
   void fetch(std::uint32_t slot, bool with_bounds = true) const noexcept {
     if (slot < rows_.size()) {
-      __builtin_prefetch(&rows_[slot], 1);
-      __builtin_prefetch(&marks_[slot], 1);
-      __builtin_prefetch(&hosts_[slot]);
+      fetch_to_write(&rows_[slot]);
+      fetch_to_write(&marks_[slot]);
+      fetch_to_read(&hosts_[slot]);
       if (with_bounds) {
-        __builtin_prefetch(&bounds_[slot], 1);
+        fetch_to_write(&bounds_[slot]);
       }
       if (state_bytes_ != 0) {
-        __builtin_prefetch(states_.data() + slot * state_bytes_, 1);
-        __builtin_prefetch(states_.data() + (slot + 1) * state_bytes_ - 1, 1);
+        fetch_to_write(states_.data() + slot * state_bytes_);
+        fetch_to_write(states_.data() + (slot + 1) * state_bytes_ - 1);
       }
     }
   }
 
   /// Fetches what telling nodes of it takes.
   void fetch_bounds(std::uint32_t slot) const noexcept {
-    __builtin_prefetch(&bounds_[slot], 1);
-    __builtin_prefetch(&told_[slot], 1);
-    __builtin_prefetch(&marks_[slot], 1);
-    __builtin_prefetch(&present_[slot]);
-    __builtin_prefetch(&hosts_[slot]);
+    fetch_to_write(&bounds_[slot]);
+    fetch_to_write(&told_[slot]);
+    fetch_to_write(&marks_[slot]);
+    fetch_to_read(&present_[slot]);
+    fetch_to_read(&hosts_[slot]);
   }
 
   /// Fetches what one of them is told.
   void fetch_position(std::uint32_t slot) const noexcept {
-    __builtin_prefetch(&rows_[slot]);
-    __builtin_prefetch(&bounds_[slot]);
+    fetch_to_read(&rows_[slot]);
+    fetch_to_read(&bounds_[slot]);
   }
 
   /// Makes an object and returns its slot; its model state is zero, its bounds are not set.

@@ -1,6 +1,7 @@
 // What the server takes in from nodes and user nodes.
 #include <algorithm>
 
+#include "nodes/fetch.hpp"
 #include "nodes/server_role.hpp"
 #include "telemetry/clock.hpp"
 
@@ -156,8 +157,8 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
       objects_.fetch(soon.slot, sweeps || (soon.flags & messages::flag_inner) == 0);
     }
     if (i + 2 * ahead < message.count()) {
-      __builtin_prefetch(message.at(i + 2 * ahead));
-      __builtin_prefetch(message.at(i + 2 * ahead) + 64);
+      fetch_to_read(message.at(i + 2 * ahead));
+      fetch_to_read(message.at(i + 2 * ahead) + 64);
     }
     const auto& record = message.view<messages::NodeStateRecord>(i);
     const std::uint32_t slot = objects_.find(record.object);
@@ -216,8 +217,8 @@ void ServerRole::hear_collisions(Party& party, const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
       const auto& soon = message.view<messages::CollisionRecord>(i + ahead);
-      __builtin_prefetch(&objects_.row(soon.slot_a));
-      __builtin_prefetch(&objects_.row(soon.slot_b));
+      fetch_to_read(&objects_.row(soon.slot_a));
+      fetch_to_read(&objects_.row(soon.slot_b));
     }
     ledger_.receive(party.self.number(), message.view<messages::CollisionRecord>(i), objects_.rows());
   }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "nodes/fetch.hpp"
 #include "nodes/server_role.hpp"
 #include "telemetry/clock.hpp"
 
@@ -62,7 +63,7 @@ void ServerRole::publish() {
       publication.list(relay_cells_[slot], slot);
     }
   }
-  publication.publish_listed([&](std::uint32_t slot) { __builtin_prefetch(&objects_.row(slot)); },
+  publication.publish_listed([&](std::uint32_t slot) { fetch_to_read(&objects_.row(slot)); },
                              [&](std::uint32_t slot) {
                                const ObjectRow& row = objects_.row(slot);
                                return link::PublishedState{row.object.number, 0, row.pose};
@@ -92,7 +93,7 @@ void ServerRole::update_relay() {
   const auto moved = objects_.moved();
   for (std::size_t i = 0; i < moved.size(); ++i) {
     if (i + ahead < moved.size()) {
-      __builtin_prefetch(&objects_.row(moved[i + ahead]));
+      fetch_to_read(&objects_.row(moved[i + ahead]));
     }
     if (moved[i] < known) {
       update(moved[i]);
