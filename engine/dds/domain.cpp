@@ -15,7 +15,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "dds/gives_way.hpp"
+#include "link/gives_way.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence::dds {
@@ -238,7 +238,7 @@ Domain::Domain(const NetworkConfig& network, Side side) {
   }
   dds_set_log_sink([](void*, const dds_log_data_t* line) { Words::all().add(line->message); }, nullptr);
   try {
-    const GivesWay gives_way;  // the threads of Cyclone DDS are made here
+    const link::GivesWay gives_way;  // the threads of Cyclone DDS are made here
     domain_ = Entity(dds_create_domain(number_, settings(network, side, number_).c_str()), "a domain");
     participant_ = Entity(dds_create_participant(number_, nullptr, nullptr), "a participant");
   } catch (const Error& error) {

@@ -6,8 +6,8 @@
 
 #include <unistd.h>
 
-#include "dds/gives_way.hpp"
 #include "dds/node_session.hpp"
+#include "link/gives_way.hpp"
 #include "ringfence/cluster.hpp"
 #include "ringfence/error.hpp"
 
@@ -60,7 +60,7 @@ class NodeService::Implementation {
   }
 
   Ending run() {
-    const GivesWay gives_way;
+    const link::GivesWay gives_way;
     // What a full network makes wait, nothing rings for.
     constexpr std::chrono::milliseconds tick(20);
     log(LogLevel::info, "waits for a World in domain " + std::to_string(domain_.number()));

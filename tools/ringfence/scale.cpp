@@ -8,6 +8,7 @@
 
 #include "cluster_model.hpp"
 #include "exit_code.hpp"
+#include "link/gives_way.hpp"
 #include "machine.hpp"
 #include "plots.hpp"
 #include "progress.hpp"
@@ -111,6 +112,9 @@ int scale(const ScaleOptions& options) {
   if (!options.csv.empty()) csv.emplace(options.csv);
   if (!options.plots.empty()) check_plots(options.plots);
 
+  // Of more threads than cores one that wakes would push aside one in the middle of a step, whose CPU time then holds
+  // the way back and the caches that the other left: what is modelled is the frame with a core for each.
+  const link::GivesWay gives_way;
   ScaleResult result;
   result.rows = rows_of(options);
   result.hops_ms = measure_hops(options);
