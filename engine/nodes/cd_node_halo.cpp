@@ -41,6 +41,7 @@ void CdNodeRole::hear_peers() {
   if (!findings_->halo.gate.enter()) {
     return;
   }
+  // A record, then where its object is known, then what is known of it: each look needs the one before.
   constexpr std::size_t ahead = 4;
   for (const Line& peer : setup_.peers) {
     if (peer.findings == nullptr || peer.findings->halo.frame() != frame_) {
@@ -49,8 +50,14 @@ void CdNodeRole::hear_peers() {
     const Halo& halo = peer.findings->halo;
     const std::size_t told = halo.told(setup_.node);
     for (std::size_t i = 0; i < told; ++i) {
+      if (i + 3 * ahead < told) {
+        halo.fetch(halo.told(setup_.node, i + 3 * ahead).record);
+      }
+      if (i + 2 * ahead < told) {
+        known_.fetch_index(halo.record(halo.told(setup_.node, i + 2 * ahead).record).object.slot);
+      }
       if (i + ahead < told) {
-        halo.fetch(halo.told(setup_.node, i + ahead).record);
+        known_.fetch(halo.record(halo.told(setup_.node, i + ahead).record).object.slot, KnownObjects::none);
       }
       const Halo::Told one = halo.told(setup_.node, i);
       hear_position(halo.record(one.record), one.gone);

@@ -45,6 +45,12 @@ class KnownObjects {
   /// node's. `was`: where it may be, as in find().
   std::uint32_t set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
                     ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner, std::uint32_t was = none);
+  /// Fetches what find() of that slot will look at.
+  void fetch_index(std::uint32_t slot) const noexcept {
+    if (slot < index_.size()) {
+      __builtin_prefetch(&index_[slot]);
+    }
+  }
   /// Fetches what such a set() of the object in that slot will write.
   void fetch(std::uint32_t slot, std::uint32_t was) const noexcept {
     if (const std::uint32_t i = find(slot, was); i != none) {
