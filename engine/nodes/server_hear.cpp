@@ -169,7 +169,9 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
     ObjectRow& row = objects_.row(slot);
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
-    const bool inner = (record.object.flags & messages::flag_inner) != 0;
+    // What stands outside its own bounds may leave a node that alone touches it: then who was told has to be noted.
+    constexpr std::uint32_t at_home = messages::flag_inner | messages::flag_staying;
+    const bool inner = (record.object.flags & at_home) == at_home;
     ObjectMarks& marks = objects_.marks(slot);
     const bool was_kept = (marks & kept_mark) != 0;
     const bool kept = (record.object.flags & messages::flag_kept) != 0 && party.line.findings != nullptr;

@@ -106,5 +106,35 @@ TEST_CASE("a node hears from its peer, not from the server, of what comes near t
   }
 }
 
+TEST_CASE("a node forgets what alone touched it and stood in another's region, when it has gone") {
+  // The border is at 32; from 5 to 15 m beyond where it stands the hull is solid, so it is given to the first node
+  // while all of it is in the second's region.
+  const std::vector<double> places = {32.5, 30, 4, 5, 30, 31, 33, 5};
+  const Visitor model(places);
+  for (const bool shares_memory : {false, true}) {
+    CAPTURE(shares_memory);
+    Stageplay play;
+    play.placement = Placement::region;
+    play.shares_memory = shares_memory;
+    play.nodes = 2;
+    play.grid = {{2, 0, 0}};
+    play.model = &model;
+    Theatre theatre(play);
+    ObjectSpec spec;
+    spec.shape = theatre.add_shape(Sphere{1});
+    spec.pose.position = {38.5, 6.5, 6.5};
+    theatre.spawn(spec);
+    spec.shape = theatre.add_shape(ConvexHull{{{5, 1, 1}, {15, 1, 1}, {5, 9, 1}, {5, 1, 9}, {12, 7, 8}}});
+    spec.pose.position = {33, 4, 4};
+    theatre.spawn(spec);
+    for (std::size_t frame = 0; frame < places.size(); ++frame) {
+      CAPTURE(frame);
+      theatre.frame();
+      CHECK(theatre.contacts().size() == (places[frame] >= 30 ? 1 : 0));
+      theatre.require_one_host_each();
+    }
+  }
+}
+
 }  // namespace
 }  // namespace ringfence::nodes::test
