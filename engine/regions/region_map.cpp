@@ -39,7 +39,7 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
   find_whole();
 }
 
-// Pairs along x, then two such pairs along y, then two such squares along z.
+// The box across some axes is two boxes across all but the last of these, next to each other.
 void RegionMap::find_whole() {
   const auto cells = static_cast<std::uint32_t>(grid_.cells());
   whole_.resize(cells);
@@ -49,10 +49,12 @@ void RegionMap::find_whole() {
   for (std::size_t axis = 0, shift = 0; axis < 3; shift += grid_.log2[axis++]) {
     const std::uint32_t next = std::uint32_t{1} << shift;
     const std::uint32_t last = grid_.along(axis) - 1;
+    const unsigned fewer = 1u << axis;  // as many bits tell of boxes that are not across this axis
+    const unsigned known = (1u << fewer) - 1;
     for (std::uint32_t cell = 0; cell < cells; ++cell) {
-      // Upwards, so that the neighbour's is still as it was after the axis before.
-      if ((cell >> shift & last) != last) {
-        whole_[cell] &= table_[cell] == table_[cell + next] ? whole_[cell + next] : std::uint8_t{0};
+      if ((cell >> shift & last) != last && table_[cell] == table_[cell + next]) {
+        const unsigned both = whole_[cell] & whole_[cell + next] & known;
+        whole_[cell] = static_cast<std::uint8_t>(whole_[cell] | both << fewer);
       }
     }
   }

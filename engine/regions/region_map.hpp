@@ -178,10 +178,11 @@ class RegionMap {
     return grid_.cells() + 2 * std::size_t{entry & 0x1fffffffu};
   }
   /// Whether all cells of the box, whose lowest is `cell`, are one node's, as far as whole_ can tell: most bounds are
-  /// smaller than a cell, and most cells lie within a region.
+  /// smaller than a cell, so that they cover one or two of them on an axis.
   bool is_whole(const CellBox& box, std::uint32_t cell) const noexcept {
     const auto across = [&](std::size_t axis) { return std::uint32_t{box.upper[axis]} - box.lower[axis]; };
-    return (across(0) | across(1) | across(2)) <= 1 && whole_[cell] != 0;
+    const std::uint32_t x = across(0), y = across(1), z = across(2);
+    return (x | y | z) <= 1 && (whole_[cell] >> (x | y << 1 | z << 2) & 1) != 0;
   }
   void find_whole();
   static std::size_t axis_of(std::uint32_t entry) noexcept { return entry >> 29 & 3u; }
@@ -219,8 +220,8 @@ class RegionMap {
   std::uint32_t nodes_;
   std::uint32_t epoch_ = 1;
   std::vector<std::uint32_t> table_;
-  /// A byte a cell: whether it and its neighbours towards the upper corner, seven where there are as many, are one
-  /// node's and none of them is cut.
+  /// A byte a cell: bit x + 2y + 4z, whether it and its upper neighbours across those axes, of 0 and 1, are one node's
+  /// and none of them is cut.
   std::vector<std::uint8_t> whole_;
 };
 
