@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "dds/domain.hpp"
-#include "dds/gives_way.hpp"
 #include "dds/path.hpp"
 #include "dds/star.hpp"
 #include "facade/way.hpp"
 #include "link/doorbell.hpp"
+#include "link/gives_way.hpp"
 
 int main(int argc, char** argv) {
   using namespace ringfence;
@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
   const std::size_t back = bench::bytes_back(nodes);
 
   dds::Domain domain(network, dds::Side::node);
-  const dds::GivesWay gives_way;
+  const link::GivesWay gives_way;
   link::Doorbell bell(link::Patience{20, 2});
   std::atomic<bool> came{false};
   const dds::Domain::Hook hook{[&] {
