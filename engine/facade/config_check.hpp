@@ -17,10 +17,10 @@ WorldConfig settle(WorldConfig config);
 
 /// Which placement is the cheaper for so many CD nodes (0: everything in one thread).
 ///
-/// Measured with 1000 to 256,000 objects in user/collision deployment (docs/performance.md): with one node there is
-/// nobody to share the sweep with, and what the server would save the node pays. From two nodes on, what the server
-/// no longer does (sweeping, sending pairs) is more than what the busiest node does in its place, by 3 to 22 % of the
-/// two together, and the CPU time of all threads is about the same, so that it holds on few cores too.
+/// Measured with 1000 to 256,000 objects in user/collision deployment (docs/performance.md): with one node the server
+/// sweeps while it tests, which is worth as much as what that costs. From two nodes on, what the server no longer does
+/// (sweeping, sending pairs) is more than what the busiest node does in its place, by 14 to 70 % of the two together,
+/// and the CPU time of all threads is less as well, so that it holds on few cores too.
 Placement choose_placement(std::uint32_t nodes) noexcept;
 
 }  // namespace ringfence::facade

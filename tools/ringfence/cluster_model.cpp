@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "messages/header.hpp"
 #include "messages/records.hpp"
 #include "ringfence/seen_state.hpp"
 
@@ -79,8 +80,9 @@ Parts parts_of(const FrameCounts& counts, const ClusterCosts& costs) {
   parts.m4_cpu = m4.messages * message + m4.records * record;
   parts.m4_link = m4.bytes * byte;
   parts.m5_node = 2 * (m5.messages * message + m5.records * record) / nodes + m5.bytes / nodes * byte;
-  parts.control_cpu = control.messages * message;
-  parts.control_link = control.bytes * byte;
+  // Between machines states come as messages themselves, and nobody has to be told that they can be read.
+  parts.control_cpu = std::max(0.0, control.messages - counts.looks) * message;
+  parts.control_link = std::max(0.0, control.bytes - counts.looks * sizeof(messages::Header)) * byte;
   parts.latency = hops_a_frame * ms(costs[CostName::latency_us]);
   return parts;
 }

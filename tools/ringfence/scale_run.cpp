@@ -50,6 +50,7 @@ FrameCounts counts_of(const Job& job, const Figures& figures, double busiest_tes
   counts.contacts = figures.mean(static_cast<double>(figures.contacts));
   counts.handed_over = figures.mean(static_cast<double>(figures.handed_over));
   counts.busiest_tested = figures.mean(busiest_tested);
+  counts.looks = job.service.interest > 0 ? counts.users : 0;
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
     counts.traffic[i] = {figures.mean(static_cast<double>(traffic.messages)),

@@ -21,6 +21,7 @@ struct FrameCounts {
   double user_hosted = 0, server_hosted = 0, node_hosted = 0;  ///< objects that move, by who hosts them
   double moved = 0, tested = 0, contacts = 0, handed_over = 0;
   double busiest_tested = 0;  ///< pairs of the node that tested most, mean over the frames
+  double looks = 0;           ///< control messages that say that shared memory can be read
   std::array<MeanTraffic, traffic_count> traffic{};
 
   MeanTraffic& operator[](Traffic kind) { return traffic[static_cast<std::size_t>(kind)]; }
