@@ -34,9 +34,9 @@ void CdNodeRole::sweep() {
           if ((inner[pair.a] | inner[pair.b]) == 0 && map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
             continue;
           }
-          // Every other pair the wrong way round, at random: a branch would be missed as often.
           fetch_to_read(&bodies[pair.a]);
           fetch_to_read(&bodies[pair.b]);
+          // Every other pair the wrong way round, at random: a branch would be missed as often.
           const std::uint32_t flip = (pair.a ^ pair.b) & (numbers[pair.b] < numbers[pair.a] ? ~0u : 0u);
           pairs_.push_back({pair.a ^ flip, pair.b ^ flip});
         }

@@ -13,7 +13,6 @@ void CdNodeRole::list_findings() {
   findings.bodies = known_.bodies().data();
   findings.keys.resize(hits_.size());
   findings.found.resize(hits_.size());
-  for_peers_.clear();
   const bool tells = setup_.hosts && findings_ != &own_findings_;
   for (std::size_t i = 0; i < hits_.size(); ++i) {
     fetch_to_write(findings.keys.data() + i + 32);
@@ -31,7 +30,7 @@ void CdNodeRole::list_findings() {
   }
   if (findings_ != &own_findings_) {
     findings.compare();
-    findings.list_for_peers(for_peers_.span(), static_cast<NodeNumber>(setup_.peers.size()));
+    findings.for_peers.finish(static_cast<NodeNumber>(setup_.peers.size()));
   }
 }
 
@@ -49,7 +48,7 @@ void CdNodeRole::list_told(std::uint32_t position) {
     setup_.space->point(known_.bodies()[known].pose.position, point);
     const NodeNumber next = map_.owner_at(point);
     if (next != setup_.node && next != first) {
-      for_peers_.push_back({next, position});
+      findings_->for_peers.add(next, position);
       first = next;
     }
   }
@@ -84,8 +83,8 @@ void CdNodeRole::take_from_peers() {
   findings_order_.start(all);
   for (NodeNumber peer = 0; peer < all.size(); ++peer) {
     const Findings& findings = *all[peer];
-    for (std::uint32_t i = findings.for_peer_from[setup_.node]; i < findings.for_peer_from[setup_.node + 1]; ++i) {
-      findings_order_.add(peer, findings.for_peers[i]);
+    for (const std::uint32_t position : findings.for_peers.of(setup_.node)) {
+      findings_order_.add(peer, position);
     }
   }
   findings_order_.sort();

@@ -34,12 +34,15 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   hits_.reserve(setup.objects);
   touches_.reserve(setup.objects);
   order_.reserve(setup.objects);
-  for_peers_.reserve(setup.objects);
+  findings_->for_peers.reserve(setup.objects);
   findings_order_.reserve(setup.objects);
   narrow_.remember_axes(setup.remember_axes);
   movers_.reserve(setup.objects);
   host_.reserve_contacts(setup.objects);
   findings_->host = &host_;
+  if (shares_states()) {
+    findings_->halo.reserve(setup.objects / 8 + 64);  // few touch another's region
+  }
   if (shares_states() && setup.may_be_lost) {
     findings_->kept.reserve(setup.objects, host_.state_bytes());
   }

@@ -171,7 +171,6 @@ class CdNodeRole {
   std::vector<ObjectNumber> movers_;                      ///< hosted ones that stand in another node's cell
   ContactOrder order_;
   FindingsOrder findings_order_;
-  FlatList<ForPeer> for_peers_;
   std::vector<std::uint64_t> stamps_;  ///< by node: see regions::for_each_owner
   std::uint64_t stamp_ = 0;
   std::size_t words_confirmed_ = 0;

@@ -19,7 +19,6 @@ void Findings::start(std::uint64_t new_frame) {
   outer.clear();
   outer_ending.clear();
   for_peers.clear();
-  for_peer_from.clear();
 }
 
 void Findings::compare() {
@@ -51,22 +50,6 @@ void Findings::compare() {
   for (; old < olds; ++old) {
     end();
   }
-}
-
-// A stable counting sort.
-void Findings::list_for_peers(std::span<const ForPeer> told, NodeNumber nodes) {
-  for_peer_from.assign(nodes + 2, 0);
-  for (const ForPeer& one : told) {
-    ++for_peer_from[one.peer + 2];
-  }
-  for (NodeNumber peer = 0; peer < nodes; ++peer) {
-    for_peer_from[peer + 2] += for_peer_from[peer + 1];
-  }
-  for_peers.resize(told.size());
-  for (const ForPeer& one : told) {
-    for_peers[for_peer_from[one.peer + 1]++] = one.position;
-  }
-  for_peer_from.pop_back();
 }
 
 bool Findings::begins(std::uint32_t position) const noexcept {

@@ -13,6 +13,7 @@
 #include "nodes/gate.hpp"
 #include "nodes/halo.hpp"
 #include "nodes/kept_states.hpp"
+#include "nodes/peer_runs.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/ids.hpp"
 
@@ -35,12 +36,6 @@ struct FoundContact {
   std::uint32_t body_a = 0;  ///< which of Findings::bodies; not looked at where contacts are kept
   std::uint32_t body_b = 0;
   std::uint32_t touch = 0;  ///< which of Findings::touches
-};
-
-/// A contact that the node which found it has to tell another.
-struct ForPeer {
-  NodeNumber peer = 0;
-  std::uint32_t position = 0;  ///< in Findings::keys
 };
 
 /// A stretch of the lists that the embedder reads: all contacts of a frame, whoever found them, whose keys are in
@@ -101,8 +96,7 @@ struct Findings {
   FlatList<OuterContact> outer;                        ///< by key
   FlatList<OuterContact> outer_before;                 ///< of the frame before
   FlatList<OuterContact> outer_ending;                 ///< those of them that are among ending
-  FlatList<std::uint32_t> for_peers;         ///< of which the other nodes have to be told, a run a node, each ascending
-  std::vector<std::uint32_t> for_peer_from;  ///< by node, and one more: where its run begins
+  PeerRuns for_peers;  ///< positions in keys of which the other nodes have to be told, ascending for each
 
   // The server's part.
   FlatList<std::uint32_t> begun;  ///< which of keys were in contact nowhere in the frame before, ascending
@@ -118,8 +112,6 @@ struct Findings {
   void start(std::uint64_t new_frame);
   /// The node: fills beginning, ending and outer_ending.
   void compare();
-  /// The node: fills for_peers and for_peer_from; `told` ascend by position, `nodes` is how many there are.
-  void list_for_peers(std::span<const ForPeer> told, NodeNumber nodes);
   /// Whether `position` is one of begun.
   bool begins(std::uint32_t position) const noexcept;
   /// Calls each(key, position, phase) for all, in order. Precondition: begun holds.

@@ -2,13 +2,12 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <span>
-#include <vector>
 
 #include "messages/records.hpp"
 #include "nodes/fetch.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/gate.hpp"
+#include "nodes/peer_runs.hpp"
 #include "ringfence/ids.hpp"
 
 namespace ringfence::nodes {
@@ -37,16 +36,16 @@ class Halo {
   /// One more record; the tell() that follow are of it.
   void add(const messages::PositionRecord& record) { records_.push_back(record); }
   void tell(NodeNumber peer, bool gone) {
-    entries_.push_back({peer, static_cast<std::uint32_t>(records_.size() - 1) | (gone ? gone_bit : 0)});
+    told_.add(peer, static_cast<std::uint32_t>(records_.size() - 1) | (gone ? gone_bit : 0));
   }
   /// After the last of them; `nodes` is how many there are.
-  void finish(NodeNumber nodes);
+  void finish(NodeNumber nodes) { told_.finish(nodes); }
 
   std::uint64_t frame() const noexcept { return frame_; }
   /// What `peer` is told; each object once.
-  std::size_t told(NodeNumber peer) const noexcept { return from_[peer + 1] - from_[peer]; }
+  std::size_t told(NodeNumber peer) const noexcept { return told_.of(peer).size(); }
   Told told(NodeNumber peer, std::size_t i) const noexcept {
-    const std::uint32_t entry = told_[from_[peer] + i];
+    const std::uint32_t entry = told_.of(peer)[i];
     return {entry & ~gone_bit, (entry & gone_bit) != 0};
   }
   const messages::PositionRecord& record(std::uint32_t i) const noexcept { return records_[i]; }
@@ -62,16 +61,10 @@ class Halo {
  private:
   static constexpr std::uint32_t gone_bit = 0x80000000u;
   static constexpr std::uint64_t no_frame = ~std::uint64_t{0};
-  struct Entry {
-    NodeNumber peer;
-    std::uint32_t told;
-  };
 
   std::uint64_t frame_ = no_frame;
   FlatList<messages::PositionRecord> records_;
-  FlatList<Entry> entries_;          ///< as they came
-  FlatList<std::uint32_t> told_;     ///< which of records_, with gone_bit; a run a node
-  std::vector<std::uint32_t> from_;  ///< by node, and one more: where its run begins
+  PeerRuns told_;  ///< which of records_, with gone_bit
 };
 
 }  // namespace ringfence::nodes

@@ -48,7 +48,7 @@ class KnownObjects {
   /// Fetches what find() of that slot will look at.
   void fetch_index(std::uint32_t slot) const noexcept {
     if (slot < index_.size()) {
-      __builtin_prefetch(&index_[slot]);
+      fetch_to_read(&index_[slot]);
     }
   }
   /// Fetches what such a set() of the object in that slot will write.

@@ -402,25 +402,26 @@ TEST_CASE("what a node finds for its peers is listed by peer, in order") {
   constexpr unsigned seed = 9;
   CAPTURE(seed);
   std::mt19937_64 random(seed);
-  Findings findings;
+  PeerRuns runs;
   for (NodeNumber nodes = 1; nodes < 20; ++nodes) {
     CAPTURE(nodes);
-    std::vector<ForPeer> told;
+    runs.clear();
     std::vector<std::vector<std::uint32_t>> expected(nodes);
     for (std::uint32_t position = 0; position < 60; ++position) {
       const auto peer = static_cast<NodeNumber>(random() % nodes);
       if (random() % 3 != 0) {
-        told.push_back({peer, position});
+        runs.add(peer, position);
         expected[peer].push_back(position);
       }
     }
-    findings.list_for_peers(told, nodes);
-    REQUIRE(findings.for_peer_from.size() == nodes + 1);
+    runs.finish(nodes);
+    std::size_t size = 0;
     for (NodeNumber peer = 0; peer < nodes; ++peer) {
-      const auto* const first = findings.for_peers.begin() + findings.for_peer_from[peer];
-      const auto* const end = findings.for_peers.begin() + findings.for_peer_from[peer + 1];
-      REQUIRE(std::vector<std::uint32_t>(first, end) == expected[peer]);
+      const auto run = runs.of(peer);
+      REQUIRE(std::vector<std::uint32_t>(run.begin(), run.end()) == expected[peer]);
+      size += run.size();
     }
+    REQUIRE(runs.size() == size);
   }
 }
 

@@ -69,17 +69,22 @@ class Visitor : public MotionModel {
   std::vector<double> places_;
 };
 
+/// Two nodes with a border at 32.
+Stageplay stage(const MotionModel& model, bool shares_memory) {
+  Stageplay play;
+  play.placement = Placement::region;
+  play.shares_memory = shares_memory;
+  play.nodes = 2;
+  play.grid = {{2, 0, 0}};
+  play.model = &model;
+  return play;
+}
+
 TEST_CASE("a node hears from its peer, not from the server, of what comes near the border, crosses it and goes") {
   // The border is at 32, what stands reaches from 32.5 to 34.5.
   const std::vector<double> places = {4, 20, 31.5, 31.2, 29.9, 20, 31.5, 33.5, 40, 36.5, 34.5, 31.5, 20, 21};
   const Visitor model(places);
-  Stageplay play;
-  play.placement = Placement::region;
-  play.shares_memory = true;
-  play.nodes = 2;
-  play.grid = {{2, 0, 0}};
-  play.model = &model;
-  Theatre theatre(play);
+  Theatre theatre(stage(model, true));
   ObjectSpec spec;
   spec.shape = theatre.add_shape(Sphere{1});
   spec.pose.position = {33.5, 8, 8};
@@ -113,13 +118,7 @@ TEST_CASE("a node forgets what alone touched it and stood in another's region, w
   const Visitor model(places);
   for (const bool shares_memory : {false, true}) {
     CAPTURE(shares_memory);
-    Stageplay play;
-    play.placement = Placement::region;
-    play.shares_memory = shares_memory;
-    play.nodes = 2;
-    play.grid = {{2, 0, 0}};
-    play.model = &model;
-    Theatre theatre(play);
+    Theatre theatre(stage(model, shares_memory));
     ObjectSpec spec;
     spec.shape = theatre.add_shape(Sphere{1});
     spec.pose.position = {38.5, 6.5, 6.5};
