@@ -95,6 +95,7 @@ void ServerRole::start_telling_users() {
   if (peers_tell_) {
     list_notices();
   }
+  informed_ = false;
   awaited_users_.clear();
   all_users([&](Party& user) {
     start_telling(user);

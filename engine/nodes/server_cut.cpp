@@ -60,7 +60,7 @@ void ServerRole::start(Party& party) {
   party.states_heard = party.published_heard = party.tested_heard = party.told_heard = false;
   party.heard_bytes = party.heard_updates = 0;
   party.heard_ns = begin_ns_;
-  party.probed_ns = 0;
+  party.probed_ns = party.opened_ns = party.notified_ns = 0;
   party.notices.clear();
 }
 

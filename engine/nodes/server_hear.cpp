@@ -275,6 +275,22 @@ void ServerRole::hear_kinds(const MessageView& message) {
   }
 }
 
+void ServerRole::charge_path(const Party& node, const messages::ToldRecord& told) noexcept {
+  PathReport& path = report().path;
+  const auto raise = [](double& most, double ms) { most = std::max(most, ms); };
+  const double move_ms = telemetry::to_ms(told.move_cpu_ns);
+  const double publish_ms = telemetry::to_ms(told.publish_cpu_ns);
+  const double detect_ms = telemetry::to_ms(told.detect_cpu_ns);
+  const double end_ms = telemetry::to_ms(told.cpu_ns) - move_ms - publish_ms - detect_ms;
+  raise(path.node_move_ms, move_ms);
+  raise(path.node_publish_ms, publish_ms);
+  raise(path.node_detect_ms, detect_ms);
+  raise(path.node_end_ms, end_ms);
+  raise(path.nodes_moved_ms, node.opened_ms + move_ms);
+  raise(path.nodes_tested_ms, std::max(path.dispatch_ms, publish_ms) + detect_ms);
+  raise(path.nodes_ended_ms, node.notified_ms + end_ms);
+}
+
 void ServerRole::hear_told(Party& party, const MessageView& message) {
   const auto record = message.record<messages::ToldRecord>(0);
   FrameReport& frame = report();
@@ -288,12 +304,7 @@ void ServerRole::hear_told(Party& party, const MessageView& message) {
     node.move_ms = telemetry::to_ms(record.move_ns);
     node.broad_phase_ms = telemetry::to_ms(record.broad_phase_ns);
     node.narrow_phase_ms = telemetry::to_ms(record.narrow_phase_ns);
-    PathReport& path = frame.path;
-    path.node_move_ms = std::max(path.node_move_ms, telemetry::to_ms(record.move_cpu_ns));
-    path.node_publish_ms = std::max(path.node_publish_ms, telemetry::to_ms(record.publish_cpu_ns));
-    path.node_detect_ms = std::max(path.node_detect_ms, telemetry::to_ms(record.detect_cpu_ns));
-    path.node_end_ms = std::max(path.node_end_ms, telemetry::to_ms(record.cpu_ns - record.move_cpu_ns -
-                                                                   record.publish_cpu_ns - record.detect_cpu_ns));
+    charge_path(party, record);
     node.hosted = record.hosted;
     if (record.kept != 0) {
       kept_moved_ += static_cast<std::int64_t>(record.kept);

@@ -137,6 +137,22 @@ void ServerRole::spend_cpu(double PathReport::*step) noexcept {
   cpu_mark_ns_ = now;
 }
 
+// When that was the case for the first time.
+bool ServerRole::note_first(std::uint64_t& when_ns) noexcept {
+  when_ns = when_ns != 0 ? when_ns : telemetry::now_ns();
+  return true;
+}
+
+// Of a step in which nodes are told one after another: what it had cost when each of them was.
+void ServerRole::charge_told(double step_ms, std::uint64_t begin_ns, std::uint64_t Party::*told_ns,
+                             double Party::*told_ms) noexcept {
+  const double passed = static_cast<double>(telemetry::now_ns() - begin_ns);
+  for (Party& node : nodes_) {
+    const double until = static_cast<double>(node.*told_ns - begin_ns);
+    node.*told_ms = node.lost || passed <= 0 ? step_ms : step_ms * until / passed;
+  }
+}
+
 // In user/server deployment the server is the host; elsewhere only of what has no other.
 void ServerRole::move_own() {
   host_.move(frame_);
@@ -269,10 +285,11 @@ bool ServerRole::advance_stage() {
     case Stage::waiting:
       return false;
     case Stage::opening:
-      if (!all_nodes([&](Party& node) { return open(node); })) {
+      if (!all_nodes([&](Party& node) { return open(node) && note_first(node.opened_ns); })) {
         return false;
       }
       spend_cpu(&PathReport::open_ms);
+      charge_told(report().path.open_ms, begin_ns_, &Party::opened_ns, &Party::opened_ms);
       start_users();
       stage_ = Stage::inviting;
       return true;
@@ -323,22 +340,27 @@ bool ServerRole::advance_stage() {
       stage_ = Stage::notifying;
       return true;
     case Stage::notifying:
-      if (!all_nodes([&](Party& node) { return notify(node); })) {
+      if (!all_nodes([&](Party& node) { return notify(node) && note_first(node.notified_ns); })) {
         return false;
       }
       spend_cpu(&PathReport::notify_ms);
+      charge_told(report().path.notify_ms, notify_ns_, &Party::notified_ns, &Party::notified_ms);
       start_telling_users();
       stage_ = Stage::informing;
       return true;
     case Stage::informing:
       // Users are heard before nodes, which have more to end.
-      for (const UserNumber user : awaited_users_) {
-        notify(users_[user]);
+      if (!informed_) {
+        informed_ = true;
+        for (const UserNumber user : awaited_users_) {
+          informed_ &= notify(users_[user]);
+        }
+        spend_cpu(&PathReport::inform_ms);
       }
       if (!awaited_users_.empty()) {
         return false;
       }
-      spend_cpu(&PathReport::inform_ms);
+      spend_cpu(&PathReport::heed_ms);
       stage_ = Stage::closing;
       return true;
     case Stage::closing:

@@ -144,6 +144,7 @@ class ServerRole {
   void hear_collisions(Party& party, const messages::MessageView& message);
   void hear_tested(Party& party, const messages::MessageView& message);
   void hear_kinds(const messages::MessageView& message);
+  void charge_path(const Party& node, const messages::ToldRecord& told) noexcept;
   void hear_told(Party& party, const messages::MessageView& message);
   void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
   void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
@@ -226,6 +227,9 @@ class ServerRole {
 
   void spend(ringfence::Stage stage, std::uint64_t now) noexcept;
   void spend_cpu(double PathReport::*step) noexcept;
+  static bool note_first(std::uint64_t& when_ns) noexcept;
+  void charge_told(double step_ms, std::uint64_t begin_ns, std::uint64_t Party::*told_ns,
+                   double Party::*told_ms) noexcept;
   FrameReport& report() noexcept { return reports_[frame_ & 1]; }
   messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
   static void add(messages::TrafficCounts& counts, const messages::Header& header) noexcept;
@@ -257,6 +261,7 @@ class ServerRole {
   bool relays_listed_ = false;           ///< user nodes look: what is published in this frame stays as it is
   std::vector<std::uint32_t> leaving_;   ///< slots of this frame whose hosts say that others host them next
   bool users_changed_ = false;
+  bool informed_ = false;          ///< all users have been sent what they are told in this frame
   bool bounds_are_stale_ = false;  ///< those of present objects of which their hosts alone know
   std::int64_t kept_moved_ = 0;  ///< objects that moved in this frame and are not in objects_.moved(), less the others
 
