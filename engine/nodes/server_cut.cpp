@@ -74,18 +74,6 @@ void ServerRole::start_users() {
   });
 }
 
-void ServerRole::start_report() {
-  FrameReport& frame = report();
-  std::vector<NodeReport> nodes = std::move(frame.nodes);
-  std::vector<KindReport> kinds = std::move(frame.kinds);
-  kinds.clear();
-  std::fill(nodes.begin(), nodes.end(), NodeReport{});
-  frame = {};
-  frame.nodes = std::move(nodes);
-  frame.kinds = std::move(kinds);
-  frame.frame = frame_;
-}
-
 // In the order of the calls, but for spawns that follow each other: those fill the tables in the order of their places.
 void ServerRole::apply_requests() {
   constexpr std::size_t ahead = 8;  // what is placed lies anywhere

@@ -66,21 +66,6 @@ void ServerRole::refuse(Party& sender, Status reason, ObjectNumber number) {
   }
 }
 
-void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& header) noexcept {
-  TrafficReport& traffic = counts[static_cast<std::size_t>(traffic_of(static_cast<MessageType>(header.type)))];
-  ++traffic.messages;
-  traffic.records += header.count;
-  traffic.bytes += header.bytes;
-}
-
-// What is read where it lies counts as the message in its place.
-void ServerRole::count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept {
-  TrafficReport& traffic = report().traffic[static_cast<std::size_t>(kind)];
-  ++traffic.messages;
-  traffic.records += records;
-  traffic.bytes += records * bytes_each;
-}
-
 void ServerRole::receive(Party& party, const MessageView& message) {
   add(report().traffic, message.header());
   const bool node = party.self.is_node();
@@ -273,22 +258,6 @@ void ServerRole::hear_kinds(const MessageView& message) {
     at->gather_nanoseconds += record.gather_nanoseconds;
     for (std::size_t k = 0; k < cost_buckets; ++k) at->cost[k] += record.cost[k];
   }
-}
-
-void ServerRole::charge_path(const Party& node, const messages::ToldRecord& told) noexcept {
-  PathReport& path = report().path;
-  const auto raise = [](double& most, double ms) { most = std::max(most, ms); };
-  const double move_ms = telemetry::to_ms(told.move_cpu_ns);
-  const double publish_ms = telemetry::to_ms(told.publish_cpu_ns);
-  const double detect_ms = telemetry::to_ms(told.detect_cpu_ns);
-  const double end_ms = telemetry::to_ms(told.cpu_ns) - move_ms - publish_ms - detect_ms;
-  raise(path.node_move_ms, move_ms);
-  raise(path.node_publish_ms, publish_ms);
-  raise(path.node_detect_ms, detect_ms);
-  raise(path.node_end_ms, end_ms);
-  raise(path.nodes_moved_ms, node.opened_ms + move_ms);
-  raise(path.nodes_tested_ms, std::max(path.dispatch_ms, publish_ms) + detect_ms);
-  raise(path.nodes_ended_ms, node.notified_ms + end_ms);
 }
 
 void ServerRole::hear_told(Party& party, const MessageView& message) {

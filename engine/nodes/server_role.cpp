@@ -4,7 +4,7 @@
 #include <cstring>
 #include <utility>
 
-#include "telemetry/track.hpp"
+#include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
 
@@ -116,41 +116,6 @@ bool ServerRole::hear_users() {
     }
   }
   return any;
-}
-
-// What passed since the last mark is charged to a stage of the report, less what ingest took of it.
-void ServerRole::spend(ringfence::Stage stage, std::uint64_t now) noexcept {
-  const std::uint64_t passed = now - mark_ns_;
-  const std::uint64_t ingest = std::min(ingest_ns_, passed);
-  report().stage_ms[static_cast<std::size_t>(stage)] += telemetry::to_ms(passed - ingest);
-  report().stage_ms[static_cast<std::size_t>(ringfence::Stage::ingest)] += telemetry::to_ms(ingest);
-  if (setup_.track != nullptr) {
-    setup_.track->add(name_of(stage), mark_ns_, now);
-  }
-  mark_ns_ = now;
-  ingest_ns_ = 0;
-}
-
-void ServerRole::spend_cpu(double PathReport::*step) noexcept {
-  const std::uint64_t now = telemetry::thread_cpu_ns();
-  report().path.*step += telemetry::to_ms(now - cpu_mark_ns_);
-  cpu_mark_ns_ = now;
-}
-
-// When that was the case for the first time.
-bool ServerRole::note_first(std::uint64_t& when_ns) noexcept {
-  when_ns = when_ns != 0 ? when_ns : telemetry::now_ns();
-  return true;
-}
-
-// Of a step in which nodes are told one after another: what it had cost when each of them was.
-void ServerRole::charge_told(double step_ms, std::uint64_t begin_ns, std::uint64_t Party::*told_ns,
-                             double Party::*told_ms) noexcept {
-  const double passed = static_cast<double>(telemetry::now_ns() - begin_ns);
-  for (Party& node : nodes_) {
-    const double until = static_cast<double>(node.*told_ns - begin_ns);
-    node.*told_ms = node.lost || passed <= 0 ? step_ms : step_ms * until / passed;
-  }
 }
 
 // In user/server deployment the server is the host; elsewhere only of what has no other.

@@ -114,7 +114,6 @@ class ServerRole {
 
   // The cut.
   void cut();
-  void start_report();
   void apply_requests();
   void apply(const Request& request);
   void connect(const Request& request);
@@ -144,9 +143,7 @@ class ServerRole {
   void hear_collisions(Party& party, const messages::MessageView& message);
   void hear_tested(Party& party, const messages::MessageView& message);
   void hear_kinds(const messages::MessageView& message);
-  void charge_path(const Party& node, const messages::ToldRecord& told) noexcept;
   void hear_told(Party& party, const messages::MessageView& message);
-  void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
   void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
   void refuse(Party& sender, Status reason, ObjectNumber number = 0);
 
@@ -225,14 +222,19 @@ class ServerRole {
   /// Whether the contacts of the frame are known, so that a loss does not change them any more.
   bool is_telling() const noexcept { return stage_ >= Stage::notifying; }
 
+  // The report.
+  void start_report();
   void spend(ringfence::Stage stage, std::uint64_t now) noexcept;
   void spend_cpu(double PathReport::*step) noexcept;
+  void charge_path(const Party& node, const messages::ToldRecord& told) noexcept;
   static bool note_first(std::uint64_t& when_ns) noexcept;
   void charge_told(double step_ms, std::uint64_t begin_ns, std::uint64_t Party::*told_ns,
                    double Party::*told_ms) noexcept;
-  FrameReport& report() noexcept { return reports_[frame_ & 1]; }
-  messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
+  void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
   static void add(messages::TrafficCounts& counts, const messages::Header& header) noexcept;
+  FrameReport& report() noexcept { return reports_[frame_ & 1]; }
+
+  messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
 
   ServerSetup setup_;
   regions::RegionMap map_;
