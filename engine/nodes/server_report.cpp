@@ -8,6 +8,8 @@
 
 namespace ringfence::nodes {
 
+using messages::MessageType;
+
 void ServerRole::start_report() {
   FrameReport& frame = report();
   std::vector<NodeReport> nodes = std::move(frame.nodes);
