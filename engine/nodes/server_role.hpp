@@ -54,6 +54,7 @@ struct ServerSetup {
   double interest = 0;
   std::size_t relays_for = 4;  ///< up to so many CD nodes the server relays the states of what they host
   bool balance = true;         ///< regions follow the load
+  BalanceBy balance_by = BalanceBy::cpu_time;
   Quotas quotas;
   std::uint64_t node_deadline_ns = 0;  ///< a CD node silent for so long in a frame, though asked, is lost; 0: never
   std::uint64_t user_deadline_ns = 0;  ///< a user node has so long to move, and so long to take its contacts; 0: ever
