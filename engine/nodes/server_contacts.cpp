@@ -14,7 +14,7 @@ void ServerRole::collect() {
   ledger_.share_out();
   FrameReport& frame = report();
   frame.contacts = ledger_.size();
-  frame.ended = ledger_.ended_keys(frame_).size();
+  frame.ended = ledger_.ends();
   spend(ringfence::Stage::collect, telemetry::now_ns());
   if (wants_map()) {
     draw_map();
