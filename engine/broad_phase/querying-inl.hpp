@@ -19,38 +19,35 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::broad_phase::HWY_NAMESPACE {
 
-// A range of sorted positions to compare with one box's code.
-struct Window {
+// What a box of another grid is to be compared with, and what it looks for there.
+struct Question {
   Sought sought;
-  std::uint32_t asker, first, last;
+  Window window;
 };
 
 // For the boxes that are larger than the limit, of which a code says nothing, or whose cells wrap around.
 template <bool layered>
-std::uint64_t* query_any(const RowGrid& b, std::uint32_t i, Sought sought, bool fits, const Neighbourhood& near,
-                         std::uint64_t* out) {
+std::size_t query_any(const RowGrid& b, std::uint32_t i, Sought sought, bool fits, const Neighbourhood& near,
+                      Finds finds, std::size_t found) {
   const RowLayout& rows = b.layout;
   const std::uint32_t* const cell_end = b.cell_end.data() + 1;
   const std::uint32_t x_end = near.x.first + near.x.count - 1, x_mask = rows.cell_mask[0];
+  const auto take = [&](std::uint32_t first, std::uint32_t end) HWY_ATTR {
+    if (fits) {
+      found = scan<layered>(Columns(b), sought, {i, first, end}, finds, found);
+      return;
+    }
+    // Most of what a large box covers it meets: all of it goes to the exact test.
+    for (std::uint32_t j = first; j < end; ++j)
+      found = finds.add(found, i, j, !layered || (b.layer_bits[j] & sought.layers) != 0);
+  };
   for (std::uint32_t dz = 0; dz < near.z.count; ++dz)
     for (std::uint32_t dy = 0; dy < near.y.count; ++dy) {
-      const std::uint32_t row = near.row_key(rows, dy, dz);
-      if (fits) {
-        out = scan_cells<layered>(b, cell_end, sought, i, row,
-                                  {static_cast<std::int32_t>(near.x.first), static_cast<std::int32_t>(x_end)}, out);
-        continue;
-      }
-      // Most of what a large box covers it meets: all of it goes to the exact test.
-      const auto take = [&](std::uint32_t from, std::uint32_t to) {
-        for (std::uint32_t j = cell_end[static_cast<std::int64_t>(row + from) - 1]; j < cell_end[row + to]; ++j) {
-          *out = std::uint64_t{j} << 32 | i;
-          out += !layered || (b.layer_bits[j] & sought.layers) != 0;
-        }
-      };
-      take(near.x.first, std::min(x_end, x_mask));
-      if (x_end > x_mask) take(0, x_end & x_mask);
+      const std::uint32_t* const row = cell_end + near.row_key(rows, dy, dz);
+      take(row[static_cast<std::int64_t>(near.x.first) - 1], row[std::min(x_end, x_mask)]);
+      if (x_end > x_mask) take(row[-1], row[x_end & x_mask]);
     }
-  return out;
+  return found;
 }
 
 template <bool layered>
@@ -60,11 +57,16 @@ void query_where(const RowGrid& a, std::uint32_t first, std::uint32_t last, cons
   const Encoder encode(rows);
   const Columns columns(b);
   sink.open(b.count);
-  std::uint64_t* out = sink.candidates.data();
-  std::uint64_t* const full = out + PairSink::drain_at;
+  const Finds finds(sink);
+  std::size_t found = 0;
+  const auto drain_full = [&]() HWY_ATTR {
+    if (HWY_LIKELY(found <= PairSink::drain_at)) return;
+    drain(a, b, found, sink);
+    found = 0;
+  };
   // As in the sweep, no branch on where a box lies: it fills up to four windows, and those are scanned in a row.
   constexpr std::uint32_t block = 256;
-  Window windows[4 * block];
+  Question questions[4 * block];
   for (std::uint32_t begin = first; begin < last; begin += block) {
     const std::uint32_t end = std::min(last, begin + block);
     std::uint32_t count = 0;
@@ -75,26 +77,25 @@ void query_where(const RowGrid& a, std::uint32_t first, std::uint32_t last, cons
       const Sought sought{swap_halves(encode.quantise(box)), layers_sought<layered>(a, i)};
       const std::uint32_t x_end = near.x.first + near.x.count - 1;
       if (HWY_UNLIKELY(!fits || x_end > rows.cell_mask[0])) {
-        out = query_any<layered>(b, i, sought, fits, near, out);
-        if (HWY_UNLIKELY(out > full)) out = drain(a, b, out, sink);
+        found = query_any<layered>(b, i, sought, fits, near, finds, found);
+        drain_full();
         continue;
       }
       // At most two rows and two slabs: they are two limits deep, and so is what is looked at.
       for (std::uint32_t k = 0; k < 4; ++k) {
         const std::uint32_t dy = k & 1, dz = k >> 1;
         const std::uint32_t row = near.row_key(rows, dy, dz);
-        windows[count] = {sought, i, cell_end[static_cast<std::int64_t>(row + near.x.first) - 1],
-                          cell_end[row + x_end]};
+        questions[count] = {sought,
+                            {i, cell_end[static_cast<std::int64_t>(row + near.x.first) - 1], cell_end[row + x_end]}};
         count += (dy < near.y.count) & (dz < near.z.count);
       }
     }
     for (std::uint32_t k = 0; k < count; ++k) {
-      const Window& w = windows[k];
-      out = scan<layered>(columns, w.sought, w.asker, w.first, w.last, out);
-      if (HWY_UNLIKELY(out > full)) out = drain(a, b, out, sink);
+      found = scan<layered>(columns, questions[k].sought, questions[k].window, finds, found);
+      drain_full();
     }
   }
-  drain(a, b, out, sink);
+  drain(a, b, found, sink);
 }
 
 inline void query(const RowGrid& a, std::uint32_t first, std::uint32_t last, const RowGrid& b, PairSink& sink) {

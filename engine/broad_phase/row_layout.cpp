@@ -9,7 +9,7 @@
 namespace ringfence::broad_phase {
 namespace {
 
-constexpr std::uint32_t largest_code_extent = 62;  // quanta; see RowLayout
+constexpr std::uint32_t largest_code_extent = 31;  // quanta; see RowLayout
 constexpr double largest = 4294967295.0;
 
 std::uint32_t quantum_for(std::uint32_t limit) {
@@ -87,11 +87,11 @@ RowLayout plan_rows(const LevelSample& sample, std::size_t lanes) {
   AxisCut best[3];
   // Rows and slabs from two limits deep, cells from a thirtieth of one.
   bool more_y = true;
-  for (std::uint32_t sy = std::min(31u, rows.quantum[1] + 7); more_y; ++sy) {
+  for (std::uint32_t sy = std::min(31u, rows.quantum[1] + 6); more_y; ++sy) {
     bool more_z = true;
-    for (std::uint32_t sz = std::min(31u, rows.quantum[2] + 7); more_z; ++sz) {
+    for (std::uint32_t sz = std::min(31u, rows.quantum[2] + 6); more_z; ++sz) {
       bool more_x = true;
-      for (std::uint32_t sx = rows.quantum[0] + 3; more_x; ++sx) {
+      for (std::uint32_t sx = rows.quantum[0] + 2; more_x; ++sx) {
         const std::uint32_t reach = (sample.limit[0] >> sx) + 2;
         const auto least_x = static_cast<std::uint32_t>(std::bit_width(2 * reach));
         AxisCut x = cut(axes[0], sx, least_x), y = cut(axes[1], sy, 2), z = cut(axes[2], sz, 2);

@@ -16,7 +16,8 @@ namespace ringfence::broad_phase {
 /// last, by the exact test. All steps are powers of two of the fixed point, so that a cell is three shifts.
 ///
 /// Invariants, which the sweep's "each pair once" rests on:
-/// - `limit` is at most 62 quanta on each axis: then a difference of two corners of overlapping boxes fits a byte;
+/// - `limit` is below 31 quanta on each axis: a difference of two corners of overlapping boxes fits a byte, and what is
+///   two rows away seldom looks near in it;
 /// - a row and a slab are at least two limits deep: a box reaches into the next one at most;
 /// - an axis has one cell (mask 0: not partitioned) or at least four rows or slabs, or in x at least twice the cells
 ///   that a box can reach plus two: no two neighbours of a cell are the same cell.

@@ -7,6 +7,7 @@
 #define RINGFENCE_BROAD_PHASE_STAGING_INL
 #endif
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -20,24 +21,23 @@ namespace ringfence::broad_phase::HWY_NAMESPACE {
 
 #if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
 
-// One bit extract for x and y together; every processor with AVX-512 has a fast one.
+// A bit extract for x and y together and one for z; every processor with AVX-512 has a fast one.
 class KeyOf {
  public:
   explicit KeyOf(const RowLayout& rows)
       : x_and_y_(std::uint64_t{rows.cell_mask[0]} << rows.cell_shift[0] | std::uint64_t{rows.cell_mask[1]}
                                                                               << rows.cell_shift[1] << 32),
-        shift_(rows.cell_shift[2]),
-        mask_(rows.cell_mask[2]),
+        z_(rows.cell_mask[2] << rows.cell_shift[2]),
         to_(rows.x_bits + rows.y_bits) {}
   HWY_INLINE std::uint32_t operator()(const geometry::Bounds& b) const {
     std::uint64_t x_and_y;
     std::memcpy(&x_and_y, b.lower, sizeof x_and_y);
-    return static_cast<std::uint32_t>(_pext_u64(x_and_y, x_and_y_)) | (b.lower[2] >> shift_ & mask_) << to_;
+    return static_cast<std::uint32_t>(_pext_u64(x_and_y, x_and_y_)) | _pext_u32(b.lower[2], z_) << to_;
   }
 
  private:
   std::uint64_t x_and_y_;
-  std::uint32_t shift_, mask_, to_;
+  std::uint32_t z_, to_;
 };
 
 #else
@@ -105,20 +105,22 @@ HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, const Limit& 
 
 #endif
 
-inline std::size_t stage(RowGrid& grid, const geometry::Bounds* bounds, const std::uint8_t* layers,
-                         const std::uint32_t* slots, std::size_t count, std::uint32_t* larger) {
+template <bool layered>
+std::size_t stage_where(RowGrid& grid, const geometry::Bounds* bounds, const std::uint8_t* layers,
+                        const std::uint32_t* slots, std::size_t count, std::uint32_t* larger) {
   const RowLayout& rows = grid.layout;
   const std::uint32_t bucket_shift = rows.bucket_shift;
   const Limit limit(rows);
-  GridBox* HWY_RESTRICT boxes = grid.boxes.data();
-  std::uint32_t* HWY_RESTRICT keys = grid.keys.data();
-  std::uint32_t* HWY_RESTRICT cursor = grid.cursor.data();
-  const bool layered = grid.layer_masks != nullptr;
-  std::uint8_t* HWY_RESTRICT staged_layers = grid.staged_layers.data();
-  std::size_t refused = 0;
+  GridBox* const boxes = grid.boxes.data();
+  std::uint32_t* const keys = grid.keys.data();
+  std::uint32_t* const cursor = grid.cursor.data();
+  std::uint8_t* const staged_layers = grid.staged_layers.data();
+  std::uint32_t* refused = larger;
   const KeyOf key_of(rows);
   for (std::size_t k = 0; k < count; ++k) {
     const std::uint32_t slot = slots[k];
+    // Where few of many move, and from page to page, the processor does not foresee it.
+    __builtin_prefetch(bounds + slots[std::min(k + 40, count - 1)]);
     const geometry::Bounds& b = bounds[slot];
     const std::uint32_t key = key_of(b);
     std::uint32_t& next = cursor[key >> bucket_shift];
@@ -127,17 +129,22 @@ inline std::size_t stage(RowGrid& grid, const geometry::Bounds* bounds, const st
     __builtin_prefetch(boxes + at + 6, 1);
     __builtin_prefetch(keys + at + 16, 1);
     keys[at] = key;
-    if (layered) staged_layers[at] = layers[slot];
+    if constexpr (layered) staged_layers[at] = layers[slot];
     const std::uint32_t fits = copy_if_within(b, limit, boxes[at]);
     boxes[at].slot = slot;
     boxes[at].guard = GridBox::present;
-    larger[refused] = slot;
+    *refused = slot;
     refused += 1 - fits;
     next = at + fits;
-    if (HWY_UNLIKELY(((at + fits) & (RowGrid::chunk - 1)) == 0) && fits != 0)
-      next = grid.add_chunk(at / RowGrid::chunk);
+    if (HWY_UNLIKELY(((at + 1) & (RowGrid::chunk - 1)) == 0) && fits != 0) next = grid.add_chunk(at / RowGrid::chunk);
   }
-  return refused;
+  return static_cast<std::size_t>(refused - larger);
+}
+
+inline std::size_t stage(RowGrid& grid, const geometry::Bounds* bounds, const std::uint8_t* layers,
+                         const std::uint32_t* slots, std::size_t count, std::uint32_t* larger) {
+  return grid.layer_masks == nullptr ? stage_where<false>(grid, bounds, layers, slots, count, larger)
+                                     : stage_where<true>(grid, bounds, layers, slots, count, larger);
 }
 
 }  // namespace ringfence::broad_phase::HWY_NAMESPACE

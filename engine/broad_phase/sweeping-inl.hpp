@@ -8,6 +8,7 @@
 #endif
 
 #include <algorithm>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 
@@ -19,124 +20,155 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::broad_phase::HWY_NAMESPACE {
 
-// The exact test on what the codes let through.
-HWY_INLINE std::uint64_t* drain(const RowGrid& a, const RowGrid& b, std::uint64_t* end, PairSink& sink) {
-  const std::uint64_t* const first = sink.candidates.data();
-  geometry::CandidatePair* const out = sink.claim(static_cast<std::size_t>(end - first) + 1);
-  geometry::CandidatePair* HWY_RESTRICT to = out;
+// The exact test on `count` finds.
+inline HWY_NOINLINE void drain(const RowGrid& a, const RowGrid& b, std::size_t count, PairSink& sink) {
+  std::uint64_t* HWY_RESTRICT positions = sink.positions.data();
+  std::uint32_t* HWY_RESTRICT others = sink.others.data();
+  std::uint64_t* HWY_RESTRICT to_test = sink.to_test.data();
   const GridEntry* HWY_RESTRICT a_entries = a.entries.data();
   const GridEntry* HWY_RESTRICT b_entries = b.entries.data();
   const GridBox* HWY_RESTRICT a_boxes = a.boxes.data();
   const GridBox* HWY_RESTRICT b_boxes = b.boxes.data();
-  for (const std::uint64_t* at = first; at != end; ++at) {
-    const std::uint64_t ahead = at[std::min<std::ptrdiff_t>(12, end - at - 1)];
-    __builtin_prefetch(a_boxes + a_entries[static_cast<std::uint32_t>(ahead)].box);
-    __builtin_prefetch(b_boxes + b_entries[ahead >> 32].box);
-    const GridBox& p = a_boxes[a_entries[static_cast<std::uint32_t>(*at)].box];
-    const GridBox& q = b_boxes[b_entries[*at >> 32].box];
-    *to = {p.slot, q.slot};
-    to += overlap(p, q);
+  // One of each find at a time, then one of what is left of each: most have one, and a loop over each find's own would
+  // end where no processor foresees it.
+  while (count != 0) {
+    std::size_t left = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::uint64_t where = positions[k];
+      const std::uint32_t bits = others[k];
+      const std::uint32_t other =
+          static_cast<std::uint32_t>(where >> 32) + static_cast<std::uint32_t>(std::countr_zero(bits));
+      const std::uint64_t p = a_entries[static_cast<std::uint32_t>(where)].box, q = b_entries[other].box;
+      __builtin_prefetch(a_boxes + p);
+      __builtin_prefetch(b_boxes + q);
+      to_test[k] = q << 32 | p;
+      positions[left] = where;
+      others[left] = bits & (bits - 1);
+      left += (bits & (bits - 1)) != 0;
+    }
+    geometry::CandidatePair* const first = sink.claim(count + 1);
+    geometry::CandidatePair* HWY_RESTRICT to = first;
+    for (std::size_t k = 0; k < count; ++k) {
+      const GridBox& p = a_boxes[static_cast<std::uint32_t>(to_test[k])];
+      const GridBox& q = b_boxes[to_test[k] >> 32];
+      *to = {p.slot, q.slot};
+      to += overlap(p, q);
+    }
+    sink.count += static_cast<std::size_t>(to - first);
+    count = left;
   }
-  sink.count += static_cast<std::size_t>(to - out);
-  return sink.candidates.data();
 }
 
-// The cells of one row from `first` to `last`, counted from the row's start; outside the row they wrap.
-struct CellRange {
-  std::int32_t first, last;
+// The rows around a row.
+class RowSteps {
+ public:
+  explicit RowSteps(const RowLayout& rows)
+      : row_step_(1u << rows.x_bits),
+        row_field_(rows.cell_mask[1] << rows.x_bits),
+        slab_step_(1u << (rows.x_bits + rows.y_bits)),
+        key_mask_(rows.cells - 1) {}
+  /// `rows` is 1 or -1.
+  HWY_INLINE std::uint32_t row_beside(std::uint32_t key, std::uint32_t rows) const {
+    return (key & ~row_field_) | ((key + rows * row_step_) & row_field_);
+  }
+  HWY_INLINE std::uint32_t slab_after(std::uint32_t key) const { return (key + slab_step_) & key_mask_; }
+
+ private:
+  std::uint32_t row_step_, row_field_, slab_step_, key_mask_;
 };
 
-// Scans a range of cells of the row that `row_key` starts.
-template <bool layered>
-HWY_INLINE std::uint64_t* scan_cells(const RowGrid& grid, const std::uint32_t* cell_end, Sought sought, std::uint32_t i,
-                                     std::uint32_t row_key, CellRange cells, std::uint64_t* out) {
-  const std::int32_t mask = static_cast<std::int32_t>(grid.layout.cell_mask[0]);
-  const Columns columns(grid);
-  const auto run = [&](std::int32_t first, std::int32_t last) {
-    const std::uint32_t* row = cell_end + row_key;
-    return scan<layered>(columns, sought, i, row[first - 1], row[last], out);
-  };
-  if (HWY_LIKELY(cells.first >= 0 && cells.last <= mask)) return run(cells.first, cells.last);
-  if (cells.first < 0) {
-    out = run((cells.first & mask), mask);
-    return run(0, cells.last);
-  }
-  out = run(cells.first, mask);
-  return run(0, cells.last & mask);
+// The windows for the cells from `first` to `last` of a row, counted from its start, where one of them lies outside the
+// row: they wrap around.
+inline Window* add_wrapped(const std::uint32_t* cell_end, std::uint32_t x_mask, std::uint32_t asker,
+                           std::uint32_t row_key, std::int32_t first, std::int32_t last, Window* to) {
+  const std::uint32_t* const row = cell_end + row_key;
+  const auto mask = static_cast<std::int32_t>(x_mask);
+  *to++ = {asker, row[(first & mask) - 1], row[mask]};
+  *to++ = {asker, row[-1], row[last & mask]};
+  return to;
 }
 
-template <bool layered>
-void sweep_where(const RowGrid& grid, std::uint32_t first, std::uint32_t last, PairSink& sink) {
+// The part of the windows of a block of boxes that lies in rows beyond their own.
+inline HWY_NOINLINE Window* look_across(const RowGrid& grid, const std::uint32_t* crossing, std::uint32_t count,
+                                        Window* to) {
   const RowLayout& rows = grid.layout;
+  const RowSteps steps(rows);
   const std::uint64_t* HWY_RESTRICT codes = grid.codes.data();
   const GridEntry* HWY_RESTRICT entries = grid.entries.data();
   const std::uint32_t* HWY_RESTRICT cell_end = grid.cell_end.data() + 1;
   const std::uint32_t x_mask = rows.cell_mask[0];
-  const std::uint32_t row_step = 1u << rows.x_bits, row_field = rows.cell_mask[1] << rows.x_bits;
-  const std::uint32_t slab_step = 1u << (rows.x_bits + rows.y_bits), key_mask = rows.cells - 1;
+  const auto back = static_cast<std::int32_t>(rows.back);
+  for (std::uint32_t k = 0; k < count; ++k) {
+    const std::uint32_t i = crossing[k];
+    const std::uint64_t code = codes[i];
+    const std::uint32_t key = entries[i].key;
+    const auto flags = static_cast<std::uint32_t>(code >> 24);
+    const std::uint32_t y = flags & 1, z = flags >> 1 & 1, before = flags >> 2 & 1;
+    const auto x = static_cast<std::int32_t>(key & x_mask);
+    const std::int32_t first = x - back, last = x + static_cast<std::int32_t>(code >> 56);
+    const std::uint32_t own = key & ~x_mask, slab = steps.slab_after(own);
+    // A box that may meet some of the row before ends in its own row: rows are two limits deep.
+    const std::uint32_t row[3] = {steps.row_beside(own, 1), slab, steps.row_beside(slab, 1 - 2 * before)};
+    const std::uint32_t wanted[3] = {y, z, (y | before) & z};
+    if (HWY_UNLIKELY(first < 0 || last > static_cast<std::int32_t>(x_mask))) {
+      for (int r = 0; r < 3; ++r)
+        if (wanted[r] != 0) to = add_wrapped(cell_end, x_mask, i, row[r], first, last, to);
+      continue;
+    }
+    for (int r = 0; r < 3; ++r) {
+      *to = {i, cell_end[static_cast<std::int64_t>(row[r]) + first - 1],
+             cell_end[static_cast<std::int64_t>(row[r]) + last]};
+      to += wanted[r];
+    }
+  }
+  return to;
+}
+
+template <bool layered>
+void sweep_where(const RowGrid& grid, std::uint32_t first, std::uint32_t last, PairSink& sink) {
+  const std::uint64_t* HWY_RESTRICT codes = grid.codes.data();
+  const GridEntry* HWY_RESTRICT entries = grid.entries.data();
+  const std::uint32_t* HWY_RESTRICT cell_end = grid.cell_end.data() + 1;
+  const std::uint32_t x_mask = grid.layout.cell_mask[0];
   const Columns columns(grid);
   sink.open(grid.count);
-  std::uint64_t* out = sink.candidates.data();
-  std::uint64_t* const full = out + PairSink::drain_at;
-
-  const auto row_after = [&](std::uint32_t key) { return (key & ~row_field) | ((key + row_step) & row_field); };
-  const auto row_before = [&](std::uint32_t key) { return (key & ~row_field) | ((key - row_step) & row_field); };
-  const auto slab_after = [&](std::uint32_t key) { return (key + slab_step) & key_mask; };
-
-  // A box that crosses into a neighbour is put aside, without a branch, and the neighbours are scanned kind by kind:
-  // the crossings are too irregular to predict.
-  constexpr std::uint32_t block = 512;
-  std::uint32_t crossing[block];
-  std::uint32_t into[4][block];
+  const Finds finds(sink);
+  std::size_t found = 0;
+  const auto drain_full = [&]() HWY_ATTR {
+    if (HWY_LIKELY(found <= PairSink::drain_at)) return;
+    drain(grid, grid, found, sink);
+    found = 0;
+  };
+  std::uint32_t* HWY_RESTRICT crossing = sink.crossing.data();
+  Window* const windows = sink.windows.data();
+  constexpr std::uint32_t block = PairSink::block;
   for (std::uint32_t begin = first; begin < last; begin += block) {
     const std::uint32_t end = std::min(last, begin + block);
     std::uint32_t crossings = 0;
+    Window* windows_end = windows;
     for (std::uint32_t i = begin; i < end; ++i) {
       const std::uint64_t code = codes[i];
       const std::uint32_t key = entries[i].key;
-      const std::uint32_t reach = static_cast<std::uint32_t>(code >> 56);
-      const Sought sought{swap_halves(code), layers_sought<layered>(grid, i)};
-      if (HWY_LIKELY((key & x_mask) + reach <= x_mask)) {
-        out = scan<layered>(columns, sought, i, i + 1, cell_end[key + reach], out);
-      } else {
+      std::uint32_t ahead = key + static_cast<std::uint32_t>(code >> 56);
+      if (HWY_UNLIKELY((key ^ ahead) > x_mask)) {
         const std::uint32_t row = key & ~x_mask;
-        out = scan<layered>(columns, sought, i, i + 1, cell_end[row + x_mask], out);
-        out = scan<layered>(columns, sought, i, cell_end[static_cast<std::int64_t>(row) - 1],
-                            cell_end[row + ((key + reach) & x_mask)], out);
+        *windows_end++ = {i, cell_end[static_cast<std::int64_t>(row) - 1], cell_end[row + (ahead & x_mask)]};
+        ahead = row + x_mask;
       }
+      const Sought sought{swap_halves(code), layers_sought<layered>(grid, i)};
+      found = scan<layered, short_step>(columns, sought, {i, i + 1, cell_end[ahead]}, finds, found);
       crossing[crossings] = i;
       crossings += (code & std::uint64_t{next_row | next_slab} << 24) != 0;
-      if (HWY_UNLIKELY(out > full)) out = drain(grid, grid, out, sink);
+      drain_full();
     }
-    std::uint32_t count[4] = {};
-    for (std::uint32_t k = 0; k < crossings; ++k) {
-      const std::uint32_t i = crossing[k];
-      const auto flags = static_cast<std::uint32_t>(codes[i] >> 24);
-      const std::uint32_t y = flags & 1, z = flags >> 1 & 1, before = flags >> 2 & 1;
-      into[0][count[0]] = into[1][count[1]] = into[2][count[2]] = into[3][count[3]] = i;
-      count[0] += y;
-      count[1] += z;
-      count[2] += y & z;
-      count[3] += before & z;
+    windows_end = look_across(grid, crossing, crossings, windows_end);
+    for (const Window* w = windows; w != windows_end; ++w) {
+      const Sought sought{swap_halves(codes[w->asker]), layers_sought<layered>(grid, w->asker)};
+      found = scan<layered>(columns, sought, *w, finds, found);
+      drain_full();
     }
-    const auto scan_neighbours = [&](std::uint32_t kind, const auto& neighbour) {
-      for (std::uint32_t k = 0; k < count[kind]; ++k) {
-        const std::uint32_t i = into[kind][k];
-        const std::uint64_t code = codes[i];
-        const std::uint32_t key = neighbour(entries[i].key);
-        const auto x = static_cast<std::int32_t>(key & x_mask);
-        const Sought sought{swap_halves(code), layers_sought<layered>(grid, i)};
-        out = scan_cells<layered>(grid, cell_end, sought, i, key & ~x_mask,
-                                  {x - static_cast<std::int32_t>(rows.back), x + static_cast<std::int32_t>(code >> 56)},
-                                  out);
-        if (HWY_UNLIKELY(out > full)) out = drain(grid, grid, out, sink);
-      }
-    };
-    scan_neighbours(0, row_after);
-    scan_neighbours(1, slab_after);
-    scan_neighbours(2, [&](std::uint32_t key) { return row_after(slab_after(key)); });
-    scan_neighbours(3, [&](std::uint32_t key) { return row_before(slab_after(key)); });
-    out = drain(grid, grid, out, sink);
+    drain(grid, grid, found, sink);
+    found = 0;
   }
 }
 

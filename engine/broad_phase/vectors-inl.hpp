@@ -15,6 +15,7 @@
 
 #include <hwy/highway.h>
 
+#include "broad_phase/pair_sink.hpp"
 #include "broad_phase/row_grid.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -52,17 +53,17 @@ HWY_INLINE std::uint64_t add_bytes(std::uint64_t p, std::uint64_t q) {
   return ((p & ~signs) + (q & ~signs)) ^ ((p ^ q) & signs);
 }
 
-// Appends (i, j) for each j in [j, end) that meets what is sought.
-template <bool layered>
-HWY_INLINE std::uint64_t* scan(Columns in, Sought sought, std::uint32_t i, std::uint32_t j, std::uint32_t end,
-                               std::uint64_t* HWY_RESTRICT out) {
-  for (; j < end; ++j) {
-    *out = std::uint64_t{j} << 32 | i;
-    bool meets = (add_bytes(in.codes[j], sought.code) & coordinate_signs) == 0;
-    if constexpr (layered) meets &= (in.layer_bits[j] & sought.layers) != 0;
-    out += meets;
+constexpr std::uint32_t short_step = 8, long_step = 8;
+
+template <bool layered, std::uint32_t width>
+HWY_INLINE std::uint32_t met(Columns in, Sought sought, std::uint32_t j) {
+  std::uint32_t bits = 0;
+  for (std::uint32_t k = 0; k < width; ++k) {
+    bool meets = (add_bytes(in.codes[j + k], sought.code) & coordinate_signs) == 0;
+    if constexpr (layered) meets &= (in.layer_bits[j + k] & sought.layers) != 0;
+    bits |= std::uint32_t{meets} << k;
   }
-  return out;
+  return bits;
 }
 
 HWY_INLINE bool overlap(const GridBox& p, const GridBox& q) {
@@ -86,64 +87,60 @@ HWY_INLINE std::size_t lanes() { return hn::Lanes(Codes()); }
 
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
 
-// Highway 1.0.3 compresses 64-bit lanes through a table that g++ copies to the stack at each call (25 ns a box).
-HWY_INLINE std::size_t store_where(hn::Vec<Codes> pair, hn::Mask<Codes> meets, std::int64_t left, std::uint64_t* out) {
-  _mm512_storeu_si512(out, _mm512_maskz_compress_epi64(meets.raw, pair.raw));
-  // What lies beyond the end comes last, so that it need only not be counted.
-  const auto valid = _bzhi_u32(meets.raw, static_cast<unsigned>(std::min<std::int64_t>(left, 8)));
-  return static_cast<std::size_t>(_mm_popcnt_u32(valid));
+constexpr std::uint32_t short_step = 8, long_step = 16;
+
+// One instruction each, where Highway 1.0.3 and g++ make two and a detour through memory.
+HWY_INLINE hn::Mask<Codes> none_of(hn::Vec<Codes> v, hn::Vec<Codes> bits) {
+  return hn::Mask<Codes>{_mm512_testn_epi64_mask(v.raw, bits.raw)};
 }
+HWY_INLINE std::uint32_t bits_of(hn::Mask<Codes> mask) { return _cvtmask8_u32(mask.raw); }
 
 #else
 
-// Lane by lane and without a branch: with two to four lanes that is cheaper than Highway's compress (see above).
-HWY_INLINE std::size_t store_where(hn::Vec<Codes> pair, hn::Mask<Codes> meets, std::int64_t left, std::uint64_t* out) {
-  const Codes d;
+constexpr std::uint32_t short_step = 8, long_step = 8;
+
+HWY_INLINE hn::Mask<Codes> none_of(hn::Vec<Codes> v, hn::Vec<Codes> bits) {
+  return hn::Eq(hn::And(v, bits), hn::Zero(Codes()));
+}
+HWY_INLINE std::uint32_t bits_of(hn::Mask<Codes> mask) {
   std::uint8_t bits[8] = {};
-  hn::StoreMaskBits(d, meets, bits);
-  const std::uint64_t first = hn::GetLane(pair);
-  std::size_t count = 0;
-  for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
-    out[count] = first + (std::uint64_t{lane} << 32);
-    count += (bits[0] >> lane & 1) & (static_cast<std::int64_t>(lane) < left);
-  }
-  return count;
+  hn::StoreMaskBits(Codes(), mask, bits);
+  return bits[0];
 }
 
 #endif
 
-template <bool layered>
-HWY_INLINE std::uint64_t* scan(Columns in, Sought sought, std::uint32_t i, std::uint32_t j, std::uint32_t end,
-                               std::uint64_t* HWY_RESTRICT out) {
+// By bits, which of the `width` boxes from position j on meet what is sought.
+template <bool layered, std::uint32_t width>
+HWY_INLINE std::uint32_t met(Columns in, Sought sought, std::uint32_t j) {
   const Codes d;
   const hn::Rebind<std::uint32_t, Codes> bits;
   const hn::Repartition<std::uint8_t, Codes> bytes;
-  const std::size_t width = hn::Lanes(d);
   const auto wanted = hn::BitCast(bytes, hn::Set(d, sought.code));
   const auto signs = hn::Set(d, coordinate_signs);
-  const auto step = hn::Set(d, std::uint64_t{width} << 32);
-  auto pair = hn::Add(hn::ShiftLeft<32>(hn::Iota(d, 0)), hn::Set(d, std::uint64_t{j} << 32 | i));
-  // At least once, also where there is nothing left: a branch that is almost never taken costs less than one that
-  // sometimes is.
-  std::int64_t left = std::int64_t{end} - std::int64_t{j};
   const auto layers = hn::Set(d, std::uint64_t{sought.layers});
-  const std::uint64_t* HWY_RESTRICT at = in.codes + j;
-  const std::uint32_t* HWY_RESTRICT layer_at = in.layer_bits + j;
-  do {
-    const auto sum = hn::BitCast(d, hn::Add(wanted, hn::BitCast(bytes, hn::LoadU(d, at))));
-    auto meets = hn::Eq(hn::And(sum, signs), hn::Zero(d));
+  std::uint32_t found = 0;
+  for (std::uint32_t k = 0; k < width; k += static_cast<std::uint32_t>(hn::Lanes(d))) {
+    const auto sum = hn::BitCast(d, hn::Add(wanted, hn::BitCast(bytes, hn::LoadU(d, in.codes + j + k))));
+    auto meets = none_of(sum, signs);
     if constexpr (layered) {
-      const auto allowed = hn::And(layers, hn::PromoteTo(d, hn::LoadU(bits, layer_at)));
+      const auto allowed = hn::And(layers, hn::PromoteTo(d, hn::LoadU(bits, in.layer_bits + j + k)));
       meets = hn::AndNot(hn::Eq(allowed, hn::Zero(d)), meets);
-      layer_at += width;
     }
-    out += store_where(pair, meets, left, out);
-    pair = hn::Add(pair, step);
-    at += width;
-    left -= static_cast<std::int64_t>(width);
-  } while (left > 0);
-  return out;
+    found |= bits_of(meets) << k;
+  }
+  return found;
 }
+
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+
+HWY_INLINE bool overlap(const GridBox& p, const GridBox& q) {
+  const auto load = [](const std::uint32_t* from) HWY_ATTR { return hn::Load(Corner(), from).raw; };
+  const __mmask8 first = _mm_cmple_epu32_mask(load(p.lower), load(q.upper));
+  return _mm_mask_cmple_epu32_mask(first, load(q.lower), load(p.upper)) == 0xf;
+}
+
+#else
 
 HWY_INLINE bool overlap(const GridBox& p, const GridBox& q) {
   const Corner d;
@@ -153,6 +150,8 @@ HWY_INLINE bool overlap(const GridBox& p, const GridBox& q) {
   const auto second = hn::Eq(hn::Max(hn::Load(d, q.lower), p_upper), p_upper);
   return hn::AllTrue(d, hn::And(first, second));
 }
+
+#endif
 
 HWY_INLINE std::uint64_t mask_of_nonzero(const std::uint8_t* bytes) {
   const hn::ScalableTag<std::uint8_t> d;
@@ -165,6 +164,32 @@ HWY_INLINE std::uint64_t mask_of_nonzero(const std::uint8_t* bytes) {
 }
 
 #endif
+
+// Where scans append what they find; see PairSink.
+struct Finds {
+  explicit Finds(PairSink& sink) : positions(sink.positions.data()), others(sink.others.data()) {}
+  std::uint64_t* HWY_RESTRICT positions;
+  std::uint32_t* HWY_RESTRICT others;
+
+  // Appends, without a branch, if there is any other.
+  HWY_INLINE std::size_t add(std::size_t count, std::uint32_t asker, std::uint32_t first, std::uint32_t bits) const {
+    positions[count] = std::uint64_t{first} << 32 | asker;
+    others[count] = bits;
+    return count + (bits != 0);
+  }
+};
+
+// Finds what in a window meets what is sought; returns how many finds there are then. Precondition: first <= end.
+template <bool layered, std::uint32_t width = long_step>
+HWY_INLINE std::size_t scan(Columns in, Sought sought, Window window, Finds to, std::size_t count) {
+  // At least once, also where there is nothing left: a branch that is almost never taken costs less than one that
+  // sometimes is.
+  std::uint32_t at = window.first;
+  for (std::uint32_t left = window.end - at; HWY_UNLIKELY(left > width); left -= width, at += width)
+    count = to.add(count, window.asker, at, met<layered, width>(in, sought, at));
+  const std::uint32_t within = (1u << (window.end - at)) - 1;
+  return to.add(count, window.asker, at, met<layered, width>(in, sought, at) & within);
+}
 
 }  // namespace ringfence::broad_phase::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

@@ -32,7 +32,7 @@ TEST_CASE("a planned layout keeps the invariants that the sweep rests on, in eve
           const RowLayout rows = plan_rows({boxes, stands_for, {limit[0], limit[1], limit[2]}}, 8);
           for (int axis = 0; axis < 3; ++axis) {
             CAPTURE(axis);
-            CHECK((rows.limit[axis] >> rows.quantum[axis]) < 62);
+            CHECK((rows.limit[axis] >> rows.quantum[axis]) < 31);
             const std::uint32_t partitioned = rows.cell_mask[axis] == 0 ? 0 : 0xffffffff;
             CHECK(rows.partitioned[axis] == partitioned);
             if (rows.cell_mask[axis] == 0) continue;
