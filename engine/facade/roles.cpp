@@ -104,6 +104,7 @@ void World::Implementation::build_server() {
   setup.capacities = config.capacities;
   setup.interest = config.interest;
   setup.balance = config.balance;
+  setup.balance_by = config.balance_by;
   setup.quotas = config.quotas;
   setup.node_deadline_ns = threaded() ? static_cast<std::uint64_t>(config.deadlines.node_ms * 1e6) : 0;
   setup.user_deadline_ns = threaded() ? static_cast<std::uint64_t>(config.deadlines.user_ms * 1e6) : 0;

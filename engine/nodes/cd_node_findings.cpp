@@ -1,4 +1,6 @@
 // What a CD node shares of what it found, and what it does with what all have.
+#include <algorithm>
+
 #include "nodes/cd_node_role.hpp"
 #include "nodes/fetch.hpp"
 
@@ -29,9 +31,28 @@ void CdNodeRole::list_findings() {
     }
   }
   if (findings_ != &own_findings_) {
-    findings.compare();
+    compare_findings();
     findings.for_peers.finish(static_cast<NodeNumber>(setup_.peers.size()));
   }
+}
+
+// A pair is tested where its two bounds overlap. So where one object's touch this node's region alone, whatever touches
+// it is found here and nowhere else. In the frame before that was so if it was known then, under the same map: under a
+// new one all is told anew, and what is told for the first time was not inner.
+void CdNodeRole::compare_findings() {
+  const auto is_inner = [&](std::uint32_t slot, std::uint32_t was, ObjectNumber number) {
+    const std::uint32_t known = known_.find(slot, was);
+    return known != KnownObjects::none && known_.inner()[known] != 0 && known_.numbers()[known] == number;
+  };
+  findings_->compare(
+      [&](const FoundContact& found) {
+        return (known_.was_inner()[found.body_a] | known_.was_inner()[found.body_b]) != 0;
+      },
+      [&](std::uint64_t key, const FoundContact& found) {
+        return is_inner(found.slot_a, found.body_a, static_cast<ObjectNumber>(key >> 32)) ||
+               is_inner(found.slot_b, found.body_b, static_cast<ObjectNumber>(key));
+      });
+  known_.note_inner();
 }
 
 // Who hosts the two objects in the next frame: that follows from what they are and where they stand, if the map stays.
@@ -64,14 +85,16 @@ void CdNodeRole::finish_contacts() {
   }
   Findings& findings = *findings_;
   if (keeps_contacts()) {
-    for (const std::uint32_t position : findings.begun) {
-      host_.confirm_begin(frame_, findings.found[position].touch);
+    const std::uint8_t* const begun = findings.begun.begin();
+    const std::uint8_t* const end = findings.begun.end();
+    for (const std::uint8_t* at = std::find(begun, end, 1); at != end; at = std::find(at + 1, end, 1)) {
+      host_.confirm_begin(frame_, findings.found[static_cast<std::size_t>(at - begun)].touch);
     }
   }
   if (!findings.gate.enter()) {
     return;  // lost, and what the others share is not for this frame any more
   }
-  findings.doubled = write_stretch(findings.stretch, findings_order_);
+  findings.doubled = write_stretch(*findings.listing, findings.share, listing_scratch_);
   if (setup_.hosts && findings.peers_tell) {
     take_from_peers();
   }
@@ -79,21 +102,22 @@ void CdNodeRole::finish_contacts() {
 }
 
 void CdNodeRole::take_from_peers() {
-  const auto all = findings_->stretch.findings;
-  findings_order_.start(all);
+  const auto all = findings_->listing->findings;
+  FindingsOrder& order = listing_scratch_.order;
+  order.start(all);
   for (NodeNumber peer = 0; peer < all.size(); ++peer) {
     const Findings& findings = *all[peer];
     for (const std::uint32_t position : findings.for_peers.of(setup_.node)) {
-      findings_order_.add(peer, position);
+      order.add(peer, position);
     }
   }
-  findings_order_.sort();
-  findings_order_.visit([&](std::uint64_t, NodeNumber peer, std::uint32_t position, Phase phase) {
+  order.sort();
+  order.visit([&](std::uint64_t, NodeNumber peer, std::uint32_t position, Phase phase) {
     Contact contact;
     all[peer]->write(position, phase, contact);
     host_.add_contact(frame_, contact);
   });
-  findings_->taken = findings_order_.size();
+  findings_->taken = order.size();
 }
 
 }  // namespace ringfence::nodes

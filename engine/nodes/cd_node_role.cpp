@@ -35,7 +35,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   touches_.reserve(setup.objects);
   order_.reserve(setup.objects);
   findings_->for_peers.reserve(setup.objects);
-  findings_order_.reserve(setup.objects);
+  listing_scratch_.reserve(setup.objects);
   narrow_.remember_axes(setup.remember_axes);
   movers_.reserve(setup.objects);
   host_.reserve_contacts(setup.objects);

@@ -15,10 +15,10 @@
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/contact_order.hpp"
 #include "nodes/findings.hpp"
-#include "nodes/findings_order.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/host.hpp"
 #include "nodes/known_objects.hpp"
+#include "nodes/listing.hpp"
 #include "nodes/publications.hpp"
 #include "nodes/role.hpp"
 #include "regions/region_map.hpp"
@@ -112,6 +112,7 @@ class CdNodeRole {
   void add_hits(std::span<const narrow_phase::PairContact> found);
   void count_kinds();
   void list_findings();
+  void compare_findings();
   void list_told(std::uint32_t position);
   /// Whether the node's model will look at what it found.
   bool keeps_contacts() const noexcept { return setup_.hosts && host_.uses_contacts(); }
@@ -170,7 +171,7 @@ class CdNodeRole {
   bool publishes_ = false;                                ///< in this frame
   std::vector<ObjectNumber> movers_;                      ///< hosted ones that stand in another node's cell
   ContactOrder order_;
-  FindingsOrder findings_order_;
+  ListingScratch listing_scratch_;
   std::vector<std::uint64_t> stamps_;  ///< by node: see regions::for_each_owner
   std::uint64_t stamp_ = 0;
   std::size_t words_confirmed_ = 0;

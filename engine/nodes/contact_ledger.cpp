@@ -3,6 +3,20 @@
 #include <algorithm>
 
 namespace ringfence::nodes {
+namespace {
+
+/// The first of ascending keys that is not below `key`, where it is likely to be near: few of many contacts are looked
+/// for, so that is done in leaps.
+const std::uint64_t* leap_to(const std::uint64_t* first, const std::uint64_t* end, std::uint64_t key) noexcept {
+  std::ptrdiff_t leap = 1;
+  while (leap < end - first && first[leap] < key) {
+    first += leap;
+    leap *= 2;
+  }
+  return std::lower_bound(first, first + std::min(leap + 1, end - first), key);
+}
+
+}  // namespace
 
 void ContactLedger::List::reserve(std::size_t size) {
   contacts.reserve(size);
@@ -19,9 +33,11 @@ void ContactLedger::List::resize(std::size_t size) {
 ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(nodes) {
   order_.reserve(contacts);
   ending_order_.reserve(contacts);
+  scratch_.reserve(contacts);
   told_.reserve(contacts);
   findings_.reserve(nodes);
   compared_.reserve(nodes);
+  endings_.reserve(nodes);
   for (Edition& edition : editions_) {
     edition.live.reserve(contacts);
     edition.ended.reserve(contacts);
@@ -54,8 +70,7 @@ void ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& re
 void ContactLedger::compare() {
   gather_findings();
   by_nodes_ = nodes_have_compared();
-  gather_changes();
-  follow();
+  by_nodes_ ? compare_borders() : compare_all();
   list_persisting();
   compared_.clear();
   for (const Run& run : runs_) {
@@ -71,7 +86,6 @@ void ContactLedger::gather_findings() {
     if (run.shared == nullptr) {
       findings.contacts = run.contacts.data();
     }
-    findings.begun.clear();
     findings_.push_back(&findings);
     size_ += findings.keys.size();
   }
@@ -86,119 +100,121 @@ bool ContactLedger::nodes_have_compared() const noexcept {
                                      });
 }
 
-// What may have begun into order_, and what may have ended into ending_order_, or all.
-void ContactLedger::gather_changes() {
+// A pair that one node found no more and another did not find before has passed from one to the other, and persists.
+void ContactLedger::compare_borders() {
   order_.start(findings_);
   ending_order_.clear();
+  endings_.clear();
+  passed_.clear();
+  began_ = ends_ = 0;
   for (NodeNumber node = 0; node < findings_.size(); ++node) {
     const Findings& findings = *findings_[node];
-    if (!by_nodes_) {
-      for (std::uint32_t i = 0; i < findings.keys.size(); ++i) {
-        order_.add(node, i);
-      }
-      continue;
+    for (const BorderContact& beginning : findings.border_beginning) {
+      order_.add(node, beginning.position, beginning.key);
     }
-    for (std::size_t i = 0; i < findings.beginning.size(); ++i) {
-      order_.add(node, findings.beginning_at[i], findings.beginning[i]);
-    }
-    for (const std::uint64_t key : findings.ending) {
+    for (const std::uint64_t key : findings.border_ending) {
       ending_order_.add(key);
     }
+    endings_.push_back(findings.ending.span());
+    began_ += findings.beginnings;
+    ends_ += findings.ending.size();
   }
   order_.sort();
   ending_order_.sort();
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < ending_order_.size(); ++i) {
+    const std::uint64_t key = ending_order_.key_at(i);
+    while (next < order_.size() && order_.key(next) < key) {
+      ++next;
+    }
+    if (next < order_.size() && order_.key(next) == key) {
+      passed_.push_back(key);
+    }
+    for (; next < order_.size() && order_.key(next) == key; ++next) {
+      findings_[order_.node(next)]->begun[order_.position(next)] = 0;
+      --began_;
+    }
+  }
+  ends_ -= passed_.size();
 }
 
-// A pair that one node found no more and another did not find before has passed from one to the other, and persists.
-void ContactLedger::follow() {
+void ContactLedger::compare_all() {
+  order_.start(findings_);
+  for (NodeNumber node = 0; node < findings_.size(); ++node) {
+    Findings& findings = *findings_[node];
+    findings.begun.resize(findings.keys.size());
+    for (std::uint32_t i = 0; i < findings.keys.size(); ++i) {
+      order_.add(node, i);
+    }
+  }
+  order_.sort();
   const List& old = before();
-  const std::size_t endings = by_nodes_ ? ending_order_.size() : old.keys.size();
-  const auto ending_key = [&](std::size_t i) { return by_nodes_ ? ending_order_.key_at(i) : old.keys[i]; };
   std::size_t next = 0;
   std::uint64_t last = 0;
-  std::uint64_t going_on = 0;
   began_ = 0;
-  const auto end_until = [&](std::uint64_t key) {
-    for (; next < endings && ending_key(next) < key; ++next) {
-      if (ending_key(next) != going_on) {
-        ended().keys.push_back(ending_key(next));
-      }
-    }
-  };
+  gone_.clear();
+  passed_.clear();
   for (std::size_t i = 0; i < order_.size(); ++i) {
     const std::uint64_t key = order_.key(i);
-    end_until(key);
-    if (next < endings && ending_key(next) == key) {
-      going_on = key;
-    } else {
-      findings_[order_.node(i)]->begun.push_back(order_.position(i));
-      began_ += key != last ? 1 : 0;
+    for (; next < old.keys.size() && old.keys[next] < key; ++next) {
+      if (old.keys[next] != last) {
+        gone_.push_back(old.keys[next]);
+      }
     }
+    const bool begins = next == old.keys.size() || old.keys[next] != key;
+    findings_[order_.node(i)]->begun[order_.position(i)] = begins ? 1 : 0;
+    began_ += begins && key != last ? 1 : 0;
     last = key;
   }
-  end_until(~std::uint64_t{0});
-  ended().contacts.resize(ended().keys.size());
+  for (; next < old.keys.size(); ++next) {
+    if (old.keys[next] != last) {
+      gone_.push_back(old.keys[next]);
+    }
+  }
+  ends_ = gone_.size();
+  endings_.assign(1, gone_.span());
 }
 
 void ContactLedger::list_persisting() {
   for (Run& run : runs_) {
     const Findings& findings = run.findings();
-    run.persists.assign(run.shared != nullptr ? 0 : (findings.keys.size() + 63) / 64, ~std::uint64_t{0});
+    run.persists.assign(run.shared != nullptr ? 0 : (findings.keys.size() + 63) / 64, 0);
     if (run.shared == nullptr) {
-      for (const std::uint32_t i : findings.begun) {
-        run.persists[i / 64] &= ~(std::uint64_t{1} << (i % 64));
+      for (std::size_t i = 0; i < findings.keys.size(); ++i) {
+        run.persists[i / 64] |= std::uint64_t{findings.begun[i] == 0} << (i % 64);
       }
     }
   }
 }
 
-// Any cut is right; those of the frame before are nearly even.
-std::uint64_t ContactLedger::key_at(std::size_t share, std::size_t shares) const noexcept {
-  if (share == 0 || share == shares) {
-    return share == 0 ? 0 : ~std::uint64_t{0};
-  }
-  const auto* keys = &before().keys;
-  if (keys->empty()) {
-    for (const Findings* findings : findings_) {
-      keys = findings->keys.size() > keys->size() ? &findings->keys : keys;
-    }
-  }
-  return keys->empty() ? 0 : (*keys)[share * keys->size() / shares];
-}
-
 void ContactLedger::share_out() {
   List& list = now();
+  List& gone = ended();
   list.resize(size_);
+  gone.resize(ends_);
   doubled_ = 0;
   const auto shares = static_cast<std::size_t>(
       std::count_if(runs_.begin(), runs_.end(), [](const Run& run) { return run.shared != nullptr; }));
-  List& gone = ended();
-  const std::size_t ends = gone.keys.size();
-  Stretch stretch;
-  stretch.findings = findings_;
-  stretch.end_key = ~std::uint64_t{0};
-  stretch.contacts = list.contacts.data();
-  stretch.keys = list.keys.data();
-  stretch.found = list.found.data();
-  stretch.ended_keys = gone.keys.span();
-  stretch.ended = gone.contacts.data();
-  stretch.keys_before = before().keys.span();
-  stretch.contacts_before = before().contacts.data();
+  listing_ = {.findings = findings_,
+              .shares = std::max<std::size_t>(shares, 1),
+              .contacts = list.contacts.data(),
+              .keys = list.keys.data(),
+              .found = list.found.data(),
+              .endings = endings_,
+              .passed = passed_.span(),
+              .ended = gone.contacts.data(),
+              .ended_keys = gone.keys.data(),
+              .keys_before = before().keys.span(),
+              .contacts_before = before().contacts.data()};
   if (shares == 0) {
-    doubled_ = write_stretch(stretch, order_);
+    doubled_ = write_stretch(listing_, 0, scratch_);
     return;
   }
-  std::size_t share = 0;
+  std::uint32_t share = 0;
   for (const Run& run : runs_) {
     if (run.shared != nullptr) {
-      const std::size_t first = share * ends / shares;
-      const std::size_t end = (share + 1) * ends / shares;
-      stretch.first_key = key_at(share, shares);
-      stretch.end_key = key_at(share + 1, shares);
-      stretch.ended_keys = gone.keys.span().subspan(first, end - first);
-      stretch.ended = gone.contacts.data() + first;
-      ++share;
-      run.shared->stretch = stretch;
+      run.shared->listing = &listing_;
+      run.shared->share = share++;
       run.shared->doubled = run.shared->taken = 0;
       run.shared->gate.admit();
     }
@@ -208,7 +224,7 @@ void ContactLedger::share_out() {
 void ContactLedger::lose(NodeNumber node) {
   Findings* const shared = runs_[node].shared;
   if (shared != nullptr && shared->gate.bar()) {
-    doubled_ += write_stretch(shared->stretch, order_);
+    doubled_ += write_stretch(listing_, shared->share, scratch_);
   }
 }
 
@@ -281,7 +297,7 @@ void ContactLedger::tell_outer() {
                        outer.position,
                        nullptr,
                        {outer.found.slot_a, outer.found.slot_b, node},
-                       findings.begins(outer.position) ? Phase::begin : Phase::persist});
+                       findings.phase(outer.position)});
     }
   }
   const auto by_key = [](const ToldContact& p, const ToldContact& q) { return p.key < q.key; };
@@ -292,24 +308,25 @@ void ContactLedger::tell_outer() {
 
 std::span<const ToldContact> ContactLedger::told_ended(bool all) {
   told_ended_.clear();
-  const auto& keys = ended().keys;
   std::size_t old = 0;
-  if (all || !by_nodes_) {
-    for (const std::uint64_t key : keys) {
+  if (!by_nodes_) {
+    for (const std::uint64_t key : gone_) {
       tell_ended(key, old);
     }
     return told_ended_.span();
   }
   ending_order_.clear();
   for (const Findings* findings : findings_) {
-    for (const OuterContact& outer : findings->outer_ending) {
+    for (const std::uint64_t key : all ? findings->ending.span() : std::span<const std::uint64_t>{}) {
+      ending_order_.add(key);
+    }
+    for (const OuterContact& outer : all ? std::span<const OuterContact>{} : findings->outer_ending.span()) {
       ending_order_.add(outer.key);
     }
   }
   ending_order_.sort();
   for (std::size_t i = 0; i < ending_order_.size(); ++i) {
-    // It may have passed to another node.
-    if (std::binary_search(keys.begin(), keys.end(), ending_order_.key_at(i))) {
+    if (!std::binary_search(passed_.begin(), passed_.end(), ending_order_.key_at(i))) {
       tell_ended(ending_order_.key_at(i), old);
     }
   }

@@ -12,6 +12,7 @@
 #include "nodes/findings.hpp"
 #include "nodes/findings_order.hpp"
 #include "nodes/flat_list.hpp"
+#include "nodes/listing.hpp"
 #include "nodes/object_table.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/ids.hpp"
@@ -39,11 +40,11 @@ struct ToldContact {
 /// The server's account of contacts: takes what the CD nodes found, tells by the frame before which contacts began, go
 /// on or ended, and sees that the list of all is written in order of (a, b).
 ///
-/// Of nodes that share their findings it compares only what is in this frame's list of a node and not in its last, or
-/// the other way round; what they found is put in order and written by as many of them as there are. It compares
-/// everything where that would not be the whole truth: where a node sends messages or is in its first frame, where
-/// another is gone or lost since the frame before, or two found the same. It writes the list itself where no node
-/// shares. Two frames are kept, by parity: the last one stays readable while the next is made.
+/// Nodes that share their findings tell by themselves what began and ended within their regions; of those it compares
+/// only what lies at borders, and what they found is put in order and written by as many of them as there are. It
+/// compares everything where that would not be the whole truth: where a node sends messages or is in its first frame,
+/// where another is gone or lost since the frame before, or two found the same. It writes the lists itself where no
+/// node shares. Two frames are kept, by parity: the last one stays readable while the next is made.
 ///
 /// Threads: belongs to the server role; const calls for the last frame from the facade. Memory: grows to the largest
 /// frame.
@@ -104,7 +105,8 @@ class ContactLedger {
     return editions_[frame & 1].live.keys.span();
   }
   std::span<const Found> found(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.found.span(); }
-  /// Contacts that ended in the frame, in order of (a, b); parallel to ended_keys(), which hold after compare().
+  /// Contacts that ended in the frame, in order of (a, b); parallel to ended_keys(). Of the frame that is being made
+  /// only after complete().
   std::span<const Contact> ended(std::uint64_t frame) const noexcept {
     return editions_[frame & 1].ended.contacts.span();
   }
@@ -113,6 +115,8 @@ class ContactLedger {
   }
   /// After compare(): how many were found, doubled ones too.
   std::size_t size() const noexcept { return size_; }
+  /// After compare(): how many ended.
+  std::size_t ends() const noexcept { return ends_; }
   /// After complete().
   std::uint64_t began() const noexcept { return began_; }
 
@@ -144,12 +148,11 @@ class ContactLedger {
   const List& before() const noexcept { return editions_[(frame_ - 1) & 1].live; }
   void gather_findings();
   bool nodes_have_compared() const noexcept;
-  void gather_changes();
-  void follow();
+  void compare_borders();
+  void compare_all();
   void list_persisting();
   void tell_outer();
   void tell_ended(std::uint64_t key, std::size_t& old);
-  std::uint64_t key_at(std::size_t share, std::size_t shares) const noexcept;
   void drop_doubled();
 
   std::vector<Run> runs_;            ///< by node
@@ -158,9 +161,15 @@ class ContactLedger {
       compared_;  ///< those of the frame before that its contacts are made of; null: it sent messages
   FindingsOrder order_;
   ContactOrder ending_order_;
+  FlatList<std::uint64_t> gone_;    ///< keys that ended, ascending; where nodes compared they have them
+  FlatList<std::uint64_t> passed_;  ///< where nodes compared: of what they find no more, what others found, ascending
+  std::vector<std::span<const std::uint64_t>> endings_;  ///< Listing::endings
+  Listing listing_;
+  ListingScratch scratch_;
   FlatList<ToldContact> told_, told_ended_;
   bool by_nodes_ = false;  ///< who compared in this frame
   std::size_t size_ = 0;
+  std::size_t ends_ = 0;
   std::uint64_t began_ = 0;
   std::uint64_t doubled_ = 0;
   Edition editions_[2];

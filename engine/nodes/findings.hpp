@@ -20,7 +20,7 @@
 namespace ringfence::nodes {
 
 class Host;
-struct Findings;
+struct Listing;
 
 /// The slots of a contact's two objects, and the node that found it.
 struct Found {
@@ -38,21 +38,6 @@ struct FoundContact {
   std::uint32_t touch = 0;  ///< which of Findings::touches
 };
 
-/// A stretch of the lists that the embedder reads: all contacts of a frame, whoever found them, whose keys are in
-/// [first_key, end_key), and some of those that ended. See write_stretch().
-struct Stretch {
-  std::span<Findings* const> findings;  ///< of all nodes, by number
-  std::uint64_t first_key = 0;
-  std::uint64_t end_key = 0;
-  Contact* contacts = nullptr;  ///< the lists of the frame, each from its beginning: the findings tell where to begin
-  std::uint64_t* keys = nullptr;
-  Found* found = nullptr;
-  std::span<const std::uint64_t> ended_keys;   ///< of this stretch, ascending
-  Contact* ended = nullptr;                    ///< parallel to it
-  std::span<const std::uint64_t> keys_before;  ///< all of the frame before, ascending
-  const Contact* contacts_before = nullptr;    ///< parallel to it
-};
-
 /// A contact of which user nodes have to be told, with all that the server needs for that in one piece.
 struct OuterContact {
   std::uint64_t key = 0;
@@ -60,14 +45,21 @@ struct OuterContact {
   FoundContact found;
 };
 
+/// A contact of which its node cannot tell alone whether it begins.
+struct BorderContact {
+  std::uint64_t key = 0;
+  std::uint32_t position = 0;  ///< in Findings::keys
+};
+
 /// What a CD node found in a frame, in memory that all roles of a process share: in place of the messages `collision`,
 /// `confirm` and, from node to node, `notify`.
 ///
-/// A node lists its contacts by (a, b) and compares them with those of its frame before: what is in one list only may
-/// have begun or ended, or the pair may have passed from or to another node. The server compares these few of all nodes
-/// with each other, answers which begin for good, and cuts the embedder's list into one stretch a node. Then each node
-/// puts its stretch in order, whoever found the contacts, and takes from the others' findings what concerns the objects
-/// that it hosts. So what the server does for contacts is in proportion to those that change and to those of avatars.
+/// A node lists its contacts by (a, b) and compares them with those of its frame before: what is in one list only has
+/// begun or ended, or the pair has passed from or to another node. That it cannot have where one of the two objects
+/// touched nothing but this node's region while the other list was made. The server compares only the rest, of all
+/// nodes, with each other, and answers which go on. Then each node puts a stretch of the embedder's lists in order,
+/// whoever found the contacts, and takes from the others' findings what concerns the objects that it hosts. So what the
+/// server does for contacts is in proportion to those that change at borders and to those of avatars.
 ///
 /// A contact has 136 bytes, of which most are the poses of two bodies that the node holds anyway. So it is put together
 /// only where somebody reads it: at once where the node's own model does, else in the embedder's list.
@@ -90,19 +82,24 @@ struct Findings {
   FlatList<FoundContact> found;                        ///< parallel to keys
   std::uint64_t frame_before = no_frame;               ///< that the next is of
   FlatList<std::uint64_t> keys_before;                 ///< what the node found in it, ascending
-  FlatList<std::uint64_t> beginning;                   ///< those of keys that are not among keys_before, ascending
-  FlatList<std::uint32_t> beginning_at;                ///< parallel to it: their positions in keys
+  FlatList<FoundContact> found_before;                 ///< parallel to keys_before
+  std::size_t beginnings = 0;                          ///< how many of keys are not among keys_before
+  FlatList<BorderContact> border_beginning;            ///< those that another node may have found before, by key
   FlatList<std::uint64_t> ending;                      ///< those of keys_before that are not among keys, ascending
+  FlatList<std::uint64_t> border_ending;               ///< those that another node may have found now, ascending
   FlatList<OuterContact> outer;                        ///< by key
   FlatList<OuterContact> outer_before;                 ///< of the frame before
   FlatList<OuterContact> outer_ending;                 ///< those of them that are among ending
   PeerRuns for_peers;  ///< positions in keys of which the other nodes have to be told, ascending for each
 
+  // The node's part, corrected by the server.
+  FlatList<std::uint8_t> begun;  ///< parallel to keys: 1 where they were in contact nowhere in the frame before
+
   // The server's part.
-  FlatList<std::uint32_t> begun;  ///< which of keys were in contact nowhere in the frame before, ascending
-  Stretch stretch;                ///< that the node writes
-  bool peers_tell = false;        ///< nodes take what concerns them from for_peers; else the server tells them
-  Gate gate;                      ///< to the findings of others, before `frame_end`
+  const Listing* listing = nullptr;  ///< of which the node writes a stretch
+  std::uint32_t share = 0;           ///< which
+  bool peers_tell = false;           ///< nodes take what concerns them from for_peers; else the server tells them
+  Gate gate;                         ///< to the findings of others, before `frame_end`
 
   // The node's last part, before `told`.
   std::uint64_t doubled = 0;  ///< contacts of the stretch whose pair another node found as well
@@ -110,21 +107,20 @@ struct Findings {
 
   /// The node: empties its part for the frame; what it found in the one before stays, also when a frame is begun twice.
   void start(std::uint64_t new_frame);
-  /// The node: fills beginning, ending and outer_ending.
-  void compare();
-  /// Whether `position` is one of begun.
-  bool begins(std::uint32_t position) const noexcept;
-  /// Calls each(key, position, phase) for all, in order. Precondition: begun holds.
+  /// The node: fills begun and what has begun and ended. `was_alone(found)`: no other node can have found that contact
+  /// in the frame before; `is_alone(key, found)`: none can have found that one of the frame before in this one. The
+  /// answer no is always right, but leaves it to the server to look.
+  template <class WasAlone, class IsAlone>
+  void compare(WasAlone was_alone, IsAlone is_alone);
+  Phase phase(std::uint32_t position) const noexcept { return begun[position] != 0 ? Phase::begin : Phase::persist; }
+  /// Calls each(key, position, phase) for all, in order.
   template <class Each>
   void visit(Each each) const {
     constexpr std::uint32_t ahead = 10;
     const auto count = static_cast<std::uint32_t>(keys.size());
-    const std::uint32_t* next = begun.begin();
     for (std::uint32_t i = 0; i < count; ++i) {
       fetch(std::min(i + ahead, count - 1));
-      const bool begins = next != begun.end() && *next == i;
-      next += begins ? 1 : 0;
-      each(keys[i], i, begins ? Phase::begin : Phase::persist);
+      each(keys[i], i, phase(i));
     }
   }
   /// Copies a contact to where it is read as a whole. Its own phase, which its node may be writing, is not looked at.
@@ -171,13 +167,7 @@ struct Findings {
     fetch_lines(bodies[one.body_a]);
     fetch_lines(bodies[one.body_b]);
   }
-
- private:
-  static Vec3d in_world(const narrow_phase::PairContact& touch, const narrow_phase::Body& a) noexcept {
-    const Vec3d& origin = a.pose.position;
-    return {origin.x + static_cast<double>(touch.point.x), origin.y + static_cast<double>(touch.point.y),
-            origin.z + static_cast<double>(touch.point.z)};
-  }
+  /// Fetches all of an object that is read soon.
   template <class T>
   static void fetch_lines(const T& object) noexcept {
     const auto* from = reinterpret_cast<const std::byte*>(&object);
@@ -186,6 +176,53 @@ struct Findings {
     }
     fetch_to_read(from + sizeof(T) - 1);
   }
+
+ private:
+  static Vec3d in_world(const narrow_phase::PairContact& touch, const narrow_phase::Body& a) noexcept {
+    const Vec3d& origin = a.pose.position;
+    return {origin.x + static_cast<double>(touch.point.x), origin.y + static_cast<double>(touch.point.y),
+            origin.z + static_cast<double>(touch.point.z)};
+  }
 };
+
+template <class WasAlone, class IsAlone>
+void Findings::compare(WasAlone was_alone, IsAlone is_alone) {
+  std::size_t old = 0;
+  const std::size_t olds = keys_before.size();
+  std::size_t next = 0;
+  const auto end = [&] {
+    const std::uint64_t key = keys_before[old];
+    ending.push_back(key);
+    if (!is_alone(key, found_before[old])) {
+      border_ending.push_back(key);
+    }
+    while (next < outer_before.size() && outer_before[next].key < key) {
+      ++next;
+    }
+    if (next < outer_before.size() && outer_before[next].key == key) {
+      outer_ending.push_back(outer_before[next]);
+    }
+  };
+  begun.resize(keys.size());
+  for (std::uint32_t i = 0; i < keys.size(); ++i) {
+    const std::uint64_t key = keys[i];
+    for (; old < olds && keys_before[old] < key; ++old) {
+      end();
+    }
+    const bool begins = old == olds || keys_before[old] != key;
+    begun[i] = begins ? 1 : 0;
+    if (!begins) {
+      ++old;
+      continue;
+    }
+    ++beginnings;
+    if (!was_alone(found[i])) {
+      border_beginning.push_back({key, i});
+    }
+  }
+  for (; old < olds; ++old) {
+    end();
+  }
+}
 
 }  // namespace ringfence::nodes

@@ -3,7 +3,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "nodes/contact_order.hpp"
 #include "nodes/findings.hpp"
@@ -36,18 +35,17 @@ class FindingsOrder {
   std::uint64_t key(std::size_t i) const noexcept { return order_.added(place(i)); }
   NodeNumber node(std::size_t i) const noexcept { return sources_[place(i)].node; }
   std::uint32_t position(std::size_t i) const noexcept { return sources_[place(i)].position; }
-  /// Calls visit(key, node, position, phase) for each, in order. Precondition: Findings::begun hold.
+  /// Calls visit(key, node, position, phase) for each, in order.
   template <class Visit>
-  void visit(Visit each) {
+  void visit(Visit each) const {
     constexpr std::size_t ahead = 10;
-    next_begun_.assign(findings_.size(), 0);
     for (std::size_t i = 0; i < size(); ++i) {
       if (i + ahead < size()) {
         const Source& soon = sources_[place(i + ahead)];
         findings_[soon.node]->fetch(soon.position);
       }
       const Source& source = sources_[place(i)];
-      each(key(i), source.node, source.position, begins(source) ? Phase::begin : Phase::persist);
+      each(key(i), source.node, source.position, findings_[source.node]->phase(source.position));
     }
   }
 
@@ -57,32 +55,12 @@ class FindingsOrder {
     std::uint32_t position;
   };
   std::size_t place(std::size_t i) const noexcept { return ascending_ ? i : order_.at(i); }
-  bool begins(const Source& source) noexcept {
-    const auto& begun = findings_[source.node]->begun;
-    std::uint32_t& next = next_begun_[source.node];
-    while (next < begun.size() && begun[next] < source.position) {
-      ++next;
-    }
-    return next < begun.size() && begun[next] == source.position;
-  }
 
   std::span<Findings* const> findings_;
   ContactOrder order_;
   FlatList<Source> sources_;  ///< in the order of add
-  std::vector<std::uint32_t> next_begun_;
   std::uint64_t last_ = 0;
   bool ascending_ = true;
 };
-
-/// The first of ascending keys that is not below `key`, where it is likely to be near: few of many contacts end, so
-/// they are looked for in leaps.
-const std::uint64_t* leap_to(const std::uint64_t* first, const std::uint64_t* end, std::uint64_t key) noexcept;
-
-/// Writes a stretch, with phases, in order, and copies what ended from the frame before. Returns how many of its
-/// contacts are of a pair that has been written before it: always 0, unless a bug made two nodes own one pair. They are
-/// written too, so that every stretch has the place that its neighbours reckon with.
-///
-/// Any thread that may read all findings of the frame: see Findings::gate. `order` is scratch.
-std::uint64_t write_stretch(const Stretch& stretch, FindingsOrder& order);
 
 }  // namespace ringfence::nodes

@@ -11,6 +11,7 @@ KnownObjects::KnownObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
   next_hosts_.reserve(objects);
   numbers_.reserve(objects);
   inner_.reserve(objects);
+  was_inner_.reserve(objects);
   if (sweeps_) {
     bounds_.reserve(objects);
     layers_.reserve(objects);
@@ -33,6 +34,7 @@ std::uint32_t KnownObjects::set(const messages::ObjectRef& object, const Pose& p
     next_hosts_.push_back(next);
     numbers_.add();
     inner_.push_back(0);
+    was_inner_.push_back(0);
     if (sweeps_) {
       bounds_.add();
       layers_.push_back(0);
@@ -64,6 +66,7 @@ void KnownObjects::forget(std::uint32_t slot) {
     next_hosts_[i] = next_hosts_[last];
     numbers_[i] = numbers_[last];
     inner_[i] = inner_[last];
+    was_inner_[i] = was_inner_[last];
     if (sweeps_) {
       bounds_[i] = bounds_[last];
       layers_[i] = layers_[last];
@@ -76,6 +79,7 @@ void KnownObjects::forget(std::uint32_t slot) {
   next_hosts_.pop_back();
   numbers_.pop_back();
   inner_.pop_back();
+  was_inner_.pop_back();
   if (sweeps_) {
     bounds_.pop_back();
     layers_.pop_back();
@@ -96,6 +100,7 @@ void KnownObjects::clear() noexcept {
   next_hosts_.clear();
   numbers_.clear();
   inner_.clear();
+  was_inner_.clear();
   resting_.clear();
   present_.clear();
 }

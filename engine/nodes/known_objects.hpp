@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -77,6 +78,9 @@ class KnownObjects {
   NextHost next_host(std::size_t i) const noexcept { return next_hosts_[i]; }
   /// One byte each: whether set() was last told that it is inner. That it is not, is always right, but costs time.
   std::span<const std::uint8_t> inner() const noexcept { return inner_; }
+  /// Likewise, when note_inner() was last called.
+  std::span<const std::uint8_t> was_inner() const noexcept { return was_inner_; }
+  void note_inner() noexcept { std::copy(inner_.begin(), inner_.end(), was_inner_.begin()); }
   /// The number of each; bodies() has them, too, a cache line each.
   std::span<const ObjectNumber> numbers() const noexcept { return numbers_.span(); }
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
@@ -97,6 +101,7 @@ class KnownObjects {
   std::vector<NextHost> next_hosts_;
   FlatList<ObjectNumber> numbers_;
   std::vector<std::uint8_t> inner_;
+  std::vector<std::uint8_t> was_inner_;
   std::vector<std::uint8_t> resting_;
   std::vector<std::uint8_t> present_;
 };

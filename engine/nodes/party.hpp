@@ -37,6 +37,11 @@ struct Party {
   std::uint64_t heard_ns = 0;   ///< when something last came from it
   std::uint64_t probed_ns = 0;  ///< when it was last asked whether it is there; 0: not since something came
 
+  std::uint64_t opened_ns = 0;    ///< when all was sent to it that the frame begins with; 0: not yet
+  std::uint64_t notified_ns = 0;  ///< likewise, that contacts are known
+  double opened_ms = 0;           ///< what PathReport::open_ms was by then
+  double notified_ms = 0;         ///< and PathReport::notify_ms
+
   // Heard in this frame.
   std::size_t heard_bytes = 0;
   std::size_t heard_updates = 0;

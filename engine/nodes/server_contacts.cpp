@@ -14,7 +14,7 @@ void ServerRole::collect() {
   ledger_.share_out();
   FrameReport& frame = report();
   frame.contacts = ledger_.size();
-  frame.ended = ledger_.ended_keys(frame_).size();
+  frame.ended = ledger_.ends();
   spend(ringfence::Stage::collect, telemetry::now_ns());
   if (wants_map()) {
     draw_map();
@@ -95,6 +95,7 @@ void ServerRole::start_telling_users() {
   if (peers_tell_) {
     list_notices();
   }
+  informed_ = false;
   awaited_users_.clear();
   all_users([&](Party& user) {
     start_telling(user);

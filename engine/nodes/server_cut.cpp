@@ -60,7 +60,7 @@ void ServerRole::start(Party& party) {
   party.states_heard = party.published_heard = party.tested_heard = party.told_heard = false;
   party.heard_bytes = party.heard_updates = 0;
   party.heard_ns = begin_ns_;
-  party.probed_ns = 0;
+  party.probed_ns = party.opened_ns = party.notified_ns = 0;
   party.notices.clear();
 }
 
@@ -72,18 +72,6 @@ void ServerRole::start_users() {
     awaited_users_.push_back(user.self.number());
     return true;
   });
-}
-
-void ServerRole::start_report() {
-  FrameReport& frame = report();
-  std::vector<NodeReport> nodes = std::move(frame.nodes);
-  std::vector<KindReport> kinds = std::move(frame.kinds);
-  kinds.clear();
-  std::fill(nodes.begin(), nodes.end(), NodeReport{});
-  frame = {};
-  frame.nodes = std::move(nodes);
-  frame.kinds = std::move(kinds);
-  frame.frame = frame_;
 }
 
 // In the order of the calls, but for spawns that follow each other: those fill the tables in the order of their places.

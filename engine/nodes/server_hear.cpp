@@ -66,21 +66,6 @@ void ServerRole::refuse(Party& sender, Status reason, ObjectNumber number) {
   }
 }
 
-void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& header) noexcept {
-  TrafficReport& traffic = counts[static_cast<std::size_t>(traffic_of(static_cast<MessageType>(header.type)))];
-  ++traffic.messages;
-  traffic.records += header.count;
-  traffic.bytes += header.bytes;
-}
-
-// What is read where it lies counts as the message in its place.
-void ServerRole::count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept {
-  TrafficReport& traffic = report().traffic[static_cast<std::size_t>(kind)];
-  ++traffic.messages;
-  traffic.records += records;
-  traffic.bytes += records * bytes_each;
-}
-
 void ServerRole::receive(Party& party, const MessageView& message) {
   add(report().traffic, message.header());
   const bool node = party.self.is_node();
@@ -288,12 +273,7 @@ void ServerRole::hear_told(Party& party, const MessageView& message) {
     node.move_ms = telemetry::to_ms(record.move_ns);
     node.broad_phase_ms = telemetry::to_ms(record.broad_phase_ns);
     node.narrow_phase_ms = telemetry::to_ms(record.narrow_phase_ns);
-    PathReport& path = frame.path;
-    path.node_move_ms = std::max(path.node_move_ms, telemetry::to_ms(record.move_cpu_ns));
-    path.node_publish_ms = std::max(path.node_publish_ms, telemetry::to_ms(record.publish_cpu_ns));
-    path.node_detect_ms = std::max(path.node_detect_ms, telemetry::to_ms(record.detect_cpu_ns));
-    path.node_end_ms = std::max(path.node_end_ms, telemetry::to_ms(record.cpu_ns - record.move_cpu_ns -
-                                                                   record.publish_cpu_ns - record.detect_cpu_ns));
+    charge_path(party, record);
     node.hosted = record.hosted;
     if (record.kept != 0) {
       kept_moved_ += static_cast<std::int64_t>(record.kept);

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <utility>
 
-#include "telemetry/track.hpp"
+#include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
 
@@ -116,25 +116,6 @@ bool ServerRole::hear_users() {
     }
   }
   return any;
-}
-
-// What passed since the last mark is charged to a stage of the report, less what ingest took of it.
-void ServerRole::spend(ringfence::Stage stage, std::uint64_t now) noexcept {
-  const std::uint64_t passed = now - mark_ns_;
-  const std::uint64_t ingest = std::min(ingest_ns_, passed);
-  report().stage_ms[static_cast<std::size_t>(stage)] += telemetry::to_ms(passed - ingest);
-  report().stage_ms[static_cast<std::size_t>(ringfence::Stage::ingest)] += telemetry::to_ms(ingest);
-  if (setup_.track != nullptr) {
-    setup_.track->add(name_of(stage), mark_ns_, now);
-  }
-  mark_ns_ = now;
-  ingest_ns_ = 0;
-}
-
-void ServerRole::spend_cpu(double PathReport::*step) noexcept {
-  const std::uint64_t now = telemetry::thread_cpu_ns();
-  report().path.*step += telemetry::to_ms(now - cpu_mark_ns_);
-  cpu_mark_ns_ = now;
 }
 
 // In user/server deployment the server is the host; elsewhere only of what has no other.
@@ -269,10 +250,11 @@ bool ServerRole::advance_stage() {
     case Stage::waiting:
       return false;
     case Stage::opening:
-      if (!all_nodes([&](Party& node) { return open(node); })) {
+      if (!all_nodes([&](Party& node) { return open(node) && note_first(node.opened_ns); })) {
         return false;
       }
       spend_cpu(&PathReport::open_ms);
+      charge_told(report().path.open_ms, begin_ns_, &Party::opened_ns, &Party::opened_ms);
       start_users();
       stage_ = Stage::inviting;
       return true;
@@ -323,22 +305,27 @@ bool ServerRole::advance_stage() {
       stage_ = Stage::notifying;
       return true;
     case Stage::notifying:
-      if (!all_nodes([&](Party& node) { return notify(node); })) {
+      if (!all_nodes([&](Party& node) { return notify(node) && note_first(node.notified_ns); })) {
         return false;
       }
       spend_cpu(&PathReport::notify_ms);
+      charge_told(report().path.notify_ms, notify_ns_, &Party::notified_ns, &Party::notified_ms);
       start_telling_users();
       stage_ = Stage::informing;
       return true;
     case Stage::informing:
       // Users are heard before nodes, which have more to end.
-      for (const UserNumber user : awaited_users_) {
-        notify(users_[user]);
+      if (!informed_) {
+        informed_ = true;
+        for (const UserNumber user : awaited_users_) {
+          informed_ &= notify(users_[user]);
+        }
+        spend_cpu(&PathReport::inform_ms);
       }
       if (!awaited_users_.empty()) {
         return false;
       }
-      spend_cpu(&PathReport::inform_ms);
+      spend_cpu(&PathReport::heed_ms);
       stage_ = Stage::closing;
       return true;
     case Stage::closing:

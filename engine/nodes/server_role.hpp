@@ -54,6 +54,7 @@ struct ServerSetup {
   double interest = 0;
   std::size_t relays_for = 4;  ///< up to so many CD nodes the server relays the states of what they host
   bool balance = true;         ///< regions follow the load
+  BalanceBy balance_by = BalanceBy::cpu_time;
   Quotas quotas;
   std::uint64_t node_deadline_ns = 0;  ///< a CD node silent for so long in a frame, though asked, is lost; 0: never
   std::uint64_t user_deadline_ns = 0;  ///< a user node has so long to move, and so long to take its contacts; 0: ever
@@ -114,7 +115,6 @@ class ServerRole {
 
   // The cut.
   void cut();
-  void start_report();
   void apply_requests();
   void apply(const Request& request);
   void connect(const Request& request);
@@ -145,7 +145,6 @@ class ServerRole {
   void hear_tested(Party& party, const messages::MessageView& message);
   void hear_kinds(const messages::MessageView& message);
   void hear_told(Party& party, const messages::MessageView& message);
-  void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
   void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
   void refuse(Party& sender, Status reason, ObjectNumber number = 0);
 
@@ -224,11 +223,19 @@ class ServerRole {
   /// Whether the contacts of the frame are known, so that a loss does not change them any more.
   bool is_telling() const noexcept { return stage_ >= Stage::notifying; }
 
+  // The report.
+  void start_report();
   void spend(ringfence::Stage stage, std::uint64_t now) noexcept;
   void spend_cpu(double PathReport::*step) noexcept;
-  FrameReport& report() noexcept { return reports_[frame_ & 1]; }
-  messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
+  void charge_path(const Party& node, const messages::ToldRecord& told) noexcept;
+  static bool note_first(std::uint64_t& when_ns) noexcept;
+  void charge_told(double step_ms, std::uint64_t begin_ns, std::uint64_t Party::*told_ns,
+                   double Party::*told_ms) noexcept;
+  void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
   static void add(messages::TrafficCounts& counts, const messages::Header& header) noexcept;
+  FrameReport& report() noexcept { return reports_[frame_ & 1]; }
+
+  messages::RunHead head(messages::MessageType type, messages::Endpoint to) const noexcept;
 
   ServerSetup setup_;
   regions::RegionMap map_;
@@ -257,6 +264,7 @@ class ServerRole {
   bool relays_listed_ = false;           ///< user nodes look: what is published in this frame stays as it is
   std::vector<std::uint32_t> leaving_;   ///< slots of this frame whose hosts say that others host them next
   bool users_changed_ = false;
+  bool informed_ = false;          ///< all users have been sent what they are told in this frame
   bool bounds_are_stale_ = false;  ///< those of present objects of which their hosts alone know
   std::int64_t kept_moved_ = 0;  ///< objects that moved in this frame and are not in objects_.moved(), less the others
 

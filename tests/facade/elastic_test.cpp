@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <map>
+#include <vector>
 
 #include <doctest/doctest.h>
 
@@ -143,6 +144,49 @@ TEST_CASE("regions follow a crowd in a corner until its nodes share the pairs, a
       CHECK(balanced.busiest_share < 0.5);
     }
   }
+}
+
+// What the report of each frame says of the map and of what each node had to do under it.
+std::vector<std::uint64_t> run_by_pairs(std::uint32_t user_threads, bool pairs_are_dear, std::uint32_t& epochs) {
+  WorldConfig config;
+  config.bounds_max = {60, 60, 60};
+  config.nodes = 5;
+  config.user_threads = user_threads;
+  config.placement = Placement::region;
+  config.balance_by = BalanceBy::pairs;
+  config.timeline = pairs_are_dear;  // whatever costs time
+  config.remember_axes = !pairs_are_dear;
+  config.motion = std::make_shared<Bouncing>(side);
+  World world(config);
+  populate(world, 500, 3, side);
+  std::vector<std::uint64_t> all;
+  for (int frame = 0; frame < 120; ++frame) {
+    REQUIRE(world.advance() == Status::ok);
+    const FrameReport& report = world.report();
+    all.push_back(report.map_epoch);
+    all.push_back(report.handed_over);
+    for (const NodeReport& node : report.nodes) {
+      all.push_back(node.tested);
+      all.push_back(node.hosted);
+    }
+  }
+  epochs = world.report().map_epoch;
+  return all;
+}
+
+TEST_CASE("balanced by pairs the maps are the same in every run, and shares become even") {
+  std::uint32_t epochs = 0;
+  const std::vector<std::uint64_t> first = run_by_pairs(1, false, epochs);
+  CHECK(epochs > 1);
+  CHECK(run_by_pairs(3, true, epochs) == first);
+  // Of the last frame: five pairs of tested and hosted.
+  std::uint64_t most = 0, all = 0;
+  for (std::size_t node = 0; node < 5; ++node) {
+    const std::uint64_t tested = first[first.size() - 10 + 2 * node];
+    most = std::max(most, tested);
+    all += tested;
+  }
+  CHECK(5 * most < 2 * all);  // at first one node has nearly all
 }
 
 }  // namespace

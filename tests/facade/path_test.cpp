@@ -1,6 +1,7 @@
 // What FrameReport::path says a frame waited for.
 #include <algorithm>
 #include <memory>
+#include <utility>
 
 #include <doctest/doctest.h>
 
@@ -13,29 +14,31 @@ namespace {
 
 TEST_CASE("of what is done at the same time the path counts the longest, of the rest all") {
   PathReport path;
-  double expected = 0;
-  double ms = 1;
-  for (const auto& [name, step] : PathReport::all()) path.*step = ms *= 2;
-  for (const double PathReport::*step :
-       {&PathReport::open_ms, &PathReport::invite_ms, &PathReport::user_move_ms, &PathReport::node_publish_ms,
-        &PathReport::publish_ms, &PathReport::user_look_ms, &PathReport::hear_ms, &PathReport::collect_ms,
-        &PathReport::notify_ms, &PathReport::inform_ms, &PathReport::user_end_ms, &PathReport::finish_ms}) {
-    expected += path.*step;
-  }
+  path.open_ms = 1, path.invite_ms = 2, path.ingest_ms = 4, path.user_move_ms = 8;
+  path.dispatch_ms = 16, path.node_publish_ms = 32, path.publish_ms = 64, path.user_look_ms = 128;
+  path.hear_ms = 256, path.collect_ms = 512, path.notify_ms = 1024;
+  path.inform_ms = 2048, path.user_end_ms = 4096, path.heed_ms = 8192, path.finish_ms = 16384;
+  double expected = 32767 - 4 - 16 - 2048;
   CHECK(path.critical_ms() == expected);
   std::swap(path.ingest_ms, path.user_move_ms);
   std::swap(path.dispatch_ms, path.node_publish_ms);
+  std::swap(path.inform_ms, path.user_end_ms);
   CHECK(path.critical_ms() == expected);
-  // Users move when they have been invited: nodes move longer than both, or not at all.
-  const double users_move = path.invite_ms + path.ingest_ms;
-  path.node_move_ms = users_move + 1;
-  CHECK(path.critical_ms() == expected + 1);
-  path.node_move_ms = users_move - 1;
+  // Nodes take longer than all that server and users do meanwhile, or as long, or not at all.
+  const std::pair<double PathReport::*, double> meanwhile[] = {
+      {&PathReport::nodes_moved_ms, 1 + 2 + 8},
+      {&PathReport::nodes_tested_ms, 32 + 64 + 128},
+      {&PathReport::nodes_ended_ms, 1024 + 4096 + 8192},
+  };
+  for (const auto& [nodes, others] : meanwhile) {
+    path.*nodes = others;
+    CHECK(path.critical_ms() == expected);
+    path.*nodes = others + 1;
+    CHECK(path.critical_ms() == ++expected);
+  }
+  // What single nodes take in single steps is in what they take together.
+  path.node_move_ms = path.node_detect_ms = path.node_end_ms = 1e6;
   CHECK(path.critical_ms() == expected);
-  path.node_detect_ms = path.publish_ms + path.user_look_ms + 1;
-  CHECK(path.critical_ms() == ++expected);
-  path.node_end_ms = path.inform_ms + path.user_end_ms + 1;
-  CHECK(path.critical_ms() == expected + 1);
 }
 
 TEST_CASE("the steps of the path are the CPU time of who took them, none left out") {
@@ -64,7 +67,8 @@ TEST_CASE("the steps of the path are the CPU time of who took them, none left ou
       }
       // Between the last two looks at the clock the server does next to nothing.
       const double server = path.open_ms + path.invite_ms + path.ingest_ms + path.dispatch_ms + path.publish_ms +
-                            path.hear_ms + path.collect_ms + path.notify_ms + path.inform_ms + path.finish_ms;
+                            path.hear_ms + path.collect_ms + path.notify_ms + path.inform_ms + path.heed_ms +
+                            path.finish_ms;
       REQUIRE(server <= report.server_cpu_ms + 1e-6);
       REQUIRE(server >= report.server_cpu_ms - 0.5);
       double busiest = 0, all = 0;
@@ -75,6 +79,15 @@ TEST_CASE("the steps of the path are the CPU time of who took them, none left ou
       const double nodes = path.node_move_ms + path.node_publish_ms + path.node_detect_ms + path.node_end_ms;
       REQUIRE(nodes >= busiest - 1e-6);
       REQUIRE(nodes <= all + 1e-6);
+      // Whoever is done last has done no more than who did most in each step, and at least what he did alone.
+      const std::pair<double, double> node_steps[] = {
+          {path.nodes_moved_ms - path.node_move_ms, path.open_ms},
+          {path.nodes_tested_ms - path.node_detect_ms, std::max(path.dispatch_ms, path.node_publish_ms)},
+          {path.nodes_ended_ms - path.node_end_ms, path.notify_ms}};
+      for (const auto& [before, most] : node_steps) {
+        REQUIRE(before >= -1e-6);
+        REQUIRE(before <= most + 1e-6);
+      }
       const double users = path.user_move_ms + path.user_look_ms + path.user_end_ms;
       REQUIRE(users >= report.slowest_user_cpu_ms - 1e-6);
       REQUIRE(users <= report.users_cpu_ms + 1e-6);

@@ -21,6 +21,8 @@ constexpr std::uint32_t slots = 40;
 
 std::uint64_t word_of(const Key& key) { return ContactOrder::key(key.first, key.second); }
 
+Key key_of(std::uint64_t word) { return {static_cast<ObjectNumber>(word >> 32), static_cast<ObjectNumber>(word)}; }
+
 /// Rows of which each stands somewhere else, and elsewhere in each frame; numbers ascend by slot.
 std::vector<ObjectRow> rows_of(std::uint64_t frame, bool large_numbers) {
   std::vector<ObjectRow> rows(slots);
@@ -45,10 +47,11 @@ struct Node {
   std::vector<Contact> contacts;                   ///< in the order of the list
   std::vector<narrow_phase::PairContact> touches;  ///< as it found them
   std::vector<narrow_phase::Body> bodies;          ///< all, in an order of its own
-  FindingsOrder order;
+  ListingScratch scratch;
 
+  /// `before` and `now`: all contacts of the two frames, whoever found them.
   void find(std::uint64_t frame, const std::vector<const Truth*>& own, const std::vector<ObjectRow>& rows,
-            std::mt19937_64& random) {
+            const Truths& before, const Truths& now, std::mt19937_64& random) {
     std::vector<std::uint32_t> places = shuffled(own.size(), random);
     const std::vector<std::uint32_t> seats = shuffled(rows.size(), random);
     bodies.resize(rows.size());
@@ -78,14 +81,24 @@ struct Node {
     shared->contacts = random() % 2 == 0 ? contacts.data() : nullptr;
     shared->touches = touches.data();
     shared->bodies = bodies.data();
-    shared->compare();
+    // What another node had or has is at a border; of the rest the node knows it of some.
+    const auto is_alone = [&](const Truths& others, std::uint64_t key) {
+      return others.count(key_of(key)) == 0 && random() % 4 != 0;
+    };
+    shared->compare([&](const FoundContact& one) { return is_alone(before, shared->keys[at_of(one)]); },
+                    [&](std::uint64_t key, const FoundContact& one) {
+                      REQUIRE(rows[one.slot_a].object.number == key_of(key).first);
+                      REQUIRE(rows[one.slot_b].object.number == key_of(key).second);
+                      return is_alone(now, key);
+                    });
   }
   void write() {
-    shared->doubled = write_stretch(shared->stretch, order);
+    shared->doubled = write_stretch(*shared->listing, shared->share, scratch);
     shared->gate.leave();
   }
 
  private:
+  std::size_t at_of(const FoundContact& one) const { return static_cast<std::size_t>(&one - shared->found.data()); }
   static std::vector<std::uint32_t> shuffled(std::size_t count, std::mt19937_64& random) {
     std::vector<std::uint32_t> places(count);
     for (std::uint32_t i = 0; i < count; ++i) places[i] = i;
@@ -121,7 +134,7 @@ class Play {
     }
     for (NodeNumber node = 0; node < nodes_.size(); ++node) {
       if (nodes_[node]->shared != nullptr) {
-        nodes_[node]->find(frame_, runs[node], rows, random_);
+        nodes_[node]->find(frame_, runs[node], rows, before_, now_, random_);
         ledger_.receive(node, *nodes_[node]->shared);
       } else {
         for (const Truth* truth : runs[node]) {
@@ -213,7 +226,7 @@ class Play {
           continue;  // who has one that is not its own may think that it begins
         }
         const bool begins = phase_of({runs[node][i]->contact.a, runs[node][i]->contact.b}) == Phase::begin;
-        REQUIRE((sends ? (persists[i / 64] >> (i % 64) & 1) == 0 : nodes_[node]->shared->begins(i)) == begins);
+        REQUIRE((sends ? (persists[i / 64] >> (i % 64) & 1) == 0 : nodes_[node]->shared->begun[i] != 0) == begins);
       }
     }
   }

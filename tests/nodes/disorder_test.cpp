@@ -152,6 +152,9 @@ Played play(std::uint64_t seed, int frames) {
     const auto contacts = theatre.contacts(), others = expected.contacts();
     REQUIRE(contacts.size() == others.size());
     REQUIRE(std::memcmp(contacts.data(), others.data(), contacts.size_bytes()) == 0);
+    const auto ended = theatre.ended(), others_ended = expected.ended();
+    REQUIRE(ended.size() == others_ended.size());
+    REQUIRE(std::memcmp(ended.data(), others_ended.data(), ended.size_bytes()) == 0);
     REQUIRE(report.accepted == report.candidates);
     REQUIRE(report.tested == report.candidates);
     for (std::size_t reason = 0; reason < status_count; ++reason) {

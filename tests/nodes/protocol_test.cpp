@@ -288,7 +288,7 @@ std::uint64_t check_notices(const Theatre& theatre, const Stageplay& play, std::
         const auto key = findings.keys[i];
         const auto own = expected.find({static_cast<ObjectNumber>(key >> 32), static_cast<ObjectNumber>(key)});
         if (own != expected.end()) {
-          REQUIRE((own->second.phase == Phase::begin) == findings.begins(i));
+          REQUIRE(own->second.phase == findings.phase(i));
           expected.erase(own);
         }
       }

@@ -215,6 +215,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
   std::map<std::uint32_t, messages::PositionRecord> model;
   std::map<std::uint32_t, std::uint32_t> places;  // by slot, what its last set said
   std::set<std::uint32_t> changed;                // slots set since the last settle
+  std::set<std::uint32_t> inner;                  // slots known since, and inner at, the last note
   const auto draw = [&] {
     messages::PositionRecord record;
     record.object.slot = static_cast<std::uint32_t>(random() % 200);
@@ -248,6 +249,13 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
           known.clear();
           model.clear();
           changed.clear();
+          inner.clear();
+        } else if (random() % 2 == 0) {
+          known.note_inner();
+          inner.clear();
+          for (const auto& [slot, record] : model) {
+            if (record.layer % 3 == 0) inner.insert(slot);
+          }
         } else {
           known.settle();
           changed.clear();
@@ -258,6 +266,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
         known.forget(slot);
         model.erase(slot);
         changed.erase(slot);
+        inner.erase(slot);
       }
     }
     REQUIRE(known.size() == model.size());
@@ -283,6 +292,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       REQUIRE(known.layers()[i] == at->second.layer);
       REQUIRE(known.next_host(i) == static_cast<NextHost>(at->second.layer % 4));
       REQUIRE((known.inner()[i] != 0) == (at->second.layer % 3 == 0));
+      REQUIRE((known.was_inner()[i] != 0) == (inner.count(slot) != 0));
       REQUIRE(known.numbers()[i] == known.bodies()[i].number);
       REQUIRE(known.present()[i] == 1);
       if (changed.count(slot) != 0) {

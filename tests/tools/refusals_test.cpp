@@ -56,12 +56,12 @@ TEST_CASE("help and version end with 0, and help names no command that is not th
   for (const char* command : {"run", "replay", "record", "scale", "profile", "convert"})
     CHECK(help.out.find(command) != std::string::npos);
   for (const char* option :
-       {"--deployment", "--nodes",        "--broad-phase", "--frames",          "--warmup",
-        "--users",      "--user-threads", "--interest",    "--objects",         "--coverage",
-        "--shapes",     "--seed",         "--targets",     "--target-interval", "--retarget-interval",
-        "--check",      "--collisions",   "--json",        "--frames-csv",      "--trace",
-        "--ring-bytes", "--pin",          "--resize",      "--balance",         "--keep-resting",
-        "--quiet"}) {
+       {"--deployment",   "--nodes",        "--broad-phase", "--frames",          "--warmup",
+        "--users",        "--user-threads", "--interest",    "--objects",         "--coverage",
+        "--shapes",       "--seed",         "--targets",     "--target-interval", "--retarget-interval",
+        "--check",        "--collisions",   "--json",        "--frames-csv",      "--trace",
+        "--ring-bytes",   "--pin",          "--resize",      "--balance",         "--balance-by",
+        "--keep-resting", "--quiet"}) {
     CHECK_MESSAGE(test::ringfence("run --help").out.find(option) != std::string::npos, option);
   }
 }

@@ -93,6 +93,7 @@ TEST_CASE("a schedule that cannot be is refused with the reason") {
   check_refused("--resize 10:2", "--resize: found frame 10; expected 0 to 9, the counted frames");
   check_refused("--resize 3:2 --resize 4:1,3:3", "--resize: found frame 3 twice; expected each frame once");
   check_refused("--balance maybe", "--balance: found maybe; expected one of on, off");
+  check_refused("--balance-by time", "--balance-by: found time; expected one of cpu, pairs");
 }
 
 TEST_CASE("a placement left to the world is reported as chosen, with the digest of any other") {

@@ -57,6 +57,7 @@ WorldConfig world_config(const Job& job) {
   config.interest = job.service.interest;
   config.ring_bytes = job.service.ring_bytes;
   config.balance = job.service.balance;
+  config.balance_by = job.service.balance_by;
   config.deadlines = job.service.deadlines;
   config.keep_resting = job.service.keep_resting;
   config.pin = job.service.pin;

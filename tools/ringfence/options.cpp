@@ -212,6 +212,8 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
 
 void CommandLineParser::add_users(CLI::App& command, ServiceOptions& service) {
   add_switch(command, "--balance", service.balance, "regions follow the load");
+  add_words(command, "--balance-by", service.balance_by, {BalanceBy::cpu_time, BalanceBy::pairs},
+            "what the load is: CPU time as measured, or pairs tested, which makes the same maps in every run");
   add_switch(command, "--keep-resting", service.keep_resting, "the broad phase keeps what does not move apart");
   command.add_option("--users", service.users, "user nodes")
       ->check(between(1u, 65'536u))

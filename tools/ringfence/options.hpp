@@ -29,6 +29,7 @@ struct ServiceOptions {
   std::vector<Fault> faults;
   Deadlines deadlines;
   bool balance = true;
+  BalanceBy balance_by = BalanceBy::cpu_time;
   bool keep_resting = true;
   std::uint32_t users = 100;
   bool users_given = false;

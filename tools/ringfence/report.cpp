@@ -103,6 +103,7 @@ Json config_of(const Job& job, const Figures& figures) {
                  {"ring_bytes", job.service.ring_bytes},
                  {"pin", job.service.pin},
                  {"balance", job.service.balance},
+                 {"balance_by", name_of(job.service.balance_by)},
                  {"keep_resting", job.service.keep_resting},
                  {"link", name_of(job.service.link.kind)},
                  {"lease_ms", job.service.link.network.lease_ms},

@@ -36,6 +36,16 @@ constexpr const char* name_of(Placement placement) noexcept {
   return names[static_cast<std::size_t>(placement)];
 }
 
+/// What regions are balanced by. Same contacts; the choice is about cost.
+enum class BalanceBy : std::uint8_t {
+  cpu_time,  ///< what each node was measured to cost: prices in dear shapes and slow cores
+  pairs,     ///< the pairs that each node tested: the same maps in every run, on any machine
+};
+constexpr const char* name_of(BalanceBy by) noexcept {
+  constexpr const char* names[] = {"cpu", "pairs"};
+  return names[static_cast<std::size_t>(by)];
+}
+
 /// Which layers collide. Without names there is one layer, number 0, and all collide.
 struct LayerMatrix {
   std::vector<std::string> names;                              ///< at most 32
@@ -104,7 +114,8 @@ struct WorldConfig {
   Deadlines deadlines;
   Quotas quotas;
   std::size_t ring_bytes = 0;  ///< of every ring; a power of two, 4096 to 2^30; 0: by role
-  bool balance = true;       ///< regions follow the load: the map changes at frame ends when nodes cost unequal amounts
+  bool balance = true;  ///< regions follow the load: the map changes at frame ends when nodes cost unequal amounts
+  BalanceBy balance_by = BalanceBy::cpu_time;
   bool keep_resting = true;  ///< the broad phase keeps what does not move apart; off: for comparison, the same contacts
   bool pin = false;          ///< pin threads to cores where there are enough of them
   bool timeline = false;     ///< note in FrameReport::timeline what each thread did when

@@ -1,0 +1,239 @@
+// Which contacts begin, go on and end, whoever finds them: nodes say it of what lies within their regions, the server
+// of the rest.
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "nodes/theatre.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+using Pair = std::pair<ObjectNumber, ObjectNumber>;
+
+double wave(std::uint64_t n) { return static_cast<double>((n * 0x9e3779b97f4a7c15u) >> 40) / 0x1000000 - 0.5; }
+
+/// Crowds of eight that drift together, so that pairs cross borders in contact; some vanish now and then, some rest.
+class Drifting : public MotionModel {
+ public:
+  std::size_t state_bytes() const noexcept override { return 0; }
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      const std::uint64_t number = inputs[i].number;
+      outputs[i].present = number % 11 != 5 || (frame + number) % 9 > 1;
+      if ((frame / 4 + number) % 6 == 0) {
+        continue;
+      }
+      const std::uint64_t drift = (number / 8 * 977 + frame / 10) * 3;
+      const std::uint64_t own = (number * 131 + frame) * 3 + 1'000'000;
+      Vec3d& p = outputs[i].pose.position;
+      p = {p.x + 3 * wave(drift) + 0.8 * wave(own), p.y + 3 * wave(drift + 1) + 0.8 * wave(own + 1),
+           p.z + 3 * wave(drift + 2) + 0.8 * wave(own + 2)};
+      for (double* x : {&p.x, &p.y, &p.z}) {
+        *x = *x < 1 ? 1 : *x > 63 ? 63 : *x;
+      }
+    }
+  }
+};
+const Drifting drifting;
+
+/// What the phases of a run must show, or the run has shown nothing.
+struct Shown {
+  std::size_t begun = 0, ended = 0;  ///< contacts
+  std::size_t passed = 0;            ///< contacts that another node found in the frame before
+  std::size_t alone = 0;             ///< begun or ended, and never looked at by the server
+};
+
+/// Spheres that wander among nodes, and every pair of them looked at in every frame.
+class Run {
+ public:
+  Run(const Stageplay& play, unsigned seed) : theatre_(play), random_(seed) {
+    for (double& radius : radii_) {
+      radius = 1 + static_cast<double>(&radius - radii_);
+    }
+    for (std::size_t k = 0; k < std::size(radii_); ++k) {
+      shapes_[k] = theatre_.add_shape(Sphere{static_cast<float>(radii_[k])});
+    }
+    for (int i = 0; i < 96; ++i) {
+      spawn(i % 12 == 7 ? Category::fixed : Category::active);
+    }
+  }
+
+  Theatre& theatre() { return theatre_; }
+
+  /// Objects come, go and jump; then a frame.
+  void frame() {
+    if (random_() % 3 == 0) {
+      spawn(Category::active);
+      const std::size_t at = random_() % objects_.size();
+      theatre_.destroy(objects_[at]);
+      objects_.erase(objects_.begin() + static_cast<std::ptrdiff_t>(at));
+      theatre_.place(objects_[random_() % objects_.size()], {anywhere(), {}});
+    }
+    theatre_.frame();
+    check();
+  }
+
+  Shown shown;
+
+ private:
+  Vec3d anywhere() {
+    const auto coordinate = [&] { return static_cast<double>(random_() % 620 + 10) / 10; };
+    return {coordinate(), coordinate(), coordinate()};
+  }
+  void spawn(Category category) {
+    ObjectSpec spec;
+    spec.shape = shapes_[random_() % std::size(shapes_)];
+    spec.category = category;
+    if (++spawned_ % 8 == 1) {
+      crowd_ = anywhere();
+    }
+    const auto off = [&] { return static_cast<double>(random_() % 60) / 10 - 3; };
+    spec.pose.position = {crowd_.x + off(), crowd_.y + off(), crowd_.z + off()};
+    const ObjectId id = theatre_.spawn(spec);
+    if (category != Category::fixed) {
+      objects_.push_back(id);
+    }
+  }
+
+  // Pairs whose surfaces are nearer than rounding to each other may be in contact or not.
+  void check() {
+    constexpr double rounding = 1e-4;
+    const ObjectTable& table = theatre_.table();
+    std::map<Pair, NodeNumber> now;
+    const auto contacts = theatre_.contacts();
+    const auto found = theatre_.server().ledger().found(theatre_.last());
+    for (std::size_t i = 0; i < contacts.size(); ++i) {
+      now[{contacts[i].a, contacts[i].b}] = found[i].by;
+    }
+    REQUIRE(now.size() == contacts.size());
+    std::size_t touching = 0;
+    for (std::uint32_t p = 0; p < table.slots(); ++p) {
+      for (std::uint32_t q = 0; q < p; ++q) {
+        if (table.present()[p] == 0 || table.present()[q] == 0) {
+          continue;
+        }
+        const double gap = gap_between(p, q);
+        const Pair pair = std::minmax(table.row(p).object.number, table.row(q).object.number);
+        CAPTURE(pair.first);
+        CAPTURE(pair.second);
+        REQUIRE((std::abs(gap) < rounding || (now.count(pair) != 0) == (gap < 0)));
+        touching += now.count(pair);
+      }
+    }
+    REQUIRE(touching == now.size());
+    for (const Contact& contact : contacts) {
+      const auto old = before_.find({contact.a, contact.b});
+      CAPTURE(contact.a);
+      CAPTURE(contact.b);
+      REQUIRE((contact.phase == Phase::persist) == (old != before_.end()));
+      shown.begun += old == before_.end() ? 1 : 0;
+      shown.passed += old != before_.end() && old->second != now[{contact.a, contact.b}] ? 1 : 0;
+    }
+    std::vector<Pair> gone, ended;
+    for (const auto& entry : before_) {
+      if (now.count(entry.first) == 0) {
+        gone.push_back(entry.first);
+      }
+    }
+    for (const Contact& contact : theatre_.ended()) {
+      REQUIRE(contact.phase == Phase::end);
+      ended.push_back({contact.a, contact.b});
+    }
+    REQUIRE(ended == gone);
+    REQUIRE(theatre_.report().ended == gone.size());
+    REQUIRE(theatre_.report().began == now.size() + gone.size() - before_.size());
+    shown.ended += gone.size();
+    for (NodeNumber node = 0; node < theatre_.nodes() && theatre_.play().shares_memory; ++node) {
+      const Findings& findings = *theatre_.findings(node);
+      shown.alone += findings.beginnings + findings.ending.size() - findings.border_beginning.size() -
+                     findings.border_ending.size();
+    }
+    before_ = now;
+  }
+  double gap_between(std::uint32_t p, std::uint32_t q) const {
+    const Vec3d& a = theatre_.server().pose(p).position;
+    const Vec3d& b = theatre_.server().pose(q).position;
+    return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z) - radius_of(p) - radius_of(q);
+  }
+  double radius_of(std::uint32_t slot) const {
+    const ShapeNumber shape = theatre_.table().row(slot).shape;
+    return radii_[static_cast<std::size_t>(std::find(std::begin(shapes_), std::end(shapes_), shape) - shapes_)];
+  }
+
+  Theatre theatre_;
+  std::mt19937_64 random_;
+  double radii_[3] = {};
+  ShapeNumber shapes_[3] = {};
+  std::vector<ObjectId> objects_;  ///< that are not fixed
+  int spawned_ = 0;
+  Vec3d crowd_;
+  std::map<Pair, NodeNumber> before_;  ///< who found them
+};
+
+Stageplay play_of(Deployment deployment, Placement placement, bool shares_memory) {
+  Stageplay play;
+  play.deployment = deployment;
+  play.placement = placement;
+  play.shares_memory = shares_memory;
+  play.nodes = 4;
+  play.grid = {{2, 2, 1}};
+  play.model = &drifting;
+  return play;
+}
+
+TEST_CASE(
+    "a pair that stays in contact while it passes from node to node goes on, and one begins or ends at a border") {
+  for (const Deployment deployment : {Deployment::user_collision, Deployment::user_server}) {
+    for (const Placement placement : {Placement::server, Placement::region}) {
+      for (const bool shares_memory : {true, false}) {
+        for (unsigned seed = 1; seed < 4; ++seed) {
+          CAPTURE(seed);
+          const std::string said = std::string(name_of(deployment)) + ", " + name_of(placement) +
+                                   (shares_memory ? ", memory shared" : ", messages only");
+          CAPTURE(said);
+          Run run(play_of(deployment, placement, shares_memory), seed);
+          for (int frame = 0; frame < 60; ++frame) {
+            CAPTURE(frame);
+            run.frame();
+          }
+          CHECK(run.shown.begun > 300);
+          CHECK(run.shown.ended > 300);
+          CHECK(run.shown.passed > 20);
+          CHECK((run.shown.alone > 200) == shares_memory);
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("contacts begin and end as before while nodes join, leave and are lost") {
+  for (const Placement placement : {Placement::server, Placement::region}) {
+    for (unsigned seed = 11; seed < 15; ++seed) {
+      CAPTURE(seed);
+      CAPTURE(name_of(placement));
+      std::mt19937_64 random(seed);
+      Run run(play_of(Deployment::user_collision, placement, true), seed);
+      for (int frame = 0; frame < 60; ++frame) {
+        CAPTURE(frame);
+        if (random() % 5 == 0) {
+          run.theatre().resize(1 + static_cast<std::uint32_t>(random() % 6));
+        } else if (random() % 5 == 0) {
+          run.theatre().kill(static_cast<NodeNumber>(random() % run.theatre().nodes()), random() % 40);
+        }
+        run.frame();
+      }
+      CHECK(run.shown.passed > 60);
+      CHECK(run.shown.alone > 100);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test
