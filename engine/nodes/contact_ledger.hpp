@@ -83,15 +83,6 @@ class ContactLedger {
   std::span<const ToldContact> told(bool all);
   /// After compare(): the same for contacts that ended, geometry and poses being those of the last contact.
   std::span<const ToldContact> told_ended(bool all);
-  /// After compare(): calls visit(point) with where each contact is, whoever found it, in no particular order.
-  template <class Visit>
-  void visit_points(Visit visit) const {
-    for (const Findings* findings : findings_) {
-      for (std::uint32_t i = 0; i < findings->keys.size(); ++i) {
-        visit(findings->point(i));
-      }
-    }
-  }
   /// After compare(): which of the contacts that `node` sent persist, 64 a word, in the order of its run; nothing of a
   /// node that shares its findings.
   std::span<const std::uint64_t> persists(NodeNumber node) const noexcept { return runs_[node].persists; }

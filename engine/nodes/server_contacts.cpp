@@ -16,9 +16,7 @@ void ServerRole::collect() {
   frame.contacts = ledger_.size();
   frame.ended = ledger_.ends();
   spend(ringfence::Stage::collect, telemetry::now_ns());
-  if (wants_map()) {
-    draw_map();
-  }
+  change_map();
   next_hosts();
   // Nodes know who hosts the objects next unless the map has changed since they listed what they found.
   peers_tell_ =

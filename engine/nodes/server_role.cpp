@@ -294,6 +294,7 @@ bool ServerRole::advance_stage() {
     case Stage::colliding:
       if (!relays_listed_ && all_published()) {
         let_look();
+        draw_map();
       }
       if (!all_nodes([](const Party& node) { return node.tested_heard; })) {
         return false;

@@ -165,6 +165,27 @@ class ServerRole {
   void close_ranks();
   void restore_objects();
 
+  // Region maps.
+  /// The drawing of a map: where it has got to, and what for.
+  struct Drawing {
+    enum class Pass : std::uint8_t { none, weighing, refining, sharing, drawn };
+    Pass pass = Pass::none;
+    std::uint32_t epoch = 0;               ///< of the map that is to be replaced
+    std::size_t nodes = 0;                 ///< that share it
+    std::size_t part = 0, next = 0;        ///< what is weighed next
+    std::span<const std::uint32_t> table;  ///< what has been drawn
+  };
+  void judge_costs();
+  void change_map();
+  void take_map(std::span<const std::uint32_t> table, std::uint32_t nodes);
+  void draw_map();
+  bool is_for_this_map(const Drawing& drawing) const noexcept;
+  void start_weighing();
+  bool weigh(std::size_t most);
+  std::size_t weigh_part(std::size_t part, std::size_t first, std::size_t end);
+  bool is_hosted_here(messages::Endpoint host) const noexcept;
+  std::span<const std::uint32_t> share_out(std::uint32_t& nodes);
+
   // The stages.
   bool advance();
   bool advance_stage();
@@ -184,10 +205,6 @@ class ServerRole {
   void list_notice(std::uint32_t notice, const Found& found);
   void write_notice(std::uint32_t notice, std::byte* where) const noexcept;
   void count_contacts();
-  bool wants_map();
-  void draw_map();
-  std::span<const std::uint32_t> share_out(std::uint32_t& nodes);
-  void weigh_cells();
   void next_hosts();
   bool relays() const noexcept;
   void order_relay();
@@ -240,7 +257,8 @@ class ServerRole {
   ServerSetup setup_;
   regions::RegionMap map_;
   regions::Balance balance_;
-  std::vector<double> costs_;     ///< of the nodes in the frame before
+  std::vector<double> costs_;  ///< of the nodes in the frame before
+  Drawing drawing_;
   std::uint32_t resize_to_ = 0;   ///< nodes from the next frame on; 0: as they are
   bool map_changed_ = false;      ///< nodes are told of the new map at the end of this frame
   bool tell_everything_ = false;  ///< the map changed at the end of the frame before

@@ -7,10 +7,6 @@ namespace ringfence::regions {
 
 namespace {
 
-// What a present object costs to move and sweep is about what half a contact costs to find.
-constexpr float weight_of_object = 1;
-constexpr float weight_of_contact = 2;
-
 double most_over_mean(std::span<const double> values) {
   const double sum = std::accumulate(values.begin(), values.end(), 0.0);
   if (values.empty() || sum <= 0) {
@@ -25,8 +21,10 @@ Balance::Balance(const CellGrid& grid, const BalanceConfig& config, std::size_t 
     : config_(config), refinement_(grid), bisection_(grid), proposed_(grid, 1) {
   constexpr std::size_t most_nodes = 1024;
   costs_.reserve(most_nodes);
+  judged_.reserve(most_nodes);
   shares_.reserve(most_nodes);
   weights_.reserve(weights);
+  owners_.reserve(weights);
 }
 
 void Balance::add_frame(std::span<const double> costs) {
@@ -48,38 +46,39 @@ bool Balance::wanted() const noexcept {
 }
 
 void Balance::start_weighing() {
+  judged_ = costs_;
   weights_.clear();
-  objects_ = 0;
+  objects_ = sized_ = 0;
   std::fill(std::begin(extents_), std::end(extents_), 0);
 }
 
-void Balance::weigh_object(const std::uint32_t (&point)[3], const geometry::Bounds& bounds) {
-  weights_.push_back({{point[0], point[1], point[2]}, weight_of_object});
-  ++objects_;
+void Balance::size_object(const geometry::Bounds& bounds) {
+  ++sized_;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     extents_[axis] += bounds.upper[axis] - bounds.lower[axis];
   }
 }
 
-void Balance::weigh_contact(const std::uint32_t (&point)[3]) {
-  weights_.push_back({{point[0], point[1], point[2]}, weight_of_contact});
-}
-
 void Balance::scale_by_cost(const RegionMap& map) {
   shares_.assign(map.nodes(), 0.0);
-  for (const Weight& each : weights_) {
-    shares_[map.owner_at(each.point)] += static_cast<double>(each.weight);
+  owners_.resize(weights_.size());
+  for (std::size_t i = 0; i < weights_.size(); ++i) {
+    owners_[i] = map.owner_at(weights_[i].point);
+    shares_[owners_[i]] += static_cast<double>(weights_[i].weight);
   }
   for (std::size_t node = 0; node < shares_.size(); ++node) {
-    const bool known = shares_[node] > 0 && node < costs_.size() && costs_[node] > 0;
-    shares_[node] = known ? costs_[node] / shares_[node] : 1.0;
+    const bool known = shares_[node] > 0 && judged_[node] > 0;
+    shares_[node] = known ? judged_[node] / shares_[node] : 1.0;
   }
-  for (Weight& each : weights_) {
-    each.weight = static_cast<float>(static_cast<double>(each.weight) * shares_[map.owner_at(each.point)]);
+  for (std::size_t i = 0; i < weights_.size(); ++i) {
+    weights_[i].weight = static_cast<float>(static_cast<double>(weights_[i].weight) * shares_[owners_[i]]);
   }
 }
 
-std::span<const NodeNumber> Balance::split(std::uint32_t nodes) {
+void Balance::refine(const RegionMap& map, std::uint32_t nodes) {
+  if (judged_.size() == map.nodes()) {
+    scale_by_cost(map);
+  }
   double total = 0;
   for (const Weight& each : weights_) {
     total += static_cast<double>(each.weight);
@@ -88,10 +87,9 @@ std::span<const NodeNumber> Balance::split(std::uint32_t nodes) {
   std::uint32_t smallest[3];
   for (std::size_t axis = 0; axis < 3; ++axis) {
     smallest[axis] =
-        static_cast<std::uint32_t>(std::max<std::uint64_t>(1, extents_[axis] / std::max<std::size_t>(1, objects_)));
+        static_cast<std::uint32_t>(std::max<std::uint64_t>(1, extents_[axis] / std::max<std::size_t>(1, sized_)));
   }
   refinement_.refine(weights_, total / nodes / config_.grain, smallest);
-  return bisection_.split(nodes, refinement_.leaves());
 }
 
 bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners) {
@@ -100,7 +98,7 @@ bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners) {
   for (std::size_t leaf = 0; leaf < leaves.size(); ++leaf) {
     shares_[owners[leaf]] += leaves[leaf].weight;
   }
-  const double gain = imbalance() - most_over_mean(shares_);
+  const double gain = most_over_mean(judged_) - most_over_mean(shares_);
   if (gain < config_.gain) {
     return false;
   }
@@ -110,24 +108,19 @@ bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners) {
   const auto moved = objects_ - static_cast<std::size_t>(std::count_if(objects.begin(), objects.end(), stays));
   const double cost =
       static_cast<double>(objects_) * config_.retell_ms + static_cast<double>(moved) * config_.hand_over_ms;
-  const double mean = std::accumulate(costs_.begin(), costs_.end(), 0.0) / config_.window / map.nodes();
+  const double mean = std::accumulate(judged_.begin(), judged_.end(), 0.0) / config_.window / map.nodes();
   return gain * mean * config_.horizon > cost;
 }
 
 std::span<const std::uint32_t> Balance::propose(const RegionMap& map) {
   rested_ = 0;
-  scale_by_cost(map);
-  const auto owners = split(map.nodes());
+  const auto owners = bisection_.split(map.nodes(), refinement_.leaves());
   return worth(map, owners) ? proposed_.table() : std::span<const std::uint32_t>{};
 }
 
-std::span<const std::uint32_t> Balance::share_out(const RegionMap& map, std::uint32_t nodes) {
+std::span<const std::uint32_t> Balance::share_out(std::uint32_t nodes) {
   rested_ = 0;
-  if (costs_.size() == map.nodes()) {
-    scale_by_cost(map);
-  }
-  const auto owners = split(nodes);
-  return refinement_.table(owners);
+  return refinement_.table(bisection_.split(nodes, refinement_.leaves()));
 }
 
 }  // namespace ringfence::regions

@@ -45,29 +45,46 @@ class Balance {
   /// Busiest node over mean in the window; 1 where there is nothing to compare.
   double imbalance() const noexcept;
 
+  /// Everything that is weighed from here on until the next call counts for the next map, against the costs as they are
+  /// now. What happens to the map meanwhile does not matter, but weighing should not last for many windows.
   void start_weighing();
   /// An object stands there. Objects come before contacts.
-  void weigh_object(const std::uint32_t (&point)[3], const geometry::Bounds& bounds);
+  void weigh_object(const std::uint32_t (&point)[3]) { weigh(point, weight_of_object), ++objects_; }
+  /// An object has such bounds, or had some time ago: how large they are on average limits how finely cells are cut.
+  void size_object(const geometry::Bounds& bounds);
   /// A contact is there.
-  void weigh_contact(const std::uint32_t (&point)[3]);
-  /// A better map's table, or empty if none is worth the change. Either way the next proposal is `rest` frames away.
+  void weigh_contact(const std::uint32_t (&point)[3]) { weigh(point, weight_of_contact); }
+  /// Everything has been weighed: cuts the cells that are too heavy for so many nodes. `map`: under which the costs
+  /// were.
+  void refine(const RegionMap& map, std::uint32_t nodes);
+  /// After refine(), for as many nodes as `map` has: a better map's table, or empty if none is worth the change. Either
+  /// way the next proposal is `rest` frames away. Holds until the next refine().
   std::span<const std::uint32_t> propose(const RegionMap& map);
-  /// A table for another number of nodes, by the weights; what it costs is not asked.
-  std::span<const std::uint32_t> share_out(const RegionMap& map, std::uint32_t nodes);
+  /// After refine(): a table for that number of nodes, whatever the change costs.
+  std::span<const std::uint32_t> share_out(std::uint32_t nodes);
 
  private:
+  // What a present object costs to move and sweep is about what half a contact costs to find.
+  static constexpr float weight_of_object = 1;
+  static constexpr float weight_of_contact = 2;
+
+  void weigh(const std::uint32_t (&point)[3], float weight) {
+    weights_.push_back({{point[0], point[1], point[2]}, weight});
+  }
   void scale_by_cost(const RegionMap& map);
-  std::span<const NodeNumber> split(std::uint32_t nodes);
   bool worth(const RegionMap& map, std::span<const NodeNumber> owners);
 
   BalanceConfig config_;
-  std::vector<double> costs_;  ///< by node, summed over the window so far
-  std::uint32_t frames_ = 0;   ///< in the window
+  std::vector<double> costs_;   ///< by node, summed over the window so far
+  std::vector<double> judged_;  ///< the same when weighing was started
+  std::uint32_t frames_ = 0;    ///< in the window
   std::uint32_t rested_ = 0;
   std::vector<Weight> weights_;
-  std::size_t objects_ = 0;        ///< the first of weights_
-  std::uint64_t extents_[3] = {};  ///< of all objects, summed
-  std::vector<double> shares_;     ///< by node
+  std::vector<NodeNumber> owners_;  ///< of each
+  std::size_t objects_ = 0;         ///< the first of weights_
+  std::size_t sized_ = 0;           ///< objects whose
+  std::uint64_t extents_[3] = {};   ///< are summed here
+  std::vector<double> shares_;      ///< by node
   Refinement refinement_;
   Bisection bisection_;
   RegionMap proposed_;

@@ -39,7 +39,8 @@ void weigh(Balance& balance, const Crowd& crowd) {
   balance.start_weighing();
   for (std::size_t i = 0; i < crowd.boxes.size(); ++i) {
     const std::uint32_t point[3] = {crowd.points[i][0], crowd.points[i][1], crowd.points[i][2]};
-    balance.weigh_object(point, crowd.boxes[i]);
+    balance.weigh_object(point);
+    balance.size_object(crowd.boxes[i]);
   }
 }
 
@@ -62,6 +63,7 @@ int follow(Balance& balance, RegionMap& map, const Crowd& crowd, int frames, dou
     balance.add_frame(costs_of(map, crowd, each));
     if (!balance.wanted()) continue;
     weigh(balance, crowd);
+    balance.refine(map, map.nodes());
     if (const auto table = balance.propose(map); !table.empty()) {
       map.assign(table, map.nodes(), map.epoch() + 1);
       ++changes;

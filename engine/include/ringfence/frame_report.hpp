@@ -84,6 +84,7 @@ struct PathReport {
   double publish_ms = 0;      ///< server: what nobody else publishes, telling users to look
   double node_detect_ms = 0;  ///< nodes: until they have told their contacts
   double user_look_ms = 0;    ///< users, when they are told to
+  double draw_ms = 0;         ///< server: a step towards a region map that follows the load
 
   double hear_ms = 0;     ///< server: taking in what nodes found
   double collect_ms = 0;  ///< server: merging, phases, who is told of what
@@ -103,7 +104,7 @@ struct PathReport {
   double nodes_tested_ms = 0;  ///< from the begin of dispatch: the longer of that and its publishing, and its tests
   double nodes_ended_ms = 0;   ///< from the begin of notify: until it is told, and its end
 
-  static constexpr std::size_t steps = 21;
+  static constexpr std::size_t steps = 22;
   using Step = std::pair<const char*, double PathReport::*>;
   /// All of the above by their names, in their order.
   static constexpr std::array<Step, steps> all() noexcept {
@@ -117,6 +118,7 @@ struct PathReport {
              {"publish", &PathReport::publish_ms},
              {"node_detect", &PathReport::node_detect_ms},
              {"user_look", &PathReport::user_look_ms},
+             {"draw", &PathReport::draw_ms},
              {"hear", &PathReport::hear_ms},
              {"collect", &PathReport::collect_ms},
              {"notify", &PathReport::notify_ms},
@@ -136,8 +138,10 @@ struct PathReport {
   double critical_ms() const noexcept {
     const auto longest = [](double p, double q) { return p > q ? p : q; };
     return longest(nodes_moved_ms, open_ms + invite_ms + longest(ingest_ms, user_move_ms)) +
-           longest(nodes_tested_ms, longest(dispatch_ms, node_publish_ms) + publish_ms + user_look_ms) + hear_ms +
-           collect_ms + longest(nodes_ended_ms, notify_ms + longest(inform_ms, user_end_ms) + heed_ms) + finish_ms;
+           longest(nodes_tested_ms,
+                   longest(dispatch_ms, node_publish_ms) + publish_ms + longest(user_look_ms, draw_ms)) +
+           hear_ms + collect_ms + longest(nodes_ended_ms, notify_ms + longest(inform_ms, user_end_ms) + heed_ms) +
+           finish_ms;
   }
 };
 
