@@ -30,6 +30,11 @@ constexpr bool holds(const Bounds& bounds, const std::uint32_t point[3]) noexcep
          point[1] <= bounds.upper[1] && bounds.lower[2] <= point[2] && point[2] <= bounds.upper[2];
 }
 
+/// A position as FixedSpace::point gives it, as kernels store it: a coordinate an axis, the fourth is 0.
+struct FixedPoint {
+  alignas(16) std::uint32_t at[4];
+};
+
 /// Two objects whose bounds overlap or touch. Which of the two is `a` is stated where pairs are handed over.
 struct CandidatePair {
   std::uint32_t a;  ///< index in the table of objects that the holder works on

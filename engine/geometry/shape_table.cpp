@@ -171,8 +171,9 @@ Bounds ShapeTable::bounds(ShapeNumber shape, const Pose& pose, const FixedSpace&
   return out;
 }
 
-void ShapeTable::bounds(std::span<const PlacedShape> placed, const FixedSpace& space, Bounds* out) const noexcept {
-  bound_solids(placed, rows_.data(), hull_of_.data(), space, out);
+void ShapeTable::bounds(std::span<const PlacedShape> placed, const FixedSpace& space, Bounds* out,
+                        FixedPoint* points) const noexcept {
+  bound_solids(placed, rows_.data(), hull_of_.data(), space, out, points);
   if (meshes_.empty() && supports_.empty()) return;
   for (std::size_t i = 0; i < placed.size(); ++i) {
     const ShapeRow& row = rows_[placed[i].shape];

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #include "geometry/hull.hpp"
 #include "geometry/vector.hpp"
@@ -124,15 +125,15 @@ HWY_INLINE void store_steps(D d, hn::Vec<D> place, hn::Vec<D> min, hn::Vec<D> sc
   hn::Store(hn::Xor(half_below, hn::Set(words, INT32_MIN)), words, to);
 }
 
-/// `radius` widens what is given of the reach, in double.
+/// `radius` widens what is given of the reach, in double. `point`, if not null, is where the pose's position is stored.
 inline Bounds bounds_about(const Pose& pose, const Reach& reach, double radius, double margin,
-                           const FixedSpace::Rows& space) {
+                           const FixedSpace::Rows& space, FixedPoint* point) {
   const InSteps d;
   const hn::Rebind<float, InSteps> narrow;
   // The fourth is read from the orientation, and masked before it is computed with, which could be slow.
   alignas(32) static constexpr std::uint64_t three[4] = {~0ull, ~0ull, ~0ull, 0};
   const auto wider = hn::Set(d, margin), round = hn::Set(d, radius);
-  alignas(16) std::int32_t lower[4], upper[4];
+  alignas(16) std::int32_t lower[4], upper[4], here[4];
   for (std::size_t i = 0; i < 4; i += hn::Lanes(d)) {
     const auto mask = hn::BitCast(d, hn::Load(hn::RebindToUnsigned<InSteps>(), three + i));
     const auto at = hn::And(hn::LoadU(d, &pose.position.x + i), mask);
@@ -141,7 +142,9 @@ inline Bounds bounds_about(const Pose& pose, const Reach& reach, double radius, 
     const auto high = hn::PromoteTo(d, hn::Load(narrow, reach.upper.at + i)) + round;
     store_steps<false>(d, at + (low - wider), min, scale, lower + i);
     store_steps<true>(d, at + (high + wider), min, scale, upper + i);
+    store_steps<false>(d, at, min, scale, here + i);
   }
+  if (point != nullptr) std::memcpy(point->at, here, sizeof here);
   const auto word = [](std::int32_t value) { return static_cast<std::uint32_t>(value); };
   return {{word(lower[0]), word(lower[1]), word(lower[2])}, {word(upper[0]), word(upper[1]), word(upper[2])}};
 }
@@ -153,19 +156,21 @@ inline Reach symmetric(const Axes& half) {
 }
 
 /// Spheres, boxes and capsules are one formula, a box with a radius, so that no branch depends on which of them it is.
-HWY_INLINE Bounds bounds_of(const ShapeRow& row, const Hull* hull, const Pose& pose, const FixedSpace::Rows& space) {
+HWY_INLINE Bounds bounds_of(const ShapeRow& row, const Hull* hull, const Pose& pose, const FixedSpace::Rows& space,
+                            FixedPoint* point) {
   const double margin = rounding_margin * double{row.bounding_radius};
   const RotationColumns turn = columns_of(pose.orientation);
-  if (hull != nullptr) return bounds_about(pose, hull_reach(*hull, turn), 0, margin, space);
+  if (hull != nullptr) return bounds_about(pose, hull_reach(*hull, turn), 0, margin, space, point);
   const bool box = row.kind == ShapeKind::box, capsule = row.kind == ShapeKind::capsule;
   const float half[3] = {box ? row.size[0] : 0, box ? row.size[1] : 0, capsule ? row.size[1] : row.size[2]};
-  return bounds_about(pose, symmetric(box_reach(turn, half)), box ? 0 : double{row.size[0]}, margin, space);
+  return bounds_about(pose, symmetric(box_reach(turn, half)), box ? 0 : double{row.size[0]}, margin, space, point);
 }
 
 void bounds_of_all(const PlacedShape* placed, const PlacedShape* end, const ShapeRow* rows, const Hull* const* hulls,
-                   const FixedSpace::Rows& space, Bounds* out) {
+                   const FixedSpace::Rows& space, Bounds* out, FixedPoint* points) {
   for (; placed != end; ++placed, ++out) {
-    *out = bounds_of(rows[placed->shape], hulls[placed->shape], *placed->pose, space);
+    *out = bounds_of(rows[placed->shape], hulls[placed->shape], *placed->pose, space, points);
+    points += points != nullptr ? 1 : 0;
   }
 }
 
@@ -178,8 +183,9 @@ namespace ringfence::geometry {
 HWY_EXPORT(bounds_of_all);
 
 void bound_solids(std::span<const PlacedShape> placed, const ShapeRow* rows, const Hull* const* hulls,
-                  const FixedSpace& space, Bounds* out) noexcept {
-  HWY_DYNAMIC_DISPATCH(bounds_of_all)(placed.data(), placed.data() + placed.size(), rows, hulls, space.rows(), out);
+                  const FixedSpace& space, Bounds* out, FixedPoint* points) noexcept {
+  HWY_DYNAMIC_DISPATCH(bounds_of_all)
+  (placed.data(), placed.data() + placed.size(), rows, hulls, space.rows(), out, points);
 }
 
 }  // namespace ringfence::geometry

@@ -102,7 +102,7 @@ TEST_CASE("the bounds of every kind of shape hold it and are tight, near the ori
   }
 }
 
-TEST_CASE("bounds of many shapes at once are those of each, in their order") {
+TEST_CASE("bounds and points of many shapes at once are those of each, in their order") {
   std::mt19937 random(29);
   ShapeTable table;
   table.add(Sphere{0.7f});
@@ -125,11 +125,16 @@ TEST_CASE("bounds of many shapes at once are those of each, in their order") {
     }
     for (const Pose& pose : poses) placed.push_back({&pose, static_cast<ShapeNumber>(random() % table.size())});
     std::vector<Bounds> bounds(count + 1, Bounds{{1, 2, 3}, {4, 5, 6}});
-    table.bounds(placed, space, bounds.data());
+    std::vector<FixedPoint> points(count + 1, FixedPoint{{1, 2, 3, 4}});
+    table.bounds(placed, space, bounds.data(), points.data());
     for (std::size_t i = 0; i < count; ++i) {
       REQUIRE(bounds[i] == table.bounds(placed[i].shape, poses[i], space));
+      std::uint32_t point[4] = {};
+      space.point(poses[i].position, point);
+      REQUIRE(std::equal(point, point + 4, points[i].at));
     }
     REQUIRE(bounds[count] == Bounds{{1, 2, 3}, {4, 5, 6}});
+    REQUIRE(points[count].at[0] == 1);
   }
 }
 
