@@ -24,7 +24,8 @@ enum ObjectFlag : std::uint32_t {
   flag_present = 1,  ///< the object takes part in contacts
   flag_gone = 2,     ///< position_update: the object is no longer in the receiver's region
   flag_inner = 4,    ///< node_state: present, and all cells that the bounds touch are the sender's
-  flag_staying = 8,  ///< node_state: by its position and the map as it is, the sender hosts it in the next frame too
+  flag_staying = 8,  ///< node_state: by its position and the map as it is, the sender hosts it in the next frame too;
+                     ///< the same where its host tells it to other nodes in memory that they share
   flag_kept = 16,    ///< node_state, hand_over: from now on its host keeps its states from the server, which finds them
                      ///< in memory that they share, and tells the nodes whose regions it touches
   flag_rests = 32,   ///< node_state: as in the frame before; told because the sender keeps it to itself no more

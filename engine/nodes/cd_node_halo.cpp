@@ -6,13 +6,9 @@
 
 namespace ringfence::nodes {
 
-// Of a hosted object that is kept from the server, before what is known of it is replaced. `inner`: all that the bounds
-// touch is this node's. `was`: where it is among what is known, or KnownObjects::none.
-void CdNodeRole::tell_peers(const Hosted& object, const geometry::Bounds& bounds, bool inner, std::uint32_t was) {
-  const bool was_inner = was == KnownObjects::none || known_.inner()[was] != 0;
-  if (inner && was_inner) {
-    return;
-  }
+// Of a hosted object that is kept from the server, before what is known of it is replaced. `staying`: this node goes on
+// hosting it. `was`: where it is among what is known, or KnownObjects::none.
+void CdNodeRole::tell_peers(const Hosted& object, const geometry::Bounds& bounds, bool staying, std::uint32_t was) {
   Halo& halo = findings_->halo;
   ++stamp_;
   bool added = false;
@@ -21,19 +17,27 @@ void CdNodeRole::tell_peers(const Hosted& object, const geometry::Bounds& bounds
       return;
     }
     if (!added) {
-      messages::PositionRecord record{object.object, object.pose, bounds, object.shape, object.layer};
-      record.object.flags = messages::flag_present;
-      halo.add(record);
+      messages::ObjectRef told = object.object;
+      told.flags = messages::flag_present | (staying ? messages::flag_staying : 0u);
+      halo.add({told, object.pose, bounds, object.shape, object.layer});
       added = true;
     }
     halo.tell(peer, gone);
   };
-  if ((object.object.flags & messages::flag_present) != 0) {
+  const bool present = (object.object.flags & messages::flag_present) != 0;
+  if (present) {
     regions::for_each_owner(map_, bounds, stamps_, stamp_, [&](NodeNumber peer) { tell(peer, false); });
   }
-  if (!was_inner) {
-    regions::for_each_owner(map_, known_.bounds()[was], stamps_, stamp_, [&](NodeNumber peer) { tell(peer, true); });
+  if (was == KnownObjects::none || known_.inner()[was] != 0) {
+    return;
   }
+  // Few pass from cell to cell in a frame, so that there is nobody whom they leave.
+  const geometry::Bounds& bounds_before = known_.bounds()[was];
+  const regions::CellBox box = map_.grid().cells_of(bounds_before);
+  if (present && box == map_.grid().cells_of(bounds) && !map_.has_cuts(box)) {
+    return;
+  }
+  regions::for_each_owner(map_, bounds_before, stamps_, stamp_, [&](NodeNumber peer) { tell(peer, true); });
 }
 
 // Not in a frame in which the server tells all of everything: then the gate is barred.
@@ -41,26 +45,30 @@ void CdNodeRole::hear_peers() {
   if (!findings_->halo.gate.enter()) {
     return;
   }
-  // A record, then where its object is known, then what is known of it: each look needs the one before.
-  constexpr std::size_t ahead = 4;
+  heard_.clear();
   for (const Line& peer : setup_.peers) {
-    if (peer.findings == nullptr || peer.findings->halo.frame() != frame_) {
-      continue;
+    if (peer.findings != nullptr && peer.findings->halo.frame() == frame_) {
+      peer.findings->halo.list(setup_.node, heard_);
     }
-    const Halo& halo = peer.findings->halo;
-    const std::size_t told = halo.told(setup_.node);
-    for (std::size_t i = 0; i < told; ++i) {
-      if (i + 3 * ahead < told) {
-        halo.fetch(halo.told(setup_.node, i + 3 * ahead).record);
-      }
-      if (i + 2 * ahead < told) {
-        known_.fetch_index(halo.record(halo.told(setup_.node, i + 2 * ahead).record).object.slot);
-      }
-      if (i + ahead < told) {
-        known_.fetch(halo.record(halo.told(setup_.node, i + ahead).record).object.slot, KnownObjects::none);
-      }
-      const Halo::Told one = halo.told(setup_.node, i);
-      hear_position(halo.record(one.record), one.gone);
+  }
+  // What all peers tell as one list, since each of them tells a few dozen: a record, which another core wrote, then
+  // where its object is known, then what is known of it. Each look needs the one before.
+  constexpr std::size_t ahead = 6;
+  const auto behind = [&](std::size_t i, std::size_t by) {
+    return i >= by && i - by < heard_.size() ? &heard_[i - by] : nullptr;
+  };
+  for (std::size_t i = 0; i < heard_.size() + 3 * ahead; ++i) {
+    if (const Halo::Told* told = behind(i, 0)) {
+      Halo::fetch(*told->record);
+    }
+    if (const Halo::Told* told = behind(i, ahead)) {
+      known_.fetch_index(told->record->object.slot);
+    }
+    if (const Halo::Told* told = behind(i, 2 * ahead)) {
+      known_.fetch(known_.find(told->record->object.slot));
+    }
+    if (const Halo::Told* told = behind(i, 3 * ahead)) {
+      hear_peer(*told->record, told->gone);
     }
   }
   findings_->halo.gate.leave();

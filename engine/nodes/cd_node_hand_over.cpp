@@ -16,23 +16,19 @@ void CdNodeRole::list_leavers() {
   for (auto& leavers : leavers_) {
     leavers.clear();
   }
-  const auto follow = [&](std::size_t i) {
-    std::uint32_t point[3];
-    setup_.space->point(host_[i].pose.position, point);
-    const NodeNumber next = map_.owner_at(point);
-    if (next != setup_.node) {
-      leavers_[next].push_back(host_[i].object.number);
-    }
-  };
   if (std::exchange(map_is_new_, false)) {
     for (std::size_t i = 0; i < host_.size(); ++i) {
-      follow(i);
+      std::uint32_t point[3];
+      setup_.space->point(host_[i].pose.position, point);
+      const NodeNumber next = map_.owner_at(point);
+      if (next != setup_.node) {
+        leavers_[next].push_back(host_[i].object.number);
+      }
     }
   } else {
-    for (const ObjectNumber number : movers_) {
-      const std::uint32_t at = host_.find(number);
-      assert(at != NumberIndex::none);  // what moved in this frame has not been dropped or given away before
-      follow(at);
+    for (const Mover& mover : movers_) {
+      assert(host_.find(mover.number) != NumberIndex::none);  // not dropped or given away since it moved
+      leavers_[mover.next].push_back(mover.number);
     }
   }
   for (std::size_t peer = 0; peer < leavers_.size(); ++peer) {

@@ -88,6 +88,14 @@ void CdNodeRole::hear_position(const messages::PositionRecord& record, bool gone
   known_.set(record.object, record.pose, record.bounds, record.shape, record.layer, next, inner);
 }
 
+// Of its host, a node that has the same map.
+void CdNodeRole::hear_peer(const messages::PositionRecord& record, bool gone) {
+  if (gone || (record.object.flags & messages::flag_staying) == 0) {
+    return hear_position(record, gone);
+  }
+  known_.set(record.object, record.pose, record.bounds, record.shape, record.layer, NextHost::node, false);
+}
+
 NextHost CdNodeRole::next_host(const messages::PositionRecord& record) const noexcept {
   if ((record.object.flags & (messages::flag_avatar | messages::flag_fixed)) != 0) {
     return (record.object.flags & messages::flag_avatar) != 0 ? NextHost::user : NextHost::nobody;

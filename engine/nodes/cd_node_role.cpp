@@ -42,6 +42,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   findings_->host = &host_;
   if (shares_states()) {
     findings_->halo.reserve(setup.objects / 8 + 64);  // few touch another's region
+    heard_.reserve(setup.objects / 8 + 64);
   }
   if (shares_states() && setup.may_be_lost) {
     findings_->kept.reserve(setup.objects, host_.state_bytes());
@@ -109,7 +110,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   cpu_start_ = telemetry::thread_cpu_ns();
   movers_.clear();
   changed_ = {};
-  next_changed_ = 0;
+  next_changed_ = told_changes_ = 0;
   states_run_.start();
   const bool published =
       std::exchange(publishes_, setup_.server.publication != nullptr && setup_.server.publication->wanted);
@@ -132,7 +133,7 @@ bool CdNodeRole::move() {
   const messages::RunHead to_server = head(MessageType::node_state, Endpoint::server());
   const std::size_t bytes = sizeof(messages::NodeStateRecord) + host_.state_bytes();
   for (;;) {
-    for (; next_changed_ < changed_.size(); ++next_changed_) {
+    for (; told_changes_ != 0; ++next_changed_) {
       if (!tells_[next_changed_]) {
         continue;
       }
@@ -141,6 +142,7 @@ bool CdNodeRole::move() {
         return false;
       }
       tell_own_move(next_changed_, where);
+      --told_changes_;
     }
     if (!host_.move_next()) {
       findings_->kept.finish();
@@ -160,20 +162,24 @@ void CdNodeRole::bound_batch() {
     const Hosted& object = host_[changed_[i]];
     placed[i] = {&object.pose, object.shape};
   }
-  setup_.shapes->bounds({placed, changed_.size()}, *setup_.space, changed_bounds_.data());
+  setup_.shapes->bounds({placed, changed_.size()}, *setup_.space, changed_bounds_.data(), changed_points_.data());
 }
 
 // Apart from the bounding: what is read again as a whole right after it was written in parts stalls the processor.
 void CdNodeRole::place_batch() {
+  if (publishes_) {
+    note_cells();
+  }
   constexpr std::size_t ahead = 12;
   const auto fetch = [&](std::size_t i) {
     if (i < changed_.size()) {
-      known_.fetch(host_[changed_[i]].object.slot, host_.place_in_list(changed_[i]));
+      known_.fetch(host_.place_in_list(changed_[i]));
     }
   };
   for (std::size_t i = 0; i < ahead; ++i) {
     fetch(i);
   }
+  told_changes_ = 0;
   for (std::size_t i = 0; i < changed_.size(); ++i) {
     fetch(i + ahead);
     if (host_.differs()[i]) {
@@ -181,6 +187,14 @@ void CdNodeRole::place_batch() {
     } else {
       tell_resting(i);
     }
+    told_changes_ += tells_[i] ? 1 : 0;
+  }
+}
+
+// What rests, and is only told because it does, stands in the cell that was noted before.
+void CdNodeRole::note_cells() {
+  for (std::size_t i = 0; i < changed_.size(); ++i) {
+    host_.set_cell(changed_[i], relay_cell(host_[changed_[i]], changed_points_[i].at));
   }
 }
 
@@ -196,43 +210,42 @@ void CdNodeRole::tell_resting(std::size_t i) {
 
 // Where the i-th of the batch stands by the map as it is, and whether anybody need be told.
 void CdNodeRole::place(std::size_t i) {
-  const Hosted& object = host_[changed_[i]];
+  const std::uint32_t hosted = changed_[i];
+  const Hosted& object = host_[hosted];
+  const geometry::Bounds& bounds = changed_bounds_[i];
+  const std::uint32_t* const point = changed_points_[i].at;
   const bool present = (object.object.flags & messages::flag_present) != 0;
-  std::uint32_t point[3];
-  if (publishes_ || map_.nodes() != 1) {
-    setup_.space->point(object.pose.position, point);
-  }
-  if (publishes_) {
-    host_.set_cell(changed_[i], relay_cell(object, point));
-  }
-  const bool staying = map_.nodes() == 1 || map_.owner_at(point) == setup_.node;
-  const regions::Cover cover = present ? map_.cover(changed_bounds_[i], setup_.node) : regions::Cover::none;
-  const bool inner = cover == regions::Cover::all;
   const bool was_kept = (object.object.flags & messages::flag_kept) != 0;
-  if (was_kept && map_.nodes() != 1) {
-    tell_peers(object, changed_bounds_[i], inner, known_.find(object.object.slot, host_.place_in_list(changed_[i])));
+  const regions::Cover cover = present ? map_.cover(bounds, setup_.node) : regions::Cover::none;
+  const bool inner = cover == regions::Cover::all;
+  const bool within = geometry::holds(bounds, point);
+  // Most stand within their bounds, and those within the region: then nobody need look whose cell it is.
+  const NodeNumber next = inner && within ? setup_.node : map_.owner_at(point);
+  const bool staying = next == setup_.node;
+  const std::uint32_t was = known_.find(object.object.slot, host_.place_in_list(hosted));
+  if (was_kept && !(inner && (was == KnownObjects::none || known_.inner()[was] != 0))) {
+    tell_peers(object, bounds, staying, was);
   }
   if (cover != regions::Cover::none) {
-    const std::uint32_t known =
-        known_.set(object.object, object.pose, changed_bounds_[i], object.shape, object.layer,
-                   staying ? NextHost::self : NextHost::node, inner, host_.place_in_list(changed_[i]));
-    host_.set_place_in_list(changed_[i], known);
+    const std::uint32_t known = known_.set(object.object, object.pose, bounds, object.shape, object.layer,
+                                           staying ? NextHost::self : NextHost::node, inner, was);
+    host_.set_place_in_list(hosted, known);
   } else {
     known_.forget(object.object.slot);
   }
   if (!staying) {
-    movers_.push_back(object.object.number);
+    movers_.push_back({object.object.number, next});
   }
   // Where it stands within its bounds, its next host is told of it, too, and knows by them who else was.
-  const bool keeps = keeps_ && present && ((inner && staying) || geometry::holds(changed_bounds_[i], point));
+  const bool keeps = keeps_ && present && ((inner && staying) || within);
   tells_[i] = !keeps || !staying || !was_kept;
   told_.kept += tells_[i] ? 0 : 1;
   if (!tells_[i] && setup_.may_be_lost) {
-    findings_->kept.add(frame_, object.object, object.pose, host_.state(changed_[i]));
+    findings_->kept.add(frame_, object.object, object.pose, host_.state(hosted));
   }
   changed_flags_[i] = (present ? messages::flag_present : 0u) | (inner ? messages::flag_inner : 0u) |
                       (staying ? messages::flag_staying : 0u) | (keeps ? messages::flag_kept : 0u);
-  host_.keep(changed_[i], keeps);
+  host_.keep(hosted, keeps);
 }
 
 // The server tells a node of every object in its region but those that the node itself hosts and reported.

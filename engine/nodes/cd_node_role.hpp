@@ -90,13 +90,15 @@ class CdNodeRole {
   void tell_resting(std::size_t i);
   void place(std::size_t i);
   void tell_own_move(std::size_t i, std::byte* where);
+  void note_cells();
   std::uint32_t relay_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
   void publish();
   bool send_published();
-  void tell_peers(const Hosted& object, const geometry::Bounds& bounds, bool inner, std::uint32_t was);
+  void tell_peers(const Hosted& object, const geometry::Bounds& bounds, bool staying, std::uint32_t was);
   void hear_peers();
   void hear_positions(const messages::MessageView& message);
   void hear_position(const messages::PositionRecord& record, bool gone);
+  void hear_peer(const messages::PositionRecord& record, bool gone);
   void hear_pairs(const messages::MessageView& message);
   void hear_confirmed(const messages::MessageView& message);
   void hear_contacts(const messages::MessageView& message);
@@ -165,11 +167,18 @@ class CdNodeRole {
   std::vector<messages::KindRecord> kinds_;
   std::span<const std::uint32_t> changed_;  ///< of the batch that was moved last
   std::size_t next_changed_ = 0;            ///< of these, to be sent
+  std::size_t told_changes_ = 0;            ///< how many of them the server is told of
   std::array<geometry::Bounds, Host::batch> changed_bounds_;
-  std::array<std::uint32_t, Host::batch> changed_flags_;  ///< ObjectFlag bits of their records
-  std::array<bool, Host::batch> tells_;                   ///< which of them the server is told of
-  bool publishes_ = false;                                ///< in this frame
-  std::vector<ObjectNumber> movers_;                      ///< hosted ones that stand in another node's cell
+  std::array<geometry::FixedPoint, Host::batch> changed_points_;  ///< where their positions are
+  std::array<std::uint32_t, Host::batch> changed_flags_;          ///< ObjectFlag bits of their records
+  std::array<bool, Host::batch> tells_;                           ///< which of them the server is told of
+  bool publishes_ = false;                                        ///< in this frame
+  struct Mover {
+    ObjectNumber number;
+    NodeNumber next;  ///< who hosts it then
+  };
+  FlatList<Halo::Told> heard_;  ///< what peers tell this node
+  std::vector<Mover> movers_;   ///< hosted ones that stand in another node's cell, by the map as it was when they moved
   ContactOrder order_;
   ListingScratch listing_scratch_;
   std::vector<std::uint64_t> stamps_;  ///< by node: see regions::for_each_owner

@@ -23,18 +23,22 @@ namespace ringfence::nodes {
 /// that it knows. Memory: grows to the largest frame.
 class Halo {
  public:
-  /// An entry of told().
+  /// What one node is told of one object. The record is as it is as long as the halo.
   struct Told {
-    std::uint32_t record;  ///< which
-    bool gone;             ///< it touches the receiver's region no more
+    const messages::PositionRecord* record;
+    bool gone;  ///< it touches the receiver's region no more
   };
 
   /// Before the first frame: for so many objects.
   void reserve(std::size_t objects);
   /// Empties it for the frame.
   void start(std::uint64_t frame);
-  /// One more record; the tell() that follow are of it.
-  void add(const messages::PositionRecord& record) { records_.push_back(record); }
+  /// One more record, with the flags present and staying; the tell() that follow are of it.
+  void add(const messages::PositionRecord& record) {
+    messages::PositionRecord& added = records_.add();
+    fetch_to_write(&added + records_ahead);  // another core's cache may have it, whose node read what was there
+    added = record;
+  }
   void tell(NodeNumber peer, bool gone) {
     told_.add(peer, static_cast<std::uint32_t>(records_.size() - 1) | (gone ? gone_bit : 0));
   }
@@ -42,16 +46,16 @@ class Halo {
   void finish(NodeNumber nodes) { told_.finish(nodes); }
 
   std::uint64_t frame() const noexcept { return frame_; }
-  /// What `peer` is told; each object once.
-  std::size_t told(NodeNumber peer) const noexcept { return told_.of(peer).size(); }
-  Told told(NodeNumber peer, std::size_t i) const noexcept {
-    const std::uint32_t entry = told_.of(peer)[i];
-    return {entry & ~gone_bit, (entry & gone_bit) != 0};
+  /// Adds what `peer` is told to a list, each object once, without a look at the records.
+  void list(NodeNumber peer, FlatList<Told>& to) const {
+    for (const std::uint32_t entry : told_.of(peer)) {
+      to.push_back({&records_[entry & ~gone_bit], (entry & gone_bit) != 0});
+    }
   }
-  const messages::PositionRecord& record(std::uint32_t i) const noexcept { return records_[i]; }
-  void fetch(std::uint32_t i) const noexcept {
-    fetch_to_read(&records_[i]);
-    fetch_to_read(reinterpret_cast<const std::byte*>(&records_[i] + 1) - 1);
+  /// Fetches a record to read it.
+  static void fetch(const messages::PositionRecord& record) noexcept {
+    fetch_to_read(&record);
+    fetch_to_read(reinterpret_cast<const std::byte*>(&record + 1) - 1);
   }
   /// To all nodes together.
   std::size_t size() const noexcept { return told_.size(); }
@@ -61,6 +65,7 @@ class Halo {
  private:
   static constexpr std::uint32_t gone_bit = 0x80000000u;
   static constexpr std::uint64_t no_frame = ~std::uint64_t{0};
+  static constexpr std::ptrdiff_t records_ahead = 4;
 
   std::uint64_t frame_ = no_frame;
   FlatList<messages::PositionRecord> records_;

@@ -67,11 +67,6 @@ void Host::drop(ObjectNumber number) {
   states_.resize(last * state_bytes_);
 }
 
-void Host::keep(std::size_t i, bool kept) noexcept {
-  std::uint32_t& flags = hosted_[i].object.flags;
-  flags = kept ? flags | flag_kept : flags & ~flag_kept;
-}
-
 messages::HandOverRecord Host::hand_over(std::size_t i) const noexcept {
   const Hosted& hosted = hosted_[i];
   return {hosted.object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category};

@@ -73,7 +73,10 @@ class Host {
   /// Forgets an object. The last one takes its index. Does nothing if it is not hosted.
   void drop(ObjectNumber number);
   /// Sets or takes off flag_kept of hosted object i: its host keeps its states to itself. place() takes it off, too.
-  void keep(std::size_t i, bool kept) noexcept;
+  void keep(std::size_t i, bool kept) noexcept {
+    std::uint32_t& flags = hosted_[i].object.flags;
+    flags = (flags & ~messages::flag_kept) | (kept ? messages::flag_kept : 0u);
+  }
   /// Takes it off all in the next move.
   void forget_kept() noexcept { forget_kept_ = true; }
   /// What the next host must be given.

@@ -20,36 +20,23 @@ KnownObjects::KnownObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
   }
 }
 
-std::uint32_t KnownObjects::set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
-                                ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner, std::uint32_t was) {
-  const std::uint32_t slot = object.slot;
-  std::uint32_t i = find(slot, was);
-  if (i == none) {
-    if (slot >= index_.size()) {
-      index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
-    }
-    i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
-    slots_.push_back(slot);
-    bodies_.add();
-    next_hosts_.push_back(next);
-    numbers_.add();
-    inner_.push_back(0);
-    was_inner_.push_back(0);
-    if (sweeps_) {
-      bounds_.add();
-      layers_.push_back(0);
-      resting_.push_back(0);
-      present_.push_back(1);
-    }
+// Of what it holds nothing is set yet.
+std::uint32_t KnownObjects::add(std::uint32_t slot) {
+  if (slot >= index_.size()) {
+    index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
   }
-  bodies_[i] = {pose, shape, object.number};
-  next_hosts_[i] = next;
-  numbers_[i] = object.number;
-  inner_[i] = inner ? 1 : 0;
+  const std::uint32_t i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
+  slots_.push_back(slot);
+  bodies_.add();
+  next_hosts_.push_back(NextHost::nobody);
+  numbers_.add();
+  inner_.push_back(0);
+  was_inner_.push_back(0);
   if (sweeps_) {
-    bounds_[i] = bounds;
-    layers_[i] = static_cast<std::uint8_t>(layer);
-    resting_[i] = 0;
+    bounds_.add();
+    layers_.push_back(0);
+    resting_.push_back(0);
+    present_.push_back(1);
   }
   return i;
 }

@@ -45,25 +45,37 @@ class KnownObjects {
   /// Adds an object or replaces what is known of it, and says where it is. `inner`: all that its bounds touch is the
   /// node's. `was`: where it may be, as in find().
   std::uint32_t set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
-                    ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner, std::uint32_t was = none);
+                    ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner, std::uint32_t was = none) {
+    std::uint32_t i = find(object.slot, was);
+    if (i == none) [[unlikely]] {
+      i = add(object.slot);
+    }
+    bodies_[i] = {pose, shape, object.number};
+    next_hosts_[i] = next;
+    numbers_[i] = object.number;
+    inner_[i] = inner ? 1 : 0;
+    if (sweeps_) {
+      bounds_[i] = bounds;
+      layers_[i] = static_cast<std::uint8_t>(layer);
+      resting_[i] = 0;
+    }
+    return i;
+  }
   /// Fetches what find() of that slot will look at.
   void fetch_index(std::uint32_t slot) const noexcept {
     if (slot < index_.size()) {
       fetch_to_read(&index_[slot]);
     }
   }
-  /// Fetches what such a set() of the object in that slot will write.
-  void fetch(std::uint32_t slot, std::uint32_t was) const noexcept {
-    if (const std::uint32_t i = find(slot, was); i != none) {
+  /// Fetches the most of what set() of the i-th will write; nothing if it is none. What it writes in bytes and numbers
+  /// shares its lines with that of many others.
+  void fetch(std::uint32_t i) const noexcept {
+    if (i < slots_.size()) {
       fetch_to_write(&bodies_[i]);
       fetch_to_write(reinterpret_cast<const std::byte*>(&bodies_[i] + 1) - 1);
-      fetch_to_write(&next_hosts_[i]);
-      fetch_to_write(&numbers_[i]);
-      fetch_to_write(&inner_[i]);
       if (sweeps_) {
         fetch_to_write(&bounds_[i]);
-        fetch_to_write(&layers_[i]);
-        fetch_to_write(&resting_[i]);
+        fetch_to_write(reinterpret_cast<const std::byte*>(&bounds_[i] + 1) - 1);
       }
     }
   }
@@ -92,6 +104,8 @@ class KnownObjects {
   void settle() noexcept;
 
  private:
+  std::uint32_t add(std::uint32_t slot);
+
   bool sweeps_;
   std::vector<std::uint32_t> index_;  ///< by slot
   FlatList<std::uint32_t> slots_;
