@@ -67,7 +67,7 @@ void World::Implementation::share_memory(Way& way, std::uint32_t count) {
   way.findings = std::make_unique<nodes::Findings>();
   if (config.deployment == Deployment::user_collision && config.interest > 0) {
     way.publication =
-        std::make_unique<nodes::NodePublication>(publications.grid.cells(), share_of(config.capacities.objects, count));
+        std::make_unique<nodes::NodePublication>(publications.grid, share_of(config.capacities.objects, count));
   }
 }
 

@@ -22,15 +22,18 @@ void keep_order() noexcept {
 
 }  // namespace
 
-Publication::Publication(std::size_t cells, std::size_t states) : cell_count_(cells) {
+Publication::Publication(std::size_t cells, std::size_t states, CellLayout layout)
+    : cell_count_(cells), layout_(layout) {
   added_.reserve(states);
-  keys_.reserve(states);
-  sorted_.reserve(states);
+  keys_.resize(states);
+  sorted_.resize(states);
+  entries_.reserve(states);
+  const std::size_t most_cells = std::min(cells, most_a_state * states) + 2;
   for (Edition& edition : editions_) {
     edition.states.reserve(states);
-    edition.cells.reserve(std::min(states, cells));
-    edition.starts.reserve(std::min(states, cells) + 1);
-    edition.directory.reserve(std::min(cells, most_a_state * states) + 1);
+    edition.cells.reserve(most_cells);
+    edition.starts.reserve(most_cells);
+    edition.directory.reserve(most_cells);
   }
 }
 
@@ -41,7 +44,7 @@ void Publication::begin(std::uint64_t frame) noexcept {
   frame_ = frame;
   ascending_ = true;
   added_.clear();
-  keys_.clear();
+  listed_ = 0;
 }
 
 void Publication::add(std::uint32_t cell, const PublishedState& state) {
@@ -64,49 +67,77 @@ void Publication::publish() {
 Publication::Edition& Publication::arrange() {
   Edition& edition = editions_[current_];
   edition.dense = false;
-  if (keys_.empty()) {
+  if (listed_ == 0) {
     return edition;
   }
-  std::uint32_t least = cell_of(keys_.front());
-  std::uint32_t greatest = cell_of(keys_.back());
-  if (!ascending_) {
-    for (const std::uint64_t key : keys_) {
-      least = std::min(least, cell_of(key));
-      greatest = std::max(greatest, cell_of(key));
-    }
-  }
-  const std::size_t cells = greatest - least + std::size_t{1};
-  edition.dense = cells <= most_a_state * keys_.size();
-  edition.first = least;
-  if (!ascending_) {
-    edition.dense ? count_keys(edition, cells) : sort_keys();
+  const std::size_t cells = find_reach(edition);
+  edition.dense = cells <= most_a_state * listed_;
+  if (edition.dense) {
+    count_keys(edition, cells);
+  } else if (!ascending_) {
+    sort_keys();
   }
   return edition;
 }
 
+/// Returns how many cells that is. Precondition: something is listed.
+std::size_t Publication::find_reach(Edition& edition) const noexcept {
+  const CellLayout layout = layout_;
+  CellLayout::Place lower = layout.place_of(cell_of(keys_.front()));
+  CellLayout::Place upper = lower;
+  for (const std::uint64_t key : keys()) {
+    const CellLayout::Place place = layout.place_of(cell_of(key));
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      lower.at[axis] = std::min(lower.at[axis], place.at[axis]);
+      upper.at[axis] = std::max(upper.at[axis], place.at[axis]);
+    }
+  }
+  Box& box = edition.box;
+  std::copy_n(lower.at, 3, box.reach.lower);
+  std::copy_n(upper.at, 3, box.reach.upper);
+  box.wide = upper.at[0] - lower.at[0] + 1;
+  box.rows = upper.at[1] - lower.at[1] + 1;
+  return std::size_t{box.wide} * box.rows * (upper.at[2] - lower.at[2] + std::size_t{1});
+}
+
 /// Precondition: the edition has its states.
 void Publication::show(Edition& edition) {
-  list_cells(edition);
+  edition.dense ? list_counted(edition) : list_cells(edition);
   // Pairs with the load in find: the edition is whole.
   edition.stamp.store(frame_, std::memory_order_release);
 }
 
+/// Fills the directory, and sorts by it. Where it sorts, a cell is counted two entries further on: when all is summed
+/// up that is where the next one begins, and the entry between them becomes it as the cell's keys take their places.
 void Publication::count_keys(Edition& edition, std::size_t cells) {
   std::vector<std::uint32_t>& next = edition.directory;
-  const std::uint32_t first = edition.first;
-  next.assign(cells + 1, 0);
-  for (const std::uint64_t key : keys_) ++next[cell_of(key) - first + 1];
-  for (std::size_t cell = 0; cell < cells; ++cell) next[cell + 1] += next[cell];
+  const std::size_t on = ascending_ ? 1 : 2;
+  next.assign(cells + on, 0);
+  entries_.resize(listed_);
+  const CellLayout layout = layout_;
+  const Box box = edition.box;
+  for (std::size_t i = 0; i < listed_; ++i) {
+    entries_[i] = static_cast<std::uint32_t>(box.entry(layout.place_of(cell_of(keys_[i]))));
+  }
+  std::uint32_t* const counts = next.data() + on;
+  for (const std::uint32_t entry : entries_) ++counts[entry];
+  for (std::size_t cell = 0; cell < cells; ++cell) next[cell + on] += next[cell + on - 1];
+  if (ascending_) {
+    return;
+  }
   sorted_.resize(keys_.size());
-  for (const std::uint64_t key : keys_) sorted_[next[cell_of(key) - first]++] = key;
+  std::uint32_t* const places = next.data() + 1;
+  std::uint64_t* const sorted = sorted_.data();
+  for (std::size_t i = 0; i < listed_; ++i) sorted[places[entries_[i]]++] = keys_[i];
+  next.pop_back();
   keys_.swap(sorted_);
 }
 
 /// By cell, and within a cell by index: radix with digits of 11 bits, least first, where comparing would cost more.
 void Publication::sort_keys() {
   constexpr std::size_t few = 400;
-  if (keys_.size() <= few) {
-    std::sort(keys_.begin(), keys_.end());
+  if (listed_ <= few) {
+    std::sort(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(listed_));
     return;
   }
   constexpr unsigned digit_bits = 11;
@@ -115,10 +146,10 @@ void Publication::sort_keys() {
   sorted_.resize(keys_.size());
   for (unsigned shift = 32; shift < 32 + cell_bits; shift += digit_bits) {
     std::array<std::uint32_t, digits> place{};
-    for (const std::uint64_t key : keys_) ++place[key >> shift & (digits - 1)];
+    for (const std::uint64_t key : keys()) ++place[key >> shift & (digits - 1)];
     std::uint32_t sum = 0;
     for (std::uint32_t& count : place) sum += std::exchange(count, sum);
-    for (const std::uint64_t key : keys_) sorted_[place[key >> shift & (digits - 1)]++] = key;
+    for (const std::uint64_t key : keys()) sorted_[place[key >> shift & (digits - 1)]++] = key;
     keys_.swap(sorted_);
   }
 }
@@ -127,20 +158,40 @@ void Publication::sort_keys() {
 void Publication::list_cells(Edition& edition) {
   edition.cells.clear();
   edition.starts.clear();
-  for (std::size_t i = 0; i < keys_.size(); ++i) {
+  for (std::size_t i = 0; i < listed_; ++i) {
     const std::uint32_t cell = cell_of(keys_[i]);
     if (i != 0 && cell == edition.cells.back()) continue;
     edition.cells.push_back(cell);
     edition.starts.push_back(static_cast<std::uint32_t>(i));
   }
-  edition.starts.push_back(static_cast<std::uint32_t>(keys_.size()));
-  if (!edition.dense) return;
-  edition.directory.resize(edition.cells.back() - edition.first + std::size_t{2});
-  std::size_t cell = 0;
-  for (std::size_t i = 0; i < edition.cells.size(); ++i) {
-    while (cell <= edition.cells[i] - edition.first) edition.directory[cell++] = edition.starts[i];
+  edition.starts.push_back(static_cast<std::uint32_t>(listed_));
+}
+
+/// The same from the directory. Written for every cell of the reach, and over again where that holds nothing: a branch
+/// would be missed as often as not.
+void Publication::list_counted(Edition& edition) {
+  const CellReach& reach = edition.box.reach;
+  const std::uint32_t* before = edition.directory.data();
+  edition.cells.resize(edition.directory.size());
+  edition.starts.resize(edition.directory.size());
+  std::uint32_t* const cells = edition.cells.data();
+  std::uint32_t* const starts = edition.starts.data();
+  const std::uint32_t wide = edition.box.wide;
+  std::size_t listed = 0;
+  for (std::uint32_t z = reach.lower[2]; z <= reach.upper[2]; ++z) {
+    for (std::uint32_t y = reach.lower[1]; y <= reach.upper[1]; ++y) {
+      const std::uint32_t at[3] = {reach.lower[0], y, z};
+      const std::uint32_t first = layout_.cell_at(at);
+      for (std::uint32_t x = 0; x < wide; ++x, ++before) {
+        cells[listed] = first + x;
+        starts[listed] = before[0];
+        listed += before[1] != before[0] ? 1 : 0;
+      }
+    }
   }
-  edition.directory[cell] = edition.starts.back();
+  edition.cells.resize(listed);
+  edition.starts.resize(listed + 1);
+  edition.starts.back() = static_cast<std::uint32_t>(listed_);
 }
 
 std::span<const PublishedState> Publication::search(const Edition& edition, std::uint32_t first,
@@ -156,6 +207,11 @@ std::span<const PublishedState> Publication::search(const Edition& edition, std:
 std::span<const PublishedState> Publication::states(std::uint64_t frame) const noexcept {
   const Edition* edition = find(frame);
   return edition ? std::span<const PublishedState>(edition->states) : std::span<const PublishedState>();
+}
+
+CellReach Publication::reach(std::uint64_t frame) const noexcept {
+  const Edition* edition = find(frame);
+  return edition ? edition->box.reach : CellReach{};
 }
 
 std::span<const std::uint32_t> Publication::cells(std::uint64_t frame) const noexcept {

@@ -281,16 +281,14 @@ void CdNodeRole::publish() {
   TrackedTime time(setup_.track, "publish", publish_ns);
   link::Publication& publication = setup_.server.publication->publication;
   publication.begin(frame_);
-  for (std::uint32_t i = 0; i < host_.size(); ++i) {
-    if (host_.cell(i) == Host::unplaced) {
+  publication.list_table(static_cast<std::uint32_t>(host_.size()), [this](std::uint32_t i) {
+    if (host_.cell(i) == Host::unplaced) [[unlikely]] {
       std::uint32_t point[3];
       setup_.space->point(host_[i].pose.position, point);
       host_.set_cell(i, relay_cell(host_[i], point));
     }
-    if (host_.cell(i) != Host::unpublished) {
-      publication.list(host_.cell(i), i);
-    }
-  }
+    return host_.cell(i);
+  });
   publication.publish_listed(
       [this](std::uint32_t i) {
         fetch_to_read(&host_[i]);
@@ -299,7 +297,7 @@ void CdNodeRole::publish() {
       [this](std::uint32_t i) {
         return link::PublishedState{host_[i].object.number, 0, host_[i].pose};
       });
-  note_reach(setup_.server.publication->published, setup_.interest_grid, frame_);
+  note_reach(setup_.server.publication->published, frame_);
   published_run_.start(0);
 }
 

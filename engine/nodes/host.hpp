@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "link/publication.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
 #include "nodes/flat_list.hpp"
@@ -59,8 +60,9 @@ class Host {
   std::uint32_t cell(std::size_t i) const noexcept { return cells_[i]; }
   void set_cell(std::size_t i, std::uint32_t cell) noexcept { cells_[i] = cell; }
   void forget_cells() noexcept { std::fill(cells_.begin(), cells_.end(), unplaced); }
-  static constexpr std::uint32_t unplaced = 0xffffffffu;
-  static constexpr std::uint32_t unpublished = 0xfffffffeu;  ///< nobody is told where it is: it is not present
+  static constexpr std::uint32_t unplaced = 0xfffffffeu;
+  /// Nobody is told where it is: it is not present.
+  static constexpr std::uint32_t unpublished = link::Publication::nowhere;
 
   /// What the role last noted of hosted object i: where it is in a list of the role's. NumberIndex::none from its
   /// adoption on.

@@ -26,7 +26,8 @@ struct Published {
 /// lost before it has said so may write as long as its thread lives, which nobody reads; one that is lost later has
 /// said all, and does not write before it is told of another frame, which it is not.
 struct NodePublication {
-  NodePublication(std::size_t cells, std::size_t states) : publication(cells, states) {
+  NodePublication(const regions::CellGrid& grid, std::size_t states)
+      : publication(grid.cells(), states, {grid.log2[0], grid.log2[1]}) {
     published.publication = &publication;
   }
   NodePublication(const NodePublication&) = delete;
@@ -51,8 +52,8 @@ struct Publications {
   std::vector<Published> users;  ///< by user number
 };
 
-/// Notes the reach of a publication that has been published for `frame`.
-void note_reach(Published& own, const regions::CellGrid& grid, std::uint64_t frame) noexcept;
+/// Notes the reach of a publication that has been published for `frame`, whose cells are laid out as the grid's.
+void note_reach(Published& own, std::uint64_t frame) noexcept;
 
 /// Fills one publication for one frame and notes its reach.
 class PublicationWriter {

@@ -26,19 +26,25 @@ Oracle write_random(Publication& publication, std::uint64_t frame, std::size_t c
   for (std::uint32_t& cell : where) cell = static_cast<std::uint32_t>(first_cell + random() % cells);
   if (sorted) std::sort(where.begin(), where.end());
   Oracle oracle;
-  // Of every two frames the states of one are copied in, and of the other listed and taken from a table of their own.
-  const bool listed = frame % 2 == 1;
+  // Of every three frames the states of one are copied in, and of the others listed, one by one or as a table, and
+  // taken from a table of their own.
+  const bool listed = frame % 3 != 0;
+  const bool as_table = frame % 3 == 1;
   std::vector<PublishedState> table(2 * states);
   publication.begin(frame);
   for (std::size_t i = 0; i < states; ++i) {
     const PublishedState state = state_of(static_cast<std::uint32_t>(i + 1), static_cast<double>(random() % 1000));
     if (listed) {
       table[2 * i] = state;
-      publication.list(where[i], static_cast<std::uint32_t>(2 * i));
+      if (!as_table) publication.list(where[i], static_cast<std::uint32_t>(2 * i));
     } else {
       publication.add(where[i], state);
     }
     oracle[where[i]].push_back(state);
+  }
+  if (as_table) {
+    publication.list_table(static_cast<std::uint32_t>(table.size()),
+                           [&](std::uint32_t i) { return i % 2 == 0 ? where[i / 2] : Publication::nowhere; });
   }
   if (listed) {
     std::vector<int> asked(table.size(), 0);
@@ -61,6 +67,12 @@ std::vector<PublishedState> expected(const Oracle& oracle, std::uint32_t first, 
   return all;
 }
 
+/// All cells in a row, or in rows and layers of few.
+CellLayout any_layout(std::mt19937_64& random) {
+  if (random() % 3 == 0) return {};
+  return {static_cast<unsigned>(random() % 7), static_cast<unsigned>(random() % 7)};
+}
+
 bool same(std::span<const PublishedState> a, const std::vector<PublishedState>& b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end());
 }
@@ -75,25 +87,28 @@ TEST_CASE("a publication returns for each cell, and each run of cells, what was 
   // Few and many states to a cell, so that every way of grouping is used.
   for (const Size size :
        {Size{1, 5}, Size{10, 0}, Size{1000, 7}, Size{100000, 40}, Size{100000, 3000}, Size{64, 900}}) {
-    for (const bool sorted : {false, true}) {
+    for (const int way : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11}) {
       CAPTURE(size.cells);
       CAPTURE(size.states);
-      Publication publication(size.cells, size.states);
-      const Oracle oracle = write_random(publication, 9, size.cells, size.states, sorted, random);
+      CAPTURE(way);
+      const bool sorted = way % 2 == 1;
+      const auto frame = static_cast<std::uint64_t>(6 + way % 3);
+      Publication publication(size.cells, size.states, any_layout(random));
+      const Oracle oracle = write_random(publication, frame, size.cells, size.states, sorted, random);
       std::vector<std::uint32_t> cells;
       for (const auto& [cell, states] : oracle) cells.push_back(cell);
-      const auto listed = publication.cells(9);
+      const auto listed = publication.cells(frame);
       CHECK(std::equal(listed.begin(), listed.end(), cells.begin(), cells.end()));
-      CHECK(same(publication.states(9), expected(oracle, 0, static_cast<std::uint32_t>(size.cells))));
-      for (int i = 0; i < 300; ++i) {
+      CHECK(same(publication.states(frame), expected(oracle, 0, static_cast<std::uint32_t>(size.cells))));
+      for (int i = 0; i < 100; ++i) {
         std::uint32_t first = static_cast<std::uint32_t>(random() % size.cells);
         std::uint32_t last = static_cast<std::uint32_t>(random() % size.cells);
         if (first > last) std::swap(first, last);
-        CHECK(same(publication.read(9, first, last), expected(oracle, first, last)));
-        CHECK(same(publication.read(9, first), expected(oracle, first, first)));
+        CHECK(same(publication.read(frame, first, last), expected(oracle, first, last)));
+        CHECK(same(publication.read(frame, first), expected(oracle, first, first)));
       }
-      for (const std::uint32_t cell : cells) CHECK(same(publication.read(9, cell), expected(oracle, cell, cell)));
-      CHECK(publication.intact(9));
+      for (const std::uint32_t cell : cells) CHECK(same(publication.read(frame, cell), expected(oracle, cell, cell)));
+      CHECK(publication.intact(frame));
     }
   }
 }
@@ -107,8 +122,23 @@ TEST_CASE("of states in a part of the cells, those of any run of cells are retur
     const std::size_t cells = 1 + random() % 3000;
     const std::size_t part = 1 + random() % cells;
     const std::size_t first_cell = random() % (cells - part + 1);
-    Publication publication(cells, 8);
-    const Oracle oracle = write_random(publication, 4, part, random() % 900, round % 3 == 0, random, first_cell);
+    const CellLayout layout = any_layout(random);
+    Publication publication(cells, 8, layout);
+    const std::size_t count = 1 + random() % 900;
+    const Oracle oracle = write_random(publication, 4, part, count, round % 3 == 0, random, first_cell);
+    CellReach reach{{~0u, ~0u, ~0u}, {0, 0, 0}};
+    for (const auto& [cell, in_cell] : oracle) {
+      const std::uint32_t a_row = 1u << layout.row_log2;
+      const std::uint32_t a_layer = 1u << layout.layer_log2;
+      const std::uint32_t at[3] = {cell % a_row, cell / a_row % a_layer, cell / a_row / a_layer};
+      for (int axis = 0; axis < 3; ++axis) {
+        reach.lower[axis] = std::min(reach.lower[axis], at[axis]);
+        reach.upper[axis] = std::max(reach.upper[axis], at[axis]);
+      }
+    }
+    const CellReach said = publication.reach(4);
+    REQUIRE(std::equal(reach.lower, reach.lower + 3, said.lower));
+    REQUIRE(std::equal(reach.upper, reach.upper + 3, said.upper));
     const auto any_cell = [&] { return static_cast<std::uint32_t>(random() % cells); };
     std::vector<std::pair<std::uint32_t, std::uint32_t>> runs{{0u, static_cast<std::uint32_t>(cells - 1)}};
     for (int i = 0; i < 60; ++i) {

@@ -84,7 +84,7 @@ Line Theatre::add_node(NodeNumber number) {
     node.findings = std::make_unique<Findings>();
     if (play_.deployment == Deployment::user_collision && play_.interest > 0) {
       if (play_.all_publish || number % 2 == 0) {
-        node.publication = std::make_unique<NodePublication>(play_.grid.cells(), 16);
+        node.publication = std::make_unique<NodePublication>(play_.grid, 16);
       } else {
         own.keeps_states = false;
       }
