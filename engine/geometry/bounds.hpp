@@ -30,6 +30,16 @@ constexpr bool holds(const Bounds& bounds, const std::uint32_t point[3]) noexcep
          point[1] <= bounds.upper[1] && bounds.lower[2] <= point[2] && point[2] <= bounds.upper[2];
 }
 
+/// Whether `inner` lies within `outer`: six comparisons and no branch.
+constexpr bool holds(const Bounds& outer, const Bounds& inner) noexcept {
+  std::uint64_t below = 0;  // on top, whether any difference is
+  for (int axis = 0; axis < 3; ++axis) {
+    below |= std::uint64_t{inner.lower[axis]} - outer.lower[axis];
+    below |= std::uint64_t{outer.upper[axis]} - inner.upper[axis];
+  }
+  return below >> 63 == 0;
+}
+
 /// A position as FixedSpace::point gives it, as kernels store it: a coordinate an axis, the fourth is 0.
 struct FixedPoint {
   alignas(16) std::uint32_t at[4];

@@ -16,7 +16,7 @@ using telemetry::TrackedTime;
 void CdNodeRole::sweep() {
   const auto bodies = known_.bodies();
   const auto bounds = known_.bounds();
-  const auto inner = known_.inner();
+  const auto marks = known_.marks();
   const auto numbers = known_.numbers();
   {
     TrackedTime time(setup_.track, "broad phase", told_.broad_phase_ns);
@@ -31,7 +31,8 @@ void CdNodeRole::sweep() {
         more = !found.empty();
         for (const geometry::CandidatePair& pair : found) {
           // What is all within the region meets nothing anywhere else.
-          if ((inner[pair.a] | inner[pair.b]) == 0 && map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
+          if (((marks[pair.a] | marks[pair.b]) & KnownObjects::inner_mark) == 0 &&
+              map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
             continue;
           }
           fetch_to_read(&bodies[pair.a]);

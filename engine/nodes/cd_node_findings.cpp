@@ -24,7 +24,7 @@ void CdNodeRole::list_findings() {
     findings.keys[i] = order_.key_at(i);
     findings.found[i] = {known_.slot(hit.a), known_.slot(hit.b), hit.a, hit.b, touch};
     if (keeps_contacts()) {
-      host_.order_own_contact(frame_, findings.keys[i], touch);
+      host_.order_own_contact(frame_, findings.keys[i], touch, known_.hosted(hit.a), known_.hosted(hit.b));
     }
     if (tells && (known_.next_host(hit.a) != NextHost::self || known_.next_host(hit.b) != NextHost::self)) {
       list_told(static_cast<std::uint32_t>(i));
@@ -42,12 +42,10 @@ void CdNodeRole::list_findings() {
 void CdNodeRole::compare_findings() {
   const auto is_inner = [&](std::uint32_t slot, std::uint32_t was, ObjectNumber number) {
     const std::uint32_t known = known_.find(slot, was);
-    return known != KnownObjects::none && known_.inner()[known] != 0 && known_.numbers()[known] == number;
+    return known != KnownObjects::none && known_.inner(known) && known_.numbers()[known] == number;
   };
   findings_->compare(
-      [&](const FoundContact& found) {
-        return (known_.was_inner()[found.body_a] | known_.was_inner()[found.body_b]) != 0;
-      },
+      [&](const FoundContact& found) { return known_.was_inner(found.body_a) || known_.was_inner(found.body_b); },
       [&](std::uint64_t key, const FoundContact& found) {
         return is_inner(found.slot_a, found.body_a, static_cast<ObjectNumber>(key >> 32)) ||
                is_inner(found.slot_b, found.body_b, static_cast<ObjectNumber>(key));

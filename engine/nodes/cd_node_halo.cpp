@@ -28,7 +28,7 @@ void CdNodeRole::tell_peers(const Hosted& object, const geometry::Bounds& bounds
   if (present) {
     regions::for_each_owner(map_, bounds, stamps_, stamp_, [&](NodeNumber peer) { tell(peer, false); });
   }
-  if (was == KnownObjects::none || known_.inner()[was] != 0) {
+  if (was == KnownObjects::none || known_.inner(was)) {
     return;
   }
   // Few pass from cell to cell in a frame, so that there is nobody whom they leave.

@@ -138,6 +138,7 @@ void CdNodeRole::hear_owners(const MessageView& message) {
   }
   if (message.last()) {
     map_.assign(new_map_, static_cast<std::uint32_t>(setup_.peers.size()), message.header().epoch);
+    interior_ = map_.interior(setup_.node);
     new_map_.clear();
     // Under a new map the server tells everyone of everything in its region anew.
     known_.clear();

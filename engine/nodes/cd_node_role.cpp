@@ -18,6 +18,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
     : setup_(setup),
       self_(Endpoint::node(setup.node)),
       map_(map),
+      interior_(map.interior(setup.node)),
       host_(setup.model, setup.objects),
       known_(setup.objects, setup.placement == Placement::region),
       sweep_(setup.placement == Placement::region ? setup.objects : 0,
@@ -67,6 +68,7 @@ void CdNodeRole::meet(NodeNumber node, const std::vector<Line>& peers) {
   leavers_.resize(peers.size());
   hand_over_runs_.resize(peers.size());
   stamps_.assign(peers.size(), 0);
+  interior_ = map_.interior(node);
   keeps_ = shares_states() && std::all_of(peers.begin(), peers.end(), [](const Line& peer) {
              return peer.out == nullptr || peer.findings != nullptr;
            });
@@ -201,7 +203,7 @@ void CdNodeRole::note_cells() {
 // The i-th of the batch is where it was, and its state has been kept from the server so far.
 void CdNodeRole::tell_resting(std::size_t i) {
   const std::uint32_t known = known_.find(host_[changed_[i]].object.slot);
-  const bool inner = known != KnownObjects::none && known_.inner()[known] != 0;
+  const bool inner = known != KnownObjects::none && known_.inner(known);
   changed_flags_[i] =
       messages::flag_present | messages::flag_staying | messages::flag_rests | (inner ? messages::flag_inner : 0u);
   tells_[i] = true;
@@ -216,19 +218,21 @@ void CdNodeRole::place(std::size_t i) {
   const std::uint32_t* const point = changed_points_[i].at;
   const bool present = (object.object.flags & messages::flag_present) != 0;
   const bool was_kept = (object.object.flags & messages::flag_kept) != 0;
-  const regions::Cover cover = present ? map_.cover(bounds, setup_.node) : regions::Cover::none;
+  const regions::Cover cover = !present                             ? regions::Cover::none
+                               : geometry::holds(interior_, bounds) ? regions::Cover::all
+                                                                    : map_.cover(bounds, setup_.node);
   const bool inner = cover == regions::Cover::all;
   const bool within = geometry::holds(bounds, point);
   // Most stand within their bounds, and those within the region: then nobody need look whose cell it is.
   const NodeNumber next = inner && within ? setup_.node : map_.owner_at(point);
   const bool staying = next == setup_.node;
   const std::uint32_t was = known_.find(object.object.slot, host_.place_in_list(hosted));
-  if (was_kept && !(inner && (was == KnownObjects::none || known_.inner()[was] != 0))) {
+  if (was_kept && !(inner && (was == KnownObjects::none || known_.inner(was)))) {
     tell_peers(object, bounds, staying, was);
   }
   if (cover != regions::Cover::none) {
     const std::uint32_t known = known_.set(object.object, object.pose, bounds, object.shape, object.layer,
-                                           staying ? NextHost::self : NextHost::node, inner, was);
+                                           staying ? NextHost::self : NextHost::node, inner, was, hosted);
     host_.set_place_in_list(hosted, known);
   } else {
     known_.forget(object.object.slot);

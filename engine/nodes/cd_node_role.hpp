@@ -134,6 +134,7 @@ class CdNodeRole {
   CdNodeSetup setup_;
   messages::Endpoint self_;
   regions::RegionMap map_;
+  geometry::Bounds interior_;  ///< all the node's, and most of it
   Host host_;
   KnownObjects known_;
   broad_phase::SweepAndPrune sweep_;

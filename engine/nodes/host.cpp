@@ -22,13 +22,14 @@ Host::Host(const MotionModel* model, std::size_t objects)
       uses_contacts_(model != nullptr && model->uses_contacts()),
       index_(objects) {
   hosted_.reserve(objects);
+  numbers_.reserve(objects);
   states_.reserve(objects * state_bytes_);
   touched_.reserve(objects);
   cells_.reserve(objects);
   places_in_list_.reserve(objects);
   changed_.reserve(objects);
   differs_.reserve(objects);
-  contact_begin_.reserve(objects + 1);
+  contact_begin_.reserve(objects + 2);
   steered_.reserve(64);
   scratch_.resize(batch * state_bytes_);
 }
@@ -38,6 +39,7 @@ void Host::adopt(const messages::HandOverRecord& record, const std::byte* state)
   index_.set(record.object.number, static_cast<std::uint32_t>(hosted_.size()));
   hosted_.push_back({record.object, record.pose, record.user_data, record.shape, record.layer, record.category});
   hosted_.back().object.flags &= flag_present | flag_kept;
+  numbers_.push_back(record.object.number);
   states_.resize(states_.size() + state_bytes_);
   std::copy_n(state, state_bytes_, states_.end() - state_bytes_);
   touched_.push_back(0);
@@ -54,6 +56,7 @@ void Host::drop(ObjectNumber number) {
   const std::size_t last = hosted_.size() - 1;
   if (i != last) {
     hosted_[i] = hosted_[last];
+    numbers_[i] = numbers_[last];
     touched_[i] = touched_[last];
     cells_[i] = cells_[last];
     places_in_list_[i] = places_in_list_[last];
@@ -61,6 +64,7 @@ void Host::drop(ObjectNumber number) {
     index_.set(hosted_[i].object.number, i);
   }
   hosted_.pop_back();
+  numbers_.pop_back();
   touched_.pop_back();
   cells_.pop_back();
   places_in_list_.pop_back();
@@ -166,7 +170,7 @@ void Host::confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists
     if (i >= list.own_order.size()) {
       return;
     }
-    list.contacts[list.own_order[i]].phase = Phase::begin;
+    list.contacts[list.own_order[i].contact].phase = Phase::begin;
   }
 }
 
@@ -191,73 +195,76 @@ const Host::ContactList& Host::gather_contacts(std::uint64_t frame) {
   return late_;
 }
 
-// Two runs in order of (a, b) become one, and what concerns nobody here is left out.
+// Two runs in order of (a, b) become one, and what concerns nobody here is left out. The own contacts are most: a loop
+// for as many of them as come before the next that was told.
 void Host::find_hosted(const ContactList& list) {
-  hosted_contacts_.clear();
   const std::uint64_t* const keys = list.keys.data();
-  const auto skip_ended = [&](std::size_t i, std::size_t end) {
-    while (i < end && keys[i] == 0) {
-      ++i;
-    }
-    return i;
-  };
   const std::size_t own_end = list.own_order.size();
   const std::size_t end = list.keys.size();
-  std::size_t own = skip_ended(0, own_end);
-  std::size_t told = skip_ended(own_end, end);
+  hosted_contacts_.resize(end);
+  HostedContact* out = hosted_contacts_.data();
+  const auto add = [&](std::uint64_t key, const HostedContact& known) {
+    const std::uint32_t a = find(static_cast<ObjectNumber>(key >> 32), known.a);
+    const std::uint32_t b = find(static_cast<ObjectNumber>(key), known.b);
+    *out = {known.contact, a, b};
+    out += (a & b) != NumberIndex::none ? 1 : 0;
+  };
+  const auto fetch = [&](std::size_t i, const HostedContact& known) {
+    fetch_number(static_cast<ObjectNumber>(keys[i] >> 32), known.a);
+    fetch_number(static_cast<ObjectNumber>(keys[i]), known.b);
+  };
+  constexpr HostedContact nothing_known{0, NumberIndex::none, NumberIndex::none};
   constexpr std::size_t ahead = 16;
-  while (own < own_end || told < end) {
-    const bool first = told == end || (own < own_end && keys[own] < keys[told]);
-    const std::size_t i = first ? own : told;
-    if (i + ahead < end) {
-      index_.fetch(static_cast<ObjectNumber>(keys[i + ahead] >> 32));
-      index_.fetch(static_cast<ObjectNumber>(keys[i + ahead]));
+  constexpr std::size_t told_ahead = 4;  // as a rule there are many own ones between two of them
+  std::size_t own = 0;
+  for (std::size_t told = own_end; told <= end; ++told) {
+    if (told + told_ahead < end) {
+      fetch(told + told_ahead, nothing_known);
     }
-    const std::uint32_t a = index_.find(static_cast<ObjectNumber>(keys[i] >> 32));
-    const std::uint32_t b = index_.find(static_cast<ObjectNumber>(keys[i]));
-    if (a != NumberIndex::none || b != NumberIndex::none) {
-      hosted_contacts_.push_back({list.at(i), a, b});
+    if (told < end && keys[told] == 0) {
+      continue;  // it ended
     }
-    if (first) {
-      own = skip_ended(own + 1, own_end);
-    } else {
-      told = skip_ended(told + 1, end);
+    const std::uint64_t until = told < end ? keys[told] : ~std::uint64_t{0};
+    for (; own < own_end && keys[own] < until; ++own) {
+      if (own + ahead < own_end) {
+        fetch(own + ahead, list.own_order[own + ahead]);
+      }
+      add(keys[own], list.own_order[own]);
+    }
+    if (told < end) {
+      add(keys[told], {static_cast<std::uint32_t>(told), NumberIndex::none, NumberIndex::none});
     }
   }
+  hosted_contacts_.resize(static_cast<std::size_t>(out - hosted_contacts_.data()));
 }
 
-// A stable counting sort of the contacts by hosted object: the order (a, b) within each is kept.
+// A stable counting sort of the contacts by hosted object: the order (a, b) within each is kept. Who is not hosted is
+// counted, too, before all others, where one more than none is.
 void Host::sort_contacts(const ContactList& list) {
+  static_assert(NumberIndex::none + 1 == 0);
   const std::size_t objects = hosted_.size();
-  contact_begin_.assign(objects + 1, 0);
   find_hosted(list);
-  const auto count = [&](std::uint32_t i) {
-    if (i != NumberIndex::none) {
-      ++contact_begin_[i + 1];
-    }
-  };
+  contact_begin_.assign(objects + 2, 0);
+  std::uint32_t* const next = contact_begin_.data() + 1;
   for (const HostedContact& hosted : hosted_contacts_) {
-    count(hosted.a);
-    count(hosted.b);
+    ++next[hosted.a + 1];
+    ++next[hosted.b + 1];
   }
+  next[0] = 0;
   for (std::size_t i = 0; i < objects; ++i) {
-    contact_begin_[i + 1] += contact_begin_[i];
+    next[i + 1] += next[i];
   }
-  contact_order_.resize(contact_begin_[objects]);
+  contact_order_.resize(next[objects]);
+  // The fill moves each begin to its end, which is where the next one begins, and each has been put one too far.
   const auto put = [&](std::uint32_t i, std::uint32_t contact) {
     if (i != NumberIndex::none) {
-      contact_order_[contact_begin_[i]++] = contact;
+      contact_order_[next[i]++] = contact;
     }
   };
   for (const HostedContact& hosted : hosted_contacts_) {
     put(hosted.a, hosted.contact);
     put(hosted.b, hosted.contact);
   }
-  // The fill moved each begin to its end, which is where the next one began.
-  for (std::size_t i = objects; i > 0; --i) {
-    contact_begin_[i] = contact_begin_[i - 1];
-  }
-  contact_begin_[0] = 0;
   known_contacts_ = list.contacts.data();
 }
 

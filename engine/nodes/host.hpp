@@ -9,6 +9,7 @@
 #include "link/publication.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
+#include "nodes/fetch.hpp"
 #include "nodes/flat_list.hpp"
 #include "nodes/number_index.hpp"
 #include "ringfence/contact.hpp"
@@ -99,11 +100,13 @@ class Host {
   /// any add_contact. Returns where it is to be written, all of it but the phase, which reads persist.
   Contact& add_own_contact(std::uint64_t frame);
   /// After the last of them: which of the own contacts, counted as they were added, is the next in order of (a, b);
-  /// `key` is ContactOrder::key of its two numbers.
-  void order_own_contact(std::uint64_t frame, std::uint64_t key, std::uint32_t contact) {
+  /// `key` is ContactOrder::key of its two numbers. `a`, `b`: where the two are hosted, if the role knows: that is
+  /// looked at first when their contacts are gathered.
+  void order_own_contact(std::uint64_t frame, std::uint64_t key, std::uint32_t contact,
+                         std::uint32_t a = NumberIndex::none, std::uint32_t b = NumberIndex::none) {
     ContactList& list = lists_[frame & 1];
     list.keys.push_back(key);
-    list.own_order.push_back(contact);
+    list.own_order.push_back({contact, a, b});
   }
   /// Says which of the own contacts persist: bit i of `persists` that of the own contact 64 * word + i by (a, b).
   void confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept;
@@ -140,25 +143,35 @@ class Host {
   const HostRefusals& refusals() const noexcept { return refusals_; }
 
  private:
-  /// Contacts of a frame: first `own` as they were found, then what was told, in order of (a, b).
-  struct ContactList {
-    FlatList<Contact> contacts;
-    FlatList<std::uint64_t> keys;  ///< ContactOrder::key, ascending: of the own ones, then of the told; 0 if it ended
-    FlatList<std::uint32_t> own_order;  ///< the own ones by (a, b)
-    std::size_t own = 0;
-
-    void add(const Contact& contact);
-    /// Which contact the i-th key is of.
-    std::uint32_t at(std::size_t i) const noexcept { return i < own ? own_order[i] : static_cast<std::uint32_t>(i); }
-    void clear() noexcept;
-  };
   /// A contact of an object that is hosted: its place in the list, and who of the two is hosted.
   struct HostedContact {
     std::uint32_t contact, a, b;
   };
+  /// Contacts of a frame: first `own` as they were found, then what was told, in order of (a, b).
+  struct ContactList {
+    FlatList<Contact> contacts;
+    FlatList<std::uint64_t> keys;  ///< ContactOrder::key, ascending: of the own ones, then of the told; 0 if it ended
+    FlatList<HostedContact> own_order;  ///< the own ones by (a, b), hosted as the role knew
+    std::size_t own = 0;
+
+    void add(const Contact& contact);
+    void clear() noexcept;
+  };
 
   const ContactList& gather_contacts(std::uint64_t frame);
   void find_hosted(const ContactList& list);
+  /// As find(), for who remembers where it was.
+  std::uint32_t find(ObjectNumber number, std::uint32_t was) const noexcept {
+    return was < numbers_.size() && numbers_[was] == number ? was : index_.find(number);
+  }
+  /// Fetches what that looks at.
+  void fetch_number(ObjectNumber number, std::uint32_t was) const noexcept {
+    if (was < numbers_.size()) {
+      fetch_to_read(&numbers_[was]);
+    } else {
+      index_.fetch(number);
+    }
+  }
   void sort_contacts(const ContactList& list);
   void move_batches(std::size_t first, std::size_t end);
   void collect_changed(std::size_t first, std::size_t end);
@@ -173,6 +186,7 @@ class Host {
   std::size_t state_bytes_;
   bool uses_contacts_;
   FlatList<Hosted> hosted_;
+  FlatList<ObjectNumber> numbers_;  ///< of each, sixteen a line of the cache
   FlatList<std::byte> states_;
   std::vector<std::uint8_t> touched_;  ///< differs, or was placed since the last move
   bool forget_kept_ = false;

@@ -8,13 +8,13 @@ KnownObjects::KnownObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
   index_.reserve(objects);
   slots_.reserve(objects);
   bodies_.reserve(objects);
-  next_hosts_.reserve(objects);
   numbers_.reserve(objects);
-  inner_.reserve(objects);
-  was_inner_.reserve(objects);
+  hosted_.reserve(objects);
+  marks_.reserve(objects);
+  marks_before_.reserve(objects);
+  layers_.reserve(objects);
   if (sweeps_) {
     bounds_.reserve(objects);
-    layers_.reserve(objects);
     resting_.reserve(objects);
     present_.reserve(objects);
   }
@@ -27,14 +27,14 @@ std::uint32_t KnownObjects::add(std::uint32_t slot) {
   }
   const std::uint32_t i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
   slots_.push_back(slot);
-  bodies_.add();
-  next_hosts_.push_back(NextHost::nobody);
+  bodies_.add().number = 0;  // nobody's
   numbers_.add();
-  inner_.push_back(0);
-  was_inner_.push_back(0);
+  hosted_.add();
+  marks_.push_back(0);
+  marks_before_.push_back(0);
+  layers_.push_back(0);
   if (sweeps_) {
     bounds_.add();
-    layers_.push_back(0);
     resting_.push_back(0);
     present_.push_back(1);
   }
@@ -50,26 +50,26 @@ void KnownObjects::forget(std::uint32_t slot) {
   if (i != last) {
     slots_[i] = slots_[last];
     bodies_[i] = bodies_[last];
-    next_hosts_[i] = next_hosts_[last];
     numbers_[i] = numbers_[last];
-    inner_[i] = inner_[last];
-    was_inner_[i] = was_inner_[last];
+    hosted_[i] = hosted_[last];
+    marks_[i] = marks_[last];
+    marks_before_[i] = marks_before_[last];
+    layers_[i] = layers_[last];
     if (sweeps_) {
       bounds_[i] = bounds_[last];
-      layers_[i] = layers_[last];
       resting_[i] = 0;
     }
     index_[slots_[i]] = i;
   }
   slots_.pop_back();
   bodies_.pop_back();
-  next_hosts_.pop_back();
   numbers_.pop_back();
-  inner_.pop_back();
-  was_inner_.pop_back();
+  hosted_.pop_back();
+  marks_.pop_back();
+  marks_before_.pop_back();
+  layers_.pop_back();
   if (sweeps_) {
     bounds_.pop_back();
-    layers_.pop_back();
     resting_.pop_back();
     present_.pop_back();
   }
@@ -84,10 +84,10 @@ void KnownObjects::clear() noexcept {
   bodies_.clear();
   bounds_.clear();
   layers_.clear();
-  next_hosts_.clear();
   numbers_.clear();
-  inner_.clear();
-  was_inner_.clear();
+  hosted_.clear();
+  marks_.clear();
+  marks_before_.clear();
   resting_.clear();
   present_.clear();
 }

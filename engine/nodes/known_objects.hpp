@@ -43,20 +43,23 @@ class KnownObjects {
   }
 
   /// Adds an object or replaces what is known of it, and says where it is. `inner`: all that its bounds touch is the
-  /// node's. `was`: where it may be, as in find().
+  /// node's. `was`: where it may be, as in find(). `hosted`: where the node hosts it at the time, if it does.
   std::uint32_t set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
-                    ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner, std::uint32_t was = none) {
+                    ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner, std::uint32_t was = none,
+                    std::uint32_t hosted = none) {
     std::uint32_t i = find(object.slot, was);
     if (i == none) [[unlikely]] {
       i = add(object.slot);
     }
+    if (bodies_[i].number != object.number) [[unlikely]] {  // else what does not change is there
+      numbers_[i] = object.number;
+      layers_[i] = static_cast<std::uint8_t>(layer);
+    }
     bodies_[i] = {pose, shape, object.number};
-    next_hosts_[i] = next;
-    numbers_[i] = object.number;
-    inner_[i] = inner ? 1 : 0;
+    marks_[i] = static_cast<std::uint8_t>((inner ? inner_mark : 0) | static_cast<unsigned>(next));
+    hosted_[i] = hosted;
     if (sweeps_) {
       bounds_[i] = bounds;
-      layers_[i] = static_cast<std::uint8_t>(layer);
       resting_[i] = 0;
     }
     return i;
@@ -67,15 +70,19 @@ class KnownObjects {
       fetch_to_read(&index_[slot]);
     }
   }
-  /// Fetches the most of what set() of the i-th will write; nothing if it is none. What it writes in bytes and numbers
-  /// shares its lines with that of many others.
+  /// Fetches what find() where it was will look at, whether it was inner, and the most of what set() of the i-th will
+  /// write; nothing if it is none.
   void fetch(std::uint32_t i) const noexcept {
     if (i < slots_.size()) {
+      fetch_to_read(&slots_[i]);
+      fetch_to_write(&marks_[i]);
+      fetch_to_write(&hosted_[i]);
       fetch_to_write(&bodies_[i]);
       fetch_to_write(reinterpret_cast<const std::byte*>(&bodies_[i] + 1) - 1);
       if (sweeps_) {
         fetch_to_write(&bounds_[i]);
         fetch_to_write(reinterpret_cast<const std::byte*>(&bounds_[i] + 1) - 1);
+        fetch_to_write(&resting_[i]);
       }
     }
   }
@@ -87,12 +94,17 @@ class KnownObjects {
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_.span(); }
   std::uint32_t slot(std::size_t i) const noexcept { return slots_[i]; }
   /// As set() was last told.
-  NextHost next_host(std::size_t i) const noexcept { return next_hosts_[i]; }
-  /// One byte each: whether set() was last told that it is inner. That it is not, is always right, but costs time.
-  std::span<const std::uint8_t> inner() const noexcept { return inner_; }
+  NextHost next_host(std::size_t i) const noexcept { return static_cast<NextHost>(marks_[i] & ~inner_mark); }
+  /// Where the node hosted the i-th when it last set() it, or none.
+  std::uint32_t hosted(std::size_t i) const noexcept { return hosted_[i]; }
+  /// Whether set() was last told that it is inner. That it is not, is always right, but costs time.
+  bool inner(std::size_t i) const noexcept { return (marks_[i] & inner_mark) != 0; }
+  /// One byte each, in which inner_mark says that.
+  std::span<const std::uint8_t> marks() const noexcept { return marks_; }
+  static constexpr unsigned inner_mark = 4;
   /// Likewise, when note_inner() was last called.
-  std::span<const std::uint8_t> was_inner() const noexcept { return was_inner_; }
-  void note_inner() noexcept { std::copy(inner_.begin(), inner_.end(), was_inner_.begin()); }
+  bool was_inner(std::size_t i) const noexcept { return (marks_before_[i] & inner_mark) != 0; }
+  void note_inner() noexcept { std::copy(marks_.begin(), marks_.end(), marks_before_.begin()); }
   /// The number of each; bodies() has them, too, a cache line each.
   std::span<const ObjectNumber> numbers() const noexcept { return numbers_.span(); }
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
@@ -112,10 +124,10 @@ class KnownObjects {
   FlatList<narrow_phase::Body> bodies_;
   FlatList<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> layers_;
-  std::vector<NextHost> next_hosts_;
   FlatList<ObjectNumber> numbers_;
-  std::vector<std::uint8_t> inner_;
-  std::vector<std::uint8_t> was_inner_;
+  FlatList<std::uint32_t> hosted_;
+  std::vector<std::uint8_t> marks_;  ///< NextHost, and inner_mark
+  std::vector<std::uint8_t> marks_before_;
   std::vector<std::uint8_t> resting_;
   std::vector<std::uint8_t> present_;
 };

@@ -1,5 +1,6 @@
 #include "regions/region_map.hpp"
 
+#include <algorithm>
 #include <cassert>
 #include <string>
 
@@ -58,6 +59,81 @@ void RegionMap::find_whole() {
       }
     }
   }
+}
+
+geometry::Bounds RegionMap::interior(NodeNumber node) const {
+  const auto owned = [&](const CellBox& box) {
+    for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
+      for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
+        const std::uint32_t* const row = &table_[grid_.index(box.lower[0], y, z)];
+        if (!std::all_of(row, row + (box.upper[0] - box.lower[0] + 1), [&](std::uint32_t at) { return at == node; })) {
+          return false;
+        }
+      }
+    }
+    return true;
+  };
+  CellBox reach;
+  bool any = false;
+  std::uint32_t some = 0;
+  for (std::uint32_t cell = 0; cell < grid_.cells(); ++cell) {
+    if (table_[cell] != node) {
+      continue;
+    }
+    const CellBox box = grid_.box_of(cell);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      reach.lower[axis] = any ? std::min(reach.lower[axis], box.lower[axis]) : box.lower[axis];
+      reach.upper[axis] = any ? std::max(reach.upper[axis], box.upper[axis]) : box.upper[axis];
+    }
+    any = true;
+    some = cell;
+  }
+  if (!any) {
+    return {{1, 1, 1}, {0, 0, 0}};
+  }
+  const std::uint32_t middle = grid_.index((std::uint32_t{reach.lower[0]} + reach.upper[0]) / 2,
+                                           (std::uint32_t{reach.lower[1]} + reach.upper[1]) / 2,
+                                           (std::uint32_t{reach.lower[2]} + reach.upper[2]) / 2);
+  CellBox box = grid_.box_of(table_[middle] == node ? middle : some);
+  // A side that cannot be moved out by a layer cannot when the box has grown elsewhere.
+  bool stuck[6] = {};
+  for (bool grows = true; grows;) {
+    grows = false;
+    for (std::size_t side = 0; side < 6; ++side) {
+      const std::size_t axis = side / 2;
+      CellBox layer = box;
+      if (side % 2 == 0) {
+        stuck[side] |= box.lower[axis] == 0;
+        layer.lower[axis] = layer.upper[axis] = static_cast<std::uint16_t>(box.lower[axis] - 1);
+      } else {
+        stuck[side] |= box.upper[axis] + 1u == grid_.along(axis);
+        layer.lower[axis] = layer.upper[axis] = static_cast<std::uint16_t>(box.upper[axis] + 1);
+      }
+      stuck[side] = stuck[side] || !owned(layer);
+      if (!stuck[side]) {
+        (side % 2 == 0 ? box.lower : box.upper)[axis] = layer.lower[axis];
+        grows = true;
+      }
+    }
+  }
+  geometry::Bounds bounds;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::uint32_t bits = 32 - grid_.log2[axis];
+    bounds.lower[axis] = static_cast<std::uint32_t>(std::uint64_t{box.lower[axis]} << bits);
+    bounds.upper[axis] = static_cast<std::uint32_t>(((box.upper[axis] + std::uint64_t{1}) << bits) - 1);
+  }
+  return bounds;
+}
+
+Cover RegionMap::cover_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
+  bool some = false;
+  bool all = true;
+  visit_owners(bounds, [&](NodeNumber owner) {
+    some |= owner == node;
+    all &= owner == node;
+    return !some || all;
+  });
+  return !some ? Cover::none : all ? Cover::all : Cover::part;
 }
 
 NodeNumber RegionMap::owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept {

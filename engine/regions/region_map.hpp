@@ -152,15 +152,12 @@ class RegionMap {
     if (const std::uint32_t cell = grid_.index(box.lower[0], box.lower[1], box.lower[2]); is_whole(box, cell)) {
       return table_[cell] == node ? Cover::all : Cover::none;
     }
-    bool some = false;
-    bool all = true;
-    visit_owners(bounds, [&](NodeNumber owner) {
-      some |= owner == node;
-      all &= owner == node;
-      return !some || all;
-    });
-    return !some ? Cover::none : all ? Cover::all : Cover::part;
+    return cover_of_many(bounds, node);
   }
+
+  /// Bounds within which all is `node`'s, or bounds that hold nothing (lower above upper) where no cell is: of a region
+  /// that is a box, the whole, of others the box that a cell in the middle of them grows to. Takes a look at each cell.
+  geometry::Bounds interior(NodeNumber node) const;
 
   /// Replaces the table. Precondition: it is one, its owners are below `nodes`.
   void assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch);
@@ -185,6 +182,7 @@ class RegionMap {
     return (x | y | z) <= 1 && (whole_[cell] >> (x | y << 1 | z << 2) & 1) != 0;
   }
   void find_whole();
+  Cover cover_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept;
   static std::size_t axis_of(std::uint32_t entry) noexcept { return entry >> 29 & 3u; }
   NodeNumber owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept;
 

@@ -252,7 +252,14 @@ TEST_CASE("what a role found itself, in any order, the model is given by (a, b) 
       std::size_t i = 0;
       for (const auto& [key, contact] : own) {
         const auto at = static_cast<std::uint32_t>(std::find(found.begin(), found.end(), key) - found.begin());
-        host.order_own_contact(frame, std::uint64_t{key.first} << 32 | key.second, at);
+        const auto likely_place = [&](ObjectNumber number) {  // known, not known, or somebody else's by now
+          const std::uint64_t draw = random() % 4;
+          return draw == 0   ? NumberIndex::none
+                 : draw == 1 ? static_cast<std::uint32_t>(random() % 80)
+                             : host.find(number);
+        };
+        host.order_own_contact(frame, std::uint64_t{key.first} << 32 | key.second, at, likely_place(key.first),
+                               likely_place(key.second));
         persists[i / 64] |= std::uint64_t{contact.phase == Phase::persist} << (i % 64);
         ++i;
       }

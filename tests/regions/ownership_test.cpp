@@ -193,6 +193,46 @@ TEST_CASE("each owner of what bounds cover is visited once, no other, and each i
   });
 }
 
+TEST_CASE("what lies in the interior of a region is covered by its node alone") {
+  in_worlds(34, [](const RegionMap& map, std::mt19937_64& random) {
+    for (NodeNumber node = 0; node < std::min(map.nodes(), 20u); ++node) {
+      const Bounds interior = map.interior(node);
+      const auto cells = map.table().first(map.grid().cells());
+      const bool any = std::count(cells.begin(), cells.end(), node) != 0;
+      REQUIRE((interior.lower[0] <= interior.upper[0]) == any);
+      for (int round = 0; round < 40; ++round) {
+        Bounds bounds = random_bounds(random, 18 + static_cast<unsigned>(random() % 14));
+        for (int axis = 0; any && round % 2 == 0 && axis < 3; ++axis) {  // most would lie elsewhere
+          const std::uint64_t across = std::uint64_t{interior.upper[axis]} - interior.lower[axis];
+          bounds.lower[axis] = interior.lower[axis] + static_cast<std::uint32_t>(random() % (across + 1));
+          bounds.upper[axis] = round % 4 == 0 ? interior.upper[axis] : bounds.lower[axis];
+        }
+        const bool within = geometry::holds(interior, bounds);
+        REQUIRE(within == (interior.lower[0] <= bounds.lower[0] && bounds.upper[0] <= interior.upper[0] &&
+                           interior.lower[1] <= bounds.lower[1] && bounds.upper[1] <= interior.upper[1] &&
+                           interior.lower[2] <= bounds.lower[2] && bounds.upper[2] <= interior.upper[2]));
+        if (within) REQUIRE(map.cover(bounds, node) == Cover::all);
+      }
+    }
+  });
+}
+
+TEST_CASE("the interior of a region that is a box is the whole of it") {
+  for (const NodeNumber nodes : {1u, 2u, 4u, 8u, 16u}) {
+    CAPTURE(nodes);
+    const CellGrid grid{{4, 4, 4}};
+    const RegionMap map(grid, nodes);
+    for (NodeNumber node = 0; node < nodes; ++node) {
+      const Bounds interior = map.interior(node);
+      double volume = 1;
+      for (int axis = 0; axis < 3; ++axis) {
+        volume *= static_cast<double>(std::uint64_t{interior.upper[axis]} - interior.lower[axis] + 1) / 4294967296.0;
+      }
+      CHECK(volume == 1.0 / nodes);
+    }
+  }
+}
+
 TEST_CASE("every cell of a grid has an index of its own, in rows along x") {
   const CellGrid grid{{3, 2, 4}};
   std::set<std::uint32_t> seen;
