@@ -8,24 +8,38 @@
 namespace ringfence::nodes {
 namespace {
 
-constexpr unsigned digit_bits = 11;
-constexpr std::size_t digits = std::size_t{1} << digit_bits;
+constexpr unsigned most_digit_bits = 11;
 constexpr std::size_t few = 64;  // below this, comparing is cheaper than clearing one histogram
 
-/// One stable pass from `from` to `to` by the digit that `digit_of` names.
+/// One stable pass from `from` to `to` by the digit that `digit_of` names, which is below `digits`.
 template <class Entry, class Digit>
-void scatter(const FlatList<Entry>& from, FlatList<Entry>& to, Digit digit_of) {
-  std::array<std::uint32_t, digits> begin{};
+void scatter(const FlatList<Entry>& from, FlatList<Entry>& to, std::size_t digits, Digit digit_of) {
+  std::array<std::uint32_t, std::size_t{1} << most_digit_bits> begin;
+  std::fill_n(begin.begin(), digits, 0u);
   for (const Entry& entry : from) {
     ++begin[digit_of(entry)];
   }
   std::uint32_t sum = 0;
-  for (std::uint32_t& place : begin) {
-    sum += std::exchange(place, sum);
+  for (std::size_t digit = 0; digit < digits; ++digit) {
+    sum += std::exchange(begin[digit], sum);
   }
   for (const Entry& entry : from) {
     to[begin[digit_of(entry)]++] = entry;
   }
+}
+
+/// Sorts what is nearly in order. False, and it is not sorted yet, where that takes more than a few moves an entry.
+bool insert_all(FlatList<std::uint64_t>& entries) noexcept {
+  std::size_t moves = 4 * entries.size();
+  for (std::size_t i = 1; i < entries.size(); ++i) {
+    const std::uint64_t entry = entries[i];
+    std::size_t at = i;
+    for (; at > 0 && entries[at - 1] > entry && moves > 0; --at, --moves) {
+      entries[at] = entries[at - 1];
+    }
+    entries[at] = entry;
+  }
+  return moves > 0;
 }
 
 }  // namespace
@@ -61,9 +75,23 @@ void ContactOrder::sort_narrow(unsigned a_bits, unsigned b_bits) {
     std::sort(entries_.begin(), entries_.end());
     return;
   }
+  // By as many of the upper bits as make most entries differ, the rest by insertion; by all of them where a few numbers
+  // have most of the contacts.
+  const auto needed = std::min(a_bits + b_bits, static_cast<unsigned>(std::bit_width(entries_.size())) + 2);
+  sort_narrow_by(index_bits_ + a_bits + b_bits - needed, index_bits_ + a_bits + b_bits);
+  if (!insert_all(entries_)) {
+    sort_narrow_by(index_bits_, index_bits_ + a_bits + b_bits);
+  }
+}
+
+// In as few passes as that takes, each of as few digits as that takes.
+void ContactOrder::sort_narrow_by(unsigned first_bit, unsigned end_bit) {
   other_.resize(entries_.size());
-  for (unsigned shift = index_bits_; shift < index_bits_ + a_bits + b_bits; shift += digit_bits) {
-    scatter(entries_, other_, [shift](std::uint64_t entry) { return entry >> shift & (digits - 1); });
+  const unsigned passes = (end_bit - first_bit + most_digit_bits - 1) / most_digit_bits;
+  const unsigned bits = passes == 0 ? 0 : (end_bit - first_bit + passes - 1) / passes;
+  const std::uint64_t mask = (std::uint64_t{1} << bits) - 1;
+  for (unsigned shift = first_bit; shift < end_bit; shift += bits) {
+    scatter(entries_, other_, mask + 1, [shift, mask](std::uint64_t entry) { return entry >> shift & mask; });
     std::swap(entries_, other_);
   }
 }
@@ -79,11 +107,13 @@ void ContactOrder::sort_wide(std::uint64_t differs) {
     return;
   }
   wide_other_.resize(keys_.size());
-  for (unsigned shift = 0; shift < 64; shift += digit_bits) {
+  constexpr std::size_t digits = std::size_t{1} << most_digit_bits;
+  for (unsigned shift = 0; shift < 64; shift += most_digit_bits) {
     if ((differs >> shift & (digits - 1)) == 0) {
       continue;
     }
-    scatter(wide_entries_, wide_other_, [shift](const WideEntry& entry) { return entry.key >> shift & (digits - 1); });
+    scatter(wide_entries_, wide_other_, digits,
+            [shift](const WideEntry& entry) { return entry.key >> shift & (digits - 1); });
     std::swap(wide_entries_, wide_other_);
   }
 }

@@ -10,9 +10,10 @@ namespace ringfence::nodes {
 
 /// Puts contacts in the one order that files, merges and models rely on: by (a, b).
 ///
-/// Radix sort, 11 bits a pass, of as many bits of the two numbers as differ. Where these and a contact's position fit
-/// 64 bits, as in every world that is numbered from 1 up to millions of objects, eight bytes are sorted, else sixteen.
-/// Memory: 40 bytes a contact at most, kept. Belongs to one role.
+/// Radix sort, at most 11 bits a pass, of as many bits of the two numbers as differ; of as many of these as there are
+/// contacts to tell apart, where that leaves little to be put right by insertion. Where the bits and a contact's
+/// position fit 64 bits, as in every world that is numbered from 1 up to millions of objects, eight bytes are sorted,
+/// else sixteen. Memory: 40 bytes a contact at most, kept. Belongs to one role.
 class ContactOrder {
  public:
   static constexpr std::uint64_t key(ObjectNumber a, ObjectNumber b) noexcept { return std::uint64_t{a} << 32 | b; }
@@ -46,6 +47,7 @@ class ContactOrder {
   };
 
   void sort_narrow(unsigned a_bits, unsigned b_bits);
+  void sort_narrow_by(unsigned first_bit, unsigned end_bit);
   void sort_wide(std::uint64_t differs);
 
   FlatList<std::uint64_t> keys_;  ///< in the order of add
