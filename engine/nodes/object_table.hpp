@@ -118,6 +118,13 @@ class ObjectTable {
     }
   }
 
+  /// Fetches what giving it to its next host takes.
+  void fetch_host(std::uint32_t slot) const noexcept {
+    fetch_to_read(&rows_[slot].pose);
+    fetch_to_write(&marks_[slot]);
+    fetch_to_write(&hosts_[slot]);
+  }
+
   /// Fetches what telling nodes of it takes.
   void fetch_bounds(std::uint32_t slot) const noexcept {
     fetch_to_write(&bounds_[slot]);

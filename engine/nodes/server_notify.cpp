@@ -35,8 +35,10 @@ void ServerRole::next_hosts() {
       follow(slot);
     }
   } else {
-    for (const std::uint32_t slot : leaving_) {
-      follow(slot);
+    constexpr std::size_t ahead = 8;  // they lie anywhere
+    for (std::size_t i = 0; i < leaving_.size(); ++i) {
+      objects_.fetch_host(leaving_[std::min(i + ahead, leaving_.size() - 1)]);
+      follow(leaving_[i]);
     }
   }
 }
