@@ -1,5 +1,5 @@
 // What a CD node shares of what it found, and what it does with what all have.
-#include <algorithm>
+#include <cstring>
 
 #include "nodes/cd_node_role.hpp"
 #include "nodes/fetch.hpp"
@@ -83,11 +83,7 @@ void CdNodeRole::finish_contacts() {
   }
   Findings& findings = *findings_;
   if (keeps_contacts()) {
-    const std::uint8_t* const begun = findings.begun.begin();
-    const std::uint8_t* const end = findings.begun.end();
-    for (const std::uint8_t* at = std::find(begun, end, 1); at != end; at = std::find(at + 1, end, 1)) {
-      host_.confirm_begin(frame_, findings.found[static_cast<std::size_t>(at - begun)].touch);
-    }
+    confirm_begins();
   }
   if (!findings.gate.enter()) {
     return;  // lost, and what the others share is not for this frame any more
@@ -97,6 +93,27 @@ void CdNodeRole::finish_contacts() {
     take_from_peers();
   }
   findings.gate.leave();
+}
+
+// Few, and they lie anywhere.
+void CdNodeRole::confirm_begins() {
+  const Findings& findings = *findings_;
+  FlatList<std::uint32_t>& begins = listing_scratch_.begins;
+  begins.clear();
+  const std::uint8_t* const begun = findings.begun.data();
+  const std::size_t count = findings.begun.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    const void* const next = std::memchr(begun + i, 1, count - i);
+    if (next == nullptr) {
+      break;
+    }
+    i = static_cast<std::size_t>(static_cast<const std::uint8_t*>(next) - begun);
+    begins.push_back(findings.found[i].touch);
+    host_.fetch_own_contact(frame_, begins.back());
+  }
+  for (const std::uint32_t touch : begins) {
+    host_.confirm_begin(frame_, touch);
+  }
 }
 
 void CdNodeRole::take_from_peers() {

@@ -119,6 +119,7 @@ class CdNodeRole {
   /// Whether the node's model will look at what it found.
   bool keeps_contacts() const noexcept { return setup_.hosts && host_.uses_contacts(); }
   void finish_contacts();
+  void confirm_begins();
   void take_from_peers();
   NextHost next_host(const messages::PositionRecord& record) const noexcept;
   bool is_at_home(const Vec3d& position) const noexcept;

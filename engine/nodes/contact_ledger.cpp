@@ -116,7 +116,7 @@ void ContactLedger::compare_borders() {
       ending_order_.add(key);
     }
     endings_.push_back(findings.ending.span());
-    began_ += findings.beginnings;
+    began_ += findings.beginning.size();
     ends_ += findings.ending.size();
   }
   order_.sort();

@@ -1,6 +1,9 @@
 #include "nodes/findings.hpp"
 
+#include <algorithm>
 #include <utility>
+
+#include "nodes/fetch.hpp"
 
 namespace ringfence::nodes {
 
@@ -14,13 +17,53 @@ void Findings::start(std::uint64_t new_frame) {
   keys.clear();
   found.clear();
   begun.clear();
-  beginnings = 0;
+  beginning.clear();
   border_beginning.clear();
   ending.clear();
+  ending_at.clear();
   border_ending.clear();
   outer.clear();
   outer_ending.clear();
   for_peers.clear();
+}
+
+// Most go on, so they are passed over in runs. What is noted of those that do not is looked at afterwards: it is not in
+// the cache.
+void Findings::compare_keys() {
+  begun.resize(keys.size());
+  std::fill(begun.begin(), begun.end(), std::uint8_t{0});
+  const std::uint64_t* const now = keys.data();
+  const std::uint64_t* const before = keys_before.data();
+  const auto count = static_cast<std::uint32_t>(keys.size());
+  const auto olds = static_cast<std::uint32_t>(keys_before.size());
+  std::uint32_t i = 0;
+  std::uint32_t old = 0;
+  std::size_t next = 0;
+  for (;;) {
+    while (i < count && old < olds && now[i] == before[old]) {
+      ++i;
+      ++old;
+    }
+    if (old < olds && (i == count || before[old] < now[i])) {
+      const std::uint64_t key = before[old];
+      fetch_to_read(&found_before[old]);
+      ending.push_back(key);
+      ending_at.push_back(old);
+      while (next < outer_before.size() && outer_before[next].key < key) {
+        ++next;
+      }
+      if (next < outer_before.size() && outer_before[next].key == key) {
+        outer_ending.push_back(outer_before[next]);
+      }
+      ++old;
+    } else if (i < count) {
+      begun[i] = 1;
+      beginning.push_back(i);
+      ++i;
+    } else {
+      break;
+    }
+  }
 }
 
 }  // namespace ringfence::nodes

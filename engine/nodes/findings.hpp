@@ -83,9 +83,10 @@ struct Findings {
   std::uint64_t frame_before = no_frame;               ///< that the next is of
   FlatList<std::uint64_t> keys_before;                 ///< what the node found in it, ascending
   FlatList<FoundContact> found_before;                 ///< parallel to keys_before
-  std::size_t beginnings = 0;                          ///< how many of keys are not among keys_before
+  FlatList<std::uint32_t> beginning;                   ///< positions of those of keys that are not among keys_before
   FlatList<BorderContact> border_beginning;            ///< those that another node may have found before, by key
   FlatList<std::uint64_t> ending;                      ///< those of keys_before that are not among keys, ascending
+  FlatList<std::uint32_t> ending_at;                   ///< parallel to it: their positions in keys_before
   FlatList<std::uint64_t> border_ending;               ///< those that another node may have found now, ascending
   FlatList<OuterContact> outer;                        ///< by key
   FlatList<OuterContact> outer_before;                 ///< of the frame before
@@ -178,6 +179,7 @@ struct Findings {
   }
 
  private:
+  void compare_keys();
   static Vec3d in_world(const narrow_phase::PairContact& touch, const narrow_phase::Body& a) noexcept {
     const Vec3d& origin = a.pose.position;
     return {origin.x + static_cast<double>(touch.point.x), origin.y + static_cast<double>(touch.point.y),
@@ -187,41 +189,16 @@ struct Findings {
 
 template <class WasAlone, class IsAlone>
 void Findings::compare(WasAlone was_alone, IsAlone is_alone) {
-  std::size_t old = 0;
-  const std::size_t olds = keys_before.size();
-  std::size_t next = 0;
-  const auto end = [&] {
-    const std::uint64_t key = keys_before[old];
-    ending.push_back(key);
-    if (!is_alone(key, found_before[old])) {
-      border_ending.push_back(key);
-    }
-    while (next < outer_before.size() && outer_before[next].key < key) {
-      ++next;
-    }
-    if (next < outer_before.size() && outer_before[next].key == key) {
-      outer_ending.push_back(outer_before[next]);
-    }
-  };
-  begun.resize(keys.size());
-  for (std::uint32_t i = 0; i < keys.size(); ++i) {
-    const std::uint64_t key = keys[i];
-    for (; old < olds && keys_before[old] < key; ++old) {
-      end();
-    }
-    const bool begins = old == olds || keys_before[old] != key;
-    begun[i] = begins ? 1 : 0;
-    if (!begins) {
-      ++old;
-      continue;
-    }
-    ++beginnings;
-    if (!was_alone(found[i])) {
-      border_beginning.push_back({key, i});
+  compare_keys();
+  for (const std::uint32_t position : beginning) {
+    if (!was_alone(found[position])) {
+      border_beginning.push_back({keys[position], position});
     }
   }
-  for (; old < olds; ++old) {
-    end();
+  for (const std::uint32_t position : ending_at) {
+    if (!is_alone(keys_before[position], found_before[position])) {
+      border_ending.push_back(keys_before[position]);
+    }
   }
 }
 

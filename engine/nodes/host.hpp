@@ -114,6 +114,9 @@ class Host {
   void confirm_begin(std::uint64_t frame, std::uint32_t contact) noexcept {
     lists_[frame & 1].contacts[contact].phase = Phase::begin;
   }
+  void fetch_own_contact(std::uint64_t frame, std::uint32_t contact) const noexcept {
+    fetch_to_write(&lists_[frame & 1].contacts[contact].phase);
+  }
   /// Adds the next contact of C(frame) that the role was told, in order of (a, b). Ended ones are kept for whoever
   /// asks, not for the model.
   void add_contact(std::uint64_t frame, const Contact& contact) { lists_[frame & 1].add(contact); }

@@ -51,6 +51,8 @@ void write_ended(const Listing& listing, std::size_t share, ListingScratch& scra
     assert(listing.keys_before[old] == key);
     scratch.ended[at - begin] = old;
     Findings::fetch_lines(listing.contacts_before[old]);
+    fetch_to_write(listing.ended + at);
+    fetch_to_write(reinterpret_cast<const std::byte*>(listing.ended + at) + 64);
     listing.ended_keys[at++] = key;
   }
   for (std::size_t i = begin; i < at; ++i) {
@@ -77,6 +79,7 @@ void ListingScratch::reserve(std::size_t contacts) {
   order.reserve(contacts);
   ended_order.reserve(contacts);
   ended.reserve(contacts);
+  begins.reserve(contacts);
 }
 
 std::uint64_t write_stretch(const Listing& listing, std::size_t share, ListingScratch& scratch) {
@@ -110,7 +113,9 @@ std::uint64_t write_stretch(const Listing& listing, std::size_t share, ListingSc
     const auto keys = listing.findings[node]->keys.span();
     std::size_t next = below(keys, first_key);
     at += next;
+    const FoundContact* const found = listing.findings[node]->found.data();
     for (; next < keys.size() && keys[next] < end_key; ++next) {
+      fetch_to_read(found + next);  // here one after the other, later here and there
       order.add(node, static_cast<std::uint32_t>(next), keys[next]);
     }
   }

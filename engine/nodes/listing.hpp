@@ -36,11 +36,12 @@ struct Listing {
   std::uint64_t key_at(std::size_t share) const noexcept;
 };
 
-/// What writing a stretch takes; the writer's own.
+/// What writing a stretch takes, and other work on what was found; the writer's own.
 struct ListingScratch {
   FindingsOrder order;
   ContactOrder ended_order;
   FlatList<std::size_t> ended;  ///< places in the frame before
+  FlatList<std::uint32_t> begins;
 
   void reserve(std::size_t contacts);
 };

@@ -152,7 +152,7 @@ class Run {
     shown.ended += gone.size();
     for (NodeNumber node = 0; node < theatre_.nodes() && theatre_.play().shares_memory; ++node) {
       const Findings& findings = *theatre_.findings(node);
-      shown.alone += findings.beginnings + findings.ending.size() - findings.border_beginning.size() -
+      shown.alone += findings.beginning.size() + findings.ending.size() - findings.border_beginning.size() -
                      findings.border_ending.size();
     }
     before_ = now;
