@@ -19,18 +19,72 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::broad_phase::HWY_NAMESPACE {
 
-// What a box of another grid is to be compared with, and what it looks for there.
+#if HWY_TARGET == HWY_SCALAR
+
+// The cells that a box of another grid looks into.
+class CellsOf {
+ public:
+  explicit CellsOf(const RowLayout& rows) : rows_(rows) {}
+
+  // The first and the last on each axis, counted from the world's start; 0 on an axis without cells. Whether the box is
+  // within the level's limit.
+  bool operator()(const GridBox& box, std::uint32_t (&first)[4], std::uint32_t (&last)[4]) const {
+    bool fits = true;
+    for (std::size_t a = 0; a < 3; ++a) {
+      const std::uint32_t limit = rows_.limit[a];
+      first[a] = (std::max(box.lower[a], limit) - limit) >> rows_.cell_shift[a] & rows_.partitioned[a];
+      last[a] = box.upper[a] >> rows_.cell_shift[a] & rows_.partitioned[a];
+      fits &= box.upper[a] - box.lower[a] <= limit;
+    }
+    return fits;
+  }
+
+ private:
+  const RowLayout& rows_;
+};
+
+#else
+
+// The cells that a box of another grid looks into.
+class CellsOf {
+ public:
+  explicit CellsOf(const RowLayout& rows)
+      : shift_(hn::LoadU(Corner(), rows.cell_shift)), partitioned_(hn::LoadU(Corner(), rows.partitioned)) {
+    const std::uint32_t limit[4] = {rows.limit[0], rows.limit[1], rows.limit[2], 0xffffffff};
+    limit_ = hn::LoadU(Corner(), limit);
+  }
+
+  // The first and the last on each axis, counted from the world's start; 0 on an axis without cells. Whether the box is
+  // within the level's limit.
+  HWY_INLINE bool operator()(const GridBox& box, std::uint32_t (&first)[4], std::uint32_t (&last)[4]) const {
+    const Corner d;
+    const auto lower = hn::Load(d, box.lower), upper = hn::Load(d, box.upper);
+    const auto start = hn::Sub(hn::Max(lower, limit_), limit_);
+    hn::StoreU(hn::And(hn::Shr(start, shift_), partitioned_), d, first);
+    hn::StoreU(hn::And(hn::Shr(upper, shift_), partitioned_), d, last);
+    const auto extent = hn::Sub(upper, lower);
+    return hn::AllTrue(d, hn::Eq(hn::Min(extent, limit_), extent));
+  }
+
+ private:
+  hn::Vec<Corner> shift_, partitioned_, limit_;
+};
+
+#endif
+
+// What a box of another grid is to be compared with, and the code that it looks for there.
 struct Question {
-  Sought sought;
+  std::uint64_t code;
   Window window;
 };
 
 // For the boxes that are larger than the limit, of which a code says nothing, or whose cells wrap around.
 template <bool layered>
-std::size_t query_any(const RowGrid& b, std::uint32_t i, Sought sought, bool fits, const Neighbourhood& near,
-                      Finds finds, std::size_t found) {
+HWY_NOINLINE std::size_t query_any(const RowGrid& b, std::uint32_t i, const GridBox& box, Sought sought, bool fits,
+                                   Finds finds, std::size_t found) {
   const RowLayout& rows = b.layout;
   const std::uint32_t* const cell_end = b.cell_end.data() + 1;
+  const Neighbourhood near(rows, box.lower, box.upper);
   const std::uint32_t x_end = near.x.first + near.x.count - 1, x_mask = rows.cell_mask[0];
   const auto take = [&](std::uint32_t first, std::uint32_t end) HWY_ATTR {
     if (fits) {
@@ -64,6 +118,9 @@ void query_where(const RowGrid& a, std::uint32_t first, std::uint32_t last, cons
     drain(a, b, found, sink);
     found = 0;
   };
+  const CellsOf cells_of(rows);
+  const std::uint32_t x_mask = rows.cell_mask[0], y_mask = rows.cell_mask[1], z_mask = rows.cell_mask[2];
+  const std::uint32_t y_to = rows.x_bits, z_to = rows.x_bits + rows.y_bits;
   // As in the sweep, no branch on where a box lies: it fills up to four windows, and those are scanned in a row.
   constexpr std::uint32_t block = 256;
   Question questions[4 * block];
@@ -72,26 +129,32 @@ void query_where(const RowGrid& a, std::uint32_t first, std::uint32_t last, cons
     std::uint32_t count = 0;
     for (std::uint32_t i = begin; i < end; ++i) {
       const GridBox& box = a.boxes[a.entries[i].box];
-      const bool fits = b.holds(box);
-      const Neighbourhood near(rows, box.lower, box.upper);
-      const Sought sought{swap_halves(encode.quantise(box)), layers_sought<layered>(a, i)};
-      const std::uint32_t x_end = near.x.first + near.x.count - 1;
-      if (HWY_UNLIKELY(!fits || x_end > rows.cell_mask[0])) {
-        found = query_any<layered>(b, i, sought, fits, near, finds, found);
+      std::uint32_t from[4], to[4];
+      const bool fits = cells_of(box, from, to);
+      const std::uint64_t code = swap_halves(encode.quantise(box));
+      if (HWY_UNLIKELY(!fits || (from[0] ^ to[0]) > x_mask)) {
+        found = query_any<layered>(b, i, box, {code, layers_sought<layered>(a, i)}, fits, finds, found);
         drain_full();
         continue;
       }
       // At most two rows and two slabs: they are two limits deep, and so is what is looked at.
-      for (std::uint32_t k = 0; k < 4; ++k) {
-        const std::uint32_t dy = k & 1, dz = k >> 1;
-        const std::uint32_t row = near.row_key(rows, dy, dz);
-        questions[count] = {sought,
-                            {i, cell_end[static_cast<std::int64_t>(row + near.x.first) - 1], cell_end[row + x_end]}};
-        count += (dy < near.y.count) & (dz < near.z.count);
-      }
+      const std::uint32_t y[2] = {(from[1] & y_mask) << y_to, (to[1] & y_mask) << y_to};
+      const std::uint32_t z[2] = {(from[2] & z_mask) << z_to, (to[2] & z_mask) << z_to};
+      const std::uint32_t x_first = from[0] & x_mask, x_last = to[0] & x_mask;
+      const std::uint32_t two_rows = from[1] != to[1], two_slabs = from[2] != to[2];
+      const auto ask = [&](std::uint32_t row, std::uint32_t wanted) HWY_ATTR {
+        questions[count] = {code, {i, cell_end[static_cast<std::int64_t>(row + x_first) - 1], cell_end[row + x_last]}};
+        count += wanted;
+      };
+      ask(y[0] | z[0], 1);
+      ask(y[1] | z[0], two_rows);
+      ask(y[0] | z[1], two_slabs);
+      ask(y[1] | z[1], two_rows & two_slabs);
     }
     for (std::uint32_t k = 0; k < count; ++k) {
-      found = scan<layered>(columns, questions[k].sought, questions[k].window, finds, found);
+      const Window& window = questions[k].window;
+      found =
+          scan<layered>(columns, {questions[k].code, layers_sought<layered>(a, window.asker)}, window, finds, found);
       drain_full();
     }
   }

@@ -70,9 +70,12 @@ class Limit {
   RowLayout rows_;
 };
 
-HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, const Limit& limit, GridBox& to) {
+HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, std::uint32_t slot, const Limit& limit,
+                                        GridBox& to) {
   std::memcpy(to.lower, b.lower, sizeof to.lower);
   std::memcpy(to.upper, b.upper, sizeof to.upper);
+  to.slot = slot;
+  to.guard = GridBox::present;
   return limit.holds(b);
 }
 
@@ -80,7 +83,7 @@ HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, const Limit& 
 
 class Limit {
  public:
-  explicit Limit(const RowLayout& rows) {
+  explicit Limit(const RowLayout& rows) : corner_(hn::FirstN(Corner(), 3)) {
     const std::uint32_t limit[4] = {rows.limit[0], rows.limit[1], rows.limit[2], 0xffffffff};
     limit_ = hn::LoadU(Corner(), limit);
   }
@@ -88,18 +91,28 @@ class Limit {
     const auto extent = hn::Sub(upper, lower);
     return hn::AllTrue(Corner(), hn::Eq(hn::Min(extent, limit_), extent));
   }
+  HWY_INLINE hn::Vec<Corner> with_fourth(hn::Vec<Corner> corner, std::uint32_t fourth) const {
+    return hn::IfThenElse(corner_, corner, hn::Set(Corner(), fourth));
+  }
 
  private:
   hn::Vec<Corner> limit_;
+  hn::Mask<Corner> corner_;
 };
 
-// Writes all of `to`; slot and guard are the caller's to overwrite.
-HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, const Limit& limit, GridBox& to) {
+HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, std::uint32_t slot, const Limit& limit,
+                                        GridBox& to) {
   const Corner d;
-  const auto lower = hn::LoadU(d, b.lower);                       // and upper x
-  const auto upper = hn::Shuffle0321(hn::LoadU(d, b.lower + 2));  // lower z moved behind
+  const auto lower = limit.with_fourth(hn::LoadU(d, b.lower), slot);
+  const auto upper = limit.with_fourth(hn::Shuffle0321(hn::LoadU(d, b.lower + 2)), GridBox::present);
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX2
+  // One store in place of four.
+  const hn::FixedTag<std::uint32_t, 8> both;
+  hn::Store(hn::Combine(both, upper, lower), both, to.lower);
+#else
   hn::Store(lower, d, to.lower);
   hn::Store(upper, d, to.upper);
+#endif
   return limit.holds(lower, upper);
 }
 
@@ -117,10 +130,7 @@ std::size_t stage_where(RowGrid& grid, const geometry::Bounds* bounds, const std
   std::uint8_t* const staged_layers = grid.staged_layers.data();
   std::uint32_t* refused = larger;
   const KeyOf key_of(rows);
-  for (std::size_t k = 0; k < count; ++k) {
-    const std::uint32_t slot = slots[k];
-    // Where few of many move, and from page to page, the processor does not foresee it.
-    __builtin_prefetch(bounds + slots[std::min(k + 40, count - 1)]);
+  const auto put = [&](std::uint32_t slot) HWY_ATTR {
     const geometry::Bounds& b = bounds[slot];
     const std::uint32_t key = key_of(b);
     std::uint32_t& next = cursor[key >> bucket_shift];
@@ -130,14 +140,21 @@ std::size_t stage_where(RowGrid& grid, const geometry::Bounds* bounds, const std
     __builtin_prefetch(keys + at + 16, 1);
     keys[at] = key;
     if constexpr (layered) staged_layers[at] = layers[slot];
-    const std::uint32_t fits = copy_if_within(b, limit, boxes[at]);
-    boxes[at].slot = slot;
-    boxes[at].guard = GridBox::present;
-    *refused = slot;
-    refused += 1 - fits;
-    next = at + fits;
-    if (HWY_UNLIKELY(((at + 1) & (RowGrid::chunk - 1)) == 0) && fits != 0) next = grid.add_chunk(at / RowGrid::chunk);
+    if (HWY_UNLIKELY(!copy_if_within(b, slot, limit, boxes[at]))) {
+      *refused++ = slot;
+      return;
+    }
+    next = at + 1;
+    if (HWY_UNLIKELY((next & (RowGrid::chunk - 1)) == 0)) next = grid.add_chunk(at / RowGrid::chunk);
+  };
+  // Where few of many move, and from page to page, the processor does not foresee what comes next.
+  constexpr std::size_t ahead = 40;
+  std::size_t k = 0;
+  for (; k + ahead < count; ++k) {
+    __builtin_prefetch(bounds + slots[k + ahead]);
+    put(slots[k]);
   }
+  for (; k < count; ++k) put(slots[k]);
   return static_cast<std::size_t>(refused - larger);
 }
 
