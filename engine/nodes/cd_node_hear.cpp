@@ -140,14 +140,10 @@ void CdNodeRole::hear_owners(const MessageView& message) {
     map_.assign(new_map_, static_cast<std::uint32_t>(setup_.peers.size()), message.header().epoch);
     interior_ = map_.interior(setup_.node);
     new_map_.clear();
-    // Under a new map the server tells everyone of everything in its region anew.
+    // Under a new map everyone is told of everything in its region anew: by the server, or by hosts of what they host.
     known_.clear();
     map_is_new_ = true;
-    // Under a map that is drawn at the end of a frame regions may shrink; where nodes were lost they only grow, and
-    // what nobody else had to know of stays so.
-    if (stage_ == Stage::ending) {
-      host_.forget_kept();
-    }
+    host_.list_all(stage_ == Stage::ending && findings_->hosts_tell);
   }
 }
 

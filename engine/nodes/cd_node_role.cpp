@@ -187,7 +187,7 @@ void CdNodeRole::place_batch() {
     if (host_.differs()[i]) {
       place(i);
     } else {
-      tell_resting(i);
+      rest(i);
     }
     told_changes_ += tells_[i] ? 1 : 0;
   }
@@ -200,14 +200,33 @@ void CdNodeRole::note_cells() {
   }
 }
 
-// The i-th of the batch is where it was, and its state has been kept from the server so far.
-void CdNodeRole::tell_resting(std::size_t i) {
-  const std::uint32_t known = known_.find(host_[changed_[i]].object.slot);
-  const bool inner = known != KnownObjects::none && known_.inner(known);
+// The i-th of the batch is where it was. The server is told if its state has been kept from it so far; else it is
+// listed because under a new map nobody knows it yet.
+void CdNodeRole::rest(std::size_t i) {
+  const std::uint32_t hosted = changed_[i];
+  const Hosted& object = host_[hosted];
+  const geometry::Bounds& bounds = changed_bounds_[i];
+  const std::uint32_t was = known_.find(object.object.slot, host_.place_in_list(hosted));
+  bool inner = was != KnownObjects::none && known_.inner(was);
+  if (was == KnownObjects::none && (object.object.flags & messages::flag_present) != 0) {
+    const regions::Cover cover = cover_of(bounds);
+    inner = cover == regions::Cover::all;
+    if (!inner) {
+      tell_peers(object, bounds, true, was);
+    }
+    if (cover != regions::Cover::none) {
+      host_.set_place_in_list(hosted, known_.set(object.object, object.pose, bounds, object.shape, object.layer,
+                                                 NextHost::self, inner, was, hosted));
+    }
+  }
+  tells_[i] = (object.object.flags & messages::flag_kept) != 0;
   changed_flags_[i] =
       messages::flag_present | messages::flag_staying | messages::flag_rests | (inner ? messages::flag_inner : 0u);
-  tells_[i] = true;
-  host_.keep(changed_[i], false);
+  host_.keep(hosted, false);
+}
+
+regions::Cover CdNodeRole::cover_of(const geometry::Bounds& bounds) const noexcept {
+  return geometry::holds(interior_, bounds) ? regions::Cover::all : map_.cover(bounds, setup_.node);
 }
 
 // Where the i-th of the batch stands by the map as it is, and whether anybody need be told.
@@ -218,9 +237,7 @@ void CdNodeRole::place(std::size_t i) {
   const std::uint32_t* const point = changed_points_[i].at;
   const bool present = (object.object.flags & messages::flag_present) != 0;
   const bool was_kept = (object.object.flags & messages::flag_kept) != 0;
-  const regions::Cover cover = !present                             ? regions::Cover::none
-                               : geometry::holds(interior_, bounds) ? regions::Cover::all
-                                                                    : map_.cover(bounds, setup_.node);
+  const regions::Cover cover = present ? cover_of(bounds) : regions::Cover::none;
   const bool inner = cover == regions::Cover::all;
   const bool within = geometry::holds(bounds, point);
   // Most stand within their bounds, and those within the region: then nobody need look whose cell it is.

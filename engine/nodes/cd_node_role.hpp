@@ -87,7 +87,8 @@ class CdNodeRole {
   bool move();
   void bound_batch();
   void place_batch();
-  void tell_resting(std::size_t i);
+  void rest(std::size_t i);
+  regions::Cover cover_of(const geometry::Bounds& bounds) const noexcept;
   void place(std::size_t i);
   void tell_own_move(std::size_t i, std::byte* where);
   void note_cells();

@@ -31,14 +31,21 @@ void Dispatch::resize(std::size_t nodes) {
   stamps_.resize(nodes, 0);
 }
 
-void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map, bool everything) {
+void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map, Telling telling) {
   for (auto& updates : updates_) {
     updates.clear();
   }
-  if (everything) {
+  const auto is_anew = [&](std::uint32_t slot) {
+    return telling == Telling::everything || (telling == Telling::not_hosted && !objects.host(slot).is_node());
+  };
+  if (telling != Telling::changes) {
     for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
-      list_update(objects, map, slot, true);
+      if (is_anew(slot)) {
+        list_update(objects, map, slot, true);
+      }
     }
+  }
+  if (telling == Telling::everything) {
     return;
   }
   constexpr std::size_t ahead = 8;
@@ -47,7 +54,9 @@ void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map,
     if (i + ahead < untold.size()) {
       objects.fetch_bounds(untold[i + ahead]);
     }
-    list_update(objects, map, untold[i], false);
+    if (!is_anew(untold[i])) {
+      list_update(objects, map, untold[i], false);
+    }
   }
 }
 

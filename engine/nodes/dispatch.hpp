@@ -28,9 +28,14 @@ class Dispatch {
   /// Between frames: from now on there are so many nodes.
   void resize(std::size_t nodes);
 
-  /// Lists who is told of what moved and was not passed over; with `everything`, of every present object anew (the map
-  /// has changed).
-  void list_updates(ObjectTable& objects, const regions::RegionMap& map, bool everything);
+  /// What nodes are told of.
+  enum class Telling : std::uint8_t {
+    changes,     ///< what moved and was not passed over
+    not_hosted,  ///< that, and every present object anew that no node hosts: the map has changed, and hosts do the same
+    everything,  ///< every present object anew: the map has changed
+  };
+  /// Lists who is told.
+  void list_updates(ObjectTable& objects, const regions::RegionMap& map, Telling telling);
   /// Starts sending what was listed.
   void start();
   /// Sends as much as the links take; true when all is sent. With Placement::server it then sweeps all objects and

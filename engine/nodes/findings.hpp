@@ -100,6 +100,7 @@ struct Findings {
   const Listing* listing = nullptr;  ///< of which the node writes a stretch
   std::uint32_t share = 0;           ///< which
   bool peers_tell = false;           ///< nodes take what concerns them from for_peers; else the server tells them
+  bool hosts_tell = false;           ///< with a map that is told now: nodes tell each other all that they host under it
   Gate gate;                         ///< to the findings of others, before `frame_end`
 
   // The node's last part, before `told`.

@@ -289,7 +289,7 @@ void Host::begin_move(std::uint64_t frame) {
   next_moved_ = 0;
   changed_.clear();
   refusals_ = {};
-  kept_mask_ = std::exchange(forget_kept_, false) ? 0u : flag_kept;
+  list_all_ = std::exchange(list_all_next_, false);
   if (uses_contacts_) {
     sort_contacts(gather_contacts(frame));
   }
@@ -324,10 +324,10 @@ void Host::collect_changed(std::size_t first, std::size_t end) {
   std::size_t changed = 0;
   for (std::size_t i = first; i < end; ++i) {
     std::uint32_t& flags = hosted_[i].object.flags;
-    flags &= flag_present | kept_mask_;
+    flags &= flag_present | flag_kept;
     changed_[changed] = static_cast<std::uint32_t>(i);
     differs_[changed] = touched_[i];
-    changed += touched_[i] | (flags / flag_kept);
+    changed += list_all_ ? 1 : touched_[i] | (flags / flag_kept);
   }
   std::fill(touched_.begin() + static_cast<std::ptrdiff_t>(first), touched_.begin() + static_cast<std::ptrdiff_t>(end),
             std::uint8_t{0});

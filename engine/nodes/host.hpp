@@ -80,8 +80,8 @@ class Host {
     std::uint32_t& flags = hosted_[i].object.flags;
     flags = (flags & ~messages::flag_kept) | (kept ? messages::flag_kept : 0u);
   }
-  /// Takes it off all in the next move.
-  void forget_kept() noexcept { forget_kept_ = true; }
+  /// Whether the next move lists all that is hosted as changed().
+  void list_all(bool all) noexcept { list_all_next_ = all; }
   /// What the next host must be given.
   messages::HandOverRecord hand_over(std::size_t i) const noexcept;
   /// Sets the pose from outside before the next move; the model goes on from there. False if it is not hosted.
@@ -192,8 +192,8 @@ class Host {
   FlatList<ObjectNumber> numbers_;  ///< of each, sixteen a line of the cache
   FlatList<std::byte> states_;
   std::vector<std::uint8_t> touched_;  ///< differs, or was placed since the last move
-  bool forget_kept_ = false;
-  std::uint32_t kept_mask_ = messages::flag_kept;  ///< of the flags that go on in this move
+  bool list_all_next_ = false;
+  bool list_all_ = false;  ///< in this move
   FlatList<std::uint32_t> cells_;
   FlatList<std::uint32_t> places_in_list_;
   NumberIndex index_;

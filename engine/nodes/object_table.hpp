@@ -71,12 +71,6 @@ class ObjectTable {
   /// ObjectMark bits; the table itself keeps alive_mark and moved_mark.
   ObjectMarks& marks(std::uint32_t slot) noexcept { return marks_[slot]; }
   ObjectMarks marks(std::uint32_t slot) const noexcept { return marks_[slot]; }
-  /// Takes kept_mark off all.
-  void forget_kept() noexcept {
-    for (ObjectMarks& marks : marks_) {
-      marks = static_cast<ObjectMarks>(marks & ~kept_mark);
-    }
-  }
   /// Who moves the object; none while nobody does.
   messages::Endpoint host(std::uint32_t slot) const noexcept { return hosts_[slot]; }
   std::span<const messages::Endpoint> hosts() const noexcept { return hosts_; }

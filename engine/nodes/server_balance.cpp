@@ -64,10 +64,32 @@ void ServerRole::change_map() {
 }
 
 void ServerRole::take_map(std::span<const std::uint32_t> table, std::uint32_t nodes) {
-  refresh_objects();
   map_.assign(table, nodes, map_.epoch() + 1);
   map_changed_ = true;
-  objects_.forget_kept();  // and so do the nodes
+  hosts_tell_ = can_hosts_tell();
+  if (hosts_tell_) {
+    note_retold();
+  } else {
+    refresh_objects();
+  }
+}
+
+// Whether under a new map each node can tell the others what it hosts, what rests included, in place of the server.
+bool ServerRole::can_hosts_tell() const noexcept {
+  return setup_.placement == Placement::region && setup_.deployment == Deployment::user_collision &&
+         std::all_of(nodes_.begin(), nodes_.end(), [&](const Party& party) {
+           return party.line.findings != nullptr && (setup_.interest <= 0 || party.line.publication != nullptr);
+         });
+}
+
+// What hosts do not keep to themselves the server tells of again when it next moves, and then has to know who knew it:
+// those whose regions its bounds touch.
+void ServerRole::note_retold() noexcept {
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    if (objects_.host(slot).is_node() && (objects_.marks(slot) & kept_mark) == 0) {
+      note_told(slot, objects_.bounds(slot), true);
+    }
+  }
 }
 
 // While the nodes test: their objects stand still and are theirs until the frame's end.
@@ -91,7 +113,7 @@ void ServerRole::draw_map() {
       drawing_.pass = Pass::sharing;
       break;
     case Pass::sharing:
-      drawing_.table = balance_.propose(map_);
+      drawing_.table = balance_.propose(map_, can_hosts_tell() ? 0 : objects_.live());
       drawing_.pass = drawing_.table.empty() ? Pass::none : Pass::drawn;
       break;
     case Pass::none:

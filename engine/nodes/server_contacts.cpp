@@ -81,6 +81,7 @@ void ServerRole::start_telling(Party& party) {
   const bool confirms = party.self.is_node() && setup_.deployment == Deployment::user_collision;
   if (party.line.findings != nullptr) {
     party.line.findings->peers_tell = peers_tell_;
+    party.line.findings->hosts_tell = map_changed_ && hosts_tell_;
   }
   party.confirm_run.start(confirms ? ledger_.persists(party.self.number()).size() : 0);
   party.notice_run.start(party.notices.size());

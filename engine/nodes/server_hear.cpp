@@ -173,7 +173,7 @@ void ServerRole::hear_node_states(Party& party, const MessageView& message) {
       continue;
     }
     const bool host_alone = inner && (marks & shared_mark) == 0;  // knows where it is: there is nobody to tell
-    if (sweeps || !host_alone) {
+    if (sweeps || !host_alone || party.line.findings != nullptr) {
       objects_.bounds(slot) = record.bounds;
     } else {
       bounds_are_stale_ = true;  // a line less a state; they follow from the pose when somebody asks

@@ -140,7 +140,8 @@ void ServerRole::detect_again() {
     party.tested_heard = false;
     party.new_map_run.start(map_.table().size());
   }
-  tell_everything_ = rescan_hosts_ = true;
+  telling_ = Dispatch::Telling::everything;
+  rescan_hosts_ = true;
 }
 
 // Contacts are known. What the node was to give to others will not come, or has come and is given again at the cut.
@@ -254,7 +255,8 @@ void ServerRole::close_ranks() {
   dispatch_.resize(left);
   ledger_.resize(left);
   resize_to_ = std::min(resize_to_, left);
-  tell_everything_ = rescan_hosts_ = map_first_ = true;
+  telling_ = Dispatch::Telling::everything;
+  rescan_hosts_ = map_first_ = true;
 }
 
 void ServerRole::restore_objects() {

@@ -18,19 +18,15 @@ void ServerRole::next_hosts() {
   }
   const auto follow = [&](std::uint32_t slot) {
     const Endpoint host = objects_.host(slot);
-    if (!objects_.alive(slot) || !host.is_node()) {
-      return;
-    }
-    const NodeNumber next = hosting_.node_at(objects_.row(slot).pose.position, map_);
-    if (host.number() != next) {
-      hand_overs_.push_back({slot, host.number(), next});
-      objects_.set_host(slot, Endpoint::node(next));
-      objects_.marks(slot) |= shared_mark;  // the old host knows it too
-      ++nodes_[next].hand_overs;
-      ++report().handed_over;
+    if (objects_.alive(slot) && host.is_node()) {
+      follow_host(slot, hosting_.node_at(objects_.row(slot).pose.position, map_));
     }
   };
-  if (map_changed_ || rescan_hosts_) {
+  if (map_changed_ && hosts_tell_) {
+    for (const Party& party : nodes_) {
+      follow_hosted(party);
+    }
+  } else if (map_changed_ || rescan_hosts_) {
     for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
       follow(slot);
     }
@@ -39,6 +35,31 @@ void ServerRole::next_hosts() {
     for (std::size_t i = 0; i < leaving_.size(); ++i) {
       objects_.fetch_host(leaving_[std::min(i + ahead, leaving_.size() - 1)]);
       follow(leaving_[i]);
+    }
+  }
+}
+
+void ServerRole::follow_host(std::uint32_t slot, NodeNumber next) {
+  const NodeNumber host = objects_.host(slot).number();
+  if (host != next) {
+    hand_overs_.push_back({slot, host, next});
+    objects_.set_host(slot, Endpoint::node(next));
+    objects_.marks(slot) |= shared_mark;  // the old host knows it too
+    ++nodes_[next].hand_overs;
+    ++report().handed_over;
+  }
+}
+
+// Of all that the node hosts, where it has it: the node waits. What it has kept to itself of objects that another hosts
+// next is taken in: should that one be lost, nobody else here would have it.
+void ServerRole::follow_hosted(const Party& party) {
+  const Host& host = *party.line.findings->host;
+  for (std::size_t i = 0; i < host.size(); ++i) {
+    const Hosted& hosted = host[i];
+    const NodeNumber next = hosting_.node_at(hosted.pose.position, map_);
+    if (next != party.self.number()) {
+      take_in(party, frame_, hosted.object, hosted.pose, host.state(i));
+      follow_host(hosted.object.slot, next);
     }
   }
 }

@@ -205,15 +205,16 @@ void ServerRole::refresh_objects() {
 
 void ServerRole::detect() {
   spend(ringfence::Stage::move, telemetry::now_ns());
-  if (tell_everything_) {
+  const bool everything = telling_ == Dispatch::Telling::everything;
+  if (everything) {
     refresh_objects();
   }
-  dispatch_.list_updates(objects_, map_, tell_everything_);
-  peers_told_ = !tell_everything_ && setup_.placement == Placement::region;
+  dispatch_.list_updates(objects_, map_, telling_);
+  peers_told_ = !everything && setup_.placement == Placement::region;
   if (peers_told_) {
     admit_to_halos();
   }
-  tell_everything_ = false;
+  telling_ = Dispatch::Telling::changes;
   dispatch_.start();
 }
 
@@ -356,7 +357,9 @@ void ServerRole::finish() {
   frame.grown = (objects_.slots() > setup_.capacities.objects ? 1u : 0u) +
                 (frame.candidates > setup_.capacities.pairs ? 1u : 0u) +
                 (frame.contacts > setup_.capacities.contacts ? 1u : 0u);
-  tell_everything_ = map_changed_;
+  if (map_changed_) {
+    telling_ = hosts_tell_ ? Dispatch::Telling::not_hosted : Dispatch::Telling::everything;
+  }
   map_changed_ = rescan_hosts_ = map_first_ = false;
   stage_ = Stage::waiting;
   setup_.order->completed.store(frames_, std::memory_order_release);

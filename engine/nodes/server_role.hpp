@@ -178,6 +178,8 @@ class ServerRole {
   void judge_costs();
   void change_map();
   void take_map(std::span<const std::uint32_t> table, std::uint32_t nodes);
+  bool can_hosts_tell() const noexcept;
+  void note_retold() noexcept;
   void draw_map();
   bool is_for_this_map(const Drawing& drawing) const noexcept;
   void start_weighing();
@@ -206,6 +208,8 @@ class ServerRole {
   void write_notice(std::uint32_t notice, std::byte* where) const noexcept;
   void count_contacts();
   void next_hosts();
+  void follow_host(std::uint32_t slot, NodeNumber next);
+  void follow_hosted(const Party& party);
   bool relays() const noexcept;
   void order_relay();
   void order_relay(Party& node);
@@ -259,10 +263,11 @@ class ServerRole {
   regions::Balance balance_;
   std::vector<double> costs_;  ///< of the nodes in the frame before
   Drawing drawing_;
-  std::uint32_t resize_to_ = 0;   ///< nodes from the next frame on; 0: as they are
-  bool map_changed_ = false;      ///< nodes are told of the new map at the end of this frame
-  bool tell_everything_ = false;  ///< the map changed at the end of the frame before
-  bool peers_told_ = false;       ///< in this frame nodes hear each other's halos
+  std::uint32_t resize_to_ = 0;                             ///< nodes from the next frame on; 0: as they are
+  bool map_changed_ = false;                                ///< nodes are told of the new map at the end of this frame
+  Dispatch::Telling telling_ = Dispatch::Telling::changes;  ///< in this frame; more than changes under a new map
+  bool hosts_tell_ = false;  ///< under a map that begins with the next frame hosts tell each other what they host
+  bool peers_told_ = false;  ///< in this frame nodes hear each other's halos
   ObjectTable objects_;
   Host host_;
   Hosting hosting_;

@@ -92,7 +92,7 @@ void Balance::refine(const RegionMap& map, std::uint32_t nodes) {
   refinement_.refine(weights_, total / nodes / config_.grain, smallest);
 }
 
-bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners) {
+bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners, std::size_t retold) {
   shares_.assign(map.nodes(), 0.0);
   const auto leaves = refinement_.leaves();
   for (std::size_t leaf = 0; leaf < leaves.size(); ++leaf) {
@@ -106,16 +106,17 @@ bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners) {
   const auto stays = [&](const Weight& each) { return map.owner_at(each.point) == proposed_.owner_at(each.point); };
   const auto objects = std::span<const Weight>(weights_).first(objects_);
   const auto moved = objects_ - static_cast<std::size_t>(std::count_if(objects.begin(), objects.end(), stays));
-  const double cost =
-      static_cast<double>(objects_) * config_.retell_ms + static_cast<double>(moved) * config_.hand_over_ms;
+  const double cost = static_cast<double>(objects_) * config_.follow_ms +
+                      static_cast<double>(retold) * config_.retell_ms +
+                      static_cast<double>(moved) * config_.hand_over_ms;
   const double mean = std::accumulate(judged_.begin(), judged_.end(), 0.0) / config_.window / map.nodes();
   return gain * mean * config_.horizon > cost;
 }
 
-std::span<const std::uint32_t> Balance::propose(const RegionMap& map) {
+std::span<const std::uint32_t> Balance::propose(const RegionMap& map, std::size_t retold) {
   rested_ = 0;
   const auto owners = bisection_.split(map.nodes(), refinement_.leaves());
-  return worth(map, owners) ? proposed_.table() : std::span<const std::uint32_t>{};
+  return worth(map, owners, retold) ? proposed_.table() : std::span<const std::uint32_t>{};
 }
 
 std::span<const std::uint32_t> Balance::share_out(std::uint32_t nodes) {

@@ -14,14 +14,17 @@ namespace ringfence::regions {
 
 /// When and how regions follow the load.
 struct BalanceConfig {
-  std::uint32_t window = 16;    ///< frames over which costs are summed before they are judged
-  std::uint32_t rest = 32;      ///< frames between two changes of the map, at least
-  double tolerance = 1.06;      ///< busiest node over mean below which nothing is done
-  double gain = 0.03;           ///< a new map must promise to take this much off that ratio
-  double horizon = 256;         ///< frames within which what a change saves must pay for what it costs
-  double retell_ms = 0.0003;    ///< an object told of anew, because the map has changed
-  double hand_over_ms = 0.001;  ///< an object whose host changes (M5)
-  double grain = 16;            ///< cells heavier than this part of a node's fair share are cut
+  std::uint32_t window = 16;  ///< frames over which costs are summed before they are judged
+  std::uint32_t rest = 32;    ///< frames between two changes of the map, at least
+  double tolerance = 1.06;    ///< busiest node over mean below which nothing is done
+  double gain = 0.03;         ///< a new map must promise to take this much off that ratio
+  double horizon = 256;       ///< frames within which what a change saves must pay for what it costs
+  // What a change of the map costs the frames around it: for each object, each that the server tells of anew, and each
+  // whose host changes (M5).
+  double follow_ms = 0.00005;
+  double retell_ms = 0.0003;
+  double hand_over_ms = 0.0005;
+  double grain = 16;  ///< cells heavier than this part of a node's fair share are cut
 };
 
 /// Watches what the nodes cost and proposes a map under which they would cost the same.
@@ -57,9 +60,10 @@ class Balance {
   /// Everything has been weighed: cuts the cells that are too heavy for so many nodes. `map`: under which the costs
   /// were.
   void refine(const RegionMap& map, std::uint32_t nodes);
-  /// After refine(), for as many nodes as `map` has: a better map's table, or empty if none is worth the change. Either
-  /// way the next proposal is `rest` frames away. Holds until the next refine().
-  std::span<const std::uint32_t> propose(const RegionMap& map);
+  /// After refine(), for as many nodes as `map` has: a better map's table, or empty if none is worth the change, after
+  /// which the server would have to tell of so many objects anew. Either way the next proposal is `rest` frames away.
+  /// Holds until the next refine().
+  std::span<const std::uint32_t> propose(const RegionMap& map, std::size_t retold);
   /// After refine(): a table for that number of nodes, whatever the change costs.
   std::span<const std::uint32_t> share_out(std::uint32_t nodes);
 
@@ -72,7 +76,7 @@ class Balance {
     weights_.push_back({{point[0], point[1], point[2]}, weight});
   }
   void scale_by_cost(const RegionMap& map);
-  bool worth(const RegionMap& map, std::span<const NodeNumber> owners);
+  bool worth(const RegionMap& map, std::span<const NodeNumber> owners, std::size_t retold);
 
   BalanceConfig config_;
   std::vector<double> costs_;   ///< by node, summed over the window so far

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <map>
 #include <random>
+#include <set>
 #include <utility>
 #include <vector>
 
@@ -110,6 +111,55 @@ TEST_CASE("a node hears from its peer, not from the server, of what comes near t
     CHECK(theatre.report().traffic[static_cast<std::size_t>(Traffic::m2)].records == by_server + (told ? 1 : 0));
     theatre.require_one_host_each();
   }
+}
+
+TEST_CASE("under a new map nodes tell each other what they host, what rests included, and the server only the rest") {
+  const std::vector<double> places = {4, 5, 14, 17, 18, 30, 33, 33, 34, 46, 49, 47, 31, 20, 15, 4, 3, 3, 2, 2};
+  const Visitor model(places);
+  Theatre theatre(stage(model, true));
+  ObjectSpec spec;
+  spec.shape = theatre.add_shape(Sphere{1});
+  spec.pose.position = {3, 40, 8};
+  theatre.spawn(spec);
+  theatre.spawn(spec);  // number 2, which moves
+  // Two that touch each other about every border between cells, and one that nobody moves.
+  for (const double border : {16.0, 32.0, 48.0}) {
+    for (const double side : {-0.8, 0.8}) {
+      spec.pose.position = {border + side, 8, 8};
+      theatre.spawn(spec);
+    }
+  }
+  spec.category = Category::fixed;
+  spec.pose.position = {40, 20, 8};
+  theatre.spawn(spec);
+  const std::map<std::size_t, std::uint32_t> resizes = {{2, 4}, {5, 3}, {8, 1}, {11, 4}, {14, 2}};
+  const geometry::Bounds fixed = theatre.shapes().bounds(spec.shape, spec.pose, theatre.space());
+  std::uint32_t epoch = 1;  // of the map of the frame before
+  std::size_t maps = 0;
+  for (std::size_t frame = 0; frame < places.size(); ++frame) {
+    CAPTURE(frame);
+    if (const auto at = resizes.find(frame); at != resizes.end()) {
+      theatre.resize(at->second);
+    }
+    const regions::RegionMap map = theatre.server().map();
+    theatre.frame();
+    const auto visits = [&](std::size_t f) { return places[f] <= 5; };  // the first, which stands at 3
+    CHECK(theatre.contacts().size() == 3u + (visits(frame) ? 1 : 0));
+    CHECK(theatre.ended().size() == (frame > 0 && visits(frame - 1) && !visits(frame) ? 1 : 0));
+    std::size_t by_server = 0;
+    for (const Seen& seen : theatre.log()) {
+      by_server += seen.type() == MessageType::position_update ? seen.header.count : 0;
+    }
+    std::set<NodeNumber> owners;
+    map.visit_owners(fixed, [&](NodeNumber owner) { return owners.insert(owner), true; });
+    if (frame > 1) {
+      CHECK(by_server == (map.epoch() != epoch ? owners.size() : 0));
+    }
+    maps += map.epoch() != epoch ? 1 : 0;
+    epoch = map.epoch();
+    theatre.require_one_host_each();
+  }
+  CHECK(maps == resizes.size());
 }
 
 TEST_CASE("a node forgets what alone touched it and stood in another's region, when it has gone") {

@@ -64,7 +64,7 @@ int follow(Balance& balance, RegionMap& map, const Crowd& crowd, int frames, dou
     if (!balance.wanted()) continue;
     weigh(balance, crowd);
     balance.refine(map, map.nodes());
-    if (const auto table = balance.propose(map); !table.empty()) {
+    if (const auto table = balance.propose(map, crowd.points.size()); !table.empty()) {
       map.assign(table, map.nodes(), map.epoch() + 1);
       ++changes;
     }
