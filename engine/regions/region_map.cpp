@@ -151,6 +151,9 @@ NodeNumber RegionMap::owner_below(std::uint32_t entry, const std::uint32_t point
 }
 
 bool RegionMap::has_cuts(const CellBox& box) const noexcept {
+  if (!has_cuts()) {
+    return false;
+  }
   for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
     for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
       for (std::uint32_t x = box.lower[0]; x <= box.upper[0]; ++x) {
