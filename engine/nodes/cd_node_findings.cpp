@@ -120,6 +120,12 @@ void CdNodeRole::take_from_peers() {
   const auto all = findings_->listing->findings;
   FindingsOrder& order = listing_scratch_.order;
   order.start(all);
+  // Another core wrote the keys, and each peer has but a few for this node: all are fetched before the first is read.
+  for (const Findings* findings : all) {
+    for (const std::uint32_t position : findings->for_peers.of(setup_.node)) {
+      fetch_to_read(&findings->keys[position]);
+    }
+  }
   for (NodeNumber peer = 0; peer < all.size(); ++peer) {
     const Findings& findings = *all[peer];
     for (const std::uint32_t position : findings.for_peers.of(setup_.node)) {
