@@ -27,6 +27,12 @@ void CdNodeRole::list_leavers() {
     }
   } else {
     for (const Mover& mover : movers_) {
+      host_.fetch_index(mover.number);
+    }
+    for (const Mover& mover : movers_) {
+      host_.fetch_leaver(mover.number);
+    }
+    for (const Mover& mover : movers_) {
       assert(host_.find(mover.number) != NumberIndex::none);  // not dropped or given away since it moved
       leavers_[mover.next].push_back(mover.number);
     }

@@ -71,6 +71,23 @@ void Host::drop(ObjectNumber number) {
   states_.resize(last * state_bytes_);
 }
 
+void Host::fetch_leaver(ObjectNumber number) const noexcept {
+  const std::uint32_t i = index_.find(number);
+  if (i == NumberIndex::none) {
+    return;
+  }
+  fetch_to_write(&hosted_[i]);
+  fetch_to_write(reinterpret_cast<const std::byte*>(&hosted_[i] + 1) - 1);
+  if (state_bytes_ != 0) {
+    fetch_to_write(state(i));
+    fetch_to_write(state(i + 1) - 1);
+  }
+  fetch_to_write(&cells_[i]);
+  fetch_to_write(&places_in_list_[i]);
+  fetch_to_write(&numbers_[i]);
+  fetch_to_write(&touched_[i]);
+}
+
 messages::HandOverRecord Host::hand_over(std::size_t i) const noexcept {
   const Hosted& hosted = hosted_[i];
   return {hosted.object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category};

@@ -82,6 +82,10 @@ class Host {
   }
   /// Whether the next move lists all that is hosted as changed().
   void list_all(bool all) noexcept { list_all_next_ = all; }
+  /// Fetches where find() looks for an object that is soon handed over, then what is handed over and dropped of it:
+  /// each for all of them before the next, since what has left is not in the cache by the end of a frame.
+  void fetch_index(ObjectNumber number) const noexcept { index_.fetch(number); }
+  void fetch_leaver(ObjectNumber number) const noexcept;
   /// What the next host must be given.
   messages::HandOverRecord hand_over(std::size_t i) const noexcept;
   /// Sets the pose from outside before the next move; the model goes on from there. False if it is not hosted.
