@@ -135,7 +135,7 @@ void CdNodeRole::take_from_peers() {
   order.sort();
   order.visit([&](std::uint64_t, NodeNumber peer, std::uint32_t position, Phase phase) {
     Contact contact;
-    all[peer]->write(position, phase, contact);
+    all[peer]->write(position, all[peer]->found[position], phase, contact);
     host_.add_contact(frame_, contact);
   });
   findings_->taken = order.size();

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "nodes/fetch.hpp"
+
 namespace ringfence::nodes {
 namespace {
 
@@ -87,6 +89,9 @@ void ContactLedger::gather_findings() {
       findings.contacts = run.contacts.data();
     }
     findings_.push_back(&findings);
+    fetch_to_read(findings.border_beginning.data());
+    fetch_to_read(findings.border_beginning.end());
+    fetch_to_read(findings.border_ending.data());
     size_ += findings.keys.size();
   }
 }
@@ -279,7 +284,7 @@ std::span<const ToldContact> ContactLedger::told(bool all) {
   order_.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
     if (key != last) {
       const FoundContact& found = findings_[node]->found[position];
-      told_.push_back({key, findings_[node], position, nullptr, {found.slot_a, found.slot_b, node}, phase});
+      told_.push_back({key, findings_[node], position, nullptr, found, {found.slot_a, found.slot_b, node}, phase});
     }
     last = key;
   });
@@ -291,11 +296,12 @@ void ContactLedger::tell_outer() {
   for (NodeNumber node = 0; node < findings_.size(); ++node) {
     const Findings& findings = *findings_[node];
     for (const OuterContact& outer : findings.outer) {
-      findings.fetch(outer.position);
+      findings.fetch(outer.position, outer.found);
       told_.push_back({outer.key,
                        &findings,
                        outer.position,
                        nullptr,
+                       outer.found,
                        {outer.found.slot_a, outer.found.slot_b, node},
                        findings.phase(outer.position)});
     }
@@ -337,7 +343,7 @@ void ContactLedger::tell_ended(std::uint64_t key, std::size_t& old) {
   const auto& keys = before().keys;
   const auto* const at = leap_to(keys.begin() + old, keys.end(), key);
   old = static_cast<std::size_t>(at - keys.begin());
-  told_ended_.push_back({key, nullptr, 0, &before().contacts[old], before().found[old], Phase::end});
+  told_ended_.push_back({key, nullptr, 0, &before().contacts[old], {}, before().found[old], Phase::end});
 }
 
 }  // namespace ringfence::nodes

@@ -25,12 +25,13 @@ struct ToldContact {
   const Findings* findings = nullptr;  ///< that it is one of; null: it ended
   std::uint32_t position = 0;          ///< in Findings::keys
   const Contact* ended = nullptr;      ///< as it was last
+  FoundContact place;                  ///< where its parts are; not looked at if it ended
   Found found;
   Phase phase = Phase::begin;
 
   void write(Contact& to) const noexcept {
     if (findings != nullptr) {
-      findings->write(position, phase, to);
+      findings->write(position, place, phase, to);
     } else {
       Findings::copy(*ended, phase, to);
     }
@@ -59,7 +60,10 @@ class ContactLedger {
   /// The next contact that `node` found, by (a, b); numbers and poses are those of the two slots in `rows`.
   void receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows);
   /// All that `node` found, in place of the above.
-  void receive(NodeNumber node, Findings& findings) noexcept { runs_[node].shared = &findings; }
+  void receive(NodeNumber node, Findings& findings) noexcept {
+    runs_[node].shared = &findings;
+    findings.fetch_summary();
+  }
   std::size_t received(NodeNumber node) const noexcept { return runs_[node].findings().keys.size(); }
   /// Whether all nodes share their findings, and all have been received.
   bool all_share() const noexcept {

@@ -71,37 +71,39 @@ struct Findings {
   static constexpr std::uint64_t no_frame = ~std::uint64_t{0};  ///< the one before frame 0 too: nothing was found in it
 
   // The node's part.
-  const Host* host = nullptr;         ///< the node's; set once. Read between frames, and while the node waits
-  KeptStates kept;                    ///< states that it did not tell; its own rules hold
-  Halo halo;                          ///< what it tells the other nodes of these; likewise
-  std::uint64_t frame = no_frame;     ///< that the lists are of
-  const Contact* contacts = nullptr;  ///< parallel to keys; null: made of the next two
+  const Host* host = nullptr;  ///< the node's; set once. Read between frames, and while the node waits
+  KeptStates kept;             ///< states that it did not tell; its own rules hold
+  Halo halo;                   ///< what it tells the other nodes of these; likewise
+  /// What all nodes look at.
+  alignas(64) std::uint64_t frame = no_frame;          ///< that the lists are of
+  const Contact* contacts = nullptr;                   ///< parallel to keys; null: made of the next two
   const narrow_phase::PairContact* touches = nullptr;  ///< as they were found
   const narrow_phase::Body* bodies = nullptr;          ///< as they stood when the pairs were tested
-  FlatList<std::uint64_t> keys;                        ///< ContactOrder::key, ascending
   FlatList<FoundContact> found;                        ///< parallel to keys
-  std::uint64_t frame_before = no_frame;               ///< that the next is of
-  FlatList<std::uint64_t> keys_before;                 ///< what the node found in it, ascending
-  FlatList<FoundContact> found_before;                 ///< parallel to keys_before
-  FlatList<std::uint32_t> beginning;                   ///< positions of those of keys that are not among keys_before
-  FlatList<BorderContact> border_beginning;            ///< those that another node may have found before, by key
-  FlatList<std::uint64_t> ending;                      ///< those of keys_before that are not among keys, ascending
-  FlatList<std::uint32_t> ending_at;                   ///< parallel to it: their positions in keys_before
-  FlatList<std::uint64_t> border_ending;               ///< those that another node may have found now, ascending
-  FlatList<OuterContact> outer;                        ///< by key
-  FlatList<OuterContact> outer_before;                 ///< of the frame before
-  FlatList<OuterContact> outer_ending;                 ///< those of them that are among ending
+  FlatList<std::uint8_t> begun;  ///< parallel to keys: 1 where they were in contact nowhere in the frame before. The
+                                 ///< node's word, corrected by the server
+  /// What the server looks at of every node before it tells any.
+  alignas(64) FlatList<std::uint64_t> keys;  ///< ContactOrder::key, ascending
+  std::uint64_t frame_before = no_frame;     ///< that keys_before is of
+  FlatList<std::uint32_t> beginning;         ///< positions of those of keys that are not among keys_before
+  FlatList<BorderContact> border_beginning;  ///< those that another node may have found before, by key
+  FlatList<std::uint64_t> ending;            ///< those of keys_before that are not among keys, ascending
+  FlatList<std::uint64_t> border_ending;     ///< those that another node may have found now, ascending
+  // The rest.
+  FlatList<std::uint32_t> ending_at;    ///< parallel to ending: their positions in keys_before
+  FlatList<std::uint64_t> keys_before;  ///< what the node found in the frame before, ascending
+  FlatList<FoundContact> found_before;  ///< parallel to keys_before
+  FlatList<OuterContact> outer;         ///< by key
+  FlatList<OuterContact> outer_before;  ///< of the frame before
+  FlatList<OuterContact> outer_ending;  ///< those of them that are among ending
   PeerRuns for_peers;  ///< positions in keys of which the other nodes have to be told, ascending for each
 
-  // The node's part, corrected by the server.
-  FlatList<std::uint8_t> begun;  ///< parallel to keys: 1 where they were in contact nowhere in the frame before
-
-  // The server's part.
-  const Listing* listing = nullptr;  ///< of which the node writes a stretch
-  std::uint32_t share = 0;           ///< which
-  bool peers_tell = false;           ///< nodes take what concerns them from for_peers; else the server tells them
-  bool hosts_tell = false;           ///< with a map that is told now: nodes tell each other all that they host under it
-  Gate gate;                         ///< to the findings of others, before `frame_end`
+  // The server's part. On lines of its own: others read the above while the node enters the gate and counts.
+  alignas(64) const Listing* listing = nullptr;  ///< of which the node writes a stretch
+  std::uint32_t share = 0;                       ///< which
+  bool peers_tell = false;  ///< nodes take what concerns them from for_peers; else the server tells them
+  bool hosts_tell = false;  ///< with a map that is told now: nodes tell each other all that they host under it
+  Gate gate;                ///< to the findings of others, before `frame_end`
 
   // The node's last part, before `told`.
   std::uint64_t doubled = 0;  ///< contacts of the stretch whose pair another node found as well
@@ -121,7 +123,8 @@ struct Findings {
     constexpr std::uint32_t ahead = 10;
     const auto count = static_cast<std::uint32_t>(keys.size());
     for (std::uint32_t i = 0; i < count; ++i) {
-      fetch(std::min(i + ahead, count - 1));
+      const std::uint32_t soon = std::min(i + ahead, count - 1);
+      fetch(soon, found[soon]);
       each(keys[i], i, phase(i));
     }
   }
@@ -132,13 +135,12 @@ struct Findings {
     to.phase = phase;
     std::memcpy(&to.depth, &from.depth, sizeof(Contact) - offsetof(Contact, depth));
   }
-  /// Writes the contact at that position of the list.
-  void write(std::uint32_t position, Phase phase, Contact& to) const noexcept {
+  /// Writes the contact at that position of the list, which is `one`.
+  void write(std::uint32_t position, const FoundContact& one, Phase phase, Contact& to) const noexcept {
     if (contacts != nullptr) {
       copy(contacts[position], phase, to);
       return;
     }
-    const FoundContact& one = found[position];
     put_together(touches[one.touch], bodies[one.body_a], bodies[one.body_b], phase, to);
   }
   static void put_together(const narrow_phase::PairContact& touch, const narrow_phase::Body& a,
@@ -158,16 +160,22 @@ struct Findings {
     const FoundContact& one = found[position];
     return contacts != nullptr ? contacts[position].point : in_world(touches[one.touch], bodies[one.body_a]);
   }
-  /// Fetches what write() reads, which lies anywhere.
-  void fetch(std::uint32_t position) const noexcept {
+  /// Fetches what such a write() reads, which lies anywhere.
+  void fetch(std::uint32_t position, const FoundContact& one) const noexcept {
     if (contacts != nullptr) {
       fetch_lines(contacts[position]);
       return;
     }
-    const FoundContact& one = found[position];
     fetch_to_read(&touches[one.touch]);
     fetch_lines(bodies[one.body_a]);
     fetch_lines(bodies[one.body_b]);
+  }
+  /// Fetches what compare_borders() of the ledger reads first.
+  void fetch_summary() const noexcept {
+    fetch_to_read(&keys);
+    fetch_to_read(&beginning);
+    fetch_to_read(&border_ending);
+    fetch_to_write(&listing);
   }
   /// Fetches all of an object that is read soon.
   template <class T>

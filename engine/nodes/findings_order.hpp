@@ -42,7 +42,7 @@ class FindingsOrder {
     for (std::size_t i = 0; i < size(); ++i) {
       if (i + ahead < size()) {
         const Source& soon = sources_[place(i + ahead)];
-        findings_[soon.node]->fetch(soon.position);
+        findings_[soon.node]->fetch(soon.position, findings_[soon.node]->found[soon.position]);
       }
       const Source& source = sources_[place(i)];
       each(key(i), source.node, source.position, findings_[source.node]->phase(source.position));

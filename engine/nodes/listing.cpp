@@ -92,7 +92,7 @@ std::uint64_t write_stretch(const Listing& listing, std::size_t share, ListingSc
     fetch_ahead(listing.contacts + at);
     fetch_to_write(listing.keys + at + 16);
     fetch_to_write(listing.found + at + 16);
-    findings.write(position, phase, listing.contacts[at]);
+    findings.write(position, found, phase, listing.contacts[at]);
     listing.keys[at] = key;
     listing.found[at] = {found.slot_a, found.slot_b, node};
     ++at;

@@ -188,8 +188,7 @@ Stageplay play_of(Deployment deployment, Placement placement, bool shares_memory
   return play;
 }
 
-TEST_CASE(
-    "a pair that stays in contact while it passes from node to node goes on, and one begins or ends at a border") {
+TEST_CASE("a pair that stays in contact while it passes from node to node goes on, and nothing else does") {
   for (const Deployment deployment : {Deployment::user_collision, Deployment::user_server}) {
     for (const Placement placement : {Placement::server, Placement::region}) {
       for (const bool shares_memory : {true, false}) {
