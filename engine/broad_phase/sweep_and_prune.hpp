@@ -27,8 +27,8 @@ constexpr LayerMasks all_layers_collide() noexcept {
 /// size of the world. Method: sweep and prune (Cohen et al. 1995), in short rows (Terdiman 2017), over size levels as
 /// in hierarchical grids (Mirtich 1997).
 ///
-/// Cost: near linear in boxes and pairs: with AVX-512 and half a pair a box, 12 to 30 ns a box from 4,000 to 1,000,000,
-/// whatever the world's size and shape; 45 to 60 in a heap with 1.6 pairs a box. What costs more, measured with 64,000
+/// Cost: near linear in boxes and pairs: with AVX-512 and half a pair a box, 10 to 30 ns a box from 4,000 to 1,000,000,
+/// whatever the world's size and shape; 35 to 55 in a heap with 1.6 pairs a box. What costs more, measured with 64,000
 /// boxes:
 /// - n boxes in one spot have n^2/2 pairs, which no method avoids: 3 to 5 ns a pair;
 /// - halves of a world that differ in size by 20 or 1000: 35 to 55 ns a box, since the larger are asked about the cells
