@@ -47,6 +47,7 @@ bool Balance::wanted() const noexcept {
 
 void Balance::start_weighing() {
   judged_ = costs_;
+  rested_ = 0;
   weights_.clear();
   objects_ = sized_ = 0;
   std::fill(std::begin(extents_), std::end(extents_), 0);
@@ -114,13 +115,11 @@ bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners, st
 }
 
 std::span<const std::uint32_t> Balance::propose(const RegionMap& map, std::size_t retold) {
-  rested_ = 0;
   const auto owners = bisection_.split(map.nodes(), refinement_.leaves());
   return worth(map, owners, retold) ? proposed_.table() : std::span<const std::uint32_t>{};
 }
 
 std::span<const std::uint32_t> Balance::share_out(std::uint32_t nodes) {
-  rested_ = 0;
   return refinement_.table(bisection_.split(nodes, refinement_.leaves()));
 }
 

@@ -15,7 +15,7 @@ namespace ringfence::regions {
 /// When and how regions follow the load.
 struct BalanceConfig {
   std::uint32_t window = 16;  ///< frames over which costs are summed before they are judged
-  std::uint32_t rest = 32;    ///< frames between two changes of the map, at least
+  std::uint32_t rest = 32;    ///< frames from one weighing to the next, at least
   double tolerance = 1.06;    ///< busiest node over mean below which nothing is done
   double gain = 0.03;         ///< a new map must promise to take this much off that ratio
   double horizon = 256;       ///< frames within which what a change saves must pay for what it costs
@@ -49,7 +49,8 @@ class Balance {
   double imbalance() const noexcept;
 
   /// Everything that is weighed from here on until the next call counts for the next map, against the costs as they are
-  /// now. What happens to the map meanwhile does not matter, but weighing should not last for many windows.
+  /// now. The next is wanted `rest` frames later at the soonest. What happens to the map meanwhile does not matter, but
+  /// a map should be there within a window: the one after it is judged by costs that it had no part in otherwise.
   void start_weighing();
   /// An object stands there. Objects come before contacts.
   void weigh_object(const std::uint32_t (&point)[3]) { weigh(point, weight_of_object), ++objects_; }
@@ -61,8 +62,7 @@ class Balance {
   /// were.
   void refine(const RegionMap& map, std::uint32_t nodes);
   /// After refine(), for as many nodes as `map` has: a better map's table, or empty if none is worth the change, after
-  /// which the server would have to tell of so many objects anew. Either way the next proposal is `rest` frames away.
-  /// Holds until the next refine().
+  /// which the server would have to tell of so many objects anew. Holds until the next refine().
   std::span<const std::uint32_t> propose(const RegionMap& map, std::size_t retold);
   /// After refine(): a table for that number of nodes, whatever the change costs.
   std::span<const std::uint32_t> share_out(std::uint32_t nodes);
