@@ -61,40 +61,54 @@ void RegionMap::find_whole() {
   }
 }
 
-geometry::Bounds RegionMap::interior(NodeNumber node) const {
-  const auto owned = [&](const CellBox& box) {
-    for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
-      for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
-        const std::uint32_t* const row = &table_[grid_.index(box.lower[0], y, z)];
-        if (!std::all_of(row, row + (box.upper[0] - box.lower[0] + 1), [&](std::uint32_t at) { return at == node; })) {
-          return false;
-        }
+namespace {
+
+/// Whether all cells of the box are the node's, uncut.
+bool owns(std::span<const std::uint32_t> table, const CellGrid& grid, const CellBox& box, NodeNumber node) {
+  for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
+    for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
+      const std::uint32_t* const row = &table[grid.index(box.lower[0], y, z)];
+      if (!std::all_of(row, row + (box.upper[0] - box.lower[0] + 1), [&](std::uint32_t at) { return at == node; })) {
+        return false;
       }
     }
-    return true;
-  };
+  }
+  return true;
+}
+
+/// A cell of the node's, uncut: the middle one of the box that holds all of these, if it is one. False if there is
+/// none.
+bool find_middle(std::span<const std::uint32_t> table, const CellGrid& grid, NodeNumber node, CellBox& middle) {
   CellBox reach;
   bool any = false;
-  std::uint32_t some = 0;
-  for (std::uint32_t cell = 0; cell < grid_.cells(); ++cell) {
-    if (table_[cell] != node) {
+  for (std::uint32_t cell = 0; cell < grid.cells(); ++cell) {
+    if (table[cell] != node) {
       continue;
     }
-    const CellBox box = grid_.box_of(cell);
+    middle = grid.box_of(cell);
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      reach.lower[axis] = any ? std::min(reach.lower[axis], box.lower[axis]) : box.lower[axis];
-      reach.upper[axis] = any ? std::max(reach.upper[axis], box.upper[axis]) : box.upper[axis];
+      reach.lower[axis] = any ? std::min(reach.lower[axis], middle.lower[axis]) : middle.lower[axis];
+      reach.upper[axis] = any ? std::max(reach.upper[axis], middle.upper[axis]) : middle.upper[axis];
     }
     any = true;
-    some = cell;
   }
   if (!any) {
+    return false;
+  }
+  const std::uint32_t cell = grid.index((std::uint32_t{reach.lower[0]} + reach.upper[0]) / 2,
+                                        (std::uint32_t{reach.lower[1]} + reach.upper[1]) / 2,
+                                        (std::uint32_t{reach.lower[2]} + reach.upper[2]) / 2);
+  middle = table[cell] == node ? grid.box_of(cell) : middle;
+  return true;
+}
+
+}  // namespace
+
+geometry::Bounds RegionMap::interior(NodeNumber node) const {
+  CellBox box;
+  if (!find_middle(table_, grid_, node, box)) {
     return {{1, 1, 1}, {0, 0, 0}};
   }
-  const std::uint32_t middle = grid_.index((std::uint32_t{reach.lower[0]} + reach.upper[0]) / 2,
-                                           (std::uint32_t{reach.lower[1]} + reach.upper[1]) / 2,
-                                           (std::uint32_t{reach.lower[2]} + reach.upper[2]) / 2);
-  CellBox box = grid_.box_of(table_[middle] == node ? middle : some);
   // A side that cannot be moved out by a layer cannot when the box has grown elsewhere.
   bool stuck[6] = {};
   for (bool grows = true; grows;) {
@@ -109,7 +123,7 @@ geometry::Bounds RegionMap::interior(NodeNumber node) const {
         stuck[side] |= box.upper[axis] + 1u == grid_.along(axis);
         layer.lower[axis] = layer.upper[axis] = static_cast<std::uint16_t>(box.upper[axis] + 1);
       }
-      stuck[side] = stuck[side] || !owned(layer);
+      stuck[side] = stuck[side] || !owns(table_, grid_, layer, node);
       if (!stuck[side]) {
         (side % 2 == 0 ? box.lower : box.upper)[axis] = layer.lower[axis];
         grows = true;

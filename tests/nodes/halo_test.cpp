@@ -82,6 +82,15 @@ Stageplay stage(const MotionModel& model, bool shares_memory) {
   return play;
 }
 
+/// Of how many objects the server told nodes in the last frame, each time that it did.
+std::size_t told_by_server(const Theatre& theatre) {
+  std::size_t records = 0;
+  for (const Seen& seen : theatre.log()) {
+    records += seen.type() == MessageType::position_update ? seen.header.count : 0;
+  }
+  return records;
+}
+
 TEST_CASE("a node hears from its peer, not from the server, of what comes near the border, crosses it and goes") {
   // The border is at 32, what stands reaches from 32.5 to 34.5.
   const std::vector<double> places = {4, 20, 31.5, 31.2, 29.9, 20, 31.5, 33.5, 40, 36.5, 34.5, 31.5, 20, 21};
@@ -98,10 +107,7 @@ TEST_CASE("a node hears from its peer, not from the server, of what comes near t
     theatre.frame();
     const bool touch = places[frame] >= 31.5 && places[frame] <= 35.5;
     CHECK(theatre.contacts().size() == (touch ? 1 : 0));
-    std::size_t by_server = 0;
-    for (const Seen& seen : theatre.log()) {
-      by_server += seen.type() == MessageType::position_update ? seen.header.count : 0;
-    }
+    const std::size_t by_server = told_by_server(theatre);
     // In the first frame what stands, of which no host reports; then all is in the hosts' hands.
     CHECK(by_server == (frame == 0 ? 1 : 0));
     // Of what touches the other's region, and once more when it does so no longer.
@@ -146,10 +152,7 @@ TEST_CASE("under a new map nodes tell each other what they host, what rests incl
     const auto visits = [&](std::size_t f) { return places[f] <= 5; };  // the first, which stands at 3
     CHECK(theatre.contacts().size() == 3u + (visits(frame) ? 1 : 0));
     CHECK(theatre.ended().size() == (frame > 0 && visits(frame - 1) && !visits(frame) ? 1 : 0));
-    std::size_t by_server = 0;
-    for (const Seen& seen : theatre.log()) {
-      by_server += seen.type() == MessageType::position_update ? seen.header.count : 0;
-    }
+    const std::size_t by_server = told_by_server(theatre);
     std::set<NodeNumber> owners;
     map.visit_owners(fixed, [&](NodeNumber owner) { return owners.insert(owner), true; });
     if (frame > 1) {
