@@ -13,9 +13,9 @@
 #include <unistd.h>
 
 #include "dds/domain.hpp"
-#include "dds/path.hpp"
+#include "dds/parcel_channel.hpp"
 #include "dds/star.hpp"
-#include "facade/way.hpp"
+#include "facade/duplex_channel.hpp"
 #include "link/doorbell.hpp"
 
 namespace ringfence::bench {
@@ -30,41 +30,41 @@ class Star {
               },
               [] {}},
         domain_(network(), dds::Side::world),
-        up_(domain_.reader(dds::Topic::up, dds::parcel_carriage, {})),
+        up_(domain_.reader(dds::Topic::up, dds::parcel_qos, {})),
         out_bytes_(bytes_out(nodes)),
         back_bytes_(bytes_back(nodes)) {
     dds::Domain::listen(up_, hook_);
     for (std::uint32_t node = 0; node < nodes; ++node) {
-      auto& ray = rays_.emplace_back(std::make_unique<Ray>(domain_, node + 1));
+      auto& spoke = spokes_.emplace_back(std::make_unique<Spoke>(domain_, node + 1));
       std::string words[] = {RINGFENCE_PEER, std::to_string(domain_.number()), std::to_string(node + 1),
                              std::to_string(nodes)};
       char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), nullptr};
-      if (posix_spawn(&ray->process, RINGFENCE_PEER, nullptr, nullptr, arguments, environ) != 0) std::abort();
+      if (posix_spawn(&spoke->process, RINGFENCE_PEER, nullptr, nullptr, arguments, environ) != 0) std::abort();
     }
   }
   ~Star() {
-    for (const auto& ray : rays_) {
-      ray->path.say(dds::ParcelKind::dismissed, {});
-      ray->path.flush();
+    for (const auto& spoke : spokes_) {
+      spoke->parcel_channel.say(dds::ParcelKind::dismissed, {});
+      spoke->parcel_channel.flush();
     }
-    for (const auto& ray : rays_) {
+    for (const auto& spoke : spokes_) {
       int status = 0;
-      for (int turn = 0; turn < 500 && waitpid(ray->process, &status, WNOHANG) == 0; ++turn) usleep(10'000);
-      kill(ray->process, SIGKILL);
+      for (int turn = 0; turn < 500 && waitpid(spoke->process, &status, WNOHANG) == 0; ++turn) usleep(10'000);
+      kill(spoke->process, SIGKILL);
     }
   }
 
   bool wait_for_nodes() {
     for (int turn = 0; turn < 20'000; ++turn) {
       bool all = true;
-      for (const auto& ray : rays_) {
+      for (const auto& spoke : spokes_) {
         dds_publication_matched_status_t matched{};
-        dds_get_publication_matched_status(ray->writer.get(), &matched);
+        dds_get_publication_matched_status(spoke->writer.get(), &matched);
         all &= matched.current_count > 0;
       }
       dds_subscription_matched_status_t matched{};
       dds_get_subscription_matched_status(up_.get(), &matched);
-      if (all && matched.current_count == rays_.size()) return true;
+      if (all && matched.current_count == spokes_.size()) return true;
       usleep(1000);
     }
     return false;
@@ -72,22 +72,22 @@ class Star {
 
   /// One stage; false where an answer does not come.
   bool step() {
-    for (const auto& ray : rays_) {
-      link::Sender& out = *ray->way.first().out;
+    for (const auto& spoke : spokes_) {
+      link::Sender& out = *spoke->channel.first().out;
       for (std::size_t said = 0; said < out_bytes_;) {
         const std::size_t bytes = std::min(out_bytes_ - said, out.largest_message());
         const auto room = out.claim(bytes);
         if (room.empty()) {
-          carry(*ray);
+          carry(*spoke);
           continue;
         }
         out.commit(bytes);
         said += bytes;
       }
       out.publish();
-      carry(*ray);
+      carry(*spoke);
     }
-    const std::size_t awaited = rays_.size() * back_bytes_;
+    const std::size_t awaited = spokes_.size() * back_bytes_;
     const bool all = bell_.wait_for(
         [&] {
           if (came_.exchange(false, std::memory_order_acquire)) take();
@@ -99,14 +99,14 @@ class Star {
   }
 
  private:
-  struct Ray {
-    Ray(dds::Domain& domain, std::uint64_t incarnation)
-        : writer(domain.writer(dds::Topic::down, dds::parcel_carriage, dds::partition_of(incarnation))),
-          path(writer.get(), incarnation),
-          way(std::size_t{1} << 16, nullptr, nullptr) {}
+  struct Spoke {
+    Spoke(dds::Domain& domain, std::uint64_t incarnation)
+        : writer(domain.writer(dds::Topic::down, dds::parcel_qos, dds::partition_of(incarnation))),
+          parcel_channel(writer.get(), incarnation),
+          channel(std::size_t{1} << 16, nullptr, nullptr) {}
     dds::Entity writer;
-    dds::Path path;
-    facade::Way way;
+    dds::ParcelChannel parcel_channel;
+    facade::DuplexChannel channel;
     pid_t process = 0;
   };
 
@@ -117,9 +117,9 @@ class Star {
     return network;
   }
 
-  void carry(Ray& ray) {
-    ray.path.gather(*ray.way.second().in);
-    ray.path.flush();
+  void carry(Spoke& spoke) {
+    spoke.parcel_channel.gather(*spoke.channel.second().in);
+    spoke.parcel_channel.flush();
   }
 
   void take() {
@@ -132,16 +132,16 @@ class Star {
           return true;
         });
       };
-      rays_[parcel.incarnation - 1]->path.receive(parcel, show);
+      spokes_[parcel.incarnation - 1]->parcel_channel.receive(parcel, show);
     });
   }
 
-  link::Doorbell bell_{link::Patience{20, 2}};
+  link::Doorbell bell_{link::SpinPolicy{20, 2}};
   std::atomic<bool> came_{false};
   dds::Domain::Hook hook_;
   dds::Domain domain_;
   dds::Entity up_;
-  std::vector<std::unique_ptr<Ray>> rays_;
+  std::vector<std::unique_ptr<Spoke>> spokes_;
   std::size_t out_bytes_;
   std::size_t back_bytes_;
   std::size_t heard_ = 0;

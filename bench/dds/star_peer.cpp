@@ -5,11 +5,11 @@
 #include <vector>
 
 #include "dds/domain.hpp"
-#include "dds/path.hpp"
+#include "dds/parcel_channel.hpp"
 #include "dds/star.hpp"
-#include "facade/way.hpp"
+#include "facade/duplex_channel.hpp"
 #include "link/doorbell.hpp"
-#include "link/gives_way.hpp"
+#include "link/scoped_batch_scheduling.hpp"
 
 int main(int argc, char** argv) {
   using namespace ringfence;
@@ -23,20 +23,20 @@ int main(int argc, char** argv) {
   const std::size_t back = bench::bytes_back(nodes);
 
   dds::Domain domain(network, dds::Side::node);
-  const link::GivesWay gives_way;
-  link::Doorbell bell(link::Patience{20, 2});
+  const link::ScopedBatchScheduling gives_way;
+  link::Doorbell bell(link::SpinPolicy{20, 2});
   std::atomic<bool> came{false};
   const dds::Domain::Hook hook{[&] {
                                  came.store(true, std::memory_order_release);
                                  bell.ring();
                                },
                                [] {}};
-  const dds::Entity up = domain.writer(dds::Topic::up, dds::parcel_carriage, {});
-  const dds::Entity down = domain.reader(dds::Topic::down, dds::parcel_carriage, dds::partition_of(incarnation));
+  const dds::Entity up = domain.writer(dds::Topic::up, dds::parcel_qos, {});
+  const dds::Entity down = domain.reader(dds::Topic::down, dds::parcel_qos, dds::partition_of(incarnation));
   dds::Domain::listen(down, hook);
-  dds::Path path(up.get(), incarnation);
-  facade::Way way(std::size_t{1} << 16, nullptr, nullptr);
-  link::Sender& out = *way.second().out;
+  dds::ParcelChannel parcel_channel(up.get(), incarnation);
+  facade::DuplexChannel channel(std::size_t{1} << 16, nullptr, nullptr);
+  link::Sender& out = *channel.second().out;
   bool last = false;
   std::size_t heard = 0;
   auto show = [&](dds::ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
@@ -49,8 +49,8 @@ int main(int argc, char** argv) {
       const std::size_t size = std::min(back - said, out.largest_message());
       const auto room = out.claim(size);
       if (room.empty()) {
-        path.gather(*way.first().in);
-        path.flush();
+        parcel_channel.gather(*channel.first().in);
+        parcel_channel.flush();
         continue;
       }
       out.commit(size);
@@ -65,10 +65,10 @@ int main(int argc, char** argv) {
     if (!rung) return 1;  // whom it answers is gone
     came.exchange(false, std::memory_order_acquire);
     dds::take_all<dds::ParcelSample>(down, [&](const dds::ParcelSample& parcel, const dds_sample_info_t& info) {
-      if (info.valid_data && !path.receive(parcel, show)) last = true;
+      if (info.valid_data && !parcel_channel.receive(parcel, show)) last = true;
     });
-    path.gather(*way.first().in);
-    path.flush();
+    parcel_channel.gather(*channel.first().in);
+    parcel_channel.flush();
   }
   return 0;
 }

@@ -48,8 +48,8 @@ class Tbb final : public FrameTester {
   void run(const std::vector<Pose>& poses) override {
     for (PairTester& tester : testers_) tester.clear();
     arena_.execute([&] {
-      constexpr std::size_t objects_a_task = 512;
-      tbb::parallel_for(tbb::blocked_range<std::size_t>(0, poses.size(), objects_a_task),
+      constexpr std::size_t objects_per_task = 512;
+      tbb::parallel_for(tbb::blocked_range<std::size_t>(0, poses.size(), objects_per_task),
                         [&](const auto& range) { crowd_.place(poses, range.begin(), range.end()); });
       test_pairs();
     });
@@ -71,11 +71,11 @@ class Tbb final : public FrameTester {
  private:
   // One thread sweeps; what it finds is tested by whoever is free, itself included once the sweep is over.
   void test_pairs() {
-    constexpr std::size_t pairs_a_task = 256;
+    constexpr std::size_t pairs_per_task = 256;
     tbb::task_group tasks;
     sweep_.begin(crowd_.bounds(), crowd_.present(), crowd_.resting());
     std::size_t used = 0;
-    for (auto found = sweep_.next(pairs_a_task); !found.empty(); found = sweep_.next(pairs_a_task)) {
+    for (auto found = sweep_.next(pairs_per_task); !found.empty(); found = sweep_.next(pairs_per_task)) {
       if (used == portions_.size()) portions_.emplace_back();
       std::vector<geometry::CandidatePair>& portion = portions_[used++];
       portion.clear();

@@ -9,9 +9,9 @@ namespace ringfence::bench {
 namespace {
 
 /// Where an object is, is told from outside: by number, the same for all who ask in a frame.
-class ToldMotion final : public MotionModel {
+class RecordedMotion final : public MotionModel {
  public:
-  void tell(const Pose* poses) noexcept { poses_ = poses; }
+  void set_poses(const Pose* poses) noexcept { poses_ = poses; }
   bool uses_contacts() const noexcept override { return false; }
   void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
     for (std::size_t i = 0; i < inputs.size(); ++i) outputs[i].pose = poses_[inputs[i].number - 1];
@@ -36,7 +36,7 @@ WorldConfig config_of(const RecordedWorld& recorded) {
 class Service final : public FrameTester {
  public:
   Service(const RecordedWorld& recorded, std::uint32_t nodes, Placement placement)
-      : motion_(std::make_shared<ToldMotion>()), world_([&] {
+      : motion_(std::make_shared<RecordedMotion>()), world_([&] {
           WorldConfig config = config_of(recorded);
           config.nodes = nodes;
           config.placement = placement;
@@ -46,14 +46,14 @@ class Service final : public FrameTester {
     worlds::load_into(world_, recorded.scene, 0);
   }
   void run(const std::vector<Pose>& poses) override {
-    motion_->tell(poses.data());
+    motion_->set_poses(poses.data());
     world_.advance();
   }
   std::size_t contacts() const override { return world_.contacts().size(); }
   std::vector<std::uint64_t> touching() const override { return keys_of(world_); }
 
  private:
-  std::shared_ptr<ToldMotion> motion_;
+  std::shared_ptr<RecordedMotion> motion_;
   World world_;
 };
 

@@ -46,7 +46,7 @@ struct End {
 
   bool send(MessageType type, std::size_t frame) {
     const std::size_t bytes = messages::record_bytes(type, state_bytes);
-    const messages::RunHead head{type, messages::Endpoint::server(), messages::Endpoint::node(0), frame, 0};
+    const messages::RunHeader head{type, messages::Endpoint::server(), messages::Endpoint::node(0), frame, 0};
     return run.pump(out, head, bytes, account.counts, [bytes](std::size_t i, std::byte* where) {
       // As a record is: several words of its own.
       for (std::size_t at = 0; at < bytes; at += 8) {
@@ -103,7 +103,7 @@ constexpr Step steps[] = {{MessageType::frame_begin, true, none},
                           {MessageType::narrow_done, false, none},
                           {MessageType::confirm, true, &NodeTraffic::confirms},
                           {MessageType::frame_end, true, none},
-                          {MessageType::told, false, none}};
+                          {MessageType::frame_done, false, none}};
 
 std::size_t records_of(const Step& step, const NodeTraffic& node) {
   if (step.records != none) return node.*step.records;

@@ -147,7 +147,7 @@ class Boost {
  private:
   static constexpr std::size_t batch = std::max<std::size_t>(1, 4096 / sizeof(E));
   boost::lockfree::spsc_queue<E> queue_;
-  alignas(link::line_bytes) std::array<E, batch> staged_;
+  alignas(link::cache_line_pair_bytes) std::array<E, batch> staged_;
 };
 #endif
 
@@ -174,8 +174,8 @@ class Tbb {
 
  private:
   tbb::concurrent_bounded_queue<E> queue_;
-  alignas(link::line_bytes) E staged_;
-  alignas(link::line_bytes) E taken_;
+  alignas(link::cache_line_pair_bytes) E staged_;
+  alignas(link::cache_line_pair_bytes) E taken_;
 };
 
 constexpr std::size_t over = ~std::size_t{0};
@@ -186,8 +186,8 @@ constexpr auto most_time = std::chrono::seconds(4);
 template <class Produce, class Consume>
 std::vector<double> run_bursts(std::size_t bursts, Produce produce, Consume consume) {
   const link::Cores cores;
-  alignas(link::line_bytes) std::atomic<std::size_t> started{0};
-  alignas(link::line_bytes) std::atomic<std::size_t> done{0};
+  alignas(link::cache_line_pair_bytes) std::atomic<std::size_t> started{0};
+  alignas(link::cache_line_pair_bytes) std::atomic<std::size_t> done{0};
   std::thread other([&] {
     cores.pin_this_thread(1);
     for (std::size_t burst = 1;; ++burst) {
@@ -260,7 +260,7 @@ void round_trip(benchmark::State& state, const Traffic& traffic) {
     const auto back = make_back(*there, one);
     const std::uint64_t expected = expected_sum(one);
     // On lines of their own: what both threads touch beside the link would be counted as the link's.
-    struct alignas(link::line_bytes) End {
+    struct alignas(link::cache_line_pair_bytes) End {
       Link* there;
       Link* back;
       Traffic one;

@@ -92,9 +92,9 @@ std::string Side::name() const {
 Crowd make_crowd(const Side& a, const Side& b, std::size_t objects, std::uint64_t seed) {
   Random random(seed);
   Crowd crowd{a, b, std::make_unique<geometry::ShapeTable>(), {}, {}};
-  const int shapes_a_side = std::min(shapes_of(a), shapes_of(b));
+  const int shapes_per_side = std::min(shapes_of(a), shapes_of(b));
   std::vector<double> volumes;
-  for (int i = 0; i < 2 * shapes_a_side; ++i) {
+  for (int i = 0; i < 2 * shapes_per_side; ++i) {
     const ShapeDescription shape = draw_shape(i % 2 == 0 ? a : b, random);
     const ShapeNumber number = crowd.shapes->add(shape);
     const auto* surface = std::get_if<TriangleMesh>(&shape);
@@ -103,7 +103,7 @@ Crowd make_crowd(const Side& a, const Side& b, std::size_t objects, std::uint64_
   double volume = 0;
   for (std::size_t i = 0; i < objects; ++i) {
     const auto side = static_cast<ShapeNumber>(i % 2);
-    const auto shape = static_cast<ShapeNumber>(random() % static_cast<std::uint64_t>(shapes_a_side) * 2 + side);
+    const auto shape = static_cast<ShapeNumber>(random() % static_cast<std::uint64_t>(shapes_per_side) * 2 + side);
     volume += volumes[shape];
     crowd.bodies.push_back({{}, shape, static_cast<ObjectNumber>(i + 1)});
   }

@@ -67,7 +67,7 @@ class Libccd final : public Peer {
       ccdQuatNormalize(&object.turn);
       ccdQuatInvert2(&object.back, &object.turn);
       object.row = &crowd.shapes->row(body.shape);
-      if (object.row->kind == ShapeKind::hull) object.hull = &crowd.shapes->hull(object.row->detail);
+      if (object.row->kind == ShapeKind::hull) object.hull = &crowd.shapes->hull(object.row->index_in_kind);
     }
     CCD_INIT(&settings_);
     settings_.support1 = support;

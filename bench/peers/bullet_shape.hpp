@@ -19,7 +19,7 @@ inline std::unique_ptr<btCollisionShape> bullet_shape(const geometry::ShapeTable
     case ShapeKind::capsule:
       return std::make_unique<btCapsuleShapeZ>(row.size[0], 2 * row.size[1]);
     default: {
-      const geometry::Hull& hull = shapes.hull(row.detail);
+      const geometry::Hull& hull = shapes.hull(row.index_in_kind);
       auto out = std::make_unique<btConvexHullShape>();
       for (std::size_t i = 0; i < hull.vertex_count(); ++i) {
         const Vec3f v = hull.vertex(i);

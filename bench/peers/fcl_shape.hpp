@@ -25,7 +25,7 @@ inline std::shared_ptr<fcl::CollisionGeometryd> fcl_shape(const geometry::ShapeT
     case ShapeKind::capsule:
       return std::make_shared<fcl::Capsuled>(x, 2 * y);
     case ShapeKind::mesh: {
-      const geometry::Mesh& mesh = shapes.mesh(row.detail);
+      const geometry::Mesh& mesh = shapes.mesh(row.index_in_kind);
       std::vector<fcl::Vector3d> vertices;
       std::vector<fcl::Triangle> triangles;
       for (const Vec3f& v : mesh.vertices()) vertices.push_back({double{v.x}, double{v.y}, double{v.z}});
@@ -37,7 +37,7 @@ inline std::shared_ptr<fcl::CollisionGeometryd> fcl_shape(const geometry::ShapeT
       return out;
     }
     default: {
-      const geometry::Hull& hull = shapes.hull(row.detail);
+      const geometry::Hull& hull = shapes.hull(row.index_in_kind);
       auto vertices = std::make_shared<std::vector<fcl::Vector3d>>();
       for (std::size_t i = 0; i < hull.vertex_count(); ++i) {
         const Vec3f v = hull.vertex(i);

@@ -5,7 +5,7 @@
 namespace ringfence::broad_phase {
 namespace {
 constexpr std::size_t sample_size = 4096;
-constexpr std::size_t plan_lasts = 64;  // builds: a plan costs about as much as a tenth of one
+constexpr std::size_t builds_per_plan = 64;  // builds: a plan costs about as much as a tenth of one
 }  // namespace
 
 BoxSet::BoxSet(std::size_t boxes) {
@@ -14,7 +14,7 @@ BoxSet::BoxSet(std::size_t boxes) {
 }
 
 bool BoxSet::plan_is_stale(std::size_t boxes) const noexcept {
-  return planned_levels_ == 0 || age_ >= plan_lasts || boxes > planned_boxes_ + planned_boxes_ / 4 ||
+  return planned_levels_ == 0 || age_ >= builds_per_plan || boxes > planned_boxes_ + planned_boxes_ / 4 ||
          boxes < planned_boxes_ - planned_boxes_ / 4 || larger_ > planned_larger_ + planned_boxes_ / 256 + 16;
 }
 

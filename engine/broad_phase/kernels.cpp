@@ -4,7 +4,7 @@
 #define HWY_TARGET_INCLUDE "broad_phase/kernels.cpp"
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
-#include "broad_phase/census-inl.hpp"
+#include "broad_phase/classifying-inl.hpp"
 #include "broad_phase/querying-inl.hpp"
 #include "broad_phase/sorting-inl.hpp"
 #include "broad_phase/staging-inl.hpp"
@@ -13,7 +13,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::broad_phase::HWY_NAMESPACE {
 
-Kernels kernels() { return {take_census, stage, sort, sweep, query, lanes()}; }
+Kernels kernels() { return {classify_slots, stage, sort, sweep, query, lanes()}; }
 
 }  // namespace ringfence::broad_phase::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

@@ -13,13 +13,13 @@ namespace ringfence::broad_phase {
 /// The sweep's inner loops, compiled for each instruction set and chosen at run time. All of them find the same pairs.
 struct Kernels {
   /// Slots of each kind, ascending. `entering` wants room for all slots and 64 more, `leaving` for as many as are kept.
-  struct Census {
+  struct SlotCounts {
     std::size_t moving;   ///< written to `moving`: present, and not kept at rest
     std::size_t leaving;  ///< written to `leaving`: kept, but not at rest any more
     std::size_t pending;  ///< how many of `moving` are at rest
   };
-  Census (*take_census)(std::span<const std::uint8_t> present, std::span<const std::uint8_t> resting,
-                        const std::uint8_t* kept, std::uint32_t* moving, std::uint32_t* leaving);
+  SlotCounts (*classify_slots)(std::span<const std::uint8_t> present, std::span<const std::uint8_t> resting,
+                               const std::uint8_t* kept, std::uint32_t* moving, std::uint32_t* leaving);
 
   /// Puts the boxes of `slots` that fit the grid's limit into its buckets; writes the others to `larger` (may be
   /// `slots` itself) and returns how many. `layers` by slot, read only if the grid has layer masks.

@@ -22,9 +22,9 @@ namespace ringfence::broad_phase::HWY_NAMESPACE {
 #if HWY_TARGET == HWY_SCALAR
 
 // The cells that a box of another grid looks into.
-class CellsOf {
+class CellRangeFinder {
  public:
-  explicit CellsOf(const RowLayout& rows) : rows_(rows) {}
+  explicit CellRangeFinder(const RowLayout& rows) : rows_(rows) {}
 
   // The first and the last on each axis, counted from the world's start; 0 on an axis without cells. Whether the box is
   // within the level's limit.
@@ -46,9 +46,9 @@ class CellsOf {
 #else
 
 // The cells that a box of another grid looks into.
-class CellsOf {
+class CellRangeFinder {
  public:
-  explicit CellsOf(const RowLayout& rows)
+  explicit CellRangeFinder(const RowLayout& rows)
       : shift_(hn::LoadU(Corner(), rows.cell_shift)), partitioned_(hn::LoadU(Corner(), rows.partitioned)) {
     const std::uint32_t limit[4] = {rows.limit[0], rows.limit[1], rows.limit[2], 0xffffffff};
     limit_ = hn::LoadU(Corner(), limit);
@@ -73,27 +73,27 @@ class CellsOf {
 #endif
 
 // What a box of another grid is to be compared with, and the code that it looks for there.
-struct Question {
+struct WindowQuery {
   std::uint64_t code;
   Window window;
 };
 
 // For the boxes that are larger than the limit, of which a code says nothing, or whose cells wrap around.
 template <bool layered>
-HWY_NOINLINE std::size_t query_any(const RowGrid& b, std::uint32_t i, const GridBox& box, Sought sought, bool fits,
-                                   Finds finds, std::size_t found) {
+HWY_NOINLINE std::size_t query_irregular(const RowGrid& b, std::uint32_t i, const GridBox& box, SearchKey search_key,
+                                         bool fits, HitList hits, std::size_t found) {
   const RowLayout& rows = b.layout;
   const std::uint32_t* const cell_end = b.cell_end.data() + 1;
   const Neighbourhood near(rows, box.lower, box.upper);
   const std::uint32_t x_end = near.x.first + near.x.count - 1, x_mask = rows.cell_mask[0];
   const auto take = [&](std::uint32_t first, std::uint32_t end) HWY_ATTR {
     if (fits) {
-      found = scan<layered>(Columns(b), sought, {i, first, end}, finds, found);
+      found = scan<layered>(Columns(b), search_key, {i, first, end}, hits, found);
       return;
     }
     // Most of what a large box covers it meets: all of it goes to the exact test.
     for (std::uint32_t j = first; j < end; ++j)
-      found = finds.add(found, i, j, !layered || (b.layer_bits[j] & sought.layers) != 0);
+      found = hits.add(found, i, j, !layered || (b.layer_bits[j] & search_key.layers) != 0);
   };
   for (std::uint32_t dz = 0; dz < near.z.count; ++dz)
     for (std::uint32_t dy = 0; dy < near.y.count; ++dy) {
@@ -108,33 +108,33 @@ template <bool layered>
 void query_where(const RowGrid& a, std::uint32_t first, std::uint32_t last, const RowGrid& b, PairSink& sink) {
   const RowLayout& rows = b.layout;
   const std::uint32_t* HWY_RESTRICT cell_end = b.cell_end.data() + 1;
-  const Encoder encode(rows);
+  const CodeEncoder encode(rows);
   const Columns columns(b);
   sink.open(b.count);
-  const Finds finds(sink);
+  const HitList hits(sink);
   std::size_t found = 0;
-  const auto drain_full = [&]() HWY_ATTR {
-    if (HWY_LIKELY(found <= PairSink::drain_at)) return;
-    drain(a, b, found, sink);
+  const auto test_if_full = [&]() HWY_ATTR {
+    if (HWY_LIKELY(found <= PairSink::max_untested_hits)) return;
+    test_hits(a, b, found, sink);
     found = 0;
   };
-  const CellsOf cells_of(rows);
+  const CellRangeFinder find_cells(rows);
   const std::uint32_t x_mask = rows.cell_mask[0], y_mask = rows.cell_mask[1], z_mask = rows.cell_mask[2];
   const std::uint32_t y_to = rows.x_bits, z_to = rows.x_bits + rows.y_bits;
   // As in the sweep, no branch on where a box lies: it fills up to four windows, and those are scanned in a row.
   constexpr std::uint32_t block = 256;
-  Question questions[4 * block];
+  WindowQuery queries[4 * block];
   for (std::uint32_t begin = first; begin < last; begin += block) {
     const std::uint32_t end = std::min(last, begin + block);
     std::uint32_t count = 0;
     for (std::uint32_t i = begin; i < end; ++i) {
       const GridBox& box = a.boxes[a.entries[i].box];
       std::uint32_t from[4], to[4];
-      const bool fits = cells_of(box, from, to);
+      const bool fits = find_cells(box, from, to);
       const std::uint64_t code = swap_halves(encode.quantise(box));
       if (HWY_UNLIKELY(!fits || (from[0] ^ to[0]) > x_mask)) {
-        found = query_any<layered>(b, i, box, {code, layers_sought<layered>(a, i)}, fits, finds, found);
-        drain_full();
+        found = query_irregular<layered>(b, i, box, {code, colliding_layers<layered>(a, i)}, fits, hits, found);
+        test_if_full();
         continue;
       }
       // At most two rows and two slabs: they are two limits deep, and so is what is looked at.
@@ -143,7 +143,7 @@ void query_where(const RowGrid& a, std::uint32_t first, std::uint32_t last, cons
       const std::uint32_t x_first = from[0] & x_mask, x_last = to[0] & x_mask;
       const std::uint32_t two_rows = from[1] != to[1], two_slabs = from[2] != to[2];
       const auto ask = [&](std::uint32_t row, std::uint32_t wanted) HWY_ATTR {
-        questions[count] = {code, {i, cell_end[static_cast<std::int64_t>(row + x_first) - 1], cell_end[row + x_last]}};
+        queries[count] = {code, {i, cell_end[static_cast<std::int64_t>(row + x_first) - 1], cell_end[row + x_last]}};
         count += wanted;
       };
       ask(y[0] | z[0], 1);
@@ -152,13 +152,13 @@ void query_where(const RowGrid& a, std::uint32_t first, std::uint32_t last, cons
       ask(y[1] | z[1], two_rows & two_slabs);
     }
     for (std::uint32_t k = 0; k < count; ++k) {
-      const Window& window = questions[k].window;
+      const Window& window = queries[k].window;
       found =
-          scan<layered>(columns, {questions[k].code, layers_sought<layered>(a, window.asker)}, window, finds, found);
-      drain_full();
+          scan<layered>(columns, {queries[k].code, colliding_layers<layered>(a, window.origin)}, window, hits, found);
+      test_if_full();
     }
   }
-  drain(a, b, found, sink);
+  test_hits(a, b, found, sink);
 }
 
 inline void query(const RowGrid& a, std::uint32_t first, std::uint32_t last, const RowGrid& b, PairSink& sink) {

@@ -26,14 +26,14 @@ void RowGrid::open(const RowLayout& rows, std::size_t boxes_expected, const std:
   }
 }
 
-double RowGrid::cost_of_query_by(const RowGrid& asker) const noexcept {
+double RowGrid::estimated_query_cost(const RowGrid& source) const noexcept {
   constexpr std::uint32_t most_asked = 16, most_rows = 256;
-  const std::uint32_t stride = asker.count / most_asked + 1;
+  const std::uint32_t stride = source.count / most_asked + 1;
   double cost = 0;
   std::uint32_t asked = 0;
-  for (std::uint32_t p = stride / 2; p < asker.count; p += stride, ++asked) {
-    const GridBox& box = asker.boxes[asker.entries[p].box];
-    if (holds(box)) {
+  for (std::uint32_t p = stride / 2; p < source.count; p += stride, ++asked) {
+    const GridBox& box = source.boxes[source.entries[p].box];
+    if (contains(box)) {
       cost += 20;
       continue;
     }
@@ -49,7 +49,7 @@ double RowGrid::cost_of_query_by(const RowGrid& asker) const noexcept {
     }
     cost += all_rows * (3 + 4 * found / rows);
   }
-  return asked == 0 ? 0 : cost * asker.count / asked;
+  return asked == 0 ? 0 : cost * source.count / asked;
 }
 
 }  // namespace ringfence::broad_phase

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "broad_phase/buffer.hpp"
+#include "base/buffer.hpp"
 #include "broad_phase/row_layout.hpp"
 
 namespace ringfence::broad_phase {
@@ -37,24 +37,25 @@ struct GridEntry {
 /// with its halves swapped has no sign bit in its six coordinates.
 struct RowGrid {
   RowLayout layout{};
-  std::uint32_t staged = 0;          ///< boxes put in
-  std::uint32_t count = 0;           ///< boxes sorted so far
-  std::uint32_t sorted_buckets = 0;  ///< buckets sorted so far
-  Buffer<GridBox> boxes;             ///< in chunks by bucket, as they were staged
-  Buffer<std::uint32_t> keys;        ///< beside `boxes`, until they are sorted
-  Buffer<std::uint64_t> codes;       ///< by sorted position; followed by a vector's width of anything
-  Buffer<GridEntry> entries;         ///< by sorted position
+  std::uint32_t staged = 0;           ///< boxes put in
+  std::uint32_t count = 0;            ///< boxes sorted so far
+  std::uint32_t sorted_buckets = 0;   ///< buckets sorted so far
+  base::Buffer<GridBox> boxes;        ///< in chunks by bucket, as they were staged
+  base::Buffer<std::uint32_t> keys;   ///< beside `boxes`, until they are sorted
+  base::Buffer<std::uint64_t> codes;  ///< by sorted position; followed by a vector's width of anything
+  base::Buffer<GridEntry> entries;    ///< by sorted position
   /// Which layers each layer collides with, 32 masks that outlive the sweep; null where all collide: then the layer
   /// columns are not filled.
   const std::uint32_t* layer_masks = nullptr;
-  Buffer<std::uint8_t> staged_layers;  ///< beside `boxes`, until they are sorted
-  Buffer<std::uint32_t> layer_bits;    ///< by sorted position, one bit set; followed by a vector's width of anything
-  Buffer<std::uint32_t> cell_end;      ///< [1 + key] is one past the key's last position, [0] is 0
+  base::Buffer<std::uint8_t> staged_layers;  ///< beside `boxes`, until they are sorted
+  base::Buffer<std::uint32_t>
+      layer_bits;                        ///< by sorted position, one bit set; followed by a vector's width of anything
+  base::Buffer<std::uint32_t> cell_end;  ///< [1 + key] is one past the key's last position, [0] is 0
 
   static constexpr std::uint32_t chunk = 256;
-  Buffer<std::uint32_t> next_chunk;   ///< by chunk: the bucket's next
-  Buffer<std::uint32_t> first_chunk;  ///< by bucket
-  Buffer<std::uint32_t> cursor;       ///< by bucket: where its next box goes
+  base::Buffer<std::uint32_t> next_chunk;   ///< by chunk: the bucket's next
+  base::Buffer<std::uint32_t> first_chunk;  ///< by bucket
+  base::Buffer<std::uint32_t> cursor;       ///< by bucket: where its next box goes
   std::uint32_t chunks = 0;
 
   /// Makes room for up to `boxes_expected` boxes under `layout` and empties the grid.
@@ -76,14 +77,14 @@ struct RowGrid {
   }
 
   /// Whether a box is within the level's limit, so that its code can be compared with the codes here.
-  bool holds(const GridBox& box) const noexcept {
+  bool contains(const GridBox& box) const noexcept {
     return (box.upper[0] - box.lower[0] <= layout.limit[0]) & (box.upper[1] - box.lower[1] <= layout.limit[1]) &
            (box.upper[2] - box.lower[2] <= layout.limit[2]);
   }
 
   /// What it costs, about and in nanoseconds, to ask this grid for all pairs of the boxes of `asker`, judged by a few.
   /// Precondition: both are sorted.
-  double cost_of_query_by(const RowGrid& asker) const noexcept;
+  double estimated_query_cost(const RowGrid& source) const noexcept;
 
   /// Takes the box at a sorted position out: from then on it overlaps nothing.
   void remove(std::uint32_t position) noexcept {
@@ -94,10 +95,10 @@ struct RowGrid {
 };
 
 /// Bits of a code's byte 3: what lies beyond the box's own row.
-enum Crossing : std::uint32_t {
-  next_row = 1,   ///< the box reaches into the next row
-  next_slab = 2,  ///< and into the next slab
-  row_before = 4  ///< it starts so near to its row's start that boxes from the row before may reach it
+enum NeighbourFlags : std::uint32_t {
+  next_row = 1,     ///< the box reaches into the next row
+  next_slab = 2,    ///< and into the next slab
+  previous_row = 4  ///< it starts so near to its row's start that boxes from the row before may reach it
 };
 
 }  // namespace ringfence::broad_phase

@@ -27,7 +27,7 @@ struct AxisSample {
 
 // Expected number of other boxes that start within a cell of some limits' size around a box, over that cell's volume:
 // the density that the boxes see, not that of the space, which in a world with crowds is far less.
-double crowding(const LevelSample& sample, const std::array<AxisSample, 3>& axes) {
+double local_density(const LevelSample& sample, const std::array<AxisSample, 3>& axes) {
   constexpr std::size_t slots = 8192;
   std::uint32_t shift[3];
   double volume = 1;
@@ -73,7 +73,7 @@ RowLayout plan_rows(const LevelSample& sample, std::size_t lanes) {
       axes[a].extent += double(b.upper[a] - b.lower[a]) / static_cast<double>(sample.boxes.size());
     }
   const double n = static_cast<double>(sample.count);
-  const double density = crowding(sample, axes);
+  const double density = local_density(sample, axes);
   double everywhere = n;
   for (const AxisSample& axis : axes) everywhere /= axis.span();
   const double most_cells = 6 * n + 1024;

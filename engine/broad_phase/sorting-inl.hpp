@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "base/prefetch.hpp"
 #include "broad_phase/row_grid.hpp"
 #include "broad_phase/vectors-inl.hpp"
 
@@ -19,9 +20,9 @@ namespace ringfence::broad_phase::HWY_NAMESPACE {
 
 #if HWY_TARGET == HWY_SCALAR
 
-class Encoder {
+class CodeEncoder {
  public:
-  explicit Encoder(const RowLayout& rows) : rows_(rows) {}
+  explicit CodeEncoder(const RowLayout& rows) : rows_(rows) {}
 
   std::uint64_t quantise(const GridBox& box) const {
     std::uint64_t code = 0;
@@ -49,9 +50,9 @@ class Encoder {
 
 #else
 
-class Encoder {
+class CodeEncoder {
  public:
-  explicit Encoder(const RowLayout& rows)
+  explicit CodeEncoder(const RowLayout& rows)
       : quantum_(hn::LoadU(Corner(), rows.quantum)),
         shift_(hn::LoadU(Corner(), rows.cell_shift)),
         limit_(hn::LoadU(Corner(), rows.limit)),
@@ -121,7 +122,7 @@ HWY_INLINE void for_each_run(const RowGrid& grid, std::uint32_t bucket, Visit&& 
 
 inline void sort(RowGrid& grid, std::uint32_t bucket) {
   const RowLayout& rows = grid.layout;
-  const Encoder encode(rows);
+  const CodeEncoder encode(rows);
   std::uint32_t* const cell_end = grid.cell_end.data() + 1;
   const std::uint32_t first_key = bucket << rows.bucket_shift;
   const std::uint32_t last_key = first_key + (1u << rows.bucket_shift);
@@ -132,8 +133,8 @@ inline void sort(RowGrid& grid, std::uint32_t bucket) {
   for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {
     for (std::uint32_t k = first; k < last; ++k) {
       if (k % 8 == 0) {
-        __builtin_prefetch(codes_ahead, 1);
-        __builtin_prefetch(entries_ahead, 1);
+        base::prefetch_for_write(codes_ahead);
+        base::prefetch_for_write(entries_ahead);
         codes_ahead += 8;
         entries_ahead += 8;
       }

@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <cstring>
 
+#include "base/prefetch.hpp"
 #include "broad_phase/row_grid.hpp"
 #include "broad_phase/vectors-inl.hpp"
 #include "geometry/bounds.hpp"
@@ -22,9 +23,9 @@ namespace ringfence::broad_phase::HWY_NAMESPACE {
 #if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
 
 // A bit extract for x and y together and one for z; every processor with AVX-512 has a fast one.
-class KeyOf {
+class KeyEncoder {
  public:
-  explicit KeyOf(const RowLayout& rows)
+  explicit KeyEncoder(const RowLayout& rows)
       : x_and_y_(std::uint64_t{rows.cell_mask[0]} << rows.cell_shift[0] | std::uint64_t{rows.cell_mask[1]}
                                                                               << rows.cell_shift[1] << 32),
         z_(rows.cell_mask[2] << rows.cell_shift[2]),
@@ -42,9 +43,9 @@ class KeyOf {
 
 #else
 
-class KeyOf {
+class KeyEncoder {
  public:
-  explicit KeyOf(const RowLayout& rows) : rows_(rows) {}
+  explicit KeyEncoder(const RowLayout& rows) : rows_(rows) {}
   HWY_INLINE std::uint32_t operator()(const geometry::Bounds& b) const {
     const auto cell = [&](std::size_t axis) { return b.lower[axis] >> rows_.cell_shift[axis] & rows_.cell_mask[axis]; };
     return cell(0) | cell(1) << rows_.x_bits | cell(2) << (rows_.x_bits + rows_.y_bits);
@@ -61,7 +62,7 @@ class KeyOf {
 class Limit {
  public:
   explicit Limit(const RowLayout& rows) : rows_(rows) {}
-  bool holds(const geometry::Bounds& b) const {
+  bool contains(const geometry::Bounds& b) const {
     return (b.upper[0] - b.lower[0] <= rows_.limit[0]) & (b.upper[1] - b.lower[1] <= rows_.limit[1]) &
            (b.upper[2] - b.lower[2] <= rows_.limit[2]);
   }
@@ -76,7 +77,7 @@ HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, std::uint32_t
   std::memcpy(to.upper, b.upper, sizeof to.upper);
   to.slot = slot;
   to.guard = GridBox::present;
-  return limit.holds(b);
+  return limit.contains(b);
 }
 
 #else
@@ -87,7 +88,7 @@ class Limit {
     const std::uint32_t limit[4] = {rows.limit[0], rows.limit[1], rows.limit[2], 0xffffffff};
     limit_ = hn::LoadU(Corner(), limit);
   }
-  HWY_INLINE bool holds(hn::Vec<Corner> lower, hn::Vec<Corner> upper) const {
+  HWY_INLINE bool contains(hn::Vec<Corner> lower, hn::Vec<Corner> upper) const {
     const auto extent = hn::Sub(upper, lower);
     return hn::AllTrue(Corner(), hn::Eq(hn::Min(extent, limit_), extent));
   }
@@ -113,7 +114,7 @@ HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, std::uint32_t
   hn::Store(lower, d, to.lower);
   hn::Store(upper, d, to.upper);
 #endif
-  return limit.holds(lower, upper);
+  return limit.contains(lower, upper);
 }
 
 #endif
@@ -129,15 +130,15 @@ std::size_t stage_where(RowGrid& grid, const geometry::Bounds* bounds, const std
   std::uint32_t* const cursor = grid.cursor.data();
   std::uint8_t* const staged_layers = grid.staged_layers.data();
   std::uint32_t* refused = larger;
-  const KeyOf key_of(rows);
+  const KeyEncoder key_of(rows);
   const auto put = [&](std::uint32_t slot) HWY_ATTR {
     const geometry::Bounds& b = bounds[slot];
     const std::uint32_t key = key_of(b);
     std::uint32_t& next = cursor[key >> bucket_shift];
     const std::uint32_t at = next;
     // Stores leave in order: one that has to fetch its line holds up all behind it.
-    __builtin_prefetch(boxes + at + 6, 1);
-    __builtin_prefetch(keys + at + 16, 1);
+    base::prefetch_for_write(boxes + at + 6);
+    base::prefetch_for_write(keys + at + 16);
     keys[at] = key;
     if constexpr (layered) staged_layers[at] = layers[slot];
     if (HWY_UNLIKELY(!copy_if_within(b, slot, limit, boxes[at]))) {
@@ -151,7 +152,7 @@ std::size_t stage_where(RowGrid& grid, const geometry::Bounds* bounds, const std
   constexpr std::size_t ahead = 40;
   std::size_t k = 0;
   for (; k + ahead < count; ++k) {
-    __builtin_prefetch(bounds + slots[k + ahead]);
+    base::prefetch_for_read(bounds + slots[k + ahead]);
     put(slots[k]);
   }
   for (; k < count; ++k) put(slots[k]);

@@ -6,8 +6,8 @@
 #include <cstring>
 #include <utility>
 
+#include "base/buffer.hpp"
 #include "broad_phase/box_set.hpp"
-#include "broad_phase/buffer.hpp"
 #include "broad_phase/kernels.hpp"
 #include "broad_phase/pair_sink.hpp"
 
@@ -19,7 +19,7 @@ struct Task {
   RowGrid* a;
   RowGrid* b;  ///< null: among themselves
 };
-constexpr std::size_t most_tasks = max_levels * (max_levels + 1) / 2 + max_levels * max_levels;
+constexpr std::size_t max_tasks = max_levels * (max_levels + 1) / 2 + max_levels * max_levels;
 
 // Where a box that is kept at rest is.
 struct Place {
@@ -27,7 +27,7 @@ struct Place {
   std::uint32_t grid;
 };
 
-constexpr std::uint32_t boxes_a_step = 4096;
+constexpr std::uint32_t boxes_per_step = 4096;
 
 }  // namespace
 
@@ -36,20 +36,20 @@ struct SweepAndPrune::Implementation {
   BoxSet moving;
   BoxSet resting;
   PairSink sink;  ///< the remembered pairs of the resting, then those found in this call
-  Buffer<std::uint32_t> moving_slots;
-  Buffer<std::uint32_t> leaving_slots;
-  Buffer<std::uint32_t> resting_slots;
-  Buffer<std::uint8_t> kept;  ///< by slot: 1 where the resting set holds it
-  Buffer<Place> place;        ///< by slot, where kept
-  std::size_t slots = 0;      ///< of the last call
+  base::Buffer<std::uint32_t> moving_slots;
+  base::Buffer<std::uint32_t> leaving_slots;
+  base::Buffer<std::uint32_t> resting_slots;
+  base::Buffer<std::uint8_t> kept;  ///< by slot: 1 where the resting set holds it
+  base::Buffer<Place> place;        ///< by slot, where kept
+  std::size_t slots = 0;            ///< of the last call
   std::size_t kept_count = 0;
-  std::size_t removed = 0;     ///< taken out of the resting set since it was built
-  std::size_t remembered = 0;  ///< pairs among the resting
-  std::size_t debt = 0;        ///< what not rebuilding the resting set has cost, in boxes
-  std::array<Task, most_tasks> tasks;
+  std::size_t removed = 0;        ///< taken out of the resting set since it was built
+  std::size_t resting_pairs = 0;  ///< pairs among the resting
+  std::size_t debt = 0;           ///< what not rebuilding the resting set has cost, in boxes
+  std::array<Task, max_tasks> tasks;
   std::size_t task_count = 0, task = 0;
   std::uint32_t position = 0;
-  std::size_t handed_out = 0;
+  std::size_t returned = 0;
 
   LayerMasks masks;
   bool layered;
@@ -75,20 +75,20 @@ struct SweepAndPrune::Implementation {
 
   void resize(std::size_t objects) {
     for (std::size_t slot = objects; slot < slots; ++slot)
-      if (kept[slot] != 0) forget(static_cast<std::uint32_t>(slot));
+      if (kept[slot] != 0) remove_resting(static_cast<std::uint32_t>(slot));
     reserve(objects);
     for (std::size_t slot = slots; slot < objects; ++slot) kept[slot] = 0;
     slots = objects;
   }
 
-  void forget(std::uint32_t slot) {
+  void remove_resting(std::uint32_t slot) {
     kept[slot] = 0;
     --kept_count;
     ++removed;
-    forgotten = true;
+    resting_pairs_outdated = true;
     resting.grids()[place[slot].grid].remove(place[slot].position);
   }
-  bool forgotten = false;  ///< some remembered pair may have lost a box
+  bool resting_pairs_outdated = false;  ///< some remembered pair may have lost a box
 
   // What rests is asked by all that moves, which costs more for a box than to sweep it: it pays where three fifths or
   // more rest (measured with 64,000). Between a half and two thirds it stays as it is.
@@ -99,20 +99,20 @@ struct SweepAndPrune::Implementation {
   void release() {
     std::memset(kept.data(), 0, slots);
     resting.clear();
-    kept_count = removed = debt = remembered = 0;
-    forgotten = false;
+    kept_count = removed = debt = resting_pairs = 0;
+    resting_pairs_outdated = false;
   }
 
-  void drop_forgotten_pairs() {
+  void drop_outdated_pairs() {
     geometry::CandidatePair* to = sink.pairs.data();
-    const geometry::CandidatePair* const end = to + remembered;
+    const geometry::CandidatePair* const end = to + resting_pairs;
     for (const geometry::CandidatePair* at = to; at != end; ++at) {
       const geometry::CandidatePair pair = *at;
       *to = pair;
       to += kept[pair.a] & kept[pair.b];
     }
-    remembered = static_cast<std::size_t>(to - sink.pairs.data());
-    forgotten = false;
+    resting_pairs = static_cast<std::size_t>(to - sink.pairs.data());
+    resting_pairs_outdated = false;
   }
 
   void add_tasks_within(BoxSet& set) {
@@ -131,7 +131,7 @@ struct SweepAndPrune::Implementation {
     if (task == task_count) return false;
     Task& t = tasks[task];
     // Either may ask the other; the few large ones usually the many small, unless they cover too much.
-    if (t.b != nullptr && position == 0 && t.a->cost_of_query_by(*t.b) < t.b->cost_of_query_by(*t.a))
+    if (t.b != nullptr && position == 0 && t.a->estimated_query_cost(*t.b) < t.b->estimated_query_cost(*t.a))
       std::swap(t.a, t.b);
     std::uint32_t ready = t.b == nullptr ? t.a->sweepable() : t.a->count;
     // Sorts no further ahead than the sweep needs: what it then meets is in the cache.
@@ -139,7 +139,7 @@ struct SweepAndPrune::Implementation {
       kernels.sort(*t.a, t.a->sorted_buckets++);
       ready = t.a->sweepable();
     }
-    const std::uint32_t end = std::min(ready, position + boxes_a_step);
+    const std::uint32_t end = std::min(ready, position + boxes_per_step);
     if (t.b == nullptr)
       kernels.sweep(*t.a, position, end, sink);
     else
@@ -172,13 +172,13 @@ struct SweepAndPrune::Implementation {
     std::sort(resting_slots.data(), resting_slots.data() + staying);
     resting.build(kernels, bounds, layers, mask_data(), {resting_slots.data(), staying});
     kept_count = staying;
-    removed = debt = remembered = sink.count = 0;
-    forgotten = false;
+    removed = debt = resting_pairs = sink.count = 0;
+    resting_pairs_outdated = false;
     start_tasks();
     add_tasks_within(resting);
     while (step()) {
     }
-    remembered = sink.count;
+    resting_pairs = sink.count;
     const auto grids = resting.grids();
     for (std::uint32_t g = 0; g < grids.size(); ++g)
       for (std::uint32_t p = 0; p < grids[g].count; ++p) place[grids[g].boxes[grids[g].entries[p].box].slot] = {p, g};
@@ -189,24 +189,24 @@ struct SweepAndPrune::Implementation {
     assert(bounds.size() == present.size() && bounds.size() == still.size());
     assert(!layered || layers.size() == bounds.size());
     if (bounds.size() != slots) resize(bounds.size());
-    const auto take_census = [&] {
-      return kernels.take_census(present, still, kept.data(), moving_slots.data(), leaving_slots.data());
+    const auto classify_slots = [&] {
+      return kernels.classify_slots(present, still, kept.data(), moving_slots.data(), leaving_slots.data());
     };
-    Kernels::Census census = take_census();
-    std::size_t at_rest = kept_count - census.leaving + census.pending;
-    if (!is_worth_keeping(at_rest, kept_count + census.moving - census.leaving)) {
+    Kernels::SlotCounts slot_counts = classify_slots();
+    std::size_t at_rest = kept_count - slot_counts.leaving + slot_counts.pending;
+    if (!is_worth_keeping(at_rest, kept_count + slot_counts.moving - slot_counts.leaving)) {
       if (kept_count != 0) {
         release();
-        census = take_census();
+        slot_counts = classify_slots();
       }
-      at_rest = census.pending = 0;
+      at_rest = slot_counts.pending = 0;
     }
-    for (std::size_t k = 0; k < census.leaving; ++k) forget(leaving_slots[k]);
-    if (forgotten) drop_forgotten_pairs();
-    std::size_t moving_count = census.moving;
+    for (std::size_t k = 0; k < slot_counts.leaving; ++k) remove_resting(leaving_slots[k]);
+    if (resting_pairs_outdated) drop_outdated_pairs();
+    std::size_t moving_count = slot_counts.moving;
     // Rebuilding costs about as much for a box as sweeping it once more: so it is due when what it would have saved
     // adds up to that. This is never worse than twice the best schedule.
-    debt += census.pending + removed;
+    debt += slot_counts.pending + removed;
     if (at_rest == 0) {
       resting.clear();
       removed = debt = 0;
@@ -218,8 +218,8 @@ struct SweepAndPrune::Implementation {
     add_tasks_within(moving);
     for (RowGrid& m : moving.grids())
       for (RowGrid& r : resting.grids()) tasks[task_count++] = {&m, &r};
-    sink.count = remembered;
-    handed_out = 0;
+    sink.count = resting_pairs;
+    returned = 0;
   }
 };
 
@@ -246,12 +246,12 @@ void SweepAndPrune::begin(std::span<const geometry::Bounds> bounds, std::span<co
 
 std::span<const geometry::CandidatePair> SweepAndPrune::next(std::size_t most) {
   Implementation& sweep = *implementation_;
-  if (sweep.handed_out == sweep.sink.count) sweep.handed_out = sweep.sink.count = sweep.remembered;
-  while (sweep.sink.count - sweep.handed_out < most && sweep.step()) {
+  if (sweep.returned == sweep.sink.count) sweep.returned = sweep.sink.count = sweep.resting_pairs;
+  while (sweep.sink.count - sweep.returned < most && sweep.step()) {
   }
-  const std::size_t count = std::min(most, sweep.sink.count - sweep.handed_out);
-  const geometry::CandidatePair* const first = sweep.sink.pairs.data() + sweep.handed_out;
-  sweep.handed_out += count;
+  const std::size_t count = std::min(most, sweep.sink.count - sweep.returned);
+  const geometry::CandidatePair* const first = sweep.sink.pairs.data() + sweep.returned;
+  sweep.returned += count;
   return {first, count};
 }
 

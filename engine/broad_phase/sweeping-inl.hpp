@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "base/prefetch.hpp"
 #include "broad_phase/pair_sink.hpp"
 #include "broad_phase/row_grid.hpp"
 #include "broad_phase/sorting-inl.hpp"
@@ -21,7 +22,7 @@ HWY_BEFORE_NAMESPACE();
 namespace ringfence::broad_phase::HWY_NAMESPACE {
 
 // The exact test on `count` finds.
-inline HWY_NOINLINE void drain(const RowGrid& a, const RowGrid& b, std::size_t count, PairSink& sink) {
+inline HWY_NOINLINE void test_hits(const RowGrid& a, const RowGrid& b, std::size_t count, PairSink& sink) {
   std::uint64_t* HWY_RESTRICT positions = sink.positions.data();
   std::uint32_t* HWY_RESTRICT others = sink.others.data();
   std::uint64_t* HWY_RESTRICT to_test = sink.to_test.data();
@@ -39,8 +40,8 @@ inline HWY_NOINLINE void drain(const RowGrid& a, const RowGrid& b, std::size_t c
       const std::uint32_t other =
           static_cast<std::uint32_t>(where >> 32) + static_cast<std::uint32_t>(std::countr_zero(bits));
       const std::uint64_t p = a_entries[static_cast<std::uint32_t>(where)].box, q = b_entries[other].box;
-      __builtin_prefetch(a_boxes + p);
-      __builtin_prefetch(b_boxes + q);
+      base::prefetch_for_read(a_boxes + p);
+      base::prefetch_for_read(b_boxes + q);
       to_test[k] = q << 32 | p;
       positions[left] = where;
       others[left] = bits & (bits - 1);
@@ -79,18 +80,18 @@ class RowSteps {
 
 // The windows for the cells from `first` to `last` of a row, counted from its start, where one of them lies outside the
 // row: they wrap around.
-inline Window* add_wrapped(const std::uint32_t* cell_end, std::uint32_t x_mask, std::uint32_t asker,
+inline Window* add_wrapped(const std::uint32_t* cell_end, std::uint32_t x_mask, std::uint32_t origin,
                            std::uint32_t row_key, std::int32_t first, std::int32_t last, Window* to) {
   const std::uint32_t* const row = cell_end + row_key;
   const auto mask = static_cast<std::int32_t>(x_mask);
-  *to++ = {asker, row[(first & mask) - 1], row[mask]};
-  *to++ = {asker, row[-1], row[last & mask]};
+  *to++ = {origin, row[(first & mask) - 1], row[mask]};
+  *to++ = {origin, row[-1], row[last & mask]};
   return to;
 }
 
 // The part of the windows of a block of boxes that lies in rows beyond their own.
-inline HWY_NOINLINE Window* look_across(const RowGrid& grid, const std::uint32_t* crossing, std::uint32_t count,
-                                        Window* to) {
+inline HWY_NOINLINE Window* collect_neighbour_windows(const RowGrid& grid, const std::uint32_t* crossing,
+                                                      std::uint32_t count, Window* to) {
   const RowLayout& rows = grid.layout;
   const RowSteps steps(rows);
   const std::uint64_t* HWY_RESTRICT codes = grid.codes.data();
@@ -132,11 +133,11 @@ void sweep_where(const RowGrid& grid, std::uint32_t first, std::uint32_t last, P
   const std::uint32_t x_mask = grid.layout.cell_mask[0];
   const Columns columns(grid);
   sink.open(grid.count);
-  const Finds finds(sink);
+  const HitList hits(sink);
   std::size_t found = 0;
-  const auto drain_full = [&]() HWY_ATTR {
-    if (HWY_LIKELY(found <= PairSink::drain_at)) return;
-    drain(grid, grid, found, sink);
+  const auto test_if_full = [&]() HWY_ATTR {
+    if (HWY_LIKELY(found <= PairSink::max_untested_hits)) return;
+    test_hits(grid, grid, found, sink);
     found = 0;
   };
   std::uint32_t* HWY_RESTRICT crossing = sink.crossing.data();
@@ -155,19 +156,19 @@ void sweep_where(const RowGrid& grid, std::uint32_t first, std::uint32_t last, P
         *windows_end++ = {i, cell_end[static_cast<std::int64_t>(row) - 1], cell_end[row + (ahead & x_mask)]};
         ahead = row + x_mask;
       }
-      const Sought sought{swap_halves(code), layers_sought<layered>(grid, i)};
-      found = scan<layered, short_step>(columns, sought, {i, i + 1, cell_end[ahead]}, finds, found);
+      const SearchKey search_key{swap_halves(code), colliding_layers<layered>(grid, i)};
+      found = scan<layered, short_step>(columns, search_key, {i, i + 1, cell_end[ahead]}, hits, found);
       crossing[crossings] = i;
       crossings += (code & std::uint64_t{next_row | next_slab} << 24) != 0;
-      drain_full();
+      test_if_full();
     }
-    windows_end = look_across(grid, crossing, crossings, windows_end);
+    windows_end = collect_neighbour_windows(grid, crossing, crossings, windows_end);
     for (const Window* w = windows; w != windows_end; ++w) {
-      const Sought sought{swap_halves(codes[w->asker]), layers_sought<layered>(grid, w->asker)};
-      found = scan<layered>(columns, sought, *w, finds, found);
-      drain_full();
+      const SearchKey search_key{swap_halves(codes[w->origin]), colliding_layers<layered>(grid, w->origin)};
+      found = scan<layered>(columns, search_key, *w, hits, found);
+      test_if_full();
     }
-    drain(grid, grid, found, sink);
+    test_hits(grid, grid, found, sink);
     found = 0;
   }
 }

@@ -24,7 +24,7 @@ namespace ringfence::broad_phase::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 /// What a box looks for: the code that overlapping boxes' codes meet, and the layers that it collides with.
-struct Sought {
+struct SearchKey {
   std::uint64_t code;
   std::uint32_t layers;  ///< as bits; unused where all layers collide
 };
@@ -37,7 +37,7 @@ struct Columns {
 };
 
 template <bool layered>
-HWY_INLINE std::uint32_t layers_sought(const RowGrid& grid, std::uint32_t position) {
+HWY_INLINE std::uint32_t colliding_layers(const RowGrid& grid, std::uint32_t position) {
   if constexpr (!layered) return 0;
   return grid.layer_masks[std::countr_zero(grid.layer_bits[position])];
 }
@@ -56,11 +56,11 @@ HWY_INLINE std::uint64_t add_bytes(std::uint64_t p, std::uint64_t q) {
 constexpr std::uint32_t short_step = 8, long_step = 8;
 
 template <bool layered, std::uint32_t width>
-HWY_INLINE std::uint32_t met(Columns in, Sought sought, std::uint32_t j) {
+HWY_INLINE std::uint32_t compare_codes(Columns in, SearchKey search_key, std::uint32_t j) {
   std::uint32_t bits = 0;
   for (std::uint32_t k = 0; k < width; ++k) {
-    bool meets = (add_bytes(in.codes[j + k], sought.code) & coordinate_signs) == 0;
-    if constexpr (layered) meets &= (in.layer_bits[j + k] & sought.layers) != 0;
+    bool meets = (add_bytes(in.codes[j + k], search_key.code) & coordinate_signs) == 0;
+    if constexpr (layered) meets &= (in.layer_bits[j + k] & search_key.layers) != 0;
     bits |= std::uint32_t{meets} << k;
   }
   return bits;
@@ -112,13 +112,13 @@ HWY_INLINE std::uint32_t bits_of(hn::Mask<Codes> mask) {
 
 // By bits, which of the `width` boxes from position j on meet what is sought.
 template <bool layered, std::uint32_t width>
-HWY_INLINE std::uint32_t met(Columns in, Sought sought, std::uint32_t j) {
+HWY_INLINE std::uint32_t compare_codes(Columns in, SearchKey search_key, std::uint32_t j) {
   const Codes d;
   const hn::Rebind<std::uint32_t, Codes> bits;
   const hn::Repartition<std::uint8_t, Codes> bytes;
-  const auto wanted = hn::BitCast(bytes, hn::Set(d, sought.code));
+  const auto wanted = hn::BitCast(bytes, hn::Set(d, search_key.code));
   const auto signs = hn::Set(d, coordinate_signs);
-  const auto layers = hn::Set(d, std::uint64_t{sought.layers});
+  const auto layers = hn::Set(d, std::uint64_t{search_key.layers});
   std::uint32_t found = 0;
   for (std::uint32_t k = 0; k < width; k += static_cast<std::uint32_t>(hn::Lanes(d))) {
     const auto sum = hn::BitCast(d, hn::Add(wanted, hn::BitCast(bytes, hn::LoadU(d, in.codes + j + k))));
@@ -166,14 +166,14 @@ HWY_INLINE std::uint64_t mask_of_nonzero(const std::uint8_t* bytes) {
 #endif
 
 // Where scans append what they find; see PairSink.
-struct Finds {
-  explicit Finds(PairSink& sink) : positions(sink.positions.data()), others(sink.others.data()) {}
+struct HitList {
+  explicit HitList(PairSink& sink) : positions(sink.positions.data()), others(sink.others.data()) {}
   std::uint64_t* HWY_RESTRICT positions;
   std::uint32_t* HWY_RESTRICT others;
 
   // Appends, without a branch, if there is any other.
-  HWY_INLINE std::size_t add(std::size_t count, std::uint32_t asker, std::uint32_t first, std::uint32_t bits) const {
-    positions[count] = std::uint64_t{first} << 32 | asker;
+  HWY_INLINE std::size_t add(std::size_t count, std::uint32_t origin, std::uint32_t first, std::uint32_t bits) const {
+    positions[count] = std::uint64_t{first} << 32 | origin;
     others[count] = bits;
     return count + (bits != 0);
   }
@@ -181,14 +181,14 @@ struct Finds {
 
 // Finds what in a window meets what is sought; returns how many finds there are then. Precondition: first <= end.
 template <bool layered, std::uint32_t width = long_step>
-HWY_INLINE std::size_t scan(Columns in, Sought sought, Window window, Finds to, std::size_t count) {
+HWY_INLINE std::size_t scan(Columns in, SearchKey search_key, Window window, HitList to, std::size_t count) {
   // At least once, also where there is nothing left: a branch that is almost never taken costs less than one that
   // sometimes is.
   std::uint32_t at = window.first;
   for (std::uint32_t left = window.end - at; HWY_UNLIKELY(left > width); left -= width, at += width)
-    count = to.add(count, window.asker, at, met<layered, width>(in, sought, at));
+    count = to.add(count, window.origin, at, compare_codes<layered, width>(in, search_key, at));
   const std::uint32_t within = (1u << (window.end - at)) - 1;
-  return to.add(count, window.asker, at, met<layered, width>(in, sought, at) & within);
+  return to.add(count, window.origin, at, compare_codes<layered, width>(in, search_key, at) & within);
 }
 
 }  // namespace ringfence::broad_phase::HWY_NAMESPACE

@@ -4,27 +4,27 @@
 
 #include <dds/ddsc/dds_statistics.h>
 
-#include "dds/node_fleet.hpp"
+#include "dds/cluster_nodes.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::dds {
 
-ClusterReport NodeFleet::report() const {
+ClusterReport ClusterNodes::report() const {
   const std::lock_guard lock(mutex_);
   ClusterReport report = totals_;
   report.stale_parcels = stale_parcels_.load(std::memory_order_relaxed);
-  for (const auto& node : seats_) {
+  for (const auto& node : assigned_by_number_) {
     if (node == nullptr) {
       continue;
     }
-    const Path::Counters counters = node->path->counters();
+    const ParcelChannel::Counters counters = node->parcel_channel->counters();
     MemberReport& member = report.members.emplace_back();
     member.name = node->name;
     member.number = node->number;
     member.sent_parcels = counters.sent_parcels;
     member.sent_bytes = counters.sent_bytes;
-    member.taken_parcels = counters.taken_parcels;
-    member.taken_bytes = counters.taken_bytes;
+    member.received_parcels = counters.received_parcels;
+    member.received_bytes = counters.received_bytes;
     member.refused_writes = counters.refused_writes;
     member.answers = counters.answers;
     member.answer_ms_mean =
@@ -40,11 +40,11 @@ ClusterReport NodeFleet::report() const {
   return report;
 }
 
-Cluster::Cluster(ClusterConfig config) : fleet_(std::make_shared<NodeFleet>(std::move(config))) {}
+Cluster::Cluster(ClusterConfig config) : nodes_(std::make_shared<ClusterNodes>(std::move(config))) {}
 Cluster::~Cluster() = default;
 
-std::shared_ptr<Fleet> Cluster::fleet() const { return fleet_; }
-std::uint32_t Cluster::domain() const noexcept { return fleet_->domain(); }
-ClusterReport Cluster::report() const { return fleet_->report(); }
+std::shared_ptr<RemoteNodes> Cluster::remote_nodes() const { return nodes_; }
+std::uint32_t Cluster::domain() const noexcept { return nodes_->domain(); }
+ClusterReport Cluster::report() const { return nodes_->report(); }
 
 }  // namespace ringfence::dds

@@ -15,7 +15,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "link/gives_way.hpp"
+#include "link/scoped_batch_scheduling.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence::dds {
@@ -129,10 +129,10 @@ std::uint32_t free_domain() {
 
 /// What Cyclone DDS says of itself, kept until somebody who may log asks for it: its threads say it, often, and of a
 /// link that is cut once a datagram.
-class Words {
+class LogLines {
  public:
-  static Words& all() {
-    static Words words;
+  static LogLines& all() {
+    static LogLines words;
     return words;
   }
   void add(const char* line) {
@@ -180,17 +180,17 @@ class Words {
 void tell_data(void* hook) { static_cast<const Domain::Hook*>(hook)->data(); }
 void tell_others(void* hook) { static_cast<const Domain::Hook*>(hook)->others(); }
 
-dds_qos_t* quality(const Carriage& carriage, const std::string& partition) {
+dds_qos_t* make_qos(const TopicQos& topic_qos, const std::string& partition) {
   dds_qos_t* qos = dds_create_qos();
   dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, 0);
-  dds_qset_durability(qos, carriage.durable ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
-  dds_qset_history(qos, carriage.keep_all ? DDS_HISTORY_KEEP_ALL : DDS_HISTORY_KEEP_LAST, 1);
-  if (carriage.durable) {
+  dds_qset_durability(qos, topic_qos.durable ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
+  dds_qset_history(qos, topic_qos.keep_all ? DDS_HISTORY_KEEP_ALL : DDS_HISTORY_KEEP_LAST, 1);
+  if (topic_qos.durable) {
     dds_qset_durability_service(qos, 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED,
                                 DDS_LENGTH_UNLIMITED);
   }
-  if (carriage.lease_ms > 0) {
-    dds_qset_liveliness(qos, DDS_LIVELINESS_AUTOMATIC, static_cast<dds_duration_t>(carriage.lease_ms * 1e6));
+  if (topic_qos.lease_ms > 0) {
+    dds_qset_liveliness(qos, DDS_LIVELINESS_AUTOMATIC, static_cast<dds_duration_t>(topic_qos.lease_ms * 1e6));
   }
   // Else one whose lease is over counts as one that has said that it ends.
   dds_qset_writer_data_lifecycle(qos, false);
@@ -236,14 +236,14 @@ Domain::Domain(const NetworkConfig& network, Side side) {
     throw Error("UDP port " + std::to_string(world_port(number_)) + " is taken" + where +
                 ": another World has this domain; choose another with --domain");
   }
-  dds_set_log_sink([](void*, const dds_log_data_t* line) { Words::all().add(line->message); }, nullptr);
+  dds_set_log_sink([](void*, const dds_log_data_t* line) { LogLines::all().add(line->message); }, nullptr);
   try {
-    const link::GivesWay gives_way;  // the threads of Cyclone DDS are made here
+    const link::ScopedBatchScheduling gives_way;  // the threads of Cyclone DDS are made here
     domain_ = Entity(dds_create_domain(number_, settings(network, side, number_).c_str()), "a domain");
     participant_ = Entity(dds_create_participant(number_, nullptr, nullptr), "a participant");
   } catch (const Error& error) {
     std::string why = error.what() + where + "; see that the interface exists (ip addr)";
-    for (const std::string& line : Words::all().take(true)) {
+    for (const std::string& line : LogLines::all().take(true)) {
       why += "; " + line;
     }
     throw Error(why);
@@ -257,9 +257,9 @@ Domain::Domain(const NetworkConfig& network, Side side) {
 
 // A participant says that it lives when four fifths of its shortest lease have passed. This writer, which writes
 // nothing, has half the lease of those that are watched: one such word may get lost, or come late from a busy machine.
-void Domain::beat(double lease_ms) {
+void Domain::start_heartbeat(double lease_ms) {
   pulse_.reset();
-  dds_qos_t* qos = quality({false, false, lease_ms / 2}, {});
+  dds_qos_t* qos = make_qos({false, false, lease_ms / 2}, {});
   pulse_ = Entity(dds_create_writer(participant_.get(), pulse_topic_.get(), qos, nullptr), "a pulse");
   dds_delete_qos(qos);
 }
@@ -269,16 +269,16 @@ Domain::~Domain() {
   participant_.reset();
 }
 
-Entity Domain::reader(Topic topic, const Carriage& carriage, const std::string& partition) {
+Entity Domain::reader(Topic topic, const TopicQos& topic_qos, const std::string& partition) {
   // Any lease will do: how long a writer may be silent is what it promised itself.
-  dds_qos_t* qos = quality({carriage.durable, carriage.keep_all, 0}, partition);
+  dds_qos_t* qos = make_qos({topic_qos.durable, topic_qos.keep_all, 0}, partition);
   const dds_entity_t made = dds_create_reader(participant_.get(), topics_[index_of(topic)].get(), qos, nullptr);
   dds_delete_qos(qos);
   return {made, topic_kinds[index_of(topic)].name};
 }
 
-Entity Domain::writer(Topic topic, const Carriage& carriage, const std::string& partition) {
-  dds_qos_t* qos = quality(carriage, partition);
+Entity Domain::writer(Topic topic, const TopicQos& topic_qos, const std::string& partition) {
+  dds_qos_t* qos = make_qos(topic_qos, partition);
   const dds_entity_t made = dds_create_writer(participant_.get(), topics_[index_of(topic)].get(), qos, nullptr);
   dds_delete_qos(qos);
   return {made, topic_kinds[index_of(topic)].name};
@@ -299,9 +299,9 @@ void Domain::listen(const Entity& entity, const Hook& hook) {
   hook.others();
 }
 
-std::vector<std::string> Domain::take_words() { return Words::all().take(false); }
+std::vector<std::string> Domain::take_log_lines() { return LogLines::all().take(false); }
 
-std::string Domain::socket_shortage(const NetworkConfig& network) {
+std::string Domain::socket_buffer_shortage(const NetworkConfig& network) {
   const std::string wanted = std::to_string(network.socket_bytes);
   std::string shortage;
   for (const auto& [name, what] : {std::pair("rmem_max", "frames with more are sent again in parts"),
@@ -319,7 +319,7 @@ std::string Domain::socket_shortage(const NetworkConfig& network) {
 
 std::string partition_of(std::uint64_t incarnation) { return "node-" + std::to_string(incarnation); }
 
-std::uint64_t draw_incarnation() {
+std::uint64_t random_incarnation() {
   std::random_device device;
   std::uint64_t drawn = 0;
   while (drawn == 0) {

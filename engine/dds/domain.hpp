@@ -37,7 +37,7 @@ class Entity {
 };
 
 /// How one topic is carried.
-struct Carriage {
+struct TopicQos {
   bool durable = false;  ///< the last of each key is kept for late joiners
   bool keep_all = true;  ///< else the last of each key
   double lease_ms = 0;   ///< > 0: who is silent for so long is not alive
@@ -77,19 +77,19 @@ class Domain {
   dds_entity_t participant() const noexcept { return participant_.get(); }
 
   /// `partition` empty: none.
-  Entity reader(Topic topic, const Carriage& carriage, const std::string& partition);
-  Entity writer(Topic topic, const Carriage& carriage, const std::string& partition);
+  Entity reader(Topic topic, const TopicQos& topic_qos, const std::string& partition);
+  Entity writer(Topic topic, const TopicQos& topic_qos, const std::string& partition);
   /// Has `hook` called for the reader or writer; and once now, for what has been already. It outlives the entity.
   static void listen(const Entity& entity, const Hook& hook);
 
   /// Lets the process say often enough that it lives for the writers with that lease.
-  void beat(double lease_ms);
+  void start_heartbeat(double lease_ms);
 
   /// What Cyclone DDS had to say since the last time, from any of its threads: its first words, and how many more.
-  static std::vector<std::string> take_words();
+  static std::vector<std::string> take_log_lines();
 
   /// What the sockets were asked for and were not given, as a sentence; empty where they got it.
-  static std::string socket_shortage(const NetworkConfig& network);
+  static std::string socket_buffer_shortage(const NetworkConfig& network);
 
  private:
   std::uint32_t number_ = 0;
@@ -101,15 +101,15 @@ class Domain {
 };
 
 /// How the topics are carried.
-constexpr Carriage watched_carriage(double lease_ms) noexcept { return {true, false, lease_ms}; }
-inline constexpr Carriage piece_carriage{true, false, 0};
-inline constexpr Carriage parcel_carriage{false, true, 0};
+constexpr TopicQos liveliness_qos(double lease_ms) noexcept { return {true, false, lease_ms}; }
+inline constexpr TopicQos piece_qos{true, false, 0};
+inline constexpr TopicQos parcel_qos{false, true, 0};
 
 /// The partition of one node.
 std::string partition_of(std::uint64_t incarnation);
 
 /// A number that no other process has drawn.
-std::uint64_t draw_incarnation();
+std::uint64_t random_incarnation();
 
 /// Takes what has come, up to `most` samples at a time until there is none, and shows each to `see(sample, info)`.
 /// Without copying: what `see` is shown lives until it returns.

@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "dds/node_session.hpp"
-#include "link/gives_way.hpp"
+#include "link/scoped_batch_scheduling.hpp"
 #include "ringfence/cluster.hpp"
 #include "ringfence/error.hpp"
 
@@ -33,7 +33,7 @@ class NodeService::Implementation {
   explicit Implementation(NodeServiceConfig config)
       : config_(std::move(config)),
         // Two looks, then to sleep: on a machine with more nodes than cores, whoever is waited for needs this one.
-        bell_(link::Patience{20, 2}),
+        bell_(link::SpinPolicy{20, 2}),
         control_hook_{[this] { stir(); }, [this] { stir(); }},
         parcel_hook_{[this] {
                        parcels_wait_.store(true, std::memory_order_release);
@@ -44,10 +44,10 @@ class NodeService::Implementation {
     if (config_.name.empty()) {
       config_.name = own_name();
     }
-    up_ = domain_.writer(Topic::up, parcel_carriage, {});
+    up_ = domain_.writer(Topic::up, parcel_qos, {});
     Domain::listen(up_, control_hook_);
     read_world();
-    if (const std::string shortage = Domain::socket_shortage(config_.network); !shortage.empty()) {
+    if (const std::string shortage = Domain::socket_buffer_shortage(config_.network); !shortage.empty()) {
       log(LogLevel::warning, shortage);
     }
   }
@@ -59,8 +59,8 @@ class NodeService::Implementation {
     up_.reset();
   }
 
-  Ending run() {
-    const link::GivesWay gives_way;
+  ExitReason run() {
+    const link::ScopedBatchScheduling gives_way;
     // What a full network makes wait, nothing rings for.
     constexpr std::chrono::milliseconds tick(20);
     log(LogLevel::info, "waits for a World in domain " + std::to_string(domain_.number()));
@@ -87,8 +87,8 @@ class NodeService::Implementation {
 
   // Readers of their own for each World: what another has said while this one was served is shown to them anew.
   void read_world() {
-    terms_ = domain_.reader(Topic::terms, watched_carriage(config_.network.lease_ms), {});
-    pieces_ = domain_.reader(Topic::piece, piece_carriage, {});
+    terms_ = domain_.reader(Topic::terms, liveliness_qos(config_.network.lease_ms), {});
+    pieces_ = domain_.reader(Topic::piece, piece_qos, {});
     Domain::listen(terms_, control_hook_);
     Domain::listen(pieces_, control_hook_);
   }
@@ -111,7 +111,7 @@ class NodeService::Implementation {
     }
     bool progressed = false;
     if (stirred_.exchange(false, std::memory_order_acquire)) {
-      attend();
+      update_membership();
     }
     watch_world();
     if (std::exchange(renew_readers_, false)) {
@@ -125,7 +125,7 @@ class NodeService::Implementation {
       const bool parcels = parcels_wait_.exchange(false, std::memory_order_acquire);
       spoken_to_ |= parcels;
       progressed = session_->step(parcels);
-      if (session_->has_seat() && !std::exchange(serves_, true)) {
+      if (session_->is_assigned() && !std::exchange(serves_, true)) {
         log(LogLevel::info, "has a seat and serves the World");
       }
       if (session_->is_over()) {
@@ -136,10 +136,10 @@ class NodeService::Implementation {
     return progressed;
   }
 
-  void attend() {
+  void update_membership() {
     take_all<TermsSample>(terms_, [&](const TermsSample& sample, const dds_sample_info_t& info) {
       if (info.instance_state == DDS_IST_NOT_ALIVE_DISPOSED && world_ != nullptr && sample.world == world_->number()) {
-        forget_world(Ending::dismissed, "the World has ended");
+        forget_world(ExitReason::dismissed, "the World has ended");
       } else if (info.valid_data && info.instance_state == DDS_IST_ALIVE && world_ == nullptr) {
         meet_world(sample);
       }
@@ -160,7 +160,7 @@ class NodeService::Implementation {
     if (session_ != nullptr) {
       dds_publication_matched_status_t matched{};
       dds_get_publication_matched_status(up_.get(), &matched);
-      session_->attend(matched.current_count > 0);
+      session_->update_membership(matched.current_count > 0);
     }
   }
 
@@ -170,20 +170,20 @@ class NodeService::Implementation {
     WorldTermsRecord record;
     const auto bytes = bytes_of(sample.bytes);
     if (sample.version != wire_version || !std::equal(order, order + 4, sample.order) ||
-        sample.layout != layout_of_records() || bytes.size() != sizeof record) {
+        sample.layout != record_layout_hash() || bytes.size() != sizeof record) {
       log(LogLevel::error, "the World of domain " + std::to_string(domain_.number()) +
                                " is of another version, or its machine keeps bytes in another order");
-      ending_ = config_.once ? std::optional(Ending::refused) : ending_;
+      ending_ = config_.once ? std::optional(ExitReason::refused) : ending_;
       return;
     }
     std::memcpy(&record, bytes.data(), sizeof record);
-    domain_.beat(record.lease_ms);
-    presence_ = domain_.writer(Topic::presence, watched_carriage(record.lease_ms), {});
+    domain_.start_heartbeat(record.lease_ms);
+    presence_ = domain_.writer(Topic::presence, liveliness_qos(record.lease_ms), {});
     try {
-      world_ = std::make_unique<KnownWorld>(sample.world, record, config_);
+      world_ = std::make_unique<JoinedWorld>(sample.world, record, config_);
     } catch (const Error& error) {
       log(LogLevel::error, error.what());
-      ending_ = config_.once ? std::optional(Ending::refused) : ending_;
+      ending_ = config_.once ? std::optional(ExitReason::refused) : ending_;
       return;
     }
     heard_ = Clock::now();
@@ -197,7 +197,7 @@ class NodeService::Implementation {
 
   void end_session() {
     if (drains_.load(std::memory_order_acquire) != 0) {
-      ending_ = Ending::drained;
+      ending_ = ExitReason::drained;
     } else if (!is_world_silent()) {
       log(LogLevel::info, "has no seat any more and joins anew");
       begin_session();
@@ -209,18 +209,18 @@ class NodeService::Implementation {
     session_->refuse(reason);
     if (config_.once) {
       dds_wait_for_acks(presence_.get(), DDS_MSECS(200));  // the World is to log it too
-      ending_ = Ending::refused;
+      ending_ = ExitReason::refused;
     }
   }
 
-  void forget_world(Ending ending, const char* why) {
+  void forget_world(ExitReason ending, const char* why) {
     log(LogLevel::info, why);
     session_.reset();
     presence_.reset();
     world_.reset();
     renew_readers_ = true;
     if (config_.once) {
-      ending_ = drains_.load(std::memory_order_acquire) != 0 ? Ending::drained : ending;
+      ending_ = drains_.load(std::memory_order_acquire) != 0 ? ExitReason::drained : ending;
     }
   }
 
@@ -249,19 +249,19 @@ class NodeService::Implementation {
     }
     const bool stopped = slept && looked_ != Clock::time_point{};
     looked_ = now;
-    for (const std::string& line : Domain::take_words()) {
+    for (const std::string& line : Domain::take_log_lines()) {
       log(LogLevel::warning, line);
     }
     if (is_world_silent()) {
       silent_ = true;
       if (now - heard_ > patience_with_world) {
         silent_ = false;
-        forget_world(Ending::abandoned, "the World is gone");
+        forget_world(ExitReason::abandoned, "the World is gone");
       }
       return;
     }
     heard_ = now;
-    if ((std::exchange(silent_, false) || stopped) && session_ != nullptr && session_->has_seat()) {
+    if ((std::exchange(silent_, false) || stopped) && session_ != nullptr && session_->is_assigned()) {
       session_->ask();
     }
     if (session_ != nullptr && session_->is_over()) {
@@ -271,7 +271,7 @@ class NodeService::Implementation {
 
   void leave() {
     if (drains_seen_ > 1 || session_ == nullptr || session_->leave()) {
-      ending_ = Ending::drained;
+      ending_ = ExitReason::drained;
     }
   }
 
@@ -285,9 +285,9 @@ class NodeService::Implementation {
   Domain::Hook parcel_hook_;
   Domain domain_;
   Entity up_, terms_, pieces_, presence_;
-  std::unique_ptr<KnownWorld> world_;
+  std::unique_ptr<JoinedWorld> world_;
   std::unique_ptr<NodeSession> session_;
-  std::optional<Ending> ending_;
+  std::optional<ExitReason> ending_;
   Clock::time_point heard_{};
   Clock::time_point looked_{};
   bool silent_ = false;
@@ -300,7 +300,7 @@ NodeService::NodeService(NodeServiceConfig config)
     : implementation_(std::make_unique<Implementation>(std::move(config))) {}
 NodeService::~NodeService() = default;
 
-Ending NodeService::run() { return implementation_->run(); }
+ExitReason NodeService::run() { return implementation_->run(); }
 void NodeService::drain() noexcept { implementation_->drain(); }
 
 }  // namespace ringfence::dds

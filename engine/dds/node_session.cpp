@@ -19,14 +19,14 @@ Vec3d corner(const double (&values)[3]) noexcept { return {values[0], values[1],
 
 }  // namespace
 
-KnownWorld::KnownWorld(std::uint64_t number, const WorldTermsRecord& terms, const NodeServiceConfig& config)
+JoinedWorld::JoinedWorld(std::uint64_t number, const WorldTermsRecord& terms, const NodeServiceConfig& config)
     : number_(number), terms_(terms), config_(config), space_(corner(terms.bounds_min), corner(terms.bounds_max)) {
   if (terms.setup_bytes == 0) {
     make_model({});
   }
 }
 
-void KnownWorld::make_model(std::span<const std::byte> setup) {
+void JoinedWorld::make_model(std::span<const std::byte> setup) {
   model_ = config_.model ? config_.model(setup) : nullptr;
   const std::size_t state = model_ == nullptr ? 0 : model_->state_bytes();
   if (state != terms_.state_bytes || (model_ != nullptr) != (terms_.has_model != 0)) {
@@ -37,33 +37,33 @@ void KnownWorld::make_model(std::span<const std::byte> setup) {
   ready_ = true;
 }
 
-void KnownWorld::add(const PieceSample& piece) {
-  shelf_.add(piece);
+void JoinedWorld::add(const PieceSample& piece) {
+  assembler_.add(piece);
   if (!ready_ && terms_.setup_bytes != 0) {
-    if (const auto* setup = shelf_.find(PieceKind::setup, 0, 0)) {
+    if (const auto* setup = assembler_.find(PieceKind::setup, 0, 0)) {
       make_model(*setup);
     }
   }
   for (;;) {
     const auto number = static_cast<ShapeNumber>(shapes_.size());
-    const auto* bytes = shelf_.find(PieceKind::shape, number, 0);
+    const auto* bytes = assembler_.find(PieceKind::shape, number, 0);
     if (bytes == nullptr) {
       return;
     }
     shapes_.add(unpack_shape(*bytes, number, config_.support));
-    shelf_.drop(PieceKind::shape, number);
+    assembler_.drop(PieceKind::shape, number);
   }
 }
 
-NodeSession::NodeSession(Domain& domain, KnownWorld& world, dds_entity_t presence, dds_entity_t up,
+NodeSession::NodeSession(Domain& domain, JoinedWorld& world, dds_entity_t presence, dds_entity_t up,
                          const std::string& name, const Domain::Hook& hook)
     : world_(world),
-      incarnation_(draw_incarnation()),
+      incarnation_(random_incarnation()),
       name_(name),
       presence_(presence),
-      down_(domain.reader(Topic::down, parcel_carriage, partition_of(incarnation_))),
-      path_(up, incarnation_),
-      way_(ring_bytes, nullptr, nullptr) {
+      down_(domain.reader(Topic::down, parcel_qos, partition_of(incarnation_))),
+      parcel_channel_(up, incarnation_),
+      channel_(ring_bytes, nullptr, nullptr) {
   Domain::listen(down_, hook);
   say(NodeState::joining);
 }
@@ -79,7 +79,7 @@ void NodeSession::say(NodeState state, const std::string& reason) {
   std::string name = name_;
   std::string why = reason;
   PresenceSample sample{
-      incarnation_,    wire_version, {},        layout_of_records(), static_cast<std::uint32_t>(state),
+      incarnation_,    wire_version, {},        record_layout_hash(), static_cast<std::uint32_t>(state),
       world_.number(), name.data(),  why.data()};
   write_byte_order(sample.order);
   dds_write(presence_, &sample);
@@ -87,7 +87,7 @@ void NodeSession::say(NodeState state, const std::string& reason) {
 
 void NodeSession::refuse(const std::string& reason) { say(NodeState::refused, reason); }
 
-void NodeSession::attend(bool up_matched) {
+void NodeSession::update_membership(bool up_matched) {
   if (state_ != NodeState::joining || !up_matched || !world_.is_ready()) {
     return;
   }
@@ -111,11 +111,11 @@ bool NodeSession::step(bool parcels_wait) {
   auto show = [this](ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes) {
     return deliver(kind, shapes, offset, bytes);
   };
-  bool progressed = path_.has_kept() && path_.deliver_kept(show);
+  bool progressed = parcel_channel_.has_held() && parcel_channel_.deliver_held(show);
   if (parcels_wait) {
     progressed |= take_all<ParcelSample>(down_, [&](const ParcelSample& parcel, const dds_sample_info_t& info) {
       if (info.valid_data && parcel.incarnation == incarnation_) {
-        if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::dismissed || !path_.receive(parcel, show)) {
+        if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::dismissed || !parcel_channel_.receive(parcel, show)) {
           over_ = true;
         }
       }
@@ -125,11 +125,11 @@ bool NodeSession::step(bool parcels_wait) {
     return progressed;
   }
   progressed |= role_->step() == Step::progressed;
-  const std::uint64_t before = path_.sent();
-  path_.gather(*way_.first().in);
-  path_.flush();
-  path_.acknowledge();
-  return progressed || path_.sent() != before;
+  const std::uint64_t before = parcel_channel_.sent();
+  parcel_channel_.gather(*channel_.first().in);
+  parcel_channel_.flush();
+  parcel_channel_.acknowledge();
+  return progressed || parcel_channel_.sent() != before;
 }
 
 bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset,
@@ -139,29 +139,29 @@ bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& of
   }
   if (kind == ParcelKind::messages) {
     const bool all = for_each_message(bytes, offset, [&](std::span<const std::byte> message) {
-      return role_ == nullptr || pass_on(message, *way_.first().out);
+      return role_ == nullptr || copy_to_ring(message, *channel_.first().out);
     });
-    way_.first().out->publish();
+    channel_.first().out->publish();
     return all;
   }
-  Meeting meeting;
-  if (kind != ParcelKind::meet || bytes.size() != sizeof meeting) {
+  AssignmentRecord assignment_record;
+  if (kind != ParcelKind::assign || bytes.size() != sizeof assignment_record) {
     return true;
   }
-  std::memcpy(&meeting, bytes.data(), sizeof meeting);
-  return meet(meeting);
+  std::memcpy(&assignment_record, bytes.data(), sizeof assignment_record);
+  return assign(assignment_record);
 }
 
 // Between frames: the role has done everything, and its rings are empty.
-bool NodeSession::meet(const Meeting& meeting) {
+bool NodeSession::assign(const AssignmentRecord& assignment_record) {
   if (role_ == nullptr) {
-    const auto* table = world_.regions(meeting.epoch);
-    if (table == nullptr || table->size() != std::size_t{meeting.map_words} * sizeof(std::uint32_t)) {
+    const auto* table = world_.regions(assignment_record.epoch);
+    if (table == nullptr || table->size() != std::size_t{assignment_record.map_words} * sizeof(std::uint32_t)) {
       return false;  // it is on its way
     }
     const WorldTermsRecord& terms = world_.terms();
     nodes::CdNodeSetup setup;
-    setup.node = meeting.number;
+    setup.node = assignment_record.number;
     setup.shapes = &world_.shapes();
     setup.space = &world_.space();
     setup.model = world_.model();
@@ -170,22 +170,22 @@ bool NodeSession::meet(const Meeting& meeting) {
     setup.hosts = terms.hosts != 0;
     setup.keep_resting = terms.keep_resting != 0;
     setup.remember_axes = terms.remember_axes != 0;
-    setup.objects = meeting.objects;
-    setup.pairs = meeting.pairs;
-    setup.server = way_.second();
-    std::vector<std::uint32_t> owners(meeting.map_words);
+    setup.objects = assignment_record.objects;
+    setup.pairs = assignment_record.pairs;
+    setup.server = channel_.second();
+    std::vector<std::uint32_t> owners(assignment_record.map_words);
     std::memcpy(owners.data(), table->data(), table->size());
     regions::RegionMap map(regions::CellGrid{{terms.cells_log2[0], terms.cells_log2[1], terms.cells_log2[2]}}, 1);
-    map.assign(owners, meeting.map_nodes, meeting.epoch);
+    map.assign(owners, assignment_record.map_nodes, assignment_record.epoch);
     role_ = std::make_unique<nodes::CdNodeRole>(setup, map);
   } else {
     while (role_->step() == Step::progressed) {
     }
   }
   // What comes from peers comes by the server's line, which is looked at already.
-  std::vector<nodes::Line> lines(meeting.count, nodes::Line{way_.second().out, nullptr});
-  lines[meeting.number] = {};
-  role_->meet(meeting.number, lines);
+  std::vector<nodes::Connection> lines(assignment_record.count, nodes::Connection{channel_.second().out, nullptr});
+  lines[assignment_record.number] = {};
+  role_->assign(assignment_record.number, lines);
   return true;
 }
 

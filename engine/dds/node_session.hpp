@@ -9,12 +9,12 @@
 
 #include "dds/description.hpp"
 #include "dds/domain.hpp"
-#include "dds/path.hpp"
-#include "dds/shelf.hpp"
-#include "facade/way.hpp"
+#include "dds/parcel_channel.hpp"
+#include "dds/piece_assembler.hpp"
+#include "facade/duplex_channel.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/doorbell.hpp"
-#include "nodes/cd_node_role.hpp"
+#include "nodes/cd_node/cd_node_role.hpp"
 #include "ringfence/cluster.hpp"
 
 namespace ringfence::dds {
@@ -22,10 +22,10 @@ namespace ringfence::dds {
 /// A World as a node knows it: its terms, its shapes as far as they have come, and what moves its objects.
 ///
 /// Threads: one.
-class KnownWorld {
+class JoinedWorld {
  public:
   /// Throws Error where the terms cannot be met. `config` outlives it.
-  KnownWorld(std::uint64_t number, const WorldTermsRecord& terms, const NodeServiceConfig& config);
+  JoinedWorld(std::uint64_t number, const WorldTermsRecord& terms, const NodeServiceConfig& config);
 
   std::uint64_t number() const noexcept { return number_; }
   const WorldTermsRecord& terms() const noexcept { return terms_; }
@@ -33,7 +33,9 @@ class KnownWorld {
   const geometry::ShapeTable& shapes() const noexcept { return shapes_; }
   const MotionModel* model() const noexcept { return model_.get(); }
   /// The region map's table under that epoch, or null where it has not come yet.
-  const std::vector<std::byte>* regions(std::uint32_t epoch) const { return shelf_.find(PieceKind::regions, 0, epoch); }
+  const std::vector<std::byte>* regions(std::uint32_t epoch) const {
+    return assembler_.find(PieceKind::regions, 0, epoch);
+  }
 
   /// Takes a piece and does what can be done with it. Throws Error where a shape or the embedder's own will not do.
   void add(const PieceSample& piece);
@@ -49,7 +51,7 @@ class KnownWorld {
   geometry::FixedSpace space_;
   geometry::ShapeTable shapes_;
   std::shared_ptr<const MotionModel> model_;
-  Shelf shelf_;
+  PieceAssembler assembler_;
   bool ready_ = false;
 };
 
@@ -63,39 +65,39 @@ class KnownWorld {
 class NodeSession {
  public:
   /// `hook` is called when a parcel has come, and when others come or go; it outlives it.
-  NodeSession(Domain& domain, KnownWorld& world, dds_entity_t presence, dds_entity_t up, const std::string& name,
+  NodeSession(Domain& domain, JoinedWorld& world, dds_entity_t presence, dds_entity_t up, const std::string& name,
               const Domain::Hook& hook);
   ~NodeSession();
   NodeSession(const NodeSession&) = delete;
   NodeSession& operator=(const NodeSession&) = delete;
 
   /// Says how it stands where that has changed. `up_matched`: the World hears what the node says.
-  void attend(bool up_matched);
+  void update_membership(bool up_matched);
   /// Does what can be done now; whether that was anything.
   bool step(bool parcels_wait);
   /// Wants to leave: true where there is nothing to hand over.
   bool leave();
   void refuse(const std::string& reason);
   /// Asks whether it has its seat still.
-  void ask() { path_.remark(ParcelKind::question); }
+  void ask() { parcel_channel_.send_unnumbered(ParcelKind::assignment_query); }
 
-  bool has_seat() const noexcept { return role_ != nullptr; }
+  bool is_assigned() const noexcept { return role_ != nullptr; }
   /// Has lost its seat, or its way.
   bool is_over() const noexcept { return over_; }
 
  private:
   void say(NodeState state, const std::string& reason = {});
   bool deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes);
-  bool meet(const Meeting& meeting);
+  bool assign(const AssignmentRecord& assignment_record);
 
-  KnownWorld& world_;
+  JoinedWorld& world_;
   std::uint64_t incarnation_;
   std::string name_;
   dds_entity_t presence_;
   Entity down_;
-  Path path_;
+  ParcelChannel parcel_channel_;
   NodeState state_ = NodeState::joining;
-  facade::Way way_;
+  facade::DuplexChannel channel_;
   std::unique_ptr<nodes::CdNodeRole> role_;
   bool over_ = false;
 };

@@ -30,11 +30,11 @@ enum class NodeState : std::uint32_t {
 
 /// What a Parcel is.
 enum class ParcelKind : std::uint32_t {
-  messages,   ///< whole messages; see Packing
-  meet,       ///< World to node, before a frame: Meeting
-  dismissed,  ///< World to node: no seat any more; join anew, or end
-  taken,      ///< says no more than Parcel::taken; not numbered
-  question,   ///< node to World: have I still a seat? Answered by `dismissed` where not; not numbered
+  messages,          ///< whole messages; see Packing
+  assign,            ///< World to node, before a frame: Meeting
+  dismissed,         ///< World to node: no seat any more; join anew, or end
+  taken,             ///< says no more than Parcel::taken; not numbered
+  assignment_query,  ///< node to World: have I still a seat? Answered by `dismissed` where not; not numbered
 };
 
 /// What a Piece is of.
@@ -45,7 +45,7 @@ enum class PieceKind : std::uint32_t {
 };
 
 /// A node's place from the next frame on.
-struct Meeting {
+struct AssignmentRecord {
   std::uint32_t number = 0;
   std::uint32_t count = 0;
   std::uint64_t objects = 0;  ///< to be reserved
@@ -55,13 +55,13 @@ struct Meeting {
   std::uint32_t map_words = 0;  ///< of its table
   std::uint32_t is_new = 0;     ///< 1: the node has no role yet
 };
-static_assert(sizeof(Meeting) == 40 && std::is_trivially_copyable_v<Meeting>);
+static_assert(sizeof(AssignmentRecord) == 40 && std::is_trivially_copyable_v<AssignmentRecord>);
 
 /// Of this protocol between processes. What is said in messages has a version of its own.
 inline constexpr std::uint32_t wire_version = 1;
 
 /// A number that differs where records are laid out differently: their sizes, folded.
-constexpr std::uint64_t layout_of_records() noexcept {
+constexpr std::uint64_t record_layout_hash() noexcept {
   using namespace messages;
   std::uint64_t hash = 0xcbf29ce484222325u;
   for (const std::size_t size : {std::size_t{protocol_version},
@@ -79,12 +79,12 @@ constexpr std::uint64_t layout_of_records() noexcept {
                                  sizeof(PlaceRecord),
                                  sizeof(OwnerRecord),
                                  sizeof(FrameEndRecord),
-                                 sizeof(ToldRecord),
+                                 sizeof(NodeFrameStats),
                                  sizeof(KindRecord),
                                  sizeof(LostRecord),
                                  sizeof(RefusedRecord),
                                  sizeof(Contact),
-                                 sizeof(Meeting),
+                                 sizeof(AssignmentRecord),
                                  max_motion_state}) {
     hash = (hash ^ size) * 0x100000001b3u;
   }

@@ -64,7 +64,8 @@ void check(const WorldConfig& config) {
   check_axis("z", config.bounds_min.z, config.bounds_max.z);
   require(config.nodes <= most_nodes,
           "nodes is " + std::to_string(config.nodes) + "; 0 to " + std::to_string(most_nodes));
-  require(config.fleet == nullptr || config.nodes >= 1, "nodes is 0 with a fleet; at least 1 of its nodes must join");
+  require(config.remote_nodes == nullptr || config.nodes >= 1,
+          "nodes is 0 with a fleet; at least 1 of its nodes must join");
   require(config.user_threads >= 1 && config.user_threads <= 256,
           "user_threads is " + std::to_string(config.user_threads) + "; 1 to 256");
   for (const std::uint32_t bits : config.cells_log2) {

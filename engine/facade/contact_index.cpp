@@ -3,13 +3,13 @@
 namespace ringfence::facade {
 
 void ContactIndex::build(std::span<const Contact> contacts) {
-  objects_ = nodes::NumberIndex(contacts.size());
+  objects_ = base::NumberIndex(contacts.size());
   begin_.assign(1, 0);
   ends_.clear();
   for (const Contact& contact : contacts) {
     for (const ObjectNumber number : {contact.a, contact.b}) {
       std::uint32_t object = objects_.find(number);
-      if (object == nodes::NumberIndex::none) {
+      if (object == base::NumberIndex::none) {
         object = static_cast<std::uint32_t>(begin_.size() - 1);
         objects_.set(number, object);
         begin_.push_back(0);
@@ -29,8 +29,8 @@ void ContactIndex::build(std::span<const Contact> contacts) {
 }
 
 std::span<const std::uint32_t> ContactIndex::of(ObjectNumber number) const noexcept {
-  const std::uint32_t object = begin_.empty() ? nodes::NumberIndex::none : objects_.find(number);
-  if (object == nodes::NumberIndex::none) {
+  const std::uint32_t object = begin_.empty() ? base::NumberIndex::none : objects_.find(number);
+  if (object == base::NumberIndex::none) {
     return {};
   }
   return {order_.data() + begin_[object], begin_[object + 1] - begin_[object]};

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "nodes/number_index.hpp"
+#include "base/number_index.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/ids.hpp"
 
@@ -20,7 +20,7 @@ class ContactIndex {
   std::span<const std::uint32_t> of(ObjectNumber number) const noexcept;
 
  private:
-  nodes::NumberIndex objects_;
+  base::NumberIndex objects_;
   std::vector<std::uint32_t> begin_;
   std::vector<std::uint32_t> order_;
   std::vector<std::uint32_t> ends_;

@@ -13,16 +13,16 @@
 #include <vector>
 
 #include "facade/contact_index.hpp"
-#include "facade/crew.hpp"
-#include "facade/fleet.hpp"
+#include "facade/duplex_channel.hpp"
 #include "facade/registry.hpp"
-#include "facade/way.hpp"
+#include "facade/remote_nodes.hpp"
+#include "facade/worker.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/cores.hpp"
 #include "link/publication.hpp"
-#include "nodes/cd_node_role.hpp"
-#include "nodes/server_role.hpp"
-#include "nodes/user_role.hpp"
+#include "nodes/cd_node/cd_node_role.hpp"
+#include "nodes/server/server_role.hpp"
+#include "nodes/user/user_role.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/world.hpp"
 #include "telemetry/step_clock.hpp"
@@ -35,12 +35,12 @@ namespace facade {
 /// Of the ring between the server and a CD node, where none is given.
 inline constexpr std::size_t server_node_ring = std::size_t{1} << 20;
 /// The same for a node of the fleet: what fills it is sent, while the server goes on with what follows.
-inline constexpr std::size_t fleet_ring = std::size_t{1} << 16;
+inline constexpr std::size_t remote_node_ring = std::size_t{1} << 16;
 
 /// A CD node that was lost: nobody knows whether its thread still does something, so all that it may touch is kept
 /// until the thread has ended.
-struct Grave {
-  std::unique_ptr<Way> way;
+struct RetiredNode {
+  std::unique_ptr<DuplexChannel> channel;
   std::unique_ptr<nodes::CdNodeRole> role;
   std::unique_ptr<Worker> worker;  ///< dismissed; null where the server's thread stepped the role
 };
@@ -48,8 +48,8 @@ struct Grave {
 /// A connected user node and all that is its own.
 struct User {
   User(std::size_t ring_bytes, link::Doorbell* server, link::Doorbell* own, std::size_t cells)
-      : way(ring_bytes, server, own), publication(cells, 64) {}
-  Way way;
+      : channel(ring_bytes, server, own), publication(cells, 64) {}
+  DuplexChannel channel;
   link::Publication publication;
   std::unique_ptr<nodes::UserRole> role;
   std::size_t worker = 0;
@@ -67,7 +67,7 @@ struct World::Implementation {
   explicit Implementation(WorldConfig given);
 
   bool threaded() const noexcept { return config.nodes > 0; }
-  bool under_way() const noexcept { return begun != frames; }
+  bool frame_is_running() const noexcept { return begun != frames; }
   std::size_t ring_bytes(std::size_t by_role) const noexcept {
     return config.ring_bytes != 0 ? config.ring_bytes : by_role;
   }
@@ -75,25 +75,26 @@ struct World::Implementation {
 
   void build_server();
   void start_worker(facade::Worker& worker, std::chrono::nanoseconds tick = {});
-  void share_memory(facade::Way& way, std::uint32_t count);
-  nodes::Line add_node(const regions::RegionMap& map, std::uint32_t count, Fleet::Member member = Fleet::nobody);
-  std::vector<nodes::Line> peers_of(NodeNumber node);
-  void seat_fleet();
-  std::vector<facade::Steppable> server_crew();
+  void share_memory(facade::DuplexChannel& channel, std::uint32_t count);
+  nodes::Connection add_node(const regions::RegionMap& map, std::uint32_t count,
+                             RemoteNodes::MemberId member = RemoteNodes::local_member);
+  std::vector<nodes::Connection> peers_of(NodeNumber node);
+  void assign_remote_nodes();
+  std::vector<facade::Steppable> server_thread_roles();
   std::unique_ptr<nodes::CdNodeRole> make_role(NodeNumber node, std::uint32_t count, const regions::RegionMap& map);
   link::Doorbell* node_bell(NodeNumber node) noexcept;
-  void introduce_nodes();
-  void welcome_arrivals();
+  void connect_peers();
+  void add_arrivals();
   void grow_nodes();
   void retire_nodes();
   void await_frame();
-  void stand_in();
-  void bury(NodeNumber node);
-  void bury_lost();
-  void clear_graves();
-  void keep_published(facade::Way& way);
+  void fallback();
+  void retire(NodeNumber node);
+  void retire_lost_nodes();
+  void free_retired_nodes();
+  void keep_publication(facade::DuplexChannel& channel);
   void log_losses() const;
-  void list_in_place();
+  void list_inline_roles();
   void connect_users();
   void forget_users();
   void assign_users();
@@ -107,7 +108,7 @@ struct World::Implementation {
   /// Whether the object is there and may be placed and taken out.
   Status check_movable(ObjectId object) const noexcept;
   bool is_connected(UserNumber user) const noexcept { return std::binary_search(users.begin(), users.end(), user); }
-  void step_in_place();
+  void step_inline();
   void log(LogLevel level, const std::string& line) const {
     if (config.log) {
       config.log(level, line);
@@ -130,14 +131,14 @@ struct World::Implementation {
   nodes::FrameOrder order;
 
   std::vector<nodes::Request> requests;  ///< for the next cut
-  struct Steering {
+  struct PendingMove {
     UserNumber user;
     ObjectNumber number;
     Pose pose;
   };
-  std::vector<Steering> steerings;  ///< for the next frame
-  std::vector<UserNumber> users;    ///< connected or about to be, ascending
-  std::vector<UserNumber> leaving;  ///< disconnected; their numbers are in use until the next cut
+  std::vector<PendingMove> pending_moves;  ///< for the next frame
+  std::vector<UserNumber> users;           ///< connected or about to be, ascending
+  std::vector<UserNumber> leaving;         ///< disconnected; their numbers are in use until the next cut
   std::vector<UserNumber> cut_leaving;
   std::array<std::uint64_t, status_count> refused{};
   std::uint64_t begun = 0;
@@ -158,30 +159,31 @@ struct World::Implementation {
   /// Null for the one that the server's thread steps, and for those of the fleet.
   std::vector<std::unique_ptr<facade::Worker>> node_workers;
   std::deque<facade::Worker> user_workers;
-  std::vector<std::unique_ptr<facade::Way>> node_ways;
-  std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<facade::Way>> peer_ways;  ///< lower number first
+  std::vector<std::unique_ptr<facade::DuplexChannel>> node_channels;
+  std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<facade::DuplexChannel>>
+      peer_channels;  ///< lower number first
   std::map<UserNumber, std::unique_ptr<facade::User>> user_nodes;
   std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;  ///< null for those of the fleet
-  std::vector<Fleet::Member> node_members;                     ///< nobody for those in this process
+  std::vector<RemoteNodes::MemberId> node_members;             ///< nobody for those in this process
   std::unique_ptr<nodes::ServerRole> server;
-  std::vector<facade::Grave> graves;
-  std::vector<std::unique_ptr<facade::Way>> grave_ways;  ///< between lost nodes and others
+  std::vector<facade::RetiredNode> retired_nodes;
+  std::vector<std::unique_ptr<facade::DuplexChannel>> retired_channels;  ///< between lost nodes and others
   /// Of CD nodes that are gone: what they published in the last frame is read until the next is complete.
-  std::vector<std::unique_ptr<nodes::NodePublication>> parted;
-  std::optional<NodeNumber> stood_in;       ///< the number that a stand-in took in the last frame
-  std::vector<facade::Steppable> in_place;  ///< all roles, where the calling thread steps them
+  std::vector<std::unique_ptr<nodes::NodePublication>> departed_publications;
+  std::optional<NodeNumber> fallback_number;    ///< the number that a stand-in took in the last frame
+  std::vector<facade::Steppable> inline_roles;  ///< all roles, where the calling thread steps them
 
   struct Stop {
     Implementation& world;
     ~Stop() {
       world.user_workers.clear();
       world.node_workers.clear();
-      for (facade::Grave& grave : world.graves) {
-        grave.worker.reset();
+      for (facade::RetiredNode& retired_node : world.retired_nodes) {
+        retired_node.worker.reset();
       }
       world.server_worker.reset();
-      if (world.config.fleet != nullptr) {
-        world.config.fleet->close();
+      if (world.config.remote_nodes != nullptr) {
+        world.config.remote_nodes->close();
       }
     }
   } stop{*this};

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "nodes/number_index.hpp"
+#include "base/number_index.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/object.hpp"
 
@@ -26,7 +26,7 @@ class Registry {
   explicit Registry(std::size_t objects) : index_(objects) { entries_.reserve(objects); }
 
   std::size_t live() const noexcept { return index_.size(); }
-  bool in_use(ObjectNumber number) const noexcept { return index_.find(number) != nodes::NumberIndex::none; }
+  bool in_use(ObjectNumber number) const noexcept { return index_.find(number) != base::NumberIndex::none; }
 
   /// Avatars of a user that are alive.
   std::size_t avatars(UserNumber user) const noexcept { return user < avatars_.size() ? avatars_[user] : 0; }
@@ -60,13 +60,13 @@ class Registry {
 
   /// The entry of a live object; null if the id is null, stale, or the object is ending.
   const Entry* find(ObjectId id) const noexcept {
-    const std::uint32_t at = id ? index_.find(id.number()) : nodes::NumberIndex::none;
-    const bool live = at != nodes::NumberIndex::none && entries_[at].id == id && !entries_[at].ending;
+    const std::uint32_t at = id ? index_.find(id.number()) : base::NumberIndex::none;
+    const bool live = at != base::NumberIndex::none && entries_[at].id == id && !entries_[at].ending;
     return live ? &entries_[at] : nullptr;
   }
   ObjectId find(ObjectNumber number) const noexcept {
-    const std::uint32_t at = number != 0 ? index_.find(number) : nodes::NumberIndex::none;
-    return at == nodes::NumberIndex::none || entries_[at].ending ? ObjectId{} : entries_[at].id;
+    const std::uint32_t at = number != 0 ? index_.find(number) : base::NumberIndex::none;
+    return at == base::NumberIndex::none || entries_[at].ending ? ObjectId{} : entries_[at].id;
   }
 
   /// Its id is stale from now on; its number is free when the frame that cuts it is complete. Precondition: find(id) is
@@ -108,7 +108,7 @@ class Registry {
     }
   }
 
-  nodes::NumberIndex index_;
+  base::NumberIndex index_;
   std::vector<Entry> entries_;
   std::vector<std::uint32_t> avatars_;  ///< alive, by user
   std::vector<ObjectNumber> ended_;     ///< since the last cut

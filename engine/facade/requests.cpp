@@ -13,16 +13,16 @@ using facade::Worker;
 using nodes::Request;
 
 ShapeNumber World::add_shape(const ShapeDescription& description) {
-  if (implementation_->under_way()) {
+  if (implementation_->frame_is_running()) {
     throw Error("add_shape: a frame is under way; register shapes before begin_frame or after finish_frame");
   }
   Implementation& w = *implementation_;
   const ShapeNumber shape = w.shapes.add(description);
-  if (w.config.fleet != nullptr) {
-    w.config.fleet->add_shape(shape, description);
+  if (w.config.remote_nodes != nullptr) {
+    w.config.remote_nodes->add_shape(shape, description);
   }
   if (w.shapes.row(shape).kind == ShapeKind::mesh) {
-    const geometry::Mesh& mesh = w.shapes.mesh(w.shapes.row(shape).detail);
+    const geometry::Mesh& mesh = w.shapes.mesh(w.shapes.row(shape).index_in_kind);
     if (mesh.dropped_triangles() > 0) {
       w.log(LogLevel::warning, "shape " + std::to_string(shape) + ": " + std::to_string(mesh.dropped_triangles()) +
                                    " triangles without area are left out of the mesh, " +
@@ -68,7 +68,7 @@ Status World::disconnect(UserNumber user) {
   w.users.erase(std::lower_bound(w.users.begin(), w.users.end(), user));
   w.leaving.push_back(user);
   w.registry.end_avatars(user);
-  std::erase_if(w.steerings, [&](const auto& steering) { return steering.user == user; });
+  std::erase_if(w.pending_moves, [&](const auto& steering) { return steering.user == user; });
   Request request;
   request.kind = Request::Kind::disconnect;
   request.user = user;
@@ -136,7 +136,7 @@ Status World::move(UserNumber user, ObjectId object, const Pose& pose) {
   if (const Status status = nodes::make_valid(valid); status != Status::ok) {
     return w.refuse(status);
   }
-  w.steerings.push_back({user, object.number(), valid});
+  w.pending_moves.push_back({user, object.number(), valid});
   return Status::ok;
 }
 
@@ -170,7 +170,7 @@ Status World::remove(ObjectId object) {
     return w.refuse(status);
   }
   // It was moved before it was taken out, so that move no longer counts.
-  std::erase_if(w.steerings, [&](const auto& steering) { return steering.number == object.number(); });
+  std::erase_if(w.pending_moves, [&](const auto& steering) { return steering.number == object.number(); });
   Request request;
   request.kind = Request::Kind::remove;
   request.object = object;
@@ -180,7 +180,7 @@ Status World::remove(ObjectId object) {
 
 Status World::resize(std::uint32_t nodes) {
   Implementation& w = *implementation_;
-  const std::size_t most = w.config.fleet != nullptr ? w.node_roles.size() : facade::most_nodes;
+  const std::size_t most = w.config.remote_nodes != nullptr ? w.node_roles.size() : facade::most_nodes;
   if (nodes == 0 || nodes > most || nodes > w.server->map().grid().cells()) {
     return w.refuse(Status::bad_number);
   }
@@ -190,11 +190,11 @@ Status World::resize(std::uint32_t nodes) {
 
 Status World::inject(const Fault& fault) {
   Implementation& w = *implementation_;
-  if (w.under_way()) {
+  if (w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
   }
   if (!w.threaded() || fault.node >= w.node_roles.size() || fault.frame < w.begun || !std::isfinite(fault.stall_ms) ||
-      fault.stall_ms < 0 || fault.stage > NodeStage::telling || w.node_roles[fault.node] == nullptr) {
+      fault.stall_ms < 0 || fault.stage > NodeStage::reporting || w.node_roles[fault.node] == nullptr) {
     return w.refuse(Status::bad_number);
   }
   // Not while its thread steps it.
@@ -206,7 +206,7 @@ Status World::inject(const Fault& fault) {
   } else {
     w.server_worker->assign({Steppable::of(*w.server)});
     role.fail(fault);
-    w.server_worker->assign(w.server_crew());
+    w.server_worker->assign(w.server_thread_roles());
   }
   return Status::ok;
 }

@@ -50,7 +50,7 @@ std::chrono::nanoseconds tick_of(const Deadlines& deadlines) {
 }
 
 // A network may make the bridge wait for what nothing rings for.
-std::chrono::nanoseconds fleet_tick(const Deadlines& deadlines) {
+std::chrono::nanoseconds remote_nodes_tick(const Deadlines& deadlines) {
   constexpr std::chrono::milliseconds longest(20);
   const std::chrono::nanoseconds tick = tick_of(deadlines);
   return tick.count() == 0 ? longest : std::min<std::chrono::nanoseconds>(tick, longest);
@@ -112,19 +112,20 @@ void World::Implementation::build_server() {
   const regions::RegionMap map(region_grid(config, space), std::max(1u, config.nodes));
   if (threaded()) {
     server_worker = std::make_unique<Worker>();
-    start_worker(*server_worker, config.fleet != nullptr ? fleet_tick(config.deadlines) : tick_of(config.deadlines));
+    start_worker(*server_worker,
+                 config.remote_nodes != nullptr ? remote_nodes_tick(config.deadlines) : tick_of(config.deadlines));
   }
-  std::vector<Fleet::Member> members(map.nodes(), Fleet::nobody);
-  if (config.fleet != nullptr) {
+  std::vector<RemoteNodes::MemberId> members(map.nodes(), RemoteNodes::local_member);
+  if (config.remote_nodes != nullptr) {
     const std::uint32_t* log2 = map.grid().log2;
-    config.fleet->open({&config, setup.layer_masks, {log2[0], log2[1], log2[2]}, server_bell()});
-    members = config.fleet->await(map.nodes());
+    config.remote_nodes->open({&config, setup.layer_masks, {log2[0], log2[1], log2[2]}, server_bell()});
+    members = config.remote_nodes->await(map.nodes());
   }
-  for (const Fleet::Member member : members) {
+  for (const RemoteNodes::MemberId member : members) {
     setup.nodes.push_back(add_node(map, map.nodes(), member));
   }
   server = std::make_unique<nodes::ServerRole>(setup, map);
-  introduce_nodes();
+  connect_peers();
   if (threaded()) {
     user_workers.resize(config.user_threads);
     for (Worker& worker : user_workers) {
@@ -138,17 +139,17 @@ void World::Implementation::start_worker(Worker& worker, std::chrono::nanosecond
   worker.start(config.pin ? &cores : nullptr, config.pin ? next_core++ : Worker::unpinned, tick);
 }
 
-void World::Implementation::list_in_place() {
-  in_place.clear();
+void World::Implementation::list_inline_roles() {
+  inline_roles.clear();
   if (threaded()) {
     return;
   }
-  in_place.push_back(Steppable::of(*server));
+  inline_roles.push_back(Steppable::of(*server));
   for (auto& role : node_roles) {
-    in_place.push_back(Steppable::of(*role));
+    inline_roles.push_back(Steppable::of(*role));
   }
   for (auto& [number, user] : user_nodes) {
-    in_place.push_back(Steppable::of(*user->role));
+    inline_roles.push_back(Steppable::of(*user->role));
   }
 }
 
@@ -172,9 +173,9 @@ void World::Implementation::connect_users() {
     setup.track = config.timeline ? &user_tracks[worker] : nullptr;
     setup.clock = threaded() ? &user_clocks[worker] : nullptr;
     setup.objects = config.deployment == Deployment::user ? 64 : 4;
-    setup.server = user->way.second();
+    setup.server = user->channel.second();
     user->role = std::make_unique<nodes::UserRole>(setup);
-    request.line = user->way.first();
+    request.connection = user->channel.first();
     if (number >= publications.users.size()) {
       publications.users.resize(number + 1);
     }
@@ -205,7 +206,7 @@ void World::Implementation::forget_users() {
 
 void World::Implementation::assign_users() {
   if (!threaded()) {
-    list_in_place();
+    list_inline_roles();
     return;
   }
   std::vector<std::vector<Steppable>> roles(user_workers.size());
@@ -217,9 +218,9 @@ void World::Implementation::assign_users() {
   }
 }
 
-void World::Implementation::step_in_place() {
+void World::Implementation::step_inline() {
   while (order.completed.load(std::memory_order_acquire) != begun) {
-    for (const Steppable& role : in_place) {
+    for (const Steppable& role : inline_roles) {
       role.step(role.role);
     }
   }

@@ -44,11 +44,11 @@ void World::Implementation::gather_user_times() {
     const std::uint64_t cpu_ns = user_workers[i].cpu_ns();
     const std::uint64_t all_ns = cpu_ns - std::exchange(user_cpu_ns[i], cpu_ns);
     const std::uint64_t move_ns = std::min(all_ns, user_clocks[i].take(StepClock::move));
-    const std::uint64_t look_ns = std::min(all_ns - move_ns, user_clocks[i].take(StepClock::look));
+    const std::uint64_t look_ns = std::min(all_ns - move_ns, user_clocks[i].take(StepClock::read_publications));
     report.users_cpu_ms += to_ms(all_ns);
     report.slowest_user_cpu_ms = std::max(report.slowest_user_cpu_ms, to_ms(all_ns));
     path.user_move_ms = std::max(path.user_move_ms, to_ms(move_ns));
-    path.user_look_ms = std::max(path.user_look_ms, to_ms(look_ns));
+    path.user_read_ms = std::max(path.user_read_ms, to_ms(look_ns));
     path.user_end_ms = std::max(path.user_end_ms, to_ms(all_ns - move_ns - look_ns));
   }
   if (!threaded()) {
@@ -84,7 +84,7 @@ void World::Implementation::log_growth() {
 
 World::World(WorldConfig config) : implementation_(std::make_unique<Implementation>(std::move(config))) {}
 World::~World() {
-  if (implementation_ != nullptr && implementation_->under_way()) {
+  if (implementation_ != nullptr && implementation_->frame_is_running()) {
     finish_frame();
   }
 }
@@ -103,19 +103,19 @@ Status World::advance() {
 
 Status World::begin_frame() {
   Implementation& w = *implementation_;
-  if (w.under_way()) {
+  if (w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
   }
-  w.stood_in.reset();
+  w.fallback_number.reset();
   w.registry.cut();
   w.cut_leaving.swap(w.leaving);
   w.order.requests.swap(w.requests);
   w.connect_users();
   w.grow_nodes();
-  for (const auto& steering : w.steerings) {
+  for (const auto& steering : w.pending_moves) {
     w.user_nodes.at(steering.user)->role->steer(steering.number, steering.pose);
   }
-  w.steerings.clear();
+  w.pending_moves.clear();
   ++w.begun;
   w.order.ordered.store(w.begun, std::memory_order_release);
   if (w.threaded()) {
@@ -126,19 +126,19 @@ Status World::begin_frame() {
 
 Status World::finish_frame() {
   Implementation& w = *implementation_;
-  if (!w.under_way()) {
+  if (!w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
   }
   if (w.threaded()) {
     w.await_frame();
   } else {
-    w.step_in_place();
+    w.step_inline();
   }
   ++w.frames;
   w.order.requests.clear();
   w.registry.forget_cut();
   w.forget_users();
-  w.parted.clear();
+  w.departed_publications.clear();
 
   w.report = w.server->report(w.frames - 1);
   for (std::size_t reason = 0; reason < status_count; ++reason) {
@@ -146,8 +146,8 @@ Status World::finish_frame() {
   }
   w.gather_user_times();
   w.gather_timeline();
-  w.bury_lost();
-  w.clear_graves();
+  w.retire_lost_nodes();
+  w.free_retired_nodes();
   w.retire_nodes();
   for (const UserNumber user : w.report.late) {
     if (w.is_connected(user)) {
@@ -222,19 +222,19 @@ ObjectView view_of(const nodes::ServerRole& server, std::uint32_t slot) {
 
 ObjectView World::object(ObjectId object) const noexcept {
   const Implementation& w = *implementation_;
-  if (w.under_way() || w.registry.find(object) == nullptr) {
+  if (w.frame_is_running() || w.registry.find(object) == nullptr) {
     return {};
   }
   const nodes::ObjectTable& table = w.server->objects();
   const std::uint32_t slot = table.find(object.number());
-  const bool there = slot != nodes::NumberIndex::none && table.row(slot).object.generation == object.generation();
+  const bool there = slot != base::NumberIndex::none && table.row(slot).object.generation == object.generation();
   return there ? view_of(*w.server, slot) : ObjectView{};
 }
 
 std::vector<ObjectView> World::objects() const {
   const Implementation& w = *implementation_;
   std::vector<ObjectView> views;
-  if (w.under_way()) {
+  if (w.frame_is_running()) {
     return views;
   }
   const nodes::ObjectTable& table = w.server->objects();

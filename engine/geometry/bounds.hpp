@@ -25,13 +25,13 @@ constexpr bool touch(const Bounds& p, const Bounds& q) noexcept {
 }
 
 /// Whether a point, as FixedSpace::point gives it, lies within.
-constexpr bool holds(const Bounds& bounds, const std::uint32_t point[3]) noexcept {
+constexpr bool contains(const Bounds& bounds, const std::uint32_t point[3]) noexcept {
   return bounds.lower[0] <= point[0] && point[0] <= bounds.upper[0] && bounds.lower[1] <= point[1] &&
          point[1] <= bounds.upper[1] && bounds.lower[2] <= point[2] && point[2] <= bounds.upper[2];
 }
 
 /// Whether `inner` lies within `outer`: six comparisons and no branch.
-constexpr bool holds(const Bounds& outer, const Bounds& inner) noexcept {
+constexpr bool contains(const Bounds& outer, const Bounds& inner) noexcept {
   std::uint64_t below = 0;  // on top, whether any difference is
   for (int axis = 0; axis < 3; ++axis) {
     below |= std::uint64_t{inner.lower[axis]} - outer.lower[axis];

@@ -281,7 +281,7 @@ class HullAssembly {
 
 Hull build_hull(std::span<const Vec3f> points) {
   for (std::size_t i = 0; i < points.size(); ++i) {
-    if (!finite(points[i])) throw Error("convex hull: point " + std::to_string(i) + " is not finite");
+    if (!is_finite(points[i])) throw Error("convex hull: point " + std::to_string(i) + " is not finite");
   }
   std::vector<Vec3f> kept(points.begin(), points.end());
   std::vector<HullTriangle> triangles = quickhull(kept);

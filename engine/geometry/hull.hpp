@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "geometry/aligned.hpp"
+#include "base/aligned.hpp"
 #include "geometry/vector.hpp"
 #include "ringfence/pose.hpp"
 
@@ -109,11 +109,11 @@ class Hull {
   friend class HullAssembly;
   std::size_t vertex_count_ = 0;
   std::size_t face_count_ = 0;
-  AlignedVector<float> vertices_;
-  AlignedVector<float> faces_;
-  AlignedVector<float> edge_columns_;
-  AlignedVector<std::uint8_t> faces_of_edges_;
-  AlignedVector<HullEdge> edges_;
+  base::AlignedVector<float> vertices_;
+  base::AlignedVector<float> faces_;
+  base::AlignedVector<float> edge_columns_;
+  base::AlignedVector<std::uint8_t> faces_of_edges_;
+  base::AlignedVector<HullEdge> edges_;
   std::vector<std::uint32_t> face_starts_;
   std::vector<std::uint16_t> face_vertices_;
   Vec3f centroid_;

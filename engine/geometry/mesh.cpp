@@ -21,7 +21,7 @@ void check(const TriangleMesh& mesh) {
                 std::to_string(max_mesh_triangles) + " are allowed, split or simplify it");
   }
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
-    if (!finite(mesh.vertices[i])) throw Error("mesh: vertex " + std::to_string(i) + " is not finite");
+    if (!is_finite(mesh.vertices[i])) throw Error("mesh: vertex " + std::to_string(i) + " is not finite");
   }
   for (std::size_t i = 0; i < mesh.indices.size(); ++i) {
     if (mesh.indices[i] >= mesh.vertices.size()) {

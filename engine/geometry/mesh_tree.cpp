@@ -15,7 +15,7 @@
 namespace ringfence::geometry {
 namespace {
 
-constexpr std::uint32_t fan = tree_fan;
+constexpr std::uint32_t fan = tree_fanout;
 /// Below this many triangles a task costs more than it saves.
 constexpr std::size_t least_task = 8192;
 
@@ -184,7 +184,7 @@ double MeshTree::support(Vec3d direction) const noexcept {
     }
     const std::uint32_t level = next.node.level - 1;
     const BoxGroup& group = boxes(level, next.node.index);
-    const std::size_t first = next.node.index * tree_fan, count = std::min(tree_fan, nodes(level) - first);
+    const std::size_t first = next.node.index * tree_fanout, count = std::min(tree_fanout, nodes(level) - first);
     const std::size_t from = open;
     for (std::size_t lane = 0; lane < count; ++lane) {
       const Vec3d centre{double{group.centre[0][lane]}, double{group.centre[1][lane]}, double{group.centre[2][lane]}};

@@ -6,27 +6,27 @@
 #include <span>
 #include <vector>
 
-#include "geometry/aligned.hpp"
+#include "base/aligned.hpp"
 #include "ringfence/pose.hpp"
 
 namespace ringfence::geometry {
 
 /// Children of a node, and triangles of a leaf.
-inline constexpr std::size_t tree_fan = 4;
+inline constexpr std::size_t tree_fanout = 4;
 
 /// The boxes of four sibling nodes on the mesh's axes, as columns: one 16-byte load each. A place without a node has
 /// half extents so far below zero that nothing overlaps it.
 struct alignas(16) BoxGroup {
-  float centre[3][tree_fan];
-  float half[3][tree_fan];
+  float centre[3][tree_fanout];
+  float half[3][tree_fanout];
 };
 static_assert(sizeof(BoxGroup) == 96);
 
 /// The four triangles of a leaf as columns. The places past the last triangle of a mesh repeat it.
 struct alignas(16) TriangleGroup {
-  float corner[3][3][tree_fan];   ///< [corner][axis]
-  float normal[3][tree_fan];      ///< unit, worked out in double: right to a rounding for needles too
-  std::uint32_t index[tree_fan];  ///< the triangle's number in the mesh
+  float corner[3][3][tree_fanout];   ///< [corner][axis]
+  float normal[3][tree_fanout];      ///< unit, worked out in double: right to a rounding for needles too
+  std::uint32_t index[tree_fanout];  ///< the triangle's number in the mesh
 };
 static_assert(sizeof(TriangleGroup) == 208);
 
@@ -60,7 +60,7 @@ class MeshTree {
   }
   /// The group that has the node's own box, in lane node.index % 4.
   const BoxGroup& boxes_with(TreeNode node) const noexcept {
-    return boxes(node.level, static_cast<std::uint32_t>(node.index / tree_fan));
+    return boxes(node.level, static_cast<std::uint32_t>(node.index / tree_fanout));
   }
   const TriangleGroup& leaf(std::uint32_t index) const noexcept { return leaves_[index]; }
   std::span<const TriangleGroup> leaves() const noexcept { return leaves_; }
@@ -74,8 +74,8 @@ class MeshTree {
     std::size_t nodes = 0;
     std::size_t first_group = 0;
   };
-  AlignedVector<TriangleGroup> leaves_;
-  AlignedVector<BoxGroup> boxes_;
+  base::AlignedVector<TriangleGroup> leaves_;
+  base::AlignedVector<BoxGroup> boxes_;
   std::vector<Level> levels_;
 };
 

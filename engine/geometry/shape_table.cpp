@@ -77,8 +77,8 @@ ShapeRow row_of(const SupportShape& shape) {
     throw Error("support shape: thinner than 1 mm, or support() does not answer the farthest point");
   }
   const Vec3f centre = f.centre();
-  if (!finite(centre) || !(centre.x > low.x && centre.x < high.x && centre.y > low.y && centre.y < high.y &&
-                           centre.z > low.z && centre.z < high.z)) {
+  if (!is_finite(centre) || !(centre.x > low.x && centre.x < high.x && centre.y > low.y && centre.y < high.y &&
+                              centre.z > low.z && centre.z < high.z)) {
     throw Error("support shape: centre() is not inside");
   }
   const auto corner = [](float p, float q) { return std::max(std::abs(double{p}), std::abs(double{q})); };
@@ -121,7 +121,7 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
     row = {.size = {centre.x, centre.y, centre.z},
            .bounding_radius = hull.bounding_radius(),
            .kind = ShapeKind::hull,
-           .detail = static_cast<std::uint32_t>(hulls_.size())};
+           .index_in_kind = static_cast<std::uint32_t>(hulls_.size())};
     hulls_.push_back(std::move(hull));
   } else if (const auto* triangles = std::get_if<TriangleMesh>(&description)) {
     for (std::size_t i = 0; i < triangles->vertices.size(); ++i) {
@@ -131,12 +131,12 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
     check_size("mesh bounding radius", double{mesh->bounding_radius()}, least_thickness / 2);
     row = {.bounding_radius = mesh->bounding_radius(),
            .kind = ShapeKind::mesh,
-           .detail = static_cast<std::uint32_t>(meshes_.size())};
+           .index_in_kind = static_cast<std::uint32_t>(meshes_.size())};
     meshes_.push_back(std::move(mesh));
   } else {
     const SupportShape& shape = std::get<SupportShape>(description);
     row = row_of(shape);
-    row.detail = static_cast<std::uint32_t>(supports_.size());
+    row.index_in_kind = static_cast<std::uint32_t>(supports_.size());
     supports_.push_back(shape.function);
   }
   descriptions_.push_back(description);
@@ -156,7 +156,7 @@ double ShapeTable::volume(ShapeNumber shape) const noexcept {
     case ShapeKind::capsule:
       return pi * a * a * (4.0 / 3.0 * a + 2 * b);
     case ShapeKind::hull:
-      return hulls_[row.detail].volume();
+      return hulls_[row.index_in_kind].volume();
     case ShapeKind::mesh:
     case ShapeKind::support:
       break;
@@ -173,7 +173,7 @@ Bounds ShapeTable::bounds(ShapeNumber shape, const Pose& pose, const FixedSpace&
 
 void ShapeTable::bounds(std::span<const PlacedShape> placed, const FixedSpace& space, Bounds* out,
                         FixedPoint* points) const noexcept {
-  bound_solids(placed, rows_.data(), hull_of_.data(), space, out, points);
+  compute_solid_bounds(placed, rows_.data(), hull_of_.data(), space, out, points);
   if (meshes_.empty() && supports_.empty()) return;
   for (std::size_t i = 0; i < placed.size(); ++i) {
     const ShapeRow& row = rows_[placed[i].shape];
@@ -186,9 +186,9 @@ Bounds ShapeTable::rare_bounds(const ShapeRow& row, const Pose& pose, const Fixe
   const Rotation r = rotation(pose.orientation);
   Extent extent;
   if (row.kind == ShapeKind::mesh) {
-    meshes_[row.detail]->extent(r, extent.lower, extent.upper);
+    meshes_[row.index_in_kind]->extent(r, extent.lower, extent.upper);
   } else {
-    extent = support_extent(*supports_[row.detail], r);
+    extent = support_extent(*supports_[row.index_in_kind], r);
   }
   const double margin = rounding_margin * double{row.bounding_radius};
   const Vec3d widening{margin, margin, margin};

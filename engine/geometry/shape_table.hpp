@@ -23,7 +23,7 @@ struct ShapeRow {
   float bounding_radius = 0;  ///< of a ball about the shape's origin that holds the shape
   ShapeKind kind = ShapeKind::sphere;
   std::uint8_t reserved[3] = {};
-  std::uint32_t detail = 0;  ///< index of the hull, mesh or support function among its kind
+  std::uint32_t index_in_kind = 0;  ///< index of the hull, mesh or support function among its kind
   std::uint32_t reserved2[2] = {};
 };
 static_assert(sizeof(ShapeRow) == 32);
@@ -53,9 +53,9 @@ class ShapeTable {
   std::size_t size() const noexcept { return rows_.size(); }
   std::span<const ShapeRow> rows() const noexcept { return rows_; }
   const ShapeRow& row(ShapeNumber shape) const noexcept { return rows_[shape]; }
-  const Hull& hull(std::uint32_t detail) const noexcept { return hulls_[detail]; }
-  const Mesh& mesh(std::uint32_t detail) const noexcept { return *meshes_[detail]; }
-  const SupportFunction& support(std::uint32_t detail) const noexcept { return *supports_[detail]; }
+  const Hull& hull(std::uint32_t index_in_kind) const noexcept { return hulls_[index_in_kind]; }
+  const Mesh& mesh(std::uint32_t index_in_kind) const noexcept { return *meshes_[index_in_kind]; }
+  const SupportFunction& support(std::uint32_t index_in_kind) const noexcept { return *supports_[index_in_kind]; }
   /// As it was registered; what scenes are written from and what the reference reads.
   const ShapeDescription& description(ShapeNumber shape) const noexcept { return descriptions_[shape]; }
 

@@ -11,7 +11,7 @@
 #define HWY_TARGET_INCLUDE "geometry/solid_bounds.cpp"
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
-#include "geometry/greatest-inl.hpp"
+#include "geometry/max_lanes-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::geometry::HWY_NAMESPACE {
@@ -108,8 +108,8 @@ inline Reach hull_reach(const Hull& hull, const RotationColumns& turn) {
     }
   }
   Reach out;
-  greatest_of_four(d, high[0], high[1], high[2], high[2], out.upper.at);
-  greatest_of_four(d, hn::Neg(low[0]), hn::Neg(low[1]), hn::Neg(low[2]), hn::Neg(low[2]), out.lower.at);
+  max_lanes_of_four(d, high[0], high[1], high[2], high[2], out.upper.at);
+  max_lanes_of_four(d, hn::Neg(low[0]), hn::Neg(low[1]), hn::Neg(low[2]), hn::Neg(low[2]), out.lower.at);
   for (float& value : out.lower.at) value = -value;
   return out;
 }
@@ -182,8 +182,8 @@ namespace ringfence::geometry {
 
 HWY_EXPORT(bounds_of_all);
 
-void bound_solids(std::span<const PlacedShape> placed, const ShapeRow* rows, const Hull* const* hulls,
-                  const FixedSpace& space, Bounds* out, FixedPoint* points) noexcept {
+void compute_solid_bounds(std::span<const PlacedShape> placed, const ShapeRow* rows, const Hull* const* hulls,
+                          const FixedSpace& space, Bounds* out, FixedPoint* points) noexcept {
   HWY_DYNAMIC_DISPATCH(bounds_of_all)
   (placed.data(), placed.data() + placed.size(), rows, hulls, space.rows(), out, points);
 }

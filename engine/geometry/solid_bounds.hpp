@@ -14,7 +14,7 @@ inline constexpr double rounding_margin = 0x1p-20;
 /// ShapeTable::bounds of those of `placed` that are spheres, boxes, capsules or hulls; what is written for others means
 /// nothing. `points`, if not null: FixedSpace::point of each, of whatever shape. `rows` and `hulls` are by shape, null
 /// where that is no hull. In lanes, an axis a lane; rounded as FixedSpace does, the same bits at every vector width.
-void bound_solids(std::span<const PlacedShape> placed, const ShapeRow* rows, const Hull* const* hulls,
-                  const FixedSpace& space, Bounds* out, FixedPoint* points) noexcept;
+void compute_solid_bounds(std::span<const PlacedShape> placed, const ShapeRow* rows, const Hull* const* hulls,
+                          const FixedSpace& space, Bounds* out, FixedPoint* points) noexcept;
 
 }  // namespace ringfence::geometry

@@ -34,8 +34,8 @@ constexpr Vec3d to_double(Vec3f p) noexcept { return {double{p.x}, double{p.y}, 
 constexpr Vec3f to_float(Vec3d p) noexcept {
   return {static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
 }
-inline bool finite(Vec3f p) noexcept { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
-inline bool finite(Vec3d p) noexcept { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
+inline bool is_finite(Vec3f p) noexcept { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
+inline bool is_finite(Vec3d p) noexcept { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
 
 namespace geometry {
 
@@ -79,11 +79,11 @@ constexpr Vec3d rotate(const RotationD& r, Vec3d p) noexcept {
 }
 
 /// From the world's axes to the shape's.
-constexpr Vec3f rotate_back(const Rotation& r, Vec3f p) noexcept {
+constexpr Vec3f rotate_inverse(const Rotation& r, Vec3f p) noexcept {
   return {dot(Vec3f{r.m[0][0], r.m[1][0], r.m[2][0]}, p), dot(Vec3f{r.m[0][1], r.m[1][1], r.m[2][1]}, p),
           dot(Vec3f{r.m[0][2], r.m[1][2], r.m[2][2]}, p)};
 }
-constexpr Vec3d rotate_back(const RotationD& r, Vec3d p) noexcept {
+constexpr Vec3d rotate_inverse(const RotationD& r, Vec3d p) noexcept {
   return {dot(Vec3d{r.m[0][0], r.m[1][0], r.m[2][0]}, p), dot(Vec3d{r.m[0][1], r.m[1][1], r.m[2][1]}, p),
           dot(Vec3d{r.m[0][2], r.m[1][2], r.m[2][2]}, p)};
 }
@@ -97,7 +97,7 @@ inline Quat normalise(Quat q) noexcept {
 }
 
 /// Whether `q` is finite and within 10^-3 of unit length: what the API accepts.
-inline bool acceptable(Quat q) noexcept {
+inline bool is_near_unit(Quat q) noexcept {
   const double x = q.x, y = q.y, z = q.z, w = q.w;
   const double norm = std::sqrt((x * x + y * y) + (z * z + w * w));
   return std::abs(norm - 1.0) <= 1e-3;  // false for NaN and infinity

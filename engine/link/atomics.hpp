@@ -6,10 +6,12 @@
 #include <cstdint>
 #include <cstring>
 
+#include "base/prefetch.hpp"
+
 namespace ringfence::link {
 
 /// What two threads write must lie this far apart, in bytes: x86 fetches cache lines in pairs.
-inline constexpr std::size_t line_bytes = 128;
+inline constexpr std::size_t cache_line_pair_bytes = 128;
 
 /// The defects that tests/link seeds into ring, doorbell and channel, one at a time, to see that its checker finds
 /// them.
@@ -19,57 +21,59 @@ inline constexpr std::size_t line_bytes = 128;
 /// there.
 enum class Defect : std::uint8_t {
   none,
-  publish_unordered,     ///< the store of tail does not release
-  peek_unordered,        ///< the load of tail does not acquire
-  release_unordered,     ///< the exchange of head does not release
-  room_unordered,        ///< the load of head does not acquire
-  wait_unordered,        ///< the read-modify-write of head that asks to be woken does not acquire
-  ring_unordered,        ///< the doorbell's exchange by who rings does not release
-  arm_unordered,         ///< the doorbell's exchange by who is about to sleep does not acquire
-  disarm_by_store,       ///< who need not sleep after all says so by a plain store, which forgets who rang meanwhile
-  no_recheck,            ///< the sleeper does not look again after it has said that it sleeps
-  flag_set_late,         ///< the sleeper looks again first and says that it sleeps only then
-  capacity_off_by_one,   ///< the writer takes one unit more than there is
-  early_release,         ///< a message is given back when it is returned, not when it was read
-  padding_lost,          ///< the writer steps over less than the header says
-  line_not_told,         ///< publishing goes on to the next line, and no header says so
-  line_told_late,        ///< a header says so only once it is published
-  fetched_unreleased,    ///< the writer asks for lines that the reader has not given back
-  fetched_unpublished,   ///< the reader asks for lines that the writer has not published
-  overhang_lost,         ///< a message that crosses the end of the ring is not kept in one piece
-  waiter_forgotten,      ///< a release does not ring the sender that waits for room
-  waiting_not_said,      ///< a sender that finds no room does not ask to be woken
-  no_publish_when_full,  ///< a sender that finds no room keeps what it has staged
-  closing_not_told,      ///< closing does not ring the other end
-  deadline_not_set,      ///< who waits with a deadline sleeps without one
-  deadline_not_kept,     ///< who waits with a deadline does not look at the clock
-  late_is_met,           ///< who gave up at a deadline says that what it waited for is there
-  heeded_by_store,       ///< who heeds a ring loses what another told meanwhile
+  publish_unordered,        ///< the store of tail does not release
+  peek_unordered,           ///< the load of tail does not acquire
+  release_unordered,        ///< the exchange of head does not release
+  room_unordered,           ///< the load of head does not acquire
+  wait_unordered,           ///< the read-modify-write of head that asks to be woken does not acquire
+  ring_unordered,           ///< the doorbell's exchange by who rings does not release
+  arm_unordered,            ///< the doorbell's exchange by who is about to sleep does not acquire
+  disarm_by_store,          ///< who need not sleep after all says so by a plain store, which forgets who rang meanwhile
+  no_recheck,               ///< the sleeper does not look again after it has said that it sleeps
+  flag_set_late,            ///< the sleeper looks again first and says that it sleeps only then
+  capacity_off_by_one,      ///< the writer takes one unit more than there is
+  early_release,            ///< a message is given back when it is returned, not when it was read
+  padding_lost,             ///< the writer steps over less than the header says
+  stride_not_updated,       ///< publishing goes on to the next line, and no header says so
+  stride_updated_late,      ///< a header says so only once it is published
+  prefetched_unreleased,    ///< the writer asks for lines that the reader has not given back
+  prefetched_unpublished,   ///< the reader asks for lines that the writer has not published
+  overhang_lost,            ///< a message that crosses the end of the ring is not kept in one piece
+  waiting_sender_not_rung,  ///< a release does not ring the sender that waits for room
+  waiting_flag_not_set,     ///< a sender that finds no room does not ask to be woken
+  no_publish_when_full,     ///< a sender that finds no room keeps what it has staged
+  close_without_ring,       ///< closing does not ring the other end
+  deadline_not_set,         ///< who waits with a deadline sleeps without one
+  deadline_not_checked,     ///< who waits with a deadline does not look at the clock
+  timeout_reported_as_ready,  ///< who gave up at a deadline says that what it waited for is there
+  ring_cleared_by_store,      ///< who heeds a ring loses what another told meanwhile
 };
 
 /// How long a thread looks before it says that it sleeps, and looks once more.
-struct Patience {
-  std::uint32_t spins = 0;   ///< looks with a pause instruction after each
-  std::uint32_t yields = 0;  ///< looks with a sched_yield after each, after the spins
-  std::uint32_t eager = 0;   ///< looks one after another, before the spins: an answer under way takes about 150 ns
-  bool by_bell = false;      ///< spins and yields look only once somebody has rung: for looks that are dear
+struct SpinPolicy {
+  std::uint32_t pause_polls = 0;  ///< looks with a pause instruction after each
+  std::uint32_t yield_polls = 0;  ///< looks with a sched_yield after each, after the spins
+  std::uint32_t immediate_polls =
+      0;  ///< looks one after another, before the spins: an answer under way takes about 150 ns
+  bool poll_only_after_ring = false;  ///< spins and yields look only once somebody has rung: for looks that are dear
 };
 
 /// How a ring deals with the machine's cache lines: in bytes. Nothing but speed depends on it.
-struct LineUse {
+struct CacheLineTuning {
   std::size_t line = 64;  ///< a power of two of at least 16
   /// From here on the end of a message is padded to a line: that costs less than straddling lines.
-  std::size_t large = 1024;
-  /// Before a message of at least `ahead_from` is staged, the lines of the next `write_ahead`, as far as the reader has
-  /// given them back, are asked for, `write_step` or more at a time: the reader has them from the last time round.
-  std::size_t ahead_from = 256;
-  std::size_t write_ahead = 4096;
-  std::size_t write_step = 1024;
-  /// When a message is read, the lines of what is published behind it are asked for, up to `read_ahead`, `read_step` or
-  /// more at a time; not behind one of at least `bulk`, whose own lines the processor foresees.
-  std::size_t read_ahead = 2048;
-  std::size_t read_step = 512;
-  std::size_t bulk = 2048;
+  std::size_t pad_from = 1024;
+  /// Before a message of at least `prefetch_from` is staged, the lines of the next `write_prefetch`, as far as the
+  /// reader has given them back, are asked for, `write_prefetch_step` or more at a time: the reader has them from the
+  /// last time round.
+  std::size_t prefetch_from = 256;
+  std::size_t write_prefetch = 4096;
+  std::size_t write_prefetch_step = 1024;
+  /// When a message is read, the lines of what is published behind it are asked for, up to `read_prefetch`,
+  /// `read_prefetch_step` or more at a time; not behind one of at least `bulk`, whose own lines the processor foresees.
+  std::size_t read_prefetch = 2048;
+  std::size_t read_prefetch_step = 512;
+  std::size_t no_prefetch_from = 2048;
 };
 
 /// The machine's atomics, memory and futex: what ring and doorbell run on in production.
@@ -90,22 +94,14 @@ struct ThreadAtomics {
     return word;
   }
 
-  static constexpr LineUse lines{};
+  static constexpr CacheLineTuning lines{};
 
-  /// Asks for a line of ring memory that this thread will write soon, and that no other is at. Plain x86-64 code has no
-  /// built-in for it: compilers emit a prefetch for reading unless told of the instruction, which every processor
-  /// accepts and some ignore.
-  static void fetch_to_write(const std::byte* at) noexcept {
-#if defined(__x86_64__)
-    asm volatile("prefetchw %0" : : "m"(*at));
-#else
-    __builtin_prefetch(at, 1);
-#endif
-  }
-  /// Asks for a line of ring memory that is published.
-  static void fetch_to_read(const std::byte* at) noexcept { __builtin_prefetch(at); }
-  /// Asks for a line of ring memory that may be published at this moment.
-  static void fetch_awaited(const std::byte* at) noexcept { __builtin_prefetch(at); }
+  /// Prefetches a line of ring memory that this thread writes soon and that no other thread reads or writes.
+  static void prefetch_for_write(const std::byte* at) noexcept { base::prefetch_for_write(at); }
+  /// Prefetches a line of ring memory that is published.
+  static void prefetch_for_read(const std::byte* at) noexcept { base::prefetch_for_read(at); }
+  /// Prefetches a line of ring memory that the other thread may publish at this moment.
+  static void prefetch_awaited(const std::byte* at) noexcept { base::prefetch_for_read(at); }
 
   /// Sleeps while `word` is `expected`; may return early for no reason.
   static void sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept;
@@ -122,10 +118,10 @@ struct ThreadAtomics {
   static void yield() noexcept;
 
   /// A doorbell comes into being, or goes: the process has a thread more, or less, that waits on one.
-  static void joined() noexcept;
-  static void left() noexcept;
+  static void add_waiting_thread() noexcept;
+  static void remove_waiting_thread() noexcept;
   /// How long to look before sleeping, given how many threads wait on doorbells and how many cores there are.
-  static Patience patience() noexcept;
+  static SpinPolicy spin_policy() noexcept;
 };
 
 /// The same between processes: for rings and doorbells in shared memory.

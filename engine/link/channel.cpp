@@ -12,7 +12,7 @@ namespace {
 void* allocate_ring(std::size_t bytes, const char* option) {
   Channel::check(bytes, option);
   const std::size_t footprint = ring_footprint<ThreadAtomics>(bytes);
-  void* memory = ::operator new (footprint, std::align_val_t{line_bytes});
+  void* memory = ::operator new (footprint, std::align_val_t{cache_line_pair_bytes});
   // Touched here, so that no page fault falls into a frame.
   std::memset(memory, 0, footprint);
   make_ring<ThreadAtomics>(memory, bytes);
@@ -30,12 +30,12 @@ void Channel::check(std::size_t bytes, const char* option) {
 }
 
 void Channel::Free::operator()(void* memory) const noexcept {
-  ::operator delete (memory, std::align_val_t{line_bytes});
+  ::operator delete (memory, std::align_val_t{cache_line_pair_bytes});
 }
 
 Channel::Channel(std::size_t bytes, Doorbell* receivers_bell, Doorbell* senders_bell, const char* option)
     : memory_(allocate_ring(bytes, option)),
-      sender_(find_ring<ThreadAtomics>(memory_.get()), receivers_bell),
-      receiver_(find_ring<ThreadAtomics>(memory_.get()), senders_bell) {}
+      sender_(open_ring<ThreadAtomics>(memory_.get()), receivers_bell),
+      receiver_(open_ring<ThreadAtomics>(memory_.get()), senders_bell) {}
 
 }  // namespace ringfence::link

@@ -17,7 +17,7 @@ namespace ringfence::link {
 /// said now is said, publish. Never blocks: a claim that finds no room returns an empty span, has published what was
 /// staged, and has asked the receiver to ring this thread's doorbell when it releases.
 template <class Policy>
-class alignas(line_bytes) BasicSender {
+class alignas(cache_line_pair_bytes) BasicSender {
  public:
   using Bell = BasicDoorbell<Policy>;
 
@@ -44,7 +44,7 @@ class alignas(line_bytes) BasicSender {
   void publish() noexcept {
     if (writer_.staged() == 0) return;
     writer_.publish();
-    tell();
+    ring_receiver();
   }
 
   /// Bytes staged but not published yet, with headers and padding.
@@ -59,14 +59,14 @@ class alignas(line_bytes) BasicSender {
   /// Publishes what is staged and says that no message follows. Call nothing but closed() after it.
   void close() noexcept {
     writer_.close();
-    if constexpr (Policy::defect == Defect::closing_not_told) return;
-    tell();
+    if constexpr (Policy::defect == Defect::close_without_ring) return;
+    ring_receiver();
   }
 
  private:
   [[gnu::noinline]] std::span<std::byte> claim_when_full(std::size_t bytes) noexcept;
 
-  void tell() noexcept {
+  void ring_receiver() noexcept {
     if (bell_) bell_->ring();
   }
 
@@ -76,7 +76,7 @@ class alignas(line_bytes) BasicSender {
 
 /// The receiving end of a one-way link: one thread's.
 template <class Policy>
-class alignas(line_bytes) BasicReceiver {
+class alignas(cache_line_pair_bytes) BasicReceiver {
  public:
   using Bell = BasicDoorbell<Policy>;
 
@@ -100,11 +100,11 @@ class alignas(line_bytes) BasicReceiver {
   bool has_message() noexcept { return reader_.available(); }
 
   /// Asks for the lines that has_message() and next() look at, for who looks at many links, one after the other.
-  void fetch() const noexcept { reader_.fetch(); }
+  void prefetch() const noexcept { reader_.prefetch(); }
 
   /// Gives back the room of everything that next() returned, and rings a sender that waits for room.
   void release() noexcept {
-    if (reader_.release() && bell_ && Policy::defect != Defect::waiter_forgotten) bell_->ring();
+    if (reader_.release() && bell_ && Policy::defect != Defect::waiting_sender_not_rung) bell_->ring();
   }
 
   /// Whether the sender has closed and next() has returned its last message; as of the last next() or has_message()
@@ -114,7 +114,7 @@ class alignas(line_bytes) BasicReceiver {
   /// Says that nothing more will be read, and rings the sender. Call nothing after it.
   void close() noexcept {
     reader_.close();
-    if constexpr (Policy::defect == Defect::closing_not_told) return;
+    if constexpr (Policy::defect == Defect::close_without_ring) return;
     if (bell_) bell_->ring();
   }
 
@@ -126,10 +126,10 @@ class alignas(line_bytes) BasicReceiver {
 template <class Policy>
 std::span<std::byte> BasicSender<Policy>::claim_when_full(std::size_t bytes) noexcept {
   assert(bytes >= 1 && bytes <= writer_.largest_message());
-  if (std::byte* room = writer_.claim_again(bytes)) return {room, bytes};
+  if (std::byte* room = writer_.claim_after_refresh(bytes)) return {room, bytes};
   // What is staged may be what the receiver waits for; it frees nothing that it does not know of.
   if constexpr (Policy::defect != Defect::no_publish_when_full) publish();
-  if (std::byte* room = writer_.claim_or_ask(bytes)) return {room, bytes};
+  if (std::byte* room = writer_.claim_or_request_ring(bytes)) return {room, bytes};
   return {};
 }
 

@@ -61,16 +61,16 @@ void ThreadAtomics::pause() noexcept {
 
 void ThreadAtomics::yield() noexcept { sched_yield(); }
 
-void ThreadAtomics::joined() noexcept { waiting_threads.fetch_add(1, std::memory_order_relaxed); }
+void ThreadAtomics::add_waiting_thread() noexcept { waiting_threads.fetch_add(1, std::memory_order_relaxed); }
 
-void ThreadAtomics::left() noexcept { waiting_threads.fetch_sub(1, std::memory_order_relaxed); }
+void ThreadAtomics::remove_waiting_thread() noexcept { waiting_threads.fetch_sub(1, std::memory_order_relaxed); }
 
-Patience ThreadAtomics::patience() noexcept {
+SpinPolicy ThreadAtomics::spin_policy() noexcept {
   static const int cores = usable_cores();
   // With more threads than cores whoever is waited for may need this very core; otherwise sleeping is what costs.
   const bool crowded = waiting_threads.load(std::memory_order_relaxed) > cores;
   // Then a server's look at a hundred links, or a user thread's, is time taken from whoever is waited for.
-  return crowded ? Patience{20, 3, 0, true} : Patience{2000, 3, 100};
+  return crowded ? SpinPolicy{20, 3, 0, true} : SpinPolicy{2000, 3, 100};
 }
 
 void ProcessAtomics::sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept {

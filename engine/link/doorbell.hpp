@@ -25,12 +25,12 @@ namespace ringfence::link {
 /// Threads: `ring` from any, `wait` from the owner alone. Memory: none but itself; may lie in shared memory with
 /// ProcessAtomics.
 template <class Policy>
-class alignas(line_bytes) BasicDoorbell {
+class alignas(cache_line_pair_bytes) BasicDoorbell {
  public:
-  BasicDoorbell() noexcept { Policy::joined(); }
+  BasicDoorbell() noexcept { Policy::add_waiting_thread(); }
   /// Looks for as long as `patience` says, however many threads there are.
-  explicit BasicDoorbell(Patience patience) noexcept : patience_(patience) { Policy::joined(); }
-  ~BasicDoorbell() { Policy::left(); }
+  explicit BasicDoorbell(SpinPolicy spin_policy) noexcept : spin_policy_(spin_policy) { Policy::add_waiting_thread(); }
+  ~BasicDoorbell() { Policy::remove_waiting_thread(); }
   BasicDoorbell(const BasicDoorbell&) = delete;
   BasicDoorbell& operator=(const BasicDoorbell&) = delete;
 
@@ -55,9 +55,9 @@ class alignas(line_bytes) BasicDoorbell {
   bool wait_until(Ready ready, std::chrono::steady_clock::time_point deadline) noexcept {
     if (look(ready)) return true;
     while (!arm(ready)) {
-      if (Policy::defect != Defect::deadline_not_kept && Policy::is_past(deadline)) {
+      if (Policy::defect != Defect::deadline_not_checked && Policy::is_past(deadline)) {
         disarm();
-        return Policy::defect == Defect::late_is_met || ready();
+        return Policy::defect == Defect::timeout_reported_as_ready || ready();
       }
       if constexpr (Policy::defect == Defect::deadline_not_set) {
         Policy::sleep(state_, asleep);
@@ -80,17 +80,17 @@ class alignas(line_bytes) BasicDoorbell {
   /// Looks without sleeping.
   template <class Ready>
   bool look(Ready& ready) noexcept {
-    const Patience patience = patience_ ? *patience_ : Policy::patience();
-    for (std::uint32_t i = 0; i < patience.eager; ++i) {
+    const SpinPolicy spin_policy = spin_policy_ ? *spin_policy_ : Policy::spin_policy();
+    for (std::uint32_t i = 0; i < spin_policy.immediate_polls; ++i) {
       if (ready()) return true;
     }
-    if (patience.by_bell && ready()) return true;
-    for (std::uint32_t i = 0; i < patience.spins; ++i) {
-      if ((!patience.by_bell || has_rung()) && ready()) return true;
+    if (spin_policy.poll_only_after_ring && ready()) return true;
+    for (std::uint32_t i = 0; i < spin_policy.pause_polls; ++i) {
+      if ((!spin_policy.poll_only_after_ring || has_rung()) && ready()) return true;
       Policy::pause();
     }
-    for (std::uint32_t i = 0; i < patience.yields; ++i) {
-      if ((!patience.by_bell || has_rung()) && ready()) return true;
+    for (std::uint32_t i = 0; i < spin_policy.yield_polls; ++i) {
+      if ((!spin_policy.poll_only_after_ring || has_rung()) && ready()) return true;
       Policy::yield();
     }
     return false;
@@ -99,7 +99,7 @@ class alignas(line_bytes) BasicDoorbell {
   /// Whether somebody has rung since this was last asked. What he did before is seen then.
   bool has_rung() noexcept {
     if (state_.load(std::memory_order_relaxed) != rung) return false;
-    if constexpr (Policy::defect == Defect::heeded_by_store) {
+    if constexpr (Policy::defect == Defect::ring_cleared_by_store) {
       state_.store(awake, std::memory_order_relaxed);
     } else {
       // Pairs with ring, as in arm; an exchange for the reason that disarm has.
@@ -134,7 +134,7 @@ class alignas(line_bytes) BasicDoorbell {
 
   typename Policy::template Atomic<std::uint32_t> state_{awake};
   // Read at each wait: on the line of the state it would take that away from who rings.
-  alignas(line_bytes) std::optional<Patience> patience_;
+  alignas(cache_line_pair_bytes) std::optional<SpinPolicy> spin_policy_;
 };
 
 /// The doorbell of a thread.

@@ -5,6 +5,9 @@
 #include <cassert>
 #include <utility>
 
+#include "base/prefetch.hpp"
+#include "base/radix_pass.hpp"
+
 namespace ringfence::link {
 
 namespace {
@@ -48,7 +51,7 @@ void Publication::begin(std::uint64_t frame) noexcept {
 }
 
 void Publication::add(std::uint32_t cell, const PublishedState& state) {
-  list(cell, static_cast<std::uint32_t>(added_.size()));
+  add_index(cell, static_cast<std::uint32_t>(added_.size()));
   added_.push_back(state);
 }
 
@@ -58,8 +61,8 @@ void Publication::publish() {
     edition.states.swap(added_);
     show(edition);
   } else {
-    publish_listed([this](std::uint32_t i) { __builtin_prefetch(&added_[i]); },
-                   [this](std::uint32_t i) -> const PublishedState& { return added_[i]; });
+    publish_indexed([this](std::uint32_t i) { base::prefetch_for_read(&added_[i]); },
+                    [this](std::uint32_t i) -> const PublishedState& { return added_[i]; });
   }
 }
 
@@ -70,7 +73,7 @@ Publication::Edition& Publication::arrange() {
   if (listed_ == 0) {
     return edition;
   }
-  const std::size_t cells = find_reach(edition);
+  const std::size_t cells = find_cell_range(edition);
   edition.dense = cells <= most_a_state * listed_;
   if (edition.dense) {
     count_keys(edition, cells);
@@ -81,7 +84,7 @@ Publication::Edition& Publication::arrange() {
 }
 
 /// Returns how many cells that is. Precondition: something is listed.
-std::size_t Publication::find_reach(Edition& edition) const noexcept {
+std::size_t Publication::find_cell_range(Edition& edition) const noexcept {
   const CellLayout layout = layout_;
   CellLayout::Place lower = layout.place_of(cell_of(keys_.front()));
   CellLayout::Place upper = lower;
@@ -93,8 +96,8 @@ std::size_t Publication::find_reach(Edition& edition) const noexcept {
     }
   }
   Box& box = edition.box;
-  std::copy_n(lower.at, 3, box.reach.lower);
-  std::copy_n(upper.at, 3, box.reach.upper);
+  std::copy_n(lower.at, 3, box.cell_range.lower);
+  std::copy_n(upper.at, 3, box.cell_range.upper);
   box.wide = upper.at[0] - lower.at[0] + 1;
   box.rows = upper.at[1] - lower.at[1] + 1;
   return std::size_t{box.wide} * box.rows * (upper.at[2] - lower.at[2] + std::size_t{1});
@@ -145,11 +148,8 @@ void Publication::sort_keys() {
   const unsigned cell_bits = static_cast<unsigned>(std::bit_width(cell_count_ - 1));
   sorted_.resize(keys_.size());
   for (unsigned shift = 32; shift < 32 + cell_bits; shift += digit_bits) {
-    std::array<std::uint32_t, digits> place{};
-    for (const std::uint64_t key : keys()) ++place[key >> shift & (digits - 1)];
-    std::uint32_t sum = 0;
-    for (std::uint32_t& count : place) sum += std::exchange(count, sum);
-    for (const std::uint64_t key : keys()) sorted_[place[key >> shift & (digits - 1)]++] = key;
+    base::radix_pass(keys(), sorted_.data(), digits,
+                     [shift](std::uint64_t key) { return key >> shift & (digits - 1); });
     keys_.swap(sorted_);
   }
 }
@@ -170,7 +170,7 @@ void Publication::list_cells(Edition& edition) {
 /// The same from the directory. Written for every cell of the reach, and over again where that holds nothing: a branch
 /// would be missed as often as not.
 void Publication::list_counted(Edition& edition) {
-  const CellReach& reach = edition.box.reach;
+  const CellRange& cell_range = edition.box.cell_range;
   const std::uint32_t* before = edition.directory.data();
   edition.cells.resize(edition.directory.size());
   edition.starts.resize(edition.directory.size());
@@ -178,9 +178,9 @@ void Publication::list_counted(Edition& edition) {
   std::uint32_t* const starts = edition.starts.data();
   const std::uint32_t wide = edition.box.wide;
   std::size_t listed = 0;
-  for (std::uint32_t z = reach.lower[2]; z <= reach.upper[2]; ++z) {
-    for (std::uint32_t y = reach.lower[1]; y <= reach.upper[1]; ++y) {
-      const std::uint32_t at[3] = {reach.lower[0], y, z};
+  for (std::uint32_t z = cell_range.lower[2]; z <= cell_range.upper[2]; ++z) {
+    for (std::uint32_t y = cell_range.lower[1]; y <= cell_range.upper[1]; ++y) {
+      const std::uint32_t at[3] = {cell_range.lower[0], y, z};
       const std::uint32_t first = layout_.cell_at(at);
       for (std::uint32_t x = 0; x < wide; ++x, ++before) {
         cells[listed] = first + x;
@@ -209,9 +209,9 @@ std::span<const PublishedState> Publication::states(std::uint64_t frame) const n
   return edition ? std::span<const PublishedState>(edition->states) : std::span<const PublishedState>();
 }
 
-CellReach Publication::reach(std::uint64_t frame) const noexcept {
+CellRange Publication::cell_range(std::uint64_t frame) const noexcept {
   const Edition* edition = find(frame);
-  return edition ? edition->box.reach : CellReach{};
+  return edition ? edition->box.cell_range : CellRange{};
 }
 
 std::span<const std::uint32_t> Publication::cells(std::uint64_t frame) const noexcept {
@@ -224,7 +224,7 @@ std::span<const std::uint32_t> Publication::starts(std::uint64_t frame) const no
   return edition ? std::span<const std::uint32_t>(edition->starts) : std::span<const std::uint32_t>();
 }
 
-bool Publication::intact(std::uint64_t frame) const noexcept {
+bool Publication::is_intact(std::uint64_t frame) const noexcept {
   keep_order();
   return find(frame) != nullptr;
 }

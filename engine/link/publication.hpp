@@ -34,7 +34,7 @@ struct CellLayout {
 };
 
 /// The least box of cells that holds all of a frame's, both corners included; as CellLayout::Place has it.
-struct CellReach {
+struct CellRange {
   std::uint32_t lower[3];
   std::uint32_t upper[3];
 };
@@ -75,7 +75,7 @@ class Publication {
   void publish();
 
   /// Writer, in place of add: a state of `cell` that is entry `index` of a table that the writer keeps.
-  void list(std::uint32_t cell, std::uint32_t index) {
+  void add_index(std::uint32_t cell, std::uint32_t index) {
     assert(cell < cell_count_);
     if (listed_ == keys_.size()) keys_.resize(2 * listed_ + 64);
     ascending_ &= listed_ == 0 || cell_of(keys_[listed_ - 1]) <= cell;
@@ -84,14 +84,14 @@ class Publication {
   /// Writer: the same of a whole table of `size` entries, of which `cell_at(i)` says the cell of the i-th, or
   /// `nowhere`.
   template <class CellAt>
-  void list_table(std::uint32_t size, CellAt cell_at) {
+  void add_table(std::uint32_t size, CellAt cell_at) {
     if (keys_.size() < listed_ + size) keys_.resize(listed_ + size);
     std::uint64_t* next = keys_.data() + listed_;
     std::uint32_t last = listed_ == 0 ? 0 : cell_of(next[-1]);
     bool ascending = ascending_;
     for (std::uint32_t i = 0; i < size; ++i) {
       const std::uint32_t cell = cell_at(i);
-      if (cell == nowhere) continue;
+      if (cell == no_cell) continue;
       assert(cell < cell_count_);
       ascending &= last <= cell;  // no branch: it does as often as not
       last = cell;
@@ -100,17 +100,17 @@ class Publication {
     ascending_ = ascending;
     listed_ = static_cast<std::size_t>(next - keys_.data());
   }
-  static constexpr std::uint32_t nowhere = 0xffffffffu;
+  static constexpr std::uint32_t no_cell = 0xffffffffu;
   /// Writer, in place of publish: the same of what was listed. `fetch(index)` is called a while before
   /// `state_of(index)`, which answers a PublishedState and is called once for each.
   template <class Fetch, class StateOf>
-  void publish_listed(Fetch fetch, StateOf state_of) {
+  void publish_indexed(Fetch prefetch, StateOf state_of) {
     constexpr std::size_t ahead = 16;  // what belongs to a cell lies anywhere
     Edition& edition = arrange();
     const std::size_t size = listed_;
     edition.states.resize(size);
     for (std::size_t i = 0; i < size; ++i) {
-      if (i + ahead < size) fetch(index_of(keys_[i + ahead]));
+      if (i + ahead < size) prefetch(index_of(keys_[i + ahead]));
       edition.states[i] = state_of(index_of(keys_[i]));
     }
     show(edition);
@@ -142,30 +142,30 @@ class Publication {
   /// Reader: all states of a frame in ascending order of cell.
   std::span<const PublishedState> states(std::uint64_t frame) const noexcept;
   /// Reader: the least box of cells that holds all that hold states. Precondition: there are such.
-  CellReach reach(std::uint64_t frame) const noexcept;
+  CellRange cell_range(std::uint64_t frame) const noexcept;
   /// Reader: the cells of a frame that hold states, ascending.
   std::span<const std::uint32_t> cells(std::uint64_t frame) const noexcept;
   /// Reader: where the states of each of those cells begin in states(); one more entry ends the last.
   std::span<const std::uint32_t> starts(std::uint64_t frame) const noexcept;
   /// Reader, after it has used what it read of `frame`: whether that was whole all the time.
-  bool intact(std::uint64_t frame) const noexcept;
+  bool is_intact(std::uint64_t frame) const noexcept;
 
  private:
   /// The reach as a directory has it.
   struct Box {
-    CellReach reach{};
+    CellRange cell_range{};
     std::uint32_t rows = 0;  ///< of it in a layer
     std::uint32_t wide = 0;  ///< cells of it in a row
 
     /// Where in the directory a place within it is.
     std::size_t entry(const CellLayout::Place& place) const noexcept {
-      return (std::size_t{place.at[2] - reach.lower[2]} * rows + (place.at[1] - reach.lower[1])) * wide +
-             (place.at[0] - reach.lower[0]);
+      return (std::size_t{place.at[2] - cell_range.lower[2]} * rows + (place.at[1] - cell_range.lower[1])) * wide +
+             (place.at[0] - cell_range.lower[0]);
     }
   };
 
   /// What one frame says. `starts[i]` is where the states of `cells[i]` begin; one more entry ends the last.
-  struct alignas(line_bytes) Edition {
+  struct alignas(cache_line_pair_bytes) Edition {
     std::atomic<std::uint64_t> stamp{no_stamp};  ///< the frame, while the rest is whole
     bool dense = false;                          ///< `directory` is filled
     Box box;
@@ -192,17 +192,17 @@ class Publication {
   }
   /// How many states lie before a cell. Precondition: the edition is dense.
   std::uint32_t before(const Edition& edition, std::uint32_t cell) const noexcept {
-    const CellReach& reach = edition.box.reach;
+    const CellRange& cell_range = edition.box.cell_range;
     CellLayout::Place place = layout_.place_of(cell);
     // What is before or behind the reach on an axis is so wherever it lies on those below.
     for (std::size_t axis = 3; axis-- > 0;) {
-      if (place.at[axis] < reach.lower[axis]) {
-        std::copy_n(reach.lower, axis + 1, place.at);
+      if (place.at[axis] < cell_range.lower[axis]) {
+        std::copy_n(cell_range.lower, axis + 1, place.at);
         break;
       }
-      if (place.at[axis] > reach.upper[axis]) {
-        std::copy_n(reach.lower, axis, place.at);
-        place.at[axis] = reach.upper[axis] + 1;
+      if (place.at[axis] > cell_range.upper[axis]) {
+        std::copy_n(cell_range.lower, axis, place.at);
+        place.at[axis] = cell_range.upper[axis] + 1;
         break;
       }
     }
@@ -218,7 +218,7 @@ class Publication {
                                                 std::uint32_t last) noexcept;
   Edition& arrange();
   void show(Edition& edition);
-  std::size_t find_reach(Edition& edition) const noexcept;
+  std::size_t find_cell_range(Edition& edition) const noexcept;
   std::span<const std::uint64_t> keys() const noexcept { return {keys_.data(), listed_}; }
   void count_keys(Edition& edition, std::size_t cells);
   void sort_keys();
@@ -230,7 +230,7 @@ class Publication {
   CellLayout layout_;
 
   // The writer's own.
-  alignas(line_bytes) std::size_t current_ = 0;  ///< the edition that is being written, or was last
+  alignas(cache_line_pair_bytes) std::size_t current_ = 0;  ///< the edition that is being written, or was last
   std::uint64_t frame_ = 0;
   bool ascending_ = true;  ///< so far the states were added in ascending order of cell
   std::vector<PublishedState> added_;

@@ -45,9 +45,9 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
       return sizeof(PlaceRecord);
     case MessageType::frame_begin:
     case MessageType::probe:
-    case MessageType::here:
+    case MessageType::probe_reply:
     case MessageType::published:
-    case MessageType::look:
+    case MessageType::read_publications:
       return 0;
     case MessageType::lost:
       return sizeof(LostRecord);
@@ -71,8 +71,8 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
       return sizeof(OwnerRecord);
     case MessageType::frame_end:
       return sizeof(FrameEndRecord);
-    case MessageType::told:
-      return sizeof(ToldRecord);
+    case MessageType::frame_done:
+      return sizeof(NodeFrameStats);
     case MessageType::kinds:
       return sizeof(KindRecord);
     case MessageType::refused:

@@ -39,17 +39,17 @@ enum class MessageType : std::uint16_t {
   // CD nodes to server.
   kinds = 17,  ///< KindRecord of each two kinds of shapes that the node tested
   // All to server.
-  told = 15,  ///< to the server: the frame is complete here; a ToldRecord
+  frame_done = 15,  ///< to the server: the frame is complete here; a NodeFrameStats
   // Server to user nodes.
   refused = 16,  ///< RefusedRecord: what of the receiver's messages was refused, and why
   // Server to CD nodes, when one of them has stopped answering, or may have.
   lost = 19,   ///< LostRecord: that node is no longer there; a region_map follows where the frame is detected anew
   probe = 20,  ///< no records: answer that you are there
   // CD nodes to server.
-  here = 21,       ///< no records: the answer
-  published = 22,  ///< no records: what the sender hosts can be read in its publication
+  probe_reply = 21,  ///< no records: the answer
+  published = 22,    ///< no records: what the sender hosts can be read in its publication
   // Server to user nodes, while CD nodes test.
-  look = 23,  ///< no records: all that is published of this frame can be read
+  read_publications = 23,  ///< no records: all that is published of this frame can be read
 };
 inline constexpr std::uint16_t message_types = 24;
 

@@ -21,17 +21,17 @@ struct ObjectRef {
 };
 
 enum ObjectFlag : std::uint32_t {
-  flag_present = 1,  ///< the object takes part in contacts
-  flag_gone = 2,     ///< position_update: the object is no longer in the receiver's region
-  flag_inner = 4,    ///< node_state: present, and all cells that the bounds touch are the sender's
-  flag_staying = 8,  ///< node_state: by its position and the map as it is, the sender hosts it in the next frame too;
-                     ///< the same where its host tells it to other nodes in memory that they share
-  flag_kept = 16,    ///< node_state, hand_over: from now on its host keeps its states from the server, which finds them
-                     ///< in memory that they share, and tells the nodes whose regions it touches
-  flag_rests = 32,   ///< node_state: as in the frame before; told because the sender keeps it to itself no more
-  flag_avatar = 64,  ///< position_update: a user node hosts the object
-  flag_fixed = 128,  ///< position_update: nobody hosts it; else whoever the deployment says, in user/collision
-                     ///< deployment from the next frame on the CD node that owns the cell of its position
+  flag_present = 1,      ///< the object takes part in contacts
+  flag_left_region = 2,  ///< position_update: the object is no longer in the receiver's region
+  flag_interior = 4,     ///< node_state: present, and all cells that the bounds touch are the sender's
+  flag_keeps_host = 8,   ///< node_state: by its position and the map as it is, the sender hosts it in the next frame
+                        ///< too; the same where its host tells it to other nodes in memory that they share
+  flag_host_owned = 16,  ///< node_state, hand_over: from now on its host keeps its states from the server, which finds
+                         ///< them in memory that they share, and tells the nodes whose regions it touches
+  flag_at_rest = 32,  ///< node_state: as in the frame before; told because the sender keeps it to itself no more
+  flag_avatar = 64,   ///< position_update: a user node hosts the object
+  flag_fixed = 128,   ///< position_update: nobody hosts it; else whoever the deployment says, in user/collision
+                      ///< deployment from the next frame on the CD node that owns the cell of its position
 };
 
 /// M1. Followed by the model's state.
@@ -112,7 +112,7 @@ struct FrameEndRecord {
 };
 
 /// What a role did in the frame that it declares complete. Times in nanoseconds.
-struct ToldRecord {
+struct NodeFrameStats {
   std::uint64_t busy_ns = 0, cpu_ns = 0, move_ns = 0, broad_phase_ns = 0, narrow_phase_ns = 0;
   std::uint64_t hosted = 0, handed_over = 0;
   std::uint64_t model_failed = 0, not_finite = 0, not_unit = 0;  ///< model outputs refused, by reason
@@ -157,7 +157,7 @@ static_assert(sizeof(DropRecord) == 16);
 static_assert(sizeof(PlaceRecord) == 56);
 static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 8 && sizeof(RefusedRecord) == 8);
 static_assert(sizeof(KindRecord) == 240);
-static_assert(sizeof(ToldRecord) == 136);
+static_assert(sizeof(NodeFrameStats) == 136);
 static_assert(sizeof(LostRecord) == 16);
 static_assert(std::is_trivially_copyable_v<CollisionRecord> && std::is_trivially_copyable_v<HandOverRecord>);
 

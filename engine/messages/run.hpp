@@ -16,8 +16,8 @@ namespace ringfence::messages {
 using TrafficCounts = std::array<TrafficReport, traffic_count>;
 
 /// What all messages of one run share.
-struct RunHead {
-  MessageType type = MessageType::told;
+struct RunHeader {
+  MessageType type = MessageType::frame_done;
   Endpoint source;
   Endpoint destination;
   std::uint64_t frame = 0;
@@ -25,7 +25,7 @@ struct RunHead {
 };
 
 /// Writes a message's header. `total` is the run's where this message is its last, else 0 and `last` is false.
-inline void write_header(std::byte* where, const RunHead& head, std::size_t bytes_each, std::size_t count, bool last,
+inline void write_header(std::byte* where, const RunHeader& head, std::size_t bytes_each, std::size_t count, bool last,
                          std::size_t total) noexcept {
   Header header;
   header.type = static_cast<std::uint16_t>(head.type);
@@ -41,7 +41,7 @@ inline void write_header(std::byte* where, const RunHead& head, std::size_t byte
   std::memcpy(where, &header, sizeof(Header));
 }
 
-inline void count_message(TrafficCounts& counts, const RunHead& head, std::size_t bytes_each,
+inline void count_message(TrafficCounts& counts, const RunHeader& head, std::size_t bytes_each,
                           std::size_t records) noexcept {
   TrafficReport& traffic = counts[static_cast<std::size_t>(traffic_of(head.type))];
   ++traffic.messages;
@@ -68,7 +68,7 @@ class RunSender {
   /// Sends as much as the link takes and publishes it; true when the whole run has gone. `fill(i, where)` writes
   /// record i of `bytes_each` bytes. Cost: one claim a message of at most Sender::largest_message() bytes.
   template <class Fill>
-  bool pump(link::Sender& link, const RunHead& head, std::size_t bytes_each, TrafficCounts& counts, Fill fill) {
+  bool pump(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts, Fill fill) {
     if (done_) {
       return true;
     }
@@ -119,7 +119,7 @@ class RunWriter {
 
   /// Where the next record of `bytes_each` bytes is to be written, or null where the link has no room now: what came
   /// before is published then, and the caller tries again later. The same head and size for all of a run.
-  std::byte* add(link::Sender& link, const RunHead& head, std::size_t bytes_each, TrafficCounts& counts) {
+  std::byte* add(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts) {
     if (count_ == most_ && !open(link, head, bytes_each, counts)) [[unlikely]] {
       return nullptr;
     }
@@ -128,14 +128,14 @@ class RunWriter {
   }
 
   /// Sends the message that is being filled as it is, so that something else may claim from the link.
-  void flush(link::Sender& link, const RunHead& head, std::size_t bytes_each, TrafficCounts& counts) {
+  void flush(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts) {
     if (room_ != nullptr) {
       close(link, head, bytes_each, counts);
     }
   }
 
   /// Ends the run: the last message says so. False where the link has no room for it; then again later.
-  bool finish(link::Sender& link, const RunHead& head, std::size_t bytes_each, TrafficCounts& counts) {
+  bool finish(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts) {
     if (done_) {
       return true;
     }
@@ -152,7 +152,7 @@ class RunWriter {
   }
 
  private:
-  bool open(link::Sender& link, const RunHead& head, std::size_t bytes_each, TrafficCounts& counts) {
+  bool open(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts) {
     if (room_ != nullptr) {
       close(link, head, bytes_each, counts);
     }
@@ -166,7 +166,7 @@ class RunWriter {
     return true;
   }
 
-  void close(link::Sender& link, const RunHead& head, std::size_t bytes_each, TrafficCounts& counts) {
+  void close(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts) {
     write_header(room_, head, bytes_each, count_, done_, total_);
     link.commit(sizeof(Header) + count_ * bytes_each);
     link.publish();

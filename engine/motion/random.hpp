@@ -25,7 +25,7 @@ constexpr std::array<std::uint32_t, 4> philox(std::array<std::uint32_t, 4> count
 constexpr float uniform(std::uint32_t word) noexcept { return static_cast<float>(word >> 8) * 0x1p-24f; }
 
 /// Uniform in [0, count) to within 2^-32 of each share. Precondition: count > 0.
-constexpr std::uint32_t below(std::uint32_t count, std::uint32_t word) noexcept {
+constexpr std::uint32_t uniform_below(std::uint32_t count, std::uint32_t word) noexcept {
   return static_cast<std::uint32_t>((std::uint64_t{word} * count) >> 32);
 }
 

@@ -28,12 +28,12 @@ Schedule::Schedule(Interval interval, std::uint64_t seed, std::uint32_t stream)
 // With jitter <= max - period and jitter <= period - min, two starts differ by period - jitter to period + jitter.
 std::uint64_t Schedule::start(std::uint32_t subject, std::uint64_t epoch) const noexcept {
   const auto words = philox({subject, static_cast<std::uint32_t>(epoch), 0, stream_}, seed_);
-  return epoch * period_ + below(jitter_ + 1, words[0]);
+  return epoch * period_ + uniform_below(jitter_ + 1, words[0]);
 }
 
-Epoch Schedule::at(std::uint32_t subject, std::uint64_t frame) const noexcept {
+SchedulePeriod Schedule::at(std::uint32_t subject, std::uint64_t frame) const noexcept {
   // A phase of one to two periods spreads the subjects and keeps turn numbers above zero.
-  const std::uint64_t phase = period_ + below(period_, philox({subject, phase_epoch, 0, stream_}, seed_)[0]);
+  const std::uint64_t phase = period_ + uniform_below(period_, philox({subject, phase_epoch, 0, stream_}, seed_)[0]);
   const std::uint64_t time = frame + phase;
   std::uint64_t epoch = time / period_;
   std::uint64_t end = start(subject, epoch);

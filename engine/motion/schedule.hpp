@@ -12,7 +12,7 @@ struct Interval {
 };
 
 /// One turn of a subject: what it decided at its start holds until `end`.
-struct Epoch {
+struct SchedulePeriod {
   std::uint32_t number = 0;  ///< counts the turns; keys what is drawn for this one
   std::uint64_t end = 0;     ///< the first frame of the next turn
 };
@@ -28,7 +28,7 @@ class Schedule {
   /// Throws Error unless 1 <= min <= max <= 10^9. `stream` tells schedules of one seed apart.
   Schedule(Interval interval, std::uint64_t seed, std::uint32_t stream);
 
-  Epoch at(std::uint32_t subject, std::uint64_t frame) const noexcept;
+  SchedulePeriod at(std::uint32_t subject, std::uint64_t frame) const noexcept;
 
  private:
   std::uint64_t start(std::uint32_t subject, std::uint64_t epoch) const noexcept;

@@ -99,7 +99,7 @@ double about_home(std::uint32_t home, std::uint32_t lattice, float draw) {
 
 /// The cell beside `cell` on one axis: before, same or after, each as likely; at the edge the cell itself.
 std::uint32_t near_cell(std::uint32_t cell, std::uint32_t lattice, std::uint32_t word) {
-  const std::uint32_t step = below(3, word);
+  const std::uint32_t step = uniform_below(3, word);
   if (step == 0) return cell == 0 ? 0 : cell - 1;
   if (step == 1) return cell;
   return std::min(cell + 1, lattice - 1);
@@ -162,16 +162,16 @@ std::uint64_t Steering::target_end(std::uint32_t target, std::uint64_t frame) co
 std::uint32_t Steering::pick_target(ObjectNumber object, std::uint32_t epoch) const noexcept {
   Draws home(config_.seed, homes, object);
   Draws step(config_.seed, pick_targets, object, epoch);
-  const std::uint64_t x = near_cell(below(lattice_, home.word()), lattice_, step.word());
-  const std::uint64_t y = near_cell(below(lattice_, home.word()), lattice_, step.word());
-  const std::uint64_t z = near_cell(below(lattice_, home.word()), lattice_, step.word());
+  const std::uint64_t x = near_cell(uniform_below(lattice_, home.word()), lattice_, step.word());
+  const std::uint64_t y = near_cell(uniform_below(lattice_, home.word()), lattice_, step.word());
+  const std::uint64_t z = near_cell(uniform_below(lattice_, home.word()), lattice_, step.word());
   const std::uint64_t cells = std::uint64_t{lattice_} * lattice_ * lattice_;
   // There are at least as many cells as targets: a few cells in a row share one.
   return static_cast<std::uint32_t>(((z * lattice_ + y) * lattice_ + x) * config_.targets / cells);
 }
 
 Steering::Goal Steering::find_goal(ObjectNumber object, std::uint64_t frame) const noexcept {
-  const Epoch pick = picks_.at(object, frame);
+  const SchedulePeriod pick = picks_.at(object, frame);
   const std::uint32_t target = pick_target(object, pick.number);
   Draws draws(config_.seed, pick_places, object, pick.number);
   Vec3f offset;

@@ -26,21 +26,21 @@ static_assert(sizeof(KernelPair) == 16);
 inline constexpr std::uint32_t flip_bit = 0x80000000u;
 
 /// Times what a kernel spends in gathering; the kernel notes where that begins and ends.
-class GatherWatch {
+class GatherTimer {
  public:
   void begin() noexcept {
     begin_ = telemetry::now_ns();
-    ++looks_;
+    ++clock_reads_;
   }
   void end() noexcept {
     gathered_ += telemetry::now_ns() - begin_;
-    ++looks_;
+    ++clock_reads_;
   }
   std::uint64_t nanoseconds() const noexcept { return gathered_; }
-  std::uint64_t looks() const noexcept { return looks_; }  ///< at the clock
+  std::uint64_t clock_reads() const noexcept { return clock_reads_; }  ///< at the clock
 
  private:
-  std::uint64_t begin_ = 0, gathered_ = 0, looks_ = 0;
+  std::uint64_t begin_ = 0, gathered_ = 0, clock_reads_ = 0;
 };
 
 /// What a kernel works on. Every pair has the kernel's kinds; for pairs of one kind `first` is always the pair's a.
@@ -52,16 +52,16 @@ struct KernelInput {
   /// compute in double, positions and quaternions (normalised in double) included. The same for all pairs of an input;
   /// a function of the two shapes alone.
   bool in_double = false;
-  GatherWatch* watch = nullptr;  ///< of pairs that are timed; null for all others
-  AxisMemory* memory = nullptr;  ///< null where axes are not remembered; only kernels of polytopes look at it
+  GatherTimer* gather_timer = nullptr;  ///< of pairs that are timed; null for all others
+  AxisMemory* memory = nullptr;         ///< null where axes are not remembered; only kernels of polytopes look at it
 };
 
 /// Around what a kernel does to gather.
 inline void begin_gathering(const KernelInput& input) noexcept {
-  if (input.watch != nullptr) input.watch->begin();
+  if (input.gather_timer != nullptr) input.gather_timer->begin();
 }
 inline void end_gathering(const KernelInput& input) noexcept {
-  if (input.watch != nullptr) input.watch->end();
+  if (input.gather_timer != nullptr) input.gather_timer->end();
 }
 
 /// A kernel may write this many contacts past the ones it keeps: full vectors leave it without a branch.

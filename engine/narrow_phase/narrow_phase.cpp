@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/buffer.hpp"
+#include "base/prefetch.hpp"
 #include "narrow_phase/kernel.hpp"
 #include "telemetry/clock.hpp"
 
@@ -20,14 +22,7 @@ constexpr std::size_t chunk_pairs = 4096;
 
 /// How many pairs before a pair is looked at its bodies are fetched. Those of a large world come from far, in an order
 /// that no machine foresees: 8 to 10 ns a pair of 64,000 objects.
-constexpr std::size_t fetched_ahead = 24;
-
-/// Of a body, which may lie across two lines.
-inline void fetch(const Body& body) noexcept {
-  const char* const bytes = reinterpret_cast<const char*>(&body);
-  __builtin_prefetch(bytes);
-  __builtin_prefetch(bytes + sizeof(Body) - 1);
-}
+constexpr std::size_t prefetch_distance = 24;
 
 /// Beyond a ratio of sizes of 2^5, some 10^-7 of the larger is no longer far below 10^-4 of the smaller.
 constexpr int float_octaves = 5;
@@ -44,7 +39,7 @@ class ShapeTag {
   }
 
   /// Of all pairs of some shapes at once: whether they have one kind and none wants double, by the tag of each.
-  static bool alike(std::span<const ShapeTag> tags) noexcept {
+  static bool uniform(std::span<const ShapeTag> tags) noexcept {
     std::uint64_t sizes = 0;
     for (const ShapeTag& tag : tags) {
       if (tag.kind() != tags.front().kind()) return false;
@@ -54,7 +49,7 @@ class ShapeTag {
   }
 
   std::size_t kind() const noexcept { return word_ >> (2 * octaves); }
-  static bool wants_double(ShapeTag a, ShapeTag b) noexcept {
+  static bool needs_double(ShapeTag a, ShapeTag b) noexcept {
     const std::uint64_t both = a.word_ | b.word_;
     return (both & both >> octaves & all) != 0;
   }
@@ -98,7 +93,7 @@ constexpr std::size_t keys = shape_kinds * (shape_kinds + 1);
 constexpr std::size_t places = keys << shape_bits;
 
 /// Fewer are not sorted by shape: there are not enough of one hull to be worth it.
-constexpr std::size_t least_sorted_by_shape = 1024;
+constexpr std::size_t min_pairs_sorted_by_shape = 1024;
 
 struct Kinds {
   ShapeKind first, second;
@@ -167,23 +162,6 @@ void write_ordered(const geometry::CandidatePair& pair, std::size_t index, Key k
   std::memcpy(static_cast<void*>(&to), words, sizeof(words));
 }
 
-/// Memory that grows to what is asked and is never initialised.
-template <class T>
-class Buffer {
- public:
-  T* of(std::size_t size) {
-    if (size > capacity_) {
-      capacity_ = size + size / 2;
-      memory_ = std::make_unique_for_overwrite<T[]>(capacity_);
-    }
-    return memory_.get();
-  }
-
- private:
-  std::unique_ptr<T[]> memory_;
-  std::size_t capacity_ = 0;
-};
-
 }  // namespace
 
 Kernel kernel_of(ShapeKind first, ShapeKind second) noexcept {
@@ -206,8 +184,8 @@ struct NarrowPhase::Implementation {
   const geometry::ShapeTable& shapes;
   std::vector<ShapeTag> tags;
   std::unique_ptr<AxisMemory> memory;  ///< null where axes are not to be remembered
-  bool alike = true;                   ///< all shapes, so that there is nothing to sort by
-  Buffer<PairContact> contacts;
+  bool uniform = true;                 ///< all shapes, so that there is nothing to sort by
+  base::Buffer<PairContact> contacts;
   std::unique_ptr<KernelPair[]> sorted = std::make_unique<KernelPair[]>(chunk_pairs);
   std::unique_ptr<Key[]> pair_keys = std::make_unique<Key[]>(chunk_pairs);
   std::uint32_t ends[places];    ///< of the pairs of each key in `sorted`, as far as they have been written
@@ -215,9 +193,9 @@ struct NarrowPhase::Implementation {
   KindCounters counters[shape_kinds][shape_kinds];
   std::size_t until_timed[shape_kinds][shape_kinds] = {};  ///< pairs that are not timed before the next that are
 
-  void learn_shapes();
+  void update_shape_tags();
   void copy(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
-  std::uint64_t find_keys(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
+  std::uint64_t compute_keys(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
   void sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin, std::uint64_t set);
   PairContact* test_key(std::span<const Body> bodies, std::size_t key, std::span<const KernelPair> pairs,
                         PairContact* out);
@@ -226,12 +204,12 @@ struct NarrowPhase::Implementation {
                           std::size_t begin, PairContact* out);
 };
 
-void NarrowPhase::Implementation::learn_shapes() {
+void NarrowPhase::Implementation::update_shape_tags() {
   if (tags.size() == shapes.size()) return;
   for (std::size_t shape = tags.size(); shape < shapes.size(); ++shape) {
     tags.push_back(tag_of(shapes.row(static_cast<ShapeNumber>(shape))));
   }
-  alike = ShapeTag::alike(tags);
+  uniform = ShapeTag::uniform(tags);
 }
 
 /// Writes the pairs to `sorted` in their own order.
@@ -241,24 +219,24 @@ void NarrowPhase::Implementation::copy(std::span<const geometry::CandidatePair> 
 }
 
 /// Finds the key of each pair, and counts in `ends` how often each occurs. Answers the set of keys without shapes.
-std::uint64_t NarrowPhase::Implementation::find_keys(std::span<const Body> bodies,
-                                                     std::span<const geometry::CandidatePair> pairs) {
+std::uint64_t NarrowPhase::Implementation::compute_keys(std::span<const Body> bodies,
+                                                        std::span<const geometry::CandidatePair> pairs) {
   const ShapeTag* const tag = tags.data();
   Key* const key = pair_keys.get();
-  const unsigned by_shape = pairs.size() >= least_sorted_by_shape ? ~0u : 0u;
+  const unsigned by_shape = pairs.size() >= min_pairs_sorted_by_shape ? ~0u : 0u;
   const std::size_t last = pairs.size() - 1;
   std::uint64_t set = 0;
   std::fill(std::begin(ends), std::end(ends), 0u);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const geometry::CandidatePair pair = pairs[i], ahead = pairs[std::min(i + fetched_ahead, last)];
-    fetch(bodies[ahead.a]);
-    fetch(bodies[ahead.b]);
+    const geometry::CandidatePair pair = pairs[i], ahead = pairs[std::min(i + prefetch_distance, last)];
+    base::prefetch_object(bodies[ahead.a]);
+    base::prefetch_object(bodies[ahead.b]);
     const ShapeNumber p = bodies[pair.a].shape, q = bodies[pair.b].shape;
     const ShapeTag a = tag[p], b = tag[q];
     const KeyTable::Entry entry = key_table.entry[a.kind() * 8 + b.kind()];
     const ShapeNumber second = (entry.key & key_flipped) != 0 ? p : q;
     const unsigned k =
-        (entry.key | unsigned{ShapeTag::wants_double(a, b)} << shape_bits) | (second & entry.shapes & by_shape);
+        (entry.key | unsigned{ShapeTag::needs_double(a, b)} << shape_bits) | (second & entry.shapes & by_shape);
     key[i] = static_cast<Key>(k);
     const unsigned place = k & key_order;
     ++ends[place];
@@ -272,7 +250,7 @@ void NarrowPhase::Implementation::sort(std::span<const geometry::CandidatePair> 
                                        std::uint64_t set) {
   std::uint32_t sum = 0;
   for_each_key(set, [&](std::size_t k) {
-    const bool by_shape = key_table.kinds[k].second == ShapeKind::hull && pairs.size() >= least_sorted_by_shape;
+    const bool by_shape = key_table.kinds[k].second == ShapeKind::hull && pairs.size() >= min_pairs_sorted_by_shape;
     const std::size_t from = k << shape_bits, size = by_shape ? std::size_t{1} << shape_bits : 1;
     for (std::size_t place = from; place < from + size; ++place) sum += std::exchange(ends[place], sum);
     key_ends[k] = sum;
@@ -313,19 +291,20 @@ PairContact* NarrowPhase::Implementation::test_key(std::span<const Body> bodies,
 
 PairContact* NarrowPhase::Implementation::time_block(Kernel kernel, const KernelInput& input, PairContact* out,
                                                      KindCounters& counter) {
-  GatherWatch watch;
+  GatherTimer gather_timer;
   KernelInput timed = input;
-  timed.watch = &watch;
+  timed.gather_timer = &gather_timer;
   const std::uint64_t start = telemetry::now_ns();
   PairContact* const end = kernel(timed, out, counter);
   const std::uint64_t all = telemetry::now_ns() - start, look = telemetry::clock_cost_ns();
-  const auto without_looks = [look](std::uint64_t time, std::uint64_t looks) {
-    return time - std::min(time, look * looks);
+  const auto without_clock_reads = [look](std::uint64_t time, std::uint64_t clock_reads) {
+    return time - std::min(time, look * clock_reads);
   };
-  const std::uint64_t nanoseconds = without_looks(all, watch.looks() + 1);
+  const std::uint64_t nanoseconds = without_clock_reads(all, gather_timer.clock_reads() + 1);
   counter.timed += input.pairs.size();
   counter.nanoseconds += nanoseconds;
-  counter.gather_nanoseconds += std::min(nanoseconds, without_looks(watch.nanoseconds(), watch.looks() / 2));
+  counter.gather_nanoseconds +=
+      std::min(nanoseconds, without_clock_reads(gather_timer.nanoseconds(), gather_timer.clock_reads() / 2));
   counter.cost[cost_bucket(nanoseconds, input.pairs.size())] += static_cast<std::uint32_t>(input.pairs.size());
   return end;
 }
@@ -333,12 +312,12 @@ PairContact* NarrowPhase::Implementation::time_block(Kernel kernel, const Kernel
 PairContact* NarrowPhase::Implementation::test_chunk(std::span<const Body> bodies,
                                                      std::span<const geometry::CandidatePair> pairs, std::size_t begin,
                                                      PairContact* out) {
-  if (alike) {
+  if (uniform) {
     copy(pairs, begin);
     const std::size_t kind = tags.front().kind();
     return test_key(bodies, key_table.entry[kind * 8 + kind].key >> shape_bits, {sorted.get(), pairs.size()}, out);
   }
-  const std::uint64_t set = find_keys(bodies, pairs);
+  const std::uint64_t set = compute_keys(bodies, pairs);
   sort(pairs, begin, set);
   std::uint32_t from = 0;
   for_each_key(set, [&](std::size_t key) {
@@ -357,8 +336,9 @@ NarrowPhase& NarrowPhase::operator=(NarrowPhase&&) noexcept = default;
 std::span<const PairContact> NarrowPhase::test(std::span<const Body> bodies,
                                                std::span<const geometry::CandidatePair> pairs) {
   Implementation& self = *implementation_;
-  self.learn_shapes();
-  PairContact* const begin = self.contacts.of(pairs.size() + contact_slack);
+  self.update_shape_tags();
+  self.contacts.reserve(pairs.size() + contact_slack);
+  PairContact* const begin = self.contacts.data();
   PairContact* out = begin;
   for (std::size_t i = 0; i < pairs.size(); i += chunk_pairs) {
     out = self.test_chunk(bodies, pairs.subspan(i, std::min(chunk_pairs, pairs.size() - i)), i, out);

@@ -8,7 +8,7 @@
 
 namespace ringfence::nodes {
 
-struct Findings;
+struct NodeContacts;
 struct NodePublication;
 
 /// What a role's step answers. A role never blocks: it does what it can and says how it stands.
@@ -19,10 +19,11 @@ enum class Step : std::uint8_t {
 };
 
 /// Both directions of the way between two roles, seen from one of them. The channels outlive it.
-struct Line {
+struct Connection {
   link::Sender* out = nullptr;
   link::Receiver* in = nullptr;
-  Findings* findings = nullptr;  ///< of the CD node, shared; null where it is in another process than the server
+  NodeContacts* node_contacts =
+      nullptr;  ///< of the CD node, shared; null where it is in another process than the server
   NodePublication* publication = nullptr;  ///< in which such a node tells what it hosts; null: the server relays it
 };
 

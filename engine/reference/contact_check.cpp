@@ -28,12 +28,12 @@ struct Claim {
 /// A distance that a point in the frame of a core surely has from it.
 double at_least_outside(const Core& core, const Vector& place) {
   static const Core point = box_core({});
-  return iterated_distance({core, point, {{}, place}}, 1e-9 * core.reach).lower - core.radius;
+  return gjk_distance({core, point, {{}, place}}, 1e-9 * core.reach).lower - core.radius;
 }
 
 /// What keeps the direction and the place from being those of a deepest contact of two cores.
-std::string explain_geometry(const Core& a, const Core& b, const Placement& b_in_a, const Claim& claim,
-                             double allowed) {
+std::string describe_geometry_error(const Core& a, const Core& b, const Placement& b_in_a, const Claim& claim,
+                                    double allowed) {
   const Vector& n = claim.normal;
   const double end_of_a = a.extent(n) + a.radius;
   const double start_of_b = dot(n, b_in_a.offset) - b.extent(b_in_a.rotation.inverse(-n)) - b.radius;
@@ -63,8 +63,8 @@ double band(const PreparedShape& a, const PreparedShape& b, const Tolerance& tol
   return std::max({tolerance.relative * smaller, tolerance.of_larger * larger, tolerance.least});
 }
 
-std::string explain_wrong(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b,
-                          const Contact* claimed, const Tolerance& tolerance) {
+std::string describe_error(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b,
+                           const Contact* claimed, const Tolerance& tolerance) {
   const double width = band(a, b, tolerance);
   const Separation exact = separation(a, pose_a, b, pose_b, 2 * width);
   double allowed = width + exact.error;
@@ -87,7 +87,7 @@ std::string explain_wrong(const PreparedShape& a, const Pose& pose_a, const Prep
                     turn_a.inverse(Vector(claimed->point) - Vector(pose_a.position))};
   const Placement b_in_a = relative(pose_a, pose_b);
   if (a.kind != ShapeKind::mesh && b.kind != ShapeKind::mesh) {
-    return explain_geometry(a.core, b.core, b_in_a, claim, allowed);
+    return describe_geometry_error(a.core, b.core, b_in_a, claim, allowed);
   }
   // Many pairs of primitives can be as deep as the deepest, within the band: one that fits is enough.
   bool right = false;
@@ -95,7 +95,7 @@ std::string explain_wrong(const PreparedShape& a, const Pose& pose_a, const Prep
   const double least_depth = -exact.distance - 2 * allowed;
   for_each_primitive_pair(a, b, b_in_a, 2 * allowed, [&](const Core& p, const Core& q) {
     if (right || -separation(p, q, b_in_a).distance < least_depth) return least_depth;
-    const std::string wrong = explain_geometry(p, q, b_in_a, claim, allowed);
+    const std::string wrong = describe_geometry_error(p, q, b_in_a, claim, allowed);
     right = wrong.empty();
     if (first_wrong.empty()) first_wrong = wrong;
     return least_depth;

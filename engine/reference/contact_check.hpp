@@ -30,7 +30,7 @@ double band(const PreparedShape& a, const PreparedShape& b, const Tolerance& tol
 /// float costs, 2^-22 of the two sizes together: of account where one object is some 1000 times the other. For a mesh,
 /// these hold for one of the deepest pairs of primitives.
 /// Only depth, normal and point of the contact are looked at.
-std::string explain_wrong(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b,
-                          const Contact* claimed, const Tolerance& tolerance = {});
+std::string describe_error(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b,
+                           const Contact* claimed, const Tolerance& tolerance = {});
 
 }  // namespace ringfence::reference

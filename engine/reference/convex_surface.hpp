@@ -31,7 +31,7 @@ class ConvexSurface {
   bool add(const Vector& point);
 
   /// Makes the offset of a face infinite, so that a search for the nearest face passes it by.
-  void dismiss(std::size_t face) { faces_[face].offset = std::numeric_limits<double>::infinity(); }
+  void exclude_face(std::size_t face) { faces_[face].offset = std::numeric_limits<double>::infinity(); }
 
   /// All points ever added on the surface, also those that a later one has covered.
   std::span<const Vector> points() const { return points_; }

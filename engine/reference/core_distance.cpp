@@ -137,7 +137,7 @@ void nearest_on_segments(const Segment& p, const Segment& q, Vector& on_p, Vecto
 
 }  // namespace
 
-CoreDistance iterated_distance(const CorePair& pair, double tolerance) {
+CoreDistance gjk_distance(const CorePair& pair, double tolerance) {
   Simplex simplex;
   simplex.points[0] = support(pair, length(pair.b_in_a.offset) > 0 ? pair.b_in_a.offset : Vector{1, 0, 0});
   simplex.weights[0] = 1;
@@ -150,14 +150,14 @@ CoreDistance iterated_distance(const CorePair& pair, double tolerance) {
     if (simplex.holds_origin || upper <= tolerance) {
       CoreDistance out = result_of(simplex, 0);
       out.upper = out.lower = 0;
-      out.settled = true;
+      out.converged = true;
       return out;
     }
     const SimplexPoint w = support(pair, -v);
     lower = std::max(lower, dot(v, w.difference) / upper);
     CoreDistance out = result_of(simplex, lower);
-    out.settled = upper - lower <= tolerance + 1e-14 * upper;
-    if (out.settled || !(upper < last)) return out;
+    out.converged = upper - lower <= tolerance + 1e-14 * upper;
+    if (out.converged || !(upper < last)) return out;
     last = upper;
     simplex.weights[simplex.size] = 0;
     simplex.points[simplex.size++] = w;
@@ -198,7 +198,7 @@ CoreDistance exhaustive_distance(const CorePair& pair) {
     for (const Vector& p : a) consider_segments({p, p}, {b[q[0]], b[q[1]]});
   }
   out.lower = out.upper;
-  out.settled = true;
+  out.converged = true;
   return out;
 }
 

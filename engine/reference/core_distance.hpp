@@ -26,12 +26,12 @@ struct CoreDistance {
   double upper = 0;  ///< proven by two points
   Vector on_a;       ///< the two points, in the frame of a
   Vector on_b;
-  bool settled = false;  ///< upper - lower is within the rounding error, or the cores overlap (upper and lower are 0)
+  bool converged = false;  ///< upper - lower is within the rounding error, or the cores overlap (upper and lower are 0)
 };
 
 /// By the algorithm of Gilbert, Johnson and Keerthi (1988), with the closest point of a simplex found among all its
 /// faces. Ends when the bounds meet within `tolerance` (metres) or progress does; `settled` says which.
-CoreDistance iterated_distance(const CorePair& pair, double tolerance);
+CoreDistance gjk_distance(const CorePair& pair, double tolerance);
 
 /// By trying every vertex with every triangle and every edge with every edge. Precondition: both are polytopes and do
 /// not overlap (else the distance between their surfaces comes out). Always settled.

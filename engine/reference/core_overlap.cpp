@@ -160,7 +160,7 @@ CoreOverlap exhaustive_overlap(const CorePair& pair) {
   return best;
 }
 
-CoreOverlap grown_overlap(const CorePair& pair, double tolerance) {
+CoreOverlap epa_overlap(const CorePair& pair, double tolerance) {
   CoreOverlap best;
   best.depth = std::numeric_limits<double>::infinity();
   const auto farthest = [&](const Vector& n) {
@@ -191,7 +191,7 @@ CoreOverlap grown_overlap(const CorePair& pair, double tolerance) {
     if (best.depth - inside <= tolerance || best.depth < -tolerance) return best;
     // Nothing lies beyond, yet the two differ: a sliver no wider than rounding, whose normal is noise. Its neighbours
     // say as much.
-    if (!surface->add(p)) surface->dismiss(static_cast<std::size_t>(nearest - faces.begin()));
+    if (!surface->add(p)) surface->exclude_face(static_cast<std::size_t>(nearest - faces.begin()));
   }
   return best;
 }

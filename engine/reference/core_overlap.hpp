@@ -23,6 +23,6 @@ CoreOverlap exhaustive_overlap(const CorePair& pair);
 /// The least depth of any two cores by growing a polytope inside their Minkowski difference until its nearest face and
 /// the support plane beyond agree within `tolerance` (van den Bergen 2001), or it grows no more; `error` is what is
 /// left between the two. Decisions on what a point sees are exact.
-CoreOverlap grown_overlap(const CorePair& pair, double tolerance);
+CoreOverlap epa_overlap(const CorePair& pair, double tolerance);
 
 }  // namespace ringfence::reference

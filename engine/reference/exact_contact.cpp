@@ -23,7 +23,7 @@ PrimitiveContact contact_of(const Core& a, const Core& b, const Placement& b_in_
   const double hair = (a.function || b.function ? 1e-4 : 1e-9) * (a.reach + b.reach);
   const double shift = std::max(0.0, core_depth) + hair;
   const Placement moved{b_in_a.rotation, b_in_a.offset + n * shift};
-  const CoreDistance apart = iterated_distance({a, b, moved}, hair * 1e-3);
+  const CoreDistance apart = gjk_distance({a, b, moved}, hair * 1e-3);
   const Vector on_a = apart.on_a + n * a.radius, on_b = apart.on_b - n * (shift + b.radius);
   out.point = (on_a + on_b) * 0.5;
   return out;

@@ -12,7 +12,7 @@ namespace ringfence::reference {
 /// phase is begin.
 ///
 /// Where the deepest place is not one point (face on face), or several directions are as good (one centre), it is one
-/// of the right answers: compare others' contacts by explain_wrong, not with this.
+/// of the right answers: compare others' contacts by describe_error, not with this.
 std::optional<Contact> exact_contact(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b,
                                      const Pose& pose_b);
 

@@ -105,8 +105,8 @@ class FrameCheck {
       const auto found = std::lower_bound(claimed_.begin(), claimed_.end(), numbers(pairs[i]),
                                           [](const Contact* c, const auto& n) { return key(*c) < n; });
       const bool claimed = found != claimed_.end() && key(**found) == numbers(pairs[i]);
-      wrong[i] = explain_wrong(shape_of(a), objects_[a].pose, shape_of(b), objects_[b].pose, claimed ? *found : nullptr,
-                               tolerance_);
+      wrong[i] = describe_error(shape_of(a), objects_[a].pose, shape_of(b), objects_[b].pose,
+                                claimed ? *found : nullptr, tolerance_);
     });
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const auto [a, b] = numbers(pairs[i]);

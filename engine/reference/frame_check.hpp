@@ -31,7 +31,7 @@ struct Difference {
 };
 
 /// Compares the contacts of a frame with brute force over all pairs: every contact that is missing, extra, there
-/// twice, out of order, of the wrong poses or phase, or wrong in itself (see explain_wrong), sorted by pair.
+/// twice, out of order, of the wrong poses or phase, or wrong in itself (see describe_error), sorted by pair.
 ///
 /// `objects` in any order, distinct numbers, shapes in `shapes`; bit j of `layer_masks[i]` says whether layers i and j
 /// collide, no masks that all do. `contacts` are all begin and persist contacts of the frame, which must be sorted by

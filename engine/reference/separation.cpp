@@ -18,8 +18,8 @@ CoreSeparation from_points(const CoreDistance& d) { return {d.upper, normalised(
 
 CoreSeparation polytope_separation(const CorePair& pair) {
   const double tolerance = 1e-12 * pair.scale();
-  const CoreDistance apart = iterated_distance(pair, tolerance);
-  if (apart.settled && apart.upper > tolerance) return from_points(apart);
+  const CoreDistance apart = gjk_distance(pair, tolerance);
+  if (apart.converged && apart.upper > tolerance) return from_points(apart);
   const CoreOverlap overlap = polytope_overlap(pair);
   if (overlap.depth < -tolerance) return from_points(exhaustive_distance(pair));
   return {-overlap.depth, overlap.normal, tolerance};
@@ -28,13 +28,13 @@ CoreSeparation polytope_separation(const CorePair& pair) {
 /// Where a support function is one of the two: it answers in float, so nothing finer can be asked for.
 CoreSeparation function_separation(const CorePair& pair) {
   const double tolerance = 1e-6 * pair.scale();
-  const CoreDistance apart = iterated_distance(pair, tolerance);
+  const CoreDistance apart = gjk_distance(pair, tolerance);
   if (apart.lower > 2 * tolerance) {
     CoreSeparation out = from_points(apart);
     out.error += tolerance;
     return out;
   }
-  const CoreOverlap overlap = grown_overlap(pair, tolerance);
+  const CoreOverlap overlap = epa_overlap(pair, tolerance);
   return {-overlap.depth, overlap.normal, overlap.error + tolerance};
 }
 

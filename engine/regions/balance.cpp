@@ -41,11 +41,11 @@ void Balance::add_frame(std::span<const double> costs) {
 
 double Balance::imbalance() const noexcept { return most_over_mean(costs_); }
 
-bool Balance::wanted() const noexcept {
+bool Balance::needs_new_map() const noexcept {
   return frames_ == config_.window && rested_ >= config_.rest && imbalance() > config_.tolerance;
 }
 
-void Balance::start_weighing() {
+void Balance::begin_weights() {
   judged_ = costs_;
   rested_ = 0;
   weights_.clear();
@@ -53,7 +53,7 @@ void Balance::start_weighing() {
   std::fill(std::begin(extents_), std::end(extents_), 0);
 }
 
-void Balance::size_object(const geometry::Bounds& bounds) {
+void Balance::add_object_size(const geometry::Bounds& bounds) {
   ++sized_;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     extents_[axis] += bounds.upper[axis] - bounds.lower[axis];
@@ -93,7 +93,7 @@ void Balance::refine(const RegionMap& map, std::uint32_t nodes) {
   refinement_.refine(weights_, total / nodes / config_.grain, smallest);
 }
 
-bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners, std::size_t retold) {
+bool Balance::is_worthwhile(const RegionMap& map, std::span<const NodeNumber> owners, std::size_t retold) {
   shares_.assign(map.nodes(), 0.0);
   const auto leaves = refinement_.leaves();
   for (std::size_t leaf = 0; leaf < leaves.size(); ++leaf) {
@@ -107,8 +107,8 @@ bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners, st
   const auto stays = [&](const Weight& each) { return map.owner_at(each.point) == proposed_.owner_at(each.point); };
   const auto objects = std::span<const Weight>(weights_).first(objects_);
   const auto moved = objects_ - static_cast<std::size_t>(std::count_if(objects.begin(), objects.end(), stays));
-  const double cost = static_cast<double>(objects_) * config_.follow_ms +
-                      static_cast<double>(retold) * config_.retell_ms +
+  const double cost = static_cast<double>(objects_) * config_.per_object_ms +
+                      static_cast<double>(retold) * config_.resend_ms +
                       static_cast<double>(moved) * config_.hand_over_ms;
   const double mean = std::accumulate(judged_.begin(), judged_.end(), 0.0) / config_.window / map.nodes();
   return gain * mean * config_.horizon > cost;
@@ -116,10 +116,10 @@ bool Balance::worth(const RegionMap& map, std::span<const NodeNumber> owners, st
 
 std::span<const std::uint32_t> Balance::propose(const RegionMap& map, std::size_t retold) {
   const auto owners = bisection_.split(map.nodes(), refinement_.leaves());
-  return worth(map, owners, retold) ? proposed_.table() : std::span<const std::uint32_t>{};
+  return is_worthwhile(map, owners, retold) ? proposed_.table() : std::span<const std::uint32_t>{};
 }
 
-std::span<const std::uint32_t> Balance::share_out(std::uint32_t nodes) {
+std::span<const std::uint32_t> Balance::partition_for(std::uint32_t nodes) {
   return refinement_.table(bisection_.split(nodes, refinement_.leaves()));
 }
 

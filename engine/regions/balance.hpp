@@ -21,8 +21,8 @@ struct BalanceConfig {
   double horizon = 256;       ///< frames within which what a change saves must pay for what it costs
   // What a change of the map costs the frames around it: for each object, each that the server tells of anew, and each
   // whose host changes (M5).
-  double follow_ms = 0.00005;
-  double retell_ms = 0.0003;
+  double per_object_ms = 0.00005;
+  double resend_ms = 0.0003;
   double hand_over_ms = 0.0005;
   double grain = 16;  ///< cells heavier than this part of a node's fair share are cut
 };
@@ -44,20 +44,20 @@ class Balance {
   /// One more frame with these costs in milliseconds, one a node.
   void add_frame(std::span<const double> costs);
   /// Whether the costs of the window call for another map; then weigh everything and ask propose().
-  bool wanted() const noexcept;
+  bool needs_new_map() const noexcept;
   /// Busiest node over mean in the window; 1 where there is nothing to compare.
   double imbalance() const noexcept;
 
   /// Everything that is weighed from here on until the next call counts for the next map, against the costs as they are
   /// now. The next is wanted `rest` frames later at the soonest. What happens to the map meanwhile does not matter, but
   /// a map should be there within a window: the one after it is judged by costs that it had no part in otherwise.
-  void start_weighing();
+  void begin_weights();
   /// An object stands there. Objects come before contacts.
-  void weigh_object(const std::uint32_t (&point)[3]) { weigh(point, weight_of_object), ++objects_; }
+  void add_object_weight(const std::uint32_t (&point)[3]) { weigh(point, weight_of_object), ++objects_; }
   /// An object has such bounds, or had some time ago: how large they are on average limits how finely cells are cut.
-  void size_object(const geometry::Bounds& bounds);
+  void add_object_size(const geometry::Bounds& bounds);
   /// A contact is there.
-  void weigh_contact(const std::uint32_t (&point)[3]) { weigh(point, weight_of_contact); }
+  void add_contact_weight(const std::uint32_t (&point)[3]) { weigh(point, weight_of_contact); }
   /// Everything has been weighed: cuts the cells that are too heavy for so many nodes. `map`: under which the costs
   /// were.
   void refine(const RegionMap& map, std::uint32_t nodes);
@@ -65,7 +65,7 @@ class Balance {
   /// which the server would have to tell of so many objects anew. Holds until the next refine().
   std::span<const std::uint32_t> propose(const RegionMap& map, std::size_t retold);
   /// After refine(): a table for that number of nodes, whatever the change costs.
-  std::span<const std::uint32_t> share_out(std::uint32_t nodes);
+  std::span<const std::uint32_t> partition_for(std::uint32_t nodes);
 
  private:
   // What a present object costs to move and sweep is about what half a contact costs to find.
@@ -76,7 +76,7 @@ class Balance {
     weights_.push_back({{point[0], point[1], point[2]}, weight});
   }
   void scale_by_cost(const RegionMap& map);
-  bool worth(const RegionMap& map, std::span<const NodeNumber> owners, std::size_t retold);
+  bool is_worthwhile(const RegionMap& map, std::span<const NodeNumber> owners, std::size_t retold);
 
   BalanceConfig config_;
   std::vector<double> costs_;   ///< by node, summed over the window so far

@@ -139,7 +139,7 @@ geometry::Bounds RegionMap::interior(NodeNumber node) const {
   return bounds;
 }
 
-Cover RegionMap::cover_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
+Coverage RegionMap::coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
   bool some = false;
   bool all = true;
   visit_owners(bounds, [&](NodeNumber owner) {
@@ -147,7 +147,7 @@ Cover RegionMap::cover_of_many(const geometry::Bounds& bounds, NodeNumber node) 
     all &= owner == node;
     return !some || all;
   });
-  return !some ? Cover::none : all ? Cover::all : Cover::part;
+  return !some ? Coverage::none : all ? Coverage::all : Coverage::part;
 }
 
 NodeNumber RegionMap::owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept {

@@ -20,7 +20,7 @@ struct CellBox {
     return lower[0] == upper[0] && lower[1] == upper[1] && lower[2] == upper[2];
   }
   /// Whether all of `other` lies within.
-  constexpr bool holds(const CellBox& other) const noexcept {
+  constexpr bool contains(const CellBox& other) const noexcept {
     return lower[0] <= other.lower[0] && other.upper[0] <= upper[0] && lower[1] <= other.lower[1] &&
            other.upper[1] <= upper[1] && lower[2] <= other.lower[2] && other.upper[2] <= upper[2];
   }
@@ -75,7 +75,7 @@ struct CellGrid {
 };
 
 /// How much of what bounds cover one node owns.
-enum class Cover : std::uint8_t { none, part, all };
+enum class Coverage : std::uint8_t { none, part, all };
 
 /// Which CD node owns which cell. A node's region is the set of its cells, or of parts of cells: one that is too heavy
 /// for a node is cut in two across the middle, and the halves again, as often as it takes.
@@ -144,15 +144,15 @@ class RegionMap {
   }
 
   /// How much of what the bounds overlap or touch from above is `node`'s.
-  Cover cover(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
+  Coverage coverage(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
     if (nodes_ == 1) {
-      return node == 0 ? Cover::all : Cover::none;
+      return node == 0 ? Coverage::all : Coverage::none;
     }
     const CellBox box = grid_.cells_of(bounds);
     if (const std::uint32_t cell = grid_.index(box.lower[0], box.lower[1], box.lower[2]); is_whole(box, cell)) {
-      return table_[cell] == node ? Cover::all : Cover::none;
+      return table_[cell] == node ? Coverage::all : Coverage::none;
     }
-    return cover_of_many(bounds, node);
+    return coverage_of_many(bounds, node);
   }
 
   /// Bounds within which all is `node`'s, or bounds that hold nothing (lower above upper) where no cell is: of a region
@@ -182,7 +182,7 @@ class RegionMap {
     return (x | y | z) <= 1 && (whole_[cell] >> (x | y << 1 | z << 2) & 1) != 0;
   }
   void find_whole();
-  Cover cover_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept;
+  Coverage coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept;
   static std::size_t axis_of(std::uint32_t entry) noexcept { return entry >> 29 & 3u; }
   NodeNumber owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept;
 

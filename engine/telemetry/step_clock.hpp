@@ -19,7 +19,7 @@ namespace ringfence::telemetry {
 /// Threads: enter() by the thread that it counts; take() by any other, between frames.
 class StepClock {
  public:
-  enum Step : std::uint8_t { move, look, end };
+  enum Step : std::uint8_t { move, read_publications, end };
 
   void enter(Step step) noexcept {
     if (step != step_) {

@@ -26,19 +26,19 @@ class Track {
 };
 
 /// Notes a scope on a track, and adds its time to a total. A null track costs nothing but the two looks at the clock.
-class TrackedTime {
+class SpanTimer {
  public:
-  TrackedTime(Track* track, const char* name, std::uint64_t& total) noexcept
+  SpanTimer(Track* track, const char* name, std::uint64_t& total) noexcept
       : track_(track), name_(name), total_(total), begin_ns_(now_ns()) {}
-  ~TrackedTime() {
+  ~SpanTimer() {
     const std::uint64_t end_ns = now_ns();
     total_ += end_ns - begin_ns_;
     if (track_ != nullptr) {
       track_->add(name_, begin_ns_, end_ns);
     }
   }
-  TrackedTime(const TrackedTime&) = delete;
-  TrackedTime& operator=(const TrackedTime&) = delete;
+  SpanTimer(const SpanTimer&) = delete;
+  SpanTimer& operator=(const SpanTimer&) = delete;
 
  private:
   Track* track_;

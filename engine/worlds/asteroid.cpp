@@ -71,7 +71,7 @@ class Relief {
   Relief(std::uint64_t seed, std::uint32_t index) {
     Draws draws(seed, stream, index);
     for (Bump& bump : bumps_) {
-      bump.centre = on_unit_sphere(draws);
+      bump.centre = random_unit_vector(draws);
       bump.height = double{draws.between(-0.15f, 0.2f)};
       bump.width = double{draws.between(0.3f, 0.9f)};
     }
@@ -91,7 +91,7 @@ class Relief {
   }
 
  private:
-  static Vec3d on_unit_sphere(Draws& draws) {
+  static Vec3d random_unit_vector(Draws& draws) {
     for (;;) {
       const double x = double{draws.between(-1, 1)}, y = double{draws.between(-1, 1)}, z = double{draws.between(-1, 1)};
       const double squared = x * x + y * y + z * z;

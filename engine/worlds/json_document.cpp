@@ -119,7 +119,7 @@ std::size_t line_of(std::string_view text, Json::json_pointer path) {
 }
 
 /// "objects[3].position" for /objects/3/position.
-std::string shown(Json::json_pointer path) {
+std::string format_path(Json::json_pointer path) {
   std::vector<std::string> steps;
   for (; !path.empty(); path.pop_back()) steps.push_back(path.back());
   std::string text;
@@ -136,7 +136,7 @@ std::string shown(Json::json_pointer path) {
   return text;
 }
 
-std::string place_of_byte(std::string_view text, std::size_t byte) {
+std::string position_of_byte(std::string_view text, std::size_t byte) {
   const std::string_view before = text.substr(0, byte == 0 ? 0 : byte - 1);
   const auto line = 1 + std::count(before.begin(), before.end(), '\n');
   const std::size_t start = before.rfind('\n');
@@ -163,7 +163,7 @@ JsonDocument::JsonDocument(std::string_view text, std::string name) : text_(text
     const std::string what = error.what();
     const std::size_t reason = what.find("syntax error");
     const bool literal = what.find("invalid literal") != std::string::npos;
-    throw InputError(fmt::format("{}:{}: not JSON: {}{}", name_, place_of_byte(text, error.byte),
+    throw InputError(fmt::format("{}:{}: not JSON: {}{}", name_, position_of_byte(text, error.byte),
                                  reason == std::string::npos ? what : what.substr(reason),
                                  literal ? " (JSON has neither NaN nor infinity)" : ""));
   } catch (const Json::exception& error) {
@@ -175,14 +175,14 @@ JsonDocument::JsonDocument(std::string_view text, std::string name) : text_(text
 }
 
 void JsonDocument::fail(const Json::json_pointer& path, const std::string& message) const {
-  const std::string place = shown(path);
+  const std::string place = format_path(path);
   throw InputError(
       fmt::format("{}:{}: {}{}{}", name_, line_of(text_, path), place, place.empty() ? "" : ": ", message));
 }
 
 void JsonValue::fail(const std::string& message) const { document_->fail(path_, message); }
 
-void JsonValue::fail_found(const std::string& expected) const {
+void JsonValue::fail_unexpected(const std::string& expected) const {
   constexpr std::size_t longest = 60;
   std::string found = value_->dump();
   if (found.size() > longest) found = found.substr(0, longest) + "...";
@@ -200,7 +200,7 @@ JsonValue JsonValue::field(std::string_view key) const {
 JsonValue JsonValue::item(std::size_t index) const { return {*document_, (*value_)[index], path_ / index}; }
 
 void JsonValue::expect_any_object() const {
-  if (!value_->is_object()) fail_found("an object { }");
+  if (!value_->is_object()) fail_unexpected("an object { }");
 }
 
 void JsonValue::expect_object(std::initializer_list<std::string_view> known) const {
@@ -213,29 +213,29 @@ void JsonValue::expect_object(std::initializer_list<std::string_view> known) con
 }
 
 void JsonValue::expect_array() const {
-  if (!value_->is_array()) fail_found("an array [ ]");
+  if (!value_->is_array()) fail_unexpected("an array [ ]");
 }
 
 std::string JsonValue::text() const {
-  if (!value_->is_string()) fail_found("a string");
+  if (!value_->is_string()) fail_unexpected("a string");
   return value_->get<std::string>();
 }
 
 double JsonValue::number() const {
-  if (!value_->is_number()) fail_found("a number");
+  if (!value_->is_number()) fail_unexpected("a number");
   return value_->get<double>();
 }
 
 float JsonValue::number_float() const {
   const double wide = number();
   const auto narrow = static_cast<float>(wide);
-  if (!std::isfinite(narrow)) fail_found("a number within the range of float");
+  if (!std::isfinite(narrow)) fail_unexpected("a number within the range of float");
   return narrow;
 }
 
-std::uint64_t JsonValue::whole(std::uint64_t least, std::uint64_t most) const {
+std::uint64_t JsonValue::unsigned_integer(std::uint64_t least, std::uint64_t most) const {
   if (!value_->is_number_unsigned() || value_->get<std::uint64_t>() < least || value_->get<std::uint64_t>() > most) {
-    fail_found(fmt::format("a whole number from {} to {}", least, most));
+    fail_unexpected(fmt::format("a whole number from {} to {}", least, most));
   }
   return value_->get<std::uint64_t>();
 }
@@ -243,7 +243,7 @@ std::uint64_t JsonValue::whole(std::uint64_t least, std::uint64_t most) const {
 void JsonValue::expect_numbers(std::size_t count, const char* expected) const {
   const bool right = value_->is_array() && value_->size() == count &&
                      std::all_of(value_->begin(), value_->end(), [](const Json& item) { return item.is_number(); });
-  if (!right) fail_found(expected);
+  if (!right) fail_unexpected(expected);
 }
 
 Vec3d JsonValue::vector() const {
@@ -262,7 +262,7 @@ Quat JsonValue::orientation() const {
   const double squared =
       double{q.x} * double{q.x} + double{q.y} * double{q.y} + double{q.z} * double{q.z} + double{q.w} * double{q.w};
   if (!(std::abs(std::sqrt(squared) - 1) <= 1e-3)) {
-    fail_found(
+    fail_unexpected(
         fmt::format("a unit quaternion (length 1 within 0.001, this one has length {:.6g})", std::sqrt(squared)));
   }
   return q;

@@ -57,7 +57,7 @@ class JsonValue {
   /// `number`, rounded to float; fails when out of float's range.
   float number_float() const;
   /// A whole number within [least, most].
-  std::uint64_t whole(std::uint64_t least, std::uint64_t most) const;
+  std::uint64_t unsigned_integer(std::uint64_t least, std::uint64_t most) const;
   Vec3d vector() const;
   Vec3f vector_float() const;
   /// Four numbers, a quaternion within 10^-3 of unit length.
@@ -65,7 +65,7 @@ class JsonValue {
 
   [[noreturn]] void fail(const std::string& message) const;
   /// "found ...; expected ..." with what is found cut to a readable length.
-  [[noreturn]] void fail_found(const std::string& expected) const;
+  [[noreturn]] void fail_unexpected(const std::string& expected) const;
 
  private:
   JsonValue(const JsonDocument& document, const Json& value, Json::json_pointer path)

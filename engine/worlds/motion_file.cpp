@@ -24,7 +24,7 @@ static_assert(std::endian::native == std::endian::little, "binary motion is litt
 constexpr std::string_view header = "frame,object,x,y,z,qx,qy,qz,qw";
 constexpr std::string_view magic = "RFMOTION";
 constexpr std::size_t fields = 9;
-constexpr std::uint32_t most_frames = 100'000'000;
+constexpr std::uint32_t max_frames = 100'000'000;
 
 struct BinaryHeader {
   char magic[8];
@@ -47,7 +47,7 @@ bool is_unit(const Quat& q) {
 
 bool is_finite(const Vec3d& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
-std::string shown(const Quat& q) { return fmt::format("({}, {}, {}, {})", q.x, q.y, q.z, q.w); }
+std::string format_quaternion(const Quat& q) { return fmt::format("({}, {}, {}, {})", q.x, q.y, q.z, q.w); }
 
 /// What of a scene the readers ask for, by object number.
 class ObjectIndex {
@@ -140,7 +140,7 @@ class CsvReader {
     MotionRow row;
     row.frame = read_number<std::uint32_t>(parts[0], "frame", "a whole number from 0");
     row.object = read_number<std::uint32_t>(parts[1], "object", "the id of an object");
-    if (row.frame >= most_frames) fail(fmt::format("frame: found {}; expected less than {}", row.frame, most_frames));
+    if (row.frame >= max_frames) fail(fmt::format("frame: found {}; expected less than {}", row.frame, max_frames));
     if (!motion_.rows.empty() && row.frame < motion_.rows.back().frame) {
       fail(fmt::format("frame: found {} after {}; expected frames in ascending order", row.frame,
                        motion_.rows.back().frame));
@@ -156,7 +156,7 @@ class CsvReader {
                               read_finite<float>(parts[7], "qz"), read_finite<float>(parts[8], "qw")};
       if (!is_unit(row.pose.orientation)) {
         fail(fmt::format("qx,qy,qz,qw: found {}; expected a unit quaternion (length 1 within 0.001)",
-                         shown(row.pose.orientation)));
+                         format_quaternion(row.pose.orientation)));
       }
     }
     motion_.rows.push_back(row);
@@ -218,8 +218,8 @@ class BinaryReader {
     if (head.objects != scene_.objects.size()) {
       fail(12, fmt::format("objects: found {}; expected {}, as in the scene", head.objects, scene_.objects.size()));
     }
-    if (head.frames >= most_frames) {
-      fail(16, fmt::format("frames: found {}; expected less than {}", head.frames, most_frames));
+    if (head.frames >= max_frames) {
+      fail(16, fmt::format("frames: found {}; expected less than {}", head.frames, max_frames));
     }
     if (head.zero != 0) fail(20, fmt::format("found {}; expected 0", head.zero));
     const std::uint64_t frame_bytes = std::uint64_t{head.objects} * sizeof(Pose);
@@ -250,7 +250,7 @@ class BinaryReader {
       if (!is_unit(pose.orientation)) {
         refuse(offsetof(Pose, orientation),
                fmt::format("orientation: found {}; expected a unit quaternion (length 1 within 0.001)",
-                           shown(pose.orientation)));
+                           format_quaternion(pose.orientation)));
       }
     }
     const bool same = present == object.present &&

@@ -19,15 +19,15 @@ namespace {
 
 using motion::Draws;
 
-constexpr std::uint32_t shapes_a_kind = 64;
+constexpr std::uint32_t shapes_per_kind = 64;
 constexpr int hull_points = 32;
 constexpr std::uint32_t mesh_frequency = 4;  // 320 triangles
-constexpr int tries = 64;
+constexpr int max_attempts = 64;
 constexpr double sphere_volume = 4.18879020478639098;  // of radius 1
-constexpr double closest = 0.8;                        // centres at the start, of the sum of the radii
-constexpr float arrived = 0.9f;                        // share of what steers that starts about its goal
+constexpr double min_spacing = 0.8;                    // centres at the start, of the sum of the radii
+constexpr float share_at_goal = 0.9f;                  // share of what steers that starts about its goal
 
-enum Stream : std::uint32_t { box_sizes = 101, capsule_sizes, hull_sizes, shape_picks, turns, places };
+enum Stream : std::uint32_t { box_sizes = 101, capsule_sizes, hull_sizes, shape_picks, orientations, positions };
 
 void check(const PaperWorldOptions& options) {
   const auto require = [](bool holds, const std::string& what) {
@@ -53,7 +53,7 @@ double cube_root(double value) {
   return root;
 }
 
-Vec3f on_unit_sphere(Draws& draws) {
+Vec3f random_unit_vector(Draws& draws) {
   for (;;) {
     const float x = draws.between(-1, 1), y = draws.between(-1, 1), z = draws.between(-1, 1);
     const Vec3f p{x, y, z};
@@ -62,7 +62,7 @@ Vec3f on_unit_sphere(Draws& draws) {
   }
 }
 
-Quat turned_at_random(Draws& draws) {
+Quat random_orientation(Draws& draws) {
   for (;;) {
     const float x = draws.between(-1, 1), y = draws.between(-1, 1), z = draws.between(-1, 1), w = draws.between(-1, 1);
     const float squared = x * x + y * y + z * z + w * w;
@@ -89,29 +89,29 @@ ShapeDescription make_shape(ShapeKind kind, std::uint64_t seed, std::uint32_t in
   const float x = draws.between(0.6f, 1.2f), y = draws.between(0.6f, 1.2f), z = draws.between(0.6f, 1.2f);
   ConvexHull hull;
   for (int i = 0; i < hull_points; ++i) {
-    const Vec3f p = on_unit_sphere(draws);
+    const Vec3f p = random_unit_vector(draws);
     hull.points.push_back({p.x * x, p.y * y, p.z * z});
   }
   return hull;
 }
 
 /// The shapes of the scene, with their volumes, and where each kind begins.
-struct Library {
+struct ShapeLibrary {
   std::vector<NamedShape> shapes;
   std::vector<double> volumes;
   std::array<ShapeNumber, shape_kinds> first{};
   std::array<std::uint32_t, shape_kinds> count{};
 };
 
-Library make_library(const std::vector<ShapeKind>& cycle, std::uint64_t seed) {
-  Library library;
+ShapeLibrary make_library(const std::vector<ShapeKind>& cycle, std::uint64_t seed) {
+  ShapeLibrary library;
   geometry::ShapeTable table;
   for (const ShapeKind kind :
        {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh}) {
     if (std::find(cycle.begin(), cycle.end(), kind) == cycle.end()) continue;
     const auto k = static_cast<std::size_t>(kind);
     library.first[k] = static_cast<ShapeNumber>(library.shapes.size());
-    library.count[k] = kind == ShapeKind::sphere ? 1 : shapes_a_kind;
+    library.count[k] = kind == ShapeKind::sphere ? 1 : shapes_per_kind;
     for (std::uint32_t i = 0; i < library.count[k]; ++i) {
       ShapeDescription shape = make_shape(kind, seed, i);
       const auto* surface = std::get_if<TriangleMesh>(&shape);
@@ -143,10 +143,10 @@ std::vector<ShapeKind> kind_cycle(ShapeSetting setting) {
 }
 
 /// Remembers the centres placed so far and says whether another is far enough from them all.
-class Spacing {
+class PlacedCentres {
  public:
-  Spacing(double side, double largest_radius)
-      : cell_(2 * closest * largest_radius),
+  PlacedCentres(double side, double largest_radius)
+      : cell_(2 * min_spacing * largest_radius),
         cells_(std::clamp(static_cast<std::int64_t>(side / cell_), std::int64_t{1}, std::int64_t{256})),
         cell_size_(side / static_cast<double>(cells_)),
         heads_(static_cast<std::size_t>(cells_ * cells_ * cells_), none) {}
@@ -159,7 +159,7 @@ class Spacing {
         for (std::int64_t i = std::max<std::int64_t>(0, x - reach); i <= std::min(cells_ - 1, x + reach); ++i) {
           for (std::uint32_t at = heads_[index(i, j, k)]; at != none; at = placed_[at].next) {
             const Vec3d d = placed_[at].centre - p;
-            const double least = closest * (placed_[at].radius + radius);
+            const double least = min_spacing * (placed_[at].radius + radius);
             if (dot(d, d) < least * least) return false;
           }
         }
@@ -200,7 +200,7 @@ class Spacing {
   std::vector<Placed> placed_;
 };
 
-Vec3f in_unit_ball(Draws& draws) {
+Vec3f random_in_unit_ball(Draws& draws) {
   for (;;) {
     const float x = draws.between(-1, 1), y = draws.between(-1, 1), z = draws.between(-1, 1);
     if (x * x + y * y + z * z <= 1) return {x, y, z};
@@ -209,18 +209,18 @@ Vec3f in_unit_ball(Draws& draws) {
 
 /// Most objects that steer start about their goal, the later the try the farther off; the others on their way. What
 /// does not steer starts anywhere.
-Vec3d starting_place(const motion::Steering& steering, const ObjectSpec& object, double side, Draws& draws,
+Vec3d start_position(const motion::Steering& steering, const ObjectSpec& object, double side, Draws& draws,
                      int attempt) {
   const double x = double{draws.unit()}, y = double{draws.unit()}, z = double{draws.unit()};
-  const Vec3d anywhere{side * x, side * y, side * z};
-  if (object.category == Category::non_active) return anywhere;
+  const Vec3d random_position{side * x, side * y, side * z};
+  if (object.category == Category::non_active) return random_position;
   const Vec3d goal = steering.goal_of(object.number, 0);
-  if (draws.unit() < arrived) {
-    const double reach = double{steering.config().spread} * (1 + 3.0 * attempt / tries);
-    const Vec3d place = goal + to_double(in_unit_ball(draws)) * reach;
+  if (draws.unit() < share_at_goal) {
+    const double reach = double{steering.config().spread} * (1 + 3.0 * attempt / max_attempts);
+    const Vec3d place = goal + to_double(random_in_unit_ball(draws)) * reach;
     return {std::clamp(place.x, 0.0, side), std::clamp(place.y, 0.0, side), std::clamp(place.z, 0.0, side)};
   }
-  return anywhere + (goal - anywhere) * double{draws.unit()};
+  return random_position + (goal - random_position) * double{draws.unit()};
 }
 
 motion::SteeringConfig steering_for(const PaperWorldOptions& options, double side, double radius) {
@@ -246,7 +246,7 @@ motion::SteeringConfig steering_for(const PaperWorldOptions& options, double sid
 PaperWorld make_paper_world(const PaperWorldOptions& options) {
   check(options);
   const std::vector<ShapeKind> cycle = kind_cycle(options.shapes);
-  Library library = make_library(cycle, options.seed);
+  ShapeLibrary library = make_library(cycle, options.seed);
 
   PaperWorld world;
   std::vector<double> radii;
@@ -257,7 +257,7 @@ PaperWorld make_paper_world(const PaperWorldOptions& options) {
     // Two in a row are of a kind, one active and one not.
     const auto kind = static_cast<std::size_t>(cycle[i / 2 % cycle.size()]);
     Draws draws(options.seed, shape_picks, object.number);
-    object.shape = library.first[kind] + motion::below(library.count[kind], draws.word());
+    object.shape = library.first[kind] + motion::uniform_below(library.count[kind], draws.word());
     if (i < options.users) {
       object.category = Category::avatar;
       object.user = i;
@@ -274,17 +274,17 @@ PaperWorld make_paper_world(const PaperWorldOptions& options) {
   world.steering = steering_for(options, side, cube_root(volume / options.objects / sphere_volume));
 
   const motion::Steering steering(world.steering);
-  Spacing spacing(side, *std::max_element(radii.begin(), radii.end()));
+  PlacedCentres placed(side, *std::max_element(radii.begin(), radii.end()));
   for (std::uint32_t i = 0; i < options.objects; ++i) {
     ObjectSpec& object = world.scene.objects[i];
-    Draws turn(options.seed, turns, object.number);
-    object.pose.orientation = turned_at_random(turn);
-    Draws draws(options.seed, places, object.number);
-    for (int attempt = 0; attempt < tries; ++attempt) {
-      object.pose.position = starting_place(steering, object, side, draws, attempt);
-      if (spacing.free(object.pose.position, radii[i])) break;
+    Draws turn(options.seed, orientations, object.number);
+    object.pose.orientation = random_orientation(turn);
+    Draws draws(options.seed, positions, object.number);
+    for (int attempt = 0; attempt < max_attempts; ++attempt) {
+      object.pose.position = start_position(steering, object, side, draws, attempt);
+      if (placed.free(object.pose.position, radii[i])) break;
     }
-    spacing.add(object.pose.position, radii[i]);
+    placed.add(object.pose.position, radii[i]);
   }
   world.scene.shapes = std::move(library.shapes);
   return world;

@@ -19,14 +19,15 @@ ReplayModel::ReplayModel(const Motion& motion) : rows_(motion.rows) {
   std::sort(rows_.begin(), rows_.end(), [](const MotionRow& p, const MotionRow& q) {
     return std::tie(p.object, p.frame) < std::tie(q.object, q.frame);
   });
-  for (std::size_t i = rows_.size(); i-- > 0;) firsts_[rows_[i].object] = static_cast<std::uint32_t>(i);
+  for (std::size_t i = rows_.size(); i-- > 0;) first_row_by_object_[rows_[i].object] = static_cast<std::uint32_t>(i);
 }
 
 std::size_t ReplayModel::state_bytes() const noexcept { return sizeof(Cursor); }
 
 void ReplayModel::start(const ObjectSpec& spec, std::byte* state) const {
-  const auto first = firsts_.find(spec.number);
-  const Cursor cursor{first == firsts_.end() ? static_cast<std::uint32_t>(rows_.size()) : first->second, 0};
+  const auto first = first_row_by_object_.find(spec.number);
+  const Cursor cursor{first == first_row_by_object_.end() ? static_cast<std::uint32_t>(rows_.size()) : first->second,
+                      0};
   std::memcpy(state, &cursor, sizeof cursor);
 }
 

@@ -25,8 +25,8 @@ class ReplayModel final : public MotionModel {
  private:
   struct Cursor;
 
-  std::vector<MotionRow> rows_;                             ///< by object, then frame
-  std::unordered_map<ObjectNumber, std::uint32_t> firsts_;  ///< of an object's rows
+  std::vector<MotionRow> rows_;                                          ///< by object, then frame
+  std::unordered_map<ObjectNumber, std::uint32_t> first_row_by_object_;  ///< of an object's rows
 };
 
 }  // namespace ringfence::worlds

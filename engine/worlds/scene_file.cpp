@@ -27,8 +27,8 @@ class SceneReader {
 
   Scene read() {
     root_.expect_object({"format", "version", "bounds", "layers", "shapes", "objects"});
-    if (root_.field("format").text() != "ringfence-scene") root_.field("format").fail_found("\"ringfence-scene\"");
-    root_.field("version").whole(1, 1);
+    if (root_.field("format").text() != "ringfence-scene") root_.field("format").fail_unexpected("\"ringfence-scene\"");
+    root_.field("version").unsigned_integer(1, 1);
     read_bounds(root_.field("bounds"));
     if (root_.has("layers")) read_layers(root_.field("layers"));
     read_shapes(root_.field("shapes"));
@@ -41,7 +41,7 @@ class SceneReader {
     bounds.expect_object({"min", "max"});
     const Vec3d low = bounds.field("min").vector(), high = bounds.field("max").vector();
     if (!(low.x <= high.x && low.y <= high.y && low.z <= high.z)) {
-      bounds.fail_found("min no greater than max on each axis");
+      bounds.fail_unexpected("min no greater than max on each axis");
     }
     scene_.bounds_min = low;
     scene_.bounds_max = high;
@@ -51,8 +51,8 @@ class SceneReader {
     const auto& names = scene_.layers.names;
     const auto found = std::find(names.begin(), names.end(), name.text());
     if (found == names.end()) {
-      name.fail_found(names.empty() ? "no layer, because the scene has no \"layers\""
-                                    : fmt::format("one of the layers {}", fmt::join(names, ", ")));
+      name.fail_unexpected(names.empty() ? "no layer, because the scene has no \"layers\""
+                                         : fmt::format("one of the layers {}", fmt::join(names, ", ")));
     }
     return static_cast<std::uint8_t>(found - names.begin());
   }
@@ -61,7 +61,8 @@ class SceneReader {
     layers.expect_object({"names", "collide"});
     const JsonValue names = layers.field("names");
     names.expect_array();
-    if (names.size() < 1 || names.size() > most_layers) names.fail_found(fmt::format("1 to {} names", most_layers));
+    if (names.size() < 1 || names.size() > most_layers)
+      names.fail_unexpected(fmt::format("1 to {} names", most_layers));
     for (std::size_t i = 0; i < names.size(); ++i) {
       const std::string name = names.item(i).text();
       if (std::find(scene_.layers.names.begin(), scene_.layers.names.end(), name) != scene_.layers.names.end()) {
@@ -73,7 +74,7 @@ class SceneReader {
     collide.expect_array();
     for (std::size_t i = 0; i < collide.size(); ++i) {
       const JsonValue pair = collide.item(i);
-      if (!pair.raw().is_array() || pair.size() != 2) pair.fail_found("a pair of layers [\"p\", \"q\"]");
+      if (!pair.raw().is_array() || pair.size() != 2) pair.fail_unexpected("a pair of layers [\"p\", \"q\"]");
       scene_.layers.collide.emplace_back(layer_of(pair.item(0)), layer_of(pair.item(1)));
     }
   }
@@ -116,7 +117,7 @@ class SceneReader {
     }
     if (type == "convex_hull") return read_hull(shape);
     if (type == "mesh") return read_mesh(shape);
-    shape.field("type").fail_found("sphere, box, capsule, convex_hull or mesh");
+    shape.field("type").fail_unexpected("sphere, box, capsule, convex_hull or mesh");
   }
 
   void read_shapes(const JsonValue& shapes) {
@@ -149,17 +150,17 @@ class SceneReader {
     for (const Category category : {Category::avatar, Category::active, Category::non_active, Category::fixed}) {
       if (word.text() == name_of(category)) return category;
     }
-    word.fail_found("avatar, active, non-active or static");
+    word.fail_unexpected("avatar, active, non-active or static");
   }
 
   ObjectSpec read_object(const JsonValue& object) const {
     object.expect_object({"id", "shape", "category", "user", "layer", "position", "orientation"});
     ObjectSpec spec;
-    spec.number = static_cast<ObjectNumber>(object.field("id").whole(1, 0xffffffffu));
+    spec.number = static_cast<ObjectNumber>(object.field("id").unsigned_integer(1, 0xffffffffu));
     spec.shape = shape_of(object.field("shape"));
     spec.category = category_of(object.field("category"));
     if (spec.category == Category::avatar) {
-      spec.user = static_cast<UserNumber>(object.field("user").whole(0, most_users - 1));
+      spec.user = static_cast<UserNumber>(object.field("user").unsigned_integer(0, most_users - 1));
     } else if (object.has("user")) {
       object.field("user").fail("only an avatar has a user; remove the field or make the object an avatar");
     }

@@ -12,14 +12,14 @@
 namespace ringfence::worlds {
 namespace {
 
-struct Close {
+struct FileCloser {
   void operator()(std::FILE* file) const { std::fclose(file); }
 };
 
 }  // namespace
 
 std::string read_text(const std::filesystem::path& file) {
-  std::unique_ptr<std::FILE, Close> opened;
+  std::unique_ptr<std::FILE, FileCloser> opened;
   std::FILE* source = stdin;
   if (file != "-") {
     opened.reset(std::fopen(file.c_str(), "rb"));
@@ -34,7 +34,7 @@ std::string read_text(const std::filesystem::path& file) {
 }
 
 void write_text(const std::filesystem::path& file, std::string_view text) {
-  std::unique_ptr<std::FILE, Close> opened(std::fopen(file.c_str(), "wb"));
+  std::unique_ptr<std::FILE, FileCloser> opened(std::fopen(file.c_str(), "wb"));
   bool written = opened != nullptr;
   if (written) written = std::fwrite(text.data(), 1, text.size(), opened.get()) == text.size();
   if (opened) written = std::fclose(opened.release()) == 0 && written;

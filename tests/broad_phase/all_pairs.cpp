@@ -29,9 +29,9 @@ std::vector<geometry::CandidatePair> all_pairs(std::span<const geometry::Bounds>
   return pairs;
 }
 
-std::vector<geometry::CandidatePair> collide(std::span<const geometry::CandidatePair> pairs,
-                                             std::span<const std::uint8_t> layers,
-                                             std::span<const std::uint32_t> layer_masks) {
+std::vector<geometry::CandidatePair> filter_by_layers(std::span<const geometry::CandidatePair> pairs,
+                                                      std::span<const std::uint8_t> layers,
+                                                      std::span<const std::uint32_t> layer_masks) {
   std::vector<geometry::CandidatePair> allowed;
   for (const auto& pair : pairs)
     if ((layer_masks[layers[pair.a]] >> layers[pair.b] & 1u) != 0) allowed.push_back(pair);

@@ -17,9 +17,9 @@ std::vector<geometry::CandidatePair> all_pairs(std::span<const geometry::Bounds>
                                                std::span<const std::uint8_t> present);
 
 /// Of those, the pairs whose layers collide.
-std::vector<geometry::CandidatePair> collide(std::span<const geometry::CandidatePair> pairs,
-                                             std::span<const std::uint8_t> layers,
-                                             std::span<const std::uint32_t> layer_masks);
+std::vector<geometry::CandidatePair> filter_by_layers(std::span<const geometry::CandidatePair> pairs,
+                                                      std::span<const std::uint8_t> layers,
+                                                      std::span<const std::uint32_t> layer_masks);
 
 /// Empty when the two lists hold the same pairs, each once; otherwise the first difference in words.
 std::string difference(std::span<const geometry::CandidatePair> found,

@@ -13,7 +13,7 @@ namespace {
 using geometry::Bounds;
 
 // A world over many frames: some boxes move, some come and go, the table grows and shrinks.
-struct Play {
+struct Simulation {
   const BoxWorld& world;
   std::mt19937_64 random;
   std::vector<Bounds> boxes;
@@ -45,43 +45,44 @@ TEST_CASE("over many frames of moving, resting, coming and going the pairs stay 
     const std::uint64_t seed = 1234;
     CAPTURE(world.name);
     CAPTURE(seed);
-    Play play{world, std::mt19937_64(seed), {}, {}, {}};
+    Simulation simulation{world, std::mt19937_64(seed), {}, {}, {}};
     SweepAndPrune sweep(16, 16);
-    play.resize(250);
+    simulation.resize(250);
     for (int frame = 0; frame < 40; ++frame) {
       CAPTURE(frame);
-      REQUIRE(difference(sweep.find(play.boxes, play.present, play.resting), all_pairs(play.boxes, play.present)) ==
-              "");
+      REQUIRE(difference(sweep.find(simulation.boxes, simulation.present, simulation.resting),
+                         all_pairs(simulation.boxes, simulation.present)) == "");
       const double shares[] = {0.1, 0.02, 0, 0.5, 1, 0.05, 0, 0};
-      play.move(shares[frame / 5], frame % 3 == 0 ? 20 : 0);
-      if (frame % 9 == 8) play.resize(100 + play.random() % 400);
+      simulation.move(shares[frame / 5], frame % 3 == 0 ? 20 : 0);
+      if (frame % 9 == 8) simulation.resize(100 + simulation.random() % 400);
     }
   }
 }
 
 TEST_CASE("a resting flag that is never set changes nothing but the time") {
   const BoxWorld& world = box_worlds()[0];
-  Play play{world, std::mt19937_64(8), {}, {}, {}};
-  play.resize(400);
-  SweepAndPrune told(400, 400), not_told(400, 400);
+  Simulation simulation{world, std::mt19937_64(8), {}, {}, {}};
+  simulation.resize(400);
+  SweepAndPrune with_flags(400, 400), without_flags(400, 400);
   const std::vector<std::uint8_t> none(400);
   for (int frame = 0; frame < 20; ++frame) {
-    const auto p = canonical(told.find(play.boxes, play.present, play.resting));
-    const auto q = canonical(not_told.find(play.boxes, play.present, none));
+    const auto p = canonical(with_flags.find(simulation.boxes, simulation.present, simulation.resting));
+    const auto q = canonical(without_flags.find(simulation.boxes, simulation.present, none));
     REQUIRE(difference(p, q) == "");
-    play.move(0.1, 10);
+    simulation.move(0.1, 10);
   }
 }
 
 TEST_CASE("boxes at rest that leave the table are forgotten, and their slots can be used again") {
   const BoxWorld& world = box_worlds()[0];
-  Play play{world, std::mt19937_64(9), {}, {}, {}};
+  Simulation simulation{world, std::mt19937_64(9), {}, {}, {}};
   SweepAndPrune sweep(10, 10);
   for (const std::size_t count : {300, 300, 300, 20, 300, 0, 300, 300, 1}) {
-    play.resize(count);
+    simulation.resize(count);
     CAPTURE(count);
-    REQUIRE(difference(sweep.find(play.boxes, play.present, play.resting), all_pairs(play.boxes, play.present)) == "");
-    play.move(0, 0);
+    REQUIRE(difference(sweep.find(simulation.boxes, simulation.present, simulation.resting),
+                       all_pairs(simulation.boxes, simulation.present)) == "");
+    simulation.move(0, 0);
   }
 }
 

@@ -7,7 +7,7 @@
 
 #include <doctest/doctest.h>
 
-#include "dds/shelf.hpp"
+#include "dds/piece_assembler.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence {
@@ -92,7 +92,7 @@ TEST_CASE("pieces make the thing again in any order, and only of one epoch") {
     sample.bytes = dds::borrow(std::span(content).subspan(part * 25, 25));
     return sample;
   };
-  dds::Shelf shelf;
+  dds::PieceAssembler shelf;
   for (const std::uint32_t part : {2u, 0u, 3u}) {
     shelf.add(piece(part, 7));
   }

@@ -11,7 +11,7 @@
 namespace ringfence {
 namespace {
 
-using test::Answer;
+using test::ProgramResult;
 
 }  // namespace
 
@@ -24,7 +24,7 @@ TEST_CASE("nodes in other processes find the same contacts in every deployment, 
       for (const int nodes : {1, 2, 4, 16}) {
         const std::string arguments = world + "--link dds --deployment " + deployment + " --broad-phase " + placement +
                                       " --nodes " + std::to_string(nodes);
-        const Answer answer = test::ringfence(arguments);
+        const ProgramResult answer = test::ringfence(arguments);
         CHECK_MESSAGE(answer.code == 0, arguments, "\n", answer.out);
         CHECK_MESSAGE(test::digest_in(answer.out) == expected, arguments);
       }
@@ -37,7 +37,7 @@ TEST_CASE("shapes of every kind reach nodes in other processes, and brute force 
     const std::string arguments =
         std::string("run --check --objects 200 --users 5 --frames 4 --warmup 10 --link dds --nodes 2 --shapes ") +
         shapes;
-    const Answer answer = test::ringfence(arguments);
+    const ProgramResult answer = test::ringfence(arguments);
     CHECK_MESSAGE(answer.code == 0, arguments, "\n", answer.out);
     CHECK(answer.out.find("4 frames agree with brute force") != std::string::npos);
   }
@@ -48,13 +48,13 @@ TEST_CASE("a recorded world runs over nodes in other processes as it does over t
                           RINGFENCE_DATA + "/air/motion.csv --nodes 2 ";
   const std::string expected = test::digest_in(test::ringfence(air).out);
   REQUIRE(expected.size() == 16);
-  const Answer answer = test::ringfence(air + "--link dds");
+  const ProgramResult answer = test::ringfence(air + "--link dds");
   CHECK_MESSAGE(answer.code == 0, answer.out);
   CHECK(test::digest_in(answer.out) == expected);
 }
 
 TEST_CASE("a World that stood still for longer than its lease has its nodes again when it goes on") {
-  const test::Folder folder;
+  const test::TemporaryFolder folder;
   const std::string status = folder / "status.json";
   const auto read_status = [&] {
     std::ifstream file(status);
@@ -77,7 +77,7 @@ TEST_CASE("a World that stood still for longer than its lease has its nodes agai
 }
 
 TEST_CASE("a World that nobody joins says what to look at, and ends with 2") {
-  const Answer answer = test::ringfence(
+  const ProgramResult answer = test::ringfence(
       "run --objects 50 --users 1 --link dds --wait-nodes 2 --wait-ms 200 "
       "--domain 77 --interface lo");
   CHECK(answer.code == 2);

@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <thread>
 
-#include "dds/wayside.hpp"
+#include "dds/channel_end.hpp"
 
 int main(int argc, char** argv) {
   using namespace ringfence;
@@ -11,7 +11,7 @@ int main(int argc, char** argv) {
   dds::NetworkConfig network;
   network.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
   network.interface = "lo";
-  test::Wayside side(network, dds::Side::node, dds::Topic::up, dds::Topic::down, 7);
+  test::ChannelEnd side(network, dds::Side::node, dds::Topic::up, dds::Topic::down, 7);
   const auto pause = std::chrono::milliseconds(std::atoi(argv[2]));
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   bool last = false;
@@ -26,11 +26,11 @@ int main(int argc, char** argv) {
       if (message.empty()) break;
       std::copy(message.begin(), message.end(), room.begin());
       side.out().commit(message.size());
-      last = message.size() == 1 && message[0] == test::last_word;
+      last = message.size() == 1 && message[0] == test::end_marker;
     }
     side.in().release();
     side.out().publish();
-    if (last && !side.path().has_to_send()) {
+    if (last && !side.parcel_channel().has_to_send()) {
       side.step();
       std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until it is acknowledged
       return 0;

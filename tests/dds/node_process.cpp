@@ -5,7 +5,7 @@
 #include <cstring>
 #include <string>
 
-#include "facade/swarm.hpp"
+#include "facade/bouncing_world.hpp"
 #include "ringfence/cluster.hpp"
 
 namespace {
@@ -15,13 +15,13 @@ ringfence::dds::NodeService* draining_service = nullptr;
 void drain(int) { draining_service->drain(); }
 
 /// Does the same, but takes long about it: as a slow machine would.
-class Slow : public ringfence::test::Bouncing {
+class SlowModel : public ringfence::test::BouncingModel {
  public:
-  Slow(double side, int times) : Bouncing(side), times_(times) {}
+  SlowModel(double side, int times) : BouncingModel(side), times_(times) {}
   void move(std::uint64_t frame, std::span<const ringfence::MotionInput> inputs,
             std::span<ringfence::MotionOutput> outputs) const override {
     for (int i = 0; i < times_; ++i) {
-      Bouncing::move(frame, inputs, outputs);
+      BouncingModel::move(frame, inputs, outputs);
     }
   }
 
@@ -43,8 +43,8 @@ int main(int argc, char** argv) {
   config.model = [times](std::span<const std::byte> setup) -> std::shared_ptr<const MotionModel> {
     double side = 0;
     std::memcpy(&side, setup.data(), sizeof side);
-    if (times > 1) return std::make_shared<Slow>(side, times);
-    return std::make_shared<test::Bouncing>(side);
+    if (times > 1) return std::make_shared<SlowModel>(side, times);
+    return std::make_shared<test::BouncingModel>(side);
   };
   dds::NodeService service(std::move(config));
   draining_service = &service;

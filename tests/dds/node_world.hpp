@@ -18,8 +18,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "facade/fleet.hpp"
-#include "facade/swarm.hpp"
+#include "facade/bouncing_world.hpp"
+#include "facade/remote_nodes.hpp"
 #include "ringfence/cluster.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/world.hpp"
@@ -79,7 +79,7 @@ class Process {
 };
 
 /// How a world's processes are started: where, and on which interface.
-struct Place {
+struct ProcessPlacement {
   std::string interface = "lo";
   std::string node_interface = "lo";
   std::function<void()> before_start;  ///< in the thread that starts them
@@ -94,7 +94,7 @@ class NodeWorld {
   static constexpr double side = 16;
 
   /// `along_x`, where it is not 0, is the number of cells, as a power of two.
-  NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, Place place = {},
+  NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, ProcessPlacement place = {},
             std::uint32_t along_x = 0)
       : place_(std::move(place)) {
     dds::ClusterConfig cluster;
@@ -109,7 +109,7 @@ class NodeWorld {
     WorldConfig config = config_of(deployment, placement);
     config.nodes = nodes;
     config.cells_log2[0] = along_x;
-    config.fleet = cluster_->fleet();
+    config.remote_nodes = cluster_->remote_nodes();
     world_ = std::make_unique<World>(std::move(config));
     populate(*world_, objects, users, side);
   }
@@ -119,7 +119,7 @@ class NodeWorld {
     config.bounds_max = {side, side, side};
     config.deployment = deployment;
     config.placement = placement;
-    config.motion = std::make_shared<Bouncing>(side);
+    config.motion = std::make_shared<BouncingModel>(side);
     return config;
   }
 
@@ -142,7 +142,7 @@ class NodeWorld {
   World& world() { return *world_; }
   const dds::Cluster& cluster() const { return *cluster_; }
   /// Nodes that are ready and have no seat. Between frames.
-  std::size_t waiting() const { return cluster_->fleet()->arrivals().size(); }
+  std::size_t waiting() const { return cluster_->remote_nodes()->arrivals().size(); }
   Process& process(std::size_t i) { return *processes_[i]; }
   const std::vector<std::string>& log() const { return log_; }
 
@@ -173,14 +173,14 @@ class NodeWorld {
       return holds();
     });
   }
-  std::uint64_t seats() const { return cluster_->report().members.size(); }
+  std::uint64_t assigned_nodes() const { return cluster_->report().members.size(); }
   std::uint64_t lost() const { return lost_; }
 
   /// Whether all frames so far have had the contacts of a world to which nothing happened.
   bool is_right() const { return digest_.value() == expected(world_->frames()); }
 
  private:
-  Place place_;
+  ProcessPlacement place_;
   std::vector<std::string> log_;
   std::vector<std::unique_ptr<Process>> processes_;
   std::unique_ptr<dds::Cluster> cluster_;

@@ -116,7 +116,7 @@ Layout header_layout() {
 }
 
 std::vector<Layout> record_layouts() {
-  using Told = ToldRecord;
+  using Told = NodeFrameStats;
   return {
       {"StateRecord",
        sizeof(StateRecord),

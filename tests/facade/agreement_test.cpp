@@ -3,7 +3,7 @@
 
 #include <doctest/doctest.h>
 
-#include "facade/swarm.hpp"
+#include "facade/bouncing_world.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/world.hpp"
 
@@ -20,7 +20,7 @@ WorldConfig config_of(Deployment deployment, Placement placement, std::uint32_t 
   config.nodes = nodes;
   config.user_threads = 2;
   config.interest = 4;
-  config.motion = std::make_shared<Bouncing>(side);
+  config.motion = std::make_shared<BouncingModel>(side);
   return config;
 }
 

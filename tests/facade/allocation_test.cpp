@@ -9,8 +9,8 @@
 
 #include <doctest/doctest.h>
 
+#include "facade/bouncing_world.hpp"
 #include "facade/checks.hpp"
-#include "facade/swarm.hpp"
 #include "ringfence/world.hpp"
 
 namespace {
@@ -49,7 +49,7 @@ namespace {
 
 /// Walks to and fro: after `period` frames everything is as it was, so that what has not grown in one period of a
 /// frame's making never has to.
-class Pacing : public MotionModel {
+class PacingModel : public MotionModel {
  public:
   static constexpr std::uint64_t period = 24;
   std::size_t state_bytes() const noexcept override { return 24; }
@@ -76,7 +76,7 @@ TEST_CASE("in steady state a frame makes no heap allocation, whoever hosts and w
   base.user_threads = 2;
   base.interest = 4;
   base.balance = false;  // a new region map is no steady state: a node may come to know more than ever before
-  base.motion = std::make_shared<Pacing>();
+  base.motion = std::make_shared<PacingModel>();
   in_all_worlds(base, {0u, 2u}, [](const WorldConfig& config) {
     World world(config);
     populate(world, 500, 8, side);

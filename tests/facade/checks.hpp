@@ -59,7 +59,7 @@ inline void advance(World& world) {
   require_nothing_refused(world);
 }
 
-inline std::string words(const WorldConfig& config) {
+inline std::string describe(const WorldConfig& config) {
   return std::string(name_of(config.deployment)) + ", broad phase " + name_of(config.placement) + ", " +
          std::to_string(config.nodes) + " nodes";
 }
@@ -73,7 +73,7 @@ void in_all_worlds(WorldConfig config, std::initializer_list<std::uint32_t> node
         config.deployment = deployment;
         config.placement = placement;
         config.nodes = count;
-        CAPTURE(words(config));
+        CAPTURE(describe(config));
         test(config);
       }
     }

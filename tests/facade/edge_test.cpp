@@ -10,8 +10,8 @@
 
 #include <doctest/doctest.h>
 
+#include "facade/bouncing_world.hpp"
 #include "facade/checks.hpp"
-#include "facade/swarm.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/world.hpp"
 
@@ -85,7 +85,7 @@ TEST_CASE("a world without extent holds objects like any other") {
   base.bounds_min = base.bounds_max = {5, -7, 1e6};
   std::uint64_t expected = 0;
   in_all_worlds(base, {0u, 1u, 6u}, [&](WorldConfig config) {
-    config.motion = std::make_shared<Bouncing>(10);
+    config.motion = std::make_shared<BouncingModel>(10);
     World world(config);
     populate(world, 120, 3, 10);
     Digest digest;
@@ -230,7 +230,7 @@ TEST_CASE("layers collide as the matrix says, both ways") {
 }
 
 /// Notes what it is asked to move.
-class Watching : public MotionModel {
+class RecordingModel : public MotionModel {
  public:
   void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput>) const override {
     for (const MotionInput& in : inputs) {
@@ -244,7 +244,7 @@ class Watching : public MotionModel {
 
 TEST_CASE("each object that can move is given to the model once a frame with its user data; static ones never are") {
   in_all_worlds({}, {0u, 3u}, [&](WorldConfig config) {
-    const auto model = std::make_shared<Watching>();
+    const auto model = std::make_shared<RecordingModel>();
     config.motion = model;
     World world(config);
     const ShapeNumber ball = world.add_shape(Sphere{1});
@@ -279,7 +279,7 @@ TEST_CASE("each object that can move is given to the model once a frame with its
 }
 
 /// Throws for some objects in some frames, answers nonsense for others, and counts its moves in its state.
-class Failing : public MotionModel {
+class FailingModel : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 8; }
   void start(const ObjectSpec& spec, std::byte*) const override {
@@ -311,7 +311,7 @@ class Failing : public MotionModel {
 TEST_CASE("where the model throws or answers nonsense only those objects stand still, in every deployment alike") {
   std::uint64_t expected = 0;
   in_all_worlds({}, {0u, 1u, 3u}, [&](WorldConfig config) {
-    config.motion = std::make_shared<Failing>();
+    config.motion = std::make_shared<FailingModel>();
     World world(config);
     const ShapeNumber ball = world.add_shape(Sphere{1});
     for (int user = 0; user < 3; ++user) world.connect();
@@ -331,7 +331,7 @@ TEST_CASE("where the model throws or answers nonsense only those objects stand s
       require_counts(world);
       std::uint64_t kinds[3] = {};
       for (auto& [number, at] : x) {
-        const int kind = Failing::kind(number, frame);
+        const int kind = FailingModel::kind(number, frame);
         if (kind < 3) {
           ++kinds[kind];
         } else {

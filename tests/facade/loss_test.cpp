@@ -9,7 +9,7 @@
 
 #include <doctest/doctest.h>
 
-#include "facade/swarm.hpp"
+#include "facade/bouncing_world.hpp"
 #include "facade/views.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/world.hpp"
@@ -20,7 +20,7 @@ namespace {
 constexpr double side = 14;
 constexpr int frames = 24;
 
-struct Ran {
+struct LossRun {
   std::uint64_t digest = 0;
   std::size_t lost = 0;
   std::uint32_t nodes = 0;
@@ -29,12 +29,13 @@ struct Ran {
   std::size_t logged = 0;
 };
 
-Ran run(WorldConfig config, const std::multimap<int, Fault>& faults, const std::map<int, std::uint32_t>& resizes = {}) {
+LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
+            const std::map<int, std::uint32_t>& resizes = {}) {
   config.bounds_max = {side, side, side};
   config.interest = 4;
-  config.motion = std::make_shared<Bouncing>(side);
+  config.motion = std::make_shared<BouncingModel>(side);
   config.user_threads = 1;
-  Ran ran;
+  LossRun ran;
   config.log = [&](LogLevel level, std::string_view) { ran.logged += level == LogLevel::error ? 1 : 0; };
   World world(config);
   populate(world, 200, 4, side);
@@ -93,7 +94,7 @@ TEST_CASE("nodes that stop at any stage, one after another until none is left, c
         faults.insert({static_cast<int>(3 * stage + 2),
                        {static_cast<NodeNumber>((stage * 3) % (7 - stage)), 0, static_cast<NodeStage>(stage), 0}});
       }
-      const Ran ran = run(config, faults);
+      const LossRun ran = run(config, faults);
       CHECK(ran.digest == expected());
       CHECK(ran.lost >= 6);  // who has nothing to hand over does not pass through every stage
       CHECK(ran.logged == ran.lost);
@@ -108,10 +109,10 @@ TEST_CASE("nodes that are lost in the same frame, also all of them, change no co
     config.nodes = 3;
     config.deadlines.node_ms = deadline_ms;
     CAPTURE(name_of(stage));
-    const Ran two = run(config, {{5, {0, 0, stage, 0}}, {5, {2, 0, NodeStage::gathering, 0}}});
+    const LossRun two = run(config, {{5, {0, 0, stage, 0}}, {5, {2, 0, NodeStage::gathering, 0}}});
     CHECK(two.digest == expected());
     CHECK(two.lost >= 2);
-    const Ran all = run(config, {{5, {0, 0, stage, 0}}, {5, {1, 0, stage, 0}}, {5, {2, 0, stage, 0}}});
+    const LossRun all = run(config, {{5, {0, 0, stage, 0}}, {5, {1, 0, stage, 0}}, {5, {2, 0, stage, 0}}});
     CHECK(all.digest == expected());
     CHECK(all.lost >= 3);
     CHECK(all.nodes == 1);
@@ -123,7 +124,7 @@ TEST_CASE("what a lost node says when it wakes is refused as late") {
   config.nodes = 3;
   config.deadlines.node_ms = deadline_ms;
   // Another is lost in the same frame, later, so that the first wakes before the frame ends.
-  const Ran ran = run(config, {{5, {1, 0, NodeStage::moving, 4 * deadline_ms}}, {5, {2, 0, NodeStage::ending, 0}}});
+  const LossRun ran = run(config, {{5, {1, 0, NodeStage::moving, 4 * deadline_ms}}, {5, {2, 0, NodeStage::ending, 0}}});
   CHECK(ran.digest == expected());
   CHECK(ran.lost >= 2);
 }
@@ -137,7 +138,7 @@ TEST_CASE(
   for (const NodeNumber first : {0u, 3u}) {
     CAPTURE(first);
     // A later loss keeps the world long enough for the first to wake in.
-    const Ran ran =
+    const LossRun ran =
         run(config, {{5, {first, 0, NodeStage::ending, 2 * deadline_ms}}, {8, {1, 0, NodeStage::colliding, 0}}});
     CHECK(ran.digest == expected());
     CHECK(ran.lost >= 2);
@@ -148,12 +149,12 @@ TEST_CASE("losses and resizes in any order change no contact") {
   WorldConfig config;
   config.nodes = 4;
   config.deadlines.node_ms = deadline_ms;
-  const Ran ran = run(config,
-                      {{3, {1, 0, NodeStage::colliding, 0}},  // while two join
-                       {8, {4, 0, NodeStage::ending, 0}},     // the last number, while two are to leave
-                       {12, {0, 0, NodeStage::moving, 0}},
-                       {16, {0, 0, NodeStage::telling, 0}}},
-                      {{3, 6}, {8, 3}, {13, 5}, {17, 1}, {20, 4}});
+  const LossRun ran = run(config,
+                          {{3, {1, 0, NodeStage::colliding, 0}},  // while two join
+                           {8, {4, 0, NodeStage::ending, 0}},     // the last number, while two are to leave
+                           {12, {0, 0, NodeStage::moving, 0}},
+                           {16, {0, 0, NodeStage::reporting, 0}}},
+                          {{3, 6}, {8, 3}, {13, 5}, {17, 1}, {20, 4}});
   CHECK(ran.digest == expected());
   CHECK(ran.lost >= 3);
 }
@@ -161,7 +162,7 @@ TEST_CASE("losses and resizes in any order change no contact") {
 // The server and the World each conclude who goes, and have to number alike who is left.
 TEST_CASE("when all that were to stay are lost as the others leave, the first of those stays, and the world can grow") {
   for (const std::uint32_t staying : {1u, 2u}) {
-    for (const NodeStage stage : {NodeStage::ending, NodeStage::settling, NodeStage::telling}) {
+    for (const NodeStage stage : {NodeStage::ending, NodeStage::settling, NodeStage::reporting}) {
       for (const std::uint32_t next : {2u, 3u, 6u}) {
         CAPTURE(staying);
         CAPTURE(name_of(stage));
@@ -173,7 +174,7 @@ TEST_CASE("when all that were to stay are lost as the others leave, the first of
         for (NodeNumber node = 0; node < staying; ++node) {
           faults.insert({4, {node, 0, stage, 0}});
         }
-        const Ran ran = run(config, faults, {{4, staying}, {5, next}, {8, 4}});
+        const LossRun ran = run(config, faults, {{4, staying}, {5, next}, {8, 4}});
         CHECK(ran.digest == expected());
         CHECK(ran.refused == ran.late);
         CHECK(ran.lost >= staying);
@@ -189,14 +190,14 @@ TEST_CASE("a deadline that nobody misses changes nothing") {
   WorldConfig config;
   config.nodes = 3;
   config.deadlines = {20'000, 20'000};
-  const Ran ran = run(config, {});
+  const LossRun ran = run(config, {});
   CHECK(ran.digest == expected());
   CHECK(ran.lost == 0);
   CHECK(ran.late == 0);
 }
 
 /// Everything stands still; the move of one object waits for a word from outside in one frame.
-class Hesitating : public MotionModel {
+class StallingModel : public MotionModel {
  public:
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput>) const override {
     for (const MotionInput& input : inputs) {
@@ -209,7 +210,7 @@ class Hesitating : public MotionModel {
 };
 
 TEST_CASE("a user node that misses its deadline is disconnected, its contacts end, and the others go on") {
-  const auto model = std::make_shared<Hesitating>();
+  const auto model = std::make_shared<StallingModel>();
   WorldConfig config;
   config.nodes = 2;
   config.user_threads = 2;

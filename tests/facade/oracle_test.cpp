@@ -16,7 +16,7 @@ TEST_CASE("in every deployment and placement the contacts and phases of random l
   WorldConfig base;
   base.bounds_max = {side, side, side};
   base.interest = 3;
-  base.motion = std::make_shared<Bouncing>(side);
+  base.motion = std::make_shared<BouncingModel>(side);
   unsigned seed = 900;
   in_all_worlds(base, {0u, 3u}, [&](const WorldConfig& config) {
     CAPTURE(++seed);
@@ -38,7 +38,7 @@ TEST_CASE("in every deployment and placement the contacts and phases of random l
         FAIL_CHECK(difference.text);
       }
       before.assign(world.contacts().begin(), world.contacts().end());
-      script.ask();
+      script.make_requests();
     }
   });
 }

@@ -250,11 +250,11 @@ TEST_CASE("a configuration that cannot be is refused with the name of the field 
     c.layers.names = {"one"};
     c.layers.collide = {{0, 1}};
   });
-  class Greedy : public MotionModel {
+  class OversizedStateModel : public MotionModel {
     std::size_t state_bytes() const noexcept override { return max_motion_state + 1; }
     void move(std::uint64_t, std::span<const MotionInput>, std::span<MotionOutput>) const override {}
   };
-  throws("motion", [](WorldConfig& c) { c.motion = std::make_shared<Greedy>(); });
+  throws("motion", [](WorldConfig& c) { c.motion = std::make_shared<OversizedStateModel>(); });
 }
 
 TEST_CASE("a shape that cannot be is refused with a reason and the shapes before it stand") {

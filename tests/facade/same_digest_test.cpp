@@ -5,7 +5,7 @@
 
 #include <doctest/doctest.h>
 
-#include "facade/swarm.hpp"
+#include "facade/bouncing_world.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/world.hpp"
 
@@ -26,7 +26,7 @@ struct Run {
 Run run(WorldConfig config, const Schedule& schedule) {
   config.bounds_max = {60, 60, 60};
   config.interest = 4;
-  config.motion = std::make_shared<Bouncing>(side);
+  config.motion = std::make_shared<BouncingModel>(side);
   World world(config);
   populate(world, 160, 4, side);
   Digest digest;

@@ -6,8 +6,8 @@
 #include <random>
 #include <vector>
 
+#include "facade/bouncing_world.hpp"
 #include "facade/checks.hpp"
-#include "facade/swarm.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/world.hpp"
 
@@ -26,7 +26,7 @@ class Script {
   }
 
   /// What is asked before the next frame. Everything is allowed and must be granted.
-  void ask() {
+  void make_requests() {
     if (random_() % 6 == 0 && users_.size() < 8) connect();
     if (random_() % 8 == 0 && !users_.empty()) disconnect(random_() % users_.size());
     if (random_() % 25 == 0) {

@@ -9,9 +9,9 @@
 
 #include <doctest/doctest.h>
 
+#include "facade/bouncing_world.hpp"
 #include "facade/checks.hpp"
 #include "facade/script.hpp"
-#include "facade/swarm.hpp"
 #include "facade/views.hpp"
 #include "ringfence/world.hpp"
 
@@ -25,7 +25,7 @@ WorldConfig config_of(double interest) {
   config.bounds_max = {side, side, side};
   config.user_threads = 2;
   config.interest = interest;
-  config.motion = std::make_shared<Bouncing>(side);
+  config.motion = std::make_shared<BouncingModel>(side);
   return config;
 }
 
@@ -92,7 +92,7 @@ TEST_CASE("a user node is told exactly the contacts, ended ones too, of the obje
         }
       }
       CHECK(world.collisions_of(UserNumber{60000}).empty());
-      script.ask();
+      script.make_requests();
     }
   });
 }
@@ -117,7 +117,7 @@ TEST_CASE("the collisions of an object are those contacts that name it") {
     }
     CHECK(world.collisions_of(ObjectId{}).empty());
     CHECK(world.collisions_of(ObjectId::of(1, 0xffffffffu)).empty());
-    script.ask();
+    script.make_requests();
   }
 }
 
@@ -134,7 +134,7 @@ TEST_CASE("a user node sees all others within its interest as they stand, each o
         const std::vector<UserNumber> users = script.users();
         advance(world);
         require_views(world, users);
-        script.ask();
+        script.make_requests();
       }
     });
   }
@@ -152,8 +152,8 @@ TEST_CASE("without interest nothing is read of others") {
 }
 
 /// A copy of all that may be read while the next frame is under way.
-struct Readings {
-  explicit Readings(const World& world, const std::vector<UserNumber>& users, const std::vector<ObjectId>& ids) {
+struct FrameResults {
+  explicit FrameResults(const World& world, const std::vector<UserNumber>& users, const std::vector<ObjectId>& ids) {
     contacts.assign(world.contacts().begin(), world.contacts().end());
     ended.assign(world.ended().begin(), world.ended().end());
     for (const UserNumber user : users) {
@@ -167,7 +167,7 @@ struct Readings {
     report = world.report().frame;
     frames = world.frames();
   }
-  bool operator==(const Readings& other) const {
+  bool operator==(const FrameResults& other) const {
     const auto equal = [](const auto& p, const auto& q) {
       return std::equal(p.begin(), p.end(), q.begin(), q.end(), same);
     };
@@ -191,9 +191,9 @@ TEST_CASE("while a frame is under way the results of the one before can be read 
       std::vector<ObjectId> ids;
       for (const ObjectView& view : world.objects()) ids.push_back(view.id);
       const std::vector<UserNumber> users = script.users();
-      const Readings before(world, users, ids);
+      const FrameResults before(world, users, ids);
       REQUIRE(world.begin_frame() == Status::ok);
-      for (int again = 0; again < 3; ++again) REQUIRE((Readings(world, users, ids) == before));
+      for (int again = 0; again < 3; ++again) REQUIRE((FrameResults(world, users, ids) == before));
       REQUIRE(world.finish_frame() == Status::ok);
       require_counts(world);
       REQUIRE(world.frames() == before.frames + 1);
@@ -211,16 +211,16 @@ TEST_CASE("what CD nodes published that are gone can be read until the next fram
   for (int frame = 0; frame < 16; ++frame) {
     CAPTURE(frame);
     if (frame == 3) REQUIRE(world.resize(7) == Status::ok);
-    if (frame == 6) REQUIRE(world.inject({2, world.frames(), NodeStage::telling, 0}) == Status::ok);
+    if (frame == 6) REQUIRE(world.inject({2, world.frames(), NodeStage::reporting, 0}) == Status::ok);
     if (frame == 9)
       REQUIRE(world.inject({0, world.frames(), NodeStage::moving, 150}) == Status::ok);  // its thread ends later
     if (frame == 13) REQUIRE(world.resize(1) == Status::ok);
     REQUIRE(world.advance() == Status::ok);
     require_views(world, users);
-    const Readings before(world, users, {});
+    const FrameResults before(world, users, {});
     CHECK(before.seen.size() > 100);
     REQUIRE(world.begin_frame() == Status::ok);
-    REQUIRE((Readings(world, users, {}) == before));
+    REQUIRE((FrameResults(world, users, {}) == before));
     REQUIRE(world.finish_frame() == Status::ok);
     require_views(world, users);
   }
@@ -290,7 +290,7 @@ TEST_CASE("a world that is destroyed while a frame is under way ends in order") 
       Script script(world, 75, side);
       for (int frame = 0; frame < frames; ++frame) {
         advance(world);
-        script.ask();
+        script.make_requests();
       }
       REQUIRE(world.begin_frame() == Status::ok);
     }

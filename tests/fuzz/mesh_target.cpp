@@ -53,7 +53,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
     fuzz::require(std::string_view(error.what()).starts_with(name + ": "));
     return 0;
   }
-  fuzz::require(tools::flaw_of(mesh).empty());
+  fuzz::require(tools::describe_mesh_error(mesh).empty());
   // A child has survived it; here the fuzzer sees which of our lines it takes.
   fuzz::require(same(mesh, tools::import_mesh(bytes, name, {})));
   prepare(mesh);

@@ -8,17 +8,17 @@
 #include <doctest/doctest.h>
 
 #include "fuzz/target.hpp"
-#include "nodes/theatre.hpp"
+#include "nodes/test_harness.hpp"
 
 namespace ringfence::fuzz {
 namespace {
 
-using nodes::test::Seen;
-using nodes::test::Stageplay;
-using nodes::test::Theatre;
+using nodes::test::HarnessConfig;
+using nodes::test::LoggedMessage;
+using nodes::test::TestHarness;
 using Bytes = std::vector<std::byte>;
 
-constexpr UserNumber liar = 1;
+constexpr UserNumber malformed_sender = 1;
 constexpr std::size_t objects = 12;
 constexpr double radius = 2;
 
@@ -65,17 +65,17 @@ class Input {
 
 struct Scene {
   explicit Scene(Deployment deployment)
-      : theatre([&] {
-          Stageplay play;
+      : harness([&] {
+          HarnessConfig play;
           play.deployment = deployment;
           play.model = &walk;
           play.nodes = 2;
           play.delivery_bytes = std::size_t{1} << 15;
           return play;
         }()) {
-    const ShapeNumber ball = theatre.add_shape(Sphere{radius});
+    const ShapeNumber ball = harness.add_shape(Sphere{radius});
     for (UserNumber user = 0; user < 3; ++user) {
-      theatre.connect(user);
+      harness.connect(user);
     }
     for (std::size_t i = 0; i < objects; ++i) {
       ObjectSpec spec;
@@ -83,14 +83,14 @@ struct Scene {
       spec.pose.position = start_of(i);
       spec.category = i < 6 ? Category::avatar : i == 11 ? Category::fixed : Category::active;
       spec.user = i < 6 ? static_cast<UserNumber>(i % 3) : no_user;
-      theatre.spawn(spec);
+      harness.spawn(spec);
     }
   }
   const nodes::ObjectRow& row(std::size_t i) const {
-    const nodes::ObjectTable& table = theatre.table();
+    const nodes::ObjectTable& table = harness.table();
     return table.row(table.find(static_cast<ObjectNumber>(i + 1)));
   }
-  Theatre theatre;
+  TestHarness harness;
 };
 
 messages::Header header_of(messages::MessageType type, std::uint64_t frame, std::size_t count) {
@@ -98,7 +98,7 @@ messages::Header header_of(messages::MessageType type, std::uint64_t frame, std:
   messages::Header header;
   header.type = static_cast<std::uint16_t>(type);
   header.record_bytes = static_cast<std::uint16_t>(each);
-  header.source = messages::Endpoint::user(liar).value;
+  header.source = messages::Endpoint::user(malformed_sender).value;
   header.frame = frame;
   header.count = static_cast<std::uint32_t>(count);
   header.bytes = static_cast<std::uint32_t>(sizeof header + count * each);
@@ -112,7 +112,7 @@ Bytes bytes_of(const messages::Header& header) {
 }
 
 /// One lie, as the input has it.
-Bytes lie(Input& input, const Scene& scene, const Seen& honest) {
+Bytes make_malformed_message(Input& input, const Scene& scene, const LoggedMessage& honest) {
   const std::uint64_t frame = honest.header.frame;
   switch (input.byte() % 4) {
     case 0: {  // rubbish
@@ -152,14 +152,14 @@ void check(const Scene& scene, const Vec3d* honest) {
   for (std::size_t i = 0; i < objects; ++i) {
     const nodes::ObjectRow& row = scene.row(i);
     where[i] = row.pose.position;
-    const bool own = scene.theatre.table().host(row.object.slot) == messages::Endpoint::user(liar);
+    const bool own = scene.harness.table().host(row.object.slot) == messages::Endpoint::user(malformed_sender);
     require(own || (where[i].x == honest[i].x && where[i].y == honest[i].y && where[i].z == honest[i].z));
     require(std::abs(where[i].x) <= farthest_coordinate && std::abs(where[i].y) <= farthest_coordinate &&
             std::abs(where[i].z) <= farthest_coordinate);
   }
   std::size_t touching = 0;
   std::size_t unsure = 0;
-  const auto present = scene.theatre.table().present();
+  const auto present = scene.harness.table().present();
   for (std::size_t i = 0; i < objects; ++i) {
     for (std::size_t j = i + 1; j < objects; ++j) {
       const double x = where[i].x - where[j].x, y = where[i].y - where[j].y, z = where[i].z - where[j].z;
@@ -169,9 +169,9 @@ void check(const Scene& scene, const Vec3d* honest) {
       touching += both && distance <= 2 * radius - 1e-4;
     }
   }
-  const std::size_t found = scene.theatre.contacts().size();
+  const std::size_t found = scene.harness.contacts().size();
   require(found >= touching && found <= touching + unsure);
-  const FrameReport& report = scene.theatre.report();
+  const FrameReport& report = scene.harness.report();
   require(report.tested == report.candidates && report.accepted == report.candidates);
 }
 
@@ -191,13 +191,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   fuzz::Input input(bytes, size);
   constexpr Deployment deployments[] = {Deployment::user, Deployment::user_server, Deployment::user_collision};
   fuzz::Scene scene(deployments[input.byte() % 3]);
-  scene.theatre.tamper = [&](const fuzz::Seen& seen, std::vector<fuzz::Bytes>& instead) {
-    if (seen.from != messages::Endpoint::user(fuzz::liar)) {
+  scene.harness.tamper = [&](const fuzz::LoggedMessage& seen, std::vector<fuzz::Bytes>& instead) {
+    if (seen.from != messages::Endpoint::user(fuzz::malformed_sender)) {
       return;
     }
     for (int lies = input.empty() ? 0 : input.byte() % 4; lies > 0; --lies) {
       const bool before = (input.byte() & 1) != 0;
-      instead.insert(before ? instead.begin() : instead.end(), fuzz::lie(input, scene, seen));
+      instead.insert(before ? instead.begin() : instead.end(), fuzz::make_malformed_message(input, scene, seen));
     }
   };
   Vec3d honest[fuzz::objects];
@@ -205,7 +205,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     honest[i] = fuzz::start_of(i);
   }
   for (std::uint64_t frame = 0; frame < 4; ++frame) {
-    scene.theatre.frame();
+    scene.harness.frame();
     for (std::size_t i = 0; i + 1 < fuzz::objects; ++i) {
       honest[i].x += fuzz::Walk::step(static_cast<ObjectNumber>(i + 1), frame);
     }

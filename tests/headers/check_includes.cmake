@@ -1,22 +1,22 @@
-# A room includes only its own headers, public ones, and those of rooms that it says it uses (and that those use).
-# In: engine, rooms (comma separated), uses_ROOM for each of them (comma separated, itself included).
+# A module includes only its own headers, public ones, and those of modules that it says it uses (and that those use).
+# In: engine, modules (comma separated), uses_ROOM for each of them (comma separated, itself included).
 
 cmake_minimum_required(VERSION 3.25)
-string(REPLACE "," ";" rooms "${rooms}")
+string(REPLACE "," ";" modules "${modules}")
 set(files 0)
 set(wrong)
-foreach(room ${rooms})
-  string(REPLACE "," ";" uses "${uses_${room}}")
-  file(GLOB sources ${engine}/${room}/*.hpp ${engine}/${room}/*.cpp)
+foreach(module ${modules})
+  string(REPLACE "," ";" uses "${uses_${module}}")
+  file(GLOB_RECURSE sources ${engine}/${module}/*.hpp ${engine}/${module}/*.cpp)
   foreach(source ${sources})
     math(EXPR files "${files} + 1")
     file(STRINGS ${source} includes REGEX "^ *#include \"")
     foreach(include ${includes})
       if(include MATCHES "\"([a-z_]+)/")
         set(other ${CMAKE_MATCH_1})
-        # A folder that is no room (yet) holds headers alone: there is nothing to link.
-        if(other IN_LIST rooms AND NOT other IN_LIST uses)
-          string(APPEND wrong "${source}: ${include}, but ${room} does not list ${other} in its ROOMS\n")
+        # A folder that is no module (yet) holds headers alone: there is nothing to link.
+        if(other IN_LIST modules AND NOT other IN_LIST uses)
+          string(APPEND wrong "${source}: ${include}, but ${module} does not list ${other} in its MODULES\n")
         endif()
       endif()
     endforeach()
@@ -28,4 +28,4 @@ endif()
 if(files EQUAL 0)
   message(FATAL_ERROR "No source file found under ${engine}")
 endif()
-message("${files} files include only what their rooms use")
+message("${files} files include only what their modules use")

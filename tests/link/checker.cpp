@@ -339,7 +339,7 @@ std::uint64_t Explorer::read(const std::byte* at) {
   return word;
 }
 
-void Explorer::fetch_to_write(const std::byte* at, std::size_t line) {
+void Explorer::prefetch_for_write(const std::byte* at, std::size_t line) {
   if (!shadow_of(at)) return;
   const std::size_t first = static_cast<std::size_t>(at - memory_) / line * line;
   const View& view = threads_[me_].view;
@@ -354,7 +354,7 @@ void Explorer::fetch_to_write(const std::byte* at, std::size_t line) {
   }
 }
 
-void Explorer::fetch_to_read(const std::byte* at) {
+void Explorer::prefetch_for_read(const std::byte* at) {
   const Shadow* shadow = shadow_of(at);
   if (!shadow || shadow->writer == me_) return;
   if (threads_[me_].view.clock[shadow->writer] < shadow->written) fail("a line is asked for that is not published");

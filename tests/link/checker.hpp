@@ -91,8 +91,8 @@ class Explorer {
   std::uint64_t read(const std::byte* at);
   /// Asking for a line changes nothing, but must not disturb another thread: what is asked for to write has been read
   /// by whom it was for, what is asked for to read has been published.
-  void fetch_to_write(const std::byte* at, std::size_t line);
-  void fetch_to_read(const std::byte* at);
+  void prefetch_for_write(const std::byte* at, std::size_t line);
+  void prefetch_for_read(const std::byte* at);
   /// Ends the execution as failed; does not return in a thread of the program.
   void fail(const char* why);
 
@@ -209,22 +209,22 @@ struct CheckedAtomics {
 
   /// Lines so short that rings of 64 bytes have several: small messages fill one, larger ones are padded, and both
   /// sides ask for lines ahead.
-  static constexpr link::LineUse lines{.line = 16,
-                                       .large = 32,
-                                       .ahead_from = 8,
-                                       .write_ahead = 48,
-                                       .write_step = 16,
-                                       .read_ahead = 32,
-                                       .read_step = 8,
-                                       .bulk = 64};
-  static void fetch_to_write(const std::byte* at) { explorer().fetch_to_write(at, lines.line); }
-  static void fetch_to_read(const std::byte* at) { explorer().fetch_to_read(at); }
-  static void fetch_awaited(const std::byte*) {}
+  static constexpr link::CacheLineTuning lines{.line = 16,
+                                               .pad_from = 32,
+                                               .prefetch_from = 8,
+                                               .write_prefetch = 48,
+                                               .write_prefetch_step = 16,
+                                               .read_prefetch = 32,
+                                               .read_prefetch_step = 8,
+                                               .no_prefetch_from = 64};
+  static void prefetch_for_write(const std::byte* at) { explorer().prefetch_for_write(at, lines.line); }
+  static void prefetch_for_read(const std::byte* at) { explorer().prefetch_for_read(at); }
+  static void prefetch_awaited(const std::byte*) {}
   static void pause() {}
   static void yield() {}
-  static void joined() {}
-  static void left() {}
-  static link::Patience patience() { return {}; }
+  static void add_waiting_thread() {}
+  static void remove_waiting_thread() {}
+  static link::SpinPolicy spin_policy() { return {}; }
 };
 
 /// Runs `Program` in every way, until it fails, nothing is left, or `most_executions` have been run.

@@ -25,9 +25,9 @@ TEST_CASE("a wait whose condition never comes true ends at its deadline, and say
 }
 
 TEST_CASE("a ring from another thread ends a wait, with or without a deadline, however long one looks first") {
-  for (const Patience patience : {Patience{0, 0}, Patience{20, 3}, Patience{2000, 3}}) {
-    auto mine = std::make_unique<BasicDoorbell<ThreadAtomics>>(patience);
-    auto theirs = std::make_unique<BasicDoorbell<ThreadAtomics>>(patience);
+  for (const SpinPolicy spin_policy : {SpinPolicy{0, 0}, SpinPolicy{20, 3}, SpinPolicy{2000, 3}}) {
+    auto mine = std::make_unique<BasicDoorbell<ThreadAtomics>>(spin_policy);
+    auto theirs = std::make_unique<BasicDoorbell<ThreadAtomics>>(spin_policy);
     std::atomic<int> turn{0};
     constexpr int rounds = 3000;
     Watchdog dog("a ring from another thread");
@@ -63,7 +63,7 @@ TEST_CASE("a ring from another thread ends a wait, with or without a deadline, h
 
 TEST_CASE("who looks by the bell looks at the condition a few times while nobody rings, however patient") {
   int looks = 0;
-  BasicDoorbell<ThreadAtomics> bell(Patience{1000, 1000, 0, true});
+  BasicDoorbell<ThreadAtomics> bell(SpinPolicy{1000, 1000, 0, true});
   const auto never = [&] {
     ++looks;
     return false;

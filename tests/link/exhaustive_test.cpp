@@ -19,7 +19,7 @@ template <class Policy>
 struct Rings {
   static constexpr std::uint64_t capacity = 64;
   static constexpr std::size_t footprint = link::ring_footprint<Policy>(capacity);
-  alignas(link::line_bytes) std::byte memory[2 * footprint];
+  alignas(link::cache_line_pair_bytes) std::byte memory[2 * footprint];
 
   Rings() { explorer().watch(memory, sizeof memory); }
   link::Ring<Policy> make(int which) { return link::make_ring<Policy>(memory + which * footprint, capacity); }
@@ -178,16 +178,16 @@ struct Echo {
 };
 
 /// Looks once, and then only when somebody has rung.
-constexpr link::Patience heeding{1, 0, 0, true};
+constexpr link::SpinPolicy heeding{1, 0, 0, true};
 
 /// Two threads ring one bell, each for a ring of its own: the later ring must not hide what the earlier one told.
-template <class Policy, bool by_bell>
+template <class Policy, bool poll_only_after_ring>
 struct Gathering {
   static constexpr int threads = 3;
 
   Rings<Policy> rings;
   link::Ring<Policy> ring[2] = {rings.make(0), rings.make(1)};
-  link::BasicDoorbell<Policy> bell{by_bell ? heeding : link::Patience{}};
+  link::BasicDoorbell<Policy> bell{poll_only_after_ring ? heeding : link::SpinPolicy{}};
   link::BasicSender<Policy> first{ring[0], &bell}, second{ring[1], &bell};
   link::BasicReceiver<Policy> from_first{ring[0], nullptr}, from_second{ring[1], nullptr};
 
@@ -384,20 +384,20 @@ TEST_CASE("every seeded defect of ring, doorbell and channel is found") {
   expect_found<Defect::capacity_off_by_one>("capacity_off_by_one", tally);
   expect_found<Defect::early_release>("early_release", tally);
   expect_found<Defect::padding_lost>("padding_lost", tally);
-  expect_found<Defect::line_not_told>("line_not_told", tally);
-  expect_found<Defect::line_told_late>("line_told_late", tally);
-  expect_found<Defect::fetched_unreleased>("fetched_unreleased", tally);
-  expect_found<Defect::fetched_unpublished>("fetched_unpublished", tally);
+  expect_found<Defect::stride_not_updated>("line_not_told", tally);
+  expect_found<Defect::stride_updated_late>("line_told_late", tally);
+  expect_found<Defect::prefetched_unreleased>("fetched_unreleased", tally);
+  expect_found<Defect::prefetched_unpublished>("fetched_unpublished", tally);
   expect_found<Defect::overhang_lost>("overhang_lost", tally);
-  expect_found<Defect::waiter_forgotten>("waiter_forgotten", tally);
-  expect_found<Defect::waiting_not_said>("waiting_not_said", tally);
+  expect_found<Defect::waiting_sender_not_rung>("waiter_forgotten", tally);
+  expect_found<Defect::waiting_flag_not_set>("waiting_not_said", tally);
   expect_found<Defect::no_publish_when_full>("no_publish_when_full", tally);
-  expect_found<Defect::closing_not_told>("closing_not_told", tally);
+  expect_found<Defect::close_without_ring>("closing_not_told", tally);
   expect_found<Defect::deadline_not_set>("deadline_not_set", tally);
-  expect_found<Defect::deadline_not_kept>("deadline_not_kept", tally);
-  expect_found<Defect::late_is_met>("late_is_met", tally);
-  expect_found<Defect::heeded_by_store>("heeded_by_store", tally);
-  static_assert(static_cast<int>(Defect::heeded_by_store) == 26, "a defect is added: look for it here too");
+  expect_found<Defect::deadline_not_checked>("deadline_not_kept", tally);
+  expect_found<Defect::timeout_reported_as_ready>("late_is_met", tally);
+  expect_found<Defect::ring_cleared_by_store>("heeded_by_store", tally);
+  static_assert(static_cast<int>(Defect::ring_cleared_by_store) == 26, "a defect is added: look for it here too");
   CHECK(tally.killed + tally.survived == 26);
   MESSAGE(tally.killed << " mutants killed, " << tally.survived << " survived; " << tally.executions << " executions, "
                        << seconds_since(begin) << " s:" << tally.report);

@@ -207,10 +207,10 @@ struct Fetching : Litmus {
     if (which == 1) {
       explorer().write(memory, 1);
       x.store(1, release);
-      if (reads && y.load(acquire) == 1) explorer().fetch_to_write(memory + 8, 16);
-      if (!reads && to_write) explorer().fetch_to_write(memory + 8, 16);
+      if (reads && y.load(acquire) == 1) explorer().prefetch_for_write(memory + 8, 16);
+      if (!reads && to_write) explorer().prefetch_for_write(memory + 8, 16);
     } else if (x.load(hears ? acquire : relaxed) == 1) {
-      if (!to_write) explorer().fetch_to_read(memory);
+      if (!to_write) explorer().prefetch_for_read(memory);
       if (reads) {
         explorer().read(memory);
         y.store(1, hears ? release : relaxed);

@@ -25,7 +25,7 @@ struct Shared {
   ProcessDoorbell producers, consumers;
   std::atomic<std::uint64_t> about_to_publish{0};  ///< messages that may have been published
   std::atomic<std::uint64_t> published{0};         ///< messages that have been
-  alignas(line_bytes) std::byte ring[ring_footprint<ProcessAtomics>(capacity)];
+  alignas(cache_line_pair_bytes) std::byte ring[ring_footprint<ProcessAtomics>(capacity)];
 };
 
 std::uint64_t mix(std::uint64_t x) {
@@ -41,7 +41,7 @@ std::byte byte_of(std::uint64_t number, std::size_t i) { return std::byte(mix(nu
 /// The producer, from message `first` on. Never returns; is killed, or is done.
 [[noreturn]] void produce(Shared& shared, std::uint64_t first) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  BasicSender<ProcessAtomics> sender(find_ring<ProcessAtomics>(shared.ring), &shared.consumers);
+  BasicSender<ProcessAtomics> sender(open_ring<ProcessAtomics>(shared.ring), &shared.consumers);
   // A predecessor may have been killed between publishing and ringing.
   shared.consumers.ring();
   for (std::uint64_t number = first; number < messages_in_all; ++number) {
@@ -107,7 +107,7 @@ TEST_CASE("a producer that is killed at random and restarted loses, doubles and 
   void* elsewhere = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
   REQUIRE(elsewhere != MAP_FAILED);
   Shared& mine = *static_cast<Shared*>(elsewhere);
-  Consumer consumer{{find_ring<ProcessAtomics>(mine.ring), &mine.producers}};
+  Consumer consumer{{open_ring<ProcessAtomics>(mine.ring), &mine.producers}};
 
   int killed = 0;
   pid_t producer = start_producer(shared, 0);

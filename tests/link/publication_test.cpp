@@ -36,23 +36,23 @@ Oracle write_random(Publication& publication, std::uint64_t frame, std::size_t c
     const PublishedState state = state_of(static_cast<std::uint32_t>(i + 1), static_cast<double>(random() % 1000));
     if (listed) {
       table[2 * i] = state;
-      if (!as_table) publication.list(where[i], static_cast<std::uint32_t>(2 * i));
+      if (!as_table) publication.add_index(where[i], static_cast<std::uint32_t>(2 * i));
     } else {
       publication.add(where[i], state);
     }
     oracle[where[i]].push_back(state);
   }
   if (as_table) {
-    publication.list_table(static_cast<std::uint32_t>(table.size()),
-                           [&](std::uint32_t i) { return i % 2 == 0 ? where[i / 2] : Publication::nowhere; });
+    publication.add_table(static_cast<std::uint32_t>(table.size()),
+                          [&](std::uint32_t i) { return i % 2 == 0 ? where[i / 2] : Publication::no_cell; });
   }
   if (listed) {
     std::vector<int> asked(table.size(), 0);
-    publication.publish_listed([&](std::uint32_t i) { REQUIRE(i < table.size()); },
-                               [&](std::uint32_t i) {
-                                 REQUIRE(++asked[i] == 1);
-                                 return table[i];
-                               });
+    publication.publish_indexed([&](std::uint32_t i) { REQUIRE(i < table.size()); },
+                                [&](std::uint32_t i) {
+                                  REQUIRE(++asked[i] == 1);
+                                  return table[i];
+                                });
   } else {
     publication.publish();
   }
@@ -108,7 +108,7 @@ TEST_CASE("a publication returns for each cell, and each run of cells, what was 
         CHECK(same(publication.read(frame, first), expected(oracle, first, first)));
       }
       for (const std::uint32_t cell : cells) CHECK(same(publication.read(frame, cell), expected(oracle, cell, cell)));
-      CHECK(publication.intact(frame));
+      CHECK(publication.is_intact(frame));
     }
   }
 }
@@ -126,19 +126,19 @@ TEST_CASE("of states in a part of the cells, those of any run of cells are retur
     Publication publication(cells, 8, layout);
     const std::size_t count = 1 + random() % 900;
     const Oracle oracle = write_random(publication, 4, part, count, round % 3 == 0, random, first_cell);
-    CellReach reach{{~0u, ~0u, ~0u}, {0, 0, 0}};
+    CellRange cell_range{{~0u, ~0u, ~0u}, {0, 0, 0}};
     for (const auto& [cell, in_cell] : oracle) {
       const std::uint32_t a_row = 1u << layout.row_log2;
       const std::uint32_t a_layer = 1u << layout.layer_log2;
       const std::uint32_t at[3] = {cell % a_row, cell / a_row % a_layer, cell / a_row / a_layer};
       for (int axis = 0; axis < 3; ++axis) {
-        reach.lower[axis] = std::min(reach.lower[axis], at[axis]);
-        reach.upper[axis] = std::max(reach.upper[axis], at[axis]);
+        cell_range.lower[axis] = std::min(cell_range.lower[axis], at[axis]);
+        cell_range.upper[axis] = std::max(cell_range.upper[axis], at[axis]);
       }
     }
-    const CellReach said = publication.reach(4);
-    REQUIRE(std::equal(reach.lower, reach.lower + 3, said.lower));
-    REQUIRE(std::equal(reach.upper, reach.upper + 3, said.upper));
+    const CellRange said = publication.cell_range(4);
+    REQUIRE(std::equal(cell_range.lower, cell_range.lower + 3, said.lower));
+    REQUIRE(std::equal(cell_range.upper, cell_range.upper + 3, said.upper));
     const auto any_cell = [&] { return static_cast<std::uint32_t>(random() % cells); };
     std::vector<std::pair<std::uint32_t, std::uint32_t>> runs{{0u, static_cast<std::uint32_t>(cells - 1)}};
     for (int i = 0; i < 60; ++i) {
@@ -182,9 +182,9 @@ TEST_CASE("the last two frames can be read, no other, and a reader that was over
   const Oracle fourth = write_random(publication, 4, 100, 20, false, random);
   CHECK(same(publication.states(3), expected(third, 0, 99)));
   CHECK(same(publication.states(4), expected(fourth, 0, 99)));
-  CHECK(publication.intact(3));
+  CHECK(publication.is_intact(3));
   publication.begin(5);
-  CHECK_FALSE(publication.intact(3));
+  CHECK_FALSE(publication.is_intact(3));
   CHECK(publication.states(3).empty());
   CHECK_FALSE(publication.published(5));
   CHECK(same(publication.states(4), expected(fourth, 0, 99)));
@@ -213,7 +213,7 @@ TEST_CASE("readers in lock-step with a writer see every frame whole") {
             count += state.pose.position.x == static_cast<double>(frame) && state.number % cells == cell;
           }
         }
-        if (count != states || sum != states * frame || !publication.intact(frame)) wrong.fetch_add(1);
+        if (count != states || sum != states * frame || !publication.is_intact(frame)) wrong.fetch_add(1);
         done[reader].store(frame, std::memory_order_release);
         bells[readers].ring();
       }

@@ -15,7 +15,7 @@
 namespace ringfence::link {
 
 /// Where one thread of a test says what it does, for its watchdog to look at. Written by that thread alone.
-class alignas(line_bytes) Post {
+class alignas(cache_line_pair_bytes) Post {
  public:
   explicit Post(std::string name) : name_(std::move(name)) {}
 

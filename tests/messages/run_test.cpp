@@ -71,7 +71,7 @@ TEST_CASE("a run of any length goes through the smallest ring whole, in order, a
   for (const std::size_t state_bytes : {0u, 8u, 256u}) {
     for (const MessageType type :
          {MessageType::adopt, MessageType::drop, MessageType::state_update, MessageType::notify, MessageType::collision,
-          MessageType::pairs, MessageType::told}) {
+          MessageType::pairs, MessageType::frame_done}) {
       for (const std::size_t total : {0u, 1u, 2u, 5u, 13u, 14u, 15u, 16u, 100u, 1000u}) {
         CAPTURE(name_of(type));
         CAPTURE(total);
@@ -82,7 +82,7 @@ TEST_CASE("a run of any length goes through the smallest ring whole, in order, a
         Arrived arrived;
         sender.start(total);
         REQUIRE_FALSE(sender.done());
-        const RunHead head{type, Endpoint::user(9), Endpoint::server(), run, 4};
+        const RunHeader head{type, Endpoint::user(9), Endpoint::server(), run, 4};
         std::size_t filled = 0;
         const auto fill = [&](std::size_t i, std::byte* where) {
           REQUIRE(i == filled++);  // each record once, in order
@@ -118,7 +118,7 @@ TEST_CASE("what a sender could send is there for the receiver although the run i
   RunSender sender;
   TrafficCounts counts{};
   sender.start(1000);
-  const RunHead head{MessageType::notify, Endpoint::server(), Endpoint::user(0), 0, 1};
+  const RunHeader head{MessageType::notify, Endpoint::server(), Endpoint::user(0), 0, 1};
   REQUIRE_FALSE(sender.pump(channel.sender(), head, sizeof(Contact), counts,
                             [](std::size_t, std::byte* where) { std::memset(where, 0, sizeof(Contact)); }));
   Arrived arrived;
@@ -142,7 +142,7 @@ TEST_CASE("a run written record by record goes through the smallest ring whole, 
         CAPTURE(name_of(type));
         CAPTURE(total);
         const std::size_t each = record_bytes(type, 16);
-        const RunHead head{type, Endpoint::node(9), Endpoint::server(), ++run, 4};
+        const RunHeader head{type, Endpoint::node(9), Endpoint::server(), ++run, 4};
         TrafficCounts counts{};
         Arrived arrived;
         writer.start();
@@ -183,8 +183,8 @@ TEST_CASE("runs follow each other on one link without mixing") {
   TrafficCounts counts{};
   first.start(60);
   second.start(0);
-  const RunHead drop{MessageType::drop, Endpoint::server(), Endpoint::node(1), 3, 1};
-  const RunHead begin{MessageType::frame_begin, Endpoint::server(), Endpoint::node(1), 3, 1};
+  const RunHeader drop{MessageType::drop, Endpoint::server(), Endpoint::node(1), 3, 1};
+  const RunHeader begin{MessageType::frame_begin, Endpoint::server(), Endpoint::node(1), 3, 1};
   const auto fill = [](std::size_t i, std::byte* where) { fill_record(5, i, sizeof(DropRecord), where); };
   REQUIRE(first.pump(channel.sender(), drop, sizeof(DropRecord), counts, fill));
   REQUIRE(second.pump(channel.sender(), begin, 0, counts, fill));

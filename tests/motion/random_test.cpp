@@ -24,7 +24,7 @@ TEST_CASE("uniform floats lie in [0, 1) at both ends of the range") {
 TEST_CASE("a draw below a count takes every value about as often") {
   std::array<int, 7> seen{};
   Draws draws(3, 1, 2);
-  for (int i = 0; i < 70'000; ++i) ++seen[below(7, draws.word())];
+  for (int i = 0; i < 70'000; ++i) ++seen[uniform_below(7, draws.word())];
   for (const int count : seen) {
     CHECK(count > 9500);
     CHECK(count < 10'500);

@@ -13,9 +13,9 @@ TEST_CASE("every time between two events lies in the interval") {
     CAPTURE(interval.max);
     const Schedule schedule(interval, 42, 7);
     for (std::uint32_t subject = 0; subject < 20; ++subject) {
-      Epoch epoch = schedule.at(subject, 0);
+      SchedulePeriod epoch = schedule.at(subject, 0);
       for (int turn = 0; turn < 50; ++turn) {
-        const Epoch next = schedule.at(subject, epoch.end);
+        const SchedulePeriod next = schedule.at(subject, epoch.end);
         REQUIRE(next.number == epoch.number + 1);
         REQUIRE(next.end - epoch.end >= interval.min);
         REQUIRE(next.end - epoch.end <= interval.max);
@@ -27,9 +27,9 @@ TEST_CASE("every time between two events lies in the interval") {
 
 TEST_CASE("a turn is the same from whichever of its frames it is found") {
   const Schedule schedule({3, 17}, 9, 1);
-  Epoch current = schedule.at(4, 0);
+  SchedulePeriod current = schedule.at(4, 0);
   for (std::uint64_t frame = 0; frame < 2000; ++frame) {
-    const Epoch epoch = schedule.at(4, frame);
+    const SchedulePeriod epoch = schedule.at(4, frame);
     if (frame < current.end) {
       REQUIRE(epoch.number == current.number);
       REQUIRE(epoch.end == current.end);

@@ -23,10 +23,10 @@ constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::cap
 /// Pairs of one world: hulls and meshes are shared by its bodies, so each world brings new ones.
 constexpr std::size_t world_pairs = 4000, mesh_world_pairs = 500;
 /// Triangles of a mesh at most: the reference looks at every one.
-constexpr int most_triangles = 80;
+constexpr int max_triangles = 80;
 
 struct Options {
-  std::uint64_t random = 1'000'000, nasty = 100'000, mesh_random = 1'000'000, mesh_nasty = 100'000, seed = 1;
+  std::uint64_t random = 1'000'000, degenerate = 100'000, mesh_random = 1'000'000, mesh_degenerate = 100'000, seed = 1;
   unsigned threads = std::max(1u, std::thread::hardware_concurrency());
 };
 
@@ -48,7 +48,7 @@ struct Tally {
 /// One world: some pairs of two kinds, every other world the other way round.
 struct Task {
   ShapeKind p, q;
-  bool nasty;
+  bool degenerate;
   std::uint64_t seed;
   std::size_t count;
 };
@@ -57,11 +57,12 @@ bool has_mesh(ShapeKind p, ShapeKind q) { return p == ShapeKind::mesh || q == Sh
 
 PairWorld make_world(const Task& task) {
   if (has_mesh(task.p, task.q)) {  // a mesh is the second
-    return (task.nasty ? nasty_mesh_pairs : ordinary_mesh_pairs)(task.p, task.count, task.seed, {}, most_triangles);
+    return (task.degenerate ? degenerate_mesh_pairs : ordinary_mesh_pairs)(task.p, task.count, task.seed, {},
+                                                                           max_triangles);
   }
   const bool hulls = task.p == ShapeKind::hull || task.q == ShapeKind::hull;
-  const auto make =
-      task.nasty ? (hulls ? nasty_convex_pairs : nasty_pairs) : (hulls ? ordinary_convex_pairs : ordinary_pairs);
+  const auto make = task.degenerate ? (hulls ? degenerate_convex_pairs : degenerate_pairs)
+                                    : (hulls ? ordinary_convex_pairs : ordinary_pairs);
   return make(task.p, task.q, task.count, task.seed, {});
 }
 
@@ -70,24 +71,24 @@ Tally run(const Task& task) {
   const std::vector<geometry::CandidatePair> pairs = task.seed % 2 == 0 ? world.pairs : world.swapped();
   narrow_phase::NarrowPhase narrow_phase(world.shapes());
   const auto contacts = narrow_phase.test(world.bodies, pairs);
-  const Verdict verdict = judge(world, pairs, contacts, 1e-4, 1);
-  Tally tally{pairs.size(), verdict.contacts, verdict.wrong, 0, {}};
-  if (verdict.wrong > 0) {
-    tally.badly_wrong = judge(world, pairs, contacts, 1e-3, 0).wrong;
+  const CheckResult result = check_contacts(world, pairs, contacts, 1e-4, 1);
+  Tally tally{pairs.size(), result.contacts, result.wrong, 0, {}};
+  if (result.wrong > 0) {
+    tally.badly_wrong = check_contacts(world, pairs, contacts, 1e-3, 0).wrong;
     tally.text =
-        std::string(task.nasty ? "nasty" : "random") + ", seed " + std::to_string(task.seed) + ", " + verdict.text;
+        std::string(task.degenerate ? "nasty" : "random") + ", seed " + std::to_string(task.seed) + ", " + result.text;
   }
   return tally;
 }
 
-Tally run_all(ShapeKind p, ShapeKind q, bool nasty, const Options& options) {
+Tally run_all(ShapeKind p, ShapeKind q, bool degenerate, const Options& options) {
   const bool mesh = has_mesh(p, q);
-  const std::uint64_t pairs =
-      mesh ? (nasty ? options.mesh_nasty : options.mesh_random) : (nasty ? options.nasty : options.random);
+  const std::uint64_t pairs = mesh ? (degenerate ? options.mesh_degenerate : options.mesh_random)
+                                   : (degenerate ? options.degenerate : options.random);
   const std::uint64_t a_world = mesh ? mesh_world_pairs : world_pairs;
   std::vector<Task> tasks;
   for (std::uint64_t done = 0; done < pairs; done += a_world) {
-    tasks.push_back({p, q, nasty, options.seed * 1'000'000 + tasks.size(),
+    tasks.push_back({p, q, degenerate, options.seed * 1'000'000 + tasks.size(),
                      static_cast<std::size_t>(std::min<std::uint64_t>(a_world, pairs - done))});
   }
   std::atomic<std::size_t> next{0};
@@ -108,7 +109,7 @@ Tally run_all(ShapeKind p, ShapeKind q, bool nasty, const Options& options) {
 }
 
 std::uint64_t pairs_of(ShapeKind p, ShapeKind q, const Options& options) {
-  return has_mesh(p, q) ? options.mesh_random + options.mesh_nasty : options.random + options.nasty;
+  return has_mesh(p, q) ? options.mesh_random + options.mesh_degenerate : options.random + options.degenerate;
 }
 
 /// False where an option or its number is none.
@@ -123,11 +124,11 @@ bool read(int argc, char** argv, Options& options) {
     if (name == "--random") {
       options.random = value;
     } else if (name == "--nasty") {
-      options.nasty = value;
+      options.degenerate = value;
     } else if (name == "--mesh-random") {
       options.mesh_random = value;
     } else if (name == "--mesh-nasty") {
-      options.mesh_nasty = value;
+      options.mesh_degenerate = value;
     } else if (name == "--seed") {
       options.seed = value;
     } else if (name == "--threads" && value > 0 && value <= 1024) {
@@ -148,11 +149,11 @@ int check(const Options& options) {
     for (const ShapeKind q : kinds) {
       if (q < p || pairs_of(p, q, options) == 0) continue;
       std::printf("%-8s %-8s", name_of(p), name_of(q));
-      for (const bool nasty : {false, true}) {
-        const Tally tally = run_all(p, q, nasty, options);
+      for (const bool degenerate : {false, true}) {
+        const Tally tally = run_all(p, q, degenerate, options);
         std::printf(" %10llu %10llu %7llu %7llu%s", static_cast<unsigned long long>(tally.pairs),
                     static_cast<unsigned long long>(tally.contacts), static_cast<unsigned long long>(tally.wrong),
-                    static_cast<unsigned long long>(tally.badly_wrong), nasty ? "\n" : "  ");
+                    static_cast<unsigned long long>(tally.badly_wrong), degenerate ? "\n" : "  ");
         std::fflush(stdout);
         failed |= tally.wrong > 0;
         text += tally.text;

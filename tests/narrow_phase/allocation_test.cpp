@@ -28,7 +28,7 @@ TEST_CASE("meshes are tested without allocation") {
   for (const ShapeKind kind :
        {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh}) {
     INFO(name_of(kind));
-    const PairWorld world = nasty_mesh_pairs(kind, 300, 22);
+    const PairWorld world = degenerate_mesh_pairs(kind, 300, 22);
     narrow_phase::NarrowPhase narrow_phase(world.shapes());
     const std::size_t contacts = narrow_phase.test(world.bodies, world.pairs).size();
     const std::size_t before = allocations;
@@ -41,7 +41,7 @@ TEST_CASE("in steady state nothing is allocated") {
   for (const auto& [p, q] : {std::pair{ShapeKind::sphere, ShapeKind::box},
                              {ShapeKind::box, ShapeKind::box},
                              {ShapeKind::capsule, ShapeKind::capsule}}) {
-    PairWorld world = nasty_pairs(p, q, 6000, 21);
+    PairWorld world = degenerate_pairs(p, q, 6000, 21);
     narrow_phase::NarrowPhase narrow_phase(world.shapes());
     const std::size_t contacts = narrow_phase.test(world.bodies, world.pairs).size();
     const std::size_t before = allocations;

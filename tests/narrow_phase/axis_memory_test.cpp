@@ -19,10 +19,10 @@ using narrow_phase::PairContact;
 class Motion {
  public:
   Motion(std::vector<narrow_phase::Body>& bodies, std::uint64_t seed) : bodies_(bodies) {
-    Draw draw(seed);
+    RandomSource random(seed);
     for (std::size_t i = 0; i < bodies.size(); ++i) {
-      step_.push_back(draw.way(0, 0.03));
-      spin_.push_back(draw.way(0, 0.02));
+      step_.push_back(random.way(0, 0.03));
+      spin_.push_back(random.way(0, 0.02));
     }
   }
   void advance() {
@@ -49,20 +49,20 @@ bool same_bits(std::span<const PairContact> p, std::span<const PairContact> q) {
 }  // namespace
 
 TEST_CASE("remembered axes, kept, off, cleared at random or those of other pairs, change no contact") {
-  for (const bool nasty : {false, true}) {
+  for (const bool degenerate : {false, true}) {
     const std::uint64_t seed = 51;
-    INFO("nasty ", nasty, ", seed ", seed);
-    PairWorld world =
-        (nasty ? nasty_convex_pairs : ordinary_convex_pairs)(ShapeKind::hull, ShapeKind::hull, 1500, seed, {});
+    INFO("nasty ", degenerate, ", seed ", seed);
+    PairWorld world = (degenerate ? degenerate_convex_pairs : ordinary_convex_pairs)(ShapeKind::hull, ShapeKind::hull,
+                                                                                     1500, seed, {});
     Motion motion(world.bodies, seed + 1);
     NarrowPhase off(world.shapes()), kept(world.shapes()), cleared(world.shapes()), mistaken(world.shapes());
     for (NarrowPhase* narrow_phase : {&kept, &cleared, &mistaken}) narrow_phase->remember_axes(true);
-    Draw draw(seed + 2);
+    RandomSource random(seed + 2);
     std::vector<narrow_phase::Body> renumbered = world.bodies;
     for (int frame = 0; frame < 30; ++frame) {
       const auto expected = off.test(world.bodies, world.pairs);
       REQUIRE(same_bits(kept.test(world.bodies, world.pairs), expected));
-      if (draw.below(3) == 0) cleared.forget_axes();
+      if (random.below(3) == 0) cleared.forget_axes();
       REQUIRE(same_bits(cleared.test(world.bodies, world.pairs), expected));
       // Numbers that go round: each pair finds what another left.
       for (std::size_t i = 0; i < renumbered.size(); ++i) {

@@ -8,8 +8,8 @@
 
 #include "geometry/ellipsoid.hpp"
 #include "geometry/vector.hpp"
-#include "narrow_phase/convex_features.hpp"
 #include "narrow_phase/convex_world.hpp"
+#include "narrow_phase/hull/feature_points.hpp"
 #include "narrow_phase/targets.hpp"
 
 using namespace ringfence;
@@ -30,9 +30,9 @@ const KindOfPair with_hull[] = {{ShapeKind::sphere, narrow_phase::test_sphere_hu
 void check(const PairWorld& world, narrow_phase::Kernel kernel) {
   const auto swapped = world.swapped();
   for (const auto& pairs : {world.pairs, swapped}) {
-    const Verdict verdict = judge(world, pairs, run_kernel(world, pairs, kernel));
-    CHECK_MESSAGE(verdict.wrong == 0, verdict.wrong << " of " << pairs.size() << " wrong:\n" << verdict.text);
-    CHECK(verdict.contacts > pairs.size() / 8);
+    const CheckResult result = check_contacts(world, pairs, run_kernel(world, pairs, kernel));
+    CHECK_MESSAGE(result.wrong == 0, result.wrong << " of " << pairs.size() << " wrong:\n" << result.text);
+    CHECK(result.contacts > pairs.size() / 8);
   }
 }
 
@@ -58,7 +58,7 @@ TEST_CASE("contacts of needles, plates, grids, prisms and a thousandfold of size
     for (const std::uint64_t seed : {3u, 4u}) {
       CAPTURE(name_of(pair.first));
       CAPTURE(seed);
-      check(nasty_convex_pairs(pair.first, ShapeKind::hull, 1500, seed, seed == 3 ? Vec3d{} : Vec3d{-1e6, 5e5, 0}),
+      check(degenerate_convex_pairs(pair.first, ShapeKind::hull, 1500, seed, seed == 3 ? Vec3d{} : Vec3d{-1e6, 5e5, 0}),
             pair.kernel);
     }
   }
@@ -66,10 +66,10 @@ TEST_CASE("contacts of needles, plates, grids, prisms and a thousandfold of size
 
 TEST_CASE("every target answers for hulls with the same bits") {
   for (const KindOfPair& pair : with_hull) {
-    for (const bool nasty : {false, true}) {
+    for (const bool degenerate : {false, true}) {
       CAPTURE(name_of(pair.first));
-      const PairWorld world = nasty ? nasty_convex_pairs(pair.first, ShapeKind::hull, 1500, 5)
-                                    : ordinary_convex_pairs(pair.first, ShapeKind::hull, 4000, 5);
+      const PairWorld world = degenerate ? degenerate_convex_pairs(pair.first, ShapeKind::hull, 1500, 5)
+                                         : ordinary_convex_pairs(pair.first, ShapeKind::hull, 4000, 5);
       const std::vector<PairContact> expected = run_kernel(world, world.pairs, pair.kernel);
       for (const std::string& target : narrow_phase::targets()) {
         CAPTURE(target);
@@ -82,7 +82,7 @@ TEST_CASE("every target answers for hulls with the same bits") {
 }
 
 TEST_CASE("shapes of a support function meet spheres, boxes, capsules, hulls and each other as the reference says") {
-  Draw draw(6);
+  RandomSource random(6);
   for (const ShapeKind kind :
        {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::support}) {
     CAPTURE(std::string(name_of(kind)));
@@ -92,8 +92,8 @@ TEST_CASE("shapes of a support function meet spheres, boxes, capsules, hulls and
     std::vector<ShapeNumber> ellipsoids;
     for (int i = 0; i < 8; ++i) {
       const ShapeDescription shape = SupportShape{std::make_shared<test::Ellipsoid>(
-          Vec3f{static_cast<float>(draw.uniform(0.4, 1.2)), static_cast<float>(draw.uniform(0.4, 1.2)),
-                static_cast<float>(draw.uniform(0.4, 1.2))})};
+          Vec3f{static_cast<float>(random.uniform(0.4, 1.2)), static_cast<float>(random.uniform(0.4, 1.2)),
+                static_cast<float>(random.uniform(0.4, 1.2))})};
       ellipsoids.push_back(world.table->add(shape));
       world.reference.add(shape);
     }
@@ -102,9 +102,9 @@ TEST_CASE("shapes of a support function meet spheres, boxes, capsules, hulls and
       if (kind == ShapeKind::support) world.bodies[pair.a].shape = ellipsoids[pair.a % 8];
     }
     for (const auto& pairs : {world.pairs, world.swapped()}) {
-      const Verdict verdict = judge(world, pairs, run_kernel(world, pairs, narrow_phase::test_support_any));
-      CHECK_MESSAGE(verdict.wrong == 0, verdict.wrong << " of " << pairs.size() << " wrong:\n" << verdict.text);
-      CHECK(verdict.contacts > pairs.size() / 8);
+      const CheckResult result = check_contacts(world, pairs, run_kernel(world, pairs, narrow_phase::test_support_any));
+      CHECK_MESSAGE(result.wrong == 0, result.wrong << " of " << pairs.size() << " wrong:\n" << result.text);
+      CHECK(result.contacts > pairs.size() / 8);
     }
   }
 }
@@ -119,14 +119,14 @@ TEST_CASE("the two pairs in eleven million that were wrong are right") {
   };
   Found found[] = {
       {ordinary_convex_pairs(ShapeKind::sphere, ShapeKind::hull, 4000, 1000038), 3162, narrow_phase::test_sphere_hull},
-      {nasty_convex_pairs(ShapeKind::hull, ShapeKind::hull, 4000, 1000005), 1486, narrow_phase::test_hull_hull}};
+      {degenerate_convex_pairs(ShapeKind::hull, ShapeKind::hull, 4000, 1000005), 1486, narrow_phase::test_hull_hull}};
   for (Found& f : found) {
     const geometry::CandidatePair pair = f.world.pairs[f.pair];
     for (const std::vector<geometry::CandidatePair>& pairs :
          {std::vector{pair}, std::vector{geometry::CandidatePair{pair.b, pair.a}}}) {
-      const Verdict verdict = judge(f.world, pairs, run_kernel(f.world, pairs, f.kernel));
-      CHECK(verdict.contacts == 1);
-      CHECK_MESSAGE(verdict.wrong == 0, verdict.text);
+      const CheckResult result = check_contacts(f.world, pairs, run_kernel(f.world, pairs, f.kernel));
+      CHECK(result.contacts == 1);
+      CHECK_MESSAGE(result.wrong == 0, result.text);
     }
   }
 }
@@ -136,24 +136,24 @@ TEST_CASE("a round body at a hull's edge, just outside, has a normal that keeps 
   // point.
   const unsigned seed = 41;
   CAPTURE(seed);
-  Draw draw(seed);
+  RandomSource random(seed);
   for (const ShapeKind kind : {ShapeKind::sphere, ShapeKind::capsule}) {
     PairWorld world;
     for (int i = 0; i < 4000; ++i) {
       ConvexHull hull;
-      const int points = 4 + draw.below(40);
-      for (int k = 0; k < points; ++k) hull.points.push_back(to_float(draw.direction()));
+      const int points = 4 + random.below(40);
+      for (int k = 0; k < points; ++k) hull.points.push_back(to_float(random.direction()));
       Pose pose_hull, pose_round;
-      pose_hull.orientation = draw.turn();
+      pose_hull.orientation = random.turn();
       const std::uint32_t b = world.add(hull, pose_hull);
-      const geometry::Hull& prepared = world.shapes().hull(world.shapes().row(world.bodies[b].shape).detail);
+      const geometry::Hull& prepared = world.shapes().hull(world.shapes().row(world.bodies[b].shape).index_in_kind);
       // On an edge or at its end, raised by very little, and beside it by even less.
       const geometry::HullEdge& edge =
-          prepared.edges()[static_cast<std::size_t>(draw.below(static_cast<int>(prepared.edge_count())))];
-      const double t = draw.below(3) == 0 ? 0.0 : draw.uniform(0, static_cast<double>(edge.length));
-      const double left = draw.uniform(0, 1);
-      const double height = draw.logarithmic(1e-8, 1e-2);
-      const double beside = draw.logarithmic(1e-10, 1e-5) * (draw.below(2) == 0 ? 1 : -1);
+          prepared.edges()[static_cast<std::size_t>(random.below(static_cast<int>(prepared.edge_count())))];
+      const double t = random.below(3) == 0 ? 0.0 : random.uniform(0, static_cast<double>(edge.length));
+      const double left = random.uniform(0, 1);
+      const double height = random.logarithmic(1e-8, 1e-2);
+      const double beside = random.logarithmic(1e-10, 1e-5) * (random.below(2) == 0 ? 1 : -1);
       const auto in_double = [](const auto& v) { return Vec3d{v.x, v.y, v.z}; };
       const Vec3d from = in_double(prepared.vertex(edge.from)), along = in_double(edge.along);
       const Vec3d up = in_double(edge.left_normal) * left + in_double(edge.right_normal) * (1 - left);
@@ -161,8 +161,8 @@ TEST_CASE("a round body at a hull's edge, just outside, has a normal that keeps 
       const Vec3d centre = from + along * t + up * height + side * beside;
       const geometry::RotationD turn = geometry::rotation_exact(pose_hull.orientation);
       pose_round.position = geometry::rotate(turn, centre);
-      pose_round.orientation = draw.turn();
-      const float radius = static_cast<float>(draw.uniform(0.1, 0.5));
+      pose_round.orientation = random.turn();
+      const float radius = static_cast<float>(random.uniform(0.1, 0.5));
       const ShapeDescription round =
           kind == ShapeKind::sphere ? ShapeDescription{Sphere{radius}} : ShapeDescription{Capsule{radius, 0.01f}};
       world.pairs.push_back({world.add(round, pose_round), b});
@@ -180,14 +180,14 @@ TEST_CASE("the point of two long edges that are parallel but for rounding lies i
     narrow_phase::Kernel kernel;
   };
   Found found[] = {
-      {nasty_convex_pairs(ShapeKind::hull, ShapeKind::hull, 4000, 11000003), 824, narrow_phase::test_hull_hull},
-      {nasty_convex_pairs(ShapeKind::box, ShapeKind::hull, 4000, 5000004), 561, narrow_phase::test_box_hull}};
+      {degenerate_convex_pairs(ShapeKind::hull, ShapeKind::hull, 4000, 11000003), 824, narrow_phase::test_hull_hull},
+      {degenerate_convex_pairs(ShapeKind::box, ShapeKind::hull, 4000, 5000004), 561, narrow_phase::test_box_hull}};
   for (Found& f : found) {
     const geometry::CandidatePair pair = f.world.pairs[f.pair];
     for (const std::vector<geometry::CandidatePair>& pairs : {std::vector{pair}, f.world.pairs}) {
-      const Verdict verdict = judge(f.world, pairs, run_kernel(f.world, pairs, f.kernel));
-      CHECK(verdict.contacts > pairs.size() / 2);
-      CHECK_MESSAGE(verdict.wrong == 0, verdict.text);
+      const CheckResult result = check_contacts(f.world, pairs, run_kernel(f.world, pairs, f.kernel));
+      CHECK(result.contacts > pairs.size() / 2);
+      CHECK_MESSAGE(result.wrong == 0, result.text);
     }
   }
 }
@@ -199,7 +199,7 @@ TEST_CASE("two features meet in the middle of what they share") {
         {x - half, y - half, z}, {x + half, y - half, z}, {x + half, y + half, z}, {x - half, y + half, z}};
   };
   const auto meet = [&](const std::vector<Vec3d>& p, const std::vector<Vec3d>& q) {
-    return narrow_phase::meeting_point(p, q, up);
+    return narrow_phase::common_point(p, q, up);
   };
   const auto near = [](Vec3d p, double x, double y) { return std::hypot(p.x - x, p.y - y) < 1e-12; };
   CHECK(near(meet(square(0, 0, 1, 0), square(1.5, 0.5, 1, 3)), 0.75, 0.25));

@@ -9,10 +9,10 @@
 namespace ringfence::narrow_phase_test {
 namespace {
 
-ConvexHull ellipsoid(Draw& draw, int count, Vec3d radii, Vec3d centre = {}) {
+ConvexHull ellipsoid(RandomSource& random, int count, Vec3d radii, Vec3d centre = {}) {
   ConvexHull hull;
   for (int i = 0; i < count; ++i) {
-    const Vec3d d = draw.direction();
+    const Vec3d d = random.direction();
     hull.points.push_back(to_float(Vec3d{d.x * radii.x, d.y * radii.y, d.z * radii.z} + centre));
   }
   return hull;
@@ -39,50 +39,51 @@ ConvexHull grid(double x, double y, double z) {
   return hull;
 }
 
-ShapeDescription ordinary_shape(Draw& draw, ShapeKind kind) {
-  if (kind != ShapeKind::hull) return draw.ordinary(kind);
+ShapeDescription ordinary_shape(RandomSource& random, ShapeKind kind) {
+  if (kind != ShapeKind::hull) return random.ordinary(kind);
   static constexpr int sizes[] = {4, 5, 6, 8, 12, 16, 24, 32, 32, 48, 64, 100};
-  const Vec3d radii{draw.uniform(0.4, 1.2), draw.uniform(0.4, 1.2), draw.uniform(0.4, 1.2)};
-  return ellipsoid(draw, sizes[draw.below(12)], radii);
+  const Vec3d radii{random.uniform(0.4, 1.2), random.uniform(0.4, 1.2), random.uniform(0.4, 1.2)};
+  return ellipsoid(random, sizes[random.below(12)], radii);
 }
 
-ShapeDescription nasty_shape(Draw& draw, ShapeKind kind) {
-  if (kind != ShapeKind::hull) return draw.nasty(kind);
-  const double s = draw.logarithmic(0.05, 30);
-  const double far = draw.uniform(1, 4);
-  const Vec3d away = draw.way(s * far);
-  switch (draw.below(9)) {
+ShapeDescription degenerate_shape(RandomSource& random, ShapeKind kind) {
+  if (kind != ShapeKind::hull) return random.degenerate(kind);
+  const double s = random.logarithmic(0.05, 30);
+  const double far = random.uniform(1, 4);
+  const Vec3d away = random.way(s * far);
+  switch (random.below(9)) {
     case 0:
-      return ellipsoid(draw, 20, {s, s * 0.003, s * 0.003});  // needle
+      return ellipsoid(random, 20, {s, s * 0.003, s * 0.003});  // needle
     case 1:
-      return ellipsoid(draw, 24, {s, s, std::max(5.1e-4, s * 0.001)});  // plate
+      return ellipsoid(random, 24, {s, s, std::max(5.1e-4, s * 0.001)});  // plate
     case 2: {
-      const double z = draw.below(2) == 0 ? s : std::max(5e-4, s * 0.002);
-      return grid(s, s * (draw.below(2) == 0 ? 1 : 0.5), z);
+      const double z = random.below(2) == 0 ? s : std::max(5e-4, s * 0.002);
+      return grid(s, s * (random.below(2) == 0 ? 1 : 0.5), z);
     }
     case 3: {
-      const double half_height = draw.below(2) == 0 ? s : s * 0.01;
-      return prism(3 + draw.below(30), s, half_height);
+      const double half_height = random.below(2) == 0 ? s : s * 0.01;
+      return prism(3 + random.below(30), s, half_height);
     }
     case 4:
       return ConvexHull{
           {{0, 0, 0}, {static_cast<float>(s), 0, 0}, {0, static_cast<float>(s), 0}, {0, 0, static_cast<float>(s)}}};
     case 5:
-      return ellipsoid(draw, 32, {s, s * 0.8, s * 0.6}, away);  // its origin is outside
+      return ellipsoid(random, 32, {s, s * 0.8, s * 0.6}, away);  // its origin is outside
     case 6:
-      return ellipsoid(draw, 120, {s, s, s});
+      return ellipsoid(random, 120, {s, s, s});
     case 7:
       return grid(s, s, s);
     default:
-      return ellipsoid(draw, 32, {s, s * draw.uniform(0.3, 1), s * draw.uniform(0.3, 1)});
+      return ellipsoid(random, 32, {s, s * random.uniform(0.3, 1), s * random.uniform(0.3, 1)});
   }
 }
 
 /// Shapes of one kind that a world's bodies share.
-std::vector<ShapeNumber> add_shapes(PairWorld& world, Draw& draw, ShapeKind kind, int count, bool nasty) {
+std::vector<ShapeNumber> add_shapes(PairWorld& world, RandomSource& random, ShapeKind kind, int count,
+                                    bool degenerate) {
   std::vector<ShapeNumber> numbers;
   for (int i = 0; i < count; ++i) {
-    const ShapeDescription shape = nasty ? nasty_shape(draw, kind) : ordinary_shape(draw, kind);
+    const ShapeDescription shape = degenerate ? degenerate_shape(random, kind) : ordinary_shape(random, kind);
     numbers.push_back(world.table->add(shape));
     world.reference.add(shape);
   }
@@ -100,33 +101,34 @@ double radius(const PairWorld& world, ShapeNumber shape) { return double{world.t
 
 Vec3d centre_of(const PairWorld& world, ShapeNumber shape) {
   const geometry::ShapeRow& row = world.table->row(shape);
-  return row.kind == ShapeKind::hull ? to_double(world.table->hull(row.detail).centroid()) : Vec3d{};
+  return row.kind == ShapeKind::hull ? to_double(world.table->hull(row.index_in_kind).centroid()) : Vec3d{};
 }
 
 Vec3d turned(const Quat& q, Vec3d p) { return geometry::rotate(geometry::rotation_double(q), p); }
 
 /// A place for q's origin that makes trouble.
-Vec3d special_place(Draw& draw, const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q,
-                    const Quat& turn_q) {
+Vec3d special_position(RandomSource& random, const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q,
+                       const Quat& turn_q) {
   const double reach = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
   const Vec3d centred =
       pose_p.position + turned(pose_p.orientation, centre_of(world, p)) - turned(turn_q, centre_of(world, q));
   const Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  switch (draw.below(6)) {
+  switch (random.below(6)) {
     case 0:
       return pose_p.position;
     case 1:
       return centred;
     case 2:
-      return centred + draw.way(draw.logarithmic(1e-9, 1e-2) * small);
+      return centred + random.way(random.logarithmic(1e-9, 1e-2) * small);
     case 3: {  // along an axis of p by round shares of its size
-      const double far = radius(world, p) * 0.25 * draw.below(8);
-      return centred + turned(pose_p.orientation, axes[draw.below(3)]) * far;
+      const double far = radius(world, p) * 0.25 * random.below(8);
+      return centred + turned(pose_p.orientation, axes[random.below(3)]) * far;
     }
     case 4:
-      return centred + draw.way(draw.uniform(0, 1) * reach);
+      return centred + random.way(random.uniform(0, 1) * reach);
     default: {  // touching, or off it by a little to either side
-      const Vec3d direction = draw.below(2) == 0 ? draw.direction() : turned(pose_p.orientation, axes[draw.below(3)]);
+      const Vec3d direction =
+          random.below(2) == 0 ? random.direction() : turned(pose_p.orientation, axes[random.below(3)]);
       double low = 0, high = 2 * reach;
       for (int i = 0; i < 24; ++i) {
         const double middle = (low + high) / 2;
@@ -134,46 +136,47 @@ Vec3d special_place(Draw& draw, const PairWorld& world, ShapeNumber p, const Pos
         (reference::separation(world.reference[p], pose_p, world.reference[q], pose_q).distance > 0 ? high : low) =
             middle;
       }
-      double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-6, 1e-2) * small;
-      if (off != 0 && draw.below(2) != 0) off = -off;
+      double off = random.below(2) == 0 ? 0 : random.logarithmic(1e-6, 1e-2) * small;
+      if (off != 0 && random.below(2) != 0) off = -off;
       return centred + direction * (low + off);
     }
   }
 }
 
-constexpr int shapes_a_kind = 60;
+constexpr int shapes_per_kind = 60;
 
 }  // namespace
 
 PairWorld ordinary_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
-  Draw draw(seed);
+  RandomSource random(seed);
   PairWorld world;
-  const auto firsts = add_shapes(world, draw, p, shapes_a_kind, false);
-  const auto seconds = add_shapes(world, draw, q, shapes_a_kind, false);
+  const auto firsts = add_shapes(world, random, p, shapes_per_kind, false);
+  const auto seconds = add_shapes(world, random, q, shapes_per_kind, false);
   for (std::size_t i = 0; i < count; ++i) {
-    const ShapeNumber first = firsts[static_cast<std::size_t>(draw.below(shapes_a_kind))];
-    const ShapeNumber second = seconds[static_cast<std::size_t>(draw.below(shapes_a_kind))];
-    const Pose pose{origin + draw.way(0, 100), draw.turn()};
+    const ShapeNumber first = firsts[static_cast<std::size_t>(random.below(shapes_per_kind))];
+    const ShapeNumber second = seconds[static_cast<std::size_t>(random.below(shapes_per_kind))];
+    const Pose pose{origin + random.way(0, 100), random.turn()};
     const double reach = radius(world, first) + radius(world, second);
     add_pair(world, first, pose, second,
-             {pose.position + draw.way(std::cbrt(draw.uniform(0, 1)) * reach), draw.turn()});
+             {pose.position + random.way(std::cbrt(random.uniform(0, 1)) * reach), random.turn()});
   }
   return world;
 }
 
-PairWorld nasty_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
-  Draw draw(seed);
+PairWorld degenerate_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed,
+                                  const Vec3d& origin) {
+  RandomSource random(seed);
   PairWorld world;
-  const auto firsts = add_shapes(world, draw, p, shapes_a_kind, true);
-  auto seconds = add_shapes(world, draw, q, shapes_a_kind, true);
+  const auto firsts = add_shapes(world, random, p, shapes_per_kind, true);
+  auto seconds = add_shapes(world, random, q, shapes_per_kind, true);
   for (std::size_t i = 0; i < count; ++i) {
-    const ShapeNumber first = firsts[static_cast<std::size_t>(draw.below(shapes_a_kind))];
-    ShapeNumber second = seconds[static_cast<std::size_t>(draw.below(shapes_a_kind))];
-    if (p == q && draw.below(8) == 0) second = first;
+    const ShapeNumber first = firsts[static_cast<std::size_t>(random.below(shapes_per_kind))];
+    ShapeNumber second = seconds[static_cast<std::size_t>(random.below(shapes_per_kind))];
+    if (p == q && random.below(8) == 0) second = first;
     if (radius(world, first) > 1000 * radius(world, second)) second = seconds[0];
-    const Pose pose{origin, draw.below(2) == 0 ? Quat{} : draw.turn()};
-    const Quat turn = draw.below(3) == 0 ? draw.turn() : draw.special_turn(pose.orientation);
-    add_pair(world, first, pose, second, {special_place(draw, world, first, pose, second, turn), turn});
+    const Pose pose{origin, random.below(2) == 0 ? Quat{} : random.turn()};
+    const Quat turn = random.below(3) == 0 ? random.turn() : random.special_orientation(pose.orientation);
+    add_pair(world, first, pose, second, {special_position(random, world, first, pose, second, turn), turn});
   }
   return world;
 }

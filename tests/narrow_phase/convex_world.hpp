@@ -17,7 +17,8 @@ PairWorld ordinary_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std
 /// The same made to be hard: needles, plates of a millimetre, grids, prisms of many sides, tetrahedra, hulls that do
 /// not hold their origin, sizes up to a thousandfold apart; the same centre, nested, face on face, touching to within
 /// rounding, parallel.
-PairWorld nasty_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin = {});
+PairWorld degenerate_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed,
+                                  const Vec3d& origin = {});
 
 /// What `kernel` answers for `pairs` of the world, in the order of the pairs; in double where the sizes ask for it.
 std::vector<narrow_phase::PairContact> run_kernel(const PairWorld& world,

@@ -103,10 +103,10 @@ TEST_CASE("a sample of the candidates is timed, however few or many come at once
     CAPTURE(name_of(p));
     const PairWorld world = ordinary_pairs(p, ShapeKind::box, 3000, 17);
     NarrowPhase narrow_phase(world.shapes());
-    Draw draw(18);
+    RandomSource random(18);
     const std::span<const geometry::CandidatePair> pairs = world.pairs;
     for (int call = 0; call < 40; ++call) {
-      const auto count = static_cast<std::size_t>(draw.logarithmic(1, 3000));
+      const auto count = static_cast<std::size_t>(random.logarithmic(1, 3000));
       narrow_phase.test(world.bodies, pairs.first(count));
     }
     const KindCounters& counters = narrow_phase.counters(p, ShapeKind::box);

@@ -1,4 +1,4 @@
-#include "narrow_phase/cutting_planes.hpp"
+#include "narrow_phase/support/cutting_planes.hpp"
 
 #include <algorithm>
 #include <array>
@@ -25,14 +25,14 @@ double highest(const std::vector<Vec3d>& points, const Vec3d& direction) {
 TEST_CASE("no direction within the bounds has its highest point lower than the one of the planes") {
   for (const std::uint64_t seed : {1u, 2u, 3u, 4u}) {
     CAPTURE(seed);
-    Draw draw(seed);
+    RandomSource random(seed);
     for (int round = 0; round < 200; ++round) {
-      const double most = draw.logarithmic(1e-3, 1);
-      const int count = 1 + draw.below(8);
+      const double most = random.logarithmic(1e-3, 1);
+      const int count = 1 + random.below(8);
       CuttingPlanes planes;
       std::vector<Vec3d> points;
       for (int i = 0; i < count; ++i) {
-        points.push_back(draw.below(4) == 0 && i > 0 ? points[0] : draw.way(0, 2));
+        points.push_back(random.below(4) == 0 && i > 0 ? points[0] : random.way(0, 2));
         planes.add(points.back());
       }
       const Vec3d found = planes.lowest(n, u, v, most);

@@ -26,7 +26,7 @@ std::shared_ptr<fcl::CollisionGeometryd> convert(const geometry::ShapeTable& sha
   if (row.kind == ShapeKind::box) return std::make_shared<fcl::Boxd>(2 * x, 2 * y, 2 * z);
   if (row.kind == ShapeKind::capsule) return std::make_shared<fcl::Capsuled>(x, 2 * y);
   if (row.kind == ShapeKind::mesh) {
-    const geometry::Mesh& mesh = shapes.mesh(row.detail);
+    const geometry::Mesh& mesh = shapes.mesh(row.index_in_kind);
     std::vector<fcl::Vector3d> corners;
     std::vector<fcl::Triangle> triangles;
     for (const Vec3f& v : mesh.vertices()) corners.push_back({double{v.x}, double{v.y}, double{v.z}});
@@ -37,7 +37,7 @@ std::shared_ptr<fcl::CollisionGeometryd> convert(const geometry::ShapeTable& sha
     out->endModel();
     return out;
   }
-  const geometry::Hull& hull = shapes.hull(row.detail);
+  const geometry::Hull& hull = shapes.hull(row.index_in_kind);
   auto vertices = std::make_shared<std::vector<fcl::Vector3d>>();
   for (std::size_t i = 0; i < hull.vertex_count(); ++i) {
     const Vec3f v = hull.vertex(i);

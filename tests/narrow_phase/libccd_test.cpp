@@ -34,7 +34,7 @@ struct Placed {
     return to_double(
         *std::max_element(points.begin(), points.end(), [&](Vec3f p, Vec3f q) { return height(p) < height(q); }));
   }
-  Vec3d support(Vec3d d) const { return rotate(turn, local_support(rotate_back(turn, d))) + position; }
+  Vec3d support(Vec3d d) const { return rotate(turn, local_support(rotate_inverse(turn, d))) + position; }
 };
 
 void support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {

@@ -10,7 +10,7 @@
 namespace ringfence::narrow_phase_test {
 namespace {
 
-constexpr int shapes_a_side = 24;
+constexpr int shapes_per_side = 24;
 
 void add_triangle(TriangleMesh& mesh, Vec3d p, Vec3d q, Vec3d r) {
   for (const Vec3d& v : {p, q, r}) {
@@ -35,22 +35,22 @@ TriangleMesh bowl(const TriangleMesh& whole, float below) {
   return out;
 }
 
-TriangleMesh soup(Draw& draw, int count, double size, double triangle) {
+TriangleMesh soup(RandomSource& random, int count, double size, double triangle) {
   TriangleMesh mesh;
   for (int i = 0; i < count; ++i) {
-    const Vec3d p = draw.way(0, size);
-    const Vec3d third = p + draw.way(0.1 * triangle, triangle);
-    add_triangle(mesh, p, p + draw.way(triangle), third);
+    const Vec3d p = random.way(0, size);
+    const Vec3d third = p + random.way(0.1 * triangle, triangle);
+    add_triangle(mesh, p, p + random.way(triangle), third);
   }
   return mesh;
 }
 
-TriangleMesh needles(Draw& draw, int count, double size) {
+TriangleMesh needles(RandomSource& random, int count, double size) {
   TriangleMesh mesh;
   for (int i = 0; i < count; ++i) {
-    const Vec3d p = draw.way(0, 0.5 * size), along = draw.direction();
-    const Vec3d off = draw.way(size * draw.logarithmic(1e-6, 1e-2));
-    add_triangle(mesh, p, p + along * size, p + along * draw.uniform(0, size) + off);
+    const Vec3d p = random.way(0, 0.5 * size), along = random.direction();
+    const Vec3d off = random.way(size * random.logarithmic(1e-6, 1e-2));
+    add_triangle(mesh, p, p + along * size, p + along * random.uniform(0, size) + off);
   }
   return mesh;
 }
@@ -65,70 +65,72 @@ TriangleMesh rock(std::uint64_t seed, std::uint32_t index, int n, int most) {
   return worlds::make_asteroid(seed, index, static_cast<std::uint32_t>(within(n, 20, most)));
 }
 
-TriangleMesh ordinary_mesh(Draw& draw, int most) {
-  const auto index = static_cast<std::uint32_t>(draw.below(1000));
-  switch (draw.below(6)) {
+TriangleMesh ordinary_mesh(RandomSource& random, int most) {
+  const auto index = static_cast<std::uint32_t>(random.below(1000));
+  switch (random.below(6)) {
     case 0: {
-      const double height = draw.uniform(0, 0.3), half = draw.uniform(0.6, 1.5);
-      return terrain(within(2 + draw.below(8), 2, most), half, height);
+      const double height = random.uniform(0, 0.3), half = random.uniform(0.6, 1.5);
+      return terrain(within(2 + random.below(8), 2, most), half, height);
     }
     case 1: {
-      const int n = within(1 + draw.below(4), 12, most);
-      return box_surface({draw.uniform(0.3, 1), draw.uniform(0.3, 1), draw.uniform(0.3, 1)}, n);
+      const int n = within(1 + random.below(4), 12, most);
+      return box_surface({random.uniform(0.3, 1), random.uniform(0.3, 1), random.uniform(0.3, 1)}, n);
     }
     case 2:
       return bowl(rock(1, index, 4, most), 0.1f);
     default:
-      return rock(1, index, 1 + draw.below(6), most);
+      return rock(1, index, 1 + random.below(6), most);
   }
 }
 
-TriangleMesh nasty_mesh(Draw& draw, int most) {
-  const double s = draw.logarithmic(0.05, 20);
-  const auto index = static_cast<std::uint32_t>(draw.below(1000));
-  switch (draw.below(9)) {
+TriangleMesh degenerate_mesh(RandomSource& random, int most) {
+  const double s = random.logarithmic(0.05, 20);
+  const auto index = static_cast<std::uint32_t>(random.below(1000));
+  switch (random.below(9)) {
     case 0:
-      return needles(draw, std::min(1 + draw.below(40), most), s);
+      return needles(random, std::min(1 + random.below(40), most), s);
     case 1: {
-      const double triangle = s * draw.logarithmic(0.01, 1);
-      return soup(draw, std::min(1 + draw.below(60), most), s, triangle);
+      const double triangle = s * random.logarithmic(0.01, 1);
+      return soup(random, std::min(1 + random.below(60), most), s, triangle);
     }
     case 2:
-      return terrain(within(1 + draw.below(6), 2, most), s, 0);
+      return terrain(within(1 + random.below(6), 2, most), s, 0);
     case 3: {
       TriangleMesh one;
       add_triangle(one, {0, 0, 0}, {s, 0, 0}, {0, s, 0});
       return one;
     }
     case 4: {
-      const int n = within(1 + draw.below(3), 12, most);
-      return box_surface({s, s * 0.5, draw.below(2) == 0 ? s : s * 0.01}, n);
+      const int n = within(1 + random.below(3), 12, most);
+      return box_surface({s, s * 0.5, random.below(2) == 0 ? s : s * 0.01}, n);
     }
     case 5:
       return scaled(rock(2, index, 3, most), {s, s, s * 0.01});
     case 6:
       return scaled(rock(2, index, 3, most), {s, s * 0.02, s * 0.02});
     default:
-      return scaled(rock(2, index, 2 + draw.below(4), most), {s, s, s});
+      return scaled(rock(2, index, 2 + random.below(4), most), {s, s, s});
   }
 }
 
-ShapeDescription shape_of(Draw& draw, ShapeKind kind, bool nasty, int most) {
-  if (kind == ShapeKind::mesh) return nasty ? nasty_mesh(draw, most) : ordinary_mesh(draw, most);
-  return nasty && kind != ShapeKind::hull ? draw.nasty(kind) : draw.ordinary(kind);
+ShapeDescription shape_of(RandomSource& random, ShapeKind kind, bool degenerate, int most) {
+  if (kind == ShapeKind::mesh) return degenerate ? degenerate_mesh(random, most) : ordinary_mesh(random, most);
+  return degenerate && kind != ShapeKind::hull ? random.degenerate(kind) : random.ordinary(kind);
 }
 
-PairWorld with_shapes(Draw& draw, ShapeKind p, bool nasty, int most) {
+PairWorld with_shapes(RandomSource& random, ShapeKind p, bool degenerate, int most) {
   PairWorld world;
-  for (int i = 0; i < 2 * shapes_a_side; ++i) {
-    const ShapeDescription shape = shape_of(draw, i % 2 == 0 ? p : ShapeKind::mesh, nasty, most);
+  for (int i = 0; i < 2 * shapes_per_side; ++i) {
+    const ShapeDescription shape = shape_of(random, i % 2 == 0 ? p : ShapeKind::mesh, degenerate, most);
     world.table->add(shape);
     world.reference.add(shape);
   }
   return world;
 }
 
-ShapeNumber pick(Draw& draw, int side) { return static_cast<ShapeNumber>(2 * draw.below(shapes_a_side) + side); }
+ShapeNumber pick(RandomSource& random, int side) {
+  return static_cast<ShapeNumber>(2 * random.below(shapes_per_side) + side);
+}
 
 void add_pair(PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q, const Pose& pose_q) {
   const auto first = static_cast<std::uint32_t>(world.bodies.size());
@@ -152,28 +154,28 @@ Vec3d touching(const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeN
   return pose_p.position + direction * low;
 }
 
-Vec3d special_place(Draw& draw, const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q,
-                    const Quat& turn_q) {
+Vec3d special_position(RandomSource& random, const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q,
+                       const Quat& turn_q) {
   const double reach = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
   const geometry::RotationD turn = geometry::rotation_double(pose_p.orientation);
   const Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  switch (draw.below(6)) {
+  switch (random.below(6)) {
     case 0:
       return pose_p.position;
     case 1:
-      return pose_p.position + draw.way(draw.logarithmic(1e-9, 1e-2) * small);
+      return pose_p.position + random.way(random.logarithmic(1e-9, 1e-2) * small);
     case 2: {
-      const double far = radius(world, p) * 0.25 * draw.below(8);
-      return pose_p.position + geometry::rotate(turn, axes[draw.below(3)]) * far;
+      const double far = radius(world, p) * 0.25 * random.below(8);
+      return pose_p.position + geometry::rotate(turn, axes[random.below(3)]) * far;
     }
     case 3: {
-      const Vec3d direction = draw.below(2) == 0 ? draw.direction() : geometry::rotate(turn, axes[draw.below(3)]);
-      double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-6, 1e-2) * small;
-      if (off != 0 && draw.below(2) != 0) off = -off;
+      const Vec3d direction = random.below(2) == 0 ? random.direction() : geometry::rotate(turn, axes[random.below(3)]);
+      double off = random.below(2) == 0 ? 0 : random.logarithmic(1e-6, 1e-2) * small;
+      if (off != 0 && random.below(2) != 0) off = -off;
       return touching(world, p, pose_p, q, turn_q, direction) + direction * off;
     }
     default:  // by the surface of the larger
-      return pose_p.position + draw.way(draw.uniform(0.2, 1) * reach);
+      return pose_p.position + random.way(random.uniform(0.2, 1) * reach);
   }
 }
 
@@ -220,28 +222,28 @@ TriangleMesh box_surface(Vec3d h, int n) {
 }
 
 PairWorld ordinary_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed, const Vec3d& origin, int most) {
-  Draw draw(seed);
-  PairWorld world = with_shapes(draw, p, false, most);
+  RandomSource random(seed);
+  PairWorld world = with_shapes(random, p, false, most);
   for (std::size_t i = 0; i < count; ++i) {
-    const ShapeNumber first = pick(draw, 0), second = pick(draw, 1);
-    const Pose pose{origin + draw.way(0, 100), draw.turn()};
+    const ShapeNumber first = pick(random, 0), second = pick(random, 1);
+    const Pose pose{origin + random.way(0, 100), random.turn()};
     const double reach = radius(world, first) + radius(world, second);
-    add_pair(world, first, pose, second, {pose.position + draw.way(draw.uniform(0.1, 1) * reach), draw.turn()});
+    add_pair(world, first, pose, second, {pose.position + random.way(random.uniform(0.1, 1) * reach), random.turn()});
   }
   return world;
 }
 
-PairWorld nasty_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed, const Vec3d& origin, int most) {
-  Draw draw(seed);
-  PairWorld world = with_shapes(draw, p, true, most);
+PairWorld degenerate_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed, const Vec3d& origin, int most) {
+  RandomSource random(seed);
+  PairWorld world = with_shapes(random, p, true, most);
   while (world.pairs.size() < count) {
-    const ShapeNumber first = pick(draw, 0);
-    const ShapeNumber second = p == ShapeKind::mesh && draw.below(6) == 0 ? first : pick(draw, 1);
+    const ShapeNumber first = pick(random, 0);
+    const ShapeNumber second = p == ShapeKind::mesh && random.below(6) == 0 ? first : pick(random, 1);
     const double ratio = radius(world, first) / radius(world, second);
     if (ratio > 1000 || ratio < 0.001) continue;
-    const Pose pose{origin, draw.below(2) == 0 ? Quat{} : draw.turn()};
-    const Quat turn = draw.below(3) == 0 ? draw.turn() : draw.special_turn(pose.orientation);
-    add_pair(world, first, pose, second, {special_place(draw, world, first, pose, second, turn), turn});
+    const Pose pose{origin, random.below(2) == 0 ? Quat{} : random.turn()};
+    const Quat turn = random.below(3) == 0 ? random.turn() : random.special_orientation(pose.orientation);
+    add_pair(world, first, pose, second, {special_position(random, world, first, pose, second, turn), turn});
   }
   return world;
 }

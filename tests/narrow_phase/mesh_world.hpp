@@ -14,8 +14,8 @@ PairWorld ordinary_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed
 
 /// The same made to be hard: needles and slivers, coplanar triangles in one surface and in two, soup, single triangles,
 /// a vertex or an edge on a face, the same mesh in the same place, sizes up to a thousandfold apart.
-PairWorld nasty_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed, const Vec3d& origin = {},
-                           int most = 720);
+PairWorld degenerate_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed, const Vec3d& origin = {},
+                                int most = 720);
 
 /// A flat or wavy square of 2 n² triangles around the origin, `half` metres to each side; `height` is that of its
 /// waves.

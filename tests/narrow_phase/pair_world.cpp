@@ -23,32 +23,32 @@ double smallest_size(const ShapeDescription& shape) {
 }
 
 /// A place for b's origin, given a at `a`, that makes trouble.
-Vec3d special_place(Draw& draw, const reference::PreparedShape& a, const Pose& pose_a,
-                    const reference::PreparedShape& b, const Pose& turned_b, double small) {
+Vec3d special_position(RandomSource& random, const reference::PreparedShape& a, const Pose& pose_a,
+                       const reference::PreparedShape& b, const Pose& turned_b, double small) {
   const double reach = a.bounding_radius + b.bounding_radius;
-  switch (draw.below(5)) {
+  switch (random.below(5)) {
     case 0:
       return pose_a.position;
     case 1:  // almost the same place
-      return pose_a.position + draw.way(draw.logarithmic(1e-12, 1e-3) * small);
+      return pose_a.position + random.way(random.logarithmic(1e-12, 1e-3) * small);
     case 2: {  // offset along one axis of a, by round shares of the size
       Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-      const double far = a.bounding_radius * 0.25 * draw.below(8);
-      return along(pose_a.position, axes[draw.below(3)], far);
+      const double far = a.bounding_radius * 0.25 * random.below(8);
+      return along(pose_a.position, axes[random.below(3)], far);
     }
     case 3:  // anywhere within reach
-      return pose_a.position + draw.way(draw.uniform(0, 1) * reach);
+      return pose_a.position + random.way(random.uniform(0, 1) * reach);
     default: {  // touching, or off it by a little to either side
       Pose pose_b = turned_b;
-      const Vec3d direction = draw.direction();
+      const Vec3d direction = random.direction();
       double low = 0, high = reach * 1.01;
       for (int i = 0; i < 40; ++i) {
         const double middle = (low + high) / 2;
         pose_b.position = along(pose_a.position, direction, middle);
         (reference::separation(a, pose_a, b, pose_b).distance > 0 ? high : low) = middle;
       }
-      double off = draw.below(2) == 0 ? 0 : draw.logarithmic(1e-7, 1e-2) * small;
-      if (off != 0 && draw.below(2) == 0) off = -off;
+      double off = random.below(2) == 0 ? 0 : random.logarithmic(1e-7, 1e-2) * small;
+      if (off != 0 && random.below(2) == 0) off = -off;
       return along(pose_a.position, direction, low + off);
     }
   }
@@ -57,48 +57,48 @@ Vec3d special_place(Draw& draw, const reference::PreparedShape& a, const Pose& p
 }  // namespace
 
 PairWorld ordinary_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
-  Draw draw(seed);
+  RandomSource random(seed);
   PairWorld world;
   for (std::size_t i = 0; i < count; ++i) {
-    const ShapeDescription a = draw.ordinary(p), b = draw.ordinary(q);
-    const Vec3d place = origin + draw.way(0, 100);
-    const std::uint32_t first = world.add(a, {place, draw.turn()});
+    const ShapeDescription a = random.ordinary(p), b = random.ordinary(q);
+    const Vec3d place = origin + random.way(0, 100);
+    const std::uint32_t first = world.add(a, {place, random.turn()});
     const double reach = double{world.table->row(world.bodies[first].shape).bounding_radius} + 1.2;
-    const std::uint32_t second = world.add(b, {place + draw.way(draw.uniform(0, 1.1) * reach), draw.turn()});
+    const std::uint32_t second = world.add(b, {place + random.way(random.uniform(0, 1.1) * reach), random.turn()});
     world.pairs.push_back({first, second});
   }
   return world;
 }
 
-PairWorld nasty_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
-  Draw draw(seed);
+PairWorld degenerate_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin) {
+  RandomSource random(seed);
   PairWorld world;
   for (std::size_t i = 0; i < count; ++i) {
-    const ShapeDescription a = draw.nasty(p), b = draw.nasty(q);
-    const Quat turn_a = draw.below(2) == 0 ? Quat{} : draw.turn();
-    const Quat turn_b = draw.below(3) == 0 ? draw.turn() : draw.special_turn(turn_a);
+    const ShapeDescription a = random.degenerate(p), b = random.degenerate(q);
+    const Quat turn_a = random.below(2) == 0 ? Quat{} : random.turn();
+    const Quat turn_b = random.below(3) == 0 ? random.turn() : random.special_orientation(turn_a);
     const Pose pose_a{origin, turn_a};
     const std::uint32_t first = world.add(a, pose_a);
     const std::uint32_t second = world.add(b, {origin, turn_b});
     const auto& bodies = world.bodies;
     world.bodies[second].pose.position =
-        special_place(draw, world.reference[bodies[first].shape], pose_a, world.reference[bodies[second].shape],
-                      bodies[second].pose, std::min(smallest_size(a), smallest_size(b)));
+        special_position(random, world.reference[bodies[first].shape], pose_a, world.reference[bodies[second].shape],
+                         bodies[second].pose, std::min(smallest_size(a), smallest_size(b)));
     world.pairs.push_back({first, second});
   }
   return world;
 }
 
-Verdict judge(const PairWorld& world, std::span<const geometry::CandidatePair> pairs,
-              std::span<const narrow_phase::PairContact> contacts, double relative, std::size_t most) {
+CheckResult check_contacts(const PairWorld& world, std::span<const geometry::CandidatePair> pairs,
+                           std::span<const narrow_phase::PairContact> contacts, double relative, std::size_t most) {
   std::vector<const narrow_phase::PairContact*> found(pairs.size(), nullptr);
-  Verdict verdict;
+  CheckResult result;
   std::ostringstream text;
   text.precision(9);
-  verdict.contacts = contacts.size();
+  result.contacts = contacts.size();
   for (const narrow_phase::PairContact& contact : contacts) {
     if (contact.pair >= pairs.size() || found[contact.pair] != nullptr) {
-      ++verdict.wrong;
+      ++result.wrong;
       text << "pair " << contact.pair << " answered twice or unknown\n";
       continue;
     }
@@ -116,10 +116,10 @@ Verdict judge(const PairWorld& world, std::span<const geometry::CandidatePair> p
     }
     // The answer itself is in float: a depth, point or normal cannot be better than its rounding at the larger size.
     const reference::Tolerance tolerance{.relative = relative, .of_larger = 2e-7};
-    const std::string wrong = reference::explain_wrong(world.reference[a.shape], a.pose, world.reference[b.shape],
-                                                       b.pose, claimed ? &*claimed : nullptr, tolerance);
+    const std::string wrong = reference::describe_error(world.reference[a.shape], a.pose, world.reference[b.shape],
+                                                        b.pose, claimed ? &*claimed : nullptr, tolerance);
     if (wrong.empty()) continue;
-    if (verdict.wrong++ >= most) continue;
+    if (result.wrong++ >= most) continue;
     const auto print = [&](const narrow_phase::Body& body) {
       const geometry::ShapeRow& row = world.table->row(body.shape);
       const Pose& pose = body.pose;
@@ -134,8 +134,8 @@ Verdict judge(const PairWorld& world, std::span<const geometry::CandidatePair> p
     print(b);
     text << '\n';
   }
-  verdict.text = text.str();
-  return verdict;
+  result.text = text.str();
+  return result;
 }
 
 }  // namespace ringfence::narrow_phase_test

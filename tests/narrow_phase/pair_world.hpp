@@ -49,9 +49,9 @@ struct PairWorld {
 ///
 /// What is drawn twice in one expression is drawn in an order that compilers choose, so that pairs found with one are
 /// not found again with another: draw one after the other, or within braces.
-class Draw {
+class RandomSource {
  public:
-  explicit Draw(std::uint64_t seed) : random_(seed) {}
+  explicit RandomSource(std::uint64_t seed) : random_(seed) {}
 
   double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
   double logarithmic(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
@@ -106,7 +106,7 @@ class Draw {
   }
 
   /// Millimetres to kilometres, plates, needles and rods, round numbers.
-  ShapeDescription nasty(ShapeKind kind) {
+  ShapeDescription degenerate(ShapeKind kind) {
     const double scale = logarithmic(0.03, 30);
     const auto length = [&] { return static_cast<float>(scale * (below(3) == 0 ? 1.0 : logarithmic(0.033, 33))); };
     if (kind == ShapeKind::sphere) return Sphere{length()};
@@ -121,7 +121,7 @@ class Draw {
   }
 
   /// A turn that is special to `other`: the same, a quarter of a turn away, or off those by less than rounding shows.
-  Quat special_turn(const Quat& other) {
+  Quat special_orientation(const Quat& other) {
     const double h = std::sqrt(0.5);
     static constexpr double tilts[] = {0, 0, 0, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
     const double quarters[4][4] = {{0, 0, 0, 1}, {h, 0, 0, h}, {0, h, 0, h}, {0, 0, h, h}};
@@ -150,16 +150,17 @@ PairWorld ordinary_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint6
 
 /// `count` pairs of two kinds made to be hard: same centre, nested, touching to within rounding, parallel, crossing,
 /// plates of a millimetre, sizes a thousandfold apart.
-PairWorld nasty_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin = {});
+PairWorld degenerate_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin = {});
 
 /// What is wrong with the answers to `pairs`, by the reference: at most `most` of them as text, one a line, and how
 /// many there are. `relative` is the band as a share of the smaller bounding radius.
-struct Verdict {
+struct CheckResult {
   std::size_t wrong = 0;
   std::size_t contacts = 0;
   std::string text;
 };
-Verdict judge(const PairWorld& world, std::span<const geometry::CandidatePair> pairs,
-              std::span<const narrow_phase::PairContact> contacts, double relative = 1e-4, std::size_t most = 3);
+CheckResult check_contacts(const PairWorld& world, std::span<const geometry::CandidatePair> pairs,
+                           std::span<const narrow_phase::PairContact> contacts, double relative = 1e-4,
+                           std::size_t most = 3);
 
 }  // namespace ringfence::narrow_phase_test

@@ -28,7 +28,7 @@ struct MixedWorld {
       for (const ShapeKind q : kinds) {
         worlds.push_back(ordinary_pairs(p, q, 300, seed, {1e5, 2, 3}));
         if (p != ShapeKind::hull && q != ShapeKind::hull) {
-          worlds.push_back(nasty_pairs(p, q, 300, seed, {-7, 1e6, 0}));
+          worlds.push_back(degenerate_pairs(p, q, 300, seed, {-7, 1e6, 0}));
         }
       }
     }

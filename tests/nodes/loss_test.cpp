@@ -8,21 +8,21 @@
 
 #include <doctest/doctest.h>
 
-#include "nodes/theatre.hpp"
-#include "nodes/wandering.hpp"
+#include "nodes/test_harness.hpp"
+#include "nodes/wandering_model.hpp"
 
 namespace ringfence::nodes::test {
 namespace {
 
 constexpr std::size_t objects = 50;
 
-const Wandering wandering;
+const WanderingModel wandering;
 
-void populate(Theatre& theatre) {
+void populate(TestHarness& harness) {
   std::mt19937 random(3);
-  const ShapeNumber ball = theatre.add_shape(Sphere{6});
-  theatre.connect(0);
-  theatre.connect(1);
+  const ShapeNumber ball = harness.add_shape(Sphere{6});
+  harness.connect(0);
+  harness.connect(1);
   for (std::size_t i = 0; i < objects; ++i) {
     ObjectSpec spec;
     spec.shape = ball;
@@ -30,14 +30,14 @@ void populate(Theatre& theatre) {
                           static_cast<double>(random() % 60)};
     spec.category = i < 2 ? Category::avatar : i == 49 ? Category::fixed : Category::active;
     spec.user = i < 2 ? static_cast<UserNumber>(i) : no_user;
-    theatre.spawn(spec);
+    harness.spawn(spec);
   }
 }
 
 using Frames = std::vector<std::vector<Contact>>;
 
-std::vector<Contact> contacts_of(const Theatre& theatre) {
-  return {theatre.contacts().begin(), theatre.contacts().end()};
+std::vector<Contact> contacts_of(const TestHarness& harness) {
+  return {harness.contacts().begin(), harness.contacts().end()};
 }
 bool same(const std::vector<Contact>& p, const std::vector<Contact>& q) {
   return p.size() == q.size() && std::memcmp(p.data(), q.data(), p.size() * sizeof(Contact)) == 0;
@@ -45,18 +45,18 @@ bool same(const std::vector<Contact>& p, const std::vector<Contact>& q) {
 
 constexpr std::size_t frames = 9;
 
-Frames undisturbed(const Stageplay& play) {
-  Theatre theatre(play);
-  populate(theatre);
+Frames undisturbed(const HarnessConfig& play) {
+  TestHarness harness(play);
+  populate(harness);
   Frames all;
   for (std::size_t frame = 0; frame < frames; ++frame) {
-    theatre.frame();
-    all.push_back(contacts_of(theatre));
+    harness.frame();
+    all.push_back(contacts_of(harness));
   }
   return all;
 }
 
-void in_all_plays(const std::function<void(const Stageplay&, const Frames&)>& perform) {
+void in_all_configs(const std::function<void(const HarnessConfig&, const Frames&)>& perform) {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
     for (int form = 0; form < 4; ++form) {
       const Placement placement = form % 2 == 0 ? Placement::server : Placement::region;
@@ -64,7 +64,7 @@ void in_all_plays(const std::function<void(const Stageplay&, const Frames&)>& pe
       CAPTURE(name_of(deployment));
       CAPTURE(name_of(placement));
       CAPTURE(shares);
-      Stageplay play;
+      HarnessConfig play;
       play.shares_memory = shares;
       play.deployment = deployment;
       play.placement = placement;
@@ -77,17 +77,17 @@ void in_all_plays(const std::function<void(const Stageplay&, const Frames&)>& pe
 }
 
 /// Plays all frames; `before(frame)` may kill. Returns how many nodes were lost.
-std::size_t play_frames(Theatre& theatre, const Frames& expected, const std::function<void(std::size_t)>& before) {
+std::size_t run_frames(TestHarness& harness, const Frames& expected, const std::function<void(std::size_t)>& before) {
   std::size_t lost = 0;
   for (std::size_t frame = 0; frame < expected.size(); ++frame) {
     CAPTURE(frame);
     before(frame);
-    theatre.frame();
-    const FrameReport& report = theatre.report();
-    REQUIRE(same(contacts_of(theatre), expected[frame]));
+    harness.frame();
+    const FrameReport& report = harness.report();
+    REQUIRE(same(contacts_of(harness), expected[frame]));
     REQUIRE(report.accepted == report.candidates);
     if (report.lost.empty()) {
-      theatre.require_one_host_each();
+      harness.require_one_host_each();
     }
     lost += report.lost.size();
   }
@@ -95,7 +95,7 @@ std::size_t play_frames(Theatre& theatre, const Frames& expected, const std::fun
 }
 
 TEST_CASE("a node that is lost after any of its messages changes no contact, of that frame or a later one") {
-  in_all_plays([](const Stageplay& play, const Frames& expected) {
+  in_all_configs([](const HarnessConfig& play, const Frames& expected) {
     REQUIRE(expected.back().size() > 5);
     std::size_t losses = 0;
     for (NodeNumber node = 0; node < play.nodes; ++node) {
@@ -103,14 +103,14 @@ TEST_CASE("a node that is lost after any of its messages changes no contact, of 
       for (std::size_t messages = 0;; ++messages) {
         CAPTURE(node);
         CAPTURE(messages);
-        Theatre theatre(play);
-        populate(theatre);
-        const std::size_t lost = play_frames(theatre, expected, [&](std::size_t frame) {
-          if (frame == 3) theatre.kill(node, messages);
+        TestHarness harness(play);
+        populate(harness);
+        const std::size_t lost = run_frames(harness, expected, [&](std::size_t frame) {
+          if (frame == 3) harness.kill(node, messages);
         });
         REQUIRE(lost <= 1);
         losses += lost;
-        REQUIRE(theatre.nodes() == play.nodes - lost);
+        REQUIRE(harness.nodes() == play.nodes - lost);
         if (messages > 40) {
           break;
         }
@@ -121,35 +121,35 @@ TEST_CASE("a node that is lost after any of its messages changes no contact, of 
 }
 
 TEST_CASE("nodes that are lost one after another, to the last and beyond, change no contact") {
-  in_all_plays([](const Stageplay& play, const Frames& expected) {
+  in_all_configs([](const HarnessConfig& play, const Frames& expected) {
     for (std::size_t messages = 0; messages < 20; ++messages) {
       CAPTURE(messages);
-      Theatre theatre(play);
-      populate(theatre);
-      const std::size_t lost = play_frames(theatre, expected, [&](std::size_t frame) {
-        if (frame >= 2 && frame < 6) theatre.kill(static_cast<NodeNumber>(frame % theatre.nodes()), messages);
+      TestHarness harness(play);
+      populate(harness);
+      const std::size_t lost = run_frames(harness, expected, [&](std::size_t frame) {
+        if (frame >= 2 && frame < 6) harness.kill(static_cast<NodeNumber>(frame % harness.nodes()), messages);
       });
       CHECK(lost >= (messages < 10 ? 4 : 2));
-      CHECK(theatre.nodes() == (lost < play.nodes ? play.nodes - lost : 1));
+      CHECK(harness.nodes() == (lost < play.nodes ? play.nodes - lost : 1));
     }
   });
 }
 
 TEST_CASE("nodes that are lost in the same frame change no contact, also when all are") {
-  in_all_plays([](const Stageplay& play, const Frames& expected) {
+  in_all_configs([](const HarnessConfig& play, const Frames& expected) {
     for (std::size_t first = 0; first < 12; first += 2) {
       for (std::size_t second = 0; second < 12; second += 3) {
         for (const bool all : {false, true}) {
           CAPTURE(first);
           CAPTURE(second);
           CAPTURE(all);
-          Theatre theatre(play);
-          populate(theatre);
-          play_frames(theatre, expected, [&](std::size_t frame) {
+          TestHarness harness(play);
+          populate(harness);
+          run_frames(harness, expected, [&](std::size_t frame) {
             if (frame != 3) return;
-            theatre.kill(0, first);
-            theatre.kill(2, second);
-            if (all) theatre.kill(1, 7);
+            harness.kill(0, first);
+            harness.kill(2, second);
+            if (all) harness.kill(1, 7);
           });
         }
       }
@@ -158,10 +158,10 @@ TEST_CASE("nodes that are lost in the same frame change no contact, also when al
 }
 
 TEST_CASE("objects that are spawned, placed and destroyed around a loss have one host and the same contacts") {
-  in_all_plays([](const Stageplay& play, const Frames&) {
+  in_all_configs([](const HarnessConfig& play, const Frames&) {
     const auto life = [&](bool kills, std::size_t messages) {
-      Theatre theatre(play);
-      populate(theatre);
+      TestHarness harness(play);
+      populate(harness);
       std::mt19937 random(17);
       std::vector<ObjectId> more;
       Frames all;
@@ -170,22 +170,22 @@ TEST_CASE("objects that are spawned, placed and destroyed around a loss have one
           ObjectSpec spec;
           spec.pose.position = {static_cast<double>(random() % 60), 30, 30};
           spec.category = Category::active;
-          more.push_back(theatre.spawn(spec));
+          more.push_back(harness.spawn(spec));
         }
         if (frame > 1) {
           const auto at = more.begin() + static_cast<std::ptrdiff_t>(random() % more.size());
-          theatre.destroy(*at);
+          harness.destroy(*at);
           more.erase(at);
-          theatre.place(more.back(), {{5, 5, 5}, {}});
-          theatre.place(more.front(), {{55, 5, 5}, {}});
+          harness.place(more.back(), {{5, 5, 5}, {}});
+          harness.place(more.front(), {{55, 5, 5}, {}});
         }
         if (kills && (frame == 3 || frame == 4)) {
-          theatre.kill(1, messages);
+          harness.kill(1, messages);
         }
-        theatre.frame();
-        all.push_back(contacts_of(theatre));
-        if (theatre.report().lost.empty()) {
-          theatre.require_one_host_each();
+        harness.frame();
+        all.push_back(contacts_of(harness));
+        if (harness.report().lost.empty()) {
+          harness.require_one_host_each();
         }
       }
       return all;

@@ -10,7 +10,7 @@
 
 #include <doctest/doctest.h>
 
-#include "nodes/theatre.hpp"
+#include "nodes/test_harness.hpp"
 
 namespace ringfence::nodes::test {
 namespace {
@@ -20,7 +20,7 @@ using Pair = std::pair<ObjectNumber, ObjectNumber>;
 double wave(std::uint64_t n) { return static_cast<double>((n * 0x9e3779b97f4a7c15u) >> 40) / 0x1000000 - 0.5; }
 
 /// Crowds of eight that drift together, so that pairs cross borders in contact; some vanish now and then, some rest.
-class Drifting : public MotionModel {
+class DriftingModel : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 0; }
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
@@ -41,10 +41,10 @@ class Drifting : public MotionModel {
     }
   }
 };
-const Drifting drifting;
+const DriftingModel drifting;
 
 /// What the phases of a run must show, or the run has shown nothing.
-struct Shown {
+struct OutputLists {
   std::size_t begun = 0, ended = 0;  ///< contacts
   std::size_t passed = 0;            ///< contacts that another node found in the frame before
   std::size_t alone = 0;             ///< begun or ended, and never looked at by the server
@@ -53,34 +53,34 @@ struct Shown {
 /// Spheres that wander among nodes, and every pair of them looked at in every frame.
 class Run {
  public:
-  Run(const Stageplay& play, unsigned seed) : theatre_(play), random_(seed) {
+  Run(const HarnessConfig& play, unsigned seed) : harness_(play), random_(seed) {
     for (double& radius : radii_) {
       radius = 1 + static_cast<double>(&radius - radii_);
     }
     for (std::size_t k = 0; k < std::size(radii_); ++k) {
-      shapes_[k] = theatre_.add_shape(Sphere{static_cast<float>(radii_[k])});
+      shapes_[k] = harness_.add_shape(Sphere{static_cast<float>(radii_[k])});
     }
     for (int i = 0; i < 96; ++i) {
       spawn(i % 12 == 7 ? Category::fixed : Category::active);
     }
   }
 
-  Theatre& theatre() { return theatre_; }
+  TestHarness& harness() { return harness_; }
 
   /// Objects come, go and jump; then a frame.
   void frame() {
     if (random_() % 3 == 0) {
       spawn(Category::active);
       const std::size_t at = random_() % objects_.size();
-      theatre_.destroy(objects_[at]);
+      harness_.destroy(objects_[at]);
       objects_.erase(objects_.begin() + static_cast<std::ptrdiff_t>(at));
-      theatre_.place(objects_[random_() % objects_.size()], {anywhere(), {}});
+      harness_.place(objects_[random_() % objects_.size()], {anywhere(), {}});
     }
-    theatre_.frame();
+    harness_.frame();
     check();
   }
 
-  Shown shown;
+  OutputLists shown;
 
  private:
   Vec3d anywhere() {
@@ -96,7 +96,7 @@ class Run {
     }
     const auto off = [&] { return static_cast<double>(random_() % 60) / 10 - 3; };
     spec.pose.position = {crowd_.x + off(), crowd_.y + off(), crowd_.z + off()};
-    const ObjectId id = theatre_.spawn(spec);
+    const ObjectId id = harness_.spawn(spec);
     if (category != Category::fixed) {
       objects_.push_back(id);
     }
@@ -105,10 +105,10 @@ class Run {
   // Pairs whose surfaces are nearer than rounding to each other may be in contact or not.
   void check() {
     constexpr double rounding = 1e-4;
-    const ObjectTable& table = theatre_.table();
+    const ObjectTable& table = harness_.table();
     std::map<Pair, NodeNumber> now;
-    const auto contacts = theatre_.contacts();
-    const auto found = theatre_.server().ledger().found(theatre_.last());
+    const auto contacts = harness_.contacts();
+    const auto found = harness_.server().ledger().found(harness_.last());
     for (std::size_t i = 0; i < contacts.size(); ++i) {
       now[{contacts[i].a, contacts[i].b}] = found[i].by;
     }
@@ -142,32 +142,32 @@ class Run {
         gone.push_back(entry.first);
       }
     }
-    for (const Contact& contact : theatre_.ended()) {
+    for (const Contact& contact : harness_.ended()) {
       REQUIRE(contact.phase == Phase::end);
       ended.push_back({contact.a, contact.b});
     }
     REQUIRE(ended == gone);
-    REQUIRE(theatre_.report().ended == gone.size());
-    REQUIRE(theatre_.report().began == now.size() + gone.size() - before_.size());
+    REQUIRE(harness_.report().ended == gone.size());
+    REQUIRE(harness_.report().began == now.size() + gone.size() - before_.size());
     shown.ended += gone.size();
-    for (NodeNumber node = 0; node < theatre_.nodes() && theatre_.play().shares_memory; ++node) {
-      const Findings& findings = *theatre_.findings(node);
-      shown.alone += findings.beginning.size() + findings.ending.size() - findings.border_beginning.size() -
-                     findings.border_ending.size();
+    for (NodeNumber node = 0; node < harness_.nodes() && harness_.play().shares_memory; ++node) {
+      const NodeContacts& node_contacts = *harness_.node_contacts(node);
+      shown.alone += node_contacts.beginning.size() + node_contacts.ending.size() -
+                     node_contacts.border_beginning.size() - node_contacts.border_ending.size();
     }
     before_ = now;
   }
   double gap_between(std::uint32_t p, std::uint32_t q) const {
-    const Vec3d& a = theatre_.server().pose(p).position;
-    const Vec3d& b = theatre_.server().pose(q).position;
+    const Vec3d& a = harness_.server().pose(p).position;
+    const Vec3d& b = harness_.server().pose(q).position;
     return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z) - radius_of(p) - radius_of(q);
   }
   double radius_of(std::uint32_t slot) const {
-    const ShapeNumber shape = theatre_.table().row(slot).shape;
+    const ShapeNumber shape = harness_.table().row(slot).shape;
     return radii_[static_cast<std::size_t>(std::find(std::begin(shapes_), std::end(shapes_), shape) - shapes_)];
   }
 
-  Theatre theatre_;
+  TestHarness harness_;
   std::mt19937_64 random_;
   double radii_[3] = {};
   ShapeNumber shapes_[3] = {};
@@ -177,8 +177,8 @@ class Run {
   std::map<Pair, NodeNumber> before_;  ///< who found them
 };
 
-Stageplay play_of(Deployment deployment, Placement placement, bool shares_memory) {
-  Stageplay play;
+HarnessConfig config_of(Deployment deployment, Placement placement, bool shares_memory) {
+  HarnessConfig play;
   play.deployment = deployment;
   play.placement = placement;
   play.shares_memory = shares_memory;
@@ -197,7 +197,7 @@ TEST_CASE("a pair that stays in contact while it passes from node to node goes o
           const std::string said = std::string(name_of(deployment)) + ", " + name_of(placement) +
                                    (shares_memory ? ", memory shared" : ", messages only");
           CAPTURE(said);
-          Run run(play_of(deployment, placement, shares_memory), seed);
+          Run run(config_of(deployment, placement, shares_memory), seed);
           for (int frame = 0; frame < 60; ++frame) {
             CAPTURE(frame);
             run.frame();
@@ -218,13 +218,13 @@ TEST_CASE("contacts begin and end as before while nodes join, leave and are lost
       CAPTURE(seed);
       CAPTURE(name_of(placement));
       std::mt19937_64 random(seed);
-      Run run(play_of(Deployment::user_collision, placement, true), seed);
+      Run run(config_of(Deployment::user_collision, placement, true), seed);
       for (int frame = 0; frame < 60; ++frame) {
         CAPTURE(frame);
         if (random() % 5 == 0) {
-          run.theatre().resize(1 + static_cast<std::uint32_t>(random() % 6));
+          run.harness().resize(1 + static_cast<std::uint32_t>(random() % 6));
         } else if (random() % 5 == 0) {
-          run.theatre().kill(static_cast<NodeNumber>(random() % run.theatre().nodes()), random() % 40);
+          run.harness().kill(static_cast<NodeNumber>(random() % run.harness().nodes()), random() % 40);
         }
         run.frame();
       }

@@ -11,14 +11,14 @@
 
 #include <doctest/doctest.h>
 
-#include "nodes/theatre.hpp"
+#include "nodes/test_harness.hpp"
 
 namespace ringfence::nodes::test {
 namespace {
 
 /// Jumps about as its number and the frame say: far and near, onto borders of cells exactly, out of the bounds, and
 /// now and then nowhere.
-class Jumping : public MotionModel {
+class JumpingModel : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 16; }
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
@@ -53,18 +53,18 @@ class Jumping : public MotionModel {
   }
 };
 
-std::string words(const Stageplay& play) {
+std::string describe(const HarnessConfig& play) {
   return std::string(name_of(play.deployment)) + ", broad phase " + name_of(play.placement) + ", " +
          std::to_string(play.nodes) + " nodes" + (play.shares_memory ? ", shared memory" : "");
 }
 
 template <class Test>
-void in_all_plays(const MotionModel* model, Test test) {
+void in_all_configs(const MotionModel* model, Test test) {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
     for (const Placement placement : {Placement::server, Placement::region}) {
       for (const auto& [nodes, shares] : {std::pair{1u, false}, std::pair{3u, false}, std::pair{8u, false},
                                           std::pair{1u, true}, std::pair{3u, true}}) {
-        Stageplay play;
+        HarnessConfig play;
         play.deployment = deployment;
         play.placement = placement;
         play.nodes = nodes;
@@ -72,7 +72,7 @@ void in_all_plays(const MotionModel* model, Test test) {
         play.grid = {{2, 2, 2}};
         play.interest = nodes == 3 ? 12 : 0;
         play.model = model;
-        CAPTURE(words(play));
+        CAPTURE(describe(play));
         test(play);
       }
     }
@@ -80,22 +80,22 @@ void in_all_plays(const MotionModel* model, Test test) {
 }
 
 /// Spheres small and large (one spans the world), an avatar a user, some static.
-std::vector<ObjectId> populate(Theatre& theatre, std::mt19937_64& random, std::size_t objects, std::size_t users) {
-  const ShapeNumber small = theatre.add_shape(Sphere{2.5f});
-  const ShapeNumber large = theatre.add_shape(Sphere{20.0f});
+std::vector<ObjectId> populate(TestHarness& harness, std::mt19937_64& random, std::size_t objects, std::size_t users) {
+  const ShapeNumber small = harness.add_shape(Sphere{2.5f});
+  const ShapeNumber large = harness.add_shape(Sphere{20.0f});
   for (UserNumber user = 0; user < users; ++user) {
-    theatre.connect(user);
+    harness.connect(user);
   }
   std::vector<ObjectId> ids;
   for (std::size_t i = 0; i < objects; ++i) {
     ObjectSpec spec;
     spec.shape = i % 10 == 3 ? large : small;
-    spec.pose.position = Jumping::spot(random);
+    spec.pose.position = JumpingModel::spot(random);
     spec.category = i < users ? Category::avatar : i % 7 == 6 ? Category::fixed : Category::active;
     if (spec.category == Category::avatar) {
       spec.user = static_cast<UserNumber>(i);
     }
-    ids.push_back(theatre.spawn(spec));
+    ids.push_back(harness.spawn(spec));
   }
   return ids;
 }
@@ -103,8 +103,8 @@ std::vector<ObjectId> populate(Theatre& theatre, std::mt19937_64& random, std::s
 using Pairs = std::set<std::pair<ObjectNumber, ObjectNumber>>;
 
 /// The contacts of spheres by brute force; `unsure` are those too near to call.
-void brute_force(const Theatre& theatre, Pairs& sure, Pairs& unsure) {
-  const ObjectTable& table = theatre.table();
+void brute_force(const TestHarness& harness, Pairs& sure, Pairs& unsure) {
+  const ObjectTable& table = harness.table();
   for (std::uint32_t p = 0; p < table.slots(); ++p) {
     for (std::uint32_t q = 0; q < table.slots(); ++q) {
       const ObjectRow& a = table.row(p);
@@ -115,10 +115,10 @@ void brute_force(const Theatre& theatre, Pairs& sure, Pairs& unsure) {
         continue;
       }
       const auto radius = [&](const ObjectRow& row) {
-        return double{std::get<Sphere>(theatre.shapes().description(row.shape)).radius};
+        return double{std::get<Sphere>(harness.shapes().description(row.shape)).radius};
       };
       const double reach = radius(a) + radius(b);
-      const Vec3d &at_a = theatre.server().pose(p).position, &at_b = theatre.server().pose(q).position;
+      const Vec3d &at_a = harness.server().pose(p).position, &at_b = harness.server().pose(q).position;
       const Vec3d d{at_b.x - at_a.x, at_b.y - at_a.y, at_b.z - at_a.z};
       const double apart = std::sqrt(d.x * d.x + d.y * d.y + d.z * d.z) - reach;
       if (std::abs(apart) < 1e-4) {
@@ -130,21 +130,21 @@ void brute_force(const Theatre& theatre, Pairs& sure, Pairs& unsure) {
   }
 }
 
-void check_contacts(const Theatre& theatre) {
+void check_contacts(const TestHarness& harness) {
   Pairs sure, unsure, found;
-  brute_force(theatre, sure, unsure);
-  for (const Contact& contact : theatre.contacts()) {
+  brute_force(harness, sure, unsure);
+  for (const Contact& contact : harness.contacts()) {
     const std::pair key{contact.a, contact.b};
     REQUIRE(found.insert(key).second);
     REQUIRE((sure.count(key) != 0 || unsure.count(key) != 0));
     // It carries the poses that it was determined from.
-    REQUIRE(theatre.server().pose(theatre.table().find(contact.a)) == contact.pose_a);
-    REQUIRE(theatre.server().pose(theatre.table().find(contact.b)) == contact.pose_b);
+    REQUIRE(harness.server().pose(harness.table().find(contact.a)) == contact.pose_a);
+    REQUIRE(harness.server().pose(harness.table().find(contact.b)) == contact.pose_b);
   }
   for (const auto& key : sure) {
     REQUIRE(found.count(key) != 0);
   }
-  const FrameReport& report = theatre.report();
+  const FrameReport& report = harness.report();
   REQUIRE(report.tested == report.candidates);
   REQUIRE(report.accepted == report.candidates);
   for (const std::uint64_t refused : report.refused) {
@@ -153,9 +153,10 @@ void check_contacts(const Theatre& theatre) {
 }
 
 /// Where on one way each kind of message stands; requires that kinds come in the given order and no others do.
-void check_order(const std::vector<Seen>& log, Endpoint from, Endpoint to, const std::vector<MessageType>& order) {
+void check_order(const std::vector<LoggedMessage>& log, Endpoint from, Endpoint to,
+                 const std::vector<MessageType>& order) {
   std::size_t at = 0;
-  for (const Seen& seen : log) {
+  for (const LoggedMessage& seen : log) {
     if (seen.from != from || seen.to != to) {
       continue;
     }
@@ -173,51 +174,53 @@ void check_order(const std::vector<Seen>& log, Endpoint from, Endpoint to, const
 
 /// Index in the log of the first or last message that `which` picks; -1 if there is none.
 template <class Which>
-std::ptrdiff_t first_of(const std::vector<Seen>& log, Which which) {
+std::ptrdiff_t first_of(const std::vector<LoggedMessage>& log, Which which) {
   const auto at = std::find_if(log.begin(), log.end(), which);
   return at == log.end() ? -1 : at - log.begin();
 }
 template <class Which>
-std::ptrdiff_t last_of(const std::vector<Seen>& log, Which which) {
+std::ptrdiff_t last_of(const std::vector<LoggedMessage>& log, Which which) {
   for (std::size_t i = log.size(); i-- > 0;) {
     if (which(log[i])) return static_cast<std::ptrdiff_t>(i);
   }
   return -1;
 }
 
-void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t users) {
+void check_protocol(const TestHarness& harness, const HarnessConfig& play, std::size_t users) {
   using enum MessageType;
-  const std::vector<Seen>& log = theatre.log();
+  const std::vector<LoggedMessage>& log = harness.log();
   for (NodeNumber node = 0; node < play.nodes; ++node) {
     check_order(log, Endpoint::server(), Endpoint::node(node),
                 {drop, adopt, place, notify, frame_begin, position_update, pairs, confirm, notify, frame_end});
     check_order(log, Endpoint::node(node), Endpoint::server(),
-                play.shares_memory ? std::vector{node_state, published, narrow_done, kinds, told}
-                                   : std::vector{node_state, collision, narrow_done, kinds, told});
+                play.shares_memory ? std::vector{node_state, published, narrow_done, kinds, frame_done}
+                                   : std::vector{node_state, collision, narrow_done, kinds, frame_done});
     for (NodeNumber peer = 0; peer < play.nodes; ++peer) {
       check_order(log, Endpoint::node(node), Endpoint::node(peer), {hand_over});
     }
   }
   for (UserNumber user = 0; user < users; ++user) {
     check_order(log, Endpoint::server(), Endpoint::user(user),
-                {drop, adopt, place, notify, refused, frame_begin, look, notify});
-    check_order(log, Endpoint::user(user), Endpoint::server(), {state_update, told});
+                {drop, adopt, place, notify, refused, frame_begin, read_publications, notify});
+    check_order(log, Endpoint::user(user), Endpoint::server(), {state_update, frame_done});
   }
-  const auto is = [](MessageType type) { return [type](const Seen& seen) { return seen.type() == type; }; };
-  const auto state = [](const Seen& seen) { return seen.type() == state_update || seen.type() == node_state; };
-  const auto m2 = [](const Seen& seen) { return seen.type() == position_update || seen.type() == pairs; };
+  const auto is = [](MessageType type) { return [type](const LoggedMessage& seen) { return seen.type() == type; }; };
+  const auto state = [](const LoggedMessage& seen) { return seen.type() == state_update || seen.type() == node_state; };
+  const auto m2 = [](const LoggedMessage& seen) { return seen.type() == position_update || seen.type() == pairs; };
   const auto begin = first_of(log, is(frame_begin));
   // Poses are frozen before the nodes are told anything, results are whole before anyone is told a contact.
   REQUIRE(last_of(log, state) < first_of(log, m2));
   REQUIRE(first_of(log, is(narrow_done)) > first_of(log, m2));
-  const auto m4 = [&](const Seen& seen) { return seen.type() == notify && &seen > log.data() + last_of(log, m2); };
+  const auto m4 = [&](const LoggedMessage& seen) {
+    return seen.type() == notify && &seen > log.data() + last_of(log, m2);
+  };
   REQUIRE(last_of(log, is(narrow_done)) < first_of(log, m4));
   REQUIRE(begin >= 0);
   // Nobody looks before all is published.
-  REQUIRE((first_of(log, is(look)) >= 0) == (play.interest > 0 && users > 0));
+  REQUIRE((first_of(log, is(read_publications)) >= 0) == (play.interest > 0 && users > 0));
   if (play.interest > 0 && users > 0) {
-    REQUIRE(first_of(log, is(look)) > std::max(last_of(log, state), last_of(log, is(published))));
-    REQUIRE(last_of(log, is(look)) < first_of(log, m4));
+    REQUIRE(first_of(log, is(read_publications)) > std::max(last_of(log, state), last_of(log, is(published))));
+    REQUIRE(last_of(log, is(read_publications)) < first_of(log, m4));
     const bool publish = play.shares_memory && play.deployment == Deployment::user_collision;
     REQUIRE(static_cast<std::uint32_t>(std::count_if(log.begin(), log.end(), is(published))) ==
             (publish ? play.nodes : 0));
@@ -226,8 +229,8 @@ void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t u
     REQUIRE(m5 > first_of(log, is(frame_end)));
     REQUIRE(play.deployment == Deployment::user_collision);
   }
-  for (const Seen& seen : log) {
-    REQUIRE(seen.header.frame == theatre.last());
+  for (const LoggedMessage& seen : log) {
+    REQUIRE(seen.header.frame == harness.last());
     const bool between_users = !seen.from.is_server() && !seen.to.is_server();
     REQUIRE((!between_users || (seen.from.is_node() && seen.to.is_node())));  // user nodes know the server alone
   }
@@ -236,12 +239,12 @@ void check_protocol(const Theatre& theatre, const Stageplay& play, std::size_t u
 /// Everyone is told of exactly the contacts (user nodes of ended ones too) of which he hosts a side and that he did not
 /// find himself, in order, with both poses; and whoever found one that he hosts a side of, of its phase. Returns how
 /// many contacts nodes took where their peers list them.
-std::uint64_t check_notices(const Theatre& theatre, const Stageplay& play, std::size_t users,
+std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& play, std::size_t users,
                             const std::map<ObjectNumber, Endpoint>& hosts_of_ended) {
   const auto host = [&](ObjectNumber number) {
-    const std::uint32_t slot = theatre.table().find(number);
-    if (slot != NumberIndex::none) {
-      return theatre.table().host(slot);
+    const std::uint32_t slot = harness.table().find(number);
+    if (slot != base::NumberIndex::none) {
+      return harness.table().host(slot);
     }
     const auto at = hosts_of_ended.find(number);
     REQUIRE(at != hosts_of_ended.end());
@@ -253,7 +256,7 @@ std::uint64_t check_notices(const Theatre& theatre, const Stageplay& play, std::
   for (UserNumber user = 0; user < users; ++user) all.push_back(Endpoint::user(user));
   for (const Endpoint to : all) {
     std::map<std::pair<ObjectNumber, ObjectNumber>, Contact> expected;
-    for (const auto list : {theatre.contacts(), theatre.ended()}) {
+    for (const auto list : {harness.contacts(), harness.ended()}) {
       for (const Contact& contact : list) {
         if (to.is_node() && contact.phase == Phase::end) {
           continue;  // nothing asks a node for those
@@ -264,44 +267,45 @@ std::uint64_t check_notices(const Theatre& theatre, const Stageplay& play, std::
       }
     }
     // What it found itself it knows already; of that it is told the phase.
-    const auto end = last_of(theatre.log(), [&](const Seen& seen) { return seen.type() == MessageType::narrow_done; });
+    const auto end =
+        last_of(harness.log(), [&](const LoggedMessage& seen) { return seen.type() == MessageType::narrow_done; });
     std::vector<messages::CollisionRecord> found;
     std::vector<std::uint64_t> confirmed;
-    std::vector<Contact> told;
-    for (std::size_t at = 0; at < theatre.log().size(); ++at) {
-      const Seen& seen = theatre.log()[at];
+    std::vector<Contact> frame_done;
+    for (std::size_t at = 0; at < harness.log().size(); ++at) {
+      const LoggedMessage& seen = harness.log()[at];
       for (std::size_t k = 0; k < seen.header.count; ++k) {
         if (seen.from == to && seen.type() == MessageType::collision) {
           found.push_back(seen.record<messages::CollisionRecord>(k));
         } else if (seen.to == to && seen.type() == MessageType::confirm) {
           confirmed.push_back(seen.record<messages::ConfirmRecord>(k).persists);
         } else if (seen.to == to && seen.type() == MessageType::notify && static_cast<std::ptrdiff_t>(at) > end) {
-          told.push_back(seen.record<Contact>(k));
+          frame_done.push_back(seen.record<Contact>(k));
         }
       }
     }
     const bool hosting_node = to.is_node() && play.deployment == Deployment::user_collision;
     if (hosting_node && play.shares_memory) {
       REQUIRE(found.empty());
-      const Findings& findings = *theatre.findings(to.number());
-      for (std::uint32_t i = 0; i < findings.keys.size(); ++i) {
-        const auto key = findings.keys[i];
+      const NodeContacts& node_contacts = *harness.node_contacts(to.number());
+      for (std::uint32_t i = 0; i < node_contacts.keys.size(); ++i) {
+        const auto key = node_contacts.keys[i];
         const auto own = expected.find({static_cast<ObjectNumber>(key >> 32), static_cast<ObjectNumber>(key)});
         if (own != expected.end()) {
-          REQUIRE(own->second.phase == findings.phase(i));
+          REQUIRE(own->second.phase == node_contacts.phase(i));
           expected.erase(own);
         }
       }
       // By the server, or by its peers where they lie.
-      const auto known = theatre.host(to.number()).contacts(theatre.last());
-      REQUIRE((findings.peers_tell ? told.empty() : findings.taken == 0));
-      told.assign(known.begin(), known.end());
-      taken += findings.taken;
+      const auto known = harness.host(to.number()).contacts(harness.last());
+      REQUIRE((node_contacts.nodes_exchange_contacts ? frame_done.empty() : node_contacts.taken == 0));
+      frame_done.assign(known.begin(), known.end());
+      taken += node_contacts.taken;
     }
     const bool confirms = hosting_node && !play.shares_memory;
     REQUIRE(confirmed.size() == (confirms ? (found.size() + 63) / 64 : 0));
     for (std::size_t i = 0; confirms && i < found.size(); ++i) {
-      const auto number = [&](std::uint32_t slot) { return theatre.table().row(slot).object.number; };
+      const auto number = [&](std::uint32_t slot) { return harness.table().row(slot).object.number; };
       const auto own = expected.find({number(found[i].slot_a), number(found[i].slot_b)});
       if (own == expected.end()) {
         continue;  // found for others
@@ -313,85 +317,85 @@ std::uint64_t check_notices(const Theatre& theatre, const Stageplay& play, std::
       REQUIRE(std::memcmp(&contact.point, &found[i].point, sizeof(Vec3d)) == 0);
       expected.erase(own);
     }
-    REQUIRE(told.size() == expected.size());
+    REQUIRE(frame_done.size() == expected.size());
     std::size_t i = 0;
     for (const auto& [key, contact] : expected) {
-      REQUIRE(std::memcmp(&contact, &told[i++], sizeof contact) == 0);
+      REQUIRE(std::memcmp(&contact, &frame_done[i++], sizeof contact) == 0);
     }
   }
   return taken;
 }
 
 TEST_CASE("in every deployment the messages of a frame come in the order of its steps and tell the hosts alone") {
-  const Jumping model;
-  in_all_plays(&model, [&](const Stageplay& play) {
+  const JumpingModel model;
+  in_all_configs(&model, [&](const HarnessConfig& play) {
     constexpr unsigned seed = 21;
     CAPTURE(seed);
     std::mt19937_64 random(seed);
-    Theatre theatre(play);
-    std::vector<ObjectId> ids = populate(theatre, random, 60, 4);
+    TestHarness harness(play);
+    std::vector<ObjectId> ids = populate(harness, random, 60, 4);
     std::uint64_t taken = 0;
     for (int frame = 0; frame < 25; ++frame) {
       CAPTURE(frame);
       std::map<ObjectNumber, Endpoint> hosts_of_ended;
       if (frame > 3 && random() % 3 == 0) {
         const std::size_t at = 4 + random() % (ids.size() - 4);
-        hosts_of_ended[ids[at].number()] = theatre.table().host(theatre.table().find(ids[at].number()));
-        theatre.destroy(ids[at]);
+        hosts_of_ended[ids[at].number()] = harness.table().host(harness.table().find(ids[at].number()));
+        harness.destroy(ids[at]);
         ids.erase(ids.begin() + static_cast<std::ptrdiff_t>(at));
       }
-      theatre.frame();
-      check_contacts(theatre);
-      check_protocol(theatre, play, 4);
-      taken += check_notices(theatre, play, 4, hosts_of_ended);
-      theatre.require_one_host_each();
+      harness.frame();
+      check_contacts(harness);
+      check_protocol(harness, play, 4);
+      taken += check_notices(harness, play, 4, hosts_of_ended);
+      harness.require_one_host_each();
     }
     CHECK((taken > 0) == (play.shares_memory && play.nodes > 1 && play.deployment == Deployment::user_collision));
   });
 }
 
 TEST_CASE("objects that jump across regions, onto borders and out of bounds, appear and end, always have one host") {
-  const Jumping model;
+  const JumpingModel model;
   for (const unsigned seed : {1u, 2u, 3u, 4u}) {
-    in_all_plays(&model, [&](const Stageplay& play) {
+    in_all_configs(&model, [&](const HarnessConfig& play) {
       CAPTURE(seed);
       std::mt19937_64 random(seed);
-      Theatre theatre(play);
-      std::vector<ObjectId> ids = populate(theatre, random, 30, 2);
+      TestHarness harness(play);
+      std::vector<ObjectId> ids = populate(harness, random, 30, 2);
       for (int frame = 0; frame < 30; ++frame) {
         CAPTURE(frame);
         for (std::uint64_t n = random() % 4; n > 0 && ids.size() > 10; --n) {
           const std::size_t at = 2 + random() % (ids.size() - 2);  // not the avatars
-          theatre.destroy(ids[at]);
+          harness.destroy(ids[at]);
           ids.erase(ids.begin() + static_cast<std::ptrdiff_t>(at));
         }
         for (std::uint64_t n = random() % 4; n > 0; --n) {
           ObjectSpec spec;
-          spec.pose.position = Jumping::spot(random);
+          spec.pose.position = JumpingModel::spot(random);
           spec.category = random() % 2 == 0 ? Category::active : Category::non_active;
-          ids.push_back(theatre.spawn(spec));
+          ids.push_back(harness.spawn(spec));
           if (random() % 5 == 0) {
-            theatre.place(ids.back(), {Jumping::spot(random), {}});  // placed before it was ever hosted
+            harness.place(ids.back(), {JumpingModel::spot(random), {}});  // placed before it was ever hosted
           }
           if (random() % 5 == 0) {
-            theatre.destroy(ids.back());  // never hosted at all
+            harness.destroy(ids.back());  // never hosted at all
             ids.pop_back();
           }
         }
         if (random() % 2 == 0) {
-          theatre.place(ids[random() % ids.size()], {Jumping::spot(random), {}});
+          harness.place(ids[random() % ids.size()], {JumpingModel::spot(random), {}});
         }
-        theatre.frame();
-        theatre.require_one_host_each();
-        check_contacts(theatre);
-        REQUIRE(theatre.table().live() == ids.size());
+        harness.frame();
+        harness.require_one_host_each();
+        check_contacts(harness);
+        REQUIRE(harness.table().live() == ids.size());
       }
     });
   }
 }
 
 TEST_CASE("an object that is destroyed in the frame after it crossed a border is gone everywhere") {
-  class Crossing : public MotionModel {
+  class CrossingModel : public MotionModel {
     void move(std::uint64_t frame, std::span<const MotionInput> inputs,
               std::span<MotionOutput> outputs) const override {
       for (std::size_t i = 0; i < inputs.size(); ++i) {
@@ -400,29 +404,29 @@ TEST_CASE("an object that is destroyed in the frame after it crossed a border is
       }
     }
   };
-  const Crossing model;
-  Stageplay play;
+  const CrossingModel model;
+  HarnessConfig play;
   play.grid = {{3, 0, 0}};
   play.nodes = 8;
   play.model = &model;
   for (const int destroyed_before : {1, 2, 3}) {
     CAPTURE(destroyed_before);
-    Theatre theatre(play);
-    const ShapeNumber ball = theatre.add_shape(Sphere{1});
+    TestHarness harness(play);
+    const ShapeNumber ball = harness.add_shape(Sphere{1});
     ObjectSpec spec;
     spec.shape = ball;
     spec.pose.position = {1, 1, 1};
-    const ObjectId id = theatre.spawn(spec);
+    const ObjectId id = harness.spawn(spec);
     for (int frame = 0; frame < 5; ++frame) {
       if (frame == destroyed_before) {
-        theatre.destroy(id);
+        harness.destroy(id);
       }
-      theatre.frame();
-      theatre.require_one_host_each();
-      const auto hosts = theatre.hosts_of(id.number());
+      harness.frame();
+      harness.require_one_host_each();
+      const auto hosts = harness.hosts_of(id.number());
       if (frame >= destroyed_before) {
         REQUIRE(hosts.empty());
-        REQUIRE(theatre.table().live() == 0);
+        REQUIRE(harness.table().live() == 0);
       } else {
         REQUIRE(hosts.size() == 1);
         REQUIRE(hosts[0] == Endpoint::node(frame < 1 ? 0 : 7));
@@ -433,39 +437,39 @@ TEST_CASE("an object that is destroyed in the frame after it crossed a border is
 
 TEST_CASE("an object that spans all regions collides once with each of its neighbours") {
   for (const Placement placement : {Placement::server, Placement::region}) {
-    Stageplay play;
+    HarnessConfig play;
     play.placement = placement;
     play.nodes = 16;
     play.grid = {{2, 2, 2}};
-    Theatre theatre(play);
-    const ShapeNumber ball = theatre.add_shape(Sphere{1});
-    const ShapeNumber globe = theatre.add_shape(Sphere{60});
+    TestHarness harness(play);
+    const ShapeNumber ball = harness.add_shape(Sphere{1});
+    const ShapeNumber globe = harness.add_shape(Sphere{60});
     ObjectSpec spec;
     spec.shape = globe;
     spec.pose.position = {32, 32, 32};
-    theatre.spawn(spec);
+    harness.spawn(spec);
     std::size_t balls = 0;
     spec.shape = ball;
     for (double x = 4; x < 64; x += 8) {
       for (double y = 4; y < 64; y += 8) {
         for (double z = 4; z < 64; z += 8) {
           spec.pose.position = {x, y, z};
-          theatre.spawn(spec);
+          harness.spawn(spec);
           ++balls;
         }
       }
     }
-    theatre.frame();
-    check_contacts(theatre);
-    CHECK(theatre.contacts().size() == balls);
-    CHECK(theatre.report().candidates == balls);
-    theatre.require_one_host_each();
+    harness.frame();
+    check_contacts(harness);
+    CHECK(harness.contacts().size() == balls);
+    CHECK(harness.report().candidates == balls);
+    harness.require_one_host_each();
     // At rest nothing is told again, and everything is still found.
-    theatre.frame();
-    check_contacts(theatre);
-    CHECK(theatre.contacts().size() == balls);
-    CHECK(theatre.report().traffic[static_cast<std::size_t>(Traffic::m1)].records == 0);
-    for (const Seen& seen : theatre.log()) {
+    harness.frame();
+    check_contacts(harness);
+    CHECK(harness.contacts().size() == balls);
+    CHECK(harness.report().traffic[static_cast<std::size_t>(Traffic::m1)].records == 0);
+    for (const LoggedMessage& seen : harness.log()) {
       CHECK((seen.type() != MessageType::position_update || seen.header.count == 0));
     }
   }
@@ -473,7 +477,7 @@ TEST_CASE("an object that spans all regions collides once with each of its neigh
 
 TEST_CASE("what a user node hosts goes to the others when it leaves, with its state and its contacts") {
   /// Counts its contacts, so that a contact lost or doubled on the way to a new host shows for ever.
-  class Counting : public MotionModel {
+  class CountingModel : public MotionModel {
    public:
     std::size_t state_bytes() const noexcept override { return 8; }
     void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
@@ -486,39 +490,39 @@ TEST_CASE("what a user node hosts goes to the others when it leaves, with its st
       }
     }
   };
-  const Counting model;
+  const CountingModel model;
   const auto run = [&](Deployment deployment) {
-    Stageplay play;
+    HarnessConfig play;
     play.deployment = deployment;
     play.model = &model;
-    Theatre theatre(play);
-    const ShapeNumber ball = theatre.add_shape(Sphere{2});
+    TestHarness harness(play);
+    const ShapeNumber ball = harness.add_shape(Sphere{2});
     for (UserNumber user = 0; user < 4; ++user) {
-      theatre.connect(user);
+      harness.connect(user);
     }
     ObjectSpec spec;
     spec.shape = ball;
     for (int i = 0; i < 60; ++i) {
       spec.pose.position = {static_cast<double>(i % 8) * 3 + 20, static_cast<double>(i / 8) * 3 + 20, 32};
-      theatre.spawn(spec);
+      harness.spawn(spec);
     }
     std::vector<std::vector<std::byte>> states;
     for (int frame = 0; frame < 12; ++frame) {
-      if (frame == 3) theatre.disconnect(1);
-      if (frame == 5) theatre.connect(7);
+      if (frame == 3) harness.disconnect(1);
+      if (frame == 5) harness.connect(7);
       if (frame == 7) {
-        theatre.disconnect(0);
-        theatre.disconnect(2);
+        harness.disconnect(0);
+        harness.disconnect(2);
       }
       if (frame == 8) {
-        theatre.disconnect(3);
-        theatre.disconnect(7);  // nobody is left: the server takes over
+        harness.disconnect(3);
+        harness.disconnect(7);  // nobody is left: the server takes over
       }
-      if (frame == 10) theatre.connect(2);
-      theatre.frame();
-      theatre.require_one_host_each();
-      check_contacts(theatre);
-      auto& table = const_cast<ObjectTable&>(theatre.table());
+      if (frame == 10) harness.connect(2);
+      harness.frame();
+      harness.require_one_host_each();
+      check_contacts(harness);
+      auto& table = const_cast<ObjectTable&>(harness.table());
       std::vector<std::byte> all;
       for (ObjectNumber number = 1; number <= 60; ++number) {
         const std::byte* state = table.state(table.find(number));

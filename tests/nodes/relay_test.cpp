@@ -6,13 +6,13 @@
 
 #include <doctest/doctest.h>
 
-#include "nodes/theatre.hpp"
+#include "nodes/test_harness.hpp"
 
 namespace ringfence::nodes::test {
 namespace {
 
 /// Some stand still, some wander over borders, some vanish and come back; all of it from number and frame alone.
-class Roving : public MotionModel {
+class RovingModel : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 0; }
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
@@ -33,10 +33,10 @@ class Roving : public MotionModel {
     }
   }
 };
-const Roving roving;
+const RovingModel roving;
 
-Stageplay play_of(Deployment deployment, Placement placement, bool shares) {
-  Stageplay play;
+HarnessConfig config_of(Deployment deployment, Placement placement, bool shares) {
+  HarnessConfig play;
   play.deployment = deployment;
   play.placement = placement;
   play.shares_memory = shares;
@@ -48,14 +48,14 @@ Stageplay play_of(Deployment deployment, Placement placement, bool shares) {
 }
 
 template <class Perform>
-void in_all_plays(Perform perform) {
+void in_all_configs(Perform perform) {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
     for (const Placement placement : {Placement::server, Placement::region}) {
       for (const int publish : {0, 1, 2}) {  // nobody, all, some
         CAPTURE(name_of(deployment));
         CAPTURE(name_of(placement));
         CAPTURE(publish);
-        Stageplay play = play_of(deployment, placement, publish != 0);
+        HarnessConfig play = config_of(deployment, placement, publish != 0);
         play.all_publish = publish == 1;
         perform(play);
       }
@@ -64,10 +64,10 @@ void in_all_plays(Perform perform) {
 }
 
 /// Spawns, destroys, places and users that come and go, and what is seen after every frame.
-class Life {
+class RelayRun {
  public:
-  Life(const Stageplay& play, unsigned seed) : theatre(play), random_(seed) {
-    ball_ = theatre.add_shape(Sphere{2});
+  RelayRun(const HarnessConfig& play, unsigned seed) : harness(play), random_(seed) {
+    ball_ = harness.add_shape(Sphere{2});
     for (UserNumber user = 0; user < 3; ++user) {
       enter(user);
     }
@@ -77,29 +77,29 @@ class Life {
   }
 
   void frame() {
-    theatre.frame();
-    theatre.require_views();
-    if (theatre.report().lost.empty()) {
-      REQUIRE(theatre.report().traffic[static_cast<std::size_t>(Traffic::state)].records == relayed() + reported());
+    harness.frame();
+    harness.require_views();
+    if (harness.report().lost.empty()) {
+      REQUIRE(harness.report().traffic[static_cast<std::size_t>(Traffic::state)].records == relayed() + reported());
     }
     for (std::uint64_t n = random_() % 4; n > 0; --n) {
       spawn();
     }
     for (std::uint64_t n = random_() % 4; n > 0; --n) {
       const std::size_t at = random_() % ids_.size();
-      theatre.destroy(ids_[at]);
+      harness.destroy(ids_[at]);
       ids_[at] = ids_.back();
       ids_.pop_back();
-      theatre.place(ids_[random_() % ids_.size()], pose());
+      harness.place(ids_[random_() % ids_.size()], pose());
     }
     if (random_() % 4 == 0) {
       const UserNumber user = 1 + static_cast<UserNumber>(random_() % 2);
-      here_[user] ? theatre.disconnect(user) : enter(user);
+      here_[user] ? harness.disconnect(user) : enter(user);
       here_[user] = !here_[user];
     }
   }
 
-  Theatre theatre;
+  TestHarness harness;
 
  private:
   Pose pose() {
@@ -113,22 +113,22 @@ class Life {
     const auto kind = random_() % 8;
     spec.category = kind == 0 ? Category::fixed : kind < 4 ? Category::non_active : Category::active;
     spec.present = random_() % 9 != 0;
-    ids_.push_back(theatre.spawn(spec));
+    ids_.push_back(harness.spawn(spec));
   }
   void enter(UserNumber user) {
-    theatre.connect(user);
+    harness.connect(user);
     for (int avatar = 0; avatar < 2; ++avatar) {
       ObjectSpec spec;
       spec.shape = ball_;
       spec.pose = pose();
       spec.category = Category::avatar;
       spec.user = user;
-      theatre.spawn(spec);
+      harness.spawn(spec);
     }
   }
   std::size_t relayed() const {
     std::size_t count = 0;
-    const ObjectTable& table = theatre.table();
+    const ObjectTable& table = harness.table();
     for (std::uint32_t slot = 0; slot < table.slots(); ++slot) {
       const auto category = static_cast<Category>(table.row(slot).category);
       const bool moves = category == Category::active || category == Category::non_active;
@@ -139,15 +139,15 @@ class Life {
   /// By the CD nodes to the server, or kept where it can read them.
   std::size_t reported() const {
     std::size_t count = 0;
-    for (const Seen& message : theatre.log()) {
+    for (const LoggedMessage& message : harness.log()) {
       count += message.type() == MessageType::node_state ? message.header.count : 0;
-      if (message.type() == MessageType::told && message.from.is_node()) {
-        count += message.record<messages::ToldRecord>(0).kept;
+      if (message.type() == MessageType::frame_done && message.from.is_node()) {
+        count += message.record<messages::NodeFrameStats>(0).kept;
       }
     }
     return count;
   }
-  Deployment deployment() const { return theatre.play().deployment; }
+  Deployment deployment() const { return harness.play().deployment; }
 
   std::mt19937_64 random_;
   ShapeNumber ball_ = 0;
@@ -156,29 +156,29 @@ class Life {
 };
 
 TEST_CASE("user nodes see the same whether the server relays or each CD node publishes what it hosts") {
-  in_all_plays([](const Stageplay& play) {
+  in_all_configs([](const HarnessConfig& play) {
     for (unsigned seed = 1; seed <= 6; ++seed) {
       CAPTURE(seed);
-      Life life(play, seed);
+      RelayRun life(play, seed);
       for (int frame = 0; frame < 25; ++frame) {
         CAPTURE(frame);
         life.frame();
-        life.theatre.require_one_host_each();
+        life.harness.require_one_host_each();
       }
     }
   });
 }
 
 TEST_CASE("after a node is lost, by whatever of its messages, user nodes see each object once and as it stands") {
-  in_all_plays([](const Stageplay& play) {
+  in_all_configs([](const HarnessConfig& play) {
     for (NodeNumber node = 0; node < play.nodes; ++node) {
       for (std::size_t messages = 0; messages < 30; ++messages) {
         CAPTURE(node);
         CAPTURE(messages);
-        Life life(play, 9);
+        RelayRun life(play, 9);
         for (int frame = 0; frame < 6; ++frame) {
           CAPTURE(frame);
-          if (frame == 2) life.theatre.kill(node, messages);
+          if (frame == 2) life.harness.kill(node, messages);
           life.frame();
         }
       }
@@ -188,26 +188,26 @@ TEST_CASE("after a node is lost, by whatever of its messages, user nodes see eac
 
 TEST_CASE("user nodes look while nodes test, and what they see stands though a node is lost then") {
   for (const Placement placement : {Placement::server, Placement::region}) {
-    const Stageplay play = play_of(Deployment::user_collision, placement, true);
+    const HarnessConfig play = config_of(Deployment::user_collision, placement, true);
     std::size_t lost_late = 0;
     for (NodeNumber node = 0; node < play.nodes; ++node) {
       for (std::size_t messages = 0; messages < 40; ++messages) {
         CAPTURE(node);
         CAPTURE(messages);
-        Life life(play, 9);
+        RelayRun life(play, 9);
         for (int frame = 0; frame < 3; ++frame) life.frame();
-        life.theatre.kill(node, messages);
+        life.harness.kill(node, messages);
         life.frame();
         const auto of_node = [&](MessageType type) {
-          return std::any_of(life.theatre.log().begin(), life.theatre.log().end(), [&](const Seen& seen) {
+          return std::any_of(life.harness.log().begin(), life.harness.log().end(), [&](const LoggedMessage& seen) {
             return seen.from == Endpoint::node(node) && seen.type() == type;
           });
         };
-        if (!life.theatre.report().lost.empty() && of_node(MessageType::published) &&
+        if (!life.harness.report().lost.empty() && of_node(MessageType::published) &&
             !of_node(MessageType::narrow_done)) {
           ++lost_late;
           // Nobody tells again what it has told.
-          REQUIRE(life.theatre.relays().size() == play.nodes);
+          REQUIRE(life.harness.relays().size() == play.nodes);
         }
         life.frame();
       }
@@ -217,15 +217,15 @@ TEST_CASE("user nodes look while nodes test, and what they see stands though a n
 }
 
 TEST_CASE("nodes that are lost together, or one after another to the last, take nothing from what user nodes see") {
-  in_all_plays([](const Stageplay& play) {
+  in_all_configs([](const HarnessConfig& play) {
     for (unsigned seed = 1; seed <= 30; ++seed) {
       CAPTURE(seed);
       std::mt19937_64 random(seed);
-      Life life(play, seed);
+      RelayRun life(play, seed);
       for (int frame = 0; frame < 9; ++frame) {
         CAPTURE(frame);
-        for (NodeNumber node = 0; node < life.theatre.nodes(); ++node) {
-          if (frame > 1 && random() % 3 == 0) life.theatre.kill(node, random() % 24);
+        for (NodeNumber node = 0; node < life.harness.nodes(); ++node) {
+          if (frame > 1 && random() % 3 == 0) life.harness.kill(node, random() % 24);
         }
         life.frame();
       }
@@ -234,24 +234,24 @@ TEST_CASE("nodes that are lost together, or one after another to the last, take 
 }
 
 TEST_CASE("what nodes publish lies in their regions, so that user nodes pass over most of it") {
-  Life life(play_of(Deployment::user_collision, Placement::region, true), 3);
+  RelayRun life(config_of(Deployment::user_collision, Placement::region, true), 3);
   for (int frame = 0; frame < 12; ++frame) {
     life.frame();
-    const auto relays = life.theatre.relays();
+    const auto relays = life.harness.relays();
     REQUIRE(relays.size() == 3);
     for (const Published* relay : relays) {
-      const auto cells = relay->publication->cells(life.theatre.last());
-      const regions::CellBox& reach = relay->reach[life.theatre.last() & 1];
-      regions::CellBox exact = life.theatre.play().grid.box_of(cells.front());
+      const auto cells = relay->publication->cells(life.harness.last());
+      const regions::CellBox& cell_range = relay->cell_range[life.harness.last() & 1];
+      regions::CellBox exact = life.harness.play().grid.box_of(cells.front());
       for (const std::uint32_t cell : cells) {
-        const regions::CellBox at = life.theatre.play().grid.box_of(cell);
-        REQUIRE(reach.holds(at));
+        const regions::CellBox at = life.harness.play().grid.box_of(cell);
+        REQUIRE(cell_range.contains(at));
         for (std::size_t axis = 0; axis < 3; ++axis) {
           exact.lower[axis] = std::min(exact.lower[axis], at.lower[axis]);
           exact.upper[axis] = std::max(exact.upper[axis], at.upper[axis]);
         }
       }
-      REQUIRE(reach == exact);
+      REQUIRE(cell_range == exact);
     }
   }
 }

@@ -9,10 +9,10 @@
 
 #include <doctest/doctest.h>
 
-#include "nodes/known_objects.hpp"
-#include "nodes/number_index.hpp"
-#include "nodes/object_table.hpp"
-#include "nodes/spawn_order.hpp"
+#include "base/number_index.hpp"
+#include "nodes/cd_node/region_objects.hpp"
+#include "nodes/server/object_table.hpp"
+#include "nodes/server/spawn_order.hpp"
 
 namespace ringfence::nodes {
 namespace {
@@ -21,7 +21,7 @@ TEST_CASE("the number index finds what a standard map finds, after any stores an
   for (const unsigned seed : {1u, 2u, 3u, 4u}) {
     CAPTURE(seed);
     std::mt19937_64 random(seed);
-    NumberIndex index(seed % 2 == 0 ? 0 : 500);
+    base::NumberIndex index(seed % 2 == 0 ? 0 : 500);
     std::unordered_map<ObjectNumber, std::uint32_t> model;
     const auto draw = [&]() -> ObjectNumber {
       switch (random() % 4) {
@@ -53,7 +53,7 @@ TEST_CASE("the number index finds what a standard map finds, after any stores an
       }
       REQUIRE(index.size() == model.size());
       const auto at = model.find(number);
-      REQUIRE(index.find(number) == (at == model.end() ? NumberIndex::none : at->second));
+      REQUIRE(index.find(number) == (at == model.end() ? base::NumberIndex::none : at->second));
       if (round % 1000 == 999) {
         for (const auto& [known, value] : model) {
           REQUIRE(index.find(known) == value);
@@ -68,7 +68,7 @@ TEST_CASE("the number index finds everything while places grow in the midst of a
   for (unsigned seed = 0; seed < 300; ++seed) {
     CAPTURE(seed);
     std::mt19937_64 random(seed);
-    NumberIndex index(seed % 3 * 20);
+    base::NumberIndex index(seed % 3 * 20);
     std::unordered_map<ObjectNumber, std::uint32_t> model;
     const std::uint64_t numbers = 400 + random() % 8000;
     for (std::uint32_t round = 0; round < 600; ++round) {
@@ -82,7 +82,7 @@ TEST_CASE("the number index finds everything while places grow in the midst of a
       }
       REQUIRE(index.size() == model.size());
       const auto at = model.find(number);
-      REQUIRE(index.find(number) == (at == model.end() ? NumberIndex::none : at->second));
+      REQUIRE(index.find(number) == (at == model.end() ? base::NumberIndex::none : at->second));
     }
     for (const auto& [number, value] : model) {
       REQUIRE(index.find(number) == value);
@@ -109,7 +109,7 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
       table.settle();
       REQUIRE(table.moved().empty());
       ended_now.clear();
-      std::set<std::uint32_t> touched, untold;
+      std::set<std::uint32_t> touched, unnotified;
       for (std::uint64_t spawns = random() % 6; spawns > 0; --spawns) {
         ObjectSpec spec;
         spec.number = static_cast<ObjectNumber>(1 + random() % 1000);
@@ -132,19 +132,19 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         std::fill_n(table.state(slot), state_bytes, std::byte{mark});
         live[spec.number] = {slot, generation, spec, mark};
         touched.insert(slot);
-        untold.insert(slot);
+        unnotified.insert(slot);
       }
       for (std::uint64_t ends = random() % 5; ends > 0 && !live.empty(); --ends) {
         const auto at = std::next(live.begin(), static_cast<std::ptrdiff_t>(random() % live.size()));
         const std::uint32_t slot = at->second.slot;
         const messages::ObjectRef ref = table.row(slot).object;
         table.end(slot);
-        REQUIRE(table.find(ref) == NumberIndex::none);
+        REQUIRE(table.find(ref) == base::NumberIndex::none);
         REQUIRE(table.present()[slot] == 0);
         REQUIRE(table.row(slot).object.number == at->first);  // readable until the next frame
         ended_now.insert(slot);
         if (touched.insert(slot).second) {
-          untold.insert(slot);
+          unnotified.insert(slot);
         }
         live.erase(at);
       }
@@ -159,12 +159,12 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
           model.spec.present = random() % 2 == 0;
           table.row(model.slot).object.flags = model.spec.present ? messages::flag_present : 0u;
           if (random() % 2 == 0) {
-            table.mark_moved_alone(model.slot);
+            table.mark_moved_host_only(model.slot);
             touched.insert(model.slot);
           } else {
             table.mark_moved(model.slot);
             if (touched.insert(model.slot).second) {
-              untold.insert(model.slot);
+              unnotified.insert(model.slot);
             }
           }
         }
@@ -173,8 +173,8 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
       const auto moved = table.moved();
       REQUIRE(moved.size() == touched.size());
       REQUIRE((std::set<std::uint32_t>(moved.begin(), moved.end()) == touched));
-      REQUIRE((std::set<std::uint32_t>(table.untold().begin(), table.untold().end()) == untold));
-      REQUIRE(table.untold().size() == untold.size());
+      REQUIRE((std::set<std::uint32_t>(table.unnotified().begin(), table.unnotified().end()) == unnotified));
+      REQUIRE(table.unnotified().size() == unnotified.size());
       REQUIRE(table.present().size() == table.slots());
       REQUIRE(table.bounds().size() == table.slots());
       std::size_t present = 0;
@@ -182,9 +182,12 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         const ObjectRow& row = table.row(model.slot);
         REQUIRE(table.find(number) == model.slot);
         REQUIRE(table.find(messages::ObjectRef{model.slot, model.generation, number, 0}) == model.slot);
-        REQUIRE(table.find(messages::ObjectRef{model.slot, model.generation + 1, number, 0}) == NumberIndex::none);
-        REQUIRE(table.find(messages::ObjectRef{model.slot, model.generation, number + 1, 0}) == NumberIndex::none);
-        REQUIRE(table.find(messages::ObjectRef{model.slot + 1, model.generation, number, 0}) == NumberIndex::none);
+        REQUIRE(table.find(messages::ObjectRef{model.slot, model.generation + 1, number, 0}) ==
+                base::NumberIndex::none);
+        REQUIRE(table.find(messages::ObjectRef{model.slot, model.generation, number + 1, 0}) ==
+                base::NumberIndex::none);
+        REQUIRE(table.find(messages::ObjectRef{model.slot + 1, model.generation, number, 0}) ==
+                base::NumberIndex::none);
         REQUIRE(table.alive(model.slot));
         REQUIRE(table.origin(model.slot).user_data == model.spec.user_data);
         REQUIRE(table.numbers()[model.slot] == number);
@@ -202,8 +205,8 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
       REQUIRE(static_cast<std::size_t>(std::count(table.present().begin(), table.present().end(), 1)) == present);
     }
     CHECK(table.slots() < 400);  // slots were used again
-    CHECK(table.find(messages::ObjectRef{0xffffffffu, 1, 1, 0}) == NumberIndex::none);
-    CHECK(table.find(ObjectNumber{5000}) == NumberIndex::none);
+    CHECK(table.find(messages::ObjectRef{0xffffffffu, 1, 1, 0}) == base::NumberIndex::none);
+    CHECK(table.find(ObjectNumber{5000}) == base::NumberIndex::none);
   }
 }
 
@@ -211,7 +214,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
   constexpr unsigned seed = 5;
   CAPTURE(seed);
   std::mt19937_64 random(seed);
-  KnownObjects known(8, true);
+  RegionObjects known(8, true);
   std::map<std::uint32_t, messages::PositionRecord> model;
   std::map<std::uint32_t, std::uint32_t> places;  // by slot, what its last set said
   std::set<std::uint32_t> changed;                // slots set since the last settle
@@ -235,7 +238,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       case 3: {
         const messages::PositionRecord record = draw();
         // Where it was when it was last set: still there, or gone, or another's place by now.
-        const auto was = places.try_emplace(record.object.slot, KnownObjects::none).first;
+        const auto was = places.try_emplace(record.object.slot, RegionObjects::none).first;
         was->second = known.set(record.object, record.pose, record.bounds, record.shape, record.layer,
                                 static_cast<NextHost>(record.layer % 4), record.layer % 3 == 0, was->second);
         REQUIRE(known.find(record.object.slot) == was->second);
@@ -280,8 +283,8 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
     for (std::uint32_t slot = 0; slot < 230; ++slot) {
       const auto at = model.find(slot);
       const std::uint32_t i = known.find(slot);
-      REQUIRE((i == KnownObjects::none) == (at == model.end()));
-      if (i == KnownObjects::none) {
+      REQUIRE((i == RegionObjects::none) == (at == model.end()));
+      if (i == RegionObjects::none) {
         continue;
       }
       REQUIRE(known.slot(i) == slot);
@@ -313,11 +316,11 @@ TEST_CASE("objects that are spawned together are taken in an order that keeps ne
     spawn.spec.pose.position = {within(160), within(80), within(160)};
   }
   spawns[7].spec.pose.position = {-1e9, 40, 1e9};  // outside counts as at the edge
-  std::vector<PlacedSpawn> scratch;
-  const auto order = order_by_place(spawns, space, scratch);
+  std::vector<PositionedSpawn> scratch;
+  const auto order = order_by_position(spawns, space, scratch);
   REQUIRE(order.size() == spawns.size());
   std::set<std::uint32_t> seen;
-  for (const PlacedSpawn& placed : order) {
+  for (const PositionedSpawn& placed : order) {
     seen.insert(placed.position);
   }
   CHECK(seen.size() == spawns.size());
@@ -333,7 +336,7 @@ TEST_CASE("objects that are spawned together are taken in an order that keeps ne
     near += distance(order[i - 1].position, order[i].position) < 20 ? 1u : 0u;
   }
   CHECK(near > order.size() * 8 / 10);
-  CHECK(order_by_place({}, space, scratch).empty());
+  CHECK(order_by_position({}, space, scratch).empty());
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ struct PlacedPair {
   Shapes shapes;
   Pose a, b;
 
-  std::string explain(const Contact* claimed) const { return explain_wrong(shapes[0], a, shapes[1], b, claimed); }
+  std::string explain(const Contact* claimed) const { return describe_error(shapes[0], a, shapes[1], b, claimed); }
   double width() const { return band(shapes[0], shapes[1]); }
   /// What is allowed for the fields of a contact: they are floats.
   double field_width() const { return width() + 0x1p-22 * (shapes[0].bounding_radius + shapes[1].bounding_radius); }

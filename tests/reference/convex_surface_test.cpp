@@ -90,7 +90,7 @@ TEST_CASE("the hull of any points is closed and convex, exactly") {
   for (int i = 0; i < 300; ++i) {
     CAPTURE(i);
     const auto points =
-        doubles(i % 3 ? random.nasty_hull(random.size(1e-3, 1e5)) : random.hull(1, 4 + random.below(250)));
+        doubles(i % 3 ? random.degenerate_hull(random.size(1e-3, 1e5)) : random.hull(1, 4 + random.below(250)));
     const auto surface = ConvexSurface::around(points);
     REQUIRE(surface);
     expect_convex(*surface, points);

@@ -62,7 +62,7 @@ TEST_CASE("the least depth over faces and edges is that of a polytope grown insi
       const CorePair pair{a, b, any_placement(random, a.reach + b.reach)};
       const CoreOverlap tried = polytope_overlap(pair);
       if (tried.depth < 1e-9 * pair.scale()) continue;
-      const CoreOverlap grown = grown_overlap(pair, 1e-11 * pair.scale());
+      const CoreOverlap grown = epa_overlap(pair, 1e-11 * pair.scale());
       ++compared;
       CHECK(tried.depth <= grown.depth + 1e-12 * pair.scale());
       CHECK(tried.depth >= grown.depth - grown.error - 1e-12 * pair.scale());
@@ -76,18 +76,18 @@ TEST_CASE("the iterated distance is that of all vertices, edges and faces") {
   const std::uint64_t seed = 13;
   CAPTURE(seed);
   Random random(seed);
-  int apart = 0, unsettled = 0;
+  int apart = 0, unconverged = 0;
   for (int i = 0; i < 6000; ++i) {
     CAPTURE(i);
     const double size_b = random.one_in(3) ? random.size(1e-3, 1e3) : 1;
     const Core a = any_core(random, 1), b = any_core(random, size_b);
     const CorePair pair{a, b, any_placement(random, 3 * (a.reach + b.reach))};
     const double tolerance = 1e-12 * pair.scale();
-    const CoreDistance iterated = iterated_distance(pair, tolerance);
+    const CoreDistance iterated = gjk_distance(pair, tolerance);
     if (iterated.upper <= tolerance) continue;
     ++apart;
-    if (!iterated.settled) {
-      ++unsettled;
+    if (!iterated.converged) {
+      ++unconverged;
       continue;
     }
     const CoreDistance full = exhaustive_distance(pair);
@@ -98,6 +98,6 @@ TEST_CASE("the iterated distance is that of all vertices, edges and faces") {
     CHECK(std::abs(pair.overlap(n) + full.upper) <= 1e-9 * pair.scale());
   }
   CHECK(apart > 2000);
-  MESSAGE(unsettled << " of " << apart << " left to the exhaustive form");
-  CHECK(unsettled < apart / 20);
+  MESSAGE(unconverged << " of " << apart << " left to the exhaustive form");
+  CHECK(unconverged < apart / 20);
 }

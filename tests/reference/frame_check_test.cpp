@@ -119,13 +119,13 @@ TEST_CASE("whatever else is wrong with a contact is told, once") {
   expect_one(frame, all[middle], "other poses");
 
   frame.contacts = all;
-  Contact stranger = all[middle];
-  stranger.b = 1'000'000;
-  frame.contacts.push_back(stranger);
+  Contact unknown_object = all[middle];
+  unknown_object.b = 1'000'000;
+  frame.contacts.push_back(unknown_object);
   std::sort(frame.contacts.begin(), frame.contacts.end(), [](const auto& p, const auto& q) {
     return std::pair{p.a, p.b} < std::pair{q.a, q.b};
   });
-  expect_one(frame, stranger, "names an object that there is not");
+  expect_one(frame, unknown_object, "names an object that there is not");
 }
 
 TEST_CASE("a contact between absent objects, or layers that do not collide, or objects far apart, is extra") {

@@ -68,7 +68,7 @@ class Random {
     return out;
   }
   /// Many points in a plane, repeated points, points inside, plates, needles, prisms, an origin far outside.
-  ConvexHull nasty_hull(double size) {
+  ConvexHull degenerate_hull(double size) {
     ConvexHull out;
     Vector scale{size, size, size};
     Vector shift;
@@ -106,7 +106,7 @@ class Random {
     out.points.push_back(out.points.front());
     return out;
   }
-  Box nasty_box(double size) {
+  Box degenerate_box(double size) {
     const auto thin = [&] { return one_in(2) ? size : size * 1e-3; };
     return {vec3f({thin(), thin(), thin()})};
   }
@@ -144,16 +144,16 @@ class Random {
 
   /// Any convex shape that is given in numbers, one in four of the nasty sort.
   ShapeDescription convex(double size) {
-    const bool nasty = one_in(4);
+    const bool degenerate = one_in(4);
     switch (below(4)) {
       case 0:
         return sphere(size);
       case 1:
         return capsule(size);
       case 2:
-        return nasty ? nasty_box(size) : box(size);
+        return degenerate ? degenerate_box(size) : box(size);
       default:
-        return nasty ? nasty_hull(size) : hull(size, 4 + below(60));
+        return degenerate ? degenerate_hull(size) : hull(size, 4 + below(60));
     }
   }
 

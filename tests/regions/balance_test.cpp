@@ -36,11 +36,11 @@ void add_crowd(Crowd& crowd, std::size_t count, std::uint32_t at, std::uint32_t 
 }
 
 void weigh(Balance& balance, const Crowd& crowd) {
-  balance.start_weighing();
+  balance.begin_weights();
   for (std::size_t i = 0; i < crowd.boxes.size(); ++i) {
     const std::uint32_t point[3] = {crowd.points[i][0], crowd.points[i][1], crowd.points[i][2]};
-    balance.weigh_object(point);
-    balance.size_object(crowd.boxes[i]);
+    balance.add_object_weight(point);
+    balance.add_object_size(crowd.boxes[i]);
   }
 }
 
@@ -61,7 +61,7 @@ int follow(Balance& balance, RegionMap& map, const Crowd& crowd, int frames, dou
   int changes = 0;
   for (int frame = 0; frame < frames; ++frame) {
     balance.add_frame(costs_of(map, crowd, each));
-    if (!balance.wanted()) continue;
+    if (!balance.needs_new_map()) continue;
     weigh(balance, crowd);
     balance.refine(map, map.nodes());
     if (const auto table = balance.propose(map, crowd.points.size()); !table.empty()) {

@@ -157,8 +157,8 @@ TEST_CASE("the node that tests a pair has been told of both objects, and it is t
       const NodeNumber owner = map.pair_owner(p, q);
       REQUIRE(owner < map.nodes());
       REQUIRE(owner == map.pair_owner(q, p));
-      REQUIRE(map.cover(p, owner) != Cover::none);
-      REQUIRE(map.cover(q, owner) != Cover::none);
+      REQUIRE(map.coverage(p, owner) != Coverage::none);
+      REQUIRE(map.coverage(q, owner) != Coverage::none);
     }
     REQUIRE(pairs > 100);
   });
@@ -180,8 +180,10 @@ TEST_CASE("each owner of what bounds cover is visited once, no other, and each i
       REQUIRE(visited.size() == expected.size());
       REQUIRE((std::set<NodeNumber>(visited.begin(), visited.end()) == expected));
       for (NodeNumber node = 0; node < std::min(map.nodes(), 20u); ++node) {
-        const Cover cover = expected.count(node) == 0 ? Cover::none : expected.size() == 1 ? Cover::all : Cover::part;
-        REQUIRE(map.cover(bounds, node) == cover);
+        const Coverage coverage = expected.count(node) == 0 ? Coverage::none
+                                  : expected.size() == 1    ? Coverage::all
+                                                            : Coverage::part;
+        REQUIRE(map.coverage(bounds, node) == coverage);
       }
       // A point has one owner: that of the part that it is in.
       const Bounds point{{bounds.lower[0], bounds.lower[1], bounds.lower[2]},
@@ -207,11 +209,11 @@ TEST_CASE("what lies in the interior of a region is covered by its node alone") 
           bounds.lower[axis] = interior.lower[axis] + static_cast<std::uint32_t>(random() % (across + 1));
           bounds.upper[axis] = round % 4 == 0 ? interior.upper[axis] : bounds.lower[axis];
         }
-        const bool within = geometry::holds(interior, bounds);
+        const bool within = geometry::contains(interior, bounds);
         REQUIRE(within == (interior.lower[0] <= bounds.lower[0] && bounds.upper[0] <= interior.upper[0] &&
                            interior.lower[1] <= bounds.lower[1] && bounds.upper[1] <= interior.upper[1] &&
                            interior.lower[2] <= bounds.lower[2] && bounds.upper[2] <= interior.upper[2]));
-        if (within) REQUIRE(map.cover(bounds, node) == Cover::all);
+        if (within) REQUIRE(map.coverage(bounds, node) == Coverage::all);
       }
     }
   });

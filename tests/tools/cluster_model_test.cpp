@@ -52,10 +52,10 @@ ScaleRow row_of(Deployment deployment, std::uint32_t nodes, std::uint32_t object
 TEST_CASE("where only pairs cost time, a cluster's frame shrinks by the number of nodes") {
   ClusterCosts costs = free_cluster();
   costs.at(CostName::pair_us).value = 700;
-  const double one = cluster_frame(counts_of(1), costs).total();
+  const double one = compute_cluster_frame(counts_of(1), costs).total();
   CHECK(one == doctest::Approx(1120));
   for (const double nodes : {2.0, 4.0, 16.0}) {
-    CHECK(one / cluster_frame(counts_of(nodes), costs).total() == doctest::Approx(nodes));
+    CHECK(one / compute_cluster_frame(counts_of(nodes), costs).total() == doctest::Approx(nodes));
   }
 }
 
@@ -65,7 +65,7 @@ TEST_CASE("each part of a cluster's frame is its counts times its costs") {
   const auto with = [&](CostName name, double value) {
     ClusterCosts changed = costs;
     changed.at(name).value = value;
-    return cluster_frame(counts, changed);
+    return compute_cluster_frame(counts, changed);
   };
   CHECK(with(CostName::latency_us, 500).total() == doctest::Approx(3));
   CHECK(with(CostName::object_us, 2).sweep == doctest::Approx(2));
@@ -92,10 +92,12 @@ TEST_CASE("on a shared segment user nodes that tell each other one by one wait f
   costs.at(CostName::shared_user_lan).value = 1;
   costs.at(CostName::user_copies).value = 0;
   const double bytes = 100 * 56 + 9 * 100.0 * sizeof(SeenState);
-  CHECK(cluster_frame(counts_of(1), costs).states == doctest::Approx(std::max(bytes, 100.0 * 56 + 900 * 80) / 12500));
+  CHECK(compute_cluster_frame(counts_of(1), costs).states ==
+        doctest::Approx(std::max(bytes, 100.0 * 56 + 900 * 80) / 12500));
   FrameCounts many = counts_of(1);
   many.users = 100;
-  CHECK(cluster_frame(many, costs).states == doctest::Approx((100 * 56 + 99 * 100.0 * sizeof(SeenState)) / 12500));
+  CHECK(compute_cluster_frame(many, costs).states ==
+        doctest::Approx((100 * 56 + 99 * 100.0 * sizeof(SeenState)) / 12500));
 }
 
 TEST_CASE("M3 that travels while nodes test is hidden behind the narrow phase, no longer one is not") {
@@ -103,22 +105,22 @@ TEST_CASE("M3 that travels while nodes test is hidden behind the narrow phase, n
   costs.at(CostName::bandwidth_mbit).value = 100;
   costs.at(CostName::overlap).value = 1;
   costs.at(CostName::pair_us).value = 3;  // 4.8 ms of 8 ms
-  CHECK(cluster_frame(counts_of(1), costs).m3 == doctest::Approx(8 - 4.8));
+  CHECK(compute_cluster_frame(counts_of(1), costs).m3 == doctest::Approx(8 - 4.8));
   costs.at(CostName::pair_us).value = 30;
-  CHECK(cluster_frame(counts_of(1), costs).m3 == 0);
+  CHECK(compute_cluster_frame(counts_of(1), costs).m3 == 0);
 }
 
 TEST_CASE("the one fitted cost makes the one figure that it is fitted to, and no row of its own makes it a default") {
   const std::vector<ScaleRow> rows{row_of(Deployment::user_collision, 1, 4000, counts_of(1)),
                                    row_of(Deployment::user_collision, 16, 4000, counts_of(16))};
-  const ClusterCosts costs = settle_costs(*find_cluster("2004"), rows);
-  CHECK(cluster_frame(rows[0].counts(), costs).total() == doctest::Approx(4100));
+  const ClusterCosts costs = resolve_costs(*find_cluster("2004"), rows);
+  CHECK(compute_cluster_frame(rows[0].counts(), costs).total() == doctest::Approx(4100));
   const std::vector<ClusterPrediction> predictions = predict(rows, costs, {});
   REQUIRE(predictions.size() == 2);
   CHECK(predictions[1].paper->ms == 300);
   CHECK(predictions[1].scaling.speedup == doctest::Approx(4100 / predictions[1].frame.total()));
 
-  const ClusterCosts unfitted = settle_costs(*find_cluster("2004"), {rows[1]});
+  const ClusterCosts unfitted = resolve_costs(*find_cluster("2004"), {rows[1]});
   CHECK(unfitted[CostName::pair_us] == 700);
   CHECK(unfitted.at(CostName::pair_us).source.find("was not run") != std::string::npos);
 }

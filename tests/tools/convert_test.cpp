@@ -5,7 +5,7 @@
 
 #include "tools/program.hpp"
 #include "trace.hpp"
-#include "worlds/refusal.hpp"
+#include "worlds/error_message.hpp"
 #include "worlds/text_file.hpp"
 
 namespace ringfence::tools {
@@ -72,32 +72,33 @@ TEST_CASE("copies lie side by side, later, with the real spacing inside each") {
 }
 
 TEST_CASE("traces that cannot be are refused with place, finding and expectation") {
-  using test::refusal;
-  CHECK(refusal([] { read_crowd("1 2 3.0 4.0\n", "c.txt"); }) ==
+  using test::error_message_of;
+  CHECK(error_message_of([] { read_crowd("1 2 3.0 4.0\n", "c.txt"); }) ==
         "c.txt:1: expected five numbers: id frame x/cm y/cm z/cm");
-  CHECK(refusal([] { read_crowd("# no\n1 5 3 4 5\n1 5 3 4 5\n", "c.txt"); }) ==
+  CHECK(error_message_of([] { read_crowd("# no\n1 5 3 4 5\n1 5 3 4 5\n", "c.txt"); }) ==
         "c.txt:3: frame: found 5 after 5 of person 1; expected ascending order");
-  CHECK(refusal([] { read_crowd("", "c.txt"); }) == "c.txt: expected at least one line of numbers");
-  CHECK(refusal([] { read_air("[{\"timestamp\": 5}]", "a.json", "", 0); }) ==
+  CHECK(error_message_of([] { read_crowd("", "c.txt"); }) == "c.txt: expected at least one line of numbers");
+  CHECK(error_message_of([] { read_air("[{\"timestamp\": 5}]", "a.json", "", 0); }) ==
         "a.json:1: [0]: the field \"latitude\" is missing");
-  CHECK(refusal([] { read_air("[" + sample(0, "a", 99, 6, 1) + "]", "a.json", "", 0); }).find("degrees between") !=
-        std::string::npos);
+  CHECK(error_message_of([] {
+          read_air("[" + sample(0, "a", 99, 6, 1) + "]", "a.json", "", 0);
+        }).find("degrees between") != std::string::npos);
 }
 
 TEST_CASE("the converter says how to unpack what is compressed") {
-  const test::Folder folder;
+  const test::TemporaryFolder folder;
   worlds::write_text(folder / "a.gz", "\x1f\x8b rest");
-  const test::Answer answer = test::ringfence("convert air " + (folder / "a.gz") + " --out " + (folder / "x"));
+  const test::ProgramResult answer = test::ringfence("convert air " + (folder / "a.gz") + " --out " + (folder / "x"));
   CHECK(answer.code == 2);
   CHECK(answer.out.find("zcat " + (folder / "a.gz") + " | ringfence convert air - --out") != std::string::npos);
 }
 
 TEST_CASE("a converted trace can be replayed") {
-  const test::Folder folder;
+  const test::TemporaryFolder folder;
   worlds::write_text(folder / "c.txt", "1 94 0 0 176\n2 94 50 0 176\n1 95 10 0 176\n2 95 45 0 176\n1 96 20 0 176\n");
   const std::string prefix = folder / "crowd";
   CHECK(test::ringfence("convert crowd " + (folder / "c.txt") + " --copies 2 --out " + prefix).code == 0);
-  const test::Answer answer =
+  const test::ProgramResult answer =
       test::ringfence("replay --check --nodes 1 --scene " + prefix + ".json --motion " + prefix + ".csv");
   CHECK_MESSAGE(answer.code == 0, answer.out);
 }

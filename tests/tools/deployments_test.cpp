@@ -10,7 +10,7 @@
 namespace ringfence {
 namespace {
 
-using test::Answer;
+using test::ProgramResult;
 
 constexpr const char* deployments[] = {"user", "user-server", "user-collision"};
 
@@ -25,7 +25,7 @@ TEST_CASE("every deployment, placement and node count gives one digest, and brut
           const std::string arguments =
               std::string("run --check --objects 300 --users 10 --frames 8 --warmup 20 --shapes ") + shapes +
               " --deployment " + deployment + " --broad-phase " + placement + " --nodes " + std::to_string(nodes);
-          const Answer answer = test::ringfence(arguments);
+          const ProgramResult answer = test::ringfence(arguments);
           REQUIRE_MESSAGE(answer.code == 0, arguments, "\n", answer.out);
           CHECK(answer.out.find("8 frames agree with brute force") != std::string::npos);
           if (digest.empty()) digest = test::digest_in(answer.out);
@@ -38,9 +38,9 @@ TEST_CASE("every deployment, placement and node count gives one digest, and brut
 }
 
 TEST_CASE("4000 objects have 1600 to 3500 contacts a frame, whatever their shapes") {
-  const test::Folder folder;
+  const test::TemporaryFolder folder;
   for (const char* shapes : {"sphere", "box", "capsule", "hull", "mixed"}) {
-    const Answer answer =
+    const ProgramResult answer =
         test::ringfence(std::string("run --frames 8 --nodes 1 --shapes ") + shapes + " --json " + (folder / "r.json"));
     REQUIRE_MESSAGE(answer.code == 0, answer.out);
     const auto report = nlohmann::json::parse(worlds::read_text(folder / "r.json"));

@@ -17,8 +17,8 @@
 namespace ringfence {
 namespace {
 
-using test::Answer;
-using test::Folder;
+using test::ProgramResult;
+using test::TemporaryFolder;
 
 const std::string meshes = RINGFENCE_MESHES;
 
@@ -40,7 +40,7 @@ std::vector<std::array<float, 9>> triangles_of(const TriangleMesh& mesh, float r
   return out;
 }
 
-std::string refusal(const std::string& file) {
+std::string error_message_of(const std::string& file) {
   try {
     tools::read_mesh(file);
   } catch (const Error& error) {
@@ -76,7 +76,7 @@ TEST_CASE("a tetrahedron is read from OBJ, STL, PLY, glTF and 3DS") {
 
 TEST_CASE("a mesh file that cannot be read is named with the reason") {
   const auto refused = [](const std::string& file, const std::string& why) {
-    const std::string what = refusal(file);
+    const std::string what = error_message_of(file);
     CHECK_MESSAGE(what.starts_with(file + ": "), what);
     CHECK_MESSAGE(what.find(why) != std::string::npos, what);
   };
@@ -125,7 +125,7 @@ TEST_CASE("a mesh file that makes its reader crash is refused, and the program l
 }
 
 TEST_CASE("a glTF file reads its buffers beside it and below, and nothing elsewhere") {
-  const Folder folder;
+  const TemporaryFolder folder;
   std::filesystem::create_directories(folder / "scene/parts");
   std::string corners;
   for (const float x : {0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.0f}) {
@@ -154,7 +154,7 @@ TEST_CASE("a glTF file reads its buffers beside it and below, and nothing elsewh
 }
 
 TEST_CASE("a written mesh reads back bit for bit") {
-  const Folder folder;
+  const TemporaryFolder folder;
   const TriangleMesh mesh = worlds::make_asteroid(3, 4, 5);
   tools::write_mesh(folder / "rock.ply", mesh);
   const TriangleMesh back = tools::read_mesh(folder / "rock.ply");
@@ -165,27 +165,28 @@ TEST_CASE("a written mesh reads back bit for bit") {
 }
 
 TEST_CASE("a scene's mesh files are found beside it, whatever the working folder") {
-  const Folder folder;
+  const TemporaryFolder folder;
   std::filesystem::create_directory(folder / "rocks");
   std::filesystem::copy_file(meshes + "/tetrahedron.obj", folder / "rocks/t.obj");
   worlds::write_text(folder / "scene.json", scene_of("rocks/t.obj"));
   worlds::write_text(folder / "motion.csv", motion);
-  const Answer answer = test::ringfence("replay --check --nodes 1 --scene " + (folder / "scene.json") + " --motion " +
-                                        (folder / "motion.csv") + " --collisions " + (folder / "c.csv"));
+  const ProgramResult answer =
+      test::ringfence("replay --check --nodes 1 --scene " + (folder / "scene.json") + " --motion " +
+                      (folder / "motion.csv") + " --collisions " + (folder / "c.csv"));
   REQUIRE_MESSAGE(answer.code == 0, answer.out);
   const std::string contacts = worlds::read_text(folder / "c.csv");
   CHECK(std::count(contacts.begin(), contacts.end(), '\n') == 3);
 }
 
 TEST_CASE("a scene whose mesh file is missing or empty of triangles ends with 2, the field and the file") {
-  const Folder folder;
+  const TemporaryFolder folder;
   worlds::write_text(folder / "motion.csv", motion);
   for (const char* file : {"none.stl", "lines.obj", "flat.obj"}) {
     CAPTURE(file);
     worlds::write_text(folder / "lines.obj", "v 0 0 0\nv 1 0 0\nl 1 2\n");
     worlds::write_text(folder / "flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
     worlds::write_text(folder / "scene.json", scene_of(file));
-    const Answer answer =
+    const ProgramResult answer =
         test::ringfence("replay --scene " + (folder / "scene.json") + " --motion " + (folder / "motion.csv"));
     CHECK(answer.code == 2);
     CHECK_MESSAGE(answer.out.find("rock") != std::string::npos, answer.out);
@@ -195,15 +196,16 @@ TEST_CASE("a scene whose mesh file is missing or empty of triangles ends with 2,
 }
 
 TEST_CASE("a world of meshes agrees with brute force and replays from its recording with the same digest") {
-  const Folder folder;
+  const TemporaryFolder folder;
   const std::string prefix = folder / "run";
-  const Answer run = test::ringfence("record --shapes mesh --objects 300 --users 20 --frames 8 --warmup 2 --nodes 2 " +
-                                     std::string("--check --out ") + prefix);
+  const ProgramResult run =
+      test::ringfence("record --shapes mesh --objects 300 --users 20 --frames 8 --warmup 2 --nodes 2 " +
+                      std::string("--check --out ") + prefix);
   REQUIRE_MESSAGE(run.code == 0, run.out);
   const std::string digest = test::digest_in(run.out);
   REQUIRE(digest.size() == 16);
   for (const char* how : {"--nodes 0", "--nodes 3 --broad-phase region --deployment user"}) {
-    const Answer replay =
+    const ProgramResult replay =
         test::ringfence("replay --scene " + prefix + ".json --motion " + prefix + ".bin " + std::string(how));
     REQUIRE_MESSAGE(replay.code == 0, replay.out);
     CHECK(test::digest_in(replay.out) == digest);

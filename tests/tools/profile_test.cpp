@@ -11,8 +11,8 @@
 namespace ringfence {
 namespace {
 
-using test::Answer;
-using test::Folder;
+using test::ProgramResult;
+using test::TemporaryFolder;
 
 KindReport timed_kind(ShapeKind first, std::uint64_t candidates, std::uint64_t nanoseconds) {
   KindReport kind;
@@ -64,10 +64,10 @@ TEST_CASE("kinds stand in order of the time that they take in all, not of what o
 }
 
 TEST_CASE("the profile of a run has all its candidates, shares that add up to one, and the run's digest") {
-  const Folder folder;
+  const TemporaryFolder folder;
   const std::string json = folder / "p.json", trace = folder / "t.json";
   const std::string world = "--objects 1500 --users 10 --frames 8 --warmup 2 --nodes 2 ";
-  const Answer answer = test::ringfence("profile " + world + "--json " + json + " --trace " + trace);
+  const ProgramResult answer = test::ringfence("profile " + world + "--json " + json + " --trace " + trace);
   REQUIRE_MESSAGE(answer.code == 0, answer.out);
   for (const char* word : {"ns mean", "p99", "lanes", "early", "gather", "imbalance", "box-box"}) {
     CHECK_MESSAGE(answer.out.find(word) != std::string::npos, word);
@@ -92,17 +92,17 @@ TEST_CASE("the profile of a run has all its candidates, shares that add up to on
 }
 
 TEST_CASE("a replay is profiled with the options of replay") {
-  const Folder folder;
+  const TemporaryFolder folder;
   const std::string prefix = folder / "w";
   REQUIRE(test::ringfence("record --objects 200 --users 10 --frames 6 --out " + prefix).code == 0);
   const std::string files = " --scene " + prefix + ".json --motion " + prefix + ".bin";
-  const Answer profile = test::ringfence("profile" + files);
+  const ProgramResult profile = test::ringfence("profile" + files);
   CHECK_MESSAGE(profile.code == 0, profile.out);
   CHECK(profile.out.find("6 frames counted after 0 of warm-up") != std::string::npos);
   CHECK(test::digest_in(profile.out) == test::digest_in(test::ringfence("replay" + files).out));
 
   CHECK(test::ringfence("profile --scene " + prefix + ".json").code == 2);
-  const Answer none = test::ringfence("profile --frames 0");
+  const ProgramResult none = test::ringfence("profile --frames 0");
   CHECK(none.code == 2);
   CHECK(none.out.find("--frames: found 0; expected 1 to 10000000") != std::string::npos);
 }

@@ -11,17 +11,17 @@
 namespace ringfence::test {
 
 /// What the built program answered.
-struct Answer {
+struct ProgramResult {
   int code = -1;
   std::string out;  ///< standard output and standard error, as asked for
 };
 
 /// Runs the program in a shell with `arguments`. Standard error is taken in too, unless `redirect` says otherwise.
 /// `environment` stands before the command, as NAME=VALUE.
-inline Answer ringfence(const std::string& arguments, const std::string& redirect = "2>&1",
-                        const std::string& environment = "") {
+inline ProgramResult ringfence(const std::string& arguments, const std::string& redirect = "2>&1",
+                               const std::string& environment = "") {
   const std::string command = environment + " " + RINGFENCE_PROGRAM + " " + arguments + " " + redirect;
-  Answer answer;
+  ProgramResult answer;
   std::FILE* pipe = popen(command.c_str(), "r");
   if (!pipe) return answer;
   std::array<char, 4096> block;
@@ -33,15 +33,15 @@ inline Answer ringfence(const std::string& arguments, const std::string& redirec
 }
 
 /// A folder that is gone when the test is over.
-class Folder {
+class TemporaryFolder {
  public:
-  Folder() {
+  TemporaryFolder() {
     std::string name = (std::filesystem::temp_directory_path() / "ringfence-XXXXXX").string();
     if (mkdtemp(name.data())) path_ = name;
   }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
+  ~TemporaryFolder() { std::filesystem::remove_all(path_); }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
   std::string operator/(const std::string& file) const { return (path_ / file).string(); }
 
  private:

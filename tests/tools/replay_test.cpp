@@ -10,8 +10,8 @@
 namespace ringfence {
 namespace {
 
-using test::Answer;
-using test::Folder;
+using test::ProgramResult;
+using test::TemporaryFolder;
 
 std::size_t lines(const std::string& text) {
   return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
@@ -20,16 +20,17 @@ std::size_t lines(const std::string& text) {
 }  // namespace
 
 TEST_CASE("a recording replays with the run's digest and contacts, in every deployment") {
-  const Folder folder;
+  const TemporaryFolder folder;
   const std::string prefix = folder / "run";
   for (const char* warmup : {"0", "15"}) {
-    const Answer run = test::ringfence(std::string("record --objects 400 --users 20 --frames 12 --warmup ") + warmup +
-                                       " --nodes 2 --out " + prefix + " --collisions " + prefix + ".csv");
+    const ProgramResult run =
+        test::ringfence(std::string("record --objects 400 --users 20 --frames 12 --warmup ") + warmup +
+                        " --nodes 2 --out " + prefix + " --collisions " + prefix + ".csv");
     REQUIRE_MESSAGE(run.code == 0, run.out);
     const std::string digest = test::digest_in(run.out);
     REQUIRE(digest.size() == 16);
     for (const char* deployment : {"user", "user-server", "user-collision"}) {
-      const Answer replay =
+      const ProgramResult replay =
           test::ringfence("replay --check --scene " + prefix + ".json --motion " + prefix +
                           ".bin --nodes 2 --deployment " + deployment + " --collisions " + prefix + "2.csv");
       REQUIRE_MESSAGE(replay.code == 0, replay.out);
@@ -41,9 +42,10 @@ TEST_CASE("a recording replays with the run's digest and contacts, in every depl
 
 TEST_CASE("the built-in air traffic replays, agrees with brute force, and has losses of separation") {
   const std::string data = RINGFENCE_DATA;
-  const Folder folder;
-  const Answer answer = test::ringfence("replay --check --nodes 2 --scene " + data + "/air/scene.json --motion " +
-                                        data + "/air/motion.csv --json " + (folder / "air.json"));
+  const TemporaryFolder folder;
+  const ProgramResult answer =
+      test::ringfence("replay --check --nodes 2 --scene " + data + "/air/scene.json --motion " + data +
+                      "/air/motion.csv --json " + (folder / "air.json"));
   REQUIRE_MESSAGE(answer.code == 0, answer.out);
   const auto report = nlohmann::json::parse(worlds::read_text(folder / "air.json"));
   CHECK(report["frames"] == 300);
@@ -53,18 +55,19 @@ TEST_CASE("the built-in air traffic replays, agrees with brute force, and has lo
 
 TEST_CASE("contacts on standard output leave the report to standard error") {
   const std::string arguments = "run --objects 300 --users 10 --frames 3 --warmup 3 --nodes 1 --collisions -";
-  const Answer contacts = test::ringfence(arguments, "2>/dev/null");
+  const ProgramResult contacts = test::ringfence(arguments, "2>/dev/null");
   CHECK(contacts.out.starts_with("frame,a,b,px,py,pz,nx,ny,nz,depth\n0,"));
   CHECK(contacts.out.find("digest") == std::string::npos);
-  const Answer report = test::ringfence(arguments, "2>&1 >/dev/null");
+  const ProgramResult report = test::ringfence(arguments, "2>&1 >/dev/null");
   CHECK(test::digest_in(report.out).size() == 16);
 }
 
 TEST_CASE("the JSON report, the row a frame and the timeline hold what they promise") {
-  const Folder folder;
-  const Answer answer = test::ringfence("run --objects 300 --users 10 --frames 7 --warmup 2 --nodes 2 --quiet --json " +
-                                        (folder / "r.json") + " --frames-csv " + (folder / "f.csv") + " --trace " +
-                                        (folder / "t.json") + " --collisions " + (folder / "c.csv"));
+  const TemporaryFolder folder;
+  const ProgramResult answer =
+      test::ringfence("run --objects 300 --users 10 --frames 7 --warmup 2 --nodes 2 --quiet --json " +
+                      (folder / "r.json") + " --frames-csv " + (folder / "f.csv") + " --trace " + (folder / "t.json") +
+                      " --collisions " + (folder / "c.csv"));
   REQUIRE_MESSAGE(answer.code == 0, answer.out);
   const auto report = nlohmann::json::parse(worlds::read_text(folder / "r.json"));
   CHECK(report["frames"] == 7);

@@ -12,12 +12,12 @@
 namespace ringfence {
 namespace {
 
-using test::Answer;
-using test::Folder;
+using test::ProgramResult;
+using test::TemporaryFolder;
 
 nlohmann::json run_with_json(const std::string& arguments) {
-  const Folder folder;
-  const Answer answer = test::ringfence(arguments + " --json " + (folder / "r.json"));
+  const TemporaryFolder folder;
+  const ProgramResult answer = test::ringfence(arguments + " --json " + (folder / "r.json"));
   REQUIRE_MESSAGE(answer.code == 0, arguments, "\n", answer.out);
   return nlohmann::json::parse(worlds::read_text(folder / "r.json"));
 }
@@ -52,15 +52,15 @@ TEST_CASE("nodes that join and leave on a schedule change no digest, and the rep
 
 TEST_CASE("the figures around a resize are those of the frames that it names") {
   const std::vector<tools::Resize> resizes = {{1, 4}, {10, 2}};
-  tools::Resizing resizing(resizes, 3);
+  tools::ResizeSchedule resize_schedule(resizes, 3);
   for (std::uint32_t frame = 0; frame < 12; ++frame) {
     FrameReport report;
     report.frame_ms = frame;
     report.contacts = 100 + frame;
     report.handed_over = 1000 + frame;
-    resizing.add_frame(report);
+    resize_schedule.add_frame(report);
   }
-  const auto figures = resizing.figures();
+  const auto figures = resize_schedule.figures();
   REQUIRE(figures.size() == 2);
   CHECK(figures[0].from == 3);
   CHECK(figures[0].frame_ms.before == 0);
@@ -79,10 +79,10 @@ TEST_CASE("the figures around a resize are those of the frames that it names") {
 TEST_CASE("a schedule that cannot be is refused with the reason") {
   for (const char* text : {"", "5", "5:", ":5", "5:0", "5:1025", "-1:2", "5:2,", "5:2,,6:3", "5:2 6:3", "5:2;6:3",
                            "x:2", "5:2x", "99999999999:2", "5:99999999999"}) {
-    CHECK_THROWS_AS_MESSAGE(tools::read_resizes(text), Error, text);
+    CHECK_THROWS_AS_MESSAGE(tools::parse_resizes(text), Error, text);
   }
   const auto check_refused = [](const std::string& arguments, const std::string& message) {
-    const Answer answer = test::ringfence("run --objects 200 --users 10 --frames 10 --warmup 0 " + arguments);
+    const ProgramResult answer = test::ringfence("run --objects 200 --users 10 --frames 10 --warmup 0 " + arguments);
     CHECK_MESSAGE(answer.code == 2, arguments);
     CHECK_MESSAGE(answer.out.find(message) != std::string::npos, arguments, ": ", answer.out);
   };
@@ -110,7 +110,7 @@ TEST_CASE("a replay is resized like a run, and knows how many frames it has") {
   const std::string files = std::string("replay --nodes 1 --scene ") + RINGFENCE_DATA + "/air/scene.json --motion " +
                             RINGFENCE_DATA + "/air/motion.csv";
   const std::string digest = test::digest_in(test::ringfence(files).out);
-  const Answer resized = test::ringfence(files + " --resize 100:5,299:2");
+  const ProgramResult resized = test::ringfence(files + " --resize 100:5,299:2");
   CHECK(test::digest_in(resized.out) == digest);
   CHECK(resized.out.find("resize      frame 100: 1 to 5 nodes") != std::string::npos);
   CHECK(test::ringfence(files + " --resize 300:2").out.find("expected 0 to 299") != std::string::npos);

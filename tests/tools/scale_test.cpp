@@ -13,8 +13,8 @@
 namespace ringfence {
 namespace {
 
-using test::Answer;
-using test::Folder;
+using test::ProgramResult;
+using test::TemporaryFolder;
 
 const std::string small_world = "scale --objects 120,200 --users 10 --frames 4 --warmup 2 --repeats 2 ";
 
@@ -83,9 +83,9 @@ TEST_CASE("time left is said from the second second on, and never of nothing") {
 }
 
 TEST_CASE("scale runs every combination, and its digests are those of run") {
-  const Folder folder;
+  const TemporaryFolder folder;
   const std::string json = folder / "s.json", csv = folder / "s.csv";
-  const Answer answer =
+  const ProgramResult answer =
       test::ringfence(small_world + "--nodes 0,1,3 --broad-phase server,region,auto --json " + json + " --csv " + csv);
   REQUIRE_MESSAGE(answer.code == 0, answer.out);
   CHECK(answer.out.find("modelled") != std::string::npos);
@@ -95,7 +95,7 @@ TEST_CASE("scale runs every combination, and its digests are those of run") {
   CHECK(report["runs"].size() == 2 * 3 * 3 * 3);
   CHECK(count_of(worlds::read_text(csv), "\n") == 1 + 2 * 3 * 3 * 3);
   for (const char* objects : {"120", "200"}) {
-    const Answer run =
+    const ProgramResult run =
         test::ringfence(std::string("run --users 10 --frames 4 --warmup 2 --nodes 2 --objects ") + objects);
     const std::string digest = test::digest_in(run.out);
     CHECK(digest.size() == 16);
@@ -111,7 +111,7 @@ TEST_CASE("scale runs every combination, and its digests are those of run") {
 }
 
 TEST_CASE("a model names its costs with their sources, and today's goes on to 1024 nodes") {
-  const Answer answer = test::ringfence(small_world + "--nodes 1,2 --model 2004,today --cost latency_us=123");
+  const ProgramResult answer = test::ringfence(small_world + "--nodes 1,2 --model 2004,today --cost latency_us=123");
   REQUIRE_MESSAGE(answer.code == 0, answer.out);
   for (const char* word : {"modelled cluster \"2004\"", "modelled cluster \"today\"", "the paper, section 4",
                            "given by --cost", "measured here", "1024*", "extrapolated", "saturates"}) {
@@ -121,14 +121,14 @@ TEST_CASE("a model names its costs with their sources, and today's goes on to 10
 
 TEST_CASE(
     "plots are drawn as SVG and PNG with what the paper states; without gnuplot the rest is written, exit code 3") {
-  const Folder folder;
+  const TemporaryFolder folder;
   const std::string json = folder / "s.json", prefix = folder / "plot";
   const std::string arguments =
       "scale --objects 100,120 --users 10 --frames 2 --warmup 1 --repeats 1 --nodes 1,2 "
       "--model 2004,today --plots " +
       prefix + " --json " + json;
   if (std::system("gnuplot --version > /dev/null 2>&1") == 0) {
-    const Answer answer = test::ringfence(arguments);
+    const ProgramResult answer = test::ringfence(arguments);
     REQUIRE_MESSAGE(answer.code == 0, answer.out);
     for (const char* name :
          {"graph1", "graph2", "graph3", "graph4", "path", "speedup", "cluster-2004", "cluster-today"}) {
@@ -139,7 +139,7 @@ TEST_CASE(
     CHECK(worlds::read_text(prefix + "-graph4.svg").find("over 1600") != std::string::npos);
   }
   std::filesystem::remove(json);
-  const Answer missing = test::ringfence(arguments, "2>&1", "PATH=/nowhere");
+  const ProgramResult missing = test::ringfence(arguments, "2>&1", "PATH=/nowhere");
   CHECK(missing.code == 3);
   CHECK(missing.out.find("gnuplot: not found, so nothing was drawn; install it") != std::string::npos);
   CHECK(nlohmann::json::parse(worlds::read_text(json))["runs"].size() == 12);
@@ -148,7 +148,7 @@ TEST_CASE(
 
 TEST_CASE("scale refuses what it cannot run, and says what it can") {
   const auto refused = [](const std::string& arguments, const std::string& message) {
-    const Answer answer = test::ringfence("scale " + arguments);
+    const ProgramResult answer = test::ringfence("scale " + arguments);
     CHECK_MESSAGE(answer.code == 2, arguments);
     CHECK_MESSAGE(answer.out.find(message) != std::string::npos, arguments, ": ", answer.out);
   };

@@ -9,7 +9,7 @@ namespace ringfence {
 TEST_CASE("in a short soak objects, user nodes and CD nodes come, go and fail, and all holds") {
   for (const char* deployment : {"user", "user-server", "user-collision"}) {
     CAPTURE(deployment);
-    const test::Answer answer = test::ringfence(
+    const test::ProgramResult answer = test::ringfence(
         std::string("run --soak 0.03 --objects 300 --users 10 --nodes 3 --check --node-deadline-ms 60 --deployment ") +
         deployment);
     REQUIRE_MESSAGE(answer.code == 0, answer.out);

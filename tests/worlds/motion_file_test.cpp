@@ -11,13 +11,13 @@
 #include <doctest/doctest.h>
 
 #include "motion/random.hpp"
-#include "worlds/refusal.hpp"
+#include "worlds/error_message.hpp"
 #include "worlds/text_file.hpp"
 
 namespace ringfence::worlds {
 namespace {
 
-using test::refusal;
+using test::error_message_of;
 
 const std::string header = "frame,object,x,y,z,qx,qy,qz,qw\n";
 
@@ -37,7 +37,7 @@ Scene three() {
 }
 
 std::string refused_csv(const std::string& rows) {
-  return refusal([&] { parse_motion(header + rows, "m.csv", three()); });
+  return error_message_of([&] { parse_motion(header + rows, "m.csv", three()); });
 }
 
 constexpr double absent = std::numeric_limits<double>::quiet_NaN();
@@ -62,7 +62,7 @@ std::string with(std::string bytes, std::size_t at, T value) {
 }
 
 std::string refused_binary(const std::string& bytes) {
-  return refusal([&] { parse_motion(bytes, "m.bin", three()); });
+  return error_message_of([&] { parse_motion(bytes, "m.bin", three()); });
 }
 
 }  // namespace
@@ -105,8 +105,8 @@ TEST_CASE("motion written as CSV reads back with the same bits") {
 
 TEST_CASE("each thing that is wrong with CSV motion is told with line, field, finding and expectation") {
   const std::string csv_header_message = "expected the header \"frame,object,x,y,z,qx,qy,qz,qw\"";
-  CHECK(refusal([] { parse_motion("", "m.csv", three()); }) == "m.csv:0: found \"\"; " + csv_header_message);
-  CHECK(refusal([] { parse_motion("frame,object\n", "m.csv", three()); }) ==
+  CHECK(error_message_of([] { parse_motion("", "m.csv", three()); }) == "m.csv:0: found \"\"; " + csv_header_message);
+  CHECK(error_message_of([] { parse_motion("frame,object\n", "m.csv", three()); }) ==
         "m.csv:1: found \"frame,object\"; " + csv_header_message);
   struct Wrong {
     const char *rows, *message;
@@ -170,7 +170,7 @@ TEST_CASE("each thing that is wrong with binary motion is told with the byte, fi
 }
 
 TEST_CASE("a file that cannot be read or written is named") {
-  CHECK(refusal([] { read_motion("/nowhere/m.csv", three()); }) ==
+  CHECK(error_message_of([] { read_motion("/nowhere/m.csv", three()); }) ==
         "/nowhere/m.csv: cannot be opened: No such file or directory");
   CHECK_THROWS_WITH_AS(BinaryMotionWriter("/nowhere/m.bin", 3),
                        "/nowhere/m.bin: cannot be written: No such file or directory", Error);

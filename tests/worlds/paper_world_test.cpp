@@ -173,7 +173,7 @@ TEST_CASE("objects start within the bounds and not crushed") {
 }
 
 TEST_CASE("an option out of range is refused by name and range") {
-  const auto refusal = [](auto change) {
+  const auto error_message_of = [](auto change) {
     PaperWorldOptions options;
     change(options);
     try {
@@ -183,12 +183,12 @@ TEST_CASE("an option out of range is refused by name and range") {
     }
     return std::string();
   };
-  CHECK(refusal([](PaperWorldOptions& o) { o.objects = 0; }) == "objects: 0; expected 1 to 10000000");
-  CHECK(refusal([](PaperWorldOptions& o) { o.coverage = 0; }) == "coverage: 0; expected 0.000001 to 0.6");
-  CHECK(refusal([](PaperWorldOptions& o) { o.coverage = NAN; }) == "coverage: nan; expected 0.000001 to 0.6");
-  CHECK(refusal([](PaperWorldOptions& o) { o.users = 4001; }) ==
+  CHECK(error_message_of([](PaperWorldOptions& o) { o.objects = 0; }) == "objects: 0; expected 1 to 10000000");
+  CHECK(error_message_of([](PaperWorldOptions& o) { o.coverage = 0; }) == "coverage: 0; expected 0.000001 to 0.6");
+  CHECK(error_message_of([](PaperWorldOptions& o) { o.coverage = NAN; }) == "coverage: nan; expected 0.000001 to 0.6");
+  CHECK(error_message_of([](PaperWorldOptions& o) { o.users = 4001; }) ==
         "users: 4001; expected at most one for each of the 4000 objects");
-  CHECK(refusal([](PaperWorldOptions& o) {
+  CHECK(error_message_of([](PaperWorldOptions& o) {
           o.target_interval = {5, 4};
         }) == "interval 5:4: expected A:B frames with 1 <= A <= B <= 1000000000");
 }

@@ -8,11 +8,11 @@ namespace ringfence::worlds {
 namespace {
 
 /// An object under a replay, as a host moves it.
-struct Replayed {
+struct ReplayResult {
   MotionInput input;
   std::uint64_t state = 0;
 
-  Replayed(const ReplayModel& model, ObjectNumber number, bool present) {
+  ReplayResult(const ReplayModel& model, ObjectNumber number, bool present) {
     input.number = number;
     input.present = present;
     ObjectSpec spec;
@@ -38,7 +38,7 @@ const Motion motion{7, {at(0, 3, 1), at(0, 5, 50), at(2, 3, 2), {3, 5, false, {}
 TEST_CASE("an object takes the pose of its row in the row's frame and stands still in between") {
   const ReplayModel model(motion);
   REQUIRE(model.state_bytes() == sizeof(std::uint64_t));
-  Replayed three(model, 3, true), five(model, 5, false);
+  ReplayResult three(model, 3, true), five(model, 5, false);
   const double x3[] = {1, 1, 2, 2, 2, 2, 3, 3};
   const bool present5[] = {true, true, true, false, false, false, true, true};
   for (std::uint64_t frame = 0; frame < 8; ++frame) {
@@ -53,7 +53,7 @@ TEST_CASE("an object takes the pose of its row in the row's frame and stands sti
 
 TEST_CASE("an object that missed frames takes the newest pose") {
   const ReplayModel model(motion);
-  Replayed three(model, 3, true);
+  ReplayResult three(model, 3, true);
   three.move(model, 0);
   three.move(model, 5);
   CHECK(three.input.pose.position.x == 2);
@@ -63,7 +63,7 @@ TEST_CASE("an object that missed frames takes the newest pose") {
 
 TEST_CASE("an object without rows stands still") {
   const ReplayModel model(motion);
-  Replayed four(model, 4, true), last(model, 6, false);
+  ReplayResult four(model, 4, true), last(model, 6, false);
   for (std::uint64_t frame = 0; frame < 8; ++frame) {
     four.move(model, frame);
     last.move(model, frame);

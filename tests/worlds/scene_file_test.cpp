@@ -7,13 +7,13 @@
 
 #include <doctest/doctest.h>
 
+#include "worlds/error_message.hpp"
 #include "worlds/paper_world.hpp"
-#include "worlds/refusal.hpp"
 
 namespace ringfence::worlds {
 namespace {
 
-using test::refusal;
+using test::error_message_of;
 
 /// The example of the design, a line a thing, so that lines can be told.
 std::string example() {
@@ -41,7 +41,7 @@ std::string replaced(const std::string& what, const std::string& with) {
 }
 
 std::string refused(const std::string& text) {
-  return refusal([&] { parse_scene(text, "s.json"); });
+  return error_message_of([&] { parse_scene(text, "s.json"); });
 }
 
 bool same(const ShapeDescription& p, const ShapeDescription& q) {
@@ -118,7 +118,7 @@ TEST_CASE("a scene file written and read back is the same") {
   write_scene(file, scene);
   check_same(read_scene(file), scene);
   std::filesystem::remove(file);
-  CHECK(refusal([&] { read_scene(file); }) == file.string() + ": cannot be opened: No such file or directory");
+  CHECK(error_message_of([&] { read_scene(file); }) == file.string() + ": cannot be opened: No such file or directory");
 }
 
 TEST_CASE("each thing that is wrong with a scene is told with line, field, finding and expectation") {
@@ -205,7 +205,7 @@ TEST_CASE("no byte of a scene can be lost without either a refusal or a whole sc
     std::string damaged = text;
     damaged.erase(at, 1);
     std::size_t objects = 3;
-    const std::string message = refusal([&] { objects = parse_scene(damaged, "s.json").objects.size(); });
+    const std::string message = error_message_of([&] { objects = parse_scene(damaged, "s.json").objects.size(); });
     CHECK(objects == 3);
     if (!message.empty()) CHECK_MESSAGE(message.starts_with("s.json"), message);
   }
@@ -225,7 +225,8 @@ TEST_CASE("meshes come from the loader that is given, by a path relative to the 
   CHECK(scene.shapes[3].mesh_file == "a/b.obj");
   CHECK(format_scene(scene).find("{\"type\": \"mesh\", \"file\": \"a/b.obj\"}") != std::string::npos);
   const MeshLoader broken = [](const std::filesystem::path&) -> TriangleMesh { throw Error("no such mesh"); };
-  CHECK(refusal([&] { parse_scene(text, "s.json", "", broken); }) == "s.json:8: shapes.rock.file: no such mesh");
+  CHECK(error_message_of([&] { parse_scene(text, "s.json", "", broken); }) ==
+        "s.json:8: shapes.rock.file: no such mesh");
 }
 
 }  // namespace ringfence::worlds

@@ -68,10 +68,10 @@ worlds::NamedShape separation_prism() {
 Row read_row(const worlds::JsonValue& row) {
   row.expect_any_object();
   const double latitude = row.field("latitude").number(), longitude = row.field("longitude").number();
-  if (!(latitude > -85 && latitude < 85)) row.field("latitude").fail_found("degrees between -85 and 85");
-  if (!(longitude >= -180 && longitude <= 180)) row.field("longitude").fail_found("degrees from -180 to 180");
-  return {row.field("timestamp").whole(0, 100'000'000'000'000), row.field("icao24").text(), latitude * pi / 180,
-          longitude * pi / 180, row.field("altitude").number() * foot};
+  if (!(latitude > -85 && latitude < 85)) row.field("latitude").fail_unexpected("degrees between -85 and 85");
+  if (!(longitude >= -180 && longitude <= 180)) row.field("longitude").fail_unexpected("degrees from -180 to 180");
+  return {row.field("timestamp").unsigned_integer(0, 100'000'000'000'000), row.field("icao24").text(),
+          latitude * pi / 180, longitude * pi / 180, row.field("altitude").number() * foot};
 }
 
 std::uint64_t time_of_day_ms(const std::string& text) {
@@ -92,7 +92,7 @@ Trace read_air(std::string_view text, const std::string& name, const std::string
   root.expect_array();
   std::vector<Row> rows;
   for (std::size_t i = 0; i < root.size(); ++i) rows.push_back(read_row(root.item(i)));
-  if (rows.empty()) root.fail_found("at least one row");
+  if (rows.empty()) root.fail_unexpected("at least one row");
 
   std::uint64_t begin = std::min_element(rows.begin(), rows.end(), [](const Row& p, const Row& q) {
                           return p.time_ms < q.time_ms;

@@ -28,7 +28,7 @@ constexpr bool sanitized = false;
 
 constexpr int out_of_memory = 3, failed = 4;
 
-void limit(int resource, rlim_t value) {
+void set_limit(int resource, rlim_t value) {
   rlimit now{};
   getrlimit(static_cast<__rlimit_resource_t>(resource), &now);
   if (now.rlim_max != RLIM_INFINITY && value > now.rlim_max) value = now.rlim_max;
@@ -52,15 +52,15 @@ bool write_all(int file, const std::string& text) {
   return true;
 }
 
-[[noreturn]] void be_child(int out, const std::function<std::string()>& work, const ChildLimits& limits) {
-  limit(RLIMIT_CORE, 0);
-  limit(RLIMIT_CPU, limits.cpu_seconds);
-  if (!sanitized) limit(RLIMIT_AS, address_space() + limits.memory_bytes);
+[[noreturn]] void run_child(int out, const std::function<std::string()>& work, const ChildLimits& limits) {
+  set_limit(RLIMIT_CORE, 0);
+  set_limit(RLIMIT_CPU, limits.cpu_seconds);
+  if (!sanitized) set_limit(RLIMIT_AS, address_space() + limits.memory_bytes);
   // What the code of others prints before it crashes is no message of this program.
-  const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
-  if (nowhere >= 0) {
-    dup2(nowhere, STDOUT_FILENO);
-    dup2(nowhere, STDERR_FILENO);
+  const int null_device = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  if (null_device >= 0) {
+    dup2(null_device, STDOUT_FILENO);
+    dup2(null_device, STDERR_FILENO);
   }
   // Handlers of this process, and of a fuzzer, would report the crash of the copy as its own.
   for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGXCPU}) std::signal(signal, SIG_DFL);
@@ -86,7 +86,7 @@ std::string read_all(int file) {
   }
 }
 
-std::string end_of(int status, const ChildLimits& limits) {
+std::string describe_exit(int status, const ChildLimits& limits) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return "";
   if (WIFEXITED(status) && WEXITSTATUS(status) == out_of_memory) {
     return fmt::format("wanted more than {} MiB of memory", limits.memory_bytes >> 20);
@@ -100,24 +100,24 @@ std::string end_of(int status, const ChildLimits& limits) {
 
 }  // namespace
 
-ChildAnswer run_in_child(const std::function<std::string()>& work, const ChildLimits& limits) {
+ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits& limits) {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) throw Error(fmt::format("no pipe to a child process: {}", std::strerror(errno)));
   const pid_t child = fork();
-  if (child == 0) be_child(ends[1], work, limits);
+  if (child == 0) run_child(ends[1], work, limits);
   const int why = errno;
   close(ends[1]);
   if (child < 0) {
     close(ends[0]);
     throw Error(fmt::format("no child process: {}", std::strerror(why)));
   }
-  ChildAnswer answer;
-  answer.said = read_all(ends[0]);
+  ChildResult answer;
+  answer.output = read_all(ends[0]);
   close(ends[0]);
   int status = 0;
   while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
-  answer.end = end_of(status, limits);
+  answer.end = describe_exit(status, limits);
   return answer;
 }
 

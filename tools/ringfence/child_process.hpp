@@ -13,9 +13,9 @@ struct ChildLimits {
 };
 
 /// What came of a child process.
-struct ChildAnswer {
-  std::string said;  ///< what `work` returned
-  std::string end;   ///< empty, or how the child ended instead of returning: "crashed (signal 11)"
+struct ChildResult {
+  std::string output;  ///< what `work` returned
+  std::string end;     ///< empty, or how the child ended instead of returning: "crashed (signal 11)"
 };
 
 /// Runs `work` in a copy of this process and returns what it returned: for code of others that may crash, hang or take
@@ -23,6 +23,6 @@ struct ChildAnswer {
 ///
 /// The copy has this thread alone, so `work` waits for no other, and locks nothing but what libc does. Costs about a
 /// millisecond. Throws Error where the system makes no process.
-ChildAnswer run_in_child(const std::function<std::string()>& work, const ChildLimits& limits);
+ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits& limits);
 
 }  // namespace ringfence::tools

@@ -10,7 +10,7 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr double hops_a_frame = 6;  // begin, states, M2, M3, M4, told
+constexpr double hops_per_frame = 6;  // begin, states, M2, M3, M4, told
 constexpr double published_bytes = sizeof(SeenState);
 
 double ms(double us) { return us * 1e-3; }
@@ -34,7 +34,7 @@ double positions(const FrameCounts& counts) {
 }
 
 /// In how many regions a moved object is, on average. In user/collision deployment its host is not told.
-double regions_an_object(const FrameCounts& counts) {
+double regions_per_object(const FrameCounts& counts) {
   if (counts.moved <= 0 || counts.nodes <= 1) return 1;
   const double untold = counts.node_hosted > 0 ? counts.moved * counts.node_hosted / counts.objects : 0;
   return std::max(1.0, (positions(counts) + untold) / counts.moved);
@@ -68,7 +68,7 @@ Parts parts_of(const FrameCounts& counts, const ClusterCosts& costs) {
                        : std::max((m1_bytes + told_bytes * copies) / users, told_bytes) * byte;
   const double sweep = counts.objects * ms(costs[CostName::object_us]);
   parts.sweep_server = counts.placement == Placement::server ? sweep : 0;
-  parts.sweep_node = counts.placement == Placement::server ? 0 : sweep * regions_an_object(counts) * lead / nodes;
+  parts.sweep_node = counts.placement == Placement::server ? 0 : sweep * regions_per_object(counts) * lead / nodes;
   parts.m2_cpu = m2.messages * message + m2.records * record;
   parts.m2_link = m2.bytes * byte;
   parts.m2_node = (m2.messages * message + m2.records * record) / nodes;
@@ -81,9 +81,9 @@ Parts parts_of(const FrameCounts& counts, const ClusterCosts& costs) {
   parts.m4_link = m4.bytes * byte;
   parts.m5_node = 2 * (m5.messages * message + m5.records * record) / nodes + m5.bytes / nodes * byte;
   // Between machines states come as messages themselves, and nobody has to be told that they can be read.
-  parts.control_cpu = std::max(0.0, control.messages - counts.looks) * message;
-  parts.control_link = std::max(0.0, control.bytes - counts.looks * sizeof(messages::Header)) * byte;
-  parts.latency = hops_a_frame * ms(costs[CostName::latency_us]);
+  parts.control_cpu = std::max(0.0, control.messages - counts.publication_notices) * message;
+  parts.control_link = std::max(0.0, control.bytes - counts.publication_notices * sizeof(messages::Header)) * byte;
+  parts.latency = hops_per_frame * ms(costs[CostName::latency_us]);
   return parts;
 }
 
@@ -98,7 +98,7 @@ const char* ClusterLoad::limit() const {
   return std::max_element(std::begin(loads), std::end(loads))->second;
 }
 
-ClusterFrame cluster_frame(const FrameCounts& counts, const ClusterCosts& costs) {
+ClusterFrame compute_cluster_frame(const FrameCounts& counts, const ClusterCosts& costs) {
   const Parts parts = parts_of(counts, costs);
   ClusterFrame frame;
   frame.move = std::max({parts.user_move, parts.node_move, parts.server_move});
@@ -113,7 +113,7 @@ ClusterFrame cluster_frame(const FrameCounts& counts, const ClusterCosts& costs)
   return frame;
 }
 
-ClusterLoad cluster_load(const FrameCounts& counts, const ClusterCosts& costs) {
+ClusterLoad compute_cluster_load(const FrameCounts& counts, const ClusterCosts& costs) {
   const Parts parts = parts_of(counts, costs);
   ClusterLoad load;
   load.server_cpu = parts.server_move + parts.states_cpu + parts.sweep_server + parts.m2_cpu + parts.m3_cpu +
@@ -142,7 +142,7 @@ FrameCounts extrapolated(const FrameCounts& one, const FrameCounts& most, std::u
     counts.traffic[i].records = low.records + (high.records - low.records) * steps;
     counts.traffic[i].bytes = low.bytes + (high.bytes - low.bytes) * steps;
   }
-  const double regions_most = regions_an_object(most);
+  const double regions_most = regions_per_object(most);
   const double extent = (std::cbrt(regions_most) - 1) / (n_most - 1);
   const double more = (std::pow(1 + extent * (n - 1), 3) - regions_most) * most.moved;
   MeanTraffic& m2 = counts[Traffic::m2];
@@ -200,7 +200,7 @@ void fit_pair(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
     double low = 0, high = 1e6;
     for (int step = 0; step < 60; ++step) {  // the frame grows with the time a pair
       pair.value = (low + high) / 2;
-      (cluster_frame(row.counts(), costs).total() < anchor->ms ? low : high) = pair.value;
+      (compute_cluster_frame(row.counts(), costs).total() < anchor->ms ? low : high) = pair.value;
     }
     return;
   }
@@ -209,27 +209,27 @@ void fit_pair(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
 
 }  // namespace
 
-ClusterCosts settle_costs(ClusterCosts costs, const std::vector<ScaleRow>& rows) {
+ClusterCosts resolve_costs(ClusterCosts costs, const std::vector<ScaleRow>& rows) {
   measure_costs(costs, rows);
   if (costs.at(CostName::pair_us).fitted) fit_pair(costs, rows);
   return costs;
 }
 
 std::vector<ClusterPrediction> predict(const std::vector<ScaleRow>& rows, const ClusterCosts& costs,
-                                       const std::vector<std::uint32_t>& beyond) {
+                                       const std::vector<std::uint32_t>& extrapolated_nodes) {
   std::vector<ClusterPrediction> predictions;
   const auto add = [&](const ScaleRow& row, const FrameCounts& counts, std::uint32_t nodes, bool is_extrapolated) {
     ClusterPrediction prediction;
     prediction.row = &row;
     prediction.nodes = nodes;
     prediction.extrapolated = is_extrapolated;
-    prediction.frame = cluster_frame(counts, costs);
+    prediction.frame = compute_cluster_frame(counts, costs);
     FrameCounts even = counts;
     even.busiest_tested = counts.tested / counts.nodes;
-    prediction.even_ms = cluster_frame(even, costs).total();
-    prediction.load = cluster_load(counts, costs);
+    prediction.even_ms = compute_cluster_frame(even, costs).total();
+    prediction.load = compute_cluster_load(counts, costs);
     if (const ScaleRow* one = find_row(rows, row, 1)) {
-      const double one_ms = cluster_frame(one->counts(), costs).total();
+      const double one_ms = compute_cluster_frame(one->counts(), costs).total();
       prediction.scaling = scaling_of(one_ms, prediction.frame.total(), nodes);
     }
     if (costs.name == "2004") prediction.paper = paper_figure(row.deployment, nodes, row.objects);
@@ -242,7 +242,7 @@ std::vector<ClusterPrediction> predict(const std::vector<ScaleRow>& rows, const 
     const bool last_of_world = i + 1 == rows.size() || !rows[i + 1].same_world(row);
     const ScaleRow* one = find_row(rows, row, 1);
     if (!last_of_world || one == nullptr || row.nodes <= 1) continue;
-    for (const std::uint32_t nodes : beyond) {
+    for (const std::uint32_t nodes : extrapolated_nodes) {
       if (nodes > row.nodes) add(row, extrapolated(one->counts(), row.counts(), nodes), nodes, true);
     }
   }

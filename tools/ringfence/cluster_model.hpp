@@ -40,8 +40,8 @@ struct ClusterPrediction {
   const PaperFigure* paper = nullptr;  ///< what the paper states for it; only for the paper's cluster
 };
 
-ClusterFrame cluster_frame(const FrameCounts& counts, const ClusterCosts& costs);
-ClusterLoad cluster_load(const FrameCounts& counts, const ClusterCosts& costs);
+ClusterFrame compute_cluster_frame(const FrameCounts& counts, const ClusterCosts& costs);
+ClusterLoad compute_cluster_load(const FrameCounts& counts, const ClusterCosts& costs);
 
 /// Counts at more nodes than were run, from those at one node and at the most that were run. `most.nodes` > 1.
 ///
@@ -51,10 +51,10 @@ ClusterLoad cluster_load(const FrameCounts& counts, const ClusterCosts& costs);
 FrameCounts extrapolated(const FrameCounts& one, const FrameCounts& most, std::uint32_t nodes);
 
 /// A cluster's costs as they hold for these runs: measured ones taken from the rows at one node, fitted ones fitted.
-ClusterCosts settle_costs(ClusterCosts costs, const std::vector<ScaleRow>& rows);
+ClusterCosts resolve_costs(ClusterCosts costs, const std::vector<ScaleRow>& rows);
 
 /// A prediction for every row with nodes, and where rows at 1 node and at more are there, for `beyond` too.
 std::vector<ClusterPrediction> predict(const std::vector<ScaleRow>& rows, const ClusterCosts& costs,
-                                       const std::vector<std::uint32_t>& beyond);
+                                       const std::vector<std::uint32_t>& extrapolated_nodes);
 
 }  // namespace ringfence::tools

@@ -8,11 +8,11 @@ namespace ringfence::tools {
 enum ExitCode : int {
   done = 0,
   check_failed = 1,  ///< --check found a difference, or a pair was not tested and accepted exactly once
-  bad_use = 2,       ///< options or input that cannot be
+  usage_error = 2,   ///< options or input that cannot be
   incomplete = 3,    ///< the run could not be completed: a frame was refused, a file could not be written
 };
 
-/// Ends the program with `incomplete`. Every other ringfence::Error ends it with `bad_use`.
+/// Ends the program with `incomplete`. Every other ringfence::Error ends it with `usage_error`.
 class IncompleteError : public Error {
  public:
   using Error::Error;

@@ -58,13 +58,13 @@ void Figures::add(const FrameReport& report, std::span<const Contact> frame_cont
   for (const UserNumber user : report.late) losses.push_back({frames() - 1, true, user, report.frame_ms});
   map_changes += map_epoch_ == 0 ? 0 : report.map_epoch - map_epoch_;
   map_epoch_ = report.map_epoch;
-  const auto judge = [&](Imbalance& imbalance, auto value) {
+  const auto add_values = [&](Imbalance& imbalance, auto value) {
     values_.clear();
     for (const NodeReport& node : report.nodes) values_.push_back(value(node));
     imbalance.add(values_);
   };
-  judge(cpu_imbalance, [](const NodeReport& node) { return node.cpu_ms; });
-  judge(tested_imbalance, [](const NodeReport& node) { return static_cast<double>(node.tested); });
+  add_values(cpu_imbalance, [](const NodeReport& node) { return node.cpu_ms; });
+  add_values(tested_imbalance, [](const NodeReport& node) { return static_cast<double>(node.tested); });
   for (const KindReport& kind : report.kinds) add_to(kinds_, kind);
   if (node_totals_.size() < report.nodes.size()) node_totals_.resize(report.nodes.size());
   for (std::size_t i = 0; i < report.nodes.size(); ++i) {

@@ -5,7 +5,7 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::uint64_t most_told = 50;
+constexpr std::uint64_t max_printed = 50;
 
 }  // namespace
 
@@ -21,7 +21,7 @@ FrameChecker::FrameChecker(const World& world, bool brute_force) : world_(world)
 void FrameChecker::check_counters() {
   const FrameReport& report = world_.report();
   if (report.candidates == report.tested && report.tested == report.accepted) return;
-  if (miscounted_++ < most_told) {
+  if (miscounted_++ < max_printed) {
     fmt::print(stderr, "ringfence: frame {}: {} candidates, {} tested, {} accepted; expected each exactly once\n",
                report.frame, report.candidates, report.tested, report.accepted);
   }
@@ -32,9 +32,9 @@ void FrameChecker::skip_frame() {
   if (brute_force_) before_.assign(world_.contacts().begin(), world_.contacts().end());
 }
 
-void FrameChecker::tell(const std::vector<reference::Difference>& differences) {
+void FrameChecker::print_differences(const std::vector<reference::Difference>& differences) {
   for (const reference::Difference& difference : differences) {
-    if (differences_++ < most_told) fmt::print(stderr, "ringfence: {}\n", difference.text);
+    if (differences_++ < max_printed) fmt::print(stderr, "ringfence: {}\n", difference.text);
   }
 }
 
@@ -45,8 +45,8 @@ void FrameChecker::check_frame(std::uint64_t frame) {
   for (const ObjectView& view : world_.objects()) {
     objects.push_back({view.spec.number, view.spec.shape, view.spec.layer, view.spec.present, view.spec.pose});
   }
-  tell(reference::check_frame(frame, shapes_, objects, layer_masks_, world_.contacts()));
-  tell(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));
+  print_differences(reference::check_frame(frame, shapes_, objects, layer_masks_, world_.contacts()));
+  print_differences(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));
   before_.assign(world_.contacts().begin(), world_.contacts().end());
   ++frames_;
 }

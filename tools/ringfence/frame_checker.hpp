@@ -28,7 +28,7 @@ class FrameChecker {
 
  private:
   void check_counters();
-  void tell(const std::vector<reference::Difference>& differences);
+  void print_differences(const std::vector<reference::Difference>& differences);
 
   const World& world_;
   bool brute_force_;

@@ -11,7 +11,7 @@
 #include "frame_outputs.hpp"
 #include "mesh_file.hpp"
 #include "motion_setup.hpp"
-#include "node_crew.hpp"
+#include "node_processes.hpp"
 #include "profile.hpp"
 #include "progress.hpp"
 #include "recording.hpp"
@@ -27,7 +27,7 @@ namespace ringfence::tools {
 namespace {
 
 // With nodes that others start, there are as many as are waited for.
-void settle_link(ServiceOptions& service) {
+void resolve_link(ServiceOptions& service) {
   LinkOptions& link = service.link;
   if (link.kind == LinkKind::rings) {
     if (link.wait_nodes != 0) throw Error("--wait-nodes: found with --link rings; expected with --link dds");
@@ -86,7 +86,7 @@ Job make_job(const RunOptions& options) {
   job.model = std::make_shared<motion::Steering>(world.steering);
   job.frames = options.frames;
   job.service = options.service;
-  settle_link(job.service);
+  resolve_link(job.service);
   if (job.service.link.kind == LinkKind::dds) job.motion_setup = pack_motion(world.steering);
   check_resizes(job.service.resizes, job.frames.frames);
   check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines.node_ms);
@@ -104,7 +104,7 @@ Job make_job(const ReplayOptions& options) {
                           options.motion);
   job.model = std::make_shared<worlds::ReplayModel>(motion);
   job.service = options.service;
-  settle_link(job.service);
+  resolve_link(job.service);
   if (job.service.link.kind == LinkKind::dds) job.motion_setup = pack_motion(motion);
   job.output = options.output;
   job.frames = options.frames;
@@ -135,17 +135,17 @@ int run_job(const Job& job) {
   std::optional<OutputFile> json;
   if (!job.output.json.empty()) json.emplace(job.output.json);
   WorldConfig config = world_config(job);
-  std::optional<NodeCrew> crew;
+  std::optional<NodeProcesses> node_processes;
   if (job.service.link.kind == LinkKind::dds) {
-    crew.emplace(job.service.link, config.nodes, job.motion_setup, config.log);
-    config.fleet = crew->fleet();
+    node_processes.emplace(job.service.link, config.nodes, job.motion_setup, config.log);
+    config.remote_nodes = node_processes->remote_nodes();
   }
   World world(std::move(config));
   worlds::load_into(world, job.scene, job.service.users);
 
   FrameChecker checker(world, job.output.check);
   Progress progress(job.output.quiet, std::uint64_t{job.frames.warmup} + job.frames.frames);
-  StatusLine status(job, world, crew ? &*crew : nullptr, progress);
+  StatusLine status(job, world, node_processes ? &*node_processes : nullptr, progress);
   for (std::uint32_t frame = 0; frame < job.frames.warmup; ++frame) {
     advance(world, frame);
     checker.skip_frame();
@@ -154,24 +154,24 @@ int run_job(const Job& job) {
   Recording recording(job.record_prefix, job.scene, world);
   Figures figures;
   figures.placement = world.config().placement;
-  Resizing resizing(job.service.resizes, std::max(1u, job.service.nodes));
+  ResizeSchedule resize_schedule(job.service.resizes, std::max(1u, job.service.nodes));
   for (std::uint32_t frame = 0; frame < job.frames.frames; ++frame) {
-    resizing.before_frame(frame, world);
+    resize_schedule.before_frame(frame, world);
     inject_faults(job.service.faults, frame, std::uint64_t{job.frames.warmup} + frame, world);
     advance(world, std::uint64_t{job.frames.warmup} + frame);
     figures.add(world.report(), world.contacts());
-    resizing.add_frame(world.report());
+    resize_schedule.add_frame(world.report());
     outputs.add_frame(frame, world);
     recording.add_frame(world);
     checker.check_frame(frame);
     status.step();
   }
   status.finish();
-  if (crew) figures.cluster = crew->report();
+  if (node_processes) figures.cluster = node_processes->report();
   recording.finish();
   outputs.finish();
   if (json) {
-    write_json_report(*json, job, figures, resizing, checker);
+    write_json_report(*json, job, figures, resize_schedule, checker);
     json->close();
   }
   // With the contacts on standard output, the report makes room.
@@ -179,7 +179,7 @@ int run_job(const Job& job) {
   if (job.profile) {
     print_profile(out, job, figures);
   } else {
-    print_report(out, job, figures, resizing, checker);
+    print_report(out, job, figures, resize_schedule, checker);
   }
   return checker.passed() ? done : check_failed;
 }

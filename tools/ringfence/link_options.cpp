@@ -17,8 +17,8 @@ void add_network(CLI::App& command, dds::NetworkConfig& network) {
 }  // namespace
 
 void add_link(CLI::App& command, LinkOptions& link) {
-  add_words(command, "--link", link.kind, {LinkKind::rings, LinkKind::dds},
-            "what carries messages between server and CD nodes, dds: to processes");
+  add_choice(command, "--link", link.kind, {LinkKind::rings, LinkKind::dds},
+             "what carries messages between server and CD nodes, dds: to processes");
   command.add_option("--wait-nodes", link.wait_nodes, "with dds: wait for N nodes that are started elsewhere")
       ->check(between(1u, 1024u))
       ->type_name("N");

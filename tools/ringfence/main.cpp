@@ -7,7 +7,7 @@
 #include "convert.hpp"
 #include "exit_code.hpp"
 #include "job.hpp"
-#include "node_crew.hpp"
+#include "node_processes.hpp"
 #include "options.hpp"
 #include "scale.hpp"
 #include "soak.hpp"
@@ -48,7 +48,7 @@ int run_guarded(int argc, char** argv) {
     if (word != "run" && word != "replay" && word != "record" && word != "convert" && word != "scale" &&
         word != "profile" && word != "node") {
       fmt::print(stderr, "ringfence: found {}; expected run, replay, record, scale, profile, convert or node\n", word);
-      return bad_use;
+      return usage_error;
     }
   }
   CommandLineParser parser;
@@ -56,7 +56,7 @@ int run_guarded(int argc, char** argv) {
   try {
     line = parser.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return parser.explain(error);
+    return parser.print_outcome(error);
   }
   try {
     return run(line);
@@ -65,7 +65,7 @@ int run_guarded(int argc, char** argv) {
     return incomplete;
   } catch (const Error& error) {
     fmt::print(stderr, "ringfence: {}\n", error.what());
-    return bad_use;
+    return usage_error;
   }
 }
 

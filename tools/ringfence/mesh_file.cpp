@@ -49,8 +49,8 @@ std::string import_to_text(std::string_view bytes, const std::string& name, cons
   try {
     const TriangleMesh mesh = import_mesh(bytes, name, folder);
     // Before it is sent: a small file can make a large mesh.
-    const std::string flaw = flaw_of(mesh);
-    if (!flaw.empty()) return is_refusal + flaw;
+    const std::string error_text = describe_mesh_error(mesh);
+    if (!error_text.empty()) return is_refusal + error_text;
     std::string text(1, is_mesh);
     put_all(text, mesh.vertices);
     put_all(text, mesh.indices);
@@ -65,35 +65,35 @@ std::string import_to_text(std::string_view bytes, const std::string& name, cons
 TriangleMesh parse_mesh(std::string_view bytes, const std::string& name, const std::filesystem::path& folder,
                         const ChildLimits& limits) {
   const auto refuse = [&](std::string_view why) { throw Error(fmt::format("{}: {}", name, why)); };
-  if (mesh_ending(name).empty()) {
+  if (mesh_extension(name).empty()) {
     refuse(fmt::format("ends in \"{}\"; expected .obj, .stl, .ply, .gltf, .glb or .3ds",
                        std::filesystem::path(name).extension().string()));
   }
-  const ChildAnswer answer = run_in_child([&] { return import_to_text(bytes, name, folder); }, limits);
+  const ChildResult answer = run_in_child([&] { return import_to_text(bytes, name, folder); }, limits);
   if (!answer.end.empty()) refuse("assimp, which reads it, " + answer.end);
-  std::string_view said = answer.said;
-  if (said.starts_with(is_refusal)) refuse(said.substr(1));
+  std::string_view output = answer.output;
+  if (output.starts_with(is_refusal)) refuse(output.substr(1));
   // The child may have been overwritten by what it read: its mesh is checked again.
   TriangleMesh mesh;
-  if (!said.starts_with(is_mesh)) refuse("assimp, which reads it, said nothing");
-  said.remove_prefix(1);
-  if (!take_all(said, mesh.vertices) || !take_all(said, mesh.indices) || !said.empty()) refuse("is cut short");
-  const std::string flaw = flaw_of(mesh);
-  if (!flaw.empty()) refuse(flaw);
+  if (!output.starts_with(is_mesh)) refuse("assimp, which reads it, said nothing");
+  output.remove_prefix(1);
+  if (!take_all(output, mesh.vertices) || !take_all(output, mesh.indices) || !output.empty()) refuse("is cut short");
+  const std::string error_text = describe_mesh_error(mesh);
+  if (!error_text.empty()) refuse(error_text);
   return mesh;
 }
 
 TriangleMesh read_mesh(const std::filesystem::path& file) {
   // Before the file is looked for: an ending that is not read is wrong wherever it lies.
-  if (mesh_ending(file).empty()) return parse_mesh({}, file.string());
+  if (mesh_extension(file).empty()) return parse_mesh({}, file.string());
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) {
     throw Error(fmt::format("{}: {}", file.string(), error ? error.message() : std::string("not a file")));
   }
   const std::uintmax_t bytes = std::filesystem::file_size(file, error);
   if (error) throw Error(fmt::format("{}: {}", file.string(), error.message()));
-  if (bytes > most_mesh_bytes)
-    throw Error(fmt::format("{}: has {} bytes, more than {}", file.string(), bytes, most_mesh_bytes));
+  if (bytes > max_mesh_bytes)
+    throw Error(fmt::format("{}: has {} bytes, more than {}", file.string(), bytes, max_mesh_bytes));
   const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
   // A large file takes time and memory in proportion: assimp reads about 20 MB of OBJ a second.
   ChildLimits limits;

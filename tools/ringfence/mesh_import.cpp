@@ -37,14 +37,15 @@ constexpr std::array formats{Format{".obj", "Wavefront Object Importer"},
                              Format{".glb", "glTF2 Importer"},
                              Format{".3ds", "Discreet 3DS Importer"}};
 
-constexpr std::size_t most_triangles = 1'000'000;
+constexpr std::size_t max_triangles = 1'000'000;
 
 /// What assimp may do and no more: nothing that moves a corner or reorders triangles.
 constexpr unsigned steps = aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_RemoveComponent |
                            aiProcess_PreTransformVertices | aiProcess_JoinIdenticalVertices;
-constexpr int not_geometry = aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
-                             aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
-                             aiComponent_TEXTURES | aiComponent_LIGHTS | aiComponent_CAMERAS | aiComponent_MATERIALS;
+constexpr int discarded_components = aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
+                                     aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
+                                     aiComponent_TEXTURES | aiComponent_LIGHTS | aiComponent_CAMERAS |
+                                     aiComponent_MATERIALS;
 
 /// Bytes that are there already, as a file that assimp reads.
 class Bytes final : public Assimp::IOStream {
@@ -100,7 +101,7 @@ class Files final : public Assimp::IOSystem {
     std::error_code error;
     const std::filesystem::path found = folder_ / named;
     if (!std::filesystem::is_regular_file(found, error)) return {};
-    return std::filesystem::file_size(found, error) <= most_mesh_bytes && !error ? found : std::filesystem::path();
+    return std::filesystem::file_size(found, error) <= max_mesh_bytes && !error ? found : std::filesystem::path();
   }
 
   std::string_view bytes_;
@@ -109,7 +110,7 @@ class Files final : public Assimp::IOSystem {
   std::deque<std::string> parts_;
 };
 
-void leave_only(Assimp::Importer& importer, const char* name) {
+void keep_only_importer(Assimp::Importer& importer, const char* name) {
   std::vector<std::unique_ptr<Assimp::BaseImporter>> others;
   for (std::size_t i = 0; i < importer.GetImporterCount(); ++i) {
     if (std::strcmp(importer.GetImporterInfo(i)->mName, name) != 0) others.emplace_back(importer.GetImporter(i));
@@ -119,7 +120,7 @@ void leave_only(Assimp::Importer& importer, const char* name) {
 
 /// assimp searches a PLY file for a line that ends its header for ever, and makes room for whatever number of elements
 /// that promises.
-std::string flaw_of_ply(std::string_view text) {
+std::string describe_ply_error(std::string_view text) {
   constexpr std::string_view element = "element ";
   constexpr std::string_view last = "\nend_header";
   const std::string_view start = text.substr(0, 65536);
@@ -142,7 +143,7 @@ std::string flaw_of_ply(std::string_view text) {
 }
 
 /// assimp stops the program at faces without corners, and follows corners that are not there.
-std::string flaw_of(const aiScene& scene) {
+std::string describe_mesh_error(const aiScene& scene) {
   for (unsigned m = 0; m < scene.mNumMeshes; ++m) {
     const aiMesh& part = *scene.mMeshes[m];
     if (part.mVertices == nullptr || (part.mNumFaces != 0 && part.mFaces == nullptr))
@@ -173,7 +174,7 @@ void append(const aiMesh& part, TriangleMesh& mesh) {
 
 }  // namespace
 
-std::string mesh_ending(const std::filesystem::path& name) {
+std::string mesh_extension(const std::filesystem::path& name) {
   std::string ending = name.extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
@@ -182,24 +183,24 @@ std::string mesh_ending(const std::filesystem::path& name) {
 }
 
 TriangleMesh import_mesh(std::string_view bytes, const std::string& name, const std::filesystem::path& folder) {
-  const std::string ending = mesh_ending(name);
+  const std::string ending = mesh_extension(name);
   const auto format = std::find_if(formats.begin(), formats.end(), [&](const Format& f) { return ending == f.ending; });
   if (format == formats.end()) throw Error("is no mesh file");
-  if (bytes.size() > most_mesh_bytes)
-    throw Error(fmt::format("has {} bytes, more than {}", bytes.size(), most_mesh_bytes));
-  std::string flaw = ending == ".ply" ? flaw_of_ply(bytes) : "";
-  if (!flaw.empty()) throw Error(flaw);
+  if (bytes.size() > max_mesh_bytes)
+    throw Error(fmt::format("has {} bytes, more than {}", bytes.size(), max_mesh_bytes));
+  std::string error_text = ending == ".ply" ? describe_ply_error(bytes) : "";
+  if (!error_text.empty()) throw Error(error_text);
   Assimp::Importer importer;
-  leave_only(importer, format->importer);
+  keep_only_importer(importer, format->importer);
   // In no folder, so that assimp asks for parts by the names that the file gives them.
   const std::string alias = "mesh" + ending;
   const bool in_parts = ending == ".gltf" || ending == ".glb";
   importer.SetIOHandler(new Files(bytes, alias, in_parts ? folder : std::filesystem::path()));
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
-  importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS, not_geometry);
+  importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS, discarded_components);
   const aiScene* scene = importer.ReadFile(alias, 0);
-  if (scene != nullptr) flaw = flaw_of(*scene);
-  if (!flaw.empty()) throw Error(flaw);
+  if (scene != nullptr) error_text = describe_mesh_error(*scene);
+  if (!error_text.empty()) throw Error(error_text);
   if (scene != nullptr) scene = importer.ApplyPostProcessing(steps);
   if (scene == nullptr) throw Error(importer.GetErrorString());
   TriangleMesh mesh;
@@ -211,12 +212,12 @@ TriangleMesh import_mesh(std::string_view bytes, const std::string& name, const 
   return mesh;
 }
 
-std::string flaw_of(const TriangleMesh& mesh) {
+std::string describe_mesh_error(const TriangleMesh& mesh) {
   if (mesh.indices.empty()) return "has no triangles";
   if (mesh.indices.size() % 3 != 0) return "has a triangle without three corners";
-  if (mesh.indices.size() / 3 > most_triangles) {
+  if (mesh.indices.size() / 3 > max_triangles) {
     return fmt::format("has {} triangles; at most {} make a shape: cut it in several", mesh.indices.size() / 3,
-                       most_triangles);
+                       max_triangles);
   }
   for (const std::uint32_t index : mesh.indices) {
     if (index >= mesh.vertices.size()) return fmt::format("names corner {} of {}", index, mesh.vertices.size());

@@ -29,7 +29,7 @@ std::map<std::string, Value> by_name(const Value (&values)[count]) {
 }
 
 template <class Value, std::size_t count>
-std::string words_of(const Value (&values)[count]) {
+std::string list_names(const Value (&values)[count]) {
   std::string words;
   for (const Value each : values) words += fmt::format("{}{}", words.empty() ? "" : ", ", name_of(each));
   return words;
@@ -37,9 +37,9 @@ std::string words_of(const Value (&values)[count]) {
 
 /// An option that takes one of a few words.
 template <class Value, std::size_t count>
-void add_words(CLI::App& command, const char* option, Value& value, const Value (&values)[count], const char* help) {
+void add_choice(CLI::App& command, const char* option, Value& value, const Value (&values)[count], const char* help) {
   const auto names = by_name(values);
-  const std::string words = words_of(values);
+  const std::string words = list_names(values);
   const auto read = [names, words, &value, option](const std::string& text) {
     const auto found = names.find(text);
     if (found == names.end()) {
@@ -67,10 +67,10 @@ inline void add_switch(CLI::App& command, const char* option, bool& value, const
 
 /// An option that takes some of a few words, with commas between them.
 template <class Value, std::size_t count>
-void add_word_list(CLI::App& command, const char* option, std::vector<Value>& list, const Value (&values)[count],
-                   const char* help) {
+void add_choice_list(CLI::App& command, const char* option, std::vector<Value>& list, const Value (&values)[count],
+                     const char* help) {
   const auto names = by_name(values);
-  const std::string words = words_of(values);
+  const std::string words = list_names(values);
   const auto read = [names, words, &list, option](const std::vector<std::string>& texts) {
     list.clear();
     for (const std::string& text : texts) {

@@ -18,7 +18,7 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::uint32_t most_frames = 10'000'000;
+constexpr std::uint32_t max_frames = 10'000'000;
 
 void add_interval(CLI::App& command, const char* option, motion::Interval& value, const char* help) {
   const auto read = [&value, option](const std::string& text) {
@@ -55,52 +55,54 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
   app_.require_subcommand(1);
   app_.get_formatter()->column_width(36);
   const std::uint32_t cores = std::max(1u, std::thread::hardware_concurrency());
-  line_.run.service.nodes = line_.replay.service.nodes = line_.profile.run.service.nodes =
+  command_line_.run.service.nodes = command_line_.replay.service.nodes = command_line_.profile.run.service.nodes =
       std::clamp(cores - 1, 1u, 1024u);
 
   CLI::App& run = *app_.add_subcommand("run", "generates the paper's world and runs it");
-  add_frames(run, line_.run.frames, false);
-  add_service(run, line_.run.service);
-  add_world(run, line_.run.world);
-  add_output(run, line_.run.output);
-  run.add_option("--soak", line_.run.soak_minutes,
+  add_frames(run, command_line_.run.frames, false);
+  add_service(run, command_line_.run.service);
+  add_world(run, command_line_.run.world);
+  add_output(run, command_line_.run.output);
+  run.add_option("--soak", command_line_.run.soak_minutes,
                  "instead of --frames: so many minutes in which everything comes, goes and fails at random")
       ->check(between(0.001, 100'000.0))
       ->type_name("MINUTES")
       ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail", "--status", "--link");
 
   CLI::App& replay = *app_.add_subcommand("replay", "runs a recorded world");
-  replay.add_option("--scene", line_.replay.scene, "the scene, JSON")->required()->type_name("FILE");
-  replay.add_option("--motion", line_.replay.motion, "how it moves, CSV or binary")->required()->type_name("FILE");
-  add_frames(replay, line_.replay.frames, true);
-  add_service(replay, line_.replay.service);
-  add_output(replay, line_.replay.output);
+  replay.add_option("--scene", command_line_.replay.scene, "the scene, JSON")->required()->type_name("FILE");
+  replay.add_option("--motion", command_line_.replay.motion, "how it moves, CSV or binary")
+      ->required()
+      ->type_name("FILE");
+  add_frames(replay, command_line_.replay.frames, true);
+  add_service(replay, command_line_.replay.service);
+  add_output(replay, command_line_.replay.output);
 
   CLI::App& record = *app_.add_subcommand("record", "runs the paper's world and writes it as PREFIX.json, PREFIX.bin");
-  record.add_option("--out", line_.run.record_prefix, "where to; what replay makes of it has the same digest")
+  record.add_option("--out", command_line_.run.record_prefix, "where to; what replay makes of it has the same digest")
       ->required()
       ->type_name("PREFIX");
-  add_frames(record, line_.run.frames, false);
-  add_service(record, line_.run.service);
-  add_world(record, line_.run.world);
-  add_output(record, line_.run.output);
+  add_frames(record, command_line_.run.frames, false);
+  add_service(record, command_line_.run.service);
+  add_world(record, command_line_.run.world);
+  add_output(record, command_line_.run.output);
 
   CLI::App& scale = *app_.add_subcommand(
       "scale", "runs node counts x object counts x deployments, as the paper did, and says how they scale");
-  line_.scale.base.frames = {100, 100};
-  add_scale_options(scale, line_.scale);
-  add_frames(scale, line_.scale.base.frames, false);
-  add_users(scale, line_.scale.base.service);
-  add_population(scale, line_.scale.base.world);
-  scale.add_flag("--quiet", line_.scale.base.output.quiet, "no progress line");
+  command_line_.scale.base.frames = {100, 100};
+  add_scale_options(scale, command_line_.scale);
+  add_frames(scale, command_line_.scale.base.frames, false);
+  add_users(scale, command_line_.scale.base.service);
+  add_population(scale, command_line_.scale.base.world);
+  scale.add_flag("--quiet", command_line_.scale.base.output.quiet, "no progress line");
 
-  add_profile(line_.profile);
+  add_profile(command_line_.profile);
 
   add_node(*app_.add_subcommand("node", "serves a world of another process as a CD node, over Cyclone DDS"),
-           line_.node);
+           command_line_.node);
 
   CLI::App& convert = *app_.add_subcommand("convert", "turns a real trace into PREFIX.json, PREFIX.csv for replay");
-  ConvertOptions& options = line_.convert;
+  ConvertOptions& options = command_line_.convert;
   convert.add_option("KIND", options.kind, "air: flights, JSON; crowd: people, text")
       ->required()
       ->check(CLI::IsMember({"air", "crowd"}));
@@ -133,13 +135,13 @@ void CommandLineParser::add_profile(ProfileOptions& options) {
 }
 
 // What holds for both is read into the run's options.
-void CommandLineParser::settle_profile(const CLI::App& command) {
-  RunOptions& run = line_.profile.run;
-  ReplayOptions& replay = line_.profile.replay;
+void CommandLineParser::resolve_profile(const CLI::App& command) {
+  RunOptions& run = command_line_.profile.run;
+  ReplayOptions& replay = command_line_.profile.replay;
   run.world.users = run.service.users;
   if (replay.scene.empty()) {
     if (run.frames.frames == 0) {
-      throw CLI::ValidationError("--frames", fmt::format("found 0; expected 1 to {}", most_frames));
+      throw CLI::ValidationError("--frames", fmt::format("found 0; expected 1 to {}", max_frames));
     }
     return;
   }
@@ -153,23 +155,24 @@ void CommandLineParser::settle_profile(const CLI::App& command) {
 void CommandLineParser::add_frames(CLI::App& command, FrameOptions& frames, bool replay) {
   CLI::Option* const count =
       command.add_option("--frames", frames.frames, replay ? "frames counted; 0: all" : "frames counted");
-  count->check(between(replay ? 0u : 1u, most_frames))->capture_default_str()->type_name("N");
+  count->check(between(replay ? 0u : 1u, max_frames))->capture_default_str()->type_name("N");
   command.add_option("--warmup", frames.warmup, "frames before them, outside every output")
-      ->check(between(0u, most_frames))
+      ->check(between(0u, max_frames))
       ->capture_default_str()
       ->type_name("N");
 }
 
 void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) {
-  add_words(command, "--deployment", service.deployment,
-            {Deployment::user, Deployment::user_server, Deployment::user_collision}, "who hosts what is not an avatar");
+  add_choice(command, "--deployment", service.deployment,
+             {Deployment::user, Deployment::user_server, Deployment::user_collision},
+             "who hosts what is not an avatar");
   command.add_option("--nodes", service.nodes, "CD nodes; 0: everything in one thread")
       ->check(between(0u, 1024u))
       ->capture_default_str()
       ->type_name("N");
   const auto read_resize = [&service](const std::string& text) {
     try {
-      const std::vector<Resize> resizes = read_resizes(text);
+      const std::vector<Resize> resizes = parse_resizes(text);
       service.resizes.insert(service.resizes.end(), resizes.begin(), resizes.end());
     } catch (const Error& error) {
       throw CLI::ValidationError("--resize", error.what());
@@ -182,7 +185,7 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
       ->type_name("FRAME:N,...");
   const auto read_fault = [&service](const std::string& text) {
     try {
-      const std::vector<Fault> faults = read_faults(text);
+      const std::vector<Fault> faults = parse_faults(text);
       service.faults.insert(service.faults.end(), faults.begin(), faults.end());
     } catch (const Error& error) {
       throw CLI::ValidationError("--fail", error.what());
@@ -204,16 +207,16 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
       ->check(between(0.0, 1e6))
       ->capture_default_str()
       ->type_name("MS");
-  add_words(command, "--broad-phase", service.placement, {Placement::server, Placement::region, Placement::automatic},
-            "where the broad phase runs");
+  add_choice(command, "--broad-phase", service.placement, {Placement::server, Placement::region, Placement::automatic},
+             "where the broad phase runs");
   add_link(command, service.link);
   add_users(command, service);
 }
 
 void CommandLineParser::add_users(CLI::App& command, ServiceOptions& service) {
   add_switch(command, "--balance", service.balance, "regions follow the load");
-  add_words(command, "--balance-by", service.balance_by, {BalanceBy::cpu_time, BalanceBy::pairs},
-            "what the load is: CPU time as measured, or pairs tested, which makes the same maps in every run");
+  add_choice(command, "--balance-by", service.balance_by, {BalanceBy::cpu_time, BalanceBy::pairs},
+             "what the load is: CPU time as measured, or pairs tested, which makes the same maps in every run");
   add_switch(command, "--keep-resting", service.keep_resting, "the broad phase keeps what does not move apart");
   command.add_option("--users", service.users, "user nodes")
       ->check(between(1u, 65'536u))
@@ -248,10 +251,10 @@ void CommandLineParser::add_population(CLI::App& command, worlds::PaperWorldOpti
       ->check(between(1e-6, 0.6))
       ->capture_default_str()
       ->type_name("F");
-  add_words(command, "--shapes", world.shapes,
-            {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed,
-             ShapeSetting::mesh},
-            "what shapes they have");
+  add_choice(command, "--shapes", world.shapes,
+             {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed,
+              ShapeSetting::mesh},
+             "what shapes they have");
   command.add_option("--seed", world.seed, "of all random numbers")->capture_default_str()->type_name("N");
   command.add_option("--targets", world.targets, "what objects steer to; 0: objects / 50")
       ->check(between(0u, 10'000'000u))
@@ -277,21 +280,21 @@ CommandLine CommandLineParser::parse(int argc, char** argv) {
   const CLI::App& command = *app_.get_subcommands().front();
   const std::string name = command.get_name();
   using Command = CommandLine::Command;
-  line_.command = name == "run"       ? Command::run
-                  : name == "replay"  ? Command::replay
-                  : name == "record"  ? Command::record
-                  : name == "scale"   ? Command::scale
-                  : name == "profile" ? Command::profile
-                  : name == "node"    ? Command::node
-                                      : Command::convert;
-  if (line_.command == Command::replay) line_.replay.service.users_given = command.count("--users") > 0;
-  line_.run.world.users = line_.run.service.users;
-  line_.scale.base.world.users = line_.scale.base.service.users;
-  if (line_.command == Command::profile) settle_profile(command);
-  return line_;
+  command_line_.command = name == "run"       ? Command::run
+                          : name == "replay"  ? Command::replay
+                          : name == "record"  ? Command::record
+                          : name == "scale"   ? Command::scale
+                          : name == "profile" ? Command::profile
+                          : name == "node"    ? Command::node
+                                              : Command::convert;
+  if (command_line_.command == Command::replay) command_line_.replay.service.users_given = command.count("--users") > 0;
+  command_line_.run.world.users = command_line_.run.service.users;
+  command_line_.scale.base.world.users = command_line_.scale.base.service.users;
+  if (command_line_.command == Command::profile) resolve_profile(command);
+  return command_line_;
 }
 
-int CommandLineParser::explain(const CLI::ParseError& error) {
+int CommandLineParser::print_outcome(const CLI::ParseError& error) {
   if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) {
     app_.exit(error, std::cout, std::cerr);
     return done;
@@ -305,7 +308,7 @@ int CommandLineParser::explain(const CLI::ParseError& error) {
     }
   }
   fmt::print(stderr, "ringfence: {}\nringfence{} --help says what there is\n", what, command);
-  return bad_use;
+  return usage_error;
 }
 
 }  // namespace ringfence::tools

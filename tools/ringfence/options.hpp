@@ -6,7 +6,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "failure.hpp"
+#include "faults.hpp"
 #include "link_options.hpp"
 #include "resize.hpp"
 #include "ringfence/config.hpp"
@@ -116,11 +116,11 @@ class CommandLineParser {
   CommandLineParser();
   CommandLine parse(int argc, char** argv);
   /// Prints help, version or the error; answers the exit code.
-  int explain(const CLI::ParseError& error);
+  int print_outcome(const CLI::ParseError& error);
 
  private:
   void add_profile(ProfileOptions& options);
-  void settle_profile(const CLI::App& command);
+  void resolve_profile(const CLI::App& command);
   void add_frames(CLI::App& command, FrameOptions& frames, bool replay);
   void add_service(CLI::App& command, ServiceOptions& service);
   void add_users(CLI::App& command, ServiceOptions& service);
@@ -129,7 +129,7 @@ class CommandLineParser {
   void add_output(CLI::App& command, OutputOptions& output);
 
   CLI::App app_;
-  CommandLine line_;
+  CommandLine command_line_;
 };
 
 }  // namespace ringfence::tools

@@ -9,7 +9,7 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::size_t most_nodes_shown = 32;
+constexpr std::size_t max_nodes_shown = 32;
 
 double share(double part, double whole) { return whole > 0 ? part / whole : 0; }
 double share(std::uint64_t part, std::uint64_t whole) {
@@ -87,14 +87,14 @@ void print_nodes(std::FILE* out, const Figures& figures) {
              "moving ms", "sweeping ms", "narrow ph. ms", "tested", "share");
   double all = 0;
   for (const NodeFigures& node : nodes) all += node.tested;
-  for (std::size_t i = 0; i < std::min(nodes.size(), most_nodes_shown); ++i) {
+  for (std::size_t i = 0; i < std::min(nodes.size(), max_nodes_shown); ++i) {
     const NodeFigures& node = nodes[i];
     fmt::print(out, "{:<6} {:>9.3f} {:>9.3f} {:>9.3f} {:>10.3f} {:>12.3f} {:>14.3f} {:>9.0f} {:>8}\n", i, node.busy_ms,
                node.wait_ms, node.cpu_ms, node.move_ms, node.broad_phase_ms, node.narrow_phase_ms, node.tested,
                percent(share(node.tested, all)));
   }
-  if (nodes.size() > most_nodes_shown) {
-    fmt::print(out, "and {} more; --json FILE has them all\n", nodes.size() - most_nodes_shown);
+  if (nodes.size() > max_nodes_shown) {
+    fmt::print(out, "and {} more; --json FILE has them all\n", nodes.size() - max_nodes_shown);
   }
   const Imbalance& imbalance = figures.cpu_imbalance;
   if (imbalance.windows() == 0) {

@@ -12,7 +12,7 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr double nowhere = std::numeric_limits<double>::quiet_NaN();
+constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
 /// Writes the meshes of a scene to the folder PREFIX-meshes and says so in the scene: a recording needs no other file.
 void write_meshes(const std::string& prefix, worlds::Scene& scene) {
@@ -52,7 +52,7 @@ void Recording::add_frame(const World& world) {
   poses_.clear();
   for (const ObjectId object : objects_) {
     const ObjectView view = world.object(object);
-    poses_.push_back(view.spec.present ? view.spec.pose : Pose{{nowhere, nowhere, nowhere}, {}});
+    poses_.push_back(view.spec.present ? view.spec.pose : Pose{{not_a_number, not_a_number, not_a_number}, {}});
   }
   try {
     motion_->add_frame(poses_);

@@ -15,14 +15,14 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-constexpr std::size_t most_nodes_shown = 32;
+constexpr std::size_t max_nodes_shown = 32;
 
 std::string upper(std::string text) {
   if (text.front() == 'm') text.front() = 'M';
   return text;
 }
 
-std::string words(std::string text) {
+std::string with_spaces(std::string text) {
   for (char& c : text) c = c == '_' ? ' ' : c;
   return text;
 }
@@ -48,7 +48,7 @@ void print_stages(std::FILE* out, const Figures& figures, double frame_ms) {
   for (std::size_t i = 0; i < stage_count; ++i) {
     const auto stage = static_cast<Stage>(i);
     const double ms = figures.stage_ms(stage);
-    fmt::print(out, "  {:<12} {:>8.3f}  {:>5.1f} %\n", words(name_of(stage)), ms,
+    fmt::print(out, "  {:<12} {:>8.3f}  {:>5.1f} %\n", with_spaces(name_of(stage)), ms,
                frame_ms > 0 ? 100 * ms / frame_ms : 0.0);
   }
 }
@@ -58,13 +58,13 @@ void print_nodes(std::FILE* out, const Figures& figures) {
   fmt::print(out, "node     busy ms   cpu ms  wait ms   tested   share   hosted\n");
   double all_tested = 0;
   for (const NodeFigures& node : nodes) all_tested += node.tested;
-  for (std::size_t i = 0; i < std::min(nodes.size(), most_nodes_shown); ++i) {
+  for (std::size_t i = 0; i < std::min(nodes.size(), max_nodes_shown); ++i) {
     const NodeFigures& node = nodes[i];
     fmt::print(out, "  {:<5} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.0f} {:>5.1f} % {:>8.0f}\n", i, node.busy_ms, node.cpu_ms,
                node.wait_ms, node.tested, all_tested > 0 ? 100 * node.tested / all_tested : 0.0, node.hosted);
   }
-  if (nodes.size() > most_nodes_shown) {
-    fmt::print(out, "  and {} more; --json FILE has them all\n", nodes.size() - most_nodes_shown);
+  if (nodes.size() > max_nodes_shown) {
+    fmt::print(out, "  and {} more; --json FILE has them all\n", nodes.size() - max_nodes_shown);
   }
 }
 
@@ -151,11 +151,11 @@ void print_cluster(std::FILE* out, const dds::ClusterReport& cluster) {
   fmt::print(out, "cluster     {} joined, {} left, {} lost, {} refused; {} stale parcels\n", cluster.joined,
              cluster.left, cluster.lost, cluster.refused, cluster.stale_parcels);
   fmt::print(out, "process                      sent MB  taken MB  resent MB   answer ms      max\n");
-  for (std::size_t i = 0; i < std::min(cluster.members.size(), most_nodes_shown); ++i) {
+  for (std::size_t i = 0; i < std::min(cluster.members.size(), max_nodes_shown); ++i) {
     const dds::MemberReport& member = cluster.members[i];
     const auto mb = [](std::uint64_t bytes) { return static_cast<double>(bytes) * 1e-6; };
     fmt::print(out, "  {:<4}{:<21} {:>8.2f} {:>9.2f} {:>10.2f} {:>11.3f} {:>8.3f}\n", member.number, member.name,
-               mb(member.sent_bytes), mb(member.taken_bytes), mb(member.retransmitted_bytes), member.answer_ms_mean,
+               mb(member.sent_bytes), mb(member.received_bytes), mb(member.retransmitted_bytes), member.answer_ms_mean,
                member.answer_ms_max);
   }
 }
@@ -169,8 +169,8 @@ Json losses_of(const Figures& figures) {
   return losses;
 }
 
-void print_resizes(std::FILE* out, const Resizing& resizing) {
-  for (const ResizeFigures& resize : resizing.figures()) {
+void print_resizes(std::FILE* out, const ResizeSchedule& resize_schedule) {
+  for (const ResizeFigures& resize : resize_schedule.figures()) {
     fmt::print(
         out,
         "resize      frame {}: {} to {} nodes, {} objects handed over; frame {:.3f} ms, next {:.3f}, before {:.3f}, "
@@ -181,12 +181,12 @@ void print_resizes(std::FILE* out, const Resizing& resizing) {
   }
 }
 
-Json resizes_of(const Resizing& resizing) {
+Json resizes_of(const ResizeSchedule& resize_schedule) {
   const auto around = [](const ResizeFigures::Around& a) {
     return Json{{"before", a.before}, {"at", a.at}, {"next", a.next}, {"after", a.after}};
   };
   Json resizes = Json::array();
-  for (const ResizeFigures& resize : resizing.figures()) {
+  for (const ResizeFigures& resize : resize_schedule.figures()) {
     resizes.push_back({{"frame", resize.frame},
                        {"from", resize.from},
                        {"to", resize.to},
@@ -234,7 +234,8 @@ Json kinds_of(const Figures& figures) {
   return kinds;
 }
 
-Json report_of(const Job& job, const Figures& figures, const Resizing& resizing, const FrameChecker& checker) {
+Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
+               const FrameChecker& checker) {
   const Spread frame = figures.frame_ms();
   Json report;
   report["config"] = config_of(job, figures);
@@ -255,7 +256,7 @@ Json report_of(const Job& job, const Figures& figures, const Resizing& resizing,
   report["imbalance"] = imbalance_of(figures);
   report["lost"] = losses_of(figures);
   if (figures.cluster) report["cluster"] = cluster_json(*figures.cluster);
-  if (!job.service.resizes.empty()) report["resizes"] = resizes_of(resizing);
+  if (!job.service.resizes.empty()) report["resizes"] = resizes_of(resize_schedule);
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
     report["traffic"][name_of_traffic(static_cast<Traffic>(i))] = {
@@ -313,8 +314,8 @@ Json cluster_json(const dds::ClusterReport& cluster) {
                        {"number", member.number},
                        {"sent_parcels", member.sent_parcels},
                        {"sent_bytes", member.sent_bytes},
-                       {"taken_parcels", member.taken_parcels},
-                       {"taken_bytes", member.taken_bytes},
+                       {"taken_parcels", member.received_parcels},
+                       {"taken_bytes", member.received_bytes},
                        {"retransmitted_bytes", member.retransmitted_bytes},
                        {"refused_writes", member.refused_writes},
                        {"answers", member.answers},
@@ -339,7 +340,7 @@ Json machine_json() {
           {"build", machine.build}};
 }
 
-void print_report(std::FILE* out, const Job& job, const Figures& figures, const Resizing& resizing,
+void print_report(std::FILE* out, const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
                   const FrameChecker& checker) {
   const Spread frame = figures.frame_ms();
   fmt::print(out, "{}\n{}\n", job.title, service_of(job.service, figures));
@@ -356,7 +357,7 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
              figures.mean(static_cast<double>(figures.moved)), figures.mean(static_cast<double>(figures.handed_over)));
   print_nodes(out, figures);
   print_imbalance(out, figures);
-  print_resizes(out, resizing);
+  print_resizes(out, resize_schedule);
   print_losses(out, figures);
   if (figures.cluster) print_cluster(out, *figures.cluster);
   print_traffic(out, figures);
@@ -369,9 +370,9 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   fmt::print(out, "digest      {:016x}\n", figures.digest());
 }
 
-void write_json_report(OutputFile& out, const Job& job, const Figures& figures, const Resizing& resizing,
+void write_json_report(OutputFile& out, const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
                        const FrameChecker& checker) {
-  out.print("{}\n", report_of(job, figures, resizing, checker).dump(1, ' '));
+  out.print("{}\n", report_of(job, figures, resize_schedule, checker).dump(1, ' '));
 }
 
 }  // namespace ringfence::tools

@@ -22,11 +22,11 @@ constexpr const char* name_of_traffic(Traffic kind) {
 nlohmann::ordered_json machine_json();
 
 /// The short report that a person reads.
-void print_report(std::FILE* out, const Job& job, const Figures& figures, const Resizing& resizing,
+void print_report(std::FILE* out, const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
                   const FrameChecker& checker);
 
 /// --json: all figures.
-void write_json_report(OutputFile& out, const Job& job, const Figures& figures, const Resizing& resizing,
+void write_json_report(OutputFile& out, const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
                        const FrameChecker& checker);
 
 /// What a cluster did, as the JSON of a run and of --status have it.

@@ -9,12 +9,12 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::uint32_t most_nodes = 1024;
+constexpr std::uint32_t max_nodes = 1024;
 constexpr std::size_t around = 8;
 
 }  // namespace
 
-std::vector<Resize> read_resizes(std::string_view text) {
+std::vector<Resize> parse_resizes(std::string_view text) {
   std::vector<Resize> resizes;
   for (std::size_t begin = 0; begin <= text.size();) {
     const std::size_t comma = std::min(text.find(',', begin), text.size());
@@ -25,11 +25,11 @@ std::vector<Resize> read_resizes(std::string_view text) {
     bool right = error == std::errc() && colon != end && *colon == ':';
     if (right) {
       const auto [stop, second_error] = std::from_chars(colon + 1, end, resize.nodes);
-      right = second_error == std::errc() && stop == end && resize.nodes >= 1 && resize.nodes <= most_nodes;
+      right = second_error == std::errc() && stop == end && resize.nodes >= 1 && resize.nodes <= max_nodes;
     }
     if (!right) {
       throw Error(fmt::format("found {}; expected FRAME:N with N from 1 to {} CD nodes, several with commas between",
-                              item.empty() ? "nothing" : item, most_nodes));
+                              item.empty() ? "nothing" : item, max_nodes));
     }
     resizes.push_back(resize);
     begin = comma + 1;
@@ -50,7 +50,7 @@ void check_resizes(std::vector<Resize>& resizes, std::uint32_t frames) {
   }
 }
 
-void Resizing::before_frame(std::uint32_t frame, World& world) {
+void ResizeSchedule::before_frame(std::uint32_t frame, World& world) {
   if (next_ == resizes_.size() || resizes_[next_].frame != frame) return;
   const Resize& resize = resizes_[next_++];
   if (const Status status = world.resize(resize.nodes); status != Status::ok) {
@@ -59,11 +59,11 @@ void Resizing::before_frame(std::uint32_t frame, World& world) {
   }
 }
 
-void Resizing::add_frame(const FrameReport& report) {
+void ResizeSchedule::add_frame(const FrameReport& report) {
   if (!resizes_.empty()) frames_.push_back({report.frame_ms, report.contacts, report.handed_over});
 }
 
-std::vector<ResizeFigures> Resizing::figures() const {
+std::vector<ResizeFigures> ResizeSchedule::figures() const {
   const auto mean = [this](std::size_t begin, std::size_t end, auto value) {
     end = std::min(end, frames_.size());
     if (begin >= end) return 0.0;
@@ -77,12 +77,12 @@ std::vector<ResizeFigures> Resizing::figures() const {
     const std::size_t at = resize.frame;
     ResizeFigures figures{resize.frame, nodes, resize.nodes, {}, {}, frames_[at].handed_over};
     nodes = resize.nodes;
-    const auto look = [&](auto value) {
+    const auto mean_around = [&](auto value) {
       return ResizeFigures::Around{mean(at - std::min(at, around), at, value), mean(at, at + 1, value),
                                    mean(at + 1, at + 2, value), mean(at + 2, at + 2 + around, value)};
     };
-    figures.frame_ms = look([](const Frame& frame) { return frame.ms; });
-    figures.contacts = look([](const Frame& frame) { return frame.contacts; });
+    figures.frame_ms = mean_around([](const Frame& frame) { return frame.ms; });
+    figures.contacts = mean_around([](const Frame& frame) { return frame.contacts; });
     all.push_back(figures);
   }
   return all;

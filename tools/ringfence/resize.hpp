@@ -18,7 +18,7 @@ struct Resize {
 };
 
 /// Reads "FRAME:N", or several with commas between them. Throws Error with what is expected; N is 1 to 1024.
-std::vector<Resize> read_resizes(std::string_view text);
+std::vector<Resize> parse_resizes(std::string_view text);
 
 /// Throws Error unless each frame is below `frames` and given once. Sorts by frame.
 void check_resizes(std::vector<Resize>& resizes, std::uint32_t frames);
@@ -39,10 +39,10 @@ struct ResizeFigures {
 };
 
 /// Asks a world for the nodes that --resize wants, frame by frame, and keeps what the frames around it cost.
-class Resizing {
+class ResizeSchedule {
  public:
   /// `resizes` are checked; `nodes` are those of the start. Both outlive it.
-  Resizing(const std::vector<Resize>& resizes, std::uint32_t nodes) : resizes_(resizes), nodes_(nodes) {}
+  ResizeSchedule(const std::vector<Resize>& resizes, std::uint32_t nodes) : resizes_(resizes), nodes_(nodes) {}
 
   /// Before counted frame `frame`. Throws Error if the world refuses.
   void before_frame(std::uint32_t frame, World& world);

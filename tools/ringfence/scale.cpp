@@ -8,7 +8,7 @@
 
 #include "cluster_model.hpp"
 #include "exit_code.hpp"
-#include "link/gives_way.hpp"
+#include "link/scoped_batch_scheduling.hpp"
 #include "machine.hpp"
 #include "plots.hpp"
 #include "progress.hpp"
@@ -98,7 +98,7 @@ bool passed(const std::vector<ScaleRow>& rows) {
     fmt::print(stderr, "ringfence: {}\n", line);
   }
   for (const ScaleRow& row : rows) {
-    for (const ScaleSample& sample : row.samples) right &= sample.counted_right;
+    for (const ScaleSample& sample : row.samples) right &= sample.counts_match;
   }
   return right;
 }
@@ -114,7 +114,7 @@ int scale(const ScaleOptions& options) {
 
   // Of more threads than cores one that wakes would push aside one in the middle of a step, whose CPU time then holds
   // the way back and the caches that the other left: what is modelled is the frame with a core for each.
-  const link::GivesWay gives_way;
+  const link::ScopedBatchScheduling batch_scheduling;
   ScaleResult result;
   result.rows = rows_of(options);
   result.hops_ms = measure_hops(options);
@@ -123,7 +123,7 @@ int scale(const ScaleOptions& options) {
   for (const std::string& name : options.models) {
     ClusterCosts costs = *find_cluster(name);
     replace_costs(costs, options.costs);
-    costs = settle_costs(std::move(costs), result.rows);
+    costs = resolve_costs(std::move(costs), result.rows);
     const bool today = costs.name == "today";
     std::vector<ClusterPrediction> predictions =
         predict(result.rows, costs,

@@ -18,11 +18,11 @@ void add_counts(CLI::App& command, const char* option, std::vector<std::uint32_t
 }  // namespace
 
 void add_scale_options(CLI::App& command, ScaleOptions& options) {
-  add_word_list(command, "--deployment", options.deployments,
-                {Deployment::user, Deployment::user_server, Deployment::user_collision},
-                "who hosts what is not an avatar");
-  add_word_list(command, "--broad-phase", options.placements,
-                {Placement::server, Placement::region, Placement::automatic}, "where the broad phase runs");
+  add_choice_list(command, "--deployment", options.deployments,
+                  {Deployment::user, Deployment::user_server, Deployment::user_collision},
+                  "who hosts what is not an avatar");
+  add_choice_list(command, "--broad-phase", options.placements,
+                  {Placement::server, Placement::region, Placement::automatic}, "where the broad phase runs");
   add_counts(command, "--nodes", options.nodes, 0, 1024, "CD nodes; 0: everything in one thread");
   add_counts(command, "--objects", options.objects, 1, 10'000'000, "objects, avatars included");
   command.add_option("--repeats", options.repeats, "runs of each combination; medians and spread are over them")

@@ -10,7 +10,7 @@ namespace ringfence::tools {
 namespace {
 
 /// What is gathered frame by frame.
-struct Gathered {
+struct FrameSamples {
   std::vector<double> wall, server, node, users, path;
   double busiest_tested = 0;
 
@@ -50,7 +50,7 @@ FrameCounts counts_of(const Job& job, const Figures& figures, double busiest_tes
   counts.contacts = figures.mean(static_cast<double>(figures.contacts));
   counts.handed_over = figures.mean(static_cast<double>(figures.handed_over));
   counts.busiest_tested = figures.mean(busiest_tested);
-  counts.looks = job.service.interest > 0 ? counts.users : 0;
+  counts.publication_notices = job.service.interest > 0 ? counts.users : 0;
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
     counts.traffic[i] = {figures.mean(static_cast<double>(traffic.messages)),
@@ -80,20 +80,20 @@ ScaleSample run_sample(const Job& job, const std::function<void()>& step) {
     step();
   }
   Figures figures;
-  Gathered gathered;
+  FrameSamples samples;
   for (std::uint32_t frame = 0; frame < job.frames.frames; ++frame) {
     advance(world, std::uint64_t{job.frames.warmup} + frame);
     figures.add(world.report(), world.contacts());
-    gathered.add(world.report(), job.service.nodes);
+    samples.add(world.report(), job.service.nodes);
     checker.check_frame(frame);
     step();
   }
   ScaleSample sample;
-  sample.wall_ms = median(gathered.wall);
-  sample.server_ms = median(gathered.server);
-  sample.node_ms = median(gathered.node);
-  sample.users_ms = median(gathered.users);
-  sample.path_ms = median(gathered.path);
+  sample.wall_ms = median(samples.wall);
+  sample.server_ms = median(samples.server);
+  sample.node_ms = median(samples.node);
+  sample.users_ms = median(samples.users);
+  sample.path_ms = median(samples.path);
   sample.imbalance = figures.cpu_imbalance.mean();
   double busy_ms = 0, cpu_ms = 0;
   for (const NodeFigures& node : figures.nodes()) {
@@ -107,8 +107,8 @@ ScaleSample run_sample(const Job& job, const std::function<void()>& step) {
   const double awake = busy_ms > 0 ? std::min(1.0, cpu_ms / busy_ms) : 1;
   for (double* const ms : {&sample.narrow_phase_ms, &sample.move_ms, &sample.broad_phase_ms}) *ms *= awake;
   sample.digest = figures.digest();
-  sample.counted_right = checker.passed();
-  sample.counts = counts_of(job, figures, gathered.busiest_tested);
+  sample.counts_match = checker.passed();
+  sample.counts = counts_of(job, figures, samples.busiest_tested);
   sample.counts.placement = world.config().placement;
   return sample;
 }

@@ -20,8 +20,8 @@ struct FrameCounts {
   Placement placement = Placement::server;                     ///< where the broad phase ran, never `automatic`
   double user_hosted = 0, server_hosted = 0, node_hosted = 0;  ///< objects that move, by who hosts them
   double moved = 0, tested = 0, contacts = 0, handed_over = 0;
-  double busiest_tested = 0;  ///< pairs of the node that tested most, mean over the frames
-  double looks = 0;           ///< control messages that say that shared memory can be read
+  double busiest_tested = 0;       ///< pairs of the node that tested most, mean over the frames
+  double publication_notices = 0;  ///< control messages that say that shared memory can be read
   std::array<MeanTraffic, traffic_count> traffic{};
 
   MeanTraffic& operator[](Traffic kind) { return traffic[static_cast<std::size_t>(kind)]; }
@@ -40,7 +40,7 @@ struct ScaleSample {
   double narrow_phase_ms = 0, move_ms = 0;  ///< of all nodes together
   double broad_phase_ms = 0;                ///< of the server
   std::uint64_t digest = 0;
-  bool counted_right = true;  ///< every candidate was tested and accepted exactly once
+  bool counts_match = true;  ///< every candidate was tested and accepted exactly once
   FrameCounts counts;
 };
 

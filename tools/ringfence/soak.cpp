@@ -17,9 +17,9 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::uint32_t most_nodes = 8;
-constexpr std::size_t most_users = 200;
-constexpr std::uint32_t frames_a_check = 16;  ///< one in so many is compared with brute force
+constexpr std::uint32_t max_nodes = 8;
+constexpr std::size_t max_users = 200;
+constexpr std::uint32_t frames_per_check = 16;  ///< one in so many is compared with brute force
 constexpr double default_deadline_ms = 250;
 
 /// What is allocated, in bytes.
@@ -50,7 +50,7 @@ Soak::Soak(World& world, const worlds::Scene& scene, std::uint64_t seed) : world
   for (UserNumber user = 0; user < worlds::users_of(scene); ++user) users_.push_back(user);
 }
 
-void Soak::ask() {
+void Soak::make_requests() {
   const std::size_t wanted = scene_.objects.size();
   for (std::uint64_t n = random_() % 6; n > 0 && live_.size() < wanted + wanted / 10; --n) spawn(no_user);
   for (std::uint64_t n = random_() % 6; n > 0 && live_.size() > wanted - wanted / 10; --n) destroy();
@@ -58,16 +58,16 @@ void Soak::ask() {
     const Live& object = live_[random_() % live_.size()];
     if (object.category == Category::fixed) continue;
     const bool remove = one_in(4);
-    if ((remove ? world_.remove(object.id) : world_.place(object.id, anywhere())) == Status::ok) {
+    if ((remove ? world_.remove(object.id) : world_.place(object.id, random_pose())) == Status::ok) {
       ++(remove ? counts_.removed : counts_.placed);
     }
   }
   change_users();
   change_nodes();
-  if (one_in(3)) lie();
+  if (one_in(3)) make_invalid_calls();
 }
 
-bool Soak::judge(const FrameReport& report) {
+bool Soak::check_report(const FrameReport& report) {
   bool holds = report.accepted == report.candidates && report.tested == report.candidates;
   if (!holds) {
     fmt::print(stderr, "frame {}: {} candidates, {} tested, {} accepted\n", report.frame, report.candidates,
@@ -82,11 +82,11 @@ bool Soak::judge(const FrameReport& report) {
   }
   expected_.fill(0);
   counts_.lost += report.lost.size();
-  counts_.wrong += holds ? 0 : 1;
+  counts_.failures += holds ? 0 : 1;
   return holds;
 }
 
-Pose Soak::anywhere() {
+Pose Soak::random_pose() {
   std::uniform_real_distribution<double> unit(-0.02, 1.02);  // out of bounds, too
   const Vec3d &low = scene_.bounds_min, &high = scene_.bounds_max;
   const auto between = [&](double from, double to) { return from + (to - from) * unit(random_); };
@@ -99,7 +99,7 @@ void Soak::spawn(UserNumber user) {
   spec.shape = shapes_[random_() % shapes_.size()];
   spec.category = user != no_user ? Category::avatar : one_in(3) ? Category::non_active : Category::active;
   spec.user = user;
-  spec.pose = anywhere();
+  spec.pose = random_pose();
   const Spawned spawned = world_.spawn(spec);
   if (spawned.status != Status::ok) throw Error(fmt::format("--soak: spawn answered {}", name_of(spawned.status)));
   live_.push_back({spawned.id, spec.category, user});
@@ -109,14 +109,14 @@ void Soak::spawn(UserNumber user) {
 void Soak::destroy() {
   const std::size_t at = random_() % live_.size();
   if (live_[at].category == Category::fixed || world_.destroy(live_[at].id) != Status::ok) return;
-  gone_ = live_[at].id;
+  destroyed_id_ = live_[at].id;
   live_[at] = live_.back();
   live_.pop_back();
   ++counts_.destroyed;
 }
 
 void Soak::change_users() {
-  if (one_in(40) && users_.size() < most_users) {
+  if (one_in(40) && users_.size() < max_users) {
     if (const Connected connected = world_.connect(); connected.status == Status::ok) {
       users_.push_back(connected.user);
       spawn(connected.user);
@@ -136,7 +136,7 @@ void Soak::change_users() {
 
 void Soak::change_nodes() {
   if (world_.config().nodes == 0) return;
-  if (one_in(60) && world_.resize(1 + static_cast<std::uint32_t>(random_() % most_nodes)) == Status::ok) {
+  if (one_in(60) && world_.resize(1 + static_cast<std::uint32_t>(random_() % max_nodes)) == Status::ok) {
     ++counts_.resizes;
   }
   if (one_in(100)) {
@@ -154,18 +154,18 @@ void Soak::change_nodes() {
 void Soak::expect(Status got, Status reason) {
   ++expected_[static_cast<std::size_t>(reason)];
   ++counts_.refused;
-  counts_.wrong += got == reason ? 0 : 1;
+  counts_.failures += got == reason ? 0 : 1;
 }
 
 // What no caller may do, many times over.
-void Soak::lie() {
-  Pose nowhere;
-  nowhere.position.x = std::numeric_limits<double>::quiet_NaN();
+void Soak::make_invalid_calls() {
+  Pose not_finite_pose;
+  not_finite_pose.position.x = std::numeric_limits<double>::quiet_NaN();
   for (int i = 0; i < 20; ++i) {
     const Live& object = live_[random_() % live_.size()];
     expect(world_.destroy(ObjectId{}), Status::stale_object);
-    if (gone_) expect(world_.place(gone_, {}), Status::stale_object);
-    if (object.category != Category::fixed) expect(world_.place(object.id, nowhere), Status::not_finite);
+    if (destroyed_id_) expect(world_.place(destroyed_id_, {}), Status::stale_object);
+    if (object.category != Category::fixed) expect(world_.place(object.id, not_finite_pose), Status::not_finite);
     const UserNumber user = users_[random_() % users_.size()];
     if (object.user != user) expect(world_.move(user, object.id, {}), Status::not_host);
     expect(world_.spawn({.shape = 0xffffff}).status, Status::unknown_shape);
@@ -196,12 +196,12 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
     if (settled_bytes == 0 && share > 0.1) {
       settled_bytes = allocated_with(world, checker, longer.service.nodes, frames);
     }
-    soak.ask();
+    soak.make_requests();
     advance(world, ++frames);
-    soak.judge(world.report());
+    soak.check_report(world.report());
     contacts += world.contacts().size();
     slowest_ms = std::max(slowest_ms, world.report().frame_ms);
-    if (frames % frames_a_check == 0) {
+    if (frames % frames_per_check == 0) {
       checker.check_frame(frames);
     } else {
       checker.skip_frame();
@@ -227,9 +227,9 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   }
   fmt::print("memory      {:.1f} MiB allocated after a tenth of the time, {:.1f} at the end\n",
              mebibytes(settled_bytes), mebibytes(bytes));
-  const bool held = n.wrong == 0 && checker.passed() && flat;
+  const bool held = n.failures == 0 && checker.passed() && flat;
   fmt::print("{}\n", held ? "all held"
-                          : fmt::format("FAILED: {} frames or calls in which something did not hold{}", n.wrong,
+                          : fmt::format("FAILED: {} frames or calls in which something did not hold{}", n.failures,
                                         flat ? "" : "; memory has grown by more than a quarter"));
   return held ? done : check_failed;
 }

@@ -21,15 +21,15 @@ class Soak {
   Soak(World& world, const worlds::Scene& scene, std::uint64_t seed);
 
   /// What is asked before the next frame.
-  void ask();
+  void make_requests();
   /// Looks at a frame's report. Whether all held.
-  bool judge(const FrameReport& report);
+  bool check_report(const FrameReport& report);
 
   struct Counts {
     std::uint64_t spawned = 0, destroyed = 0, placed = 0, removed = 0;
     std::uint64_t connected = 0, disconnected = 0;
     std::uint64_t resizes = 0, faults = 0, lost = 0, refused = 0;
-    std::uint64_t wrong = 0;  ///< frames in which something did not hold
+    std::uint64_t failures = 0;  ///< frames in which something did not hold
   };
   const Counts& counts() const noexcept { return counts_; }
 
@@ -41,12 +41,12 @@ class Soak {
   };
 
   bool one_in(std::uint32_t n) { return random_() % n == 0; }
-  Pose anywhere();
+  Pose random_pose();
   void spawn(UserNumber user);
   void destroy();
   void change_users();
   void change_nodes();
-  void lie();
+  void make_invalid_calls();
   void expect(Status got, Status reason);
 
   World& world_;
@@ -55,7 +55,7 @@ class Soak {
   std::vector<Live> live_;
   std::vector<UserNumber> users_;
   std::vector<ShapeNumber> shapes_;  ///< of the scene's objects that may move
-  ObjectId gone_;                    ///< destroyed long ago, perhaps
+  ObjectId destroyed_id_;            ///< destroyed long ago, perhaps
   std::array<std::uint64_t, status_count> expected_{};
   Counts counts_;
 };

@@ -15,34 +15,34 @@ namespace ringfence::tools {
 
 using Clock = std::chrono::steady_clock;
 
-StatusLine::StatusLine(const Job& job, const World& world, const NodeCrew* crew, Progress& progress)
-    : job_(job), world_(world), crew_(crew), progress_(progress), last_look_(Clock::now()) {
+StatusLine::StatusLine(const Job& job, const World& world, const NodeProcesses* node_processes, Progress& progress)
+    : job_(job), world_(world), node_processes_(node_processes), progress_(progress), last_update_(Clock::now()) {
   if (!job_.output.status.empty()) write(false);
 }
 
 void StatusLine::step() {
   progress_.step();
-  if (crew_ == nullptr && job_.output.status.empty()) return;
+  if (node_processes_ == nullptr && job_.output.status.empty()) return;
   const auto now = Clock::now();
   if (now < next_) return;
   next_ = now + std::chrono::seconds(1);
-  look(false);
+  update(false);
 }
 
 void StatusLine::finish() {
   progress_.finish();
-  if (!job_.output.status.empty()) look(true);
+  if (!job_.output.status.empty()) update(true);
 }
 
-void StatusLine::look(bool last) {
-  if (crew_ != nullptr) {
-    const dds::ClusterReport cluster = crew_->report();
+void StatusLine::update(bool last) {
+  if (node_processes_ != nullptr) {
+    const dds::ClusterReport cluster = node_processes_->report();
     const auto now = Clock::now();
-    const double seconds = std::chrono::duration<double>(now - last_look_).count();
+    const double seconds = std::chrono::duration<double>(now - last_update_).count();
     std::uint64_t bytes = 0;
     double slowest = 0;
     for (const dds::MemberReport& member : cluster.members) {
-      bytes += member.sent_bytes + member.taken_bytes;
+      bytes += member.sent_bytes + member.received_bytes;
       slowest = std::max(slowest, member.answer_ms_max);
     }
     const double rate = bytes > last_bytes_ ? static_cast<double>(bytes - last_bytes_) * 1e-6 / seconds : 0;
@@ -51,7 +51,7 @@ void StatusLine::look(bool last) {
                                static_cast<double>(world_.frames() - last_frames_) / seconds, rate, slowest));
     last_bytes_ = bytes;
     last_frames_ = world_.frames();
-    last_look_ = now;
+    last_update_ = now;
   }
   if (!job_.output.status.empty()) write(last);
 }
@@ -65,7 +65,7 @@ void StatusLine::write(bool last) const {
                                    {"frame_ms", world_.report().frame_ms},
                                    {"contacts", world_.report().contacts},
                                    {"objects", world_.report().objects}};
-  if (crew_ != nullptr) status["cluster"] = cluster_json(crew_->report());
+  if (node_processes_ != nullptr) status["cluster"] = cluster_json(node_processes_->report());
   const std::string part = job_.output.status + ".part";
   OutputFile file(part);
   file.print("{}\n", status.dump(1, ' '));

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "job.hpp"
-#include "node_crew.hpp"
+#include "node_processes.hpp"
 #include "progress.hpp"
 #include "ringfence/world.hpp"
 
@@ -15,7 +15,7 @@ namespace ringfence::tools {
 class StatusLine {
  public:
   /// `crew` null: nodes are threads. All outlive it.
-  StatusLine(const Job& job, const World& world, const NodeCrew* crew, Progress& progress);
+  StatusLine(const Job& job, const World& world, const NodeProcesses* node_processes, Progress& progress);
 
   /// A frame is complete.
   void step();
@@ -23,17 +23,17 @@ class StatusLine {
   void finish();
 
  private:
-  void look(bool last);
+  void update(bool last);
   void write(bool last) const;
 
   const Job& job_;
   const World& world_;
-  const NodeCrew* crew_;
+  const NodeProcesses* node_processes_;
   Progress& progress_;
   std::chrono::steady_clock::time_point next_;
   std::uint64_t last_frames_ = 0;
   std::uint64_t last_bytes_ = 0;
-  std::chrono::steady_clock::time_point last_look_;
+  std::chrono::steady_clock::time_point last_update_;
 };
 
 }  // namespace ringfence::tools

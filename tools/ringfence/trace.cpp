@@ -8,7 +8,7 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::uint32_t delay = 7, most_delay = 101;  // frames from copy to copy, begun again after so many
+constexpr std::uint32_t copy_delay = 7, max_copy_delay = 101;  // frames from copy to copy, begun again after so many
 
 struct Extents {
   Vec3d low{std::numeric_limits<double>::max(), std::numeric_limits<double>::max(), std::numeric_limits<double>::max()};
@@ -91,7 +91,7 @@ TraceWorld make_trace_world(const Trace& trace, std::uint32_t copies) {
       object.category = Category::active;
       object.present = false;
       world.scene.objects.push_back(object);
-      const std::uint32_t late = copy * delay % most_delay;
+      const std::uint32_t late = copy * copy_delay % max_copy_delay;
       add_rows(trace, samples, number, late, column * width, row * depth, world.motion.rows);
     }
   }
@@ -100,7 +100,7 @@ TraceWorld make_trace_world(const Trace& trace, std::uint32_t copies) {
     return std::tie(p.frame, p.object) < std::tie(q.frame, q.object);
   });
   // Who goes after the last frame of all need not be said to go.
-  const std::uint32_t end = last + std::min((copies - 1) * delay, most_delay - 1) + 1;
+  const std::uint32_t end = last + std::min((copies - 1) * copy_delay, max_copy_delay - 1) + 1;
   std::erase_if(rows, [end](const worlds::MotionRow& row) { return row.frame >= end; });
   world.motion.frames = rows.empty() ? 0 : rows.back().frame + 1;
   return world;

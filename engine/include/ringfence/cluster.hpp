@@ -39,7 +39,7 @@ struct MemberReport {
   std::string name;       ///< host:process, or as given
   NodeNumber number = 0;  ///< its place from the last frame on
   std::uint64_t sent_parcels = 0, sent_bytes = 0;
-  std::uint64_t taken_parcels = 0, taken_bytes = 0;
+  std::uint64_t received_parcels = 0, received_bytes = 0;
   std::uint64_t retransmitted_bytes = 0;  ///< by Cyclone DDS, to it
   std::uint64_t refused_writes = 0;       ///< times that its way was full
   std::uint64_t answers = 0;              ///< times that it was awaited and spoke
@@ -79,7 +79,7 @@ struct ClusterConfig {
   LogHook log;                   ///< who joins, leaves, is lost or refused; from the thread that calls World
 };
 
-class NodeFleet;
+class ClusterNodes;
 
 /// Joins a domain at once, so that nodes can be started; throws Error where that cannot be.
 ///
@@ -96,14 +96,14 @@ class Cluster {
   Cluster(const Cluster&) = delete;
   Cluster& operator=(const Cluster&) = delete;
 
-  std::shared_ptr<Fleet> fleet() const;
+  std::shared_ptr<RemoteNodes> remote_nodes() const;
   /// The domain, where any was asked for.
   std::uint32_t domain() const noexcept;
   /// Between frames.
   ClusterReport report() const;
 
  private:
-  std::shared_ptr<NodeFleet> fleet_;
+  std::shared_ptr<ClusterNodes> nodes_;
 };
 
 /// Makes the motion model of a World from what its ClusterConfig::setup says; null where objects move by calls alone.
@@ -123,7 +123,7 @@ struct NodeServiceConfig {
 };
 
 /// Why a node's service has ended.
-enum class Ending : std::uint8_t {
+enum class ExitReason : std::uint8_t {
   drained,    ///< asked to; everything was handed over
   dismissed,  ///< the World has ended, or has let it go (with NodeServiceConfig::once)
   abandoned,  ///< the World has gone without a word (with NodeServiceConfig::once)
@@ -141,7 +141,7 @@ class NodeService {
   NodeService(const NodeService&) = delete;
   NodeService& operator=(const NodeService&) = delete;
 
-  Ending run();
+  ExitReason run();
   /// Asks to leave: in the next frame everything is handed over, and run() returns. Without a World it returns at once;
   /// asked twice, also without handing over: the World then finds it lost. Async-signal-safe.
   void drain() noexcept;

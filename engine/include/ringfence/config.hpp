@@ -97,7 +97,7 @@ struct Limits {
 };
 
 /// CD nodes in other processes, here or on other machines: see ringfence/cluster.hpp of ringfence::dds.
-class Fleet;
+class RemoteNodes;
 
 /// What a World is made of. Checked as a whole by the constructor, which throws Error naming the field.
 struct WorldConfig {
@@ -126,7 +126,7 @@ struct WorldConfig {
   /// Null: CD nodes are threads of this process. Else the World waits until the fleet has `nodes` of them, takes in
   /// those that come later, up to one a cell and 1024 in all (more wait until there is room), and lets go of those that
   /// ask to leave; where none is left, the server's thread does the work. Serves one World and outlives it.
-  std::shared_ptr<Fleet> fleet;
+  std::shared_ptr<RemoteNodes> remote_nodes;
 };
 
 }  // namespace ringfence

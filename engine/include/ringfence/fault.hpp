@@ -15,7 +15,7 @@ enum class NodeStage : std::uint8_t {
   ending,        ///< waits for what concerns its objects
   handing_over,  ///< gives objects to other nodes
   settling,      ///< waits for what others give it
-  telling        ///< tells the server that the frame is complete
+  reporting      ///< tells the server that the frame is complete
 };
 inline constexpr std::size_t node_stage_count = 7;
 constexpr const char* name_of(NodeStage stage) noexcept {

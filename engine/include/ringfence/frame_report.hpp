@@ -71,29 +71,29 @@ struct TrafficReport {
 /// cost the one that it cost most. Between two empty lines stands what is done at the same time, by the server, the
 /// nodes and the users. With nodes = 0 all zero.
 struct PathReport {
-  double open_ms = 0;  ///< server: the cut, telling nodes that the frame begins
+  double start_nodes_ms = 0;  ///< server: the cut, telling nodes that the frame begins
 
-  double invite_ms = 0;     ///< server: telling users that it begins, before they move
-  double ingest_ms = 0;     ///< server: from then until it has all states
-  double node_move_ms = 0;  ///< nodes
-  double user_move_ms = 0;  ///< users
+  double start_users_ms = 0;  ///< server: telling users that it begins, before they move
+  double ingest_ms = 0;       ///< server: from then until it has all states
+  double node_move_ms = 0;    ///< nodes
+  double user_move_ms = 0;    ///< users
 
   double dispatch_ms = 0;      ///< server: what moved, its sweep
   double node_publish_ms = 0;  ///< nodes: what they host
 
   double publish_ms = 0;      ///< server: what nobody else publishes, telling users to look
   double node_detect_ms = 0;  ///< nodes: until they have told their contacts
-  double user_look_ms = 0;    ///< users, when they are told to
-  double draw_ms = 0;         ///< server: a step towards a region map that follows the load
+  double user_read_ms = 0;    ///< users, when they are told to
+  double plan_map_ms = 0;     ///< server: a step towards a region map that follows the load
 
-  double hear_ms = 0;     ///< server: taking in what nodes found
-  double collect_ms = 0;  ///< server: merging, phases, who is told of what
-  double notify_ms = 0;   ///< server: telling nodes
+  double receive_contacts_ms = 0;  ///< server: taking in what nodes found
+  double collect_ms = 0;           ///< server: merging, phases, who is told of what
+  double notify_ms = 0;            ///< server: telling nodes
 
-  double inform_ms = 0;    ///< server: telling users, before they end
-  double node_end_ms = 0;  ///< nodes: putting contacts in order, handing over
-  double user_end_ms = 0;  ///< users: taking in what they are told
-  double heed_ms = 0;      ///< server: hearing that users have ended
+  double notify_users_ms = 0;       ///< server: telling users, before they end
+  double node_end_ms = 0;           ///< nodes: putting contacts in order, handing over
+  double user_end_ms = 0;           ///< users: taking in what they are told
+  double receive_user_acks_ms = 0;  ///< server: hearing that users have ended
 
   double finish_ms = 0;  ///< server: hearing that nodes have ended
 
@@ -108,8 +108,8 @@ struct PathReport {
   using Step = std::pair<const char*, double PathReport::*>;
   /// All of the above by their names, in their order.
   static constexpr std::array<Step, steps> all() noexcept {
-    return {{{"open", &PathReport::open_ms},
-             {"invite", &PathReport::invite_ms},
+    return {{{"open", &PathReport::start_nodes_ms},
+             {"invite", &PathReport::start_users_ms},
              {"ingest", &PathReport::ingest_ms},
              {"node_move", &PathReport::node_move_ms},
              {"user_move", &PathReport::user_move_ms},
@@ -117,15 +117,15 @@ struct PathReport {
              {"node_publish", &PathReport::node_publish_ms},
              {"publish", &PathReport::publish_ms},
              {"node_detect", &PathReport::node_detect_ms},
-             {"user_look", &PathReport::user_look_ms},
-             {"draw", &PathReport::draw_ms},
-             {"hear", &PathReport::hear_ms},
+             {"user_look", &PathReport::user_read_ms},
+             {"draw", &PathReport::plan_map_ms},
+             {"hear", &PathReport::receive_contacts_ms},
              {"collect", &PathReport::collect_ms},
              {"notify", &PathReport::notify_ms},
-             {"inform", &PathReport::inform_ms},
+             {"inform", &PathReport::notify_users_ms},
              {"node_end", &PathReport::node_end_ms},
              {"user_end", &PathReport::user_end_ms},
-             {"heed", &PathReport::heed_ms},
+             {"heed", &PathReport::receive_user_acks_ms},
              {"finish", &PathReport::finish_ms},
              {"nodes_moved", &PathReport::nodes_moved_ms},
              {"nodes_tested", &PathReport::nodes_tested_ms},
@@ -137,10 +137,11 @@ struct PathReport {
   /// users end as they are told, one after another.
   double critical_ms() const noexcept {
     const auto longest = [](double p, double q) { return p > q ? p : q; };
-    return longest(nodes_moved_ms, open_ms + invite_ms + longest(ingest_ms, user_move_ms)) +
+    return longest(nodes_moved_ms, start_nodes_ms + start_users_ms + longest(ingest_ms, user_move_ms)) +
            longest(nodes_tested_ms,
-                   longest(dispatch_ms, node_publish_ms) + publish_ms + longest(user_look_ms, draw_ms)) +
-           hear_ms + collect_ms + longest(nodes_ended_ms, notify_ms + longest(inform_ms, user_end_ms) + heed_ms) +
+                   longest(dispatch_ms, node_publish_ms) + publish_ms + longest(user_read_ms, plan_map_ms)) +
+           receive_contacts_ms + collect_ms +
+           longest(nodes_ended_ms, notify_ms + longest(notify_users_ms, user_end_ms) + receive_user_acks_ms) +
            finish_ms;
   }
 };

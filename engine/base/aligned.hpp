@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstddef>
+#include <new>
+#include <vector>
+
+namespace ringfence::base {
+
+/// Allocates on cache-line boundaries, so that a vector load of any width never straddles two lines.
+template <class T>
+struct CacheLineAllocator {
+  using value_type = T;
+  static constexpr std::align_val_t alignment{64};
+
+  CacheLineAllocator() noexcept = default;
+  template <class U>
+  CacheLineAllocator(const CacheLineAllocator<U>&) noexcept {}
+
+  T* allocate(std::size_t count) { return static_cast<T*>(::operator new(count * sizeof(T), alignment)); }
+  void deallocate(T* first, std::size_t) noexcept { ::operator delete(first, alignment); }
+  bool operator==(const CacheLineAllocator&) const noexcept = default;
+};
+
+/// A vector that starts on a cache line.
+template <class T>
+using AlignedVector = std::vector<T, CacheLineAllocator<T>>;
+
+}  // namespace ringfence::base

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <new>
+#include <type_traits>
+#include <utility>
+
+#ifdef __linux__
+#include <sys/mman.h>
+#endif
+
+namespace ringfence::base {
+
+/// Memory for `T` that grows and never shrinks; elements are not initialised.
+///
+/// Large ones are asked for in huge pages, where the system has them: a million objects touch a hundred megabytes in
+/// an order that small pages' address translation does not follow. Throws std::bad_alloc from the calls that grow.
+template <class T>
+class Buffer {
+  static_assert(std::is_trivially_copyable_v<T>);
+
+ public:
+  Buffer() = default;
+  Buffer(Buffer&& other) noexcept
+      : first_(std::exchange(other.first_, nullptr)),
+        capacity_(std::exchange(other.capacity_, 0)),
+        bytes_(std::exchange(other.bytes_, 0)) {}
+  Buffer& operator=(Buffer&& other) noexcept {
+    std::swap(first_, other.first_);
+    std::swap(capacity_, other.capacity_);
+    std::swap(bytes_, other.bytes_);
+    return *this;
+  }
+  ~Buffer() { release(); }
+
+  /// Room for `count` elements; what was there is lost when the room has to grow.
+  void reserve(std::size_t count) {
+    if (count <= capacity_) return;
+    release();
+    allocate(count + count / 4);
+  }
+
+  /// Room for `count` elements; the first `used` are kept.
+  void grow(std::size_t count, std::size_t used) {
+    if (count <= capacity_) return;
+    Buffer larger;
+    larger.allocate(std::max(count, 2 * capacity_));
+    if (used != 0) std::memcpy(larger.first_, first_, used * sizeof(T));
+    *this = std::move(larger);
+  }
+
+  T* data() noexcept { return first_; }
+  const T* data() const noexcept { return first_; }
+  std::size_t capacity() const noexcept { return capacity_; }
+  T& operator[](std::size_t i) noexcept { return first_[i]; }
+  const T& operator[](std::size_t i) const noexcept { return first_[i]; }
+
+ private:
+  static constexpr std::size_t huge_page = std::size_t{2} << 20;
+
+  static std::align_val_t alignment(std::size_t bytes) {
+    return std::align_val_t{bytes >= huge_page / 2 ? huge_page : std::size_t{64}};
+  }
+  void allocate(std::size_t count) {
+    const std::size_t unit = count * sizeof(T) >= huge_page / 2 ? huge_page : std::size_t{64};
+    const std::size_t bytes = (count * sizeof(T) + unit - 1) / unit * unit;
+    first_ = static_cast<T*>(::operator new(bytes, alignment(bytes)));
+    bytes_ = bytes;
+    capacity_ = bytes / sizeof(T);
+#ifdef __linux__
+    // Advice only: without huge pages everything works, slower.
+    if (unit == huge_page) (void)madvise(first_, bytes, MADV_HUGEPAGE);
+#endif
+  }
+  void release() noexcept {
+    if (first_ != nullptr) ::operator delete(first_, alignment(bytes_));
+    first_ = nullptr;
+    capacity_ = 0;
+  }
+
+  T* first_ = nullptr;
+  std::size_t capacity_ = 0;
+  std::size_t bytes_ = 0;
+};
+
+}  // namespace ringfence::base

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+
+#include "base/buffer.hpp"
+
+namespace ringfence::base {
+
+/// A list of plain data that is emptied and filled each frame: what a vector does, without initialising what is about
+/// to be written, and in huge pages where it is large. At 64,000 objects a frame passes through 30 MB, more than the
+/// processor has addresses of small pages at hand: a seventh of the frame.
+///
+/// Threads: belongs to its owner. Memory: grows to the largest frame, never shrinks.
+template <class T>
+class FlatList {
+ public:
+  void reserve(std::size_t count) { buffer_.grow(count, size_); }
+  std::size_t size() const noexcept { return size_; }
+  bool empty() const noexcept { return size_ == 0; }
+  void clear() noexcept { size_ = 0; }
+
+  /// One more at the end, not initialised.
+  T& add() {
+    if (size_ == buffer_.capacity()) [[unlikely]] {
+      buffer_.grow(size_ + 1, size_);
+    }
+    return buffer_[size_++];
+  }
+  void push_back(const T& value) { add() = value; }
+  void pop_back() noexcept { --size_; }
+  /// What is added is not initialised.
+  void resize(std::size_t size) {
+    buffer_.grow(size, size_);
+    size_ = size;
+  }
+
+  T* data() noexcept { return buffer_.data(); }
+  const T* data() const noexcept { return buffer_.data(); }
+  T& operator[](std::size_t i) noexcept { return buffer_[i]; }
+  const T& operator[](std::size_t i) const noexcept { return buffer_[i]; }
+  T& back() noexcept { return buffer_[size_ - 1]; }
+  T* begin() noexcept { return data(); }
+  T* end() noexcept { return data() + size_; }
+  const T* begin() const noexcept { return data(); }
+  const T* end() const noexcept { return data() + size_; }
+  std::span<const T> span() const noexcept { return {data(), size_}; }
+
+ private:
+  Buffer<T> buffer_;
+  std::size_t size_ = 0;
+};
+
+}  // namespace ringfence::base

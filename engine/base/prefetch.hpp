@@ -1,0 +1,38 @@
+#pragma once
+
+namespace ringfence::base {
+
+// Both functions are inline assembly on x86-64. g++ 12 removes calls of a function that only contains
+// __builtin_prefetch, because it takes such a function for one without effect; and for plain x86-64 code
+// __builtin_prefetch(p, 1) emits the instruction for reading.
+
+/// Loads the cache line at `address` into the cache, for a read that follows soon. Any address is allowed.
+inline void prefetch_for_read(const void* address) noexcept {
+#if defined(__x86_64__)
+  asm volatile("prefetcht0 %0" : : "m"(*static_cast<const char*>(address)));
+#else
+  __builtin_prefetch(address);
+#endif
+}
+
+/// The same for a write that follows soon: the line is loaded in exclusive state, so that the store need not wait until
+/// other cores have given it up. Every x86-64 processor accepts the instruction; some ignore it.
+inline void prefetch_for_write(const void* address) noexcept {
+#if defined(__x86_64__)
+  asm volatile("prefetchw %0" : : "m"(*static_cast<const char*>(address)));
+#else
+  __builtin_prefetch(address, 1);
+#endif
+}
+
+/// Loads all lines of `object` for a read that follows soon. The object may start anywhere in a line.
+template <class T>
+inline void prefetch_object(const T& object) noexcept {
+  const char* const first = reinterpret_cast<const char*>(&object);
+  for (unsigned at = 0; at < sizeof(T); at += 64) {
+    prefetch_for_read(first + at);
+  }
+  prefetch_for_read(first + sizeof(T) - 1);
+}
+
+}  // namespace ringfence::base

@@ -1,0 +1,145 @@
+// The bridge of ClusterNodes: what passes between the rings of the server's process and the network within a frame.
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "dds/cluster_nodes.hpp"
+#include "messages/header.hpp"
+#include "nodes/server/server_role.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::dds {
+
+using messages::Endpoint;
+using nodes::Step;
+
+// True once no node that has gone is taken for one that lives.
+bool ClusterNodes::report_losses() {
+  bool told = false;
+  losses_ = false;
+  for (const auto& node : assigned_by_number_) {
+    if (node == nullptr || node->lost || !(node->broken || node->gone.load(std::memory_order_acquire))) {
+      continue;
+    }
+    if (server_->lose(node->number)) {
+      node->lost = told = true;
+      node->lost_ns = telemetry::now_ns();
+    } else {
+      losses_ = true;  // no frame is under way: in the next
+    }
+  }
+  return told;
+}
+
+Step ClusterNodes::step() {
+  bool progressed = false;
+  if (presence_waits_.load(std::memory_order_relaxed)) {
+    const std::lock_guard lock(mutex_);
+    note_presence();
+  }
+  losses_ |= member_is_gone_.exchange(false, std::memory_order_acquire);
+  if (losses_) {
+    progressed |= report_losses();
+  }
+  for (const auto& node : assigned_by_number_) {
+    if (node != nullptr && node->parcel_channel->has_held() && !node->lost) {
+      auto show = [&](ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
+        return deliver(*node, kind, offset, bytes);
+      };
+      progressed |= node->parcel_channel->deliver_held(show);
+    }
+  }
+  if (parcels_wait_.exchange(false, std::memory_order_acquire)) {
+    progressed |= take_all<ParcelSample>(up_, [&](const ParcelSample& parcel, const dds_sample_info_t& info) {
+      if (info.valid_data) {
+        receive_parcel(parcel);
+      }
+    });
+  }
+  for (const auto& node : assigned_by_number_) {
+    if (node != nullptr && !node->lost) {
+      progressed |= carry(*node);
+    }
+  }
+  return progressed ? Step::progressed : Step::idle;
+}
+
+void ClusterNodes::receive_parcel(const ParcelSample& parcel) {
+  const auto found = assigned_by_incarnation_.find(parcel.incarnation);
+  if (found == assigned_by_incarnation_.end() || found->second->lost) {
+    // From before a loss, or from one that does not know yet that it has no seat.
+    stale_parcels_.fetch_add(1, std::memory_order_relaxed);
+    if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::assignment_query) {
+      const std::lock_guard lock(mutex_);
+      const auto asker = nodes_.find(parcel.incarnation);
+      if (asker != nodes_.end() && asker->second->parcel_channel != nullptr) {
+        asker->second->parcel_channel->send_unnumbered(ParcelKind::dismissed);
+      }
+    }
+    return;
+  }
+  Node& node = *found->second;
+  node.last_parcel_ns = telemetry::now_ns();
+  if (node.first_parcel_ns.load(std::memory_order_relaxed) == 0 && parcel.number != 0) {
+    node.first_parcel_ns.store(node.last_parcel_ns, std::memory_order_relaxed);
+  }
+  auto show = [&](ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
+    return deliver(node, kind, offset, bytes);
+  };
+  if (!node.parcel_channel->receive(parcel, show)) {
+    node.broken = losses_ = true;
+  }
+}
+
+bool ClusterNodes::deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes) {
+  if (kind != ParcelKind::messages) {
+    return true;
+  }
+  const bool all = for_each_message(bytes, offset,
+                                    [&](std::span<const std::byte> message) { return deliver_message(from, message); });
+  publish(from);
+  return all;
+}
+
+bool ClusterNodes::deliver_message(Node& from, std::span<const std::byte> message) {
+  messages::Header header;
+  if (message.size() < sizeof header) {
+    return true;  // no message
+  }
+  std::memcpy(&header, message.data(), sizeof header);
+  const Endpoint to{header.destination};
+  link::Sender* out = from.server.out;
+  if (to.is_node()) {
+    if (to.number() >= assigned_by_number_.size()) {
+      return true;
+    }
+    if (Node* other = assigned_by_number_[to.number()].get()) {
+      return other->lost || other->parcel_channel->add(message);
+    }
+    const auto peer =
+        std::find_if(from.peers.begin(), from.peers.end(), [&](const auto& each) { return each.first == to.number(); });
+    out = peer == from.peers.end() ? nullptr : peer->second.out;
+  }
+  return out == nullptr || copy_to_ring(message, *out);
+}
+
+void ClusterNodes::publish(Node& node) {
+  node.server.out->publish();
+  for (const auto& [number, connection] : node.peers) {
+    connection.out->publish();
+  }
+}
+
+// What server and nodes of this process have said to the node goes out. Whether there was anything.
+bool ClusterNodes::carry(Node& node) {
+  const std::uint64_t before = node.parcel_channel->sent();
+  bool all = node.parcel_channel->gather(*node.server.in);
+  for (std::size_t peer = 0; all && peer < node.peers.size(); ++peer) {
+    all = node.parcel_channel->gather(*node.peers[peer].second.in);
+  }
+  node.parcel_channel->flush();
+  node.parcel_channel->acknowledge();
+  return node.parcel_channel->sent() != before;
+}
+
+}  // namespace ringfence::dds

@@ -1,0 +1,356 @@
+#include "dds/cluster_nodes.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "dds/description.hpp"
+#include "dds/piece_assembler.hpp"
+#include "nodes/server/server_role.hpp"
+#include "ringfence/error.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::dds {
+
+namespace {
+
+std::string limit(const char* text) { return std::string(text == nullptr ? "" : text).substr(0, 200); }
+
+/// From one time to a later one; 0 where one of them is not known.
+double ms_between(std::uint64_t from, std::uint64_t to) noexcept {
+  return from == 0 || to < from ? 0 : telemetry::to_ms(to - from);
+}
+
+}  // namespace
+
+ClusterNodes::ClusterNodes(ClusterConfig config)
+    : config_(std::move(config)),
+      world_(random_incarnation()),
+      presence_hook_{[this] {
+                       presence_waits_.store(true, std::memory_order_release);
+                       noted_.notify_all();
+                       ring_server();
+                     },
+                     [] {}},
+      parcel_hook_{[this] {
+                     parcels_wait_.store(true, std::memory_order_release);
+                     ring_server();
+                   },
+                   [] {}},
+      domain_(config_.network, Side::world) {
+  const double lease = config_.network.lease_ms;
+  domain_.start_heartbeat(lease);
+  terms_ = domain_.writer(Topic::terms, liveliness_qos(lease), {});
+  pieces_ = domain_.writer(Topic::piece, piece_qos, {});
+  up_ = domain_.reader(Topic::up, parcel_qos, {});
+  presence_ = domain_.reader(Topic::presence, liveliness_qos(lease), {});
+  Domain::listen(up_, parcel_hook_);
+  Domain::listen(presence_, presence_hook_);
+  if (const std::string shortage = Domain::socket_buffer_shortage(config_.network); !shortage.empty()) {
+    log(LogLevel::warning, shortage);
+  }
+}
+
+ClusterNodes::~ClusterNodes() {
+  presence_.reset();
+  up_.reset();
+}
+
+void ClusterNodes::log(LogLevel level, const std::string& line) const {
+  if (config_.log) {
+    config_.log(level, line);
+  }
+}
+
+// Who says what of itself, and who is gone. Not by the receiving threads: they hold locks of Cyclone DDS, which others
+// want while they hold the mutex.
+void ClusterNodes::note_presence() {
+  if (!presence_waits_.exchange(false, std::memory_order_acquire)) {
+    return;
+  }
+  take_all<PresenceSample>(presence_, [&](const PresenceSample& sample, const dds_sample_info_t& info) {
+    const bool alive = info.instance_state == DDS_IST_ALIVE;
+    auto found = nodes_.find(sample.incarnation);
+    if (found == nodes_.end()) {
+      if (!alive || !info.valid_data) {
+        return;
+      }
+      found = nodes_.emplace(sample.incarnation, std::make_shared<Node>()).first;
+      found->second->incarnation = sample.incarnation;
+      found->second->seen_ns = telemetry::now_ns();
+    }
+    Node& node = *found->second;
+    if (info.valid_data) {
+      std::uint8_t order[4];
+      write_byte_order(order);
+      node.name = limit(sample.name);
+      node.fits = sample.version == wire_version && std::equal(order, order + 4, sample.order) &&
+                  sample.layout == record_layout_hash();
+      node.reason = limit(sample.reason);
+      node.state.store(static_cast<NodeState>(sample.state), std::memory_order_relaxed);
+      if (node.asked_to_leave_ns == 0 && node.state.load(std::memory_order_relaxed) == NodeState::leaving) {
+        node.asked_to_leave_ns = telemetry::now_ns();
+      }
+    }
+    if (!alive) {
+      node.gone.store(true, std::memory_order_release);
+      member_is_gone_.store(true, std::memory_order_release);
+    }
+  });
+}
+
+void ClusterNodes::ring_server() {
+  if (link::Doorbell* bell = server_bell_.load(std::memory_order_acquire)) {
+    bell->ring();
+  }
+}
+
+void ClusterNodes::open(const WorldParameters& terms) {
+  if (server_bell_.load(std::memory_order_relaxed) != nullptr) {
+    throw Error("A cluster serves one World; make another Cluster for another World");
+  }
+  server_bell_.store(terms.server_bell, std::memory_order_release);
+  const WorldConfig& config = *terms.config;
+  WorldTermsRecord record;
+  const Vec3d corners[2] = {config.bounds_min, config.bounds_max};
+  for (std::size_t end = 0; end < 2; ++end) {
+    double* bounds = end == 0 ? record.bounds_min : record.bounds_max;
+    bounds[0] = corners[end].x;
+    bounds[1] = corners[end].y;
+    bounds[2] = corners[end].z;
+  }
+  record.lease_ms = config_.network.lease_ms;
+  record.setup_bytes = config_.setup.size();
+  std::copy_n(terms.cells_log2, 3, record.cells_log2);
+  record.placement = static_cast<std::uint32_t>(config.placement);
+  std::copy(terms.layer_masks.begin(), terms.layer_masks.end(), record.layer_masks);
+  record.state_bytes = config.motion == nullptr ? 0 : static_cast<std::uint32_t>(config.motion->state_bytes());
+  record.has_model = config.motion == nullptr ? 0 : 1;
+  record.keep_resting = config.keep_resting ? 1 : 0;
+  record.remember_axes = config.remember_axes ? 1 : 0;
+  record.hosts = config.deployment == Deployment::user_collision ? 1 : 0;
+  terms_record_ = record;
+  if ((!config_.setup.empty() && !write_pieces(pieces_.get(), world_, PieceKind::setup, 0, 0, config_.setup)) ||
+      !publish_terms()) {
+    throw Error("Cyclone DDS does not take the World's terms; see that the network is up");
+  }
+}
+
+bool ClusterNodes::publish_terms() {
+  std::string name = "ringfence";
+  TermsSample sample{
+      world_, wire_version, {}, record_layout_hash(), name.data(), borrow(std::as_bytes(std::span(&terms_record_, 1)))};
+  write_byte_order(sample.order);
+  return dds_write(terms_.get(), &sample) == DDS_RETCODE_OK;
+}
+
+void ClusterNodes::add_shape(ShapeNumber shape, const ShapeDescription& description) {
+  if (!write_pieces(pieces_.get(), world_, PieceKind::shape, shape, 0, pack_shape(description))) {
+    throw Error("shape " + std::to_string(shape) + " could not be sent to the nodes; see that the network is up");
+  }
+  shapes_ = shape + 1;
+  for (const auto& node : assigned_by_number_) {
+    if (node != nullptr) {
+      node->parcel_channel->set_shapes(shapes_);
+    }
+  }
+}
+
+// Whether its process may be there still, only cut off: once the link heals it is to hear that it has no seat.
+bool ClusterNodes::has_answered(const Node& node) {
+  dds_publication_matched_status_t matched{};
+  return node.writer && dds_get_publication_matched_status(node.writer.get(), &matched) == DDS_RETCODE_OK &&
+         matched.current_count > 0;
+}
+
+// Those that are new get a way; those that are gone are forgotten.
+void ClusterNodes::update_membership() {
+  for (const std::string& line : Domain::take_log_lines()) {
+    log(LogLevel::warning, line);
+  }
+  for (auto at = nodes_.begin(); at != nodes_.end();) {
+    Node& node = *at->second;
+    const NodeState state = node.state.load(std::memory_order_relaxed);
+    note_join(node);
+    if (node.gone.load(std::memory_order_acquire) && !node.assigned && !has_answered(node)) {
+      at = nodes_.erase(at);
+      continue;
+    }
+    if ((!node.fits || state == NodeState::refused) && !node.refusal_logged) {
+      node.refusal_logged = true;
+      ++totals_.refused;
+      log(LogLevel::warning, "node " + node.name + " is refused: " +
+                                 (!node.reason.empty() ? node.reason : "it is of another version or machine"));
+    }
+    if (node.fits && !node.writer) {
+      node.writer = domain_.writer(Topic::down, parcel_qos, partition_of(node.incarnation));
+      node.parcel_channel = std::make_unique<ParcelChannel>(node.writer.get(), node.incarnation);
+    }
+    ++at;
+  }
+}
+
+std::vector<RemoteNodes::MemberId> ClusterNodes::arrivals() {
+  const std::lock_guard lock(mutex_);
+  note_presence();
+  update_membership();
+  std::vector<MemberId> ready;
+  for (const auto& [incarnation, node] : nodes_) {
+    const bool gone = node->gone.load(std::memory_order_acquire);
+    if (node->fits && !gone && !node->assigned && !node->dismissed && node->state.load() == NodeState::ready &&
+        has_answered(*node)) {
+      ready.push_back(incarnation);
+    }
+  }
+  return ready;
+}
+
+std::vector<RemoteNodes::MemberId> ClusterNodes::await(std::uint32_t nodes) {
+  const auto deadline =
+      std::chrono::steady_clock::now() + std::chrono::microseconds(static_cast<std::int64_t>(config_.wait_ms * 1e3));
+  for (;;) {
+    std::vector<MemberId> ready = arrivals();
+    if (ready.size() >= nodes) {
+      ready.resize(nodes);  // the others join the first frame
+      return ready;
+    }
+    if (std::chrono::steady_clock::now() >= deadline) {
+      const NetworkConfig& network = config_.network;
+      throw Error(
+          std::to_string(ready.size()) + " of " + std::to_string(nodes) + " nodes joined domain " +
+          std::to_string(domain()) + " within " + std::to_string(static_cast<long>(config_.wait_ms)) +
+          " ms: start `ringfence node --domain " + std::to_string(domain()) + "` on machines of the network of " +
+          (network.interface.empty() ? "the interface that Cyclone DDS chose (--interface)" : network.interface) +
+          ", with --peers and this machine's address where multicast does not pass; UDP ports " +
+          std::to_string(7400 + 250 * domain()) + " and the 249 above must be open");
+    }
+    std::unique_lock lock(mutex_);
+    noted_.wait_for(lock, std::chrono::milliseconds(2));
+  }
+}
+
+bool ClusterNodes::is_leaving(MemberId member) {
+  const std::lock_guard lock(mutex_);
+  const auto found = nodes_.find(member);
+  return found != nodes_.end() && found->second->state.load() == NodeState::leaving;
+}
+
+void ClusterNodes::tell(MemberChange::Kind kind, const Node& node, std::uint64_t at_ns, double before_ms,
+                        double after_ms) {
+  if (totals_.changes.size() == ClusterReport::most_changes) {
+    totals_.changes.erase(totals_.changes.begin());
+  }
+  const double passed_s = ms_between(at_ns, telemetry::now_ns()) * 1e-3;
+  const double now_s = std::chrono::duration<double>(std::chrono::system_clock::now().time_since_epoch()).count();
+  totals_.changes.push_back({kind, node.name, now_s - passed_s, before_ms, after_ms});
+}
+
+// Once it has said something in a frame.
+void ClusterNodes::note_join(Node& node) {
+  const std::uint64_t spoke = node.first_parcel_ns.load(std::memory_order_relaxed);
+  if (spoke == 0 || std::exchange(node.join_noted, true)) {
+    return;
+  }
+  tell(MemberChange::Kind::joined, node, node.assigned_ns, ms_between(node.seen_ns, node.assigned_ns),
+       ms_between(node.assigned_ns, spoke));
+}
+
+void ClusterNodes::dismiss(Node& node) {
+  note_join(node);
+  const std::uint64_t now = telemetry::now_ns();
+  node.assigned = false;
+  node.dismissed = true;
+  node.server = {};
+  node.peers.clear();
+  if (node.lost || node.gone.load(std::memory_order_acquire)) {
+    ++totals_.lost;
+    const std::uint64_t noticed = node.lost_ns != 0 ? node.lost_ns : now;
+    tell(MemberChange::Kind::lost, node, noticed, ms_between(node.last_parcel_ns, noticed), ms_between(noticed, now));
+    log(LogLevel::error, "node " + node.name + " is lost");
+    // To whom a cut has made the World silent it is alive again by a sample of the same writer only, not by its pulse.
+    publish_terms();
+  } else {
+    ++totals_.left;
+    tell(MemberChange::Kind::left, node, now, ms_between(node.asked_to_leave_ns, now), 0);
+    log(LogLevel::info, "node " + node.name + " leaves");
+  }
+  // Whether or not it is still there: what it hears last is that it has no seat.
+  node.parcel_channel->say(ParcelKind::dismissed, {});
+  node.parcel_channel->flush();
+}
+
+void ClusterNodes::assign(nodes::ServerRole& server, std::span<const NodeAssignment> seats,
+                          const regions::RegionMap& map) {
+  const std::lock_guard lock(mutex_);
+  server_ = &server;
+  const auto old = std::exchange(assigned_by_number_, {});
+  assigned_by_number_.resize(seats.size());
+  assigned_by_incarnation_.clear();
+  for (std::size_t number = 0; number < seats.size(); ++number) {
+    if (seats[number].member != local_member) {
+      assigned_by_number_[number] = nodes_.at(seats[number].member);
+      assigned_by_incarnation_[seats[number].member] = assigned_by_number_[number].get();
+    }
+  }
+  for (const auto& node : old) {
+    if (node != nullptr && assigned_by_incarnation_.count(node->incarnation) == 0) {
+      dismiss(*node);
+    }
+  }
+  const auto is_new = [](const auto& node) { return node != nullptr && !node->assigned; };
+  if (published_map_epoch_ != map.epoch() &&
+      std::any_of(assigned_by_number_.begin(), assigned_by_number_.end(), is_new)) {
+    write_pieces(pieces_.get(), world_, PieceKind::regions, 0, map.epoch(), std::as_bytes(map.table()));
+    published_map_epoch_ = map.epoch();
+  }
+  for (std::size_t number = 0; number < seats.size(); ++number) {
+    Node* node = assigned_by_number_[number].get();
+    if (node == nullptr) {
+      continue;
+    }
+    node->number = static_cast<NodeNumber>(number);
+    node->server = seats[number].server;
+    node->peers.clear();
+    for (std::size_t peer = 0; peer < seats[number].peers.size(); ++peer) {
+      if (seats[number].peers[peer].out != nullptr) {
+        node->peers.emplace_back(static_cast<NodeNumber>(peer), seats[number].peers[peer]);
+      }
+    }
+    const AssignmentRecord assignment_record{node->number,
+                                             static_cast<std::uint32_t>(seats.size()),
+                                             seats[number].objects,
+                                             seats[number].pairs,
+                                             map.epoch(),
+                                             map.nodes(),
+                                             static_cast<std::uint32_t>(map.table().size()),
+                                             node->assigned ? 0u : 1u};
+    if (!node->assigned) {
+      node->assigned = true;
+      node->assigned_ns = node->last_parcel_ns = telemetry::now_ns();
+      ++totals_.joined;
+      log(LogLevel::info, "node " + node->name + " joins as number " + std::to_string(number));
+    }
+    node->parcel_channel->set_shapes(shapes_);
+    node->parcel_channel->say(ParcelKind::assign, std::as_bytes(std::span(&assignment_record, 1)));
+    node->parcel_channel->flush();
+  }
+  losses_ = true;  // whoever has gone meanwhile
+}
+
+void ClusterNodes::close() noexcept {
+  try {
+    const std::lock_guard lock(mutex_);
+    server_bell_.store(nullptr, std::memory_order_release);
+    assigned_by_number_.clear();
+    assigned_by_incarnation_.clear();
+    TermsSample sample{};
+    sample.world = world_;
+    dds_dispose(terms_.get(), &sample);
+    dds_wait_for_acks(terms_.get(), DDS_MSECS(200));
+    terms_.reset();
+  } catch (...) {
+    // The nodes notice by themselves that the World is gone.
+  }
+}
+
+}  // namespace ringfence::dds

@@ -1,0 +1,129 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "dds/description.hpp"
+#include "dds/domain.hpp"
+#include "dds/parcel_channel.hpp"
+#include "facade/remote_nodes.hpp"
+#include "ringfence/cluster.hpp"
+
+namespace ringfence::dds {
+
+/// The World's side of the cluster: who there is, and the bridge between the rings of the server's process and the
+/// parcels of the network.
+///
+/// Nodes come and go by their Presence; nothing follows from it before the World asks (between frames), but for a loss,
+/// which the bridge tells the server within the frame. What one node sends to another passes through here: a star of 2n
+/// ways instead of n x n, and what a lost node sent last is refused in one place.
+class ClusterNodes final : public RemoteNodes {
+ public:
+  explicit ClusterNodes(ClusterConfig config);
+  ~ClusterNodes() override;
+
+  std::uint32_t domain() const noexcept { return domain_.number(); }
+  ClusterReport report() const;
+
+  void open(const WorldParameters& terms) override;
+  void add_shape(ShapeNumber shape, const ShapeDescription& description) override;
+  std::vector<MemberId> await(std::uint32_t nodes) override;
+  std::vector<MemberId> arrivals() override;
+  bool is_leaving(MemberId member) override;
+  void assign(nodes::ServerRole& server, std::span<const NodeAssignment> seats, const regions::RegionMap& map) override;
+  facade::Steppable bridge() override { return facade::Steppable::of(*this); }
+  void close() noexcept override;
+
+  /// The bridge.
+  nodes::Step step();
+
+ private:
+  /// A process that has said that it is there.
+  struct Node {
+    std::uint64_t incarnation = 0;
+    std::string name;
+    std::string reason;
+    bool fits = false;
+    std::atomic<NodeState> state{NodeState::joining};
+    std::atomic<bool> gone{false};  ///< its lease is over, or it has said that it ends
+    bool refusal_logged = false;
+    bool dismissed = false;
+    bool assigned = false;
+    // With a seat.
+    Entity writer;
+    std::unique_ptr<ParcelChannel> parcel_channel;
+    NodeNumber number = 0;
+    nodes::Connection server;
+    /// Its ends of the lines with nodes in this process, by their numbers: nearly always none.
+    std::vector<std::pair<NodeNumber, nodes::Connection>> peers;
+    bool lost = false;    ///< the server knows
+    bool broken = false;  ///< something of its way is missing
+    // When what happened, for ClusterReport::changes; 0: not yet.
+    std::uint64_t seen_ns = 0;
+    std::uint64_t asked_to_leave_ns = 0;
+    std::uint64_t assigned_ns = 0;
+    std::uint64_t last_parcel_ns = 0;               ///< last
+    std::uint64_t lost_ns = 0;                      ///< when the server was told
+    std::atomic<std::uint64_t> first_parcel_ns{0};  ///< first, with its seat
+    bool join_noted = false;
+  };
+
+  bool publish_terms();
+  void note_presence();
+  static bool has_answered(const Node& node);
+  void ring_server();
+  void log(LogLevel level, const std::string& line) const;
+  void update_membership();
+  bool report_losses();
+  void receive_parcel(const ParcelSample& parcel);
+  bool deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes);
+  bool deliver_message(Node& from, std::span<const std::byte> message);
+  bool carry(Node& node);
+  void publish(Node& node);
+  void dismiss(Node& node);
+  void note_join(Node& node);
+  void tell(MemberChange::Kind kind, const Node& node, std::uint64_t at_ns, double before_ms, double after_ms);
+
+  ClusterConfig config_;
+  std::uint64_t world_;
+  WorldTermsRecord terms_record_;
+  std::atomic<link::Doorbell*> server_bell_{nullptr};
+  std::atomic<bool> parcels_wait_{false};
+  std::atomic<bool> presence_waits_{false};
+  std::atomic<bool> member_is_gone_{false};
+
+  // By the World's thread, and by the server's when somebody has come or gone. Never by threads of Cyclone DDS.
+  mutable std::mutex mutex_;
+  std::condition_variable noted_;
+  std::map<std::uint64_t, std::shared_ptr<Node>> nodes_;  ///< by incarnation
+
+  // Set between frames, used by the bridge.
+  nodes::ServerRole* server_ = nullptr;
+  std::vector<std::shared_ptr<Node>> assigned_by_number_;  ///< by number; null for those in this process
+  std::unordered_map<std::uint64_t, Node*> assigned_by_incarnation_;
+  std::uint32_t shapes_ = 0;
+  std::uint32_t published_map_epoch_ = 0;
+  bool losses_ = false;  ///< to be told to the server
+  ClusterReport totals_;
+  std::atomic<std::uint64_t> stale_parcels_{0};
+
+  Domain::Hook presence_hook_;
+  Domain::Hook parcel_hook_;
+  Domain domain_;
+  Entity presence_;
+  Entity terms_;
+  Entity pieces_;
+  Entity up_;
+};
+
+}  // namespace ringfence::dds

@@ -1,0 +1,307 @@
+// CD nodes: made, told of each other, joined and let go.
+#include <algorithm>
+#include <iterator>
+#include <utility>
+
+#include "facade/config_check.hpp"
+#include "facade/implementation.hpp"
+
+namespace ringfence {
+
+using facade::DuplexChannel;
+using facade::remote_node_ring;
+using facade::server_node_ring;
+using facade::Steppable;
+using facade::Worker;
+using nodes::Connection;
+using nodes::Request;
+
+namespace {
+
+// What one of `count` nodes reserves: twice its even share.
+std::size_t share_of(std::size_t capacity, std::size_t count) noexcept {
+  return std::min(capacity, 2 * capacity / count + 64);
+}
+
+}  // namespace
+
+// Makes the next CD node of `count` in the end, not yet introduced to its peers and not yet stepped; returns the
+// server's end of its line. Of a fleet's member only the lines are made: its role is elsewhere.
+Connection World::Implementation::add_node(const regions::RegionMap& map, std::uint32_t count,
+                                           RemoteNodes::MemberId member) {
+  const auto node = static_cast<NodeNumber>(node_roles.size());
+  const bool here = member == RemoteNodes::local_member;
+  node_workers.emplace_back();
+  if (here && threaded() && config.remote_nodes == nullptr) {
+    node_workers.back() = std::make_unique<Worker>();
+    start_worker(*node_workers.back());
+  }
+  node_members.push_back(member);
+  link::Doorbell* bell = node_bell(node);
+  node_channels.push_back(
+      std::make_unique<DuplexChannel>(here ? ring_bytes(server_node_ring) : remote_node_ring, server_bell(), bell));
+  if (here) {
+    share_memory(*node_channels.back(), count);
+  }
+  // Many nodes need many rings between them; a hand-over is small.
+  const std::size_t peer_ring = config.remote_nodes != nullptr ? remote_node_ring
+                                                               : ring_bytes(std::size_t{1} << (count <= 16   ? 18
+                                                                                               : count <= 64 ? 14
+                                                                                                             : 12));
+  for (NodeNumber peer = 0; peer < node; ++peer) {
+    if (here || node_members[peer] == RemoteNodes::local_member) {
+      peer_channels[{peer, node}] = std::make_unique<DuplexChannel>(peer_ring, node_bell(peer), bell);
+    }
+  }
+  if (here) {
+    node_roles.push_back(make_role(node, count, map));
+  } else {
+    node_roles.emplace_back();
+    if (config.timeline) {
+      node_tracks.emplace_back();  // keeps the tracks of others in their places
+    }
+  }
+  return node_channels.back()->first();
+}
+
+// What the server and a CD node of this process, one of `count`, have in common.
+void World::Implementation::share_memory(DuplexChannel& channel, std::uint32_t count) {
+  channel.node_contacts = std::make_unique<nodes::NodeContacts>();
+  if (config.deployment == Deployment::user_collision && config.interest > 0) {
+    channel.publication =
+        std::make_unique<nodes::NodePublication>(publications.grid, share_of(config.capacities.objects, count));
+  }
+}
+
+link::Doorbell* World::Implementation::node_bell(NodeNumber node) noexcept {
+  return threaded() && node_workers[node] != nullptr ? &node_workers[node]->bell() : server_bell();
+}
+
+// The role of node number `node`, whose way to the server is there, of `count` in the end.
+std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber node, std::uint32_t count,
+                                                                    const regions::RegionMap& map) {
+  nodes::CdNodeSetup setup;
+  setup.node = node;
+  setup.shapes = &shapes;
+  setup.space = &space;
+  setup.model = config.motion.get();
+  setup.placement = config.placement;
+  setup.layer_masks = layer_masks;
+  setup.keep_resting = config.keep_resting;
+  setup.hosts = config.deployment == Deployment::user_collision;
+  setup.shares_thread = !threaded() || node_workers[node] == nullptr;
+  setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
+  setup.remember_axes = config.remember_axes;
+  setup.may_be_lost = threaded() && config.deadlines.node_ms > 0;
+  // Else the server relays them to the users.
+  setup.keeps_host_owned_states = config.interest <= 0 || node_channels[node]->publication != nullptr;
+  setup.interest_grid = publications.grid;
+  setup.objects = share_of(config.capacities.objects, count);
+  setup.pairs = share_of(config.capacities.pairs, count);
+  setup.server = node_channels[node]->second();
+  return std::make_unique<nodes::CdNodeRole>(setup, map);
+}
+
+// Tells every node of the others and lets the threads step them.
+void World::Implementation::connect_peers() {
+  const auto count = static_cast<NodeNumber>(node_roles.size());
+  if (threaded() && server != nullptr) {
+    server_worker->assign({});
+  }
+  for (NodeNumber node = 0; node < count; ++node) {
+    if (node_roles[node] == nullptr) {
+      continue;
+    }
+    Worker* worker = threaded() ? node_workers[node].get() : nullptr;
+    if (worker != nullptr) {
+      worker->assign({});
+    }
+    node_roles[node]->assign(node, peers_of(node));
+    if (worker != nullptr) {
+      worker->assign({Steppable::of(*node_roles[node])});
+    }
+  }
+  assign_remote_nodes();
+  if (threaded()) {
+    server_worker->assign(server_thread_roles());
+  }
+  list_inline_roles();
+}
+
+// The lines of a node to its peers, by their numbers; empty where this process has none.
+std::vector<Connection> World::Implementation::peers_of(NodeNumber node) {
+  std::vector<Connection> peers(node_roles.size());
+  for (NodeNumber peer = 0; peer < peers.size(); ++peer) {
+    const auto channel = peer_channels.find({std::min(peer, node), std::max(peer, node)});
+    if (channel != peer_channels.end()) {
+      peers[peer] = node < peer ? channel->second->first() : channel->second->second();
+      peers[peer].node_contacts = node_channels[peer]->node_contacts.get();
+    }
+  }
+  return peers;
+}
+
+// What the server's thread steps: the server, nodes without a thread of their own, and then what carries to the others.
+std::vector<Steppable> World::Implementation::server_thread_roles() {
+  std::vector<Steppable> crew{Steppable::of(*server)};
+  for (std::size_t node = 0; node < node_roles.size(); ++node) {
+    if (node_roles[node] != nullptr && node_workers[node] == nullptr) {
+      crew.push_back(Steppable::of(*node_roles[node]));
+    }
+  }
+  if (config.remote_nodes != nullptr) {
+    crew.push_back(config.remote_nodes->bridge());
+  }
+  return crew;
+}
+
+// No thread steps the bridge.
+void World::Implementation::assign_remote_nodes() {
+  if (config.remote_nodes == nullptr) {
+    return;
+  }
+  std::vector<RemoteNodes::NodeAssignment> assignments(node_roles.size());
+  for (NodeNumber node = 0; node < assignments.size(); ++node) {
+    RemoteNodes::NodeAssignment& assign = assignments[node];
+    assign.objects = share_of(config.capacities.objects, assignments.size());
+    assign.pairs = share_of(config.capacities.pairs, assignments.size());
+    assign.member = node_members[node];
+    if (assign.member != RemoteNodes::local_member) {
+      assign.server = node_channels[node]->second();
+      assign.peers = peers_of(node);
+    }
+  }
+  config.remote_nodes->assign(*server, assignments, server->map());
+}
+
+// Takes in the members of the fleet that are ready, and lets those hand over that want to leave. Where those are all,
+// a role that the server's thread steps takes their place; it goes in turn when others have come.
+void World::Implementation::add_arrivals() {
+  const std::uint32_t wanted = std::exchange(resize_to, 0u);
+  const auto arrivals = config.remote_nodes->arrivals();
+  const auto is_leaving = [&](std::size_t node) {
+    if (wanted != 0 && node >= wanted) {
+      return true;
+    }
+    const bool member = node_members[node] != RemoteNodes::local_member;
+    return member ? config.remote_nodes->is_leaving(node_members[node]) : !arrivals.empty();
+  };
+  std::vector<NodeNumber> going;
+  for (NodeNumber node = 0; node < node_roles.size(); ++node) {
+    if (is_leaving(node)) {
+      going.push_back(node);
+    }
+  }
+  // More than can have a seat wait until one is free.
+  const std::size_t cells = server->map().grid().cells();
+  const std::size_t staying = node_roles.size() - going.size();
+  const std::size_t room = std::min(cells - std::min(cells, staying), facade::most_nodes - node_roles.size());
+  std::vector<RemoteNodes::MemberId> joining(
+      arrivals.begin(), arrivals.begin() + static_cast<std::ptrdiff_t>(std::min(arrivals.size(), room)));
+  if (joining.empty() && going.empty()) {
+    return;
+  }
+  if (joining.empty() && staying == 0) {
+    if (room == 0) {
+      return;  // none can take over in this frame, so all stay for it
+    }
+    joining.push_back(RemoteNodes::local_member);
+  }
+  const auto total = static_cast<std::uint32_t>(node_roles.size() + joining.size());
+  Request request;
+  request.kind = Request::Kind::add_node;
+  for (const RemoteNodes::MemberId member : joining) {
+    request.connection = add_node(server->map(), total, member);
+    order.requests.push_back(request);
+  }
+  if (!joining.empty()) {
+    connect_peers();
+  }
+  request.kind = Request::Kind::retire_node;
+  for (const NodeNumber node : going) {
+    request.nodes = node;
+    order.requests.push_back(request);
+  }
+  request.kind = Request::Kind::resize;
+  request.nodes = total - static_cast<std::uint32_t>(going.size());
+  order.requests.push_back(request);
+}
+
+// No frame is under way.
+void World::Implementation::grow_nodes() {
+  if (config.remote_nodes != nullptr) {
+    add_arrivals();
+  }
+  if (resize_to == 0) {
+    return;
+  }
+  Request request;
+  request.kind = Request::Kind::add_node;
+  const bool more = resize_to > node_roles.size();
+  while (node_roles.size() < resize_to) {
+    request.connection = add_node(server->map(), resize_to);
+    order.requests.push_back(request);
+  }
+  if (more) {
+    connect_peers();
+  }
+  request.kind = Request::Kind::resize;
+  request.nodes = std::exchange(resize_to, 0u);
+  order.requests.push_back(request);
+}
+
+// The frame in which they handed everything over is complete.
+void World::Implementation::retire_nodes() {
+  // Lost ones, and those that have left, are out of `node_roles` and not yet out of the map.
+  const FrameReport& last = server->report(frames - 1);
+  const NodeNumber in_map = server->map().nodes();
+  std::size_t count = 0;
+  for (NodeNumber node = 0; node < in_map; ++node) {
+    const bool lost = std::find(last.lost.begin(), last.lost.end(), node) != last.lost.end();
+    count += (!lost || node == fallback_number) && !server->has_left(node) ? 1 : 0;
+  }
+  // Where all that are in the map are lost, the server keeps the first of the others.
+  count = std::max<std::size_t>(count, 1);
+  if (node_roles.size() <= count) {
+    return;
+  }
+  std::vector<std::unique_ptr<DuplexChannel>> removed_channels;  // until the others have forgotten the way
+  const bool has_live_retirees =
+      !retired_nodes.empty();  // a lost node's thread may still ring the bells of those that go
+  while (node_roles.size() > count) {
+    const auto node = static_cast<NodeNumber>(node_roles.size() - 1);
+    if (threaded() && node_workers[node] != nullptr) {
+      node_workers[node]->assign({});
+    } else if (threaded()) {
+      server_worker->assign({Steppable::of(*server)});
+    }
+    for (NodeNumber peer = 0; peer < node; ++peer) {
+      removed_channels.push_back(std::move(peer_channels[{peer, node}]));
+      peer_channels.erase({peer, node});
+    }
+    if (has_live_retirees) {
+      retire(node);
+      node_workers.pop_back();
+    } else {
+      keep_publication(*node_channels.back());
+      removed_channels.push_back(std::move(node_channels.back()));
+    }
+    node_channels.pop_back();
+    node_roles.pop_back();
+    node_members.pop_back();
+    if (config.timeline && node_tracks.size() == node_roles.size() + 1) {
+      node_tracks.pop_back();
+    }
+  }
+  connect_peers();
+  if (has_live_retirees) {
+    retired_channels.insert(retired_channels.end(), std::make_move_iterator(removed_channels.begin()),
+                            std::make_move_iterator(removed_channels.end()));
+  }
+  removed_channels.clear();
+  while (node_workers.size() > count) {
+    node_workers.pop_back();
+  }
+}
+
+}  // namespace ringfence

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+
+#include "link/channel.hpp"
+#include "nodes/exchange/node_contacts.hpp"
+#include "nodes/exchange/publications.hpp"
+#include "nodes/role.hpp"
+
+namespace ringfence::facade {
+
+/// The way between two roles: one channel each way; between the server and a CD node in this process also memory that
+/// they share.
+struct DuplexChannel {
+  DuplexChannel(std::size_t bytes, link::Doorbell* first, link::Doorbell* second)
+      : forward(bytes, second, first), back(bytes, first, second) {}
+  nodes::Connection first() noexcept {
+    return {&forward.sender(), &back.receiver(), node_contacts.get(), publication.get()};
+  }
+  nodes::Connection second() noexcept {
+    return {&back.sender(), &forward.receiver(), node_contacts.get(), publication.get()};
+  }
+  link::Channel forward;
+  link::Channel back;
+  std::unique_ptr<nodes::NodeContacts> node_contacts;
+  std::unique_ptr<nodes::NodePublication> publication;
+};
+
+}  // namespace ringfence::facade

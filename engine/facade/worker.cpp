@@ -1,0 +1,85 @@
+#include "facade/worker.hpp"
+
+#include <ctime>
+#include <utility>
+
+#include <pthread.h>
+
+namespace ringfence::facade {
+
+Worker::~Worker() {
+  if (thread_.joinable()) {
+    dismiss();
+    thread_.join();
+  }
+  delete next_.load(std::memory_order_acquire);
+}
+
+void Worker::dismiss() noexcept {
+  stop_.store(true, std::memory_order_release);
+  bell_.ring();
+}
+
+void Worker::start(const link::Cores* cores, std::size_t pin_to, std::chrono::nanoseconds tick) {
+  thread_ = std::thread([this, cores, pin_to, tick] {
+    if (cores != nullptr && pin_to != unpinned) {
+      cores->pin_this_thread(pin_to);
+    }
+    run(tick);
+    // Pairs with the acquire in has_ended: what the roles did is done.
+    ended_.store(true, std::memory_order_release);
+  });
+}
+
+void Worker::assign(std::vector<Steppable> roles) {
+  auto assignment = std::make_unique<Assignment>();
+  assignment->roles = std::move(roles);
+  // Pairs with the acquire in take_assignment: the roles are whole before they are stepped.
+  next_.store(assignment.release(), std::memory_order_release);
+  bell_.ring();
+  taken_bell_.wait([this] { return next_.load(std::memory_order_acquire) == nullptr; });
+}
+
+// The pointer is cleared only after the old roles were dropped, so the facade may then destroy them.
+bool Worker::take_assignment() {
+  Assignment* assignment = next_.load(std::memory_order_acquire);
+  if (assignment == nullptr) {
+    return false;
+  }
+  roles_ = std::move(assignment->roles);
+  delete assignment;
+  next_.store(nullptr, std::memory_order_release);
+  taken_bell_.ring();
+  return true;
+}
+
+bool Worker::step_all() {
+  bool progressed = take_assignment();
+  for (const Steppable& role : roles_) {
+    progressed |= role.step(role.role) == nodes::Step::progressed;
+  }
+  return progressed;
+}
+
+void Worker::run(std::chrono::nanoseconds tick) {
+  const auto ready = [this] { return stop_.load(std::memory_order_acquire) || step_all(); };
+  while (!stop_.load(std::memory_order_acquire)) {
+    if (tick.count() == 0) {
+      bell_.wait(ready);
+    } else {
+      bell_.wait_for(ready, tick);
+    }
+  }
+}
+
+std::uint64_t Worker::cpu_ns() noexcept {
+  clockid_t clock;
+  timespec used{};
+  if (!thread_.joinable() || pthread_getcpuclockid(thread_.native_handle(), &clock) != 0 ||
+      clock_gettime(clock, &used) != 0) {
+    return 0;
+  }
+  return static_cast<std::uint64_t>(used.tv_sec) * 1'000'000'000u + static_cast<std::uint64_t>(used.tv_nsec);
+}
+
+}  // namespace ringfence::facade

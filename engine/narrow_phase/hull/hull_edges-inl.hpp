@@ -1,0 +1,161 @@
+// Which edges of a polytope can matter, by a byte for each of its faces. Included once for each Highway target.
+
+#if defined(RINGFENCE_NARROW_PHASE_HULL_EDGES_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_HULL_EDGES_INL
+#undef RINGFENCE_NARROW_PHASE_HULL_EDGES_INL
+#else
+#define RINGFENCE_NARROW_PHASE_HULL_EDGES_INL
+#endif
+
+#include <algorithm>
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+
+#include "narrow_phase/hull/polytope_lanes-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+/// Bit `k` where `mask` holds, to be joined with others and stored as bytes.
+template <class D>
+HWY_INLINE hn::Vec<hn::RebindToSigned<D>> bit_where(D, hn::Mask<D> mask, int k) {
+  const hn::RebindToSigned<D> ints;
+  return hn::IfThenElseZero(hn::RebindMask(ints, mask), hn::Set(ints, hn::TFromD<decltype(ints)>{1} << k));
+}
+
+template <class D>
+HWY_INLINE void store_bytes(D ints, hn::Vec<D> values, std::uint8_t* to) {
+  if constexpr (sizeof(hn::TFromD<D>) == 4) {
+    const hn::Rebind<std::uint8_t, D> bytes;
+    hn::StoreU(hn::DemoteTo(bytes, values), bytes, to);
+  } else {
+    alignas(64) hn::TFromD<D> each[hn::MaxLanes(D())];
+    hn::Store(values, ints, each);
+    for (std::size_t i = 0; i < hn::MaxLanes(D()); ++i) to[i] = static_cast<std::uint8_t>(each[i]);
+  }
+}
+
+/// The lanes of a mask of at most 64 bytes as bits.
+template <class B>
+HWY_INLINE std::uint64_t byte_bits(B bytes, hn::Mask<B> mask) {
+  std::uint64_t word = 0;
+  std::uint8_t bits[8] = {};
+  hn::StoreMaskBits(bytes, mask, bits);
+  std::memcpy(&word, bits, sizeof(word));
+  return word;
+}
+
+/// Appends `first` and the index of each bit that is set to the `count` of `out`; answers how many there are then. May
+/// write three more.
+template <class Index>
+HWY_INLINE std::size_t append_bits(std::uint64_t bits, std::size_t first, Index* out, std::size_t count) {
+  // Four at a time, those past the last to be overwritten: most often that is all, and no branch to be missed.
+  const std::size_t end = count + static_cast<std::size_t>(std::popcount(bits));
+  for (; count < end; count += 4) {
+    for (std::size_t k = 0; k < 4; ++k, bits &= bits - 1) {
+      out[count + k] = static_cast<Index>(first + static_cast<std::size_t>(std::countr_zero(bits)));
+    }
+  }
+  return end;
+}
+
+/// Both faces of an edge may be ruled out by the same of the bits.
+struct NoCommonBit {
+  HWY_INLINE bool operator()(std::uint8_t left, std::uint8_t right) const { return (left & right) == 0; }
+  template <class D>
+  HWY_INLINE hn::Mask<D> operator()(D bytes, hn::Vec<D> left, hn::Vec<D> right) const {
+    return hn::Eq(hn::And(left, right), hn::Zero(bytes));
+  }
+};
+
+/// From the left faces of all edges to the right ones.
+HWY_INLINE std::size_t face_column_stride(const Polytope& own) {
+  return (own.edges + geometry::face_column_bytes - 1) / geometry::face_column_bytes * geometry::face_column_bytes;
+}
+
+#if HWY_TARGET != HWY_SCALAR
+/// Of each index below `size` the byte of a table that is padded to 16.
+template <class B>
+HWY_INLINE hn::Vec<B> looked_up(B bytes, const std::uint8_t* table, std::size_t size, hn::Vec<B> index) {
+#if HWY_TARGET == HWY_AVX3_DL
+  // One instruction, where tables of 16 take fifty. What it reads past the table is of no index.
+  if (HWY_LIKELY(size <= 64)) {
+    return hn::Vec<B>{_mm512_permutexvar_epi8(index.raw, hn::Load(bytes, table).raw)};
+  }
+#endif
+  auto out = hn::Zero(bytes);
+  // An index is in one of the tables of 16 bytes, and finds nothing in all others: its highest bit is set there.
+  for (std::size_t f = 0; f < size; f += 16) {
+    const auto from_here = index - hn::Set(bytes, static_cast<std::uint8_t>(f));
+    const auto beyond = hn::VecFromMask(bytes, hn::Gt(from_here, hn::Set(bytes, 15)));
+    out = hn::Or(out, hn::TableLookupBytesOr0(hn::LoadDup128(bytes, table + f), hn::Or(from_here, beyond)));
+  }
+  return out;
+}
+#endif
+
+/// Writes the edges for whose faces' bytes `keep(left, right)` holds, ascending, with `tag` in their upper bits;
+/// answers how many. `out` has room for all edges and three more. `bytes_of_faces` is padded to 16, and 64 can be read.
+template <class Index, class Keep>
+HWY_INLINE std::size_t list_edges_where(const Polytope& own, const std::uint8_t* bytes_of_faces, const Keep& keep,
+                                        Index tag, Index* out) {
+  std::size_t count = 0;
+#if HWY_TARGET != HWY_SCALAR
+  if (own.faces_of_edges != nullptr) {
+    const hn::CappedTag<std::uint8_t, geometry::face_column_bytes> bytes;
+    const std::uint8_t* const left = own.faces_of_edges;
+    const std::uint8_t* const right = left + face_column_stride(own);
+    for (std::size_t i = 0; i < own.edges; i += hn::Lanes(bytes)) {
+      const auto of_left = looked_up(bytes, bytes_of_faces, own.faces, hn::Load(bytes, left + i));
+      const auto of_right = looked_up(bytes, bytes_of_faces, own.faces, hn::Load(bytes, right + i));
+      std::uint64_t chance = byte_bits(bytes, keep(bytes, of_left, of_right));
+      if (own.edges - i < 64) chance &= (std::uint64_t{1} << (own.edges - i)) - 1;
+      count = append_bits(chance, tag | i, out, count);
+    }
+    return count;
+  }
+#endif
+  for (std::size_t i = 0; i < own.edges; ++i) {
+    out[count] = static_cast<Index>(tag | i);
+    count += keep(bytes_of_faces[own.edge[i].left], bytes_of_faces[own.edge[i].right]);
+  }
+  return count;
+}
+
+/// Writes the edges of a face: first those that have it to the left, with `left_tag` in their upper bits, then those
+/// that have it to the right, each ascending; answers how many. `out` has room for them and three more.
+template <class Index>
+HWY_INLINE std::size_t list_edges_of_face(const Polytope& own, std::size_t face, Index left_tag, Index right_tag,
+                                          Index* out) {
+  std::size_t count = 0;
+#if HWY_TARGET != HWY_SCALAR
+  if (own.faces_of_edges != nullptr) {
+    const hn::CappedTag<std::uint8_t, geometry::face_column_bytes> bytes;
+    const auto wanted = hn::Set(bytes, static_cast<std::uint8_t>(face));
+    const auto list = [&](const std::uint8_t* column, Index tag) HWY_ATTR {
+      for (std::size_t i = 0; i < own.edges; i += hn::Lanes(bytes)) {
+        std::uint64_t bits = byte_bits(bytes, hn::Eq(hn::Load(bytes, column + i), wanted));
+        if (own.edges - i < 64) bits &= (std::uint64_t{1} << (own.edges - i)) - 1;
+        count = append_bits(bits, tag | i, out, count);
+      }
+    };
+    list(own.faces_of_edges, left_tag);
+    list(own.faces_of_edges + face_column_stride(own), right_tag);
+    return count;
+  }
+#endif
+  for (std::size_t i = 0; i < own.edges; ++i) {
+    if (own.edge[i].left == face) out[count++] = static_cast<Index>(left_tag | i);
+  }
+  for (std::size_t i = 0; i < own.edges; ++i) {
+    if (own.edge[i].right == face) out[count++] = static_cast<Index>(right_tag | i);
+  }
+  return count;
+}
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,263 @@
+// Columns of floats read in lanes of float or double, and the reductions of the convex kernels. Included once for each
+// Highway target.
+//
+// A reduction answers the greatest or least value and, where asked, the lowest index that has it: the same at every
+// width.
+
+#if defined(RINGFENCE_NARROW_PHASE_POLYTOPE_LANES_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_POLYTOPE_LANES_INL
+#undef RINGFENCE_NARROW_PHASE_POLYTOPE_LANES_INL
+#else
+#define RINGFENCE_NARROW_PHASE_POLYTOPE_LANES_INL
+#endif
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <type_traits>
+
+#include <hwy/highway.h>
+
+#include "geometry/vector.hpp"
+#include "narrow_phase/hull/polytope.hpp"
+#include "narrow_phase/kernel.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// Columns are padded to 16 floats, so no vector reads past them.
+template <class T>
+using Columns16 = hn::CappedTag<T, geometry::hull_lanes>;
+template <class T>
+using Point = std::conditional_t<sizeof(T) == 4, Vec3f, Vec3d>;
+template <class T>
+using RotationMatrix = geometry::RotationOf<T>;
+
+/// What a test did, for the counters.
+struct WorkCounts {
+  std::size_t lanes = 0, filled = 0, directions = 0, ended_early = 0;
+
+  /// A pass over `count` things, a vector at a time.
+  template <class T>
+  HWY_INLINE void pass(std::size_t count) {
+    constexpr std::size_t width = hn::MaxLanes(Columns16<T>());
+    lanes += (count + width - 1) / width * width;
+    filled += count;
+  }
+  void add_to(KindCounters& counters) const {
+    counters.lanes += lanes;
+    counters.lanes_filled += filled;
+    counters.iterations += directions;
+    counters.ended_early += ended_early;
+  }
+};
+
+template <class T>
+HWY_INLINE Point<T> point_of(Vec3f p) {
+  if constexpr (sizeof(T) == 4) {
+    return p;
+  } else {
+    return to_double(p);
+  }
+}
+
+template <class T>
+HWY_INLINE RotationMatrix<T> rotation_matrix_of(Quat q) {
+  if constexpr (sizeof(T) == 4) {
+    return geometry::rotation(q);
+  } else {
+    return geometry::rotation_exact(q);
+  }
+}
+
+template <class T>
+HWY_INLINE Point<T> difference_of(Vec3d to, Vec3d from) {
+  if constexpr (sizeof(T) == 4) {
+    return to_float(to - from);
+  } else {
+    return to - from;
+  }
+}
+
+template <class D>
+HWY_INLINE hn::Vec<D> read(D d, const float* column) {
+  if constexpr (sizeof(hn::TFromD<D>) == 4) {
+    return hn::Load(d, column);
+  } else {
+    return hn::PromoteTo(d, hn::Load(hn::Rebind<float, D>(), column));
+  }
+}
+
+/// Three vectors: a point or direction a lane.
+template <class D>
+struct Points {
+  hn::Vec<D> x, y, z;
+};
+
+template <class D>
+HWY_INLINE Points<D> read(D d, const float* x, const float* y, const float* z) {
+  return {read(d, x), read(d, y), read(d, z)};
+}
+
+template <class D, class P>
+HWY_INLINE Points<D> spread_out(D d, const P& p) {
+  return {hn::Set(d, p.x), hn::Set(d, p.y), hn::Set(d, p.z)};
+}
+
+template <class D>
+HWY_INLINE hn::Vec<D> dot_of(D, const Points<D>& p, const Points<D>& q) {
+  return p.x * q.x + p.y * q.y + p.z * q.z;
+}
+
+template <class D>
+HWY_INLINE Points<D> minus(D, const Points<D>& p, const Points<D>& q) {
+  return {p.x - q.x, p.y - q.y, p.z - q.z};
+}
+
+template <class D>
+HWY_INLINE Points<D> rotated(D d, const RotationMatrix<hn::TFromD<D>>& r, const Points<D>& p) {
+  const auto row = [&](int i) HWY_ATTR {
+    return hn::Set(d, r.m[i][0]) * p.x + hn::Set(d, r.m[i][1]) * p.y + hn::Set(d, r.m[i][2]) * p.z;
+  };
+  return {row(0), row(1), row(2)};
+}
+
+template <class D>
+HWY_INLINE Points<D> rotated_back(D d, const RotationMatrix<hn::TFromD<D>>& r, const Points<D>& p) {
+  const auto row = [&](int i) HWY_ATTR {
+    return hn::Set(d, r.m[0][i]) * p.x + hn::Set(d, r.m[1][i]) * p.y + hn::Set(d, r.m[2][i]) * p.z;
+  };
+  return {row(0), row(1), row(2)};
+}
+
+/// The lanes of a mask as bits, lane 0 lowest.
+template <class D>
+HWY_INLINE std::uint32_t bits_of(D d, hn::Mask<D> mask) {
+  std::uint8_t bytes[8];
+  hn::StoreMaskBits(d, mask, bytes);
+  // Reads just what was written: anything wider would wait for the store instead of being forwarded from it.
+  if constexpr (hn::MaxLanes(D()) <= 8) return bytes[0];
+  std::uint16_t bits;
+  std::memcpy(&bits, bytes, sizeof(bits));
+  return bits;
+}
+
+/// The first `count` of 32 bits.
+HWY_INLINE std::uint32_t first_bits(std::size_t count) { return count >= 32 ? ~0u : (1u << count) - 1; }
+
+template <class T>
+HWY_INLINE Point<T> vertex_of(const Polytope& p, std::size_t i) {
+  return point_of<T>({p.vertex[0][i], p.vertex[1][i], p.vertex[2][i]});
+}
+
+template <class T>
+HWY_INLINE Point<T> normal_of(const Polytope& p, std::size_t face) {
+  return point_of<T>({p.normal[0][face], p.normal[1][face], p.normal[2][face]});
+}
+
+/// From start to end of an edge, unit. In double not as stored, which is rounded to float.
+template <class T>
+HWY_INLINE Point<T> along_edge(const Polytope& p, std::size_t i) {
+  if constexpr (sizeof(T) == 4) {
+    return p.edge[i].along;
+  } else {
+    const Point<T> way = vertex_of<T>(p, p.edge[i].to) - vertex_of<T>(p, p.edge[i].from);
+    return way * (T(1) / std::sqrt(dot(way, way)));
+  }
+}
+
+template <class T>
+HWY_INLINE T edge_length(const Polytope& p, std::size_t i) {
+  if constexpr (sizeof(T) == 4) {
+    return p.of(geometry::EdgeColumn::length)[i];
+  } else {
+    return length(vertex_of<T>(p, p.edge[i].to) - vertex_of<T>(p, p.edge[i].from));
+  }
+}
+
+/// The support of a polytope: the greatest of direction · vertex.
+template <class T>
+HWY_INLINE T support(const Polytope& p, Point<T> direction) {
+  const Columns16<T> d;
+  const auto way = spread_out(d, direction);
+  auto most = dot_of(d, read(d, p.vertex[0], p.vertex[1], p.vertex[2]), way);
+  for (std::size_t i = hn::Lanes(d); i < p.vertices; i += hn::Lanes(d)) {
+    most = hn::Max(most, dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way));
+  }
+  return hn::GetLane(hn::MaxOfLanes(d, most));
+}
+
+/// Finds the index of the least value; the lowest one if it occurs more than once. Without a branch on where it is,
+/// which could not be foreseen.
+template <class T>
+class Least {
+ public:
+  HWY_INLINE explicit Least(hn::Vec<Columns16<T>> first) : least_(first), at_(hn::Zero(ints)) {}
+
+  /// The values of a vector from index `i` on. In ascending order of i.
+  HWY_INLINE void add(hn::Vec<Columns16<T>> values, std::size_t i) {
+    const auto less = hn::RebindMask(ints, hn::Lt(values, least_));
+    at_ = hn::IfThenElse(less, hn::Set(ints, static_cast<Int>(i)), at_);
+    least_ = hn::Min(values, least_);
+  }
+
+  HWY_INLINE T value() const { return hn::GetLane(hn::MinOfLanes(d, least_)); }
+
+  HWY_INLINE std::size_t index() const {
+    alignas(64) Int at[hn::MaxLanes(d)];
+    hn::Store(at_, ints, at);
+    std::uint32_t equal = bits_of(d, hn::Eq(least_, hn::MinOfLanes(d, least_)));
+    const auto of_lane = [&](std::uint32_t bits) HWY_ATTR {
+      const auto lane = static_cast<std::size_t>(__builtin_ctz(bits));
+      return static_cast<std::size_t>(at[lane]) + lane;
+    };
+    std::size_t index = of_lane(equal);
+    for (equal &= equal - 1; HWY_UNLIKELY(equal != 0); equal &= equal - 1) index = std::min(index, of_lane(equal));
+    return index;
+  }
+
+ private:
+  static constexpr Columns16<T> d{};
+  static constexpr hn::RebindToSigned<Columns16<T>> ints{};
+  using Int = hwy::MakeSigned<T>;
+  hn::Vec<Columns16<T>> least_;
+  hn::Vec<hn::RebindToSigned<Columns16<T>>> at_;  // where the vector begins that each lane's least is from
+};
+
+/// The index of the least of `values`, the lowest one if it occurs more than once. Padded to 16 by values that are not
+/// less.
+template <class T>
+HWY_INLINE std::size_t least_of(const T* values, std::size_t count) {
+  const Columns16<T> d;
+  Least<T> least(hn::Load(d, values));
+  for (std::size_t i = hn::Lanes(d); i < count; i += hn::Lanes(d)) least.add(hn::Load(d, values + i), i);
+  return least.index();
+}
+
+/// Of `count` vertices in three padded columns, minus the distance along a direction of the farthest.
+template <class T>
+HWY_INLINE Least<T> farthest_of(const float* const column[3], std::size_t count, Point<T> direction) {
+  const Columns16<T> d;
+  const auto way = spread_out(d, -direction);
+  const auto nearness = [&](std::size_t i)
+                            HWY_ATTR { return dot_of(d, read(d, column[0] + i, column[1] + i, column[2] + i), way); };
+  Least<T> least(nearness(0));
+  for (std::size_t i = hn::Lanes(d); i < count; i += hn::Lanes(d)) least.add(nearness(i), i);
+  return least;
+}
+
+/// The lowest index of the vertices farthest along a direction.
+template <class T>
+HWY_INLINE std::size_t farthest_vertex(const Polytope& p, Point<T> direction) {
+  return farthest_of<T>(p.vertex, p.vertices, direction).index();
+}
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,447 @@
+// Two convex polytopes: whether they overlap and the least translation that separates them. Included once for each
+// Highway target.
+//
+// The least depth is the least reach(n) = support of a along n + support of b along -n over all directions n, and it is
+// taken where n is the normal of a face of the Minkowski difference: of a face of a, of a face of b, or across an edge
+// of each whose arcs of normals cross (the Gauss map; Gregorius, "The Separating Axis Test", 2013). All of them are
+// candidates here; what keeps it fast is that a ball and some vertices of one shape, seen from a face or an edge of the
+// other, bound reach from below, so that only few face normals and few edges can beat the best direction known. Any
+// direction of negative reach separates; the first, between the centres, which finds most of those there are, has been
+// tried before.
+//
+// It ends: every stage walks a list once. Nearly parallel edges and nearly touching arcs are judged by their true
+// reach, so that rounding can never make an answer less than the depth along its own normal.
+
+#if defined(RINGFENCE_NARROW_PHASE_POLYTOPE_PAIR_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_POLYTOPE_PAIR_INL
+#undef RINGFENCE_NARROW_PHASE_POLYTOPE_PAIR_INL
+#else
+#define RINGFENCE_NARROW_PHASE_POLYTOPE_PAIR_INL
+#endif
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+
+#include "narrow_phase/hull/hull_edges-inl.hpp"
+#include "narrow_phase/hull/placement-inl.hpp"
+#include "narrow_phase/hull/support_feature-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+/// What is known of the reach of one shape's faces: bounds from below by points inside the other shape, each by the
+/// other's deepest vertex along some direction, and by the ball inside the other.
+template <class T>
+struct FaceBounds {
+  static constexpr std::size_t words = max_faces / 64;
+  using Set = std::uint64_t[words];  ///< of faces
+
+  alignas(64) T ball_centre[max_faces];  ///< from the centre of the ball to the face's plane, positive inside
+  alignas(64) T point[2][max_faces];
+  alignas(64) T bound[max_faces];  ///< the better of the ball's and the first point's
+};
+
+template <class T>
+class PolytopePair {
+ public:
+  /// What the placement's axis, which does not separate the two, found: the reach along it (times its length), and the
+  /// vertices that are deepest.
+  struct Start {
+    T value;
+    std::size_t vertex_of_a, vertex_of_b;
+  };
+  HWY_INLINE PolytopePair(const Polytope& a, const Polytope& b, const Placement<T>& placement, const Start& start,
+                          WorkCounts& work)
+      : a_(a), b_(b), rotation_(placement.turn), offset_(placement.offset), start_(start), work_(work) {
+    const T inverse = T(1) / std::sqrt(placement.axis_squared);
+    best_ = start.value * inverse;
+    direction_ = placement.axis * inverse;
+    centre_of_b_ = rotate(rotation_, point_of<T>(b.centre)) + offset_;
+  }
+
+  /// Whether they overlap or touch; if so `out` says how.
+  bool test(Overlap<T>& out) {
+    if (separated_by_faces()) return false;
+    const T after_faces = best_;
+    const Point<T> direction_after_faces = direction_;
+    if (separated_by_edges(false)) return false;
+    out = measured();
+    if (out.depth > best_ + Rounding<T>::sure * (best_ + size())) {
+      // An edge pair that was taken for sure was none: never seen, but then each is judged by its true reach.
+      best_ = after_faces;
+      direction_ = direction_after_faces;
+      if (separated_by_edges(true)) return false;
+      out = measured();
+    }
+    return true;
+  }
+
+  /// After a test that found them apart, a unit direction that separates them, in the axes of a.
+  Point<T> direction() const { return direction_; }
+
+ private:
+  static constexpr Columns16<T> d{};
+  using Lanes = hn::Vec<Columns16<T>>;
+  using Bounds = FaceBounds<T>;
+
+  HWY_INLINE T size() const { return T(a_.outer_radius) + T(b_.outer_radius); }
+
+  /// What a candidate's bound has to be below, if a ball of `inner_radius` is to be added to it.
+  HWY_INLINE T limit(float inner_radius) const { return (best_ - T(inner_radius)) + Rounding<T>::reach * size(); }
+
+  HWY_INLINE T reach(Point<T> direction) const {
+    return (support<T>(a_, direction) + support<T>(b_, -rotate_inverse(rotation_, direction))) -
+           dot(direction, offset_);
+  }
+
+  /// Takes note of a unit direction; whether it separates.
+  HWY_INLINE bool separates(Point<T> direction, T value) {
+    if (value < best_) {
+      best_ = value;
+      direction_ = direction;
+    }
+    return value < T(0);
+  }
+
+  /// The deepest vertex of the one along a direction from a to b, in the axes of the other.
+  HWY_INLINE Point<T> deepest_of_a(Point<T> direction) const {
+    return rotate_inverse(rotation_, vertex_of<T>(a_, farthest_vertex<T>(a_, direction)) - offset_);
+  }
+  HWY_INLINE Point<T> deepest_of_b(Point<T> direction_in_b) const {
+    return vertex_of_b(farthest_vertex<T>(b_, -direction_in_b));
+  }
+
+  /// The first bounds of all faces; answers the face with the least.
+  static std::size_t bound_faces(const Polytope& own, Point<T> centre, float radius, Point<T> point, Bounds& out) {
+    const auto c = spread_out(d, centre), p = spread_out(d, point);
+    const auto r = hn::Set(d, T(radius));
+    for (std::size_t i = 0; i < own.faces; i += hn::Lanes(d)) {
+      const auto normal = read(d, own.normal[0] + i, own.normal[1] + i, own.normal[2] + i);
+      const auto offset = read(d, own.offset + i);
+      const auto of_centre = offset - dot_of(d, normal, c), of_point = offset - dot_of(d, normal, p);
+      hn::Store(of_centre, d, out.ball_centre + i);
+      hn::Store(of_point, d, out.point[0] + i);
+      hn::Store(hn::Max(of_centre + r, of_point), d, out.bound + i);
+    }
+    return least_of(out.bound, own.faces);
+  }
+
+  /// The faces whose bounds, and that of a second point, leave a chance.
+  void add_point(const Polytope& own, Point<T> point, Bounds& bounds, typename Bounds::Set chances) const {
+    T* const out = bounds.point[1];
+    const auto p = spread_out(d, point);
+    const auto most = hn::Set(d, limit(0));
+    collect(d, own.faces, chances, [&](std::size_t i) HWY_ATTR {
+      const auto normal = read(d, own.normal[0] + i, own.normal[1] + i, own.normal[2] + i);
+      const auto depth = read(d, own.offset + i) - dot_of(d, normal, p);
+      hn::Store(depth, d, out + i);
+      return hn::Lt(hn::Max(depth, hn::Load(d, bounds.bound + i)), most);
+    });
+  }
+
+  bool separated_by_faces() {
+    const Point<T> centre_of_a_in_b = rotate_inverse(rotation_, point_of<T>(a_.centre) - offset_);
+    const Point<T> in_a = vertex_of_b(start_.vertex_of_b);
+    const Point<T> in_b = rotate_inverse(rotation_, vertex_of_a(start_.vertex_of_a) - offset_);
+    const std::size_t of_a = bound_faces(a_, centre_of_b_, b_.inner_radius, in_a, bounds_of_a_);
+    const std::size_t of_b = bound_faces(b_, centre_of_a_in_b, a_.inner_radius, in_b, bounds_of_b_);
+    work_.pass<T>(a_.faces + b_.faces);
+    // The face that promises to reach least is often the one, and gives a good bound for all others.
+    const Point<T> normal_of_a = normal_of<T>(a_, of_a), normal_of_b = normal_of<T>(b_, of_b);
+    const Point<T> deepest_b = deepest_of_b(rotate_inverse(rotation_, normal_of_a));
+    const Point<T> way_of_b = -rotate(rotation_, normal_of_b);
+    const Point<T> deepest_a = deepest_of_a(way_of_b);
+    work_.directions += 2;
+    work_.pass<T>(a_.vertices + b_.vertices);
+    FaceChoice choice{best_};
+    choice.judge(of_a, T(a_.offset[of_a]) - dot(normal_of_a, deepest_b));
+    choice.judge(max_faces + of_b, T(b_.offset[of_b]) - dot(normal_of_b, deepest_a));
+    best_ = choice.least;
+    if (best_ < T(0)) {
+      take_direction(choice);
+      return true;
+    }
+
+    typename Bounds::Set chances_of_a, chances_of_b;
+    add_point(a_, deepest_b, bounds_of_a_, chances_of_a);
+    add_point(b_, deepest_a, bounds_of_b_, chances_of_b);
+    work_.pass<T>(a_.faces + b_.faces);
+    chances_of_a[of_a / 64] &= ~(std::uint64_t{1} << of_a % 64);
+    chances_of_b[of_b / 64] &= ~(std::uint64_t{1} << of_b % 64);
+    for_each_in(chances_of_a, a_.faces, [&](std::size_t face) HWY_ATTR {
+      const Point<T> normal = normal_of<T>(a_, face);
+      choice.judge(face,
+                   (T(a_.offset[face]) + support<T>(b_, -rotate_inverse(rotation_, normal))) - dot(normal, offset_));
+      ++work_.directions;
+      work_.pass<T>(b_.vertices);
+    });
+    for_each_in(chances_of_b, b_.faces, [&](std::size_t face) HWY_ATTR {
+      const Point<T> way = -rotate(rotation_, normal_of<T>(b_, face));
+      choice.judge(max_faces + face, (T(b_.offset[face]) + support<T>(a_, way)) - dot(way, offset_));
+      ++work_.directions;
+      work_.pass<T>(a_.vertices);
+    });
+    best_ = choice.least;
+    take_direction(choice);
+    return best_ < T(0);
+  }
+
+  /// The face of least reach: one of a, or of b from max_faces on. Without a branch on which it is.
+  struct FaceChoice {
+    static constexpr std::size_t none = ~std::size_t{0};
+    T least;
+    std::size_t face = none;
+
+    HWY_INLINE void judge(std::size_t of, T value) {
+      face = value < least ? of : face;
+      least = std::min(value, least);
+    }
+  };
+
+  HWY_INLINE void take_direction(const FaceChoice& choice) {
+    if (choice.face < max_faces) {
+      direction_ = normal_of<T>(a_, choice.face);
+    } else if (choice.face != FaceChoice::none) {
+      direction_ = -rotate(rotation_, normal_of<T>(b_, choice.face - max_faces));
+    }
+  }
+
+  /// The edges that no point and not the ball rule out, ascending. Along the arc between the normals of an edge's two
+  /// faces, reach is at least that of a point inside the other shape, which is nowhere less than at an end of the arc
+  /// if it is not negative there: so a point to which both faces are too far rules the edge out.
+  std::size_t list_edges(const Polytope& own, float other_radius, const Bounds& bounds, std::uint16_t* out) const {
+    alignas(64) std::uint8_t too_far[max_faces];  // for each face a bit for each point and the ball
+    const hn::RebindToSigned<Columns16<T>> ints;
+    const auto of_point = hn::Set(d, limit(0)), of_ball = hn::Set(d, std::max(limit(other_radius), T(0)));
+    const auto bit = [&](const T* distance, Lanes least, int k)
+                         HWY_ATTR { return bit_where(d, hn::Ge(hn::Load(d, distance), least), k); };
+    for (std::size_t i = 0; i < own.faces; i += hn::Lanes(d)) {
+      auto mask = bit(bounds.ball_centre + i, of_ball, 0);
+      mask = hn::Or(mask, bit(bounds.point[0] + i, of_point, 1));
+      mask = hn::Or(mask, bit(bounds.point[1] + i, of_point, 2));
+      store_bytes(ints, mask, too_far + i);
+    }
+    return list_edges_where(own, too_far, NoCommonBit(), std::uint16_t{0}, out);
+  }
+
+  /// Columns of the kept edges of b, in the axes of a: normals left and right, a point, the direction.
+  struct KeptEdges {
+    alignas(64) T value[12 * max_edges];
+    std::uint16_t index[max_edges + 4];
+    std::size_t count = 0, stride = 0;
+
+    T* column(std::size_t c) { return value + c * stride; }
+  };
+
+  static HWY_INLINE void put(T* to, std::size_t stride, const Point<T>& p) {
+    to[0] = p.x;
+    to[stride] = p.y;
+    to[2 * stride] = p.z;
+  }
+
+  void gather_edges(KeptEdges& kept) const {
+    kept.stride = geometry::padded(kept.count);
+    for (std::size_t i = 0; i < kept.count; ++i) {
+      const geometry::HullEdge& edge = b_.edge[kept.index[i]];
+      put(kept.column(0) + i, kept.stride, normal_of<T>(b_, edge.left));
+      put(kept.column(3) + i, kept.stride, normal_of<T>(b_, edge.right));
+      put(kept.column(6) + i, kept.stride, vertex_of<T>(b_, edge.from));
+      put(kept.column(9) + i, kept.stride, along_edge<T>(b_, kept.index[i]));
+    }
+    for (std::size_t i = 0; i < kept.count; i += hn::Lanes(d)) {
+      // Lanes past the end are computed and never looked at, but not with what was on the stack.
+      const auto real = hn::FirstN(d, kept.count - i);
+      for (std::size_t c = 0; c < 12; c += 3) {
+        const auto q = load(kept, c, i);
+        auto p = rotated(d, rotation_,
+                         Points<Columns16<T>>{hn::IfThenElseZero(real, q.x), hn::IfThenElseZero(real, q.y),
+                                              hn::IfThenElseZero(real, q.z)});
+        if (c == 6) {
+          const auto o = spread_out(d, offset_);
+          p = {p.x + o.x, p.y + o.y, p.z + o.z};
+        }
+        hn::Store(p.x, d, kept.column(c) + i);
+        hn::Store(p.y, d, kept.column(c + 1) + i);
+        hn::Store(p.z, d, kept.column(c + 2) + i);
+      }
+    }
+  }
+
+  static HWY_INLINE Points<Columns16<T>> load(KeptEdges& kept, std::size_t c, std::size_t i) {
+    return {hn::Load(d, kept.column(c) + i), hn::Load(d, kept.column(c + 1) + i), hn::Load(d, kept.column(c + 2) + i)};
+  }
+  static HWY_INLINE Point<T> at(KeptEdges& kept, std::size_t c, std::size_t i) {
+    return {kept.column(c)[i], kept.column(c + 1)[i], kept.column(c + 2)[i]};
+  }
+
+  bool separated_by_edges(bool recheck_all) {
+    std::uint16_t of_a[max_edges + 4];
+    const std::size_t count = list_edges(a_, b_.inner_radius, bounds_of_a_, of_a);
+    if (count == 0) return false;
+    KeptEdges of_b;
+    of_b.count = list_edges(b_, a_.inner_radius, bounds_of_b_, of_b.index);
+    if (of_b.count == 0) return false;
+    gather_edges(of_b);
+    for (std::size_t i = 0; i < count; ++i) {
+      work_.pass<T>(of_b.count);
+      if (edge_separates(of_a[i], of_b, recheck_all)) return true;
+    }
+    return false;
+  }
+
+  /// One edge of a against all kept edges of b.
+  bool edge_separates(std::size_t index, KeptEdges& of_b, bool recheck_all) {
+    const geometry::HullEdge& edge = a_.edge[index];
+    const Point<T> left = normal_of<T>(a_, edge.left), right = normal_of<T>(a_, edge.right);
+    const Point<T> from = vertex_of<T>(a_, edge.from), along = along_edge<T>(a_, index);
+    const auto left_a = spread_out(d, left), right_a = spread_out(d, right);
+    const auto from_a = spread_out(d, from), along_a = spread_out(d, along);
+    const auto miss = hn::Set(d, -Rounding<T>::miss);
+    // Against one limit for the whole row, so that what is judged does not depend on the width.
+    const T best = best_;
+    const auto best_squared = hn::Set(d, best * best);
+    std::uint16_t chosen[max_edges];
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < of_b.count; i += hn::Lanes(d)) {
+      const auto along_b = load(of_b, 9, i);
+      const auto p = dot_of(d, load(of_b, 0, i), along_a), q = dot_of(d, load(of_b, 3, i), along_a);
+      const auto r = dot_of(d, left_a, along_b), s = dot_of(d, right_a, along_b);
+      const auto forward = hn::Min(hn::Min(hn::Neg(p), q), hn::Min(hn::Neg(r), s));
+      const auto backward = hn::Min(hn::Min(p, hn::Neg(q)), hn::Min(r, hn::Neg(s)));
+      const auto crossing = hn::Gt(hn::Max(forward, backward), miss);
+      if (hn::AllFalse(d, crossing)) continue;
+      const Points<Columns16<T>> across{along_b.y * along_a.z - along_b.z * along_a.y,
+                                        along_b.z * along_a.x - along_b.x * along_a.z,
+                                        along_b.x * along_a.y - along_b.y * along_a.x};
+      const auto sine_squared = dot_of(d, across, across);
+      const auto height = dot_of(d, across, minus(d, from_a, load(of_b, 6, i)));
+      const auto value = hn::IfThenElse(hn::Ge(forward, backward), height, hn::Neg(height));
+      const auto better = hn::Lt(value * hn::Abs(value), best_squared * sine_squared);
+      const auto has_direction = hn::Gt(sine_squared, hn::Set(d, Rounding<T>::parallel_sine_squared));
+      std::uint32_t bits = bits_of(d, hn::And(hn::And(crossing, better), has_direction)) & first_bits(of_b.count - i);
+      for (; bits != 0; bits &= bits - 1) {
+        chosen[count++] = static_cast<std::uint16_t>(i + static_cast<std::size_t>(__builtin_ctz(bits)));
+      }
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      if (pair_separates(left, right, from, along, of_b, chosen[i], recheck_all)) return true;
+    }
+    return false;
+  }
+
+  bool pair_separates(Point<T> left, Point<T> right, Point<T> from, Point<T> along, KeptEdges& of_b, std::size_t other,
+                      bool recheck_all) {
+    ++work_.directions;
+    const Point<T> along_b = at(of_b, 9, other);
+    const T p = dot(at(of_b, 0, other), along), q = dot(at(of_b, 3, other), along);
+    const T r = dot(left, along_b), s = dot(right, along_b);
+    const T forward = std::min(std::min(-p, q), std::min(-r, s)), backward = std::min(std::min(p, -q), std::min(r, -s));
+    Point<T> across = cross(along_b, along);
+    if (forward < backward) across = -across;
+    const T sine_squared = dot(across, across);
+    const Point<T> direction = across * (T(1) / std::sqrt(sine_squared));
+    const T value = dot(direction, from - at(of_b, 6, other));
+    if (!(value < best_)) return false;
+    const bool sure = std::max(forward, backward) > Rounding<T>::sure && sine_squared > Rounding<T>::sure_sine_squared;
+    if (sure && value >= T(0) && !recheck_all) return separates(direction, value);
+    return separates(direction, reach(direction));
+  }
+
+  HWY_INLINE Point<T> vertex_of_a(std::size_t i) const { return vertex_of<T>(a_, i); }
+  HWY_INLINE Point<T> vertex_of_b(std::size_t i) const { return rotate(rotation_, vertex_of<T>(b_, i)) + offset_; }
+
+  /// By how much a contact's point may not lie outside of either.
+  HWY_INLINE T outside_tolerance() const { return T(2e-5) * T(std::min(a_.outer_radius, b_.outer_radius)); }
+
+  /// Depth and point along the best direction.
+  Overlap<T> measured() const {
+    const T inverse = T(1) / std::sqrt(dot(direction_, direction_));
+    const Point<T> normal = direction_ * inverse;
+    const T slack = Rounding<T>::height * size();
+    Feature<T> of_a, of_b;
+    find_feature<T>(a_, normal, slack, of_a);
+    find_feature<T>(b_, -rotate_inverse(rotation_, normal), slack, of_b);
+    const T depth = (of_a.height + of_b.height) - dot(normal, offset_);
+    Overlap<T> result{depth > T(0) ? depth : T(0), normal, {}};
+    const T height = of_a.height - depth * T(0.5);
+    if (of_b.count == 1) {
+      const Point<T> vertex = vertex_of_b(of_b.first());
+      result.point = vertex + normal * (depth * T(0.5));
+      if (outside(a_, vertex, outside_tolerance())) result.point = search_contact_point(normal, height, result.point);
+    } else if (of_a.count == 1) {
+      const Point<T> vertex = vertex_of_a(of_a.first());
+      result.point = vertex - normal * (depth * T(0.5));
+      if (outside(b_, rotate_inverse(rotation_, vertex - offset_), outside_tolerance()))
+        result.point = search_contact_point(normal, height, result.point);
+    } else {
+      result.point = shared_point(of_a, of_b, normal, height);
+      // Two edges that cross meet inside both, but for sizes so far apart that it is looked at in double.
+      const bool cross = sizeof(T) == 4 && of_a.count == 2 && of_b.count == 2 && !nearly_parallel(of_a, of_b);
+      if (!cross && distance_outside(result.point) > outside_tolerance()) {
+        result.point = search_contact_point(normal, height, result.point);
+      }
+    }
+    return result;
+  }
+
+  /// Whether two edges, each of two vertices, lie within a hundredth of parallel.
+  bool nearly_parallel(const Feature<T>& of_a, const Feature<T>& of_b) const {
+    const Point<T> p = vertex_of_a(of_a.last()) - vertex_of_a(of_a.first());
+    const Point<T> q = rotate(rotation_, vertex_of<T>(b_, of_b.last()) - vertex_of<T>(b_, of_b.first()));
+    const Point<T> across = cross(p, q);
+    return dot(across, across) < T(1e-4) * dot(p, p) * dot(q, q);
+  }
+
+  /// By how much a point lies outside of the one that it is farther out of.
+  T distance_outside(Point<T> point) const {
+    return std::max(distance_outside_polytope<T>(a_, point),
+                    distance_outside_polytope<T>(b_, rotate_inverse(rotation_, point - offset_)));
+  }
+
+  /// The point where what is deepest of the one lies beside the other: two sides are so nearly flat on each other, or
+  /// two edges so nearly parallel, that the rest of the edge or face, hardly less deep, is what meets. How much of it
+  /// is found by trying.
+  HWY_NOINLINE Point<T> search_contact_point(Point<T> normal, T height, Point<T> first) const {
+    Point<T> best = first;
+    T least = distance_outside(first);
+    for (T factor = 32; factor < T(1e5) && least > outside_tolerance(); factor *= 32) {
+      const T slack = factor * Rounding<T>::height * size();
+      Feature<T> of_a, of_b;
+      find_feature<T>(a_, normal, slack, of_a);
+      find_feature<T>(b_, -rotate_inverse(rotation_, normal), slack, of_b);
+      const Point<T> point = shared_point(of_a, of_b, normal, height);
+      const T out = distance_outside(point);
+      best = out < least ? point : best;
+      least = std::min(out, least);
+    }
+    return best;
+  }
+
+  HWY_NOINLINE Point<T> shared_point(const Feature<T>& of_a, const Feature<T>& of_b, Point<T> normal, T height) const {
+    FeaturePoints first, second;
+    const auto in_double = [](Point<T> p) { return Vec3d{double(p.x), double(p.y), double(p.z)}; };
+    for_each_in(of_a.vertices, a_.vertices, [&](std::size_t i) HWY_ATTR { first.add(in_double(vertex_of_a(i))); });
+    for_each_in(of_b.vertices, b_.vertices, [&](std::size_t i) HWY_ATTR { second.add(in_double(vertex_of_b(i))); });
+    const Vec3d p = common_point(first.get(), second.get(), in_double(normal));
+    const Point<T> met{static_cast<T>(p.x), static_cast<T>(p.y), static_cast<T>(p.z)};
+    return met + normal * (height - dot(normal, met));
+  }
+
+  const Polytope& a_;
+  const Polytope& b_;
+  const RotationMatrix<T> rotation_;
+  const Point<T> offset_;
+  Point<T> centre_of_b_;
+  const Start start_;
+  WorkCounts& work_;
+  Bounds bounds_of_a_, bounds_of_b_;  // of the faces of each, by points of the other
+  T best_ = 0;                        // the least reach found
+  Point<T> direction_{};              // along this direction, from a to b
+};
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+
+#include "geometry/vector.hpp"
+#include "narrow_phase/mesh/triangle.hpp"
+#include "narrow_phase/narrow_phase.hpp"
+
+namespace ringfence::narrow_phase {
+
+/// How another body lies in the axes of a mesh, and the way back: everything about meshes is worked out there, in
+/// double where it decides.
+struct MeshFrame {
+  geometry::RotationD mesh_rotation;  ///< from the mesh's axes to the world's
+  geometry::RotationD turn;           ///< from the other's axes to the mesh's
+  Vec3d position;                     ///< of the other, in the mesh's axes and about its origin
+
+  MeshFrame(const Pose& mesh, const Pose& other) noexcept
+      : mesh_rotation(geometry::rotation_exact(mesh.orientation)),
+        position(geometry::rotate_inverse(mesh_rotation, other.position - mesh.position)) {
+    const geometry::RotationD own = geometry::rotation_exact(other.orientation);
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        turn.m[i][j] = (mesh_rotation.m[0][i] * own.m[0][j] + mesh_rotation.m[1][i] * own.m[1][j]) +
+                       mesh_rotation.m[2][i] * own.m[2][j];
+      }
+    }
+  }
+
+  Vec3d to_mesh(Vec3d p) const noexcept { return position + geometry::rotate(turn, p); }
+
+  /// What is told of a push off the mesh and its place, both in the mesh's axes.
+  PairContact contact(std::uint32_t pair, const Penetration& penetration, Vec3d place, bool mesh_is_a) const noexcept {
+    const Vec3f n = to_float(geometry::rotate(mesh_rotation, mesh_is_a ? penetration.normal : -penetration.normal));
+    const Vec3f p = to_float(geometry::rotate(mesh_rotation, mesh_is_a ? place : place - position));
+    // Adding zero makes every zero positive, so that no bit depends on how it came about.
+    return {pair,
+            static_cast<float>(penetration.depth) + 0.0f,
+            {n.x + 0.0f, n.y + 0.0f, n.z + 0.0f},
+            {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f}};
+  }
+};
+
+}  // namespace ringfence::narrow_phase

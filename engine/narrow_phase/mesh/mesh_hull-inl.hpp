@@ -1,0 +1,198 @@
+// A convex hull among the triangles of a mesh: the exact push of one triangle, with the hull's features in lanes of
+// double. Included once for each Highway target.
+//
+// The faces of the Minkowski difference of a hull and a triangle are those of the hull, the two sides of the triangle,
+// and one for each pair of edges whose arcs of normals cross. A triangle's edge has half a great circle of normals,
+// about the edge itself, so the hull's edges that it meets are those that separate what faces along it from what faces
+// against it: its silhouette along the edge.
+
+#if defined(RINGFENCE_NARROW_PHASE_MESH_HULL_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_MESH_HULL_INL
+#undef RINGFENCE_NARROW_PHASE_MESH_HULL_INL
+#else
+#define RINGFENCE_NARROW_PHASE_MESH_HULL_INL
+#endif
+
+#include <limits>
+
+#include "geometry/hull.hpp"
+#include "narrow_phase/mesh/mesh_convex-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+struct HullInMesh {
+  static constexpr std::size_t most_corners = geometry::max_hull_vertices;
+  const geometry::Hull& hull;
+  Vec3d origin;
+  geometry::RotationD turn;
+  BoxInMesh around;
+
+  HullInMesh(const geometry::Hull& own_hull, Vec3d own_origin, const geometry::RotationD& own_rotation)
+      : hull(own_hull), origin(own_origin), turn(own_rotation) {
+    const FloatLanes f;
+    const float* const column[3] = {hull.x(), hull.y(), hull.z()};
+    double middle[3];
+    for (int k = 0; k < 3; ++k) {
+      auto low = hn::Load(f, column[k]), high = low;
+      for (std::size_t i = hn::Lanes(f); i < hull.vertex_count(); i += hn::Lanes(f)) {
+        low = hn::Min(low, hn::Load(f, column[k] + i));
+        high = hn::Max(high, hn::Load(f, column[k] + i));
+      }
+      const double from{hn::GetLane(hn::MinOfLanes(f, low))}, to{hn::GetLane(hn::MaxOfLanes(f, high))};
+      middle[k] = 0.5 * (from + to);
+      around.half[k] = 0.5 * (to - from);
+    }
+    around.centre = origin + geometry::rotate(turn, Vec3d{middle[0], middle[1], middle[2]});
+    around.turn = turn;
+  }
+
+  static HullInMesh of(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
+    return {shapes.hull(row.index_in_kind), frame.position, frame.turn};
+  }
+
+  template <class D>
+  HWY_INLINE hn::Mask<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
+    return around.boxes(d, in, floor);
+  }
+  template <class D>
+  HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
+    return around.triangles(d, in, floor);
+  }
+
+  Penetration penetration(const Triangle& triangle, double at_least) const {
+    Vec3d corner[3];
+    for (int i = 0; i < 3; ++i) corner[i] = geometry::rotate_inverse(turn, triangle.corner[i] - origin);
+    Best best;
+    if (!sides(corner, at_least, best) || !faces(corner, at_least, best) || !edges(corner, at_least, best)) return {};
+    // So far from the hull to the triangle.
+    return {best.depth, geometry::rotate(turn, -best.normal)};
+  }
+
+  std::size_t corners(const Penetration&, Vec3d* out) const {
+    for (std::size_t i = 0; i < hull.vertex_count(); ++i) {
+      out[i] = origin + geometry::rotate(turn, to_double(hull.vertex(i)));
+    }
+    return hull.vertex_count();
+  }
+  double rounding() const { return 0; }
+
+ private:
+  using Doubles = hn::CappedTag<double, 8>;
+  using Floats = hn::Rebind<float, Doubles>;
+
+  struct Best {
+    double depth = std::numeric_limits<double>::infinity();
+    Vec3d normal;  ///< in the axes of the hull, from it to the triangle
+
+    bool take(double value, Vec3d unit, double at_least) {
+      if (value < depth) depth = value, normal = unit;
+      return depth >= at_least;
+    }
+  };
+
+  static HWY_INLINE hn::Vec<Doubles> read(const float* column) {
+    const Floats f;
+    return hn::PromoteTo(Doubles(), hn::Load(f, column));
+  }
+  static HWY_INLINE Vector<Doubles> spread(Vec3d p) {
+    return {hn::Set(Doubles(), p.x), hn::Set(Doubles(), p.y), hn::Set(Doubles(), p.z)};
+  }
+
+  /// The triangle's own two sides.
+  bool sides(const Vec3d corner[3], double at_least, Best& best) const {
+    const Doubles d;
+    const Vec3d across = ringfence::cross(corner[1] - corner[0], corner[2] - corner[0]);
+    const Vec3d normal = across * (1 / length(across));
+    const double at_plane = ringfence::dot(normal, corner[0]);
+    const Vector<Doubles> n = spread(normal);
+    auto low = hn::Set(d, std::numeric_limits<double>::infinity()), high = hn::Neg(low);
+    for (std::size_t i = 0; i < hull.vertex_count(); i += hn::Lanes(d)) {
+      const auto reach = dot(d, n, Vector<Doubles>{read(hull.x() + i), read(hull.y() + i), read(hull.z() + i)});
+      low = hn::Min(low, reach);
+      high = hn::Max(high, reach);
+    }
+    return best.take(hn::GetLane(hn::MaxOfLanes(d, high)) - at_plane, normal, at_least) &&
+           best.take(at_plane - hn::GetLane(hn::MinOfLanes(d, low)), -normal, at_least);
+  }
+
+  bool faces(const Vec3d corner[3], double at_least, Best& best) const {
+    const Doubles d;
+    const Vector<Doubles> p = spread(corner[0]), q = spread(corner[1]), r = spread(corner[2]);
+    alignas(64) double depth[8];
+    for (std::size_t i = 0; i < hull.face_count(); i += hn::Lanes(d)) {
+      const Vector<Doubles> n{read(hull.normal_x() + i), read(hull.normal_y() + i), read(hull.normal_z() + i)};
+      const auto lowest = hn::Min(dot(d, n, p), hn::Min(dot(d, n, q), dot(d, n, r)));
+      const auto value = read(hull.offset() + i) - lowest;
+      if (hn::AllFalse(d, value < hn::Set(d, best.depth))) continue;
+      hn::Store(value, d, depth);
+      for (std::size_t lane = 0; lane < hn::Lanes(d) && i + lane < hull.face_count(); ++lane) {
+        if (!best.take(depth[lane], to_double(hull.normal(i + lane)), at_least)) return false;
+      }
+    }
+    return true;
+  }
+
+  bool edges(const Vec3d corner[3], double at_least, Best& best) const {
+    for (int k = 0; k < 3; ++k) {
+      if (!edges_across(corner[k], corner[next_of(k)] - corner[k], corner[next_of(next_of(k))], at_least, best)) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  /// The hull's edges whose arcs cross that of the triangle's edge from `from` along `edge`.
+  bool edges_across(Vec3d from, Vec3d edge, Vec3d opposite, double at_least, Best& best) const {
+    const Doubles d;
+    using geometry::EdgeColumn;
+    const double edge_length = length(edge);
+    const Vector<Doubles> e = spread(edge * (1 / edge_length)), p = spread(from), q = spread(opposite);
+    const auto vector = [&](EdgeColumn x, EdgeColumn y, EdgeColumn z, std::size_t i) {
+      return Vector<Doubles>{read(hull.edge_column(x) + i), read(hull.edge_column(y) + i),
+                             read(hull.edge_column(z) + i)};
+    };
+    // Normals of faces are rounded to float: arcs that just miss are tried too, and their reach is hardly too small.
+    const auto miss = hn::Set(d, 3e-7);
+    alignas(64) double reach_of[8], squared_of[8], axis_of[3][8];
+    for (std::size_t i = 0; i < hull.edge_count(); i += hn::Lanes(d)) {
+      const Vector<Doubles> left = vector(EdgeColumn::left_x, EdgeColumn::left_y, EdgeColumn::left_z, i);
+      const Vector<Doubles> right = vector(EdgeColumn::right_x, EdgeColumn::right_y, EdgeColumn::right_z, i);
+      const auto to_left = dot(d, e, left), to_right = dot(d, e, right);
+      auto chance = hn::And(hn::Min(to_left, to_right) < miss, hn::Max(to_left, to_right) > hn::Neg(miss));
+      if (hn::AllFalse(d, chance)) continue;
+      const Vector<Doubles> along = vector(EdgeColumn::along_x, EdgeColumn::along_y, EdgeColumn::along_z, i);
+      const Vector<Doubles> start = vector(EdgeColumn::from_x, EdgeColumn::from_y, EdgeColumn::from_z, i);
+      Vector<Doubles> axis = cross(d, e, along);
+      const auto inwards = dot(d, axis, add(d, left, right)) < hn::Zero(d);
+      axis = choose(d, inwards, negate(d, axis), axis);
+      const auto squared = dot(d, axis, axis);
+      const auto lowest = hn::Min(dot(d, axis, p), dot(d, axis, q));
+      const auto reach = dot(d, axis, start) - lowest;
+      // Directions of edges are floats too: nearer to parallel than this they have none across.
+      chance = hn::And(chance, squared > hn::Set(d, 1e-10));
+      const auto known = hn::Set(d, best.depth * std::abs(best.depth));
+      chance = hn::And(chance, reach * hn::Abs(reach) < known * squared);
+      std::uint8_t bits[8] = {};
+      hn::StoreMaskBits(d, chance, bits);
+      if (bits[0] == 0) continue;
+      hn::Store(reach, d, reach_of);
+      hn::Store(squared, d, squared_of);
+      hn::Store(axis.x, d, axis_of[0]);
+      hn::Store(axis.y, d, axis_of[1]);
+      hn::Store(axis.z, d, axis_of[2]);
+      for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
+        if ((bits[0] >> lane & 1) == 0 || i + lane >= hull.edge_count()) continue;
+        const double inverse = 1 / std::sqrt(squared_of[lane]);
+        const Vec3d normal{axis_of[0][lane] * inverse, axis_of[1][lane] * inverse, axis_of[2][lane] * inverse};
+        if (!best.take(reach_of[lane] * inverse, normal, at_least)) return false;
+      }
+    }
+    return true;
+  }
+};
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

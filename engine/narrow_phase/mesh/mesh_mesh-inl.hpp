@@ -1,0 +1,249 @@
+// Two mesh trees at once: sixteen pairs of boxes, or of triangles, to a step. Included once for each Highway target.
+//
+// All boxes of a mesh share its axes, so all pairs share one rotation and what is made of it: each pair is one of
+// oriented boxes (Gottschalk, Lin and Manocha, "OBBTree", 1996) at the price of a few products. A step takes the four
+// children of a node of each tree, lane 4 i + j is child i of the one and j of the other. As for convex shapes, lanes
+// only rule out, and what is left is judged in double (mesh_walk-inl.hpp).
+
+#if defined(RINGFENCE_NARROW_PHASE_MESH_MESH_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_MESH_MESH_INL
+#undef RINGFENCE_NARROW_PHASE_MESH_MESH_INL
+#else
+#define RINGFENCE_NARROW_PHASE_MESH_MESH_INL
+#endif
+
+#include "narrow_phase/mesh/mesh_convex-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+class MeshPairWalk {
+ public:
+  /// `frame` places the second in the axes of the first.
+  MeshPairWalk(const geometry::MeshTree& first, const geometry::MeshTree& second, const MeshFrame& frame, double margin)
+      : first_(first), second_(second), frame_(frame), deepest_(margin) {
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        rotation_.m[i][j] = at(d, frame.turn.m[i][j]);
+        spread_.m[i][j] = hn::Abs(rotation_.m[i][j]);
+      }
+    }
+    offset_ = spread_out(d, frame.position);
+  }
+
+  /// Whether anything touches; then deepest() and the two triangles say what and where.
+  bool run() {
+    open_[count_++] = {first_.root(), second_.root(), 1e30f};
+    while (count_ > 0) {
+      const Open next = open_[--count_];
+      if (next.bound < deepest_.floor()) continue;
+      if (next.p.level == 0 && next.q.level == 0) {
+        test_leaves(first_.leaf(next.p.index), second_.leaf(next.q.index));
+      } else {
+        open_children(next);
+      }
+    }
+    return deepest_.found();
+  }
+
+  const Deepest& deepest() const { return deepest_; }
+  const Triangle& triangle() const { return triangle_; }
+  /// In the axes of the first.
+  const Triangle& other_triangle() const { return other_triangle_; }
+  const WalkCounts& work() const { return work_; }
+
+ private:
+  static constexpr FloatLanes d{};
+  using Lanes = hn::Vec<FloatLanes>;
+
+  struct Open {
+    geometry::TreeNode p, q;
+    float bound;
+  };
+
+  /// From `lane` on: lane 4 i + j has column[i].
+  static HWY_INLINE Lanes by_row(const float* column, std::size_t lane) {
+#if HWY_TARGET == HWY_SCALAR
+    return hn::Set(d, column[lane / 4]);
+#else
+    alignas(64) static constexpr std::uint8_t bytes[64] = {
+        0, 1, 2,  3,  0,  1,  2,  3,  0,  1,  2,  3,  0,  1,  2,  3,  4,  5,  6,  7, 4,  5,
+        6, 7, 4,  5,  6,  7,  4,  5,  6,  7,  8,  9,  10, 11, 8,  9,  10, 11, 8,  9, 10, 11,
+        8, 9, 10, 11, 12, 13, 14, 15, 12, 13, 14, 15, 12, 13, 14, 15, 12, 13, 14, 15};
+    const hn::Repartition<std::uint8_t, FloatLanes> b;
+    const auto column4 = hn::BitCast(b, hn::LoadDup128(d, column));
+    return hn::BitCast(d, hn::TableLookupBytes(column4, hn::Load(b, bytes + 4 * lane)));
+#endif
+  }
+  /// From `lane` on: lane 4 i + j has column[j].
+  static HWY_INLINE Lanes by_column(const float* column, [[maybe_unused]] std::size_t lane) {
+#if HWY_TARGET == HWY_SCALAR
+    return hn::Set(d, column[lane % 4]);
+#else
+    return hn::LoadDup128(d, column);
+#endif
+  }
+
+  static HWY_INLINE Vector<FloatLanes> by_row(const float (*columns)[4], std::size_t lane) {
+    return {by_row(columns[0], lane), by_row(columns[1], lane), by_row(columns[2], lane)};
+  }
+  static HWY_INLINE Vector<FloatLanes> by_column(const float (*columns)[4], std::size_t lane) {
+    return {by_column(columns[0], lane), by_column(columns[1], lane), by_column(columns[2], lane)};
+  }
+
+  static float size_of(const geometry::MeshTree& tree, geometry::TreeNode node) {
+    const geometry::BoxGroup& group = tree.boxes_with(node);
+    const std::size_t lane = node.index % 4;
+    return group.half[0][lane] + group.half[1][lane] + group.half[2][lane];
+  }
+
+  /// Opens both nodes; or the one only, where the other is a leaf or less than half as large. Then the other stands
+  /// among its siblings, in its row or column.
+  void open_children(const Open& pair) {
+    const float size_p = size_of(first_, pair.p), size_q = size_of(second_, pair.q);
+    const bool keep_p = pair.p.level == 0 || (pair.q.level > 0 && size_q > 2 * size_p);
+    const bool keep_q = pair.q.level == 0 || (pair.p.level > 0 && size_p > 2 * size_q);
+    const std::uint32_t level_p = pair.p.level - (keep_p ? 0 : 1), level_q = pair.q.level - (keep_q ? 0 : 1);
+    const std::uint32_t group_p = keep_p ? pair.p.index / 4 : pair.p.index;
+    const std::uint32_t group_q = keep_q ? pair.q.index / 4 : pair.q.index;
+    work_.pass(group_size,
+               (keep_p ? 1 : nodes_of(first_, level_p, group_p)) * (keep_q ? 1 : nodes_of(second_, level_q, group_q)));
+    ++work_.judged;
+    alignas(64) float overlap[group_size];
+    std::uint32_t bits = test_boxes(first_.boxes(level_p, group_p), second_.boxes(level_q, group_q), overlap);
+    if (keep_p) bits &= 0xfu << 4 * (pair.p.index % 4);
+    if (keep_q) bits &= 0x1111u << pair.q.index % 4;
+    for (; bits != 0; bits &= bits - 1) {
+      const auto lane = static_cast<std::uint32_t>(__builtin_ctz(bits));
+      assert(count_ < std::size(open_));
+      open_[count_++] = {{level_p, group_p * 4 + lane / 4}, {level_q, group_q * 4 + lane % 4}, overlap[lane]};
+    }
+  }
+
+  /// The least overlap of each pair along the axes of the two meshes: no two primitives within overlap deeper.
+  std::uint32_t test_boxes(const geometry::BoxGroup& p, const geometry::BoxGroup& q, float* overlap) const {
+    std::uint32_t bits = 0;
+    for (std::size_t lane = 0; lane < group_size; lane += hn::Lanes(d)) {
+      const Vector<FloatLanes> centre_q = add(d, rotate(d, rotation_, by_column(q.centre, lane)), offset_);
+      const Vector<FloatLanes> half_q = by_column(q.half, lane);
+      const Vector<FloatLanes> spread_q = rotate(d, spread_, half_q);
+      const Vector<FloatLanes> half_p = by_row(p.half, lane);
+      const Vector<FloatLanes> apart = subtract(d, centre_q, by_row(p.centre, lane));
+      const Vector<FloatLanes> of_p = subtract(d, add(d, half_p, spread_q), absolute(apart));
+      const Vector<FloatLanes> of_q =
+          subtract(d, add(d, half_q, unrotate(d, spread_, half_p)), absolute(unrotate(d, rotation_, apart)));
+      const auto least = hn::Min(hn::Min(hn::Min(of_p.x, of_p.y), hn::Min(of_p.z, of_q.x)), hn::Min(of_q.y, of_q.z));
+      hn::Store(least, d, overlap + lane);
+      bits |= bits_of_mask(d, least >= hn::Set(d, deepest_.floor())) << lane;
+    }
+    return bits;
+  }
+
+  static HWY_INLINE Vector<FloatLanes> absolute(const Vector<FloatLanes>& v) {
+    return {hn::Abs(v.x), hn::Abs(v.y), hn::Abs(v.z)};
+  }
+
+  void test_leaves(const geometry::TriangleGroup& p, const geometry::TriangleGroup& q) {
+    const std::size_t in_p = triangles_of(p), in_q = triangles_of(q);
+    work_.pass(group_size, in_p * in_q);
+    ++work_.judged;
+    alignas(64) float overlap[group_size];
+    std::uint32_t bits = 0;
+    for (std::size_t lane = 0; lane < group_size; lane += hn::Lanes(d)) {
+      // The second's triangles in the axes of the first.
+      Vector<FloatLanes> corner_p[3], corner_q[3];
+      for (int c = 0; c < 3; ++c) {
+        corner_p[c] = by_row(p.corner[c], lane);
+        corner_q[c] = add(d, rotate(d, rotation_, by_column(q.corner[c], lane)), offset_);
+      }
+      const Vector<FloatLanes> normal_p = by_row(p.normal, lane);
+      const Vector<FloatLanes> normal_q = rotate(d, rotation_, by_column(q.normal, lane));
+      bits |= test_triangles(corner_p, normal_p, corner_q, normal_q, overlap + lane) << lane;
+    }
+    // Rows and columns that repeat the last triangle are left out.
+    bits &= ((1u << in_q) - 1) * (0x1111u & ((1u << 4 * in_p) - 1));
+    while (bits != 0) {
+      // The likeliest first: it may rule out the others.
+      auto best = static_cast<std::uint32_t>(__builtin_ctz(bits));
+      for (std::uint32_t rest = bits & (bits - 1); rest != 0; rest &= rest - 1) {
+        const auto lane = static_cast<std::uint32_t>(__builtin_ctz(rest));
+        if (overlap[lane] > overlap[best]) best = lane;
+      }
+      bits &= ~(1u << best);
+      if (overlap[best] < deepest_.floor()) return;
+      judge(p, best / 4, q, best % 4);
+    }
+  }
+
+  void judge(const geometry::TriangleGroup& p, std::size_t lane_p, const geometry::TriangleGroup& q,
+             std::size_t lane_q) {
+    ++work_.judged;
+    const Triangle triangle = triangle_of(p, lane_p);
+    Triangle other = triangle_of(q, lane_q);
+    for (Vec3d& corner : other.corner) corner = frame_.to_mesh(corner);
+    const Penetration penetration = triangle_penetration(triangle, other, deepest_.at_least());
+    if (deepest_.take(penetration, std::uint64_t{p.index[lane_p]} << 32 | q.index[lane_q])) {
+      triangle_ = triangle;
+      other_triangle_ = other;
+    }
+  }
+
+  /// The separating-axis test of triangles out of plane, by the two normals and the nine products of edges.
+  HWY_INLINE std::uint32_t test_triangles(const Vector<FloatLanes>* p, const Vector<FloatLanes>& normal_p,
+                                          const Vector<FloatLanes>* q, const Vector<FloatLanes>& normal_q,
+                                          float* overlap) const {
+    const float floor = deepest_.floor();
+    const auto zero = hn::Zero(d);
+    Vector<FloatLanes> to_q[3], to_p[3];
+    for (int i = 0; i < 3; ++i) to_q[i] = subtract(d, q[i], p[0]);
+    const auto height_q =
+        Span<FloatLanes>::of(dot(d, normal_p, to_q[0]), dot(d, normal_p, to_q[1]), dot(d, normal_p, to_q[2]));
+    for (int i = 0; i < 3; ++i) to_p[i] = subtract(d, p[i], q[0]);
+    const auto height_p =
+        Span<FloatLanes>::of(dot(d, normal_q, to_p[0]), dot(d, normal_q, to_p[1]), dot(d, normal_q, to_p[2]));
+    const auto least = hn::Min(height_q.overlap(zero), height_p.overlap(zero));
+    hn::Store(least, d, overlap);
+    auto alive = least >= hn::Set(d, floor);
+    if (hn::AllFalse(d, alive)) return 0;
+
+    Vector<FloatLanes> edge_p[3], edge_q[3];
+    Lanes squared_p[3], squared_q[3];
+    for (int i = 0; i < 3; ++i) {
+      edge_p[i] = subtract(d, p[next_of(i)], p[i]);
+      edge_q[i] = subtract(d, q[next_of(i)], q[i]);
+      // Nearer to parallel than a tenth, an axis is too rough to rule anything out.
+      squared_p[i] = dot(d, edge_p[i], edge_p[i]) * hn::Set(d, 0.01f);
+      squared_q[i] = dot(d, edge_q[i], edge_q[i]);
+    }
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        const Vector<FloatLanes> axis = cross(d, edge_p[i], edge_q[j]);
+        // All but the corner across from each edge lie at its height; about p[i].
+        const auto q_edge = dot(d, axis, subtract(d, q[j], p[i]));
+        const auto q_opposite = q_edge + dot(d, axis, subtract(d, q[next_of(next_of(j))], q[j]));
+        const auto p_opposite = dot(d, axis, subtract(d, p[next_of(next_of(i))], p[i]));
+        const auto span_p = Span<FloatLanes>::of(zero, p_opposite), span_q = Span<FloatLanes>::of(q_edge, q_opposite);
+        const auto shared = hn::Min(span_p.high - span_q.low, span_q.high - span_p.low);
+        const auto squared = dot(d, axis, axis);
+        alive = hn::And(alive, hn::Or(reaches(d, shared, squared, floor), squared < squared_p[i] * squared_q[j]));
+      }
+    }
+    return bits_of_mask(d, alive);
+  }
+
+  const geometry::MeshTree& first_;
+  const geometry::MeshTree& second_;
+  const MeshFrame& frame_;
+  Rotation<FloatLanes> rotation_, spread_;
+  Vector<FloatLanes> offset_;
+  Deepest deepest_;
+  WalkCounts work_;
+  Triangle triangle_, other_triangle_;
+  Open open_[15 * 2 * geometry::max_tree_levels + 16];
+  std::size_t count_ = 0;
+};
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,187 @@
+// Vectors, rotations and clamps on lanes: each lane is one pair. Included once for each Highway target.
+//
+// Every function is a fixed sequence of IEEE operations on each lane alone, so the bits do not depend on the width.
+// No fused multiply-add, no approximate reciprocal; `Min` and `Max` only where the sign of a zero and NaN do not
+// matter, because targets differ in those.
+
+#if defined(RINGFENCE_NARROW_PHASE_LANES_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_LANES_INL
+#undef RINGFENCE_NARROW_PHASE_LANES_INL
+#else
+#define RINGFENCE_NARROW_PHASE_LANES_INL
+#endif
+
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+template <class D>
+using Scalar = hn::TFromD<D>;
+
+template <class D>
+struct Vector {
+  hn::Vec<D> x, y, z;
+};
+
+template <class D>
+struct Quaternion {
+  hn::Vec<D> x, y, z, w;
+};
+
+/// A rotation matrix: m[row][column].
+template <class D>
+struct Rotation {
+  hn::Vec<D> m[3][3];
+};
+
+template <class D>
+HWY_INLINE Vector<D> add(D, const Vector<D>& p, const Vector<D>& q) {
+  return {p.x + q.x, p.y + q.y, p.z + q.z};
+}
+
+template <class D>
+HWY_INLINE Vector<D> subtract(D, const Vector<D>& p, const Vector<D>& q) {
+  return {p.x - q.x, p.y - q.y, p.z - q.z};
+}
+
+template <class D>
+HWY_INLINE Vector<D> scale(D, const Vector<D>& p, hn::Vec<D> s) {
+  return {p.x * s, p.y * s, p.z * s};
+}
+
+template <class D>
+HWY_INLINE Vector<D> negate(D, const Vector<D>& p) {
+  return {hn::Neg(p.x), hn::Neg(p.y), hn::Neg(p.z)};
+}
+
+template <class D>
+HWY_INLINE hn::Vec<D> dot(D, const Vector<D>& p, const Vector<D>& q) {
+  return p.x * q.x + p.y * q.y + p.z * q.z;
+}
+
+template <class D>
+HWY_INLINE Vector<D> cross(D, const Vector<D>& p, const Vector<D>& q) {
+  return {p.y * q.z - p.z * q.y, p.z * q.x - p.x * q.z, p.x * q.y - p.y * q.x};
+}
+
+template <class D>
+HWY_INLINE Vector<D> choose(D, hn::Mask<D> mask, const Vector<D>& yes, const Vector<D>& no) {
+  return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y), hn::IfThenElse(mask, yes.z, no.z)};
+}
+
+/// `v` limited to [-limit, limit]; limit >= 0.
+template <class D>
+HWY_INLINE hn::Vec<D> limited(D, hn::Vec<D> v, hn::Vec<D> limit) {
+  return hn::Max(hn::Min(v, limit), hn::Neg(limit));
+}
+
+/// By how much `v` lies outside [-limit, limit], with sign; exactly zero inside.
+template <class D>
+HWY_INLINE hn::Vec<D> excess(D d, hn::Vec<D> v, hn::Vec<D> limit) {
+  return v - limited(d, v, limit);
+}
+
+/// 1 with the sign of `v`; the sign of a zero counts.
+template <class D>
+HWY_INLINE hn::Vec<D> sign_of(D d, hn::Vec<D> v) {
+  return hn::CopySignToAbs(hn::Set(d, Scalar<D>{1}), v);
+}
+
+/// What the products of a quaternion are multiplied with to make a rotation of them. In double the quaternion's own
+/// rounding to float would show, so it is divided out; in float it is of the size of every other rounding.
+template <class D>
+HWY_INLINE hn::Vec<D> product_scale(D d, const Quaternion<D>& q) {
+  const auto two = hn::Set(d, Scalar<D>{2});
+  if constexpr (sizeof(Scalar<D>) == 8) {
+    return two / (q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+  } else {
+    return two;
+  }
+}
+
+template <class D>
+HWY_INLINE Rotation<D> rotation(D d, const Quaternion<D>& q) {
+  const auto s = product_scale(d, q);
+  const auto x2 = q.x * s, y2 = q.y * s, z2 = q.z * s;
+  const auto xx = q.x * x2, yy = q.y * y2, zz = q.z * z2;
+  const auto xy = q.x * y2, xz = q.x * z2, yz = q.y * z2;
+  const auto wx = q.w * x2, wy = q.w * y2, wz = q.w * z2;
+  const auto one = hn::Set(d, Scalar<D>{1});
+  return {{{one - yy - zz, xy - wz, xz + wy}, {xy + wz, one - xx - zz, yz - wx}, {xz - wy, yz + wx, one - xx - yy}}};
+}
+
+/// The third column of the rotation: where a capsule's axis points.
+template <class D>
+HWY_INLINE Vector<D> z_axis(D d, const Quaternion<D>& q) {
+  const auto s = product_scale(d, q);
+  const auto x2 = q.x * s, y2 = q.y * s, z2 = q.z * s;
+  return {q.x * z2 + q.w * y2, q.y * z2 - q.w * x2, hn::Set(d, Scalar<D>{1}) - q.x * x2 - q.y * y2};
+}
+
+template <class D>
+HWY_INLINE Vector<D> column(const Rotation<D>& r, int c) {
+  return {r.m[0][c], r.m[1][c], r.m[2][c]};
+}
+
+/// From the rotated frame to the outer one.
+template <class D>
+HWY_INLINE Vector<D> rotate(D, const Rotation<D>& r, const Vector<D>& v) {
+  return {r.m[0][0] * v.x + r.m[0][1] * v.y + r.m[0][2] * v.z, r.m[1][0] * v.x + r.m[1][1] * v.y + r.m[1][2] * v.z,
+          r.m[2][0] * v.x + r.m[2][1] * v.y + r.m[2][2] * v.z};
+}
+
+/// From the outer frame to the rotated one.
+template <class D>
+HWY_INLINE Vector<D> unrotate(D, const Rotation<D>& r, const Vector<D>& v) {
+  return {r.m[0][0] * v.x + r.m[1][0] * v.y + r.m[2][0] * v.z, r.m[0][1] * v.x + r.m[1][1] * v.y + r.m[2][1] * v.z,
+          r.m[0][2] * v.x + r.m[1][2] * v.y + r.m[2][2] * v.z};
+}
+
+/// Some vector at right angles to the unit vector `u`, between 0.6 and 1 long.
+template <class D>
+HWY_INLINE Vector<D> perpendicular(D d, const Vector<D>& u) {
+  const auto zero = hn::Zero(d);
+  const auto flat = hn::Abs(u.z) < hn::Set(d, Scalar<D>(0.75));
+  return choose(d, flat, Vector<D>{u.y, zero - u.x, zero}, Vector<D>{zero, u.z, zero - u.y});
+}
+
+/// Squares of lengths below this are taken for zero: far under any rounding of sizes of at least a millimetre.
+template <class D>
+HWY_INLINE hn::Vec<D> no_length(D d) {
+  return hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-60) : Scalar<D>(1e-30));
+}
+
+/// What a kernel finds for each lane, from the first body to the second.
+template <class D>
+struct LaneContacts {
+  hn::Mask<D> hit;
+  hn::Vec<D> depth;
+  Vector<D> normal;  ///< unit, from first to second, world axes
+  Vector<D> point;   ///< relative to the first's position, world axes
+};
+
+/// The contact of two rounded cores whose nearest points are known.
+///
+/// `gap` leads from the first core's nearest point to the second's; `direction_if_none`, of any length, is that of the
+/// normal where the cores meet. For flat or thin cores (points, segments, parallelograms of two segments) this is the
+/// exact least depth.
+template <class D>
+HWY_INLINE LaneContacts<D> rounded_contact(D d, const Vector<D>& gap, hn::Vec<D> first_radius, hn::Vec<D> second_radius,
+                                           const Vector<D>& first_nearest, const Vector<D>& direction_if_none) {
+  const auto squared = dot(d, gap, gap);
+  const auto meet = squared < no_length(d);
+  const Vector<D> along = choose(d, meet, direction_if_none, gap);
+  const auto length = hn::Sqrt(hn::IfThenElse(meet, dot(d, direction_if_none, direction_if_none), squared));
+  const Vector<D> normal = scale(d, along, hn::Set(d, Scalar<D>{1}) / length);
+  const auto depth = first_radius + second_radius - hn::IfThenZeroElse(meet, length);
+  const auto to_middle = first_radius - depth * hn::Set(d, Scalar<D>(0.5));
+  return {depth >= hn::Zero(d), depth, normal, add(d, first_nearest, scale(d, normal, to_middle))};
+}
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif

@@ -1,0 +1,312 @@
+#include "narrow_phase/support/support_shape.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <ccd/ccd.h>
+
+#include "geometry/vector.hpp"
+#include "narrow_phase/hull/feature_points.hpp"
+#include "narrow_phase/kernel.hpp"
+#include "narrow_phase/support/cutting_planes.hpp"
+
+// A shape that only its support function describes, against any convex shape or triangle, by libccd's GJK and expanding
+// polytope in double. What libccd finds is a direction; the depth is worked out anew along it from the two supports, so
+// it is never less than what separates the two along the normal that is reported.
+
+namespace ringfence::narrow_phase {
+namespace {
+
+/// A placed convex shape, about the first body's position; of kind mesh, a triangle in the axes of its mesh.
+struct Convex {
+  const geometry::ShapeRow* row;
+  const geometry::Hull* hull = nullptr;
+  const SupportFunction* function = nullptr;
+  geometry::RotationD turn;
+  Vec3d position;
+  const Triangle* triangle = nullptr;
+
+  Vec3d local_support(Vec3d d) const {
+    const double x = double{row->size[0]}, y = double{row->size[1]}, z = double{row->size[2]};
+    const double norm = length(d);
+    switch (row->kind) {
+      case ShapeKind::sphere:
+        return d * (x / norm);
+      case ShapeKind::box:
+        return {std::copysign(x, d.x), std::copysign(y, d.y), std::copysign(z, d.z)};
+      case ShapeKind::capsule:
+        return Vec3d{0, 0, std::copysign(y, d.z)} + d * (x / norm);
+      case ShapeKind::hull:
+        return farthest_vertex(d);
+      case ShapeKind::mesh:
+        return farthest_corner(d);
+      default:
+        return to_double(function->support(to_float(d * (1 / norm))));
+    }
+  }
+
+  Vec3d farthest_vertex(Vec3d d) const {
+    std::size_t best = 0;
+    double most = dot(d, to_double(hull->vertex(0)));
+    for (std::size_t i = 1; i < hull->vertex_count(); ++i) {
+      const double value = dot(d, to_double(hull->vertex(i)));
+      if (value > most) most = value, best = i;
+    }
+    return to_double(hull->vertex(best));
+  }
+
+  Vec3d farthest_corner(Vec3d d) const {
+    const auto& corner = triangle->corner;
+    const double p = dot(d, corner[0]), q = dot(d, corner[1]), r = dot(d, corner[2]);
+    return p >= q && p >= r ? corner[0] : q >= r ? corner[1] : corner[2];
+  }
+
+  Vec3d support(Vec3d d) const { return rotate(turn, local_support(rotate_inverse(turn, d))) + position; }
+
+  Vec3d centre() const {
+    const Vec3d local = hull != nullptr       ? to_double(hull->centroid())
+                        : function != nullptr ? to_double(function->centre())
+                        : triangle != nullptr
+                            ? (triangle->corner[0] + triangle->corner[1] + triangle->corner[2]) * (1.0 / 3)
+                            : Vec3d{};
+    return rotate(turn, local) + position;
+  }
+};
+
+Convex place(const geometry::ShapeTable& shapes, const Body& body, Vec3d position) {
+  const geometry::ShapeRow& row = shapes.row(body.shape);
+  Convex convex{&row, nullptr, nullptr, geometry::rotation_exact(body.pose.orientation), position};
+  if (row.kind == ShapeKind::hull) convex.hull = &shapes.hull(row.index_in_kind);
+  if (row.kind == ShapeKind::support) convex.function = &shapes.support(row.index_in_kind);
+  return convex;
+}
+
+void ccd_support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {
+  const Vec3d p = static_cast<const Convex*>(object)->support({direction->v[0], direction->v[1], direction->v[2]});
+  ccdVec3Set(out, p.x, p.y, p.z);
+}
+
+void ccd_centre(const void* object, ccd_vec3_t* out) {
+  const Vec3d p = static_cast<const Convex*>(object)->centre();
+  ccdVec3Set(out, p.x, p.y, p.z);
+}
+
+/// Support of a along `n` plus that of b against it: how far b must move along `n`.
+double reach(const Convex& a, const Convex& b, Vec3d n) { return dot(n, a.support(n)) - dot(n, b.support(-n)); }
+
+bool finite_direction(const ccd_vec3_t& d) {
+  const double squared = d.v[0] * d.v[0] + d.v[1] * d.v[1] + d.v[2] * d.v[2];
+  return std::isfinite(squared) && squared > 1e-12;
+}
+
+struct Direction {
+  Vec3d n;  ///< unit, from a to b
+  double depth;
+};
+
+/// Directions all around, 12 to 25 degrees apart: a spiral from pole to pole, each step a golden turn, worked out by
+/// multiplication alone so that every machine has the same.
+constexpr std::size_t all_around = 96;
+constexpr double golden_cosine = -0.73736887807831963, golden_sine = 0.67549029426152396;
+std::array<Vec3d, all_around> spiral() {
+  std::array<Vec3d, all_around> out;
+  double x = 1, y = 0;
+  for (std::size_t i = 0; i < all_around; ++i) {
+    const double z = 1 - (2 * static_cast<double>(i) + 1) / static_cast<double>(all_around);
+    const double ring = std::sqrt(1 - z * z);
+    out[i] = {ring * x, ring * y, z};
+    const double turned = x * golden_cosine - y * golden_sine;
+    y = x * golden_sine + y * golden_cosine;
+    x = turned;
+  }
+  return out;
+}
+
+/// Two directions across a unit one, and across each other.
+struct Frame {
+  Vec3d u, v;
+  explicit Frame(Vec3d n) {
+    const Vec3d across = std::abs(n.x) < 0.6 ? cross(n, Vec3d{1, 0, 0}) : cross(n, Vec3d{0, 1, 0});
+    u = across * (1 / length(across));
+    v = cross(n, u);
+  }
+};
+
+/// The best few directions known, ascending.
+class Shortlist {
+ public:
+  Shortlist(const Convex& a, const Convex& b) : a_(a), b_(b) {}
+
+  /// False if the direction separates the two.
+  bool take(Vec3d way) {
+    const Vec3d n = way * (1 / length(way));
+    Direction next{n, reach(a_, b_, n)};
+    if (next.depth < 0) return false;
+    for (Direction& known : best_) {
+      if (next.depth < known.depth) std::swap(next, known);
+    }
+    return true;
+  }
+
+  /// Follows each downhill, and answers the least. False if one separates.
+  bool polish(Direction& out) {
+    out.depth = 1e300;
+    for (Direction& start : best_) {
+      if (start.depth > 1e299) break;
+      if (!polish_one(start)) return false;
+      if (start.depth < out.depth) out = start;
+    }
+    return true;
+  }
+
+ private:
+  /// Goes where the support points met so far say that reach is least, in steps as wide as they were right about.
+  bool polish_one(Direction& best) const {
+    CuttingPlanes planes;
+    planes.add(difference(best.n));
+    double widest = 0.25;  // as a tangent
+    for (int i = 0; i < 60 && widest > 1e-8; ++i) {
+      const Frame frame(best.n);
+      const Vec3d way = planes.lowest(best.n, frame.u, frame.v, widest);
+      const Vec3d n = way * (1 / length(way));
+      const Vec3d point = difference(n);
+      planes.add(point);
+      const double depth = dot(n, point);
+      if (depth < 0) return false;
+      if (depth < best.depth) {
+        best = {n, depth};
+      } else {
+        widest *= 0.5;
+      }
+    }
+    return true;
+  }
+  /// The support point of the Minkowski difference.
+  Vec3d difference(Vec3d n) const { return a_.support(n) - b_.support(-n); }
+
+  const Convex& a_;
+  const Convex& b_;
+  std::array<Direction, 5> best_{{{{}, 1e300}, {{}, 1e300}, {{}, 1e300}, {{}, 1e300}, {{}, 1e300}}};
+};
+
+/// The direction of least depth; false if one separates the two.
+///
+/// libccd's own answer is one start among others: on curved surfaces it stops short, now and then far from the least.
+bool find_direction(const Convex& a, const Convex& b, double small, Direction& best) {
+  Shortlist list(a, b);
+  const Vec3d between = b.centre() - a.centre();
+  if (length(between) > 1e-9 * small && !list.take(between)) return false;
+
+  ccd_t ccd;
+  CCD_INIT(&ccd);
+  ccd.support1 = ccd.support2 = ccd_support;
+  ccd.center1 = ccd.center2 = ccd_centre;
+  ccd.max_iterations = 100;
+  ccd.epa_tolerance = 1e-5 * small;
+  ccd_real_t depth;
+  ccd_vec3_t way, place;
+  if (ccdGJKPenetration(&a, &b, &ccd, &depth, &way, &place) == 0 && finite_direction(way)) {
+    const Vec3d d{way.v[0], way.v[1], way.v[2]};
+    if (!list.take(d) || !list.take(-d)) return false;
+  }
+  static const std::array<Vec3d, all_around> around = spiral();
+  for (const Vec3d& d : around) {
+    if (!list.take(d)) return false;
+  }
+  // A flat side of a box or hull is a sharp valley between the directions tried.
+  for (const Convex* own : {&a, &b}) {
+    const double sign = own == &a ? 1 : -1;
+    if (own->row->kind == ShapeKind::box) {
+      for (const Vec3d& d : {Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}}) {
+        const Vec3d n = rotate(own->turn, d);
+        if (!list.take(n) || !list.take(-n)) return false;
+      }
+    }
+    if (own->triangle != nullptr) {
+      const auto& corner = own->triangle->corner;
+      const Vec3d n = cross(corner[1] - corner[0], corner[2] - corner[0]);
+      if (!list.take(n) || !list.take(-n)) return false;
+    }
+    for (std::size_t f = 0; own->hull != nullptr && f < own->hull->face_count(); ++f) {
+      if (!list.take(rotate(own->turn, to_double(own->hull->normal(f))) * sign)) return false;
+    }
+  }
+  return list.polish(best);
+}
+
+/// Points of the feature that is farthest along `n`: the supports of directions about it that are hardly lower.
+struct Feature {
+  std::array<Vec3d, 9> points;
+  std::size_t count = 0;
+  double height;
+
+  Feature(const Convex& convex, Vec3d n, double slack) {
+    const Frame frame(n);
+    points[count++] = convex.support(n);
+    height = dot(n, points[0]);
+    for (int i = 0; i < 8; ++i) {
+      constexpr double x[] = {1, 1, 0, -1, -1, -1, 0, 1}, y[] = {0, 1, 1, 1, 0, -1, -1, -1};
+      const Vec3d p = convex.support(n + frame.u * (1e-4 * x[i]) + frame.v * (1e-4 * y[i]));
+      if (dot(n, p) >= height - slack) points[count++] = p;
+    }
+  }
+  std::span<const Vec3d> span() const { return {points.data(), count}; }
+};
+
+constexpr geometry::RotationD no_rotation{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+
+Convex place(const SupportFunction& function, const MeshFrame& frame) {
+  static const geometry::ShapeRow row{.kind = ShapeKind::support};
+  return {&row, nullptr, &function, frame.turn, frame.position};
+}
+
+}  // namespace
+
+Penetration support_penetration(const Triangle& triangle, const SupportFunction& function, const MeshFrame& frame,
+                                double bounding_radius, double at_least) {
+  static const geometry::ShapeRow row{.kind = ShapeKind::mesh};
+  const Convex a{&row, nullptr, nullptr, no_rotation, {}, &triangle}, b = place(function, frame);
+  // The triangle's own sides bound the depth at the price of two supports.
+  const Vec3d across = cross(triangle.corner[1] - triangle.corner[0], triangle.corner[2] - triangle.corner[0]);
+  const Vec3d n = across * (1 / length(across));
+  if (std::min(reach(a, b, n), reach(a, b, -n)) < at_least) return {};
+  Direction best;
+  if (!find_direction(a, b, bounding_radius, best) || best.depth < at_least) return {};
+  return {best.depth, best.n};
+}
+
+std::size_t support_feature(const SupportFunction& function, const MeshFrame& frame, Vec3d direction, double slack,
+                            Vec3d* out) {
+  static_assert(std::tuple_size_v<decltype(Feature::points)> == max_support_feature);
+  const Feature feature(place(function, frame), direction, slack);
+  std::copy_n(feature.points.begin(), feature.count, out);
+  return feature.count;
+}
+
+PairContact* test_support_any(const KernelInput& input, PairContact* out, KindCounters&) {
+  for (const KernelPair& pair : input.pairs) {
+    const Body& first = input.bodies[pair.first];
+    const Body& second = input.bodies[pair.second];
+    const Vec3d offset = second.pose.position - first.pose.position;
+    const Convex a = place(input.shapes, first, {}), b = place(input.shapes, second, offset);
+    const double small = double{std::min(a.row->bounding_radius, b.row->bounding_radius)};
+    Direction best;
+    if (!find_direction(a, b, small, best)) continue;
+    const Feature of_a(a, best.n, 1e-5 * small), of_b(b, -best.n, 1e-5 * small);
+    const Vec3d met = common_point(of_a.span(), of_b.span(), best.n);
+    Vec3d normal = best.n, point = met + best.n * (0.5 * (of_a.height - of_b.height) - dot(best.n, met));
+    if (pair.flipped != 0) {
+      normal = -normal;
+      point = point - offset;
+    }
+    const Vec3f n = to_float(normal), p = to_float(point);
+    *out++ = {pair.pair,
+              static_cast<float>(best.depth) + 0.0f,
+              {n.x + 0.0f, n.y + 0.0f, n.z + 0.0f},
+              {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f}};
+  }
+  return out;
+}
+
+}  // namespace ringfence::narrow_phase

@@ -1,0 +1,204 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "base/flat_list.hpp"
+#include "base/pair_sort.hpp"
+#include "broad_phase/sweep_and_prune.hpp"
+#include "geometry/bounds.hpp"
+#include "geometry/shape_table.hpp"
+#include "messages/run.hpp"
+#include "narrow_phase/narrow_phase.hpp"
+#include "nodes/cd_node/region_objects.hpp"
+#include "nodes/exchange/node_contacts.hpp"
+#include "nodes/exchange/output_merge.hpp"
+#include "nodes/exchange/publications.hpp"
+#include "nodes/host/host.hpp"
+#include "nodes/role.hpp"
+#include "regions/region_map.hpp"
+#include "ringfence/config.hpp"
+#include "ringfence/fault.hpp"
+#include "telemetry/track.hpp"
+
+namespace ringfence::nodes {
+
+/// What a CD node is given. The pointers outlive the role.
+struct CdNodeSetup {
+  NodeNumber node = 0;
+  const geometry::ShapeTable* shapes = nullptr;
+  const geometry::FixedSpace* space = nullptr;
+  const MotionModel* model = nullptr;  ///< null: nothing moves by itself
+  Placement placement = Placement::server;
+  bool hosts = true;  ///< user/collision deployment: it may be given objects, so it keeps the contacts that it finds
+  std::array<std::uint32_t, 32> layer_masks{};  ///< which layers each layer collides with
+  bool keep_resting = true;                     ///< see WorldConfig
+  bool shares_thread = false;         ///< other roles run on its thread: its CPU time is then the time that it was busy
+  telemetry::Track* track = nullptr;  ///< null: nothing is noted
+  bool remember_axes = true;          ///< see narrow_phase::NarrowPhase
+  bool may_be_lost = true;            ///< so that what it keeps to itself must be safe from its being late
+  bool keeps_host_owned_states = true;  ///< keeps states to itself that the server can read in shared memory, and tells
+                                        ///< its peers where it shares with all of them (placement region)
+  regions::CellGrid interest_grid;  ///< by which it publishes, if the server's line has a publication
+  std::size_t objects = 0;          ///< reserved
+  std::size_t pairs = 0;            ///< reserved
+  Connection server;
+  std::vector<Connection> peers;  ///< by node number; the own entry is empty
+};
+
+/// A collision detection node: owns regions, tests the candidate pairs that fall to it, each once; in user/collision
+/// deployment it also hosts, moves and responds for the objects of its regions.
+///
+/// A frame, in the order of its messages: frame_begin; move what is hosted, tell the server (node_state) batch by
+/// batch, and its peers where they share memory, and publish it to the user nodes there (published); hear who else is
+/// in the region (M2) and which pairs to test, or sweep for them, and test them as they come; tell the contacts (M3);
+/// hear what concerns the hosted objects (M4); hand over what crossed a border (M5); told.
+///
+/// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
+class CdNodeRole {
+ public:
+  CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map);
+
+  Step step();
+
+  /// The nodes have changed in number, and this one is now `node`. Between frames, while no thread steps the role.
+  void assign(NodeNumber node, const std::vector<Connection>& peers);
+
+  /// Makes it fail as described, of which the node number is not looked at. Between frames, while no thread steps the
+  /// role; the last call counts.
+  void fail(const Fault& fault) noexcept { fault_ = fault; }
+
+  /// The objects hosted after the last frame. Only while no frame is under way.
+  const Host& host() const noexcept { return host_; }
+
+ private:
+  enum class Stage : std::uint8_t { waiting, moving, gathering, colliding, ending, handing_over, settling, reporting };
+
+  bool receive_from(Connection& connection);
+  bool receive_from_peers();
+  void receive(const messages::MessageView& message);
+  void begin(std::uint64_t frame);
+  bool shares_states() const noexcept;
+  bool move();
+  void bound_batch();
+  void place_batch();
+  void rest(std::size_t i);
+  regions::Coverage cover_of(const geometry::Bounds& bounds) const noexcept;
+  void place(std::size_t i);
+  void write_own_move(std::size_t i, std::byte* where);
+  void note_cells();
+  std::uint32_t relay_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
+  void publish();
+  bool send_published();
+  void add_ghost_updates(const Hosted& object, const geometry::Bounds& bounds, bool staying, std::uint32_t was);
+  void receive_ghosts();
+  void receive_positions(const messages::MessageView& message);
+  void apply_position(const messages::PositionRecord& record, bool gone);
+  void apply_ghost(const messages::PositionRecord& record, bool gone);
+  void receive_pairs(const messages::MessageView& message);
+  void receive_confirmed(const messages::MessageView& message);
+  void receive_contacts(const messages::MessageView& message);
+  void receive_owners(const messages::MessageView& message);
+  void receive_lost(const messages::LostRecord& record);
+  void discard_tests();
+  bool fails_here() noexcept;
+  bool answer_probe();
+  void drop_leaving_objects(std::size_t peer);
+  void detect();
+  void sweep();
+  void test_pairs();
+  void add_hits(std::span<const narrow_phase::PairContact> found);
+  void count_kinds();
+  void list_contacts();
+  void compare_contacts();
+  void list_notified_hosts(std::uint32_t position);
+  /// Whether the node's model will look at what it found.
+  bool keeps_contacts() const noexcept { return setup_.hosts && host_.uses_contacts(); }
+  void finish_contacts();
+  void confirm_begins();
+  void add_peer_contacts();
+  NextHost next_host(const messages::PositionRecord& record) const noexcept;
+  bool is_in_own_region(const Vec3d& position) const noexcept;
+  void list_leaving_objects();
+  bool advance();
+  bool send_collisions();
+  bool send_hand_overs();
+  bool send_kinds();
+  bool send_frame_done();
+  std::uint64_t cpu_spent() const noexcept;
+  messages::RunHeader head(messages::MessageType type, messages::Endpoint to) const noexcept;
+
+  CdNodeSetup setup_;
+  messages::Endpoint self_;
+  regions::RegionMap map_;
+  geometry::Bounds interior_;  ///< all the node's, and most of it
+  Host host_;
+  RegionObjects region_objects_;
+  broad_phase::SweepAndPrune sweep_;
+  narrow_phase::NarrowPhase narrow_;
+
+  std::optional<Fault> fault_;         ///< to come
+  std::uint64_t failed_until_ns_ = 0;  ///< does nothing before
+
+  Stage stage_ = Stage::waiting;
+  std::uint64_t frame_ = 0;
+  bool positions_received_ = false;
+  bool pairs_received_ = false;
+  bool contacts_received_ = false;
+  bool frame_end_received_ = false;
+  std::uint64_t hand_overs_expected_ = 0;
+  std::uint64_t hand_overs_received_ = 0;
+  std::vector<std::uint64_t> hand_overs_received_from_;  ///< of the hand-overs, by peer
+  std::vector<std::uint8_t> lost_;                       ///< by peer: stopped answering in this frame
+
+  static constexpr std::size_t pairs_a_test = 4096;
+
+  std::vector<geometry::CandidatePair> pairs_;    ///< indices into region_objects_; not yet tested
+  base::FlatList<geometry::CandidatePair> hits_;  ///< those of them that touch, in the order in which they were found
+  base::FlatList<narrow_phase::PairContact> touches_;  ///< parallel to it
+  NodeContacts own_contacts_;                          ///< where the server cannot read what is shared
+  NodeContacts* node_contacts_;                        ///< by (a, b)
+  bool keeps_host_owned_ = false;                      ///< states of which the server need not know it is not told
+  std::size_t next_hit_ = 0;                           ///< of these, to be sent
+  std::uint64_t candidates_ = 0;
+  std::uint64_t tested_ = 0;
+  std::vector<messages::KindRecord> kinds_;
+  std::span<const std::uint32_t> changed_;  ///< of the batch that was moved last
+  std::size_t next_changed_ = 0;            ///< of these, to be sent
+  std::size_t reported_changes_ = 0;        ///< how many of them the server is told of
+  std::array<geometry::Bounds, Host::batch> changed_bounds_;
+  std::array<geometry::FixedPoint, Host::batch> changed_points_;  ///< where their positions are
+  std::array<std::uint32_t, Host::batch> changed_flags_;          ///< ObjectFlag bits of their records
+  std::array<bool, Host::batch> reports_change_;                  ///< which of them the server is told of
+  bool publishes_ = false;                                        ///< in this frame
+  struct LeavingObject {
+    ObjectNumber number;
+    NodeNumber next;  ///< who hosts it then
+  };
+  base::FlatList<GhostUpdates::Update> ghosts_;  ///< what peers tell this node
+  std::vector<LeavingObject>
+      leaving_objects_;  ///< hosted ones that stand in another node's cell, by the map as it was when they moved
+  base::PairSort order_;
+  OutputMergeScratch output_merge_scratch_;
+  std::vector<std::uint64_t> stamps_;  ///< by node: see regions::for_each_owner
+  std::uint64_t stamp_ = 0;
+  std::size_t words_confirmed_ = 0;
+  bool map_is_new_ = false;                                 ///< heard in this frame
+  std::vector<std::uint32_t> new_map_;                      ///< its table, as far as it has come
+  std::vector<std::vector<ObjectNumber>> leaving_numbers_;  ///< by the node that hosts them next
+
+  messages::RunWriter states_run_, collisions_run_;
+  messages::RunSender published_run_, done_run_, kinds_run_, frame_done_run_, here_run_;
+  std::vector<messages::RunSender> hand_over_runs_;
+  messages::TrafficCounts traffic_{};
+  messages::NodeFrameStats frame_stats_;
+  std::uint64_t cpu_start_ = 0;
+  std::uint64_t step_start_ = 0;
+};
+
+}  // namespace ringfence::nodes

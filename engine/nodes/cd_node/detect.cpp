@@ -1,0 +1,153 @@
+// How a CD node sweeps, tests its pairs and tells what touches.
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "base/prefetch.hpp"
+#include "nodes/cd_node/cd_node_role.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+using telemetry::SpanTimer;
+
+void CdNodeRole::sweep() {
+  const auto bodies = region_objects_.bodies();
+  const auto bounds = region_objects_.bounds();
+  const auto marks = region_objects_.marks();
+  const auto numbers = region_objects_.numbers();
+  {
+    SpanTimer time(setup_.track, "broad phase", frame_stats_.broad_phase_ns);
+    sweep_.begin(bounds, region_objects_.present(), region_objects_.resting(), region_objects_.layers());
+  }
+  bool more = true;
+  while (more) {
+    {
+      SpanTimer time(setup_.track, "broad phase", frame_stats_.broad_phase_ns);
+      while (more && pairs_.size() < pairs_a_test) {
+        const auto found = sweep_.next(pairs_a_test - pairs_.size());
+        more = !found.empty();
+        for (const geometry::CandidatePair& pair : found) {
+          // What is all within the region meets nothing anywhere else.
+          if (((marks[pair.a] | marks[pair.b]) & RegionObjects::inner_mark) == 0 &&
+              map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
+            continue;
+          }
+          base::prefetch_for_read(&bodies[pair.a]);
+          base::prefetch_for_read(&bodies[pair.b]);
+          // Every other pair the wrong way round, at random: a branch would be missed as often.
+          const std::uint32_t flip = (pair.a ^ pair.b) & (numbers[pair.b] < numbers[pair.a] ? ~0u : 0u);
+          pairs_.push_back({pair.a ^ flip, pair.b ^ flip});
+        }
+      }
+    }
+    test_pairs();
+  }
+  region_objects_.settle();
+}
+
+// As many pairs as make full blocks of every kind, and whose objects stay in the cache from the sort to the kernels.
+void CdNodeRole::test_pairs() {
+  if (pairs_.empty()) {
+    return;
+  }
+  SpanTimer time(setup_.track, "narrow phase", frame_stats_.narrow_phase_ns);
+  add_hits(narrow_.test(region_objects_.bodies(), pairs_));
+  candidates_ += pairs_.size();
+  pairs_.clear();
+}
+
+// As the kernels wrote it, a quarter of a contact: the rest is the two bodies', and is added where it is read in order.
+// But at once for the model, which reads them in the next frame, when the bodies have moved on, and object by object,
+// as the sweep found them rather than by (a, b).
+void CdNodeRole::add_hits(std::span<const narrow_phase::PairContact> found) {
+  const auto numbers = region_objects_.numbers();
+  const auto bodies = region_objects_.bodies();
+  for (const narrow_phase::PairContact& touch : found) {
+    const geometry::CandidatePair& pair = pairs_[touch.pair];
+    touches_.push_back(touch);
+    hits_.push_back(pair);
+    base::prefetch_for_write(touches_.end() + 8);
+    base::prefetch_for_write(hits_.end() + 32);
+    order_.add(numbers[pair.a], numbers[pair.b]);
+    if (keeps_contacts()) {
+      NodeContacts::assemble(touch, bodies[pair.a], bodies[pair.b], Phase::persist, host_.add_own_contact(frame_));
+    }
+  }
+}
+
+void CdNodeRole::detect() {
+  if (setup_.placement == Placement::region) {
+    sweep();
+  } else {
+    test_pairs();
+  }
+  SpanTimer time(setup_.track, "narrow phase", frame_stats_.narrow_phase_ns);
+  count_kinds();
+  order_.sort();
+  list_contacts();
+  next_hit_ = 0;
+  collisions_run_.start();
+  done_run_.start(1);
+}
+
+// Counted by the kernels themselves, so that "each pair once" is checked against what was done, not what was asked.
+void CdNodeRole::count_kinds() {
+  tested_ = 0;
+  kinds_.clear();
+  for (std::uint32_t p = 0; p < shape_kinds; ++p) {
+    for (std::uint32_t q = p; q < shape_kinds; ++q) {
+      const auto& counters = narrow_.counters(static_cast<ShapeKind>(p), static_cast<ShapeKind>(q));
+      if (counters.candidates != 0) {
+        messages::KindRecord& record = kinds_.emplace_back();
+        record.first = p;
+        record.second = q;
+        record.candidates = counters.candidates;
+        record.hits = counters.hits;
+        record.lanes = counters.lanes;
+        record.lanes_filled = counters.lanes_filled;
+        record.iterations = counters.iterations;
+        record.ended_early = counters.ended_early;
+        record.timed = counters.timed;
+        record.nanoseconds = counters.nanoseconds;
+        record.gather_nanoseconds = counters.gather_nanoseconds;
+        std::copy(std::begin(counters.cost), std::end(counters.cost), std::begin(record.cost));
+        tested_ += counters.candidates;
+      }
+    }
+  }
+  narrow_.reset_counters();
+}
+
+// To a server in another process; one in this process reads them where they lie.
+bool CdNodeRole::send_collisions() {
+  link::Sender& out = *setup_.server.out;
+  const messages::RunHeader to_server = head(MessageType::collision, Endpoint::server());
+  const bool shared = node_contacts_ != &own_contacts_;
+  for (; !shared && next_hit_ < hits_.size(); ++next_hit_) {
+    std::byte* where = collisions_run_.add(out, to_server, sizeof(messages::CollisionRecord), traffic_);
+    if (where == nullptr) {
+      return false;
+    }
+    const FoundContact& found = own_contacts_.found[next_hit_];
+    const narrow_phase::PairContact& touch = touches_[found.touch];
+    new (where) messages::CollisionRecord{found.slot_a, found.slot_b, touch.depth, touch.normal,
+                                          own_contacts_.point(static_cast<std::uint32_t>(next_hit_))};
+  }
+  return (shared || collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_)) &&
+         done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()), sizeof(messages::NarrowDoneRecord),
+                        traffic_, [&](std::size_t, std::byte* where) {
+                          const messages::NarrowDoneRecord record{candidates_, tested_, hits_.size()};
+                          std::memcpy(where, &record, sizeof record);
+                        });
+}
+
+bool CdNodeRole::send_kinds() {
+  return kinds_run_.pump(*setup_.server.out, head(MessageType::kinds, Endpoint::server()), sizeof(messages::KindRecord),
+                         traffic_,
+                         [&](std::size_t i, std::byte* where) { std::memcpy(where, &kinds_[i], sizeof kinds_[i]); });
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "base/flat_list.hpp"
+#include "base/pair_sort.hpp"
+#include "nodes/exchange/node_contacts.hpp"
+#include "ringfence/ids.hpp"
+
+namespace ringfence::nodes {
+
+/// Some of what several nodes found, in order of (a, b).
+///
+/// The nodes' runs are each in order, but their numbers take turns at random, so merging them costs more than a radix
+/// sort of the eight bytes of each; nothing is sorted where the runs follow each other, as that of a single node does.
+/// Memory: 48 bytes a contact, kept. Belongs to one role.
+class NodeContactOrder {
+ public:
+  void reserve(std::size_t contacts);
+  /// Forgets all; what is added then is of these findings, by node number. They outlive it.
+  void start(std::span<NodeContacts* const> node_contacts);
+  /// Adds the contact at that position of the node's. Precondition: ascending for each node, one node after the other.
+  void add(NodeNumber node, std::uint32_t position) { add(node, position, node_contacts_[node]->keys[position]); }
+  void add(NodeNumber node, std::uint32_t position, std::uint64_t key) {
+    ascending_ &= order_.size() == 0 || key > last_;
+    last_ = key;
+    order_.add(key);
+    sources_.push_back({node, position});
+  }
+  /// Puts them in order. Those of one pair, if there are such, follow each other.
+  void sort();
+  std::size_t size() const noexcept { return order_.size(); }
+  std::uint64_t key(std::size_t i) const noexcept { return order_.added(place(i)); }
+  NodeNumber node(std::size_t i) const noexcept { return sources_[place(i)].node; }
+  std::uint32_t position(std::size_t i) const noexcept { return sources_[place(i)].position; }
+  /// Calls visit(key, node, position, phase) for each, in order.
+  template <class Visit>
+  void visit(Visit each) const {
+    constexpr std::size_t ahead = 10;
+    for (std::size_t i = 0; i < size(); ++i) {
+      if (i + ahead < size()) {
+        const Source& soon = sources_[place(i + ahead)];
+        node_contacts_[soon.node]->prefetch(soon.position, node_contacts_[soon.node]->found[soon.position]);
+      }
+      const Source& source = sources_[place(i)];
+      each(key(i), source.node, source.position, node_contacts_[source.node]->phase(source.position));
+    }
+  }
+
+ private:
+  struct Source {
+    NodeNumber node;
+    std::uint32_t position;
+  };
+  std::size_t place(std::size_t i) const noexcept { return ascending_ ? i : order_.at(i); }
+
+  std::span<NodeContacts* const> node_contacts_;
+  base::PairSort order_;
+  base::FlatList<Source> sources_;  ///< in the order of add
+  std::uint64_t last_ = 0;
+  bool ascending_ = true;
+};
+
+}  // namespace ringfence::nodes

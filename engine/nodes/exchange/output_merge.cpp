@@ -1,0 +1,128 @@
+#include "nodes/exchange/output_merge.hpp"
+
+#include <algorithm>
+#include <cassert>
+
+#include "base/prefetch.hpp"
+
+namespace ringfence::nodes {
+namespace {
+
+/// Two frames of contacts take turns, so what is written next is not in the cache.
+void prefetch_ahead(const Contact* next) noexcept {
+  constexpr std::ptrdiff_t lines_ahead = 1024;
+  base::prefetch_for_write(reinterpret_cast<const std::byte*>(next) + lines_ahead);
+  base::prefetch_for_write(reinterpret_cast<const std::byte*>(next) + lines_ahead + 64);
+}
+
+/// How many of ascending keys are below `key`.
+std::size_t below(std::span<const std::uint64_t> keys, std::uint64_t key) noexcept {
+  return static_cast<std::size_t>(std::lower_bound(keys.begin(), keys.end(), key) - keys.begin());
+}
+
+void write_ended(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {
+  const std::uint64_t first_key = output_merge.key_at(share);
+  const std::uint64_t end_key = output_merge.key_at(share + 1);
+  std::size_t at = 0;
+  scratch.ended_order.clear();
+  for (const std::span<const std::uint64_t> ending : output_merge.endings) {
+    std::size_t next = below(ending, first_key);
+    at += next;
+    for (; next < ending.size() && ending[next] < end_key; ++next) {
+      scratch.ended_order.add(ending[next]);
+    }
+  }
+  scratch.ended_order.sort();
+  std::size_t passed = below(output_merge.passed, first_key);
+  at -= passed;
+  // Keys first, so that what is copied is on its way when it is looked at.
+  const std::size_t begin = at;
+  scratch.ended.resize(scratch.ended_order.size());
+  std::size_t old = share * output_merge.keys_before.size() / output_merge.shares;
+  for (std::size_t i = 0; i < scratch.ended_order.size(); ++i) {
+    const std::uint64_t key = scratch.ended_order.key_at(i);
+    if (passed < output_merge.passed.size() && output_merge.passed[passed] == key) {
+      ++passed;
+      continue;
+    }
+    while (output_merge.keys_before[old] < key) {
+      ++old;
+    }
+    assert(output_merge.keys_before[old] == key);
+    scratch.ended[at - begin] = old;
+    base::prefetch_object(output_merge.contacts_before[old]);
+    base::prefetch_for_write(output_merge.ended + at);
+    base::prefetch_for_write(reinterpret_cast<const std::byte*>(output_merge.ended + at) + 64);
+    output_merge.ended_keys[at++] = key;
+  }
+  for (std::size_t i = begin; i < at; ++i) {
+    NodeContacts::copy(output_merge.contacts_before[scratch.ended[i - begin]], Phase::end, output_merge.ended[i]);
+  }
+}
+
+}  // namespace
+
+std::uint64_t OutputMerge::key_at(std::size_t share) const noexcept {
+  if (share == 0 || share == shares) {
+    return share == 0 ? 0 : ~std::uint64_t{0};
+  }
+  std::span<const std::uint64_t> all = keys_before;
+  if (all.empty()) {
+    for (const NodeContacts* one : node_contacts) {
+      all = one->keys.size() > all.size() ? one->keys.span() : all;
+    }
+  }
+  return all.empty() ? 0 : all[share * all.size() / shares];
+}
+
+void OutputMergeScratch::reserve(std::size_t contacts) {
+  order.reserve(contacts);
+  ended_order.reserve(contacts);
+  ended.reserve(contacts);
+  begins.reserve(contacts);
+}
+
+std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {
+  std::uint64_t duplicates = 0;
+  std::uint64_t last = 0;
+  std::size_t at = 0;
+  const auto write = [&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
+    const NodeContacts& node_contacts = *output_merge.node_contacts[node];
+    const FoundContact& found = node_contacts.found[position];
+    prefetch_ahead(output_merge.contacts + at);
+    base::prefetch_for_write(output_merge.keys + at + 16);
+    base::prefetch_for_write(output_merge.found + at + 16);
+    node_contacts.write(position, found, phase, output_merge.contacts[at]);
+    output_merge.keys[at] = key;
+    output_merge.found[at] = {found.slot_a, found.slot_b, node};
+    ++at;
+    duplicates += key == last ? 1 : 0;
+    last = key;
+  };
+  if (output_merge.node_contacts.size() == 1) {  // in order as it is, and all of it
+    output_merge.node_contacts.front()->visit(
+        [&](std::uint64_t key, std::uint32_t position, Phase phase) { write(key, 0, position, phase); });
+    write_ended(output_merge, share, scratch);
+    return duplicates;
+  }
+  NodeContactOrder& order = scratch.order;
+  order.start(output_merge.node_contacts);
+  const std::uint64_t first_key = output_merge.key_at(share);
+  const std::uint64_t end_key = output_merge.key_at(share + 1);
+  for (NodeNumber node = 0; node < output_merge.node_contacts.size(); ++node) {
+    const auto keys = output_merge.node_contacts[node]->keys.span();
+    std::size_t next = below(keys, first_key);
+    at += next;
+    const FoundContact* const found = output_merge.node_contacts[node]->found.data();
+    for (; next < keys.size() && keys[next] < end_key; ++next) {
+      base::prefetch_for_read(found + next);  // here one after the other, later here and there
+      order.add(node, static_cast<std::uint32_t>(next), keys[next]);
+    }
+  }
+  order.sort();
+  order.visit(write);
+  write_ended(output_merge, share, scratch);
+  return duplicates;
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,231 @@
+// How the server draws region maps: regions follow the load, and more or fewer nodes share the world out anew.
+//
+// Contacts do not depend on the map, only what the nodes cost. A map is drawn over several frames, a step in each,
+// while the nodes test and the server would wait: first what stands and collides where is weighed, so much of it a
+// frame, then cells are cut, then shared out. Only where the number of nodes changes all is done at once.
+#include <algorithm>
+#include <utility>
+
+#include "nodes/server/server_role.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+
+namespace {
+
+// Moving, sweeping and telling included, of the paper's world. It is set against what a change of the map costs.
+constexpr double ms_a_pair = 0.00025;
+
+// A slice of what is weighed: some 0.1 ms, and larger worlds, whose frames take longer, in no more frames for it.
+constexpr std::size_t least_weighed = 8192;
+constexpr std::size_t frames_of_weighing = 8;
+
+}  // namespace
+
+// At the end of a frame: whether another map is to be drawn from now on.
+void ServerRole::compare_costs() {
+  if (!setup_.balance || map_.nodes() == 1) {
+    return;
+  }
+  costs_.clear();
+  for (const NodeReport& node : reports_[(frame_ + 1) & 1].nodes) {
+    const bool by_pairs = setup_.balance_by == BalanceBy::pairs;
+    costs_.push_back(by_pairs ? ms_a_pair * static_cast<double>(node.tested) : node.cpu_ms);
+  }
+  if (costs_.size() == map_.nodes()) {
+    balance_.add_frame(costs_);
+  }
+  if (map_plan_.pass == MapPlan::Pass::none && balance_.needs_new_map()) {
+    begin_weights();
+  }
+}
+
+// At the end of a frame: another map from the next frame on, if one is due.
+void ServerRole::change_map() {
+  if (!report().lost.empty()) {
+    return;  // the next cut draws the map anew
+  }
+  if (resize_to_ != 0) {
+    std::uint32_t nodes = std::exchange(resize_to_, 0u);
+    begin_weights();
+    weigh(~std::size_t{0});
+    const auto table = partition_for(nodes);
+    map_plan_ = {};
+    return adopt_map(table, nodes);
+  }
+  if (map_plan_.pass == MapPlan::Pass::planned && is_for_current_map(map_plan_)) {
+    adopt_map(map_plan_.table, map_.nodes());
+  }
+  if (map_plan_.pass == MapPlan::Pass::planned) {
+    map_plan_ = {};
+  }
+  compare_costs();
+}
+
+void ServerRole::adopt_map(std::span<const std::uint32_t> table, std::uint32_t nodes) {
+  map_.assign(table, nodes, map_.epoch() + 1);
+  map_changed_ = true;
+  hosts_exchange_objects_ = can_hosts_exchange_objects();
+  if (hosts_exchange_objects_) {
+    note_renotified();
+  } else {
+    refresh_objects();
+  }
+}
+
+// Whether under a new map each node can tell the others what it hosts, what rests included, in place of the server.
+bool ServerRole::can_hosts_exchange_objects() const noexcept {
+  return setup_.placement == Placement::region && setup_.deployment == Deployment::user_collision &&
+         std::all_of(nodes_.begin(), nodes_.end(), [&](const PeerSession& session) {
+           return session.connection.node_contacts != nullptr &&
+                  (setup_.interest <= 0 || session.connection.publication != nullptr);
+         });
+}
+
+// What hosts do not keep to themselves the server tells of again when it next moves, and then has to know who knew it:
+// those whose regions its bounds touch.
+void ServerRole::note_renotified() noexcept {
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    if (objects_.host(slot).is_node() && (objects_.marks(slot) & host_owned_mark) == 0) {
+      note_notified(slot, objects_.bounds(slot), true);
+    }
+  }
+}
+
+// While the nodes test: their objects stand still and are theirs until the frame's end.
+void ServerRole::plan_map() {
+  using Pass = MapPlan::Pass;
+  if (map_plan_.pass == Pass::none || map_plan_.pass == Pass::planned) {
+    return;
+  }
+  if (!is_for_current_map(map_plan_)) {
+    map_plan_ = {};
+    return;
+  }
+  switch (map_plan_.pass) {
+    case Pass::weighing: {
+      const std::size_t all = objects_.slots() + ledger_.contacts(frame_ - 1).size();
+      map_plan_.pass = weigh(std::max(least_weighed, all / frames_of_weighing)) ? Pass::refining : Pass::weighing;
+      break;
+    }
+    case Pass::refining:
+      balance_.refine(map_, map_.nodes());
+      map_plan_.pass = Pass::sharing;
+      break;
+    case Pass::sharing:
+      map_plan_.table = balance_.propose(map_, can_hosts_exchange_objects() ? 0 : objects_.live());
+      map_plan_.pass = map_plan_.table.empty() ? Pass::none : Pass::planned;
+      break;
+    case Pass::none:
+    case Pass::planned:
+      break;
+  }
+  spend_cpu(&PathReport::plan_map_ms);
+}
+
+bool ServerRole::is_for_current_map(const MapPlan& drawing) const noexcept {
+  return drawing.epoch == map_.epoch() && drawing.nodes == nodes_.size();
+}
+
+void ServerRole::begin_weights() {
+  map_plan_ = {};
+  map_plan_.pass = MapPlan::Pass::weighing;
+  map_plan_.epoch = map_.epoch();
+  map_plan_.nodes = nodes_.size();
+  balance_.begin_weights();
+}
+
+bool ServerRole::is_hosted_here(Endpoint host) const noexcept {
+  return host.is_node() && !nodes_[host.number()].lost && nodes_[host.number()].connection.node_contacts != nullptr;
+}
+
+// Part by part: the objects of each node of this process, where the node has them; all others, by slot; the contacts of
+// the frame before. What changes place meanwhile may count twice, or not at all. Whether all has been weighed.
+bool ServerRole::weigh(std::size_t most) {
+  const std::size_t parts = map_plan_.nodes + 2;
+  while (most > 0 && map_plan_.part < parts) {
+    const std::size_t size = weigh_part(map_plan_.part, 0, 0);
+    const std::size_t first = std::min(map_plan_.next, size);
+    const std::size_t end = first + std::min(most, size - first);
+    weigh_part(map_plan_.part, first, end);
+    most -= end - first;
+    map_plan_.next = end;
+    if (end == size) {
+      ++map_plan_.part;
+      map_plan_.next = 0;
+    }
+  }
+  return map_plan_.part == parts;
+}
+
+// Weighs what is from first to end in that part, and says how large the part is.
+std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::size_t end) {
+  std::uint32_t point[3];
+  const auto add_object_weight = [&](const Vec3d& position) {
+    setup_.space->point(position, point);
+    balance_.add_object_weight(point);
+  };
+  if (part < map_plan_.nodes) {
+    const Endpoint node = Endpoint::node(static_cast<NodeNumber>(part));
+    if (!is_hosted_here(node)) {
+      return 0;
+    }
+    const Host& host = *nodes_[part].connection.node_contacts->host;
+    for (std::size_t i = first; i < end; ++i) {
+      if ((host[i].object.flags & messages::flag_present) != 0) {
+        add_object_weight(host[i].pose.position);
+      }
+    }
+    return host.size();
+  }
+  if (part == map_plan_.nodes) {
+    for (auto slot = static_cast<std::uint32_t>(first); slot < end; ++slot) {
+      if (objects_.present()[slot] != 0) {
+        balance_.add_object_size(objects_.bounds()[slot]);
+        if (!is_hosted_here(objects_.host(slot))) {
+          add_object_weight(objects_.row(slot).pose.position);
+        }
+      }
+    }
+    return objects_.slots();
+  }
+  const auto contacts = ledger_.contacts(frame_ - 1);
+  for (std::size_t i = first; i < end; ++i) {
+    setup_.space->point(contacts[i].point, point);
+    balance_.add_contact_weight(point);
+  }
+  return contacts.size();
+}
+
+// By what stands and collides where. Nodes that leave get nothing, whatever their numbers; then all keep their numbers
+// until the next cut.
+std::span<const std::uint32_t> ServerRole::partition_for(std::uint32_t& nodes) {
+  alive_.clear();
+  for (const PeerSession& session : nodes_) {
+    if (!session.leaving) {
+      alive_.push_back(session.self.number());
+    }
+  }
+  if (alive_.empty() || alive_.size() == nodes_.size()) {
+    for (PeerSession& session : nodes_) {
+      session.leaving = false;  // nobody is left to give anything to
+    }
+    balance_.refine(map_, nodes);
+    return balance_.partition_for(nodes);
+  }
+  const auto stay = static_cast<std::uint32_t>(alive_.size());
+  balance_.refine(map_, stay);
+  const auto table = balance_.partition_for(stay);
+  table_.assign(table.begin(), table.end());
+  for (std::uint32_t& entry : table_) {
+    entry = regions::RegionMap::is_cut(entry) ? entry : alive_[entry];
+  }
+  for (PeerSession& session : nodes_) {
+    session.left = session.leaving;
+  }
+  nodes = static_cast<std::uint32_t>(nodes_.size());
+  return table_;
+}
+
+}  // namespace ringfence::nodes

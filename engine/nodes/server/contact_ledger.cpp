@@ -1,0 +1,351 @@
+#include "nodes/server/contact_ledger.hpp"
+
+#include <algorithm>
+
+#include "base/prefetch.hpp"
+
+namespace ringfence::nodes {
+namespace {
+
+/// The first of ascending keys that is not below `key`, where it is likely to be near: few of many contacts are looked
+/// for, so that is done in leaps.
+const std::uint64_t* leap_to(const std::uint64_t* first, const std::uint64_t* end, std::uint64_t key) noexcept {
+  std::ptrdiff_t leap = 1;
+  while (leap < end - first && first[leap] < key) {
+    first += leap;
+    leap *= 2;
+  }
+  return std::lower_bound(first, first + std::min(leap + 1, end - first), key);
+}
+
+}  // namespace
+
+void ContactLedger::List::reserve(std::size_t size) {
+  contacts.reserve(size);
+  keys.reserve(size);
+  found.reserve(size);
+}
+
+void ContactLedger::List::resize(std::size_t size) {
+  contacts.resize(size);
+  keys.resize(size);
+  found.resize(size);
+}
+
+ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(nodes) {
+  order_.reserve(contacts);
+  ending_order_.reserve(contacts);
+  scratch_.reserve(contacts);
+  notices_.reserve(contacts);
+  node_contacts_.reserve(nodes);
+  compared_.reserve(nodes);
+  endings_.reserve(nodes);
+  for (Edition& edition : editions_) {
+    edition.live.reserve(contacts);
+    edition.ended.reserve(contacts);
+  }
+}
+
+void ContactLedger::resize(std::size_t nodes) { runs_.resize(nodes); }
+
+void ContactLedger::begin(std::uint64_t frame) {
+  frame_ = frame;
+  for (Run& run : runs_) {
+    run.shared = nullptr;
+    run.own->start(frame);
+    run.contacts.clear();
+  }
+  now().resize(0);
+  ended().resize(0);
+}
+
+void ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows) {
+  Run& run = runs_[node];
+  const ObjectRow& a = rows[record.slot_a];
+  const ObjectRow& b = rows[record.slot_b];
+  run.own->keys.push_back(base::PairSort::key(a.object.number, b.object.number));
+  run.own->found.push_back({record.slot_a, record.slot_b});
+  run.contacts.push_back(
+      {a.object.number, b.object.number, Phase::persist, record.depth, record.normal, 0, record.point, a.pose, b.pose});
+}
+
+void ContactLedger::compare() {
+  gather_node_contacts();
+  by_nodes_ = nodes_have_compared();
+  by_nodes_ ? compare_borders() : compare_all();
+  list_persisting();
+  compared_.clear();
+  for (const Run& run : runs_) {
+    compared_.push_back(run.shared);
+  }
+}
+
+void ContactLedger::gather_node_contacts() {
+  size_ = 0;
+  node_contacts_.clear();
+  for (Run& run : runs_) {
+    NodeContacts& node_contacts = run.node_contacts();
+    if (run.shared == nullptr) {
+      node_contacts.contacts = run.contacts.data();
+    }
+    node_contacts_.push_back(&node_contacts);
+    base::prefetch_for_read(node_contacts.border_beginning.data());
+    base::prefetch_for_read(node_contacts.border_beginning.end());
+    base::prefetch_for_read(node_contacts.border_ending.data());
+    size_ += node_contacts.keys.size();
+  }
+}
+
+// Whether the lists that the nodes compared with are together, each contact once, those of the frame before.
+bool ContactLedger::nodes_have_compared() const noexcept {
+  return duplicates_ == 0 && std::equal(runs_.begin(), runs_.end(), compared_.begin(), compared_.end(),
+                                        [&](const Run& run, const NodeContacts* compared) {
+                                          return run.shared != nullptr && run.shared == compared &&
+                                                 run.shared->frame_before == frame_ - 1;
+                                        });
+}
+
+// A pair that one node found no more and another did not find before has passed from one to the other, and persists.
+void ContactLedger::compare_borders() {
+  order_.start(node_contacts_);
+  ending_order_.clear();
+  endings_.clear();
+  passed_.clear();
+  began_ = ends_ = 0;
+  for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
+    const NodeContacts& node_contacts = *node_contacts_[node];
+    for (const BorderContact& beginning : node_contacts.border_beginning) {
+      order_.add(node, beginning.position, beginning.key);
+    }
+    for (const std::uint64_t key : node_contacts.border_ending) {
+      ending_order_.add(key);
+    }
+    endings_.push_back(node_contacts.ending.span());
+    began_ += node_contacts.beginning.size();
+    ends_ += node_contacts.ending.size();
+  }
+  order_.sort();
+  ending_order_.sort();
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < ending_order_.size(); ++i) {
+    const std::uint64_t key = ending_order_.key_at(i);
+    while (next < order_.size() && order_.key(next) < key) {
+      ++next;
+    }
+    if (next < order_.size() && order_.key(next) == key) {
+      passed_.push_back(key);
+    }
+    for (; next < order_.size() && order_.key(next) == key; ++next) {
+      node_contacts_[order_.node(next)]->begun[order_.position(next)] = 0;
+      --began_;
+    }
+  }
+  ends_ -= passed_.size();
+}
+
+void ContactLedger::compare_all() {
+  order_.start(node_contacts_);
+  for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
+    NodeContacts& node_contacts = *node_contacts_[node];
+    node_contacts.begun.resize(node_contacts.keys.size());
+    for (std::uint32_t i = 0; i < node_contacts.keys.size(); ++i) {
+      order_.add(node, i);
+    }
+  }
+  order_.sort();
+  const List& old = before();
+  std::size_t next = 0;
+  std::uint64_t last = 0;
+  began_ = 0;
+  gone_.clear();
+  passed_.clear();
+  for (std::size_t i = 0; i < order_.size(); ++i) {
+    const std::uint64_t key = order_.key(i);
+    for (; next < old.keys.size() && old.keys[next] < key; ++next) {
+      if (old.keys[next] != last) {
+        gone_.push_back(old.keys[next]);
+      }
+    }
+    const bool begins = next == old.keys.size() || old.keys[next] != key;
+    node_contacts_[order_.node(i)]->begun[order_.position(i)] = begins ? 1 : 0;
+    began_ += begins && key != last ? 1 : 0;
+    last = key;
+  }
+  for (; next < old.keys.size(); ++next) {
+    if (old.keys[next] != last) {
+      gone_.push_back(old.keys[next]);
+    }
+  }
+  ends_ = gone_.size();
+  endings_.assign(1, gone_.span());
+}
+
+void ContactLedger::list_persisting() {
+  for (Run& run : runs_) {
+    const NodeContacts& node_contacts = run.node_contacts();
+    run.persists.assign(run.shared != nullptr ? 0 : (node_contacts.keys.size() + 63) / 64, 0);
+    if (run.shared == nullptr) {
+      for (std::size_t i = 0; i < node_contacts.keys.size(); ++i) {
+        run.persists[i / 64] |= std::uint64_t{node_contacts.begun[i] == 0} << (i % 64);
+      }
+    }
+  }
+}
+
+void ContactLedger::share_out() {
+  List& list = now();
+  List& gone = ended();
+  list.resize(size_);
+  gone.resize(ends_);
+  duplicates_ = 0;
+  const auto shares = static_cast<std::size_t>(
+      std::count_if(runs_.begin(), runs_.end(), [](const Run& run) { return run.shared != nullptr; }));
+  output_merge_ = {.node_contacts = node_contacts_,
+                   .shares = std::max<std::size_t>(shares, 1),
+                   .contacts = list.contacts.data(),
+                   .keys = list.keys.data(),
+                   .found = list.found.data(),
+                   .endings = endings_,
+                   .passed = passed_.span(),
+                   .ended = gone.contacts.data(),
+                   .ended_keys = gone.keys.data(),
+                   .keys_before = before().keys.span(),
+                   .contacts_before = before().contacts.data()};
+  if (shares == 0) {
+    duplicates_ = write_slice(output_merge_, 0, scratch_);
+    return;
+  }
+  std::uint32_t share = 0;
+  for (const Run& run : runs_) {
+    if (run.shared != nullptr) {
+      run.shared->output_merge = &output_merge_;
+      run.shared->share = share++;
+      run.shared->duplicates = run.shared->taken = 0;
+      run.shared->gate.admit();
+    }
+  }
+}
+
+void ContactLedger::lose(NodeNumber node) {
+  NodeContacts* const shared = runs_[node].shared;
+  if (shared != nullptr && shared->gate.bar()) {
+    duplicates_ += write_slice(output_merge_, shared->share, scratch_);
+  }
+}
+
+bool ContactLedger::complete() {
+  const auto is_inside = [](const Run& run) { return run.shared != nullptr && run.shared->gate.is_inside(); };
+  if (std::any_of(runs_.begin(), runs_.end(), is_inside)) {
+    return false;
+  }
+  for (const Run& run : runs_) {
+    duplicates_ += run.shared != nullptr ? run.shared->duplicates : 0;
+  }
+  if (duplicates_ != 0) [[unlikely]] {
+    drop_duplicates();
+  }
+  return true;
+}
+
+// Who found one beyond once may have taken it for one that begins: its phase is made out anew.
+void ContactLedger::drop_duplicates() {
+  List& list = now();
+  const auto& keys = before().keys;
+  std::size_t kept = 0;
+  began_ = 0;
+  for (std::size_t i = 0; i < list.keys.size(); ++i) {
+    if (kept == 0 || list.keys[i] != list.keys[kept - 1]) {
+      const bool persists = std::binary_search(keys.begin(), keys.end(), list.keys[i]);
+      began_ += persists ? 0 : 1;
+      list.contacts[kept] = list.contacts[i];
+      list.contacts[kept].phase = persists ? Phase::persist : Phase::begin;
+      list.keys[kept] = list.keys[i];
+      list.found[kept] = list.found[i];
+      ++kept;
+    }
+  }
+  list.resize(kept);
+}
+
+std::span<const ContactNotice> ContactLedger::notices(bool all) {
+  notices_.clear();
+  if (!all) {
+    list_user_notices();
+    return notices_.span();
+  }
+  order_.start(node_contacts_);
+  for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
+    for (std::uint32_t i = 0; i < node_contacts_[node]->keys.size(); ++i) {
+      order_.add(node, i);
+    }
+  }
+  order_.sort();
+  std::uint64_t last = 0;
+  order_.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
+    if (key != last) {
+      const FoundContact& found = node_contacts_[node]->found[position];
+      notices_.push_back(
+          {key, node_contacts_[node], position, nullptr, found, {found.slot_a, found.slot_b, node}, phase});
+    }
+    last = key;
+  });
+  return notices_.span();
+}
+
+// Few.
+void ContactLedger::list_user_notices() {
+  for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
+    const NodeContacts& node_contacts = *node_contacts_[node];
+    for (const UserContact& user_contacts : node_contacts.user_contacts) {
+      node_contacts.prefetch(user_contacts.position, user_contacts.found);
+      notices_.push_back({user_contacts.key,
+                          &node_contacts,
+                          user_contacts.position,
+                          nullptr,
+                          user_contacts.found,
+                          {user_contacts.found.slot_a, user_contacts.found.slot_b, node},
+                          node_contacts.phase(user_contacts.position)});
+    }
+  }
+  const auto by_key = [](const ContactNotice& p, const ContactNotice& q) { return p.key < q.key; };
+  std::sort(notices_.begin(), notices_.end(), by_key);
+  const auto same = [](const ContactNotice& p, const ContactNotice& q) { return p.key == q.key; };
+  notices_.resize(static_cast<std::size_t>(std::unique(notices_.begin(), notices_.end(), same) - notices_.begin()));
+}
+
+std::span<const ContactNotice> ContactLedger::ended_notices(bool all) {
+  ended_notices_.clear();
+  std::size_t old = 0;
+  if (!by_nodes_) {
+    for (const std::uint64_t key : gone_) {
+      list_ended_notice(key, old);
+    }
+    return ended_notices_.span();
+  }
+  ending_order_.clear();
+  for (const NodeContacts* node_contacts : node_contacts_) {
+    for (const std::uint64_t key : all ? node_contacts->ending.span() : std::span<const std::uint64_t>{}) {
+      ending_order_.add(key);
+    }
+    for (const UserContact& user_contacts :
+         all ? std::span<const UserContact>{} : node_contacts->user_contacts_ending.span()) {
+      ending_order_.add(user_contacts.key);
+    }
+  }
+  ending_order_.sort();
+  for (std::size_t i = 0; i < ending_order_.size(); ++i) {
+    if (!std::binary_search(passed_.begin(), passed_.end(), ending_order_.key_at(i))) {
+      list_ended_notice(ending_order_.key_at(i), old);
+    }
+  }
+  return ended_notices_.span();
+}
+
+void ContactLedger::list_ended_notice(std::uint64_t key, std::size_t& old) {
+  const auto& keys = before().keys;
+  const auto* const at = leap_to(keys.begin() + old, keys.end(), key);
+  old = static_cast<std::size_t>(at - keys.begin());
+  ended_notices_.push_back({key, nullptr, 0, &before().contacts[old], {}, before().found[old], Phase::end});
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,126 @@
+// The server's part in the contacts of a frame: which began and ended, and who is told of which.
+#include <cstring>
+
+#include "nodes/server/server_role.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+
+void ServerRole::collect() {
+  spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
+  ledger_.compare();
+  ledger_.share_out();
+  FrameReport& frame = report();
+  frame.contacts = ledger_.size();
+  frame.ended = ledger_.ends();
+  spend(ringfence::Stage::collect, telemetry::now_ns());
+  change_map();
+  next_hosts();
+  // Nodes know who hosts the objects next unless the map has changed since they listed what they found.
+  nodes_exchange_contacts_ =
+      setup_.deployment == Deployment::user_collision && !map_changed_ && !rescan_hosts_ && ledger_.all_share();
+  if (!nodes_exchange_contacts_) {
+    list_notices();
+  }
+  all_nodes([&](PeerSession& node) {
+    start_notifying(node);
+    return true;
+  });
+}
+
+// A node that found the contact itself is told of it by one bit: see ContactLedger::persists, Findings::begun. Of what
+// ended nodes are not told: nothing there asks for it.
+void ServerRole::list_notice(std::uint32_t notice, const Found& found) {
+  const bool ended = (notice & PeerSession::ended) != 0;
+  const Endpoint first = objects_.host(found.a);
+  const Endpoint second = objects_.host(found.b);
+  const auto tell = [&](Endpoint host) {
+    if (host.is_node() && (ended || nodes_exchange_contacts_ || host == Endpoint::node(found.by))) {
+      return;
+    }
+    if (PeerSession* session = session_of(host)) {
+      session->notices.push_back(notice);
+    } else if (host.is_server()) {
+      Contact contact;
+      write_notice(notice, reinterpret_cast<std::byte*>(&contact));
+      host_.add_contact(frame_, contact);
+    }
+  };
+  tell(first);
+  if (second != first) {
+    tell(second);
+  }
+}
+
+void ServerRole::write_notice(std::uint32_t notice, std::byte* where) const noexcept {
+  Contact contact;
+  ((notice & PeerSession::ended) != 0 ? ended_notices_[notice & ~PeerSession::ended] : notices_[notice]).write(contact);
+  std::memcpy(where, &contact, sizeof contact);
+}
+
+// Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order too.
+void ServerRole::list_notices() {
+  notices_ = ledger_.notices(!nodes_exchange_contacts_);
+  ended_notices_ = ledger_.ended_notices(!nodes_exchange_contacts_);
+  std::uint32_t next_ended = 0;
+  const auto list_ended = [&](std::uint64_t key) {
+    for (; next_ended < ended_notices_.size() && ended_notices_[next_ended].key < key; ++next_ended) {
+      list_notice(next_ended | PeerSession::ended, ended_notices_[next_ended].found);
+    }
+  };
+  for (std::uint32_t i = 0; i < notices_.size(); ++i) {
+    list_ended(notices_[i].key);
+    list_notice(i, notices_[i].found);
+  }
+  list_ended(~std::uint64_t{0});
+}
+
+void ServerRole::start_notifying(PeerSession& session) {
+  const bool confirms = session.self.is_node() && setup_.deployment == Deployment::user_collision;
+  if (session.connection.node_contacts != nullptr) {
+    session.connection.node_contacts->nodes_exchange_contacts = nodes_exchange_contacts_;
+    session.connection.node_contacts->hosts_exchange_objects = map_changed_ && hosts_exchange_objects_;
+  }
+  session.confirm_run.start(confirms ? ledger_.persists(session.self.number()).size() : 0);
+  session.notice_run.start(session.notices.size());
+  session.end_run.start(1);
+  session.map_run.start(map_.table().size());
+}
+
+// Where nodes are told nothing by the server, what users are told is listed while they end.
+void ServerRole::start_notifying_users() {
+  if (nodes_exchange_contacts_) {
+    list_notices();
+  }
+  users_are_notified_ = false;
+  awaited_users_.clear();
+  all_users([&](PeerSession& user) {
+    start_notifying(user);
+    awaited_users_.push_back(user.self.number());
+    return true;
+  });
+}
+
+// The frame is complete. What nodes told each other where they share memory counts like the messages in its place.
+void ServerRole::count_contacts() {
+  FrameReport& frame = report();
+  frame.accepted += ledger_.duplicates();  // shows as accepted != tested: never silently
+  frame.contacts -= ledger_.duplicates();
+  frame.began = ledger_.began();
+  if (setup_.deployment != Deployment::user_collision) {
+    return;
+  }
+  for (const PeerSession& session : nodes_) {
+    if (const NodeContacts* node_contacts = session.connection.node_contacts;
+        node_contacts != nullptr && !session.lost) {
+      count_shared(Traffic::m2, ghosts_exchanged_ ? node_contacts->ghost_updates.size() : 0,
+                   sizeof(messages::PositionRecord));
+      count_shared(Traffic::m4, (node_contacts->keys.size() + 63) / 64, sizeof(messages::ConfirmRecord));
+      count_shared(Traffic::m4, node_contacts->taken, sizeof(Contact));
+    }
+  }
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,214 @@
+#include "nodes/server/dispatch.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+Dispatch::Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Placement placement,
+                   const std::array<std::uint32_t, 32>& layer_masks, bool keep_resting)
+    : placement_(placement),
+      sweep_(placement == Placement::server ? objects : 0, placement == Placement::server ? pairs : 0, layer_masks,
+             keep_resting),
+      updates_(nodes),
+      update_runs_(nodes),
+      pair_runs_(nodes, messages::RunWriter(pair_message)),
+      stamps_(nodes, 0) {
+  for (std::size_t node = 0; node < nodes; ++node) {
+    updates_[node].reserve(std::min(objects, 2 * objects / nodes + 64));
+  }
+}
+
+void Dispatch::resize(std::size_t nodes) {
+  updates_.resize(nodes);
+  update_runs_.resize(nodes);
+  pair_runs_.resize(nodes, messages::RunWriter(pair_message));
+  stamps_.resize(nodes, 0);
+}
+
+void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map, UpdateScope scope) {
+  for (auto& updates : updates_) {
+    updates.clear();
+  }
+  const auto is_anew = [&](std::uint32_t slot) {
+    return scope == UpdateScope::all_objects || (scope == UpdateScope::not_hosted && !objects.host(slot).is_node());
+  };
+  if (scope != UpdateScope::changes) {
+    for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
+      if (is_anew(slot)) {
+        list_update(objects, map, slot, true);
+      }
+    }
+  }
+  if (scope == UpdateScope::all_objects) {
+    return;
+  }
+  constexpr std::size_t ahead = 8;
+  const auto unnotified = objects.unnotified();
+  for (std::size_t i = 0; i < unnotified.size(); ++i) {
+    if (i + ahead < unnotified.size()) {
+      objects.prefetch_bounds(unnotified[i + ahead]);
+    }
+    if (!is_anew(unnotified[i])) {
+      list_update(objects, map, unnotified[i], false);
+    }
+  }
+}
+
+void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot, bool all_objects) {
+  ObjectMarks& marks = objects.marks(slot);
+  const bool present = objects.present()[slot] != 0;
+  const Endpoint host = objects.host(slot);
+  const bool cuts = map.has_cuts();
+  // The host keeps its own account of what it reported; under a new map it has started afresh like all others.
+  const bool by_host = (marks & reported_mark) != 0 && host.is_node() && !all_objects;
+  if (by_host && (marks & (inner_mark | shared_mark)) == inner_mark) {
+    marks |= notified_mark;
+    return;
+  }
+  const regions::CellBox now = present ? map.grid().cells_of(objects.bounds()[slot]) : regions::CellBox{};
+  const NodeNumber self = by_host ? host.number() : 0xffffffffu;
+  const NodeNumber next = host.is_node() ? host.number() : 0xffffffffu;
+  bool shared = false;
+  ++stamp_;
+  if (present) {
+    const auto tell = [&](NodeNumber node) {
+      shared |= node != next;
+      if (node != self) {
+        updates_[node].push_back(slot);
+      }
+    };
+    cuts ? regions::for_each_owner(map, objects.bounds()[slot], stamps_, stamp_, tell)
+         : regions::for_each_owner(map, now, stamps_, stamp_, tell);
+  }
+  const regions::CellBox notified_cells = objects.notified_cells(slot);
+  const bool same_owners = present && now == notified_cells && !(cuts && map.has_cuts(now));
+  if ((marks & notified_mark) != 0 && !all_objects && !same_owners) {
+    // Stamped nodes are told where it is now; the others that knew it learn that it has gone.
+    const auto leave = [&](NodeNumber node) {
+      if (node != self) {
+        updates_[node].push_back(slot | gone);
+      }
+    };
+    const bool host_alone = (marks & shared_mark) == 0 && host.is_node();
+    if (host_alone && stamps_[host.number()] != stamp_) {
+      leave(host.number());
+    } else if (!host_alone) {
+      cuts ? regions::for_each_owner(map, objects.notified_bounds(slot), stamps_, stamp_, leave)
+           : regions::for_each_owner(map, notified_cells, stamps_, stamp_, leave);
+    }
+  }
+  objects.notified_cells(slot) = now;
+  if (cuts && present) {
+    objects.notified_bounds(slot) = objects.bounds()[slot];
+  }
+  marks = static_cast<ObjectMarks>((marks & ~(notified_mark | shared_mark)) | (present ? notified_mark : 0) |
+                                   (shared ? shared_mark : 0));
+}
+
+void Dispatch::start() {
+  for (std::size_t node = 0; node < updates_.size(); ++node) {
+    update_runs_[node].start(updates_[node].size());
+    pair_runs_[node].start();
+  }
+  sweeping_ = false;
+  found_ = {};
+  candidates_ = 0;
+  sweep_ns_ = 0;
+}
+
+bool Dispatch::pump(std::span<Connection> nodes, const ObjectTable& objects, const regions::RegionMap& map,
+                    const messages::RunHeader& head, messages::TrafficCounts& counts) {
+  bool all = true;
+  for (NodeNumber node = 0; node < nodes.size(); ++node) {
+    all &= nodes[node].out == nullptr || pump_updates(node, nodes[node], objects, head, counts);
+  }
+  if (!all || placement_ == Placement::region) {
+    return all;
+  }
+  const std::uint64_t begin_ns = telemetry::now_ns();
+  all = pump_pairs(nodes, objects, map, head, counts);
+  sweep_ns_ += telemetry::now_ns() - begin_ns;
+  return all;
+}
+
+bool Dispatch::pump_updates(NodeNumber node, Connection& connection, const ObjectTable& objects,
+                            messages::RunHeader head, messages::TrafficCounts& counts) {
+  head.destination = Endpoint::node(node);
+  head.type = MessageType::position_update;
+  const auto& updates = updates_[node];
+  constexpr std::size_t ahead = 8;
+  return update_runs_[node].pump(
+      *connection.out, head, sizeof(messages::PositionRecord), counts, [&](std::size_t i, std::byte* where) {
+        const std::uint32_t slot = updates[i] & ~gone;
+        if (i + ahead < updates.size()) {
+          objects.prefetch_position(updates[i + ahead] & ~gone);
+        }
+        const ObjectRow& row = objects.row(slot);
+        messages::PositionRecord record{row.object, row.pose, objects.bounds()[slot], row.shape, row.layer};
+        if ((updates[i] & gone) != 0) {
+          record.object.flags |= messages::flag_left_region;
+        }
+        if (row.category == static_cast<std::uint16_t>(Category::avatar)) {
+          record.object.flags |= messages::flag_avatar;
+        } else if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
+          record.object.flags |= messages::flag_fixed;
+        }
+        std::memcpy(where, &record, sizeof record);
+      });
+}
+
+void Dispatch::flush(NodeNumber node, Connection& connection, messages::RunHeader head,
+                     messages::TrafficCounts& counts) {
+  head.destination = Endpoint::node(node);
+  head.type = MessageType::pairs;
+  pair_runs_[node].flush(*connection.out, head, sizeof(messages::PairRecord), counts);
+}
+
+// Pairs leave while the sweep goes on, so that nodes test the first while the last are found.
+bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& objects, const regions::RegionMap& map,
+                          messages::RunHeader head, messages::TrafficCounts& counts) {
+  constexpr std::size_t pairs_at_a_time = 4096;
+  const auto bounds = objects.bounds();
+  const auto numbers = objects.numbers();
+  const bool alone = map.nodes() == 1;
+  head.type = MessageType::pairs;
+  if (!sweeping_) {
+    sweeping_ = true;
+    sweep_.begin(bounds, objects.present(), objects.resting(), objects.layers());
+    found_ = sweep_.next(pairs_at_a_time);
+  }
+  for (; !found_.empty(); found_ = sweep_.next(pairs_at_a_time)) {
+    for (std::size_t i = 0; i < found_.size(); ++i) {
+      const geometry::CandidatePair pair = found_[i];
+      const NodeNumber owner = alone ? 0 : map.pair_owner(bounds[pair.a], bounds[pair.b]);
+      head.destination = Endpoint::node(owner);
+      std::byte* where = pair_runs_[owner].add(*nodes[owner].out, head, sizeof(messages::PairRecord), counts);
+      if (where == nullptr) {
+        found_ = found_.subspan(i);
+        return false;
+      }
+      const bool ordered = numbers[pair.a] < numbers[pair.b];
+      const messages::PairRecord record =
+          ordered ? messages::PairRecord{pair.a, pair.b} : messages::PairRecord{pair.b, pair.a};
+      std::memcpy(where, &record, sizeof record);
+      ++candidates_;
+    }
+  }
+  bool all = true;
+  for (NodeNumber node = 0; node < nodes.size(); ++node) {
+    if (nodes[node].out == nullptr) {
+      continue;  // lost: nothing is its own any more
+    }
+    head.destination = Endpoint::node(node);
+    all &= pair_runs_[node].finish(*nodes[node].out, head, sizeof(messages::PairRecord), counts);
+  }
+  return all;
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,366 @@
+// What becomes of the frame when a CD node stops answering, and of user nodes that miss their deadline.
+//
+// The server holds S(k-1) of every object and C(k-1) of the frame before, and each S(k) that it has been told is final.
+// So a node that is lost before the contacts are known costs nobody anything but time: its cells go to the others, the
+// server moves those of its objects that it had not reported, and the frame is detected again under the new map, with a
+// new epoch by which what was found under the old one is refused. A node that is lost afterwards leaves objects only:
+// the server takes them back, and what was on its way to or from the node. At the next cut the nodes close ranks, and
+// every object that the server holds is given to the node whose region it stands in, with its contacts.
+#include <algorithm>
+#include <cstring>
+
+#include "nodes/server/server_role.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+bool ServerRole::lose(NodeNumber node) {
+  if (stage_ == Stage::waiting) {
+    return false;
+  }
+  PeerSession& session = nodes_[node];
+  if (session.lost) {
+    return true;
+  }
+  session.lost = true;
+  close_ghost_gates();
+  node_connections_[node] = {};
+  report().lost.push_back(node);
+  const bool again = !contacts_are_final();
+  bool any_left = false;
+  for (PeerSession& other : nodes_) {
+    if (!other.lost) {
+      any_left = true;
+      other.losses.push_back({node, again ? 1u : 0u, 0});
+      other.lost_run.start(other.losses.size());
+    }
+  }
+  losses_pending_ = true;
+  if (!again) {
+    ledger_.lose(node);
+    cancel_hand_overs(node);
+    return true;
+  }
+  reassign_cells();
+  recover_objects(node);
+  detect_again();
+  if (!any_left) {
+    fallback_for_ = node;
+    setup_.order->fallback_for = node;
+    setup_.order->fallback_wanted.store(true, std::memory_order_release);
+    if (setup_.order->caller != nullptr) {
+      setup_.order->caller->ring();
+    }
+  }
+  return true;
+}
+
+// In stretches, so that what was one region becomes few. Where nobody is left, the last one's stand-in gets all.
+void ServerRole::reassign_cells() {
+  alive_.clear();
+  for (const PeerSession& session : nodes_) {
+    if (!session.lost) {
+      alive_.push_back(session.self.number());
+    }
+  }
+  table_.assign(map_.table().begin(), map_.table().end());
+  const auto orphan = [&](std::uint32_t entry) { return !regions::RegionMap::is_cut(entry) && nodes_[entry].lost; };
+  const auto orphans = static_cast<std::size_t>(std::count_if(table_.begin(), table_.end(), orphan));
+  std::size_t passed = 0;
+  for (std::uint32_t& entry : table_) {
+    if (orphan(entry)) {
+      entry = alive_.empty() ? report().lost.back() : alive_[passed * alive_.size() / orphans];
+      ++passed;
+    }
+  }
+  map_.assign(table_, static_cast<std::uint32_t>(nodes_.size()), map_.epoch() + 1);
+  if (resize_to_ >= nodes_.size()) {
+    resize_to_ = 0;  // the nodes that were to join have joined
+  }
+}
+
+// Of a node that is lost, whose thread may be late rather than dead: what it does not write any more.
+void ServerRole::read_host_owned(NodeNumber node, std::uint64_t frame) {
+  const PeerSession& session = nodes_[node];
+  if (session.connection.node_contacts == nullptr) {
+    return;
+  }
+  const HostOwnedStates& kept = session.connection.node_contacts->kept;
+  const std::span<const HostOwnedState> states = kept.of(frame);
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    store_state(session, frame, states[i].object, states[i].pose, kept.state(frame, i));
+  }
+}
+
+void ServerRole::reclaim(std::uint32_t slot) {
+  objects_.set_host(slot, Endpoint::server());
+  objects_.marks(slot) = static_cast<ObjectMarks>((objects_.marks(slot) & ~host_owned_mark) | recovered_mark);
+  recovered_ = true;
+}
+
+void ServerRole::recover_objects(NodeNumber node) {
+  const Endpoint gone = Endpoint::node(node);
+  while (recovery_host_.size() != 0) {
+    recovery_host_.drop(recovery_host_[0].object.number);
+  }
+  read_host_owned(node, frame_ - 1);
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    if (!objects_.alive(slot) || objects_.host(slot) != gone) {
+      continue;
+    }
+    reclaim(slot);
+    if ((objects_.marks(slot) & reported_mark) == 0) {
+      recovery_host_.adopt(objects_.hand_over(slot), objects_.state(slot));
+    }
+  }
+  recovery_host_.begin_contacts(frame_ - 1);
+  for (const Contact& contact : ledger_.contacts(frame_ - 1)) {
+    if (recovery_host_.find(contact.a) != base::NumberIndex::none ||
+        recovery_host_.find(contact.b) != base::NumberIndex::none) {
+      recovery_host_.add_contact(frame_ - 1, contact);
+    }
+  }
+  recovery_host_.move(frame_);
+  apply_moves(recovery_host_);
+}
+
+void ServerRole::detect_again() {
+  if (stage_ == Stage::dispatching || stage_ == Stage::colliding) {
+    stage_ = Stage::moving;
+  }
+  ledger_.begin(frame_);
+  FrameReport& frame = report();
+  frame.candidates = frame.tested = frame.accepted = 0;
+  for (NodeReport& node : frame.nodes) {
+    node = {};
+  }
+  for (PeerSession& session : nodes_) {
+    session.narrow_done_received = false;
+    session.new_map_run.start(map_.table().size());
+  }
+  update_scope_ = Dispatch::UpdateScope::all_objects;
+  rescan_hosts_ = true;
+}
+
+// Contacts are known. What the node was to give to others will not come, or has come and is given again at the cut.
+void ServerRole::cancel_hand_overs(NodeNumber node) {
+  read_host_owned(node, frame_);
+  for (const HandOver& change : hand_overs_) {
+    PeerSession& to = nodes_[change.to];
+    if (change.from != node || to.lost) {
+      continue;
+    }
+    if (to.end_run.done()) {
+      ++to.losses.back().hand_overs;
+    } else {
+      --to.hand_overs;
+    }
+    to.drops.push_back(change.slot);
+    reclaim(change.slot);
+  }
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    if (objects_.alive(slot) && objects_.host(slot) == Endpoint::node(node)) {
+      reclaim(slot);
+    }
+  }
+}
+
+bool ServerRole::send_losses() {
+  if (fallback_for_ != no_node && !connect_fallback()) {
+    return false;
+  }
+  bool all = true;
+  for (PeerSession& session : nodes_) {
+    all &= session.lost || send_losses(session);
+  }
+  losses_pending_ = !all;
+  return all;
+}
+
+bool ServerRole::send_losses(PeerSession& session) {
+  if (!session.losses.empty()) {
+    const bool sent = session.lost_run.pump(
+        *session.connection.out, head(MessageType::lost, session.self), sizeof(messages::LostRecord), report().traffic,
+        [&](std::size_t i, std::byte* where) { std::memcpy(where, &session.losses[i], sizeof session.losses[i]); });
+    if (!sent) {
+      return false;
+    }
+    session.losses.clear();
+  }
+  if (!session.new_map_run.done() && !send_map(session, session.new_map_run)) {
+    return false;
+  }
+  // A stand-in joins a frame that the others have begun.
+  return stage_ == Stage::starting_nodes ||
+         session.begin_run.pump(*session.connection.out, head(MessageType::frame_begin, session.self), 0,
+                                report().traffic, [](std::size_t, std::byte*) {});
+}
+
+// The last node is lost and the contacts are not known: the facade makes another, which the server's thread steps.
+bool ServerRole::connect_fallback() {
+  FrameOrder& order = *setup_.order;
+  if (!order.fallback_ready.load(std::memory_order_acquire)) {
+    return false;
+  }
+  order.fallback_ready.store(false, std::memory_order_relaxed);
+  PeerSession& session = nodes_[fallback_for_];
+  session = {};
+  session.self = Endpoint::node(fallback_for_);
+  session.connection = order.fallback;
+  session.connected = true;
+  session.last_received_ns = telemetry::now_ns();
+  session.begin_run.start(0);
+  order_relay(session);
+  node_connections_[fallback_for_] = session.connection;
+  fallback_for_ = no_node;
+  return true;
+}
+
+// At the cut: the nodes that are left are numbered anew, from 0 and in order, as the facade does too.
+void ServerRole::renumber_nodes() {
+  const auto is_gone = [](const PeerSession& session) { return session.lost || session.left; };
+  if (std::none_of(nodes_.begin(), nodes_.end(), is_gone)) {
+    return;
+  }
+  alive_.assign(nodes_.size(), no_node);  // new numbers by old
+  NodeNumber left = 0;
+  std::uint32_t in_map = 0;
+  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+    if (!is_gone(nodes_[node])) {
+      alive_[node] = left++;
+      in_map += node < map_.nodes() ? 1 : 0;
+    }
+  }
+  table_.assign(map_.table().begin(), map_.table().end());
+  for (std::size_t i = 0; i < table_.size(); ++i) {
+    if (!regions::RegionMap::is_cut(table_[i])) {
+      const NodeNumber number = alive_[table_[i]];
+      table_[i] = number != no_node ? number : static_cast<NodeNumber>(i * in_map / table_.size());
+    }
+  }
+  map_.assign(table_, std::max(1u, in_map), map_.epoch() + 1);
+  std::erase_if(nodes_, is_gone);
+  node_connections_.clear();
+  for (NodeNumber node = 0; node < left; ++node) {
+    nodes_[node].self = Endpoint::node(node);
+    node_connections_.push_back(nodes_[node].connection);
+  }
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    const Endpoint host = objects_.host(slot);
+    if (host.is_node()) {
+      objects_.set_host(slot, Endpoint::node(alive_[host.number()]));
+    }
+  }
+  dispatch_.resize(left);
+  ledger_.resize(left);
+  resize_to_ = std::min(resize_to_, left);
+  update_scope_ = Dispatch::UpdateScope::all_objects;
+  rescan_hosts_ = map_precedes_frame_ = true;
+}
+
+void ServerRole::restore_objects() {
+  if (!recovered_) {
+    return;
+  }
+  const auto is_recovered = [&](std::uint32_t slot) {
+    return objects_.alive(slot) && (objects_.marks(slot) & recovered_mark) != 0;
+  };
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    if (is_recovered(slot)) {
+      const NodeNumber node = hosting_.node_at(objects_.row(slot).pose.position, map_);
+      objects_.set_host(slot, Endpoint::node(node));
+      nodes_[node].adoptions.push_back(slot);
+      ++report().handed_over;
+    }
+  }
+  const auto contacts = ledger_.contacts(frame_ - 1);
+  const auto found = ledger_.found(frame_ - 1);
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    const Endpoint first = objects_.host(found[i].a);
+    const Endpoint second = objects_.host(found[i].b);
+    const bool to_first = is_recovered(found[i].a);
+    if (to_first) {
+      nodes_[first.number()].late_contacts.push_back(contacts[i]);
+    }
+    if (is_recovered(found[i].b) && !(to_first && first == second)) {
+      nodes_[second.number()].late_contacts.push_back(contacts[i]);
+    }
+  }
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    objects_.marks(slot) &= static_cast<ObjectMarks>(~recovered_mark);
+  }
+  recovered_ = false;
+}
+
+// What comes from a lost node comes too late, whatever it is.
+bool ServerRole::drain_lost(PeerSession& session) {
+  bool any = false;
+  for (auto bytes = session.connection.in->next(); !bytes.empty(); bytes = session.connection.in->next()) {
+    refuse(Status::late);
+    any = true;
+  }
+  if (any) {
+    session.connection.in->release();
+  }
+  return any;
+}
+
+// Called when the frame does not get on. Whether that has changed.
+bool ServerRole::check_deadlines() {
+  if (stage_ == Stage::waiting || (setup_.node_deadline_ns == 0 && setup_.user_deadline_ns == 0)) {
+    return false;
+  }
+  const std::uint64_t now = telemetry::now_ns();
+  bool changed = false;
+  for (PeerSession& session : nodes_) {
+    changed |= setup_.node_deadline_ns != 0 && !session.lost && check_node_deadline(session, now);
+  }
+  for (const UserNumber user : connected_) {
+    PeerSession& session = users_[user];
+    changed |= setup_.user_deadline_ns != 0 && !session.lost && check_user_deadline(session, now);
+  }
+  return changed;
+}
+
+// Silence alone proves nothing: a node may wait for one that is lost. So it is asked, and has as long again to answer.
+bool ServerRole::check_node_deadline(PeerSession& session, std::uint64_t now) {
+  const std::uint64_t silent = now - std::min(now, session.last_received_ns);
+  if (silent <= setup_.node_deadline_ns / 2) {
+    return false;
+  }
+  if (session.probed_ns == 0) {
+    session.probed_ns = now;
+    session.probe_run.start(0);
+  }
+  if (stage_ == Stage::dispatching) {
+    dispatch_.flush(session.self.number(), session.connection, head(MessageType::pairs, session.self),
+                    report().traffic);
+  }
+  session.probe_run.pump(*session.connection.out, head(MessageType::probe, session.self), 0, report().traffic,
+                         [](std::size_t, std::byte*) {});
+  if (now - session.probed_ns <= setup_.node_deadline_ns / 2) {
+    return false;
+  }
+  lose(session.self.number());
+  return true;
+}
+
+bool ServerRole::check_user_deadline(PeerSession& session, std::uint64_t now) {
+  if (stage_ == Stage::starting_nodes) {
+    return false;  // it has not been told to move
+  }
+  const bool awaited = contacts_are_final() ? !session.frame_done_received : !session.states_received;
+  const std::uint64_t since = contacts_are_final() ? notify_ns_ : begin_ns_;
+  if (!awaited || now - since <= setup_.user_deadline_ns) {
+    return false;
+  }
+  session.lost = true;
+  report().late.push_back(session.self.number());
+  refuse(Status::late);
+  return true;
+}
+
+}  // namespace ringfence::nodes

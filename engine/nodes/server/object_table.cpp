@@ -1,0 +1,129 @@
+#include "nodes/server/object_table.hpp"
+
+#include <algorithm>
+
+namespace ringfence::nodes {
+
+ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_bytes_(state_bytes), index_(objects) {
+  rows_.reserve(objects);
+  origins_.reserve(objects);
+  numbers_.reserve(objects);
+  marks_.reserve(objects);
+  hosts_.reserve(objects);
+  notified_cells_.reserve(objects);
+  notified_bounds_.reserve(objects);
+  bounds_.reserve(objects);
+  present_.reserve(objects);
+  resting_.reserve(objects);
+  layers_.reserve(objects);
+  states_.reserve(objects * state_bytes);
+  free_.reserve(objects);
+  ended_.reserve(objects);
+  moved_.reserve(objects);
+  unnotified_.reserve(objects);
+}
+
+messages::HandOverRecord ObjectTable::hand_over(std::uint32_t slot) const noexcept {
+  const ObjectRow& row = rows_[slot];
+  return {row.object, row.pose, origins_[slot].user_data, row.shape, row.layer, row.category};
+}
+
+std::uint32_t ObjectTable::find(const messages::ObjectRef& object) const noexcept {
+  if (object.slot >= rows_.size()) {
+    return base::NumberIndex::none;
+  }
+  const ObjectRow& row = rows_[object.slot];
+  const bool same =
+      alive(object.slot) && row.object.number == object.number && row.object.generation == object.generation;
+  return same ? object.slot : base::NumberIndex::none;
+}
+
+std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
+  std::uint32_t slot;
+  if (free_.empty()) {
+    slot = static_cast<std::uint32_t>(rows_.size());
+    rows_.push_back({});
+    origins_.emplace_back();
+    numbers_.push_back(0);
+    marks_.push_back(0);
+    hosts_.push_back(messages::Endpoint::none());
+    notified_cells_.push_back({});
+    notified_bounds_.push_back({});
+    bounds_.push_back({});
+    present_.push_back(0);
+    resting_.push_back(1);
+    layers_.push_back(0);
+    states_.resize(states_.size() + state_bytes_);
+    std::fill_n(state(slot), state_bytes_, std::byte{0});
+  } else {
+    slot = free_.back();
+    free_.pop_back();
+    std::fill_n(state(slot), state_bytes_, std::byte{0});
+  }
+  ObjectRow& row = rows_[slot];
+  row.object = {slot, id.generation(), id.number(), spec.present ? messages::flag_present : 0u};
+  row.pose = spec.pose;
+  row.shape = spec.shape;
+  row.layer = spec.layer;
+  layers_[slot] = static_cast<std::uint8_t>(spec.layer);
+  row.category = static_cast<std::uint16_t>(spec.category);
+  origins_[slot] = {spec.user_data, spec.user};
+  numbers_[slot] = id.number();
+  marks_[slot] = alive_mark;
+  hosts_[slot] = messages::Endpoint::none();
+  index_.set(id.number(), slot);
+  mark_moved(slot);
+  return slot;
+}
+
+void ObjectTable::end(std::uint32_t slot) {
+  ObjectRow& row = rows_[slot];
+  marks_[slot] &= static_cast<ObjectMarks>(~alive_mark);
+  row.object.flags = 0;
+  index_.erase(row.object.number);
+  ended_.push_back(slot);
+  mark_moved(slot);
+}
+
+void ObjectTable::settle() {
+  // What moved rests from the next frame on, unless it moves again: mark_moved clears the byte then.
+  for (const std::uint32_t slot : moved_) {
+    marks_[slot] &= static_cast<ObjectMarks>(~(moved_mark | reported_mark | inner_mark));
+    resting_[slot] = 1;
+  }
+  moved_.clear();
+  unnotified_.clear();
+  free_.insert(free_.end(), ended_.begin(), ended_.end());
+  ended_.clear();
+}
+
+void ObjectTable::mark_moved(std::uint32_t slot) {
+  if ((marks_[slot] & moved_mark) == 0) {
+    unnotified_.push_back(slot);
+  }
+  mark_moved_host_only(slot);
+}
+
+void ObjectTable::mark_moved_host_only(std::uint32_t slot) {
+  present_[slot] = (rows_[slot].object.flags & messages::flag_present) != 0 ? 1 : 0;
+  resting_[slot] = 0;
+  if ((marks_[slot] & moved_mark) == 0) {
+    marks_[slot] |= moved_mark;
+    moved_.push_back(slot);
+  }
+}
+
+void ObjectTable::order_moved() {
+  if (moved_.size() * 8 < slots()) {
+    return;
+  }
+  moved_.clear();
+  for (std::uint32_t slot = 0; slot < slots(); ++slot) {
+    if ((marks_[slot] & moved_mark) != 0) {
+      moved_.push_back(slot);
+    }
+  }
+  unnotified_ = moved_;
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,156 @@
+// The state relay: to the user nodes the server appears to host every active and non-active object. Most of it is done
+// by others: in user domain deployment by the user nodes, in user/collision deployment by the CD nodes of this process,
+// each for what it hosts.
+#include <algorithm>
+#include <utility>
+
+#include "base/prefetch.hpp"
+#include "nodes/server/server_role.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+bool ServerRole::relays() const noexcept {
+  return setup_.interest > 0 && !connected_.empty() && setup_.deployment != Deployment::user;
+}
+
+// With placement region nodes keep most states to themselves. Else few nodes test for longer than the server needs for
+// all states, so that there it costs the frame nothing.
+void ServerRole::order_relay() {
+  nodes_publish_ = relays() && setup_.deployment == Deployment::user_collision &&
+                   (setup_.placement == Placement::region || nodes_.size() > setup_.max_relayed_nodes);
+  for (PeerSession& node : nodes_) {
+    order_relay(node);
+  }
+}
+
+// Before the node hears that the frame begins.
+void ServerRole::order_relay(PeerSession& node) {
+  if (node.connection.publication != nullptr) {
+    node.connection.publication->wanted = nodes_publish_;
+  }
+}
+
+bool ServerRole::publishes(Endpoint host) const noexcept {
+  return nodes_publish_ && host.is_node() && nodes_[host.number()].connection.publication != nullptr;
+}
+
+// What nobody else publishes: all, or what nodes in other processes host, and what lost ones hosted. Again in the same
+// frame, if a node is lost after it; but not once user nodes look: then it was lost after it had published, too, and
+// what it hosted stands in S(k) where they read it.
+void ServerRole::publish() {
+  if (relays_are_final_) {
+    relay_is_known_ = false;  // what was taken back has moved since
+    return;
+  }
+  Published& relay = setup_.publications->server;
+  relay.any[frame_ & 1] = false;
+  const bool all_published =
+      nodes_publish_ && !recovered_ &&
+      std::all_of(nodes_.begin(), nodes_.end(), [&](const PeerSession& node) { return publishes(node.self); });
+  if (!relays() || all_published) {
+    relay_is_known_ = false;
+    return;
+  }
+  update_relay();
+  link::Publication& publication = *relay.publication;
+  publication.begin(frame_);
+  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
+    if (relay_cells_[slot] != not_relayed && !publishes(objects_.host(slot))) {
+      publication.add_index(relay_cells_[slot], slot);
+    }
+  }
+  publication.publish_indexed([&](std::uint32_t slot) { base::prefetch_for_read(&objects_.row(slot)); },
+                              [&](std::uint32_t slot) {
+                                const ObjectRow& row = objects_.row(slot);
+                                return link::PublishedState{row.object.number, 0, row.pose};
+                              });
+  // To look for it everywhere costs a reader less than to find out here where it is.
+  relay.cell_range[frame_ & 1] = setup_.publications->grid.all();
+  relay.any[frame_ & 1] = !publication.states(frame_).empty();
+}
+
+// The cell of every object that is relayed. What has not moved is where it was, if it was looked at since.
+void ServerRole::update_relay() {
+  const auto update = [&](std::uint32_t slot) {
+    const ObjectRow& row = objects_.row(slot);
+    const auto category = static_cast<Category>(row.category);
+    const bool relayed =
+        objects_.present()[slot] != 0 && (category == Category::active || category == Category::non_active);
+    std::uint32_t point[3];
+    setup_.space->point(row.pose.position, point);
+    relay_cells_[slot] = relayed ? setup_.publications->grid.cell_of(point) : not_relayed;
+  };
+  const std::size_t known = std::exchange(relay_is_known_, true) ? relay_cells_.size() : 0;
+  relay_cells_.resize(objects_.slots());
+  for (auto slot = static_cast<std::uint32_t>(known); slot < objects_.slots(); ++slot) {
+    update(slot);
+  }
+  constexpr std::size_t ahead = 8;
+  const auto moved = objects_.moved();
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    if (i + ahead < moved.size()) {
+      base::prefetch_for_read(&objects_.row(moved[i + ahead]));
+    }
+    if (moved[i] < known) {
+      update(moved[i]);
+    }
+  }
+}
+
+bool ServerRole::all_published() noexcept {
+  return all_nodes([&](const PeerSession& node) { return node.published_received || !publishes(node.self); });
+}
+
+// All states are in publications that nobody writes any more in this frame, so user nodes may read while nodes test.
+// One whose link is full is told when it is told of its contacts: nobody waits for it here.
+void ServerRole::allow_reading() {
+  spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
+  list_relays();
+  relays_are_final_ = true;
+  if (setup_.interest > 0) {
+    all_users([&](PeerSession& user) {
+      user.read_publications_run.start(0);
+      send_read_publications(user);
+      return true;
+    });
+  }
+  spend_cpu(&PathReport::publish_ms);
+  spend(ringfence::Stage::notify, telemetry::now_ns());
+}
+
+bool ServerRole::send_read_publications(PeerSession& user) {
+  return user.read_publications_run.pump(*user.connection.out, head(MessageType::read_publications, user.self), 0,
+                                         report().traffic, [](std::size_t, std::byte*) {});
+}
+
+// Which publications hold: no loss changes any more who relays what.
+void ServerRole::list_relays() {
+  auto& relays_of_frame = setup_.publications->relays[frame_ & 1];
+  relays_of_frame.clear();
+  if (!relays()) {
+    return;
+  }
+  TrafficReport& traffic = report().traffic[static_cast<std::size_t>(Traffic::state)];
+  const auto add_index = [&](const Published& relay) {
+    if (!relay.any[frame_ & 1]) {
+      return;
+    }
+    relays_of_frame.push_back(&relay);
+    const std::size_t states = relay.publication->states(frame_).size();
+    ++traffic.messages;
+    traffic.records += states;
+    traffic.bytes += states * sizeof(link::PublishedState);
+  };
+  add_index(setup_.publications->server);
+  for (const PeerSession& node : nodes_) {
+    if (!node.lost && publishes(node.self)) {
+      add_index(node.connection.publication->published);
+    }
+  }
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,91 @@
+// What the server reports of a frame: what its steps cost, and what was said.
+#include <algorithm>
+#include <utility>
+
+#include "nodes/server/server_role.hpp"
+#include "telemetry/clock.hpp"
+#include "telemetry/track.hpp"
+
+namespace ringfence::nodes {
+
+using messages::MessageType;
+
+void ServerRole::start_report() {
+  FrameReport& frame = report();
+  std::vector<NodeReport> nodes = std::move(frame.nodes);
+  std::vector<KindReport> kinds = std::move(frame.kinds);
+  kinds.clear();
+  std::fill(nodes.begin(), nodes.end(), NodeReport{});
+  frame = {};
+  frame.nodes = std::move(nodes);
+  frame.kinds = std::move(kinds);
+  frame.frame = frame_;
+}
+
+// What passed since the last mark is charged to a stage of the report, less what ingest took of it.
+void ServerRole::spend(ringfence::Stage stage, std::uint64_t now) noexcept {
+  const std::uint64_t passed = now - mark_ns_;
+  const std::uint64_t ingest = std::min(ingest_ns_, passed);
+  report().stage_ms[static_cast<std::size_t>(stage)] += telemetry::to_ms(passed - ingest);
+  report().stage_ms[static_cast<std::size_t>(ringfence::Stage::ingest)] += telemetry::to_ms(ingest);
+  if (setup_.track != nullptr) {
+    setup_.track->add(name_of(stage), mark_ns_, now);
+  }
+  mark_ns_ = now;
+  ingest_ns_ = 0;
+}
+
+void ServerRole::spend_cpu(double PathReport::*step) noexcept {
+  const std::uint64_t now = telemetry::thread_cpu_ns();
+  report().path.*step += telemetry::to_ms(now - cpu_mark_ns_);
+  cpu_mark_ns_ = now;
+}
+
+// When that was the case for the first time.
+bool ServerRole::note_first(std::uint64_t& when_ns) noexcept {
+  when_ns = when_ns != 0 ? when_ns : telemetry::now_ns();
+  return true;
+}
+
+// Of a step in which nodes are told one after another: what it had cost when each of them was.
+void ServerRole::charge_notified(double step_ms, std::uint64_t begin_ns, std::uint64_t PeerSession::*reached_ns,
+                                 double PeerSession::*reached_ms) noexcept {
+  const double passed = static_cast<double>(telemetry::now_ns() - begin_ns);
+  for (PeerSession& node : nodes_) {
+    const double until = static_cast<double>(node.*reached_ns - begin_ns);
+    node.*reached_ms = node.lost || passed <= 0 ? step_ms : step_ms * until / passed;
+  }
+}
+
+void ServerRole::charge_path(const PeerSession& node, const messages::NodeFrameStats& stats) noexcept {
+  PathReport& path = report().path;
+  const auto raise = [](double& most, double ms) { most = std::max(most, ms); };
+  const double move_ms = telemetry::to_ms(stats.move_cpu_ns);
+  const double publish_ms = telemetry::to_ms(stats.publish_cpu_ns);
+  const double detect_ms = telemetry::to_ms(stats.detect_cpu_ns);
+  const double end_ms = telemetry::to_ms(stats.cpu_ns) - move_ms - publish_ms - detect_ms;
+  raise(path.node_move_ms, move_ms);
+  raise(path.node_publish_ms, publish_ms);
+  raise(path.node_detect_ms, detect_ms);
+  raise(path.node_end_ms, end_ms);
+  raise(path.nodes_moved_ms, node.started_ms + move_ms);
+  raise(path.nodes_tested_ms, std::max(path.dispatch_ms, publish_ms) + detect_ms);
+  raise(path.nodes_ended_ms, node.notified_ms + end_ms);
+}
+
+void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& header) noexcept {
+  TrafficReport& traffic = counts[static_cast<std::size_t>(traffic_of(static_cast<MessageType>(header.type)))];
+  ++traffic.messages;
+  traffic.records += header.count;
+  traffic.bytes += header.bytes;
+}
+
+// What is read where it lies counts as the message in its place.
+void ServerRole::count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept {
+  TrafficReport& traffic = report().traffic[static_cast<std::size_t>(kind)];
+  ++traffic.messages;
+  traffic.records += records;
+  traffic.bytes += records * bytes_each;
+}
+
+}  // namespace ringfence::nodes

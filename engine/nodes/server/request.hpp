@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+
+#include "nodes/role.hpp"
+#include "ringfence/ids.hpp"
+#include "ringfence/object.hpp"
+
+namespace ringfence::nodes {
+
+/// What is asked of the server for its next cut. Checked by the facade; applied in the order in which it was asked.
+struct Request {
+  enum class Kind : std::uint8_t { connect, disconnect, spawn, destroy, place, remove, add_node, retire_node, resize };
+
+  Kind kind = Kind::spawn;
+  ObjectId object;            ///< spawn, destroy, place, remove
+  ObjectSpec spec;            ///< spawn; place: its pose
+  UserNumber user = no_user;  ///< connect, disconnect
+  Connection connection;      ///< connect, add_node
+  std::uint32_t nodes = 0;    ///< resize: how many CD nodes there are from the next frame on; retire_node: which goes
+};
+
+}  // namespace ringfence::nodes

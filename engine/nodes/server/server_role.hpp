@@ -1,0 +1,324 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "geometry/shape_table.hpp"
+#include "messages/run.hpp"
+#include "nodes/exchange/publications.hpp"
+#include "nodes/host/host.hpp"
+#include "nodes/server/contact_ledger.hpp"
+#include "nodes/server/dispatch.hpp"
+#include "nodes/server/hosting.hpp"
+#include "nodes/server/object_table.hpp"
+#include "nodes/server/peer_session.hpp"
+#include "nodes/server/request.hpp"
+#include "nodes/server/spawn_order.hpp"
+#include "regions/balance.hpp"
+#include "regions/region_map.hpp"
+#include "ringfence/config.hpp"
+#include "ringfence/frame_report.hpp"
+#include "telemetry/track.hpp"
+
+namespace ringfence::nodes {
+
+/// How the facade orders a frame of the server, and learns that it is complete. One order at a time.
+struct FrameOrder {
+  std::vector<Request> requests;          ///< for the cut; the server reads them while the frame is under way
+  std::atomic<std::uint64_t> ordered{0};  ///< frames ordered; a release store publishes `requests`
+  std::atomic<std::uint64_t> completed{0};
+  // Where the last CD node is lost and its work is not done: the facade is asked for another, that takes its number.
+  std::atomic<bool> fallback_wanted{false};
+  std::atomic<bool> fallback_ready{false};
+  NodeNumber fallback_for = 0;       ///< holds while wanted
+  Connection fallback;               ///< the server's end of its line; holds when ready
+  link::Doorbell* caller = nullptr;  ///< rung when a frame is complete; null where the caller steps the server itself
+};
+
+/// What the server is given. The pointers outlive the role.
+struct ServerSetup {
+  const geometry::ShapeTable* shapes = nullptr;
+  const geometry::FixedSpace* space = nullptr;
+  const MotionModel* model = nullptr;
+  Publications* publications = nullptr;
+  FrameOrder* order = nullptr;
+  Deployment deployment = Deployment::user_collision;
+  Placement placement = Placement::server;
+  std::array<std::uint32_t, 32> layer_masks{};
+  bool keep_resting = true;  ///< see WorldConfig
+  Capacities capacities;
+  double interest = 0;
+  std::size_t max_relayed_nodes = 4;  ///< up to so many CD nodes the server relays the states of what they host
+  bool balance = true;                ///< regions follow the load
+  BalanceBy balance_by = BalanceBy::cpu_time;
+  Quotas quotas;
+  std::uint64_t node_deadline_ns = 0;  ///< a CD node silent for so long in a frame, though asked, is lost; 0: never
+  std::uint64_t user_deadline_ns = 0;  ///< a user node has so long to move, and so long to take its contacts; 0: ever
+  telemetry::Track* track = nullptr;   ///< null: nothing is noted
+  std::vector<Connection> nodes;
+};
+
+/// The collision detection server: exactly one a world. It cuts the stream of requests into frames, hears where the
+/// objects are, sweeps (broad phase), decides which CD node owns which pair, collects what they find, and tells each
+/// host of the collisions that concern its objects. In user/server deployment it also hosts the active and non-active
+/// objects.
+///
+/// The frame's steps are those of design and docs/architecture.md, one stage each:
+///   cut, opening, inviting, moving (ingest), dispatching (broad phase before it), colliding, notifying (collect before
+///   it), informing, closing.
+/// Nodes come first: what the server does for users passes while nodes move, or end (opening and notifying are theirs,
+/// inviting and informing the users').
+///
+/// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
+class ServerRole {
+ public:
+  ServerRole(const ServerSetup& setup, const regions::RegionMap& map);
+
+  Step step();
+
+  /// The CD node has gone: by its deadline (the role sees to that itself), or because its link was closed. Its regions,
+  /// the objects that it hosts and the pairs of the frame go to the others; see server_loss.cpp. By the thread that
+  /// steps the role. False, and nothing happens, while no frame is under way: then it is lost within the next.
+  bool lose(NodeNumber node);
+
+  // Between frames, for the facade.
+  /// Whether the CD node has handed everything over, as Request::retire_node asked, and is gone at the next cut.
+  bool has_left(NodeNumber node) const noexcept { return nodes_[node].left; }
+  const regions::RegionMap& map() const noexcept { return map_; }
+  /// Poses and states of objects that their hosts keep to themselves (host_owned_mark) may be of an earlier frame: see
+  /// pose().
+  const ObjectTable& objects() const noexcept { return objects_; }
+  /// Where the live object in that slot stands.
+  const Pose& pose(std::uint32_t slot) const noexcept;
+  // For the last frame; they stay as they are while the next one is under way.
+  const ContactLedger& ledger() const noexcept { return ledger_; }
+  const FrameReport& report(std::uint64_t frame) const noexcept { return reports_[frame & 1]; }
+
+ private:
+  static constexpr NodeNumber no_node = 0xffffffffu;
+  static constexpr std::uint32_t not_relayed = 0xffffffffu;
+  enum class Stage : std::uint8_t {
+    waiting,
+    starting_nodes,
+    starting_users,
+    moving,
+    dispatching,
+    colliding,
+    notifying,
+    notifying_users,
+    closing
+  };
+
+  // The cut.
+  void cut();
+  void apply_requests();
+  void apply(const Request& request);
+  void connect(const Request& request);
+  void disconnect(UserNumber user);
+  void spawn(const Request& request);
+  void end_object(std::uint32_t slot);
+  void release_from_host(std::uint32_t slot);
+  void place(std::uint32_t slot, const Pose& pose, bool present);
+  void add_node(const Request& request);
+  void retire_nodes();
+  void rehost(const HostChange& change);
+  void list_late_contacts(std::span<const HostChange> changes);
+  PeerSession* session_of(messages::Endpoint endpoint) noexcept;
+  void start(PeerSession& session);
+  void start_users();
+  bool open(PeerSession& session);
+
+  // Hearing.
+  bool is_awaited(const PeerSession& node) const noexcept;
+  bool receive_from_users();
+  bool drain(PeerSession& session);
+  bool is_over_quota(PeerSession& session, std::span<const std::byte> bytes);
+  void receive(PeerSession& session, const messages::MessageView& message);
+  void receive_states(PeerSession& session, const messages::MessageView& message);
+  void receive_node_states(PeerSession& session, const messages::MessageView& message);
+  void note_notified(std::uint32_t slot, const geometry::Bounds& bounds, bool shared);
+  void receive_collisions(PeerSession& session, const messages::MessageView& message);
+  void receive_narrow_done(PeerSession& session, const messages::MessageView& message);
+  void receive_kinds(const messages::MessageView& message);
+  void receive_frame_done(PeerSession& session, const messages::MessageView& message);
+  void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
+  void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
+
+  // Loss.
+  bool check_deadlines();
+  bool check_node_deadline(PeerSession& session, std::uint64_t now);
+  bool check_user_deadline(PeerSession& session, std::uint64_t now);
+  bool drain_lost(PeerSession& session);
+  bool send_losses();
+  bool send_losses(PeerSession& session);
+  void reassign_cells();
+  void read_host_owned(NodeNumber node, std::uint64_t frame);
+  void reclaim(std::uint32_t slot);
+  void recover_objects(NodeNumber node);
+  void cancel_hand_overs(NodeNumber node);
+  void detect_again();
+  bool connect_fallback();
+  void renumber_nodes();
+  void restore_objects();
+
+  // Region maps.
+  /// The drawing of a map: where it has got to, and what for.
+  struct MapPlan {
+    enum class Pass : std::uint8_t { none, weighing, refining, sharing, planned };
+    Pass pass = Pass::none;
+    std::uint32_t epoch = 0;               ///< of the map that is to be replaced
+    std::size_t nodes = 0;                 ///< that share it
+    std::size_t part = 0, next = 0;        ///< what is weighed next
+    std::span<const std::uint32_t> table;  ///< what has been drawn
+  };
+  void compare_costs();
+  void change_map();
+  void adopt_map(std::span<const std::uint32_t> table, std::uint32_t nodes);
+  bool can_hosts_exchange_objects() const noexcept;
+  void note_renotified() noexcept;
+  void plan_map();
+  bool is_for_current_map(const MapPlan& drawing) const noexcept;
+  void begin_weights();
+  bool weigh(std::size_t most);
+  std::size_t weigh_part(std::size_t part, std::size_t first, std::size_t end);
+  bool is_hosted_here(messages::Endpoint host) const noexcept;
+  std::span<const std::uint32_t> partition_for(std::uint32_t& nodes);
+
+  // The stages.
+  bool advance();
+  bool advance_stage();
+  void apply_moves(Host& host);
+  void move_hosted();
+  void detect();
+  void open_ghost_gates();
+  void close_ghost_gates() noexcept;
+  bool ghost_gates_are_left() const noexcept;
+  void store_state(const PeerSession& session, std::uint64_t frame, const messages::ObjectRef& object, const Pose& pose,
+                   const std::byte* state);
+  void refresh_objects();
+  void collect();
+  void list_notices();
+  void start_notifying(PeerSession& session);
+  void start_notifying_users();
+  void list_notice(std::uint32_t notice, const Found& found);
+  void write_notice(std::uint32_t notice, std::byte* where) const noexcept;
+  void count_contacts();
+  void next_hosts();
+  void follow_host(std::uint32_t slot, NodeNumber next);
+  void follow_all_hosted(const PeerSession& session);
+  bool relays() const noexcept;
+  void order_relay();
+  void order_relay(PeerSession& node);
+  bool publishes(messages::Endpoint host) const noexcept;
+  void publish();
+  void update_relay();
+  bool all_published() noexcept;
+  void allow_reading();
+  bool send_read_publications(PeerSession& user);
+  void list_relays();
+  bool notify(PeerSession& session);
+  bool send_map(PeerSession& session, messages::RunSender& run);
+  void finish();
+  // They call `done` for every party of a kind that is not lost, users if connected, also after one has answered false;
+  // whether all answered true.
+  template <class Done>
+  bool all_nodes(Done done) {
+    bool all = true;
+    for (PeerSession& session : nodes_) {
+      all &= session.lost || done(session);
+    }
+    return all;
+  }
+  template <class Done>
+  bool all_users(Done done) {
+    bool all = true;
+    for (const UserNumber user : connected_) {
+      all &= users_[user].lost || done(users_[user]);
+    }
+    return all;
+  }
+  /// Whether the contacts of the frame are known, so that a loss does not change them any more.
+  bool contacts_are_final() const noexcept { return stage_ >= Stage::notifying; }
+
+  // The report.
+  void start_report();
+  void spend(ringfence::Stage stage, std::uint64_t now) noexcept;
+  void spend_cpu(double PathReport::*step) noexcept;
+  void charge_path(const PeerSession& node, const messages::NodeFrameStats& told) noexcept;
+  static bool note_first(std::uint64_t& when_ns) noexcept;
+  void charge_notified(double step_ms, std::uint64_t begin_ns, std::uint64_t PeerSession::*reached_ns,
+                       double PeerSession::*reached_ms) noexcept;
+  void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
+  static void add(messages::TrafficCounts& counts, const messages::Header& header) noexcept;
+  FrameReport& report() noexcept { return reports_[frame_ & 1]; }
+
+  messages::RunHeader head(messages::MessageType type, messages::Endpoint to) const noexcept;
+
+  ServerSetup setup_;
+  regions::RegionMap map_;
+  regions::Balance balance_;
+  std::vector<double> costs_;  ///< of the nodes in the frame before
+  MapPlan map_plan_;
+  std::uint32_t resize_to_ = 0;  ///< nodes from the next frame on; 0: as they are
+  bool map_changed_ = false;     ///< nodes are told of the new map at the end of this frame
+  Dispatch::UpdateScope update_scope_ =
+      Dispatch::UpdateScope::changes;  ///< in this frame; more than changes under a new map
+  bool hosts_exchange_objects_ =
+      false;                       ///< under a map that begins with the next frame hosts tell each other what they host
+  bool ghosts_exchanged_ = false;  ///< in this frame nodes hear each other's halos
+  ObjectTable objects_;
+  Host host_;
+  Hosting hosting_;
+  Dispatch dispatch_;
+  ContactLedger ledger_;
+  std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, by the server
+  bool nodes_exchange_contacts_ = false;  ///< in this frame nodes take what concerns them from each other's findings
+  std::vector<PeerSession> nodes_;
+  std::vector<PeerSession> users_;  ///< by user number
+  std::vector<UserNumber> connected_;
+  std::vector<UserNumber> awaited_users_;  ///< of whom the frame waits for a word
+  std::vector<Connection> node_connections_;
+  std::vector<PositionedSpawn> spawn_order_;
+  base::FlatList<std::uint32_t> relay_cells_;  ///< by slot: the cell of the publication, or not_relayed
+  bool nodes_publish_ = false;                 ///< in this frame CD nodes relay what they host, those that can
+  bool relay_is_known_ = false;                ///< relay_cells_ hold, but for what moved in this frame
+  bool relays_are_final_ = false;              ///< user nodes look: what is published in this frame stays as it is
+  std::vector<std::uint32_t> leaving_slots_;   ///< slots of this frame whose hosts say that others host them next
+  bool users_changed_ = false;
+  bool users_are_notified_ = false;  ///< all users have been sent what they are told in this frame
+  bool bounds_are_stale_ = false;    ///< those of present objects of which their hosts alone know
+  std::int64_t host_owned_moved_ =
+      0;  ///< objects that moved in this frame and are not in objects_.moved(), less the others
+
+  /// An object that another CD node hosts from the next frame on.
+  struct HandOver {
+    std::uint32_t slot;
+    NodeNumber from, to;
+  };
+  std::vector<HandOver> hand_overs_;  ///< of this frame
+  Host recovery_host_;                ///< moves what lost nodes had not reported
+  std::vector<std::uint32_t> table_;  ///< of the map that is being made
+  std::vector<NodeNumber> alive_;
+  NodeNumber fallback_for_ = no_node;  ///< awaited: the last node is lost
+  bool losses_pending_ = false;
+  bool recovered_ = false;           ///< objects of lost nodes are in the server's hands until the next cut
+  bool map_precedes_frame_ = false;  ///< nodes are told of the map before this frame begins
+  bool rescan_hosts_ = false;        ///< the map changed within this frame, or before it
+
+  Stage stage_ = Stage::waiting;
+  std::uint64_t frames_ = 0;  ///< begun
+  std::uint64_t frame_ = 0;
+  std::uint64_t mark_ns_ = 0;    ///< when the current stage was last charged
+  std::uint64_t ingest_ns_ = 0;  ///< within the current stage
+  std::uint64_t begin_ns_ = 0;
+  std::uint64_t notify_ns_ = 0;  ///< when hosts began to be told
+  std::uint64_t cpu_begin_ns_ = 0;
+  std::uint64_t cpu_mark_ns_ = 0;  ///< when CPU time was last charged to the path
+  FrameReport reports_[2];
+};
+
+}  // namespace ringfence::nodes

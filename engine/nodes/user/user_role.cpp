@@ -1,0 +1,261 @@
+#include "nodes/user/user_role.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "telemetry/track.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+using messages::MessageView;
+using regions::CellBox;
+
+UserRole::UserRole(const UserSetup& setup)
+    : setup_(setup), self_(Endpoint::user(setup.user)), host_(setup.model, setup.objects) {}
+
+Step UserRole::step() {
+  bool progressed =
+      drain(*setup_.server.in, host_.state_bytes(), [this](const MessageView& message) { receive(message); });
+  while (advance()) {
+    progressed = true;
+  }
+  if (progressed) {
+    return Step::progressed;
+  }
+  return stage_ == Stage::sending_states || stage_ == Stage::finishing ? Step::blocked : Step::idle;
+}
+
+void UserRole::receive(const MessageView& message) {
+  switch (message.type()) {
+    case MessageType::frame_begin:
+      return begin(message.header().frame);
+    case MessageType::refused:
+      refused_ += message.count();
+      return;
+    case MessageType::read_publications:
+      may_read_ = true;
+      return;
+    case MessageType::notify:
+      return receive_contacts(message);
+    default:
+      host_.apply(message);
+  }
+}
+
+void UserRole::receive_contacts(const MessageView& message) {
+  // Between frames these are the last contacts of an object that was taken over.
+  const bool late = stage_ == Stage::waiting;
+  if (!late && stage_ == Stage::awaiting_contacts) {
+    enter(telemetry::StepClock::end);
+  }
+  late ? host_.add_late_contacts(message) : host_.add_contacts(frame_, message);
+  contacts_received_ |= message.last() && !late;
+}
+
+void UserRole::begin(std::uint64_t frame) {
+  frame_ = frame;
+  contacts_received_ = false;
+  may_read_ = setup_.interest <= 0;  // there is nothing to wait for
+  frame_stats_ = {};
+  enter(telemetry::StepClock::move);
+  telemetry::SpanTimer time(setup_.track, "move", frame_stats_.move_ns);
+  host_.begin_contacts(frame);
+  for (const Steered& steered : steered_) {
+    host_.steer(steered.number, steered.pose);
+  }
+  steered_.clear();
+  host_.move(frame);
+  publish();
+  states_run_.start(host_.changed().size());
+  stage_ = Stage::sending_states;
+}
+
+// To the other user nodes at application level, as the paper has it: written once, whoever is near reads it.
+void UserRole::publish() {
+  Published& own = setup_.publications->users[setup_.user];
+  PublicationWriter writer(*setup_.publications, own, frame_);
+  for (std::size_t i = 0; i < host_.size(); ++i) {
+    if ((host_[i].object.flags & messages::flag_present) != 0) {
+      writer.add(host_[i].object.number, host_[i].pose);
+    }
+  }
+  frame_stats_.published = writer.publish();
+}
+
+void UserRole::read_others() {
+  auto& seen = seen_[frame_ & 1];
+  seen.clear();
+  boxes_.clear();
+  if (setup_.interest <= 0) {
+    return;
+  }
+  const Publications& all = *setup_.publications;
+  const double r = setup_.interest;
+  for (std::size_t i = 0; i < host_.size(); ++i) {
+    const Hosted& object = host_[i];
+    if (object.category == static_cast<std::uint16_t>(Category::avatar) &&
+        (object.object.flags & messages::flag_present) != 0) {
+      const Vec3d p = object.pose.position;
+      geometry::Bounds bounds;
+      all.space->point({p.x - r, p.y - r, p.z - r}, bounds.lower);
+      all.space->point({p.x + r, p.y + r, p.z + r}, bounds.upper);
+      boxes_.push_back(all.grid.cells_of(bounds));
+    }
+  }
+  for (std::size_t box = 0; box < boxes_.size(); ++box) {
+    for (const Published* relay : all.relays[frame_ & 1]) {
+      read_box(*relay, boxes_[box], box);
+    }
+    for (UserNumber user = 0; user < all.users.size(); ++user) {
+      if (user != setup_.user && all.users[user].publication != nullptr) {
+        read_box(all.users[user], boxes_[box], box);
+      }
+    }
+  }
+}
+
+// Two ways, the cheaper one by what there is: a publication of many states is looked up row by row of the box, because
+// a row of cells lies in one piece; of a publication of few states, such as a user node's, all cells are passed
+// through. Cells in an earlier avatar's box have been read and are left out.
+void UserRole::read_box(const Published& published, const CellBox& box, std::size_t earlier) {
+  const std::size_t parity = frame_ & 1;
+  if (!published.any[parity]) {
+    return;
+  }
+  const CellBox& cell_range = published.cell_range[parity];
+  CellBox common;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    common.lower[axis] = std::max(box.lower[axis], cell_range.lower[axis]);
+    common.upper[axis] = std::min(box.upper[axis], cell_range.upper[axis]);
+    if (common.lower[axis] > common.upper[axis]) {
+      return;
+    }
+  }
+  const std::size_t rows =
+      std::size_t{common.upper[1] - common.lower[1] + 1u} * (common.upper[2] - common.lower[2] + 1u);
+  if (earlier != 0 || published.publication->cells(frame_).size() < 4 * rows) {
+    read_cells(published, common, earlier);
+  } else {
+    read_rows(published, common);
+  }
+}
+
+void UserRole::read_rows(const Published& published, const CellBox& box) {
+  const regions::CellGrid& grid = setup_.publications->grid;
+  auto& seen = seen_[frame_ & 1];
+  const std::size_t wide = box.upper[1] - box.lower[1] + std::size_t{1};
+  std::uint32_t y = box.lower[1];
+  std::uint32_t z = box.lower[2];
+  published.publication->read_rows(
+      frame_, wide * (box.upper[2] - box.lower[2] + std::size_t{1}),
+      [&](std::size_t) {
+        const std::pair cells(grid.index(box.lower[0], y, z), grid.index(box.upper[0], y, z));
+        const bool end = y == box.upper[1];
+        y = end ? box.lower[1] : y + 1;
+        z += end ? 1 : 0;
+        return cells;
+      },
+      [&](std::span<const link::PublishedState> states) { seen.push_back(states); });
+}
+
+void UserRole::read_cells(const Published& published, const CellBox& box, std::size_t earlier) {
+  const regions::CellGrid& grid = setup_.publications->grid;
+  auto& seen = seen_[frame_ & 1];
+  const auto wanted = [&](std::uint32_t cell) {
+    const CellBox at = grid.box_of(cell);
+    return box.contains(at) &&
+           (earlier == 0 || std::none_of(boxes_.begin(), boxes_.begin() + static_cast<std::ptrdiff_t>(earlier),
+                                         [&](const CellBox& other) { return other.contains(at); }));
+  };
+  const auto cells = published.publication->cells(frame_);
+  const auto starts = published.publication->starts(frame_);
+  const auto states = published.publication->states(frame_);
+  for (std::size_t first = 0; first < cells.size(); ++first) {
+    if (!wanted(cells[first])) {
+      continue;
+    }
+    std::size_t end = first + 1;
+    while (end < cells.size() && wanted(cells[end])) {
+      ++end;
+    }
+    seen.push_back(states.subspan(starts[first], starts[end] - starts[first]));
+    first = end;
+  }
+}
+
+bool UserRole::send_states() {
+  const auto changed = host_.changed();
+  return states_run_.pump(*setup_.server.out, {MessageType::state_update, self_, Endpoint::server(), frame_, 0},
+                          sizeof(messages::StateRecord) + host_.state_bytes(), traffic_,
+                          [&](std::size_t i, std::byte* where) {
+                            const Hosted& object = host_[changed[i]];
+                            const messages::StateRecord record{object.object, object.pose};
+                            std::memcpy(where, &record, sizeof record);
+                            if (host_.state_bytes() != 0) {
+                              std::memcpy(where + sizeof record, host_.state(changed[i]), host_.state_bytes());
+                            }
+                          });
+}
+
+bool UserRole::send_frame_done() {
+  return frame_done_run_.pump(*setup_.server.out, {MessageType::frame_done, self_, Endpoint::server(), frame_, 0},
+                              sizeof(messages::NodeFrameStats), traffic_, [&](std::size_t, std::byte* where) {
+                                frame_stats_.hosted = host_.size();
+                                const HostRefusals& refusals = host_.refusals();
+                                frame_stats_.model_failed = refusals.model_failed;
+                                frame_stats_.not_finite = refusals.not_finite;
+                                frame_stats_.not_unit = refusals.not_unit;
+                                std::memcpy(where, &frame_stats_, sizeof frame_stats_);
+                              });
+}
+
+void UserRole::enter(telemetry::StepClock::Step step) noexcept {
+  if (setup_.clock != nullptr) {
+    setup_.clock->enter(step);
+  }
+}
+
+// One transition of the frame; false where it has to wait.
+bool UserRole::advance() {
+  switch (stage_) {
+    case Stage::waiting:
+      return false;
+    case Stage::sending_states:
+      if (!send_states()) {
+        return false;
+      }
+      stage_ = Stage::reading_others;
+      return true;
+    case Stage::reading_others:
+      if (!may_read_) {
+        return false;
+      }
+      enter(telemetry::StepClock::read_publications);
+      {
+        telemetry::SpanTimer time(setup_.track, "look around", frame_stats_.busy_ns);
+        read_others();
+      }
+      stage_ = Stage::awaiting_contacts;
+      return true;
+    case Stage::awaiting_contacts:
+      if (!contacts_received_) {
+        return false;
+      }
+      enter(telemetry::StepClock::end);
+      frame_done_run_.start(1);
+      stage_ = Stage::finishing;
+      return true;
+    case Stage::finishing:
+      if (!send_frame_done()) {
+        return false;
+      }
+      stage_ = Stage::waiting;
+      return true;
+  }
+  return false;
+}
+
+}  // namespace ringfence::nodes

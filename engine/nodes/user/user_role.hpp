@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "messages/run.hpp"
+#include "nodes/exchange/publications.hpp"
+#include "nodes/host/host.hpp"
+#include "nodes/role.hpp"
+#include "ringfence/config.hpp"
+#include "telemetry/step_clock.hpp"
+#include "telemetry/track.hpp"
+
+namespace ringfence::nodes {
+
+/// What a user node is given. The pointers outlive the role.
+struct UserSetup {
+  UserNumber user = 0;
+  const MotionModel* model = nullptr;
+  Publications* publications = nullptr;
+  double interest = 0;                    ///< metres; 0: reads nothing of others
+  telemetry::Track* track = nullptr;      ///< of the thread that steps it; null: nothing is noted
+  telemetry::StepClock* clock = nullptr;  ///< likewise
+  std::size_t objects = 0;                ///< reserved
+  Connection server;
+};
+
+/// A user node: hosts its avatars, and in user domain deployment its share of all other objects; moves them, tells the
+/// server (M1) and the other users (its publication), reads what others published near its avatars once the server says
+/// that it may, and is told of the collisions that concern them (M4). It knows the server alone.
+///
+/// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
+class UserRole {
+ public:
+  explicit UserRole(const UserSetup& setup);
+
+  Step step();
+
+  /// Where an avatar stands in the next frame, whatever the model says. Between frames, for the facade.
+  void steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
+
+  /// What the node was told in that frame (M4), in order of (a, b), ended ones too.
+  std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return host_.contacts(frame); }
+  /// The states of others near its avatars in that frame, as spans of what the others published.
+  std::span<const std::span<const link::PublishedState>> seen(std::uint64_t frame) const noexcept {
+    return seen_[frame & 1];
+  }
+  const Host& host() const noexcept { return host_; }
+  /// Records of its own messages that the server refused so far; 0 unless somebody else speaks in its name.
+  std::uint64_t refused() const noexcept { return refused_; }
+
+ private:
+  enum class Stage : std::uint8_t { waiting, sending_states, reading_others, awaiting_contacts, finishing };
+  struct Steered {
+    ObjectNumber number;
+    Pose pose;
+  };
+
+  void receive(const messages::MessageView& message);
+  void receive_contacts(const messages::MessageView& message);
+  void begin(std::uint64_t frame);
+  void publish();
+  void read_others();
+  void read_box(const Published& published, const regions::CellBox& box, std::size_t earlier);
+  void read_rows(const Published& published, const regions::CellBox& box);
+  void read_cells(const Published& published, const regions::CellBox& box, std::size_t earlier);
+  void enter(telemetry::StepClock::Step step) noexcept;
+  bool advance();
+  bool send_states();
+  bool send_frame_done();
+
+  UserSetup setup_;
+  messages::Endpoint self_;
+  Host host_;
+  Stage stage_ = Stage::waiting;
+  std::uint64_t frame_ = 0;
+  bool may_read_ = false;  ///< all have published
+  bool contacts_received_ = false;
+  std::uint64_t refused_ = 0;
+  std::vector<Steered> steered_;  ///< for the next frame
+  std::vector<std::span<const link::PublishedState>> seen_[2];
+  std::vector<regions::CellBox> boxes_;  ///< around the avatars
+  messages::RunSender states_run_, frame_done_run_;
+  messages::TrafficCounts traffic_{};
+  messages::NodeFrameStats frame_stats_;
+};
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,122 @@
+// Processes of another version, byte order or layout of records: by what they say of themselves they are known, and are
+// refused, on either side.
+#include "dds/incompatible_peer.hpp"
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "dds/description.hpp"
+#include "dds/domain.hpp"
+#include "dds/node_world.hpp"
+#include "tools/program.hpp"
+
+namespace ringfence {
+namespace {
+
+using test::Difference;
+
+/// The cluster's side, which a stranger comes to.
+struct IncompatiblePeerTest {
+  std::vector<std::string> log;
+  dds::Cluster cluster{[this] {
+    dds::ClusterConfig config;
+    config.network.domain = dds::NetworkConfig::any_domain;
+    config.network.interface = "lo";
+    config.network.lease_ms = test::lease_ms;
+    config.log = [this](LogLevel, std::string_view line) { log.emplace_back(line); };
+    return config;
+  }()};
+
+  test::Process stranger(Difference difference, dds::NodeState state, const std::string& why) const {
+    return test::Process({RINGFENCE_STRANGER, std::to_string(cluster.domain()),
+                          std::to_string(static_cast<std::uint32_t>(difference)),
+                          std::to_string(static_cast<std::uint32_t>(state)), why});
+  }
+  /// Nobody is ever let in meanwhile.
+  bool refuses() {
+    return test::wait_until([&] {
+      CHECK(cluster.remote_nodes()->arrivals().empty());
+      return cluster.report().refused == 1;
+    });
+  }
+  bool has_logged(const std::string& words) const {
+    return std::any_of(log.begin(), log.end(),
+                       [&](const std::string& line) { return line.find(words) != std::string::npos; });
+  }
+};
+
+/// A World that says of itself what is in `sample`, and what answers a node that waits for one.
+test::ProgramResult answer_to(Difference difference, const dds::WorldTermsRecord& record, std::size_t bytes) {
+  dds::NetworkConfig network;
+  network.domain = dds::NetworkConfig::any_domain;
+  network.interface = "lo";
+  dds::Domain domain(network, dds::Side::world);
+  domain.start_heartbeat(network.lease_ms);
+  const dds::Entity writer = domain.writer(dds::Topic::terms, dds::liveliness_qos(network.lease_ms), {});
+  char name[] = "stranger";
+  dds::TermsSample sample{};
+  sample.world = 7;
+  sample.version = dds::wire_version;
+  dds::write_byte_order(sample.order);
+  sample.layout = dds::record_layout_hash();
+  sample.name = name;
+  sample.bytes = dds::borrow(std::as_bytes(std::span(&record, 1)).first(bytes));
+  test::make_incompatible(sample, difference);
+  REQUIRE(dds_write(writer.get(), &sample) == DDS_RETCODE_OK);
+  return test::ringfence("node --once --interface lo --domain " + std::to_string(domain.number()));
+}
+
+constexpr int bad_use = 2;
+
+dds::WorldTermsRecord some_terms() {
+  dds::WorldTermsRecord record;
+  std::fill_n(record.bounds_max, 3, 10.0);
+  record.lease_ms = test::lease_ms;
+  return record;
+}
+
+}  // namespace
+
+TEST_CASE("a node of another version, byte order or record layout gets no seat, is counted and is logged") {
+  for (const Difference difference : test::differences) {
+    INFO("difference ", static_cast<std::uint32_t>(difference));
+    IncompatiblePeerTest visited;
+    const test::Process stranger = visited.stranger(difference, dds::NodeState::ready, "");
+    CHECK(visited.refuses());
+    CHECK(visited.has_logged("node stranger is refused: it is of another version or machine"));
+  }
+}
+
+TEST_CASE("a node that refuses the World is counted, and its reason is logged") {
+  IncompatiblePeerTest visited;
+  const test::Process stranger =
+      visited.stranger(Difference::none, dds::NodeState::refused, "shape 3 is of a kind that nobody knows");
+  CHECK(visited.refuses());
+  CHECK(visited.has_logged("node stranger is refused: shape 3 is of a kind that nobody knows"));
+}
+
+TEST_CASE("a World of another version, byte order or record layout is refused by a node, which says so") {
+  for (const Difference difference : test::differences) {
+    INFO("difference ", static_cast<std::uint32_t>(difference));
+    const test::ProgramResult answer = answer_to(difference, some_terms(), sizeof(dds::WorldTermsRecord));
+    CHECK(answer.code == bad_use);
+    CHECK(answer.out.find("is of another version, or its machine keeps bytes in another order") != std::string::npos);
+  }
+}
+
+TEST_CASE("a World whose terms have another size or another motion model is refused by a node, which says so") {
+  const test::ProgramResult shorter = answer_to(Difference::none, some_terms(), sizeof(dds::WorldTermsRecord) - 8);
+  CHECK(shorter.code == bad_use);
+  CHECK(shorter.out.find("is of another version") != std::string::npos);
+  dds::WorldTermsRecord record = some_terms();
+  record.has_model = 1;
+  record.state_bytes = 16;
+  const test::ProgramResult other = answer_to(Difference::none, record, sizeof record);
+  CHECK(other.code == bad_use);
+  CHECK(other.out.find("told in a way that this program does not know: is it another's World?") != std::string::npos);
+}
+
+}  // namespace ringfence

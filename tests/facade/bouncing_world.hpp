@@ -1,0 +1,105 @@
+#pragma once
+
+#include <cstdint>
+#include <cstring>
+#include <memory>
+#include <vector>
+
+#include "ringfence/world.hpp"
+
+namespace ringfence::test {
+
+/// A small world that keeps colliding: objects fly straight, turn at walls, and are pushed out of and reflected by
+/// their contacts. Everything a frame may depend on is used, so that a deployment that differs anywhere shows.
+class BouncingModel : public MotionModel {
+ public:
+  struct State {
+    double velocity[3];
+    std::uint64_t hits;
+  };
+  explicit BouncingModel(double side) : side_(side) {}
+  std::size_t state_bytes() const noexcept override { return sizeof(State); }
+
+  void start(const ObjectSpec& spec, std::byte* state) const override {
+    State s{};
+    std::uint64_t h = spec.number * 0x9e3779b97f4a7c15u + 1;
+    for (double& v : s.velocity) {
+      h ^= h >> 29;
+      h *= 0xbf58476d1ce4e5b9u;
+      h ^= h >> 32;
+      v = static_cast<double>(h % 2001) / 1000.0 - 1.0;
+    }
+    if (spec.category == Category::non_active) {
+      s = {};
+    }
+    std::memcpy(state, &s, sizeof s);
+  }
+
+  void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      const MotionInput& in = inputs[i];
+      if (!in.present) {
+        continue;
+      }
+      State s;
+      std::memcpy(&s, in.state, sizeof s);
+      double p[3] = {in.pose.position.x, in.pose.position.y, in.pose.position.z};
+      for (std::size_t c = 0; c < in.contacts.size(); ++c) {
+        const Contact& contact = in.contacts[c];
+        const double sign = contact.a == in.number ? -1.0 : 1.0;
+        const double n[3] = {sign * static_cast<double>(contact.normal.x), sign * static_cast<double>(contact.normal.y),
+                             sign * static_cast<double>(contact.normal.z)};
+        const double along = s.velocity[0] * n[0] + s.velocity[1] * n[1] + s.velocity[2] * n[2];
+        for (int k = 0; k < 3; ++k) {
+          s.velocity[k] += along < 0 ? -1.5 * along * n[k] : 0.0;
+          p[k] += 0.25 * static_cast<double>(contact.depth) * n[k];
+        }
+        ++s.hits;
+      }
+      for (int k = 0; k < 3; ++k) {
+        p[k] += 0.25 * s.velocity[k];
+        // Beyond the bounds by a little: the outer regions reach to infinity.
+        if ((p[k] < -1.0 && s.velocity[k] < 0) || (p[k] > side_ + 1.0 && s.velocity[k] > 0)) {
+          s.velocity[k] = -s.velocity[k];
+        }
+      }
+      outputs[i].pose.position = {p[0], p[1], p[2]};
+      std::memcpy(outputs[i].state, &s, sizeof s);
+    }
+  }
+
+ private:
+  double side_;
+};
+
+/// Spheres, boxes and capsules at pseudo-random places in a cube of `side`, one avatar a user, the others active and
+/// non-active by turns, every seventeenth static.
+inline void populate(World& world, std::size_t objects, std::size_t users, double side) {
+  std::vector<ShapeNumber> shapes = {world.add_shape(Sphere{0.7f}), world.add_shape(Box{{0.6f, 0.8f, 0.5f}}),
+                                     world.add_shape(Capsule{0.4f, 0.6f})};
+  for (std::size_t user = 0; user < users; ++user) {
+    world.connect();
+  }
+  std::uint64_t h = 12345;
+  const auto uniform = [&] {
+    h = h * 6364136223846793005u + 1442695040888963407u;
+    return static_cast<double>(h >> 11) / 9007199254740992.0;
+  };
+  for (std::size_t i = 0; i < objects; ++i) {
+    ObjectSpec spec;
+    spec.shape = shapes[i % shapes.size()];
+    spec.user_data = i;
+    spec.pose.position = {uniform() * side, uniform() * side, uniform() * side};
+    if (i < users) {
+      spec.category = Category::avatar;
+      spec.user = static_cast<UserNumber>(i);
+    } else if (i % 17 == 0) {
+      spec.category = Category::fixed;
+    } else {
+      spec.category = i % 2 == 0 ? Category::active : Category::non_active;
+    }
+    world.spawn(spec);
+  }
+}
+
+}  // namespace ringfence::test

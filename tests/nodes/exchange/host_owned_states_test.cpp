@@ -1,0 +1,165 @@
+// States that a CD node keeps to itself: who is told, and that the server finds what it was not told.
+#include "nodes/exchange/host_owned_states.hpp"
+
+#include <array>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "nodes/test_harness.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+/// One object on a line, where a table says.
+class ScriptedModel : public MotionModel {
+ public:
+  explicit ScriptedModel(std::vector<double> places) : places_(std::move(places)) {}
+  std::size_t state_bytes() const noexcept override { return 8; }
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      outputs[i].pose.position.x = places_[frame];
+      std::memcpy(outputs[i].state, &places_[frame], sizeof(double));
+    }
+  }
+
+ private:
+  std::vector<double> places_;
+};
+
+HarnessConfig stage(const MotionModel& model) {
+  HarnessConfig play;
+  play.placement = Placement::region;
+  play.shares_memory = true;
+  play.nodes = 2;
+  play.grid = {{2, 0, 0}};  // cells of 16 m, two a node
+  play.model = &model;
+  return play;
+}
+
+ObjectSpec ball_at(TestHarness& harness, double x) {
+  ObjectSpec spec;
+  spec.shape = harness.add_shape(Sphere{1});
+  spec.pose.position = {x, 8, 8};
+  return spec;
+}
+
+/// The flags of the states of the last frame that were told.
+std::vector<std::uint32_t> reported(const TestHarness& harness) {
+  std::vector<std::uint32_t> flags;
+  for (const LoggedMessage& seen : harness.log()) {
+    for (std::size_t i = 0; seen.type() == MessageType::node_state && i < seen.header.count; ++i) {
+      flags.push_back(seen.record<messages::NodeStateRecord>(i).object.flags);
+    }
+  }
+  return flags;
+}
+
+constexpr std::uint32_t at_home = messages::flag_present | messages::flag_interior | messages::flag_keeps_host;
+
+TEST_CASE("a node tells the server of an object when it comes, rests and goes, and else keeps it from it") {
+  // The border is at 32.
+  const std::vector<double> places = {4, 5, 6, 6, 6, 7, 8, 9, 31.5, 31, 30, 29, 33.5, 40, 41};
+  const std::vector<std::vector<std::uint32_t>> expected = {
+      {at_home | messages::flag_host_owned},
+      {},
+      {},
+      {at_home | messages::flag_at_rest},
+      {},
+      {at_home | messages::flag_host_owned},
+      {},
+      {},
+      {},  // near the border its peer is told, see halo_test
+      {},
+      {},
+      {},
+      {messages::flag_present | messages::flag_host_owned},
+      {},
+      {},
+  };
+  const ScriptedModel model(places);
+  TestHarness harness(stage(model));
+  const ObjectId id = harness.spawn(ball_at(harness, 3));
+  for (std::size_t frame = 0; frame < places.size(); ++frame) {
+    CAPTURE(frame);
+    harness.frame();
+    CHECK(reported(harness) == expected[frame]);
+    CHECK(harness.server().pose(harness.table().find(id.number())).position.x == places[frame]);
+    CHECK(harness.report().moved == (frame > 0 && places[frame] == places[frame - 1] ? 0 : 1));
+    harness.require_one_host_each();
+  }
+}
+
+TEST_CASE("what is placed or taken out goes on from where its host had it") {
+  const std::vector<double> places = {4, 5, 6, 7, 8, 9, 10, 11};
+  const ScriptedModel model(places);
+  TestHarness harness(stage(model));
+  const ObjectId id = harness.spawn(ball_at(harness, 3));
+  const auto y = [&] { return harness.server().pose(harness.table().find(id.number())).position.y; };
+  for (int frame = 0; frame < 3; ++frame) harness.frame();
+  Pose pose;
+  pose.position = {50, 9, 9};  // elsewhere, until the model moves it back in the same frame
+  harness.place(id, pose);
+  harness.frame();
+  CHECK(reported(harness) == std::vector{at_home | messages::flag_host_owned});
+  CHECK(y() == 9);
+  harness.frame();
+  CHECK(reported(harness).empty());
+  harness.destroy(id);
+  harness.frame();
+  harness.require_one_host_each();
+  CHECK(harness.table().live() == 0);
+}
+
+TEST_CASE("a node that is lost leaves what it kept to itself as it was before the frame, and as it was moved") {
+  const std::vector<double> places = {4, 5, 6, 7, 8, 9, 10, 11};
+  for (std::size_t messages = 0; messages < 16; ++messages) {
+    CAPTURE(messages);
+    const ScriptedModel model(places);
+    TestHarness harness(stage(model));
+    const ObjectId id = harness.spawn(ball_at(harness, 3));
+    for (std::size_t frame = 0; frame < places.size(); ++frame) {
+      if (frame == 4) harness.kill(0, messages);
+      harness.frame();
+      CHECK(harness.server().pose(harness.table().find(id.number())).position.x == places[frame]);
+    }
+    harness.require_one_host_each();
+  }
+}
+
+TEST_CASE("kept states of a frame stay while those of the next are written, with the model's part") {
+  constexpr std::size_t state_bytes = 24;
+  HostOwnedStates kept;
+  kept.reserve(4, state_bytes);
+  const auto number = [](std::uint64_t frame, std::uint32_t i) { return static_cast<std::uint32_t>(100 * frame) + i; };
+  const auto require = [&](std::uint64_t frame, std::uint32_t size) {
+    REQUIRE(kept.of(frame).size() == size);
+    for (std::uint32_t i = 0; i < size; ++i) {
+      CHECK(kept.of(frame)[i].object.number == number(frame, i));
+      CHECK(kept.of(frame)[i].pose.position.z == number(frame, i));
+      std::array<std::uint32_t, state_bytes / 4> state;
+      std::memcpy(state.data(), kept.state(frame, i), state_bytes);
+      for (const std::uint32_t word : state) CHECK(word == number(frame, i));
+    }
+  };
+  for (std::uint64_t frame = 0; frame < 6; ++frame) {
+    const auto size = static_cast<std::uint32_t>(frame * 17 % 40);  // more than was reserved
+    kept.begin(frame);
+    for (std::uint32_t i = 0; i < size; ++i) {
+      Pose pose;
+      pose.position.z = number(frame, i);
+      std::array<std::uint32_t, state_bytes / 4> state;
+      state.fill(number(frame, i));
+      kept.add(frame, {i, 1, number(frame, i), messages::flag_present}, pose,
+               reinterpret_cast<const std::byte*>(state.data()));
+      if (frame > 0) require(frame - 1, static_cast<std::uint32_t>((frame - 1) * 17 % 40));
+    }
+    kept.finish();
+    require(frame, size);
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test

@@ -1,0 +1,541 @@
+#include "nodes/host/host.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <random>
+#include <set>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "messages/run.hpp"
+
+namespace ringfence::nodes {
+namespace {
+
+/// A model that notes what it is given and answers as a table says.
+class RecordingModel : public MotionModel {
+ public:
+  struct Answer {
+    bool throws = false;
+    bool pose_set = false;
+    Pose pose;
+    bool present = true;
+    bool state_set = false;
+    std::uint64_t state[2] = {};
+  };
+  explicit RecordingModel(std::size_t bytes) : bytes_(bytes) {}
+  std::size_t state_bytes() const noexcept override { return bytes_; }
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    last_frame = frame;
+    REQUIRE(inputs.size() == outputs.size());
+    REQUIRE(inputs.size() <= 64);
+    largest_batch = std::max(largest_batch, inputs.size());
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      const MotionInput& in = inputs[i];
+      auto& list = given[in.number];
+      list.clear();
+      for (std::size_t c = 0; c < in.contacts.size(); ++c) {
+        list.push_back(in.contacts[c]);
+      }
+      poses[in.number] = in.pose;
+      user_data[in.number] = in.user_data;
+      REQUIRE(reinterpret_cast<std::uintptr_t>(in.state) % 8 == 0);
+      const auto at = answers.find(in.number);
+      if (at == answers.end()) {
+        continue;
+      }
+      // What is written before the throw must not count.
+      if (at->second.pose_set || at->second.throws) outputs[i].pose = at->second.pose;
+      outputs[i].present = at->second.present;
+      if (at->second.state_set || at->second.throws) std::memcpy(outputs[i].state, at->second.state, bytes_);
+      if (at->second.throws) throw std::runtime_error("as told");
+    }
+  }
+  std::size_t bytes_;
+  std::map<ObjectNumber, Answer> answers;
+  mutable std::map<ObjectNumber, std::vector<Contact>> given;
+  mutable std::map<ObjectNumber, Pose> poses;
+  mutable std::map<ObjectNumber, std::uint64_t> user_data;
+  mutable std::uint64_t last_frame = 0;
+  mutable std::size_t largest_batch = 0;
+};
+
+messages::HandOverRecord record_of(ObjectNumber number) {
+  messages::HandOverRecord record;
+  record.object = {number + 7, number * 3, number, messages::flag_present};
+  record.pose.position = {static_cast<double>(number), 2, 3};
+  record.user_data = number * std::uint64_t{1000};
+  record.shape = number % 5;
+  record.layer = static_cast<std::uint16_t>(number % 3);
+  record.category = static_cast<std::uint16_t>(Category::active);
+  return record;
+}
+
+struct State {
+  std::uint64_t words[2];
+};
+State state_of(const Host& host, ObjectNumber number) {
+  State state;
+  std::memcpy(&state, host.state(host.find(number)), sizeof state);
+  return state;
+}
+const Hosted& hosted(const Host& host, ObjectNumber number) {
+  const std::uint32_t at = host.find(number);
+  REQUIRE(at != base::NumberIndex::none);
+  REQUIRE(host[at].object.number == number);
+  return host[at];
+}
+void adopt(Host& host, ObjectNumber number) {
+  const State state{{number, number * std::uint64_t{31}}};
+  host.adopt(record_of(number), reinterpret_cast<const std::byte*>(&state));
+}
+std::set<ObjectNumber> changed_numbers(const Host& host) {
+  std::set<ObjectNumber> numbers;
+  for (const std::uint32_t i : host.changed()) {
+    REQUIRE(numbers.insert(host[i].object.number).second);
+  }
+  return numbers;
+}
+Contact contact_of(ObjectNumber a, ObjectNumber b, Phase phase = Phase::begin) {
+  Contact contact;
+  contact.a = a;
+  contact.b = b;
+  contact.phase = phase;
+  contact.depth = static_cast<float>(a * 100 + b);
+  return contact;
+}
+using Keys = std::vector<std::pair<ObjectNumber, ObjectNumber>>;
+Keys keys(const std::vector<Contact>& contacts) {
+  Keys out;
+  for (const Contact& contact : contacts) out.push_back({contact.a, contact.b});
+  return out;
+}
+
+TEST_CASE("a model that does not look at contacts is given none, and one that does all of its objects'") {
+  class ContactlessModel : public RecordingModel {
+   public:
+    ContactlessModel() : RecordingModel(0) {}
+    bool uses_contacts() const noexcept override { return false; }
+  };
+  const ContactlessModel blind;
+  const RecordingModel seeing(0);
+  for (const RecordingModel* model : {static_cast<const RecordingModel*>(&blind), &seeing}) {
+    Host host(model, 4);
+    for (const ObjectNumber number : {1u, 2u, 3u}) host.adopt(record_of(number), nullptr);
+    host.move(1);
+    host.begin_contacts(1);
+    Contact contact;
+    contact.a = 1;
+    contact.b = 3;
+    host.add_contact(1, contact);
+    host.move(2);
+    const std::size_t expected = model == &seeing ? 1 : 0;
+    CHECK(model->given.at(1).size() == expected);
+    CHECK(model->given.at(2).empty());
+    CHECK(model->given.at(3).size() == expected);
+    CHECK(host.contacts(1).size() == 1);
+  }
+}
+
+TEST_CASE("what is given to a host that has it already is there once, as it was given last") {
+  const RecordingModel model(16);
+  Host host(&model, 4);
+  const std::uint64_t first[2] = {1, 2}, second[2] = {3, 4};
+  host.adopt(record_of(5), reinterpret_cast<const std::byte*>(first));
+  host.adopt(record_of(6), reinterpret_cast<const std::byte*>(first));
+  messages::HandOverRecord again = record_of(5);
+  again.pose.position.x = 77;
+  host.adopt(again, reinterpret_cast<const std::byte*>(second));
+  REQUIRE(host.size() == 2);
+  const std::uint32_t at = host.find(5);
+  REQUIRE(at != base::NumberIndex::none);
+  CHECK(host[at].pose.position.x == 77);
+  CHECK(std::memcmp(host.state(at), second, sizeof second) == 0);
+  host.drop(5);
+  CHECK(host.size() == 1);
+  CHECK(host.find(5) == base::NumberIndex::none);
+  CHECK(host[host.find(6)].object.number == 6);
+}
+
+TEST_CASE("the model is given of each hosted object its begin and persist contacts in order of (a, b), no others") {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    RecordingModel model(16);
+    Host host(&model, 4);
+    std::set<ObjectNumber> own;
+    while (own.size() < 90) {
+      own.insert(static_cast<ObjectNumber>(1 + random() % 200));
+    }
+    for (const ObjectNumber number : own) adopt(host, number);
+    for (std::uint64_t frame = 0; frame < 20; ++frame) {
+      std::map<std::pair<ObjectNumber, ObjectNumber>, Contact> known, late;
+      for (int i = 0; i < 400; ++i) {
+        const auto a = static_cast<ObjectNumber>(1 + random() % 199);
+        const auto b = a + 1 + static_cast<ObjectNumber>(random() % (200 - a));
+        const Phase phase = random() % 4 == 0 ? Phase::end : random() % 2 == 0 ? Phase::begin : Phase::persist;
+        known[{a, b}] = contact_of(a, b, phase);
+      }
+      host.begin_contacts(frame);
+      for (const auto& [key, contact] : known) host.add_contact(frame, contact);
+      const std::size_t told = known.size();
+      if (frame % 2 == 1) {
+        // Late ones in any order, some known already, some twice.
+        std::vector<Contact> some;
+        for (int i = 0; i < 60; ++i) {
+          const auto a = static_cast<ObjectNumber>(1 + random() % 199);
+          const auto b = a + 1 + static_cast<ObjectNumber>(random() % (200 - a));
+          if (known.count({a, b}) != 0 && known[{a, b}].phase == Phase::end) continue;
+          late[{a, b}] = known.count({a, b}) != 0 ? known[{a, b}] : contact_of(a, b);
+          some.push_back(late[{a, b}]);
+          if (random() % 3 == 0) some.push_back(late[{a, b}]);
+        }
+        std::shuffle(some.begin(), some.end(), random);
+        for (const Contact& contact : some) host.add_late_contact(contact);
+      }
+      host.begin_contacts(frame + 1);
+      host.move(frame + 1);
+      CHECK(model.last_frame == frame + 1);
+      CHECK(model.largest_batch == 64);
+      known.insert(late.begin(), late.end());
+      for (const ObjectNumber number : own) {
+        Keys expected;
+        for (const auto& [key, contact] : known) {
+          if (contact.phase != Phase::end && (key.first == number || key.second == number)) expected.push_back(key);
+        }
+        CAPTURE(number);
+        CAPTURE(frame);
+        REQUIRE((keys(model.given[number]) == expected));
+        REQUIRE(model.user_data[number] == number * std::uint64_t{1000});
+      }
+      // What was told stays readable, ended ones too, for whoever asks what the host was told.
+      REQUIRE(host.contacts(frame).size() == told);
+    }
+  }
+}
+
+TEST_CASE("what a role found itself, in any order, the model is given by (a, b) among what it was told, as confirmed") {
+  for (const unsigned seed : {1u, 2u, 3u}) {
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    RecordingModel model(16);
+    Host host(&model, 4);
+    for (ObjectNumber number = 1; number <= 60; ++number) adopt(host, number);
+    for (std::uint64_t frame = 0; frame < 20; ++frame) {
+      CAPTURE(frame);
+      std::map<std::pair<ObjectNumber, ObjectNumber>, Contact> own, told;
+      for (int i = 0; i < 300; ++i) {
+        const auto a = static_cast<ObjectNumber>(1 + random() % 99);
+        const auto b = a + 1 + static_cast<ObjectNumber>(random() % (100 - a));
+        const std::uint64_t kind = random() % 3;
+        if (own.count({a, b}) + told.count({a, b}) == 0) {
+          (kind == 0 ? told : own)[{a, b}] = contact_of(a, b, kind == 1 ? Phase::begin : Phase::persist);
+        }
+      }
+      std::vector<std::pair<ObjectNumber, ObjectNumber>> found;
+      for (const auto& [key, contact] : own) found.push_back(key);
+      std::shuffle(found.begin(), found.end(), random);
+      host.begin_contacts(frame);
+      for (const auto& key : found) {
+        Contact& contact = host.add_own_contact(frame);
+        const Phase guess = contact.phase;
+        contact = own[key];
+        contact.phase = guess;
+      }
+      std::vector<std::uint64_t> persists((own.size() + 63) / 64, 0);
+      std::size_t i = 0;
+      for (const auto& [key, contact] : own) {
+        const auto at = static_cast<std::uint32_t>(std::find(found.begin(), found.end(), key) - found.begin());
+        const auto likely_place = [&](ObjectNumber number) {  // known, not known, or somebody else's by now
+          const std::uint64_t draw = random() % 4;
+          return draw == 0   ? base::NumberIndex::none
+                 : draw == 1 ? static_cast<std::uint32_t>(random() % 80)
+                             : host.find(number);
+        };
+        host.order_own_contact(frame, std::uint64_t{key.first} << 32 | key.second, at, likely_place(key.first),
+                               likely_place(key.second));
+        persists[i / 64] |= std::uint64_t{contact.phase == Phase::persist} << (i % 64);
+        ++i;
+      }
+      for (std::size_t word = 0; word < persists.size(); ++word) host.confirm(frame, word, persists[word]);
+      for (const auto& [key, contact] : told) host.add_contact(frame, contact);
+      REQUIRE(host.contacts(frame).size() == told.size());
+      host.begin_contacts(frame + 1);
+      host.move(frame + 1);
+      told.insert(own.begin(), own.end());
+      for (ObjectNumber number = 1; number <= 60; ++number) {
+        CAPTURE(number);
+        Keys expected;
+        std::vector<Phase> phases, given;
+        for (const auto& [key, contact] : told) {
+          if (key.first == number || key.second == number) {
+            expected.push_back(key);
+            phases.push_back(contact.phase);
+          }
+        }
+        for (const Contact& contact : model.given[number]) given.push_back(contact.phase);
+        REQUIRE((keys(model.given[number]) == expected));
+        REQUIRE((given == phases));
+      }
+    }
+  }
+}
+
+TEST_CASE("late contacts count for one frame only") {
+  RecordingModel model(16);
+  Host host(&model, 4);
+  adopt(host, 5);
+  host.begin_contacts(0);
+  host.add_late_contact(contact_of(5, 9));
+  host.begin_contacts(1);
+  host.move(1);
+  CHECK(model.given[5].size() == 1);
+  host.begin_contacts(2);
+  host.move(2);
+  CHECK(model.given[5].empty());
+}
+
+TEST_CASE("where the model throws only the guilty stand still, with pose, presence and state, and are counted") {
+  for (const unsigned seed : {1u, 2u, 3u, 4u}) {
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    RecordingModel model(16);
+    Host host(&model, 4);
+    const ObjectNumber count = 150;
+    std::set<ObjectNumber> guilty;
+    for (ObjectNumber number = 1; number <= count; ++number) {
+      adopt(host, number);
+      RecordingModel::Answer answer;
+      answer.pose_set = answer.state_set = true;
+      answer.pose.position = {static_cast<double>(number), 50, 3};
+      answer.state[0] = number + 1;
+      answer.throws = seed == 4 || random() % (seed == 3 ? 2 : 20) == 0;
+      answer.present = !answer.throws;
+      if (answer.throws) guilty.insert(number);
+      model.answers[number] = answer;
+    }
+    host.begin_contacts(0);
+    host.move(0);
+    CHECK(host.refusals().model_failed == guilty.size());
+    CHECK(host.refusals().not_finite == 0);
+    for (ObjectNumber number = 1; number <= count; ++number) {
+      CAPTURE(number);
+      const bool stood = guilty.count(number) != 0;
+      CHECK(hosted(host, number).pose.position.y == (stood ? 2 : 50));
+      CHECK(hosted(host, number).object.flags == messages::flag_present);
+      CHECK(state_of(host, number).words[0] == number + (stood ? 0 : 1));
+    }
+    CHECK(changed_numbers(host).size() == count - guilty.size());
+    // The count is the frame's, not the run's.
+    model.answers.clear();
+    host.begin_contacts(1);
+    host.move(1);
+    CHECK(host.refusals().model_failed == 0);
+  }
+}
+
+TEST_CASE("a model's output that is not finite or not unit is refused by reason and the object stands still") {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const float inf = std::numeric_limits<float>::infinity();
+  const Pose bad[] = {{{nan, 0, 0}, {}},          {{0, -1.0 / 0.0, 0}, {}},      {{0, 0, 0}, {inf, 0, 0, 1}},
+                      {{0, 0, 0}, {0, 0, 0, 0}},  {{0, 0, 0}, {0, 0, 0, 1.01f}}, {{0, 0, 0}, {0, 0, 0, 1e30f}},
+                      {{0, 0, 0}, {0, 0, 0, -2}}, {{0, 0, nan}, {0, 0, 0, 5}}};
+  RecordingModel model(16);
+  Host host(&model, 4);
+  for (ObjectNumber number = 1; number <= 20; ++number) {
+    adopt(host, number);
+    RecordingModel::Answer answer;
+    answer.pose_set = answer.state_set = true;
+    answer.state[0] = 99;
+    if (number <= std::size(bad)) {
+      answer.pose = bad[number - 1];
+      answer.present = false;
+    } else {
+      answer.pose.position = {7, 7, 7};
+    }
+    model.answers[number] = answer;
+  }
+  host.begin_contacts(0);
+  host.move(0);
+  CHECK(host.refusals().not_finite == 4);
+  CHECK(host.refusals().not_unit == 4);
+  CHECK(host.refusals().model_failed == 0);
+  for (ObjectNumber number = 1; number <= 20; ++number) {
+    const bool stood = number <= std::size(bad);
+    CHECK(hosted(host, number).pose.position.x == (stood ? number : 7));
+    CHECK(state_of(host, number).words[0] == (stood ? number : 99u));
+    CHECK(hosted(host, number).object.flags == messages::flag_present);
+  }
+  CHECK(changed_numbers(host).size() == 12);
+}
+
+TEST_CASE("what changed is listed: pose, presence or state, placed or steered; what did not is not") {
+  RecordingModel model(16);
+  Host host(&model, 4);
+  for (ObjectNumber number = 1; number <= 7; ++number) adopt(host, number);
+  RecordingModel::Answer answer;
+  answer.pose_set = true;
+  answer.pose = record_of(1).pose;
+  answer.pose.position.y = 10;
+  model.answers[1] = answer;
+  answer = {};
+  answer.present = false;
+  model.answers[2] = answer;
+  answer = {};
+  answer.state_set = true;
+  answer.state[0] = 8;
+  model.answers[3] = answer;
+  host.place(4, {{1, 1, 1}, {}}, true);
+  host.steer(5, {{2, 2, 2}, {}});
+  host.steer(5, {{3, 3, 3}, {}});
+  host.steer(77, {});        // hosted elsewhere
+  host.place(78, {}, true);  // hosted elsewhere
+  host.begin_contacts(0);
+  host.move(0);
+  CHECK((changed_numbers(host) == std::set<ObjectNumber>{1, 2, 3, 4, 5}));
+  CHECK(model.poses[4].position.x == 1);  // the model goes on from where it was placed
+  CHECK(hosted(host, 5).pose.position.x == 3);
+  CHECK(hosted(host, 2).object.flags == 0);
+  model.answers.clear();
+  host.begin_contacts(1);
+  host.move(1);
+  CHECK(host.changed().empty());
+  CHECK(hosted(host, 2).object.flags == 0);  // "stands still" holds for absence too
+}
+
+TEST_CASE("a steered object stands where it was steered, whatever the model says, for one frame") {
+  RecordingModel model(16);
+  Host host(&model, 4);
+  adopt(host, 1);
+  RecordingModel::Answer answer;
+  answer.pose_set = true;
+  answer.pose.position = {9, 9, 9};
+  model.answers[1] = answer;
+  host.steer(1, {{4, 4, 4}, {}});
+  host.begin_contacts(0);
+  host.move(0);
+  CHECK(hosted(host, 1).pose.position.x == 4);
+  host.begin_contacts(1);
+  host.move(1);
+  CHECK(hosted(host, 1).pose.position.x == 9);
+}
+
+TEST_CASE("adopting and dropping in any order keeps every object with its own state") {
+  for (const std::size_t bytes : {0u, 16u, 13u}) {
+    const unsigned seed = 40 + static_cast<unsigned>(bytes);
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    RecordingModel model(bytes);
+    Host host(&model, 2);
+    REQUIRE(host.state_bytes() == (bytes + 7) / 8 * 8);
+    std::map<ObjectNumber, std::vector<std::byte>> expected;
+    for (int round = 0; round < 6000; ++round) {
+      const auto number = static_cast<ObjectNumber>(1 + random() % 120);
+      if (expected.count(number) == 0 || random() % 4 == 0) {  // what is hosted already is taken over in place
+        std::vector<std::byte> state(host.state_bytes());
+        for (std::byte& byte : state) byte = static_cast<std::byte>(random());
+        host.adopt(record_of(number), state.data());
+        expected[number] = state;
+      } else {
+        const messages::HandOverRecord record = host.hand_over(host.find(number));
+        const messages::HandOverRecord original = record_of(number);
+        REQUIRE(std::memcmp(&record, &original, sizeof record) == 0);
+        host.drop(number);
+        expected.erase(number);
+        REQUIRE(host.find(number) == base::NumberIndex::none);
+      }
+      host.drop(1000);  // never hosted
+      REQUIRE(host.size() == expected.size());
+      if (round % 50 == 0) {
+        for (const auto& [known, state] : expected) {
+          REQUIRE(hosted(host, known).user_data == known * std::uint64_t{1000});
+          REQUIRE(std::equal(state.begin(), state.end(), host.state(host.find(known))));
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("a hand-over is taken from who listens to CD nodes, and is not the server's word") {
+  Host host(nullptr, 0);
+  const messages::HandOverRecord record = record_of(5);
+  std::vector<std::byte> bytes(sizeof(messages::Header) + sizeof record);
+  std::memcpy(bytes.data() + sizeof(messages::Header), &record, sizeof record);
+  for (const auto type : {messages::MessageType::hand_over, messages::MessageType::adopt}) {
+    const messages::RunHeader head{type, messages::Endpoint::node(1), messages::Endpoint::node(0), 0, 0};
+    messages::write_header(bytes.data(), head, sizeof record, 1, true, 1);
+    messages::MessageView message;
+    REQUIRE(messages::decode(bytes, 0, message) == Status::ok);
+    const bool by_server = type == messages::MessageType::adopt;
+    CHECK(host.apply(message) == by_server);
+    CHECK(host.size() == (by_server ? 1 : 0));
+  }
+  host.drop(5);
+  messages::write_header(
+      bytes.data(), {messages::MessageType::hand_over, messages::Endpoint::node(1), messages::Endpoint::node(0), 0, 0},
+      sizeof record, 1, true, 1);
+  messages::MessageView message;
+  REQUIRE(messages::decode(bytes, 0, message) == Status::ok);
+  host.adopt(message);
+  CHECK(hosted(host, 5).user_data == record.user_data);
+}
+
+TEST_CASE("without a model nothing moves by itself, but places and steers still count") {
+  Host host(nullptr, 0);
+  const std::byte none{};
+  for (ObjectNumber number = 1; number <= 3; ++number) host.adopt(record_of(number), &none);
+  host.place(1, {{5, 5, 5}, {}}, false);
+  host.steer(2, {{6, 6, 6}, {}});
+  host.begin_contacts(0);
+  host.move(0);
+  CHECK((changed_numbers(host) == std::set<ObjectNumber>{1, 2}));
+  CHECK(hosted(host, 1).object.flags == 0);
+  CHECK(hosted(host, 3).pose.position.x == 3);
+  host.drop(1);
+  CHECK(host.size() == 2);
+}
+
+TEST_CASE("a pose is valid within 10^-3 of unit length, is made unit, and is then left alone for ever") {
+  constexpr unsigned seed = 6;
+  CAPTURE(seed);
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> off(-3e-3, 3e-3);
+  for (int round = 0; round < 100000; ++round) {
+    double q[4] = {normal(random), normal(random), normal(random), normal(random)};
+    const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    const double scale = (round % 3 == 0 ? 1.0 : 1.0 + off(random)) / length;
+    Pose pose;
+    pose.orientation = {static_cast<float>(q[0] * scale), static_cast<float>(q[1] * scale),
+                        static_cast<float>(q[2] * scale), static_cast<float>(q[3] * scale)};
+    const Pose given = pose;
+    const auto length_of = [](const Quat& r) {
+      return std::sqrt(double{r.x} * double{r.x} + double{r.y} * double{r.y} + double{r.z} * double{r.z} +
+                       double{r.w} * double{r.w});
+    };
+    const double error = std::abs(length_of(given.orientation) - 1);
+    const Status status = make_valid(pose);
+    if (error < 0.999e-3) {
+      REQUIRE(status == Status::ok);
+    } else if (error > 1.01e-3) {
+      REQUIRE(status == Status::not_unit);
+    }
+    if (status != Status::ok) {
+      REQUIRE(pose == given);
+      continue;
+    }
+    REQUIRE(std::abs(length_of(pose.orientation) - 1) < 6e-7);
+    Pose again = pose;
+    REQUIRE(make_valid(again) == Status::ok);
+    REQUIRE(std::memcmp(&again, &pose, sizeof pose) == 0);
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::nodes

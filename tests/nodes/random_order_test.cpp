@@ -1,0 +1,192 @@
+// Everything at once and in any order: roles that take turns at random over links that hold little, CD nodes that are
+// lost at any moment, several in a frame, of which some do not know of it and go on; joins, leaves, spawns, ends,
+// places, user nodes that come and go. The contacts are those of one node that nothing happens to.
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <optional>
+#include <random>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "nodes/test_harness.hpp"
+#include "nodes/wandering_model.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+/// Some vanish now and then.
+class VanishingModel : public WanderingModel {
+ public:
+  using WanderingModel::WanderingModel;
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    WanderingModel::move(frame, inputs, outputs);
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      if (inputs[i].number % 7 == 3 && inputs[i].category != Category::avatar) {
+        outputs[i].present = (frame + inputs[i].number) % 5 > 1;
+      }
+    }
+  }
+};
+const VanishingModel wandering(248);  // a hand-over of a dozen objects fills a ring
+
+/// What is asked of two theatres alike, by one seed.
+class Script {
+ public:
+  Script(TestHarness& harness, std::uint64_t seed) : harness_(harness), random_(seed) {
+    shapes_[0] = harness.add_shape(Sphere{6});
+    // Its origin is outside, even of its bounds: its host need not touch it.
+    shapes_[1] = harness.add_shape(ConvexHull{{{5, 1, 1}, {15, 1, 1}, {5, 9, 1}, {5, 1, 9}, {12, 7, 8}}});
+    for (UserNumber user = 0; user < 2; ++user) {
+      connect(user);
+    }
+    for (int i = 0; i < 60; ++i) {
+      spawn(i % 13 == 12 ? Category::fixed : i % 3 == 0 ? Category::non_active : Category::active, no_user);
+    }
+  }
+
+  void ask() {
+    for (std::uint64_t n = random_() % 4; n > 0; --n) {
+      spawn(Category::active, no_user);
+    }
+    for (std::uint64_t n = random_() % 4; n > 0 && objects_.size() > 50; --n) {
+      const std::size_t at = random_() % objects_.size();
+      harness_.destroy(objects_[at]);
+      objects_[at] = objects_.back();
+      objects_.pop_back();
+    }
+    for (std::uint64_t n = random_() % 4; n > 0; --n) {
+      harness_.place(objects_[random_() % objects_.size()], anywhere());
+    }
+    if (random_() % 8 == 0) {
+      const auto user = static_cast<UserNumber>(random_() % 3);
+      if (connected_[user]) {
+        harness_.disconnect(user);
+        connected_[user] = false;
+      } else {
+        connect(user);
+      }
+    }
+  }
+  void forget_numbers() { asked_.clear(); }
+
+ private:
+  Pose anywhere() {
+    const auto coordinate = [&] { return static_cast<double>(random_() % 600) / 10; };
+    return {{coordinate(), coordinate(), coordinate()}, {}};
+  }
+  void connect(UserNumber user) {
+    harness_.connect(user);
+    connected_[user] = true;
+    spawn(Category::avatar, user);
+  }
+  void spawn(Category category, UserNumber user) {
+    ObjectSpec spec;
+    spec.shape = shapes_[random_() % 4 == 0 ? 1 : 0];
+    spec.category = category;
+    spec.user = user;
+    spec.pose = anywhere();
+    // Numbers far apart and numbers that were in use before, beside those that are counted up.
+    if (random_() % 4 == 0) {
+      const auto number = static_cast<ObjectNumber>(10'000 + random_() % 3000);
+      const bool is_free = harness_.table().find(number) == base::NumberIndex::none && asked_.insert(number).second;
+      spec.number = is_free ? number : 0;
+    }
+    const ObjectId id = harness_.spawn(spec);
+    if (category != Category::fixed && category != Category::avatar) {
+      objects_.push_back(id);
+    }
+  }
+
+  TestHarness& harness_;
+  std::mt19937_64 random_;
+  ShapeNumber shapes_[2] = {};
+  std::vector<ObjectId> objects_;  ///< that can move, avatars apart
+  bool connected_[3] = {};
+  std::set<ObjectNumber> asked_;  ///< numbers given that the table may not know yet
+};
+
+struct RunResult {
+  std::size_t lost = 0, resized = 0;
+};
+
+RunResult play(std::uint64_t seed, int frames) {
+  std::mt19937_64 random(seed);
+  const auto one_in = [&](std::uint64_t n) { return random() % n == 0; };
+  HarnessConfig plain;
+  plain.deployment = std::array{Deployment::user, Deployment::user_server, Deployment::user_collision,
+                                Deployment::user_collision, Deployment::user_collision}[random() % 5];
+  plain.model = &wandering;
+  plain.grid = {{2, 2, 2}};
+  plain.nodes = 1;
+  plain.delivery_bytes = std::size_t{1} << 17;
+  HarnessConfig wild = plain;
+  wild.placement = one_in(3) ? Placement::server : Placement::region;
+  wild.nodes = 1 + static_cast<std::uint32_t>(random() % 5);
+  wild.shares_memory = !one_in(3);
+  wild.interest = one_in(2) ? 12 : 0;
+  const std::string said = std::string(name_of(wild.deployment)) + ", " + name_of(wild.placement) +
+                           (wild.shares_memory ? ", memory shared" : ", messages only");
+  CAPTURE(said);
+  TestHarness expected(plain), harness(wild);
+  Script calm(expected, seed), same(harness, seed);
+  const std::uint64_t losing = 1 + random() % 8;
+  const std::uint64_t resizing = 1 + random() % 12;
+  RunResult played;
+  for (int frame = 0; frame < frames; ++frame) {
+    CAPTURE(frame);
+    calm.ask();
+    same.ask();
+    expected.frame();
+    if (one_in(resizing)) {
+      harness.resize(1 + static_cast<std::uint32_t>(random() % 6));
+      ++played.resized;
+    }
+    harness.frame(RandomOrder{&random, one_in(losing) ? 1 + random() % 4 : 0, one_in(2)});
+    calm.forget_numbers();
+    same.forget_numbers();
+    const FrameReport& report = harness.report();
+    const auto contacts = harness.contacts(), others = expected.contacts();
+    REQUIRE(contacts.size() == others.size());
+    REQUIRE(std::memcmp(contacts.data(), others.data(), contacts.size_bytes()) == 0);
+    const auto ended = harness.ended(), others_ended = expected.ended();
+    REQUIRE(ended.size() == others_ended.size());
+    REQUIRE(std::memcmp(ended.data(), others_ended.data(), ended.size_bytes()) == 0);
+    REQUIRE(report.accepted == report.candidates);
+    REQUIRE(report.tested == report.candidates);
+    for (std::size_t reason = 0; reason < status_count; ++reason) {
+      CAPTURE(name_of(static_cast<Status>(reason)));
+      REQUIRE((reason == static_cast<std::size_t>(Status::late) || report.refused[reason] == 0));
+    }
+    if (report.lost.empty()) {
+      harness.require_one_host_each();
+    }
+    if (wild.interest > 0) {
+      harness.require_views();
+    }
+    played.lost += report.lost.size();
+  }
+  return played;
+}
+
+TEST_CASE("in any order of turns, with losses at any moment, joins and leaves, the contacts are those of one node") {
+  const char* const asked = std::getenv("RINGFENCE_SCHEDULES");
+  const std::uint64_t schedules = asked != nullptr ? std::strtoull(asked, nullptr, 10) : 60;
+  const char* const from = std::getenv("RINGFENCE_FIRST_SCHEDULE");
+  const std::uint64_t first = from != nullptr ? std::strtoull(from, nullptr, 10) : 1;
+  RunResult all;
+  for (std::uint64_t seed = first; seed < first + schedules; ++seed) {
+    CAPTURE(seed);
+    const RunResult played = play(seed, 20);
+    all.lost += played.lost;
+    all.resized += played.resized;
+  }
+  CHECK(all.lost > 5 * schedules);
+  CHECK(all.resized > 2 * schedules);
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test

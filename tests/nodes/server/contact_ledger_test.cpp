@@ -1,0 +1,479 @@
+#include "nodes/server/contact_ledger.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <map>
+#include <memory>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "base/pair_sort.hpp"
+
+namespace ringfence::nodes {
+namespace {
+
+using Key = std::pair<ObjectNumber, ObjectNumber>;
+
+constexpr std::uint32_t slots = 40;
+
+std::uint64_t word_of(const Key& key) { return base::PairSort::key(key.first, key.second); }
+
+Key key_of(std::uint64_t word) { return {static_cast<ObjectNumber>(word >> 32), static_cast<ObjectNumber>(word)}; }
+
+/// Rows of which each stands somewhere else, and elsewhere in each frame; numbers ascend by slot.
+std::vector<ObjectRow> rows_of(std::uint64_t frame, bool large_numbers) {
+  std::vector<ObjectRow> rows(slots);
+  for (std::uint32_t slot = 0; slot < slots; ++slot) {
+    rows[slot].object.number = large_numbers ? 0xfffffff0u - 97'000'001u * (slots - slot) : slot + 1;
+    rows[slot].pose.position = {static_cast<double>(slot), static_cast<double>(frame), 0};
+  }
+  return rows;
+}
+
+/// The contacts of a frame by key, as they are to be listed but for the phase.
+struct ExpectedContacts {
+  Contact contact;
+  std::uint32_t slot_a = 0, slot_b = 0;
+  std::size_t finder = 0;  ///< who owns the pair, counted among all nodes that ever were
+};
+using Truths = std::map<Key, ExpectedContacts>;
+
+/// A CD node as the ledger sees it.
+struct Node {
+  std::unique_ptr<NodeContacts> shared;            ///< null: it sends messages
+  std::vector<Contact> contacts;                   ///< in the order of the list
+  std::vector<narrow_phase::PairContact> touches;  ///< as it found them
+  std::vector<narrow_phase::Body> bodies;          ///< all, in an order of its own
+  OutputMergeScratch scratch;
+
+  /// `before` and `now`: all contacts of the two frames, whoever found them.
+  void find(std::uint64_t frame, const std::vector<const ExpectedContacts*>& own, const std::vector<ObjectRow>& rows,
+            const Truths& before, const Truths& now, std::mt19937_64& random) {
+    std::vector<std::uint32_t> places = shuffled(own.size(), random);
+    const std::vector<std::uint32_t> seats = shuffled(rows.size(), random);
+    bodies.resize(rows.size());
+    for (std::size_t slot = 0; slot < rows.size(); ++slot) {
+      bodies[seats[slot]] = {rows[slot].pose, 0, rows[slot].object.number};
+    }
+    contacts.resize(own.size());
+    touches.resize(own.size());
+    shared->start(frame);
+    for (std::uint32_t i = 0; i < own.size(); ++i) {
+      const Contact& contact = contacts[i] = own[i]->contact;
+      const Vec3d& origin = contact.pose_a.position;
+      const auto part = [](double point, double from) { return static_cast<float>(point - from); };
+      touches[places[i]] = {
+          0,
+          contact.depth,
+          contact.normal,
+          {part(contact.point.x, origin.x), part(contact.point.y, origin.y), part(contact.point.z, origin.z)}};
+      shared->keys.push_back(word_of({contact.a, contact.b}));
+      shared->found.push_back(
+          {own[i]->slot_a, own[i]->slot_b, seats[own[i]->slot_a], seats[own[i]->slot_b], places[i]});
+      if (random() % 4 == 0) {
+        shared->user_contacts.push_back({shared->keys[i], i, shared->found[i]});
+      }
+    }
+    // A node keeps contacts only where its model looks at them.
+    shared->contacts = random() % 2 == 0 ? contacts.data() : nullptr;
+    shared->touches = touches.data();
+    shared->bodies = bodies.data();
+    // What another node had or has is at a border; of the rest the node knows it of some.
+    const auto is_alone = [&](const Truths& others, std::uint64_t key) {
+      return others.count(key_of(key)) == 0 && random() % 4 != 0;
+    };
+    shared->compare([&](const FoundContact& one) { return is_alone(before, shared->keys[at_of(one)]); },
+                    [&](std::uint64_t key, const FoundContact& one) {
+                      REQUIRE(rows[one.slot_a].object.number == key_of(key).first);
+                      REQUIRE(rows[one.slot_b].object.number == key_of(key).second);
+                      return is_alone(now, key);
+                    });
+  }
+  void write() {
+    shared->duplicates = write_slice(*shared->output_merge, shared->share, scratch);
+    shared->gate.leave();
+  }
+
+ private:
+  std::size_t at_of(const FoundContact& one) const { return static_cast<std::size_t>(&one - shared->found.data()); }
+  static std::vector<std::uint32_t> shuffled(std::size_t count, std::mt19937_64& random) {
+    std::vector<std::uint32_t> places(count);
+    for (std::uint32_t i = 0; i < count; ++i) places[i] = i;
+    std::shuffle(places.begin(), places.end(), random);
+    return places;
+  }
+};
+
+bool same(const Contact& p, const Contact& q) { return std::memcmp(&p, &q, sizeof p) == 0; }
+
+/// A world without objects that moves only what the ledger is told of.
+class LedgerTest {
+ public:
+  enum class Form { sending, sharing, mixed };
+
+  LedgerTest(unsigned seed, Form form) : random_(seed), form_(form), large_numbers_(seed % 2 == 0), ledger_(3, 16) {
+    for (int i = 0; i < 3; ++i) join();
+  }
+
+  void frame() {
+    deal();
+    ledger_.resize(nodes_.size());
+    ledger_.begin(frame_);
+    const auto rows = rows_of(frame_, large_numbers_);
+    std::vector<std::vector<const ExpectedContacts*>> runs(nodes_.size());
+    for (const auto& [key, truth] : now_) {
+      runs[truth.finder].push_back(&truth);
+      // Two nodes own it: a bug elsewhere.
+      if (doubles && random_() % 16 == 0) {
+        runs[(truth.finder + 1) % nodes_.size()].push_back(&truth);
+        ++surplus_;
+      }
+    }
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      if (nodes_[node]->shared != nullptr) {
+        nodes_[node]->find(frame_, runs[node], rows, before_, now_, random_);
+        ledger_.receive(node, *nodes_[node]->shared);
+      } else {
+        for (const ExpectedContacts* truth : runs[node]) {
+          messages::CollisionRecord record;
+          record.slot_a = truth->slot_a;
+          record.slot_b = truth->slot_b;
+          record.depth = truth->contact.depth;
+          record.normal = truth->contact.normal;
+          record.point = truth->contact.point;
+          ledger_.receive(node, record, rows);
+        }
+      }
+      REQUIRE(ledger_.received(node) == runs[node].size());
+    }
+    ledger_.compare();
+    ledger_.share_out();
+    check_persisting(runs);
+    check_told();
+    const auto lost = write();
+    check_lists();
+    for (auto node = lost.rbegin(); node != lost.rend(); ++node) {
+      leave(*node);
+    }
+    before_ = now_;
+    ++frame_;
+    if (random_() % 5 == 0) join();
+    if (random_() % 7 == 0 && nodes_.size() > 1) leave(random_() % nodes_.size());
+    if (random_() % 9 == 0 && nodes_.back()->shared != nullptr) {
+      nodes_.back()->shared = std::make_unique<NodeContacts>();  // another in its place, which remembers nothing
+    }
+  }
+
+  bool doubles = false;
+  std::size_t waits = 0;    ///< for a lost node that was writing
+  std::size_t sparing = 0;  ///< frames in which those that ended were not looked for but told
+
+ private:
+  void join() {
+    const bool shares = form_ == Form::sharing || (form_ == Form::mixed && random_() % 2 == 0);
+    nodes_.push_back(std::make_unique<Node>());
+    nodes_.back()->shared = shares ? std::make_unique<NodeContacts>() : nullptr;
+  }
+  void leave(std::size_t node) {
+    gone_.push_back(std::move(nodes_[node]));
+    nodes_.erase(nodes_.begin() + static_cast<std::ptrdiff_t>(node));
+    if (nodes_.empty()) join();
+  }
+
+  // Most contacts go on, and most of these with the node that had them.
+  void deal() {
+    now_.clear();
+    surplus_ = 0;
+    const auto rows = rows_of(frame_, large_numbers_);
+    const auto add = [&](std::uint32_t slot_a, std::uint32_t slot_b, std::size_t finder) {
+      const Key key{rows[slot_a].object.number, rows[slot_b].object.number};
+      ExpectedContacts& truth = now_[key];
+      truth = {{}, slot_a, slot_b, finder % nodes_.size()};
+      truth.contact.a = key.first;
+      truth.contact.b = key.second;
+      truth.contact.depth = static_cast<float>(random_() % 1000);
+      truth.contact.normal = {truth.contact.depth, 1, 2};
+      truth.contact.point = {1.0 * slot_a, 2.0 * slot_b, 3};
+      truth.contact.phase = Phase::end;  // not the node's to say
+      truth.contact.pose_a = rows[slot_a].pose;
+      truth.contact.pose_b = rows[slot_b].pose;
+    };
+    if (frame_ % 11 != 10) {
+      for (const auto& [key, truth] : before_) {
+        if (random_() % 8 != 0) {
+          add(truth.slot_a, truth.slot_b, random_() % 6 == 0 ? random_() : truth.finder);
+        }
+      }
+    }
+    for (std::uint64_t i = random_() % 40; i > 0; --i) {
+      const auto a = static_cast<std::uint32_t>(random_() % (slots - 1));
+      add(a, a + 1 + static_cast<std::uint32_t>(random_() % (slots - a - 1)), random_());
+    }
+  }
+
+  Phase phase_of(const Key& key) const { return before_.count(key) != 0 ? Phase::persist : Phase::begin; }
+
+  void check_persisting(const std::vector<std::vector<const ExpectedContacts*>>& runs) {
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      const bool sends = nodes_[node]->shared == nullptr;
+      const auto persists = ledger_.persists(node);
+      REQUIRE(persists.size() == (sends ? (runs[node].size() + 63) / 64 : 0));
+      for (std::uint32_t i = 0; i < runs[node].size(); ++i) {
+        if (doubles) {
+          continue;  // who has one that is not its own may think that it begins
+        }
+        const bool begins = phase_of({runs[node][i]->contact.a, runs[node][i]->contact.b}) == Phase::begin;
+        REQUIRE((sends ? (persists[i / 64] >> (i % 64) & 1) == 0 : nodes_[node]->shared->begun[i] != 0) == begins);
+      }
+    }
+  }
+
+  void check_told() {
+    const auto all = ledger_.notices(true);
+    REQUIRE(all.size() == now_.size());
+    std::size_t i = 0;
+    for (const auto& [key, truth] : now_) {
+      Contact expected = truth.contact;
+      expected.phase = phase_of(key);
+      Contact notices;
+      all[i].write(notices);
+      REQUIRE((doubles || same(notices, expected)));
+      REQUIRE(all[i].key == word_of(key));
+      REQUIRE(all[i].found.a == truth.slot_a);
+      REQUIRE((doubles || all[i].found.by == truth.finder));
+      ++i;
+    }
+    check_told_ended();
+    std::vector<std::uint64_t> user_contacts;
+    for (const auto& node : nodes_) {
+      for (std::size_t k = 0; node->shared != nullptr && k < node->shared->user_contacts.size(); ++k) {
+        user_contacts.push_back(node->shared->user_contacts[k].key);
+      }
+    }
+    std::sort(user_contacts.begin(), user_contacts.end());
+    user_contacts.erase(std::unique(user_contacts.begin(), user_contacts.end()), user_contacts.end());
+    const auto notices = ledger_.notices(false);
+    REQUIRE(notices.size() == user_contacts.size());
+    for (std::size_t k = 0; k < notices.size(); ++k) {
+      REQUIRE(notices[k].key == user_contacts[k]);
+    }
+    outer_before_ = std::move(user_contacts);
+  }
+
+  void check_told_ended() {
+    std::vector<std::uint64_t> user_contacts;
+    const auto all = ledger_.ended_notices(true);
+    std::size_t e = 0;
+    for (const auto& [key, truth] : before_) {
+      if (now_.count(key) != 0) {
+        continue;
+      }
+      Contact expected = truth.contact;
+      expected.phase = Phase::end;
+      REQUIRE(e < all.size());
+      Contact notices;
+      all[e].write(notices);
+      REQUIRE(same(notices, expected));
+      REQUIRE(all[e].key == word_of(key));
+      REQUIRE(all[e].found.a == truth.slot_a);
+      REQUIRE(all[e].found.b == truth.slot_b);
+      ++e;
+      if (std::binary_search(outer_before_.begin(), outer_before_.end(), word_of(key))) {
+        user_contacts.push_back(word_of(key));
+      }
+    }
+    REQUIRE(e == all.size());
+    // All that user nodes have been told of, and what else is known only by looking for all.
+    const auto notices = ledger_.ended_notices(false);
+    std::size_t k = 0;
+    for (const ContactNotice& one : notices) {
+      k += k < user_contacts.size() && one.key == user_contacts[k] ? 1 : 0;
+    }
+    REQUIRE(k == user_contacts.size());
+    REQUIRE((notices.size() == k || notices.size() == e));
+    sparing += notices.size() < e ? 1 : 0;
+  }
+
+  // Each writes its stretch, or is lost: before it enters, within, or when it has left.
+  std::vector<std::size_t> write() {
+    std::vector<std::size_t> lost, late;
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      NodeContacts* const shared = nodes_[node]->shared.get();
+      const auto fate = frame_ % 4 == 3 ? random_() % 6 : 5;
+      if (shared != nullptr && fate > 0) {
+        REQUIRE(shared->gate.enter());
+        if (fate > 1) {
+          nodes_[node]->write();
+        } else {
+          late.push_back(node);
+        }
+      }
+      if (fate < 3) {
+        ledger_.lose(node);
+        REQUIRE((shared == nullptr || !shared->gate.enter()));  // late, it writes no more
+        lost.push_back(node);
+      }
+    }
+    for (const std::size_t node : late) {
+      REQUIRE_FALSE(ledger_.complete());
+      ++waits;
+      nodes_[node]->write();
+    }
+    REQUIRE(ledger_.complete());
+    return lost;
+  }
+
+  void check_lists() {
+    REQUIRE(ledger_.duplicates() == surplus_);
+    REQUIRE(ledger_.size() == now_.size() + surplus_);
+    const auto contacts = ledger_.contacts(frame_);
+    REQUIRE(contacts.size() == now_.size());
+    REQUIRE(ledger_.keys(frame_).size() == now_.size());
+    REQUIRE(ledger_.found(frame_).size() == now_.size());
+    std::size_t i = 0;
+    std::size_t began = 0;
+    for (const auto& [key, truth] : now_) {
+      Contact expected = truth.contact;
+      expected.phase = phase_of(key);
+      began += expected.phase == Phase::begin ? 1 : 0;
+      REQUIRE(same(contacts[i], expected));
+      REQUIRE(ledger_.keys(frame_)[i] == word_of(key));
+      REQUIRE(ledger_.found(frame_)[i].a == truth.slot_a);
+      REQUIRE(ledger_.found(frame_)[i].b == truth.slot_b);
+      REQUIRE((doubles || ledger_.found(frame_)[i].by == truth.finder));
+      ++i;
+    }
+    REQUIRE(ledger_.began() == began);
+    std::size_t e = 0;
+    const auto ended = ledger_.ended(frame_);
+    for (const auto& [key, truth] : before_) {
+      if (now_.count(key) != 0) {
+        continue;
+      }
+      Contact expected = truth.contact;  // the geometry of the last contact
+      expected.phase = Phase::end;
+      REQUIRE(e < ended.size());
+      REQUIRE(same(ended[e], expected));
+      REQUIRE(ledger_.ended_keys(frame_)[e] == word_of(key));
+      ++e;
+    }
+    REQUIRE(e == ended.size());
+    // The frame before stays readable while this one was made.
+    REQUIRE((frame_ == 0 || ledger_.contacts(frame_ - 1).size() == before_.size()));
+  }
+
+  std::mt19937_64 random_;
+  Form form_;
+  bool large_numbers_;
+  ContactLedger ledger_;
+  std::vector<std::unique_ptr<Node>> nodes_;
+  std::vector<std::unique_ptr<Node>> gone_;  ///< whose memory stays
+  Truths now_, before_;
+  std::vector<std::uint64_t> outer_before_;
+  std::size_t surplus_ = 0;
+  std::uint64_t frame_ = 0;
+};
+
+TEST_CASE("the ledger begins, continues and ends contacts as a map of the two frames does, whoever writes or is lost") {
+  for (const LedgerTest::Form form : {LedgerTest::Form::sending, LedgerTest::Form::sharing, LedgerTest::Form::mixed}) {
+    for (unsigned seed = 100; seed < 106; ++seed) {
+      CAPTURE(seed);
+      CAPTURE(static_cast<int>(form));
+      LedgerTest play(seed, form);
+      for (int frame = 0; frame < 200; ++frame) {
+        CAPTURE(frame);
+        play.frame();
+      }
+      CHECK((play.waits > 0) == (form != LedgerTest::Form::sending));
+      CHECK((play.sparing > 10 || form != LedgerTest::Form::sharing));
+    }
+  }
+}
+
+TEST_CASE("a pair that two nodes found is kept once and counted, and the frames after it are right") {
+  for (const LedgerTest::Form form : {LedgerTest::Form::sending, LedgerTest::Form::sharing, LedgerTest::Form::mixed}) {
+    for (unsigned seed = 200; seed < 204; ++seed) {
+      CAPTURE(seed);
+      CAPTURE(static_cast<int>(form));
+      LedgerTest play(seed, form);
+      for (int frame = 0; frame < 120; ++frame) {
+        CAPTURE(frame);
+        play.doubles = frame % 3 == 1;
+        play.frame();
+      }
+    }
+  }
+}
+
+TEST_CASE("what a node finds for its peers is listed by peer, in order") {
+  constexpr unsigned seed = 9;
+  CAPTURE(seed);
+  std::mt19937_64 random(seed);
+  PeerLists runs;
+  for (NodeNumber nodes = 1; nodes < 20; ++nodes) {
+    CAPTURE(nodes);
+    runs.clear();
+    std::vector<std::vector<std::uint32_t>> expected(nodes);
+    for (std::uint32_t position = 0; position < 60; ++position) {
+      const auto peer = static_cast<NodeNumber>(random() % nodes);
+      if (random() % 3 != 0) {
+        runs.add(peer, position);
+        expected[peer].push_back(position);
+      }
+    }
+    runs.finish(nodes);
+    std::size_t size = 0;
+    for (NodeNumber peer = 0; peer < nodes; ++peer) {
+      const auto run = runs.of(peer);
+      REQUIRE(std::vector<std::uint32_t>(run.begin(), run.end()) == expected[peer]);
+      size += run.size();
+    }
+    REQUIRE(runs.size() == size);
+  }
+}
+
+TEST_CASE("contacts are put in the order of (a, b), whatever their numbers") {
+  for (const unsigned seed : {1u, 2u, 3u, 4u, 5u, 6u}) {
+    CAPTURE(seed);
+    std::mt19937_64 random(seed);
+    base::PairSort order;
+    for (const std::size_t size : {0u, 1u, 2u, 63u, 64u, 65u, 66u, 500u, 5000u}) {
+      CAPTURE(size);
+      order.clear();
+      std::vector<std::pair<Key, std::uint32_t>> model;
+      // Of 10^7 the two numbers and a position fit a word up to 50,000 contacts, of 2^32 never.
+      const std::uint64_t ranges[] = {0xffffffffu, 4000, 3, 10'000'000};
+      const std::uint64_t range = ranges[seed % 4];
+      for (std::uint32_t i = 0; i < size; ++i) {
+        const auto a = static_cast<ObjectNumber>(1 + random() % range);
+        const auto b = static_cast<ObjectNumber>(1 + random() % range);
+        order.add(a, b);
+        model.push_back({{a, b}, i});
+      }
+      order.sort();
+      std::stable_sort(model.begin(), model.end(), [](const auto& p, const auto& q) { return p.first < q.first; });
+      REQUIRE(order.size() == size);
+      std::vector<bool> seen(size, false);
+      for (std::size_t i = 0; i < size; ++i) {
+        const std::uint32_t at = order.at(i);
+        REQUIRE(at < size);
+        REQUIRE_FALSE(seen[at]);
+        seen[at] = true;
+        REQUIRE(order.key_at(i) == word_of(model[i].first));
+        // Equal keys may stand in any order; real contacts have none.
+        const auto original = std::find_if(model.begin(), model.end(), [&](const auto& m) { return m.second == at; });
+        if (size <= 500) {
+          REQUIRE(original->first == model[i].first);
+        } else if (i > 0 && range > 4000) {
+          REQUIRE(model[i].second == at);  // no two keys are equal here
+        }
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::nodes

@@ -1,0 +1,100 @@
+#include <string>
+
+#include <doctest/doctest.h>
+
+#include "tools/program.hpp"
+#include "worlds/text_file.hpp"
+
+namespace ringfence {
+namespace {
+
+using test::ProgramResult;
+using test::TemporaryFolder;
+
+void check_refused(const std::string& arguments, const std::string& message) {
+  const ProgramResult answer = test::ringfence(arguments);
+  CHECK_MESSAGE(answer.code == 2, arguments);
+  CHECK_MESSAGE(answer.out.find(message) != std::string::npos, arguments, ": ", answer.out);
+}
+
+}  // namespace
+
+TEST_CASE("an option out of range is told with its name and range, and ends with 2") {
+  check_refused("run --nodes 1025", "--nodes: found 1025; expected 0 to 1024");
+  check_refused("run --nodes -1", "--nodes: found -1; expected 0 to 1024");
+  check_refused("run --nodes two", "--nodes: found two; expected 0 to 1024");
+  check_refused("run --frames 0", "--frames: found 0; expected 1 to 10000000");
+  check_refused("run --objects 0", "--objects: found 0; expected 1 to 10000000");
+  check_refused("run --coverage 0.7", "--coverage: found 0.7; expected 1e-06 to 0.6");
+  check_refused("run --coverage nan", "--coverage: found nan; expected 1e-06 to 0.6");
+  check_refused("run --users 0", "--users: found 0; expected 1 to 65536");
+  check_refused("run --user-threads 300", "--user-threads: found 300; expected 1 to 256");
+  check_refused("run --interest -1", "--interest: found -1; expected 0 to 1000000000");
+  check_refused("run --ring-bytes 5000",
+                "--ring-bytes: found 5000; expected 0 or a power of two from 4096 to 1073741824");
+  check_refused("run --target-interval 5", "--target-interval: found 5; expected A:B frames with 1 <= A <= B");
+  check_refused("run --retarget-interval 9:3", "--retarget-interval: found 9:3; expected A:B frames with 1 <= A <= B");
+  check_refused("run --objects 50", "users: 100; expected at most one for each of the 50 objects");
+}
+
+TEST_CASE("a word that an option does not know is told with those that it does") {
+  check_refused("run --deployment cloud",
+                "--deployment: found cloud; expected one of user, user-server, user-collision");
+  check_refused("run --broad-phase none", "--broad-phase: found none; expected one of server, region, auto");
+  check_refused("run --objects 10 --objects 20", "--objects: given 2 times; expected once");
+  check_refused("run --shapes cone", "--shapes: found cone; expected one of sphere, box, capsule, hull, mixed, mesh");
+  check_refused("run --speed 3", "--speed");
+  check_refused("fly", "found fly; expected run, replay, record, scale, profile, convert or node");
+  check_refused("", "subcommand");
+}
+
+TEST_CASE("help and version end with 0, and help names no command that is not there") {
+  CHECK(test::ringfence("--version").code == 0);
+  CHECK(test::ringfence("--version").out.starts_with("ringfence 0."));
+  const ProgramResult help = test::ringfence("--help");
+  CHECK(help.code == 0);
+  for (const char* command : {"run", "replay", "record", "scale", "profile", "convert"})
+    CHECK(help.out.find(command) != std::string::npos);
+  for (const char* option :
+       {"--deployment",   "--nodes",        "--broad-phase", "--frames",          "--warmup",
+        "--users",        "--user-threads", "--interest",    "--objects",         "--coverage",
+        "--shapes",       "--seed",         "--targets",     "--target-interval", "--retarget-interval",
+        "--check",        "--collisions",   "--json",        "--frames-csv",      "--trace",
+        "--ring-bytes",   "--pin",          "--resize",      "--balance",         "--balance-by",
+        "--keep-resting", "--quiet"}) {
+    CHECK_MESSAGE(test::ringfence("run --help").out.find(option) != std::string::npos, option);
+  }
+}
+
+TEST_CASE("bad files end with 2 and are named with line and field; nothing runs") {
+  const TemporaryFolder folder;
+  const std::string scene = folder / "s.json", motion = folder / "m.csv";
+  const std::string good =
+      "{\"format\": \"ringfence-scene\", \"version\": 1, \"bounds\": {\"min\": [0,0,0], \"max\": [9,9,9]},\n"
+      "\"shapes\": {\"ball\": {\"type\": \"sphere\", \"radius\": 1}},\n"
+      "\"objects\": [{\"id\": 7, \"shape\": \"ball\", \"category\": \"active\", \"position\": [1,1,1]}]}";
+  worlds::write_text(scene, good);
+  worlds::write_text(motion, "frame,object,x,y,z,qx,qy,qz,qw\n0,7,1,2,3,0,0,0,1\n3,7,1,2,nan,0,0,0,1\n");
+  const std::string files = "replay --scene " + scene + " --motion " + motion;
+  check_refused(files, motion + ":3: z: found \"nan\"; expected a finite number");
+  CHECK(test::digest_in(test::ringfence(files).out).empty());
+
+  worlds::write_text(motion, "frame,object,x,y,z,qx,qy,qz,qw\n3,7,1,2,3,0,0,0,1\n");
+  check_refused(files + " --frames 5", "--frames: found 5; expected at most the 4 frames of " + motion);
+  check_refused(files + " --warmup 4", "--warmup: found 4; expected less than the 4 frames of " + motion);
+
+  worlds::write_text(scene, std::string(good).replace(good.find("radius"), 6, "size"));
+  check_refused(files, scene + ":2: shapes.ball: unknown field \"size\"; expected type, radius");
+  check_refused("replay --scene /nowhere.json --motion " + motion, "/nowhere.json: cannot be opened");
+  check_refused("replay --motion " + motion, "--scene is required");
+}
+
+TEST_CASE("a file that cannot be written is told before anything runs") {
+  for (const char* option : {"--json", "--frames-csv", "--collisions", "--trace"}) {
+    check_refused(std::string("run --objects 200 --frames 1 ") + option + " /nowhere/file",
+                  "/nowhere/file: cannot be opened for writing");
+  }
+  check_refused("record --objects 200 --frames 1 --out /nowhere/run", "/nowhere/run.json: cannot be written");
+}
+
+}  // namespace ringfence

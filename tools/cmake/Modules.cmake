@@ -1,0 +1,115 @@
+# One engine folder is one module: an object library that the installed library and the module's own tests share.
+
+add_library(ringfence_options INTERFACE)
+target_compile_options(ringfence_options INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion
+  $<$<BOOL:${RINGFENCE_WERROR}>:-Werror>
+  # The same bits on every machine: no contraction to fused multiply-adds, no fast-math anywhere.
+  -ffp-contract=off)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND RINGFENCE_SANITIZE MATCHES "thread")
+  # GCC cannot model fences under its thread sanitizer and says so; the rings are checked exhaustively elsewhere.
+  target_compile_options(ringfence_options INTERFACE -Wno-error=tsan)
+endif()
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+  # GCC 12 sees overlapping copies in the standard library's own string concatenation (bug 105651).
+  target_compile_options(ringfence_options INTERFACE -Wno-restrict)
+endif()
+if(RINGFENCE_SANITIZE)
+  target_compile_options(ringfence_options INTERFACE -fsanitize=${RINGFENCE_SANITIZE} -fno-omit-frame-pointer)
+  target_link_options(ringfence_options INTERFACE -fsanitize=${RINGFENCE_SANITIZE})
+  if(RINGFENCE_SANITIZE MATCHES "undefined")
+    target_compile_options(ringfence_options INTERFACE -fno-sanitize-recover=undefined)
+  endif()
+endif()
+
+# ringfence_module(NAME SOURCES... [MODULES module...] [LINK target...])
+# MODULES name the modules whose headers and objects this one uses.
+function(ringfence_module name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;MODULES;LINK" ${ARGN})
+  add_library(ringfence_${name} OBJECT ${ARG_SOURCES})
+  target_link_libraries(ringfence_${name} PRIVATE ringfence_options)
+  target_link_libraries(ringfence_${name} PUBLIC ${ARG_LINK})
+  target_include_directories(ringfence_${name} PUBLIC ${PROJECT_SOURCE_DIR}/engine/include ${PROJECT_SOURCE_DIR}/engine)
+  set_target_properties(ringfence_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
+  if(RINGFENCE_SANITIZE MATCHES "address")
+    # Kernels are compiled once a SIMD target and inline everything: box_kernels.cpp takes 145 s with -O1, 13 s without.
+    foreach(source ${ARG_SOURCES})
+      cmake_path(ABSOLUTE_PATH source)
+      file(STRINGS ${source} once_a_target REGEX "hwy/foreach_target\\.h")
+      if(once_a_target)
+        set_source_files_properties(${source} PROPERTIES COMPILE_OPTIONS -O0)
+      endif()
+    endforeach()
+  endif()
+  set_property(GLOBAL PROPERTY ringfence_modules_of_${name} "${ARG_MODULES}")
+  set_property(GLOBAL PROPERTY ringfence_link_of_${name} "${ARG_LINK}")
+  set_property(GLOBAL APPEND PROPERTY ringfence_modules ${name})
+endfunction()
+
+# All modules that NAME needs, itself included, each once.
+function(ringfence_closure out)
+  set(todo ${ARGN})
+  set(seen)
+  while(todo)
+    list(POP_FRONT todo module)
+    if(NOT module IN_LIST seen)
+      list(APPEND seen ${module})
+      get_property(more GLOBAL PROPERTY ringfence_modules_of_${module})
+      list(APPEND todo ${more})
+    endif()
+  endwhile()
+  set(${out} ${seen} PARENT_SCOPE)
+endfunction()
+
+# ringfence_link_modules(TARGET module...): links the objects of the modules and of all they need.
+function(ringfence_link_modules target)
+  ringfence_closure(modules ${ARGN})
+  foreach(module ${modules})
+    target_link_libraries(${target} PRIVATE ringfence_${module})
+  endforeach()
+  target_link_libraries(${target} PRIVATE ringfence_options Threads::Threads)
+endfunction()
+
+# What ctest puts before each test program.
+set(ringfence_test_launcher)
+if(RINGFENCE_SANITIZE MATCHES "thread")
+  set(ringfence_test_launcher
+    ${CMAKE_COMMAND} -E env TSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/tools/cmake/tsan.supp)
+  # GCC's thread sanitizer wants its shadow where kernels with many random address bits map programs.
+  execute_process(COMMAND setarch -R true RESULT_VARIABLE setarch_failed OUTPUT_QUIET ERROR_QUIET)
+  if(NOT setarch_failed)
+    list(APPEND ringfence_test_launcher setarch -R)
+  endif()
+endif()
+
+# ringfence_test(NAME MODULES module... SOURCES file... [LINK target...] [LABELS label...])
+# One doctest program a folder of tests/; each doctest case is reported by ctest as part of its program.
+# The target tests_LABEL builds the programs with that label; `concurrent` ones also run under the sanitizers.
+function(ringfence_test name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;MODULES;LINK;LABELS" ${ARGN})
+  add_executable(test_${name} ${ARG_SOURCES})
+  ringfence_link_modules(test_${name} ${ARG_MODULES})
+  target_link_libraries(test_${name} PRIVATE ringfence_test_main ${ARG_LINK})
+  target_include_directories(test_${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+  add_test(NAME ${name} COMMAND ${ringfence_test_launcher} $<TARGET_FILE:test_${name}>)
+  set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 900)
+  foreach(label ${ARG_LABELS})
+    if(NOT TARGET tests_${label})
+      add_custom_target(tests_${label})
+    endif()
+    add_dependencies(tests_${label} test_${name})
+  endforeach()
+endfunction()
+
+# ringfence_bench(NAME MODULES module... SOURCES file... [LINK target...])
+function(ringfence_bench name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;MODULES;LINK" ${ARGN})
+  add_executable(bench_${name} ${ARG_SOURCES})
+  ringfence_link_modules(bench_${name} ${ARG_MODULES})
+  target_link_libraries(bench_${name} PRIVATE benchmark::benchmark ${ARG_LINK})
+  target_include_directories(bench_${name} PRIVATE ${PROJECT_SOURCE_DIR}/bench)
+  if(NOT TARGET benchmarks)
+    add_custom_target(benchmarks)
+  endif()
+  add_dependencies(benchmarks bench_${name})
+endfunction()
