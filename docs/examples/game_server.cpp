@@ -1,5 +1,5 @@
-// A small game server: players come and go, walk about and push crates; drones fly about by themselves. What it prints
-// is the same at any number of nodes and in every deployment:
+// A small game server: players connect and leave, walk and push crates; drones fly by themselves. Its output is the
+// same at any number of nodes and in every deployment:
 //
 //   game_server [NODES [user|user-server|user-collision]]
 #include <algorithm>
@@ -27,33 +27,33 @@ using ringfence::UserNumber;
 using ringfence::Vec3d;
 
 constexpr double side = 40;   // of the arena, metres
-constexpr double step = 0.2;  // what a player walks in a frame, metres
+constexpr double step = 0.2;  // of a player per frame, metres
 constexpr int frames = 300;
 
 // [rock]
-/// A rock that everybody walks around: a pyramid of four triangles, open below. Meshes are surfaces.
+/// A rock that players walk around: a pyramid of four triangles, open below. Meshes are surfaces.
 ringfence::TriangleMesh rock() {
   ringfence::TriangleMesh mesh;
   mesh.vertices = {{-2, -2, 0}, {2, -2, 0}, {2, 2, 0}, {-2, 2, 0}, {0, 0, 3}};
-  mesh.indices = {0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};  // three a triangle
+  mesh.indices = {0, 1, 4, 1, 2, 4, 2, 3, 4, 3, 0, 4};  // three per triangle
   return mesh;
 }
 // [rock]
 
-/// How much, and which way, a contact pushes one of its two objects.
+/// The translation, in metres, by which a contact pushes object `self`, one of its two objects.
 Vec3d push_of(const Contact& contact, ringfence::ObjectNumber self, double share) {
   const double length = (contact.a == self ? -share : share) * double{contact.depth};
   return {length * double{contact.normal.x}, length * double{contact.normal.y}, length * double{contact.normal.z}};
 }
 
-/// What moves everything but the players: drones fly straight on and bounce off what they meet; crates are pushed.
+/// Moves all objects except the players: drones fly straight and bounce off obstacles; crates are pushed.
 ///
-/// Called by whichever threads host the objects, so it is const, shares nothing, and computes S(k) from what it is
-/// given alone.
+/// The threads that host the objects call it concurrently, so it is const, shares no state, and computes S(k) only from
+/// its inputs.
 class ArenaMotion final : public ringfence::MotionModel {
  public:
   struct State {
-    Vec3d velocity;  ///< metres a frame
+    Vec3d velocity;  ///< metres per frame
   };
 
   std::size_t state_bytes() const noexcept override { return sizeof(State); }
@@ -73,7 +73,7 @@ class ArenaMotion final : public ringfence::MotionModel {
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       const ringfence::MotionInput& in = inputs[i];
       if (!in.present || in.category == Category::avatar) {
-        continue;  // the answer is filled with "stands still" beforehand
+        continue;  // without an output the object does not move
       }
       State s;
       std::memcpy(&s, in.state, sizeof s);
@@ -98,13 +98,13 @@ class ArenaMotion final : public ringfence::MotionModel {
   // [model]
 };
 
-/// What the server keeps of a player.
+/// What the server stores for each player.
 struct Player {
   ObjectId avatar;
   Pose pose;
   int walks_to = 0;      ///< the last input: one of four directions
   int bumps = 0;         ///< contacts that began
-  std::size_t seen = 0;  ///< states that were to be sent to the client, all frames
+  std::size_t seen = 0;  ///< states of other players near this one, summed over all frames
 };
 
 class GameServer {
@@ -115,7 +115,7 @@ class GameServer {
     const auto drone = world_.add_shape(ringfence::Sphere{0.4f});
     person_ = world_.add_shape(ringfence::Capsule{0.3f, 0.6f});
 
-    // Layer 0 collides with itself and the ground, layer 1; the ground does not collide with what lies on it for ever.
+    // Layer 0 collides with itself and the ground, layer 1; the ground does not collide with itself.
     world_.spawn({.shape = floor, .category = Category::fixed, .layer = 1, .pose = {{side / 2, side / 2, -0.5}, {}}});
     world_.spawn({.shape = world_.add_shape(rock()), .category = Category::fixed, .pose = {{12, 19, 0}, {}}});
     for (int i = 0; i < 60; ++i) {
@@ -132,7 +132,7 @@ class GameServer {
     const UserNumber user = world_.connect().user;
     Player player;
     player.pose.position = at;
-    // user_data comes back in the motion model and in World::object.
+    // The motion model and World::object receive user_data.
     player.avatar =
         world_
             .spawn(
@@ -142,7 +142,7 @@ class GameServer {
   }
 
   void leave(UserNumber user) {
-    world_.disconnect(user);  // ends the avatar too
+    world_.disconnect(user);  // also destroys the avatar
     std::printf("player %u leaves: %d bumps\n", user, players_[user].bumps);
     players_.erase(user);
   }
@@ -154,7 +154,7 @@ class GameServer {
       world_.move(user, player.avatar, player.pose);
     }
     world_.begin_frame();
-    read_inputs();  // whatever else a server has to do: the frame goes on meanwhile
+    read_inputs();  // other work of the server, while the frame runs
     world_.finish_frame();
     for (auto& [user, player] : players_) {
       answer(user, player);
@@ -163,7 +163,7 @@ class GameServer {
   }
   // [frame]
 
-  /// Somebody who steers another's avatar is refused, and nothing else happens.
+  /// A user who moves the avatar of another user is refused.
   void cheat(UserNumber cheater, UserNumber victim) {
     const Status status = world_.move(cheater, players_[victim].avatar, {});
     std::printf("player %u moves player %u: %s\n", cheater, victim, name_of(status));
@@ -182,7 +182,7 @@ class GameServer {
   }
 
  private:
-  /// The players' inputs, here from no network: everybody turns now and then.
+  /// The players' inputs; in this example they do not come from a network, and each player turns from time to time.
   void read_inputs() {
     for (auto& [user, player] : players_) {
       if ((world_.frames() + 13 * user) % 40 == 0) {
@@ -213,7 +213,7 @@ class GameServer {
     }
     for (const auto& run : world_.seen_by(user)) {
       for (const ringfence::SeenState& state : run) {
-        // A server would send `state` to the client; here the other players among them are counted.
+        // A server would send `state` to the client; this example counts the other players.
         const bool avatar = std::any_of(players_.begin(), players_.end(), [&](const auto& other) {
           return other.second.avatar.number() == state.number;
         });
@@ -233,9 +233,9 @@ class GameServer {
 ringfence::WorldConfig configure(std::uint32_t nodes, ringfence::Deployment deployment) {
   ringfence::WorldConfig config;
   config.bounds_max = {side, side, 10};
-  config.nodes = nodes;  // worker threads; 0 runs everything in the thread that calls
+  config.nodes = nodes;  // worker threads; 0 runs all roles in the calling thread
   config.deployment = deployment;
-  config.interest = 10;  // metres that a player sees
+  config.interest = 10;  // metres around a player within which it sees other objects
   config.capacities.objects = 256;
   config.layers.names = {"things", "ground"};
   config.layers.collide = {{0, 0}};
