@@ -124,11 +124,11 @@ struct NodeFrameStats {
   std::uint64_t hosted = 0, handed_over = 0;
   std::uint64_t model_failed = 0, not_finite = 0, not_unit = 0;  ///< refused model outputs, by reason
   std::uint64_t m5_messages = 0, m5_bytes = 0;
-  std::uint64_t published = 0;       ///< states in the role's publication
-  std::uint64_t move_cpu_ns = 0;     ///< part of cpu_ns: until all states are sent
-  std::uint64_t detect_cpu_ns = 0;   ///< part of cpu_ns: from then until all contacts are sent, without publish_cpu_ns
-  std::uint64_t kept = 0;            ///< host-owned states that changed and were not sent
-  std::uint64_t publish_cpu_ns = 0;  ///< part of cpu_ns: between sending the states and publishing them
+  std::uint64_t published = 0;      ///< states in the role's publication
+  std::uint64_t move_cpu_ns = 0;    ///< part of cpu_ns: until all states are sent
+  std::uint64_t detect_cpu_ns = 0;  ///< part of cpu_ns: from then until all contacts are sent, without publish_cpu_ns
+  std::uint64_t host_owned_changes = 0;  ///< host-owned states that changed and were not sent
+  std::uint64_t publish_cpu_ns = 0;      ///< part of cpu_ns: between sending the states and publishing them
 };
 
 /// Narrow phase statistics of a node for one pair of shape kinds; see KindReport.
@@ -143,7 +143,7 @@ struct KindRecord {
 /// A node is lost.
 struct LostRecord {
   std::uint32_t node = 0;
-  std::uint32_t again = 0;  ///< 1: discard the results of this frame; it is detected again under another map
+  std::uint32_t detect_again = 0;  ///< 1: discard the results of this frame; it is detected again under another map
   /// Number of hand-overs that frame_end announced and that will not arrive: the lost node was their sender.
   std::uint64_t hand_overs = 0;
 };
