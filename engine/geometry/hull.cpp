@@ -84,18 +84,18 @@ Facets one_face_per_triangle(std::size_t triangles) {
 
 /// Vertices where at least three faces meet. The other vertices lie inside a face or an edge.
 std::vector<std::uint32_t> corners_of(std::span<const HullTriangle> triangles, const Facets& facets) {
-  std::map<std::uint32_t, std::vector<std::uint32_t>> met;
+  std::map<std::uint32_t, std::vector<std::uint32_t>> faces_of_vertex;
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     for (const std::uint32_t corner : triangles[t].corner) {
-      std::vector<std::uint32_t>& list = met[corner];
-      if (std::find(list.begin(), list.end(), facets.of_triangle[t]) == list.end()) {
-        list.push_back(facets.of_triangle[t]);
+      std::vector<std::uint32_t>& faces = faces_of_vertex[corner];
+      if (std::find(faces.begin(), faces.end(), facets.of_triangle[t]) == faces.end()) {
+        faces.push_back(facets.of_triangle[t]);
       }
     }
   }
   std::vector<std::uint32_t> corners;
-  for (const auto& [corner, list] : met) {
-    if (list.size() >= 3) corners.push_back(corner);
+  for (const auto& [corner, faces] : faces_of_vertex) {
+    if (faces.size() >= 3) corners.push_back(corner);
   }
   return corners;
 }
@@ -283,27 +283,27 @@ Hull build_hull(std::span<const Vec3f> points) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!is_finite(points[i])) throw Error("convex hull: point " + std::to_string(i) + " is not finite");
   }
-  std::vector<Vec3f> kept(points.begin(), points.end());
-  std::vector<HullTriangle> triangles = quickhull(kept);
-  Facets facets = merge_coplanar(kept, triangles);
+  std::vector<Vec3f> points_in_use(points.begin(), points.end());
+  std::vector<HullTriangle> triangles = quickhull(points_in_use);
+  Facets facets = merge_coplanar(points_in_use, triangles);
   // Remove the points inside a face or an edge and build the hull again from the others. One round is usual. Each round
   // removes points; after four rounds the vertices stay as they are.
   for (int round = 0; round < 4; ++round) {
     const std::vector<std::uint32_t> corners = corners_of(triangles, facets);
     if (corners.size() == vertices_of(triangles) || corners.size() < 4) break;
     std::vector<Vec3f> remaining;
-    for (const std::uint32_t i : corners) remaining.push_back(kept[i]);
-    kept = std::move(remaining);
-    triangles = quickhull(kept);
-    facets = merge_coplanar(kept, triangles);
+    for (const std::uint32_t i : corners) remaining.push_back(points_in_use[i]);
+    points_in_use = std::move(remaining);
+    triangles = quickhull(points_in_use);
+    facets = merge_coplanar(points_in_use, triangles);
   }
   if (vertices_of(triangles) > max_hull_vertices) {
     throw Error("convex hull: " + std::to_string(vertices_of(triangles)) + " vertices; at most " +
                 std::to_string(max_hull_vertices) + " are allowed, give fewer points");
   }
-  if (std::optional<Hull> hull = HullAssembly::assemble(kept, triangles, facets)) return std::move(*hull);
+  if (std::optional<Hull> hull = HullAssembly::assemble(points_in_use, triangles, facets)) return std::move(*hull);
   const Facets unmerged = one_face_per_triangle(triangles.size());
-  std::optional<Hull> hull = HullAssembly::assemble(kept, triangles, unmerged);
+  std::optional<Hull> hull = HullAssembly::assemble(points_in_use, triangles, unmerged);
   if (!hull) throw Error("convex hull: the points lie too close to a plane");
   return std::move(*hull);
 }

@@ -121,10 +121,10 @@ class Builder {
   template <class Measure>
   std::uint32_t greatest(Measure measure) const {
     std::uint32_t best = 0;
-    double most = measure(points_[0]);
+    double largest = measure(points_[0]);
     for (std::uint32_t i = 1; i < points_.size(); ++i) {
       const double value = measure(points_[i]);
-      if (value > most) best = i, most = value;
+      if (value > largest) best = i, largest = value;
     }
     return best;
   }
@@ -184,13 +184,13 @@ class Builder {
   }
 
   bool assign(std::uint32_t point, std::uint32_t first_face) {
-    double most = slack;
+    double largest = slack;
     std::uint32_t best = first_face;
     bool found = false;
     for (std::uint32_t f = first_face; f < faces_.size(); ++f) {
       if (!faces_[f].alive) continue;
       const double distance = beyond(faces_[f], point);
-      if (distance > most) most = distance, best = f, found = true;
+      if (distance > largest) largest = distance, best = f, found = true;
     }
     if (found) faces_[best].outside.push_back(point);
     return found;
@@ -209,10 +209,10 @@ class Builder {
   void add_farthest_of(std::uint32_t f) {
     std::vector<std::uint32_t>& list = faces_[f].outside;
     std::size_t farthest = 0;
-    double most = -1;
+    double largest = -1;
     for (std::size_t i = 0; i < list.size(); ++i) {
       const double distance = beyond(faces_[f], list[i]);
-      if (distance > most) most = distance, farthest = i;
+      if (distance > largest) largest = distance, farthest = i;
     }
     const std::uint32_t eye = list[farthest];
     list.erase(list.begin() + static_cast<std::ptrdiff_t>(farthest));
@@ -254,9 +254,9 @@ class Builder {
     for (const HorizonEdge& edge : horizon_) {
       const std::uint32_t f = new_face(edge.from, edge.to, eye);
       faces_[f].across[0] = edge.face;
-      Face& kept = faces_[edge.face];
+      Face& neighbour = faces_[edge.face];
       for (int e = 0; e < 3; ++e) {
-        if (kept.corner[e] == edge.to && kept.corner[(e + 1) % 3] == edge.from) kept.across[e] = f;
+        if (neighbour.corner[e] == edge.to && neighbour.corner[(e + 1) % 3] == edge.from) neighbour.across[e] = f;
       }
       fan_of_[edge.from] = f;
     }

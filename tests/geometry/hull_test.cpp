@@ -47,7 +47,7 @@ void check_hull(const Hull& hull, const Points& points) {
     REQUIRE(length(to_double(p)) <= double{hull.bounding_radius()} * (1 + 1e-12));
   }
 
-  double worst = 0, least_gap = std::numeric_limits<double>::infinity();
+  double worst = 0, smallest_gap = std::numeric_limits<double>::infinity();
   for (std::size_t f = 0; f < hull.face_count(); ++f) {
     const Vec3d normal = to_double(hull.normal(f));
     REQUIRE(std::abs(length(normal) - 1) < 1e-6);
@@ -61,11 +61,11 @@ void check_hull(const Hull& hull, const Points& points) {
     for (const std::uint16_t v : hull.face(f)) {
       REQUIRE(std::abs(dot(normal, to_double(hull.vertex(v))) - double{hull.offset()[f]}) <= 2 * tolerance);
     }
-    least_gap = std::min(least_gap, double{hull.offset()[f]} - dot(normal, to_double(hull.centroid())));
+    smallest_gap = std::min(smallest_gap, double{hull.offset()[f]} - dot(normal, to_double(hull.centroid())));
   }
   REQUIRE_MESSAGE(worst <= tolerance, "a point lies " << worst << " outside a hull of size " << size);
-  REQUIRE(least_gap > -tolerance);
-  REQUIRE(double{hull.inner_radius()} <= least_gap + tolerance);
+  REQUIRE(smallest_gap > -tolerance);
+  REQUIRE(double{hull.inner_radius()} <= smallest_gap + tolerance);
 
   REQUIRE(hull.vertex_count() + hull.face_count() == hull.edge_count() + 2);  // Euler's formula
   std::map<std::pair<int, int>, int> half_edges;

@@ -111,9 +111,9 @@ TEST_CASE("the tree's support is the maximum over all corners") {
   std::normal_distribution<double> normal;
   for (int i = 0; i < 200; ++i) {
     const Vec3d direction{normal(random), normal(random), i % 5 == 0 ? 0.0 : normal(random)};
-    double most = -1e300;
-    for (const Vec3f& p : mesh.vertices()) most = std::max(most, dot(direction, to_double(p)));
-    CHECK(mesh.tree().support(direction) == most);
+    double largest = -1e300;
+    for (const Vec3f& p : mesh.vertices()) largest = std::max(largest, dot(direction, to_double(p)));
+    CHECK(mesh.tree().support(direction) == largest);
   }
 }
 
@@ -130,16 +130,16 @@ TEST_CASE("the extent of a rotated mesh contains it and is at most slightly larg
     const double low[3] = {lower.x, lower.y, lower.z}, high[3] = {upper.x, upper.y, upper.z};
     for (int k = 0; k < 3; ++k) {
       const Vec3d axis{double{r.m[k][0]}, double{r.m[k][1]}, double{r.m[k][2]}};
-      double least = 1e300, most = -1e300;
+      double smallest = 1e300, largest = -1e300;
       for (const Vec3f& p : mesh.vertices()) {
-        least = std::min(least, dot(axis, to_double(p)));
-        most = std::max(most, dot(axis, to_double(p)));
+        smallest = std::min(smallest, dot(axis, to_double(p)));
+        largest = std::max(largest, dot(axis, to_double(p)));
       }
-      CHECK(low[k] <= least);
-      CHECK(high[k] >= most);
-      largest_error = std::max({largest_error, least - low[k], high[k] - most});
+      CHECK(low[k] <= smallest);
+      CHECK(high[k] >= largest);
+      largest_error = std::max({largest_error, smallest - low[k], high[k] - largest});
       // Along its own axes, a mesh's support is exact.
-      if (i == 0) CHECK(high[k] - most < 1e-6);
+      if (i == 0) CHECK(high[k] - largest < 1e-6);
     }
   }
   CHECK(largest_error < 0.03 * double{mesh.bounding_radius()});

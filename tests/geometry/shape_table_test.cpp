@@ -32,9 +32,9 @@ std::vector<Vec3f> ball_of_points(std::mt19937& random, std::size_t count, doubl
 double exact_support(const ShapeTable& table, ShapeNumber shape, Vec3d d) {
   const ShapeDescription& description = table.description(shape);
   const auto over = [&](const std::vector<Vec3f>& points) {
-    double most = -1e300;
-    for (const Vec3f p : points) most = std::max(most, dot(d, to_double(p)));
-    return most;
+    double largest = -1e300;
+    for (const Vec3f p : points) largest = std::max(largest, dot(d, to_double(p)));
+    return largest;
   };
   if (const auto* s = std::get_if<Sphere>(&description)) return double{s->radius} * length(d);
   if (const auto* b = std::get_if<Box>(&description)) {
@@ -159,12 +159,12 @@ TEST_CASE("bounds of solids equal those of their float extents, bit for bit, on 
       return double{sum(std::abs(row[0]) * is.size[0], std::abs(row[1]) * is.size[1], std::abs(row[2]) * is.size[2])};
     }
     const Hull& hull = table.hull(is.index_in_kind);
-    float most = -1e30f;
+    float largest = -1e30f;
     for (std::size_t v = 0; v < hull.vertex_count(); ++v) {
       const Vec3f p = hull.vertex(v);
-      most = std::max(most, sum(row[0] * p.x, row[1] * p.y, row[2] * p.z));
+      largest = std::max(largest, sum(row[0] * p.x, row[1] * p.y, row[2] * p.z));
     }
-    return double{most};
+    return double{largest};
   };
   std::normal_distribution<float> normal;
   std::uniform_real_distribution<double> unit(-1, 1);

@@ -26,13 +26,13 @@ struct Rings {
 };
 
 /// Word i of a message.
-std::uint64_t word_of(int message, std::size_t i) { return static_cast<std::uint64_t>(message) * 100 + i + 1; }
+std::uint64_t message_word(int message, std::size_t i) { return static_cast<std::uint64_t>(message) * 100 + i + 1; }
 
 template <class Policy>
 bool send(link::BasicSender<Policy>& sender, int message, std::size_t size) {
   const std::span<std::byte> room = sender.claim(size);
   if (room.empty()) return false;
-  for (std::size_t i = 0; i < size / 8; ++i) Policy::write(room.data() + 8 * i, word_of(message, i));
+  for (std::size_t i = 0; i < size / 8; ++i) Policy::write(room.data() + 8 * i, message_word(message, i));
   sender.commit(size);
   return true;
 }
@@ -41,7 +41,7 @@ template <class Policy>
 void expect(std::span<const std::byte> message, int number, std::size_t size) {
   if (message.size() != size) return explorer().fail("a message has another length than was sent");
   for (std::size_t i = 0; i < size / 8; ++i) {
-    if (Policy::read(message.data() + 8 * i) != word_of(number, i))
+    if (Policy::read(message.data() + 8 * i) != message_word(number, i))
       return explorer().fail("a message is torn or out of order");
   }
 }

@@ -103,17 +103,18 @@ TEST_CASE("objects cluster around targets and disperse again") {
     }
     return near;
   };
-  std::vector<int> least(20, 1000), most(20, 0);
+  std::vector<int> smallest(20, 1000), largest(20, 0);
   for (int frame = 0; frame < 900; ++frame) {
     world.advance();
     if (frame % 20 != 0 || frame < 200) continue;
     for (std::uint32_t target = 0; target < 20; ++target) {
-      least[target] = std::min(least[target], near_target(target));
-      most[target] = std::max(most[target], near_target(target));
+      smallest[target] = std::min(smallest[target], near_target(target));
+      largest[target] = std::max(largest[target], near_target(target));
     }
   }
   int clustering_targets = 0;  // an even distribution has 13 objects in such a ball
-  for (std::size_t target = 0; target < 20; ++target) clustering_targets += least[target] <= 15 && most[target] >= 30;
+  for (std::size_t target = 0; target < 20; ++target)
+    clustering_targets += smallest[target] <= 15 && largest[target] >= 30;
   CHECK(clustering_targets >= 10);
 }
 
