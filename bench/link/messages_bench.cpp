@@ -47,11 +47,11 @@ struct End {
   bool send(MessageType type, std::size_t frame) {
     const std::size_t bytes = messages::record_bytes(type, state_bytes);
     const messages::RunHeader run_header{type, messages::Endpoint::server(), messages::Endpoint::node(0), frame, 0};
-    return run.pump(out, run_header, bytes, totals.counts, [bytes](std::size_t i, std::byte* out) {
+    return run.pump(out, run_header, bytes, totals.counts, [bytes](std::size_t i, std::byte* record) {
       // Writes 8 bytes at a time, as a record has several fields.
       for (std::size_t at = 0; at < bytes; at += 8) {
         const std::uint64_t word = i + at;
-        std::memcpy(out + at, &word, 8);
+        std::memcpy(record + at, &word, 8);
       }
     });
   }
