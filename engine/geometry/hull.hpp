@@ -13,7 +13,7 @@ namespace ringfence::geometry {
 
 /// Every column of a prepared hull is padded to a multiple of this number of floats: the width of the widest vector.
 inline constexpr std::size_t hull_lanes = 16;
-/// Most vertices of a prepared hull.
+/// Maximum number of vertices of a prepared hull.
 inline constexpr std::size_t max_hull_vertices = 256;
 
 /// `count` rounded up to whole vectors.

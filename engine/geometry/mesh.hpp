@@ -51,7 +51,7 @@ class Mesh {
   Vec3f box_centre_, box_half_extents_;
 };
 
-/// Most triangles of a mesh.
+/// Maximum number of triangles of a mesh.
 inline constexpr std::size_t max_mesh_triangles = 1'000'000;
 
 }  // namespace ringfence::geometry

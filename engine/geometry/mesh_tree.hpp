@@ -80,7 +80,7 @@ class MeshTree {
   std::vector<Level> levels_;
 };
 
-/// Most levels of a tree of `max_mesh_triangles` triangles; traversal stacks have this size.
+/// Maximum number of levels of a tree of `max_mesh_triangles` triangles; traversal stacks have this size.
 inline constexpr std::size_t max_tree_levels = 11;
 
 }  // namespace ringfence::geometry

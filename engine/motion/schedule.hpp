@@ -28,6 +28,7 @@ class Schedule {
   /// Throws Error unless 1 <= min <= max <= 10^9. `stream` separates schedules with the same seed.
   Schedule(Interval interval, std::uint64_t seed, std::uint32_t stream);
 
+  /// The period of `subject` that contains `frame`.
   SchedulePeriod at(std::uint32_t subject, std::uint64_t frame) const noexcept;
 
  private:

@@ -15,9 +15,9 @@ namespace ringfence::regions {
 /// Parameters of load balancing.
 struct BalanceConfig {
   std::uint32_t window = 16;        ///< frames whose costs are summed before they are compared
-  std::uint32_t min_interval = 32;  ///< least number of frames from one begin_weights() to the next
+  std::uint32_t min_interval = 32;  ///< minimum number of frames from one begin_weights() to the next
   double tolerance = 1.06;          ///< imbalance (cost of the busiest node over the mean) up to which nothing is done
-  double gain = 0.03;               ///< least reduction of the imbalance that a new map must promise
+  double gain = 0.03;               ///< minimum reduction of the imbalance that a new map must promise
   double horizon = 256;  ///< frames within which the savings of a new map must exceed the costs of the change
   // Costs of a change of the map, in ms: for each object, for each object that the server sends to nodes again, and for
   // each object whose host changes (M5).
@@ -42,6 +42,7 @@ struct BalanceConfig {
 /// weight.
 class Balance {
  public:
+  /// Reserves memory for `weights` weights. More may be added, at the cost of an allocation.
   Balance(const CellGrid& grid, const BalanceConfig& config, std::size_t weights);
 
   /// Adds the costs of one frame, in milliseconds, one value for each node.
@@ -72,7 +73,7 @@ class Balance {
   std::span<const std::uint32_t> partition_for(std::uint32_t nodes);
 
  private:
-  // To move and sweep an object costs about half as much as to find a contact.
+  // Moving and sweeping an object costs about half as much as finding a contact.
   static constexpr float weight_of_object = 1;
   static constexpr float weight_of_contact = 2;
 
