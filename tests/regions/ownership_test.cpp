@@ -21,7 +21,7 @@ std::vector<std::uint32_t> random_cuts(const CellGrid& grid, std::uint32_t nodes
   for (auto& each : bits) each = {32 - grid.log2[0], 32 - grid.log2[1], 32 - grid.log2[2]};
   for (std::uint32_t& entry : table) entry = static_cast<std::uint32_t>(random() % nodes);
   for (std::uint32_t cut = 0; cut < 300; ++cut) {
-    // Half of the cuts are in a part of the last cut, so that some parts become very small.
+    // Half of the cuts divide a half of the previous cut, so that some parts become very small.
     const std::size_t entry = cut > 0 && random() % 2 == 0 ? table.size() - 1 - random() % 2 : random() % table.size();
     const std::size_t axis = random() % 3;
     if (RegionMap::is_cut(table[entry]) || bits[entry][axis] == 0) {
@@ -39,7 +39,7 @@ std::vector<std::uint32_t> random_cuts(const CellGrid& grid, std::uint32_t nodes
   return table;
 }
 
-/// The parts of a map that have an owner, in an explicit list.
+/// A part of a map with its owner: a cell, or a part of a cell that is not cut further.
 struct Part {
   std::array<std::uint64_t, 3> lower, upper;  ///< `upper` is exclusive
   NodeNumber owner;
