@@ -13,27 +13,28 @@
 namespace ringfence::geometry {
 namespace {
 
-constexpr double least_thickness = 1e-3;
-constexpr double farthest = 1e6;
+constexpr double min_thickness = 1e-3;
+constexpr double max_coordinate = 1e6;
 constexpr double pi = 3.14159265358979323846;
 
-std::string shown(double value) {
+std::string to_text(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.9g", value);
   return text;
 }
 
-void check_size(const char* what, double value, double least) {
-  if (std::isnan(value) || value < least || value > farthest) {
-    throw Error(std::string(what) + " is " + shown(value) + " m; expected " + shown(least) + " to " + shown(farthest));
+void check_size(const char* what, double value, double lowest) {
+  if (std::isnan(value) || value < lowest || value > max_coordinate) {
+    throw Error(std::string(what) + " is " + to_text(value) + " m; expected " + to_text(lowest) + " to " +
+                to_text(max_coordinate));
   }
 }
 
 void check_coordinate(const char* what, std::size_t index, Vec3f point) {
   for (const float value : {point.x, point.y, point.z}) {
-    if (std::isnan(value) || std::abs(value) > static_cast<float>(farthest)) {
-      throw Error(std::string(what) + " " + std::to_string(index) + " has the coordinate " + shown(double{value}) +
-                  " m; expected at most " + shown(farthest));
+    if (std::isnan(value) || std::abs(value) > static_cast<float>(max_coordinate)) {
+      throw Error(std::string(what) + " " + std::to_string(index) + " has the coordinate " + to_text(double{value}) +
+                  " m; expected at most " + to_text(max_coordinate));
     }
   }
 }
@@ -44,27 +45,28 @@ float rounded_up(double value) {
 }
 
 ShapeRow row_of(const Sphere& sphere) {
-  check_size("sphere radius", double{sphere.radius}, least_thickness / 2);
+  check_size("sphere radius", double{sphere.radius}, min_thickness / 2);
   return {.size = {sphere.radius, 0, 0}, .bounding_radius = sphere.radius, .kind = ShapeKind::sphere};
 }
 
 ShapeRow row_of(const Box& box) {
   const Vec3f h = box.half_extents;
-  check_size("box half extent x", double{h.x}, least_thickness / 2);
-  check_size("box half extent y", double{h.y}, least_thickness / 2);
-  check_size("box half extent z", double{h.z}, least_thickness / 2);
+  check_size("box half extent x", double{h.x}, min_thickness / 2);
+  check_size("box half extent y", double{h.y}, min_thickness / 2);
+  check_size("box half extent z", double{h.z}, min_thickness / 2);
   return {.size = {h.x, h.y, h.z}, .bounding_radius = rounded_up(length(to_double(h))), .kind = ShapeKind::box};
 }
 
 ShapeRow row_of(const Capsule& capsule) {
-  check_size("capsule radius", double{capsule.radius}, least_thickness / 2);
+  check_size("capsule radius", double{capsule.radius}, min_thickness / 2);
   check_size("capsule half height", double{capsule.half_height}, 0.0);
   return {.size = {capsule.radius, capsule.half_height, 0},
           .bounding_radius = rounded_up(double{capsule.radius} + double{capsule.half_height}),
           .kind = ShapeKind::capsule};
 }
 
-/// The ball about the origin that holds the corners of the box that the support function fills on its own axes.
+/// Checks the support function. Its bounding ball is the one around the origin that contains the function's box on the
+/// shape's axes.
 ShapeRow row_of(const SupportShape& shape) {
   if (!shape.function) throw Error("support shape: no function");
   const SupportFunction& f = *shape.function;
@@ -73,8 +75,8 @@ ShapeRow row_of(const SupportShape& shape) {
   check_coordinate("support point", 0, high);
   check_coordinate("support point", 1, low);
   const Vec3d size = to_double(high) - to_double(low);
-  if (std::min({size.x, size.y, size.z}) < least_thickness) {
-    throw Error("support shape: thinner than 1 mm, or support() does not answer the farthest point");
+  if (std::min({size.x, size.y, size.z}) < min_thickness) {
+    throw Error("support shape: thinner than 1 mm, or support() does not return the farthest point");
   }
   const Vec3f centre = f.centre();
   if (!is_finite(centre) || !(centre.x > low.x && centre.x < high.x && centre.y > low.y && centre.y < high.y &&
@@ -88,16 +90,16 @@ ShapeRow row_of(const SupportShape& shape) {
 }
 
 struct Extent {
-  Vec3d lower, upper;  ///< about the position, world axes
+  Vec3d lower, upper;  ///< relative to the position, on the world's axes
 };
 
 Extent support_extent(const SupportFunction& function, const Rotation& r) {
-  const auto reach = [&](const float row[3], float sign) {
+  const auto support_along = [&](const float row[3], float sign) {
     const Vec3f direction{row[0] * sign, row[1] * sign, row[2] * sign};
     return double{dot(direction, function.support(direction)) * sign};
   };
-  return {{reach(r.m[0], -1), reach(r.m[1], -1), reach(r.m[2], -1)},
-          {reach(r.m[0], 1), reach(r.m[1], 1), reach(r.m[2], 1)}};
+  return {{support_along(r.m[0], -1), support_along(r.m[1], -1), support_along(r.m[2], -1)},
+          {support_along(r.m[0], 1), support_along(r.m[1], 1), support_along(r.m[2], 1)}};
 }
 
 }  // namespace
@@ -116,7 +118,7 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
   } else if (const auto* points = std::get_if<ConvexHull>(&description)) {
     for (std::size_t i = 0; i < points->points.size(); ++i) check_coordinate("hull point", i, points->points[i]);
     Hull hull = build_hull(points->points);
-    check_size("hull bounding radius", double{hull.bounding_radius()}, least_thickness / 2);
+    check_size("hull bounding radius", double{hull.bounding_radius()}, min_thickness / 2);
     const Vec3f centre = hull.centroid();
     row = {.size = {centre.x, centre.y, centre.z},
            .bounding_radius = hull.bounding_radius(),
@@ -128,7 +130,7 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
       check_coordinate("mesh vertex", i, triangles->vertices[i]);
     }
     auto mesh = std::make_unique<Mesh>(*triangles);
-    check_size("mesh bounding radius", double{mesh->bounding_radius()}, least_thickness / 2);
+    check_size("mesh bounding radius", double{mesh->bounding_radius()}, min_thickness / 2);
     row = {.bounding_radius = mesh->bounding_radius(),
            .kind = ShapeKind::mesh,
            .index_in_kind = static_cast<std::uint32_t>(meshes_.size())};
@@ -177,12 +179,12 @@ void ShapeTable::bounds(std::span<const PlacedShape> placed, const FixedSpace& s
   if (meshes_.empty() && supports_.empty()) return;
   for (std::size_t i = 0; i < placed.size(); ++i) {
     const ShapeRow& row = rows_[placed[i].shape];
-    if (row.kind > ShapeKind::hull) out[i] = rare_bounds(row, *placed[i].pose, space);
+    if (row.kind > ShapeKind::hull) out[i] = slow_bounds(row, *placed[i].pose, space);
   }
 }
 
-/// Of a mesh or a support shape.
-Bounds ShapeTable::rare_bounds(const ShapeRow& row, const Pose& pose, const FixedSpace& space) const noexcept {
+/// The bounds of a mesh or a support shape.
+Bounds ShapeTable::slow_bounds(const ShapeRow& row, const Pose& pose, const FixedSpace& space) const noexcept {
   const Rotation r = rotation(pose.orientation);
   Extent extent;
   if (row.kind == ShapeKind::mesh) {

@@ -142,7 +142,7 @@ class RelayRun {
     for (const LoggedMessage& message : harness.log()) {
       count += message.type() == MessageType::node_state ? message.header.count : 0;
       if (message.type() == MessageType::frame_done && message.from.is_node()) {
-        count += message.record<messages::NodeFrameStats>(0).kept;
+        count += message.record<messages::NodeFrameStats>(0).host_owned_changes;
       }
     }
     return count;

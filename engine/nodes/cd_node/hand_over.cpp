@@ -108,11 +108,11 @@ bool CdNodeRole::answer_probe() {
 // A peer has stopped answering. Either the frame is detected anew, under a map that follows; or its contacts are known,
 // and what was to pass between the two passes through the server's hands.
 void CdNodeRole::receive_lost(const messages::LostRecord& record) {
-  if (stage_ == Stage::waiting && record.again == 0) {
+  if (stage_ == Stage::waiting && record.detect_again == 0) {
     return;  // it has told all, so that nothing is open between the two; and the number may be somebody else's by now
   }
   lost_[record.node] = 1;
-  if (record.again != 0) {
+  if (record.detect_again != 0) {
     new_map_.clear();
     discard_tests();
     if (stage_ != Stage::waiting) {

@@ -142,7 +142,7 @@ void CdNodeRole::place(std::size_t i) {
   // Where it stands within its bounds, its next host is told of it, too, and knows by them who else was.
   const bool keeps = keeps_host_owned_ && present && ((inner && staying) || within);
   reports_change_[i] = !keeps || !staying || !was_host_owned;
-  frame_stats_.kept += reports_change_[i] ? 0 : 1;
+  frame_stats_.host_owned_changes += reports_change_[i] ? 0 : 1;
   if (!reports_change_[i] && setup_.may_be_lost) {
     node_contacts_->kept.add(frame_, object.object, object.pose, host_.state(hosted));
   }

@@ -277,9 +277,10 @@ void ServerRole::receive_frame_done(PeerSession& session, const MessageView& mes
     node.narrow_phase_ms = telemetry::to_ms(record.narrow_phase_ns);
     charge_path(session, record);
     node.hosted = record.hosted;
-    if (record.kept != 0) {
-      host_owned_moved_ += static_cast<std::int64_t>(record.kept);
-      count_shared(Traffic::state, record.kept, sizeof(messages::NodeStateRecord) + objects_.state_bytes());
+    if (record.host_owned_changes != 0) {
+      host_owned_moved_ += static_cast<std::int64_t>(record.host_owned_changes);
+      count_shared(Traffic::state, record.host_owned_changes,
+                   sizeof(messages::NodeStateRecord) + objects_.state_bytes());
     }
     node.handed_over = record.handed_over;
     TrafficReport& m5 = frame.traffic[static_cast<std::size_t>(Traffic::m5)];
