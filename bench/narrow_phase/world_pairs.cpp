@@ -39,7 +39,7 @@ struct Kinds {
   ShapeKind first, second;
 };
 
-/// The candidates of two kinds, or all.
+/// The candidates of two kinds, or all candidates.
 std::vector<geometry::CandidatePair> pairs_of(const WorldPairs::Frame& frame, const std::optional<Kinds>& kinds) {
   if (!kinds) return frame.pairs;
   const geometry::ShapeTable& shapes = *world_pairs().shapes;

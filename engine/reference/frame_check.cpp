@@ -12,7 +12,7 @@ namespace {
 
 std::pair<ObjectNumber, ObjectNumber> key(const Contact& c) { return {c.a, c.b}; }
 
-/// Indices of two objects, the one with the lower number first.
+/// Indices of two objects; the one with the lower number is first.
 struct ObjectPair {
   std::uint32_t a, b;
 };
@@ -56,19 +56,20 @@ class FrameCheck {
     return layer_masks_.empty() || (layer_masks_[p] >> q & 1u) != 0;
   }
 
-  /// What a contact says apart from its geometry. Those that name no pair to compare go no further.
+  /// Checks everything in the contacts except the geometry. Contacts that do not name a valid pair are not checked
+  /// further.
   void check_records() {
     for (std::size_t i = 0; i < contacts_.size(); ++i) {
       const Contact& c = contacts_[i];
       if (i > 0 && key(c) < key(contacts_[i - 1])) report(c.a, c.b, "out of order");
-      if (c.phase == Phase::end) report(c.a, c.b, "ended, among those that have not");
+      if (c.phase == Phase::end) report(c.a, c.b, "has phase end among the current contacts");
       if (c.a >= c.b) {
-        report(c.a, c.b, "named in the wrong order");
+        report(c.a, c.b, "has a > b");
         continue;
       }
       const auto a = index_of_.find(c.a), b = index_of_.find(c.b);
       if (a == index_of_.end() || b == index_of_.end()) {
-        report(c.a, c.b, "names an object that there is not");
+        report(c.a, c.b, "names an unknown object");
         continue;
       }
       const FrameObject &p = objects_[a->second], &q = objects_[b->second];
@@ -78,14 +79,14 @@ class FrameCheck {
       } else if (!collide(p.layer, q.layer)) {
         report(c.a, c.b, kinds(pair) + "extra: their layers do not collide");
       } else {
-        if (!(c.pose_a == p.pose && c.pose_b == q.pose)) report(c.a, c.b, kinds(pair) + "has other poses");
+        if (!(c.pose_a == p.pose && c.pose_b == q.pose)) report(c.a, c.b, kinds(pair) + "has the wrong poses");
         claimed_.push_back(&c);
       }
     }
     std::stable_sort(claimed_.begin(), claimed_.end(), [](const auto* p, const auto* q) { return key(*p) < key(*q); });
     const auto twice = [](const auto* p, const auto* q) { return key(*p) == key(*q); };
     for (auto i = claimed_.begin(); (i = std::adjacent_find(i, claimed_.end(), twice)) != claimed_.end(); ++i) {
-      report((*i)->a, (*i)->b, "there twice");
+      report((*i)->a, (*i)->b, "is listed twice");
     }
     claimed_.erase(std::unique(claimed_.begin(), claimed_.end(), twice), claimed_.end());
   }
@@ -116,7 +117,7 @@ class FrameCheck {
 
   /// All pairs that may collide and whose boxes touch, found by a sweep along x.
   std::vector<ObjectPair> pairs_in_reach() const {
-    // Coordinates are taken from the first object, so that a world far from the origin loses nothing.
+    // Coordinates are relative to the first object, so that no precision is lost far from the origin.
     std::vector<Extents> boxes(objects_.size());
     std::vector<std::uint32_t> order;
     Vector origin;
@@ -186,26 +187,26 @@ std::vector<Difference> check_phases(std::uint64_t frame, std::span<const Contac
 
   for (const Contact& c : now) {
     const bool was = std::binary_search(before.begin(), before.end(), c, by_key);
-    if (was && c.phase != Phase::persist) report(c, "was in contact before and does not persist");
-    if (!was && c.phase != Phase::begin) report(c, "was not in contact before and does not begin");
+    if (was && c.phase != Phase::persist) report(c, "was in contact before, but its phase is not persist");
+    if (!was && c.phase != Phase::begin) report(c, "was not in contact before, but its phase is not begin");
   }
   for (const Contact& c : before) {
     if (std::binary_search(now.begin(), now.end(), c, by_key)) continue;
     const auto [first, last] = std::equal_range(ends.begin(), ends.end(), c, by_key);
     if (first == last) {
-      report(c, "is in contact no more and has no end");
+      report(c, "is no longer in contact, but has no end record");
     } else if (!(first->depth == c.depth && first->normal == c.normal && first->point == c.point &&
                  first->pose_a == c.pose_a && first->pose_b == c.pose_b)) {
-      report(c, "ends with another contact than its last");
+      report(c, "has an end record that differs from its last contact");
     }
   }
   for (std::size_t i = 0; i < ends.size(); ++i) {
-    if (ends[i].phase != Phase::end) report(ends[i], "is among the ended with another phase");
+    if (ends[i].phase != Phase::end) report(ends[i], "is among the ended contacts with another phase");
     if (i > 0 && key(ends[i]) == key(ends[i - 1])) report(ends[i], "ends twice");
     if (!std::binary_search(before.begin(), before.end(), ends[i], by_key)) {
       report(ends[i], "ends without having been in contact");
     } else if (std::binary_search(now.begin(), now.end(), ends[i], by_key)) {
-      report(ends[i], "ends and is still in contact");
+      report(ends[i], "has an end record, but is still in contact");
     }
   }
   return out;

@@ -21,7 +21,7 @@ Extents around(std::span<const Surface::Triangle> triangles) {
   return out;
 }
 
-/// Orders triangles so that neighbours in the array are neighbours in space: halves them along the longest side.
+/// Orders triangles so that neighbours in the array are close in space, by recursive bisection along the longest side.
 void sort_into_runs(std::span<Surface::Triangle> triangles) {
   if (triangles.size() <= Surface::run_length) return;
   const Extents e = around(triangles);

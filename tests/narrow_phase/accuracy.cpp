@@ -1,5 +1,5 @@
-// Compares the narrow phase with the reference in double precision on many pairs of every two kinds, and says how many
-// answers are wrong. tools/check-accuracy runs it with millions of pairs; the tests run a share.
+// Compares the narrow phase with the reference in double precision on many pairs of all kinds, and prints how many
+// results are wrong. tools/check-accuracy runs it with millions of pairs, the tests with a small part of them.
 #include <algorithm>
 #include <atomic>
 #include <charconv>
@@ -20,9 +20,9 @@ namespace ringfence::narrow_phase_test {
 namespace {
 
 constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh};
-/// Pairs of one world: hulls and meshes are shared by its bodies, so each world brings new ones.
+/// Pairs per world. The bodies of a world share its hulls and meshes, so each world brings new ones.
 constexpr std::size_t world_pairs = 4000, mesh_world_pairs = 500;
-/// Triangles of a mesh at most: the reference looks at every one.
+/// Limit for the triangles of a mesh: the reference tests every one.
 constexpr int max_triangles = 80;
 
 struct Options {
@@ -34,7 +34,7 @@ struct Tally {
   std::uint64_t pairs = 0, contacts = 0;
   std::uint64_t wrong = 0;        ///< by more than 10^-4 of the smaller object's size
   std::uint64_t badly_wrong = 0;  ///< by more than 10^-3
-  std::string text;               ///< of the first few
+  std::string text;               ///< describes the first few
 
   void add(const Tally& other) {
     pairs += other.pairs;
@@ -45,7 +45,7 @@ struct Tally {
   }
 };
 
-/// One world: some pairs of two kinds, every other world the other way round.
+/// One world: pairs of two kinds. Every other world swaps a and b.
 struct Task {
   ShapeKind p, q;
   bool degenerate;
@@ -56,7 +56,7 @@ struct Task {
 bool has_mesh(ShapeKind p, ShapeKind q) { return p == ShapeKind::mesh || q == ShapeKind::mesh; }
 
 PairWorld make_world(const Task& task) {
-  if (has_mesh(task.p, task.q)) {  // a mesh is the second
+  if (has_mesh(task.p, task.q)) {  // the mesh is the second shape
     return (task.degenerate ? degenerate_mesh_pairs : ordinary_mesh_pairs)(task.p, task.count, task.seed, {},
                                                                            max_triangles);
   }
@@ -112,7 +112,7 @@ std::uint64_t pairs_of(ShapeKind p, ShapeKind q, const Options& options) {
   return has_mesh(p, q) ? options.mesh_random + options.mesh_degenerate : options.random + options.degenerate;
 }
 
-/// False where an option or its number is none.
+/// Returns false for an unknown option or an invalid number.
 bool read(int argc, char** argv, Options& options) {
   for (int i = 1; i < argc; i += 2) {
     const std::string_view name = argv[i];

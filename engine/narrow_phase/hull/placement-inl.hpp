@@ -1,5 +1,5 @@
-// Where the second polytope of a pair lies in the axes of the first, for a vector of pairs at a time, and the line
-// through their centres, along which most pairs that are apart show it. Included once for each Highway target.
+// Placements: the second polytope of a pair in the axes of the first, for a vector of pairs at a time, and the line
+// between their centres, along which most separated pairs are separated. Included once for each Highway target.
 
 #if defined(RINGFENCE_NARROW_PHASE_PLACEMENT_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_PLACEMENT_INL
@@ -17,19 +17,19 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// How the second body lies to the first.
+/// The second body relative to the first.
 template <class T>
 struct Placement {
   RotationMatrix<T> first;  ///< from the axes of the first to the world's
   RotationMatrix<T> turn;   ///< from the axes of the second to those of the first
   Point<T> offset;          ///< from the first's origin to the second's, in the axes of the first
-  Point<T> world;           ///< the same in the world's axes
+  Point<T> world;           ///< the same in world axes
   Point<T> axis;            ///< from centre to centre, not unit; in the axes of the first
   Point<T> axis_in_second;
   T axis_squared;
 };
 
-/// In double, with the centres of the two shapes in their own axes.
+/// Computes a placement in double. The centres are in the axes of their shapes.
 inline Placement<double> placement_of(const Pose& p, Vec3f p_centre, const Pose& q, Vec3f q_centre) {
   Placement<double> out;
   out.first = geometry::rotation_exact(p.orientation);
@@ -52,16 +52,17 @@ inline Placement<double> placement_of(const Pose& p, Vec3f p_centre, const Pose&
   return out;
 }
 
-/// Whether the centre of a kind is its origin, as a box's is; that of a hull is in the sizes of its row.
+/// Whether the centre of this kind of shape is its origin, as for a box. The centre of a hull is stored in the sizes of
+/// its row.
 template <ShapeKind kind>
 constexpr bool centred = kind == ShapeKind::box;
 
-/// Placements of some pairs in columns. In float.
+/// Placements of some pairs as columns of floats.
 class PlacementColumns {
  public:
   static constexpr std::size_t most = 16;
 
-  /// Reads up to `most` pairs of two kinds, with the narrowest vectors that hold them; answers how many.
+  /// Reads up to `most` pairs of two kinds with the narrowest vectors that hold them. Returns how many.
   template <ShapeKind first, ShapeKind second>
   std::size_t fill(const KernelInput& input, const KernelPair* pairs, std::size_t count) {
     const hn::CappedTag<float, 16> full;
@@ -91,20 +92,20 @@ class PlacementColumns {
     return p;
   }
 
-  /// Columns of `most` floats, one a pair; see Placement.
+  /// Columns of `most` floats, one per pair; see Placement.
   const float* first(int row, int column) const { return first_[row][column]; }
   const float* turn(int row, int column) const { return rotation_[row][column]; }
   const float* offset(int k) const { return offset_[k]; }
   const float* world(int k) const { return world_[k]; }
   const float* axis(int k) const { return axis_[k]; }
   const float* along_axis() const { return along_axis_; }
-  /// The first's and the second's ShapeRow::size.
+  /// ShapeRow::size of the first and the second shape.
   const float* first_size(int k) const { return first_size_[k]; }
   const float* second_size(int k) const { return second_size_[k]; }
 
   HWY_INLINE Vec3f axis(std::size_t i) const { return at(axis_, i); }
   HWY_INLINE Vec3f axis_in_second(std::size_t i) const { return at(axis_in_second_, i); }
-  /// axis · offset: what the supports along the axis have to make up for the two to touch.
+  /// axis · offset: the shapes are apart if the sum of their supports along the axis is less than this.
   HWY_INLINE float along_axis(std::size_t i) const { return along_axis_[i]; }
 
  private:

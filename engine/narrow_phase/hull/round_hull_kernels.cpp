@@ -9,7 +9,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// Pair by pair.
+/// Tests the pairs one by one.
 template <bool segment>
 PairContact* run_round_in_double(const KernelInput& input, PairContact* out, KindCounters& counters) {
   for (const KernelPair& pair : input.pairs) {

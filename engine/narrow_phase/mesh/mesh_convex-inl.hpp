@@ -1,8 +1,8 @@
-// The convex shapes that are taken through a mesh, placed in its axes: what lanes rule out for each, and the exact
-// push. Included once for each Highway target.
+// Convex shapes that are tested against a mesh, placed in the mesh's axes: for each, the tests in lanes that exclude
+// boxes and triangles, and the exact penetration. Included once for each Highway target.
 //
-// Each also lists the points of its core, at most `most_corners`, for the place where it meets a triangle, and how far
-// its surface lies outside of them.
+// Each shape also lists the points of its core, at most `most_corners`, from which the contact point with a triangle is
+// computed, and the distance of its surface from the core.
 
 #if defined(RINGFENCE_NARROW_PHASE_MESH_CONVEX_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_MESH_CONVEX_INL
@@ -26,7 +26,7 @@ HWY_INLINE Vector<D> spread_out(D d, Vec3d p) {
 
 constexpr int next_of(int i) { return i == 2 ? 0 : i + 1; }
 
-/// Least and greatest of the three corners along an axis.
+/// Minimum and maximum of the three corners along an axis.
 template <class D>
 struct Span {
   hn::Vec<D> low, high;
@@ -35,7 +35,7 @@ struct Span {
     return {hn::Min(p, hn::Min(q, r)), hn::Max(p, hn::Max(q, r))};
   }
   static HWY_INLINE Span of(hn::Vec<D> p, hn::Vec<D> q) { return {hn::Min(p, q), hn::Max(p, q)}; }
-  /// By how much it overlaps what reaches `half` to both sides of zero, if either may move either way.
+  /// The overlap with the interval [-half, half], for a translation in either direction.
   HWY_INLINE hn::Vec<D> overlap(hn::Vec<D> half) const { return half - hn::Max(low, hn::Neg(high)); }
 };
 
@@ -59,7 +59,8 @@ struct BallInMesh {
     return dot(d, gap, gap) <= hn::Set(d, reach * reach);
   }
 
-  /// By the distance to the plane and, within it, to the lines of the edges: a bound that slivers do not upset.
+  /// By the distance to the plane and, within the plane, to the lines of the edges. This bound is also right for
+  /// slivers.
   template <class D>
   HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
     const float reach = static_cast<float>(radius) - floor;
@@ -86,7 +87,7 @@ struct BallInMesh {
   double rounding() const { return radius; }
 };
 
-/// A box, placed. Also what stands for a capsule or a hull where boxes are ruled out.
+/// A placed box. Also used as the bound of a capsule or a hull against boxes.
 struct BoxInMesh {
   static constexpr std::size_t most_corners = 8;
   Vec3d centre;
@@ -115,7 +116,7 @@ struct BoxInMesh {
     return overlap >= hn::Set(d, floor);
   }
 
-  /// Every axis of the separating-axis test, in the axes of the box.
+  /// All axes of the separating axis test, in the axes of the box.
   template <class D>
   HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
     const auto least = hn::Set(d, floor);
@@ -165,7 +166,7 @@ struct BoxInMesh {
   double rounding() const { return 0; }
 };
 
-/// A capsule: a segment and what is within a radius of it.
+/// A capsule: the points within a radius of a segment.
 struct CapsuleInMesh {
   static constexpr std::size_t most_corners = 2;
   Vec3d ends[2];
@@ -206,7 +207,7 @@ struct CapsuleInMesh {
       const auto triangle = Span<D>::of(zero, dot(d, across, subtract(d, opposite, from)));
       const auto apart = hn::Max(hn::Max(segment.low - triangle.high, triangle.low - segment.high), zero);
       const auto squared = dot(d, across, across);
-      // Nearer to parallel than a tenth, the direction is too rough to rule anything out.
+      // If the edges are parallel within 0.1, the direction is too imprecise to exclude anything.
       const auto rough = squared < dot(d, edge, edge) * dot(d, along, along) * hn::Set(d, 0.01f);
       alive = hn::And(alive, hn::Or(rough, apart * apart <= most * most * squared));
     }
@@ -225,7 +226,7 @@ struct CapsuleInMesh {
   double rounding() const { return radius; }
 };
 
-/// A shape that only its support function describes; judged by libccd.
+/// A shape that is described by a support function; the exact test uses libccd.
 struct SupportInMesh {
   static constexpr std::size_t most_corners = max_support_feature;
   const SupportFunction* function;

@@ -16,11 +16,11 @@ PairContact contact_of(const MeshWalk<Query>& walk, const Query& query, const Me
   const Penetration& penetration = walk.deepest().penetration();
   Vec3d corners[Query::most_corners];
   const std::size_t count = query.corners(penetration, corners);
-  const Vec3d place = contact_point_of(penetration, walk.triangle(), {corners, count}, query.rounding(), slack);
-  return frame.contact(pair, penetration, place, mesh_is_a);
+  const Vec3d point = contact_point_of(penetration, walk.triangle(), {corners, count}, query.rounding(), slack);
+  return frame.contact(pair, penetration, point, mesh_is_a);
 }
 
-/// A convex shape and a mesh, either first.
+/// Tests a convex shape against a mesh, in either order.
 template <class Query, bool mesh_first = false>
 PairContact* run_mesh(const KernelInput& input, PairContact* out, KindCounters& counters) {
   for (const KernelPair& pair : input.pairs) {

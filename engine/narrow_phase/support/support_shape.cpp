@@ -11,14 +11,14 @@
 #include "narrow_phase/kernel.hpp"
 #include "narrow_phase/support/cutting_planes.hpp"
 
-// A shape that only its support function describes, against any convex shape or triangle, by libccd's GJK and expanding
-// polytope in double. What libccd finds is a direction; the depth is worked out anew along it from the two supports, so
-// it is never less than what separates the two along the normal that is reported.
+// Tests a shape that is described by a support function against any convex shape or triangle, by libccd's GJK and EPA
+// in double. Only the direction of libccd's result is used. The depth is recomputed from the two supports along it, so
+// it is never less than what separates the two along the reported normal.
 
 namespace ringfence::narrow_phase {
 namespace {
 
-/// A placed convex shape, about the first body's position; of kind mesh, a triangle in the axes of its mesh.
+/// A placed convex shape, relative to the first body's position. Of kind mesh: a triangle in the axes of its mesh.
 struct Convex {
   const geometry::ShapeRow* row;
   const geometry::Hull* hull = nullptr;
@@ -92,8 +92,8 @@ void ccd_centre(const void* object, ccd_vec3_t* out) {
   ccdVec3Set(out, p.x, p.y, p.z);
 }
 
-/// Support of a along `n` plus that of b against it: how far b must move along `n`.
-double reach(const Convex& a, const Convex& b, Vec3d n) { return dot(n, a.support(n)) - dot(n, b.support(-n)); }
+/// The overlap along `n`: support of a along `n` plus that of b in the opposite direction.
+double overlap_along(const Convex& a, const Convex& b, Vec3d n) { return dot(n, a.support(n)) - dot(n, b.support(-n)); }
 
 bool finite_direction(const ccd_vec3_t& d) {
   const double squared = d.v[0] * d.v[0] + d.v[1] * d.v[1] + d.v[2] * d.v[2];
@@ -105,15 +105,15 @@ struct Direction {
   double depth;
 };
 
-/// Directions all around, 12 to 25 degrees apart: a spiral from pole to pole, each step a golden turn, worked out by
-/// multiplication alone so that every machine has the same.
-constexpr std::size_t all_around = 96;
+/// Directions on the whole sphere, 12 to 25 degrees apart: a spiral from pole to pole with golden-angle steps. Computed
+/// by multiplications only, so that every machine gets the same directions.
+constexpr std::size_t sampled_directions = 96;
 constexpr double golden_cosine = -0.73736887807831963, golden_sine = 0.67549029426152396;
-std::array<Vec3d, all_around> spiral() {
-  std::array<Vec3d, all_around> out;
+std::array<Vec3d, sampled_directions> spiral() {
+  std::array<Vec3d, sampled_directions> out;
   double x = 1, y = 0;
-  for (std::size_t i = 0; i < all_around; ++i) {
-    const double z = 1 - (2 * static_cast<double>(i) + 1) / static_cast<double>(all_around);
+  for (std::size_t i = 0; i < sampled_directions; ++i) {
+    const double z = 1 - (2 * static_cast<double>(i) + 1) / static_cast<double>(sampled_directions);
     const double ring = std::sqrt(1 - z * z);
     out[i] = {ring * x, ring * y, z};
     const double turned = x * golden_cosine - y * golden_sine;
@@ -123,7 +123,7 @@ std::array<Vec3d, all_around> spiral() {
   return out;
 }
 
-/// Two directions across a unit one, and across each other.
+/// Two unit vectors that form an orthonormal basis with a given one.
 struct Frame {
   Vec3d u, v;
   explicit Frame(Vec3d n) {
@@ -133,15 +133,15 @@ struct Frame {
   }
 };
 
-/// The best few directions known, ascending.
+/// The best few directions, in ascending order of overlap.
 class Shortlist {
  public:
   Shortlist(const Convex& a, const Convex& b) : a_(a), b_(b) {}
 
-  /// False if the direction separates the two.
-  bool take(Vec3d way) {
-    const Vec3d n = way * (1 / length(way));
-    Direction next{n, reach(a_, b_, n)};
+  /// Returns false if the direction separates the two shapes.
+  bool take(Vec3d direction) {
+    const Vec3d n = direction * (1 / length(direction));
+    Direction next{n, overlap_along(a_, b_, n)};
     if (next.depth < 0) return false;
     for (Direction& known : best_) {
       if (next.depth < known.depth) std::swap(next, known);
@@ -149,7 +149,7 @@ class Shortlist {
     return true;
   }
 
-  /// Follows each downhill, and answers the least. False if one separates.
+  /// Refines each direction and returns the best. False if one separates the two shapes.
   bool polish(Direction& out) {
     out.depth = 1e300;
     for (Direction& start : best_) {
@@ -161,15 +161,16 @@ class Shortlist {
   }
 
  private:
-  /// Goes where the support points met so far say that reach is least, in steps as wide as they were right about.
+  /// Moves to the direction that has the least overlap according to the support points so far. The step width grows and
+  /// shrinks with how precise that prediction is.
   bool polish_one(Direction& best) const {
     CuttingPlanes planes;
     planes.add(difference(best.n));
     double widest = 0.25;  // as a tangent
     for (int i = 0; i < 60 && widest > 1e-8; ++i) {
       const Frame frame(best.n);
-      const Vec3d way = planes.lowest(best.n, frame.u, frame.v, widest);
-      const Vec3d n = way * (1 / length(way));
+      const Vec3d direction = planes.lowest(best.n, frame.u, frame.v, widest);
+      const Vec3d n = direction * (1 / length(direction));
       const Vec3d point = difference(n);
       planes.add(point);
       const double depth = dot(n, point);
@@ -190,9 +191,10 @@ class Shortlist {
   std::array<Direction, 5> best_{{{{}, 1e300}, {{}, 1e300}, {{}, 1e300}, {{}, 1e300}, {{}, 1e300}}};
 };
 
-/// The direction of least depth; false if one separates the two.
+/// Finds the direction of least depth. False if a direction separates the two shapes.
 ///
-/// libccd's own answer is one start among others: on curved surfaces it stops short, now and then far from the least.
+/// libccd's result is only one of the start directions: on curved surfaces it stops early, sometimes far from the
+/// minimum.
 bool find_direction(const Convex& a, const Convex& b, double small, Direction& best) {
   Shortlist list(a, b);
   const Vec3d between = b.centre() - a.centre();
@@ -205,16 +207,16 @@ bool find_direction(const Convex& a, const Convex& b, double small, Direction& b
   ccd.max_iterations = 100;
   ccd.epa_tolerance = 1e-5 * small;
   ccd_real_t depth;
-  ccd_vec3_t way, place;
-  if (ccdGJKPenetration(&a, &b, &ccd, &depth, &way, &place) == 0 && finite_direction(way)) {
-    const Vec3d d{way.v[0], way.v[1], way.v[2]};
+  ccd_vec3_t direction, place;
+  if (ccdGJKPenetration(&a, &b, &ccd, &depth, &direction, &place) == 0 && finite_direction(direction)) {
+    const Vec3d d{direction.v[0], direction.v[1], direction.v[2]};
     if (!list.take(d) || !list.take(-d)) return false;
   }
-  static const std::array<Vec3d, all_around> around = spiral();
+  static const std::array<Vec3d, sampled_directions> around = spiral();
   for (const Vec3d& d : around) {
     if (!list.take(d)) return false;
   }
-  // A flat side of a box or hull is a sharp valley between the directions tried.
+  // The normal of a flat side of a box or hull is a sharp minimum between the sampled directions.
   for (const Convex* own : {&a, &b}) {
     const double sign = own == &a ? 1 : -1;
     if (own->row->kind == ShapeKind::box) {
@@ -235,7 +237,8 @@ bool find_direction(const Convex& a, const Convex& b, double small, Direction& b
   return list.polish(best);
 }
 
-/// Points of the feature that is farthest along `n`: the supports of directions about it that are hardly lower.
+/// The points of the feature that is farthest along `n`: the support points of nearby directions that are almost as
+/// far.
 struct Feature {
   std::array<Vec3d, 9> points;
   std::size_t count = 0;
@@ -267,10 +270,10 @@ Penetration support_penetration(const Triangle& triangle, const SupportFunction&
                                 double bounding_radius, double at_least) {
   static const geometry::ShapeRow row{.kind = ShapeKind::mesh};
   const Convex a{&row, nullptr, nullptr, no_rotation, {}, &triangle}, b = place(function, frame);
-  // The triangle's own sides bound the depth at the price of two supports.
+  // The triangle's own plane bounds the depth at the cost of two support points.
   const Vec3d across = cross(triangle.corner[1] - triangle.corner[0], triangle.corner[2] - triangle.corner[0]);
   const Vec3d n = across * (1 / length(across));
-  if (std::min(reach(a, b, n), reach(a, b, -n)) < at_least) return {};
+  if (std::min(overlap_along(a, b, n), overlap_along(a, b, -n)) < at_least) return {};
   Direction best;
   if (!find_direction(a, b, bounding_radius, best) || best.depth < at_least) return {};
   return {best.depth, best.n};
