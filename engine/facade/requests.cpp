@@ -1,4 +1,4 @@
-// What a World is asked for from outside; the next frame's cut applies it.
+// Calls of World that make requests for the next frame's cut.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -14,7 +14,7 @@ using nodes::Request;
 
 ShapeNumber World::add_shape(const ShapeDescription& description) {
   if (implementation_->frame_is_running()) {
-    throw Error("add_shape: a frame is under way; register shapes before begin_frame or after finish_frame");
+    throw Error("add_shape: a frame is running; register shapes before begin_frame or after finish_frame");
   }
   Implementation& w = *implementation_;
   const ShapeNumber shape = w.shapes.add(description);
@@ -68,7 +68,7 @@ Status World::disconnect(UserNumber user) {
   w.users.erase(std::lower_bound(w.users.begin(), w.users.end(), user));
   w.leaving.push_back(user);
   w.registry.end_avatars(user);
-  std::erase_if(w.pending_moves, [&](const auto& steering) { return steering.user == user; });
+  std::erase_if(w.pending_moves, [&](const auto& pending_move) { return pending_move.user == user; });
   Request request;
   request.kind = Request::Kind::disconnect;
   request.user = user;
@@ -169,8 +169,8 @@ Status World::remove(ObjectId object) {
   if (const Status status = w.check_movable(object); status != Status::ok) {
     return w.refuse(status);
   }
-  // It was moved before it was taken out, so that move no longer counts.
-  std::erase_if(w.pending_moves, [&](const auto& steering) { return steering.number == object.number(); });
+  // A move before the removal no longer counts.
+  std::erase_if(w.pending_moves, [&](const auto& pending_move) { return pending_move.number == object.number(); });
   Request request;
   request.kind = Request::Kind::remove;
   request.object = object;
@@ -197,7 +197,7 @@ Status World::inject(const Fault& fault) {
       fault.stall_ms < 0 || fault.stage > NodeStage::reporting || w.node_roles[fault.node] == nullptr) {
     return w.refuse(Status::bad_number);
   }
-  // Not while its thread steps it.
+  // The node's thread must not step the role meanwhile.
   nodes::CdNodeRole& role = *w.node_roles[fault.node];
   if (Worker* worker = w.node_workers[fault.node].get()) {
     worker->assign({});

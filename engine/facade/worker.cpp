@@ -26,7 +26,7 @@ void Worker::start(const link::Cores* cores, std::size_t pin_to, std::chrono::na
       cores->pin_this_thread(pin_to);
     }
     run(tick);
-    // Pairs with the acquire in has_ended: what the roles did is done.
+    // Pairs with the acquire load in has_ended: the effects of the roles are visible.
     ended_.store(true, std::memory_order_release);
   });
 }
@@ -34,13 +34,13 @@ void Worker::start(const link::Cores* cores, std::size_t pin_to, std::chrono::na
 void Worker::assign(std::vector<Steppable> roles) {
   auto assignment = std::make_unique<Assignment>();
   assignment->roles = std::move(roles);
-  // Pairs with the acquire in take_assignment: the roles are whole before they are stepped.
+  // Pairs with the acquire load in take_assignment: the list of roles is complete.
   next_.store(assignment.release(), std::memory_order_release);
   bell_.ring();
   taken_bell_.wait([this] { return next_.load(std::memory_order_acquire) == nullptr; });
 }
 
-// The pointer is cleared only after the old roles were dropped, so the facade may then destroy them.
+// The pointer is cleared after the old roles are dropped, so the facade may then destroy them.
 bool Worker::take_assignment() {
   Assignment* assignment = next_.load(std::memory_order_acquire);
   if (assignment == nullptr) {

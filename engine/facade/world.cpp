@@ -44,12 +44,12 @@ void World::Implementation::gather_user_times() {
     const std::uint64_t cpu_ns = user_workers[i].cpu_ns();
     const std::uint64_t all_ns = cpu_ns - std::exchange(user_cpu_ns[i], cpu_ns);
     const std::uint64_t move_ns = std::min(all_ns, user_clocks[i].take(StepClock::move));
-    const std::uint64_t look_ns = std::min(all_ns - move_ns, user_clocks[i].take(StepClock::read_publications));
+    const std::uint64_t read_ns = std::min(all_ns - move_ns, user_clocks[i].take(StepClock::read_publications));
     report.users_cpu_ms += to_ms(all_ns);
     report.slowest_user_cpu_ms = std::max(report.slowest_user_cpu_ms, to_ms(all_ns));
     path.user_move_ms = std::max(path.user_move_ms, to_ms(move_ns));
-    path.user_read_ms = std::max(path.user_read_ms, to_ms(look_ns));
-    path.user_end_ms = std::max(path.user_end_ms, to_ms(all_ns - move_ns - look_ns));
+    path.user_read_ms = std::max(path.user_read_ms, to_ms(read_ns));
+    path.user_end_ms = std::max(path.user_end_ms, to_ms(all_ns - move_ns - read_ns));
   }
   if (!threaded()) {
     path = {};
@@ -112,8 +112,8 @@ Status World::begin_frame() {
   w.order.requests.swap(w.requests);
   w.connect_users();
   w.grow_nodes();
-  for (const auto& steering : w.pending_moves) {
-    w.user_nodes.at(steering.user)->role->steer(steering.number, steering.pose);
+  for (const auto& pending_move : w.pending_moves) {
+    w.user_nodes.at(pending_move.user)->role->steer(pending_move.number, pending_move.pose);
   }
   w.pending_moves.clear();
   ++w.begun;

@@ -1,4 +1,4 @@
-// Whole lives of worlds: everything that may be asked for, at random, in every deployment.
+// Whole runs with random requests of every kind, in every deployment.
 #include <cstring>
 #include <map>
 #include <set>
@@ -54,7 +54,7 @@ LifecycleRun live(const WorldConfig& config, unsigned seed, int frames) {
   return life;
 }
 
-TEST_CASE("users and objects come, go, jump and vanish with the same states and contacts in every deployment") {
+TEST_CASE("random spawns, ends, moves, removals and users give the same states and contacts in every deployment") {
   for (const unsigned seed : {1u, 2u, 3u}) {
     CAPTURE(seed);
     WorldConfig config = config_of();
@@ -74,7 +74,7 @@ TEST_CASE("users and objects come, go, jump and vanish with the same states and 
   }
 }
 
-TEST_CASE("the smallest rings carry the same lives") {
+TEST_CASE("the smallest rings give the same results") {
   constexpr unsigned seed = 4;
   CAPTURE(seed);
   WorldConfig config = config_of();
@@ -85,7 +85,7 @@ TEST_CASE("the smallest rings carry the same lives") {
                 [&](const WorldConfig& other) { CHECK(live(other, seed, 30).digest == expected.digest); });
 }
 
-TEST_CASE("any number of user threads and up to 16 nodes live the same life") {
+TEST_CASE("any number of user threads and up to 16 nodes give the same results") {
   constexpr unsigned seed = 5;
   CAPTURE(seed);
   WorldConfig config = config_of();
@@ -104,7 +104,7 @@ TEST_CASE("any number of user threads and up to 16 nodes live the same life") {
   }
 }
 
-TEST_CASE("buffers that are outgrown change nothing but a count and one warning") {
+TEST_CASE("outgrown buffers change only a counter and log one warning") {
   constexpr unsigned seed = 6;
   CAPTURE(seed);
   WorldConfig config = config_of();
@@ -128,7 +128,7 @@ TEST_CASE("buffers that are outgrown change nothing but a count and one warning"
 
 using Key = std::pair<ObjectNumber, ObjectNumber>;
 
-TEST_CASE("phases follow from the contacts of two frames, and every way out of the world ends an object's contacts") {
+TEST_CASE("phases follow from the contacts of two frames, and every way to leave the world ends an object's contacts") {
   constexpr unsigned seed = 7;
   CAPTURE(seed);
   in_all_worlds(config_of(), {0u, 2u}, [&](const WorldConfig& config) {
@@ -176,7 +176,7 @@ TEST_CASE("destroyed, removed and disconnected objects end their contacts in the
     World world(config);
     const ShapeNumber ball = world.add_shape(Sphere{1});
     const UserNumber user = world.connect().user;
-    // Three pairs apart from each other, one of each pair to go, and one to stay.
+    // Three pairs apart from each other; one object of each pair disappears, the other stays.
     std::vector<ObjectId> first, second;
     for (int i = 0; i < 4; ++i) {
       ObjectSpec spec{

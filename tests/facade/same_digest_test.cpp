@@ -22,7 +22,7 @@ struct Run {
   std::uint32_t epoch = 0;
 };
 
-// A crowd in the corner of a world, so that regions have something to follow, and with much that rests.
+// A crowd in a corner of the world, so that regions follow it, and many resting objects.
 Run run(WorldConfig config, const Schedule& schedule) {
   config.bounds_max = {60, 60, 60};
   config.interest = 4;
@@ -45,7 +45,7 @@ Run run(WorldConfig config, const Schedule& schedule) {
   return result;
 }
 
-TEST_CASE("placement, node count, resizing, balancing and keeping apart what rests change no contact") {
+TEST_CASE("placement, node count, resizing, balancing and keep_resting change no contact") {
   WorldConfig plain;
   plain.nodes = 0;
   const Run expected = run(plain, {});
@@ -57,7 +57,7 @@ TEST_CASE("placement, node count, resizing, balancing and keeping apart what res
     for (const Placement placement : {Placement::server, Placement::region, Placement::automatic}) {
       for (const bool balance : {true, false}) {
         for (const bool keep_resting : {true, false}) {
-          // Three schedules and four settings beside them: each meets each as the loops go round.
+          // Three schedules and four settings: the loops combine each with each.
           const std::size_t schedule = next++ % schedules.size();
           CAPTURE(nodes);
           CAPTURE(name_of(placement));
@@ -76,10 +76,11 @@ TEST_CASE("placement, node count, resizing, balancing and keeping apart what res
       }
     }
   }
-  CHECK(changed > 0);  // some maps followed the load without having been asked to
+  CHECK(changed > 0);  // some maps followed the load by themselves
 }
 
-TEST_CASE("auto is the server's sweep for one node with its thread and the regions' else, and the world says which") {
+TEST_CASE(
+    "automatic placement is server for one node with its own thread and region otherwise, and config() returns it") {
   for (const std::uint32_t nodes : {0u, 1u, 2u, 5u}) {
     WorldConfig config;
     config.nodes = nodes;

@@ -13,8 +13,8 @@
 
 namespace ringfence::test {
 
-/// A random life of a world: users come and go, objects appear, end, are placed, removed, moved and taken over. The
-/// same calls in the same order for every world of one seed, so that all must answer and end the same.
+/// Random requests to a world: users connect and disconnect; objects are spawned, destroyed, placed, removed and moved.
+/// Every world with the same seed gets the same calls in the same order, so all must return and end the same.
 class Script {
  public:
   Script(World& world, unsigned seed, double side) : world_(world), random_(seed), side_(side) {
@@ -25,7 +25,7 @@ class Script {
     for (int i = 0; i < 120; ++i) spawn();
   }
 
-  /// What is asked before the next frame. Everything is allowed and must be granted.
+  /// Makes the requests for the next frame. All are valid and must succeed.
   void make_requests() {
     if (random_() % 6 == 0 && users_.size() < 8) connect();
     if (random_() % 8 == 0 && !users_.empty()) disconnect(random_() % users_.size());
@@ -108,7 +108,7 @@ class Script {
     REQUIRE(spawned.status == Status::ok);
     live_.push_back({spawned.id, spec.category, spec.user});
     if (random_() % 40 == 0) {
-      REQUIRE(world_.destroy(spawned.id) == Status::ok);  // never was in a frame
+      REQUIRE(world_.destroy(spawned.id) == Status::ok);  // it was never in a frame
       live_.pop_back();
     }
   }
@@ -121,7 +121,7 @@ class Script {
   std::vector<Live> live_;
 };
 
-/// A number that tells two worlds apart by any bit of any object's state or of any ended contact.
+/// A hash of all object states and of all contacts, ended ones too.
 inline std::uint64_t fingerprint(const World& world) {
   std::uint64_t h = 0;
   const auto add = [&](const void* bytes, std::size_t size) {

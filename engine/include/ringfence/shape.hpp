@@ -36,13 +36,13 @@ struct ConvexHull {
 /// A triangle surface (not a solid): up to 10^6 triangles, indices into `vertices`, either winding.
 struct TriangleMesh {
   std::vector<Vec3f> vertices;
-  std::vector<std::uint32_t> indices;  ///< three a triangle
+  std::vector<std::uint32_t> indices;  ///< three per triangle
 };
 
-/// A convex shape that only its support function describes. Tested by libccd: slower than the other kinds, and it
-/// allocates in the frame.
+/// A convex shape that is defined only by its support function. Tested by libccd: slower than the other kinds, and it
+/// allocates inside the frame.
 ///
-/// The function must be pure and is called concurrently from any thread.
+/// The function must be pure; it is called concurrently from any thread.
 class SupportFunction {
  public:
   virtual ~SupportFunction() = default;
@@ -59,11 +59,11 @@ struct SupportShape {
 /// Any shape that an object can have. Sizes lie between 10^-3 and 10^6 metres.
 using ShapeDescription = std::variant<Sphere, Box, Capsule, ConvexHull, TriangleMesh, SupportShape>;
 
-/// Kinds, in the order in which kernels and tables list them; the values are those of ShapeDescription::index().
+/// Shape kinds in the order of kernels and tables; the values equal ShapeDescription::index().
 enum class ShapeKind : std::uint8_t { sphere, box, capsule, hull, mesh, support };
 inline constexpr std::size_t shape_kinds = 6;
 
-/// The word for a kind in options, benchmark names and reports: "sphere", "box", "capsule", "hull", "mesh", "support".
+/// Name of a kind in options, benchmark names and reports: "sphere", "box", "capsule", "hull", "mesh", "support".
 constexpr const char* name_of(ShapeKind kind) noexcept {
   constexpr const char* names[] = {"sphere", "box", "capsule", "hull", "mesh", "support"};
   return names[static_cast<std::size_t>(kind)];
