@@ -16,7 +16,7 @@ constexpr const char* deployments[] = {"user", "user-server", "user-collision"};
 
 }  // namespace
 
-TEST_CASE("every deployment, placement and node count gives one digest, and brute force agrees") {
+TEST_CASE("all deployments, placements and node counts give one digest and agree with brute force") {
   for (const char* shapes : {"sphere", "mixed"}) {
     std::string digest;
     for (const char* deployment : deployments) {
@@ -37,7 +37,7 @@ TEST_CASE("every deployment, placement and node count gives one digest, and brut
   }
 }
 
-TEST_CASE("4000 objects have 1600 to 3500 contacts a frame, whatever their shapes") {
+TEST_CASE("4000 objects have 1600 to 3500 contacts per frame for each shape setting") {
   const test::TemporaryFolder folder;
   for (const char* shapes : {"sphere", "box", "capsule", "hull", "mixed"}) {
     const ProgramResult answer =
@@ -51,7 +51,7 @@ TEST_CASE("4000 objects have 1600 to 3500 contacts a frame, whatever their shape
   }
 }
 
-TEST_CASE("another seed has another digest; more users and user threads do not") {
+TEST_CASE("the digest depends on the seed, but not on user threads, interest or thread pinning") {
   const std::string arguments = "run --objects 300 --frames 5 --warmup 5 --nodes 2 --users 10";
   const std::string digest = test::digest_in(test::ringfence(arguments).out);
   REQUIRE(digest.size() == 16);

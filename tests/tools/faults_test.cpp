@@ -53,7 +53,7 @@ TEST_CASE("faults that cannot be are refused, with what is expected") {
   refused("--nodes 2 --fail 1:0:moving", "--node-deadline-ms");
   refused("--nodes 0 --node-deadline-ms 50 --fail 1:0:moving", "--nodes 0");
   refused("--nodes 2 --node-deadline-ms 50 --fail 5:0:moving", "0 to 4");
-  refused("--nodes 2 --node-deadline-ms 50 --fail 1:2:moving", "a node that is there");
+  refused("--nodes 2 --node-deadline-ms 50 --fail 1:2:moving", "a node that exists in that frame");
   refused("--nodes 2 --node-deadline-ms 50 --fail 1:0:dreaming", "moving, gathering, colliding");
   refused("--nodes 2 --node-deadline-ms 50 --fail 1:moving", "FRAME:NODE:STAGE");
   refused("--nodes 2 --node-deadline-ms -1", "--node-deadline-ms");

@@ -19,7 +19,7 @@ std::size_t lines(const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("a recording replays with the run's digest and contacts, in every deployment") {
+TEST_CASE("a recording replays with the digest and the contacts of the run in each deployment") {
   const TemporaryFolder folder;
   const std::string prefix = folder / "run";
   for (const char* warmup : {"0", "15"}) {
@@ -40,7 +40,7 @@ TEST_CASE("a recording replays with the run's digest and contacts, in every depl
   }
 }
 
-TEST_CASE("the built-in air traffic replays, agrees with brute force, and has losses of separation") {
+TEST_CASE("the recorded air traffic replays, agrees with brute force and has contacts") {
   const std::string data = RINGFENCE_DATA;
   const TemporaryFolder folder;
   const ProgramResult answer =
@@ -53,7 +53,7 @@ TEST_CASE("the built-in air traffic replays, agrees with brute force, and has lo
   CHECK(report["check"]["differences"] == 0);
 }
 
-TEST_CASE("contacts on standard output leave the report to standard error") {
+TEST_CASE("with contacts on standard output, the report goes to standard error") {
   const std::string arguments = "run --objects 300 --users 10 --frames 3 --warmup 3 --nodes 1 --collisions -";
   const ProgramResult contacts = test::ringfence(arguments, "2>/dev/null");
   CHECK(contacts.out.starts_with("frame,a,b,px,py,pz,nx,ny,nz,depth\n0,"));
@@ -62,7 +62,7 @@ TEST_CASE("contacts on standard output leave the report to standard error") {
   CHECK(test::digest_in(report.out).size() == 16);
 }
 
-TEST_CASE("the JSON report, the row a frame and the timeline hold what they promise") {
+TEST_CASE("JSON report, frame table, timeline and contacts are complete and consistent") {
   const TemporaryFolder folder;
   const ProgramResult answer =
       test::ringfence("run --objects 300 --users 10 --frames 7 --warmup 2 --nodes 2 --quiet --json " +

@@ -24,7 +24,7 @@ nlohmann::json run_with_json(const std::string& arguments) {
 
 }  // namespace
 
-TEST_CASE("nodes that join and leave on a schedule change no digest, and the report says what their frames cost") {
+TEST_CASE("scheduled resizes do not change the digest, and the report has the cost of the frames around them") {
   const std::string arguments = "run --objects 500 --users 10 --frames 24 --warmup 4 --check --nodes 2";
   const auto still = run_with_json(arguments);
   CHECK_FALSE(still.contains("resizes"));
@@ -50,7 +50,7 @@ TEST_CASE("nodes that join and leave on a schedule change no digest, and the rep
   }
 }
 
-TEST_CASE("the figures around a resize are those of the frames that it names") {
+TEST_CASE("ResizeSchedule reports the frames before, at and after each resize") {
   const std::vector<tools::Resize> resizes = {{1, 4}, {10, 2}};
   tools::ResizeSchedule resize_schedule(resizes, 3);
   for (std::uint32_t frame = 0; frame < 12; ++frame) {
@@ -76,7 +76,7 @@ TEST_CASE("the figures around a resize are those of the frames that it names") {
   CHECK(figures[1].handed_over == 1010);
 }
 
-TEST_CASE("a schedule that cannot be is refused with the reason") {
+TEST_CASE("an invalid --resize is refused with the reason") {
   for (const char* text : {"", "5", "5:", ":5", "5:0", "5:1025", "-1:2", "5:2,", "5:2,,6:3", "5:2 6:3", "5:2;6:3",
                            "x:2", "5:2x", "99999999999:2", "5:99999999999"}) {
     CHECK_THROWS_AS_MESSAGE(tools::parse_resizes(text), Error, text);
@@ -96,7 +96,7 @@ TEST_CASE("a schedule that cannot be is refused with the reason") {
   check_refused("--balance-by time", "--balance-by: found time; expected one of cpu, pairs");
 }
 
-TEST_CASE("a placement left to the world is reported as chosen, with the digest of any other") {
+TEST_CASE("an automatic placement is reported with the chosen one and does not change the digest") {
   const std::string arguments = "run --objects 300 --users 10 --frames 6 --warmup 2 --broad-phase auto --nodes ";
   const auto alone = run_with_json(arguments + "1"), shared = run_with_json(arguments + "3 --keep-resting off");
   CHECK(alone["config"]["broad_phase"] == "server");
@@ -106,7 +106,7 @@ TEST_CASE("a placement left to the world is reported as chosen, with the digest 
   CHECK(test::ringfence(arguments + "3").out.find("broad phase: auto (region)") != std::string::npos);
 }
 
-TEST_CASE("a replay is resized like a run, and knows how many frames it has") {
+TEST_CASE("replay accepts --resize within its number of frames and keeps its digest") {
   const std::string files = std::string("replay --nodes 1 --scene ") + RINGFENCE_DATA + "/air/scene.json --motion " +
                             RINGFENCE_DATA + "/air/motion.csv";
   const std::string digest = test::digest_in(test::ringfence(files).out);

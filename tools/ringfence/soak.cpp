@@ -101,7 +101,7 @@ void Soak::spawn(UserNumber user) {
   spec.user = user;
   spec.pose = random_pose();
   const Spawned spawned = world_.spawn(spec);
-  if (spawned.status != Status::ok) throw Error(fmt::format("--soak: spawn answered {}", name_of(spawned.status)));
+  if (spawned.status != Status::ok) throw Error(fmt::format("--soak: spawn returned {}", name_of(spawned.status)));
   live_.push_back({spawned.id, spec.category, user});
   ++counts_.spawned;
 }
