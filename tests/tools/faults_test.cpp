@@ -18,7 +18,7 @@ constexpr const char* world = "run --objects 400 --users 8 --frames 20 --warmup 
 
 }  // namespace
 
-TEST_CASE("nodes that fail on order change no digest, and are named in the report") {
+TEST_CASE("injected failures of nodes do not change the digest, and the report lists them") {
   const TemporaryFolder folder;
   const ProgramResult still = test::ringfence(std::string(world) + "--nodes 3 --json " + (folder / "still.json"));
   REQUIRE(still.code == 0);
@@ -42,7 +42,7 @@ TEST_CASE("nodes that fail on order change no digest, and are named in the repor
   CHECK(failed.out.find("lost        frame 4: CD node 2; the frame took") != std::string::npos);
 }
 
-TEST_CASE("faults that cannot be are refused, with what is expected") {
+TEST_CASE("invalid faults are refused with what is expected") {
   const auto refused = [](const std::string& arguments, const std::string& words) {
     const ProgramResult answer = test::ringfence("run --objects 100 --users 2 --frames 5 " + arguments);
     CAPTURE(arguments);
