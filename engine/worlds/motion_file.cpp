@@ -226,9 +226,9 @@ class BinaryReader {
     const std::uint64_t frame_bytes = std::uint64_t{head.objects} * sizeof(Pose);
     const std::uint64_t expected = sizeof head + head.frames * frame_bytes;
     if (bytes_.size() < expected) {
-      const std::uint64_t whole = (bytes_.size() - sizeof head) / frame_bytes;
-      fail(bytes_.size(),
-           fmt::format("the file ends within frame {} of {}; expected {} bytes", whole, head.frames, expected));
+      const std::uint64_t complete_frames = (bytes_.size() - sizeof head) / frame_bytes;
+      fail(bytes_.size(), fmt::format("the file ends within frame {} of {}; expected {} bytes", complete_frames,
+                                      head.frames, expected));
     }
     if (bytes_.size() > expected) {
       fail(expected, fmt::format("{} bytes follow the last of {} frames; expected the end", bytes_.size() - expected,

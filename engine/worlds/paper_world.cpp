@@ -30,8 +30,8 @@ constexpr float share_at_goal = 0.9f;                  // of the steered objects
 enum Stream : std::uint32_t { box_sizes = 101, capsule_sizes, hull_sizes, shape_picks, orientations, positions };
 
 void check(const PaperWorldOptions& options) {
-  const auto require = [](bool holds, const std::string& what) {
-    if (!holds) throw Error(what);
+  const auto require = [](bool condition, const std::string& message) {
+    if (!condition) throw Error(message);
   };
   require(options.objects >= 1 && options.objects <= 10'000'000,
           fmt::format("objects: {}; expected 1 to 10000000", options.objects));

@@ -177,7 +177,7 @@ TEST_CASE("--cost replaces a cost by name, and an invalid one is refused with th
   CHECK(costs[CostName::latency_us] == 0.25);
   CHECK_FALSE(costs.at(CostName::pair_us).fitted);
   for (const char* invalid : {"pair_us", "pair_us=", "pair_us=x", "pair_us=-1", "speed=1", "bandwidth_mbit=0", "=3",
-                            "pair_us=nan", "pair_us=1x"}) {
+                              "pair_us=nan", "pair_us=1x"}) {
     CHECK_MESSAGE(check_cost(invalid).find("expected NAME=VALUE") != std::string::npos, invalid);
   }
   CHECK(find_cluster("1999") == nullptr);

@@ -88,9 +88,9 @@ TEST_CASE("an invalid trace is refused with line, found value and expectation") 
 TEST_CASE("for a compressed trace the error message contains the command that decompresses it") {
   const test::TemporaryFolder folder;
   worlds::write_text(folder / "a.gz", "\x1f\x8b rest");
-  const test::ProgramResult answer = test::ringfence("convert air " + (folder / "a.gz") + " --out " + (folder / "x"));
-  CHECK(answer.code == 2);
-  CHECK(answer.out.find("zcat " + (folder / "a.gz") + " | ringfence convert air - --out") != std::string::npos);
+  const test::ProgramResult result = test::ringfence("convert air " + (folder / "a.gz") + " --out " + (folder / "x"));
+  CHECK(result.code == 2);
+  CHECK(result.out.find("zcat " + (folder / "a.gz") + " | ringfence convert air - --out") != std::string::npos);
 }
 
 TEST_CASE("a converted trace can be replayed") {
@@ -98,9 +98,9 @@ TEST_CASE("a converted trace can be replayed") {
   worlds::write_text(folder / "c.txt", "1 94 0 0 176\n2 94 50 0 176\n1 95 10 0 176\n2 95 45 0 176\n1 96 20 0 176\n");
   const std::string prefix = folder / "crowd";
   CHECK(test::ringfence("convert crowd " + (folder / "c.txt") + " --copies 2 --out " + prefix).code == 0);
-  const test::ProgramResult answer =
+  const test::ProgramResult result =
       test::ringfence("replay --check --nodes 1 --scene " + prefix + ".json --motion " + prefix + ".csv");
-  CHECK_MESSAGE(answer.code == 0, answer.out);
+  CHECK_MESSAGE(result.code == 0, result.out);
 }
 
 }  // namespace ringfence::tools

@@ -44,11 +44,11 @@ TEST_CASE("injected failures of nodes do not change the digest, and the report l
 
 TEST_CASE("invalid faults are refused with what is expected") {
   const auto refused = [](const std::string& arguments, const std::string& words) {
-    const ProgramResult answer = test::ringfence("run --objects 100 --users 2 --frames 5 " + arguments);
+    const ProgramResult result = test::ringfence("run --objects 100 --users 2 --frames 5 " + arguments);
     CAPTURE(arguments);
-    CAPTURE(answer.out);
-    CHECK(answer.code == 2);
-    CHECK(answer.out.find(words) != std::string::npos);
+    CAPTURE(result.out);
+    CHECK(result.code == 2);
+    CHECK(result.out.find(words) != std::string::npos);
   };
   refused("--nodes 2 --fail 1:0:moving", "--node-deadline-ms");
   refused("--nodes 0 --node-deadline-ms 50 --fail 1:0:moving", "--nodes 0");

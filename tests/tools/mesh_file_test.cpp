@@ -171,10 +171,10 @@ TEST_CASE("mesh paths of a scene are relative to the scene file, not to the work
   std::filesystem::copy_file(meshes + "/tetrahedron.obj", folder / "rocks/t.obj");
   worlds::write_text(folder / "scene.json", scene_of("rocks/t.obj"));
   worlds::write_text(folder / "motion.csv", motion);
-  const ProgramResult answer =
+  const ProgramResult result =
       test::ringfence("replay --check --nodes 1 --scene " + (folder / "scene.json") + " --motion " +
                       (folder / "motion.csv") + " --collisions " + (folder / "c.csv"));
-  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+  REQUIRE_MESSAGE(result.code == 0, result.out);
   const std::string contacts = worlds::read_text(folder / "c.csv");
   CHECK(std::count(contacts.begin(), contacts.end(), '\n') == 3);
 }
@@ -187,12 +187,12 @@ TEST_CASE("a missing or unusable mesh file of a scene ends the program with 2 an
     worlds::write_text(folder / "lines.obj", "v 0 0 0\nv 1 0 0\nl 1 2\n");
     worlds::write_text(folder / "flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
     worlds::write_text(folder / "scene.json", scene_of(file));
-    const ProgramResult answer =
+    const ProgramResult result =
         test::ringfence("replay --scene " + (folder / "scene.json") + " --motion " + (folder / "motion.csv"));
-    CHECK(answer.code == 2);
-    CHECK_MESSAGE(answer.out.find("rock") != std::string::npos, answer.out);
-    if (std::string(file) != "flat.obj") CHECK_MESSAGE(answer.out.find(file) != std::string::npos, answer.out);
-    if (std::string(file) == "flat.obj") CHECK_MESSAGE(answer.out.find("zero area") != std::string::npos, answer.out);
+    CHECK(result.code == 2);
+    CHECK_MESSAGE(result.out.find("rock") != std::string::npos, result.out);
+    if (std::string(file) != "flat.obj") CHECK_MESSAGE(result.out.find(file) != std::string::npos, result.out);
+    if (std::string(file) == "flat.obj") CHECK_MESSAGE(result.out.find("zero area") != std::string::npos, result.out);
   }
 }
 

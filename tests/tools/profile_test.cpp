@@ -67,12 +67,12 @@ TEST_CASE("the profile of a run has all its candidates, shares with the sum 1, a
   const TemporaryFolder folder;
   const std::string json = folder / "p.json", trace = folder / "t.json";
   const std::string world = "--objects 1500 --users 10 --frames 8 --warmup 2 --nodes 2 ";
-  const ProgramResult answer = test::ringfence("profile " + world + "--json " + json + " --trace " + trace);
-  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+  const ProgramResult result = test::ringfence("profile " + world + "--json " + json + " --trace " + trace);
+  REQUIRE_MESSAGE(result.code == 0, result.out);
   for (const char* word : {"ns mean", "p99", "lanes", "early", "gather", "imbalance", "box-box"}) {
-    CHECK_MESSAGE(answer.out.find(word) != std::string::npos, word);
+    CHECK_MESSAGE(result.out.find(word) != std::string::npos, word);
   }
-  CHECK(test::digest_in(answer.out) == test::digest_in(test::ringfence("run " + world).out));
+  CHECK(test::digest_in(result.out) == test::digest_in(test::ringfence("run " + world).out));
   const auto report = nlohmann::json::parse(worlds::read_text(json));
   double candidates = 0, shares = 0;
   for (const auto& kind : report["profile"]["kinds"]) {

@@ -17,8 +17,8 @@ using test::TemporaryFolder;
 
 nlohmann::json run_with_json(const std::string& arguments) {
   const TemporaryFolder folder;
-  const ProgramResult answer = test::ringfence(arguments + " --json " + (folder / "r.json"));
-  REQUIRE_MESSAGE(answer.code == 0, arguments, "\n", answer.out);
+  const ProgramResult result = test::ringfence(arguments + " --json " + (folder / "r.json"));
+  REQUIRE_MESSAGE(result.code == 0, arguments, "\n", result.out);
   return nlohmann::json::parse(worlds::read_text(folder / "r.json"));
 }
 
@@ -82,9 +82,9 @@ TEST_CASE("an invalid --resize is refused with the reason") {
     CHECK_THROWS_AS_MESSAGE(tools::parse_resizes(text), Error, text);
   }
   const auto check_refused = [](const std::string& arguments, const std::string& message) {
-    const ProgramResult answer = test::ringfence("run --objects 200 --users 10 --frames 10 --warmup 0 " + arguments);
-    CHECK_MESSAGE(answer.code == 2, arguments);
-    CHECK_MESSAGE(answer.out.find(message) != std::string::npos, arguments, ": ", answer.out);
+    const ProgramResult result = test::ringfence("run --objects 200 --users 10 --frames 10 --warmup 0 " + arguments);
+    CHECK_MESSAGE(result.code == 2, arguments);
+    CHECK_MESSAGE(result.out.find(message) != std::string::npos, arguments, ": ", result.out);
   };
   check_refused("--resize 3:0", "--resize: found 3:0; expected FRAME:N with N from 1 to 1024 CD nodes");
   check_refused("--resize 3:1025", "--resize: found 3:1025; expected FRAME:N");
@@ -98,11 +98,11 @@ TEST_CASE("an invalid --resize is refused with the reason") {
 
 TEST_CASE("an automatic placement is reported with the chosen one and does not change the digest") {
   const std::string arguments = "run --objects 300 --users 10 --frames 6 --warmup 2 --broad-phase auto --nodes ";
-  const auto alone = run_with_json(arguments + "1"), shared = run_with_json(arguments + "3 --keep-resting off");
-  CHECK(alone["config"]["broad_phase"] == "server");
-  CHECK(shared["config"]["broad_phase"] == "region");
-  CHECK(shared["config"]["broad_phase_asked"] == "auto");
-  CHECK(alone["digest"] == shared["digest"]);
+  const auto one_node = run_with_json(arguments + "1"), three_nodes = run_with_json(arguments + "3 --keep-resting off");
+  CHECK(one_node["config"]["broad_phase"] == "server");
+  CHECK(three_nodes["config"]["broad_phase"] == "region");
+  CHECK(three_nodes["config"]["broad_phase_asked"] == "auto");
+  CHECK(one_node["digest"] == three_nodes["digest"]);
   CHECK(test::ringfence(arguments + "3").out.find("broad phase: auto (region)") != std::string::npos);
 }
 

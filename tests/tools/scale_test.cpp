@@ -85,11 +85,11 @@ TEST_CASE("time_left returns text after the first second, if any work is done") 
 TEST_CASE("scale runs every combination, with the digests of run") {
   const TemporaryFolder folder;
   const std::string json = folder / "s.json", csv = folder / "s.csv";
-  const ProgramResult answer =
+  const ProgramResult result =
       test::ringfence(small_world + "--nodes 0,1,3 --broad-phase server,region,auto --json " + json + " --csv " + csv);
-  REQUIRE_MESSAGE(answer.code == 0, answer.out);
-  CHECK(answer.out.find("modelled") != std::string::npos);
-  CHECK(answer.out.find('\r') == std::string::npos);  // no progress line without a terminal
+  REQUIRE_MESSAGE(result.code == 0, result.out);
+  CHECK(result.out.find("modelled") != std::string::npos);
+  CHECK(result.out.find('\r') == std::string::npos);  // no progress line without a terminal
 
   const auto report = nlohmann::json::parse(worlds::read_text(json));
   CHECK(report["runs"].size() == 2 * 3 * 3 * 3);
@@ -111,11 +111,11 @@ TEST_CASE("scale runs every combination, with the digests of run") {
 }
 
 TEST_CASE("a cluster model prints its costs with their sources, and `today` extrapolates to 1024 nodes") {
-  const ProgramResult answer = test::ringfence(small_world + "--nodes 1,2 --model 2004,today --cost latency_us=123");
-  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+  const ProgramResult result = test::ringfence(small_world + "--nodes 1,2 --model 2004,today --cost latency_us=123");
+  REQUIRE_MESSAGE(result.code == 0, result.out);
   for (const char* word : {"modelled cluster \"2004\"", "modelled cluster \"today\"", "the paper, section 4",
                            "given by --cost", "measured here", "1024*", "extrapolated", "saturates"}) {
-    CHECK_MESSAGE(answer.out.find(word) != std::string::npos, word);
+    CHECK_MESSAGE(result.out.find(word) != std::string::npos, word);
   }
 }
 
@@ -128,8 +128,8 @@ TEST_CASE(
       "--model 2004,today --plots " +
       prefix + " --json " + json;
   if (std::system("gnuplot --version > /dev/null 2>&1") == 0) {
-    const ProgramResult answer = test::ringfence(arguments);
-    REQUIRE_MESSAGE(answer.code == 0, answer.out);
+    const ProgramResult result = test::ringfence(arguments);
+    REQUIRE_MESSAGE(result.code == 0, result.out);
     for (const char* name :
          {"graph1", "graph2", "graph3", "graph4", "path", "speedup", "cluster-2004", "cluster-today"}) {
       CHECK(worlds::read_text(prefix + "-" + name + ".svg").find("</svg>") != std::string::npos);
@@ -148,9 +148,9 @@ TEST_CASE(
 
 TEST_CASE("scale refuses invalid options with the range or the list of valid values") {
   const auto refused = [](const std::string& arguments, const std::string& message) {
-    const ProgramResult answer = test::ringfence("scale " + arguments);
-    CHECK_MESSAGE(answer.code == 2, arguments);
-    CHECK_MESSAGE(answer.out.find(message) != std::string::npos, arguments, ": ", answer.out);
+    const ProgramResult result = test::ringfence("scale " + arguments);
+    CHECK_MESSAGE(result.code == 2, arguments);
+    CHECK_MESSAGE(result.out.find(message) != std::string::npos, arguments, ": ", result.out);
   };
   refused("--nodes 1,2000", "--nodes: found 2000; expected 0 to 1024");
   refused("--objects 0", "--objects: found 0; expected 1 to 10000000");

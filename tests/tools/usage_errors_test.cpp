@@ -12,9 +12,9 @@ using test::ProgramResult;
 using test::TemporaryFolder;
 
 void check_refused(const std::string& arguments, const std::string& message) {
-  const ProgramResult answer = test::ringfence(arguments);
-  CHECK_MESSAGE(answer.code == 2, arguments);
-  CHECK_MESSAGE(answer.out.find(message) != std::string::npos, arguments, ": ", answer.out);
+  const ProgramResult result = test::ringfence(arguments);
+  CHECK_MESSAGE(result.code == 2, arguments);
+  CHECK_MESSAGE(result.out.find(message) != std::string::npos, arguments, ": ", result.out);
 }
 
 }  // namespace

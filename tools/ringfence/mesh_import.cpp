@@ -53,10 +53,10 @@ class MemoryStream final : public Assimp::IOStream {
   explicit MemoryStream(std::string_view bytes) : bytes_(bytes) {}
   size_t Read(void* to, size_t size, size_t count) override {
     if (size == 0) return 0;
-    const std::size_t whole = std::min(count, (bytes_.size() - at_) / size);
-    if (whole != 0) std::memcpy(to, bytes_.data() + at_, whole * size);
-    at_ += whole * size;
-    return whole;
+    const std::size_t count_read = std::min(count, (bytes_.size() - at_) / size);
+    if (count_read != 0) std::memcpy(to, bytes_.data() + at_, count_read * size);
+    at_ += count_read * size;
+    return count_read;
   }
   size_t Write(const void*, size_t, size_t) override { return 0; }
   aiReturn Seek(size_t offset, aiOrigin from) override {

@@ -98,7 +98,7 @@ void print_nodes(std::FILE* out, const Figures& figures) {
   }
   const Imbalance& imbalance = figures.cpu_imbalance;
   if (imbalance.windows() == 0) {
-    fmt::print(out, "imbalance   not judged: fewer than {} frames\n", Imbalance::window);
+    fmt::print(out, "imbalance   not measured: fewer than {} frames\n", Imbalance::window);
   } else {
     fmt::print(out,
                "imbalance   {:.2f}, at most {:.2f}: CPU time of the busiest node over the mean of all, in windows of "

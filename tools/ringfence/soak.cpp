@@ -69,22 +69,22 @@ void Soak::make_requests() {
 }
 
 bool Soak::check_report(const FrameReport& report) {
-  bool holds = report.accepted == report.candidates && report.tested == report.candidates;
-  if (!holds) {
+  bool passed = report.accepted == report.candidates && report.tested == report.candidates;
+  if (!passed) {
     fmt::print(stderr, "frame {}: {} candidates, {} tested, {} accepted\n", report.frame, report.candidates,
                report.tested, report.accepted);
   }
   for (std::size_t reason = 0; reason < status_count; ++reason) {
     // Messages of a lost node that still runs are refused as `late`. Their number is not predictable.
     if (reason == static_cast<std::size_t>(Status::late) || report.refused[reason] == expected_[reason]) continue;
-    holds = false;
+    passed = false;
     fmt::print(stderr, "frame {}: {} refused as {}; expected {}\n", report.frame, report.refused[reason],
                name_of(static_cast<Status>(reason)), expected_[reason]);
   }
   expected_.fill(0);
   counts_.lost += report.lost.size();
-  counts_.failures += holds ? 0 : 1;
-  return holds;
+  counts_.failures += passed ? 0 : 1;
+  return passed;
 }
 
 Pose Soak::random_pose() {
@@ -219,8 +219,8 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   fmt::print("objects     {} spawned, {} destroyed, {} placed, {} removed; {} at the end\n", n.spawned, n.destroyed,
              n.placed, n.removed, world.report().objects);
   fmt::print("user nodes  {} connected, {} disconnected\n", n.connected, n.disconnected);
-  fmt::print("CD nodes    {} resizes, {} failures injected, {} nodes lost; {} at the end\n", n.resizes, n.faults, n.lost,
-             world.nodes());
+  fmt::print("CD nodes    {} resizes, {} failures injected, {} nodes lost; {} at the end\n", n.resizes, n.faults,
+             n.lost, world.nodes());
   fmt::print("refused     {} invalid calls, each counted by its reason\n", n.refused);
   if (longer.output.check) {
     fmt::print("check       {} frames compared with brute force, {} differences\n", checker.frames(),
@@ -228,11 +228,11 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   }
   fmt::print("memory      {:.1f} MiB allocated after a tenth of the time, {:.1f} at the end\n",
              mebibytes(settled_bytes), mebibytes(bytes));
-  const bool held = n.failures == 0 && checker.passed() && flat;
-  fmt::print("{}\n", held ? "all checks passed"
-                          : fmt::format("FAILED: {} frames or calls failed a check{}", n.failures,
-                                        flat ? "" : "; memory has grown by more than a quarter"));
-  return held ? done : check_failed;
+  const bool all_passed = n.failures == 0 && checker.passed() && flat;
+  fmt::print("{}\n", all_passed ? "all checks passed"
+                                : fmt::format("FAILED: {} frames or calls failed a check{}", n.failures,
+                                              flat ? "" : "; memory has grown by more than a quarter"));
+  return all_passed ? done : check_failed;
 }
 
 }  // namespace ringfence::tools
