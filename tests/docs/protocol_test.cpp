@@ -1,4 +1,4 @@
-// docs/protocol.md says what the records are, byte by byte: its tables are compared with the structs.
+// Compares the tables of docs/protocol.md, which describe every byte of messages and records, with the structs.
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -228,8 +228,8 @@ const std::string& page() {
   return text;
 }
 
-// A field that is added to a struct leaves a hole in its list here, and must then be put on the page too.
-TEST_CASE("the fields listed here are all that the structs have") {
+// Fails if a field is added to a struct but not to its list above, which the tests below compare with the page.
+TEST_CASE("the lists of fields in this test are complete") {
   for (const Layout& layout : layouts()) {
     CAPTURE(layout.name);
     std::size_t next = 0;
@@ -258,9 +258,9 @@ TEST_CASE("the protocol page has every field of every record, with its offset, s
   }
 }
 
-const char* word_for(Traffic traffic) {
-  constexpr const char* words[] = {"M1", "M2", "M3", "M4", "M5", "state", "control"};
-  return words[static_cast<std::size_t>(traffic)];
+const char* page_name_of(Traffic traffic) {
+  constexpr const char* names[] = {"M1", "M2", "M3", "M4", "M5", "state", "control"};
+  return names[static_cast<std::size_t>(traffic)];
 }
 
 TEST_CASE("the protocol page has every message type, with its number, record size and kind of traffic") {
@@ -276,7 +276,7 @@ TEST_CASE("the protocol page has every message type, with its number, record siz
     const std::size_t fixed = record_bytes(type, 0);
     const bool with_state = record_bytes(type, 8) != fixed;
     CHECK(row[3] == std::to_string(fixed) + (with_state ? " + state" : ""));
-    CHECK(row[4] == word_for(traffic_of(type)));
+    CHECK(row[4] == page_name_of(traffic_of(type)));
   }
 }
 

@@ -16,7 +16,7 @@ double share(std::uint64_t part, std::uint64_t whole) {
   return share(static_cast<double>(part), static_cast<double>(whole));
 }
 
-/// The cost below which so much of the timed sample lies.
+/// The cost below which the share `rank` (0 to 1) of the timed sample lies, interpolated within a bucket.
 double percentile(const KindReport& kind, double rank) {
   std::uint64_t all = 0;
   for (const std::uint64_t count : kind.cost) all += count;
@@ -29,8 +29,8 @@ double percentile(const KindReport& kind, double rank) {
   return 0;
 }
 
-/// Nanoseconds a candidate without those that cost 32 times the median and more: a thread that loses its core for a
-/// time slice while a block is timed would otherwise be all that the mean shows. Exact as long as there are none.
+/// Mean cost in nanoseconds without samples of 32 times the median or more. Otherwise one thread that is preempted
+/// while it times a block dominates the mean. The result is exact if there are no such samples.
 double mean_uninterrupted(const KindReport& kind, double p50) {
   double counted = 0, sum = 0;
   bool interrupted = false;
@@ -98,7 +98,7 @@ void print_nodes(std::FILE* out, const Figures& figures) {
   }
   const Imbalance& imbalance = figures.cpu_imbalance;
   if (imbalance.windows() == 0) {
-    fmt::print(out, "imbalance   not judged: fewer than {} frames\n", Imbalance::window);
+    fmt::print(out, "imbalance   not measured: fewer than {} frames\n", Imbalance::window);
   } else {
     fmt::print(out,
                "imbalance   {:.2f}, at most {:.2f}: CPU time of the busiest node over the mean of all, in windows of "

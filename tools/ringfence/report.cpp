@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "frozen_names.hpp"
 #include "machine.hpp"
 #include "profile.hpp"
 
@@ -27,10 +28,11 @@ std::string with_spaces(std::string text) {
   return text;
 }
 
-// What was asked for, and what was chosen if that was left open.
+/// The requested placement and, if that is automatic, the placement that the world chose.
 std::string placement_of(const ServiceOptions& service, const Figures& figures) {
-  const std::string asked = name_of(service.placement);
-  return service.placement == figures.placement ? asked : fmt::format("{} ({})", asked, name_of(figures.placement));
+  const std::string requested = name_of(service.placement);
+  if (service.placement == figures.placement) return requested;
+  return fmt::format("{} ({})", requested, name_of(figures.placement));
 }
 
 std::string service_of(const ServiceOptions& service, const Figures& figures) {
@@ -95,7 +97,7 @@ void print_check(std::FILE* out, const FrameChecker& checker) {
 Json config_of(const Job& job, const Figures& figures) {
   Json config = {{"deployment", name_of(job.service.deployment)},
                  {"broad_phase", name_of(figures.placement)},
-                 {"broad_phase_asked", name_of(job.service.placement)},
+                 {keys::requested_broad_phase, name_of(job.service.placement)},
                  {"nodes", job.service.nodes},
                  {"users", job.service.users},
                  {"user_threads", job.service.user_threads},
@@ -150,7 +152,7 @@ void print_losses(std::FILE* out, const Figures& figures) {
 void print_cluster(std::FILE* out, const dds::ClusterReport& cluster) {
   fmt::print(out, "cluster     {} joined, {} left, {} lost, {} refused; {} stale parcels\n", cluster.joined,
              cluster.left, cluster.lost, cluster.refused, cluster.stale_parcels);
-  fmt::print(out, "process                      sent MB  taken MB  resent MB   answer ms      max\n");
+  fmt::print(out, "process                      sent MB   recv MB  resent MB   answer ms      max\n");
   for (std::size_t i = 0; i < std::min(cluster.members.size(), max_nodes_shown); ++i) {
     const dds::MemberReport& member = cluster.members[i];
     const auto mb = [](std::uint64_t bytes) { return static_cast<double>(bytes) * 1e-6; };
@@ -268,7 +270,9 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
   report["server_cpu_ms"] = figures.mean(figures.server_cpu_ms);
   report["users_cpu_ms"] = figures.mean(figures.users_cpu_ms);
   if (job.service.nodes > 0) {
-    for (const auto& [name, step] : PathReport::all()) report["path_ms"][name] = figures.mean(figures.path.*step);
+    for (const PathReport::Step& step : PathReport::all()) {
+      report["path_ms"][path_key(step)] = figures.mean(figures.path.*step.second);
+    }
     report["path_ms"]["critical"] = figures.mean(figures.critical_ms);
   }
   report["refused"] = Json::object();
@@ -291,10 +295,10 @@ Json change_json(const dds::MemberChange& change) {
       return {{"what", "joined"},
               {"name", change.name},
               {"at", change.at},
-              {"waited_ms", change.before_ms},
-              {"spoke_ms", change.after_ms}};
+              {keys::waiting_ms, change.before_ms},
+              {keys::first_parcel_ms, change.after_ms}};
     case dds::MemberChange::Kind::left:
-      return {{"what", "left"}, {"name", change.name}, {"at", change.at}, {"asked_ms", change.before_ms}};
+      return {{"what", "left"}, {"name", change.name}, {"at", change.at}, {keys::leave_request_ms, change.before_ms}};
     case dds::MemberChange::Kind::lost:
       break;
   }
@@ -314,8 +318,8 @@ Json cluster_json(const dds::ClusterReport& cluster) {
                        {"number", member.number},
                        {"sent_parcels", member.sent_parcels},
                        {"sent_bytes", member.sent_bytes},
-                       {"taken_parcels", member.received_parcels},
-                       {"taken_bytes", member.received_bytes},
+                       {keys::received_parcels, member.received_parcels},
+                       {keys::received_bytes, member.received_bytes},
                        {"retransmitted_bytes", member.retransmitted_bytes},
                        {"refused_writes", member.refused_writes},
                        {"answers", member.answers},

@@ -68,7 +68,7 @@ void print_costs(std::FILE* out, const ClusterCosts& costs) {
   }
 }
 
-/// The table has the least and the most objects; the JSON has all.
+/// Object counts in the table: the smallest and the largest. The JSON report has all.
 std::set<std::uint32_t> objects_shown(const ClusterResult& cluster) {
   std::set<std::uint32_t> all;
   for (const ClusterPrediction& each : cluster.predictions) all.insert(each.row->objects);
