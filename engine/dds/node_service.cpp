@@ -6,6 +6,7 @@
 
 #include <unistd.h>
 
+#include "base/floating_point.hpp"
 #include "dds/node_session.hpp"
 #include "link/scoped_batch_scheduling.hpp"
 #include "ringfence/cluster.hpp"
@@ -60,6 +61,7 @@ class NodeService::Implementation {
   }
 
   ExitReason run() {
+    const base::DefaultFloatingPoint floating_point;
     const link::ScopedBatchScheduling batch_scheduling;
     // A congested network rings no bell, so pending parcels are retried on a timer.
     constexpr std::chrono::milliseconds tick(20);
@@ -125,6 +127,9 @@ class NodeService::Implementation {
       const bool parcels = parcels_wait_.exchange(false, std::memory_order_acquire);
       parcels_arrived_ |= parcels;
       progressed = session_->step(parcels);
+      for (const std::string& failure : world_->shapes().take_support_failures()) {
+        log(LogLevel::warning, failure + "; pairs for which it fails have no contact");
+      }
       if (session_->is_assigned() && !std::exchange(assignment_logged_, true)) {
         log(LogLevel::info, "is assigned and serves the World");
       }

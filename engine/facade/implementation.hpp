@@ -113,6 +113,7 @@ struct World::Implementation {
     }
   }
   void log_growth();
+  void log_support_failures();
   void gather_user_times();
   void gather_timeline();
 
@@ -149,6 +150,7 @@ struct World::Implementation {
   std::deque<telemetry::Track> user_tracks;
   std::uint32_t resize_to = 0;  ///< number of nodes from the frame after the next on; 0: no change
   bool growth_logged = false;
+  bool failures_logged = false;  ///< of support functions in other processes
   mutable facade::ContactIndex contact_index;
   mutable std::uint64_t indexed_frames = 0;
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <string>
 
+#include "base/floating_point.hpp"
 #include "facade/config_check.hpp"
 #include "facade/implementation.hpp"
 
@@ -13,6 +14,7 @@ using facade::Worker;
 using nodes::Request;
 
 ShapeNumber World::add_shape(const ShapeDescription& description) {
+  const base::DefaultFloatingPoint floating_point;
   if (implementation_->frame_is_running()) {
     throw Error("add_shape: a frame is running; register shapes before begin_frame or after finish_frame");
   }
@@ -77,6 +79,7 @@ Status World::disconnect(UserNumber user) {
 }
 
 Spawned World::spawn(const ObjectSpec& spec) {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   Request request;
   request.kind = Request::Kind::spawn;
@@ -128,6 +131,7 @@ Status World::destroy(UserNumber user, ObjectId object) {
 }
 
 Status World::move(UserNumber user, ObjectId object, const Pose& pose) {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (const Status status = w.check_own(user, object); status != Status::ok) {
     return w.refuse(status);
@@ -149,6 +153,7 @@ Status World::Implementation::check_movable(ObjectId object) const noexcept {
 }
 
 Status World::place(ObjectId object, const Pose& pose) {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (const Status status = w.check_movable(object); status != Status::ok) {
     return w.refuse(status);
@@ -189,6 +194,7 @@ Status World::resize(std::uint32_t nodes) {
 }
 
 Status World::inject(const Fault& fault) {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (w.frame_is_running()) {
     return w.refuse(Status::out_of_order);

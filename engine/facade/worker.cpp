@@ -5,6 +5,8 @@
 
 #include <pthread.h>
 
+#include "base/floating_point.hpp"
+
 namespace ringfence::facade {
 
 Worker::~Worker() {
@@ -22,6 +24,8 @@ void Worker::dismiss() noexcept {
 
 void Worker::start(const link::Cores* cores, std::size_t pin_to, std::chrono::nanoseconds tick) {
   thread_ = std::thread([this, cores, pin_to, tick] {
+    // The thread has inherited the environment of whoever called World.
+    const base::DefaultFloatingPoint floating_point;
     if (cores != nullptr && pin_to != unpinned) {
       cores->pin_this_thread(pin_to);
     }

@@ -14,7 +14,8 @@
 
 namespace ringfence::facade {
 
-/// A thread that steps its roles and sleeps on its doorbell when none of them progresses.
+/// A thread that steps its roles and sleeps on its doorbell when none of them progresses. It computes in the default
+/// floating-point environment.
 ///
 /// Threads: assign() and the destructor are called by the facade's thread. Lock-free: a new list of roles is passed
 /// through one atomic pointer.

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "base/floating_point.hpp"
 #include "facade/implementation.hpp"
 
 namespace ringfence {
@@ -82,8 +83,24 @@ void World::Implementation::log_growth() {
   }
 }
 
-World::World(WorldConfig config) : implementation_(std::make_unique<Implementation>(std::move(config))) {}
+void World::Implementation::log_support_failures() {
+  for (const std::string& failure : shapes.take_support_failures()) {
+    log(LogLevel::warning, failure + "; pairs for which it fails have no contact, see FrameReport::failed_supports");
+  }
+  if (config.remote_nodes != nullptr && report.failed_supports != 0 && !failures_logged) {
+    failures_logged = true;
+    log(LogLevel::warning, "frame " + std::to_string(report.frame) + ": " + std::to_string(report.failed_supports) +
+                               " pairs have no contact, since a support function failed on a CD node; see its log");
+  }
+}
+
+World::World(WorldConfig config) {
+  const base::DefaultFloatingPoint floating_point;
+  implementation_ = std::make_unique<Implementation>(std::move(config));
+}
+
 World::~World() {
+  const base::DefaultFloatingPoint floating_point;
   if (implementation_ != nullptr && implementation_->frame_is_running()) {
     finish_frame();
   }
@@ -102,6 +119,7 @@ Status World::advance() {
 }
 
 Status World::begin_frame() {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
@@ -125,6 +143,7 @@ Status World::begin_frame() {
 }
 
 Status World::finish_frame() {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (!w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
@@ -156,6 +175,7 @@ Status World::finish_frame() {
   }
   w.log_losses();
   w.log_growth();
+  w.log_support_failures();
   return Status::ok;
 }
 

@@ -10,6 +10,7 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/parallel_invoke.h>
 
+#include "base/task_context.hpp"
 #include "geometry/vector.hpp"
 
 namespace ringfence::geometry {
@@ -66,7 +67,8 @@ void sort_leaves(std::span<Entry> entries) {
                      });
     const std::span<Entry> front = entries.first(half), back = entries.subspan(half);
     if (entries.size() >= min_task_triangles) {
-      oneapi::tbb::parallel_invoke([front] { sort_leaves(front); }, [back] { sort_leaves(back); });
+      auto context = base::task_context();
+      oneapi::tbb::parallel_invoke([front] { sort_leaves(front); }, [back] { sort_leaves(back); }, context);
       return;
     }
     sort_leaves(front);
@@ -109,13 +111,15 @@ MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<s
   assert(!triangles.empty());
   using Range = oneapi::tbb::blocked_range<std::size_t>;
   std::vector<Entry> order(triangles.size());
-  oneapi::tbb::parallel_for(Range(0, order.size(), min_task_triangles), [&](const Range& range) {
+  const auto enter = [&](const Range& range) {
     for (std::size_t i = range.begin(); i != range.end(); ++i) {
       const auto& t = triangles[i];
       const Vec3f sum = vertices[t[0]] + vertices[t[1]] + vertices[t[2]];
       order[i] = {{sum.x, sum.y, sum.z}, static_cast<std::uint32_t>(i)};
     }
-  });
+  };
+  auto context = base::task_context();
+  oneapi::tbb::parallel_for(Range(0, order.size(), min_task_triangles), enter, context);
   sort_leaves(order);
 
   std::size_t groups = 0;
@@ -129,7 +133,7 @@ MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<s
   boxes_.assign(groups, no_boxes());
 
   std::vector<Box> below(levels_[0].nodes);
-  oneapi::tbb::parallel_for(Range(0, leaves_.size(), min_task_triangles / fanout), [&](const Range& range) {
+  const auto fill = [&](const Range& range) {
     for (std::size_t leaf = range.begin(); leaf != range.end(); ++leaf) {
       for (std::size_t lane = 0; lane < fanout; ++lane) {
         const std::uint32_t number = order[std::min(leaf * fanout + lane, order.size() - 1)].triangle;
@@ -149,7 +153,8 @@ MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<s
         to.index[lane] = number;
       }
     }
-  });
+  };
+  oneapi::tbb::parallel_for(Range(0, leaves_.size(), min_task_triangles / fanout), fill, context);
   for (const Level& level : levels_) {
     std::vector<Box> above(groups_of(level.nodes));
     for (std::size_t i = 0; i < level.nodes; ++i) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <limits>
 #include <string>
 
@@ -65,11 +66,9 @@ ShapeRow row_of(const Capsule& capsule) {
           .kind = ShapeKind::capsule};
 }
 
-/// Checks the support function. Its bounding ball is the one around the origin that contains the function's box on the
-/// shape's axes.
-ShapeRow row_of(const SupportShape& shape) {
-  if (!shape.function) throw Error("support shape: no function");
-  const SupportFunction& f = *shape.function;
+/// Computes the row of a support function. Its bounding ball is the one around the origin that contains the function's box
+/// on the shape's axes.
+ShapeRow row_of(const SupportFunction& f) {
   const Vec3f high{f.support({1, 0, 0}).x, f.support({0, 1, 0}).y, f.support({0, 0, 1}).z};
   const Vec3f low{f.support({-1, 0, 0}).x, f.support({0, -1, 0}).y, f.support({0, 0, -1}).z};
   check_coordinate("support point", 0, high);
@@ -89,11 +88,24 @@ ShapeRow row_of(const SupportShape& shape) {
       .kind = ShapeKind::support};
 }
 
+ShapeRow row_of(const SupportShape& shape) {
+  if (!shape.function) throw Error("support shape: no function");
+  try {
+    return row_of(*shape.function);
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw Error(std::string("support shape: its function threw: ") + error.what());
+  } catch (...) {
+    throw Error("support shape: its function threw an exception that is no std::exception");
+  }
+}
+
 struct Extent {
   Vec3d lower, upper;  ///< relative to the position, on the world's axes
 };
 
-Extent support_extent(const SupportFunction& function, const Rotation& r) {
+Extent support_extent(const CheckedSupport& function, const Rotation& r) {
   const auto support_along = [&](const float row[3], float sign) {
     const Vec3f direction{row[0] * sign, row[1] * sign, row[2] * sign};
     return double{dot(direction, function.support(direction)) * sign};
@@ -101,6 +113,8 @@ Extent support_extent(const SupportFunction& function, const Rotation& r) {
   return {{support_along(r.m[0], -1), support_along(r.m[1], -1), support_along(r.m[2], -1)},
           {support_along(r.m[0], 1), support_along(r.m[1], 1), support_along(r.m[2], 1)}};
 }
+
+Extent ball_extent(double radius) { return {{-radius, -radius, -radius}, {radius, radius, radius}}; }
 
 }  // namespace
 
@@ -139,12 +153,21 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
     const SupportShape& shape = std::get<SupportShape>(description);
     row = row_of(shape);
     row.index_in_kind = static_cast<std::uint32_t>(supports_.size());
-    supports_.push_back(shape.function);
+    supports_.push_back(
+        std::make_unique<CheckedSupport>(shape.function, static_cast<ShapeNumber>(rows_.size()), row.bounding_radius));
   }
   descriptions_.push_back(description);
   rows_.push_back(row);
   hull_of_.push_back(row.kind == ShapeKind::hull ? &hulls_.back() : nullptr);
   return static_cast<ShapeNumber>(rows_.size() - 1);
+}
+
+std::vector<std::string> ShapeTable::take_support_failures() const {
+  std::vector<std::string> out;
+  for (const auto& support : supports_) {
+    if (auto failure = support->take_first_failure()) out.push_back(std::move(*failure));
+  }
+  return out;
 }
 
 double ShapeTable::volume(ShapeNumber shape) const noexcept {
@@ -190,7 +213,11 @@ Bounds ShapeTable::slow_bounds(const ShapeRow& row, const Pose& pose, const Fixe
   if (row.kind == ShapeKind::mesh) {
     meshes_[row.index_in_kind]->extent(r, extent.lower, extent.upper);
   } else {
-    extent = support_extent(*supports_[row.index_in_kind], r);
+    try {
+      extent = support_extent(*supports_[row.index_in_kind], r);
+    } catch (const SupportFailure&) {
+      extent = ball_extent(double{row.bounding_radius});
+    }
   }
   const double margin = rounding_margin * double{row.bounding_radius};
   const Vec3d widening{margin, margin, margin};

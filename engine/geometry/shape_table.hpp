@@ -5,9 +5,11 @@
 #include <deque>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "geometry/bounds.hpp"
+#include "geometry/checked_support.hpp"
 #include "geometry/hull.hpp"
 #include "geometry/mesh.hpp"
 #include "ringfence/ids.hpp"
@@ -47,7 +49,8 @@ class ShapeTable {
 
   /// Checks, prepares and adds a shape. Throws ringfence::Error that names the fault: a size that is not finite or out
   /// of range (thinner than 1 mm, or more than 10^6 m from the origin), a hull of fewer than 4 distinct points, a flat
-  /// hull, too many hull vertices, a mesh index out of range. The table is unchanged if it throws.
+  /// hull, too many hull vertices, a mesh index out of range, a support function that throws. The table is unchanged if
+  /// it throws.
   ShapeNumber add(const ShapeDescription& description);
 
   std::size_t size() const noexcept { return rows_.size(); }
@@ -55,16 +58,21 @@ class ShapeTable {
   const ShapeRow& row(ShapeNumber shape) const noexcept { return rows_[shape]; }
   const Hull& hull(std::uint32_t index_in_kind) const noexcept { return hulls_[index_in_kind]; }
   const Mesh& mesh(std::uint32_t index_in_kind) const noexcept { return *meshes_[index_in_kind]; }
-  const SupportFunction& support(std::uint32_t index_in_kind) const noexcept { return *supports_[index_in_kind]; }
+  const CheckedSupport& support(std::uint32_t index_in_kind) const noexcept { return *supports_[index_in_kind]; }
   /// The shape as it was registered, for writing scenes and for the reference implementation.
   const ShapeDescription& description(ShapeNumber shape) const noexcept { return descriptions_[shape]; }
+
+  /// Which support functions failed since the last call, and why: of each shape the first time only. For the log. From
+  /// one thread at a time.
+  std::vector<std::string> take_support_failures() const;
 
   /// Volume of the shape in cubic metres; 0 for meshes and support shapes.
   double volume(ShapeNumber shape) const noexcept;
 
   /// Tight bounds of a shape at a pose; those of a hull come from its support in six directions. Precondition: the
   /// orientation has unit length. Widened by 2^-20 of the bounding radius, which exceeds the float rounding error of
-  /// the extent; so shapes in contact always have bounds that touch. The same bits at every vector width.
+  /// the extent; so shapes in contact always have bounds that touch. The same bits at every vector width. If the
+  /// function of a support shape fails, the result is the bounds of the shape's bounding ball.
   Bounds bounds(ShapeNumber shape, const Pose& pose, const FixedSpace& space) const noexcept;
   /// The bounds of many placed shapes: takes a quarter less time for each. `out[i]` are the bounds of `placed[i]`. If
   /// `points` is not null, `points[i]` is FixedSpace::point of its position, at almost no extra cost.
@@ -79,7 +87,7 @@ class ShapeTable {
   std::deque<Hull> hulls_;
   std::vector<const Hull*> hull_of_;  ///< by shape number; null if the shape is not a hull
   std::vector<std::unique_ptr<Mesh>> meshes_;
-  std::vector<std::shared_ptr<const SupportFunction>> supports_;
+  std::vector<std::unique_ptr<const CheckedSupport>> supports_;
 };
 
 }  // namespace ringfence::geometry

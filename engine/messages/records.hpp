@@ -84,6 +84,7 @@ struct NarrowDoneRecord {
   std::uint64_t candidates = 0;  ///< pairs that the node owns
   std::uint64_t tested = 0;
   std::uint64_t contacts = 0;
+  std::uint64_t failed_supports = 0;  ///< of those tested: without an answer, since a support function failed
 };
 
 /// M5, and the server's `adopt`. The model state follows; together they are all of S(k).
@@ -160,7 +161,7 @@ static_assert(sizeof(NodeStateRecord) == 80);
 static_assert(sizeof(PositionRecord) == 88);
 static_assert(sizeof(PairRecord) == 8);
 static_assert(sizeof(CollisionRecord) == 48 && sizeof(ConfirmRecord) == 8);
-static_assert(sizeof(NarrowDoneRecord) == 24);
+static_assert(sizeof(NarrowDoneRecord) == 32);
 static_assert(sizeof(HandOverRecord) == 72);
 static_assert(sizeof(DropRecord) == 16);
 static_assert(sizeof(PlaceRecord) == 56);

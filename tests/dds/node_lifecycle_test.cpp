@@ -5,6 +5,7 @@
 #include <doctest/doctest.h>
 
 #include "dds/node_world.hpp"
+#include "geometry/gapped_ellipsoid.hpp"
 
 namespace ringfence {
 namespace {
@@ -210,6 +211,36 @@ TEST_CASE("a node on a slow machine gets less work") {
     return reports.size() == 2 && 2 * reports[1].hosted < reports[0].hosted;
   }));
   CHECK(nodes.is_right());
+}
+
+TEST_CASE(
+    "a support function that throws on nodes in other processes fails the same pairs, and the World counts them") {
+  WorldConfig config = NodeWorld::config_of(Deployment::user_collision, Placement::region);
+  config.nodes = 0;
+  World alone(std::move(config));
+  test::populate(alone, NodeWorld::objects, NodeWorld::users, NodeWorld::side);
+  NodeWorld nodes(Deployment::user_collision, Placement::region, 2);
+  for (World* world : {&alone, &nodes.world()}) {
+    ObjectSpec spec;
+    spec.shape = world->add_shape(SupportShape{test::gapped_ellipsoid()});
+    for (int i = 0; i < 60; ++i) {
+      spec.pose.position = {3.0 + i % 10, 3.0 + i / 10, 8};
+      REQUIRE(world->spawn(spec).status == Status::ok);
+    }
+  }
+  Digest expected, found;
+  std::uint64_t failed = 0;
+  for (int frame = 0; frame < 20; ++frame) {
+    CAPTURE(frame);
+    REQUIRE(alone.advance() == Status::ok);
+    REQUIRE(nodes.world().advance() == Status::ok);
+    CHECK(nodes.world().report().failed_supports == alone.report().failed_supports);
+    failed += alone.report().failed_supports;
+    expected.add_frame(alone.contacts());
+    found.add_frame(nodes.world().contacts());
+  }
+  CHECK(failed > 0);
+  CHECK(found.value() == expected.value());
 }
 
 TEST_CASE("shapes and objects that are added while nodes join reach all of them") {

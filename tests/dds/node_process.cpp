@@ -5,7 +5,9 @@
 #include <cstring>
 #include <string>
 
+#include "base/caller_environment.hpp"
 #include "facade/bouncing_world.hpp"
+#include "geometry/gapped_ellipsoid.hpp"
 #include "ringfence/cluster.hpp"
 
 namespace {
@@ -46,6 +48,9 @@ int main(int argc, char** argv) {
     if (times > 1) return std::make_shared<SlowModel>(side, times);
     return std::make_shared<test::BouncingModel>(side);
   };
+  config.support = [](ShapeNumber) { return test::gapped_ellipsoid(); };
+  // What the service computes must not depend on it.
+  const test::CallerEnvironment environment(test::Caller::rounding_up);
   dds::NodeService service(std::move(config));
   draining_service = &service;
   std::signal(SIGTERM, drain);

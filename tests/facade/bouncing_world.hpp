@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "base/caller_environment.hpp"
 #include "ringfence/world.hpp"
 
 namespace ringfence::test {
@@ -74,12 +75,15 @@ class BouncingModel : public MotionModel {
 };
 
 /// Spheres, boxes and capsules at pseudo-random positions in a cube of `side`: one avatar per user, the others
-/// alternately active and non-active, every seventeenth static.
-inline void populate(World& world, std::size_t objects, std::size_t users, double side) {
-  std::vector<ShapeNumber> shapes = {world.add_shape(Sphere{0.7f}), world.add_shape(Box{{0.6f, 0.8f, 0.5f}}),
-                                     world.add_shape(Capsule{0.4f, 0.6f})};
+/// alternately active and non-active, every seventeenth static. Makes the calls as `caller`; the
+/// values do not depend on it.
+inline void populate(World& world, std::size_t objects, std::size_t users, double side, Caller caller = Caller::usual) {
+  const auto add = [&](const ShapeDescription& shape) {
+    return call_from(caller, [&] { return world.add_shape(shape); });
+  };
+  const std::vector<ShapeNumber> shapes = {add(Sphere{0.7f}), add(Box{{0.6f, 0.8f, 0.5f}}), add(Capsule{0.4f, 0.6f})};
   for (std::size_t user = 0; user < users; ++user) {
-    world.connect();
+    call_from(caller, [&] { return world.connect(); });
   }
   std::uint64_t h = 12345;
   const auto uniform = [&] {
@@ -99,7 +103,7 @@ inline void populate(World& world, std::size_t objects, std::size_t users, doubl
     } else {
       spec.category = i % 2 == 0 ? Category::active : Category::non_active;
     }
-    world.spawn(spec);
+    call_from(caller, [&] { return world.spawn(spec); });
   }
 }
 

@@ -1,6 +1,8 @@
 #include <cstdint>
+#include <iterator>
 #include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -23,17 +25,18 @@ struct Run {
 };
 
 // A crowd in a corner of the world, so that regions follow it, and many resting objects.
-Run run(WorldConfig config, const Schedule& schedule) {
+Run run(WorldConfig config, const Schedule& schedule, Caller caller = Caller::usual) {
   config.bounds_max = {60, 60, 60};
   config.interest = 4;
   config.motion = std::make_shared<BouncingModel>(side);
-  World world(config);
-  populate(world, 160, 4, side);
+  const auto made = call_from(caller, [&] { return std::make_unique<World>(config); });
+  World& world = *made;
+  populate(world, 160, 4, side, caller);
   Digest digest;
   Run result;
   for (int frame = 0; frame < 36; ++frame) {
     if (const auto at = schedule.find(frame); at != schedule.end()) REQUIRE(world.resize(at->second) == Status::ok);
-    REQUIRE(world.advance() == Status::ok);
+    REQUIRE(call_from(caller, [&] { return world.advance(); }) == Status::ok);
     const FrameReport& report = world.report();
     REQUIRE(report.tested == report.candidates);
     REQUIRE(report.accepted == report.candidates);
@@ -57,8 +60,10 @@ TEST_CASE("placement, node count, resizing, balancing and keep_resting change no
     for (const Placement placement : {Placement::server, Placement::region, Placement::automatic}) {
       for (const bool balance : {true, false}) {
         for (const bool keep_resting : {true, false}) {
-          // Three schedules and four settings: the loops combine each with each.
+          // Three schedules, four callers and four settings: the loops combine each with each.
+          const Caller caller = callers[next / schedules.size() % std::size(callers)];
           const std::size_t schedule = next++ % schedules.size();
+          CAPTURE(std::string(name_of(caller)));
           CAPTURE(nodes);
           CAPTURE(name_of(placement));
           CAPTURE(balance);
@@ -69,7 +74,7 @@ TEST_CASE("placement, node count, resizing, balancing and keep_resting change no
           config.placement = placement;
           config.balance = balance;
           config.keep_resting = keep_resting;
-          const Run other = run(config, schedules[schedule]);
+          const Run other = run(config, schedules[schedule], caller);
           CHECK(other.digest == expected.digest);
           changed += schedule == 0 && other.epoch > 1 ? 1 : 0;
         }

@@ -5,11 +5,16 @@
 #include <cstring>
 #include <random>
 #include <set>
+#include <string>
+#include <thread>
 
 #include <doctest/doctest.h>
 #include <oneapi/tbb/global_control.h>
+#include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include "base/caller_environment.hpp"
+#include "base/floating_point.hpp"
 #include "geometry/mesh.hpp"
 #include "geometry/support_table.hpp"
 #include "geometry/vector.hpp"
@@ -102,6 +107,29 @@ TEST_CASE("a tree is the same for any number of threads that build it") {
       CHECK(lower == low);
       CHECK(upper == high);
     });
+  }
+}
+
+TEST_CASE("a tree is the same whatever the environment in which its thread first used oneTBB") {
+  const TriangleMesh description = cloud(20'000, 8);
+  const Mesh expected(description);
+  const Rotation r = rotation(Quat{0.5f, 0.5f, -0.5f, 0.5f});
+  Vec3d low, high;
+  expected.extent(r, low, high);
+  for (const test::Caller caller : {test::Caller::flushing, test::Caller::rounding_up}) {
+    CAPTURE(std::string(name_of(caller)));
+    std::thread([&] {
+      const test::CallerEnvironment environment(caller);
+      oneapi::tbb::parallel_for(0, 1, [](int) {});
+      const base::DefaultFloatingPoint floating_point;
+      const Mesh mesh(description);
+      CHECK(same_bits(mesh.tree().leaves(), expected.tree().leaves()));
+      CHECK(same_bits(mesh.tree().all_boxes(), expected.tree().all_boxes()));
+      Vec3d lower, upper;
+      mesh.extent(r, lower, upper);
+      CHECK(lower == low);
+      CHECK(upper == high);
+    }).join();
   }
 }
 

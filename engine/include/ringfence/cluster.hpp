@@ -136,7 +136,7 @@ enum class ExitReason : std::uint8_t {
 /// A CD node process: joins a domain, waits for a World and serves its frames.
 ///
 /// Threads: run() occupies its thread until it returns; drain() may be called from any other thread and from a signal
-/// handler.
+/// handler. run() computes in the default floating-point environment and restores the caller's modes on return.
 class NodeService {
  public:
   /// Joins the domain. Throws Error if that fails.

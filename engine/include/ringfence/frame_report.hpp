@@ -31,8 +31,9 @@ struct NodeReport {
   std::uint64_t candidates = 0;  ///< pairs that the node owns
   std::uint64_t tested = 0;
   std::uint64_t contacts = 0;
-  std::uint64_t hosted = 0;       ///< objects that the node hosts after the frame
-  std::uint64_t handed_over = 0;  ///< objects that the node handed over to others
+  std::uint64_t failed_supports = 0;  ///< pairs without a contact because a support function failed
+  std::uint64_t hosted = 0;           ///< objects that the node hosts after the frame
+  std::uint64_t handed_over = 0;      ///< objects that the node handed over to others
 };
 
 /// Buckets of KindReport::cost. Bucket i counts candidates that cost 2^(i/2) to 2^((i+1)/2) ns. The first also counts
@@ -166,6 +167,9 @@ struct FrameReport {
   std::uint64_t tested = 0;
   std::uint64_t accepted = 0;  ///< pairs whose result (contact or none) the server accepted
   std::uint64_t contacts = 0;  ///< begin and persist
+  /// Of `tested`: pairs without a contact because a support function threw or returned an invalid point; see
+  /// SupportFunction. The log has the reason.
+  std::uint64_t failed_supports = 0;
   std::uint64_t began = 0, ended = 0;
   std::uint64_t objects = 0, moved = 0;
   std::uint64_t handed_over = 0;  ///< objects whose host changed

@@ -42,7 +42,14 @@ struct TriangleMesh {
 /// A convex shape that is defined only by its support function. Tested by libccd: slower than the other kinds, and it
 /// allocates inside the frame.
 ///
-/// The function must be pure; it is called concurrently from any thread.
+/// The function must be pure; it is called concurrently from any thread, in the default floating-point environment. The
+/// points that it returns must lie in the shape as it was at registration.
+///
+/// A call fails if it throws, or if it returns a point that is not finite or that is farther from the origin, on any
+/// axis, than twice the radius of the ball around the origin that contains the shape's box. In World::add_shape a failure
+/// is an Error. In a frame nothing is thrown: the tested pair has no contact in that frame and is counted in
+/// FrameReport::failed_supports; bounds that were to be computed become those of that ball. The first failure of each
+/// shape is logged as a warning.
 class SupportFunction {
  public:
   virtual ~SupportFunction() = default;

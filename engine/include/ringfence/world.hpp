@@ -49,7 +49,10 @@ struct ObjectView {
 /// Threads: one thread at a time calls a World. Between begin_frame and finish_frame requests may be made (they belong
 /// to the next frame) and the results of the frame before may be read. Failure: the constructor and add_shape throw
 /// Error. Every other call returns a Status, counts refusals by reason in the next FrameReport, and leaves the state
-/// unchanged when it refuses. Lifetime of spans: until the next finish_frame or advance.
+/// unchanged when it refuses. Floating point: every call that computes, and every thread of the World, uses the default
+/// floating-point environment, for motion models and support functions too. The caller's modes (rounding, denormals,
+/// exceptions) are restored on return; status flags may be raised. Lifetime of spans: until the next finish_frame or
+/// advance.
 class World {
  public:
   explicit World(WorldConfig config);

@@ -168,6 +168,7 @@ class CdNodeRole {
   std::size_t next_hit_ = 0;                           ///< next hit to send
   std::uint64_t candidates_ = 0;
   std::uint64_t tested_ = 0;
+  std::uint64_t failed_supports_ = 0;
   std::vector<messages::KindRecord> kinds_;
   std::span<const std::uint32_t> changed_;  ///< of the last batch
   std::size_t next_changed_ = 0;            ///< next changed object to send

@@ -98,7 +98,7 @@ void CdNodeRole::detect() {
 // The kernels themselves count, so that "each pair once" is checked against the tests that were done, not those
 // requested.
 void CdNodeRole::count_kinds() {
-  tested_ = 0;
+  tested_ = failed_supports_ = 0;
   kinds_.clear();
   for (std::uint32_t p = 0; p < shape_kinds; ++p) {
     for (std::uint32_t q = p; q < shape_kinds; ++q) {
@@ -118,6 +118,7 @@ void CdNodeRole::count_kinds() {
         record.gather_nanoseconds = counters.gather_nanoseconds;
         std::copy(std::begin(counters.cost), std::end(counters.cost), std::begin(record.cost));
         tested_ += counters.candidates;
+        failed_supports_ += counters.failed;
       }
     }
   }
@@ -142,7 +143,7 @@ bool CdNodeRole::send_collisions() {
   return (shared || collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_)) &&
          done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()), sizeof(messages::NarrowDoneRecord),
                         traffic_, [&](std::size_t, std::byte* where) {
-                          const messages::NarrowDoneRecord record{candidates_, tested_, hits_.size()};
+                          const messages::NarrowDoneRecord record{candidates_, tested_, hits_.size(), failed_supports_};
                           std::memcpy(where, &record, sizeof record);
                         });
 }

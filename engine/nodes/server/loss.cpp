@@ -134,7 +134,7 @@ void ServerRole::detect_again() {
   }
   ledger_.begin(frame_);
   FrameReport& frame = report();
-  frame.candidates = frame.tested = frame.accepted = 0;
+  frame.candidates = frame.tested = frame.accepted = frame.failed_supports = 0;
   for (NodeReport& node : frame.nodes) {
     node = {};
   }

@@ -223,6 +223,8 @@ void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& me
   node.candidates = record.candidates;
   node.tested = record.tested;
   node.contacts = record.contacts;
+  node.failed_supports = record.failed_supports;
+  report().failed_supports += record.failed_supports;
   report().tested += record.tested;
   if (NodeContacts* const node_contacts = session.connection.node_contacts) {
     ledger_.receive(session.self.number(), *node_contacts);
