@@ -111,7 +111,7 @@ TEST_CASE("contacts of support shapes with spheres, boxes, capsules, hulls and e
 
 TEST_CASE("two pairs that were wrong in eleven million are right") {
   // Found by tools/check-accuracy: a sphere over a very sharp edge, whose projection lies outside the face and yet
-  // hardly outside any plane; and boxes whose faces are parallel within 10^-3 and touch at a corner sideways the
+  // only slightly outside any plane; and boxes whose faces are parallel within 10^-3 and touch at a corner beside the
   // other's face.
   struct Found {
     PairWorld world;

@@ -100,7 +100,7 @@ CheckResult check_contacts(const PairWorld& world, std::span<const geometry::Can
   for (const narrow_phase::PairContact& contact : contacts) {
     if (contact.pair >= pairs.size() || found[contact.pair] != nullptr) {
       ++result.wrong;
-      text << "pair " << contact.pair << " answered twice or unknown\n";
+      text << "pair " << contact.pair << " is reported twice or unknown\n";
       continue;
     }
     found[contact.pair] = &contact;
