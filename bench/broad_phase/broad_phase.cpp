@@ -36,7 +36,7 @@ class Ringfence final : public PairFinder {
 
 struct Implementation {
   const char* name;
-  std::size_t most_boxes;  ///< with more boxes a frame takes seconds
+  std::size_t max_boxes;  ///< with more boxes a frame takes seconds
   PairFinder* (*make)(const BoxFrames& world);
 };
 
@@ -77,11 +77,11 @@ PairSet set_of(const std::vector<geometry::CandidatePair>& pairs) {
 
 // The worlds are large. The implementations run one after the other and share a world, so only the last world is kept.
 const BoxFrames& world_of(const std::string& name, std::size_t boxes) {
-  static std::pair<std::string, std::size_t> kept;
+  static std::pair<std::string, std::size_t> current;
   static BoxFrames world;
-  if (kept != std::pair{name, boxes}) {
+  if (current != std::pair{name, boxes}) {
     world = make_box_world(name, boxes);
-    kept = {name, boxes};
+    current = {name, boxes};
   }
   return world;
 }
@@ -120,7 +120,7 @@ int main(int argc, char** argv) {
   for (const std::string& world : box_world_names())
     for (const std::size_t boxes : {4000, 16000, 64000, 256000, 1000000})
       for (const Implementation& implementation : implementations()) {
-        if (boxes > implementation.most_boxes) continue;
+        if (boxes > implementation.max_boxes) continue;
         const std::string name = "broad/" + world + '/' + std::to_string(boxes) + '/' + implementation.name;
         benchmark::RegisterBenchmark(name.c_str(), [=](benchmark::State& state) {
           run(state, world, boxes, implementation);

@@ -23,7 +23,7 @@ constexpr std::size_t recorded_frames = 16;
 struct Implementation {
   const char* name;
   bool threads;               ///< multi-threaded: reports wall time
-  std::uint32_t max_objects;  ///< objects; with more a frame takes seconds
+  std::uint32_t max_objects;  ///< with more objects a frame takes seconds
   double allowed_difference;  ///< as a share of the contacts
   std::unique_ptr<FrameTester> (*make)(const RecordedWorld& world);
 };
@@ -66,11 +66,11 @@ std::vector<std::uint64_t> sorted(std::vector<std::uint64_t> keys) {
 
 // The worlds are large. The implementations run one after the other and share a world, so only the last world is kept.
 const RecordedWorld& world_of(worlds::ShapeSetting shapes, std::uint32_t objects) {
-  static std::pair<worlds::ShapeSetting, std::uint32_t> kept;
+  static std::pair<worlds::ShapeSetting, std::uint32_t> current;
   static RecordedWorld world;
-  if (kept != std::pair{shapes, objects}) {
+  if (current != std::pair{shapes, objects}) {
     world = record_world(shapes, objects, recorded_frames);
-    kept = {shapes, objects};
+    current = {shapes, objects};
   }
   return world;
 }
@@ -87,14 +87,14 @@ void run(benchmark::State& state, worlds::ShapeSetting shapes, std::uint32_t obj
          const Implementation& implementation) {
   const RecordedWorld& world = world_of(shapes, objects);
   const std::unique_ptr<FrameTester> tester = implementation.make(world);
-  const std::unique_ptr<FrameTester> judge = make_loop_frame(world);
+  const std::unique_ptr<FrameTester> reference = make_loop_frame(world);
   std::size_t k = 0, differ = 0, touch = 0;
   for (; k < recorded_frames; ++k) {
     tester->run(world.frames[k]);
     if (k % 5 != 0) continue;
-    judge->run(world.frames[k]);
-    differ += differences(*tester, *judge);
-    touch += judge->contacts();
+    reference->run(world.frames[k]);
+    differ += differences(*tester, *reference);
+    touch += reference->contacts();
   }
   if (static_cast<double>(differ) > implementation.allowed_difference * static_cast<double>(touch)) {
     state.SkipWithError((std::to_string(differ) + " of " + std::to_string(touch) + " contacts differ").c_str());

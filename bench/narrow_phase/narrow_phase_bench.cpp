@@ -59,7 +59,7 @@ constexpr Implementation implementations[] = {
 };
 
 /// A crowd, the implementations that test it, and which of its candidates are in contact.
-struct Arena {
+struct Comparison {
   Crowd crowd;
   std::map<std::string, std::unique_ptr<Peer>> peers;
   std::vector<std::uint32_t> all, hits, misses;
@@ -69,17 +69,17 @@ struct Arena {
 constexpr double allowed_difference = 0.01;
 
 /// On the heap, since the peers refer to the crowd.
-std::unique_ptr<Arena> make_arena(const Side& a, const Side& b) {
-  auto made = std::make_unique<Arena>();
-  Arena& arena = *made;
-  arena.crowd = make_crowd(a, b, crowd_objects(a, b), seed);
-  arena.all.resize(arena.crowd.pairs.size());
-  std::iota(arena.all.begin(), arena.all.end(), 0u);
+std::unique_ptr<Comparison> make_comparison(const Side& a, const Side& b) {
+  auto result = std::make_unique<Comparison>();
+  Comparison& comparison = *result;
+  comparison.crowd = make_crowd(a, b, crowd_objects(a, b), seed);
+  comparison.all.resize(comparison.crowd.pairs.size());
+  std::iota(comparison.all.begin(), comparison.all.end(), 0u);
   std::vector<std::uint8_t> expected;
   for (const Implementation& implementation : implementations) {
     if (!implementation.tests(a, b)) continue;
-    auto peer = implementation.make(arena.crowd);
-    peer->select(arena.all);
+    auto peer = implementation.make(comparison.crowd);
+    peer->select(comparison.all);
     peer->test();
     const std::span<const std::uint8_t> touches = peer->touches();
     if (expected.empty()) {
@@ -92,23 +92,24 @@ std::unique_ptr<Arena> make_arena(const Side& a, const Side& b) {
                    b.name().c_str(), implementation.name, different, touches.size());
       continue;
     }
-    arena.peers.emplace(implementation.name, std::move(peer));
+    comparison.peers.emplace(implementation.name, std::move(peer));
   }
-  for (const std::uint32_t pair : arena.all) (expected[pair] ? arena.hits : arena.misses).push_back(pair);
-  return made;
+  for (const std::uint32_t pair : comparison.all)
+    (expected[pair] ? comparison.hits : comparison.misses).push_back(pair);
+  return result;
 }
 
-/// Arenas are created on first use, so that a filter prepares only what it runs. Only the last one is kept.
-Arena& arena_of(const Side& a, const Side& b) {
+/// Comparisons are created on first use, so that a filter prepares only what it runs. Only the last one is kept.
+Comparison& comparison_of(const Side& a, const Side& b) {
   static std::string name;
-  static std::unique_ptr<Arena> arena;
-  const std::string wanted = a.name() + '_' + b.name();
-  if (wanted != name) {
-    arena.reset();
-    arena = make_arena(a, b);
-    name = wanted;
+  static std::unique_ptr<Comparison> comparison;
+  const std::string requested = a.name() + '_' + b.name();
+  if (requested != name) {
+    comparison.reset();
+    comparison = make_comparison(a, b);
+    name = requested;
   }
-  return *arena;
+  return *comparison;
 }
 
 enum class Variant { mix, hits, misses, cold, few };
@@ -154,17 +155,17 @@ void measure(benchmark::State& state, std::span<const std::uint32_t> pairs, bool
 }
 
 /// Measures ringfence in calls of four pairs.
-void measure_few(benchmark::State& state, const Arena& arena) {
-  narrow_phase::NarrowPhase narrow_phase(*arena.crowd.shapes);
+void measure_few(benchmark::State& state, const Comparison& comparison) {
+  narrow_phase::NarrowPhase narrow_phase(*comparison.crowd.shapes);
   std::span<const geometry::CandidatePair> slice;
   const auto prepare = [&](std::span<const std::uint32_t> pairs) {
-    slice = std::span(arena.crowd.pairs).subspan(pairs.front(), pairs.size());
+    slice = std::span(comparison.crowd.pairs).subspan(pairs.front(), pairs.size());
   };
   std::size_t hits = 0;
-  measure(state, arena.all, false, prepare, [&] {
+  measure(state, comparison.all, false, prepare, [&] {
     for (std::size_t i = 0; i < slice.size(); i += 4) {
-      hits +=
-          narrow_phase.test(arena.crowd.bodies, slice.subspan(i, std::min<std::size_t>(4, slice.size() - i))).size();
+      hits += narrow_phase.test(comparison.crowd.bodies, slice.subspan(i, std::min<std::size_t>(4, slice.size() - i)))
+                  .size();
     }
   });
   benchmark::DoNotOptimize(hits);
@@ -172,9 +173,9 @@ void measure_few(benchmark::State& state, const Arena& arena) {
 
 /// Measures ringfence in a sequence of frames with moving objects; every round starts with an empty axis cache.
 void measure_moving(benchmark::State& state, const Side& a, const Side& b, bool remember) {
-  const Arena& arena = arena_of(a, b);
-  const std::vector<Frame> frames = make_frames(arena.crowd, 40, seed + 1);
-  narrow_phase::NarrowPhase narrow_phase(*arena.crowd.shapes);
+  const Comparison& comparison = comparison_of(a, b);
+  const std::vector<Frame> frames = make_frames(comparison.crowd, 40, seed + 1);
+  narrow_phase::NarrowPhase narrow_phase(*comparison.crowd.shapes);
   narrow_phase.remember_axes(remember);
   using Nanoseconds = std::chrono::duration<double, std::nano>;
   std::vector<Nanoseconds> least(frames.size(), Nanoseconds::max());
@@ -206,25 +207,25 @@ void measure_moving(benchmark::State& state, const Side& a, const Side& b, bool 
 
 void run_peer(benchmark::State& state, const Side& a, const Side& b, const std::string& name, Variant variant,
               const std::string& target) {
-  Arena& arena = arena_of(a, b);
-  const auto found = arena.peers.find(name);
-  if (found == arena.peers.end()) {
+  Comparison& comparison = comparison_of(a, b);
+  const auto found = comparison.peers.find(name);
+  if (found == comparison.peers.end()) {
     state.SkipWithError("disagrees on which pairs touch");
     return;
   }
   Peer& peer = *found->second;
   narrow_phase::force_target(target);
   if (variant == Variant::few) {
-    measure_few(state, arena);
+    measure_few(state, comparison);
   } else {
-    const std::vector<std::uint32_t>& pairs = variant == Variant::hits     ? arena.hits
-                                              : variant == Variant::misses ? arena.misses
-                                                                           : arena.all;
+    const std::vector<std::uint32_t>& pairs = variant == Variant::hits     ? comparison.hits
+                                              : variant == Variant::misses ? comparison.misses
+                                                                           : comparison.all;
     const auto prepare = [&](std::span<const std::uint32_t> slice) { peer.select({slice.begin(), slice.end()}); };
     measure(state, pairs, variant == Variant::cold, prepare, [&] { peer.test(); });
   }
   narrow_phase::force_target("");
-  const double share = static_cast<double>(arena.hits.size()) / static_cast<double>(arena.all.size());
+  const double share = static_cast<double>(comparison.hits.size()) / static_cast<double>(comparison.all.size());
   state.counters["share_of_hits"] = variant == Variant::hits ? 1.0 : variant == Variant::misses ? 0.0 : share;
 }
 

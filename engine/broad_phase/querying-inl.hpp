@@ -144,9 +144,9 @@ void query_where(const RowGrid& a, std::uint32_t first, std::uint32_t last, cons
       const std::uint32_t z[2] = {(from[2] & z_mask) << z_to, (to[2] & z_mask) << z_to};
       const std::uint32_t x_first = from[0] & x_mask, x_last = to[0] & x_mask;
       const std::uint32_t two_rows = from[1] != to[1], two_slabs = from[2] != to[2];
-      const auto add_query = [&](std::uint32_t row, std::uint32_t wanted) HWY_ATTR {
+      const auto add_query = [&](std::uint32_t row, std::uint32_t needed) HWY_ATTR {
         queries[count] = {code, {i, cell_end[static_cast<std::int64_t>(row + x_first) - 1], cell_end[row + x_last]}};
-        count += wanted;
+        count += needed;
       };
       add_query(y[0] | z[0], 1);
       add_query(y[1] | z[0], two_rows);

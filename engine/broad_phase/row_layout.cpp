@@ -153,8 +153,8 @@ RowLayout plan_rows(const LevelSample& sample, std::size_t lanes) {
   rows.cells = 1u << (best[0].bits + best[1].bits + best[2].bits);
   rows.back = best[0].bits == 0 ? 0 : (sample.limit[0] >> best[0].shift) + 1;
   const std::uint32_t key_bits = best[0].bits + best[1].bits + best[2].bits;
-  const auto wanted = static_cast<std::uint32_t>(std::bit_width(sample.count >> 12));
-  const std::uint32_t bucket_bits = std::min({wanted, key_bits, 5u});
+  const auto desired_bits = static_cast<std::uint32_t>(std::bit_width(sample.count >> 12));
+  const std::uint32_t bucket_bits = std::min({desired_bits, key_bits, 5u});
   rows.bucket_shift = key_bits - bucket_bits;
   rows.buckets = 1u << bucket_bits;
   return rows;

@@ -110,16 +110,16 @@ inline HWY_NOINLINE Window* collect_neighbour_windows(const RowGrid& grid, const
     const std::uint32_t own = key & ~x_mask, slab = steps.slab_after(own);
     // A box that boxes of the previous row may reach ends within its own row: rows are two limits deep.
     const std::uint32_t row[3] = {steps.row_beside(own, 1), slab, steps.row_beside(slab, 1 - 2 * before)};
-    const std::uint32_t wanted[3] = {y, z, (y | before) & z};
+    const std::uint32_t needed[3] = {y, z, (y | before) & z};
     if (HWY_UNLIKELY(first < 0 || last > static_cast<std::int32_t>(x_mask))) {
       for (int r = 0; r < 3; ++r)
-        if (wanted[r] != 0) to = add_wrapped(cell_end, x_mask, i, row[r], first, last, to);
+        if (needed[r] != 0) to = add_wrapped(cell_end, x_mask, i, row[r], first, last, to);
       continue;
     }
     for (int r = 0; r < 3; ++r) {
       *to = {i, cell_end[static_cast<std::int64_t>(row[r]) + first - 1],
              cell_end[static_cast<std::int64_t>(row[r]) + last]};
-      to += wanted[r];
+      to += needed[r];
     }
   }
   return to;

@@ -60,9 +60,9 @@ template <bool layered, std::uint32_t width>
 HWY_INLINE std::uint32_t compare_codes(Columns in, SearchKey search_key, std::uint32_t j) {
   std::uint32_t bits = 0;
   for (std::uint32_t k = 0; k < width; ++k) {
-    bool meets = (add_bytes(in.codes[j + k], search_key.code) & coordinate_signs) == 0;
-    if constexpr (layered) meets &= (in.layer_bits[j + k] & search_key.layers) != 0;
-    bits |= std::uint32_t{meets} << k;
+    bool matches = (add_bytes(in.codes[j + k], search_key.code) & coordinate_signs) == 0;
+    if constexpr (layered) matches &= (in.layer_bits[j + k] & search_key.layers) != 0;
+    bits |= std::uint32_t{matches} << k;
   }
   return bits;
 }
@@ -117,18 +117,18 @@ HWY_INLINE std::uint32_t compare_codes(Columns in, SearchKey search_key, std::ui
   const Codes d;
   const hn::Rebind<std::uint32_t, Codes> bits;
   const hn::Repartition<std::uint8_t, Codes> bytes;
-  const auto wanted = hn::BitCast(bytes, hn::Set(d, search_key.code));
+  const auto key_bytes = hn::BitCast(bytes, hn::Set(d, search_key.code));
   const auto signs = hn::Set(d, coordinate_signs);
   const auto layers = hn::Set(d, std::uint64_t{search_key.layers});
   std::uint32_t found = 0;
   for (std::uint32_t k = 0; k < width; k += static_cast<std::uint32_t>(hn::Lanes(d))) {
-    const auto sum = hn::BitCast(d, hn::Add(wanted, hn::BitCast(bytes, hn::LoadU(d, in.codes + j + k))));
-    auto meets = none_of(sum, signs);
+    const auto sum = hn::BitCast(d, hn::Add(key_bytes, hn::BitCast(bytes, hn::LoadU(d, in.codes + j + k))));
+    auto matches = none_of(sum, signs);
     if constexpr (layered) {
       const auto allowed = hn::And(layers, hn::PromoteTo(d, hn::LoadU(bits, in.layer_bits + j + k)));
-      meets = hn::AndNot(hn::Eq(allowed, hn::Zero(d)), meets);
+      matches = hn::AndNot(hn::Eq(allowed, hn::Zero(d)), matches);
     }
-    found |= bits_of(meets) << k;
+    found |= bits_of(matches) << k;
   }
   return found;
 }

@@ -66,8 +66,8 @@ ShapeRow row_of(const Capsule& capsule) {
           .kind = ShapeKind::capsule};
 }
 
-/// Computes the row of a support function. Its bounding ball is the one around the origin that contains the function's box
-/// on the shape's axes.
+/// Computes the row of a support function. Its bounding ball is the one around the origin that contains the function's
+/// box on the shape's axes.
 ShapeRow row_of(const SupportFunction& f) {
   const Vec3f high{f.support({1, 0, 0}).x, f.support({0, 1, 0}).y, f.support({0, 0, 1}).z};
   const Vec3f low{f.support({-1, 0, 0}).x, f.support({0, -1, 0}).y, f.support({0, 0, -1}).z};

@@ -11,7 +11,7 @@ namespace ringfence::reference {
 namespace {
 
 // Dot products of unit vectors are precise to about 10^-16. Candidates this close to a decision are always tried.
-constexpr double unsure = 1e-12;
+constexpr double decision_margin = 1e-12;
 
 void consider(const CorePair& pair, const Vector& n, CoreOverlap& best) {
   const double depth = pair.overlap(n);
@@ -83,7 +83,7 @@ void take_edges(const Core& core, const Placement& placement, double mirror, boo
 
 /// Whether both ends of an arc are certainly on the same side of the plane perpendicular to `axis`.
 bool same_side(const Side::Edge& arc, const Vector& axis) {
-  return dot(arc.ends[0], axis) * dot(arc.ends[1], axis) > unsure;
+  return dot(arc.ends[0], axis) * dot(arc.ends[1], axis) > decision_margin;
 }
 
 /// The unit vector perpendicular to two edges, or zero if they are parallel within rounding. Then the normals of the
@@ -100,7 +100,7 @@ void consider_edges(const CorePair& pair, const Side::Edge& p, const Side::Edge&
   Vector n = across(p.direction, q.direction);
   if (dot(n, n) < 0.5) return;
   for (int sense = 0; sense < 2; ++sense, n = -n) {
-    if (dot(n, p.ends[0] + p.ends[1]) < -unsure || dot(n, q.ends[0] + q.ends[1]) < -unsure) continue;
+    if (dot(n, p.ends[0] + p.ends[1]) < -decision_margin || dot(n, q.ends[0] + q.ends[1]) < -decision_margin) continue;
     // The two edges alone already overlap this far along n; the whole shapes overlap at least as far.
     if (dot(n, p.point + q.point) < best.depth) consider(pair, n, best);
   }

@@ -95,7 +95,7 @@ class FrameCheck {
   }
 
   void check_pairs() {
-    std::vector<ObjectPair> pairs = pairs_in_reach();
+    std::vector<ObjectPair> pairs = candidate_pairs();
     for (const Contact* c : claimed_) pairs.push_back({index_of_.at(c->a), index_of_.at(c->b)});
     const auto numbers = [&](const ObjectPair& p) { return std::pair{objects_[p.a].number, objects_[p.b].number}; };
     std::sort(pairs.begin(), pairs.end(), [&](const auto& p, const auto& q) { return numbers(p) < numbers(q); });
@@ -121,7 +121,7 @@ class FrameCheck {
   }
 
   /// All pairs that may collide and whose boxes touch, found by a sweep along x.
-  std::vector<ObjectPair> pairs_in_reach() const {
+  std::vector<ObjectPair> candidate_pairs() const {
     // Coordinates are relative to the first object, so that no precision is lost far from the origin.
     std::vector<Extents> boxes(objects_.size());
     std::vector<std::uint32_t> order;
@@ -174,10 +174,10 @@ class FrameCheck {
 
 std::vector<Difference> check_frame(std::uint64_t frame, const Shapes& shapes, std::span<const FrameObject> objects,
                                     std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts,
-                                    const Tolerance& tolerance, std::size_t most) {
+                                    const Tolerance& tolerance, std::size_t max_differences) {
   const base::DefaultFloatingPoint floating_point;
   auto out = FrameCheck(frame, shapes, objects, layer_masks, contacts, tolerance).run();
-  if (out.size() > most) out.resize(most);
+  if (out.size() > max_differences) out.resize(max_differences);
   return out;
 }
 

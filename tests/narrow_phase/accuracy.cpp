@@ -85,21 +85,21 @@ Tally run_all(ShapeKind p, ShapeKind q, bool degenerate, const Options& options)
   const bool mesh = has_mesh(p, q);
   const std::uint64_t pairs = mesh ? (degenerate ? options.mesh_degenerate : options.mesh_random)
                                    : (degenerate ? options.degenerate : options.random);
-  const std::uint64_t a_world = mesh ? mesh_world_pairs : world_pairs;
+  const std::uint64_t pairs_per_world = mesh ? mesh_world_pairs : world_pairs;
   std::vector<Task> tasks;
-  for (std::uint64_t done = 0; done < pairs; done += a_world) {
+  for (std::uint64_t done = 0; done < pairs; done += pairs_per_world) {
     tasks.push_back({p, q, degenerate, options.seed * 1'000'000 + tasks.size(),
-                     static_cast<std::size_t>(std::min<std::uint64_t>(a_world, pairs - done))});
+                     static_cast<std::size_t>(std::min<std::uint64_t>(pairs_per_world, pairs - done))});
   }
   std::atomic<std::size_t> next{0};
-  std::mutex adding;
+  std::mutex sum_mutex;
   Tally sum;
   std::vector<std::thread> threads;
   for (unsigned t = 0; t < options.threads; ++t) {
     threads.emplace_back([&] {
       for (std::size_t i; (i = next.fetch_add(1)) < tasks.size();) {
         const Tally tally = run(tasks[i]);
-        const std::lock_guard lock(adding);
+        const std::lock_guard lock(sum_mutex);
         sum.add(tally);
       }
     });
@@ -113,7 +113,7 @@ std::uint64_t pairs_of(ShapeKind p, ShapeKind q, const Options& options) {
 }
 
 /// Returns false for an unknown option or an invalid number.
-bool read(int argc, char** argv, Options& options) {
+bool parse_options(int argc, char** argv, Options& options) {
   for (int i = 1; i < argc; i += 2) {
     const std::string_view name = argv[i];
     if (i + 1 == argc) return false;
@@ -169,7 +169,7 @@ int check(const Options& options) {
 
 int main(int argc, char** argv) {
   ringfence::narrow_phase_test::Options options;
-  if (!ringfence::narrow_phase_test::read(argc, argv, options)) {
+  if (!ringfence::narrow_phase_test::parse_options(argc, argv, options)) {
     std::fprintf(stderr,
                  "usage: check_accuracy [--random PAIRS] [--nasty PAIRS] [--mesh-random PAIRS] [--mesh-nasty PAIRS] "
                  "[--seed N] [--threads N]\n");

@@ -111,7 +111,7 @@ TEST_CASE("contacts of support shapes with spheres, boxes, capsules, hulls and e
 
 TEST_CASE("two pairs that were wrong in eleven million are right") {
   // Found by tools/check-accuracy: a sphere over a very sharp edge, whose projection lies outside the face and yet
-  // hardly outside any plane; and boxes whose faces are parallel within 10^-3 and touch at a corner sideways the
+  // only slightly outside any plane; and boxes whose faces are parallel within 10^-3 and touch at a corner beside the
   // other's face.
   struct Found {
     PairWorld world;
@@ -160,8 +160,8 @@ TEST_CASE("a round body just outside a hull's edge has a normal that separates t
       const Vec3d up = in_double(edge.left_normal) * left + in_double(edge.right_normal) * (1 - left);
       const Vec3d side = cross(up, along);
       const Vec3d centre = from + along * t + up * height + side * sideways;
-      const geometry::RotationD turn = geometry::rotation_exact(pose_hull.orientation);
-      pose_round.position = geometry::rotate(turn, centre);
+      const geometry::RotationD rotation = geometry::rotation_exact(pose_hull.orientation);
+      pose_round.position = geometry::rotate(rotation, centre);
       pose_round.orientation = random.orientation();
       const float radius = static_cast<float>(random.uniform(0.1, 0.5));
       const ShapeDescription round =

@@ -108,10 +108,10 @@ Vec3d turned(const Quat& q, Vec3d p) { return geometry::rotate(geometry::rotatio
 
 /// A position of q's origin that is hard for the kernels.
 Vec3d special_position(RandomSource& random, const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q,
-                       const Quat& turn_q) {
-  const double reach = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
+                       const Quat& orientation_q) {
+  const double sum_of_radii = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
   const Vec3d centred =
-      pose_p.position + turned(pose_p.orientation, centre_of(world, p)) - turned(turn_q, centre_of(world, q));
+      pose_p.position + turned(pose_p.orientation, centre_of(world, p)) - turned(orientation_q, centre_of(world, q));
   const Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   switch (random.below(6)) {
     case 0:
@@ -125,14 +125,14 @@ Vec3d special_position(RandomSource& random, const PairWorld& world, ShapeNumber
       return centred + turned(pose_p.orientation, axes[random.below(3)]) * far;
     }
     case 4:
-      return centred + random.vector(random.uniform(0, 1) * reach);
+      return centred + random.vector(random.uniform(0, 1) * sum_of_radii);
     default: {  // touching, or nearly touching
       const Vec3d direction =
           random.below(2) == 0 ? random.direction() : turned(pose_p.orientation, axes[random.below(3)]);
-      double low = 0, high = 2 * reach;
+      double low = 0, high = 2 * sum_of_radii;
       for (int i = 0; i < 24; ++i) {
         const double middle = (low + high) / 2;
-        const Pose pose_q{centred + direction * middle, turn_q};
+        const Pose pose_q{centred + direction * middle, orientation_q};
         (reference::separation(world.reference[p], pose_p, world.reference[q], pose_q).distance > 0 ? high : low) =
             middle;
       }
@@ -156,9 +156,9 @@ PairWorld ordinary_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std
     const ShapeNumber first = firsts[static_cast<std::size_t>(random.below(shapes_per_kind))];
     const ShapeNumber second = seconds[static_cast<std::size_t>(random.below(shapes_per_kind))];
     const Pose pose{origin + random.vector(0, 100), random.orientation()};
-    const double reach = radius(world, first) + radius(world, second);
+    const double sum_of_radii = radius(world, first) + radius(world, second);
     add_pair(world, first, pose, second,
-             {pose.position + random.vector(std::cbrt(random.uniform(0, 1)) * reach), random.orientation()});
+             {pose.position + random.vector(std::cbrt(random.uniform(0, 1)) * sum_of_radii), random.orientation()});
   }
   return world;
 }

@@ -15,7 +15,7 @@ namespace {
 /// A placed convex shape for libccd, from its description: uses nothing that the kernels prepare.
 struct Placed {
   const ShapeDescription& shape;
-  geometry::RotationD turn;
+  geometry::RotationD rotation;
   Vec3d position;
 
   Vec3d local_support(Vec3d d) const {
@@ -34,7 +34,7 @@ struct Placed {
     return to_double(
         *std::max_element(points.begin(), points.end(), [&](Vec3f p, Vec3f q) { return height(p) < height(q); }));
   }
-  Vec3d support(Vec3d d) const { return rotate(turn, local_support(rotate_inverse(turn, d))) + position; }
+  Vec3d support(Vec3d d) const { return rotate(rotation, local_support(rotate_inverse(rotation, d))) + position; }
 };
 
 void support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {

@@ -142,12 +142,12 @@ void add_pair(PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q
 double radius(const PairWorld& world, ShapeNumber shape) { return double{world.table->row(shape).bounding_radius}; }
 
 /// The position along a direction from outside where the two shapes first touch, within rounding.
-Vec3d touching(const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q, const Quat& turn_q,
+Vec3d touching(const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q, const Quat& orientation_q,
                const Vec3d& direction) {
   double low = 0, high = radius(world, p) + radius(world, q);
   for (int i = 0; i < 24; ++i) {
     const double middle = (low + high) / 2;
-    const Pose pose_q{pose_p.position + direction * middle, turn_q};
+    const Pose pose_q{pose_p.position + direction * middle, orientation_q};
     const auto gap = reference::separation(world.reference[p], pose_p, world.reference[q], pose_q, high - middle);
     (gap.distance > 0 ? high : low) = middle;
   }
@@ -155,9 +155,9 @@ Vec3d touching(const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeN
 }
 
 Vec3d special_position(RandomSource& random, const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q,
-                       const Quat& turn_q) {
-  const double reach = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
-  const geometry::RotationD turn = geometry::rotation_double(pose_p.orientation);
+                       const Quat& orientation_q) {
+  const double sum_of_radii = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
+  const geometry::RotationD rotation = geometry::rotation_double(pose_p.orientation);
   const Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   switch (random.below(6)) {
     case 0:
@@ -166,16 +166,17 @@ Vec3d special_position(RandomSource& random, const PairWorld& world, ShapeNumber
       return pose_p.position + random.vector(random.logarithmic(1e-9, 1e-2) * small);
     case 2: {
       const double far = radius(world, p) * 0.25 * random.below(8);
-      return pose_p.position + geometry::rotate(turn, axes[random.below(3)]) * far;
+      return pose_p.position + geometry::rotate(rotation, axes[random.below(3)]) * far;
     }
     case 3: {
-      const Vec3d direction = random.below(2) == 0 ? random.direction() : geometry::rotate(turn, axes[random.below(3)]);
+      const Vec3d direction =
+          random.below(2) == 0 ? random.direction() : geometry::rotate(rotation, axes[random.below(3)]);
       double off = random.below(2) == 0 ? 0 : random.logarithmic(1e-6, 1e-2) * small;
       if (off != 0 && random.below(2) != 0) off = -off;
-      return touching(world, p, pose_p, q, turn_q, direction) + direction * off;
+      return touching(world, p, pose_p, q, orientation_q, direction) + direction * off;
     }
     default:  // at the surface of the larger shape
-      return pose_p.position + random.vector(random.uniform(0.2, 1) * reach);
+      return pose_p.position + random.vector(random.uniform(0.2, 1) * sum_of_radii);
   }
 }
 
@@ -227,9 +228,9 @@ PairWorld ordinary_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeNumber first = pick(random, 0), second = pick(random, 1);
     const Pose pose{origin + random.vector(0, 100), random.orientation()};
-    const double reach = radius(world, first) + radius(world, second);
+    const double sum_of_radii = radius(world, first) + radius(world, second);
     add_pair(world, first, pose, second,
-             {pose.position + random.vector(random.uniform(0.1, 1) * reach), random.orientation()});
+             {pose.position + random.vector(random.uniform(0.1, 1) * sum_of_radii), random.orientation()});
   }
   return world;
 }

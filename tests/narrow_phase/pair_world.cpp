@@ -25,7 +25,7 @@ double smallest_size(const ShapeDescription& shape) {
 /// A position of b's origin, for an a at `a`, that is hard for the kernels.
 Vec3d special_position(RandomSource& random, const reference::PreparedShape& a, const Pose& pose_a,
                        const reference::PreparedShape& b, const Pose& turned_b, double small) {
-  const double reach = a.bounding_radius + b.bounding_radius;
+  const double sum_of_radii = a.bounding_radius + b.bounding_radius;
   switch (random.below(5)) {
     case 0:
       return pose_a.position;
@@ -37,11 +37,11 @@ Vec3d special_position(RandomSource& random, const reference::PreparedShape& a, 
       return along(pose_a.position, axes[random.below(3)], far);
     }
     case 3:  // anywhere near
-      return pose_a.position + random.vector(random.uniform(0, 1) * reach);
+      return pose_a.position + random.vector(random.uniform(0, 1) * sum_of_radii);
     default: {  // touching, or nearly touching
       Pose pose_b = turned_b;
       const Vec3d direction = random.direction();
-      double low = 0, high = reach * 1.01;
+      double low = 0, high = sum_of_radii * 1.01;
       for (int i = 0; i < 40; ++i) {
         const double middle = (low + high) / 2;
         pose_b.position = along(pose_a.position, direction, middle);
@@ -63,9 +63,9 @@ PairWorld ordinary_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint6
     const ShapeDescription a = random.ordinary(p), b = random.ordinary(q);
     const Vec3d place = origin + random.vector(0, 100);
     const std::uint32_t first = world.add(a, {place, random.orientation()});
-    const double reach = double{world.table->row(world.bodies[first].shape).bounding_radius} + 1.2;
+    const double sum_of_radii = double{world.table->row(world.bodies[first].shape).bounding_radius} + 1.2;
     const std::uint32_t second =
-        world.add(b, {place + random.vector(random.uniform(0, 1.1) * reach), random.orientation()});
+        world.add(b, {place + random.vector(random.uniform(0, 1.1) * sum_of_radii), random.orientation()});
     world.pairs.push_back({first, second});
   }
   return world;
@@ -76,11 +76,11 @@ PairWorld degenerate_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uin
   PairWorld world;
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeDescription a = random.degenerate(p), b = random.degenerate(q);
-    const Quat turn_a = random.below(2) == 0 ? Quat{} : random.orientation();
-    const Quat turn_b = random.below(3) == 0 ? random.orientation() : random.special_orientation(turn_a);
-    const Pose pose_a{origin, turn_a};
+    const Quat orientation_a = random.below(2) == 0 ? Quat{} : random.orientation();
+    const Quat orientation_b = random.below(3) == 0 ? random.orientation() : random.special_orientation(orientation_a);
+    const Pose pose_a{origin, orientation_a};
     const std::uint32_t first = world.add(a, pose_a);
-    const std::uint32_t second = world.add(b, {origin, turn_b});
+    const std::uint32_t second = world.add(b, {origin, orientation_b});
     const auto& bodies = world.bodies;
     world.bodies[second].pose.position =
         special_position(random, world.reference[bodies[first].shape], pose_a, world.reference[bodies[second].shape],
@@ -100,7 +100,7 @@ CheckResult check_contacts(const PairWorld& world, std::span<const geometry::Can
   for (const narrow_phase::PairContact& contact : contacts) {
     if (contact.pair >= pairs.size() || found[contact.pair] != nullptr) {
       ++result.wrong;
-      text << "pair " << contact.pair << " answered twice or unknown\n";
+      text << "pair " << contact.pair << " is reported twice or unknown\n";
       continue;
     }
     found[contact.pair] = &contact;

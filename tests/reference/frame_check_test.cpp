@@ -108,7 +108,7 @@ TEST_CASE("every other error in a contact is reported once") {
 
   frame.contacts = all;
   frame.contacts[middle].phase = Phase::end;
-  expect_one(frame, all[middle], "ended");
+  expect_one(frame, all[middle], "phase end");
 
   frame.contacts = all;
   frame.contacts[middle].depth += 0.01f;
@@ -171,13 +171,13 @@ TEST_CASE("phases follow from the contacts of two frames") {
   one(now, {}, "has no end");
   auto wrong = now;
   wrong.back().phase = Phase::persist;
-  one(wrong, ended, "does not begin");
+  one(wrong, ended, "its phase is not begin");
   wrong = now;
   wrong.front().phase = Phase::begin;
-  one(wrong, ended, "does not persist");
+  one(wrong, ended, "its phase is not persist");
   auto ends = ended;
   ends[0].depth += 1;
-  one(now, ends, "another contact than its last");
+  one(now, ends, "differs from its last contact");
   ends = {ended[0], ended[0]};
   one(now, ends, "ends twice");
   ends = {ended[0], now.back()};

@@ -20,7 +20,8 @@ enum class NodeStage : std::uint8_t {
 };
 inline constexpr std::size_t node_stage_count = 7;
 constexpr const char* name_of(NodeStage stage) noexcept {
-  constexpr const char* names[] = {"moving", "gathering", "colliding", "ending", "handing_over", "settling", "reporting"};
+  constexpr const char* names[] = {"moving",       "gathering", "colliding", "ending",
+                                   "handing_over", "settling",  "reporting"};
   return names[static_cast<std::size_t>(stage)];
 }
 

@@ -46,8 +46,8 @@ struct TriangleMesh {
 /// points that it returns must lie in the shape as it was at registration.
 ///
 /// A call fails if it throws, or if it returns a point that is not finite or that is farther from the origin, on any
-/// axis, than twice the radius of the ball around the origin that contains the shape's box. In World::add_shape a failure
-/// is an Error. In a frame nothing is thrown: the tested pair has no contact in that frame and is counted in
+/// axis, than twice the radius of the ball around the origin that contains the shape's box. In World::add_shape a
+/// failure is an Error. In a frame nothing is thrown: the tested pair has no contact in that frame and is counted in
 /// FrameReport::failed_supports; bounds that were to be computed become those of that ball. The first failure of each
 /// shape is logged as a warning.
 class SupportFunction {

@@ -45,7 +45,7 @@ class BoxHullBlock {
     try_faces();
     choose_faces();
     try_edges();
-    measure();
+    compute_contacts();
     return write_block<KindsOf<ShapeKind::box, ShapeKind::hull>>(d, pairs_, count_, placed_, found_, out);
   }
 
@@ -69,7 +69,7 @@ class BoxHullBlock {
   HWY_INLINE RotationLanes rotated(std::size_t i) const {
     RotationLanes t;
     for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) t.m[k][j] = spread(placed_.turn(k, j), i);
+      for (int j = 0; j < 3; ++j) t.m[k][j] = spread(placed_.second_to_first(k, j), i);
     }
     return t;
   }
@@ -100,14 +100,14 @@ class BoxHullBlock {
     for (std::size_t u = 0; u < undecided_.count; ++u) {
       const std::size_t i = undecided_.pair[u];
       const geometry::Hull& hull = *hull_[i];
-      const RotationLanes turn = rotated(i);
+      const RotationLanes to_box = rotated(i);
       const V h[3] = {spread(placed_.first_size(0), i), spread(placed_.first_size(1), i),
                       spread(placed_.first_size(2), i)};
       const V t[3] = {spread(placed_.offset(0), i), spread(placed_.offset(1), i), spread(placed_.offset(2), i)};
       const auto overlap = [&](std::size_t f) HWY_ATTR {
         const V x = hn::Load(d, hull.normal_x() + f), y = hn::Load(d, hull.normal_y() + f),
                 z = hn::Load(d, hull.normal_z() + f);
-        const V n[3] = {turn(0, x, y, z), turn(1, x, y, z), turn(2, x, y, z)};
+        const V n[3] = {to_box(0, x, y, z), to_box(1, x, y, z), to_box(2, x, y, z)};
         return ((hn::Abs(n[0]) * h[0] + hn::Abs(n[1]) * h[1]) + hn::Abs(n[2]) * h[2]) +
                (hn::Load(d, hull.offset() + f) + ((n[0] * t[0] + n[1] * t[1]) + n[2] * t[2]));
       };
@@ -115,7 +115,7 @@ class BoxHullBlock {
       for (std::size_t f = lanes; f < hull.face_count(); f += lanes) least.add(overlap(f), f);
 
       const auto vertex = [&](int k, std::size_t v) HWY_ATTR {
-        return turn(k, hn::Load(d, hull.x() + v), hn::Load(d, hull.y() + v), hn::Load(d, hull.z() + v));
+        return to_box(k, hn::Load(d, hull.x() + v), hn::Load(d, hull.y() + v), hn::Load(d, hull.z() + v));
       };
       V low[3], high[3];
       for (int k = 0; k < 3; ++k) low[k] = high[k] = vertex(k, 0);
@@ -149,7 +149,7 @@ class BoxHullBlock {
   HWY_INLINE RotationMatrix<float> rotation_of(std::size_t i) const {
     RotationMatrix<float> r;
     for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) r.m[k][j] = placed_.turn(k, j)[i];
+      for (int j = 0; j < 3; ++j) r.m[k][j] = placed_.second_to_first(k, j)[i];
     }
     return r;
   }
@@ -180,7 +180,7 @@ class BoxHullBlock {
     for (std::size_t u = 0; u < undecided_.count; ++u) {
       const std::size_t i = undecided_.pair[u];
       for (int k = 0; k < 3; ++k) {
-        for (int j = 0; j < 3; ++j) rows_[i][k][j] = placed_.turn(k, j)[i];
+        for (int j = 0; j < 3; ++j) rows_[i][k][j] = placed_.second_to_first(k, j)[i];
         rows_[i][k][3] = placed_.offset(k)[i];
         rows_[i][3][k] = placed_.first_size(k)[i];
       }
@@ -220,7 +220,7 @@ class BoxHullBlock {
   std::size_t list_edges(std::size_t i, std::uint32_t* out) const {
     alignas(64) std::uint8_t bytes[max_faces];
     const geometry::Hull& hull = *hull_[i];
-    const RotationLanes turn = rotated(i);
+    const RotationLanes to_box = rotated(i);
     const V t[3] = {spread(placed_.offset(0), i), spread(placed_.offset(1), i), spread(placed_.offset(2), i)};
     const V c[3] = {spread(from_corner_[0], i), spread(from_corner_[1], i), spread(from_corner_[2], i)};
     V a[3];  // from the corner along the line between the centres
@@ -233,7 +233,7 @@ class BoxHullBlock {
     for (std::size_t f = 0; f < hull.face_count(); f += lanes) {
       const V x = hn::Load(d, hull.normal_x() + f), y = hn::Load(d, hull.normal_y() + f),
               z = hn::Load(d, hull.normal_z() + f);
-      const V n[3] = {turn(0, x, y, z), turn(1, x, y, z), turn(2, x, y, z)};
+      const V n[3] = {to_box(0, x, y, z), to_box(1, x, y, z), to_box(2, x, y, z)};
       const V height = hn::Load(d, hull.offset() + f);
       const V to_centre = height + ((n[0] * t[0] + n[1] * t[1]) + n[2] * t[2]);
       const V to_corner = height + ((n[0] * c[0] + n[1] * c[1]) + n[2] * c[2]);
@@ -291,11 +291,11 @@ class BoxHullBlock {
     gather(pair, 3, sizes);
     V l[3], r[3], e[3], p[3];
     for (int k = 0; k < 3; ++k) {
-      const auto turn = [&](V x, V y, V z) HWY_ATTR { return m[k][0] * x + m[k][1] * y + m[k][2] * z; };
-      l[k] = turn(left[0], left[1], left[2]);
-      r[k] = turn(right[0], right[1], right[2]);
-      e[k] = turn(along[0], along[1], along[2]);
-      p[k] = turn(left[3], right[3], along[3]) + m[k][3];
+      const auto to_box = [&](V x, V y, V z) HWY_ATTR { return m[k][0] * x + m[k][1] * y + m[k][2] * z; };
+      l[k] = to_box(left[0], left[1], left[2]);
+      r[k] = to_box(right[0], right[1], right[2]);
+      e[k] = to_box(along[0], along[1], along[2]);
+      p[k] = to_box(left[3], right[3], along[3]) + m[k][3];
     }
     const V zero = hn::Zero(d), none = hn::Set(d, 1e30f);
     V least = none, x = zero, y = zero, z = zero;
@@ -345,7 +345,7 @@ class BoxHullBlock {
   }
 
   /// Computes depth and point along the best directions.
-  void measure() {
+  void compute_contacts() {
     undecided_.keep([&](std::size_t i) { return (doubtful_mask_ >> i & 1) != 0 || best_[i] >= 0; });
     alignas(64) float of_box[block_pairs], to_hull[block_pairs], slack[block_pairs];
     Column3 in_hull, corner;
@@ -354,11 +354,11 @@ class BoxHullBlock {
       Vector<D> n = load(d, direction_, i);
       n = scale(d, n, hn::Set(d, 1.0f) / hn::Sqrt(dot(d, n, n)));
       store(d, n, direction_, i);
-      Rotation<D> turn;
+      Rotation<D> to_box;
       for (int k = 0; k < 3; ++k) {
-        for (int j = 0; j < 3; ++j) turn.m[k][j] = hn::LoadU(d, placed_.turn(k, j) + i);
+        for (int j = 0; j < 3; ++j) to_box.m[k][j] = hn::LoadU(d, placed_.second_to_first(k, j) + i);
       }
-      store(d, negate(d, unrotate(d, turn, n)), in_hull, i);
+      store(d, negate(d, unrotate(d, to_box, n)), in_hull, i);
       const V parts[3] = {n.x, n.y, n.z};
       const V level = hn::Set(d, Rounding<float>::height) * hn::Load(d, size_ + i);
       hn::Store(level, d, slack + i);
@@ -453,8 +453,8 @@ class BoxHullBlock {
     }
     for_each_in(of_hull.vertices, hull_[i]->vertex_count(),
                 [&](std::size_t v) HWY_ATTR { second.add(to_double(vertex_in_box(i, v))); });
-    const Vec3f met = to_float(common_point(first.get(), second.get(), to_double(n)));
-    return met + n * (height - dot(n, met));
+    const Vec3f common = to_float(common_point(first.get(), second.get(), to_double(n)));
+    return common + n * (height - dot(n, common));
   }
 
   HWY_NOINLINE void test_single_pair(std::size_t i) {

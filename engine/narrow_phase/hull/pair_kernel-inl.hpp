@@ -101,7 +101,7 @@ HWY_INLINE PairContact* write(const KernelPair& pair, const RotationMatrix<T>& f
 
 /// A cached axis has to separate two shapes by this part of their sizes: ten times the error of an overlap along a
 /// direction.
-inline constexpr float proof = 1e-5f;
+inline constexpr float axis_margin = 1e-5f;
 
 /// Whether a cached axis still separates the two shapes.
 template <class First, class Second>
@@ -109,12 +109,12 @@ HWY_INLINE bool remembered_axis_separates(const First& first, const Second& seco
                                           Vec3f axis, float size, WorkCounts& work) {
   const Vec3f n = rotate_inverse(placed.first, axis);
   const float value = (first.template support<float>(n).value() +
-                       second.template support<float>(-rotate_inverse(placed.turn, n)).value()) -
+                       second.template support<float>(-rotate_inverse(placed.second_to_first, n)).value()) -
                       dot(n, placed.offset);
   ++work.directions;
   work.pass<float>(first.vertices());
   work.pass<float>(second.vertices());
-  return value < -proof * size;
+  return value < -axis_margin * size;
 }
 
 /// Tests one pair, in float or double.

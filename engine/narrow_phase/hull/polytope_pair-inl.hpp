@@ -55,7 +55,7 @@ class PolytopePair {
   };
   HWY_INLINE PolytopePair(const Polytope& a, const Polytope& b, const Placement<T>& placement, const Start& start,
                           WorkCounts& work)
-      : a_(a), b_(b), rotation_(placement.turn), offset_(placement.offset), start_(start), work_(work) {
+      : a_(a), b_(b), rotation_(placement.second_to_first), offset_(placement.offset), start_(start), work_(work) {
     const T inverse = T(1) / std::sqrt(placement.axis_squared);
     best_ = start.value * inverse;
     direction_ = placement.axis * inverse;
@@ -404,7 +404,7 @@ class PolytopePair {
   }
 
   /// Searches the contact point where the deepest feature of one shape lies beside the other shape. There two faces or
-  /// edges are so nearly parallel that a larger part of them, which is hardly less deep, makes the contact. The
+  /// edges are so nearly parallel that a larger part of them, which is only slightly less deep, makes the contact. The
   /// tolerance for this part is increased until a common point is found.
   HWY_NOINLINE Point<T> search_contact_point(Point<T> normal, T height, Point<T> first) const {
     Point<T> best = first;
@@ -428,8 +428,8 @@ class PolytopePair {
     for_each_in(of_a.vertices, a_.vertices, [&](std::size_t i) HWY_ATTR { first.add(in_double(vertex_of_a(i))); });
     for_each_in(of_b.vertices, b_.vertices, [&](std::size_t i) HWY_ATTR { second.add(in_double(vertex_of_b(i))); });
     const Vec3d p = common_point(first.get(), second.get(), in_double(normal));
-    const Point<T> met{static_cast<T>(p.x), static_cast<T>(p.y), static_cast<T>(p.z)};
-    return met + normal * (height - dot(normal, met));
+    const Point<T> common{static_cast<T>(p.x), static_cast<T>(p.y), static_cast<T>(p.z)};
+    return common + normal * (height - dot(normal, common));
   }
 
   const Polytope& a_;

@@ -51,7 +51,7 @@ class RoundHullBlock {
     find_farthest_faces();
     classify_pairs();
     try_face_edges();
-    measure();
+    compute_contacts();
     return write_found(out);
   }
 
@@ -65,10 +65,10 @@ class RoundHullBlock {
   using Column3 = float[3][block_pairs];
 
   void place(const Lanes<D>& in, std::size_t i) {
-    const Rotation<D> turn = rotation(d, in.second_orientation);
-    const Vector<D> centre = negate(d, unrotate(d, turn, in.offset));
+    const Rotation<D> to_world = rotation(d, in.second_orientation);
+    const Vector<D> centre = negate(d, unrotate(d, to_world, in.offset));
     for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) hn::Store(turn.m[k][j], d, rotation_[k][j] + i);
+      for (int j = 0; j < 3; ++j) hn::Store(to_world.m[k][j], d, rotation_[k][j] + i);
     }
     store(d, in.offset, offset_, i);
     store(d, centre, centre_, i);
@@ -76,7 +76,7 @@ class RoundHullBlock {
     Vector<D> from = centre;
     V length = hn::Zero(d);
     if constexpr (segment) {
-      const Vector<D> half = scale(d, unrotate(d, turn, z_axis(d, in.first_orientation)), in.first_size.y);
+      const Vector<D> half = scale(d, unrotate(d, to_world, z_axis(d, in.first_orientation)), in.first_size.y);
       from = subtract(d, centre, half);
       const Vector<D> to = add(d, centre, half), axis = subtract(d, to, from);
       length = hn::Sqrt(dot(d, axis, axis));
@@ -92,8 +92,8 @@ class RoundHullBlock {
 
   HWY_INLINE const Column3& start() const { return segment ? from_ : centre_; }
 
-  /// Finds the face of each hull whose plane is farthest from the core; depth_ is minus the distance by which the core
-  /// lies outside of it.
+  /// Finds the face of each hull whose plane is farthest from the core; separation_ is the distance by which the core
+  /// lies outside of that plane, negative inside.
   void find_farthest_faces() {
     for (std::size_t i = 0; i < count_; ++i) {
       const geometry::Hull& hull = *hull_[i];
@@ -108,7 +108,7 @@ class RoundHullBlock {
       const std::size_t face = least.index();
       const Vec3f outward = hull.normal(face);
       face_[i] = static_cast<std::uint32_t>(face);
-      depth_[i] = -least.value();
+      separation_[i] = -least.value();
       outward_[0][i] = outward.x;
       outward_[1][i] = outward.y;
       outward_[2][i] = outward.z;
@@ -120,19 +120,19 @@ class RoundHullBlock {
   /// Decides the pairs that a face separates, and points inside, for which the nearest face decides. Pairs in doubt are
   /// marked; in the others the core is outside.
   void classify_pairs() {
-    alignas(64) std::uint32_t outside[block_pairs], alone[block_pairs];
+    alignas(64) std::uint32_t outside[block_pairs], fallback[block_pairs];
     for (std::size_t i = 0; i < block_pairs; i += lanes) {
       const hn::RebindToUnsigned<D> bits;
       const auto put = [&](hn::Mask<D> mask, std::uint32_t* to)
                            HWY_ATTR { hn::Store(hn::BitCast(bits, hn::VecFromMask(d, mask)), bits, to + i); };
-      const V depth = hn::Load(d, depth_ + i), radius = hn::Load(d, radius_ + i);
+      const V depth = hn::Load(d, separation_ + i), radius = hn::Load(d, radius_ + i);
       const V doubtful = hn::Set(d, RoundPair<float, segment>::doubtful) * hn::Load(d, size_ + i);
       const auto near = hn::Le(depth, radius);
       put(hn::And(near, hn::Ge(depth, doubtful)), outside);
       if constexpr (segment) {
-        put(hn::And(near, hn::Lt(depth, doubtful)), alone);
+        put(hn::And(near, hn::Lt(depth, doubtful)), fallback);
       } else {
-        put(hn::And(near, hn::Lt(hn::Abs(depth), doubtful)), alone);
+        put(hn::And(near, hn::Lt(hn::Abs(depth), doubtful)), fallback);
         const Vector<D> n = load(d, outward_, i);
         const V inverse = hn::Set(d, 1.0f) / hn::Sqrt(dot(d, n, n));
         const Vector<D> normal = negate(d, scale(d, n, inverse));
@@ -143,7 +143,7 @@ class RoundHullBlock {
         put(hn::And(near, hn::Le(depth, hn::Neg(doubtful))), found_.hit);
       }
     }
-    for (std::uint32_t i = 0; i < count_; ++i) fallback_mask_ |= (alone[i] & 1) << i;
+    for (std::uint32_t i = 0; i < count_; ++i) fallback_mask_ |= (fallback[i] & 1) << i;
     outside_.count = count_;
     for (std::uint32_t i = 0; i < count_; ++i) outside_.pair[i] = i;
     outside_.keep([&](std::size_t i) { return outside[i] != 0; });
@@ -271,14 +271,14 @@ class RoundHullBlock {
   }
 
   /// Computes depth and point from the nearest points of core and hull, if these are verified to be the nearest.
-  void measure() {
-    alignas(64) Column support_there = {}, apart, distance, depth;
+  void compute_contacts() {
+    alignas(64) Column hull_support = {}, apart, distance, depth;
     alignas(64) Column3 outward;
     for (std::size_t i = 0; i < block_pairs; i += lanes) {
       const hn::RebindToUnsigned<D> bits;
       const auto over = hn::MaskFromVec(hn::BitCast(d, hn::Load(bits, over_face_ + i)));
       const Vector<D> plane = load(d, outward_, i);
-      const V height = hn::Load(d, depth_ + i), radius = hn::Load(d, radius_ + i);
+      const V height = hn::Load(d, separation_ + i), radius = hn::Load(d, radius_ + i);
       const Vector<D> gap = choose(d, over, negate(d, scale(d, plane, height)), load(d, gap_, i));
       Vector<D> nearest = load(d, start(), i), from = nearest;
       if constexpr (segment) {
@@ -294,8 +294,8 @@ class RoundHullBlock {
       const V its_distance = hn::IfThenElse(over, height, hn::IfThenElseZero(some, length));
       const V its_depth = radius - its_distance;
       const Vector<D> out = negate(d, normal);
-      V start_apart = dot(d, out, from);
-      if constexpr (segment) start_apart = hn::Min(start_apart, dot(d, out, load(d, to_, i)));
+      V core_support = dot(d, out, from);
+      if constexpr (segment) core_support = hn::Min(core_support, dot(d, out, load(d, to_, i)));
       // From the core's nearest point towards the hull's: the surfaces are at the distances `radius` and `distance`.
       const Vector<D> point = add(d, subtract(d, nearest, load(d, centre_, i)),
                                   scale(d, normal, (radius + its_distance) * hn::Set(d, 0.5f)));
@@ -304,26 +304,26 @@ class RoundHullBlock {
       store(d, choose(d, keep, load(d, found_.normal, i), normal), found_.normal, i);
       store(d, choose(d, keep, load(d, found_.point, i), point), found_.point, i);
       store(d, out, outward, i);
-      hn::Store(start_apart, d, apart + i);
+      hn::Store(core_support, d, apart + i);
       hn::Store(its_distance, d, distance + i);
       hn::Store(its_depth, d, depth + i);
     }
     for (std::size_t u = 0; u < outside_.count; ++u) {
       const std::size_t i = outside_.pair[u];
       const geometry::Hull& hull = *hull_[i];
-      support_there[i] = support<float>(polytope_of(hull), at(outward, i));
+      hull_support[i] = support<float>(polytope_of(hull), at(outward, i));
       work_.pass<float>(hull.vertex_count());
     }
     for (std::size_t u = 0; u < outside_.count; ++u) {
       const std::size_t i = outside_.pair[u];
       // The overlap along the normal: never less than the depth, and equal to it if the normal is right.
-      const float overlap = radius_[i] - (apart[i] - support_there[i]);
+      const float overlap = radius_[i] - (apart[i] - hull_support[i]);
       const bool over = over_face_[i] != 0;
-      const bool sure = over || (overlap <= depth[i] + proof_part * size_[i] && depth[i] >= 0 &&
+      const bool sure = over || (overlap <= depth[i] + nearest_margin * size_[i] && depth[i] >= 0 &&
                                  distance[i] > RoundPair<float, segment>::rounding_part * size_[i]);
-      const bool apart_there = !over && overlap < 0;
-      found_.hit[i] = sure && !apart_there ? ~0u : 0;
-      fallback_mask_ |= static_cast<std::uint32_t>(!sure && !apart_there) << i;
+      const bool separated = !over && overlap < 0;
+      found_.hit[i] = sure && !separated ? ~0u : 0;
+      fallback_mask_ |= static_cast<std::uint32_t>(!sure && !separated) << i;
     }
     for (std::uint32_t rest = fallback_mask_; rest != 0; rest &= rest - 1) {
       test_single_pair(static_cast<std::size_t>(__builtin_ctz(rest)));
@@ -331,45 +331,45 @@ class RoundHullBlock {
   }
 
   /// Part of the sizes by which the distance of the two points may exceed that of the shapes.
-  static constexpr float proof_part = 3e-7f;
+  static constexpr float nearest_margin = 3e-7f;
 
   HWY_NOINLINE void test_single_pair(std::size_t i) {
     found_.hit[i] = 0;
-    if (alone<float>(i) == Decision::undecided) alone<double>(i);
+    if (test_exhaustively<float>(i) == Decision::undecided) test_exhaustively<double>(i);
   }
   template <class T>
-  Decision alone(std::size_t i) {
+  Decision test_exhaustively(std::size_t i) {
     const Body& round = input_.bodies[pairs_[i].first];
     const RoundPlacement<T> placed(round.pose, input_.bodies[pairs_[i].second].pose,
                                    segment ? input_.shapes.row(round.shape).size[1] : 0.0f);
     const Polytope hull = polytope_of(*hull_[i]);
     RoundPair<T, segment> core(hull, placed.from, placed.to, T(radius_[i]));
     Overlap<T> found;
-    const Decision answer = core.test(found);
+    const Decision decision = core.test(found);
     const WorkCounts work = core.work();
     work_.lanes += work.lanes;
     work_.filled += work.filled;
     work_.directions += work.directions;
-    if (answer == Decision::contact) {
+    if (decision == Decision::contact) {
       const auto in_float = [](Point<T> p) {
         return Vec3f{static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)};
       };
       found_.put(i, static_cast<float>(found.depth), in_float(found.normal), in_float(found.point - placed.centre));
     }
-    return answer;
+    return decision;
   }
 
   /// Converts to world axes, relative to the round body's position.
   PairContact* write_found(PairContact* out) const {
     for (std::size_t i = 0; i < count_; i += lanes) {
-      Rotation<D> turn;
+      Rotation<D> to_world;
       for (int k = 0; k < 3; ++k) {
-        for (int j = 0; j < 3; ++j) turn.m[k][j] = hn::Load(d, rotation_[k][j] + i);
+        for (int j = 0; j < 3; ++j) to_world.m[k][j] = hn::Load(d, rotation_[k][j] + i);
       }
       const hn::RebindToUnsigned<D> bits;
       const auto hit = hn::MaskFromVec(hn::BitCast(d, hn::Load(bits, found_.hit + i)));
-      const LaneContacts<D> world{hit, hn::Load(d, found_.depth + i), rotate(d, turn, load(d, found_.normal, i)),
-                                  rotate(d, turn, load(d, found_.point, i))};
+      const LaneContacts<D> world{hit, hn::Load(d, found_.depth + i), rotate(d, to_world, load(d, found_.normal, i)),
+                                  rotate(d, to_world, load(d, found_.point, i))};
       out = write<Kinds>(d, pairs_ + i, std::min(count_ - i, lanes), world, load(d, offset_, i), out);
     }
     return out;
@@ -389,7 +389,7 @@ class RoundHullBlock {
   alignas(64) Column3 centre_, from_, to_, axis_;
   alignas(64) Column length_, radius_;
   alignas(64) Column size_;  // size of the hull plus the distance to the core
-  alignas(64) Column depth_ = {};
+  alignas(64) Column separation_ = {};
   alignas(64) Column3 outward_ = {};  // normal of the farthest face
   std::uint32_t face_[block_pairs];
   // The data that the lanes of edges read: the start of the core, the normal of the farthest face, direction and length

@@ -26,7 +26,7 @@ PairContact* run_round_in_double(const KernelInput& input, PairContact* out, Kin
     core.work().add_to(counters);
     if (answer != Decision::contact) continue;
     found.point = found.point - placed.centre;
-    out = write(pair, placed.turn, placed.offset, found, out);
+    out = write(pair, placed.to_world, placed.offset, found, out);
   }
   return out;
 }

@@ -30,16 +30,16 @@ enum class Decision { apart, contact, undecided };
 /// The core in the axes of the polytope. For a sphere the three points are equal.
 template <class T>
 struct RoundPlacement {
-  RotationMatrix<T> turn;  ///< from the axes of the polytope to the world's
-  Point<T> offset;         ///< from the round body's position to the polytope's, in world axes
+  RotationMatrix<T> to_world;  ///< from the axes of the polytope to the world's
+  Point<T> offset;             ///< from the round body's position to the polytope's, in world axes
   Point<T> centre, from, to;
 
   HWY_INLINE RoundPlacement(const Pose& round, const Pose& body, float half_height)
-      : turn(rotation_matrix_of<T>(body.orientation)), offset(difference_of<T>(body.position, round.position)) {
-    centre = from = to = -rotate_inverse(turn, offset);
+      : to_world(rotation_matrix_of<T>(body.orientation)), offset(difference_of<T>(body.position, round.position)) {
+    centre = from = to = -rotate_inverse(to_world, offset);
     if (half_height > 0) {
       const RotationMatrix<T> own = rotation_matrix_of<T>(round.orientation);
-      const Point<T> half = rotate_inverse(turn, Point<T>{own.m[0][2], own.m[1][2], own.m[2][2]}) * T(half_height);
+      const Point<T> half = rotate_inverse(to_world, Point<T>{own.m[0][2], own.m[1][2], own.m[2][2]}) * T(half_height);
       from = centre - half;
       to = centre + half;
     }
@@ -64,11 +64,11 @@ class RoundPair {
     farthest_face();
     work_.directions += p_.faces;
     work_.pass<T>(p_.faces);
-    if (depth_ > radius_) return Decision::apart;
-    T inside = depth_;  // the greatest distance, over all directions, by which a plane separates core and polytope
+    if (separation_ > radius_) return Decision::apart;
+    T inside = separation_;  // the greatest distance, over all directions, by which a plane separates core and polytope
     const T in_doubt = doubtful * size();
     // Where the plane of a face separates the two, the core is outside whatever the crossings with edges are.
-    if (segment && depth_ < in_doubt) {
+    if (segment && separation_ < in_doubt) {
       inside = std::max(inside, farthest_crossing());
       work_.directions += p_.edges;
       work_.pass<T>(p_.edges);
@@ -153,7 +153,7 @@ class RoundPair {
     return std::min(dot(outward, from_), dot(outward, to_)) - support<T>(p_, outward);
   }
 
-  /// Finds the face whose plane is farthest from the core; depth_ is the signed distance.
+  /// Finds the face whose plane is farthest from the core; separation_ is the signed distance.
   HWY_INLINE void farthest_face() {
     const auto from = spread_out(d, from_), to = spread_out(d, to_);
     const auto nearness = [&](std::size_t i) HWY_ATTR {
@@ -164,7 +164,7 @@ class RoundPair {
     Least<T> least(nearness(0));
     for (std::size_t i = hn::Lanes(d); i < p_.faces; i += hn::Lanes(d)) least.add(nearness(i), i);
     face_ = least.index();
-    depth_ = -least.value();
+    separation_ = -least.value();
     outward_ = normal_of<T>(p_, face_);
   }
 
@@ -187,15 +187,15 @@ class RoundPair {
     }
     const std::size_t edge = least_of(nearness, p_.edges);
     const T distance = -nearness[edge];
-    if (distance <= depth_) return depth_;
+    if (distance <= separation_) return separation_;
     const auto lanes = [&](Point<T> q) HWY_ATTR { return spread_out(d, q); };
     const Crossing found =
         direction_across(lanes(edge_at(EdgeColumn::left_x, edge)), lanes(edge_at(EdgeColumn::right_x, edge)),
                          lanes(along_edge<T>(p_, edge)), axis);
     const Point<T> outward{hn::GetLane(found.outward.x), hn::GetLane(found.outward.y), hn::GetLane(found.outward.z)};
-    depth_ = distance;
+    separation_ = distance;
     outward_ = outward * (T(1) / std::sqrt(dot(outward, outward)));
-    return depth_;
+    return separation_;
   }
 
   /// The direction on an edge's arc of normals that is perpendicular to the segment, if there is one.
@@ -246,7 +246,7 @@ class RoundPair {
       under_end(to_);
       return false;
     } else {
-      over(face_, depth_, from_);
+      over(face_, separation_, from_);
       return distance_ < far_away;
     }
   }
@@ -279,7 +279,7 @@ class RoundPair {
       near += static_cast<std::size_t>(__builtin_popcount(bits));
     }
     // One of them is the face's own plane. At a very sharp edge the projection can be far outside of the face and
-    // hardly outside of any other plane.
+    // only slightly outside of any other plane.
     if (beyond > 0 || (near > 1 && !within_face(face, normal, foot))) return;
     distance_ = distance;
     nearest_ = end;
@@ -383,7 +383,8 @@ class RoundPair {
   T length_;
   Point<T> axis_;         // unit direction from from_ to to_; zero for a sphere
   std::size_t face_ = 0;  // the face whose plane is farthest from the core
-  T depth_ = 0;  // the distance by which the plane with normal outward_ separates core and polytope; negative inside
+  T separation_ =
+      0;  // the distance by which the plane with normal outward_ separates core and polytope; negative inside
   Point<T> outward_{};
   T distance_ = 0;  // distance of the nearest points
   WorkCounts work_;

@@ -1,7 +1,7 @@
 // Convex shapes that are tested against a mesh, placed in the mesh's axes: for each, the tests in lanes that exclude
 // boxes and triangles, and the exact penetration. Included once for each Highway target.
 //
-// Each shape also lists the points of its core, at most `most_corners`, from which the contact point with a triangle is
+// Each shape also lists the points of its core, at most `max_corners`, from which the contact point with a triangle is
 // computed, and the distance of its surface from the core.
 
 #if defined(RINGFENCE_NARROW_PHASE_MESH_CONVEX_INL) == defined(HWY_TARGET_TOGGLE)
@@ -41,7 +41,7 @@ struct Span {
 
 /// A ball.
 struct BallInMesh {
-  static constexpr std::size_t most_corners = 1;
+  static constexpr std::size_t max_corners = 1;
   Vec3d centre;
   double radius;
 
@@ -55,18 +55,18 @@ struct BallInMesh {
     const Vector<D> apart = subtract(d, in.centre, spread_out(d, centre));
     const Vector<D> gap{hn::Max(hn::Abs(apart.x) - in.half.x, zero), hn::Max(hn::Abs(apart.y) - in.half.y, zero),
                         hn::Max(hn::Abs(apart.z) - in.half.z, zero)};
-    const float reach = static_cast<float>(radius) - floor;
-    return dot(d, gap, gap) <= hn::Set(d, reach * reach);
+    const float max_distance = static_cast<float>(radius) - floor;
+    return dot(d, gap, gap) <= hn::Set(d, max_distance * max_distance);
   }
 
   /// By the distance to the plane and, within the plane, to the lines of the edges. This bound is also right for
   /// slivers.
   template <class D>
   HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
-    const float reach = static_cast<float>(radius) - floor;
+    const float max_distance = static_cast<float>(radius) - floor;
     const Vector<D> c = spread_out(d, centre);
     const auto height = dot(d, in.normal, subtract(d, c, in.corner[0]));
-    const auto left = hn::Set(d, reach * reach) - height * height;
+    const auto left = hn::Set(d, max_distance * max_distance) - height * height;
     auto alive = left >= hn::Zero(d);
     for (int i = 0; i < 3; ++i) {
       const Vector<D> edge = subtract(d, in.corner[next_of(i)], in.corner[i]);
@@ -89,13 +89,13 @@ struct BallInMesh {
 
 /// A placed box. Also used as the bound of a capsule or a hull against boxes.
 struct BoxInMesh {
-  static constexpr std::size_t most_corners = 8;
+  static constexpr std::size_t max_corners = 8;
   Vec3d centre;
-  geometry::RotationD turn;
+  geometry::RotationD rotation;
   double half[3];
 
   static BoxInMesh of(const geometry::ShapeTable&, const geometry::ShapeRow& row, const MeshFrame& frame) {
-    return {frame.position, frame.turn, {double{row.size[0]}, double{row.size[1]}, double{row.size[2]}}};
+    return {frame.position, frame.rotation, {double{row.size[0]}, double{row.size[1]}, double{row.size[2]}}};
   }
 
   template <class D>
@@ -104,12 +104,12 @@ struct BoxInMesh {
     const hn::Vec<D> away[3] = {apart.x, apart.y, apart.z}, own[3] = {in.half.x, in.half.y, in.half.z};
     auto overlap = hn::Set(d, 1e30f);
     for (int i = 0; i < 3; ++i) {
-      const double reach =
-          half[0] * std::abs(turn.m[i][0]) + half[1] * std::abs(turn.m[i][1]) + half[2] * std::abs(turn.m[i][2]);
-      overlap = hn::Min(overlap, own[i] + at(d, reach) - hn::Abs(away[i]));
+      const double extent = half[0] * std::abs(rotation.m[i][0]) + half[1] * std::abs(rotation.m[i][1]) +
+                            half[2] * std::abs(rotation.m[i][2]);
+      overlap = hn::Min(overlap, own[i] + at(d, extent) - hn::Abs(away[i]));
     }
     for (int k = 0; k < 3; ++k) {
-      const Vector<D> axis{at(d, turn.m[0][k]), at(d, turn.m[1][k]), at(d, turn.m[2][k])};
+      const Vector<D> axis{at(d, rotation.m[0][k]), at(d, rotation.m[1][k]), at(d, rotation.m[2][k])};
       const Vector<D> size{hn::Abs(axis.x), hn::Abs(axis.y), hn::Abs(axis.z)};
       overlap = hn::Min(overlap, at(d, half[k]) + dot(d, size, in.half) - hn::Abs(dot(d, axis, apart)));
     }
@@ -122,7 +122,7 @@ struct BoxInMesh {
     const auto least = hn::Set(d, floor);
     Rotation<D> r;
     for (int i = 0; i < 3; ++i) {
-      for (int k = 0; k < 3; ++k) r.m[i][k] = at(d, turn.m[i][k]);
+      for (int k = 0; k < 3; ++k) r.m[i][k] = at(d, rotation.m[i][k]);
     }
     const Vector<D> size{at(d, half[0]), at(d, half[1]), at(d, half[2])};
     const Vector<D> c = spread_out(d, centre);
@@ -152,14 +152,14 @@ struct BoxInMesh {
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {
-    return box_penetration(triangle, centre, turn, half, at_least);
+    return box_penetration(triangle, centre, rotation, half, at_least);
   }
 
   std::size_t corners(const Penetration&, Vec3d* out) const {
     for (int i = 0; i < 8; ++i) {
       const Vec3d corner{(i & 1) != 0 ? half[0] : -half[0], (i & 2) != 0 ? half[1] : -half[1],
                          (i & 4) != 0 ? half[2] : -half[2]};
-      out[i] = centre + geometry::rotate(turn, corner);
+      out[i] = centre + geometry::rotate(rotation, corner);
     }
     return 8;
   }
@@ -168,17 +168,17 @@ struct BoxInMesh {
 
 /// A capsule: the points within a radius of a segment.
 struct CapsuleInMesh {
-  static constexpr std::size_t most_corners = 2;
+  static constexpr std::size_t max_corners = 2;
   Vec3d ends[2];
   double radius;
   BoxInMesh around;
 
   static CapsuleInMesh of(const geometry::ShapeTable&, const geometry::ShapeRow& row, const MeshFrame& frame) {
     const double radius = double{row.size[0]}, half_height = double{row.size[1]};
-    const Vec3d up = Vec3d{frame.turn.m[0][2], frame.turn.m[1][2], frame.turn.m[2][2]} * half_height;
+    const Vec3d up = Vec3d{frame.rotation.m[0][2], frame.rotation.m[1][2], frame.rotation.m[2][2]} * half_height;
     return {{frame.position - up, frame.position + up},
             radius,
-            {frame.position, frame.turn, {radius, radius, radius + half_height}}};
+            {frame.position, frame.rotation, {radius, radius, radius + half_height}}};
   }
 
   template <class D>
@@ -190,8 +190,8 @@ struct CapsuleInMesh {
   template <class D>
   HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
     const Vector<D> p = spread_out(d, ends[0]), q = spread_out(d, ends[1]), along = spread_out(d, ends[1] - ends[0]);
-    const float reach = static_cast<float>(radius) - floor;
-    const auto zero = hn::Zero(d), most = hn::Set(d, reach);
+    const float max_distance = static_cast<float>(radius) - floor;
+    const auto zero = hn::Zero(d), most = hn::Set(d, max_distance);
     const Vector<D> to_p = subtract(d, p, in.corner[0]), to_q = subtract(d, q, in.corner[0]);
     const auto heights = Span<D>::of(dot(d, in.normal, to_p), dot(d, in.normal, to_q));
     auto alive = hn::Max(heights.low, hn::Neg(heights.high)) <= most;
@@ -228,7 +228,7 @@ struct CapsuleInMesh {
 
 /// A shape that is described by a support function; the exact test uses libccd.
 struct SupportInMesh {
-  static constexpr std::size_t most_corners = max_support_feature;
+  static constexpr std::size_t max_corners = max_support_feature;
   const geometry::CheckedSupport* function;
   MeshFrame frame;
   BoxInMesh around;
@@ -241,7 +241,7 @@ struct SupportInMesh {
     const Vec3d half = (high - low) * 0.5;
     return {&f,
             frame,
-            {frame.to_mesh((low + high) * 0.5), frame.turn, {half.x, half.y, half.z}},
+            {frame.to_mesh((low + high) * 0.5), frame.rotation, {half.x, half.y, half.z}},
             double{row.bounding_radius}};
   }
 

@@ -11,7 +11,7 @@ namespace ringfence::narrow_phase {
 /// Another body in the axes of a mesh. Meshes are tested in their own axes, in double where it decides the result.
 struct MeshFrame {
   geometry::RotationD mesh_rotation;  ///< from the mesh's axes to the world's
-  geometry::RotationD turn;           ///< from the other body's axes to the mesh's
+  geometry::RotationD rotation;       ///< from the other body's axes to the mesh's
   Vec3d position;                     ///< of the other body, in the mesh's axes and relative to its origin
 
   MeshFrame(const Pose& mesh, const Pose& other) noexcept
@@ -20,13 +20,13 @@ struct MeshFrame {
     const geometry::RotationD own = geometry::rotation_exact(other.orientation);
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
-        turn.m[i][j] = (mesh_rotation.m[0][i] * own.m[0][j] + mesh_rotation.m[1][i] * own.m[1][j]) +
-                       mesh_rotation.m[2][i] * own.m[2][j];
+        rotation.m[i][j] = (mesh_rotation.m[0][i] * own.m[0][j] + mesh_rotation.m[1][i] * own.m[1][j]) +
+                           mesh_rotation.m[2][i] * own.m[2][j];
       }
     }
   }
 
-  Vec3d to_mesh(Vec3d p) const noexcept { return position + geometry::rotate(turn, p); }
+  Vec3d to_mesh(Vec3d p) const noexcept { return position + geometry::rotate(rotation, p); }
 
   /// The contact for a penetration and a contact point, both in the mesh's axes.
   PairContact contact(std::uint32_t pair, const Penetration& penetration, Vec3d point, bool mesh_is_a) const noexcept {

@@ -22,14 +22,14 @@ HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 struct HullInMesh {
-  static constexpr std::size_t most_corners = geometry::max_hull_vertices;
+  static constexpr std::size_t max_corners = geometry::max_hull_vertices;
   const geometry::Hull& hull;
   Vec3d origin;
-  geometry::RotationD turn;
+  geometry::RotationD rotation;
   BoxInMesh around;
 
   HullInMesh(const geometry::Hull& own_hull, Vec3d own_origin, const geometry::RotationD& own_rotation)
-      : hull(own_hull), origin(own_origin), turn(own_rotation) {
+      : hull(own_hull), origin(own_origin), rotation(own_rotation) {
     const FloatLanes f;
     const float* const column[3] = {hull.x(), hull.y(), hull.z()};
     double middle[3];
@@ -43,12 +43,12 @@ struct HullInMesh {
       middle[k] = 0.5 * (from + to);
       around.half[k] = 0.5 * (to - from);
     }
-    around.centre = origin + geometry::rotate(turn, Vec3d{middle[0], middle[1], middle[2]});
-    around.turn = turn;
+    around.centre = origin + geometry::rotate(rotation, Vec3d{middle[0], middle[1], middle[2]});
+    around.rotation = rotation;
   }
 
   static HullInMesh of(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
-    return {shapes.hull(row.index_in_kind), frame.position, frame.turn};
+    return {shapes.hull(row.index_in_kind), frame.position, frame.rotation};
   }
 
   template <class D>
@@ -62,16 +62,16 @@ struct HullInMesh {
 
   Penetration penetration(const Triangle& triangle, double at_least) const {
     Vec3d corner[3];
-    for (int i = 0; i < 3; ++i) corner[i] = geometry::rotate_inverse(turn, triangle.corner[i] - origin);
+    for (int i = 0; i < 3; ++i) corner[i] = geometry::rotate_inverse(rotation, triangle.corner[i] - origin);
     Best best;
     if (!sides(corner, at_least, best) || !faces(corner, at_least, best) || !edges(corner, at_least, best)) return {};
     // Up to here the normal points from the hull to the triangle.
-    return {best.depth, geometry::rotate(turn, -best.normal)};
+    return {best.depth, geometry::rotate(rotation, -best.normal)};
   }
 
   std::size_t corners(const Penetration&, Vec3d* out) const {
     for (std::size_t i = 0; i < hull.vertex_count(); ++i) {
-      out[i] = origin + geometry::rotate(turn, to_double(hull.vertex(i)));
+      out[i] = origin + geometry::rotate(rotation, to_double(hull.vertex(i)));
     }
     return hull.vertex_count();
   }

@@ -14,7 +14,7 @@ template <class Query>
 PairContact contact_of(const MeshWalk<Query>& walk, const Query& query, const MeshFrame& frame, double slack,
                        std::uint32_t pair, bool mesh_is_a) {
   const Penetration& penetration = walk.deepest().penetration();
-  Vec3d corners[Query::most_corners];
+  Vec3d corners[Query::max_corners];
   const std::size_t count = query.corners(penetration, corners);
   const Vec3d point = contact_point_of(penetration, walk.triangle(), {corners, count}, query.rounding(), slack);
   return frame.contact(pair, penetration, point, mesh_is_a);

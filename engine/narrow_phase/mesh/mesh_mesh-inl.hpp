@@ -25,7 +25,7 @@ class MeshPairWalk {
       : first_(first), second_(second), frame_(frame), deepest_(margin) {
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
-        rotation_.m[i][j] = at(d, frame.turn.m[i][j]);
+        rotation_.m[i][j] = at(d, frame.rotation.m[i][j]);
         spread_.m[i][j] = hn::Abs(rotation_.m[i][j]);
       }
     }

@@ -167,18 +167,18 @@ Penetration capsule_penetration(const Triangle& t, const Vec3d ends[2], double r
   return unless_less(penetration, at_least);
 }
 
-Penetration box_penetration(const Triangle& t, Vec3d centre, const geometry::RotationD& turn, const double half[3],
+Penetration box_penetration(const Triangle& t, Vec3d centre, const geometry::RotationD& rotation, const double half[3],
                             double at_least) noexcept {
   const Triangle about{{t.corner[0] - centre, t.corner[1] - centre, t.corner[2] - centre}};
-  const auto axis_of = [&](int k) { return Vec3d{turn.m[0][k], turn.m[1][k], turn.m[2][k]}; };
+  const auto axis_of = [&](int k) { return Vec3d{rotation.m[0][k], rotation.m[1][k], rotation.m[2][k]}; };
   const Vec3d axes[3] = {axis_of(0), axis_of(1), axis_of(2)};
   Least least(at_least);
   const auto try_axis = [&](Vec3d axis, double limit) {
     const double squared = dot(axis, axis);
     if (!(squared > limit)) return true;
-    const double reach = (half[0] * std::abs(dot(axes[0], axis)) + half[1] * std::abs(dot(axes[1], axis))) +
-                         half[2] * std::abs(dot(axes[2], axis));
-    return least.take(axis, squared, extent(about, axis), {-reach, reach});
+    const double box_extent = (half[0] * std::abs(dot(axes[0], axis)) + half[1] * std::abs(dot(axes[1], axis))) +
+                              half[2] * std::abs(dot(axes[2], axis));
+    return least.take(axis, squared, extent(about, axis), {-box_extent, box_extent});
   };
   if (!try_axis(cross(t.corner[1] - t.corner[0], t.corner[2] - t.corner[0]), 0)) return {};
   for (const Vec3d& axis : axes) {
@@ -239,8 +239,8 @@ Vec3d contact_point_of(const Penetration& penetration, const Triangle& triangle,
   for (const Vec3d& p : points) {
     if (dot(n, p) <= low + slack) of_other.add(p);
   }
-  const Vec3d met = common_point({of_triangle.data(), corners}, of_other.get(), n);
-  return met + n * (0.5 * (high + (low - radius)) - dot(n, met));
+  const Vec3d common = common_point({of_triangle.data(), corners}, of_other.get(), n);
+  return common + n * (0.5 * (high + (low - radius)) - dot(n, common));
 }
 
 }  // namespace ringfence::narrow_phase

@@ -37,8 +37,8 @@ Penetration ball_penetration(const Triangle& triangle, Vec3d centre, double radi
 /// A capsule: the points within `radius` of a segment.
 Penetration capsule_penetration(const Triangle& triangle, const Vec3d ends[2], double radius, double at_least) noexcept;
 
-/// `turn` is the rotation from the box's axes to the mesh's.
-Penetration box_penetration(const Triangle& triangle, Vec3d centre, const geometry::RotationD& turn,
+/// `rotation` is the rotation from the box's axes to the mesh's.
+Penetration box_penetration(const Triangle& triangle, Vec3d centre, const geometry::RotationD& rotation,
                             const double half[3], double at_least) noexcept;
 
 Penetration triangle_penetration(const Triangle& triangle, const Triangle& other, double at_least) noexcept;

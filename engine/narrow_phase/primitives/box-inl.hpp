@@ -230,7 +230,7 @@ HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotop
                     hn::Set(d, Scalar<D>(1e-6)) * (box_size + other_size);
 
   // `rounding`: flat except for rounding. `misled`: as far from flat as a slightly worse axis can be. This is the
-  // margin of face axes divided by the distance at which it matters, so the depth there is hardly less.
+  // margin of face axes divided by the distance at which it matters, so the depth there is only slightly less.
   const Flatness<D> rounding{Scalar<D>(5e-5), Scalar<D>(1e-4)}, misled{Scalar<D>(4e-2), Scalar<D>(5e-2)};
   const auto none = hn::MaskFromVec(hn::Zero(d));
 
@@ -239,14 +239,14 @@ HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotop
   const auto at_edges = hn::AndNot(crossed.farther_apart_than(d, normal, near), by_edge);
   const Features<D, axes> flat = features_of(d, box_half, other, normal, none, crossing, rounding);
   const auto by_faces = hn::AndNot(at_edges, wanted);
-  PointPair<D> met = common_feature_points(d, flat, other, normal, near, by_faces, {flat.box_base, flat.other_base});
-  const auto missed = hn::And(by_faces, met.farther_apart_than(d, normal, near));
+  PointPair<D> common = common_feature_points(d, flat, other, normal, near, by_faces, {flat.box_base, flat.other_base});
+  const auto missed = hn::And(by_faces, common.farther_apart_than(d, normal, near));
   if (!hn::AllFalse(d, missed)) {
-    met = common_feature_points(d, features_of(d, box_half, other, normal, none, crossing, misled), other, normal, near,
-                                missed, met);
+    common = common_feature_points(d, features_of(d, box_half, other, normal, none, crossing, misled), other, normal,
+                                   near, missed, common);
   }
-  const Vector<D> on_box = choose(d, at_edges, crossed.on_box, met.on_box);
-  const Vector<D> on_other = choose(d, at_edges, crossed.on_other, met.on_other);
+  const Vector<D> on_box = choose(d, at_edges, crossed.on_box, common.on_box);
+  const Vector<D> on_other = choose(d, at_edges, crossed.on_other, common.on_other);
 
   const auto half = hn::Set(d, Scalar<D>(0.5));
   const Vector<D> middle = scale(d, add(d, on_box, on_other), half);

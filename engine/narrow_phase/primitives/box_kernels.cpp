@@ -158,11 +158,11 @@ struct BoxCapsule {
     const Vector<D> normal = choose(d, apart, scale(d, nearest.gap, inverse), towards(d, axis, centre));
 
     const auto hit = depth >= zero;
-    const Vector<D> met =
+    const Vector<D> overlap_point =
         contact_point(d, half, other, normal, depth, by_edge, crossing, inverse * inverse, hn::AndNot(apart, hit));
     const auto along = radius - depth * hn::Set(d, Scalar<D>(0.5));
     const Vector<D> near = subtract(d, nearest.on_segment, scale(d, normal, along));
-    const Vector<D> point = choose(d, apart, near, met);
+    const Vector<D> point = choose(d, apart, near, overlap_point);
     return {hit, depth, rotate(d, box, normal), rotate(d, box, point)};
   }
 
@@ -241,8 +241,8 @@ struct BoxCapsule {
                past_z = hn::IfThenElseZero(gap.z != zero, one);
     const auto squared = dot(d, turns, turns);
     const auto within = hn::AndNot(hn::Or(at_low, at_high), past_x + past_y + past_z > one);
-    const auto mends = hn::And(within, squared > least_edge_axis_squared(d));
-    const auto tilt = hn::IfThenElseZero(mends, dot(d, gap, turns) / hn::IfThenElse(mends, squared, one));
+    const auto corrects = hn::And(within, squared > least_edge_axis_squared(d));
+    const auto tilt = hn::IfThenElseZero(corrects, dot(d, gap, turns) / hn::IfThenElse(corrects, squared, one));
     gap = subtract(d, gap, scale(d, turns, tilt));
     return {on_segment, gap};
   }

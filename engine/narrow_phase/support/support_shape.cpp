@@ -23,7 +23,7 @@ struct Convex {
   const geometry::ShapeRow* row;
   const geometry::Hull* hull = nullptr;
   const geometry::CheckedSupport* function = nullptr;
-  geometry::RotationD turn;
+  geometry::RotationD rotation;
   Vec3d position;
   const Triangle* triangle = nullptr;
   mutable bool failed = false;  ///< within libccd, which no exception may leave
@@ -63,7 +63,7 @@ struct Convex {
     return p >= q && p >= r ? corner[0] : q >= r ? corner[1] : corner[2];
   }
 
-  Vec3d support(Vec3d d) const { return rotate(turn, local_support(rotate_inverse(turn, d))) + position; }
+  Vec3d support(Vec3d d) const { return rotate(rotation, local_support(rotate_inverse(rotation, d))) + position; }
 
   Vec3d centre() const {
     const Vec3d local = hull != nullptr       ? to_double(hull->centroid())
@@ -71,7 +71,7 @@ struct Convex {
                         : triangle != nullptr
                             ? (triangle->corner[0] + triangle->corner[1] + triangle->corner[2]) * (1.0 / 3)
                             : Vec3d{};
-    return rotate(turn, local) + position;
+    return rotate(rotation, local) + position;
   }
 };
 
@@ -154,9 +154,9 @@ struct Frame {
 };
 
 /// The best few directions, in ascending order of overlap.
-class Shortlist {
+class BestDirections {
  public:
-  Shortlist(const Convex& a, const Convex& b) : a_(a), b_(b) {}
+  BestDirections(const Convex& a, const Convex& b) : a_(a), b_(b) {}
 
   /// Returns false if the direction separates the two shapes.
   bool take(Vec3d direction) {
@@ -170,20 +170,20 @@ class Shortlist {
   }
 
   /// Refines each direction and returns the best. False if one separates the two shapes.
-  bool polish(Direction& out) {
+  bool refine(Direction& out) {
     out.depth = 1e300;
     for (Direction& start : best_) {
       if (start.depth > 1e299) break;
-      if (!polish_one(start)) return false;
+      if (!refine_one(start)) return false;
       if (start.depth < out.depth) out = start;
     }
     return true;
   }
 
  private:
-  /// Moves to the direction that has the least overlap according to the support points so far. The step width grows and
-  /// shrinks with how precise that prediction is.
-  bool polish_one(Direction& best) const {
+  /// Moves to the direction that has the least overlap according to the support points so far. The step width is halved
+  /// whenever this direction is not an improvement.
+  bool refine_one(Direction& best) const {
     CuttingPlanes planes;
     planes.add(difference(best.n));
     double widest = 0.25;  // as a tangent
@@ -216,7 +216,7 @@ class Shortlist {
 /// libccd's result is only one of the start directions: on curved surfaces it stops early, sometimes far from the
 /// minimum.
 bool find_direction(const Convex& a, const Convex& b, double small, Direction& best) {
-  Shortlist list(a, b);
+  BestDirections list(a, b);
   const Vec3d between = b.centre() - a.centre();
   if (length(between) > 1e-9 * small && !list.take(between)) return false;
 
@@ -227,8 +227,8 @@ bool find_direction(const Convex& a, const Convex& b, double small, Direction& b
   ccd.max_iterations = 100;
   ccd.epa_tolerance = 1e-5 * small;
   ccd_real_t depth;
-  ccd_vec3_t direction, place;
-  const bool overlaps = ccdGJKPenetration(&a, &b, &ccd, &depth, &direction, &place) == 0;
+  ccd_vec3_t direction, position;
+  const bool overlaps = ccdGJKPenetration(&a, &b, &ccd, &depth, &direction, &position) == 0;
   if (a.failed || b.failed) throw geometry::SupportFailure();
   if (overlaps && finite_direction(direction)) {
     const Vec3d d{direction.v[0], direction.v[1], direction.v[2]};
@@ -243,7 +243,7 @@ bool find_direction(const Convex& a, const Convex& b, double small, Direction& b
     const double sign = own == &a ? 1 : -1;
     if (own->row->kind == ShapeKind::box) {
       for (const Vec3d& d : {Vec3d{1, 0, 0}, Vec3d{0, 1, 0}, Vec3d{0, 0, 1}}) {
-        const Vec3d n = rotate(own->turn, d);
+        const Vec3d n = rotate(own->rotation, d);
         if (!list.take(n) || !list.take(-n)) return false;
       }
     }
@@ -253,10 +253,10 @@ bool find_direction(const Convex& a, const Convex& b, double small, Direction& b
       if (!list.take(n) || !list.take(-n)) return false;
     }
     for (std::size_t f = 0; own->hull != nullptr && f < own->hull->face_count(); ++f) {
-      if (!list.take(rotate(own->turn, to_double(own->hull->normal(f))) * sign)) return false;
+      if (!list.take(rotate(own->rotation, to_double(own->hull->normal(f))) * sign)) return false;
     }
   }
-  return list.polish(best);
+  return list.refine(best);
 }
 
 /// The points of the feature that is farthest along `n`: the support points of nearby directions that are almost as
@@ -283,7 +283,7 @@ constexpr geometry::RotationD no_rotation{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
 
 Convex place(const geometry::CheckedSupport& function, const MeshFrame& frame) {
   static const geometry::ShapeRow row{.kind = ShapeKind::support};
-  return {&row, nullptr, &function, frame.turn, frame.position};
+  return {&row, nullptr, &function, frame.rotation, frame.position};
 }
 
 }  // namespace
@@ -311,7 +311,7 @@ std::size_t support_feature(const geometry::CheckedSupport& function, const Mesh
 
 namespace {
 
-/// Writes the contact of a pair, if there is one, and answers the end of what is written. Throws SupportFailure.
+/// Writes the contact of a pair, if there is one, and returns the end of the output. Throws SupportFailure.
 PairContact* test_pair(const KernelInput& input, const KernelPair& pair, PairContact* out) {
   const Body& first = input.bodies[pair.first];
   const Body& second = input.bodies[pair.second];
@@ -321,8 +321,8 @@ PairContact* test_pair(const KernelInput& input, const KernelPair& pair, PairCon
   Direction best;
   if (!find_direction(a, b, small, best)) return out;
   const Feature of_a(a, best.n, 1e-5 * small), of_b(b, -best.n, 1e-5 * small);
-  const Vec3d met = common_point(of_a.span(), of_b.span(), best.n);
-  Vec3d normal = best.n, point = met + best.n * (0.5 * (of_a.height - of_b.height) - dot(best.n, met));
+  const Vec3d common = common_point(of_a.span(), of_b.span(), best.n);
+  Vec3d normal = best.n, point = common + best.n * (0.5 * (of_a.height - of_b.height) - dot(best.n, common));
   if (pair.flipped != 0) {
     normal = -normal;
     point = point - offset;
