@@ -56,7 +56,7 @@ bool write_all(int file, const std::string& text) {
   set_limit(RLIMIT_CORE, 0);
   set_limit(RLIMIT_CPU, limits.cpu_seconds);
   if (!sanitized) set_limit(RLIMIT_AS, address_space() + limits.memory_bytes);
-  // Discard what the third-party code prints: it is not a message of this program.
+  // Discard what the library in the child prints: it is not a message of this program.
   const int null_device = open("/dev/null", O_WRONLY | O_CLOEXEC);
   if (null_device >= 0) {
     dup2(null_device, STDOUT_FILENO);

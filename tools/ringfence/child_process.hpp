@@ -18,8 +18,8 @@ struct ChildResult {
   std::string error;   ///< empty if `work` returned, else how the child ended, for example "crashed (signal 11)"
 };
 
-/// Runs `work` in a forked copy of this process and returns its result. It isolates third-party code that may crash,
-/// hang or exhaust memory on untrusted input. Other effects of `work` on memory do not reach this process.
+/// Runs `work` in a forked copy of this process and returns its result. It isolates library code that may crash, hang
+/// or exhaust memory on untrusted input. Other effects of `work` on memory do not reach this process.
 ///
 /// The copy has only the calling thread, so `work` must not wait for other threads or lock a mutex that they may hold.
 /// Cost: about 1 ms. Throws Error if the system cannot create a process.

@@ -113,9 +113,7 @@ struct CommandLine {
 class CommandLineParser {
  public:
   CommandLineParser();
-  /// Throws CLI::ParseError for an invalid option or value, with the valid range in its message, and also for --help
-  /// and
-  /// --version.
+  /// Throws CLI::ParseError, also for --help and --version. For an invalid value its message has the valid range.
   CommandLine parse(int argc, char** argv);
   /// Prints what a ParseError stands for: help, version or an error message. Returns the exit code.
   int print_outcome(const CLI::ParseError& error);

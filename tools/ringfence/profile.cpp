@@ -83,8 +83,8 @@ void print_kinds(std::FILE* out, const Figures& figures) {
 
 void print_nodes(std::FILE* out, const Figures& figures) {
   const std::vector<NodeFigures> nodes = figures.nodes();
-  fmt::print(out, "{:<6} {:>9} {:>9} {:>9} {:>10} {:>12} {:>14} {:>9} {:>8}\n", "node", "busy ms", "waits ms", "cpu ms",
-             "moving ms", "sweeping ms", "narrow ph. ms", "tested", "share");
+  fmt::print(out, "{:<6} {:>9} {:>9} {:>9} {:>10} {:>12} {:>14} {:>9} {:>8}\n", "node", "busy ms", "wait ms", "cpu ms",
+             "move ms", "sweep ms", "narrow ph. ms", "tested", "share");
   double all = 0;
   for (const NodeFigures& node : nodes) all += node.tested;
   for (std::size_t i = 0; i < std::min(nodes.size(), max_nodes_shown); ++i) {
@@ -94,7 +94,7 @@ void print_nodes(std::FILE* out, const Figures& figures) {
                percent(share(node.tested, all)));
   }
   if (nodes.size() > max_nodes_shown) {
-    fmt::print(out, "and {} more; --json FILE has them all\n", nodes.size() - max_nodes_shown);
+    fmt::print(out, "{} more in the JSON report (--json FILE)\n", nodes.size() - max_nodes_shown);
   }
   const Imbalance& imbalance = figures.cpu_imbalance;
   if (imbalance.windows() == 0) {
@@ -134,7 +134,7 @@ void print_profile(std::FILE* out, const Job& job, const Figures& figures) {
     candidates += kind.candidates;
   }
   fmt::print(out, "frame       mean {:.3f} ms   p50 {:.3f}   p99 {:.3f}\n", frame.mean, frame.p50, frame.p99);
-  fmt::print(out, "narrow phase {:.3f} ms on all nodes together; the kernels {:.3f} of it, by a sample of {}\n\n",
+  fmt::print(out, "narrow phase {:.3f} ms on all nodes; {:.3f} ms of it in kernels, estimated from a sample of {}\n\n",
              narrow, figures.mean(all_estimated_ns(figures)) * 1e-6, percent(share(timed, candidates)));
   print_kinds(out, figures);
   fmt::print(out, "\n");

@@ -66,12 +66,12 @@ void print_nodes(std::FILE* out, const Figures& figures) {
                node.wait_ms, node.tested, all_tested > 0 ? 100 * node.tested / all_tested : 0.0, node.hosted);
   }
   if (nodes.size() > max_nodes_shown) {
-    fmt::print(out, "  and {} more; --json FILE has them all\n", nodes.size() - max_nodes_shown);
+    fmt::print(out, "  {} more in the JSON report (--json FILE)\n", nodes.size() - max_nodes_shown);
   }
 }
 
 void print_traffic(std::FILE* out, const Figures& figures) {
-  fmt::print(out, "messages   a frame    bytes a frame\n");
+  fmt::print(out, "messages per frame  bytes per frame\n");
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
     if (traffic.messages == 0 && traffic.bytes == 0) continue;
@@ -358,12 +358,12 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   fmt::print(out, "frame       mean {:.3f} ms   p50 {:.3f}   p99 {:.3f}   max {:.3f}\n", frame.mean, frame.p50,
              frame.p99, frame.max);
   print_stages(out, figures, frame.mean);
-  fmt::print(out, "pairs       {:.1f} candidates a frame, {:.1f} tested; {} in all\n",
+  fmt::print(out, "pairs       {:.1f} candidates per frame, {:.1f} tested; {} in total\n",
              figures.mean(static_cast<double>(figures.candidates)), figures.mean(static_cast<double>(figures.tested)),
              figures.tested);
-  fmt::print(out, "contacts    {:.1f} a frame, {} in all\n", figures.mean(static_cast<double>(figures.contacts)),
+  fmt::print(out, "contacts    {:.1f} per frame, {} in total\n", figures.mean(static_cast<double>(figures.contacts)),
              figures.contacts);
-  fmt::print(out, "moved       {:.1f} objects a frame, {:.2f} handed over\n",
+  fmt::print(out, "moved       {:.1f} objects per frame, {:.2f} handed over\n",
              figures.mean(static_cast<double>(figures.moved)), figures.mean(static_cast<double>(figures.handed_over)));
   print_nodes(out, figures);
   print_imbalance(out, figures);

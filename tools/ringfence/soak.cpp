@@ -188,12 +188,14 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
 
   using Clock = std::chrono::steady_clock;
   const Clock::time_point begin = Clock::now();
-  const auto passed = [&] { return std::chrono::duration<double>(Clock::now() - begin).count() / (60 * minutes); };
+  const auto elapsed_share = [&] {
+    return std::chrono::duration<double>(Clock::now() - begin).count() / (60 * minutes);
+  };
   constexpr std::uint64_t steps = 1000;
   Progress progress(longer.output.quiet, steps);
   std::uint64_t shown = 0, settled_bytes = 0, frames = 0, contacts = 0;
   double slowest_ms = 0;
-  for (double share = 0; share < 1; share = passed()) {
+  for (double share = 0; share < 1; share = elapsed_share()) {
     if (settled_bytes == 0 && share > 0.1) {
       settled_bytes = allocated_with(world, checker, longer.service.nodes, frames);
     }
@@ -212,7 +214,7 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   progress.finish();
 
   const std::uint64_t bytes = allocated_with(world, checker, longer.service.nodes, frames);
-  const bool flat = settled_bytes == 0 || bytes < settled_bytes + settled_bytes / 4;
+  const bool memory_is_stable = settled_bytes == 0 || bytes < settled_bytes + settled_bytes / 4;
   const Soak::Counts& n = soak.counts();
   fmt::print("{}\nsoak        {:.1f} minutes, {} frames, {} contacts; the slowest frame took {:.1f} ms\n", longer.title,
              minutes, frames, contacts, slowest_ms);
@@ -228,10 +230,10 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   }
   fmt::print("memory      {:.1f} MiB allocated after a tenth of the time, {:.1f} at the end\n",
              mebibytes(settled_bytes), mebibytes(bytes));
-  const bool all_passed = n.failures == 0 && checker.passed() && flat;
+  const bool all_passed = n.failures == 0 && checker.passed() && memory_is_stable;
   fmt::print("{}\n", all_passed ? "all checks passed"
                                 : fmt::format("FAILED: {} frames or calls failed a check{}", n.failures,
-                                              flat ? "" : "; memory has grown by more than a quarter"));
+                                              memory_is_stable ? "" : "; memory has grown by more than a quarter"));
   return all_passed ? done : check_failed;
 }
 
