@@ -7,6 +7,9 @@
 
 #include <oneapi/tbb/parallel_for.h>
 
+#include "base/floating_point.hpp"
+#include "base/task_context.hpp"
+
 namespace ringfence::reference {
 namespace {
 
@@ -101,14 +104,16 @@ class FrameCheck {
         pairs.end());
 
     std::vector<std::string> wrong(pairs.size());
-    oneapi::tbb::parallel_for(std::size_t{0}, pairs.size(), [&](std::size_t i) {
+    const auto check = [&](std::size_t i) {
       const auto& [a, b] = pairs[i];
       const auto found = std::lower_bound(claimed_.begin(), claimed_.end(), numbers(pairs[i]),
                                           [](const Contact* c, const auto& n) { return key(*c) < n; });
       const bool claimed = found != claimed_.end() && key(**found) == numbers(pairs[i]);
       wrong[i] = describe_error(shape_of(a), objects_[a].pose, shape_of(b), objects_[b].pose,
                                 claimed ? *found : nullptr, tolerance_);
-    });
+    };
+    auto context = base::task_context();
+    oneapi::tbb::parallel_for(std::size_t{0}, pairs.size(), check, context);
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const auto [a, b] = numbers(pairs[i]);
       if (!wrong[i].empty()) report(a, b, kinds(pairs[i]) + wrong[i]);
@@ -126,7 +131,7 @@ class FrameCheck {
       if (order.empty()) origin = Vector(objects_[i].pose.position);
       order.push_back(i);
     }
-    oneapi::tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t k) {
+    const auto bound = [&](std::size_t k) {
       const FrameObject& o = objects_[order[k]];
       const PreparedShape& shape = shapes_[o.shape];
       Extents& box = boxes[order[k]];
@@ -134,7 +139,9 @@ class FrameCheck {
       const double width = band(shape, shape, tolerance_);
       box.lower -= {width, width, width};
       box.upper += {width, width, width};
-    });
+    };
+    auto context = base::task_context();
+    oneapi::tbb::parallel_for(std::size_t{0}, order.size(), bound, context);
     std::sort(order.begin(), order.end(), [&](auto p, auto q) { return boxes[p].lower.x < boxes[q].lower.x; });
 
     std::vector<ObjectPair> out;
@@ -168,6 +175,7 @@ class FrameCheck {
 std::vector<Difference> check_frame(std::uint64_t frame, const Shapes& shapes, std::span<const FrameObject> objects,
                                     std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts,
                                     const Tolerance& tolerance, std::size_t max_differences) {
+  const base::DefaultFloatingPoint floating_point;
   auto out = FrameCheck(frame, shapes, objects, layer_masks, contacts, tolerance).run();
   if (out.size() > max_differences) out.resize(max_differences);
   return out;
@@ -175,6 +183,7 @@ std::vector<Difference> check_frame(std::uint64_t frame, const Shapes& shapes, s
 
 std::vector<Difference> check_phases(std::uint64_t frame, std::span<const Contact> before, std::span<const Contact> now,
                                      std::span<const Contact> ended) {
+  const base::DefaultFloatingPoint floating_point;
   std::vector<Difference> out;
   const auto report = [&](const Contact& c, const char* what) {
     out.push_back(

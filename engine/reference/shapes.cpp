@@ -4,6 +4,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/floating_point.hpp"
 #include "reference/exact.hpp"
 
 namespace ringfence::reference {
@@ -78,6 +79,7 @@ Shapes::Shapes(std::span<const ShapeDescription> shapes) {
 }
 
 ShapeNumber Shapes::add(const ShapeDescription& shape) {
+  const base::DefaultFloatingPoint floating_point;
   PreparedShape out;
   out.kind = static_cast<ShapeKind>(shape.index());
   if (const auto* mesh = std::get_if<TriangleMesh>(&shape)) {

@@ -19,8 +19,8 @@ using motion::Draws;
 constexpr std::uint32_t stream = 111;
 constexpr int bumps = 12;
 
-/// A corner of the subdivided icosahedron: up to three of its vertices, ascending, with their weights. Corners that
-/// faces share have one key, so that they are one vertex.
+/// Identifies a vertex of the subdivided icosahedron: the icosahedron vertices it is interpolated from and their
+/// weights, sorted by vertex. Faces that share a vertex compute the same key, so the mesh stores it once.
 using Key = std::array<std::pair<std::uint32_t, std::uint32_t>, 3>;
 
 Vec3d direction_of(const Key& key, const std::array<Vec3d, 12>& vertices) {
@@ -43,7 +43,7 @@ std::array<Vec3d, 12> icosahedron() {
   return out;
 }
 
-/// The triples of vertices that are neighbours, outward side anticlockwise.
+/// The 20 faces: all triples of mutually adjacent vertices, wound anticlockwise seen from outside.
 std::vector<std::array<std::uint32_t, 3>> faces_of(const std::array<Vec3d, 12>& vertices) {
   std::vector<std::array<std::uint32_t, 3>> out;
   const auto neighbours = [&](std::uint32_t p, std::uint32_t q) { return length(vertices[p] - vertices[q]) < 2.1; };
@@ -59,13 +59,14 @@ std::vector<std::array<std::uint32_t, 3>> faces_of(const std::array<Vec3d, 12>& 
   return out;
 }
 
-/// What pulls the surface out, or in, about a direction.
+/// A smooth displacement of the surface around one direction.
 struct Bump {
   Vec3d centre;
-  double height;
-  double width;  ///< cosine from the centre at which it ends
+  double height;  ///< metres at the centre; negative: a crater
+  double width;   ///< cosine of the angle to the centre at which the displacement ends
 };
 
+/// The surface of one asteroid: a sphere with bumps, scaled on each axis.
 class Relief {
  public:
   Relief(std::uint64_t seed, std::uint32_t index) {
@@ -79,7 +80,8 @@ class Relief {
     scale_ = {x, y, double{draws.between(0.6f, 1.2f)}};
   }
 
-  Vec3f place(Vec3d direction) const {
+  /// The surface point in a unit `direction`.
+  Vec3f surface_point(Vec3d direction) const {
     double radius = 1;
     for (const Bump& bump : bumps_) {
       const double within = (dot(direction, bump.centre) - bump.width) / (1 - bump.width);
@@ -114,13 +116,13 @@ TriangleMesh make_asteroid(std::uint64_t seed, std::uint32_t index, std::uint32_
   for (const auto& face : faces_of(base)) {
     const auto vertex = [&](std::uint32_t i, std::uint32_t j) {
       Key key{{{face[0], frequency - i - j}, {face[1], i}, {face[2], j}}};
-      // A vertex without weight is none; which one it was must not tell corners apart.
+      // A vertex of weight 0 does not contribute. Clear its number, so that both faces of an edge compute one key.
       for (auto& part : key) {
         if (part.second == 0) part.first = 0;
       }
       std::sort(key.begin(), key.end());
       const auto [at, fresh] = numbers.emplace(key, static_cast<std::uint32_t>(mesh.vertices.size()));
-      if (fresh) mesh.vertices.push_back(relief.place(direction_of(key, base)));
+      if (fresh) mesh.vertices.push_back(relief.surface_point(direction_of(key, base)));
       return at->second;
     };
     for (std::uint32_t i = 0; i < frequency; ++i) {

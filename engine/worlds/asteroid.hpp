@@ -6,14 +6,17 @@
 
 namespace ringfence::worlds {
 
-/// A closed surface like a rock's, about one metre in radius and centred near the origin: a ball of 20 `frequency`²
-/// triangles (a subdivided icosahedron), pulled in and out by bumps and craters that `seed` and `index` draw, then
-/// scaled on each axis by 0.6 to 1.2. Every point is seen from the origin. Outward sides are anticlockwise.
+/// Generates a closed, rock-like triangle mesh of about 1 m radius around the origin.
 ///
-/// A pure function with the same bits on every machine: +, -, *, / and square roots only. `frequency` is 1 to 223.
+/// Method: an icosahedron subdivided into 20 `frequency`² triangles is projected onto a sphere, displaced by bumps and
+/// craters, and scaled on each axis by 0.6 to 1.2. `seed` and `index` select the bumps and the scale. The surface is
+/// star-shaped: every surface point is visible from the origin. Faces are wound anticlockwise seen from outside.
+///
+/// `frequency` is 1 to 223; otherwise throws Error. A pure function with the same bits on every machine: it uses only
+/// +, -, *, / and square roots. May be called from any thread.
 TriangleMesh make_asteroid(std::uint64_t seed, std::uint32_t index, std::uint32_t frequency);
 
-/// The volume inside a closed surface whose outward sides are anticlockwise, in cubic metres.
+/// Volume in cubic metres that a closed mesh encloses. Faces must be wound anticlockwise seen from outside.
 double volume_inside(const TriangleMesh& mesh);
 
 }  // namespace ringfence::worlds

@@ -4,8 +4,8 @@
 
 namespace ringfence::worlds {
 
-/// What readers throw: the message names the file, the line or byte, the field, what was found and what was expected.
-/// Nothing of the file has been used when it is thrown.
+/// Thrown by the readers of this module for invalid input. The message names the file, the line or byte offset, the
+/// field, what was found and what is expected. The reader returns nothing: a file is accepted completely or not at all.
 class InputError : public Error {
  public:
   using Error::Error;

@@ -14,10 +14,10 @@
 namespace ringfence::worlds {
 namespace {
 
-/// Reads characters and counts the lines that have gone by. The parser copies it, so the count is held outside.
+/// Input iterator that counts line breaks. The parser copies its iterators, so the counter lives outside.
 class LineCounter {
  public:
-  // NOLINTNEXTLINE(readability-identifier-naming): the name is the standard's
+  // NOLINTNEXTLINE(readability-identifier-naming): the C++ standard prescribes this name
   using iterator_category = std::input_iterator_tag;
   using value_type = char;
   using difference_type = std::ptrdiff_t;
@@ -44,7 +44,8 @@ class LineCounter {
   std::size_t* line_;
 };
 
-/// Walks a text along a path and remembers the line of the last step that it finds.
+/// SAX handler that finds the line of a JSON path. If only the beginning of the path exists, finds the line of the
+/// last step that exists.
 class LineFinder : public nlohmann::json_sax<Json> {
  public:
   LineFinder(std::vector<std::string> path, const std::size_t* line) : path_(std::move(path)), line_(line) {}
@@ -74,7 +75,7 @@ class LineFinder : public nlohmann::json_sax<Json> {
     std::size_t next;
     std::string step;
   };
-  /// Whether the steps taken so far are the beginning of the path.
+  /// True if the current position is on the searched path.
   bool on_path() const {
     if (levels_.size() > path_.size()) return false;
     for (std::size_t i = levels_.size(); i-- > 0;) {
@@ -118,7 +119,7 @@ std::size_t line_of(std::string_view text, Json::json_pointer path) {
   return finder.found();
 }
 
-/// "objects[3].position" for /objects/3/position.
+/// Formats a JSON pointer for messages: /objects/3/position becomes "objects[3].position".
 std::string format_path(Json::json_pointer path) {
   std::vector<std::string> steps;
   for (; !path.empty(); path.pop_back()) steps.push_back(path.back());
@@ -144,21 +145,55 @@ std::string position_of_byte(std::string_view text, std::size_t byte) {
   return fmt::format("{}:{}", line, column);
 }
 
+/// The JSON library recurses when it prints a value, as an error message does. A scene has 5 levels.
+constexpr std::size_t most_levels = 64;
+
+/// The position of the first bracket that opens a level too many; npos where there is none. In a text that is not JSON
+/// the brackets of unfinished strings may be taken for levels, but such a text is refused anyway.
+std::size_t find_too_deep(std::string_view text) {
+  std::size_t levels = 0;
+  bool in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (in_string) {
+      if (c == '\\') {
+        ++i;
+      } else if (c == '"') {
+        in_string = false;
+      }
+    } else if (c == '"') {
+      in_string = true;
+    } else if (c == '[' || c == '{') {
+      if (++levels > most_levels) return i;
+    } else if ((c == ']' || c == '}') && levels > 0) {
+      --levels;
+    }
+  }
+  return std::string_view::npos;
+}
+
 }  // namespace
 
 JsonDocument::JsonDocument(std::string_view text, std::string name) : text_(text), name_(std::move(name)) {
+  if (const std::size_t at = find_too_deep(text); at != std::string_view::npos) {
+    throw InputError(
+        fmt::format("{}:{}: arrays and objects are nested more than {} deep; expected at most {} levels, "
+                    "remove the surplus brackets",
+                    name_, position_of_byte(text, at + 1), most_levels, most_levels));
+  }
   std::set<std::string> keys[3];
-  std::string twice;
-  const auto watch = [&](int depth, Json::parse_event_t event, Json& parsed) {
+  std::string duplicate_key;
+  const auto find_duplicate = [&](int depth, Json::parse_event_t event, Json& parsed) {
     if (depth < 0 || depth > 2) return true;
     if (event == Json::parse_event_t::object_start && depth < 2) keys[depth + 1].clear();
-    if (event == Json::parse_event_t::key && !keys[depth].insert(parsed.get<std::string>()).second && twice.empty()) {
-      twice = parsed.get<std::string>();
+    if (event == Json::parse_event_t::key && !keys[depth].insert(parsed.get<std::string>()).second &&
+        duplicate_key.empty()) {
+      duplicate_key = parsed.get<std::string>();
     }
     return true;
   };
   try {
-    root_ = Json::parse(text.begin(), text.end(), watch);
+    root_ = Json::parse(text.begin(), text.end(), find_duplicate);
   } catch (const Json::parse_error& error) {
     const std::string what = error.what();
     const std::size_t reason = what.find("syntax error");
@@ -167,10 +202,10 @@ JsonDocument::JsonDocument(std::string_view text, std::string name) : text_(text
                                  reason == std::string::npos ? what : what.substr(reason),
                                  literal ? " (JSON has neither NaN nor infinity)" : ""));
   } catch (const Json::exception& error) {
-    throw InputError(fmt::format("{}: not JSON that can be used: {}", name_, error.what()));
+    throw InputError(fmt::format("{}: JSON cannot be read: {}", name_, error.what()));
   }
-  if (!twice.empty()) {
-    throw InputError(fmt::format("{}: \"{}\" is there twice in one object; expected once", name_, twice));
+  if (!duplicate_key.empty()) {
+    throw InputError(fmt::format("{}: key \"{}\" occurs twice in one object; expected once", name_, duplicate_key));
   }
 }
 
@@ -183,9 +218,9 @@ void JsonDocument::fail(const Json::json_pointer& path, const std::string& messa
 void JsonValue::fail(const std::string& message) const { document_->fail(path_, message); }
 
 void JsonValue::fail_unexpected(const std::string& expected) const {
-  constexpr std::size_t longest = 60;
+  constexpr std::size_t max_length = 60;
   std::string found = value_->dump();
-  if (found.size() > longest) found = found.substr(0, longest) + "...";
+  if (found.size() > max_length) found = found.substr(0, max_length) + "...";
   fail(fmt::format("found {}; expected {}", found, expected));
 }
 

@@ -12,20 +12,24 @@
 
 namespace ringfence::worlds {
 
-/// Keeps the order of the file.
+/// Keeps members in the order of the file.
 using Json = nlohmann::ordered_json;
 
-/// A JSON text with what is needed to say where something in it is wrong.
+/// A parsed JSON text that can report the line of each of its values. One thread at a time.
 class JsonDocument {
  public:
-  /// Parses. Throws InputError with FILE:LINE:COLUMN for what is not JSON, and for a key that is there twice in one of
-  /// the outer two levels (a shape's name, for one). `text` must outlive the document.
+  /// Parses `text`, which must outlive the document. `name` is the file name in messages.
+  ///
+  /// Throws InputError with FILE:LINE:COLUMN for text that is not JSON, and for arrays and objects that are nested
+  /// more than 64 deep. Also throws it for a duplicate key in one of the outer two levels of objects, for example a
+  /// duplicate shape name.
   JsonDocument(std::string_view text, std::string name);
 
   const Json& root() const noexcept { return root_; }
   const std::string& name() const noexcept { return name_; }
 
-  /// Throws InputError: FILE:LINE of the value at `path` (or of the nearest one around it), the path, the message.
+  /// Throws InputError with FILE:LINE, the path and `message`. The line is that of the value at `path`, or of the
+  /// innermost existing value that encloses it. Cost: parses the text again.
   [[noreturn]] void fail(const Json::json_pointer& path, const std::string& message) const;
 
  private:
@@ -34,19 +38,21 @@ class JsonDocument {
   Json root_;
 };
 
-/// A value in a document, with its place. Reading it as what it is not fails with place, finding and expectation.
+/// A value of a document and its path. A view: the document must outlive it.
+///
+/// Each accessor checks type and range. On failure it throws InputError with line, path, found value and expectation.
 class JsonValue {
  public:
   explicit JsonValue(const JsonDocument& document) : document_(&document), value_(&document.root()) {}
 
   bool has(std::string_view key) const;
-  /// The member `key`, which must be there.
+  /// The member `key`; fails if it is missing. Precondition: this is an object.
   JsonValue field(std::string_view key) const;
-  /// Precondition: index < size().
+  /// Precondition: this is an array and index < size().
   JsonValue item(std::size_t index) const;
   std::size_t size() const noexcept { return value_->size(); }
 
-  /// Fails unless this is an object, or an array, of nothing but what is listed.
+  /// Fails unless this is an object whose keys are all in `known`.
   void expect_object(std::initializer_list<std::string_view> known) const;
   void expect_array() const;
   void expect_any_object() const;
@@ -54,17 +60,17 @@ class JsonValue {
 
   std::string text() const;
   double number() const;
-  /// `number`, rounded to float; fails when out of float's range.
+  /// `number()` rounded to float; fails if it is out of the range of float.
   float number_float() const;
-  /// A whole number within [least, most].
+  /// An integer within [least, most].
   std::uint64_t unsigned_integer(std::uint64_t least, std::uint64_t most) const;
   Vec3d vector() const;
   Vec3f vector_float() const;
-  /// Four numbers, a quaternion within 10^-3 of unit length.
+  /// Four numbers: a quaternion x, y, z, w whose length is 1 within 10^-3.
   Quat orientation() const;
 
   [[noreturn]] void fail(const std::string& message) const;
-  /// "found ...; expected ..." with what is found cut to a readable length.
+  /// Fails with "found VALUE; expected EXPECTED". Shortens a long value.
   [[noreturn]] void fail_unexpected(const std::string& expected) const;
 
  private:

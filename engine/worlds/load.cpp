@@ -14,7 +14,7 @@ void configure_for(WorldConfig& config, const Scene& scene, UserNumber users) {
   config.bounds_min = scene.bounds_min;
   config.bounds_max = scene.bounds_max;
   config.layers = scene.layers;
-  // Of the paper's world an object has 0.7 contacts and 1.5 candidates; what has more grows the buffers once.
+  // In the paper's world there are 0.7 contacts and 1.5 candidates per object. Denser worlds grow the buffers once.
   const std::size_t objects = scene.objects.size();
   config.capacities.objects = std::max(config.capacities.objects, objects);
   config.capacities.pairs = std::max(config.capacities.pairs, 4 * objects);

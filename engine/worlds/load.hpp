@@ -5,13 +5,14 @@
 
 namespace ringfence::worlds {
 
-/// Bounds, layers and capacities of a configuration as a scene needs them.
+/// Sets bounds and layers of `config` to those of `scene`, and raises its capacities to what `scene` needs.
 void configure_for(WorldConfig& config, const Scene& scene, UserNumber users);
 
-/// Registers the scene's shapes, connects users 0 to `users` - 1 and spawns the objects, for the next frame.
+/// Registers the shapes of `scene`, connects users 0 to `users` - 1 and spawns the objects. They exist from the next
+/// frame on.
 ///
-/// `world` is new: without shapes, users and objects. `users` is at least users_of(scene). Throws Error naming the
-/// shape, user or object that the world refuses.
+/// Preconditions: `world` has no shapes, users or objects; `users` is at least users_of(scene). Throws Error that names
+/// the shape, user or object that the world refuses.
 void load_into(World& world, const Scene& scene, UserNumber users);
 
 }  // namespace ringfence::worlds

@@ -19,7 +19,7 @@
 namespace ringfence::worlds {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "binary motion is little-endian, and poses are copied whole");
+static_assert(std::endian::native == std::endian::little, "binary motion is little-endian; poses are copied as bytes");
 
 constexpr std::string_view header = "frame,object,x,y,z,qx,qy,qz,qw";
 constexpr std::string_view magic = "RFMOTION";
@@ -35,7 +35,7 @@ struct BinaryHeader {
 };
 static_assert(sizeof(BinaryHeader) == 24);
 
-/// To compare poses as they are stored: -0 is not 0.
+/// For a comparison of poses by their bits, where -0 differs from 0.
 using PoseBits = std::array<std::uint64_t, 5>;
 static_assert(sizeof(PoseBits) == sizeof(Pose));
 
@@ -49,7 +49,7 @@ bool is_finite(const Vec3d& v) { return std::isfinite(v.x) && std::isfinite(v.y)
 
 std::string format_quaternion(const Quat& q) { return fmt::format("({}, {}, {}, {})", q.x, q.y, q.z, q.w); }
 
-/// What of a scene the readers ask for, by object number.
+/// The properties of the scene's objects that the CSV reader checks, by object number.
 class ObjectIndex {
  public:
   explicit ObjectIndex(const Scene& scene) {
@@ -58,7 +58,7 @@ class ObjectIndex {
     }
   }
   struct Entry {
-    std::uint32_t last_frame;
+    std::uint32_t last_frame;  ///< frame of the object's latest row, or `none`
     bool fixed;
   };
   static constexpr std::uint32_t none = 0xffffffffu;
@@ -72,7 +72,7 @@ class ObjectIndex {
   std::unordered_map<ObjectNumber, Entry> entries_;
 };
 
-/// Reads CSV line by line; its messages begin with FILE:LINE.
+/// Reads CSV motion line by line. Its messages begin with FILE:LINE.
 class CsvReader {
  public:
   CsvReader(std::string_view text, const std::string& name, const Scene& scene)
@@ -138,7 +138,7 @@ class CsvReader {
   void read_row(std::string_view line) {
     const auto parts = split(line);
     MotionRow row;
-    row.frame = read_number<std::uint32_t>(parts[0], "frame", "a whole number from 0");
+    row.frame = read_number<std::uint32_t>(parts[0], "frame", "a whole number of 0 or more");
     row.object = read_number<std::uint32_t>(parts[1], "object", "the id of an object");
     if (row.frame >= max_frames) fail(fmt::format("frame: found {}; expected less than {}", row.frame, max_frames));
     if (!motion_.rows.empty() && row.frame < motion_.rows.back().frame) {
@@ -168,7 +168,8 @@ class CsvReader {
     if (object->fixed)
       fail(fmt::format("object: {} is static; expected rows only of objects that may move", row.object));
     if (object->last_frame == row.frame) {
-      fail(fmt::format("object: {} is there twice in frame {}; expected one row a frame", row.object, row.frame));
+      fail(fmt::format("object: {} has two rows in frame {}; expected at most one row per frame", row.object,
+                       row.frame));
     }
     object->last_frame = row.frame;
   }
@@ -181,7 +182,7 @@ class CsvReader {
   Motion motion_;
 };
 
-/// Reads binary motion; its messages name the byte offset, and the frame and object where there is one.
+/// Reads binary motion. Its messages name the byte offset and, after the header, the frame and the object.
 class BinaryReader {
  public:
   BinaryReader(std::string_view bytes, const std::string& name, const Scene& scene)
@@ -189,14 +190,14 @@ class BinaryReader {
 
   Motion read() {
     read_header();
-    // What stands before the first frame is the scene's: only what differs becomes a row.
+    // The file has every object in every frame. Only a difference from the frame before (first: the scene) is a row.
     std::vector<ObjectSpec> last = scene_.objects;
     std::size_t at = sizeof(BinaryHeader);
     for (std::uint32_t frame = 0; frame < motion_.frames; ++frame) {
       for (ObjectSpec& object : last) {
         Pose pose;
         std::memcpy(&pose, bytes_.data() + at, sizeof pose);
-        take(frame, object, pose, at);
+        add_if_changed(frame, object, pose, at);
         at += sizeof pose;
       }
     }
@@ -225,9 +226,9 @@ class BinaryReader {
     const std::uint64_t frame_bytes = std::uint64_t{head.objects} * sizeof(Pose);
     const std::uint64_t expected = sizeof head + head.frames * frame_bytes;
     if (bytes_.size() < expected) {
-      const std::uint64_t whole = (bytes_.size() - sizeof head) / frame_bytes;
-      fail(bytes_.size(),
-           fmt::format("the file ends within frame {} of {}; expected {} bytes", whole, head.frames, expected));
+      const std::uint64_t complete_frames = (bytes_.size() - sizeof head) / frame_bytes;
+      fail(bytes_.size(), fmt::format("the file ends within frame {} of {}; expected {} bytes", complete_frames,
+                                      head.frames, expected));
     }
     if (bytes_.size() > expected) {
       fail(expected, fmt::format("{} bytes follow the last of {} frames; expected the end", bytes_.size() - expected,
@@ -236,7 +237,7 @@ class BinaryReader {
     motion_.frames = head.frames;
   }
 
-  void take(std::uint32_t frame, ObjectSpec& object, const Pose& pose, std::size_t at) {
+  void add_if_changed(std::uint32_t frame, ObjectSpec& object, const Pose& pose, std::size_t at) {
     const auto refuse = [&](std::size_t offset, const std::string& message) {
       fail(at + offset, fmt::format("frame {}, object {}: {}", frame, object.number, message));
     };
@@ -256,7 +257,7 @@ class BinaryReader {
     const bool same = present == object.present &&
                       (!present || std::bit_cast<PoseBits>(pose) == std::bit_cast<PoseBits>(object.pose));
     if (same) return;
-    if (object.category == Category::fixed) refuse(0, "is static but moves; expected the pose of the scene");
+    if (object.category == Category::fixed) refuse(0, "is static but moves; expected its pose in the scene");
     object.present = present;
     if (present) object.pose = pose;
     motion_.rows.push_back({frame, object.number, present, present ? pose : Pose{}});

@@ -14,53 +14,56 @@
 
 namespace ringfence::worlds {
 
-/// An object that moves, appears or goes in a frame.
+/// The pose of one object from one frame on, or its absence.
 struct MotionRow {
   std::uint32_t frame = 0;
   ObjectNumber object = 0;
-  bool present = true;  ///< false: absent from this frame on, until its next row
-  Pose pose;            ///< meaningful where present
+  bool present = true;  ///< false: the object is absent from this frame until its next row
+  Pose pose;            ///< valid if present
   bool operator==(const MotionRow&) const noexcept = default;
 };
 
-/// Recorded movement: rows in order of frame, at most one an object and frame. Frame k's rows are applied, then frame
-/// k is detected; objects without a row stay where they were.
+/// Recorded movement: rows sorted by frame, at most one row per object and frame. The rows of frame k are applied
+/// before collisions of frame k are detected. An object without a row keeps its pose.
 struct Motion {
-  std::uint32_t frames = 0;  ///< the last row's frame and one; of a binary file as it says
+  std::uint32_t frames = 0;  ///< CSV: frame of the last row plus 1; binary: as in the file's header
   std::vector<MotionRow> rows;
 };
 
-/// Reads the movement of `scene` from a file: CSV, or binary where it begins with RFMOTION.
+/// Reads the movement of the objects of `scene` from a file. A file that begins with RFMOTION is binary; any other is
+/// CSV. docs/replay.md describes both formats.
 ///
-/// Throws InputError naming the file and the line (CSV) or byte offset (binary) for a wrong header or field count, what
-/// is not a finite number, an orientation further than 10^-3 from unit length, frames out of order, an object that the
-/// scene does not have, has twice in a frame, or that is static, counts that are not the scene's, and a file that is
-/// too short or too long. A row of an object whose pose has not changed is kept out of binary motion: there every frame
-/// has every object.
+/// Throws InputError that names the file and the line (CSV) or byte offset (binary) for:
+/// - a wrong header, field count or file size; an object count that differs from the scene;
+/// - a number that is not finite; a quaternion whose length differs from 1 by more than 10^-3;
+/// - frames in descending order; two rows of an object in one frame;
+/// - an object that the scene does not have, or that is static.
+///
+/// Binary motion has every object in every frame. The result has a row only where a pose or presence changes.
 Motion read_motion(const std::filesystem::path& file, const Scene& scene);
 
-/// The same from memory; `name` stands for the file in messages.
+/// Parses motion from memory. `name` is the file name in messages.
 Motion parse_motion(std::string_view bytes, const std::string& name, const Scene& scene);
 
-/// Rows as CSV; every number reads back with the same bits.
+/// Formats motion as CSV. Every number reads back with the same bits.
 std::string format_motion_csv(const Motion& motion);
 void write_motion_csv(const std::filesystem::path& file, const Motion& motion);
 
-/// Writes binary motion frame by frame, so that a long recording is never in memory as a whole.
+/// Writes binary motion frame by frame, so that memory does not grow with the length of the recording.
 ///
-/// Throws Error naming the file when it cannot be written. One thread.
+/// Every member throws Error that names the file if it cannot be written. One thread at a time.
 class BinaryMotionWriter {
  public:
-  /// `objects` is the scene's count.
+  /// Creates the file. `objects` is the number of objects of the scene.
   BinaryMotionWriter(std::filesystem::path file, std::uint32_t objects);
   ~BinaryMotionWriter();
   BinaryMotionWriter(const BinaryMotionWriter&) = delete;
   BinaryMotionWriter& operator=(const BinaryMotionWriter&) = delete;
 
-  /// One frame: the poses of all objects in the scene's order; a position of NaN stands for an absent one.
+  /// Appends one frame: the poses of all objects in the order of the scene. A NaN position marks an absent object.
   void add_frame(std::span<const Pose> poses);
 
-  /// Puts the frame count into the header and closes the file. Without it the file is not valid.
+  /// Writes the frame count into the header and closes the file. Readers refuse a file without this step.
   void finish();
 
  private:

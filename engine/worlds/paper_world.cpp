@@ -24,14 +24,14 @@ constexpr int hull_points = 32;
 constexpr std::uint32_t mesh_frequency = 4;  // 320 triangles
 constexpr int max_attempts = 64;
 constexpr double sphere_volume = 4.18879020478639098;  // of radius 1
-constexpr double min_spacing = 0.8;                    // centres at the start, of the sum of the radii
-constexpr float share_at_goal = 0.9f;                  // share of what steers that starts about its goal
+constexpr double min_spacing = 0.8;                    // of start positions, as a share of the sum of the radii
+constexpr float share_at_goal = 0.9f;                  // of the steered objects; the others start on their way
 
 enum Stream : std::uint32_t { box_sizes = 101, capsule_sizes, hull_sizes, shape_picks, orientations, positions };
 
 void check(const PaperWorldOptions& options) {
-  const auto require = [](bool holds, const std::string& what) {
-    if (!holds) throw Error(what);
+  const auto require = [](bool condition, const std::string& message) {
+    if (!condition) throw Error(message);
   };
   require(options.objects >= 1 && options.objects <= 10'000'000,
           fmt::format("objects: {}; expected 1 to 10000000", options.objects));
@@ -42,7 +42,7 @@ void check(const PaperWorldOptions& options) {
           fmt::format("users: {}; expected at most one for each of the {} objects", options.users, options.objects));
 }
 
-/// By Newton's method: libm's differs from machine to machine.
+/// Cube root by Newton's method: the result of std::cbrt differs between machines.
 double cube_root(double value) {
   double root = std::max(1.0, value);
   for (int step = 0; step < 200; ++step) {
@@ -95,7 +95,7 @@ ShapeDescription make_shape(ShapeKind kind, std::uint64_t seed, std::uint32_t in
   return hull;
 }
 
-/// The shapes of the scene, with their volumes, and where each kind begins.
+/// The shapes of the scene with their volumes in m³. Shapes of kind k are first[k] to first[k] + count[k] - 1.
 struct ShapeLibrary {
   std::vector<NamedShape> shapes;
   std::vector<double> volumes;
@@ -142,7 +142,7 @@ std::vector<ShapeKind> kind_cycle(ShapeSetting setting) {
   return {sphere, box, hull, capsule, box, hull};
 }
 
-/// Remembers the centres placed so far and says whether another is far enough from them all.
+/// Stores the centres placed so far in a uniform grid and tests the distance of a new centre to them.
 class PlacedCentres {
  public:
   PlacedCentres(double side, double largest_radius)
@@ -151,7 +151,8 @@ class PlacedCentres {
         cell_size_(side / static_cast<double>(cells_)),
         heads_(static_cast<std::size_t>(cells_ * cells_ * cells_), none) {}
 
-  bool free(const Vec3d& p, double radius) const {
+  /// True if `p` keeps the minimum spacing to all centres placed so far.
+  bool is_free(const Vec3d& p, double radius) const {
     const std::int64_t reach = cell_size_ >= cell_ ? 1 : 2;
     const auto [x, y, z] = cell(p);
     for (std::int64_t k = std::max<std::int64_t>(0, z - reach); k <= std::min(cells_ - 1, z + reach); ++k) {
@@ -207,8 +208,8 @@ Vec3f random_in_unit_ball(Draws& draws) {
   }
 }
 
-/// Most objects that steer start about their goal, the later the try the farther off; the others on their way. What
-/// does not steer starts anywhere.
+/// A random start position. `share_at_goal` of the steered objects start near their goal, at a distance that grows with
+/// the attempt; the others start on the way to it. An object that does not steer starts anywhere.
 Vec3d start_position(const motion::Steering& steering, const ObjectSpec& object, double side, Draws& draws,
                      int attempt) {
   const double x = double{draws.unit()}, y = double{draws.unit()}, z = double{draws.unit()};
@@ -217,8 +218,8 @@ Vec3d start_position(const motion::Steering& steering, const ObjectSpec& object,
   const Vec3d goal = steering.goal_of(object.number, 0);
   if (draws.unit() < share_at_goal) {
     const double reach = double{steering.config().spread} * (1 + 3.0 * attempt / max_attempts);
-    const Vec3d place = goal + to_double(random_in_unit_ball(draws)) * reach;
-    return {std::clamp(place.x, 0.0, side), std::clamp(place.y, 0.0, side), std::clamp(place.z, 0.0, side)};
+    const Vec3d position = goal + to_double(random_in_unit_ball(draws)) * reach;
+    return {std::clamp(position.x, 0.0, side), std::clamp(position.y, 0.0, side), std::clamp(position.z, 0.0, side)};
   }
   return random_position + (goal - random_position) * double{draws.unit()};
 }
@@ -230,8 +231,8 @@ motion::SteeringConfig steering_for(const PaperWorldOptions& options, double sid
   steering.targets = options.targets != 0 ? options.targets : std::max(1u, options.objects / 50);
   steering.target_interval = options.target_interval;
   steering.retarget_interval = options.retarget_interval;
-  // Lengths follow the size of the objects, and the room about a target follows how many share it: that keeps the
-  // crowding within bounds whatever the parameters.
+  // Lengths scale with the mean object radius, and the spread around a target with the number of objects that share it.
+  // This bounds the local density for all parameters.
   const double steered = options.users + (options.objects - options.users) / 2.0;
   const double sharing = std::max(1.0, steered / steering.targets);
   steering.speed = static_cast<float>(0.3 * radius);
@@ -254,7 +255,7 @@ PaperWorld make_paper_world(const PaperWorldOptions& options) {
   for (std::uint32_t i = 0; i < options.objects; ++i) {
     ObjectSpec object;
     object.number = i + 1;
-    // Two in a row are of a kind, one active and one not.
+    // Two consecutive objects have the same kind: one is active, one non-active.
     const auto kind = static_cast<std::size_t>(cycle[i / 2 % cycle.size()]);
     Draws draws(options.seed, shape_picks, object.number);
     object.shape = library.first[kind] + motion::uniform_below(library.count[kind], draws.word());
@@ -282,7 +283,7 @@ PaperWorld make_paper_world(const PaperWorldOptions& options) {
     Draws draws(options.seed, positions, object.number);
     for (int attempt = 0; attempt < max_attempts; ++attempt) {
       object.pose.position = start_position(steering, object, side, draws, attempt);
-      if (placed.free(object.pose.position, radii[i])) break;
+      if (placed.is_free(object.pose.position, radii[i])) break;
     }
     placed.add(object.pose.position, radii[i]);
   }

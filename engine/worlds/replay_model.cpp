@@ -8,7 +8,7 @@
 
 namespace ringfence::worlds {
 
-/// The rows of an object that have not been applied: [next, the first that is another object's).
+/// State of an object: the index in rows_ of its next row to apply. Its rows end where those of another object begin.
 struct ReplayModel::Cursor {
   std::uint32_t next;
   std::uint32_t reserved;
@@ -36,7 +36,7 @@ void ReplayModel::move(std::uint64_t frame, std::span<const MotionInput> inputs,
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     Cursor cursor;
     std::memcpy(&cursor, inputs[i].state, sizeof cursor);
-    // More than one only after frames in which the object's host was not heard.
+    // Applies more than one row only after frames in which the server received no state from the object's host.
     while (cursor.next < rows_.size() && rows_[cursor.next].object == inputs[i].number &&
            rows_[cursor.next].frame <= frame) {
       const MotionRow& row = rows_[cursor.next];

@@ -9,12 +9,14 @@
 
 namespace ringfence::worlds {
 
-/// Moves objects as recorded: in frame k each object takes the pose of its row for frame k, if it has one, and stands
-/// still otherwise. No response.
+/// Motion model that replays recorded movement. In frame k an object takes the pose of its row for frame k; without
+/// such a row it keeps its pose. Contacts have no effect.
 ///
-/// An object's state is its place in its own rows, so `move` finds a row in constant time. Immutable; any thread.
+/// The state of an object is the index of its next row, so `move` finds a row in constant time. Immutable: may be used
+/// by any number of threads.
 class ReplayModel final : public MotionModel {
  public:
+  /// Copies and sorts the rows. Throws Error for 2^32 - 1 rows or more.
   explicit ReplayModel(const Motion& motion);
 
   std::size_t state_bytes() const noexcept override;
@@ -25,8 +27,8 @@ class ReplayModel final : public MotionModel {
  private:
   struct Cursor;
 
-  std::vector<MotionRow> rows_;                                          ///< by object, then frame
-  std::unordered_map<ObjectNumber, std::uint32_t> first_row_by_object_;  ///< of an object's rows
+  std::vector<MotionRow> rows_;                                          ///< sorted by object, then by frame
+  std::unordered_map<ObjectNumber, std::uint32_t> first_row_by_object_;  ///< indices in rows_
 };
 
 }  // namespace ringfence::worlds

@@ -9,25 +9,26 @@
 
 namespace ringfence::worlds {
 
-/// A shape of a scene under the name that objects use for it.
+/// A shape and the name by which the objects of a scene file refer to it.
 struct NamedShape {
   std::string name;
   ShapeDescription description;
-  std::string mesh_file;  ///< meshes only: as written in the scene file, relative to it
+  std::string mesh_file;  ///< meshes only: path as written in the scene file, relative to its folder
 };
 
-/// A world before its first frame: plain data, whether generated, read or recorded.
+/// The initial state of a world: generated, read from a file, or recorded. Bounds are in metres.
 ///
-/// `ObjectSpec::shape` is an index into `shapes`; numbers are distinct and never 0; avatars have a user, others none.
+/// Invariants: `ObjectSpec::shape` is an index into `shapes`; object numbers are distinct and not 0; avatars, and only
+/// avatars, have a user.
 struct Scene {
   Vec3d bounds_min{0, 0, 0};
   Vec3d bounds_max{100, 100, 100};
-  LayerMatrix layers;  ///< without names: one layer, all collide
+  LayerMatrix layers;  ///< without names: one layer, in which all objects collide
   std::vector<NamedShape> shapes;
   std::vector<ObjectSpec> objects;
 };
 
-/// How many user nodes the scene's avatars need: the highest user number and one.
+/// Number of user nodes that the avatars of the scene need: the highest user number plus 1, or 0 without avatars.
 UserNumber users_of(const Scene& scene);
 
 }  // namespace ringfence::worlds

@@ -16,10 +16,10 @@
 namespace ringfence::worlds {
 namespace {
 
-constexpr std::uint64_t most_users = 65'536;
-constexpr std::size_t most_layers = 32;
+constexpr std::uint64_t max_users = 65'536;
+constexpr std::size_t max_layers = 32;
 
-/// Reads the parts of a scene in turn; what is found in one is needed by the next.
+/// Reads the parts of a scene in dependency order: objects refer to shapes and layers.
 class SceneReader {
  public:
   SceneReader(const JsonDocument& document, const std::filesystem::path& folder, const MeshLoader& loader)
@@ -61,12 +61,11 @@ class SceneReader {
     layers.expect_object({"names", "collide"});
     const JsonValue names = layers.field("names");
     names.expect_array();
-    if (names.size() < 1 || names.size() > most_layers)
-      names.fail_unexpected(fmt::format("1 to {} names", most_layers));
+    if (names.size() < 1 || names.size() > max_layers) names.fail_unexpected(fmt::format("1 to {} names", max_layers));
     for (std::size_t i = 0; i < names.size(); ++i) {
       const std::string name = names.item(i).text();
       if (std::find(scene_.layers.names.begin(), scene_.layers.names.end(), name) != scene_.layers.names.end()) {
-        names.item(i).fail(fmt::format("\"{}\" is there twice; expected distinct names", name));
+        names.item(i).fail(fmt::format("\"{}\" occurs twice; expected distinct names", name));
       }
       scene_.layers.names.push_back(name);
     }
@@ -92,7 +91,7 @@ class SceneReader {
     shape.expect_object({"type", "file"});
     const JsonValue file = shape.field("file");
     const std::filesystem::path path = folder_ / file.text();
-    if (!loader_) file.fail("there is no reader of mesh files here; expected sphere, box, capsule or convex_hull");
+    if (!loader_) file.fail("mesh files are not supported here; expected sphere, box, capsule or convex_hull");
     try {
       return loader_(path);
     } catch (const Error& error) {
@@ -122,7 +121,7 @@ class SceneReader {
 
   void read_shapes(const JsonValue& shapes) {
     shapes.expect_any_object();
-    geometry::ShapeTable table;  // only for its checks
+    geometry::ShapeTable table;  // used for its checks only
     for (const auto& member : shapes.raw().items()) {
       const JsonValue value = shapes.field(member.key());
       NamedShape shape{member.key(), read_shape(value), {}};
@@ -146,11 +145,11 @@ class SceneReader {
     return found->second;
   }
 
-  static Category category_of(const JsonValue& word) {
+  static Category category_of(const JsonValue& name) {
     for (const Category category : {Category::avatar, Category::active, Category::non_active, Category::fixed}) {
-      if (word.text() == name_of(category)) return category;
+      if (name.text() == name_of(category)) return category;
     }
-    word.fail_unexpected("avatar, active, non-active or static");
+    name.fail_unexpected("avatar, active, non-active or static");
   }
 
   ObjectSpec read_object(const JsonValue& object) const {
@@ -160,7 +159,7 @@ class SceneReader {
     spec.shape = shape_of(object.field("shape"));
     spec.category = category_of(object.field("category"));
     if (spec.category == Category::avatar) {
-      spec.user = static_cast<UserNumber>(object.field("user").unsigned_integer(0, most_users - 1));
+      spec.user = static_cast<UserNumber>(object.field("user").unsigned_integer(0, max_users - 1));
     } else if (object.has("user")) {
       object.field("user").fail("only an avatar has a user; remove the field or make the object an avatar");
     }
@@ -179,8 +178,7 @@ class SceneReader {
       object.expect_any_object();
       scene_.objects.push_back(read_object(object));
       if (!numbers.insert(scene_.objects.back().number).second) {
-        object.field("id").fail(
-            fmt::format("id {} is there twice; expected distinct ids", scene_.objects.back().number));
+        object.field("id").fail(fmt::format("id {} occurs twice; expected distinct ids", scene_.objects.back().number));
       }
     }
   }
@@ -192,7 +190,7 @@ class SceneReader {
   std::unordered_map<std::string, ShapeNumber> shape_numbers_;
 };
 
-// Floats go through double: the shortest text of the double reads back as that double, and so as the float.
+// Floats are formatted as doubles: the reader parses doubles, and the shortest text of a double restores it exactly.
 std::string text_of(double value) { return fmt::format("{}", value); }
 std::string text_of(float value) { return fmt::format("{}", static_cast<double>(value)); }
 std::string text_of(const Vec3d& v) { return fmt::format("[{},{},{}]", text_of(v.x), text_of(v.y), text_of(v.z)); }

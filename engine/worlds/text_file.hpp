@@ -6,10 +6,10 @@
 
 namespace ringfence::worlds {
 
-/// The whole file; `-` is standard input. Throws InputError naming the file and the system's reason.
+/// Reads a whole file; `-` is standard input. Throws InputError with the file name and the system's error message.
 std::string read_text(const std::filesystem::path& file);
 
-/// Writes the whole file. Throws Error naming the file and the system's reason.
+/// Creates or overwrites a file. Throws Error with the file name and the system's error message.
 void write_text(const std::filesystem::path& file, std::string_view text);
 
 }  // namespace ringfence::worlds

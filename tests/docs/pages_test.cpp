@@ -1,4 +1,4 @@
-// What the pages point at is there: files, tests, snippets.
+// The files, tests and code examples that the pages of the documentation refer to exist.
 #include "docs/pages.hpp"
 
 #include <filesystem>
@@ -15,7 +15,7 @@ std::vector<std::smatch> matches_of(const std::string& text, const std::regex& p
   return {std::sregex_iterator(text.begin(), text.end(), pattern), std::sregex_iterator()};
 }
 
-/// Without what stands between ``` lines.
+/// The text of a page without its code blocks.
 std::string prose_of(const Page& page) {
   std::string prose;
   bool code = false;
@@ -29,7 +29,7 @@ std::string prose_of(const Page& page) {
   return prose;
 }
 
-TEST_CASE("every link of a page to a file leads somewhere") {
+TEST_CASE("every link of a page to a file has an existing target") {
   const std::regex link(R"(\]\(([^)#]+)(#[^)]*)?\))");
   int links = 0;
   for (const Page& page : read_pages()) {
@@ -41,13 +41,13 @@ TEST_CASE("every link of a page to a file leads somewhere") {
       }
       ++links;
       const auto file = (root / page.name).parent_path() / target;
-      CHECK_MESSAGE(std::filesystem::exists(file), page.name << " links " << target << ", which is not there");
+      CHECK_MESSAGE(std::filesystem::exists(file), page.name << " links " << target << ", which does not exist");
     }
   }
   CHECK(links > 10);
 }
 
-TEST_CASE("every file and folder of this repository that a page names is there") {
+TEST_CASE("every file and folder that a page names exists") {
   const std::regex path(R"(`((engine|tests|tools|docs|bench|cmake|data)/[A-Za-z0-9_./-]*)`)");
   int paths = 0;
   for (const Page& page : read_pages()) {
@@ -55,13 +55,13 @@ TEST_CASE("every file and folder of this repository that a page names is there")
     for (const std::smatch& match : matches_of(prose, path)) {
       ++paths;
       CHECK_MESSAGE(std::filesystem::exists(root / match[1].str()),
-                    page.name << " names " << match[1].str() << ", which is not there");
+                    page.name << " names " << match[1].str() << ", which does not exist");
     }
   }
   CHECK(paths > 50);
 }
 
-// How pages quote tests: `tests/room/file.cpp`: "sentence", and more sentences of the same file after "; ".
+// Pages quote tests as `tests/module/file.cpp`: "name", with more names of the same file after "; ".
 TEST_CASE("every test that a page quotes exists in the file that it names") {
   const std::regex quote(R"(`(tests/[a-z_/]+\.cpp)`: ("[^"]+"(; "[^"]+")*))");
   const std::regex sentence(R"("([^"]+)\")");
@@ -70,7 +70,7 @@ TEST_CASE("every test that a page quotes exists in the file that it names") {
     const std::string prose = prose_of(page);
     for (const std::smatch& match : matches_of(prose, quote)) {
       if (!std::filesystem::exists(root / match[1].str())) {
-        continue;  // told by the test above
+        continue;  // the test above reports it
       }
       const std::string source = read_file(root / match[1].str());
       const std::string sentences = match[2];
@@ -84,7 +84,7 @@ TEST_CASE("every test that a page quotes exists in the file that it names") {
   CHECK(quoted > 20);
 }
 
-/// Lines without their indentation, empty ones left out, each ended by a newline.
+/// The non-empty lines without indentation, each with a newline at its end.
 std::string normalised(const std::vector<std::string>& lines) {
   std::string text = "\n";
   for (const std::string& line : lines) {
@@ -113,7 +113,7 @@ TEST_CASE("every C++ block of a page is part of an example, which is compiled an
         for (const std::string& example : examples) {
           found |= example.find(text) != example.npos;
         }
-        CHECK_MESSAGE(found, page.name << " shows what no example holds:" << text);
+        CHECK_MESSAGE(found, page.name << " shows code that is not part of an example:" << text);
       } else if (inside) {
         block.push_back(line);
       } else if (line == "```cpp") {

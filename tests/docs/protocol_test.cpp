@@ -1,4 +1,4 @@
-// docs/protocol.md says what the records are, byte by byte: its tables are compared with the structs.
+// Compares the tables of docs/protocol.md, which describe every byte of messages and records, with the structs.
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -116,7 +116,7 @@ Layout header_layout() {
 }
 
 std::vector<Layout> record_layouts() {
-  using Told = NodeFrameStats;
+  using Stats = NodeFrameStats;
   return {
       {"StateRecord",
        sizeof(StateRecord),
@@ -150,7 +150,9 @@ std::vector<Layout> record_layouts() {
        sizeof(NarrowDoneRecord),
        {field<decltype(NarrowDoneRecord::candidates)>("candidates", offsetof(NarrowDoneRecord, candidates)),
         field<decltype(NarrowDoneRecord::tested)>("tested", offsetof(NarrowDoneRecord, tested)),
-        field<decltype(NarrowDoneRecord::contacts)>("contacts", offsetof(NarrowDoneRecord, contacts))}},
+        field<decltype(NarrowDoneRecord::contacts)>("contacts", offsetof(NarrowDoneRecord, contacts)),
+        field<decltype(NarrowDoneRecord::failed_supports)>("failed_supports",
+                                                           offsetof(NarrowDoneRecord, failed_supports))}},
       {"HandOverRecord",
        sizeof(HandOverRecord),
        {field<ObjectRef>("object", offsetof(HandOverRecord, object)),
@@ -170,25 +172,25 @@ std::vector<Layout> record_layouts() {
       {"FrameEndRecord",
        sizeof(FrameEndRecord),
        {field<decltype(FrameEndRecord::hand_overs)>("hand_overs", offsetof(FrameEndRecord, hand_overs))}},
-      {"ToldRecord",
-       sizeof(Told),
-       {field<decltype(Told::busy_ns)>("busy_ns", offsetof(Told, busy_ns)),
-        field<decltype(Told::cpu_ns)>("cpu_ns", offsetof(Told, cpu_ns)),
-        field<decltype(Told::move_ns)>("move_ns", offsetof(Told, move_ns)),
-        field<decltype(Told::broad_phase_ns)>("broad_phase_ns", offsetof(Told, broad_phase_ns)),
-        field<decltype(Told::narrow_phase_ns)>("narrow_phase_ns", offsetof(Told, narrow_phase_ns)),
-        field<decltype(Told::hosted)>("hosted", offsetof(Told, hosted)),
-        field<decltype(Told::handed_over)>("handed_over", offsetof(Told, handed_over)),
-        field<decltype(Told::model_failed)>("model_failed", offsetof(Told, model_failed)),
-        field<decltype(Told::not_finite)>("not_finite", offsetof(Told, not_finite)),
-        field<decltype(Told::not_unit)>("not_unit", offsetof(Told, not_unit)),
-        field<decltype(Told::m5_messages)>("m5_messages", offsetof(Told, m5_messages)),
-        field<decltype(Told::m5_bytes)>("m5_bytes", offsetof(Told, m5_bytes)),
-        field<decltype(Told::published)>("published", offsetof(Told, published)),
-        field<decltype(Told::move_cpu_ns)>("move_cpu_ns", offsetof(Told, move_cpu_ns)),
-        field<decltype(Told::detect_cpu_ns)>("detect_cpu_ns", offsetof(Told, detect_cpu_ns)),
-        field<decltype(Told::kept)>("kept", offsetof(Told, kept)),
-        field<decltype(Told::publish_cpu_ns)>("publish_cpu_ns", offsetof(Told, publish_cpu_ns))}},
+      {"NodeFrameStats",
+       sizeof(Stats),
+       {field<decltype(Stats::busy_ns)>("busy_ns", offsetof(Stats, busy_ns)),
+        field<decltype(Stats::cpu_ns)>("cpu_ns", offsetof(Stats, cpu_ns)),
+        field<decltype(Stats::move_ns)>("move_ns", offsetof(Stats, move_ns)),
+        field<decltype(Stats::broad_phase_ns)>("broad_phase_ns", offsetof(Stats, broad_phase_ns)),
+        field<decltype(Stats::narrow_phase_ns)>("narrow_phase_ns", offsetof(Stats, narrow_phase_ns)),
+        field<decltype(Stats::hosted)>("hosted", offsetof(Stats, hosted)),
+        field<decltype(Stats::handed_over)>("handed_over", offsetof(Stats, handed_over)),
+        field<decltype(Stats::model_failed)>("model_failed", offsetof(Stats, model_failed)),
+        field<decltype(Stats::not_finite)>("not_finite", offsetof(Stats, not_finite)),
+        field<decltype(Stats::not_unit)>("not_unit", offsetof(Stats, not_unit)),
+        field<decltype(Stats::m5_messages)>("m5_messages", offsetof(Stats, m5_messages)),
+        field<decltype(Stats::m5_bytes)>("m5_bytes", offsetof(Stats, m5_bytes)),
+        field<decltype(Stats::published)>("published", offsetof(Stats, published)),
+        field<decltype(Stats::move_cpu_ns)>("move_cpu_ns", offsetof(Stats, move_cpu_ns)),
+        field<decltype(Stats::detect_cpu_ns)>("detect_cpu_ns", offsetof(Stats, detect_cpu_ns)),
+        field<decltype(Stats::host_owned_changes)>("host_owned_changes", offsetof(Stats, host_owned_changes)),
+        field<decltype(Stats::publish_cpu_ns)>("publish_cpu_ns", offsetof(Stats, publish_cpu_ns))}},
       {"KindRecord",
        sizeof(KindRecord),
        {field<decltype(KindRecord::first)>("first", offsetof(KindRecord, first)),
@@ -206,7 +208,7 @@ std::vector<Layout> record_layouts() {
       {"LostRecord",
        sizeof(LostRecord),
        {field<decltype(LostRecord::node)>("node", offsetof(LostRecord, node)),
-        field<decltype(LostRecord::again)>("again", offsetof(LostRecord, again)),
+        field<decltype(LostRecord::detect_again)>("detect_again", offsetof(LostRecord, detect_again)),
         field<decltype(LostRecord::hand_overs)>("hand_overs", offsetof(LostRecord, hand_overs))}},
       {"RefusedRecord",
        sizeof(RefusedRecord),
@@ -228,8 +230,8 @@ const std::string& page() {
   return text;
 }
 
-// A field that is added to a struct leaves a hole in its list here, and must then be put on the page too.
-TEST_CASE("the fields listed here are all that the structs have") {
+// Fails if a field is added to a struct but not to its list above, which the tests below compare with the page.
+TEST_CASE("the lists of fields in this test are complete") {
   for (const Layout& layout : layouts()) {
     CAPTURE(layout.name);
     std::size_t next = 0;
@@ -258,9 +260,9 @@ TEST_CASE("the protocol page has every field of every record, with its offset, s
   }
 }
 
-const char* word_for(Traffic traffic) {
-  constexpr const char* words[] = {"M1", "M2", "M3", "M4", "M5", "state", "control"};
-  return words[static_cast<std::size_t>(traffic)];
+const char* page_name_of(Traffic traffic) {
+  constexpr const char* names[] = {"M1", "M2", "M3", "M4", "M5", "state", "control"};
+  return names[static_cast<std::size_t>(traffic)];
 }
 
 TEST_CASE("the protocol page has every message type, with its number, record size and kind of traffic") {
@@ -276,7 +278,7 @@ TEST_CASE("the protocol page has every message type, with its number, record siz
     const std::size_t fixed = record_bytes(type, 0);
     const bool with_state = record_bytes(type, 8) != fixed;
     CHECK(row[3] == std::to_string(fixed) + (with_state ? " + state" : ""));
-    CHECK(row[4] == word_for(traffic_of(type)));
+    CHECK(row[4] == page_name_of(traffic_of(type)));
   }
 }
 

@@ -1,5 +1,5 @@
-# Runs an example and compares what it prints with what a page shows.
-# In: command (list), name, page. The page holds a block that begins with the line "$ NAME" and ends with ``` .
+# Runs an example and compares its output with the block of a page that begins with the line "$ NAME" and ends with ```.
+# Arguments: command (list), name, page.
 
 cmake_minimum_required(VERSION 3.25)
 list(REMOVE_ITEM command "")
@@ -10,7 +10,7 @@ endif()
 file(READ ${page} text)
 string(FIND "${text}" "$ ${name}\n" begin)
 if(begin EQUAL -1)
-  message(FATAL_ERROR "${page} shows no block that begins with \"$ ${name}\"")
+  message(FATAL_ERROR "${page} has no block that begins with \"$ ${name}\"")
 endif()
 string(SUBSTRING "${text}" ${begin} -1 text)
 string(FIND "${text}" "\n" line)

@@ -1,6 +1,6 @@
-// Any bytes as a mesh file of each format (the first byte chooses it): refused with a message that begins with the
-// file's name, whatever assimp does with it, or a mesh that a world takes, or refuses by its own rules; and the same
-// mesh when assimp reads it in this process.
+// Property: any bytes as a mesh file (the first byte selects the format) are either refused with a message that begins
+// with the file name, or give a mesh that passes describe_mesh_error, the same in a child process and in this one. A
+// world accepts such a mesh or refuses it with an Error.
 #include <algorithm>
 #include <array>
 #include <cstring>
@@ -27,18 +27,18 @@ bool same(const TriangleMesh& p, const TriangleMesh& q) {
 }
 
 void prepare(const TriangleMesh& mesh) {
-  constexpr std::size_t enough = 20'000;  // corners; more of them take long and are no other case
-  if (mesh.indices.size() > enough) return;
+  constexpr std::size_t max_indices = 20'000;  // larger meshes are slow and test nothing else
+  if (mesh.indices.size() > max_indices) return;
   try {
     const geometry::Mesh prepared(mesh);
   } catch (const Error&) {
-    // No area at all, or corners too far from each other: refused where a world is told of it.
+    // The surface has no area, or its extent is too large.
   }
 }
 
 }  // namespace
 
-// assimp loses a few bytes of some files that it refuses.
+// assimp leaks a few bytes for some files that it refuses.
 extern "C" const char* __lsan_default_suppressions();                                   // NOLINT
 extern "C" const char* __lsan_default_suppressions() { return "leak:libassimp.so\n"; }  // NOLINT
 
@@ -54,7 +54,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
     return 0;
   }
   fuzz::require(tools::describe_mesh_error(mesh).empty());
-  // A child has survived it; here the fuzzer sees which of our lines it takes.
+  // The child process has survived this input. Run it here as well, so that the fuzzer measures its coverage.
   fuzz::require(same(mesh, tools::import_mesh(bytes, name, {})));
   prepare(mesh);
   return 0;

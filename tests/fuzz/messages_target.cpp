@@ -1,4 +1,4 @@
-// Any bytes as a message: refused, or every record can be read and the sizes add up.
+// Property: any bytes as a message are either refused, or all records can be read and the sizes are consistent.
 #include <span>
 #include <vector>
 
@@ -13,7 +13,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
     return 0;
   }
   const std::size_t state_bytes = (input[0] % 5) * std::size_t{8};
-  // A copy of just its size, so that the address sanitizer sees a byte too many.
+  // A copy of exactly the message's size, so that the address sanitizer detects reads beyond its end.
   const auto* const first = reinterpret_cast<const std::byte*>(input);
   const std::vector<std::byte> bytes(first + 1, first + size);
   messages::MessageView message;

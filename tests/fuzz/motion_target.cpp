@@ -1,5 +1,6 @@
-// Any bytes as a motion file of a small scene: refused with a message that begins with the file's name, or rows in
-// order, of objects that the scene has, at poses that can stand; and the same rows after they have been written as CSV.
+// Property: any bytes as a motion file of a small scene are either refused with a message that begins with the file
+// name, or give rows sorted by frame, of movable objects of the scene, with finite poses. Written as CSV, they read back
+// as the same rows.
 #include <cmath>
 #include <string>
 #include <string_view>

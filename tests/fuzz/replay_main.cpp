@@ -1,4 +1,5 @@
-// Runs a fuzz target over the files of folders, without a fuzzer: every input that ever found something stays found.
+// Runs a fuzz target on all files of the given folders, without a fuzzer. So each input of the corpus is a regression
+// test in every build.
 #include <algorithm>
 #include <cstdio>
 #include <exception>
@@ -18,13 +19,13 @@ int main(int count, char** arguments) try {
   }
   std::sort(files.begin(), files.end());
   if (files.empty()) {
-    std::fprintf(stderr, "no inputs; give the folders of a corpus\n");
+    std::fprintf(stderr, "found no input files; expected folders of a corpus as arguments\n");
     return 2;
   }
   for (const auto& file : files) {
     std::ifstream stream(file, std::ios::binary);
     const std::vector<char> bytes{std::istreambuf_iterator<char>(stream), {}};
-    // The name first: a property that does not hold ends the program.
+    // Print the name first: if the property does not hold, the program aborts.
     std::fprintf(stderr, "%s\n", file.c_str());
     LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
   }

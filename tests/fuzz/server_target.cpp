@@ -1,5 +1,5 @@
-// A user node that says whatever the input makes it say, in each deployment. What other hosts own moves as if it had
-// been silent, its own objects stand where they can stand, contacts are those of the poses, and the frame ends.
+// Property: whatever messages one user node sends, in any deployment, every frame ends; objects of other hosts move as
+// if it had sent nothing; its own objects have valid positions; and the contacts are those of the poses.
 #include <cmath>
 #include <cstring>
 #include <vector>
@@ -22,7 +22,7 @@ constexpr UserNumber malformed_sender = 1;
 constexpr std::size_t objects = 12;
 constexpr double radius = 2;
 
-/// A pure walk that contacts do not change, so that where every honest object stands can be told without the engine.
+/// A motion model without response to contacts, so that the test can compute expected positions without the engine.
 class Walk : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 8; }
@@ -37,7 +37,7 @@ const Walk walk;
 
 Vec3d start_of(std::size_t i) { return {20 + static_cast<double>(i % 4) * 3, 20 + static_cast<double>(i / 4) * 3, 30}; }
 
-/// Takes values off the input's front; zeros when there is no more.
+/// Reads values from the front of the fuzz input; zeros after its end.
 class Input {
  public:
   Input(const std::uint8_t* bytes, std::size_t size) : bytes_(bytes), left_(size) {}
@@ -111,16 +111,16 @@ Bytes bytes_of(const messages::Header& header) {
   return bytes;
 }
 
-/// One lie, as the input has it.
-Bytes make_malformed_message(Input& input, const Scene& scene, const LoggedMessage& honest) {
-  const std::uint64_t frame = honest.header.frame;
+/// Makes a message from the fuzz input. `valid` is the message that the user node would have sent.
+Bytes make_malformed_message(Input& input, const Scene& scene, const LoggedMessage& valid) {
+  const std::uint64_t frame = valid.header.frame;
   switch (input.byte() % 4) {
-    case 0: {  // rubbish
+    case 0: {  // arbitrary bytes
       Bytes bytes(1 + input.byte() * std::size_t{3});
       input.fill(bytes, 0);
       return bytes;
     }
-    case 1: {  // well formed, of any type, with any records
+    case 1: {  // a well-formed message of any type with arbitrary records
       const auto type = static_cast<messages::MessageType>(1 + input.byte() % (messages::message_types - 1));
       const std::size_t count = messages::record_bytes(type, 8) == 0 ? 0 : input.byte() % 5;
       messages::Header header = header_of(type, frame + input.byte() % 3 - 1, count);
@@ -129,7 +129,7 @@ Bytes make_malformed_message(Input& input, const Scene& scene, const LoggedMessa
       input.fill(bytes, sizeof header);
       return bytes;
     }
-    case 2: {  // a state of somebody's object at any pose
+    case 2: {  // a state of any object with an arbitrary pose
       messages::Header header = header_of(messages::MessageType::state_update, frame, 1);
       header.last = input.byte() & 1;
       Bytes bytes = bytes_of(header);
@@ -138,8 +138,8 @@ Bytes make_malformed_message(Input& input, const Scene& scene, const LoggedMessa
       std::memcpy(bytes.data() + sizeof header, &record, sizeof record);
       return bytes;
     }
-    default: {  // the honest message with a byte changed
-      Bytes bytes = honest.bytes;
+    default: {  // the valid message with one changed byte
+      Bytes bytes = valid.bytes;
       const std::size_t at = input.take<std::uint16_t>() % bytes.size();
       bytes[at] ^= static_cast<std::byte>(input.byte());
       return bytes;
@@ -147,30 +147,31 @@ Bytes make_malformed_message(Input& input, const Scene& scene, const LoggedMessa
   }
 }
 
-void check(const Scene& scene, const Vec3d* honest) {
+/// Checks the state after a frame. `expected` are the positions of all objects that a valid sender would move to.
+void check(const Scene& scene, const Vec3d* expected) {
   Vec3d where[objects];
   for (std::size_t i = 0; i < objects; ++i) {
     const nodes::ObjectRow& row = scene.row(i);
     where[i] = row.pose.position;
     const bool own = scene.harness.table().host(row.object.slot) == messages::Endpoint::user(malformed_sender);
-    require(own || (where[i].x == honest[i].x && where[i].y == honest[i].y && where[i].z == honest[i].z));
+    require(own || (where[i].x == expected[i].x && where[i].y == expected[i].y && where[i].z == expected[i].z));
     require(std::abs(where[i].x) <= farthest_coordinate && std::abs(where[i].y) <= farthest_coordinate &&
             std::abs(where[i].z) <= farthest_coordinate);
   }
   std::size_t touching = 0;
-  std::size_t unsure = 0;
+  std::size_t within_tolerance = 0;
   const auto present = scene.harness.table().present();
   for (std::size_t i = 0; i < objects; ++i) {
     for (std::size_t j = i + 1; j < objects; ++j) {
       const double x = where[i].x - where[j].x, y = where[i].y - where[j].y, z = where[i].z - where[j].z;
       const double distance = std::sqrt(x * x + y * y + z * z);
       const bool both = present[scene.row(i).object.slot] != 0 && present[scene.row(j).object.slot] != 0;
-      unsure += both && std::abs(distance - 2 * radius) < 1e-4;
+      within_tolerance += both && std::abs(distance - 2 * radius) < 1e-4;
       touching += both && distance <= 2 * radius - 1e-4;
     }
   }
   const std::size_t found = scene.harness.contacts().size();
-  require(found >= touching && found <= touching + unsure);
+  require(found >= touching && found <= touching + within_tolerance);
   const FrameReport& report = scene.harness.report();
   require(report.tested == report.candidates && report.accepted == report.candidates);
 }
@@ -183,7 +184,7 @@ void fail(const doctest::AssertData&) { std::abort(); }
 using namespace ringfence;
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
-  // The theatre requires that a frame does not hang; here, too, that ends the program.
+  // The test harness checks with doctest that a frame does not hang. Here a failed check aborts the program.
   static doctest::Context context;
   context.setAsDefaultForAssertsOutOfTestCases();
   context.setAssertHandler(fuzz::fail);
@@ -195,21 +196,21 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
     if (seen.from != messages::Endpoint::user(fuzz::malformed_sender)) {
       return;
     }
-    for (int lies = input.empty() ? 0 : input.byte() % 4; lies > 0; --lies) {
+    for (int count = input.empty() ? 0 : input.byte() % 4; count > 0; --count) {
       const bool before = (input.byte() & 1) != 0;
       instead.insert(before ? instead.begin() : instead.end(), fuzz::make_malformed_message(input, scene, seen));
     }
   };
-  Vec3d honest[fuzz::objects];
+  Vec3d expected[fuzz::objects];
   for (std::size_t i = 0; i < fuzz::objects; ++i) {
-    honest[i] = fuzz::start_of(i);
+    expected[i] = fuzz::start_of(i);
   }
   for (std::uint64_t frame = 0; frame < 4; ++frame) {
     scene.harness.frame();
     for (std::size_t i = 0; i + 1 < fuzz::objects; ++i) {
-      honest[i].x += fuzz::Walk::step(static_cast<ObjectNumber>(i + 1), frame);
+      expected[i].x += fuzz::Walk::step(static_cast<ObjectNumber>(i + 1), frame);
     }
-    fuzz::check(scene, honest);
+    fuzz::check(scene, expected);
   }
   return 0;
 }

@@ -4,13 +4,13 @@
 #include <cstdint>
 #include <cstdlib>
 
-/// What libFuzzer calls, and replay_main.cpp for every file of the committed corpus: one run on one input. Ends the
-/// program where a property does not hold. Always returns 0.
+/// Checks the property of the fuzz target on one input. libFuzzer calls it, and replay_main.cpp for each file of the
+/// committed corpus. Aborts the program if the property does not hold; otherwise returns 0.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t size);
 
 namespace ringfence::fuzz {
 
-/// A property that has to hold whatever the input is.
+/// Aborts the program unless `holds`.
 inline void require(bool holds) {
   if (!holds) {
     std::abort();

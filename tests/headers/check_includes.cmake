@@ -1,10 +1,11 @@
-# A module includes only its own headers, public ones, and those of modules that it says it uses (and that those use).
-# In: engine, modules (comma separated), uses_ROOM for each of them (comma separated, itself included).
+# Checks that a module includes only its own headers, public headers, and headers of modules that it uses directly or
+# indirectly.
+# Arguments: engine, modules (comma separated), uses_MODULE for each of them (comma separated, itself included).
 
 cmake_minimum_required(VERSION 3.25)
 string(REPLACE "," ";" modules "${modules}")
 set(files 0)
-set(wrong)
+set(errors)
 foreach(module ${modules})
   string(REPLACE "," ";" uses "${uses_${module}}")
   file(GLOB_RECURSE sources ${engine}/${module}/*.hpp ${engine}/${module}/*.cpp)
@@ -14,16 +15,16 @@ foreach(module ${modules})
     foreach(include ${includes})
       if(include MATCHES "\"([a-z_]+)/")
         set(other ${CMAKE_MATCH_1})
-        # A folder that is no module (yet) holds headers alone: there is nothing to link.
+        # A folder that is not a module contains only headers, so there is nothing to link.
         if(other IN_LIST modules AND NOT other IN_LIST uses)
-          string(APPEND wrong "${source}: ${include}, but ${module} does not list ${other} in its MODULES\n")
+          string(APPEND errors "${source}: ${include}, but ${module} does not list ${other} in its MODULES\n")
         endif()
       endif()
     endforeach()
   endforeach()
 endforeach()
-if(wrong)
-  message(FATAL_ERROR "${wrong}")
+if(errors)
+  message(FATAL_ERROR "${errors}")
 endif()
 if(files EQUAL 0)
   message(FATAL_ERROR "No source file found under ${engine}")

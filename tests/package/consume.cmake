@@ -1,4 +1,5 @@
-# Builds the consumer in one `way` and runs it. In: way, source_dir, build_dir, work_dir, compiler, version.
+# Builds the consumer by one method (find_package, pkg_config or add_subdirectory) and runs it.
+# Arguments: method, source_dir, build_dir, work_dir, compiler, version.
 
 cmake_minimum_required(VERSION 3.25)
 
@@ -12,7 +13,7 @@ function(run)
   set(output "${output}" PARENT_SCOPE)
 endfunction()
 
-# What we compile the library with is our affair: a consumer's command line must not show it.
+# Options with which the library is compiled must not appear in the consumer's compile commands.
 function(expect_no_leak commands)
   foreach(ours -ffp-contract -Werror -Wconversion -fsanitize HWY_)
     if(commands MATCHES "${ours}")
@@ -23,17 +24,17 @@ endfunction()
 
 file(REMOVE_RECURSE ${work_dir})
 set(prefix ${work_dir}/prefix)
-if(way STREQUAL "add_subdirectory")
+if(method STREQUAL "add_subdirectory")
   set(headers ${source_dir}/engine/include)
 else()
-  # Installed in one place, used from another: nothing in the package may know where it was built or installed.
+  # Install to one path and use it from another: the package must be relocatable.
   run(${CMAKE_COMMAND} --install ${build_dir} --prefix ${work_dir}/first --component development)
   file(RENAME ${work_dir}/first ${prefix})
   set(headers ${prefix}/include)
 endif()
 
 file(GLOB public RELATIVE ${headers} ${headers}/ringfence/*.hpp)
-list(REMOVE_ITEM public ringfence/eigen.hpp)  # the one header that asks for Eigen
+list(REMOVE_ITEM public ringfence/eigen.hpp)  # the only header that requires Eigen
 set(includes)
 foreach(header ${public})
   string(APPEND includes "#include <${header}>\n")
@@ -41,7 +42,7 @@ endforeach()
 file(COPY ${source_dir}/tests/package/consumer DESTINATION ${work_dir})
 file(WRITE ${work_dir}/consumer/every_header.hpp "#pragma once\n${includes}")
 
-if(way STREQUAL "pkg_config")
+if(method STREQUAL "pkg_config")
   file(GLOB_RECURSE module ${prefix}/*/ringfence.pc)
   cmake_path(GET module PARENT_PATH module_dir)
   set(ENV{PKG_CONFIG_PATH} ${module_dir})
@@ -52,7 +53,7 @@ if(way STREQUAL "pkg_config")
   return()
 endif()
 
-if(way STREQUAL "add_subdirectory")
+if(method STREQUAL "add_subdirectory")
   set(where -D RINGFENCE_SOURCE_DIR=${source_dir})
 else()
   set(where -D CMAKE_PREFIX_PATH=${prefix} -D RINGFENCE_VERSION=${version})
@@ -62,12 +63,12 @@ run(${CMAKE_COMMAND} -G Ninja -S ${work_dir}/consumer -B ${work_dir}/build -D CM
 run(ninja -C ${work_dir}/build -t commands CMakeFiles/consumer.dir/main.cpp.o)
 expect_no_leak("${output}")
 
-if(way STREQUAL "add_subdirectory")
-  # The library itself would be built a second time, so only what is the consumer's own.
+if(method STREQUAL "add_subdirectory")
+  # Build only the consumer's own source: the library would be built a second time.
   run(ninja -C ${work_dir}/build CMakeFiles/consumer.dir/main.cpp.o)
   run(ninja -C ${work_dir}/build -t targets all)
   if(output MATCHES "(test|bench)_[a-z]+:|/worlds/")
-    message(FATAL_ERROR "Tests, benchmarks or tools are built for a project that only adds the library:\n${output}")
+    message(FATAL_ERROR "A project that adds the library as a subdirectory also builds tests, benchmarks or tools:\n${output}")
   endif()
 else()
   run(ninja -C ${work_dir}/build)

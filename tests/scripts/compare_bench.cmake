@@ -1,8 +1,8 @@
-# tools/compare-bench finds what got slower, across time units and repetitions, and nothing else.
-# In: script, python, work_dir.
+# Checks that tools/compare-bench reports exactly the benchmarks that became slower, for all time units and repetitions.
+# Arguments: script, python, work_dir.
 cmake_minimum_required(VERSION 3.25)
 
-# write(FILE "NAME TIME UNIT" ...): a result as Google Benchmark writes it.
+# write(FILE "NAME TIME UNIT" ...): writes a result file in the format of Google Benchmark.
 function(write file)
   set(runs)
   foreach(run ${ARGN})
@@ -27,7 +27,7 @@ endfunction()
 
 file(REMOVE_RECURSE ${work_dir})
 write(${work_dir}/old/one.json "narrow/a 100 ns" "narrow/b 2 us" "narrow/gone 5 ns")
-# The median of three repetitions counts: neither the one that was disturbed nor the lucky one.
+# The median of three repetitions counts, not the slowest or the fastest.
 write(${work_dir}/new/one.json "narrow/a 900 ns" "narrow/a 104 ns" "narrow/a 50 ns" "narrow/b 2500 ns")
 
 expect(0 "3 compared, 0 slower, 0 faster" ${work_dir}/old/one.json ${work_dir}/old/one.json)

@@ -49,7 +49,7 @@ ScaleRow row_of(Deployment deployment, std::uint32_t nodes, std::uint32_t object
 
 }  // namespace
 
-TEST_CASE("where only pairs cost time, a cluster's frame shrinks by the number of nodes") {
+TEST_CASE("if only pairs cost time, the predicted frame time is inversely proportional to the number of nodes") {
   ClusterCosts costs = free_cluster();
   costs.at(CostName::pair_us).value = 700;
   const double one = compute_cluster_frame(counts_of(1), costs).total();
@@ -59,7 +59,7 @@ TEST_CASE("where only pairs cost time, a cluster's frame shrinks by the number o
   }
 }
 
-TEST_CASE("each part of a cluster's frame is its counts times its costs") {
+TEST_CASE("each part of a predicted frame is its counts times its costs") {
   ClusterCosts costs = free_cluster();
   const FrameCounts counts = counts_of(2);
   const auto with = [&](CostName name, double value) {
@@ -70,11 +70,11 @@ TEST_CASE("each part of a cluster's frame is its counts times its costs") {
   CHECK(with(CostName::latency_us, 500).total() == doctest::Approx(3));
   CHECK(with(CostName::object_us, 2).sweep == doctest::Approx(2));
   CHECK(with(CostName::move_us, 10).move == doctest::Approx(4.5));  // 450 on each node, 10 on each user node
-  // 100 Mbit/s is 12,500 bytes a millisecond. M1 and node states go in, M2, M4 and the relay go out.
+  // 100 Mbit/s is 12,500 bytes per millisecond. The server receives M1 and node states, and sends M2, M4 and the relay.
   const ClusterFrame wire = with(CostName::bandwidth_mbit, 100);
   CHECK(wire.states == doctest::Approx((100 * 56 + 900 * 80) / 12500.0));
   CHECK(wire.m2 == doctest::Approx(1.6));
-  CHECK(wire.m3 == doctest::Approx(8.0));  // M3 comes in while the relay goes out
+  CHECK(wire.m3 == doctest::Approx(8.0));  // M3 is received while the relay is sent
   CHECK(wire.m4 == doctest::Approx(14.4));
   CHECK(wire.hops == doctest::Approx(0.16));
   const ClusterFrame messages = with(CostName::message_us, 1000);
@@ -86,7 +86,7 @@ TEST_CASE("each part of a cluster's frame is its counts times its costs") {
   CHECK(messages.hops == doctest::Approx(32));
 }
 
-TEST_CASE("on a shared segment user nodes that tell each other one by one wait for all of it") {
+TEST_CASE("on a shared segment the copies that user nodes send to each other share the bandwidth") {
   ClusterCosts costs = free_cluster();
   costs.at(CostName::bandwidth_mbit).value = 100;
   costs.at(CostName::shared_user_lan).value = 1;
@@ -100,7 +100,7 @@ TEST_CASE("on a shared segment user nodes that tell each other one by one wait f
         doctest::Approx((100 * 56 + 99 * 100.0 * sizeof(SeenState)) / 12500));
 }
 
-TEST_CASE("M3 that travels while nodes test is hidden behind the narrow phase, no longer one is not") {
+TEST_CASE("with overlap only the part of M3 that exceeds the narrow phase takes time") {
   ClusterCosts costs = free_cluster();
   costs.at(CostName::bandwidth_mbit).value = 100;
   costs.at(CostName::overlap).value = 1;
@@ -110,7 +110,7 @@ TEST_CASE("M3 that travels while nodes test is hidden behind the narrow phase, n
   CHECK(compute_cluster_frame(counts_of(1), costs).m3 == 0);
 }
 
-TEST_CASE("the one fitted cost makes the one figure that it is fitted to, and no row of its own makes it a default") {
+TEST_CASE("the fitted cost reproduces the frame time it is fitted to; without that row it has its default value") {
   const std::vector<ScaleRow> rows{row_of(Deployment::user_collision, 1, 4000, counts_of(1)),
                                    row_of(Deployment::user_collision, 16, 4000, counts_of(16))};
   const ClusterCosts costs = resolve_costs(*find_cluster("2004"), rows);
@@ -125,7 +125,7 @@ TEST_CASE("the one fitted cost makes the one figure that it is fitted to, and no
   CHECK(unfitted.at(CostName::pair_us).source.find("was not run") != std::string::npos);
 }
 
-TEST_CASE("extrapolated counts meet the measured ones, and at 64 regions come close to counting boxes in them") {
+TEST_CASE("extrapolated counts equal measured ones at the same node count and are within 1 % of brute force at 64") {
   constexpr std::uint64_t seed = 7;
   INFO("seed ", seed);
   std::mt19937_64 random(seed);
@@ -134,7 +134,8 @@ TEST_CASE("extrapolated counts meet the measured ones, and at 64 regions come cl
   std::uniform_real_distribution<double> low(0, side - extent);
   std::vector<double> lows(3 * objects);
   for (double& value : lows) value = low(random);
-  const auto positions_in = [&](int slices) {  // brute force: how many regions of a cut of the cube each box touches
+  // Brute force: number of regions that all boxes overlap if the cube is cut into `slices` on each axis.
+  const auto positions_in = [&](int slices) {
     double all = 0;
     for (int i = 0; i < objects; ++i) {
       double regions = 1;
@@ -168,16 +169,16 @@ TEST_CASE("extrapolated counts meet the measured ones, and at 64 regions come cl
   CHECK(beyond.tested == sixty_four.tested);
 }
 
-TEST_CASE("a cost is replaced by name, and what is no cost is told with those that are") {
+TEST_CASE("--cost replaces a cost by name, and an invalid one is refused with the list of names") {
   ClusterCosts costs = *find_cluster("2004");
   CHECK(check_cost("pair_us=50").empty());
   replace_costs(costs, {"pair_us=50", "latency_us=0.25"});
   CHECK(costs[CostName::pair_us] == 50);
   CHECK(costs[CostName::latency_us] == 0.25);
   CHECK_FALSE(costs.at(CostName::pair_us).fitted);
-  for (const char* wrong : {"pair_us", "pair_us=", "pair_us=x", "pair_us=-1", "speed=1", "bandwidth_mbit=0", "=3",
-                            "pair_us=nan", "pair_us=1x"}) {
-    CHECK_MESSAGE(check_cost(wrong).find("expected NAME=VALUE") != std::string::npos, wrong);
+  for (const char* invalid : {"pair_us", "pair_us=", "pair_us=x", "pair_us=-1", "speed=1", "bandwidth_mbit=0", "=3",
+                              "pair_us=nan", "pair_us=1x"}) {
+    CHECK_MESSAGE(check_cost(invalid).find("expected NAME=VALUE") != std::string::npos, invalid);
   }
   CHECK(find_cluster("1999") == nullptr);
 }

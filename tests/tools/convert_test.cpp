@@ -11,8 +11,8 @@
 namespace ringfence::tools {
 namespace {
 
-std::string sample(int second, const char* who, double latitude, double longitude, double feet) {
-  return "{\"timestamp\":" + std::to_string(1533099600000 + second * 1000) + ",\"icao24\":\"" + who +
+std::string sample(int second, const char* aircraft, double latitude, double longitude, double feet) {
+  return "{\"timestamp\":" + std::to_string(1533099600000 + second * 1000) + ",\"icao24\":\"" + aircraft +
          "\",\"latitude\":" + std::to_string(latitude) + ",\"longitude\":" + std::to_string(longitude) +
          ",\"altitude\":" + std::to_string(feet) + "}";
 }
@@ -21,7 +21,7 @@ double distance(const Vec3d& p, const Vec3d& q) { return std::hypot(p.x - q.x, p
 
 }  // namespace
 
-TEST_CASE("air traffic keeps distances to a part in five hundred and heights exactly") {
+TEST_CASE("the projection of air traffic keeps distances within 0.2 % and altitudes exactly") {
   const std::string text = "[" + sample(0, "a", 46, 6, 35000) + "," + sample(0, "b", 47.5, 10, 36000) + "," +
                            sample(10, "a", 46.25, 6, 35000) + "," + sample(10, "b", 47.5, 10.25, 36000) + "]";
   const Trace trace = read_air(text, "a.json", "", 0);
@@ -37,7 +37,7 @@ TEST_CASE("air traffic keeps distances to a part in five hundred and heights exa
   CHECK(a[1].position.y > a[0].position.y);  // y is north
 }
 
-TEST_CASE("a short gap is filled in by a straight line, a long one is absence") {
+TEST_CASE("a short gap is interpolated linearly, and in a long gap the object is absent") {
   Trace trace;
   trace.shape = {"ball", Sphere{1}, {}};
   trace.longest_gap = 3;
@@ -55,7 +55,7 @@ TEST_CASE("a short gap is filled in by a straight line, a long one is absence") 
   for (const ObjectSpec& object : world.scene.objects) CHECK(!object.present);
 }
 
-TEST_CASE("copies lie side by side, later, with the real spacing inside each") {
+TEST_CASE("copies of a trace lie side by side with increasing delays and unchanged distances") {
   Trace trace;
   trace.shape = {"ball", Sphere{1}, {}};
   trace.tracks["a"] = {{0, {0, 0, 0}}};
@@ -71,7 +71,7 @@ TEST_CASE("copies lie side by side, later, with the real spacing inside each") {
   CHECK(world.motion.frames == 15);
 }
 
-TEST_CASE("traces that cannot be are refused with place, finding and expectation") {
+TEST_CASE("an invalid trace is refused with line, found value and expectation") {
   using test::error_message_of;
   CHECK(error_message_of([] { read_crowd("1 2 3.0 4.0\n", "c.txt"); }) ==
         "c.txt:1: expected five numbers: id frame x/cm y/cm z/cm");
@@ -85,12 +85,12 @@ TEST_CASE("traces that cannot be are refused with place, finding and expectation
         }).find("degrees between") != std::string::npos);
 }
 
-TEST_CASE("the converter says how to unpack what is compressed") {
+TEST_CASE("for a compressed trace the error message contains the command that decompresses it") {
   const test::TemporaryFolder folder;
   worlds::write_text(folder / "a.gz", "\x1f\x8b rest");
-  const test::ProgramResult answer = test::ringfence("convert air " + (folder / "a.gz") + " --out " + (folder / "x"));
-  CHECK(answer.code == 2);
-  CHECK(answer.out.find("zcat " + (folder / "a.gz") + " | ringfence convert air - --out") != std::string::npos);
+  const test::ProgramResult result = test::ringfence("convert air " + (folder / "a.gz") + " --out " + (folder / "x"));
+  CHECK(result.code == 2);
+  CHECK(result.out.find("zcat " + (folder / "a.gz") + " | ringfence convert air - --out") != std::string::npos);
 }
 
 TEST_CASE("a converted trace can be replayed") {
@@ -98,9 +98,9 @@ TEST_CASE("a converted trace can be replayed") {
   worlds::write_text(folder / "c.txt", "1 94 0 0 176\n2 94 50 0 176\n1 95 10 0 176\n2 95 45 0 176\n1 96 20 0 176\n");
   const std::string prefix = folder / "crowd";
   CHECK(test::ringfence("convert crowd " + (folder / "c.txt") + " --copies 2 --out " + prefix).code == 0);
-  const test::ProgramResult answer =
+  const test::ProgramResult result =
       test::ringfence("replay --check --nodes 1 --scene " + prefix + ".json --motion " + prefix + ".csv");
-  CHECK_MESSAGE(answer.code == 0, answer.out);
+  CHECK_MESSAGE(result.code == 0, result.out);
 }
 
 }  // namespace ringfence::tools

@@ -18,7 +18,7 @@ constexpr const char* world = "run --objects 400 --users 8 --frames 20 --warmup 
 
 }  // namespace
 
-TEST_CASE("nodes that fail on order change no digest, and are named in the report") {
+TEST_CASE("injected failures of nodes do not change the digest, and the report lists them") {
   const TemporaryFolder folder;
   const ProgramResult still = test::ringfence(std::string(world) + "--nodes 3 --json " + (folder / "still.json"));
   REQUIRE(still.code == 0);
@@ -42,18 +42,18 @@ TEST_CASE("nodes that fail on order change no digest, and are named in the repor
   CHECK(failed.out.find("lost        frame 4: CD node 2; the frame took") != std::string::npos);
 }
 
-TEST_CASE("faults that cannot be are refused, with what is expected") {
+TEST_CASE("invalid faults are refused with what is expected") {
   const auto refused = [](const std::string& arguments, const std::string& words) {
-    const ProgramResult answer = test::ringfence("run --objects 100 --users 2 --frames 5 " + arguments);
+    const ProgramResult result = test::ringfence("run --objects 100 --users 2 --frames 5 " + arguments);
     CAPTURE(arguments);
-    CAPTURE(answer.out);
-    CHECK(answer.code == 2);
-    CHECK(answer.out.find(words) != std::string::npos);
+    CAPTURE(result.out);
+    CHECK(result.code == 2);
+    CHECK(result.out.find(words) != std::string::npos);
   };
   refused("--nodes 2 --fail 1:0:moving", "--node-deadline-ms");
   refused("--nodes 0 --node-deadline-ms 50 --fail 1:0:moving", "--nodes 0");
   refused("--nodes 2 --node-deadline-ms 50 --fail 5:0:moving", "0 to 4");
-  refused("--nodes 2 --node-deadline-ms 50 --fail 1:2:moving", "a node that is there");
+  refused("--nodes 2 --node-deadline-ms 50 --fail 1:2:moving", "a node that exists in that frame");
   refused("--nodes 2 --node-deadline-ms 50 --fail 1:0:dreaming", "moving, gathering, colliding");
   refused("--nodes 2 --node-deadline-ms 50 --fail 1:moving", "FRAME:NODE:STAGE");
   refused("--nodes 2 --node-deadline-ms -1", "--node-deadline-ms");

@@ -4,7 +4,7 @@
 
 namespace ringfence::tools {
 
-TEST_CASE("percentiles are times that were measured, by nearest rank") {
+TEST_CASE("percentiles are measured times, selected by nearest rank") {
   Figures figures;
   for (int i = 200; i >= 1; --i) {
     FrameReport report;
@@ -23,7 +23,7 @@ TEST_CASE("percentiles are times that were measured, by nearest rank") {
   CHECK(figures.nodes()[1].busy_ms == doctest::Approx(201));
 }
 
-TEST_CASE("the narrow phase's figures are added by kinds, in their order") {
+TEST_CASE("statistics of the narrow phase are summed by pair of kinds and sorted by kind") {
   Figures figures;
   for (std::uint64_t i = 1; i <= 10; ++i) {
     FrameReport report;
@@ -40,12 +40,12 @@ TEST_CASE("the narrow phase's figures are added by kinds, in their order") {
   CHECK(figures.kinds()[1].cost[7] == 20);
 }
 
-TEST_CASE("imbalance is that of whole windows of frames with the same nodes, and 1 where there is none") {
+TEST_CASE("imbalance uses complete windows of frames with one node count, and is 1 without such a window") {
   Imbalance imbalance;
   CHECK(imbalance.mean() == 1);
   const double even[] = {2, 2, 2, 2}, skew[] = {1, 6, 1, 0}, two[] = {1, 3};
   for (std::uint32_t frame = 0; frame < Imbalance::window; ++frame) imbalance.add(frame % 2 == 0 ? even : skew);
-  CHECK(imbalance.mean() == doctest::Approx(2));  // 8 frames of 2 and 8 of 6 for the busiest, over 2 a frame
+  CHECK(imbalance.mean() == doctest::Approx(2));  // busiest node: 8 frames of 2 and 8 of 6; mean: 2 per frame
   for (std::uint32_t frame = 0; frame + 1 < Imbalance::window; ++frame) imbalance.add(skew);
   for (std::uint32_t frame = 0; frame < 2 * Imbalance::window; ++frame) imbalance.add(two);
   CHECK(imbalance.windows() == 3);
@@ -53,7 +53,7 @@ TEST_CASE("imbalance is that of whole windows of frames with the same nodes, and
   CHECK(imbalance.mean() == doctest::Approx(5.0 / 3));
 }
 
-TEST_CASE("no frames make no figures, and no division by zero") {
+TEST_CASE("statistics without frames are zero or empty") {
   const Figures figures;
   CHECK(figures.frame_ms().p99 == 0);
   CHECK(figures.mean(5) == 0);

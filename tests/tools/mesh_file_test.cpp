@@ -22,18 +22,19 @@ using test::TemporaryFolder;
 
 const std::string meshes = RINGFENCE_MESHES;
 
-/// The corners of the triangles, each triangle beginning with its least corner, all in order.
+/// The triangles of a mesh in a canonical order: each is rotated so that its smallest vertex is first, and all are
+/// sorted. `raised` metres are subtracted from z.
 std::vector<std::array<float, 9>> triangles_of(const TriangleMesh& mesh, float raised) {
   std::vector<std::array<float, 9>> out;
   for (std::size_t i = 0; i < mesh.indices.size(); i += 3) {
-    std::array<std::array<float, 3>, 3> corners;
+    std::array<std::array<float, 3>, 3> vertices;
     for (std::size_t k = 0; k < 3; ++k) {
       const Vec3f v = mesh.vertices[mesh.indices[i + k]];
-      corners[k] = {v.x, v.y, v.z - raised};
+      vertices[k] = {v.x, v.y, v.z - raised};
     }
-    std::rotate(corners.begin(), std::min_element(corners.begin(), corners.end()), corners.end());
+    std::rotate(vertices.begin(), std::min_element(vertices.begin(), vertices.end()), vertices.end());
     std::array<float, 9> flat;
-    for (std::size_t k = 0; k < 9; ++k) flat[k] = corners[k / 3][k % 3];
+    for (std::size_t k = 0; k < 9; ++k) flat[k] = vertices[k / 3][k % 3];
     out.push_back(flat);
   }
   std::sort(out.begin(), out.end());
@@ -49,7 +50,7 @@ std::string error_message_of(const std::string& file) {
   return "";
 }
 
-/// Two objects of a mesh a step apart, and a motion that brings them together.
+/// A scene of two objects with the mesh `file`. `motion` moves one of them into the other.
 std::string scene_of(const std::string& file) {
   return R"({"format": "ringfence-scene", "version": 1, "bounds": {"min": [-5, -5, -5], "max": [5, 5, 5]},
  "shapes": {"rock": {"type": "mesh", "file": ")" +
@@ -64,17 +65,17 @@ const char* const motion =
 
 TEST_CASE("a tetrahedron is read from OBJ, STL, PLY, glTF and 3DS") {
   const TriangleMesh expected{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 0.5f}}, {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3}};
-  for (const char* ending : {"obj", "stl", "ply", "gltf", "3ds"}) {
-    CAPTURE(ending);
-    const TriangleMesh mesh = tools::read_mesh(meshes + "/tetrahedron." + ending);
-    // The node of the glTF file stands two metres up.
-    const float raised = std::string(ending) == "gltf" ? 2.0f : 0.0f;
+  for (const char* extension : {"obj", "stl", "ply", "gltf", "3ds"}) {
+    CAPTURE(extension);
+    const TriangleMesh mesh = tools::read_mesh(meshes + "/tetrahedron." + extension);
+    // The node of the glTF file raises the mesh by 2 m.
+    const float raised = std::string(extension) == "gltf" ? 2.0f : 0.0f;
     CHECK(triangles_of(mesh, raised) == triangles_of(expected, 0));
     CHECK(mesh.vertices.size() == 4);
   }
 }
 
-TEST_CASE("a mesh file that cannot be read is named with the reason") {
+TEST_CASE("the error message for an unreadable mesh file has its name and the reason") {
   const auto refused = [](const std::string& file, const std::string& why) {
     const std::string what = error_message_of(file);
     CHECK_MESSAGE(what.starts_with(file + ": "), what);
@@ -88,51 +89,51 @@ TEST_CASE("a mesh file that cannot be read is named with the reason") {
   refused(meshes + "/lines.obj", "");
 }
 
-TEST_CASE("a mesh file that is not finite, too large or promises more than it holds is refused") {
+TEST_CASE("a mesh file with infinite or missing vertices or too many triangles is refused") {
   const auto refused = [](const std::string& name, const std::string& text, const std::string& why) {
     try {
       tools::parse_mesh(text, name);
-      FAIL_CHECK(name << " is taken");
+      FAIL_CHECK(name << " is accepted");
     } catch (const Error& error) {
       const std::string what = error.what();
       CHECK_MESSAGE(what.starts_with(name + ": "), what);
       CHECK_MESSAGE(what.find(why) != std::string::npos, what);
     }
   };
-  refused("nan.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n", "is no place");
-  refused("inf.obj", "v 0 0 0\nv 1e39 0 0\nv 0 1 0\nf 1 2 3\n", "is no place");
+  refused("nan.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n", "expected finite coordinates");
+  refused("inf.obj", "v 0 0 0\nv 1e39 0 0\nv 0 1 0\nf 1 2 3\n", "expected finite coordinates");
   const std::string header =
       "ply\nformat ascii 1.0\nelement vertex 4000000000\nproperty float x\nproperty float y\nproperty float z\n"
       "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
-  refused("promise.ply", header, "4000000000 elements");
+  refused("too_many_elements.ply", header, "declares 4000000000 elements");
   refused("endless.ply", header.substr(0, header.size() - 12) + " end_header\n", "has no PLY header");
-  refused("uncounted.ply", "ply\nformat ascii 1.0\nelement vertex\nend_header\n", "without a number");
+  refused("uncounted.ply", "ply\nformat ascii 1.0\nelement vertex\nend_header\n", "has no count");
   std::string many = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
   for (int i = 0; i < 1'000'001; ++i) many += "f 1 2 3\n";
   refused("many.obj", many, "has 1000001 triangles");
 }
 
-TEST_CASE("a mesh file that makes its reader crash is refused, and the program lives") {
-  // A node that is its own child: assimp follows it until the stack ends.
-  const std::string circle = R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+TEST_CASE("a mesh file that crashes assimp is refused, and the program continues") {
+  // A cycle of nodes: assimp recurses until the stack overflows.
+  const std::string cycle = R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
     "nodes": [{"children": [1]}, {"children": [0]}]})";
   try {
-    tools::parse_mesh(circle, "circle.gltf");
-    FAIL_CHECK("a circle is taken");
+    tools::parse_mesh(cycle, "cycle.gltf");
+    FAIL_CHECK("a cycle of nodes is accepted");
   } catch (const Error& error) {
-    CHECK(std::string(error.what()).starts_with("circle.gltf: "));
+    CHECK(std::string(error.what()).starts_with("cycle.gltf: "));
   }
 }
 
-TEST_CASE("a glTF file reads its buffers beside it and below, and nothing elsewhere") {
+TEST_CASE("a glTF file can use buffers in its folder and below, but not elsewhere") {
   const TemporaryFolder folder;
   std::filesystem::create_directories(folder / "scene/parts");
-  std::string corners;
+  std::string vertices;
   for (const float x : {0.0f, 0.0f, 0.0f, 1.0f, 0.0f, 0.0f, 0.0f, 1.0f, 0.0f}) {
-    corners.append(reinterpret_cast<const char*>(&x), sizeof x);
+    vertices.append(reinterpret_cast<const char*>(&x), sizeof x);
   }
-  worlds::write_text(folder / "scene/parts/corners.bin", corners);
-  worlds::write_text(folder / "corners.bin", corners);
+  worlds::write_text(folder / "scene/parts/vertices.bin", vertices);
+  worlds::write_text(folder / "vertices.bin", vertices);
   const auto triangles = [&](const std::string& uri) -> std::size_t {
     worlds::write_text(folder / "scene/t.gltf",
                        R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
@@ -146,14 +147,14 @@ TEST_CASE("a glTF file reads its buffers beside it and below, and nothing elsewh
       return 0;
     }
   };
-  CHECK(triangles("parts/corners.bin") == 1);
-  CHECK(triangles("../corners.bin") == 0);
-  CHECK(triangles("parts/../../corners.bin") == 0);
-  CHECK(triangles(folder / "corners.bin") == 0);
+  CHECK(triangles("parts/vertices.bin") == 1);
+  CHECK(triangles("../vertices.bin") == 0);
+  CHECK(triangles("parts/../../vertices.bin") == 0);
+  CHECK(triangles(folder / "vertices.bin") == 0);
   CHECK(triangles("none.bin") == 0);
 }
 
-TEST_CASE("a written mesh reads back bit for bit") {
+TEST_CASE("a written mesh reads back with the same bits") {
   const TemporaryFolder folder;
   const TriangleMesh mesh = worlds::make_asteroid(3, 4, 5);
   tools::write_mesh(folder / "rock.ply", mesh);
@@ -164,21 +165,21 @@ TEST_CASE("a written mesh reads back bit for bit") {
   }
 }
 
-TEST_CASE("a scene's mesh files are found beside it, whatever the working folder") {
+TEST_CASE("mesh paths of a scene are relative to the scene file, not to the working folder") {
   const TemporaryFolder folder;
   std::filesystem::create_directory(folder / "rocks");
   std::filesystem::copy_file(meshes + "/tetrahedron.obj", folder / "rocks/t.obj");
   worlds::write_text(folder / "scene.json", scene_of("rocks/t.obj"));
   worlds::write_text(folder / "motion.csv", motion);
-  const ProgramResult answer =
+  const ProgramResult result =
       test::ringfence("replay --check --nodes 1 --scene " + (folder / "scene.json") + " --motion " +
                       (folder / "motion.csv") + " --collisions " + (folder / "c.csv"));
-  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+  REQUIRE_MESSAGE(result.code == 0, result.out);
   const std::string contacts = worlds::read_text(folder / "c.csv");
   CHECK(std::count(contacts.begin(), contacts.end(), '\n') == 3);
 }
 
-TEST_CASE("a scene whose mesh file is missing or empty of triangles ends with 2, the field and the file") {
+TEST_CASE("a missing or unusable mesh file of a scene ends the program with 2 and names shape and file") {
   const TemporaryFolder folder;
   worlds::write_text(folder / "motion.csv", motion);
   for (const char* file : {"none.stl", "lines.obj", "flat.obj"}) {
@@ -186,16 +187,16 @@ TEST_CASE("a scene whose mesh file is missing or empty of triangles ends with 2,
     worlds::write_text(folder / "lines.obj", "v 0 0 0\nv 1 0 0\nl 1 2\n");
     worlds::write_text(folder / "flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
     worlds::write_text(folder / "scene.json", scene_of(file));
-    const ProgramResult answer =
+    const ProgramResult result =
         test::ringfence("replay --scene " + (folder / "scene.json") + " --motion " + (folder / "motion.csv"));
-    CHECK(answer.code == 2);
-    CHECK_MESSAGE(answer.out.find("rock") != std::string::npos, answer.out);
-    if (std::string(file) != "flat.obj") CHECK_MESSAGE(answer.out.find(file) != std::string::npos, answer.out);
-    if (std::string(file) == "flat.obj") CHECK_MESSAGE(answer.out.find("zero area") != std::string::npos, answer.out);
+    CHECK(result.code == 2);
+    CHECK_MESSAGE(result.out.find("rock") != std::string::npos, result.out);
+    if (std::string(file) != "flat.obj") CHECK_MESSAGE(result.out.find(file) != std::string::npos, result.out);
+    if (std::string(file) == "flat.obj") CHECK_MESSAGE(result.out.find("zero area") != std::string::npos, result.out);
   }
 }
 
-TEST_CASE("a world of meshes agrees with brute force and replays from its recording with the same digest") {
+TEST_CASE("a world of meshes agrees with brute force, and its recording replays with the same digest") {
   const TemporaryFolder folder;
   const std::string prefix = folder / "run";
   const ProgramResult run =

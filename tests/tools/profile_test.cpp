@@ -25,7 +25,7 @@ KindReport timed_kind(ShapeKind first, std::uint64_t candidates, std::uint64_t n
 
 }  // namespace
 
-TEST_CASE("percentiles of a candidate's cost lie in the bucket that holds their rank") {
+TEST_CASE("percentiles of the cost lie in the bucket that contains their rank") {
   KindReport kind = timed_kind(ShapeKind::box, 1000, 2400);
   kind.cost[8] = 60;   // 16 to 22.6 ns
   kind.cost[10] = 39;  // 32 to 45.3 ns
@@ -42,10 +42,10 @@ TEST_CASE("percentiles of a candidate's cost lie in the bucket that holds their 
   CHECK(tools::candidate_cost({}).p50 == 0);
 }
 
-TEST_CASE("the mean of a candidate's cost is exact, but for a thread that lost its core while it was timed") {
+TEST_CASE("the mean cost is exact and excludes samples of a preempted thread") {
   KindReport kind = timed_kind(ShapeKind::box, 1000, 2400);
   kind.cost[8] = 99;  // 16 to 22.6 ns
-  kind.cost[16] = 1;  // 256 to 362 ns: a search that takes long
+  kind.cost[16] = 1;  // 256 to 362 ns: a long search
   CHECK(tools::candidate_cost(kind).mean == 24);
   kind.cost[16] = 0;
   kind.cost[34] = 1;  // from 131 us
@@ -53,7 +53,7 @@ TEST_CASE("the mean of a candidate's cost is exact, but for a thread that lost i
   CHECK(tools::candidate_cost(kind).mean == doctest::Approx(19).epsilon(0.05));
 }
 
-TEST_CASE("kinds stand in order of the time that they take in all, not of what one candidate costs") {
+TEST_CASE("pairs of kinds are sorted by their total time, not by the cost of one candidate") {
   FrameReport report;
   report.kinds = {timed_kind(ShapeKind::sphere, 100000, 500), timed_kind(ShapeKind::box, 100, 9000)};
   tools::Figures figures;
@@ -63,16 +63,16 @@ TEST_CASE("kinds stand in order of the time that they take in all, not of what o
   CHECK(kinds[0].first == ShapeKind::sphere);
 }
 
-TEST_CASE("the profile of a run has all its candidates, shares that add up to one, and the run's digest") {
+TEST_CASE("the profile of a run has all its candidates, shares with the sum 1, and the digest of the run") {
   const TemporaryFolder folder;
   const std::string json = folder / "p.json", trace = folder / "t.json";
   const std::string world = "--objects 1500 --users 10 --frames 8 --warmup 2 --nodes 2 ";
-  const ProgramResult answer = test::ringfence("profile " + world + "--json " + json + " --trace " + trace);
-  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+  const ProgramResult result = test::ringfence("profile " + world + "--json " + json + " --trace " + trace);
+  REQUIRE_MESSAGE(result.code == 0, result.out);
   for (const char* word : {"ns mean", "p99", "lanes", "early", "gather", "imbalance", "box-box"}) {
-    CHECK_MESSAGE(answer.out.find(word) != std::string::npos, word);
+    CHECK_MESSAGE(result.out.find(word) != std::string::npos, word);
   }
-  CHECK(test::digest_in(answer.out) == test::digest_in(test::ringfence("run " + world).out));
+  CHECK(test::digest_in(result.out) == test::digest_in(test::ringfence("run " + world).out));
   const auto report = nlohmann::json::parse(worlds::read_text(json));
   double candidates = 0, shares = 0;
   for (const auto& kind : report["profile"]["kinds"]) {
@@ -91,7 +91,7 @@ TEST_CASE("the profile of a run has all its candidates, shares that add up to on
   CHECK(nlohmann::json::parse(worlds::read_text(trace))["traceEvents"].size() > 8);
 }
 
-TEST_CASE("a replay is profiled with the options of replay") {
+TEST_CASE("profile accepts a scene with the options and the digest of replay") {
   const TemporaryFolder folder;
   const std::string prefix = folder / "w";
   REQUIRE(test::ringfence("record --objects 200 --users 10 --frames 6 --out " + prefix).code == 0);

@@ -10,29 +10,29 @@
 
 namespace ringfence::test {
 
-/// What the built program answered.
+/// Exit code and output of a run of the program.
 struct ProgramResult {
   int code = -1;
-  std::string out;  ///< standard output and standard error, as asked for
+  std::string out;  ///< standard output and standard error, as selected by `redirect`
 };
 
-/// Runs the program in a shell with `arguments`. Standard error is taken in too, unless `redirect` says otherwise.
-/// `environment` stands before the command, as NAME=VALUE.
+/// Runs the program with `arguments` in a shell and waits for it. By default `out` includes standard error.
+/// `environment` is NAME=VALUE or empty.
 inline ProgramResult ringfence(const std::string& arguments, const std::string& redirect = "2>&1",
                                const std::string& environment = "") {
   const std::string command = environment + " " + RINGFENCE_PROGRAM + " " + arguments + " " + redirect;
-  ProgramResult answer;
+  ProgramResult result;
   std::FILE* pipe = popen(command.c_str(), "r");
-  if (!pipe) return answer;
+  if (!pipe) return result;
   std::array<char, 4096> block;
   for (std::size_t got; (got = std::fread(block.data(), 1, block.size(), pipe)) > 0;)
-    answer.out.append(block.data(), got);
+    result.out.append(block.data(), got);
   const int status = pclose(pipe);
-  if (WIFEXITED(status)) answer.code = WEXITSTATUS(status);
-  return answer;
+  if (WIFEXITED(status)) result.code = WEXITSTATUS(status);
+  return result;
 }
 
-/// A folder that is gone when the test is over.
+/// Creates an empty folder and removes it with its content in the destructor.
 class TemporaryFolder {
  public:
   TemporaryFolder() {
@@ -48,7 +48,7 @@ class TemporaryFolder {
   std::filesystem::path path_;
 };
 
-/// The digest that a report ends with; empty without one.
+/// The digest in a report; empty if there is none.
 inline std::string digest_in(const std::string& report) {
   const std::size_t at = report.find("digest      ");
   return at == std::string::npos ? std::string() : report.substr(at + 12, 16);

@@ -19,7 +19,7 @@ std::size_t lines(const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("a recording replays with the run's digest and contacts, in every deployment") {
+TEST_CASE("a recording replays with the digest and the contacts of the run in each deployment") {
   const TemporaryFolder folder;
   const std::string prefix = folder / "run";
   for (const char* warmup : {"0", "15"}) {
@@ -40,20 +40,20 @@ TEST_CASE("a recording replays with the run's digest and contacts, in every depl
   }
 }
 
-TEST_CASE("the built-in air traffic replays, agrees with brute force, and has losses of separation") {
+TEST_CASE("the recorded air traffic replays, agrees with brute force and has contacts") {
   const std::string data = RINGFENCE_DATA;
   const TemporaryFolder folder;
-  const ProgramResult answer =
+  const ProgramResult result =
       test::ringfence("replay --check --nodes 2 --scene " + data + "/air/scene.json --motion " + data +
                       "/air/motion.csv --json " + (folder / "air.json"));
-  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+  REQUIRE_MESSAGE(result.code == 0, result.out);
   const auto report = nlohmann::json::parse(worlds::read_text(folder / "air.json"));
   CHECK(report["frames"] == 300);
   CHECK(report["contacts"]["total"] >= 20);
   CHECK(report["check"]["differences"] == 0);
 }
 
-TEST_CASE("contacts on standard output leave the report to standard error") {
+TEST_CASE("with contacts on standard output, the report goes to standard error") {
   const std::string arguments = "run --objects 300 --users 10 --frames 3 --warmup 3 --nodes 1 --collisions -";
   const ProgramResult contacts = test::ringfence(arguments, "2>/dev/null");
   CHECK(contacts.out.starts_with("frame,a,b,px,py,pz,nx,ny,nz,depth\n0,"));
@@ -62,16 +62,16 @@ TEST_CASE("contacts on standard output leave the report to standard error") {
   CHECK(test::digest_in(report.out).size() == 16);
 }
 
-TEST_CASE("the JSON report, the row a frame and the timeline hold what they promise") {
+TEST_CASE("JSON report, frame table, timeline and contacts are complete and consistent") {
   const TemporaryFolder folder;
-  const ProgramResult answer =
+  const ProgramResult result =
       test::ringfence("run --objects 300 --users 10 --frames 7 --warmup 2 --nodes 2 --quiet --json " +
                       (folder / "r.json") + " --frames-csv " + (folder / "f.csv") + " --trace " + (folder / "t.json") +
                       " --collisions " + (folder / "c.csv"));
-  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+  REQUIRE_MESSAGE(result.code == 0, result.out);
   const auto report = nlohmann::json::parse(worlds::read_text(folder / "r.json"));
   CHECK(report["frames"] == 7);
-  CHECK(report["digest"] == test::digest_in(answer.out));
+  CHECK(report["digest"] == test::digest_in(result.out));
   for (const char* key : {"mean", "p50", "p99", "max"}) CHECK(report["frame_ms"][key] > 0.0);
   for (const char* key : {"move", "ingest", "broad_phase", "dispatch", "narrow_phase", "collect", "notify"}) {
     CHECK_MESSAGE(report["stages_ms"].contains(key), key);

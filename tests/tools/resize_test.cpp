@@ -17,14 +17,14 @@ using test::TemporaryFolder;
 
 nlohmann::json run_with_json(const std::string& arguments) {
   const TemporaryFolder folder;
-  const ProgramResult answer = test::ringfence(arguments + " --json " + (folder / "r.json"));
-  REQUIRE_MESSAGE(answer.code == 0, arguments, "\n", answer.out);
+  const ProgramResult result = test::ringfence(arguments + " --json " + (folder / "r.json"));
+  REQUIRE_MESSAGE(result.code == 0, arguments, "\n", result.out);
   return nlohmann::json::parse(worlds::read_text(folder / "r.json"));
 }
 
 }  // namespace
 
-TEST_CASE("nodes that join and leave on a schedule change no digest, and the report says what their frames cost") {
+TEST_CASE("scheduled resizes do not change the digest, and the report has the cost of the frames around them") {
   const std::string arguments = "run --objects 500 --users 10 --frames 24 --warmup 4 --check --nodes 2";
   const auto still = run_with_json(arguments);
   CHECK_FALSE(still.contains("resizes"));
@@ -50,7 +50,7 @@ TEST_CASE("nodes that join and leave on a schedule change no digest, and the rep
   }
 }
 
-TEST_CASE("the figures around a resize are those of the frames that it names") {
+TEST_CASE("ResizeSchedule reports the frames before, at and after each resize") {
   const std::vector<tools::Resize> resizes = {{1, 4}, {10, 2}};
   tools::ResizeSchedule resize_schedule(resizes, 3);
   for (std::uint32_t frame = 0; frame < 12; ++frame) {
@@ -76,15 +76,15 @@ TEST_CASE("the figures around a resize are those of the frames that it names") {
   CHECK(figures[1].handed_over == 1010);
 }
 
-TEST_CASE("a schedule that cannot be is refused with the reason") {
+TEST_CASE("an invalid --resize is refused with the reason") {
   for (const char* text : {"", "5", "5:", ":5", "5:0", "5:1025", "-1:2", "5:2,", "5:2,,6:3", "5:2 6:3", "5:2;6:3",
                            "x:2", "5:2x", "99999999999:2", "5:99999999999"}) {
     CHECK_THROWS_AS_MESSAGE(tools::parse_resizes(text), Error, text);
   }
   const auto check_refused = [](const std::string& arguments, const std::string& message) {
-    const ProgramResult answer = test::ringfence("run --objects 200 --users 10 --frames 10 --warmup 0 " + arguments);
-    CHECK_MESSAGE(answer.code == 2, arguments);
-    CHECK_MESSAGE(answer.out.find(message) != std::string::npos, arguments, ": ", answer.out);
+    const ProgramResult result = test::ringfence("run --objects 200 --users 10 --frames 10 --warmup 0 " + arguments);
+    CHECK_MESSAGE(result.code == 2, arguments);
+    CHECK_MESSAGE(result.out.find(message) != std::string::npos, arguments, ": ", result.out);
   };
   check_refused("--resize 3:0", "--resize: found 3:0; expected FRAME:N with N from 1 to 1024 CD nodes");
   check_refused("--resize 3:1025", "--resize: found 3:1025; expected FRAME:N");
@@ -96,17 +96,17 @@ TEST_CASE("a schedule that cannot be is refused with the reason") {
   check_refused("--balance-by time", "--balance-by: found time; expected one of cpu, pairs");
 }
 
-TEST_CASE("a placement left to the world is reported as chosen, with the digest of any other") {
+TEST_CASE("an automatic placement is reported with the chosen one and does not change the digest") {
   const std::string arguments = "run --objects 300 --users 10 --frames 6 --warmup 2 --broad-phase auto --nodes ";
-  const auto alone = run_with_json(arguments + "1"), shared = run_with_json(arguments + "3 --keep-resting off");
-  CHECK(alone["config"]["broad_phase"] == "server");
-  CHECK(shared["config"]["broad_phase"] == "region");
-  CHECK(shared["config"]["broad_phase_asked"] == "auto");
-  CHECK(alone["digest"] == shared["digest"]);
+  const auto one_node = run_with_json(arguments + "1"), three_nodes = run_with_json(arguments + "3 --keep-resting off");
+  CHECK(one_node["config"]["broad_phase"] == "server");
+  CHECK(three_nodes["config"]["broad_phase"] == "region");
+  CHECK(three_nodes["config"]["broad_phase_asked"] == "auto");
+  CHECK(one_node["digest"] == three_nodes["digest"]);
   CHECK(test::ringfence(arguments + "3").out.find("broad phase: auto (region)") != std::string::npos);
 }
 
-TEST_CASE("a replay is resized like a run, and knows how many frames it has") {
+TEST_CASE("replay accepts --resize within its number of frames and keeps its digest") {
   const std::string files = std::string("replay --nodes 1 --scene ") + RINGFENCE_DATA + "/air/scene.json --motion " +
                             RINGFENCE_DATA + "/air/motion.csv";
   const std::string digest = test::digest_in(test::ringfence(files).out);

@@ -40,7 +40,7 @@ tools::ScaleRow row_with(std::uint32_t nodes, std::vector<double> path_ms, std::
 
 }  // namespace
 
-TEST_CASE("Karp and Flatt's fraction gives back the serial part of a time that follows Amdahl's law") {
+TEST_CASE("the Karp-Flatt fraction of a time that follows Amdahl's law is its serial fraction") {
   for (const double serial : {0.0, 0.04, 0.5, 1.0}) {
     for (const std::uint32_t nodes : {2u, 16u, 1024u}) {
       const tools::Scaling scaling = tools::scaling_of(10, 10 * serial + 10 * (1 - serial) / nodes, nodes);
@@ -52,7 +52,7 @@ TEST_CASE("Karp and Flatt's fraction gives back the serial part of a time that f
   CHECK_FALSE(tools::scaling_of(0, 1, 2).known);
 }
 
-TEST_CASE("repeats make a median and a spread, and cores decide whether wall time can be compared") {
+TEST_CASE("summarise computes median and range of the repeats, and whether there are enough cores for wall times") {
   std::vector<tools::ScaleRow> rows{row_with(1, {3, 1, 2}), row_with(2, {1, 1}), row_with(0, {5})};
   tools::summarise(rows, 0.5, 2);
   CHECK(rows[0].modelled.median == 2.5);
@@ -67,14 +67,14 @@ TEST_CASE("repeats make a median and a spread, and cores decide whether wall tim
   CHECK(rows[2].cores_suffice);
 }
 
-TEST_CASE("runs of one object count whose digests differ are told") {
+TEST_CASE("runs with one object count but different digests are reported") {
   CHECK(tools::digest_disagreements({row_with(1, {1, 1}, 7), row_with(2, {1}, 7)}).empty());
   const auto lines = tools::digest_disagreements({row_with(1, {1}, 7), row_with(2, {1}, 8)});
   REQUIRE(lines.size() == 1);
   CHECK(lines[0].find("2 nodes: digest 0000000000000008; expected 0000000000000007") != std::string::npos);
 }
 
-TEST_CASE("time left is said from the second second on, and never of nothing") {
+TEST_CASE("time_left returns text after the first second, if any work is done") {
   CHECK(tools::time_left(0.5, 0.5).empty());
   CHECK(tools::time_left(10, 0).empty());
   CHECK(tools::time_left(10, 0.5) == ", 10 s left");
@@ -82,14 +82,14 @@ TEST_CASE("time left is said from the second second on, and never of nothing") {
   CHECK(tools::time_left(100, 1) == ", 0 s left");
 }
 
-TEST_CASE("scale runs every combination, and its digests are those of run") {
+TEST_CASE("scale runs every combination, with the digests of run") {
   const TemporaryFolder folder;
   const std::string json = folder / "s.json", csv = folder / "s.csv";
-  const ProgramResult answer =
+  const ProgramResult result =
       test::ringfence(small_world + "--nodes 0,1,3 --broad-phase server,region,auto --json " + json + " --csv " + csv);
-  REQUIRE_MESSAGE(answer.code == 0, answer.out);
-  CHECK(answer.out.find("modelled") != std::string::npos);
-  CHECK(answer.out.find('\r') == std::string::npos);  // no progress where there is no terminal
+  REQUIRE_MESSAGE(result.code == 0, result.out);
+  CHECK(result.out.find("modelled") != std::string::npos);
+  CHECK(result.out.find('\r') == std::string::npos);  // no progress line without a terminal
 
   const auto report = nlohmann::json::parse(worlds::read_text(json));
   CHECK(report["runs"].size() == 2 * 3 * 3 * 3);
@@ -110,17 +110,17 @@ TEST_CASE("scale runs every combination, and its digests are those of run") {
   }
 }
 
-TEST_CASE("a model names its costs with their sources, and today's goes on to 1024 nodes") {
-  const ProgramResult answer = test::ringfence(small_world + "--nodes 1,2 --model 2004,today --cost latency_us=123");
-  REQUIRE_MESSAGE(answer.code == 0, answer.out);
+TEST_CASE("a cluster model prints its costs with their sources, and `today` extrapolates to 1024 nodes") {
+  const ProgramResult result = test::ringfence(small_world + "--nodes 1,2 --model 2004,today --cost latency_us=123");
+  REQUIRE_MESSAGE(result.code == 0, result.out);
   for (const char* word : {"modelled cluster \"2004\"", "modelled cluster \"today\"", "the paper, section 4",
                            "given by --cost", "measured here", "1024*", "extrapolated", "saturates"}) {
-    CHECK_MESSAGE(answer.out.find(word) != std::string::npos, word);
+    CHECK_MESSAGE(result.out.find(word) != std::string::npos, word);
   }
 }
 
 TEST_CASE(
-    "plots are drawn as SVG and PNG with what the paper states; without gnuplot the rest is written, exit code 3") {
+    "plots are SVG and PNG files with the paper's values; without gnuplot all other files are written, exit code 3") {
   const TemporaryFolder folder;
   const std::string json = folder / "s.json", prefix = folder / "plot";
   const std::string arguments =
@@ -128,8 +128,8 @@ TEST_CASE(
       "--model 2004,today --plots " +
       prefix + " --json " + json;
   if (std::system("gnuplot --version > /dev/null 2>&1") == 0) {
-    const ProgramResult answer = test::ringfence(arguments);
-    REQUIRE_MESSAGE(answer.code == 0, answer.out);
+    const ProgramResult result = test::ringfence(arguments);
+    REQUIRE_MESSAGE(result.code == 0, result.out);
     for (const char* name :
          {"graph1", "graph2", "graph3", "graph4", "path", "speedup", "cluster-2004", "cluster-today"}) {
       CHECK(worlds::read_text(prefix + "-" + name + ".svg").find("</svg>") != std::string::npos);
@@ -146,11 +146,11 @@ TEST_CASE(
   CHECK(worlds::read_text(prefix + ".gnuplot").find("about 4100") != std::string::npos);
 }
 
-TEST_CASE("scale refuses what it cannot run, and says what it can") {
+TEST_CASE("scale refuses invalid options with the range or the list of valid values") {
   const auto refused = [](const std::string& arguments, const std::string& message) {
-    const ProgramResult answer = test::ringfence("scale " + arguments);
-    CHECK_MESSAGE(answer.code == 2, arguments);
-    CHECK_MESSAGE(answer.out.find(message) != std::string::npos, arguments, ": ", answer.out);
+    const ProgramResult result = test::ringfence("scale " + arguments);
+    CHECK_MESSAGE(result.code == 2, arguments);
+    CHECK_MESSAGE(result.out.find(message) != std::string::npos, arguments, ": ", result.out);
   };
   refused("--nodes 1,2000", "--nodes: found 2000; expected 0 to 1024");
   refused("--objects 0", "--objects: found 0; expected 1 to 10000000");

@@ -12,14 +12,14 @@ using test::ProgramResult;
 using test::TemporaryFolder;
 
 void check_refused(const std::string& arguments, const std::string& message) {
-  const ProgramResult answer = test::ringfence(arguments);
-  CHECK_MESSAGE(answer.code == 2, arguments);
-  CHECK_MESSAGE(answer.out.find(message) != std::string::npos, arguments, ": ", answer.out);
+  const ProgramResult result = test::ringfence(arguments);
+  CHECK_MESSAGE(result.code == 2, arguments);
+  CHECK_MESSAGE(result.out.find(message) != std::string::npos, arguments, ": ", result.out);
 }
 
 }  // namespace
 
-TEST_CASE("an option out of range is told with its name and range, and ends with 2") {
+TEST_CASE("an option out of range ends the program with 2 and a message with its name and range") {
   check_refused("run --nodes 1025", "--nodes: found 1025; expected 0 to 1024");
   check_refused("run --nodes -1", "--nodes: found -1; expected 0 to 1024");
   check_refused("run --nodes two", "--nodes: found two; expected 0 to 1024");
@@ -37,7 +37,7 @@ TEST_CASE("an option out of range is told with its name and range, and ends with
   check_refused("run --objects 50", "users: 100; expected at most one for each of the 50 objects");
 }
 
-TEST_CASE("a word that an option does not know is told with those that it does") {
+TEST_CASE("an unknown value of an option ends the program with 2 and a list of its values") {
   check_refused("run --deployment cloud",
                 "--deployment: found cloud; expected one of user, user-server, user-collision");
   check_refused("run --broad-phase none", "--broad-phase: found none; expected one of server, region, auto");
@@ -48,7 +48,7 @@ TEST_CASE("a word that an option does not know is told with those that it does")
   check_refused("", "subcommand");
 }
 
-TEST_CASE("help and version end with 0, and help names no command that is not there") {
+TEST_CASE("--help lists the commands and options, and --version the version; both end with 0") {
   CHECK(test::ringfence("--version").code == 0);
   CHECK(test::ringfence("--version").out.starts_with("ringfence 0."));
   const ProgramResult help = test::ringfence("--help");
@@ -66,7 +66,7 @@ TEST_CASE("help and version end with 0, and help names no command that is not th
   }
 }
 
-TEST_CASE("bad files end with 2 and are named with line and field; nothing runs") {
+TEST_CASE("an invalid file ends the program with 2 and a message with line and field, before any frame") {
   const TemporaryFolder folder;
   const std::string scene = folder / "s.json", motion = folder / "m.csv";
   const std::string good =
@@ -85,11 +85,13 @@ TEST_CASE("bad files end with 2 and are named with line and field; nothing runs"
 
   worlds::write_text(scene, std::string(good).replace(good.find("radius"), 6, "size"));
   check_refused(files, scene + ":2: shapes.ball: unknown field \"size\"; expected type, radius");
+  worlds::write_text(scene, "{\"format\":\n" + std::string(300'000, '[') + std::string(300'000, ']') + "}");
+  check_refused(files, scene + ":2:64: arrays and objects are nested more than 64 deep; expected at most 64 levels");
   check_refused("replay --scene /nowhere.json --motion " + motion, "/nowhere.json: cannot be opened");
   check_refused("replay --motion " + motion, "--scene is required");
 }
 
-TEST_CASE("a file that cannot be written is told before anything runs") {
+TEST_CASE("an output file that cannot be opened ends the program with 2 before any frame") {
   for (const char* option : {"--json", "--frames-csv", "--collisions", "--trace"}) {
     check_refused(std::string("run --objects 200 --frames 1 ") + option + " /nowhere/file",
                   "/nowhere/file: cannot be opened for writing");

@@ -6,7 +6,7 @@
 
 namespace ringfence::test {
 
-/// What a reader says when it refuses; empty if it does not.
+/// The message of the InputError that `read` throws; empty if it throws none.
 template <class Read>
 std::string error_message_of(Read read) {
   try {

@@ -21,8 +21,8 @@ using test::error_message_of;
 
 const std::string header = "frame,object,x,y,z,qx,qy,qz,qw\n";
 
-/// Three objects: 7 and 9 may move, 8 is static; 9 is absent at first.
-Scene three() {
+/// Three objects: 7 and 9 may move, 8 is static, 9 is absent at the start.
+Scene three_objects() {
   Scene scene;
   scene.shapes.push_back({"ball", Sphere{1}, {}});
   for (const ObjectNumber number : {7u, 8u, 9u}) {
@@ -36,14 +36,14 @@ Scene three() {
   return scene;
 }
 
-std::string refused_csv(const std::string& rows) {
-  return error_message_of([&] { parse_motion(header + rows, "m.csv", three()); });
+std::string csv_error(const std::string& rows) {
+  return error_message_of([&] { parse_motion(header + rows, "m.csv", three_objects()); });
 }
 
 constexpr double absent = std::numeric_limits<double>::quiet_NaN();
 
-/// Binary motion of `three`, two frames: 7 moves in frame 1, 9 appears in frame 1.
-std::string binary() {
+/// Binary motion of `three_objects`, two frames: 7 moves and 9 appears in frame 1.
+std::string binary_motion() {
   const auto file = std::filesystem::temp_directory_path() / "ringfence_motion_test.bin";
   BinaryMotionWriter writer(file, 3);
   const Pose seven{{7, 0, 0}, {}}, eight{{8, 0, 0}, {}}, none{{absent, absent, absent}, {}};
@@ -61,20 +61,21 @@ std::string with(std::string bytes, std::size_t at, T value) {
   return bytes;
 }
 
-std::string refused_binary(const std::string& bytes) {
-  return error_message_of([&] { parse_motion(bytes, "m.bin", three()); });
+std::string binary_error(const std::string& bytes) {
+  return error_message_of([&] { parse_motion(bytes, "m.bin", three_objects()); });
 }
 
 }  // namespace
 
-TEST_CASE("CSV rows are read as they are meant, an empty pose as absence") {
-  const Motion motion = parse_motion(header + "0,7,1,2,3,0,0,0,1\r\n2,7,,,,,,,\n2,9,-0.5,1e3,2,1,0,0,0", "m", three());
+TEST_CASE("a CSV row sets a pose, and a row without a pose makes the object absent") {
+  const Motion motion =
+      parse_motion(header + "0,7,1,2,3,0,0,0,1\r\n2,7,,,,,,,\n2,9,-0.5,1e3,2,1,0,0,0", "m", three_objects());
   CHECK(motion.frames == 3);
   REQUIRE(motion.rows.size() == 3);
   CHECK(motion.rows[0] == MotionRow{0, 7, true, {{1, 2, 3}, {}}});
   CHECK(motion.rows[1] == MotionRow{2, 7, false, {}});
   CHECK(motion.rows[2] == MotionRow{2, 9, true, {{-0.5, 1000, 2}, {1, 0, 0, 0}}});
-  CHECK(parse_motion(header, "m", three()).frames == 0);
+  CHECK(parse_motion(header, "m", three_objects()).frames == 0);
 }
 
 TEST_CASE("motion written as CSV reads back with the same bits") {
@@ -97,32 +98,33 @@ TEST_CASE("motion written as CSV reads back with the same bits") {
     motion.rows.push_back({frame, frame % 2 == 0 ? 7u : 9u, frame % 7 != 0, {}});
     if (motion.rows.back().present) motion.rows.back().pose = {{x, y, z}, q};
   }
-  const Motion again = parse_motion(format_motion_csv(motion), "m", three());
+  const Motion again = parse_motion(format_motion_csv(motion), "m", three_objects());
   CHECK(again.frames == motion.frames);
   REQUIRE(again.rows.size() == motion.rows.size());
   for (std::size_t i = 0; i < again.rows.size(); ++i) REQUIRE(again.rows[i] == motion.rows[i]);
 }
 
-TEST_CASE("each thing that is wrong with CSV motion is told with line, field, finding and expectation") {
+TEST_CASE("each error in CSV motion is reported with line, field, found value and expectation") {
   const std::string csv_header_message = "expected the header \"frame,object,x,y,z,qx,qy,qz,qw\"";
-  CHECK(error_message_of([] { parse_motion("", "m.csv", three()); }) == "m.csv:0: found \"\"; " + csv_header_message);
-  CHECK(error_message_of([] { parse_motion("frame,object\n", "m.csv", three()); }) ==
+  CHECK(error_message_of([] { parse_motion("", "m.csv", three_objects()); }) ==
+        "m.csv:0: found \"\"; " + csv_header_message);
+  CHECK(error_message_of([] { parse_motion("frame,object\n", "m.csv", three_objects()); }) ==
         "m.csv:1: found \"frame,object\"; " + csv_header_message);
-  struct Wrong {
+  struct Case {
     const char *rows, *message;
   };
-  const Wrong cases[] = {
+  const Case cases[] = {
       {"0,7,1,2,3,0,0,1\n", "m.csv:2: found 8 fields; expected 9: frame,object,x,y,z,qx,qy,qz,qw"},
       {"0,7,1,2,3,0,0,0,1,\n", "m.csv:2: found 10 fields; expected 9: frame,object,x,y,z,qx,qy,qz,qw"},
       {"\n", "m.csv:2: found 1 fields; expected 9: frame,object,x,y,z,qx,qy,qz,qw"},
-      {"-1,7,1,2,3,0,0,0,1\n", "m.csv:2: frame: found \"-1\"; expected a whole number from 0"},
+      {"-1,7,1,2,3,0,0,0,1\n", "m.csv:2: frame: found \"-1\"; expected a whole number of 0 or more"},
       {"5,7,1,2,3,0,0,0,1\n4,9,1,2,3,0,0,0,1\n", "m.csv:3: frame: found 4 after 5; expected frames in ascending order"},
       {"400000000,7,1,2,3,0,0,0,1\n", "m.csv:2: frame: found 400000000; expected less than 100000000"},
       {"0,5,1,2,3,0,0,0,1\n", "m.csv:2: object: found 5; expected an id of the scene"},
       {"0,x,1,2,3,0,0,0,1\n", "m.csv:2: object: found \"x\"; expected the id of an object"},
       {"0,8,1,2,3,0,0,0,1\n", "m.csv:2: object: 8 is static; expected rows only of objects that may move"},
       {"3,7,1,2,3,0,0,0,1\n3,7,1,2,3,0,0,0,1\n",
-       "m.csv:3: object: 7 is there twice in frame 3; expected one row a frame"},
+       "m.csv:3: object: 7 has two rows in frame 3; expected at most one row per frame"},
       {"0,7,1,nan,3,0,0,0,1\n", "m.csv:2: y: found \"nan\"; expected a finite number"},
       {"0,7,1,2,inf,0,0,0,1\n", "m.csv:2: z: found \"inf\"; expected a finite number"},
       {"0,7,1,2,1e999,0,0,0,1\n", "m.csv:2: z: found \"1e999\"; expected a finite number"},
@@ -133,44 +135,43 @@ TEST_CASE("each thing that is wrong with CSV motion is told with line, field, fi
       {"0,7,1,2,3,0,0,0,1.01\n",
        "m.csv:2: qx,qy,qz,qw: found (0, 0, 0, 1.01); expected a unit quaternion (length 1 within 0.001)"},
   };
-  for (const Wrong& wrong : cases) CHECK(refused_csv(wrong.rows) == wrong.message);
+  for (const Case& each : cases) CHECK(csv_error(each.rows) == each.message);
 }
 
-TEST_CASE("binary motion is read as rows of what changes") {
-  const Motion motion = parse_motion(binary(), "m.bin", three());
+TEST_CASE("binary motion is read as one row per change") {
+  const Motion motion = parse_motion(binary_motion(), "m.bin", three_objects());
   CHECK(motion.frames == 2);
   REQUIRE(motion.rows.size() == 2);
   CHECK(motion.rows[0] == MotionRow{1, 7, true, {{7, 1, 0}, {}}});
   CHECK(motion.rows[1] == MotionRow{1, 9, true, {{9, 9, 9}, {0, 1, 0, 0}}});
 }
 
-TEST_CASE("each thing that is wrong with binary motion is told with the byte, finding and expectation") {
-  const std::string good = binary();
+TEST_CASE("each error in binary motion is reported with byte offset, found value and expectation") {
+  const std::string good = binary_motion();
   REQUIRE(good.size() == 24 + 2 * 3 * 40);
-  CHECK(refused_binary(good).empty());
-  CHECK(refused_binary(good.substr(0, 20)) == "m.bin: byte 20: the file ends within the header; expected 24 bytes");
-  CHECK(refused_binary(good.substr(0, 263)) ==
-        "m.bin: byte 263: the file ends within frame 1 of 2; expected 264 bytes");
-  CHECK(refused_binary(good + "x") == "m.bin: byte 264: 1 bytes follow the last of 2 frames; expected the end");
-  CHECK(refused_binary(with(good, 8, 2u)) == "m.bin: byte 8: version: found 2; expected 1");
-  CHECK(refused_binary(with(good, 12, 4u)) == "m.bin: byte 12: objects: found 4; expected 3, as in the scene");
-  CHECK(refused_binary(with(good, 16, 0xffffffffu)) ==
+  CHECK(binary_error(good).empty());
+  CHECK(binary_error(good.substr(0, 20)) == "m.bin: byte 20: the file ends within the header; expected 24 bytes");
+  CHECK(binary_error(good.substr(0, 263)) == "m.bin: byte 263: the file ends within frame 1 of 2; expected 264 bytes");
+  CHECK(binary_error(good + "x") == "m.bin: byte 264: 1 bytes follow the last of 2 frames; expected the end");
+  CHECK(binary_error(with(good, 8, 2u)) == "m.bin: byte 8: version: found 2; expected 1");
+  CHECK(binary_error(with(good, 12, 4u)) == "m.bin: byte 12: objects: found 4; expected 3, as in the scene");
+  CHECK(binary_error(with(good, 16, 0xffffffffu)) ==
         "m.bin: byte 16: frames: found 4294967295; expected less than 100000000");
-  CHECK(refused_binary(with(good, 16, 3u)) == "m.bin: byte 264: the file ends within frame 2 of 3; expected 384 bytes");
-  CHECK(refused_binary(with(good, 20, 1u)) == "m.bin: byte 20: found 1; expected 0");
-  CHECK(refused_binary(with(good, 24 + 120, std::numeric_limits<double>::infinity())) ==
+  CHECK(binary_error(with(good, 16, 3u)) == "m.bin: byte 264: the file ends within frame 2 of 3; expected 384 bytes");
+  CHECK(binary_error(with(good, 20, 1u)) == "m.bin: byte 20: found 1; expected 0");
+  CHECK(binary_error(with(good, 24 + 120, std::numeric_limits<double>::infinity())) ==
         "m.bin: byte 144: frame 1, object 7: position: found (inf, 1, 0); expected finite numbers, or NaN for absent");
-  CHECK(refused_binary(with(good, 24 + 120 + 36, 0.5f)) ==
+  CHECK(binary_error(with(good, 24 + 120 + 36, 0.5f)) ==
         "m.bin: byte 168: frame 1, object 7: orientation: found (0, 0, 0, 0.5); expected a unit quaternion (length 1 "
         "within 0.001)");
-  CHECK(refused_binary(with(good, 24 + 120 + 36, std::numeric_limits<float>::quiet_NaN())).find("orientation") !=
+  CHECK(binary_error(with(good, 24 + 120 + 36, std::numeric_limits<float>::quiet_NaN())).find("orientation") !=
         std::string::npos);
-  CHECK(refused_binary(with(good, 24 + 160, 3.0)) ==
+  CHECK(binary_error(with(good, 24 + 160, 3.0)) ==
         "m.bin: byte 184: frame 1, object 8: is static but moves; expected the pose of the scene");
 }
 
-TEST_CASE("a file that cannot be read or written is named") {
-  CHECK(error_message_of([] { read_motion("/nowhere/m.csv", three()); }) ==
+TEST_CASE("the error message names a file that cannot be read or written") {
+  CHECK(error_message_of([] { read_motion("/nowhere/m.csv", three_objects()); }) ==
         "/nowhere/m.csv: cannot be opened: No such file or directory");
   CHECK_THROWS_WITH_AS(BinaryMotionWriter("/nowhere/m.bin", 3),
                        "/nowhere/m.bin: cannot be written: No such file or directory", Error);

@@ -30,7 +30,7 @@ bool within(float value, float low, float high) { return value >= low && value <
 
 }  // namespace
 
-TEST_CASE("the volume of all objects covers the stated share of the world") {
+TEST_CASE("the volume of all objects is `coverage` times the volume of the world") {
   for (const ShapeSetting setting : settings) {
     for (const double coverage : {0.01, 0.06, 0.3}) {
       CAPTURE(name_of(setting));
@@ -46,7 +46,7 @@ TEST_CASE("the volume of all objects covers the stated share of the world") {
   }
 }
 
-TEST_CASE("there is an avatar a user, and of the others half are active and half are not") {
+TEST_CASE("there is one avatar per user; half of the other objects are active and half non-active") {
   PaperWorldOptions options;
   const Scene scene = make_paper_world(options).scene;
   std::array<int, 4> categories{};
@@ -65,7 +65,7 @@ TEST_CASE("there is an avatar a user, and of the others half are active and half
   CHECK(users_of(scene) == 100);
 }
 
-TEST_CASE("mixed is a sixth spheres, a sixth capsules, a third boxes and a third hulls, in every category") {
+TEST_CASE("mixed shapes are 1/6 spheres, 1/6 capsules, 1/3 boxes and 1/3 hulls in each category") {
   PaperWorldOptions options;
   options.objects = 6000;
   const Scene scene = make_paper_world(options).scene;
@@ -82,7 +82,7 @@ TEST_CASE("mixed is a sixth spheres, a sixth capsules, a third boxes and a third
   }
 }
 
-TEST_CASE("sizes are those of the paper's world") {
+TEST_CASE("the sizes of shapes are in the documented ranges") {
   const Scene scene = make_paper_world({}).scene;
   CHECK(scene.shapes.size() == 1 + 3 * 64);
   for (const NamedShape& shape : scene.shapes) {
@@ -105,7 +105,7 @@ TEST_CASE("sizes are those of the paper's world") {
   }
 }
 
-TEST_CASE("a world is a function of its options: the same again, another for another seed") {
+TEST_CASE("equal options give equal worlds, another seed gives another world") {
   PaperWorldOptions options;
   options.objects = 500;
   const PaperWorld one = make_paper_world(options), same = make_paper_world(options);
@@ -120,8 +120,8 @@ TEST_CASE("a world is a function of its options: the same again, another for ano
   CHECK(one.steering.targets == 10);
 }
 
-TEST_CASE("what generated it on other machines generates it here") {
-  // Recorded with g++ 12 on x86-64; a difference means that other arithmetic crept in.
+TEST_CASE("the generated world has the recorded hash") {
+  // Recorded with g++ 12 on x86-64. Another hash means that the generator's arithmetic has changed.
   PaperWorldOptions options;
   options.objects = 1000;
   const Scene scene = make_paper_world(options).scene;
@@ -140,7 +140,7 @@ TEST_CASE("what generated it on other machines generates it here") {
   CHECK(hash == 11777902483206191724u);
 }
 
-TEST_CASE("objects start within the bounds and not crushed") {
+TEST_CASE("objects start within the bounds, with few contacts and few deep ones") {
   for (const ShapeSetting setting : settings) {
     CAPTURE(name_of(setting));
     PaperWorldOptions options;
@@ -172,7 +172,7 @@ TEST_CASE("objects start within the bounds and not crushed") {
   }
 }
 
-TEST_CASE("an option out of range is refused by name and range") {
+TEST_CASE("an option out of range is refused with its name and range") {
   const auto error_message_of = [](auto change) {
     PaperWorldOptions options;
     change(options);
@@ -193,7 +193,7 @@ TEST_CASE("an option out of range is refused by name and range") {
         }) == "interval 5:4: expected A:B frames with 1 <= A <= B <= 1000000000");
 }
 
-TEST_CASE("the smallest worlds can be made") {
+TEST_CASE("worlds of 1, 2 and 7 objects are generated") {
   for (const std::uint32_t objects : {1u, 2u, 7u}) {
     PaperWorldOptions options;
     options.objects = objects;

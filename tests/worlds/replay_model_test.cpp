@@ -7,7 +7,7 @@
 namespace ringfence::worlds {
 namespace {
 
-/// An object under a replay, as a host moves it.
+/// One object that a ReplayModel moves, as its host would.
 struct ReplayResult {
   MotionInput input;
   std::uint64_t state = 0;
@@ -35,7 +35,7 @@ const Motion motion{7, {at(0, 3, 1), at(0, 5, 50), at(2, 3, 2), {3, 5, false, {}
 
 }  // namespace
 
-TEST_CASE("an object takes the pose of its row in the row's frame and stands still in between") {
+TEST_CASE("an object takes the pose of each of its rows in the row's frame and keeps it until the next row") {
   const ReplayModel model(motion);
   REQUIRE(model.state_bytes() == sizeof(std::uint64_t));
   ReplayResult three(model, 3, true), five(model, 5, false);
@@ -51,7 +51,7 @@ TEST_CASE("an object takes the pose of its row in the row's frame and stands sti
   }
 }
 
-TEST_CASE("an object that missed frames takes the newest pose") {
+TEST_CASE("an object that was not moved in some frames takes its latest pose") {
   const ReplayModel model(motion);
   ReplayResult three(model, 3, true);
   three.move(model, 0);
@@ -61,7 +61,7 @@ TEST_CASE("an object that missed frames takes the newest pose") {
   CHECK(three.input.pose.position.x == 3);
 }
 
-TEST_CASE("an object without rows stands still") {
+TEST_CASE("an object without rows keeps its pose") {
   const ReplayModel model(motion);
   ReplayResult four(model, 4, true), last(model, 6, false);
   for (std::uint64_t frame = 0; frame < 8; ++frame) {

@@ -15,7 +15,7 @@ namespace {
 
 using test::error_message_of;
 
-/// The example of the design, a line a thing, so that lines can be told.
+/// A scene with one item per line, so that the tests can check line numbers in messages.
 std::string example() {
   return R"({"format": "ringfence-scene", "version": 1,
  "bounds": {"min": [0,0,0], "max": [100,100,40]},
@@ -40,7 +40,7 @@ std::string replaced(const std::string& what, const std::string& with) {
   return text.replace(at, what.size(), with);
 }
 
-std::string refused(const std::string& text) {
+std::string parse_error(const std::string& text) {
   return error_message_of([&] { parse_scene(text, "s.json"); });
 }
 
@@ -79,7 +79,7 @@ void check_same(const Scene& p, const Scene& q) {
 
 }  // namespace
 
-TEST_CASE("the scene of the documentation is read as it is meant") {
+TEST_CASE("each field of a scene file is read") {
   const Scene scene = parse_scene(example(), "s.json");
   CHECK(scene.bounds_max == Vec3d{100, 100, 40});
   CHECK(scene.layers.names == std::vector<std::string>{"solid", "ghost"});
@@ -100,7 +100,7 @@ TEST_CASE("the scene of the documentation is read as it is meant") {
   CHECK(users_of(scene) == 1);
 }
 
-TEST_CASE("a scene written and read back is the same, bit for bit") {
+TEST_CASE("a formatted scene reads back with the same bits") {
   check_same(parse_scene(format_scene(parse_scene(example(), "s.json")), "s"), parse_scene(example(), "s.json"));
   PaperWorldOptions options;
   options.objects = 300;
@@ -112,7 +112,7 @@ TEST_CASE("a scene written and read back is the same, bit for bit") {
   check_same(parse_scene(format_scene(scene), "s"), scene);
 }
 
-TEST_CASE("a scene file written and read back is the same") {
+TEST_CASE("a written scene file reads back as the same scene") {
   const auto file = std::filesystem::temp_directory_path() / "ringfence_scene_test.json";
   const Scene scene = parse_scene(example(), "s.json");
   write_scene(file, scene);
@@ -121,11 +121,11 @@ TEST_CASE("a scene file written and read back is the same") {
   CHECK(error_message_of([&] { read_scene(file); }) == file.string() + ": cannot be opened: No such file or directory");
 }
 
-TEST_CASE("each thing that is wrong with a scene is told with line, field, finding and expectation") {
-  struct Wrong {
+TEST_CASE("each error in a scene is reported with line, field, found value and expectation") {
+  struct Case {
     const char *what, *with, *message;
   };
-  const Wrong cases[] = {
+  const Case cases[] = {
       {"\"version\": 1", "\"version\": 2", "s.json:1: version: found 2; expected a whole number from 1 to 1"},
       {"ringfence-scene", "scene", "s.json:1: format: found \"scene\"; expected \"ringfence-scene\""},
       {" \"bounds\": {\"min\": [0,0,0], \"max\": [100,100,40]},\n", "", "s.json:1: the field \"bounds\" is missing"},
@@ -133,7 +133,7 @@ TEST_CASE("each thing that is wrong with a scene is told with line, field, findi
        "s.json:2: bounds: found {\"min\":[0,0,0],\"max\":[100,-1,40]}; expected min no greater than max on each axis"},
       {"\"min\": [0,0,0]", "\"min\": [0,0]", "s.json:2: bounds.min: found [0,0]; expected three numbers [x, y, z]"},
       {"[\"solid\", \"ghost\"]", "[\"solid\", \"solid\"]",
-       "s.json:3: layers.names[1]: \"solid\" is there twice; expected distinct names"},
+       "s.json:3: layers.names[1]: \"solid\" occurs twice; expected distinct names"},
       {"[[\"solid\", \"solid\"]]", "[[\"solid\", \"water\"]]",
        "s.json:3: layers.collide[0][1]: found \"water\"; expected one of the layers solid, ghost"},
       {"\"radius\": 1.0", "\"radius\": -1.0",
@@ -146,11 +146,11 @@ TEST_CASE("each thing that is wrong with a scene is told with line, field, findi
       {"\"radius\": 0.25", "\"radios\": 0.25",
        "s.json:7: shapes.person: unknown field \"radios\"; expected type, radius, half_height"},
       {"\"convex_hull\", \"points\": [[0,0,0],[1,0,0],[0,1,0],[0,0,1]]", "\"mesh\", \"file\": \"a.obj\"",
-       "s.json:8: shapes.rock.file: there is no reader of mesh files here; expected sphere, box, capsule "
+       "s.json:8: shapes.rock.file: mesh files are not supported here; expected sphere, box, capsule "
        "or convex_hull"},
       {"\"shape\": \"ball\"", "\"shape\": \"bal\"",
        "s.json:10: objects[0].shape: unknown shape \"bal\"; expected one of the 4 in \"shapes\""},
-      {"\"id\": 8", "\"id\": 7", "s.json:13: objects[2].id: id 7 is there twice; expected distinct ids"},
+      {"\"id\": 8", "\"id\": 7", "s.json:13: objects[2].id: id 7 occurs twice; expected distinct ids"},
       {"\"id\": 8", "\"id\": 0", "s.json:13: objects[2].id: found 0; expected a whole number from 1 to 4294967295"},
       {"\"id\": 8", "\"id\": 4294967296",
        "s.json:13: objects[2].id: found 4294967296; expected a whole number from 1 to 4294967295"},
@@ -176,30 +176,56 @@ TEST_CASE("each thing that is wrong with a scene is told with line, field, findi
       {"[0,0,0,1]}", "[0,0,0.1,1]}",
        "s.json:11: objects[0].orientation: found [0,0,0.1,1]; expected a unit quaternion (length 1 within 0.001, this "
        "one has length 1.00499)"},
-      {"\"ball\": {", "\"crate\": {", "s.json: \"crate\" is there twice in one object; expected once"},
+      {"\"ball\": {", "\"crate\": {", "s.json: key \"crate\" occurs twice in one object; expected once"},
   };
-  for (const Wrong& wrong : cases) CHECK(refused(replaced(wrong.what, wrong.with)) == wrong.message);
+  for (const Case& each : cases) CHECK(parse_error(replaced(each.what, each.with)) == each.message);
 }
 
-TEST_CASE("a flat hull and one of too few points are refused by name") {
-  const std::string flat = refused(replaced("[0,0,1]]", "[1,1,0]]"));
+TEST_CASE("a flat hull and a hull of too few points are refused, and the message names the shape") {
+  const std::string flat = parse_error(replaced("[0,0,1]]", "[1,1,0]]"));
   CHECK_MESSAGE(flat.starts_with("s.json:8: shapes.rock: "), flat);
   CHECK_MESSAGE(flat.find("plane") != std::string::npos, flat);
-  const std::string few = refused(replaced(",[0,0,1]]", "]"));
+  const std::string few = parse_error(replaced(",[0,0,1]]", "]"));
   CHECK_MESSAGE(few.starts_with("s.json:8: shapes.rock: "), few);
 }
 
-TEST_CASE("what is not JSON is told with line and column") {
-  const std::string nan = refused(replaced("[1,2,3]", "[1,NaN,3]"));
+TEST_CASE("a JSON syntax error is reported with line and column") {
+  const std::string nan = parse_error(replaced("[1,2,3]", "[1,NaN,3]"));
   CHECK_MESSAGE(nan.starts_with("s.json:11:19: not JSON: syntax error"), nan);
-  const std::string cut = refused(example().substr(0, 200));
+  const std::string cut = parse_error(example().substr(0, 200));
   CHECK_MESSAGE(cut.starts_with("s.json:5:19: not JSON: syntax error"), cut);
-  CHECK(refused("").starts_with("s.json:1:1: not JSON"));
-  CHECK(refused("[]") == "s.json:1: found []; expected an object { }");
-  CHECK(refused(replaced("[1,2,3]", "[1,1e999,3]")).starts_with("s.json: not JSON that can be used"));
+  CHECK(parse_error("").starts_with("s.json:1:1: not JSON"));
+  CHECK(parse_error("[]") == "s.json:1: found []; expected an object { }");
+  CHECK(parse_error(replaced("[1,2,3]", "[1,1e999,3]")).starts_with("s.json: JSON cannot be read"));
 }
 
-TEST_CASE("no byte of a scene can be lost without either a refusal or a whole scene") {
+TEST_CASE("a scene that is nested deeper than 64 levels is refused, however deep it is") {
+  const auto nested = [](const std::string& open, const std::string& close, std::size_t levels) {
+    std::string text = "{\"format\":\n";
+    for (std::size_t i = 1; i < levels; ++i) text += open;
+    text += "0";
+    for (std::size_t i = 1; i < levels; ++i) text += close;
+    return text + "}";
+  };
+  const std::string too_deep =
+      "s.json:2:64: arrays and objects are nested more than 64 deep; expected at most 64 levels, "
+      "remove the surplus brackets";
+  CHECK(refused(nested("[", "]", 65)) == too_deep);
+  CHECK(refused(nested("[", "]", 300'000)) == too_deep);
+  CHECK(refused(std::string(300'000, '[')).starts_with("s.json:1:65: arrays and objects are nested more than 64 deep"));
+  CHECK(refused(nested("{\"a\":", "}", 300'000)).find("nested more than 64 deep") != std::string::npos);
+  // 64 levels are read, and the value is refused for what it is.
+  CHECK(refused(nested("[", "]", 64)).starts_with("s.json:1: format: found [[[["));
+  // Brackets in strings and behind a quote that is escaped are no levels.
+  CHECK(
+      refused("{\"format\": \"\\\"" + std::string(100, '[') + "\"}").starts_with("s.json:1: format: found \"\\\"[[["));
+  // What is closed again does not count.
+  std::string wide = "{\"format\": [";
+  for (int i = 0; i < 100; ++i) wide += "[[]],";
+  CHECK(refused(wide + "0]}").starts_with("s.json:1: format: found [[[]]"));
+}
+
+TEST_CASE("a scene file without one of its bytes is either refused or read completely") {
   const std::string text = example();
   for (std::size_t at = 0; at < text.size(); ++at) {
     std::string damaged = text;
@@ -211,16 +237,16 @@ TEST_CASE("no byte of a scene can be lost without either a refusal or a whole sc
   }
 }
 
-TEST_CASE("meshes come from the loader that is given, by a path relative to the scene") {
+TEST_CASE("a scene passes mesh paths, relative to its folder, to the mesh loader") {
   const std::string text =
       replaced("\"convex_hull\", \"points\": [[0,0,0],[1,0,0],[0,1,0],[0,0,1]]", "\"mesh\", \"file\": \"a/b.obj\"");
-  std::filesystem::path asked;
+  std::filesystem::path loaded;
   const MeshLoader loader = [&](const std::filesystem::path& file) {
-    asked = file;
+    loaded = file;
     return TriangleMesh{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {0, 1, 2}};
   };
   const Scene scene = parse_scene(text, "s.json", "/somewhere", loader);
-  CHECK(asked == "/somewhere/a/b.obj");
+  CHECK(loaded == "/somewhere/a/b.obj");
   CHECK(std::get<TriangleMesh>(scene.shapes[3].description).vertices.size() == 3);
   CHECK(scene.shapes[3].mesh_file == "a/b.obj");
   CHECK(format_scene(scene).find("{\"type\": \"mesh\", \"file\": \"a/b.obj\"}") != std::string::npos);

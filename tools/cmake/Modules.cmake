@@ -1,17 +1,18 @@
-# One engine folder is one module: an object library that the installed library and the module's own tests share.
+# Functions that define modules, tests and benchmarks. A module is a folder of engine/ and an object library, which the
+# installed library and the tests of the module share.
 
 add_library(ringfence_options INTERFACE)
 target_compile_options(ringfence_options INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion
   $<$<BOOL:${RINGFENCE_WERROR}>:-Werror>
-  # The same bits on every machine: no contraction to fused multiply-adds, no fast-math anywhere.
+  # Results must have the same bits on every machine: no contraction to fused multiply-adds.
   -ffp-contract=off)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND RINGFENCE_SANITIZE MATCHES "thread")
-  # GCC cannot model fences under its thread sanitizer and says so; the rings are checked exhaustively elsewhere.
+  # GCC warns that its thread sanitizer does not support fences. tests/link checks the rings exhaustively.
   target_compile_options(ringfence_options INTERFACE -Wno-error=tsan)
 endif()
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
-  # GCC 12 sees overlapping copies in the standard library's own string concatenation (bug 105651).
+  # GCC 12 falsely warns of overlapping copies in the string concatenation of its standard library (bug 105651).
   target_compile_options(ringfence_options INTERFACE -Wno-restrict)
 endif()
 if(RINGFENCE_SANITIZE)
@@ -23,16 +24,19 @@ if(RINGFENCE_SANITIZE)
 endif()
 
 # ringfence_module(NAME SOURCES... [MODULES module...] [LINK target...])
-# MODULES name the modules whose headers and objects this one uses.
+# MODULES lists the modules whose headers and objects this one uses.
 function(ringfence_module name)
   cmake_parse_arguments(ARG "" "" "SOURCES;MODULES;LINK" ${ARGN})
   add_library(ringfence_${name} OBJECT ${ARG_SOURCES})
   target_link_libraries(ringfence_${name} PRIVATE ringfence_options)
+  target_compile_options(ringfence_${name} PRIVATE
+    "SHELL:-include ${PROJECT_SOURCE_DIR}/engine/base/strict_arithmetic.hpp")
   target_link_libraries(ringfence_${name} PUBLIC ${ARG_LINK})
   target_include_directories(ringfence_${name} PUBLIC ${PROJECT_SOURCE_DIR}/engine/include ${PROJECT_SOURCE_DIR}/engine)
   set_target_properties(ringfence_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
   if(RINGFENCE_SANITIZE MATCHES "address")
-    # Kernels are compiled once a SIMD target and inline everything: box_kernels.cpp takes 145 s with -O1, 13 s without.
+    # Kernels are compiled once per SIMD target and inline everything: box_kernels.cpp takes 145 s with -O1 and 13 s with
+    # -O0.
     foreach(source ${ARG_SOURCES})
       cmake_path(ABSOLUTE_PATH source)
       file(STRINGS ${source} once_a_target REGEX "hwy/foreach_target\\.h")
@@ -46,7 +50,7 @@ function(ringfence_module name)
   set_property(GLOBAL APPEND PROPERTY ringfence_modules ${name})
 endfunction()
 
-# All modules that NAME needs, itself included, each once.
+# ringfence_closure(OUT module...): sets OUT to the modules and all modules that they need, each once.
 function(ringfence_closure out)
   set(todo ${ARGN})
   set(seen)
@@ -61,7 +65,7 @@ function(ringfence_closure out)
   set(${out} ${seen} PARENT_SCOPE)
 endfunction()
 
-# ringfence_link_modules(TARGET module...): links the objects of the modules and of all they need.
+# ringfence_link_modules(TARGET module...): links the objects of the modules and of all modules that they need.
 function(ringfence_link_modules target)
   ringfence_closure(modules ${ARGN})
   foreach(module ${modules})
@@ -70,12 +74,13 @@ function(ringfence_link_modules target)
   target_link_libraries(${target} PRIVATE ringfence_options Threads::Threads)
 endfunction()
 
-# What ctest puts before each test program.
+# Command prefix with which ctest runs each test program.
 set(ringfence_test_launcher)
 if(RINGFENCE_SANITIZE MATCHES "thread")
   set(ringfence_test_launcher
     ${CMAKE_COMMAND} -E env TSAN_OPTIONS=suppressions=${PROJECT_SOURCE_DIR}/tools/cmake/tsan.supp)
-  # GCC's thread sanitizer wants its shadow where kernels with many random address bits map programs.
+  # GCC's thread sanitizer fails if the kernel maps the program into the range of its shadow memory, which happens with
+  # many random address bits. setarch -R disables address randomization.
   execute_process(COMMAND setarch -R true RESULT_VARIABLE setarch_failed OUTPUT_QUIET ERROR_QUIET)
   if(NOT setarch_failed)
     list(APPEND ringfence_test_launcher setarch -R)
@@ -83,8 +88,9 @@ if(RINGFENCE_SANITIZE MATCHES "thread")
 endif()
 
 # ringfence_test(NAME MODULES module... SOURCES file... [LINK target...] [LABELS label...])
-# One doctest program a folder of tests/; each doctest case is reported by ctest as part of its program.
-# The target tests_LABEL builds the programs with that label; `concurrent` ones also run under the sanitizers.
+# Defines the doctest program test_NAME, one per folder of tests/, and a ctest test NAME that runs it.
+# The target tests_LABEL builds all programs with that label. tools/test runs those with the label `concurrent` also under
+# the sanitizers.
 function(ringfence_test name)
   cmake_parse_arguments(ARG "" "" "SOURCES;MODULES;LINK;LABELS" ${ARGN})
   add_executable(test_${name} ${ARG_SOURCES})
@@ -102,6 +108,7 @@ function(ringfence_test name)
 endfunction()
 
 # ringfence_bench(NAME MODULES module... SOURCES file... [LINK target...])
+# Defines the benchmark program bench_NAME. The target `benchmarks` builds all of them.
 function(ringfence_bench name)
   cmake_parse_arguments(ARG "" "" "SOURCES;MODULES;LINK" ${ARGN})
   add_executable(bench_${name} ${ARG_SOURCES})

@@ -1,8 +1,8 @@
-# The package: one static library made of the modules that a game server embeds, the public headers, and how CMake and
-# pkg-config find them. Everything else (worlds, reference, tools, tests) stays out of it.
+# The installed package: a static library of the modules that a game server embeds, the public headers, and package files
+# for CMake and pkg-config. The modules worlds and reference, the tools and the tests are not part of it.
 
 set(embedded base telemetry geometry link messages regions broad_phase narrow_phase motion nodes facade)
-set(link_targets Threads::Threads PkgConfig::CCD PkgConfig::HWY PkgConfig::HWLOC TBB::tbb)  # known to config.cmake.in
+set(link_targets Threads::Threads PkgConfig::CCD PkgConfig::HWY PkgConfig::HWLOC TBB::tbb)  # also in ringfence-config.cmake.in
 set(header_only Eigen3::Eigen)
 
 add_library(ringfence_library STATIC)
@@ -20,7 +20,7 @@ foreach(module ${modules})
   get_property(uses GLOBAL PROPERTY ringfence_modules_of_${module})
   foreach(used ${uses})
     if(NOT used IN_LIST embedded)
-      message(FATAL_ERROR "The module ${module} uses ${used}, which is not part of the installed library")
+      message(FATAL_ERROR "Module ${module} uses ${used}, which is not part of the installed library")
     endif()
   endforeach()
   get_property(links GLOBAL PROPERTY ringfence_link_of_${module})
@@ -28,7 +28,7 @@ foreach(module ${modules})
     if(link IN_LIST link_targets)
       target_link_libraries(ringfence_library PRIVATE ${link})
     elseif(NOT link IN_LIST header_only)
-      message(FATAL_ERROR "The module ${module} links ${link}: name it in tools/cmake/Package.cmake, ringfence-config.cmake.in "
+      message(FATAL_ERROR "Module ${module} links ${link}: add it to tools/cmake/Package.cmake, ringfence-config.cmake.in "
                           "and ringfence.pc.in, or a consumer cannot link the installed library")
     endif()
   endforeach()
@@ -38,7 +38,7 @@ include(GNUInstallDirs)
 target_include_directories(ringfence_library INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/engine/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
 
-# The second library: nodes in other processes.
+# A second library for CD nodes in other processes.
 if(RINGFENCE_HAS_DDS)
   add_library(ringfence_dds_library STATIC
     $<TARGET_OBJECTS:ringfence_dds> $<TARGET_OBJECTS:ringfence_dds_wire_objects>)
@@ -54,14 +54,14 @@ configure_package_config_file(${PROJECT_SOURCE_DIR}/tools/cmake/ringfence-config
   ${PROJECT_BINARY_DIR}/package/ringfence-config.cmake INSTALL_DESTINATION ${package_dir})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/package/ringfence-config-version.cmake
   COMPATIBILITY SameMinorVersion)
-# Absolute install directories are allowed (distributions set them); the .pc file is relocatable otherwise.
+# Distributions may set absolute install directories; otherwise the .pc file is relocatable.
 cmake_path(ABSOLUTE_PATH CMAKE_INSTALL_LIBDIR BASE_DIRECTORY "\${prefix}" OUTPUT_VARIABLE pc_libdir)
 cmake_path(ABSOLUTE_PATH CMAKE_INSTALL_INCLUDEDIR BASE_DIRECTORY "\${prefix}" OUTPUT_VARIABLE pc_includedir)
 cmake_path(RELATIVE_PATH CMAKE_INSTALL_PREFIX BASE_DIRECTORY ${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig
   OUTPUT_VARIABLE pc_prefix)
 configure_file(${PROJECT_SOURCE_DIR}/tools/cmake/ringfence.pc.in ${PROJECT_BINARY_DIR}/package/ringfence.pc @ONLY)
 
-# Only on request when another project adds this one as a subdirectory: its installation is its own affair.
+# Off by default if another project adds this one as a subdirectory: that project decides what it installs.
 option(RINGFENCE_INSTALL "Install the library, its headers and package files" ${PROJECT_IS_TOP_LEVEL})
 if(RINGFENCE_INSTALL)
   install(TARGETS ringfence_library EXPORT ringfence-targets

@@ -17,8 +17,8 @@ constexpr double foot = 0.3048;
 constexpr double earth_radius = 6'371'008.8;  // mean
 constexpr std::uint64_t frame_ms = 10'000;
 constexpr std::uint64_t day_ms = 86'400'000;
-constexpr double altitude_step = 25;  // feet: what transponders report
-constexpr int sides = 16;
+constexpr double altitude_step = 25;  // feet; transponders report multiples of it
+constexpr int prism_sides = 16;
 
 struct Row {
   std::uint64_t time_ms;
@@ -27,8 +27,9 @@ struct Row {
   double altitude;             // metres
 };
 
-/// Lambert conformal conic on the sphere, with standard parallels a sixth inside the northern and southern edges: keeps
-/// angles, and lengths to 0.1 % over a few hundred kilometres. (Snyder, Map Projections, 1987, section 15.)
+/// Lambert conformal conic projection of the sphere. The standard parallels lie one sixth of the latitude range inside
+/// its edges. Angles are exact; lengths are correct to 0.1 % over a few hundred kilometres. Method: Snyder, Map
+/// Projections, 1987, section 15.
 class Projection {
  public:
   Projection(double south, double north, double middle_longitude) : longitude_(middle_longitude) {
@@ -50,14 +51,15 @@ class Projection {
   double longitude_, n_ = 1, f_ = 1, rho_middle_ = 0;
 };
 
-/// Half a step of altitude less than 1000 ft high: aircraft exactly 1000 ft apart are separated, and do not touch.
+/// The separation minima as a prism. Its height is 1000 ft less half an altitude step, so that aircraft exactly 1000 ft
+/// apart do not touch.
 worlds::NamedShape separation_prism() {
-  const double radius = 2.5 * nautical_mile / std::cos(pi / sides);
+  const double radius = 2.5 * nautical_mile / std::cos(pi / prism_sides);
   const double half_height = (1000 - altitude_step / 2) / 2 * foot;
   ConvexHull prism;
   for (const double z : {-half_height, half_height}) {
-    for (int side = 0; side < sides; ++side) {
-      const double angle = 2 * pi * side / sides;
+    for (int side = 0; side < prism_sides; ++side) {
+      const double angle = 2 * pi * side / prism_sides;
       prism.points.push_back({static_cast<float>(radius * std::cos(angle)),
                               static_cast<float>(radius * std::sin(angle)), static_cast<float>(z)});
     }
@@ -100,7 +102,7 @@ Trace read_air(std::string_view text, const std::string& name, const std::string
   if (!from.empty()) begin = begin / day_ms * day_ms + time_of_day_ms(from);
   const std::uint64_t end = minutes == 0 ? ~std::uint64_t{0} : begin + minutes * std::uint64_t{60'000};
   std::erase_if(rows, [&](const Row& row) { return row.time_ms < begin || row.time_ms >= end; });
-  if (rows.empty()) throw Error(fmt::format("{}: nothing flies in the time asked for", name));
+  if (rows.empty()) throw Error(fmt::format("{}: found no aircraft in the requested time", name));
 
   double south = pi, north = -pi, west = pi, east = -pi;
   for (const Row& row : rows) {
@@ -120,7 +122,7 @@ Trace read_air(std::string_view text, const std::string& name, const std::string
   for (const Row& row : rows) {
     std::vector<Sample>& track = trace.tracks[row.aircraft];
     const auto frame = static_cast<std::uint32_t>((row.time_ms - begin) / frame_ms);
-    if (!track.empty() && track.back().frame == frame) continue;  // the first sample of ten seconds counts
+    if (!track.empty() && track.back().frame == frame) continue;  // keep the first sample of each frame
     track.push_back({frame, project(row)});
   }
   return trace;

@@ -56,13 +56,13 @@ bool write_all(int file, const std::string& text) {
   set_limit(RLIMIT_CORE, 0);
   set_limit(RLIMIT_CPU, limits.cpu_seconds);
   if (!sanitized) set_limit(RLIMIT_AS, address_space() + limits.memory_bytes);
-  // What the code of others prints before it crashes is no message of this program.
+  // Discard what the library in the child prints: it is not a message of this program.
   const int null_device = open("/dev/null", O_WRONLY | O_CLOEXEC);
   if (null_device >= 0) {
     dup2(null_device, STDOUT_FILENO);
     dup2(null_device, STDERR_FILENO);
   }
-  // Handlers of this process, and of a fuzzer, would report the crash of the copy as its own.
+  // Without this, signal handlers of this process or of a fuzzer would report the child's crash as their own.
   for (const int signal : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGXCPU}) std::signal(signal, SIG_DFL);
   int code = 0;
   try {
@@ -89,36 +89,36 @@ std::string read_all(int file) {
 std::string describe_exit(int status, const ChildLimits& limits) {
   if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return "";
   if (WIFEXITED(status) && WEXITSTATUS(status) == out_of_memory) {
-    return fmt::format("wanted more than {} MiB of memory", limits.memory_bytes >> 20);
+    return fmt::format("needed more than {} MiB of memory", limits.memory_bytes >> 20);
   }
   if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL)) {
-    return fmt::format("did not come to an end within {} s", limits.cpu_seconds);
+    return fmt::format("did not finish within {} s", limits.cpu_seconds);
   }
   if (WIFSIGNALED(status)) return fmt::format("crashed (signal {})", WTERMSIG(status));
-  return fmt::format("ended with {}", WIFEXITED(status) ? WEXITSTATUS(status) : -1);
+  return fmt::format("exited with code {}", WIFEXITED(status) ? WEXITSTATUS(status) : -1);
 }
 
 }  // namespace
 
 ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits& limits) {
   int ends[2];
-  if (pipe2(ends, O_CLOEXEC) != 0) throw Error(fmt::format("no pipe to a child process: {}", std::strerror(errno)));
+  if (pipe2(ends, O_CLOEXEC) != 0) throw Error(fmt::format("cannot create a pipe: {}", std::strerror(errno)));
   const pid_t child = fork();
   if (child == 0) run_child(ends[1], work, limits);
   const int why = errno;
   close(ends[1]);
   if (child < 0) {
     close(ends[0]);
-    throw Error(fmt::format("no child process: {}", std::strerror(why)));
+    throw Error(fmt::format("cannot create a child process: {}", std::strerror(why)));
   }
-  ChildResult answer;
-  answer.output = read_all(ends[0]);
+  ChildResult result;
+  result.output = read_all(ends[0]);
   close(ends[0]);
   int status = 0;
   while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
   }
-  answer.end = describe_exit(status, limits);
-  return answer;
+  result.error = describe_exit(status, limits);
+  return result;
 }
 
 }  // namespace ringfence::tools

@@ -6,23 +6,23 @@
 
 namespace ringfence::tools {
 
-/// What a child process may use before it is ended.
+/// Resources that a child process may use. The kernel ends a child that exceeds them.
 struct ChildLimits {
   unsigned cpu_seconds = 20;
-  std::size_t memory_bytes = std::size_t{4} << 30;  ///< beyond what this process has; not kept under the sanitizers
+  std::size_t memory_bytes = std::size_t{4} << 30;  ///< in addition to those of this process; no limit under sanitizers
 };
 
-/// What came of a child process.
+/// Result of run_in_child.
 struct ChildResult {
   std::string output;  ///< what `work` returned
-  std::string end;     ///< empty, or how the child ended instead of returning: "crashed (signal 11)"
+  std::string error;   ///< empty if `work` returned, else how the child ended, for example "crashed (signal 11)"
 };
 
-/// Runs `work` in a copy of this process and returns what it returned: for code of others that may crash, hang or take
-/// all memory on bytes that nobody vouches for. What it does otherwise is lost with the copy.
+/// Runs `work` in a forked copy of this process and returns its result. It isolates library code that may crash, hang
+/// or exhaust memory on untrusted input. Other effects of `work` on memory do not reach this process.
 ///
-/// The copy has this thread alone, so `work` waits for no other, and locks nothing but what libc does. Costs about a
-/// millisecond. Throws Error where the system makes no process.
+/// The copy has only the calling thread, so `work` must not wait for other threads or lock a mutex that they may hold.
+/// Cost: about 1 ms. Throws Error if the system cannot create a process.
 ChildResult run_in_child(const std::function<std::string()>& work, const ChildLimits& limits);
 
 }  // namespace ringfence::tools

@@ -1,4 +1,4 @@
-// All costs of the cluster models, and where each comes from.
+// The costs of the predefined clusters and the source of each value.
 #include "cluster_costs.hpp"
 
 #include <charconv>
@@ -15,8 +15,9 @@ constexpr const char* cost_names[] = {"pair_us",        "move_us",    "object_us
 Cost stated(double value, const char* source) { return {value, source, false, false}; }
 Cost measured(double fallback) { return {fallback, "measured in these runs", true, false}; }
 
-/// Section 4 of the paper: Pentium III 700 MHz, Java, 100 Mbit/s Ethernet, under 1 ms from user nodes to server.
-/// Fitted is one cost, to one figure; the others were set before the model was first run, and hold for all deployments.
+/// The cluster of section 4 of the paper: Pentium III 700 MHz, Java, 100 Mbit/s Ethernet, less than 1 ms from user
+/// nodes to the server. Only pair_us is fitted, to one frame time. The other values were chosen before the first run of
+/// the model.
 ClusterCosts cluster_2004() {
   ClusterCosts cluster;
   cluster.name = "2004";
@@ -37,7 +38,7 @@ ClusterCosts cluster_2004() {
   return cluster;
 }
 
-/// The same roles on today's machines: what this machine measured, on a network of today.
+/// The same roles on current hardware: CPU costs measured on this machine, and assumptions for a 25 Gbit/s network.
 ClusterCosts cluster_today() {
   ClusterCosts cluster;
   cluster.name = "today";

@@ -8,33 +8,33 @@
 
 namespace ringfence::tools {
 
-/// What a cluster's frame is made of. One set holds for all deployments and all node counts.
+/// The parameters of the cost model of a cluster. One set of values holds for all deployments and node counts.
 enum class CostName : std::uint8_t {
-  pair_us,          ///< narrow phase of one pair, on a CD node
-  move_us,          ///< moving one object and answering its contacts, on its host
-  object_us,        ///< broad phase, each object
-  record_us,        ///< writing or reading one record of a message, at each end
-  message_us,       ///< sending or receiving one message, at each end
-  bandwidth_mbit,   ///< of every machine's link, each way
-  latency_us,       ///< one way, between any two machines
-  user_copies,      ///< how often a user node sends its states to the other user nodes; 0: once to each of them
-  shared_user_lan,  ///< 1: the user nodes share one segment; 0: each has a link of its own
-  overlap,          ///< 1: M3 and the state relay travel while nodes still test; 0: after
+  pair_us,          ///< CPU time of the narrow phase of one pair, on a CD node
+  move_us,          ///< CPU time to move one object and respond to its contacts, on its host
+  object_us,        ///< CPU time of the broad phase per object
+  record_us,        ///< CPU time to write or read one record of a message, at each end
+  message_us,       ///< CPU time to send or receive one message, at each end
+  bandwidth_mbit,   ///< of each machine's link, in each direction
+  latency_us,       ///< one way between any two machines
+  user_copies,      ///< copies of its states that a user node sends to other user nodes; 0: one to each of them
+  shared_user_lan,  ///< 1: all user nodes share one network segment; 0: each has its own link
+  overlap,          ///< 1: M3 and the state relay are sent during the narrow phase; 0: after it
 };
 inline constexpr std::size_t cost_count = 10;
 
 struct Cost {
   double value = 0;
-  std::string source;     ///< where the value comes from
-  bool measured = false;  ///< to be taken from the runs at hand
-  bool fitted = false;    ///< to be chosen so that one stated figure of the paper comes out
+  std::string source;     ///< origin of the value, for reports
+  bool measured = false;  ///< resolve_costs replaces the value by one measured in the current runs
+  bool fitted = false;    ///< resolve_costs fits the value to one frame time that the paper states
 };
 
 const char* name_of(CostName name);
 
-/// A cluster of machines, one a role: a server, CD nodes, and a machine a user node.
+/// The costs of a cluster in which the server, each CD node and each user node have a machine of their own.
 struct ClusterCosts {
-  std::string name;   ///< as on the command line
+  std::string name;   ///< as given to --model
   std::string title;  ///< for tables and plots
   std::array<Cost, cost_count> costs;
 
@@ -43,13 +43,13 @@ struct ClusterCosts {
   const Cost& at(CostName cost) const { return costs[static_cast<std::size_t>(cost)]; }
 };
 
-/// `2004` or `today`; null for any other name.
+/// The predefined cluster `2004` or `today`; null for any other name. The result lives until the program ends.
 const ClusterCosts* find_cluster(const std::string& name);
 
-/// What is wrong with NAME=VALUE; empty if nothing is.
+/// Error message for an invalid NAME=VALUE of --cost; empty if it is valid.
 std::string check_cost(const std::string& text);
 
-/// Replaces the costs that are given, each checked by check_cost before.
+/// Replaces costs by the values in `given`, a list of NAME=VALUE. Precondition: check_cost accepts each of them.
 void replace_costs(ClusterCosts& cluster, const std::vector<std::string>& given);
 
 }  // namespace ringfence::tools

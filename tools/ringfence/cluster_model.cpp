@@ -10,12 +10,12 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr double hops_per_frame = 6;  // begin, states, M2, M3, M4, told
+constexpr double hops_per_frame = 6;  // begin, states, M2, M3, M4, frame done
 constexpr double published_bytes = sizeof(SeenState);
 
 double ms(double us) { return us * 1e-3; }
 
-/// The parts of a frame that both the path through it and the load of each resource are made of.
+/// Times in milliseconds of the parts of a frame, from which both the frame time and the load are composed.
 struct Parts {
   double user_move, node_move, server_move;
   double states_cpu, states_link, user_lan;
@@ -28,16 +28,16 @@ struct Parts {
   double latency;
 };
 
-/// Position records of M2 to all nodes, without the pairs.
+/// Number of position records in M2, which also carries pairs if the server does the broad phase.
 double positions(const FrameCounts& counts) {
   return std::max(0.0, counts[Traffic::m2].records - (counts.placement == Placement::server ? counts.tested : 0));
 }
 
-/// In how many regions a moved object is, on average. In user/collision deployment its host is not told.
+/// Mean number of regions that a moved object overlaps. In user-collision deployment its host needs no position record.
 double regions_per_object(const FrameCounts& counts) {
   if (counts.moved <= 0 || counts.nodes <= 1) return 1;
-  const double untold = counts.node_hosted > 0 ? counts.moved * counts.node_hosted / counts.objects : 0;
-  return std::max(1.0, (positions(counts) + untold) / counts.moved);
+  const double without_record = counts.node_hosted > 0 ? counts.moved * counts.node_hosted / counts.objects : 0;
+  return std::max(1.0, (positions(counts) + without_record) / counts.moved);
 }
 
 Parts parts_of(const FrameCounts& counts, const ClusterCosts& costs) {
@@ -48,24 +48,24 @@ Parts parts_of(const FrameCounts& counts, const ClusterCosts& costs) {
   const MeanTraffic &m1 = counts[Traffic::m1], &m2 = counts[Traffic::m2], &m3 = counts[Traffic::m3],
                     &m4 = counts[Traffic::m4], &m5 = counts[Traffic::m5], &state = counts[Traffic::state],
                     &control = counts[Traffic::control];
-  // The engine counts what is published once under M1 and states; the rest of each is what the server is sent.
+  // The engine counts publications to users once under M1 or states. The remainder is what hosts send to the server.
   const double relayed = counts.server_hosted + counts.node_hosted;
-  const double told_bytes = counts.user_hosted * published_bytes, relay_bytes = relayed * published_bytes;
-  const double m1_bytes = std::max(0.0, m1.bytes - told_bytes);
+  const double user_bytes = counts.user_hosted * published_bytes, relay_bytes = relayed * published_bytes;
+  const double m1_bytes = std::max(0.0, m1.bytes - user_bytes);
   const double node_state_bytes = std::max(0.0, state.bytes - relay_bytes);
-  const double heard = std::max(0.0, m1.records - counts.user_hosted) + std::max(0.0, state.records - relayed);
+  const double received = std::max(0.0, m1.records - counts.user_hosted) + std::max(0.0, state.records - relayed);
   const double copies = costs[CostName::user_copies] > 0 ? costs[CostName::user_copies] : users - 1;
 
   Parts parts{};
   parts.user_move = counts.user_hosted / users * (ms(costs[CostName::move_us]) + record);
   parts.node_move = counts.node_hosted / nodes * (ms(costs[CostName::move_us]) + record);
   parts.server_move = counts.server_hosted * ms(costs[CostName::move_us]);
-  parts.states_cpu = (m1.messages + std::max(0.0, state.messages - 1)) * message + heard * record;
+  parts.states_cpu = (m1.messages + std::max(0.0, state.messages - 1)) * message + received * record;
   parts.states_link = (m1_bytes + node_state_bytes) * byte;
-  // One segment carries everything; otherwise each user node sends its own and hears all others.
+  // A shared segment carries all copies. With links of their own, user nodes send their states and receive all others.
   parts.user_lan = costs[CostName::shared_user_lan] > 0
-                       ? (m1_bytes + told_bytes * copies) * byte
-                       : std::max((m1_bytes + told_bytes * copies) / users, told_bytes) * byte;
+                       ? (m1_bytes + user_bytes * copies) * byte
+                       : std::max((m1_bytes + user_bytes * copies) / users, user_bytes) * byte;
   const double sweep = counts.objects * ms(costs[CostName::object_us]);
   parts.sweep_server = counts.placement == Placement::server ? sweep : 0;
   parts.sweep_node = counts.placement == Placement::server ? 0 : sweep * regions_per_object(counts) * lead / nodes;
@@ -80,7 +80,7 @@ Parts parts_of(const FrameCounts& counts, const ClusterCosts& costs) {
   parts.m4_cpu = m4.messages * message + m4.records * record;
   parts.m4_link = m4.bytes * byte;
   parts.m5_node = 2 * (m5.messages * message + m5.records * record) / nodes + m5.bytes / nodes * byte;
-  // Between machines states come as messages themselves, and nobody has to be told that they can be read.
+  // Between machines the states themselves are messages, so the notices of readable shared memory are not needed.
   parts.control_cpu = std::max(0.0, control.messages - counts.publication_notices) * message;
   parts.control_link = std::max(0.0, control.bytes - counts.publication_notices * sizeof(messages::Header)) * byte;
   parts.latency = hops_per_frame * ms(costs[CostName::latency_us]);
@@ -157,7 +157,7 @@ FrameCounts extrapolated(const FrameCounts& one, const FrameCounts& most, std::u
 
 namespace {
 
-/// Medians over the rows at one node of what one pair, move, object and record cost here.
+/// Replaces the measured costs by medians over the runs with one node.
 void measure_costs(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
   std::vector<double> pair, move, object, record;
   for (const ScaleRow& row : rows) {
@@ -170,8 +170,8 @@ void measure_costs(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
       if (counts.node_hosted > 0) move.push_back(1e3 * sample.move_ms / counts.node_hosted);
       double records = 0;
       for (const MeanTraffic& traffic : counts.traffic) records += traffic.records;
-      records -= counts.user_hosted;  // what user nodes publish the server does not touch
-      // The server's own moving would be taken for records.
+      records -= counts.user_hosted;  // the server does not touch what user nodes publish
+      // If the server hosts objects, the time to move them cannot be separated from the time for records.
       if (counts.server_hosted == 0) record.push_back(1e3 * std::max(0.0, sample.server_ms - sweep) / records);
     }
   }
@@ -179,7 +179,7 @@ void measure_costs(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
     Cost& cost = costs.at(name);
     if (!cost.measured) return;
     if (values.empty()) {
-      cost.source = "a default: these runs have none at 1 node to measure it";
+      cost.source = "default: no run at 1 node measures it";
       return;
     }
     cost.value = median(values);
@@ -191,20 +191,21 @@ void measure_costs(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
   settle(CostName::record_us, record, "measured here: the rest of the server's CPU time over its records");
 }
 
-/// Chooses the time a pair so that the paper's user/collision frame at 1 node and 4000 objects comes out.
+/// Fits pair_us by bisection, so that the predicted frame of user-collision at 1 node and 4000 objects takes as long as
+/// the paper states.
 void fit_pair(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
   Cost& pair = costs.at(CostName::pair_us);
   const PaperFigure* anchor = paper_figure(Deployment::user_collision, 1, 4000);
   for (const ScaleRow& row : rows) {
     if (row.deployment != anchor->deployment || row.nodes != anchor->nodes || row.objects != anchor->objects) continue;
     double low = 0, high = 1e6;
-    for (int step = 0; step < 60; ++step) {  // the frame grows with the time a pair
+    for (int step = 0; step < 60; ++step) {  // the frame time increases with pair_us
       pair.value = (low + high) / 2;
       (compute_cluster_frame(row.counts(), costs).total() < anchor->ms ? low : high) = pair.value;
     }
     return;
   }
-  pair.source = "a default, from a fit to the paper's 4100 ms; user-collision, 1 node, 4000 objects was not run";
+  pair.source = "default, fitted earlier to the paper's 4100 ms: user-collision, 1 node, 4000 objects was not run";
 }
 
 }  // namespace

@@ -12,14 +12,14 @@ namespace ringfence::tools {
 namespace {
 
 void refuse_compressed(const ConvertOptions& options, std::string_view text) {
-  const char* unpack = nullptr;
-  if (text.starts_with("\x1f\x8b")) unpack = "zcat";
+  const char* decompress = nullptr;
+  if (text.starts_with("\x1f\x8b")) decompress = "zcat";
   if (text.starts_with("\xfd"
                        "7zXZ"))
-    unpack = "xzcat";
-  if (!unpack) return;
-  throw Error(fmt::format("{}: is compressed; expected the text itself: {} {} | ringfence convert {} - --out {}",
-                          options.input, unpack, options.input == "-" ? "FILE" : options.input, options.kind,
+    decompress = "xzcat";
+  if (!decompress) return;
+  throw Error(fmt::format("{}: found compressed data; expected text: {} {} | ringfence convert {} - --out {}",
+                          options.input, decompress, options.input == "-" ? "FILE" : options.input, options.kind,
                           options.prefix));
 }
 

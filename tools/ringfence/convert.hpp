@@ -4,16 +4,18 @@
 
 namespace ringfence::tools {
 
-/// Turns a real trace into PREFIX.json and PREFIX.csv and says what is in them. Answers the exit code.
+/// Runs `ringfence convert`: converts a recorded trace into a scene (PREFIX.json) and its motion (PREFIX.csv), and
+/// prints their sizes. Returns the exit code. Throws InputError and Error.
 ///
-/// air: JSON rows of timestamp (ms), icao24, latitude, longitude (degrees), altitude (feet). An object is an aircraft,
-/// a frame is 10 s; the plane is a Lambert conformal conic about the data (scale right to 0.1 %), the height is the
-/// altitude. Its shape is a prism of 16 sides around the cylinder of its separation minima, 5 NM across and 1000 ft
-/// high: a contact is a loss of separation.
-/// crowd: lines of `id frame x/cm y/cm z/cm`, 25 frames a second; a person is an upright capsule.
+/// air: a JSON array of rows with timestamp (ms), icao24, latitude and longitude (degrees), and altitude (feet). An
+/// object is an aircraft; a frame is 10 s. Positions are projected by a Lambert conformal conic around the data (scale
+/// error at most 0.1 %); z is the altitude. The shape is a prism of 16 sides around the cylinder of the separation
+/// minima, 5 NM across and 1000 ft high, so that a contact is a loss of separation.
 ///
-/// Who is not heard for a few samples is interpolated (air 60 s, crowd 1 s); over longer gaps, before the first and
-/// after the last sample it is absent. Throws InputError, Error.
+/// crowd: lines of `id frame x/cm y/cm z/cm` at 25 frames per second. An object is a person, an upright capsule.
+///
+/// Gaps of up to 60 s (air) or 1 s (crowd) between two samples are interpolated. An object is absent in longer gaps,
+/// before its first sample and after its last.
 int convert(const ConvertOptions& options);
 
 }  // namespace ringfence::tools

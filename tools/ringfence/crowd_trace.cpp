@@ -11,11 +11,11 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr float shoulder = 0.2f;      // radius, metres
-constexpr float half_height = 0.68f;  // of the segment: 1.76 m in all
+constexpr float radius = 0.2f;        // of the capsule, metres
+constexpr float half_height = 0.68f;  // of its segment, metres: a person is 1.76 m tall
 constexpr double centre_height = 0.88;
 
-/// The next number of a line; its spaces are skipped.
+/// Reads and removes the next number of a line, with the blanks before it. Empty if there is none.
 template <class Number>
 std::optional<Number> next_number(std::string_view& line) {
   const std::size_t start = line.find_first_not_of(" \t\r");
@@ -32,7 +32,7 @@ std::optional<Number> next_number(std::string_view& line) {
 
 Trace read_crowd(std::string_view text, const std::string& name) {
   Trace trace;
-  trace.shape = {"person", Capsule{shoulder, half_height}, {}};
+  trace.shape = {"person", Capsule{radius, half_height}, {}};
   trace.longest_gap = 25;
   trace.margin = 1;
   std::size_t number = 0;
@@ -58,7 +58,7 @@ Trace read_crowd(std::string_view text, const std::string& name) {
     first = std::min(first, *frame);
   }
   if (trace.tracks.empty()) throw worlds::InputError(fmt::format("{}: expected at least one line of numbers", name));
-  for (auto& [who, samples] : trace.tracks) {
+  for (auto& [track_name, samples] : trace.tracks) {
     for (Sample& sample : samples) sample.frame -= first;
   }
   return trace;

@@ -2,23 +2,19 @@
 
 #include <algorithm>
 #include <charconv>
+#include <optional>
 #include <string>
 #include <system_error>
 
 #include <fmt/format.h>
 
+#include "frozen_names.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence::tools {
 namespace {
 
-std::string option_name_of(NodeStage stage) {
-  std::string word = name_of(stage);
-  std::replace(word.begin(), word.end(), '_', '-');
-  return word;
-}
-
-/// A number that ends at a colon; moves `at` behind it. Whether there was one.
+/// Reads a number that a colon follows and moves `at` behind the colon. False if there is none.
 template <class Number>
 bool read_number(std::string_view& at, Number& number) {
   const auto [end, error] = std::from_chars(at.data(), at.data() + at.size(), number);
@@ -30,16 +26,15 @@ bool read_number(std::string_view& at, Number& number) {
 
 Fault parse_fault(std::string_view item) {
   Fault fault;
-  std::string stages;
   std::string_view rest = item;
-  const bool numbers = read_number(rest, fault.frame) && read_number(rest, fault.node);
-  for (std::size_t i = 0; i < node_stage_count; ++i) {
-    fault.stage = static_cast<NodeStage>(i);
-    if (numbers && rest == option_name_of(fault.stage)) return fault;
-    stages += (i == 0 ? "" : ", ") + option_name_of(fault.stage);
+  if (read_number(rest, fault.frame) && read_number(rest, fault.node)) {
+    if (const std::optional<NodeStage> stage = find_stage(rest)) {
+      fault.stage = *stage;
+      return fault;
+    }
   }
-  throw Error(fmt::format("found {}; expected FRAME:NODE:STAGE, several with commas between; STAGE is one of {}",
-                          item.empty() ? "nothing" : item, stages));
+  throw Error(fmt::format("found {}; expected FRAME:NODE:STAGE, several separated by commas; STAGE is one of {}",
+                          item.empty() ? "nothing" : item, list_stage_words()));
 }
 
 }  // namespace
@@ -57,8 +52,8 @@ std::vector<Fault> parse_faults(std::string_view text) {
 void check_faults(const std::vector<Fault>& faults, std::uint32_t frames, std::uint32_t nodes, double deadline_ms) {
   if (faults.empty()) return;
   if (nodes == 0 || deadline_ms == 0) {
-    throw Error(nodes == 0 ? "--fail: nothing can fail with --nodes 0; expected 1 or more"
-                           : "--fail: expected --node-deadline-ms too, or the frame waits for ever");
+    throw Error(nodes == 0 ? "--fail: there are no CD nodes with --nodes 0; expected 1 or more"
+                           : "--fail: expected --node-deadline-ms too; without it the frame waits forever");
   }
   for (const Fault& fault : faults) {
     if (fault.frame >= frames) {
@@ -72,7 +67,7 @@ void inject_faults(const std::vector<Fault>& faults, std::uint32_t frame, std::u
     if (fault.frame != frame) continue;
     fault.frame = in_world;
     if (const Status status = world.inject(fault); status != Status::ok) {
-      throw Error(fmt::format("--fail: node {} in frame {} was refused ({}); expected a node that is there by then",
+      throw Error(fmt::format("--fail: node {} in frame {} was refused ({}); expected a node that exists in that frame",
                               fault.node, frame, name_of(status)));
     }
   }

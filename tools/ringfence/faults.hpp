@@ -9,15 +9,15 @@
 
 namespace ringfence::tools {
 
-/// Reads "FRAME:NODE:STAGE", or several with commas between them: in counted frame FRAME the CD node that has number
-/// NODE by then stops when it is about to do STAGE, a name of NodeStage with - for _. Throws Error with what is
-/// expected.
+/// Parses the value of --fail: "FRAME:NODE:STAGE", or several separated by commas. In counted frame FRAME the CD node
+/// that has the number NODE in that frame stops before STAGE. Throws Error that states the expected form.
 std::vector<Fault> parse_faults(std::string_view text);
 
-/// Throws Error unless each frame is below `frames`, there are nodes that can fail, and a deadline to notice it by.
+/// Throws Error unless each frame is below `frames`, there are CD nodes, and a node deadline is set.
 void check_faults(const std::vector<Fault>& faults, std::uint32_t frames, std::uint32_t nodes, double deadline_ms);
 
-/// Orders the faults of counted frame `frame`, which is frame `in_world` of the world. Throws Error if it refuses.
+/// Injects the faults of counted frame `frame` into `world`, where it has the number `in_world`. Throws Error if the
+/// world refuses one. To be called before that frame.
 void inject_faults(const std::vector<Fault>& faults, std::uint32_t frame, std::uint64_t in_world, World& world);
 
 }  // namespace ringfence::tools

@@ -43,6 +43,7 @@ void Figures::add(const FrameReport& report, std::span<const Contact> frame_cont
   candidates += report.candidates;
   tested += report.tested;
   accepted += report.accepted;
+  failed_supports += report.failed_supports;
   contacts += report.contacts;
   began += report.began;
   ended += report.ended;
@@ -88,7 +89,7 @@ Spread Figures::frame_ms() const {
   if (frame_ms_.empty()) return {};
   std::vector<double> sorted = frame_ms_;
   std::sort(sorted.begin(), sorted.end());
-  const auto rank = [&](double share) {  // the nearest rank: a time that was measured
+  const auto rank = [&](double share) {  // nearest-rank percentile: a measured time, not an interpolated one
     const auto at = static_cast<std::size_t>(std::ceil(share * static_cast<double>(sorted.size())));
     return sorted[std::max<std::size_t>(at, 1) - 1];
   };

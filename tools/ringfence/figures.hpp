@@ -13,18 +13,18 @@
 
 namespace ringfence::tools {
 
-/// A time over all counted frames, milliseconds.
+/// Distribution of a time over all counted frames, in milliseconds.
 struct Spread {
   double mean = 0, p50 = 0, p99 = 0, max = 0;
 };
 
-/// One CD node over all counted frames: means a frame.
+/// Means per counted frame of one CD node.
 struct NodeFigures {
   double busy_ms = 0, cpu_ms = 0, wait_ms = 0, move_ms = 0, broad_phase_ms = 0, narrow_phase_ms = 0;
   double candidates = 0, tested = 0, contacts = 0, hosted = 0, handed_over = 0;
 };
 
-/// What a run was, gathered frame by frame.
+/// Collects the statistics of a run, frame by frame. Counted frames are those after the warm-up. One thread.
 class Figures {
  public:
   void add(const FrameReport& report, std::span<const Contact> contacts);
@@ -34,34 +34,35 @@ class Figures {
   Spread frame_ms() const;
   double stage_ms(Stage stage) const noexcept { return mean(stage_ms_[static_cast<std::size_t>(stage)]); }
   std::vector<NodeFigures> nodes() const;
-  /// Totals over the counted frames, in the order of the kinds.
+  /// Totals over the counted frames, sorted by the kinds of the pair.
   const std::vector<KindReport>& kinds() const noexcept { return kinds_; }
   TrafficReport traffic(Traffic kind) const noexcept { return traffic_[static_cast<std::size_t>(kind)]; }
   std::uint64_t refused(Status reason) const noexcept { return refused_[static_cast<std::size_t>(reason)]; }
-  /// `total` over the counted frames.
+  /// `total` divided by the number of counted frames; 0 without frames.
   double mean(double total) const noexcept { return frames() == 0 ? 0 : total / static_cast<double>(frames()); }
 
   /// Totals over the counted frames.
   std::uint64_t candidates = 0, tested = 0, accepted = 0, contacts = 0, began = 0, ended = 0;
+  std::uint64_t failed_supports = 0;
   std::uint64_t moved = 0, handed_over = 0, grown = 0;
-  std::uint64_t objects = 0;                ///< after the last frame
+  std::uint64_t objects = 0;                ///< number of objects after the last frame
   Placement placement = Placement::server;  ///< where the broad phase ran
-  std::uint64_t map_changes = 0;            ///< of the region map
-  Imbalance cpu_imbalance;                  ///< of the nodes' CPU time
-  Imbalance tested_imbalance;               ///< of the pairs that they test
+  std::uint64_t map_changes = 0;            ///< number of changes of the region map
+  Imbalance cpu_imbalance;                  ///< imbalance of the CPU time of CD nodes
+  Imbalance tested_imbalance;               ///< imbalance of the pairs that CD nodes test
   double server_cpu_ms = 0, users_cpu_ms = 0;
   PathReport path;
-  double critical_ms = 0;  ///< of each frame's path
+  double critical_ms = 0;  ///< sum of PathReport::critical_ms over the frames
 
-  /// Nodes that were lost, CD nodes and user nodes, in order of frames.
+  /// A node that was lost. Sorted by frame.
   struct Loss {
-    std::uint64_t frame = 0;  ///< counted
-    bool user = false;        ///< a user node that missed its deadline
+    std::uint64_t frame = 0;  ///< counted from 0 after the warm-up
+    bool user = false;        ///< true: a user node that missed its deadline; false: a CD node
     std::uint32_t node = 0;   ///< its number in that frame
-    double frame_ms = 0;      ///< what the frame took with it
+    double frame_ms = 0;      ///< duration of the frame in which it was lost
   };
   std::vector<Loss> losses;
-  std::optional<dds::ClusterReport> cluster;  ///< where CD nodes are processes: after the last frame
+  std::optional<dds::ClusterReport> cluster;  ///< after the last frame; only if CD nodes are processes
 
  private:
   Digest digest_;

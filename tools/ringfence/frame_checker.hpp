@@ -8,23 +8,25 @@
 
 namespace ringfence::tools {
 
-/// Compares frames with brute force, and, in every run, the counters that say that each candidate was tested and its
-/// result accepted exactly once. What differs is printed on standard error.
+/// Checks the result of each frame, and prints differences on standard error.
+///
+/// Always checks the counters: each candidate is tested and its result accepted exactly once. With brute force it also
+/// compares all contacts and phases with those of the reference in double precision.
 class FrameChecker {
  public:
-  /// With `brute_force` false only the counters are looked at. `world` has its shapes.
+  /// `world` must outlive the checker and have all its shapes already.
   FrameChecker(const World& world, bool brute_force);
 
-  /// After a frame that is outside the outputs: counters only.
+  /// To be called after a warm-up frame. Checks counters only.
   void skip_frame();
-  /// After a counted frame; `frame` is its number in the outputs.
+  /// To be called after a counted frame. `frame` is its number in messages.
   void check_frame(std::uint64_t frame);
 
   bool brute_force() const noexcept { return brute_force_; }
   bool passed() const noexcept { return differences_ == 0 && miscounted_ == 0; }
-  std::uint64_t frames() const noexcept { return frames_; }  ///< compared with brute force
+  std::uint64_t frames() const noexcept { return frames_; }  ///< frames compared with brute force
   std::uint64_t differences() const noexcept { return differences_; }
-  std::uint64_t miscounted() const noexcept { return miscounted_; }  ///< frames
+  std::uint64_t miscounted() const noexcept { return miscounted_; }  ///< frames with wrong counters
 
  private:
   void check_counters();

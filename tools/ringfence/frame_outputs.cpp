@@ -6,7 +6,8 @@
 namespace ringfence::tools {
 namespace {
 
-// In the order in which they are shown. Users come after all nodes that there can be, since nodes may join and leave.
+// Track numbers determine the order in the viewer. User tracks start above the maximum number of nodes, which may join
+// and leave.
 constexpr std::uint32_t first_user_track = 10'000, frame_track = 1'000'000;
 
 std::unique_ptr<OutputFile> open(const std::string& path) {
@@ -36,7 +37,7 @@ void FrameOutputs::add_frame(std::uint64_t frame, const World& world) {
   if (trace_) add_spans(frame, world);
 }
 
-// The shortest text that reads back as the same float or double.
+// {} formats the shortest text that reads back as the same float or double.
 void FrameOutputs::add_contacts(std::uint64_t frame, std::span<const Contact> contacts) {
   for (const Contact& c : contacts) {
     collisions_->print("{},{},{},{},{},{},{},{},{},{}\n", frame, c.a, c.b, c.point.x, c.point.y, c.point.z, c.normal.x,

@@ -9,15 +9,15 @@
 
 namespace ringfence::tools {
 
-/// The files that get something from every counted frame: --collisions, --frames-csv, --trace.
+/// Writes the output files that grow with every counted frame: --collisions, --frames-csv and --trace.
 class FrameOutputs {
  public:
-  /// Opens them. Throws Error naming the one that cannot be.
+  /// Opens the files. Throws Error that names a file which cannot be opened.
   explicit FrameOutputs(const OutputOptions& options);
 
-  /// After a frame; `frame` is its number in the outputs, from 0.
+  /// To be called after each counted frame. `frame` is its number in the files, from 0.
   void add_frame(std::uint64_t frame, const World& world);
-  /// Writes what is left. Throws IncompleteError.
+  /// Writes the rest and closes the files. Throws IncompleteError if that fails.
   void finish();
 
  private:
@@ -29,7 +29,7 @@ class FrameOutputs {
   bool first_span_ = true;
   bool tracks_named_ = false;
   std::uint32_t nodes_named_ = 0;
-  std::uint64_t epoch_ns_ = 0;  ///< where the timeline begins
+  std::uint64_t epoch_ns_ = 0;  ///< time 0 of the trace, on the monotonic clock
 };
 
 }  // namespace ringfence::tools

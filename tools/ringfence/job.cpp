@@ -26,7 +26,7 @@
 namespace ringfence::tools {
 namespace {
 
-// With nodes that others start, there are as many as are waited for.
+/// Checks the options of --link against each other. With --wait-nodes, that is the number of nodes.
 void resolve_link(ServiceOptions& service) {
   LinkOptions& link = service.link;
   if (link.kind == LinkKind::rings) {
@@ -35,12 +35,13 @@ void resolve_link(ServiceOptions& service) {
   }
   if (link.wait_nodes != 0) service.nodes = link.wait_nodes;
   if (service.nodes == 0) throw Error("--nodes: found 0; expected at least 1 with --link dds");
-  if (!service.faults.empty()) throw Error("--fail: found with --link dds; there, end the processes");
+  if (!service.faults.empty())
+    throw Error("--fail: found with --link dds; expected with --link rings (with dds, end the node processes)");
   for (const Resize& resize : service.resizes) {
     if (resize.nodes > service.nodes) {
       throw Error(
-          fmt::format("--resize: found {} nodes with --link dds; expected at most the {} that there are, more "
-                      "join by themselves (ringfence node)",
+          fmt::format("--resize: found {} nodes with --link dds; expected at most {}, the number of processes; more "
+                      "join on their own (ringfence node)",
                       resize.nodes, service.nodes));
     }
   }
@@ -73,7 +74,7 @@ WorldConfig world_config(const Job& job) {
 void advance(World& world, std::uint64_t frame) {
   const Status status = world.advance();
   if (status != Status::ok) {
-    throw IncompleteError(fmt::format("frame {} was refused: {}; the frames before it stand", frame, name_of(status)));
+    throw IncompleteError(fmt::format("frame {} was refused: {}; earlier frames are complete", frame, name_of(status)));
   }
 }
 
@@ -174,7 +175,7 @@ int run_job(const Job& job) {
     write_json_report(*json, job, figures, resize_schedule, checker);
     json->close();
   }
-  // With the contacts on standard output, the report makes room.
+  // If the contacts go to standard output, the report goes to standard error.
   std::FILE* const out = job.output.collisions == "-" ? stderr : stdout;
   if (job.profile) {
     print_profile(out, job, figures);

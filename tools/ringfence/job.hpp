@@ -13,34 +13,34 @@
 
 namespace ringfence::tools {
 
-/// A world to run, wherever it comes from.
+/// Everything that a run needs, whether the world is generated or read from files.
 struct Job {
-  std::string title;  ///< for the report: what is run
+  std::string title;  ///< first line of the report
   worlds::Scene scene;
   std::shared_ptr<const MotionModel> model;
-  std::vector<std::byte> motion_setup;  ///< the model as bytes, where nodes are processes
+  std::vector<std::byte> motion_setup;  ///< see pack_motion; empty unless CD nodes are processes
   FrameOptions frames;
   ServiceOptions service;
   OutputOptions output;
-  std::string record_prefix;                         ///< empty: nothing is recorded
-  bool profile = false;                              ///< the report is about the narrow phase
-  const worlds::PaperWorldOptions* world = nullptr;  ///< its parameters, if it is the paper's
+  std::string record_prefix;                         ///< empty: no recording
+  bool profile = false;                              ///< print the profile of the narrow phase instead of the report
+  const worlds::PaperWorldOptions* world = nullptr;  ///< parameters of a generated world; null for a replay
 };
 
-/// Generates the paper's world. `options` outlives the job. Throws Error.
+/// Generates the paper's world. `options` must outlive the job. Throws Error for invalid options.
 Job make_job(const RunOptions& options);
 
-/// Reads scene and motion. Throws Error, InputError.
+/// Reads a scene and its motion. Throws InputError for invalid files and Error for invalid options.
 Job make_job(const ReplayOptions& options);
 
-/// What a World for the job is made of; the scene is still to be loaded into it.
+/// Configuration of a World for the job. The caller loads the scene into the world.
 WorldConfig world_config(const Job& job);
 
-/// One frame. `frame` is its number in messages. Throws IncompleteError when it is refused.
+/// Advances `world` by one frame. `frame` is its number in messages. Throws IncompleteError if the world refuses.
 void advance(World& world, std::uint64_t frame);
 
-/// Runs all frames, with everything that the output options ask for, and prints the report. Answers the exit code.
-/// Throws Error for bad use, IncompleteError when the run cannot be completed.
+/// Runs all frames, writes all outputs and prints the report. Returns the exit code. Throws Error for invalid options,
+/// and IncompleteError if the run cannot be completed.
 int run_job(const Job& job);
 
 }  // namespace ringfence::tools

@@ -9,23 +9,23 @@
 
 namespace ringfence::tools {
 
-/// What carries messages between the server and the CD nodes.
+/// The transport between the server and the CD nodes: rings to threads, or DDS to processes.
 enum class LinkKind : std::uint8_t { rings, dds };
 constexpr const char* name_of(LinkKind kind) noexcept {
   constexpr const char* names[] = {"rings", "dds"};
   return names[static_cast<std::size_t>(kind)];
 }
 
-/// How a run reaches nodes in other processes.
+/// Options of run, replay and record for CD nodes in other processes.
 struct LinkOptions {
   LinkKind kind = LinkKind::rings;
-  std::uint32_t wait_nodes = 0;  ///< nodes that others start; 0: the program starts them itself
+  std::uint32_t wait_nodes = 0;  ///< number of nodes that are started elsewhere; 0: the program starts its own
   double wait_ms = 10'000;
   bool domain_given = false;
   dds::NetworkConfig network;
 };
 
-/// `ringfence node`.
+/// Options of `ringfence node`.
 struct NodeOptions {
   dds::NetworkConfig network;
   std::string name;

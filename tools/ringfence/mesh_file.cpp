@@ -14,7 +14,8 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr char is_mesh = 'm', is_refusal = 'r';
+// First byte of the child's output.
+constexpr char mesh_tag = 'm', error_tag = 'r';
 
 template <class T>
 void put(std::string& to, T value) {
@@ -30,7 +31,7 @@ void put_all(std::string& to, const std::vector<T>& values) {
   to.append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
 }
 
-/// False where `from` does not hold as many as it says.
+/// Reads what put_all wrote and removes it from `from`. False if `from` is too short.
 template <class T>
 bool take_all(std::string_view& from, std::vector<T>& values) {
   std::uint64_t count = 0;
@@ -44,19 +45,19 @@ bool take_all(std::string_view& from, std::vector<T>& values) {
   return true;
 }
 
-/// What the child says: the mesh, or why there is none.
+/// Runs in the child: the mesh or an error message, as text.
 std::string import_to_text(std::string_view bytes, const std::string& name, const std::filesystem::path& folder) {
   try {
     const TriangleMesh mesh = import_mesh(bytes, name, folder);
-    // Before it is sent: a small file can make a large mesh.
+    // Check before sending: a small file can make a large mesh.
     const std::string error_text = describe_mesh_error(mesh);
-    if (!error_text.empty()) return is_refusal + error_text;
-    std::string text(1, is_mesh);
+    if (!error_text.empty()) return error_tag + error_text;
+    std::string text(1, mesh_tag);
     put_all(text, mesh.vertices);
     put_all(text, mesh.indices);
     return text;
   } catch (const Error& error) {
-    return std::string(1, is_refusal) + error.what();
+    return std::string(1, error_tag) + error.what();
   }
 }
 
@@ -66,25 +67,26 @@ TriangleMesh parse_mesh(std::string_view bytes, const std::string& name, const s
                         const ChildLimits& limits) {
   const auto refuse = [&](std::string_view why) { throw Error(fmt::format("{}: {}", name, why)); };
   if (mesh_extension(name).empty()) {
-    refuse(fmt::format("ends in \"{}\"; expected .obj, .stl, .ply, .gltf, .glb or .3ds",
+    refuse(fmt::format("found extension \"{}\"; expected .obj, .stl, .ply, .gltf, .glb or .3ds",
                        std::filesystem::path(name).extension().string()));
   }
-  const ChildResult answer = run_in_child([&] { return import_to_text(bytes, name, folder); }, limits);
-  if (!answer.end.empty()) refuse("assimp, which reads it, " + answer.end);
-  std::string_view output = answer.output;
-  if (output.starts_with(is_refusal)) refuse(output.substr(1));
-  // The child may have been overwritten by what it read: its mesh is checked again.
+  const ChildResult result = run_in_child([&] { return import_to_text(bytes, name, folder); }, limits);
+  if (!result.error.empty()) refuse("its reader, assimp, " + result.error);
+  std::string_view output = result.output;
+  if (output.starts_with(error_tag)) refuse(output.substr(1));
+  // Invalid input may have corrupted the memory of the child, so its result is checked again.
   TriangleMesh mesh;
-  if (!output.starts_with(is_mesh)) refuse("assimp, which reads it, said nothing");
+  if (!output.starts_with(mesh_tag)) refuse("its reader, assimp, returned nothing");
   output.remove_prefix(1);
-  if (!take_all(output, mesh.vertices) || !take_all(output, mesh.indices) || !output.empty()) refuse("is cut short");
+  if (!take_all(output, mesh.vertices) || !take_all(output, mesh.indices) || !output.empty())
+    refuse("its reader, assimp, returned an incomplete mesh");
   const std::string error_text = describe_mesh_error(mesh);
   if (!error_text.empty()) refuse(error_text);
   return mesh;
 }
 
 TriangleMesh read_mesh(const std::filesystem::path& file) {
-  // Before the file is looked for: an ending that is not read is wrong wherever it lies.
+  // Report an unsupported extension even if there is no such file.
   if (mesh_extension(file).empty()) return parse_mesh({}, file.string());
   std::error_code error;
   if (!std::filesystem::is_regular_file(file, error)) {
@@ -95,7 +97,7 @@ TriangleMesh read_mesh(const std::filesystem::path& file) {
   if (bytes > max_mesh_bytes)
     throw Error(fmt::format("{}: has {} bytes, more than {}", file.string(), bytes, max_mesh_bytes));
   const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : std::filesystem::path(".");
-  // A large file takes time and memory in proportion: assimp reads about 20 MB of OBJ a second.
+  // Time and memory grow with the file: assimp reads about 20 MB of OBJ per second.
   ChildLimits limits;
   limits.cpu_seconds += static_cast<unsigned>(bytes >> 21);
   limits.memory_bytes += 32 * bytes;

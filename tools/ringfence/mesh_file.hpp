@@ -9,22 +9,25 @@
 
 namespace ringfence::tools {
 
-/// The triangles of a mesh file: OBJ, STL, PLY, glTF 2 (also binary) or 3DS, by its name's ending. All parts of the
-/// file in one surface, placed by its nodes; polygons are cut into triangles, points and lines left out. Coordinates
-/// are taken as metres. Triangles keep the order of the file, so the same file gives the same digest.
+/// Reads the triangles of a mesh file. The extension of its name selects the format: OBJ, STL, PLY, glTF 2 (text or
+/// binary) or 3DS. All meshes of the file become one surface, transformed by the nodes of the file. Polygons are
+/// triangulated; points and lines are dropped. Coordinates are metres. Triangles keep the order of the file, so that
+/// one file always gives one digest.
 ///
-/// assimp reads it, in a child process: a file that makes it crash, hang or want all memory is refused like any other
-/// that is wrong. Opens nothing but the file and, for glTF, the buffers that it names in its folder or below.
+/// The assimp library reads the file in a child process, so that a file on which it crashes, hangs or exhausts memory
+/// is refused like any other invalid file. Opens only the file itself and, for glTF, the buffers that it names in its
+/// folder or below.
 ///
-/// Throws Error naming the file and why: another ending, no such file, more than 1 GiB, not readable as what it claims
-/// to be, nothing but points and lines, more than a million triangles, corners that are not finite.
+/// Throws Error with the file name and the reason: unknown extension, no such file, more than 1 GiB, invalid content,
+/// no triangles, more than a million triangles, or vertices that are not finite.
 TriangleMesh read_mesh(const std::filesystem::path& file);
 
-/// The same for a file called `name` that holds `bytes`; its parts lie in `folder`, or nowhere where that is empty.
+/// Reads a mesh from memory. The extension of `name` selects the format. glTF buffers are read from `folder`; if it is
+/// empty, external buffers are refused. Throws like read_mesh.
 TriangleMesh parse_mesh(std::string_view bytes, const std::string& name, const std::filesystem::path& folder = {},
                         const ChildLimits& limits = {});
 
-/// Writes a mesh as binary PLY, which keeps every bit. Throws Error naming the file and the system's reason.
+/// Writes a mesh as binary PLY, which keeps every bit. Throws Error with the file name and the system's error message.
 void write_mesh(const std::filesystem::path& file, const TriangleMesh& mesh);
 
 }  // namespace ringfence::tools

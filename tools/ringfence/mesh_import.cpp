@@ -27,8 +27,8 @@ namespace ringfence::tools {
 namespace {
 
 struct Format {
-  const char* ending;
-  const char* importer;  ///< assimp's name for it
+  const char* extension;
+  const char* importer;  ///< name of the importer in assimp
 };
 constexpr std::array formats{Format{".obj", "Wavefront Object Importer"},
                              Format{".stl", "Stereolithography (STL) Importer"},
@@ -39,24 +39,24 @@ constexpr std::array formats{Format{".obj", "Wavefront Object Importer"},
 
 constexpr std::size_t max_triangles = 1'000'000;
 
-/// What assimp may do and no more: nothing that moves a corner or reorders triangles.
-constexpr unsigned steps = aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_RemoveComponent |
-                           aiProcess_PreTransformVertices | aiProcess_JoinIdenticalVertices;
+/// Post-processing steps. None of them moves a vertex or reorders triangles.
+constexpr unsigned post_processing = aiProcess_Triangulate | aiProcess_SortByPType | aiProcess_RemoveComponent |
+                                     aiProcess_PreTransformVertices | aiProcess_JoinIdenticalVertices;
 constexpr int discarded_components = aiComponent_NORMALS | aiComponent_TANGENTS_AND_BITANGENTS | aiComponent_COLORS |
                                      aiComponent_TEXCOORDS | aiComponent_BONEWEIGHTS | aiComponent_ANIMATIONS |
                                      aiComponent_TEXTURES | aiComponent_LIGHTS | aiComponent_CAMERAS |
                                      aiComponent_MATERIALS;
 
-/// Bytes that are there already, as a file that assimp reads.
-class Bytes final : public Assimp::IOStream {
+/// A block of memory that assimp reads as a file.
+class MemoryStream final : public Assimp::IOStream {
  public:
-  explicit Bytes(std::string_view bytes) : bytes_(bytes) {}
+  explicit MemoryStream(std::string_view bytes) : bytes_(bytes) {}
   size_t Read(void* to, size_t size, size_t count) override {
     if (size == 0) return 0;
-    const std::size_t whole = std::min(count, (bytes_.size() - at_) / size);
-    if (whole != 0) std::memcpy(to, bytes_.data() + at_, whole * size);
-    at_ += whole * size;
-    return whole;
+    const std::size_t count_read = std::min(count, (bytes_.size() - at_) / size);
+    if (count_read != 0) std::memcpy(to, bytes_.data() + at_, count_read * size);
+    at_ += count_read * size;
+    return count_read;
   }
   size_t Write(const void*, size_t, size_t) override { return 0; }
   aiReturn Seek(size_t offset, aiOrigin from) override {
@@ -74,27 +74,27 @@ class Bytes final : public Assimp::IOStream {
   std::size_t at_ = 0;
 };
 
-/// All files that there are for assimp: the one that is read, and for glTF what lies in its folder.
-class Files final : public Assimp::IOSystem {
+/// The files that assimp can open: the mesh file itself and, for glTF, the buffers in its folder.
+class RestrictedFiles final : public Assimp::IOSystem {
  public:
-  Files(std::string_view bytes, std::string name, std::filesystem::path folder)
+  RestrictedFiles(std::string_view bytes, std::string name, std::filesystem::path folder)
       : bytes_(bytes), name_(std::move(name)), folder_(std::move(folder)) {}
 
-  bool Exists(const char* file) const override { return file == name_ || !part(file).empty(); }
+  bool Exists(const char* file) const override { return file == name_ || !buffer_path(file).empty(); }
   char getOsSeparator() const override { return '/'; }
   Assimp::IOStream* Open(const char* file, const char* mode) override {
     if (mode[0] != 'r') return nullptr;
-    if (file == name_) return new Bytes(bytes_);
-    const std::filesystem::path found = part(file);
+    if (file == name_) return new MemoryStream(bytes_);
+    const std::filesystem::path found = buffer_path(file);
     if (found.empty()) return nullptr;
-    parts_.push_back(worlds::read_text(found));
-    return new Bytes(parts_.back());
+    buffers_.push_back(worlds::read_text(found));
+    return new MemoryStream(buffers_.back());
   }
   void Close(Assimp::IOStream* stream) override { delete stream; }
 
  private:
-  /// Where a part lies that the file names; empty where it may name none such.
-  std::filesystem::path part(const char* file) const {
+  /// Path of a buffer that the mesh file names; empty if it may not be opened.
+  std::filesystem::path buffer_path(const char* file) const {
     if (folder_.empty()) return {};
     const std::filesystem::path named = std::filesystem::path(file).lexically_normal();
     if (named.empty() || named.is_absolute() || *named.begin() == "..") return {};
@@ -107,7 +107,7 @@ class Files final : public Assimp::IOSystem {
   std::string_view bytes_;
   std::string name_;
   std::filesystem::path folder_;
-  std::deque<std::string> parts_;
+  std::deque<std::string> buffers_;
 };
 
 void keep_only_importer(Assimp::Importer& importer, const char* name) {
@@ -118,8 +118,8 @@ void keep_only_importer(Assimp::Importer& importer, const char* name) {
   for (const auto& other : others) importer.UnregisterLoader(other.get());
 }
 
-/// assimp searches a PLY file for a line that ends its header for ever, and makes room for whatever number of elements
-/// that promises.
+/// Checks the header of a PLY file. On invalid ones assimp searches for the end of the header without bound, and
+/// allocates as many elements as the header declares.
 std::string describe_ply_error(std::string_view text) {
   constexpr std::string_view element = "element ";
   constexpr std::string_view last = "\nend_header";
@@ -133,27 +133,28 @@ std::string describe_ply_error(std::string_view text) {
     const std::string_view line = header.substr(at, header.find('\n', at) - at);
     const std::size_t space = line.find_first_not_of(" \t", std::min(line.size(), line.find_first_of(" \t")));
     std::uint64_t count = 0;
-    if (space == line.npos) return "has a PLY header with an element without a number";
+    if (space == line.npos) return "has a PLY header in which an element has no count";
     const auto read = std::from_chars(line.data() + space, line.data() + line.size(), count);
-    if (read.ec != std::errc()) return "has a PLY header with an element without a number";
-    // Every element takes a byte at least.
-    if (count > text.size()) return fmt::format("is to have {} elements of a kind in {} bytes", count, text.size());
+    if (read.ec != std::errc()) return "has a PLY header in which an element has no count";
+    // Each element takes at least one byte.
+    if (count > text.size()) return fmt::format("declares {} elements in a file of {} bytes", count, text.size());
   }
   return "";
 }
 
-/// assimp stops the program at faces without corners, and follows corners that are not there.
+/// Checks the faces before post-processing: there assimp aborts on faces without vertices and reads vertices out of
+/// range.
 std::string describe_mesh_error(const aiScene& scene) {
   for (unsigned m = 0; m < scene.mNumMeshes; ++m) {
     const aiMesh& part = *scene.mMeshes[m];
     if (part.mVertices == nullptr || (part.mNumFaces != 0 && part.mFaces == nullptr))
-      return "has a part without corners";
+      return "has a mesh without vertices";
     for (unsigned i = 0; i < part.mNumFaces; ++i) {
       const aiFace& face = part.mFaces[i];
-      if (face.mNumIndices == 0 || face.mIndices == nullptr) return fmt::format("face {} has no corners", i);
+      if (face.mNumIndices == 0 || face.mIndices == nullptr) return fmt::format("face {} has no vertices", i);
       for (unsigned k = 0; k < face.mNumIndices; ++k) {
         if (face.mIndices[k] < part.mNumVertices) continue;
-        return fmt::format("face {} names corner {} of {}", i, face.mIndices[k], part.mNumVertices);
+        return fmt::format("face {} refers to vertex {} of {}", i, face.mIndices[k], part.mNumVertices);
       }
     }
   }
@@ -175,38 +176,40 @@ void append(const aiMesh& part, TriangleMesh& mesh) {
 }  // namespace
 
 std::string mesh_extension(const std::filesystem::path& name) {
-  std::string ending = name.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
+  std::string extension = name.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  const auto known = std::find_if(formats.begin(), formats.end(), [&](const Format& f) { return ending == f.ending; });
-  return known == formats.end() ? "" : ending;
+  const auto known =
+      std::find_if(formats.begin(), formats.end(), [&](const Format& f) { return extension == f.extension; });
+  return known == formats.end() ? "" : extension;
 }
 
 TriangleMesh import_mesh(std::string_view bytes, const std::string& name, const std::filesystem::path& folder) {
-  const std::string ending = mesh_extension(name);
-  const auto format = std::find_if(formats.begin(), formats.end(), [&](const Format& f) { return ending == f.ending; });
-  if (format == formats.end()) throw Error("is no mesh file");
+  const std::string extension = mesh_extension(name);
+  const auto format =
+      std::find_if(formats.begin(), formats.end(), [&](const Format& f) { return extension == f.extension; });
+  if (format == formats.end()) throw Error("is not a mesh file");
   if (bytes.size() > max_mesh_bytes)
     throw Error(fmt::format("has {} bytes, more than {}", bytes.size(), max_mesh_bytes));
-  std::string error_text = ending == ".ply" ? describe_ply_error(bytes) : "";
+  std::string error_text = extension == ".ply" ? describe_ply_error(bytes) : "";
   if (!error_text.empty()) throw Error(error_text);
   Assimp::Importer importer;
   keep_only_importer(importer, format->importer);
-  // In no folder, so that assimp asks for parts by the names that the file gives them.
-  const std::string alias = "mesh" + ending;
-  const bool in_parts = ending == ".gltf" || ending == ".glb";
-  importer.SetIOHandler(new Files(bytes, alias, in_parts ? folder : std::filesystem::path()));
+  // A name without a folder, so that assimp asks for buffers by the names that the file contains.
+  const std::string alias = "mesh" + extension;
+  const bool has_buffers = extension == ".gltf" || extension == ".glb";
+  importer.SetIOHandler(new RestrictedFiles(bytes, alias, has_buffers ? folder : std::filesystem::path()));
   importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT | aiPrimitiveType_LINE);
   importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS, discarded_components);
   const aiScene* scene = importer.ReadFile(alias, 0);
   if (scene != nullptr) error_text = describe_mesh_error(*scene);
   if (!error_text.empty()) throw Error(error_text);
-  if (scene != nullptr) scene = importer.ApplyPostProcessing(steps);
+  if (scene != nullptr) scene = importer.ApplyPostProcessing(post_processing);
   if (scene == nullptr) throw Error(importer.GetErrorString());
   TriangleMesh mesh;
   for (unsigned i = 0; i < scene->mNumMeshes; ++i) append(*scene->mMeshes[i], mesh);
-  if (ending == ".3ds") {
-    // assimp turns what 3DS calls up from z to y.
+  if (extension == ".3ds") {
+    // assimp rotates the up-axis of 3DS from z to y; rotate it back.
     for (Vec3f& v : mesh.vertices) v = {v.x, -v.z, v.y};
   }
   return mesh;
@@ -214,18 +217,18 @@ TriangleMesh import_mesh(std::string_view bytes, const std::string& name, const 
 
 std::string describe_mesh_error(const TriangleMesh& mesh) {
   if (mesh.indices.empty()) return "has no triangles";
-  if (mesh.indices.size() % 3 != 0) return "has a triangle without three corners";
+  if (mesh.indices.size() % 3 != 0) return "has a triangle without three vertices";
   if (mesh.indices.size() / 3 > max_triangles) {
-    return fmt::format("has {} triangles; at most {} make a shape: cut it in several", mesh.indices.size() / 3,
+    return fmt::format("has {} triangles; expected at most {}; split it into several shapes", mesh.indices.size() / 3,
                        max_triangles);
   }
   for (const std::uint32_t index : mesh.indices) {
-    if (index >= mesh.vertices.size()) return fmt::format("names corner {} of {}", index, mesh.vertices.size());
+    if (index >= mesh.vertices.size()) return fmt::format("refers to vertex {} of {}", index, mesh.vertices.size());
   }
   for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
     const Vec3f& v = mesh.vertices[i];
     if (std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z)) continue;
-    return fmt::format("corner {} lies at ({}, {}, {}), which is no place", i, v.x, v.y, v.z);
+    return fmt::format("vertex {} is ({}, {}, {}); expected finite coordinates", i, v.x, v.y, v.z);
   }
   return "";
 }

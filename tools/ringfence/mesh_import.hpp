@@ -9,22 +9,22 @@
 
 namespace ringfence::tools {
 
-/// Of a mesh file, and of each buffer that it names.
+/// Maximum size of a mesh file, and of each buffer that it refers to.
 inline constexpr std::uintmax_t max_mesh_bytes = std::uintmax_t{1} << 30;
 
-/// The format of a mesh file, by its name's ending, in small letters and with the dot; empty for one that is not read.
+/// The extension of a mesh file in lower case and with the dot, for example ".obj"; empty for an unsupported one.
 std::string mesh_extension(const std::filesystem::path& name);
 
-/// The triangles of the mesh file `name` that holds `bytes`, by assimp, which reads nothing else: it knows the importer
-/// of that ending alone (glTF: version 2), and opens no file but the buffers that a glTF file names in `folder` or
-/// below, of 1 GiB at most; none where `folder` is empty.
+/// Reads a mesh from memory with assimp. Only the importer of the extension of `name` is enabled (glTF: version 2). It
+/// opens no file except the buffers of a glTF file, in `folder` or below and of at most 1 GiB; none if `folder` is
+/// empty.
 ///
-/// Runs assimp in this process: on bytes that are not what they claim to be it may crash, or not come back. See
-/// read_mesh. Throws Error without the file's name.
+/// assimp runs in this process and may crash or hang on invalid bytes; parse_mesh protects against that. Throws Error
+/// whose message does not contain the file name.
 TriangleMesh import_mesh(std::string_view bytes, const std::string& name, const std::filesystem::path& folder);
 
-/// Why a mesh is none that a world can be given, or empty: no triangles or more than a million, a corner that is not
-/// there or not finite.
+/// Error message for a mesh that a world cannot use: no triangles or more than a million, a vertex index out of range,
+/// or a vertex that is not finite. Empty for a usable mesh.
 std::string describe_mesh_error(const TriangleMesh& mesh);
 
 }  // namespace ringfence::tools

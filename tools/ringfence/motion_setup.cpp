@@ -12,7 +12,8 @@ namespace {
 
 enum class Kind : std::uint32_t { steering = 1, replay = 2 };
 
-/// Stands before what follows. World and node are checked to be of one version; the size is a second look.
+/// Precedes the serialized records. The cluster checks that World and node have one version; the record size is an
+/// additional check.
 struct Head {
   Kind kind;
   std::uint32_t bytes_each;
@@ -73,7 +74,7 @@ std::shared_ptr<const MotionModel> unpack_motion(std::span<const std::byte> byte
     }
     return std::make_shared<worlds::ReplayModel>(motion);
   }
-  throw Error("how the World's objects move is told in a way that this program does not know: is it another's World?");
+  throw Error("the motion model of the World has an unknown layout; expected a World of the same program and version");
 }
 
 }  // namespace ringfence::tools

@@ -11,11 +11,11 @@
 
 namespace ringfence::tools {
 
-/// What moves a world's objects, as bytes: a node in another process makes the same motion model of them.
+/// Serializes the parameters of a motion model, so that a node in another process can create the same model.
 std::vector<std::byte> pack_motion(const motion::SteeringConfig& steering);
 std::vector<std::byte> pack_motion(const worlds::Motion& motion);
 
-/// The model that the bytes describe. Throws Error where they are from another version of the program.
+/// Creates the motion model from serialized parameters. Throws Error if their layout is not that of this program.
 std::shared_ptr<const MotionModel> unpack_motion(std::span<const std::byte> bytes);
 
 }  // namespace ringfence::tools

@@ -40,13 +40,13 @@ NodeProcesses::NodeProcesses(const LinkOptions& link, std::uint32_t nodes, std::
 
 NodeProcesses::~NodeProcesses() {
   constexpr auto step = std::chrono::milliseconds(2);
-  constexpr int most_steps = 2500;
+  constexpr int max_steps = 2500;
   cluster_.reset();
   int steps = 0;
   for (const int process : processes_) {
     int status = 0;
     while (waitpid(process, &status, WNOHANG) == 0) {
-      if (++steps == most_steps) kill(process, SIGKILL);
+      if (++steps == max_steps) kill(process, SIGKILL);
       std::this_thread::sleep_for(step);
     }
   }
@@ -67,7 +67,7 @@ void NodeProcesses::start_node() {
   arguments.push_back(nullptr);
   pid_t process = 0;
   const int error = posix_spawn(&process, "/proc/self/exe", nullptr, nullptr, arguments.data(), environ);
-  if (error != 0) throw IncompleteError(fmt::format("a node's process cannot be started: {}", std::strerror(error)));
+  if (error != 0) throw IncompleteError(fmt::format("cannot start a node process: {}", std::strerror(error)));
   processes_.push_back(process);
 }
 
@@ -87,11 +87,11 @@ int run_node(const NodeOptions& options) {
   action.sa_handler = drain;
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
-  const dds::ExitReason ending = service.run();
-  // The threads of Cyclone DDS do not end where the network's interface is gone: so another signal ends the process.
+  const dds::ExitReason reason = service.run();
+  // If the network interface is gone, the threads of Cyclone DDS do not end. A second signal then ends the process.
   std::signal(SIGTERM, SIG_DFL);
   std::signal(SIGINT, SIG_DFL);
-  switch (ending) {
+  switch (reason) {
     case dds::ExitReason::drained:
     case dds::ExitReason::dismissed:
       return done;

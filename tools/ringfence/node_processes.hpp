@@ -11,23 +11,24 @@
 
 namespace ringfence::tools {
 
-/// The nodes of a run that are processes: joins the domain, starts them unless others do, and ends them.
+/// The CD nodes of a run that are processes. Joins the DDS domain, starts the processes (unless the user starts them
+/// elsewhere) and ends them.
 ///
-/// Outlives the World that it is for. In a build without Cyclone DDS everything throws Error, which says what to
-/// install.
+/// Must outlive the World that uses it. In a build without Cyclone DDS the constructor throws Error that names the
+/// packages to install.
 class NodeProcesses {
  public:
-  /// `setup` is what moves the objects; see pack_motion. Throws Error where the domain cannot be joined,
-  /// IncompleteError where a process cannot be started.
+  /// `setup` describes the motion model; see pack_motion. Throws Error if the domain cannot be joined, and
+  /// IncompleteError if a process cannot be started.
   NodeProcesses(const LinkOptions& link, std::uint32_t nodes, std::vector<std::byte> setup, LogHook log);
-  /// Waits for its processes; those that do not end are killed.
+  /// Ends the processes that it started. Kills those that do not end within 5 s.
   ~NodeProcesses();
   NodeProcesses(const NodeProcesses&) = delete;
   NodeProcesses& operator=(const NodeProcesses&) = delete;
 
   std::shared_ptr<RemoteNodes> remote_nodes() const;
   dds::ClusterReport report() const;
-  /// One more process, which joins by itself.
+  /// Starts one more process, which joins the domain on its own.
   void start_node();
 
  private:
@@ -36,7 +37,8 @@ class NodeProcesses {
   std::vector<int> processes_;
 };
 
-/// `ringfence node`: serves until it is told to end. Answers the exit code.
+/// Runs `ringfence node`: serves worlds until the process is signalled or, with --once, the first world ends. Returns
+/// the exit code.
 int run_node(const NodeOptions& options);
 
 }  // namespace ringfence::tools

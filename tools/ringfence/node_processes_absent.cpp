@@ -1,4 +1,4 @@
-// In place of node_crew.cpp where Cyclone DDS is not there.
+// Replaces node_processes.cpp in a build without Cyclone DDS.
 #include "node_processes.hpp"
 #include "ringfence/error.hpp"
 
@@ -7,7 +7,7 @@ namespace {
 
 [[noreturn]] void refuse() {
   throw Error(
-      "this build is without Cyclone DDS: install cyclonedds-dev and cyclonedds-tools, then configure and build anew");
+      "this build has no Cyclone DDS: install cyclonedds-dev and cyclonedds-tools, then configure and build again");
 }
 
 }  // namespace

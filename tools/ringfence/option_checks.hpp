@@ -10,7 +10,7 @@
 
 namespace ringfence::tools {
 
-/// Refuses what is outside [low, high], and NaN, saying the range.
+/// A validator that accepts values in [low, high]. Its message states the range. It refuses NaN.
 template <class T>
 CLI::Validator between(T low, T high) {
   return {[low, high](std::string& text) {
@@ -35,7 +35,7 @@ std::string list_names(const Value (&values)[count]) {
   return words;
 }
 
-/// An option that takes one of a few words.
+/// Adds an option whose value is one of `values`, given by its name.
 template <class Value, std::size_t count>
 void add_choice(CLI::App& command, const char* option, Value& value, const Value (&values)[count], const char* help) {
   const auto names = by_name(values);
@@ -52,7 +52,7 @@ void add_choice(CLI::App& command, const char* option, Value& value, const Value
       ->type_name("WORD");
 }
 
-/// An option that is on or off.
+/// Adds an option whose value is `on` or `off`.
 inline void add_switch(CLI::App& command, const char* option, bool& value, const char* help) {
   const auto read = [&value, option](const std::string& text) {
     if (text != "on" && text != "off") {
@@ -65,7 +65,7 @@ inline void add_switch(CLI::App& command, const char* option, bool& value, const
       ->type_name("WORD");
 }
 
-/// An option that takes some of a few words, with commas between them.
+/// Adds an option whose value is a comma-separated list of names from `values`.
 template <class Value, std::size_t count>
 void add_choice_list(CLI::App& command, const char* option, std::vector<Value>& list, const Value (&values)[count],
                      const char* help) {

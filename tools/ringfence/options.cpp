@@ -40,7 +40,7 @@ void add_interval(CLI::App& command, const char* option, motion::Interval& value
       ->type_name("A:B");
 }
 
-/// 0 stands for "by role"; anything else is a power of two.
+/// Validates --ring-bytes: 0, which selects a size by role, or a power of two.
 std::string check_ring_bytes(std::string& text) {
   std::uint64_t value = 0;
   const bool number = CLI::detail::lexical_cast(text, value);
@@ -58,28 +58,31 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
   command_line_.run.service.nodes = command_line_.replay.service.nodes = command_line_.profile.run.service.nodes =
       std::clamp(cores - 1, 1u, 1024u);
 
-  CLI::App& run = *app_.add_subcommand("run", "generates the paper's world and runs it");
+  CLI::App& run = *app_.add_subcommand("run", "generate the paper's world and run it");
   add_frames(run, command_line_.run.frames, false);
   add_service(run, command_line_.run.service);
   add_world(run, command_line_.run.world);
   add_output(run, command_line_.run.output);
   run.add_option("--soak", command_line_.run.soak_minutes,
-                 "instead of --frames: so many minutes in which everything comes, goes and fails at random")
+                 "instead of --frames: make random requests and faults for this time, and check every frame")
       ->check(between(0.001, 100'000.0))
       ->type_name("MINUTES")
       ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail", "--status", "--link");
 
-  CLI::App& replay = *app_.add_subcommand("replay", "runs a recorded world");
-  replay.add_option("--scene", command_line_.replay.scene, "the scene, JSON")->required()->type_name("FILE");
-  replay.add_option("--motion", command_line_.replay.motion, "how it moves, CSV or binary")
+  CLI::App& replay = *app_.add_subcommand("replay", "run a recorded world");
+  replay.add_option("--scene", command_line_.replay.scene, "scene file, JSON")->required()->type_name("FILE");
+  replay.add_option("--motion", command_line_.replay.motion, "motion file, CSV or binary")
       ->required()
       ->type_name("FILE");
   add_frames(replay, command_line_.replay.frames, true);
   add_service(replay, command_line_.replay.service);
   add_output(replay, command_line_.replay.output);
 
-  CLI::App& record = *app_.add_subcommand("record", "runs the paper's world and writes it as PREFIX.json, PREFIX.bin");
-  record.add_option("--out", command_line_.run.record_prefix, "where to; what replay makes of it has the same digest")
+  CLI::App& record =
+      *app_.add_subcommand("record", "run the paper's world and record it as PREFIX.json and PREFIX.bin");
+  record
+      .add_option("--out", command_line_.run.record_prefix,
+                  "path prefix of the recording, whose replay has the same digest")
       ->required()
       ->type_name("PREFIX");
   add_frames(record, command_line_.run.frames, false);
@@ -88,44 +91,44 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
   add_output(record, command_line_.run.output);
 
   CLI::App& scale = *app_.add_subcommand(
-      "scale", "runs node counts x object counts x deployments, as the paper did, and says how they scale");
+      "scale", "run all combinations of node counts, object counts and deployments, and report how they scale");
   command_line_.scale.base.frames = {100, 100};
   add_scale_options(scale, command_line_.scale);
   add_frames(scale, command_line_.scale.base.frames, false);
   add_users(scale, command_line_.scale.base.service);
   add_population(scale, command_line_.scale.base.world);
-  scale.add_flag("--quiet", command_line_.scale.base.output.quiet, "no progress line");
+  scale.add_flag("--quiet", command_line_.scale.base.output.quiet, "show no progress line");
 
   add_profile(command_line_.profile);
 
-  add_node(*app_.add_subcommand("node", "serves a world of another process as a CD node, over Cyclone DDS"),
+  add_node(*app_.add_subcommand("node", "run a CD node for a world in another process, over Cyclone DDS"),
            command_line_.node);
 
-  CLI::App& convert = *app_.add_subcommand("convert", "turns a real trace into PREFIX.json, PREFIX.csv for replay");
+  CLI::App& convert =
+      *app_.add_subcommand("convert", "convert a recorded trace into PREFIX.json and PREFIX.csv for replay");
   ConvertOptions& options = command_line_.convert;
-  convert.add_option("KIND", options.kind, "air: flights, JSON; crowd: people, text")
+  convert.add_option("KIND", options.kind, "air: flights as JSON; crowd: people as text")
       ->required()
       ->check(CLI::IsMember({"air", "crowd"}));
-  convert.add_option("INPUT", options.input, "the trace, not compressed; - is standard input")->required();
-  convert.add_option("--out", options.prefix, "where to")->required()->type_name("PREFIX");
-  convert.add_option("--copies", options.copies, "copies side by side, each a little later than the one before")
+  convert.add_option("INPUT", options.input, "the trace, uncompressed; -: standard input")->required();
+  convert.add_option("--out", options.prefix, "path prefix of the output files")->required()->type_name("PREFIX");
+  convert.add_option("--copies", options.copies, "copies side by side, each a few frames later than the one before")
       ->check(between(1u, 10'000u))
       ->capture_default_str()
       ->type_name("N");
-  convert.add_option("--from", options.from, "air: begin at this time of day, UTC")->type_name("HH:MM");
-  convert.add_option("--minutes", options.minutes, "air: end so many minutes later; 0: at the end of the trace")
+  convert.add_option("--from", options.from, "air: start at this time of day, UTC")->type_name("HH:MM");
+  convert.add_option("--minutes", options.minutes, "air: minutes to convert; 0: to the end of the trace")
       ->check(between(0u, 100'000u))
       ->capture_default_str()
       ->type_name("N");
 }
 
 void CommandLineParser::add_profile(ProfileOptions& options) {
-  CLI::App& profile =
-      *app_.add_subcommand("profile",
-                           "runs the paper's world or a recorded one and says where the narrow phase spends "
-                           "its time");
-  CLI::Option* const scene = profile.add_option("--scene", options.replay.scene, "a recorded scene, JSON");
-  CLI::Option* const motion = profile.add_option("--motion", options.replay.motion, "how it moves, CSV or binary");
+  CLI::App& profile = *app_.add_subcommand(
+      "profile", "run the paper's world or a recorded one, and report the cost of the narrow phase");
+  CLI::Option* const scene =
+      profile.add_option("--scene", options.replay.scene, "scene file of a recorded world, JSON");
+  CLI::Option* const motion = profile.add_option("--motion", options.replay.motion, "motion file, CSV or binary");
   scene->needs(motion)->type_name("FILE");
   motion->needs(scene)->type_name("FILE");
   add_frames(profile, options.run.frames, true);
@@ -134,7 +137,7 @@ void CommandLineParser::add_profile(ProfileOptions& options) {
   add_output(profile, options.run.output);
 }
 
-// What holds for both is read into the run's options.
+// Options that run and replay share are parsed into those of the run; copies them to those of the replay.
 void CommandLineParser::resolve_profile(const CLI::App& command) {
   RunOptions& run = command_line_.profile.run;
   ReplayOptions& replay = command_line_.profile.replay;
@@ -154,9 +157,9 @@ void CommandLineParser::resolve_profile(const CLI::App& command) {
 
 void CommandLineParser::add_frames(CLI::App& command, FrameOptions& frames, bool replay) {
   CLI::Option* const count =
-      command.add_option("--frames", frames.frames, replay ? "frames counted; 0: all" : "frames counted");
+      command.add_option("--frames", frames.frames, replay ? "counted frames; 0: all" : "counted frames");
   count->check(between(replay ? 0u : 1u, max_frames))->capture_default_str()->type_name("N");
-  command.add_option("--warmup", frames.warmup, "frames before them, outside every output")
+  command.add_option("--warmup", frames.warmup, "frames before the counted ones, not part of any output")
       ->check(between(0u, max_frames))
       ->capture_default_str()
       ->type_name("N");
@@ -165,8 +168,8 @@ void CommandLineParser::add_frames(CLI::App& command, FrameOptions& frames, bool
 void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) {
   add_choice(command, "--deployment", service.deployment,
              {Deployment::user, Deployment::user_server, Deployment::user_collision},
-             "who hosts what is not an avatar");
-  command.add_option("--nodes", service.nodes, "CD nodes; 0: everything in one thread")
+             "which nodes host objects other than avatars");
+  command.add_option("--nodes", service.nodes, "number of CD nodes; 0: everything runs in one thread")
       ->check(between(0u, 1024u))
       ->capture_default_str()
       ->type_name("N");
@@ -178,8 +181,7 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
       throw CLI::ValidationError("--resize", error.what());
     }
   };
-  command
-      .add_option_function<std::string>("--resize", read_resize, "in counted frame FRAME there come to be N CD nodes")
+  command.add_option_function<std::string>("--resize", read_resize, "change to N CD nodes in counted frame FRAME")
       ->trigger_on_parse()
       ->take_last()
       ->type_name("FRAME:N,...");
@@ -192,18 +194,19 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
     }
   };
   command
-      .add_option_function<std::string>("--fail", read_fault,
-                                        "in counted frame FRAME CD node NODE stops when about to do STAGE")
+      .add_option_function<std::string>("--fail", read_fault, "CD node NODE stops before STAGE in counted frame FRAME")
       ->trigger_on_parse()
       ->take_last()
       ->type_name("FRAME:NODE:STAGE,...");
-  command.add_option("--node-deadline-ms", service.deadlines.node_ms, "a CD node silent for so long is lost; 0: never")
+  command
+      .add_option("--node-deadline-ms", service.deadlines.node_ms,
+                  "a CD node that is silent for this long is lost; 0: never")
       ->check(between(0.0, 1e6))
       ->capture_default_str()
       ->type_name("MS");
   command
       .add_option("--user-deadline-ms", service.deadlines.user_ms,
-                  "a user node has so long to move and to take its contacts; 0: for ever")
+                  "time a user node has to move and to read its contacts; 0: unlimited")
       ->check(between(0.0, 1e6))
       ->capture_default_str()
       ->type_name("MS");
@@ -214,23 +217,23 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
 }
 
 void CommandLineParser::add_users(CLI::App& command, ServiceOptions& service) {
-  add_switch(command, "--balance", service.balance, "regions follow the load");
+  add_switch(command, "--balance", service.balance, "adapt the regions to the load");
   add_choice(command, "--balance-by", service.balance_by, {BalanceBy::cpu_time, BalanceBy::pairs},
-             "what the load is: CPU time as measured, or pairs tested, which makes the same maps in every run");
-  add_switch(command, "--keep-resting", service.keep_resting, "the broad phase keeps what does not move apart");
-  command.add_option("--users", service.users, "user nodes")
+             "measure of the load: CPU time, or tested pairs, which give the same region maps in every run");
+  add_switch(command, "--keep-resting", service.keep_resting, "keep resting objects separate in the broad phase");
+  command.add_option("--users", service.users, "number of user nodes")
       ->check(between(1u, 65'536u))
       ->capture_default_str()
       ->type_name("N");
-  command.add_option("--user-threads", service.user_threads, "threads that carry the user nodes")
+  command.add_option("--user-threads", service.user_threads, "threads that run the user nodes")
       ->check(between(1u, 256u))
       ->capture_default_str()
       ->type_name("N");
-  command.add_option("--interest", service.interest, "how far a user node looks, metres")
+  command.add_option("--interest", service.interest, "radius of the area that a user node reads, metres")
       ->check(between(0.0, 1e9))
       ->capture_default_str()
       ->type_name("R");
-  command.add_option("--ring-bytes", service.ring_bytes, "size of every ring, a power of two; 0: by role")
+  command.add_option("--ring-bytes", service.ring_bytes, "bytes of each ring, a power of two; 0: depends on the role")
       ->check(CLI::Validator(check_ring_bytes, ""))
       ->capture_default_str()
       ->type_name("N");
@@ -238,7 +241,7 @@ void CommandLineParser::add_users(CLI::App& command, ServiceOptions& service) {
 }
 
 void CommandLineParser::add_world(CLI::App& command, worlds::PaperWorldOptions& world) {
-  command.add_option("--objects", world.objects, "objects, avatars included")
+  command.add_option("--objects", world.objects, "number of objects, avatars included")
       ->check(between(1u, 10'000'000u))
       ->capture_default_str()
       ->type_name("N");
@@ -247,32 +250,35 @@ void CommandLineParser::add_world(CLI::App& command, worlds::PaperWorldOptions& 
 
 void CommandLineParser::add_population(CLI::App& command, worlds::PaperWorldOptions& world) {
   using worlds::ShapeSetting;
-  command.add_option("--coverage", world.coverage, "share of the world's volume that they fill")
+  command.add_option("--coverage", world.coverage, "share of the world's volume that objects fill")
       ->check(between(1e-6, 0.6))
       ->capture_default_str()
       ->type_name("F");
   add_choice(command, "--shapes", world.shapes,
              {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed,
               ShapeSetting::mesh},
-             "what shapes they have");
-  command.add_option("--seed", world.seed, "of all random numbers")->capture_default_str()->type_name("N");
-  command.add_option("--targets", world.targets, "what objects steer to; 0: objects / 50")
+             "shapes of the objects");
+  command.add_option("--seed", world.seed, "seed of all random numbers")->capture_default_str()->type_name("N");
+  command.add_option("--targets", world.targets, "number of targets that objects steer to; 0: objects / 50")
       ->check(between(0u, 10'000'000u))
       ->capture_default_str()
       ->type_name("N");
-  add_interval(command, "--target-interval", world.target_interval, "a target relocates after so many frames");
-  add_interval(command, "--retarget-interval", world.retarget_interval, "an object picks another after so many");
+  add_interval(command, "--target-interval", world.target_interval, "frames after which a target moves elsewhere");
+  add_interval(command, "--retarget-interval", world.retarget_interval,
+               "frames after which an object selects another target");
 }
 
 void CommandLineParser::add_output(CLI::App& command, OutputOptions& output) {
   command.add_flag("--check", output.check, "compare every frame with brute force in double precision");
-  command.add_option("--collisions", output.collisions, "every contact as CSV; - is standard output")
+  command.add_option("--collisions", output.collisions, "write all contacts as CSV; -: standard output")
       ->type_name("FILE");
-  command.add_option("--json", output.json, "all figures of the run")->type_name("FILE");
-  command.add_option("--frames-csv", output.frames_csv, "one row a frame")->type_name("FILE");
-  command.add_option("--status", output.status, "how the run stands, JSON, rewritten once a second")->type_name("FILE");
-  command.add_option("--trace", output.trace, "a timeline for Perfetto, Chrome trace JSON")->type_name("FILE");
-  command.add_flag("--quiet", output.quiet, "no progress line");
+  command.add_option("--json", output.json, "write all results of the run as JSON")->type_name("FILE");
+  command.add_option("--frames-csv", output.frames_csv, "write one row per frame as CSV")->type_name("FILE");
+  command.add_option("--status", output.status, "write the state of the run as JSON once per second")
+      ->type_name("FILE");
+  command.add_option("--trace", output.trace, "write a timeline in Chrome trace format, for Perfetto")
+      ->type_name("FILE");
+  command.add_flag("--quiet", output.quiet, "show no progress line");
 }
 
 CommandLine CommandLineParser::parse(int argc, char** argv) {
@@ -307,7 +313,7 @@ int CommandLineParser::print_outcome(const CLI::ParseError& error) {
       what = fmt::format("{}: given {} times; expected once", option->get_name(), option->count());
     }
   }
-  fmt::print(stderr, "ringfence: {}\nringfence{} --help says what there is\n", what, command);
+  fmt::print(stderr, "ringfence: {}\nringfence{} --help lists the options\n", what, command);
   return usage_error;
 }
 

@@ -14,18 +14,18 @@
 
 namespace ringfence::tools {
 
-/// Which frames count.
+/// Frames to run. Frames after the warm-up are counted: only they appear in reports and output files.
 struct FrameOptions {
-  std::uint32_t frames = 0;  ///< replay: 0 means all
+  std::uint32_t frames = 0;  ///< counted frames; replay: 0 for all
   std::uint32_t warmup = 0;
 };
 
-/// How the service is set up; the same for run, replay and record.
+/// Configuration of the service. Common to run, replay, record and profile.
 struct ServiceOptions {
   Deployment deployment = Deployment::user_collision;
   Placement placement = Placement::server;
   std::uint32_t nodes = 1;
-  std::vector<Resize> resizes;  ///< as given, until the job has checked them
+  std::vector<Resize> resizes;  ///< make_job checks and sorts them
   std::vector<Fault> faults;
   Deadlines deadlines;
   bool balance = true;
@@ -40,7 +40,7 @@ struct ServiceOptions {
   LinkOptions link;
 };
 
-/// What comes out, and where; an empty path is none.
+/// Output of a run. An empty path means no file.
 struct OutputOptions {
   bool check = false;
   std::string collisions;
@@ -56,8 +56,8 @@ struct RunOptions {
   ServiceOptions service;
   worlds::PaperWorldOptions world;
   OutputOptions output;
-  std::string record_prefix;  ///< record only
-  double soak_minutes = 0;    ///< run only; 0: no soak
+  std::string record_prefix;  ///< `record` only
+  double soak_minutes = 0;    ///< `run` only; 0: no soak
 };
 
 struct ReplayOptions {
@@ -68,21 +68,21 @@ struct ReplayOptions {
   std::string motion;
 };
 
-/// What `ringfence scale` runs: every combination of the lists.
+/// Options of `ringfence scale`, which runs every combination of the lists.
 struct ScaleOptions {
   std::vector<Deployment> deployments{Deployment::user, Deployment::user_server, Deployment::user_collision};
   std::vector<Placement> placements{Placement::server};
   std::vector<std::uint32_t> nodes{1, 2, 4, 8, 16};
   std::vector<std::uint32_t> objects{1000, 2000, 3000, 4000};
   std::uint32_t repeats = 3;
-  std::vector<std::string> models;  ///< names of cluster models to compute from the runs
-  std::vector<std::string> costs;   ///< NAME=VALUE, in place of a cost of the models
-  std::string json, csv, plots;     ///< where to; empty: none
-  /// What all runs share: frames, world, users, progress.
+  std::vector<std::string> models;  ///< names of the cluster models to evaluate
+  std::vector<std::string> costs;   ///< NAME=VALUE: overrides of costs of the models
+  std::string json, csv, plots;     ///< output paths; empty: none
+  /// Options that all runs share: frames, world, users, progress.
   RunOptions base;
 };
 
-/// `ringfence profile`: the paper's world, or a replay if a scene is given.
+/// Options of `ringfence profile`, which runs the paper's world, or a replay if a scene is given.
 struct ProfileOptions {
   RunOptions run;
   ReplayOptions replay;
@@ -93,15 +93,15 @@ struct ConvertOptions {
   std::string input;
   std::string prefix;
   std::uint32_t copies = 1;
-  std::string from;  ///< air: UTC hh:mm
+  std::string from;  ///< air: start time of day, UTC hh:mm; empty: start of the trace
   std::uint32_t minutes = 0;
 };
 
-/// Everything that the command line can say, and which command it was.
+/// The parsed command line: the command and its options.
 struct CommandLine {
   enum class Command : std::uint8_t { run, replay, record, convert, scale, profile, node };
   Command command = Command::run;
-  RunOptions run;  ///< record too
+  RunOptions run;  ///< of `run` and of `record`
   ReplayOptions replay;
   ConvertOptions convert;
   ScaleOptions scale;
@@ -109,13 +109,13 @@ struct CommandLine {
   NodeOptions node;
 };
 
-/// Reads the command line. Throws CLI::ParseError, also for --help and --version; values out of range are told with
-/// the range.
+/// Defines all options and parses the command line.
 class CommandLineParser {
  public:
   CommandLineParser();
+  /// Throws CLI::ParseError, also for --help and --version. For an invalid value its message has the valid range.
   CommandLine parse(int argc, char** argv);
-  /// Prints help, version or the error; answers the exit code.
+  /// Prints what a ParseError stands for: help, version or an error message. Returns the exit code.
   int print_outcome(const CLI::ParseError& error);
 
  private:

@@ -8,12 +8,11 @@
 
 namespace ringfence::tools {
 
-/// A text file that is written while frames run; opened before the first, so that a wrong path is told at once.
-///
-/// Text is gathered in memory and written in blocks.
+/// A text file that is written during a run. It is opened before the first frame, so that an invalid path is reported
+/// at once. Text is buffered and written in blocks of about 64 KiB.
 class OutputFile {
  public:
-  /// `-` is standard output. Throws Error when the file cannot be opened.
+  /// `-` is standard output. Throws Error if the file cannot be opened.
   explicit OutputFile(std::string path);
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
@@ -24,7 +23,7 @@ class OutputFile {
     fmt::format_to(std::back_inserter(text_), format, std::forward<Values>(values)...);
     if (text_.size() >= block) flush();
   }
-  /// Writes what is left and closes. Throws IncompleteError when anything could not be written.
+  /// Writes the rest and closes the file. Throws IncompleteError if a write failed.
   void close();
 
  private:

@@ -6,13 +6,13 @@
 
 namespace ringfence::tools {
 
-/// A frame time that the text of the paper states (section 4; its graphs are not in the text).
+/// A frame time that the text of section 4 of the paper states. The paper's graphs give no exact values.
 struct PaperFigure {
   Deployment deployment;
   std::uint32_t nodes;
   std::uint32_t objects;
   double ms;
-  const char* relation;  ///< "about", "over", "at most"
+  const char* relation;  ///< of the frame time to `ms`: "about", "over" or "at most"
 };
 
 inline constexpr PaperFigure paper_figures[] = {
@@ -22,11 +22,11 @@ inline constexpr PaperFigure paper_figures[] = {
     {Deployment::user_collision, 16, 4000, 300, "about"},
 };
 
-/// Contacts a frame at 4000 objects: "in excess of 1600".
+/// Contacts per frame at 4000 objects; the paper says "in excess of 1600".
 inline constexpr double paper_contacts = 1600;
 inline constexpr std::uint32_t paper_contacts_objects = 4000;
 
-/// The figure for a run; null where the paper states none.
+/// The paper's frame time for a configuration; null if it states none.
 inline const PaperFigure* paper_figure(Deployment deployment, std::uint32_t nodes, std::uint32_t objects) {
   for (const PaperFigure& figure : paper_figures) {
     if (figure.deployment == deployment && figure.nodes == nodes && figure.objects == objects) return &figure;

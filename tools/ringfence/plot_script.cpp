@@ -1,4 +1,4 @@
-// The gnuplot script that `ringfence scale --plots` writes.
+// Generates the gnuplot script of `ringfence scale --plots`.
 #include <algorithm>
 #include <iterator>
 #include <set>
@@ -20,7 +20,7 @@ const char* colour(std::size_t i) {
   return colours[i % std::size(colours)];
 }
 
-/// gnuplot reads '' as ' within single quotes.
+/// `text` as a gnuplot string. Within single quotes gnuplot reads '' as '.
 std::string quoted(const std::string& text) {
   std::string quoted = "'";
   for (const char c : text) quoted += c == '\'' ? std::string("''") : std::string(1, c);
@@ -29,7 +29,7 @@ std::string quoted(const std::string& text) {
 
 std::string nodes_word(std::uint32_t nodes) { return nodes == 1 ? "1 node" : fmt::format("{} nodes", nodes); }
 
-/// A point or a line of a plot: where from, how, and what the key says.
+/// A plot element that draws the data block `data` as points and lines. Without a title it has no entry in the key.
 std::string line(const std::string& data, const char* style, std::size_t shade, const std::string& title,
                  const char* columns = "1:2") {
   return fmt::format("{} using {} with linespoints {} lc rgb '{}' {}", data, columns, style, colour(shade),
@@ -45,7 +45,7 @@ std::string joined(const std::vector<std::string>& parts, const char* between) {
   return text;
 }
 
-/// Writes the script, figure by figure.
+/// Generates the script, plot by plot.
 class Script {
  public:
   Script(std::string prefix, const ScaleResult& result) : prefix_(std::move(prefix)), result_(result) {
@@ -77,8 +77,8 @@ class Script {
   }
 
  private:
-  /// A data block with a line for each of `range` that `format` answers text for; answers the block's name. A point
-  /// that is not drawn stands first, because gnuplot refuses empty blocks.
+  /// Adds a data block with one line for each element of `range` for which `format` returns text. Returns the name of
+  /// the block. It begins with an undefined point, because gnuplot refuses empty blocks.
   template <class Range, class Format>
   std::string block(const Range& range, Format format) {
     std::string name = fmt::format("$d{}", ++blocks_);
@@ -90,7 +90,7 @@ class Script {
     return name;
   }
 
-  /// Draws what `body` says as SVG and as PNG of the same look.
+  /// Adds commands that draw `body` as an SVG and as a PNG file. Sizes are in pixels of the SVG.
   void figure(const std::string& name, int width, int height, const std::string& body) {
     const std::string path = prefix_ + "-" + name;
     text_ +=
@@ -113,7 +113,7 @@ class Script {
     return nullptr;
   }
 
-  std::string here(Deployment deployment, Placement placement) {
+  std::string measured_lines(Deployment deployment, Placement placement) {
     std::vector<std::string> modelled, wall;
     std::size_t shade = 0;
     for (const std::uint32_t nodes : nodes_) {
@@ -130,7 +130,7 @@ class Script {
     return joined(modelled, next);
   }
 
-  std::string paper(Deployment deployment, Placement placement) {
+  std::string paper_lines(Deployment deployment, Placement placement) {
     std::vector<std::string> lines;
     std::size_t shade = 0;
     for (const std::uint32_t nodes : nodes_) {
@@ -143,8 +143,8 @@ class Script {
       });
       lines.push_back(line(data, solid, shade++, nodes_word(nodes) + ", modelled"));
     }
-    // Squares have the colour of their node count. Beside the fewest objects the words stand on the left, where no
-    // lines are.
+    // Values of the paper are squares in the colour of their node count. At the smallest object count labels are on the
+    // left, where they do not cover lines.
     shade = 0;
     bool named = false;
     for (const std::uint32_t nodes : nodes_) {
@@ -167,9 +167,9 @@ class Script {
     return joined(lines, next);
   }
 
-  // Graphs 1 to 3: on the left what was measured here, on the right the paper's cluster.
+  // Graphs 1 to 3 of the paper. Left: measured here. Right: the modelled cluster of the paper.
   void frame_graph(Deployment deployment, Placement placement) {
-    const std::string left = here(deployment, placement), right = paper(deployment, placement);
+    const std::string left = measured_lines(deployment, placement), right = paper_lines(deployment, placement);
     const double low = *objects_.begin(), high = *objects_.rbegin();
     const double margin = low == high ? low * 0.5 : (high - low) * 0.08;
     std::vector<std::string> tics;
@@ -212,7 +212,7 @@ class Script {
             line(data, solid, 0, "candidates", "1:3"), line(data, solid, 1, "exact contacts"), stated, paper_contacts));
   }
 
-  /// What the modelled frame is made of, at the most objects and in the last deployment.
+  /// The parts of the modelled frame at the largest object count, in the last deployment.
   void path_graph(Placement placement) {
     const std::uint32_t objects = *objects_.rbegin();
     const Deployment deployment = *deployments_.rbegin();
@@ -281,7 +281,7 @@ class Script {
     return all;
   }
 
-  /// What a cluster would do; counted points joined by a solid line, extrapolated ones by a thin one.
+  /// Predicted frame times of a cluster. Solid lines: measured counts. Thin lines with hollow points: extrapolated.
   void cluster_graph(const ClusterResult& cluster) {
     std::vector<std::string> lines;
     double most = 2;

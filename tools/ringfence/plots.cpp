@@ -35,9 +35,9 @@ void draw_plots(const std::string& prefix, const ScaleResult& result) {
     throw IncompleteError(fmt::format(
         "gnuplot: not found, so nothing was drawn; install it (Debian: gnuplot-nox) and run: gnuplot {}", path));
   }
-  if (error != 0) throw IncompleteError(fmt::format("gnuplot: cannot be started: {}", std::strerror(error)));
+  if (error != 0) throw IncompleteError(fmt::format("cannot start gnuplot: {}", std::strerror(error)));
   if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
-    throw IncompleteError(fmt::format("gnuplot {}: failed; what it said is above", path));
+    throw IncompleteError(fmt::format("gnuplot {}: failed; its messages are above", path));
   }
 }
 

@@ -6,19 +6,21 @@
 
 namespace ringfence::tools {
 
-/// Throws Error when PREFIX.gnuplot cannot be written.
+/// Throws Error if PREFIX.gnuplot cannot be written.
 void check_plots(const std::string& prefix);
 
-/// Writes PREFIX.gnuplot, figures included, and has gnuplot draw from it, each as SVG and as PNG:
-/// with several object counts the paper's graphs, PREFIX-graph1 to 3 (frame time against objects in each deployment, a
-/// line a node count) and PREFIX-graph4 (contacts); PREFIX-path (what the modelled frame is made of) and PREFIX-speedup
-/// at the most objects; PREFIX-cluster-NAME for each modelled cluster. What the paper states is marked. With a second
-/// placement its graphs end in -region.
+/// Writes the script PREFIX.gnuplot, which contains the measured values, and runs gnuplot on it. Each plot is an SVG
+/// and a PNG file:
+/// - PREFIX-graph1 to -graph3, the paper's graphs: frame time by number of objects. There is one plot per deployment
+///   and one line per node count. PREFIX-graph4: contacts. Only if there are several object counts.
+/// - PREFIX-path: parts of the modelled frame, and PREFIX-speedup, both at the largest object count.
+/// - PREFIX-cluster-NAME for each modelled cluster.
+/// Values that the paper states are marked. Names of plots for a second placement end in -region.
 ///
-/// Throws IncompleteError when gnuplot is missing or fails; everything else of the run has been written then.
+/// Throws IncompleteError if gnuplot is missing or fails. Call it last, after all other outputs are written.
 void draw_plots(const std::string& prefix, const ScaleResult& result);
 
-/// The gnuplot script, for a test to look at.
+/// The text of the gnuplot script.
 std::string plot_script(const std::string& prefix, const ScaleResult& result);
 
 }  // namespace ringfence::tools

@@ -16,7 +16,7 @@ double share(std::uint64_t part, std::uint64_t whole) {
   return share(static_cast<double>(part), static_cast<double>(whole));
 }
 
-/// The cost below which so much of the timed sample lies.
+/// The cost below which the share `rank` (0 to 1) of the timed sample lies, interpolated within a bucket.
 double percentile(const KindReport& kind, double rank) {
   std::uint64_t all = 0;
   for (const std::uint64_t count : kind.cost) all += count;
@@ -29,8 +29,8 @@ double percentile(const KindReport& kind, double rank) {
   return 0;
 }
 
-/// Nanoseconds a candidate without those that cost 32 times the median and more: a thread that loses its core for a
-/// time slice while a block is timed would otherwise be all that the mean shows. Exact as long as there are none.
+/// Mean cost in nanoseconds without samples of 32 times the median or more. Otherwise one thread that is preempted
+/// while it times a block dominates the mean. The result is exact if there are no such samples.
 double mean_uninterrupted(const KindReport& kind, double p50) {
   double counted = 0, sum = 0;
   bool interrupted = false;
@@ -83,8 +83,8 @@ void print_kinds(std::FILE* out, const Figures& figures) {
 
 void print_nodes(std::FILE* out, const Figures& figures) {
   const std::vector<NodeFigures> nodes = figures.nodes();
-  fmt::print(out, "{:<6} {:>9} {:>9} {:>9} {:>10} {:>12} {:>14} {:>9} {:>8}\n", "node", "busy ms", "waits ms", "cpu ms",
-             "moving ms", "sweeping ms", "narrow ph. ms", "tested", "share");
+  fmt::print(out, "{:<6} {:>9} {:>9} {:>9} {:>10} {:>12} {:>14} {:>9} {:>8}\n", "node", "busy ms", "wait ms", "cpu ms",
+             "move ms", "sweep ms", "narrow ph. ms", "tested", "share");
   double all = 0;
   for (const NodeFigures& node : nodes) all += node.tested;
   for (std::size_t i = 0; i < std::min(nodes.size(), max_nodes_shown); ++i) {
@@ -94,11 +94,11 @@ void print_nodes(std::FILE* out, const Figures& figures) {
                percent(share(node.tested, all)));
   }
   if (nodes.size() > max_nodes_shown) {
-    fmt::print(out, "and {} more; --json FILE has them all\n", nodes.size() - max_nodes_shown);
+    fmt::print(out, "{} more in the JSON report (--json FILE)\n", nodes.size() - max_nodes_shown);
   }
   const Imbalance& imbalance = figures.cpu_imbalance;
   if (imbalance.windows() == 0) {
-    fmt::print(out, "imbalance   not judged: fewer than {} frames\n", Imbalance::window);
+    fmt::print(out, "imbalance   not measured: fewer than {} frames\n", Imbalance::window);
   } else {
     fmt::print(out,
                "imbalance   {:.2f}, at most {:.2f}: CPU time of the busiest node over the mean of all, in windows of "
@@ -134,7 +134,7 @@ void print_profile(std::FILE* out, const Job& job, const Figures& figures) {
     candidates += kind.candidates;
   }
   fmt::print(out, "frame       mean {:.3f} ms   p50 {:.3f}   p99 {:.3f}\n", frame.mean, frame.p50, frame.p99);
-  fmt::print(out, "narrow phase {:.3f} ms on all nodes together; the kernels {:.3f} of it, by a sample of {}\n\n",
+  fmt::print(out, "narrow phase {:.3f} ms on all nodes; {:.3f} ms of it in kernels, estimated from a sample of {}\n\n",
              narrow, figures.mean(all_estimated_ns(figures)) * 1e-6, percent(share(timed, candidates)));
   print_kinds(out, figures);
   fmt::print(out, "\n");

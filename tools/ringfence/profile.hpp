@@ -9,23 +9,23 @@
 
 namespace ringfence::tools {
 
-/// What a candidate of two kinds of shapes cost, nanoseconds; 0 where none was timed.
+/// Cost of a candidate of one pair of shape kinds, in nanoseconds; 0 if none was timed.
 struct CandidateCost {
   double mean = 0, p50 = 0, p90 = 0, p99 = 0;
 };
 
-/// From the timed sample. Percentiles are read off KindReport::cost, so they are exact to the width of a bucket, a
-/// factor of 1.41; within one they are interpolated. The mean leaves out what cost 32 times the median and more, which
-/// is a thread that lost its core, and is then read off the buckets too.
+/// Computes the cost from the timed sample. Percentiles come from the histogram KindReport::cost and are interpolated
+/// within a bucket, whose width is a factor of 1.41. The mean excludes samples of 32 times the median or more, because
+/// such a thread was preempted; in that case the mean also comes from the histogram.
 CandidateCost candidate_cost(const KindReport& kind);
 
-/// All pairs of kinds, by the time that they are estimated to take: mean times candidates, most first.
+/// All pairs of kinds, sorted by their estimated total time (mean cost times candidates) in descending order.
 std::vector<KindReport> by_cost(const Figures& figures);
 
-/// Where the narrow phase spent its time, and how evenly the nodes shared it: what `ringfence profile` prints.
+/// Prints the report of `ringfence profile`: the cost of each pair of kinds, and the distribution over the nodes.
 void print_profile(std::FILE* out, const Job& job, const Figures& figures);
 
-/// The same under `profile` in the JSON.
+/// The value of `profile` in the JSON report.
 nlohmann::ordered_json profile_json(const Figures& figures);
 
 }  // namespace ringfence::tools

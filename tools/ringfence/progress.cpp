@@ -17,7 +17,7 @@ void Progress::step(std::uint64_t steps) {
   if (now < next_) return;
   next_ = now + std::chrono::milliseconds(100);
   const double elapsed_s = std::chrono::duration<double>(now - start_).count();
-  const std::string what = name_.empty() ? fmt::format("frame {} of {}", at_, steps_) : name_;
+  const std::string what = text_.empty() ? fmt::format("frame {} of {}", at_, steps_) : text_;
   fmt::print(stderr, "\r{}{}\x1b[K", what,
              time_left(elapsed_s, steps_ > 0 ? static_cast<double>(at_) / static_cast<double>(steps_) : 0));
   std::fflush(stderr);

@@ -6,8 +6,8 @@
 
 namespace ringfence::tools {
 
-/// A line on standard error that says how far a run is and how long the rest will take; only on a terminal, at most ten
-/// times a second.
+/// A progress line on standard error with the estimated time left. It is shown only on a terminal and updated at most
+/// ten times a second.
 class Progress {
  public:
   Progress(bool quiet, std::uint64_t steps);
@@ -15,22 +15,22 @@ class Progress {
   Progress(const Progress&) = delete;
   Progress& operator=(const Progress&) = delete;
 
-  /// What the line says in place of counting frames.
-  void name(std::string what) { name_ = std::move(what); }
+  /// Sets the text of the line; without it the line counts frames.
+  void set_text(std::string text) { text_ = std::move(text); }
   void step(std::uint64_t steps = 1);
-  /// Clears the line.
+  /// Clears the line. Later steps show nothing.
   void finish();
 
  private:
   bool shown_;
   std::uint64_t steps_;
   std::uint64_t at_ = 0;
-  std::string name_;
+  std::string text_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::chrono::steady_clock::time_point next_;
 };
 
-/// How long the rest of a task will take, in words, from what is done of it; empty in its first second.
+/// Text for the estimated time left, for example ", 10 s left"; empty in the first second. `share_done` is 0 to 1.
 std::string time_left(double elapsed_s, double share_done);
 
 }  // namespace ringfence::tools

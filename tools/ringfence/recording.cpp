@@ -14,7 +14,8 @@ namespace {
 
 constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
 
-/// Writes the meshes of a scene to the folder PREFIX-meshes and says so in the scene: a recording needs no other file.
+/// Writes the meshes of a scene to the folder PREFIX-meshes and sets their paths in the scene, so that a recording does
+/// not depend on other files.
 void write_meshes(const std::string& prefix, worlds::Scene& scene) {
   const std::filesystem::path folder = prefix + "-meshes";
   std::size_t count = 0;
@@ -38,7 +39,7 @@ Recording::Recording(const std::string& prefix, const worlds::Scene& scene, cons
   for (ObjectSpec& object : start.objects) {
     objects_.push_back(world.find(object.number));
     const ObjectView view = world.object(objects_.back());
-    if (!view.id) continue;  // before the first frame an object stands as it was loaded
+    if (!view.id) continue;  // before the first frame the loaded pose holds
     object.present = view.spec.present;
     object.pose = view.spec.pose;
   }

@@ -10,21 +10,21 @@
 
 namespace ringfence::tools {
 
-/// Writes a run as PREFIX.json and PREFIX.bin: the scene as it stands before the first counted frame, and where every
-/// object is in each. Meshes go to the folder PREFIX-meshes.
+/// Records a run for replay: PREFIX.json is the scene before the first counted frame, and PREFIX.bin has the poses of
+/// all objects in each counted frame. Meshes are written to the folder PREFIX-meshes.
 class Recording {
  public:
-  /// With an empty prefix nothing is recorded. `scene` is what was loaded into `world`; its objects are looked up by
-  /// number.
+  /// Writes scene and meshes. With an empty prefix all members do nothing. `scene` is the scene that was loaded into
+  /// `world`. Throws Error if a file cannot be written.
   Recording(const std::string& prefix, const worlds::Scene& scene, const World& world);
 
-  /// After a counted frame. Throws IncompleteError when it cannot be written.
+  /// To be called after each counted frame. Throws IncompleteError if the file cannot be written.
   void add_frame(const World& world);
   void finish();
 
  private:
   std::unique_ptr<worlds::BinaryMotionWriter> motion_;
-  std::vector<ObjectId> objects_;  ///< in the scene's order
+  std::vector<ObjectId> objects_;  ///< in the order of the scene
   std::vector<Pose> poses_;
 };
 

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "frozen_names.hpp"
 #include "machine.hpp"
 #include "profile.hpp"
 
@@ -27,10 +28,11 @@ std::string with_spaces(std::string text) {
   return text;
 }
 
-// What was asked for, and what was chosen if that was left open.
+/// The requested placement and, if that is automatic, the placement that the world chose.
 std::string placement_of(const ServiceOptions& service, const Figures& figures) {
-  const std::string asked = name_of(service.placement);
-  return service.placement == figures.placement ? asked : fmt::format("{} ({})", asked, name_of(figures.placement));
+  const std::string requested = name_of(service.placement);
+  if (service.placement == figures.placement) return requested;
+  return fmt::format("{} ({})", requested, name_of(figures.placement));
 }
 
 std::string service_of(const ServiceOptions& service, const Figures& figures) {
@@ -64,18 +66,23 @@ void print_nodes(std::FILE* out, const Figures& figures) {
                node.wait_ms, node.tested, all_tested > 0 ? 100 * node.tested / all_tested : 0.0, node.hosted);
   }
   if (nodes.size() > max_nodes_shown) {
-    fmt::print(out, "  and {} more; --json FILE has them all\n", nodes.size() - max_nodes_shown);
+    fmt::print(out, "  {} more in the JSON report (--json FILE)\n", nodes.size() - max_nodes_shown);
   }
 }
 
 void print_traffic(std::FILE* out, const Figures& figures) {
-  fmt::print(out, "messages   a frame    bytes a frame\n");
+  fmt::print(out, "messages per frame  bytes per frame\n");
   for (std::size_t i = 0; i < traffic_count; ++i) {
     const TrafficReport traffic = figures.traffic(static_cast<Traffic>(i));
     if (traffic.messages == 0 && traffic.bytes == 0) continue;
     fmt::print(out, "  {:<8} {:>7.1f} {:>16.0f}\n", upper(name_of_traffic(static_cast<Traffic>(i))),
                figures.mean(static_cast<double>(traffic.messages)), figures.mean(static_cast<double>(traffic.bytes)));
   }
+}
+
+void print_failed_supports(std::FILE* out, const Figures& figures) {
+  if (figures.failed_supports == 0) return;
+  fmt::print(out, "supports    in {} pairs a support function failed: they have no contact\n", figures.failed_supports);
 }
 
 void print_check(std::FILE* out, const FrameChecker& checker) {
@@ -95,7 +102,7 @@ void print_check(std::FILE* out, const FrameChecker& checker) {
 Json config_of(const Job& job, const Figures& figures) {
   Json config = {{"deployment", name_of(job.service.deployment)},
                  {"broad_phase", name_of(figures.placement)},
-                 {"broad_phase_asked", name_of(job.service.placement)},
+                 {keys::requested_broad_phase, name_of(job.service.placement)},
                  {"nodes", job.service.nodes},
                  {"users", job.service.users},
                  {"user_threads", job.service.user_threads},
@@ -150,7 +157,7 @@ void print_losses(std::FILE* out, const Figures& figures) {
 void print_cluster(std::FILE* out, const dds::ClusterReport& cluster) {
   fmt::print(out, "cluster     {} joined, {} left, {} lost, {} refused; {} stale parcels\n", cluster.joined,
              cluster.left, cluster.lost, cluster.refused, cluster.stale_parcels);
-  fmt::print(out, "process                      sent MB  taken MB  resent MB   answer ms      max\n");
+  fmt::print(out, "process                      sent MB   recv MB  resent MB   answer ms      max\n");
   for (std::size_t i = 0; i < std::min(cluster.members.size(), max_nodes_shown); ++i) {
     const dds::MemberReport& member = cluster.members[i];
     const auto mb = [](std::uint64_t bytes) { return static_cast<double>(bytes) * 1e-6; };
@@ -247,6 +254,7 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
     report["stages_ms"][name_of(static_cast<Stage>(i))] = figures.stage_ms(static_cast<Stage>(i));
   }
   report["pairs"] = {{"candidate", figures.candidates}, {"tested", figures.tested}, {"accepted", figures.accepted}};
+  report["failed_supports"] = figures.failed_supports;
   report["contacts"] = {{"total", figures.contacts},
                         {"mean", figures.mean(static_cast<double>(figures.contacts))},
                         {"began", figures.began},
@@ -268,7 +276,9 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
   report["server_cpu_ms"] = figures.mean(figures.server_cpu_ms);
   report["users_cpu_ms"] = figures.mean(figures.users_cpu_ms);
   if (job.service.nodes > 0) {
-    for (const auto& [name, step] : PathReport::all()) report["path_ms"][name] = figures.mean(figures.path.*step);
+    for (const PathReport::Step& step : PathReport::all()) {
+      report["path_ms"][path_key(step)] = figures.mean(figures.path.*step.second);
+    }
     report["path_ms"]["critical"] = figures.mean(figures.critical_ms);
   }
   report["refused"] = Json::object();
@@ -291,10 +301,10 @@ Json change_json(const dds::MemberChange& change) {
       return {{"what", "joined"},
               {"name", change.name},
               {"at", change.at},
-              {"waited_ms", change.before_ms},
-              {"spoke_ms", change.after_ms}};
+              {keys::waiting_ms, change.before_ms},
+              {keys::first_parcel_ms, change.after_ms}};
     case dds::MemberChange::Kind::left:
-      return {{"what", "left"}, {"name", change.name}, {"at", change.at}, {"asked_ms", change.before_ms}};
+      return {{"what", "left"}, {"name", change.name}, {"at", change.at}, {keys::leave_request_ms, change.before_ms}};
     case dds::MemberChange::Kind::lost:
       break;
   }
@@ -314,8 +324,8 @@ Json cluster_json(const dds::ClusterReport& cluster) {
                        {"number", member.number},
                        {"sent_parcels", member.sent_parcels},
                        {"sent_bytes", member.sent_bytes},
-                       {"taken_parcels", member.received_parcels},
-                       {"taken_bytes", member.received_bytes},
+                       {keys::received_parcels, member.received_parcels},
+                       {keys::received_bytes, member.received_bytes},
                        {"retransmitted_bytes", member.retransmitted_bytes},
                        {"refused_writes", member.refused_writes},
                        {"answers", member.answers},
@@ -348,12 +358,12 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   fmt::print(out, "frame       mean {:.3f} ms   p50 {:.3f}   p99 {:.3f}   max {:.3f}\n", frame.mean, frame.p50,
              frame.p99, frame.max);
   print_stages(out, figures, frame.mean);
-  fmt::print(out, "pairs       {:.1f} candidates a frame, {:.1f} tested; {} in all\n",
+  fmt::print(out, "pairs       {:.1f} candidates per frame, {:.1f} tested; {} in total\n",
              figures.mean(static_cast<double>(figures.candidates)), figures.mean(static_cast<double>(figures.tested)),
              figures.tested);
-  fmt::print(out, "contacts    {:.1f} a frame, {} in all\n", figures.mean(static_cast<double>(figures.contacts)),
+  fmt::print(out, "contacts    {:.1f} per frame, {} in total\n", figures.mean(static_cast<double>(figures.contacts)),
              figures.contacts);
-  fmt::print(out, "moved       {:.1f} objects a frame, {:.2f} handed over\n",
+  fmt::print(out, "moved       {:.1f} objects per frame, {:.2f} handed over\n",
              figures.mean(static_cast<double>(figures.moved)), figures.mean(static_cast<double>(figures.handed_over)));
   print_nodes(out, figures);
   print_imbalance(out, figures);
@@ -365,6 +375,7 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
     const auto reason = static_cast<Status>(i);
     if (figures.refused(reason) > 0) fmt::print(out, "refused     {} {}\n", figures.refused(reason), name_of(reason));
   }
+  print_failed_supports(out, figures);
   print_check(out, checker);
   if (!job.record_prefix.empty()) fmt::print(out, "recorded    {0}.json, {0}.bin\n", job.record_prefix);
   fmt::print(out, "digest      {:016x}\n", figures.digest());

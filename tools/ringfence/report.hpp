@@ -12,24 +12,24 @@
 
 namespace ringfence::tools {
 
-/// As in the keys of the JSON: m1 to m5, states, control.
+/// Key of a kind of traffic in the JSON report: m1 to m5, states, control.
 constexpr const char* name_of_traffic(Traffic kind) {
   constexpr const char* names[] = {"m1", "m2", "m3", "m4", "m5", "states", "control"};
   return names[static_cast<std::size_t>(kind)];
 }
 
-/// This machine, as under `machine` in the JSON.
+/// The value of `machine` in JSON reports.
 nlohmann::ordered_json machine_json();
 
-/// The short report that a person reads.
+/// Prints the report of a run as text.
 void print_report(std::FILE* out, const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
                   const FrameChecker& checker);
 
-/// --json: all figures.
+/// Writes the JSON report of a run (--json).
 void write_json_report(OutputFile& out, const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
                        const FrameChecker& checker);
 
-/// What a cluster did, as the JSON of a run and of --status have it.
+/// The value of `cluster` in the JSON report and in the status file.
 nlohmann::ordered_json cluster_json(const dds::ClusterReport& cluster);
 
 }  // namespace ringfence::tools

@@ -11,45 +11,46 @@
 
 namespace ringfence::tools {
 
-/// In counted frame `frame` there come to be `nodes` CD nodes.
+/// Change to `nodes` CD nodes in counted frame `frame`.
 struct Resize {
   std::uint32_t frame = 0;
   std::uint32_t nodes = 0;
 };
 
-/// Reads "FRAME:N", or several with commas between them. Throws Error with what is expected; N is 1 to 1024.
+/// Parses the value of --resize: "FRAME:N", or several separated by commas. N is 1 to 1024. Throws Error that states
+/// the expected form.
 std::vector<Resize> parse_resizes(std::string_view text);
 
-/// Throws Error unless each frame is below `frames` and given once. Sorts by frame.
+/// Sorts by frame. Throws Error unless each frame is below `frames` and occurs once.
 void check_resizes(std::vector<Resize>& resizes, std::uint32_t frames);
 
-/// The frames around one resize. New nodes join frame `frame`; at its end everything is handed over; in the next frame
-/// the nodes are told anew of what is in their regions.
+/// Cost of the frames around one resize. New nodes join in frame `frame`, and objects are handed over at its end. In
+/// the next frame each node receives all objects of its region again.
 struct ResizeFigures {
   std::uint32_t frame = 0;
-  std::uint32_t from = 0, to = 0;  ///< nodes
+  std::uint32_t from = 0, to = 0;  ///< numbers of nodes
   struct Around {
-    double before = 0;  ///< mean of up to eight frames before
-    double at = 0;      ///< the frame itself
-    double next = 0;    ///< the one after it
-    double after = 0;   ///< mean of up to eight frames after that one
+    double before = 0;  ///< mean of up to eight frames before the resize
+    double at = 0;      ///< frame of the resize
+    double next = 0;    ///< next frame
+    double after = 0;   ///< mean of up to eight frames after the next frame
   };
-  Around frame_ms, contacts;      ///< zero where there was no such frame
+  Around frame_ms, contacts;      ///< 0 where there is no such frame
   std::uint64_t handed_over = 0;  ///< objects whose host changed at the end of the frame
 };
 
-/// Asks a world for the nodes that --resize wants, frame by frame, and keeps what the frames around it cost.
+/// Applies the resizes of --resize to a world and measures the frames around each.
 class ResizeSchedule {
  public:
-  /// `resizes` are checked; `nodes` are those of the start. Both outlive it.
+  /// `resizes` must have passed check_resizes and outlive the schedule. `nodes` is the initial number of nodes.
   ResizeSchedule(const std::vector<Resize>& resizes, std::uint32_t nodes) : resizes_(resizes), nodes_(nodes) {}
 
-  /// Before counted frame `frame`. Throws Error if the world refuses.
+  /// To be called before counted frame `frame`. Throws Error if the world refuses a resize.
   void before_frame(std::uint32_t frame, World& world);
-  /// After it.
+  /// To be called after each counted frame.
   void add_frame(const FrameReport& report);
 
-  /// One entry a resize, in order of frames.
+  /// One entry per resize, sorted by frame.
   std::vector<ResizeFigures> figures() const;
 
  private:
@@ -59,8 +60,8 @@ class ResizeSchedule {
   };
   const std::vector<Resize>& resizes_;
   std::uint32_t nodes_;
-  std::size_t next_ = 0;       ///< in resizes_
-  std::vector<Frame> frames_;  ///< empty where nothing is resized
+  std::size_t next_ = 0;       ///< index in resizes_ of the next resize
+  std::vector<Frame> frames_;  ///< all counted frames; empty without resizes
 };
 
 }  // namespace ringfence::tools

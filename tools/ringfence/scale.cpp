@@ -45,8 +45,8 @@ std::vector<ScaleRow> rows_of(const ScaleOptions& options) {
   return rows;
 }
 
-/// What the messages of a frame take where nothing else does: the wall time less the CPU time of a world of one object,
-/// so wake-ups and the way through the rings.
+/// Measures the message latency of a frame in milliseconds: wake-ups and transfers through rings. It is the difference
+/// between wall time and CPU time of frames with one object.
 double measure_hops(const ScaleOptions& options) {
   RunOptions empty = options.base;
   empty.world.objects = 1;
@@ -76,8 +76,8 @@ void run_rows(const ScaleOptions& options, std::vector<ScaleRow>& rows) {
       job->service.deployment = row.deployment;
       job->service.placement = row.placement;
       job->service.nodes = row.nodes;
-      progress.name(fmt::format("run {} of {}: {} objects, {}, {} nodes", repeat * rows.size() + i + 1,
-                                rows.size() * options.repeats, row.objects, name_of(row.deployment), row.nodes));
+      progress.set_text(fmt::format("run {} of {}: {} objects, {}, {} nodes", repeat * rows.size() + i + 1,
+                                    rows.size() * options.repeats, row.objects, name_of(row.deployment), row.nodes));
       row.samples.push_back(run_sample(*job, [&] { progress.step(row.objects); }));
     }
   }
@@ -112,8 +112,9 @@ int scale(const ScaleOptions& options) {
   if (!options.csv.empty()) csv.emplace(options.csv);
   if (!options.plots.empty()) check_plots(options.plots);
 
-  // Of more threads than cores one that wakes would push aside one in the middle of a step, whose CPU time then holds
-  // the way back and the caches that the other left: what is modelled is the frame with a core for each.
+  // With more threads than cores, a thread that wakes up would preempt another in the middle of a step. The CPU time of
+  // that step would then include the context switch and cache misses. The model assumes a core for each thread, so
+  // batch scheduling avoids such preemption.
   const link::ScopedBatchScheduling batch_scheduling;
   ScaleResult result;
   result.rows = rows_of(options);

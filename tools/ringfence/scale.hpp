@@ -4,9 +4,11 @@
 
 namespace ringfence::tools {
 
-/// `ringfence scale`: runs every combination `repeats` times, a whole round after the other so that what the machine
-/// does meanwhile falls on all of them, and reports. Answers the exit code: check_failed if runs of one object count
-/// differ in their digest or a pair was not tested exactly once. Throws Error, IncompleteError.
+/// Runs `ringfence scale`: every combination of the options, `repeats` times, and a report. Repeats are whole rounds
+/// over all combinations, so that disturbances of the machine affect all of them alike.
+///
+/// Returns the exit code: check_failed if runs with one object count have different digests or if a candidate was not
+/// tested exactly once. Throws Error and IncompleteError.
 int scale(const ScaleOptions& options);
 
 }  // namespace ringfence::tools

@@ -20,27 +20,27 @@ void add_counts(CLI::App& command, const char* option, std::vector<std::uint32_t
 void add_scale_options(CLI::App& command, ScaleOptions& options) {
   add_choice_list(command, "--deployment", options.deployments,
                   {Deployment::user, Deployment::user_server, Deployment::user_collision},
-                  "who hosts what is not an avatar");
+                  "which nodes host objects other than avatars");
   add_choice_list(command, "--broad-phase", options.placements,
                   {Placement::server, Placement::region, Placement::automatic}, "where the broad phase runs");
-  add_counts(command, "--nodes", options.nodes, 0, 1024, "CD nodes; 0: everything in one thread");
-  add_counts(command, "--objects", options.objects, 1, 10'000'000, "objects, avatars included");
-  command.add_option("--repeats", options.repeats, "runs of each combination; medians and spread are over them")
+  add_counts(command, "--nodes", options.nodes, 0, 1024, "number of CD nodes; 0: everything runs in one thread");
+  add_counts(command, "--objects", options.objects, 1, 10'000'000, "number of objects, avatars included");
+  command.add_option("--repeats", options.repeats, "runs of each combination, for medians and ranges")
       ->check(between(1u, 1000u))
       ->capture_default_str()
       ->type_name("N");
-  command.add_option("--model", options.models, "also compute a cluster's frame from what was counted: 2004, today")
+  command.add_option("--model", options.models, "also model frames of a cluster from the measured counts: 2004, today")
       ->delimiter(',')
       ->check([](const std::string& name) {
         return find_cluster(name) ? std::string() : fmt::format("found {}; expected 2004 or today", name);
       })
       ->type_name("WORD,...");
-  command.add_option("--cost", options.costs, "a cost of the models in place of its own, e.g. pair_us=700")
+  command.add_option("--cost", options.costs, "override a cost of the models, for example pair_us=700")
       ->delimiter(',')
       ->check(check_cost)
       ->type_name("NAME=VALUE,...");
-  command.add_option("--json", options.json, "all figures of all runs")->type_name("FILE");
-  command.add_option("--csv", options.csv, "one row a combination")->type_name("FILE");
+  command.add_option("--json", options.json, "write all results of all runs as JSON")->type_name("FILE");
+  command.add_option("--csv", options.csv, "write one row per combination as CSV")->type_name("FILE");
   command.add_option("--plots", options.plots, "draw PREFIX-*.svg and PREFIX-*.png with gnuplot")->type_name("PREFIX");
 }
 

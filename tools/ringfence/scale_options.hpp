@@ -6,7 +6,7 @@
 
 namespace ringfence::tools {
 
-/// Adds the options of `ringfence scale` that are lists or its own; those that it shares with `run` are the parser's.
+/// Adds the options that are specific to `ringfence scale`. CommandLineParser adds those that it shares with `run`.
 void add_scale_options(CLI::App& command, ScaleOptions& options);
 
 }  // namespace ringfence::tools

@@ -23,15 +23,15 @@ void print_head(std::FILE* out, const ScaleOptions& options, const ScaleResult& 
              options.repeats == 1 ? "" : "s", options.base.frames.frames, options.base.frames.warmup);
   fmt::print(out, "{}, {} core{}, {}, {} build\n\n", machine.cpu, machine.cores, machine.cores == 1 ? "" : "s",
              machine.compiler, machine.build);
-  fmt::print(out,
-             "wall       a frame, median (least to most of the runs); with more threads than cores it cannot shrink\n"
-             "server, node, users   CPU time a frame of the server's thread, the busiest node's, the busiest user "
-             "thread's\n"
-             "modelled   CPU time along the critical path of each frame, and {:.3f} ms for the messages of an empty\n"
-             "           frame: the frame with a core for each thread; of what is done at the same time the longest\n"
-             "w/m        wall over modelled, where cores suffice to compare them\n"
-             "speedup, efficiency, serial   of the modelled time, over 1 node; serial is Karp and Flatt's fraction\n\n",
-             result.hops_ms);
+  fmt::print(
+      out,
+      "wall       frame time: median (minimum to maximum) of the runs; cannot decrease with more threads than cores\n"
+      "server, node, users   CPU time per frame of the server's thread, the busiest node and the busiest user thread\n"
+      "modelled   CPU time along the critical path of each frame plus {:.3f} ms, the message latency of an empty\n"
+      "           frame: the frame time with a core for each thread\n"
+      "w/m        wall / modelled, where there are enough cores to compare them\n"
+      "speedup, efficiency, serial   of the modelled time relative to 1 node; serial: Karp-Flatt fraction\n\n",
+      result.hops_ms);
 }
 
 std::string scaling_columns(const Scaling& scaling, std::uint32_t nodes) {
@@ -45,7 +45,7 @@ void print_rows(std::FILE* out, const std::vector<ScaleRow>& rows) {
   for (const ScaleRow& row : rows) {
     if (row.objects != objects) {
       objects = row.objects;
-      fmt::print(out, "{} objects: {:.0f} candidates and {:.0f} contacts a frame, digest {:016x}\n", row.objects,
+      fmt::print(out, "{} objects: {:.0f} candidates and {:.0f} contacts per frame, digest {:016x}\n", row.objects,
                  row.counts().tested, row.counts().contacts, row.digest());
       fmt::print(out, "  {:<14} {:<7} {:>5}  {:<26} {:>8} {:>8} {:>8} {:>9} {:>6} {:>8} {:>10} {:>7}\n", "deployment",
                  "broad", "nodes", "wall ms", "server", "node", "users", "modelled", "w/m", "speedup", "efficiency",
@@ -68,7 +68,7 @@ void print_costs(std::FILE* out, const ClusterCosts& costs) {
   }
 }
 
-/// The table has the least and the most objects; the JSON has all.
+/// Object counts in the table: the smallest and the largest. The JSON report has all.
 std::set<std::uint32_t> objects_shown(const ClusterResult& cluster) {
   std::set<std::uint32_t> all;
   for (const ClusterPrediction& each : cluster.predictions) all.insert(each.row->objects);
@@ -107,7 +107,8 @@ void print_cluster(std::FILE* out, const ClusterResult& cluster) {
                frame.m4, digits, frame.hops, digits, each.load.limit(), stated);
   }
   if (any_extrapolated) {
-    fmt::print(out, "  * counts extrapolated from region geometry and the largest run; all others were counted\n");
+    fmt::print(out,
+               "  * counts extrapolated from region geometry and the largest run; all other counts were measured\n");
   }
   fmt::print(out, "\n");
 }

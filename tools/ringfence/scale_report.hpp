@@ -11,20 +11,20 @@
 
 namespace ringfence::tools {
 
-/// A cluster as it holds for the runs, and what it would do.
+/// The resolved costs of a cluster and its predicted frames.
 struct ClusterResult {
   ClusterCosts costs;
   std::vector<ClusterPrediction> predictions;
 };
 
-/// Everything that `ringfence scale` found. Rows are in order of objects, deployment, placement, nodes.
+/// All results of `ringfence scale`. Rows are sorted by objects, deployment, placement and nodes.
 struct ScaleResult {
   std::vector<ScaleRow> rows;
-  double hops_ms = 0;  ///< wall time less CPU time of an empty frame
+  double hops_ms = 0;  ///< message latency of a frame: wall time minus CPU time of a frame with one object
   std::vector<ClusterResult> clusters;
 };
 
-/// The tables that a person reads.
+/// Prints the tables of the report.
 void print_scale(std::FILE* out, const ScaleOptions& options, const ScaleResult& result);
 
 void write_scale_json(OutputFile& out, const ScaleOptions& options, const ScaleResult& result);

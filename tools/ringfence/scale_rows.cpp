@@ -48,7 +48,7 @@ void summarise(std::vector<ScaleRow>& rows, double hops_ms, unsigned cores) {
     const double hops = row.nodes > 0 ? hops_ms : 0;
     row.modelled = over_samples(row, [hops](const ScaleSample& sample) { return sample.path_ms + hops; });
     row.imbalance = over_samples(row, [](const ScaleSample& sample) { return sample.imbalance; }).median;
-    // In lock-step the server, the nodes and the users take turns; at most one kind and the server work at a time.
+    // Frames are lock-step: at any time only the server and either the nodes or the users work.
     row.cores_suffice = row.nodes == 0 || 1 + std::max(row.nodes, row.user_threads) <= cores;
   }
   for (ScaleRow& row : rows) {

@@ -9,22 +9,22 @@
 
 namespace ringfence::tools {
 
-/// A figure over the repeats of a combination.
+/// Distribution of a value over the repeats of a combination.
 struct Range {
   double median = 0, min = 0, max = 0;
 };
 Range range_of(const std::vector<double>& values);
 
-/// How a time at p nodes compares with that at one node of the same world.
+/// Comparison of the time T(p) at p nodes with the time T(1) at one node, for the same world.
 struct Scaling {
-  bool known = false;          ///< whether there is such a time
+  bool known = false;          ///< false: T(1) was not measured, and the other fields are 0
   double speedup = 0;          ///< T(1) / T(p)
   double efficiency = 0;       ///< speedup / p
   double serial_fraction = 0;  ///< Karp and Flatt 1990: (1/speedup - 1/p) / (1 - 1/p); 0 at one node
 };
 Scaling scaling_of(double one_node_ms, double ms, std::uint32_t nodes);
 
-/// One combination: what its repeats came to.
+/// One combination of options and the results of its repeats.
 struct ScaleRow {
   Deployment deployment = Deployment::user;
   Placement placement = Placement::server;
@@ -33,11 +33,11 @@ struct ScaleRow {
   std::uint32_t user_threads = 1;
   std::vector<ScaleSample> samples;
 
-  /// Below: filled by summarise().
+  // summarise() computes the following, times in milliseconds.
   Range wall, server, node, users;
-  Range modelled;  ///< critical path of CPU times and the messages of an empty frame
+  Range modelled;  ///< CPU time along the critical path plus the message latency of an empty frame
   double imbalance = 1;
-  bool cores_suffice = false;  ///< all threads that work at the same time have a core, so wall time shows scaling
+  bool cores_suffice = false;  ///< all concurrent threads have a core, so that wall times show the scaling
   Scaling modelled_scaling, wall_scaling;
 
   const FrameCounts& counts() const { return samples.back().counts; }
@@ -47,13 +47,13 @@ struct ScaleRow {
   }
 };
 
-/// Fills the figures of all rows. `hops_ms` is what the messages of an empty frame take, `cores` those of the machine.
+/// Computes the summary of all rows. `hops_ms` is the message latency of an empty frame, `cores` the number of cores.
 void summarise(std::vector<ScaleRow>& rows, double hops_ms, unsigned cores);
 
-/// The row of the same world at `nodes` nodes; null if it was not run.
+/// The row of the same world at `nodes` nodes; null if there is none.
 const ScaleRow* find_row(const std::vector<ScaleRow>& rows, const ScaleRow& world, std::uint32_t nodes);
 
-/// Object counts whose runs differ in their digest, in words; empty if none do.
+/// One message for each run whose digest differs from the first run with the same object count.
 std::vector<std::string> digest_disagreements(const std::vector<ScaleRow>& rows);
 
 }  // namespace ringfence::tools

@@ -9,7 +9,7 @@
 namespace ringfence::tools {
 namespace {
 
-/// What is gathered frame by frame.
+/// One value per frame, for medians. Times in milliseconds.
 struct FrameSamples {
   std::vector<double> wall, server, node, users, path;
   double busiest_tested = 0;
@@ -24,7 +24,7 @@ struct FrameSamples {
       tested = std::max(tested, each.tested);
     }
     busiest_tested += static_cast<double>(tested);
-    // Without threads of their own, nodes and users are part of what the server's thread used.
+    // Without threads of their own, the CPU time of nodes and users is included in that of the server's thread.
     const bool threads = node_threads > 0;
     node.push_back(threads ? busiest : 0);
     users.push_back(threads ? report.slowest_user_cpu_ms : 0);
@@ -103,9 +103,10 @@ ScaleSample run_sample(const Job& job, const std::function<void()>& step) {
     cpu_ms += node.cpu_ms;
   }
   sample.broad_phase_ms = figures.stage_ms(Stage::broad_phase);
-  // These are wall times; a machine that does other work as well must not make them dearer.
-  const double awake = busy_ms > 0 ? std::min(1.0, cpu_ms / busy_ms) : 1;
-  for (double* const ms : {&sample.narrow_phase_ms, &sample.move_ms, &sample.broad_phase_ms}) *ms *= awake;
+  // These are wall times. Scale them to the time in which the threads had a core, so that other load on the machine
+  // does not increase them.
+  const double on_core = busy_ms > 0 ? std::min(1.0, cpu_ms / busy_ms) : 1;
+  for (double* const ms : {&sample.narrow_phase_ms, &sample.move_ms, &sample.broad_phase_ms}) *ms *= on_core;
   sample.digest = figures.digest();
   sample.counts_match = checker.passed();
   sample.counts = counts_of(job, figures, samples.busiest_tested);

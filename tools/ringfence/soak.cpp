@@ -19,16 +19,17 @@ namespace {
 
 constexpr std::uint32_t max_nodes = 8;
 constexpr std::size_t max_users = 200;
-constexpr std::uint32_t frames_per_check = 16;  ///< one in so many is compared with brute force
+constexpr std::uint32_t frames_per_check = 16;  ///< one frame in 16 is compared with brute force
 constexpr double default_deadline_ms = 250;
 
-/// What is allocated, in bytes.
+/// Bytes that the process has allocated.
 std::uint64_t allocated_bytes() {
   const struct mallinfo2 info = mallinfo2();
   return info.uordblks + info.hblkhd;
 }
 
-/// The same with so many CD nodes, so that two such figures can be compared. Counts the frames that it takes.
+/// Bytes that the process has allocated with `nodes` CD nodes, so that two values can be compared. Runs four frames and
+/// adds them to `frames`.
 std::uint64_t allocated_with(World& world, FrameChecker& checker, std::uint32_t nodes, std::uint64_t& frames) {
   if (nodes != 0) world.resize(nodes);
   for (int i = 0; i < 4; ++i) {
@@ -51,9 +52,9 @@ Soak::Soak(World& world, const worlds::Scene& scene, std::uint64_t seed) : world
 }
 
 void Soak::make_requests() {
-  const std::size_t wanted = scene_.objects.size();
-  for (std::uint64_t n = random_() % 6; n > 0 && live_.size() < wanted + wanted / 10; --n) spawn(no_user);
-  for (std::uint64_t n = random_() % 6; n > 0 && live_.size() > wanted - wanted / 10; --n) destroy();
+  const std::size_t target = scene_.objects.size();
+  for (std::uint64_t n = random_() % 6; n > 0 && live_.size() < target + target / 10; --n) spawn(no_user);
+  for (std::uint64_t n = random_() % 6; n > 0 && live_.size() > target - target / 10; --n) destroy();
   for (std::uint64_t n = random_() % 4; n > 0 && !live_.empty(); --n) {
     const Live& object = live_[random_() % live_.size()];
     if (object.category == Category::fixed) continue;
@@ -68,26 +69,26 @@ void Soak::make_requests() {
 }
 
 bool Soak::check_report(const FrameReport& report) {
-  bool holds = report.accepted == report.candidates && report.tested == report.candidates;
-  if (!holds) {
+  bool passed = report.accepted == report.candidates && report.tested == report.candidates;
+  if (!passed) {
     fmt::print(stderr, "frame {}: {} candidates, {} tested, {} accepted\n", report.frame, report.candidates,
                report.tested, report.accepted);
   }
   for (std::size_t reason = 0; reason < status_count; ++reason) {
-    // A lost node that speaks after all is refused too, and nobody can tell how often.
+    // Messages of a lost node that still runs are refused as `late`. Their number is not predictable.
     if (reason == static_cast<std::size_t>(Status::late) || report.refused[reason] == expected_[reason]) continue;
-    holds = false;
+    passed = false;
     fmt::print(stderr, "frame {}: {} refused as {}; expected {}\n", report.frame, report.refused[reason],
                name_of(static_cast<Status>(reason)), expected_[reason]);
   }
   expected_.fill(0);
   counts_.lost += report.lost.size();
-  counts_.failures += holds ? 0 : 1;
-  return holds;
+  counts_.failures += passed ? 0 : 1;
+  return passed;
 }
 
 Pose Soak::random_pose() {
-  std::uniform_real_distribution<double> unit(-0.02, 1.02);  // out of bounds, too
+  std::uniform_real_distribution<double> unit(-0.02, 1.02);  // also outside the bounds
   const Vec3d &low = scene_.bounds_min, &high = scene_.bounds_max;
   const auto between = [&](double from, double to) { return from + (to - from) * unit(random_); };
   return {{between(low.x, high.x), between(low.y, high.y), between(low.z, high.z)}, {}};
@@ -101,7 +102,7 @@ void Soak::spawn(UserNumber user) {
   spec.user = user;
   spec.pose = random_pose();
   const Spawned spawned = world_.spawn(spec);
-  if (spawned.status != Status::ok) throw Error(fmt::format("--soak: spawn answered {}", name_of(spawned.status)));
+  if (spawned.status != Status::ok) throw Error(fmt::format("--soak: spawn returned {}", name_of(spawned.status)));
   live_.push_back({spawned.id, spec.category, user});
   ++counts_.spawned;
 }
@@ -157,7 +158,7 @@ void Soak::expect(Status got, Status reason) {
   counts_.failures += got == reason ? 0 : 1;
 }
 
-// What no caller may do, many times over.
+/// Makes calls that the world must refuse.
 void Soak::make_invalid_calls() {
   Pose not_finite_pose;
   not_finite_pose.position.x = std::numeric_limits<double>::quiet_NaN();
@@ -177,7 +178,7 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   Job longer = job;
   if (longer.service.deadlines.node_ms == 0) longer.service.deadlines.node_ms = default_deadline_ms;
   WorldConfig config = world_config(longer);
-  config.log = nullptr;  // losses are what it is about
+  config.log = nullptr;  // nodes are lost on purpose
   World world(config);
   worlds::load_into(world, longer.scene, longer.service.users);
   FrameChecker checker(world, longer.output.check);
@@ -187,12 +188,14 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
 
   using Clock = std::chrono::steady_clock;
   const Clock::time_point begin = Clock::now();
-  const auto passed = [&] { return std::chrono::duration<double>(Clock::now() - begin).count() / (60 * minutes); };
+  const auto elapsed_share = [&] {
+    return std::chrono::duration<double>(Clock::now() - begin).count() / (60 * minutes);
+  };
   constexpr std::uint64_t steps = 1000;
   Progress progress(longer.output.quiet, steps);
   std::uint64_t shown = 0, settled_bytes = 0, frames = 0, contacts = 0;
   double slowest_ms = 0;
-  for (double share = 0; share < 1; share = passed()) {
+  for (double share = 0; share < 1; share = elapsed_share()) {
     if (settled_bytes == 0 && share > 0.1) {
       settled_bytes = allocated_with(world, checker, longer.service.nodes, frames);
     }
@@ -211,27 +214,27 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   progress.finish();
 
   const std::uint64_t bytes = allocated_with(world, checker, longer.service.nodes, frames);
-  const bool flat = settled_bytes == 0 || bytes < settled_bytes + settled_bytes / 4;
+  const bool memory_is_stable = settled_bytes == 0 || bytes < settled_bytes + settled_bytes / 4;
   const Soak::Counts& n = soak.counts();
   fmt::print("{}\nsoak        {:.1f} minutes, {} frames, {} contacts; the slowest frame took {:.1f} ms\n", longer.title,
              minutes, frames, contacts, slowest_ms);
-  fmt::print("objects     {} spawned, {} destroyed, {} placed, {} taken out; {} at the end\n", n.spawned, n.destroyed,
+  fmt::print("objects     {} spawned, {} destroyed, {} placed, {} removed; {} at the end\n", n.spawned, n.destroyed,
              n.placed, n.removed, world.report().objects);
   fmt::print("user nodes  {} connected, {} disconnected\n", n.connected, n.disconnected);
-  fmt::print("CD nodes    {} resizes, {} failures ordered, {} nodes lost; {} at the end\n", n.resizes, n.faults, n.lost,
-             world.nodes());
-  fmt::print("refused     {} calls that had to be, each counted by its reason\n", n.refused);
+  fmt::print("CD nodes    {} resizes, {} failures injected, {} nodes lost; {} at the end\n", n.resizes, n.faults,
+             n.lost, world.nodes());
+  fmt::print("refused     {} invalid calls, each counted by its reason\n", n.refused);
   if (longer.output.check) {
     fmt::print("check       {} frames compared with brute force, {} differences\n", checker.frames(),
                checker.differences());
   }
   fmt::print("memory      {:.1f} MiB allocated after a tenth of the time, {:.1f} at the end\n",
              mebibytes(settled_bytes), mebibytes(bytes));
-  const bool held = n.failures == 0 && checker.passed() && flat;
-  fmt::print("{}\n", held ? "all held"
-                          : fmt::format("FAILED: {} frames or calls in which something did not hold{}", n.failures,
-                                        flat ? "" : "; memory has grown by more than a quarter"));
-  return held ? done : check_failed;
+  const bool all_passed = n.failures == 0 && checker.passed() && memory_is_stable;
+  fmt::print("{}\n", all_passed ? "all checks passed"
+                                : fmt::format("FAILED: {} frames or calls failed a check{}", n.failures,
+                                              memory_is_stable ? "" : "; memory has grown by more than a quarter"));
+  return all_passed ? done : check_failed;
 }
 
 }  // namespace ringfence::tools

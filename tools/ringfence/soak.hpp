@@ -11,25 +11,24 @@
 
 namespace ringfence::tools {
 
-/// A long run in which everything happens that may happen: objects and user nodes come and go, objects are placed and
-/// taken out, CD nodes join, leave and fail, and calls are made that have to be refused. What has to hold is checked in
-/// every frame (each candidate accepted once, each refusal counted by its reason) and, with --check, a share of the
-/// frames against brute force.
+/// Makes random requests to a world: objects are spawned, destroyed, placed and removed; users connect and disconnect;
+/// CD nodes join, leave and fail; and invalid calls are made. Checks in every frame that each candidate is accepted
+/// exactly once and that each refusal is counted under its reason. One thread.
 class Soak {
  public:
-  /// `world` is loaded with `scene`, and had a frame. Both outlive it.
+  /// Precondition: `scene` is loaded into `world`, and one frame has run. Both must outlive the soak.
   Soak(World& world, const worlds::Scene& scene, std::uint64_t seed);
 
-  /// What is asked before the next frame.
+  /// To be called before each frame.
   void make_requests();
-  /// Looks at a frame's report. Whether all held.
+  /// To be called after each frame. False if a check failed.
   bool check_report(const FrameReport& report);
 
   struct Counts {
     std::uint64_t spawned = 0, destroyed = 0, placed = 0, removed = 0;
     std::uint64_t connected = 0, disconnected = 0;
     std::uint64_t resizes = 0, faults = 0, lost = 0, refused = 0;
-    std::uint64_t failures = 0;  ///< frames in which something did not hold
+    std::uint64_t failures = 0;  ///< frames and calls in which a check failed
   };
   const Counts& counts() const noexcept { return counts_; }
 
@@ -54,14 +53,15 @@ class Soak {
   std::mt19937_64 random_;
   std::vector<Live> live_;
   std::vector<UserNumber> users_;
-  std::vector<ShapeNumber> shapes_;  ///< of the scene's objects that may move
-  ObjectId destroyed_id_;            ///< destroyed long ago, perhaps
+  std::vector<ShapeNumber> shapes_;  ///< of the scene's movable objects
+  ObjectId destroyed_id_;            ///< of a destroyed object; invalid if there is none yet
   std::array<std::uint64_t, status_count> expected_{};
   Counts counts_;
 };
 
-/// Runs the job's world so for `minutes` and prints a summary. Answers the exit code: check_failed where something did
-/// not hold, or memory has grown by more than a quarter since a tenth of the time had passed.
+/// Runs a soak of the job's world for `minutes` and prints a summary. With --check compares one frame in 16 with brute
+/// force. Returns the exit code: check_failed if a check failed, or if allocated memory has grown by more than a
+/// quarter since a tenth of the time had passed.
 int run_soak(const Job& job, double minutes, std::uint64_t seed);
 
 }  // namespace ringfence::tools

@@ -46,9 +46,10 @@ void StatusLine::update(bool last) {
       slowest = std::max(slowest, member.answer_ms_max);
     }
     const double rate = bytes > last_bytes_ ? static_cast<double>(bytes - last_bytes_) * 1e-6 / seconds : 0;
-    progress_.name(fmt::format("frame {}: {} nodes, {} lost, {:.0f} frames/s, {:.1f} MB/s, slowest answer {:.1f} ms",
-                               world_.frames(), cluster.members.size(), cluster.lost,
-                               static_cast<double>(world_.frames() - last_frames_) / seconds, rate, slowest));
+    progress_.set_text(
+        fmt::format("frame {}: {} nodes, {} lost, {:.0f} frames/s, {:.1f} MB/s, slowest answer {:.1f} ms",
+                    world_.frames(), cluster.members.size(), cluster.lost,
+                    static_cast<double>(world_.frames() - last_frames_) / seconds, rate, slowest));
     last_bytes_ = bytes;
     last_frames_ = world_.frames();
     last_update_ = now;
@@ -56,7 +57,7 @@ void StatusLine::update(bool last) {
   if (!job_.output.status.empty()) write(last);
 }
 
-// Under another name first, so that whoever reads it finds it whole.
+// Writes to a temporary name and renames it, so that readers never see an incomplete file.
 void StatusLine::write(bool last) const {
   nlohmann::ordered_json status = {{"frame", world_.frames()},
                                    {"frames", std::uint64_t{job_.frames.warmup} + job_.frames.frames},

@@ -10,16 +10,16 @@
 
 namespace ringfence::tools {
 
-/// Says while a run goes on how it stands: on a terminal the line of Progress, which names the nodes where they are
-/// processes, and once a second a file for whoever watches (--status). Outside the frames that are timed.
+/// Reports the state of a run while it runs: the progress line on a terminal, with node statistics if CD nodes are
+/// processes, and once a second the file of --status. Its work is not part of the measured frame times.
 class StatusLine {
  public:
-  /// `crew` null: nodes are threads. All outlive it.
+  /// `node_processes` is null if CD nodes are threads. All arguments must outlive the status line.
   StatusLine(const Job& job, const World& world, const NodeProcesses* node_processes, Progress& progress);
 
-  /// A frame is complete.
+  /// To be called after each frame.
   void step();
-  /// Says it once more, and clears the line.
+  /// Writes the final status and clears the line.
   void finish();
 
  private:

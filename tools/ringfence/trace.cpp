@@ -8,7 +8,8 @@
 namespace ringfence::tools {
 namespace {
 
-constexpr std::uint32_t copy_delay = 7, max_copy_delay = 101;  // frames from copy to copy, begun again after so many
+constexpr std::uint32_t copy_delay = 7,
+                        max_copy_delay = 101;  // frames between copies; delays wrap around at the maximum
 
 struct Extents {
   Vec3d low{std::numeric_limits<double>::max(), std::numeric_limits<double>::max(), std::numeric_limits<double>::max()};
@@ -18,7 +19,7 @@ struct Extents {
 
 Extents extents_of(const Trace& trace) {
   Extents extents;
-  for (const auto& [who, samples] : trace.tracks) {
+  for (const auto& [name, samples] : trace.tracks) {
     for (const Sample& sample : samples) {
       const Vec3d& p = sample.position;
       extents.low = {std::min(extents.low.x, p.x), std::min(extents.low.y, p.y), std::min(extents.low.z, p.z)};
@@ -28,13 +29,14 @@ Extents extents_of(const Trace& trace) {
   return extents;
 }
 
-/// Multiples of 0.1 or 0.001 as the double nearest to their decimal text, so that files stay short.
+/// Rounds to a multiple of `step`, as the double nearest to its decimal text, so that files stay short.
 double rounded(double value, double step) {
   const double per_metre = std::round(1 / step);
   return std::round(value * per_metre) / per_metre;
 }
 
-/// Adds the rows of one track: its samples, the frames between them, and where it goes.
+/// Adds the rows of one track, shifted by `late` frames and in metres by `east` and `north`: its samples, interpolated
+/// frames between them, and absence in long gaps and after the last sample.
 void add_rows(const Trace& trace, const std::vector<Sample>& samples, ObjectNumber object, std::uint32_t late,
               double east, double north, std::vector<worlds::MotionRow>& rows) {
   const auto add = [&](std::uint32_t frame, const Vec3d& p) {
@@ -45,17 +47,17 @@ void add_rows(const Trace& trace, const std::vector<Sample>& samples, ObjectNumb
          {{rounded(p.x + east, trace.step), rounded(p.y + north, trace.step), rounded(p.z, trace.step)}, {}}});
   };
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    const Sample& here = samples[i];
-    add(here.frame, here.position);
+    const Sample& current = samples[i];
+    add(current.frame, current.position);
     if (i + 1 == samples.size()) break;
     const Sample& next = samples[i + 1];
-    if (next.frame - here.frame > trace.longest_gap) {
-      rows.push_back({here.frame + 1 + late, object, false, {}});
+    if (next.frame - current.frame > trace.longest_gap) {
+      rows.push_back({current.frame + 1 + late, object, false, {}});
       continue;
     }
-    for (std::uint32_t frame = here.frame + 1; frame < next.frame; ++frame) {
-      const double share = static_cast<double>(frame - here.frame) / (next.frame - here.frame);
-      const Vec3d &p = here.position, &q = next.position;
+    for (std::uint32_t frame = current.frame + 1; frame < next.frame; ++frame) {
+      const double share = static_cast<double>(frame - current.frame) / (next.frame - current.frame);
+      const Vec3d &p = current.position, &q = next.position;
       add(frame, {p.x + share * (q.x - p.x), p.y + share * (q.y - p.y), p.z + share * (q.z - p.z)});
     }
   }
@@ -81,11 +83,11 @@ TraceWorld make_trace_world(const Trace& trace, std::uint32_t copies) {
                             world.scene.bounds_min.y + rows_of_copies * depth + 1, std::ceil(extents.high.z + margin)};
 
   std::uint32_t last = 0;
-  for (const auto& [who, samples] : trace.tracks) last = std::max(last, samples.back().frame);
+  for (const auto& [name, samples] : trace.tracks) last = std::max(last, samples.back().frame);
   ObjectNumber number = 0;
   for (std::uint32_t copy = 0; copy < copies; ++copy) {
     const std::uint32_t column = copy % columns, row = copy / columns;
-    for (const auto& [who, samples] : trace.tracks) {
+    for (const auto& [name, samples] : trace.tracks) {
       ObjectSpec object;
       object.number = ++number;
       object.category = Category::active;
@@ -99,7 +101,7 @@ TraceWorld make_trace_world(const Trace& trace, std::uint32_t copies) {
   std::sort(rows.begin(), rows.end(), [](const worlds::MotionRow& p, const worlds::MotionRow& q) {
     return std::tie(p.frame, p.object) < std::tie(q.frame, q.object);
   });
-  // Who goes after the last frame of all need not be said to go.
+  // Rows after the last frame with a sample would only make objects absent.
   const std::uint32_t end = last + std::min((copies - 1) * copy_delay, max_copy_delay - 1) + 1;
   std::erase_if(rows, [end](const worlds::MotionRow& row) { return row.frame >= end; });
   world.motion.frames = rows.empty() ? 0 : rows.back().frame + 1;

@@ -229,13 +229,13 @@ struct CapsuleInMesh {
 /// A shape that is described by a support function; the exact test uses libccd.
 struct SupportInMesh {
   static constexpr std::size_t max_corners = max_support_feature;
-  const SupportFunction* function;
+  const geometry::CheckedSupport* function;
   MeshFrame frame;
   BoxInMesh bounding_box;
   double bounding_radius;
 
   static SupportInMesh of(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
-    const SupportFunction& f = shapes.support(row.index_in_kind);
+    const geometry::CheckedSupport& f = shapes.support(row.index_in_kind);
     const Vec3d high{double{f.support({1, 0, 0}).x}, double{f.support({0, 1, 0}).y}, double{f.support({0, 0, 1}).z}};
     const Vec3d low{double{f.support({-1, 0, 0}).x}, double{f.support({0, -1, 0}).y}, double{f.support({0, 0, -1}).z}};
     const Vec3d half = (high - low) * 0.5;

@@ -54,7 +54,16 @@ PairContact* hull_mesh(const KernelInput& input, PairContact* out, KindCounters&
   return run_mesh<HullInMesh>(input, out, counters);
 }
 PairContact* mesh_support(const KernelInput& input, PairContact* out, KindCounters& counters) {
-  return run_mesh<SupportInMesh, true>(input, out, counters);
+  KernelInput one = input;
+  for (std::size_t i = 0; i < input.pairs.size(); ++i) {
+    one.pairs = input.pairs.subspan(i, 1);
+    try {
+      out = run_mesh<SupportInMesh, true>(one, out, counters);
+    } catch (const geometry::SupportFailure&) {
+      ++counters.failed;
+    }
+  }
+  return out;
 }
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

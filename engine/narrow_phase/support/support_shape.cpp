@@ -22,10 +22,11 @@ namespace {
 struct Convex {
   const geometry::ShapeRow* row;
   const geometry::Hull* hull = nullptr;
-  const SupportFunction* function = nullptr;
+  const geometry::CheckedSupport* function = nullptr;
   geometry::RotationD rotation;
   Vec3d position;
   const Triangle* triangle = nullptr;
+  mutable bool failed = false;  ///< within libccd, which no exception may leave
 
   Vec3d local_support(Vec3d d) const {
     const double x = double{row->size[0]}, y = double{row->size[1]}, z = double{row->size[2]};
@@ -82,14 +83,33 @@ Convex place(const geometry::ShapeTable& shapes, const Body& body, Vec3d positio
   return convex;
 }
 
-void ccd_support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {
-  const Vec3d p = static_cast<const Convex*>(object)->support({direction->v[0], direction->v[1], direction->v[2]});
+/// What `call` answers; from its first failure on the body's position, with which libccd ends soon.
+template <class Call>
+void answer_ccd(const Convex& convex, ccd_vec3_t* out, const Call& call) noexcept {
+  Vec3d p = convex.position;
+  if (!convex.failed) {
+    try {
+      p = call();
+    } catch (const geometry::SupportFailure&) {
+      convex.failed = true;
+    }
+  }
   ccdVec3Set(out, p.x, p.y, p.z);
 }
 
+void ccd_support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {
+  const Convex& convex = *static_cast<const Convex*>(object);
+  const Vec3d d{direction->v[0], direction->v[1], direction->v[2]};
+  // Where two shapes just touch, libccd may ask for no direction at all, which a support function need not answer.
+  const double norm = length(d);
+  const bool is_direction = norm > 0 && std::isfinite(norm);
+  answer_ccd(convex, out,
+             [&] { return convex.function != nullptr && !is_direction ? convex.centre() : convex.support(d); });
+}
+
 void ccd_centre(const void* object, ccd_vec3_t* out) {
-  const Vec3d p = static_cast<const Convex*>(object)->centre();
-  ccdVec3Set(out, p.x, p.y, p.z);
+  const Convex& convex = *static_cast<const Convex*>(object);
+  answer_ccd(convex, out, [&] { return convex.centre(); });
 }
 
 /// The overlap along `n`: support of a along `n` plus that of b in the opposite direction.
@@ -208,7 +228,9 @@ bool find_direction(const Convex& a, const Convex& b, double small, Direction& b
   ccd.epa_tolerance = 1e-5 * small;
   ccd_real_t depth;
   ccd_vec3_t direction, position;
-  if (ccdGJKPenetration(&a, &b, &ccd, &depth, &direction, &position) == 0 && finite_direction(direction)) {
+  const bool overlaps = ccdGJKPenetration(&a, &b, &ccd, &depth, &direction, &position) == 0;
+  if (a.failed || b.failed) throw geometry::SupportFailure();
+  if (overlaps && finite_direction(direction)) {
     const Vec3d d{direction.v[0], direction.v[1], direction.v[2]};
     if (!list.take(d) || !list.take(-d)) return false;
   }
@@ -259,15 +281,15 @@ struct Feature {
 
 constexpr geometry::RotationD no_rotation{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
 
-Convex place(const SupportFunction& function, const MeshFrame& frame) {
+Convex place(const geometry::CheckedSupport& function, const MeshFrame& frame) {
   static const geometry::ShapeRow row{.kind = ShapeKind::support};
   return {&row, nullptr, &function, frame.rotation, frame.position};
 }
 
 }  // namespace
 
-Penetration support_penetration(const Triangle& triangle, const SupportFunction& function, const MeshFrame& frame,
-                                double bounding_radius, double at_least) {
+Penetration support_penetration(const Triangle& triangle, const geometry::CheckedSupport& function,
+                                const MeshFrame& frame, double bounding_radius, double at_least) {
   static const geometry::ShapeRow row{.kind = ShapeKind::mesh};
   const Convex a{&row, nullptr, nullptr, no_rotation, {}, &triangle}, b = place(function, frame);
   // The triangle's own plane bounds the depth at the cost of two support points.
@@ -279,35 +301,49 @@ Penetration support_penetration(const Triangle& triangle, const SupportFunction&
   return {best.depth, best.n};
 }
 
-std::size_t support_feature(const SupportFunction& function, const MeshFrame& frame, Vec3d direction, double slack,
-                            Vec3d* out) {
+std::size_t support_feature(const geometry::CheckedSupport& function, const MeshFrame& frame, Vec3d direction,
+                            double slack, Vec3d* out) {
   static_assert(std::tuple_size_v<decltype(Feature::points)> == max_support_feature);
   const Feature feature(place(function, frame), direction, slack);
   std::copy_n(feature.points.begin(), feature.count, out);
   return feature.count;
 }
 
-PairContact* test_support_any(const KernelInput& input, PairContact* out, KindCounters&) {
+namespace {
+
+/// Writes the contact of a pair, if there is one, and returns the end of the output. Throws SupportFailure.
+PairContact* test_pair(const KernelInput& input, const KernelPair& pair, PairContact* out) {
+  const Body& first = input.bodies[pair.first];
+  const Body& second = input.bodies[pair.second];
+  const Vec3d offset = second.pose.position - first.pose.position;
+  const Convex a = place(input.shapes, first, {}), b = place(input.shapes, second, offset);
+  const double small = double{std::min(a.row->bounding_radius, b.row->bounding_radius)};
+  Direction best;
+  if (!find_direction(a, b, small, best)) return out;
+  const Feature of_a(a, best.n, 1e-5 * small), of_b(b, -best.n, 1e-5 * small);
+  const Vec3d common = common_point(of_a.span(), of_b.span(), best.n);
+  Vec3d normal = best.n, point = common + best.n * (0.5 * (of_a.height - of_b.height) - dot(best.n, common));
+  if (pair.flipped != 0) {
+    normal = -normal;
+    point = point - offset;
+  }
+  const Vec3f n = to_float(normal), p = to_float(point);
+  *out = {pair.pair,
+          static_cast<float>(best.depth) + 0.0f,
+          {n.x + 0.0f, n.y + 0.0f, n.z + 0.0f},
+          {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f}};
+  return out + 1;
+}
+
+}  // namespace
+
+PairContact* test_support_any(const KernelInput& input, PairContact* out, KindCounters& counters) {
   for (const KernelPair& pair : input.pairs) {
-    const Body& first = input.bodies[pair.first];
-    const Body& second = input.bodies[pair.second];
-    const Vec3d offset = second.pose.position - first.pose.position;
-    const Convex a = place(input.shapes, first, {}), b = place(input.shapes, second, offset);
-    const double small = double{std::min(a.row->bounding_radius, b.row->bounding_radius)};
-    Direction best;
-    if (!find_direction(a, b, small, best)) continue;
-    const Feature of_a(a, best.n, 1e-5 * small), of_b(b, -best.n, 1e-5 * small);
-    const Vec3d common = common_point(of_a.span(), of_b.span(), best.n);
-    Vec3d normal = best.n, point = common + best.n * (0.5 * (of_a.height - of_b.height) - dot(best.n, common));
-    if (pair.flipped != 0) {
-      normal = -normal;
-      point = point - offset;
+    try {
+      out = test_pair(input, pair, out);
+    } catch (const geometry::SupportFailure&) {
+      ++counters.failed;
     }
-    const Vec3f n = to_float(normal), p = to_float(point);
-    *out++ = {pair.pair,
-              static_cast<float>(best.depth) + 0.0f,
-              {n.x + 0.0f, n.y + 0.0f, n.z + 0.0f},
-              {p.x + 0.0f, p.y + 0.0f, p.z + 0.0f}};
   }
   return out;
 }

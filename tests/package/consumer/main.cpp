@@ -1,5 +1,5 @@
-// The smallest game server that can tell a working library from one that only links: two balls that touch, one that
-// does not, found by worker threads of the library's own.
+// A minimal game server that checks that the installed library works: two CD node threads find the contact of two
+// spheres that overlap and none with a third.
 
 #include <cstdio>
 
