@@ -239,7 +239,7 @@ bool ClusterNodes::is_leaving(MemberId member) {
 
 void ClusterNodes::add_change(MemberChange::Kind kind, const Node& node, std::uint64_t at_ns, double before_ms,
                               double after_ms) {
-  if (totals_.changes.size() == ClusterReport::most_changes) {
+  if (totals_.changes.size() == ClusterReport::max_changes) {
     totals_.changes.erase(totals_.changes.begin());
   }
   const double passed_s = ms_between(at_ns, telemetry::now_ns()) * 1e-3;

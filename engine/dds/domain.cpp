@@ -22,7 +22,7 @@ namespace ringfence::dds {
 
 namespace {
 
-constexpr std::uint32_t most_domain = 200;
+constexpr std::uint32_t max_domain = 200;
 
 /// UDP port of the participant with index 0 of a domain, by the port mapping of the DDSI standard. A World uses index
 /// 0.
@@ -40,8 +40,8 @@ void check(const NetworkConfig& network, Side side) {
       throw Error("NetworkConfig: " + what);
     }
   };
-  require(network.domain <= most_domain || (side == Side::world && network.domain == NetworkConfig::any_domain),
-          "domain (--domain) is " + std::to_string(network.domain) + "; 0 to " + std::to_string(most_domain));
+  require(network.domain <= max_domain || (side == Side::world && network.domain == NetworkConfig::any_domain),
+          "domain (--domain) is " + std::to_string(network.domain) + "; 0 to " + std::to_string(max_domain));
   require(network.lease_ms >= 10 && network.lease_ms <= 60'000,
           "lease_ms (--lease-ms) is " + std::to_string(network.lease_ms) + "; 10 to 60000");
   require(network.socket_bytes >= 65'536 && network.socket_bytes <= std::size_t{1} << 30,
@@ -120,12 +120,12 @@ bool is_port_free(std::uint32_t port) {
 }
 
 std::uint32_t free_domain() {
-  for (std::uint32_t domain = 0; domain <= most_domain; ++domain) {
+  for (std::uint32_t domain = 0; domain <= max_domain; ++domain) {
     if (is_port_free(world_port(domain)) && is_port_free(world_port(domain) + 1)) {
       return domain;
     }
   }
-  throw Error("No DDS domain from 0 to " + std::to_string(most_domain) + " has its port free on this machine");
+  throw Error("No DDS domain from 0 to " + std::to_string(max_domain) + " has its port free on this machine");
 }
 
 /// Log lines of Cyclone DDS, kept until a thread that may call the log hook takes them. Cyclone DDS logs from its own
@@ -138,7 +138,7 @@ class LogLines {
   }
   void add(const char* line) {
     const std::lock_guard lock(mutex_);
-    if (lines_.size() < most_lines) {
+    if (lines_.size() < max_lines) {
       std::string text(line);
       while (!text.empty() && text.back() == '\n') {
         text.pop_back();
@@ -169,7 +169,7 @@ class LogLines {
   }
 
  private:
-  static constexpr std::size_t most_lines = 4;
+  static constexpr std::size_t max_lines = 4;
 
   std::mutex mutex_;
   std::atomic<bool> any_{false};

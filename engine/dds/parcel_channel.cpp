@@ -14,7 +14,7 @@ ParcelChannel::ParcelChannel(dds_entity_t writer, std::uint64_t incarnation)
 bool ParcelChannel::gather(link::Receiver& in) {
   // A message that next() has returned must be taken, so there must be room before the call. A node's rings have 64
   // KiB, so their messages have at most half of that.
-  constexpr std::size_t full = most_bytes - 32'768 - sizeof(Packing);
+  constexpr std::size_t full = max_bytes - 32'768 - sizeof(Packing);
   bool any = false;
   bool more = true;
   while (more && (batch_.size() <= full || flush()) && (queued_.empty() || flush())) {
@@ -33,7 +33,7 @@ bool ParcelChannel::gather(link::Receiver& in) {
 
 bool ParcelChannel::add(std::span<const std::byte> message) {
   const std::size_t filled = (message.size() + 7) / 8 * 8;
-  if (!queued_.empty() || (!batch_.empty() && batch_.size() + sizeof(Packing) + filled > most_bytes)) {
+  if (!queued_.empty() || (!batch_.empty() && batch_.size() + sizeof(Packing) + filled > max_bytes)) {
     if (!flush()) {
       return false;
     }

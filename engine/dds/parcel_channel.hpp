@@ -35,7 +35,7 @@ static_assert(sizeof(Packing) == 8);
 class ParcelChannel {
  public:
   static constexpr std::uint64_t window = 32;
-  static constexpr std::size_t most_bytes = 60'000;  ///< of a parcel: one datagram with its headers
+  static constexpr std::size_t max_bytes = 60'000;  ///< of a parcel: one datagram with its headers
 
   struct Counters {
     std::uint64_t sent_parcels = 0, sent_bytes = 0;

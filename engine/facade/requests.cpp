@@ -180,7 +180,7 @@ Status World::remove(ObjectId object) {
 
 Status World::resize(std::uint32_t nodes) {
   Implementation& w = *implementation_;
-  const std::size_t most = w.config.remote_nodes != nullptr ? w.node_roles.size() : facade::most_nodes;
+  const std::size_t most = w.config.remote_nodes != nullptr ? w.node_roles.size() : facade::max_nodes;
   if (nodes == 0 || nodes > most || nodes > w.server->map().grid().cells()) {
     return w.refuse(Status::bad_number);
   }
