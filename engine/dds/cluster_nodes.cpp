@@ -207,7 +207,7 @@ std::vector<RemoteNodes::MemberId> ClusterNodes::arrivals() {
   return ready;
 }
 
-std::vector<RemoteNodes::MemberId> ClusterNodes::await(std::uint32_t nodes) {
+std::vector<RemoteNodes::MemberId> ClusterNodes::wait_for_nodes(std::uint32_t nodes) {
   const auto deadline =
       std::chrono::steady_clock::now() + std::chrono::microseconds(static_cast<std::int64_t>(config_.wait_ms * 1e3));
   for (;;) {

@@ -119,7 +119,7 @@ void World::Implementation::build_server() {
   if (config.remote_nodes != nullptr) {
     const std::uint32_t* log2 = map.grid().log2;
     config.remote_nodes->open({&config, setup.layer_masks, {log2[0], log2[1], log2[2]}, server_bell()});
-    members = config.remote_nodes->await(map.nodes());
+    members = config.remote_nodes->wait_for_nodes(map.nodes());
   }
   for (const RemoteNodes::MemberId member : members) {
     setup.nodes.push_back(add_node(map, map.nodes(), member));
