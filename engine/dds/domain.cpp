@@ -125,7 +125,7 @@ std::uint32_t free_domain() {
       return domain;
     }
   }
-  throw Error("No DDS domain from 0 to " + std::to_string(max_domain) + " has its port free on this machine");
+  throw Error("No DDS domain from 0 to " + std::to_string(max_domain) + " has a free port on this machine");
 }
 
 /// Log lines of Cyclone DDS, kept until a thread that may call the log hook takes them. Cyclone DDS logs from its own
@@ -133,8 +133,8 @@ std::uint32_t free_domain() {
 class LogLines {
  public:
   static LogLines& all() {
-    static LogLines words;
-    return words;
+    static LogLines lines;
+    return lines;
   }
   void add(const char* line) {
     const std::lock_guard lock(mutex_);
@@ -217,7 +217,7 @@ constexpr std::size_t index_of(Topic topic) noexcept { return static_cast<std::s
 
 Entity::Entity(dds_entity_t entity, const char* what) : entity_(entity) {
   if (entity < 0) {
-    throw Error(std::string("Cyclone DDS cannot make ") + what + ": " + dds_strretcode(-entity));
+    throw Error(std::string("Cyclone DDS cannot create ") + what + ": " + dds_strretcode(-entity));
   }
 }
 
@@ -235,7 +235,7 @@ Domain::Domain(const NetworkConfig& network, Side side) {
                             (network.interface.empty() ? "chosen by Cyclone DDS" : network.interface) + ")";
   if (side == Side::world && !is_port_free(world_port(number_))) {
     throw Error("UDP port " + std::to_string(world_port(number_)) + " is taken" + where +
-                ": another World has this domain; choose another with --domain");
+                ": another World uses this domain; choose another domain with --domain");
   }
   dds_set_log_sink([](void*, const dds_log_data_t* line) { LogLines::all().add(line->message); }, nullptr);
   try {
@@ -243,7 +243,7 @@ Domain::Domain(const NetworkConfig& network, Side side) {
     domain_ = Entity(dds_create_domain(number_, settings(network, side, number_).c_str()), "a domain");
     participant_ = Entity(dds_create_participant(number_, nullptr, nullptr), "a participant");
   } catch (const Error& error) {
-    std::string why = error.what() + where + "; see that the interface exists (ip addr)";
+    std::string why = error.what() + where + "; check that the interface exists (ip addr)";
     for (const std::string& line : LogLines::all().take(true)) {
       why += "; " + line;
     }
@@ -305,12 +305,13 @@ std::vector<std::string> Domain::take_log_lines() { return LogLines::all().take(
 std::string Domain::socket_buffer_shortage(const NetworkConfig& network) {
   const std::string wanted = std::to_string(network.socket_bytes);
   std::string shortage;
-  for (const auto& [name, what] : {std::pair("rmem_max", "frames with more are sent again in parts"),
-                                   std::pair("wmem_max", "a link that is cut may hold up the frame longer")}) {
+  for (const auto& [name, what] : {std::pair("rmem_max", "larger frames are retransmitted in parts"),
+                                   std::pair("wmem_max", "a broken link may delay the frame longer")}) {
     std::ifstream file(std::string("/proc/sys/net/core/") + name);
     std::size_t most = 0;
     if (file >> most && most < network.socket_bytes) {
-      shortage += shortage.empty() ? "sockets are to hold " + wanted + " bytes, the system allows " : ", and ";
+      shortage +=
+          shortage.empty() ? "socket buffers of " + wanted + " bytes were requested, the system allows " : ", and ";
       shortage.append(std::to_string(most)).append(": ").append(what);
       shortage.append("; sysctl -w net.core.").append(name).append("=").append(wanted);
     }

@@ -89,7 +89,7 @@ void check(const WorldConfig& config) {
   }
   if (config.motion != nullptr) {
     require(config.motion->state_bytes() <= max_motion_state,
-            "motion keeps " + std::to_string(config.motion->state_bytes()) + " bytes for an object; at most " +
+            "motion keeps " + std::to_string(config.motion->state_bytes()) + " bytes per object; at most " +
                 std::to_string(max_motion_state));
   }
 }

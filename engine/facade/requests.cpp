@@ -25,7 +25,7 @@ ShapeNumber World::add_shape(const ShapeDescription& description) {
     const geometry::Mesh& mesh = w.shapes.mesh(w.shapes.row(shape).index_in_kind);
     if (mesh.dropped_triangles() > 0) {
       w.log(LogLevel::warning, "shape " + std::to_string(shape) + ": " + std::to_string(mesh.dropped_triangles()) +
-                                   " triangles without area are left out of the mesh, " +
+                                   " triangles without area are dropped from the mesh, " +
                                    std::to_string(mesh.triangles().size()) + " are kept");
     }
   }
