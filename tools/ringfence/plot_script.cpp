@@ -224,13 +224,15 @@ class Script {
                     : std::string();
     });
     const double most = nodes_.empty() ? 2 : std::max(2u, *nodes_.rbegin());
-    const std::vector<std::string> lines{
-        line(data, solid, 0, "modelled frame", "1:8"), line(data, dashed, 1, "server, CPU time", "1:5"),
-        line(data, dashed, 2, "busiest node, CPU time", "1:6"),
-        line(data, dashed, 3, "busiest user thread, CPU time", "1:7"),
-        data + " using 1:2:3:4 with yerrorlines lw 1.2 dt 3 pt 6 ps 0.7 lc rgb '#888888' title 'wall, least to most'"};
+    const std::vector<std::string> lines{line(data, solid, 0, "modelled frame", "1:8"),
+                                         line(data, dashed, 1, "server, CPU time", "1:5"),
+                                         line(data, dashed, 2, "busiest node, CPU time", "1:6"),
+                                         line(data, dashed, 3, "busiest user thread, CPU time", "1:7"),
+                                         data +
+                                             " using 1:2:3:4 with yerrorlines lw 1.2 dt 3 pt 6 ps 0.7 lc rgb '#888888' "
+                                             "title 'wall, minimum to maximum'"};
     figure("path" + suffix(placement), 1000, 480,
-           fmt::format("set title 'What the modelled frame is made of: {}, {} objects, broad phase: {}'\n"
+           fmt::format("set title 'Parts of the modelled frame: {}, {} objects, broad phase: {}'\n"
                        "set key outside right top font ',10'\nset logscale x 2\nset xlabel 'CD nodes'\n"
                        "set ylabel 'ms a frame'\nplot [0.9:{}] [0:*] {}\n"
                        "unset logscale\nunset title\nset key inside\nset autoscale\n",
