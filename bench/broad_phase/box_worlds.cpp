@@ -46,7 +46,7 @@ BoxFrames make_box_world(const std::string& name, std::size_t boxes) {
       body.half[a] = uniform(random, 0.6, 1.2);
       body.velocity[a] = uniform(random, -0.15, 0.15);
     }
-    // Each size fills the same volume: the density of the half-extent r goes as r^-4, from 5 mm to 500 m.
+    // Every size fills the same volume: the density of the half extent r is proportional to r^-4, from 5 mm to 500 m.
     if (name == "sizes") body.half.fill(0.005 / std::cbrt(1 - uniform(random, 0, 1 - 1e-15)));
     volume += 8 * body.half[0] * body.half[1] * body.half[2];
   }
@@ -55,7 +55,7 @@ BoxFrames make_box_world(const std::string& name, std::size_t boxes) {
   if (name == "cluster" || still) {
     std::vector<std::array<double, 3>> targets(std::max<std::size_t>(1, boxes / 50));
     for (auto& target : targets) target = anywhere(random, side);
-    // Chosen for the number of pairs that the paper's world has: about half a pair a box.
+    // Selected so that the number of pairs is that of the paper's world: about 0.5 per box.
     const double spread = 0.32 * side / std::cbrt(static_cast<double>(targets.size()));
     for (Body& body : bodies) {
       const auto& target = targets[random() % targets.size()];
@@ -75,7 +75,7 @@ BoxFrames make_box_world(const std::string& name, std::size_t boxes) {
     side = 3.6 * n;
     for (Body& body : bodies) body.centre = {0.5 * side, uniform(random, 0, side), 0.5 * side};
   } else {
-    throw std::invalid_argument("no world is called " + name);
+    throw std::invalid_argument("unknown world " + name);
   }
   BoxFrames world;
   world.present.assign(boxes, 1);
@@ -84,7 +84,7 @@ BoxFrames make_box_world(const std::string& name, std::size_t boxes) {
     for (std::size_t i = 0; i < boxes; ++i) world.resting[i] = random() % 100 < std::stoul(name.substr(5));
   const double scale = 4294967295.0 / side;
   for (int f = 0; f < 4; ++f) {
-    // There and back, so that the circle closes without a jump.
+    // Forwards and backwards, so that the sequence repeats without a jump.
     const double time = f == 3 ? 1 : f;
     std::vector<geometry::Bounds> frame(boxes);
     for (std::size_t i = 0; i < boxes; ++i) {

@@ -9,8 +9,8 @@
 #include "broad_phase/box_worlds.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
 
-// broad/<world>/<n>/<impl>: all pairs of a frame, one thread. Before anything is timed, every peer's pairs are compared
-// with ours by count and by an order-free hash, in each frame of the world.
+// Benchmarks broad/<world>/<n>/<impl>: all pairs of a frame, one thread. Before the timing, the pairs of every peer are
+// compared with ours in each frame of the world, by their number and by a hash that does not depend on the order.
 
 namespace ringfence::bench {
 namespace {
@@ -36,7 +36,7 @@ class Ringfence final : public PairFinder {
 
 struct Implementation {
   const char* name;
-  std::size_t most_boxes;  ///< beyond these a frame takes seconds
+  std::size_t max_boxes;  ///< with more boxes a frame takes seconds
   PairFinder* (*make)(const BoxFrames& world);
 };
 
@@ -75,13 +75,13 @@ PairSet set_of(const std::vector<geometry::CandidatePair>& pairs) {
   return {pairs.size(), hash};
 }
 
-// The worlds are large and shared by the implementations, which come one after the other: the last one is kept.
+// The worlds are large. The implementations run one after the other and share a world, so only the last world is kept.
 const BoxFrames& world_of(const std::string& name, std::size_t boxes) {
-  static std::pair<std::string, std::size_t> kept;
+  static std::pair<std::string, std::size_t> current;
   static BoxFrames world;
-  if (kept != std::pair{name, boxes}) {
+  if (current != std::pair{name, boxes}) {
     world = make_box_world(name, boxes);
-    kept = {name, boxes};
+    current = {name, boxes};
   }
   return world;
 }
@@ -96,7 +96,7 @@ void run(benchmark::State& state, const std::string& name, std::size_t boxes, co
     ours->find(world, frame);
     const PairSet theirs = set_of(finder->pairs());
     if (theirs == set_of(ours->pairs())) continue;
-    state.SkipWithError("other pairs than ringfence");
+    state.SkipWithError("finds other pairs than ringfence");
     return;
   }
   std::size_t frame = 0;
@@ -120,7 +120,7 @@ int main(int argc, char** argv) {
   for (const std::string& world : box_world_names())
     for (const std::size_t boxes : {4000, 16000, 64000, 256000, 1000000})
       for (const Implementation& implementation : implementations()) {
-        if (boxes > implementation.most_boxes) continue;
+        if (boxes > implementation.max_boxes) continue;
         const std::string name = "broad/" + world + '/' + std::to_string(boxes) + '/' + implementation.name;
         benchmark::RegisterBenchmark(name.c_str(), [=](benchmark::State& state) {
           run(state, world, boxes, implementation);

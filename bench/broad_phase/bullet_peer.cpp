@@ -8,7 +8,7 @@
 namespace ringfence::bench {
 namespace {
 
-// Bullet's pair of dynamic trees with its pair cache; objects are proxies that are moved each frame.
+// Bullet's two dynamic trees with its pair cache; objects are proxies that are moved in each frame.
 class Bullet final : public PairFinder {
  public:
   explicit Bullet(const BoxFrames& world) {
@@ -28,7 +28,7 @@ class Bullet final : public PairFinder {
     for (std::size_t i = 0; i < proxies_.size(); ++i)
       if (world.resting[i] == 0) tree_.setAabb(proxies_[i], corner(boxes[i].lower), corner(boxes[i].upper), nullptr);
     tree_.calculateOverlappingPairs(nullptr);
-    // Its boxes are enlarged, so that its cache holds more than the candidates.
+    // Bullet enlarges its boxes, so its cache holds more than the candidate pairs.
     pairs_.clear();
     const auto& cached = tree_.getOverlappingPairCache()->getOverlappingPairArray();
     for (int k = 0; k < cached.size(); ++k) {

@@ -11,7 +11,7 @@
 namespace ringfence::bench {
 namespace {
 
-// CGAL's hybrid of streamed segment trees and scanning, on boxes that are pointers' worth of bounds and an id.
+// CGAL's hybrid of streamed segment trees and scanning, on boxes that refer to bounds and hold an id.
 class Box {
  public:
   using NT = std::uint32_t;

@@ -7,7 +7,7 @@
 namespace ringfence::bench {
 namespace {
 
-// Embree's collision of a scene of user primitives with itself; the tree is built anew each frame, in one thread.
+// Embree's collision of a scene of user primitives with itself; the tree is rebuilt in each frame, in one thread.
 class Embree final : public PairFinder {
  public:
   explicit Embree(const BoxFrames& world) {
@@ -47,7 +47,7 @@ class Embree final : public PairFinder {
     out.lower_x = metres(b.lower[0]), out.lower_y = metres(b.lower[1]), out.lower_z = metres(b.lower[2]);
     out.upper_x = metres(b.upper[0]), out.upper_y = metres(b.upper[1]), out.upper_z = metres(b.upper[2]);
   }
-  // Some pairs come in both orders, and neighbours in a leaf untested.
+  // Embree reports some pairs in both orders, and primitives of one leaf without testing them.
   static void collide(void* self, RTCCollision* found, unsigned count) {
     auto& embree = *static_cast<Embree*>(self);
     for (unsigned k = 0; k < count; ++k) {

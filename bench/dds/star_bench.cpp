@@ -1,5 +1,5 @@
-// One stage of a frame over loopback: a server says something to each of n processes, and waits for all their answers.
-// The way is that of bridge and node: ring, parcel, sample, and back.
+// One stage of a frame over loopback: a server sends messages to each of n processes and waits for all replies. The
+// path is that of the bridge and a node: ring, parcel, sample, and back.
 #include <atomic>
 #include <chrono>
 #include <memory>
@@ -33,18 +33,19 @@ class Star {
         up_(domain_.reader(dds::Topic::up, dds::parcel_qos, {})),
         out_bytes_(bytes_out(nodes)),
         back_bytes_(bytes_back(nodes)) {
-    dds::Domain::listen(up_, hook_);
+    dds::Domain::set_hook(up_, hook_);
     for (std::uint32_t node = 0; node < nodes; ++node) {
       auto& spoke = spokes_.emplace_back(std::make_unique<Spoke>(domain_, node + 1));
-      std::string words[] = {RINGFENCE_PEER, std::to_string(domain_.number()), std::to_string(node + 1),
-                             std::to_string(nodes)};
-      char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), words[3].data(), nullptr};
+      std::string arguments_text[] = {RINGFENCE_PEER, std::to_string(domain_.number()), std::to_string(node + 1),
+                                      std::to_string(nodes)};
+      char* arguments[] = {arguments_text[0].data(), arguments_text[1].data(), arguments_text[2].data(),
+                           arguments_text[3].data(), nullptr};
       if (posix_spawn(&spoke->process, RINGFENCE_PEER, nullptr, nullptr, arguments, environ) != 0) std::abort();
     }
   }
   ~Star() {
     for (const auto& spoke : spokes_) {
-      spoke->parcel_channel.say(dds::ParcelKind::dismissed, {});
+      spoke->parcel_channel.enqueue(dds::ParcelKind::dismissed, {});
       spoke->parcel_channel.flush();
     }
     for (const auto& spoke : spokes_) {
@@ -70,19 +71,19 @@ class Star {
     return false;
   }
 
-  /// One stage; false where an answer does not come.
+  /// Runs one stage; false if a reply does not arrive.
   bool step() {
     for (const auto& spoke : spokes_) {
       link::Sender& out = *spoke->channel.first().out;
-      for (std::size_t said = 0; said < out_bytes_;) {
-        const std::size_t bytes = std::min(out_bytes_ - said, out.largest_message());
+      for (std::size_t sent = 0; sent < out_bytes_;) {
+        const std::size_t bytes = std::min(out_bytes_ - sent, out.largest_message());
         const auto room = out.claim(bytes);
         if (room.empty()) {
           carry(*spoke);
           continue;
         }
         out.commit(bytes);
-        said += bytes;
+        sent += bytes;
       }
       out.publish();
       carry(*spoke);
@@ -147,8 +148,8 @@ class Star {
   std::size_t heard_ = 0;
 };
 
-/// The star of so many nodes, or null where they do not come. Kept until another number is asked for: the library calls
-/// a benchmark several times, and 64 processes take seconds to start.
+/// The star with that number of nodes, or null if they do not start. Kept until another number is requested: the
+/// library calls a benchmark several times, and starting 64 processes takes seconds.
 Star* star_of(std::uint32_t nodes) {
   static std::unique_ptr<Star> star;
   static std::uint32_t size = 0;

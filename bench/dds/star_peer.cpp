@@ -1,4 +1,4 @@
-// A node of the star: answers each parcel. Arguments: domain, incarnation, number of nodes.
+// A node of the star: replies to each parcel. Arguments: domain, incarnation, number of nodes.
 #include <atomic>
 #include <chrono>
 #include <cstdlib>
@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
   const std::size_t back = bench::bytes_back(nodes);
 
   dds::Domain domain(network, dds::Side::node);
-  const link::ScopedBatchScheduling gives_way;
+  const link::ScopedBatchScheduling batch_scheduling;
   link::Doorbell bell(link::SpinPolicy{20, 2});
   std::atomic<bool> came{false};
   const dds::Domain::Hook hook{[&] {
@@ -33,20 +33,20 @@ int main(int argc, char** argv) {
                                [] {}};
   const dds::Entity up = domain.writer(dds::Topic::up, dds::parcel_qos, {});
   const dds::Entity down = domain.reader(dds::Topic::down, dds::parcel_qos, dds::partition_of(incarnation));
-  dds::Domain::listen(down, hook);
+  dds::Domain::set_hook(down, hook);
   dds::ParcelChannel parcel_channel(up.get(), incarnation);
   facade::DuplexChannel channel(std::size_t{1} << 16, nullptr, nullptr);
   link::Sender& out = *channel.second().out;
   bool last = false;
-  std::size_t heard = 0;
+  std::size_t received = 0;
   auto show = [&](dds::ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
     last = kind == dds::ParcelKind::dismissed;
     dds::for_each_message(bytes, offset, [&](std::span<const std::byte> message) {
-      heard += message.size();
+      received += message.size();
       return true;
     });
-    for (std::size_t said = 0; heard >= expected && said < back;) {
-      const std::size_t size = std::min(back - said, out.largest_message());
+    for (std::size_t sent = 0; received >= expected && sent < back;) {
+      const std::size_t size = std::min(back - sent, out.largest_message());
       const auto room = out.claim(size);
       if (room.empty()) {
         parcel_channel.gather(*channel.first().in);
@@ -54,15 +54,15 @@ int main(int argc, char** argv) {
         continue;
       }
       out.commit(size);
-      said += size;
+      sent += size;
     }
-    heard = heard >= expected ? 0 : heard;
+    received = received >= expected ? 0 : received;
     out.publish();
     return true;
   };
   while (!last) {
     const bool rung = bell.wait_for([&] { return came.load(std::memory_order_relaxed); }, std::chrono::seconds(20));
-    if (!rung) return 1;  // whom it answers is gone
+    if (!rung) return 1;  // the server process is gone
     came.exchange(false, std::memory_order_acquire);
     dds::take_all<dds::ParcelSample>(down, [&](const dds::ParcelSample& parcel, const dds_sample_info_t& info) {
       if (info.valid_data && !parcel_channel.receive(parcel, show)) last = true;

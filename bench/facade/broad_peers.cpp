@@ -7,7 +7,7 @@
 namespace ringfence::bench {
 namespace {
 
-/// Another library's broad phase before our kernels, in one loop.
+/// Another library's broad phase followed by our kernels, in one loop.
 class BroadPeer final : public FrameTester {
  public:
   BroadPeer(const RecordedWorld& world, PairFinder* (*make)(const BoxFrames&)) : crowd_(world), tester_(*world.shapes) {
@@ -19,7 +19,7 @@ class BroadPeer final : public FrameTester {
 
   void run(const std::vector<Pose>& poses) override {
     crowd_.place(poses, 0, poses.size());
-    // Coordinates that are exact in a float, rounded outwards: more candidates by one in a million.
+    // Coordinates that are exact in a float, rounded outwards: this adds one candidate in a million.
     constexpr std::uint32_t fraction = 0xff;
     for (std::size_t i = 0; i < poses.size(); ++i) {
       geometry::Bounds box = crowd_.bounds()[i];

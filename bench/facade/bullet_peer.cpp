@@ -4,7 +4,7 @@
 namespace ringfence::bench {
 namespace {
 
-/// Bullet's collision world without dynamics: its pair of dynamic trees, its pair cache, its kept manifolds.
+/// Bullet's collision world without dynamics: two dynamic trees, the pair cache, persistent manifolds.
 class Bullet final : public FrameTester {
  public:
   explicit Bullet(const RecordedWorld& world)

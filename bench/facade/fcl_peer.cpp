@@ -9,8 +9,8 @@
 namespace ringfence::bench {
 namespace {
 
-/// FCL's dynamic tree of boxes, updated each frame and built anew every twentieth, because it degrades; one contact a
-/// pair, with normal, depth and point.
+/// FCL's dynamic tree of boxes. It is updated in each frame and rebuilt every 20 frames, because it degrades. One
+/// contact per pair, with normal, depth and point.
 class Fcl final : public FrameTester {
  public:
   explicit Fcl(const RecordedWorld& world) {

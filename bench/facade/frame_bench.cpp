@@ -10,10 +10,10 @@
 #include "facade/service_frames.hpp"
 #include "telemetry/clock.hpp"
 
-// frame/<shapes>/<n>/<impl>: a whole frame, poses in, every contact out, with the recorded movement of the paper's
-// world. Implementations of one thread give CPU time, those of two (named ..._2) wall time. Before anything is timed,
-// who touches is compared with our own plain loop: the service must agree in every pair, a peer in all but 3 % of the
-// contacts.
+// Benchmarks frame/<shapes>/<n>/<impl>: a whole frame from poses to contacts, with recorded motion of the paper's
+// world. Single-threaded implementations report CPU time, those with two threads (..._2) wall time. Before the timing,
+// the contacts are compared with those of our own plain loop: the service must agree on every pair, a peer may differ
+// in 3 % of the contacts.
 
 namespace ringfence::bench {
 namespace {
@@ -22,15 +22,15 @@ constexpr std::size_t recorded_frames = 16;
 
 struct Implementation {
   const char* name;
-  bool threads;        ///< more than one works: wall time counts
-  std::uint32_t most;  ///< objects; beyond these a frame takes seconds
-  double may_differ;   ///< share of the contacts
+  bool threads;               ///< multi-threaded: reports wall time
+  std::uint32_t max_objects;  ///< with more objects a frame takes seconds
+  double allowed_difference;  ///< as a share of the contacts
   std::unique_ptr<FrameTester> (*make)(const RecordedWorld& world);
 };
 
 const std::vector<Implementation>& implementations() {
   constexpr std::uint32_t any = 0xffffffff;
-  constexpr double peer = 0.03;  // Bullet keeps points of the frame before, and margins
+  constexpr double peer = 0.03;  // Bullet keeps contact points of earlier frames and uses margins
   static const std::vector<Implementation> all = {
       {"ringfence", false, any, 0, [](const RecordedWorld& w) { return make_service_frame(w, 0, Placement::server); }},
       {"ringfence_region", false, any, 0,
@@ -64,18 +64,18 @@ std::vector<std::uint64_t> sorted(std::vector<std::uint64_t> keys) {
   return keys;
 }
 
-// The worlds are large and shared by the implementations, which come one after the other: the last one is kept.
+// The worlds are large. The implementations run one after the other and share a world, so only the last world is kept.
 const RecordedWorld& world_of(worlds::ShapeSetting shapes, std::uint32_t objects) {
-  static std::pair<worlds::ShapeSetting, std::uint32_t> kept;
+  static std::pair<worlds::ShapeSetting, std::uint32_t> current;
   static RecordedWorld world;
-  if (kept != std::pair{shapes, objects}) {
+  if (current != std::pair{shapes, objects}) {
     world = record_world(shapes, objects, recorded_frames);
-    kept = {shapes, objects};
+    current = {shapes, objects};
   }
   return world;
 }
 
-/// Pairs of the frame that one of the two says touch and the other does not.
+/// Number of pairs that only one of the two reports.
 std::size_t differences(const FrameTester& p, const FrameTester& q) {
   std::vector<std::uint64_t> differ;
   const auto first = sorted(p.touching()), second = sorted(q.touching());
@@ -87,16 +87,16 @@ void run(benchmark::State& state, worlds::ShapeSetting shapes, std::uint32_t obj
          const Implementation& implementation) {
   const RecordedWorld& world = world_of(shapes, objects);
   const std::unique_ptr<FrameTester> tester = implementation.make(world);
-  const std::unique_ptr<FrameTester> judge = make_loop_frame(world);
+  const std::unique_ptr<FrameTester> reference = make_loop_frame(world);
   std::size_t k = 0, differ = 0, touch = 0;
   for (; k < recorded_frames; ++k) {
     tester->run(world.frames[k]);
     if (k % 5 != 0) continue;
-    judge->run(world.frames[k]);
-    differ += differences(*tester, *judge);
-    touch += judge->contacts();
+    reference->run(world.frames[k]);
+    differ += differences(*tester, *reference);
+    touch += reference->contacts();
   }
-  if (static_cast<double>(differ) > implementation.may_differ * static_cast<double>(touch)) {
+  if (static_cast<double>(differ) > implementation.allowed_difference * static_cast<double>(touch)) {
     state.SkipWithError((std::to_string(differ) + " of " + std::to_string(touch) + " contacts differ").c_str());
     return;
   }
@@ -130,7 +130,7 @@ int main(int argc, char** argv) {
        {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed}) {
     for (const std::uint32_t objects : {4000u, 64000u, 256000u}) {
       for (const Implementation& implementation : implementations()) {
-        if (objects > implementation.most) continue;
+        if (objects > implementation.max_objects) continue;
         const std::string name =
             std::string("frame/") + name_of(shapes) + '/' + std::to_string(objects) + '/' + implementation.name;
         auto* bench = benchmark::RegisterBenchmark(

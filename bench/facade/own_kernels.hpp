@@ -10,12 +10,13 @@
 
 namespace ringfence::bench {
 
-/// The objects of a recorded world as our broad phase and kernels want them.
+/// The objects of a recorded world in the layout of our broad phase and kernels.
 class Crowd {
  public:
   explicit Crowd(const RecordedWorld& world);
 
-  /// Takes over the poses of objects `first` to `end` - 1, and their bounds. Disjoint ranges from any threads.
+  /// Copies the poses of objects `first` to `end` - 1 and computes their bounds. May be called for disjoint ranges from
+  /// any threads.
   void place(const std::vector<Pose>& poses, std::size_t first, std::size_t end);
 
   std::span<const narrow_phase::Body> bodies() const noexcept { return bodies_; }
@@ -30,7 +31,7 @@ class Crowd {
   std::vector<std::uint8_t> present_, resting_;
 };
 
-/// Tests pairs with our kernels and keeps the contacts, whole as the API has them. One thread's.
+/// Tests pairs with our kernels and stores the contacts with all fields of the API. Threads: one at a time.
 class PairTester {
  public:
   explicit PairTester(const geometry::ShapeTable& shapes) : narrow_(shapes) {}

@@ -69,7 +69,7 @@ class Tbb final : public FrameTester {
   }
 
  private:
-  // One thread sweeps; what it finds is tested by whoever is free, itself included once the sweep is over.
+  // One thread runs the sweep. Its pairs are tested by any free thread, and by that thread after the sweep.
   void test_pairs() {
     constexpr std::size_t pairs_per_task = 256;
     tbb::task_group tasks;

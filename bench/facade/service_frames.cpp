@@ -8,7 +8,7 @@
 namespace ringfence::bench {
 namespace {
 
-/// Where an object is, is told from outside: by number, the same for all who ask in a frame.
+/// Moves each object to a given pose, looked up by its number.
 class RecordedMotion final : public MotionModel {
  public:
   void set_poses(const Pose* poses) noexcept { poses_ = poses; }

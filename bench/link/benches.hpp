@@ -2,7 +2,7 @@
 
 namespace ringfence::bench {
 
-/// Each registers its benchmarks by name.
+/// Each function registers the benchmarks of one file.
 void register_rings();
 void register_doorbells();
 void register_publications();

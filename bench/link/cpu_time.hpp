@@ -4,7 +4,7 @@
 
 namespace ringfence::bench {
 
-/// CPU time of all threads of this process so far.
+/// CPU time of all threads of this process so far, in seconds.
 inline double cpu_seconds() {
   rusage usage;
   getrusage(RUSAGE_SELF, &usage);

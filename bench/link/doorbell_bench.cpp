@@ -1,6 +1,6 @@
-// frame/empty/<nodes>: what waiting costs in a frame with nothing to do. A server tells each node to begin and waits
-// for all to end, over links. Pinned to two cores in turn, or `unpinned`: where the system puts them; one frame after
-// the other, or `paced`, 2 ms apart, so that all have gone to sleep before each.
+// frame/empty/<nodes>: the cost of waiting in a frame without work. A server sends each node a message and waits for
+// the replies of all. Threads are pinned to two cores in turn, or `unpinned`: placed by the system. Frames follow each
+// other at once, or `paced`: every 2 ms, so that all threads sleep before each frame.
 #include <algorithm>
 #include <chrono>
 #include <cstring>
@@ -20,7 +20,7 @@ namespace ringfence::bench {
 namespace {
 
 /// Sends one message of 64 bytes: the frame's number, or ~0 to stop.
-void say(link::Sender& sender, link::Doorbell& own, std::uint64_t frame) {
+void send(link::Sender& sender, link::Doorbell& own, std::uint64_t frame) {
   std::span<std::byte> room;
   own.wait([&] { return !(room = sender.claim(64)).empty(); });
   std::memset(room.data(), 0, room.size());
@@ -29,7 +29,7 @@ void say(link::Sender& sender, link::Doorbell& own, std::uint64_t frame) {
   sender.publish();
 }
 
-std::uint64_t hear(link::Receiver& receiver) {
+std::uint64_t receive(link::Receiver& receiver) {
   const std::span<const std::byte> message = receiver.next();
   std::uint64_t frame;
   std::memcpy(&frame, message.data(), sizeof frame);
@@ -37,7 +37,7 @@ std::uint64_t hear(link::Receiver& receiver) {
   return frame;
 }
 
-/// A node and its two links with the server.
+/// A node and its two channels to the server.
 struct Node {
   link::Doorbell bell;
   link::Channel in, out;
@@ -47,9 +47,9 @@ struct Node {
   void serve() {
     for (;;) {
       bell.wait([&] { return in.receiver().has_message(); });
-      const std::uint64_t frame = hear(in.receiver());
+      const std::uint64_t frame = receive(in.receiver());
       if (frame == ~std::uint64_t{0}) return;
-      say(out.sender(), bell, frame);
+      send(out.sender(), bell, frame);
     }
   }
 };
@@ -79,14 +79,14 @@ void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned, std::
         if (pace.count() != 0) std::this_thread::sleep_for(pace);
         const auto before = std::chrono::steady_clock::now();
         ++frame;
-        for (const auto& node : all) say(node->in.sender(), server, frame);
-        std::size_t heard = 0;
-        while (heard < nodes) {
+        for (const auto& node : all) send(node->in.sender(), server, frame);
+        std::size_t replies = 0;
+        while (replies < nodes) {
           server.wait([&] {
             return std::any_of(all.begin(), all.end(), [](auto& node) { return node->out.receiver().has_message(); });
           });
           for (const auto& node : all) {
-            if (node->out.receiver().has_message()) heard += hear(node->out.receiver()) == frame;
+            if (node->out.receiver().has_message()) replies += receive(node->out.receiver()) == frame;
           }
         }
         spent += std::chrono::steady_clock::now() - before;
@@ -94,7 +94,7 @@ void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned, std::
       wall.push_back(std::chrono::duration<double>(spent).count() / frames);
       cpu.push_back((cpu_seconds() - cpu_before) / frames);
     }
-    for (const auto& node : all) say(node->in.sender(), server, ~std::uint64_t{0});
+    for (const auto& node : all) send(node->in.sender(), server, ~std::uint64_t{0});
   }).join();
   for (std::thread& thread : threads) thread.join();
   std::sort(cpu.begin(), cpu.end());
@@ -107,17 +107,18 @@ void empty_frames(benchmark::State& state, std::size_t nodes, bool pinned, std::
 }  // namespace
 
 void register_doorbells() {
-  struct Way {
+  struct Variant {
     const char* name;
     bool pinned;
     std::chrono::microseconds pace;
   };
-  for (const Way& way :
-       {Way{"empty", true, {}}, {"empty_unpinned", false, {}}, {"empty_paced", true, std::chrono::milliseconds(2)}}) {
+  for (const Variant& variant : {Variant{"empty", true, {}},
+                                 {"empty_unpinned", false, {}},
+                                 {"empty_paced", true, std::chrono::milliseconds(2)}}) {
     for (const std::size_t nodes : {std::size_t{1}, std::size_t{2}, std::size_t{4}, std::size_t{16}}) {
-      const std::string name = std::string("frame/") + way.name + '/' + std::to_string(nodes);
-      const auto run = [nodes, way](benchmark::State& state) {
-        for (auto _ : state) empty_frames(state, nodes, way.pinned, way.pace);
+      const std::string name = std::string("frame/") + variant.name + '/' + std::to_string(nodes);
+      const auto run = [nodes, variant](benchmark::State& state) {
+        for (auto _ : state) empty_frames(state, nodes, variant.pinned, variant.pace);
       };
       benchmark::RegisterBenchmark(name.c_str(), run)->UseManualTime()->Iterations(1)->Unit(benchmark::kMicrosecond);
     }

@@ -11,7 +11,7 @@
 namespace ringfence::bench {
 
 FrameTraffic count_frame(std::uint32_t objects, std::uint32_t nodes) {
-  constexpr int settling = 20;
+  constexpr int settling_frames = 20;
   worlds::PaperWorldOptions options;
   options.objects = objects;
   options.users = 0;
@@ -25,23 +25,23 @@ FrameTraffic count_frame(std::uint32_t objects, std::uint32_t nodes) {
   worlds::configure_for(config, paper.scene, 0);
   World world(config);
   worlds::load_into(world, paper.scene, 0);
-  for (int frame = 0; frame < settling; ++frame) world.advance();
+  for (int frame = 0; frame < settling_frames; ++frame) world.advance();
 
   const FrameReport& report = world.report();
   FrameTraffic traffic;
   traffic.state_bytes = (model->state_bytes() + 7) / 8 * 8;
-  // M2 is counted as a whole: messages and records of two kinds, of which the sizes tell how many are which.
+  // The report counts M2 as a whole. The numbers of its two kinds of records follow from their sizes.
   const TrafficReport& m2 = report.traffic[static_cast<std::size_t>(Traffic::m2)];
   const std::uint64_t records_bytes = m2.bytes - m2.messages * sizeof(messages::Header);
   const std::uint64_t positions = (records_bytes - m2.records * sizeof(messages::PairRecord)) /
                                   (sizeof(messages::PositionRecord) - sizeof(messages::PairRecord));
   for (const NodeReport& node : report.nodes) {
-    NodeTraffic& one = traffic.nodes.emplace_back();
-    one.states = node.hosted;
-    one.positions = positions / report.nodes.size();
-    one.pairs = node.candidates;
-    one.collisions = node.contacts;
-    one.confirms = (node.contacts + 63) / 64;
+    NodeTraffic& node_traffic = traffic.nodes.emplace_back();
+    node_traffic.states = node.hosted;
+    node_traffic.positions = positions / report.nodes.size();
+    node_traffic.pairs = node.candidates;
+    node_traffic.collisions = node.contacts;
+    node_traffic.confirms = (node.contacts + 63) / 64;
   }
   return traffic;
 }

@@ -1,7 +1,7 @@
-// frame/messages/<objects>/<nodes>: what carrying the messages of a frame costs, without moving, sweeping and testing.
-// The server and its CD nodes exchange as many records of each kind as in a frame of a real world, in the order of the
-// frame's steps, written as runs, through rings of the service's size, and decoded as they arrive; every record is
-// written whole and looked at. On two cores. Hand-overs and user nodes are left out.
+// frame/messages/<objects>/<nodes>: the cost of the messages of a frame, without motion, broad phase and narrow phase.
+// The server and its CD nodes exchange as many records of each type as in a frame of a simulated world, in the order of
+// the frame, written as runs through rings of the usual size and decoded on arrival. Every record is written
+// completely; its first word is read. Runs on two cores. Hand-overs and user nodes are left out.
 #include <algorithm>
 #include <chrono>
 #include <cstring>
@@ -26,52 +26,52 @@ namespace {
 
 using messages::MessageType;
 
-constexpr std::size_t ring_bytes = std::size_t{1} << 20;  // as between the server and a CD node
+constexpr std::size_t ring_bytes = std::size_t{1} << 20;  // the size between the server and a CD node
 
-/// What an end has sent and heard so far; the runs of a frame come in the same order always.
-struct Account {
+/// What one end has sent and received. The runs of a frame always have the same order.
+struct Totals {
   messages::TrafficCounts counts{};
-  std::uint64_t sum = 0;    ///< of the first words of all records that came
-  std::size_t records = 0;  ///< that came
-  std::size_t wrong = 0;    ///< messages that decoding refused
+  std::uint64_t sum = 0;    ///< of the first words of all received records
+  std::size_t records = 0;  ///< received
+  std::size_t wrong = 0;    ///< messages that decode() refused
 };
 
-/// One end of the two links between the server and a node.
+/// One end of the two channels between the server and a node.
 struct End {
   link::Sender& out;
   link::Receiver& in;
   std::size_t state_bytes;
-  Account account{};
+  Totals totals{};
   messages::RunSender run{};
 
   bool send(MessageType type, std::size_t frame) {
     const std::size_t bytes = messages::record_bytes(type, state_bytes);
-    const messages::RunHeader head{type, messages::Endpoint::server(), messages::Endpoint::node(0), frame, 0};
-    return run.pump(out, head, bytes, account.counts, [bytes](std::size_t i, std::byte* where) {
-      // As a record is: several words of its own.
+    const messages::RunHeader run_header{type, messages::Endpoint::server(), messages::Endpoint::node(0), frame, 0};
+    return run.pump(out, run_header, bytes, totals.counts, [bytes](std::size_t i, std::byte* record) {
+      // Writes 8 bytes at a time, as a record has several fields.
       for (std::size_t at = 0; at < bytes; at += 8) {
         const std::uint64_t word = i + at;
-        std::memcpy(where + at, &word, 8);
+        std::memcpy(record + at, &word, 8);
       }
     });
   }
 
-  /// Takes what is there; true when the run of `type` has ended.
-  bool hear(MessageType type) {
+  /// Receives what is available. Returns whether the run of `type` has ended.
+  bool receive(MessageType type) {
     for (;;) {
       const std::span<const std::byte> bytes = in.next();
       if (bytes.empty()) break;
       messages::MessageView message;
       if (messages::decode(bytes, state_bytes, message) != Status::ok || message.type() != type) {
-        ++account.wrong;
+        ++totals.wrong;
         continue;
       }
       for (std::size_t i = 0; i < message.count(); ++i) {
         std::uint64_t word;
         std::memcpy(&word, message.at(i), sizeof word);
-        account.sum += word;
+        totals.sum += word;
       }
-      account.records += message.count();
+      totals.records += message.count();
       if (message.last()) {
         in.release();
         return true;
@@ -82,13 +82,13 @@ struct End {
   }
 };
 
-struct Lines {
+struct DuplexChannel {
   link::Doorbell bell;
   link::Channel down, up;
-  Lines(link::Doorbell& server) : down(ring_bytes, &bell, &server), up(ring_bytes, &server, &bell) {}
+  DuplexChannel(link::Doorbell& server) : down(ring_bytes, &bell, &server), up(ring_bytes, &server, &bell) {}
 };
 
-/// The runs of a frame, in order: what goes down, then what comes back.
+/// The runs of a frame in order, with their direction.
 struct Step {
   MessageType type;
   bool down;
@@ -110,15 +110,15 @@ std::size_t records_of(const Step& step, const NodeTraffic& node) {
   return step.type == MessageType::frame_begin ? 0 : 1;
 }
 
-void serve_node(Lines& lines, const NodeTraffic& traffic, std::size_t state_bytes, std::size_t frames) {
-  End end{lines.up.sender(), lines.down.receiver(), state_bytes};
+void serve_node(DuplexChannel& channels, const NodeTraffic& traffic, std::size_t state_bytes, std::size_t frames) {
+  End end{channels.up.sender(), channels.down.receiver(), state_bytes};
   for (std::size_t frame = 1; frame <= frames; ++frame) {
     for (const Step& step : steps) {
       if (step.down) {
-        lines.bell.wait([&] { return end.hear(step.type); });
+        channels.bell.wait([&] { return end.receive(step.type); });
       } else {
         end.run.start(records_of(step, traffic));
-        lines.bell.wait([&] { return end.send(step.type, frame); });
+        channels.bell.wait([&] { return end.send(step.type, frame); });
       }
     }
   }
@@ -126,34 +126,35 @@ void serve_node(Lines& lines, const NodeTraffic& traffic, std::size_t state_byte
 
 void serve(std::vector<End>& ends, link::Doorbell& bell, const FrameTraffic& traffic, std::size_t frame) {
   for (const Step& step : steps) {
-    std::vector<End*> left;
+    std::vector<End*> unfinished;
     for (std::size_t i = 0; i < ends.size(); ++i) {
       if (step.down) ends[i].run.start(records_of(step, traffic.nodes[i]));
-      left.push_back(&ends[i]);
+      unfinished.push_back(&ends[i]);
     }
     bell.wait([&] {
-      std::erase_if(left, [&](End* end) { return step.down ? end->send(step.type, frame) : end->hear(step.type); });
-      return left.empty();
+      std::erase_if(unfinished,
+                    [&](End* end) { return step.down ? end->send(step.type, frame) : end->receive(step.type); });
+      return unfinished.empty();
     });
   }
 }
 
-void carry(benchmark::State& state, std::uint32_t objects, std::uint32_t nodes) {
+void exchange_frames(benchmark::State& state, std::uint32_t objects, std::uint32_t nodes) {
   const std::size_t batches = 15, frames = objects > 10000 ? 6 : 40;
   const FrameTraffic traffic = count_frame(objects, nodes);
   const link::Cores cores;
   link::Doorbell server;
-  std::vector<std::unique_ptr<Lines>> lines;
+  std::vector<std::unique_ptr<DuplexChannel>> channels;
   std::vector<std::thread> threads;
   std::vector<End> ends;
   for (std::size_t i = 0; i < nodes; ++i) {
-    lines.push_back(std::make_unique<Lines>(server));
-    ends.push_back({lines.back()->down.sender(), lines.back()->up.receiver(), traffic.state_bytes});
+    channels.push_back(std::make_unique<DuplexChannel>(server));
+    ends.push_back({channels.back()->down.sender(), channels.back()->up.receiver(), traffic.state_bytes});
   }
   for (std::size_t i = 0; i < nodes; ++i) {
     threads.emplace_back([&, i] {
       cores.pin_this_thread((i + 1) % 2);
-      serve_node(*lines[i], traffic.nodes[i], traffic.state_bytes, batches * frames);
+      serve_node(*channels[i], traffic.nodes[i], traffic.state_bytes, batches * frames);
     });
   }
   std::vector<double> wall, cpu;
@@ -171,22 +172,22 @@ void carry(benchmark::State& state, std::uint32_t objects, std::uint32_t nodes) 
   }).join();
   for (std::thread& thread : threads) thread.join();
 
-  std::size_t expected = 0, heard = 0, wrong = 0, messages = 0, bytes = 0;
+  std::size_t expected = 0, received = 0, wrong = 0, messages = 0, bytes = 0;
   for (std::size_t i = 0; i < nodes; ++i) {
     for (const Step& step : steps) expected += step.down ? 0 : records_of(step, traffic.nodes[i]);
-    heard += ends[i].account.records;
-    wrong += ends[i].account.wrong;
+    received += ends[i].totals.records;
+    wrong += ends[i].totals.wrong;
     for (const Step& step : steps) {
       const std::size_t each = messages::record_bytes(step.type, traffic.state_bytes);
       const std::size_t records = records_of(step, traffic.nodes[i]);
-      const std::size_t most =
-          each == 0 ? 1 : (lines[i]->down.sender().largest_message() - sizeof(messages::Header)) / each;
-      const std::size_t count = std::max<std::size_t>(1, (records + most - 1) / most);
+      const std::size_t max_records =
+          each == 0 ? 1 : (channels[i]->down.sender().largest_message() - sizeof(messages::Header)) / each;
+      const std::size_t count = std::max<std::size_t>(1, (records + max_records - 1) / max_records);
       messages += count;
       bytes += count * sizeof(messages::Header) + records * each;
     }
   }
-  if (wrong != 0 || heard != expected * batches * frames) return state.SkipWithError("records were lost or refused");
+  if (wrong != 0 || received != expected * batches * frames) return state.SkipWithError("records were lost or refused");
   std::sort(wall.begin(), wall.end());
   std::sort(cpu.begin(), cpu.end());
   state.SetIterationTime(wall[wall.size() / 2]);
@@ -205,7 +206,7 @@ void register_messages() {
       const std::string name = "frame/messages/" + std::to_string(objects) + '/' + std::to_string(nodes);
       benchmark::RegisterBenchmark(name.c_str(),
                                    [=](benchmark::State& state) {
-                                     for (auto _ : state) carry(state, objects, nodes);
+                                     for (auto _ : state) exchange_frames(state, objects, nodes);
                                    })
           ->UseManualTime()
           ->Iterations(1)

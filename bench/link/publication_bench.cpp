@@ -1,4 +1,4 @@
-// publication/<write or read>/<states>: what it costs to tell many, by state and by cell looked at.
+// publication/<write or read>/<states>: the cost of publishing, by state, and of reading, by range of five cells.
 #include <algorithm>
 #include <cstdint>
 #include <random>
@@ -17,35 +17,36 @@ constexpr std::size_t cells = 100000;
 
 std::vector<std::uint32_t> random_cells(std::size_t states, bool ascending) {
   std::mt19937 random(5);
-  std::vector<std::uint32_t> where(states);
-  for (std::uint32_t& cell : where) cell = static_cast<std::uint32_t>(random() % cells);
-  if (ascending) std::sort(where.begin(), where.end());
-  return where;
+  std::vector<std::uint32_t> cells_of_states(states);
+  for (std::uint32_t& cell : cells_of_states) cell = static_cast<std::uint32_t>(random() % cells);
+  if (ascending) std::sort(cells_of_states.begin(), cells_of_states.end());
+  return cells_of_states;
 }
 
-void write_frame(link::Publication& publication, std::uint64_t frame, const std::vector<std::uint32_t>& where) {
+void write_frame(link::Publication& publication, std::uint64_t frame,
+                 const std::vector<std::uint32_t>& cells_of_states) {
   publication.begin(frame);
-  for (std::uint32_t i = 0; i < where.size(); ++i) publication.add(where[i], {i + 1, 0, {}});
+  for (std::uint32_t i = 0; i < cells_of_states.size(); ++i) publication.add(cells_of_states[i], {i + 1, 0, {}});
   publication.publish();
 }
 
 void write(benchmark::State& state, std::size_t states, bool ascending) {
-  const auto where = random_cells(states, ascending);
+  const auto cells_of_states = random_cells(states, ascending);
   link::Publication publication(cells, states);
   std::uint64_t frame = 0;
-  for (auto _ : state) write_frame(publication, ++frame, where);
+  for (auto _ : state) write_frame(publication, ++frame, cells_of_states);
   state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(states));
 }
 
 void read(benchmark::State& state, std::size_t states) {
-  const auto where = random_cells(states, false);
+  const auto cells_of_states = random_cells(states, false);
   link::Publication publication(cells, states);
-  write_frame(publication, 1, where);
+  write_frame(publication, 1, cells_of_states);
   std::uint32_t cell = 0;
   std::uint64_t sum = 0;
   for (auto _ : state) {
     cell = (cell + 7919) % (cells - 5);
-    for (const link::PublishedState& one : publication.read(1, cell, cell + 4)) sum += one.number;
+    for (const link::PublishedState& published : publication.read(1, cell, cell + 4)) sum += published.number;
   }
   benchmark::DoNotOptimize(sum);
   state.SetItemsProcessed(state.iterations());

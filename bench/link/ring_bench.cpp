@@ -1,8 +1,8 @@
 // ring/<traffic>/<impl>: one producer and one consumer, pinned to two cores.
 //
-// A burst is short enough to fall between two interruptions, and is repeated many times. Reported are the rate of the
-// median burst (the time of the benchmark) and that of the burst at the lowest decile, `undisturbed`. Everybody may
-// batch as their interface allows: ringfence stages and publishes by 4 to 8 KiB, Boost pushes and pops arrays.
+// A burst is short enough to fit between two interruptions, and is repeated many times. Reports the rate of the median
+// burst (the time of the benchmark) and of the burst at the lowest decile (`undisturbed`). Each library batches as its
+// interface allows: ringfence stages and publishes 4 to 8 KiB at a time, Boost pushes and pops arrays.
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -40,9 +40,11 @@ class Ringfence {
         producers_((*own_)[0]),
         consumers_((*own_)[1]),
         channel_(ring_bytes, &consumers_, &producers_) {}
-  /// The way back between the same two threads, each of which has one doorbell.
-  explicit Ringfence(Ringfence& there)
-      : producers_(there.consumers_), consumers_(there.producers_), channel_(ring_bytes, &consumers_, &producers_) {}
+  /// The channel in the other direction between the same two threads, each of which has one doorbell.
+  explicit Ringfence(Ringfence& forward)
+      : producers_(forward.consumers_),
+        consumers_(forward.producers_),
+        channel_(ring_bytes, &consumers_, &producers_) {}
 
   void produce(const Traffic& traffic) {
     link::Sender& sender = channel_.sender();
@@ -89,7 +91,7 @@ class Ringfence {
   link::Channel channel_;
 };
 
-/// A message as a queue of fixed-size elements has to carry it; of those that vary only what is used is copied.
+/// A message as an element of a queue of fixed-size elements. If sizes vary, only the used part is copied.
 template <std::size_t largest, bool varies>
 struct Element {
   std::uint32_t size;
@@ -126,9 +128,9 @@ class Boost {
       std::size_t filled = 0;
       for (; filled < batch && i < traffic.count; ++filled, ++i) set(staged_[filled], traffic.size_of(i), i);
       for (std::size_t pushed = 0; pushed < filled;) {
-        const std::size_t some = queue_.push(staged_.data() + pushed, filled - pushed);
-        if (some == 0) pause();
-        pushed += some;
+        const std::size_t transferred = queue_.push(staged_.data() + pushed, filled - pushed);
+        if (transferred == 0) pause();
+        pushed += transferred;
       }
     }
   }
@@ -136,10 +138,10 @@ class Boost {
   std::uint64_t consume(const Traffic& traffic) {
     std::uint64_t sum = 0;
     for (std::size_t i = 0; i < traffic.count;) {
-      const std::size_t some =
+      const std::size_t transferred =
           queue_.consume_all([&](const E& element) { sum += sum_of(element.words.data(), element.size); });
-      if (some == 0) pause();
-      i += some;
+      if (transferred == 0) pause();
+      i += transferred;
     }
     return sum;
   }
@@ -178,11 +180,11 @@ class Tbb {
   alignas(link::cache_line_pair_bytes) E taken_;
 };
 
-constexpr std::size_t over = ~std::size_t{0};
-constexpr auto most_time = std::chrono::seconds(4);
+constexpr std::size_t stop_signal = ~std::size_t{0};
+constexpr auto max_time = std::chrono::seconds(4);
 
-/// Runs up to `bursts` bursts between two threads, pinned to two cores; returns the seconds of each, sorted.
-/// `produce(Traffic)` runs here and `consume(Traffic)` there; the clock runs from the start signal until both are done.
+/// Runs up to `bursts` bursts between two threads that are pinned to two cores. Returns the seconds of each, sorted.
+/// One thread calls `produce`, the other `consume`; the time runs from the start signal until both are done.
 template <class Produce, class Consume>
 std::vector<double> run_bursts(std::size_t bursts, Produce produce, Consume consume) {
   const link::Cores cores;
@@ -193,7 +195,7 @@ std::vector<double> run_bursts(std::size_t bursts, Produce produce, Consume cons
     for (std::size_t burst = 1;; ++burst) {
       std::size_t seen;
       while ((seen = started.load(std::memory_order_acquire)) < burst) pause();
-      if (seen == over) return;
+      if (seen == stop_signal) return;
       consume();
       done.store(burst, std::memory_order_release);
     }
@@ -201,15 +203,15 @@ std::vector<double> run_bursts(std::size_t bursts, Produce produce, Consume cons
   std::vector<double> seconds;
   std::thread one([&] {
     cores.pin_this_thread(0);
-    const auto enough = Clock::now() + most_time;
-    for (std::size_t burst = 1; burst <= bursts && (burst <= 20 || Clock::now() < enough); ++burst) {
+    const auto stop_time = Clock::now() + max_time;
+    for (std::size_t burst = 1; burst <= bursts && (burst <= 20 || Clock::now() < stop_time); ++burst) {
       const auto begin = Clock::now();
       started.store(burst, std::memory_order_release);
       produce();
       while (done.load(std::memory_order_acquire) < burst) pause();
       seconds.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
     }
-    started.store(over, std::memory_order_release);
+    started.store(stop_signal, std::memory_order_release);
   });
   one.join();
   other.join();
@@ -236,52 +238,52 @@ void stream(benchmark::State& state, const Traffic& traffic) {
     std::uint64_t wrong = 0;
     const std::vector<double> seconds = run_bursts(
         bursts, [&] { link->produce(traffic); }, [&] { wrong += link->consume(traffic) != expected; });
-    if (wrong != 0) return state.SkipWithError("what arrived is not what was sent");
+    if (wrong != 0) return state.SkipWithError("the received data differ from the sent data");
     report(state, seconds, static_cast<double>(traffic.count * traffic.items), static_cast<double>(traffic.bytes()));
   }
 }
 
 template <class Link>
-std::unique_ptr<Link> make_back(Link& there, const Traffic& traffic) {
+std::unique_ptr<Link> make_backward(Link& forward, const Traffic& traffic) {
   if constexpr (std::is_same_v<Link, Ringfence>) {
-    return std::make_unique<Link>(there);
+    return std::make_unique<Link>(forward);
   } else {
     return std::make_unique<Link>(traffic);
   }
 }
 
-/// There and back again: two links, one message under way.
+/// A round trip over two channels, with one message at a time.
 template <class Link>
 void round_trip(benchmark::State& state, const Traffic& traffic) {
   constexpr std::size_t trips = 100;
   const Traffic one{1, traffic.smallest, traffic.largest, 1};
   for (auto _ : state) {
-    const auto there = std::make_unique<Link>(one);
-    const auto back = make_back(*there, one);
+    const auto forward = std::make_unique<Link>(one);
+    const auto backward = make_backward(*forward, one);
     const std::uint64_t expected = expected_sum(one);
-    // On lines of their own: what both threads touch beside the link would be counted as the link's.
+    // Separate cache lines: sharing of this data would be measured as a cost of the channel.
     struct alignas(link::cache_line_pair_bytes) End {
-      Link* there;
-      Link* back;
+      Link* forward;
+      Link* backward;
       Traffic one;
       std::uint64_t expected, wrong;
     };
-    End here{there.get(), back.get(), one, expected, 0}, far = here;
+    End near_end{forward.get(), backward.get(), one, expected, 0}, far_end = near_end;
     const std::vector<double> seconds = run_bursts(
         bursts,
         [&] {
           for (std::size_t i = 0; i < trips; ++i) {
-            here.there->produce(here.one);
-            here.wrong += here.back->consume(here.one) != here.expected;
+            near_end.forward->produce(near_end.one);
+            near_end.wrong += near_end.backward->consume(near_end.one) != near_end.expected;
           }
         },
         [&] {
           for (std::size_t i = 0; i < trips; ++i) {
-            far.wrong += far.there->consume(far.one) != far.expected;
-            far.back->produce(far.one);
+            far_end.wrong += far_end.forward->consume(far_end.one) != far_end.expected;
+            far_end.backward->produce(far_end.one);
           }
         });
-    if (here.wrong + far.wrong != 0) return state.SkipWithError("what arrived is not what was sent");
+    if (near_end.wrong + far_end.wrong != 0) return state.SkipWithError("the received data differ from the sent data");
     report(state, seconds, trips, static_cast<double>(2 * trips * one.bytes()));
     state.counters["ns_a_trip"] = seconds[seconds.size() / 10] / trips * 1e9;
   }

@@ -7,19 +7,19 @@
 
 namespace ringfence::bench {
 
-/// What a burst of messages consists of, and what the sum of all its words is, whoever carries it.
+/// The messages of a burst, and the sum of all their words.
 ///
-/// Every message is copied from a source that stays in the first-level cache, and its first word is its number; the
-/// consumer adds up every word. So each byte is written once and read once, as in use.
+/// Every message is copied from a source that stays in the L1 cache; its first word is its number. The consumer adds up
+/// all words. So each byte is written once and read once, as in production.
 struct Traffic {
-  std::size_t count;     ///< messages a burst
-  std::size_t smallest;  ///< bytes, a multiple of 8
-  std::size_t largest;   ///< the same as `smallest`, or sizes vary
-  std::size_t items;     ///< records a message: what a rate counts
+  std::size_t count;     ///< number of messages in a burst
+  std::size_t smallest;  ///< smallest size in bytes, a multiple of 8
+  std::size_t largest;   ///< largest size; if it differs from `smallest`, sizes vary
+  std::size_t items;     ///< records in a message, for the reported rate
 
   std::size_t size_of(std::size_t message) const {
     if (smallest == largest) return smallest;
-    // A fixed shuffle of the sizes: the same for all, no division, not to be foreseen by a branch predictor for long.
+    // A fixed pseudo-random order of sizes, without division, too long for a branch predictor.
     const std::uint64_t hash = (message & 1023) * 0x9e3779b97f4a7c15u >> 40;
     return smallest + (hash * ((largest - smallest) / 8 + 1) >> 24) * 8;
   }
@@ -65,7 +65,8 @@ inline void fill(void* to, std::size_t size, std::uint64_t number) {
 }
 #endif
 
-/// Longer ones with the vectors that the machine has, whoever carries them: adding up is not to hide the link.
+/// Uses the widest vectors of the machine for messages of at least 256 bytes, so that the sum does not hide the cost of
+/// the queue.
 inline std::uint64_t sum_of(const void* from, std::size_t size) {
   const auto* words = static_cast<const std::byte*>(from);
 #if defined(__x86_64__)

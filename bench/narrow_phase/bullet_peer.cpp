@@ -6,7 +6,7 @@
 namespace ringfence::narrow_phase_bench {
 namespace {
 
-/// One algorithm a pair, kept as Bullet's pair cache keeps it, its manifold cleared before each test.
+/// One algorithm object per pair, which Bullet's pair cache would keep too; its manifold is cleared before each test.
 class Bullet final : public Peer {
  public:
   explicit Bullet(const Crowd& crowd) : dispatcher_(&configuration_) {

@@ -12,7 +12,7 @@
 namespace ringfence::narrow_phase_bench {
 namespace {
 
-/// Of large meshes few, or making them takes longer than what is measured.
+/// Only a few large meshes, otherwise the preparation takes longer than the measurement.
 int shapes_of(const Side& side) { return side.triangles() < 1000 ? 64 : side.triangles() < 10'000 ? 16 : 4; }
 constexpr double coverage = 0.06;
 
@@ -59,7 +59,7 @@ ShapeDescription draw_shape(const Side& side, Random& random) {
   }
 }
 
-/// All pairs of one of each side whose bounds overlap, in the order of a sweep along x.
+/// All pairs of one object of each side whose bounds overlap, in the order of a sweep along x.
 std::vector<geometry::CandidatePair> candidates_of(const Crowd& crowd, const std::vector<narrow_phase::Body>& bodies) {
   constexpr double far = 1000;
   const bool same = crowd.a.name() == crowd.b.name();

@@ -55,7 +55,7 @@ void support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {
 
 void centre(const void* object, ccd_vec3_t* out) { ccdVec3Copy(out, &static_cast<const Object*>(object)->position); }
 
-/// MPR, the fastest that libccd has; the depth that it finds is not the least.
+/// MPR, the fastest algorithm of libccd. The depth that it finds is not the least.
 class Libccd final : public Peer {
  public:
   explicit Libccd(const Crowd& crowd) : crowd_(crowd) {

@@ -15,20 +15,20 @@
 #include "narrow_phase/targets.hpp"
 #include "narrow_phase/world_pairs.hpp"
 
-// Benchmarks narrow/<kind_a>_<kind_b>/<impl>[/<variant>]: ns for a candidate pair, one thread, all implementations on
-// the same candidates of the same crowd. Variants: none, the mix that a broad phase produces; hits and misses, those
-// alone; cold, with the second-level cache emptied before each round; few, ringfence's calls of four pairs each; and
-// ringfence on each instruction set that there is; moving, ringfence in a run of frames, and moving/forgetful, the same
-// without the memory of axes. Before anything of a crowd is timed, the implementations are checked to agree on what
-// touches. narrow/world/<pairs>/ringfence: all candidates, or those of two kinds, of frames of the paper's world, in
-// the order and as cold as a node gets them.
+// Benchmarks narrow/<kind_a>_<kind_b>/<impl>[/<variant>]: ns per candidate pair, one thread, all implementations on the
+// same candidates of the same crowd. Variants: none, the mix that a broad phase produces; hits and misses, only those;
+// cold, with the second-level cache emptied before each round; few, ringfence in calls of four pairs; ringfence on each
+// available instruction set; moving, ringfence in a sequence of frames; moving/forgetful, the same without the cache of
+// separating axes. Before a crowd is timed, the implementations are checked to agree on the contacts.
+// narrow/world/<pairs>/ringfence: all candidates, or those of two kinds, of frames of the paper's world, in the order
+// and with the cache misses that a node has.
 
 namespace {
 
 using namespace ringfence;
 using namespace ringfence::narrow_phase_bench;
 
-/// Large meshes take long enough that few pairs do.
+/// Large meshes take so long that few pairs are enough.
 std::size_t crowd_objects(const Side& a, const Side& b) {
   const int triangles = std::max(a.triangles(), b.triangles());
   return triangles < 1000 ? 4000 : triangles < 10'000 ? 1000 : 200;
@@ -58,28 +58,28 @@ constexpr Implementation implementations[] = {
     {"libccd", make_libccd, Implementation::Meshes::no},
 };
 
-/// A crowd, who tests it, and which of its candidates touch.
-struct Arena {
+/// A crowd, the implementations that test it, and which of its candidates are in contact.
+struct Comparison {
   Crowd crowd;
   std::map<std::string, std::unique_ptr<Peer>> peers;
   std::vector<std::uint32_t> all, hits, misses;
 };
 
-/// Shares of candidates on which a peer may differ: those that touch within its own tolerance.
+/// Share of the candidates on which a peer may differ: contacts within the tolerance of the peer.
 constexpr double allowed_difference = 0.01;
 
-/// Not moved once made: the peers refer to the crowd.
-std::unique_ptr<Arena> make_arena(const Side& a, const Side& b) {
-  auto made = std::make_unique<Arena>();
-  Arena& arena = *made;
-  arena.crowd = make_crowd(a, b, crowd_objects(a, b), seed);
-  arena.all.resize(arena.crowd.pairs.size());
-  std::iota(arena.all.begin(), arena.all.end(), 0u);
+/// On the heap, since the peers refer to the crowd.
+std::unique_ptr<Comparison> make_comparison(const Side& a, const Side& b) {
+  auto result = std::make_unique<Comparison>();
+  Comparison& comparison = *result;
+  comparison.crowd = make_crowd(a, b, crowd_objects(a, b), seed);
+  comparison.all.resize(comparison.crowd.pairs.size());
+  std::iota(comparison.all.begin(), comparison.all.end(), 0u);
   std::vector<std::uint8_t> expected;
   for (const Implementation& implementation : implementations) {
     if (!implementation.tests(a, b)) continue;
-    auto peer = implementation.make(arena.crowd);
-    peer->select(arena.all);
+    auto peer = implementation.make(comparison.crowd);
+    peer->select(comparison.all);
     peer->test();
     const std::span<const std::uint8_t> touches = peer->touches();
     if (expected.empty()) {
@@ -92,40 +92,41 @@ std::unique_ptr<Arena> make_arena(const Side& a, const Side& b) {
                    b.name().c_str(), implementation.name, different, touches.size());
       continue;
     }
-    arena.peers.emplace(implementation.name, std::move(peer));
+    comparison.peers.emplace(implementation.name, std::move(peer));
   }
-  for (const std::uint32_t pair : arena.all) (expected[pair] ? arena.hits : arena.misses).push_back(pair);
-  return made;
+  for (const std::uint32_t pair : comparison.all)
+    (expected[pair] ? comparison.hits : comparison.misses).push_back(pair);
+  return result;
 }
 
-/// Arenas are made when first used, so that a filter costs only what it runs; one is kept at a time.
-Arena& arena_of(const Side& a, const Side& b) {
+/// Comparisons are created on first use, so that a filter prepares only what it runs. Only the last one is kept.
+Comparison& comparison_of(const Side& a, const Side& b) {
   static std::string name;
-  static std::unique_ptr<Arena> arena;
-  const std::string wanted = a.name() + '_' + b.name();
-  if (wanted != name) {
-    arena.reset();
-    arena = make_arena(a, b);
-    name = wanted;
+  static std::unique_ptr<Comparison> comparison;
+  const std::string requested = a.name() + '_' + b.name();
+  if (requested != name) {
+    comparison.reset();
+    comparison = make_comparison(a, b);
+    name = requested;
   }
-  return *arena;
+  return *comparison;
 }
 
 enum class Variant { mix, hits, misses, cold, few };
 constexpr const char* suffixes[] = {"", "/hits", "/misses", "/cold", "/few"};
 
-/// Writes more than a second-level cache holds.
+/// Writes more data than the second-level cache holds.
 void empty_cache() {
   static std::vector<char> memory(16u << 20);
   for (std::size_t i = 0; i < memory.size(); i += 64) ++memory[i];
   benchmark::ClobberMemory();
 }
 
-/// What is timed at once: short enough that other work of the machine leaves some rounds of it alone.
+/// Number of pairs that are timed at once: short enough that other processes leave some rounds of it undisturbed.
 constexpr std::size_t slice_pairs = 512;
 
-/// Sets manual time to that of all slices, and reports two figures a candidate: the mean, and the sum of the least time
-/// that any round took for each slice, which a busy machine disturbs less.
+/// Reports the time of all slices as manual time, and two figures per candidate: the mean, and the sum over the slices
+/// of the least time of any round, which other processes disturb less.
 void measure(benchmark::State& state, std::span<const std::uint32_t> pairs, bool cold,
              const std::function<void(std::span<const std::uint32_t>)>& prepare, const std::function<void()>& run) {
   using Nanoseconds = std::chrono::duration<double, std::nano>;
@@ -153,28 +154,28 @@ void measure(benchmark::State& state, std::span<const std::uint32_t> pairs, bool
   state.counters["candidates"] = candidates;
 }
 
-/// Ringfence in calls of four pairs.
-void measure_few(benchmark::State& state, const Arena& arena) {
-  narrow_phase::NarrowPhase narrow_phase(*arena.crowd.shapes);
+/// Measures ringfence in calls of four pairs.
+void measure_few(benchmark::State& state, const Comparison& comparison) {
+  narrow_phase::NarrowPhase narrow_phase(*comparison.crowd.shapes);
   std::span<const geometry::CandidatePair> slice;
   const auto prepare = [&](std::span<const std::uint32_t> pairs) {
-    slice = std::span(arena.crowd.pairs).subspan(pairs.front(), pairs.size());
+    slice = std::span(comparison.crowd.pairs).subspan(pairs.front(), pairs.size());
   };
   std::size_t hits = 0;
-  measure(state, arena.all, false, prepare, [&] {
+  measure(state, comparison.all, false, prepare, [&] {
     for (std::size_t i = 0; i < slice.size(); i += 4) {
-      hits +=
-          narrow_phase.test(arena.crowd.bodies, slice.subspan(i, std::min<std::size_t>(4, slice.size() - i))).size();
+      hits += narrow_phase.test(comparison.crowd.bodies, slice.subspan(i, std::min<std::size_t>(4, slice.size() - i)))
+                  .size();
     }
   });
   benchmark::DoNotOptimize(hits);
 }
 
-/// Ringfence in a run of frames whose poses move; every round begins with an empty memory.
+/// Measures ringfence in a sequence of frames with moving objects; every round starts with an empty axis cache.
 void measure_moving(benchmark::State& state, const Side& a, const Side& b, bool remember) {
-  const Arena& arena = arena_of(a, b);
-  const std::vector<Frame> frames = make_frames(arena.crowd, 40, seed + 1);
-  narrow_phase::NarrowPhase narrow_phase(*arena.crowd.shapes);
+  const Comparison& comparison = comparison_of(a, b);
+  const std::vector<Frame> frames = make_frames(comparison.crowd, 40, seed + 1);
+  narrow_phase::NarrowPhase narrow_phase(*comparison.crowd.shapes);
   narrow_phase.remember_axes(remember);
   using Nanoseconds = std::chrono::duration<double, std::nano>;
   std::vector<Nanoseconds> least(frames.size(), Nanoseconds::max());
@@ -206,25 +207,25 @@ void measure_moving(benchmark::State& state, const Side& a, const Side& b, bool 
 
 void run_peer(benchmark::State& state, const Side& a, const Side& b, const std::string& name, Variant variant,
               const std::string& target) {
-  Arena& arena = arena_of(a, b);
-  const auto found = arena.peers.find(name);
-  if (found == arena.peers.end()) {
-    state.SkipWithError("does not agree on what touches");
+  Comparison& comparison = comparison_of(a, b);
+  const auto found = comparison.peers.find(name);
+  if (found == comparison.peers.end()) {
+    state.SkipWithError("disagrees on which pairs touch");
     return;
   }
   Peer& peer = *found->second;
   narrow_phase::force_target(target);
   if (variant == Variant::few) {
-    measure_few(state, arena);
+    measure_few(state, comparison);
   } else {
-    const std::vector<std::uint32_t>& pairs = variant == Variant::hits     ? arena.hits
-                                              : variant == Variant::misses ? arena.misses
-                                                                           : arena.all;
+    const std::vector<std::uint32_t>& pairs = variant == Variant::hits     ? comparison.hits
+                                              : variant == Variant::misses ? comparison.misses
+                                                                           : comparison.all;
     const auto prepare = [&](std::span<const std::uint32_t> slice) { peer.select({slice.begin(), slice.end()}); };
     measure(state, pairs, variant == Variant::cold, prepare, [&] { peer.test(); });
   }
   narrow_phase::force_target("");
-  const double share = static_cast<double>(arena.hits.size()) / static_cast<double>(arena.all.size());
+  const double share = static_cast<double>(comparison.hits.size()) / static_cast<double>(comparison.all.size());
   state.counters["share_of_hits"] = variant == Variant::hits ? 1.0 : variant == Variant::misses ? 0.0 : share;
 }
 
@@ -234,7 +235,7 @@ void add(const Side& a, const Side& b, const std::string& name, Variant variant,
   auto* registered = benchmark::RegisterBenchmark(
       full.c_str(), [=](benchmark::State& state) { run_peer(state, a, b, name, variant, target); });
   registered->UseManualTime();
-  // Emptying the cache takes a thousand times what it is emptied for.
+  // Emptying the cache takes 1000 times as long as the measurement.
   if (variant == Variant::cold) registered->Iterations(40);
 }
 
@@ -247,7 +248,7 @@ void add_all(const Side& a, const Side& b) {
   }
   add(a, b, "ringfence", Variant::few);
   for (const std::string& target : narrow_phase::targets()) add(a, b, "ringfence", Variant::mix, target);
-  if (a.kind != ShapeKind::hull || b.kind != ShapeKind::hull) return;  // no others remember
+  if (a.kind != ShapeKind::hull || b.kind != ShapeKind::hull) return;  // only hulls use the axis cache
   for (const bool remember : {true, false}) {
     const std::string name =
         "narrow/" + a.name() + '_' + b.name() + "/ringfence/moving" + (remember ? "" : "/forgetful");

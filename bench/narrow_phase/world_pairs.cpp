@@ -39,7 +39,7 @@ struct Kinds {
   ShapeKind first, second;
 };
 
-/// The candidates of two kinds, or all.
+/// The candidates of two kinds, or all candidates.
 std::vector<geometry::CandidatePair> pairs_of(const WorldPairs::Frame& frame, const std::optional<Kinds>& kinds) {
   if (!kinds) return frame.pairs;
   const geometry::ShapeTable& shapes = *world_pairs().shapes;
@@ -101,9 +101,9 @@ void measure_world(benchmark::State& state, const std::optional<Kinds>& kinds) {
 const WorldPairs& world_pairs() {
   static const bench::RecordedWorld recorded = bench::record_world(worlds::ShapeSetting::mixed, objects, frame_count);
   static const WorldPairs world = [] {
-    WorldPairs made{recorded.shapes.get(), {}};
-    for (const std::vector<Pose>& poses : recorded.frames) made.frames.push_back(frame_of(recorded, poses));
-    return made;
+    WorldPairs result{recorded.shapes.get(), {}};
+    for (const std::vector<Pose>& poses : recorded.frames) result.frames.push_back(frame_of(recorded, poses));
+    return result;
   }();
   return world;
 }

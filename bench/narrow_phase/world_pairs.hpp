@@ -8,10 +8,9 @@
 
 namespace ringfence::narrow_phase_bench {
 
-/// What the narrow phase is given in some frames of the paper's world of 64,000 objects, mixed shapes, one frame after
-/// another: every body, and all candidates in the order of the sweep. The bodies of all frames together are more than a
-/// second-level cache holds, so whoever goes through the frames in turn finds each frame's bodies as cold as a node
-/// does.
+/// The input of the narrow phase in some frames of the paper's world with 64,000 objects of mixed shapes: all bodies,
+/// and all candidates in the order of the sweep. The bodies of all frames exceed the second-level cache, so each frame
+/// has the cache misses that a node has.
 struct WorldPairs {
   struct Frame {
     std::vector<narrow_phase::Body> bodies;
@@ -21,7 +20,7 @@ struct WorldPairs {
   std::vector<Frame> frames;
 };
 
-/// Recorded when first asked for; lives as long as the program.
+/// Recorded on first use; lives until the program ends.
 const WorldPairs& world_pairs();
 
 /// Registers narrow/world/<pairs>/ringfence, where <pairs> is `all` or <kind_a>_<kind_b>.

@@ -8,7 +8,7 @@
 
 namespace ringfence::bench {
 
-/// A shape as Bullet has it, without margin where Bullet adds one.
+/// The Bullet shape of a shape, without margin where Bullet adds one.
 inline std::unique_ptr<btCollisionShape> bullet_shape(const geometry::ShapeTable& shapes, ShapeNumber shape) {
   const geometry::ShapeRow& row = shapes.row(shape);
   switch (row.kind) {
@@ -32,7 +32,7 @@ inline std::unique_ptr<btCollisionShape> bullet_shape(const geometry::ShapeTable
   }
 }
 
-/// A pose as Bullet has it.
+/// The Bullet transform of a pose.
 inline btTransform bullet_transform(const Pose& pose) {
   const Quat& q = pose.orientation;
   const Vec3d& p = pose.position;

@@ -13,7 +13,7 @@
 
 namespace ringfence::bench {
 
-/// A shape as FCL has it.
+/// The FCL geometry of a shape.
 inline std::shared_ptr<fcl::CollisionGeometryd> fcl_shape(const geometry::ShapeTable& shapes, ShapeNumber shape) {
   const geometry::ShapeRow& row = shapes.row(shape);
   const double x = double{row.size[0]}, y = double{row.size[1]}, z = double{row.size[2]};
@@ -53,7 +53,7 @@ inline std::shared_ptr<fcl::CollisionGeometryd> fcl_shape(const geometry::ShapeT
   }
 }
 
-/// A pose as FCL has it.
+/// The FCL transform of a pose.
 inline fcl::Transform3d fcl_transform(const Pose& pose) {
   const Quat& q = pose.orientation;
   fcl::Transform3d transform = fcl::Transform3d::Identity();

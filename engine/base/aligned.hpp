@@ -6,7 +6,7 @@
 
 namespace ringfence::base {
 
-/// Allocates on cache-line boundaries, so that a vector load of any width never straddles two lines.
+/// Allocates on cache-line boundaries, so an aligned vector load of any width never crosses two lines.
 template <class T>
 struct CacheLineAllocator {
   using value_type = T;
@@ -21,7 +21,7 @@ struct CacheLineAllocator {
   bool operator==(const CacheLineAllocator&) const noexcept = default;
 };
 
-/// A vector that starts on a cache line.
+/// A vector whose elements start on a cache line.
 template <class T>
 using AlignedVector = std::vector<T, CacheLineAllocator<T>>;
 

@@ -14,10 +14,11 @@
 
 namespace ringfence::base {
 
-/// Memory for `T` that grows and never shrinks; elements are not initialised.
+/// An array of trivially copyable elements that grows and never shrinks. New elements are not initialised.
 ///
-/// Large ones are asked for in huge pages, where the system has them: a million objects touch a hundred megabytes in
-/// an order that small pages' address translation does not follow. Throws std::bad_alloc from the calls that grow.
+/// Arrays of at least 1 MiB are aligned for huge pages and request them from the system: a million objects occupy about
+/// 100 MB, which are accessed in an order that causes many TLB misses with small pages. The functions that grow throw
+/// std::bad_alloc.
 template <class T>
 class Buffer {
   static_assert(std::is_trivially_copyable_v<T>);
@@ -36,14 +37,14 @@ class Buffer {
   }
   ~Buffer() { release(); }
 
-  /// Room for `count` elements; what was there is lost when the room has to grow.
+  /// Ensures room for `count` elements. If the array has to grow, its contents are lost.
   void reserve(std::size_t count) {
     if (count <= capacity_) return;
     release();
     allocate(count + count / 4);
   }
 
-  /// Room for `count` elements; the first `used` are kept.
+  /// Ensures room for `count` elements. Keeps the first `used` elements.
   void grow(std::size_t count, std::size_t used) {
     if (count <= capacity_) return;
     Buffer larger;
@@ -71,7 +72,7 @@ class Buffer {
     bytes_ = bytes;
     capacity_ = bytes / sizeof(T);
 #ifdef __linux__
-    // Advice only: without huge pages everything works, slower.
+    // Only advice: without huge pages everything works, but slower.
     if (unit == huge_page) (void)madvise(first_, bytes, MADV_HUGEPAGE);
 #endif
   }

@@ -10,27 +10,27 @@
 
 namespace ringfence::base {
 
-/// Where the object of a number is in somebody's table: a flat hash map from object numbers to 32-bit indices.
+/// A map from object numbers to 32-bit indices, for tables that are searched by object number.
 ///
-/// Numbers that are not much larger than the table (most worlds count from 1) have a place of their own: four bytes,
-/// one look. The others: open addressing with linear probing and backward-shift deletion (Knuth, The Art of Computer
-/// Programming, 6.4 R). Allocates only when it grows past half full, or when a larger number comes that may have a
-/// place; look-ups never do. Belongs to one thread at a time.
+/// Numbers that are not much larger than the table (most worlds count from 1) have an entry of 4 bytes in an array: a
+/// look-up is one read. Other numbers are in a hash table with open addressing, linear probing and backward-shift
+/// deletion (Knuth, The Art of Computer Programming, 6.4 R). Allocates only in set(): when the hash table becomes more
+/// than half full, or when a larger number gets an entry in the array. Belongs to one thread at a time.
 class NumberIndex {
  public:
   static constexpr std::uint32_t none = 0xffffffffu;
 
   explicit NumberIndex(std::size_t reserve = 0) {
     resize(reserve);
-    places_.reserve(reserve + 1);
+    direct_.reserve(reserve + 1);
   }
 
-  std::size_t size() const noexcept { return placed_ + size_; }
+  std::size_t size() const noexcept { return direct_count_ + size_; }
 
-  /// The index stored for `number`, or none.
+  /// The index stored for `number`, or `none`.
   std::uint32_t find(ObjectNumber number) const noexcept {
-    if (number < places_.size()) {
-      return places_[number];
+    if (number < direct_.size()) {
+      return direct_[number];
     }
     for (std::size_t at = home(number);; at = (at + 1) & mask_) {
       if (entries_[at].number == number) {
@@ -42,28 +42,28 @@ class NumberIndex {
     }
   }
 
-  /// Fetches what find() will look at.
+  /// Prefetches what find() will read.
   void prefetch(ObjectNumber number) const noexcept {
-    if (number < places_.size()) {
-      prefetch_for_read(&places_[number]);
+    if (number < direct_.size()) {
+      prefetch_for_read(&direct_[number]);
     } else {
       prefetch_for_read(&entries_[home(number)]);
     }
   }
 
-  /// Stores or replaces. Precondition: number is not 0.
+  /// Stores or replaces the index of `number`. Precondition: number is not 0.
   void set(ObjectNumber number, std::uint32_t index) {
-    if (number >= places_.size() && number < places_a_number * (size() + least_places)) {
-      make_places(number);
+    if (number >= direct_.size() && number < max_numbers_per_entry * (size() + min_entries)) {
+      grow_direct(number);
     }
-    if (number < places_.size()) {
-      placed_ += places_[number] == none ? 1 : 0;
-      places_[number] = index;
+    if (number < direct_.size()) {
+      direct_count_ += direct_[number] == none ? 1 : 0;
+      direct_[number] = index;
       return;
     }
     if ((size_ + 1) * 2 > entries_.size()) {
       resize(size_ + 1);
-      return set(number, index);  // what was put in anew may have made places for more than itself
+      return set(number, index);  // resize() may have moved numbers to the array
     }
     std::size_t at = home(number);
     while (entries_[at].number != 0 && entries_[at].number != number) {
@@ -74,9 +74,9 @@ class NumberIndex {
   }
 
   void erase(ObjectNumber number) noexcept {
-    if (number < places_.size()) {
-      placed_ -= places_[number] != none ? 1 : 0;
-      places_[number] = none;
+    if (number < direct_.size()) {
+      direct_count_ -= direct_[number] != none ? 1 : 0;
+      direct_[number] = none;
       return;
     }
     std::size_t at = home(number);
@@ -88,8 +88,8 @@ class NumberIndex {
     }
     --size_;
     for (std::size_t next = (at + 1) & mask_; entries_[next].number != 0; next = (next + 1) & mask_) {
-      const std::size_t wanted = home(entries_[next].number);
-      if (((next - wanted) & mask_) >= ((next - at) & mask_)) {
+      const std::size_t home_of_next = home(entries_[next].number);
+      if (((next - home_of_next) & mask_) >= ((next - at) & mask_)) {
         entries_[at] = entries_[next];
         at = next;
       }
@@ -98,8 +98,9 @@ class NumberIndex {
   }
 
  private:
-  static constexpr std::size_t places_a_number = 16;  ///< a node's share of a world, by number, is as sparse as that
-  static constexpr std::size_t least_places = 16;
+  static constexpr std::size_t max_numbers_per_entry =
+      16;  ///< a CD node's objects are about this sparse among the numbers of a world
+  static constexpr std::size_t min_entries = 16;
 
   struct Entry {
     ObjectNumber number = 0;
@@ -127,9 +128,9 @@ class NumberIndex {
     }
   }
 
-  // What is hashed and now has a place moves there.
-  void make_places(ObjectNumber number) {
-    places_.resize(std::max(number + std::size_t{1}, places_.capacity()), none);
+  // Moves the hashed numbers that now have an array entry there.
+  void grow_direct(ObjectNumber number) {
+    direct_.resize(std::max(number + std::size_t{1}, direct_.capacity()), none);
     if (size_ == 0) {
       return;
     }
@@ -143,8 +144,8 @@ class NumberIndex {
     }
   }
 
-  std::vector<std::uint32_t> places_;  ///< by number: its index, or none
-  std::size_t placed_ = 0;             ///< numbers that have one
+  std::vector<std::uint32_t> direct_;  ///< by number: its index, or `none`
+  std::size_t direct_count_ = 0;       ///< number of used entries in direct_
   std::vector<Entry> entries_;
   std::size_t mask_ = 0;
   std::size_t size_ = 0;

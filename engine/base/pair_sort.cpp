@@ -9,12 +9,12 @@
 namespace ringfence::base {
 namespace {
 
-constexpr unsigned most_digit_bits = 11;
-static_assert(std::size_t{1} << most_digit_bits == max_radix_digits);
-constexpr std::size_t few = 64;  // below this, comparing is cheaper than clearing one histogram
+constexpr unsigned max_digit_bits = 11;
+static_assert(std::size_t{1} << max_digit_bits == max_radix_digits);
+constexpr std::size_t max_comparison_sort = 64;  // up to this size, comparisons are cheaper than clearing one histogram
 
-/// Sorts what is nearly in order. False, and it is not sorted yet, where that takes more than a few moves an entry.
-bool insert_all(FlatList<std::uint64_t>& entries) noexcept {
+/// Sorts nearly sorted entries by insertion. Gives up and returns false after 4 moves an entry.
+bool insertion_sort(FlatList<std::uint64_t>& entries) noexcept {
   std::size_t moves = 4 * entries.size();
   for (std::size_t i = 1; i < entries.size(); ++i) {
     const std::uint64_t entry = entries[i];
@@ -56,23 +56,23 @@ void PairSort::sort_narrow(unsigned a_bits, unsigned b_bits) {
     const std::uint64_t bits = (keys_[i] >> 32 & a_mask) << b_bits | (keys_[i] & b_mask);
     entries_[i] = bits << index_bits_ | i;
   }
-  if (entries_.size() <= few) {
+  if (entries_.size() <= max_comparison_sort) {
     std::sort(entries_.begin(), entries_.end());
     return;
   }
-  // By as many of the upper bits as make most entries differ, the rest by insertion; by all of them where a few numbers
-  // have most of the contacts.
+  // Sorts by enough upper bits to make most entries differ, then by insertion. If that takes too long, because a few
+  // numbers have most of the contacts, sorts by all bits.
   const auto needed = std::min(a_bits + b_bits, static_cast<unsigned>(std::bit_width(entries_.size())) + 2);
   sort_narrow_by(index_bits_ + a_bits + b_bits - needed, index_bits_ + a_bits + b_bits);
-  if (!insert_all(entries_)) {
+  if (!insertion_sort(entries_)) {
     sort_narrow_by(index_bits_, index_bits_ + a_bits + b_bits);
   }
 }
 
-// In as few passes as that takes, each of as few digits as that takes.
+// Sorts by the given bits, in the least number of passes, with equal digits.
 void PairSort::sort_narrow_by(unsigned first_bit, unsigned end_bit) {
   other_.resize(entries_.size());
-  const unsigned passes = (end_bit - first_bit + most_digit_bits - 1) / most_digit_bits;
+  const unsigned passes = (end_bit - first_bit + max_digit_bits - 1) / max_digit_bits;
   const unsigned bits = passes == 0 ? 0 : (end_bit - first_bit + passes - 1) / passes;
   const std::uint64_t mask = (std::uint64_t{1} << bits) - 1;
   for (unsigned shift = first_bit; shift < end_bit; shift += bits) {
@@ -87,14 +87,14 @@ void PairSort::sort_wide(std::uint64_t differs) {
   for (std::size_t i = 0; i < keys_.size(); ++i) {
     wide_entries_[i] = {keys_[i], i};
   }
-  if (wide_entries_.size() <= few) {
+  if (wide_entries_.size() <= max_comparison_sort) {
     std::sort(wide_entries_.begin(), wide_entries_.end(),
               [](const WideEntry& p, const WideEntry& q) { return p.key < q.key; });
     return;
   }
   wide_other_.resize(keys_.size());
-  constexpr std::size_t digits = std::size_t{1} << most_digit_bits;
-  for (unsigned shift = 0; shift < 64; shift += most_digit_bits) {
+  constexpr std::size_t digits = std::size_t{1} << max_digit_bits;
+  for (unsigned shift = 0; shift < 64; shift += max_digit_bits) {
     if ((differs >> shift & (digits - 1)) == 0) {
       continue;
     }

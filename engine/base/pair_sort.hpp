@@ -8,30 +8,30 @@
 
 namespace ringfence::base {
 
-/// Puts contacts in the one order that files, merges and models rely on: by (a, b).
+/// Sorts pairs of object numbers, the keys of contacts, by (a, b): the order of files, merges and models.
 ///
-/// Radix sort, at most 11 bits a pass, of as many bits of the two numbers as differ; of as many of these as there are
-/// contacts to tell apart, where that leaves little to be put right by insertion. Where the bits and a contact's
-/// position fit 64 bits, as in every world that is numbered from 1 up to millions of objects, eight bytes are sorted,
-/// else sixteen. Memory: 40 bytes a contact at most, kept. Belongs to one role.
+/// Radix sort with at most 11 bits a pass. Uses only the bits in which the numbers differ. If few pairs are equal in
+/// their upper bits, it sorts by these bits only and finishes by insertion. If the bits and a pair's position fit into
+/// 64 bits, as in every world with numbers from 1 to some millions, an entry has 8 bytes, else 16. Memory: at most 40
+/// bytes a pair, kept. Belongs to one role.
 class PairSort {
  public:
   static constexpr std::uint64_t key(ObjectNumber a, ObjectNumber b) noexcept { return std::uint64_t{a} << 32 | b; }
 
-  /// For so many keys; more are taken at the price of allocations.
+  /// Reserves memory for `keys` pairs. More may be added, at the cost of an allocation.
   void reserve(std::size_t keys) {
     keys_.reserve(keys);
     entries_.reserve(keys);
     other_.reserve(keys);
   }
-  /// Forgets all keys.
+  /// Removes all keys.
   void clear() noexcept { keys_.clear(); }
   void add(ObjectNumber a, ObjectNumber b) { keys_.push_back(key(a, b)); }
   void add(std::uint64_t key) { keys_.push_back(key); }
-  /// Sorts; afterwards at(i) is the position, in the order of add, of the i-th contact by (a, b), and key_at(i) its
+  /// Sorts. Afterwards, at(i) is the position of the i-th smallest key in the order of adding, and key_at(i) is that
   /// key.
   void sort();
-  /// The i-th key that was added.
+  /// The i-th key in the order of adding.
   std::uint64_t added(std::size_t i) const noexcept { return keys_[i]; }
   std::size_t size() const noexcept { return keys_.size(); }
   std::uint32_t at(std::size_t i) const noexcept {
@@ -50,7 +50,7 @@ class PairSort {
   void sort_narrow_by(unsigned first_bit, unsigned end_bit);
   void sort_wide(std::uint64_t differs);
 
-  FlatList<std::uint64_t> keys_;  ///< in the order of add
+  FlatList<std::uint64_t> keys_;  ///< in the order of adding
   bool wide_ = false;
   unsigned index_bits_ = 0;
   FlatList<std::uint64_t> entries_, other_;  ///< bits of a, bits of b, position

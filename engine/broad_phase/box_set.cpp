@@ -5,7 +5,7 @@
 namespace ringfence::broad_phase {
 namespace {
 constexpr std::size_t sample_size = 4096;
-constexpr std::size_t builds_per_plan = 64;  // builds: a plan costs about as much as a tenth of one
+constexpr std::size_t builds_per_plan = 64;  // a plan costs about a tenth of a build
 }  // namespace
 
 BoxSet::BoxSet(std::size_t boxes) {
@@ -22,16 +22,16 @@ void BoxSet::plan_level(const Kernels& kernels, std::span<const geometry::Bounds
                         std::span<const std::uint32_t> slots, std::size_t level) {
   const SizeLimit& limit = limits_[level];
   const std::size_t stride = std::max<std::size_t>(1, slots.size() / sample_size);
-  std::size_t looked_at = 0;
+  std::size_t examined = 0;
   sample_.clear();
-  for (std::size_t k = 0; k < slots.size() && sample_.size() < sample_.capacity(); k += stride, ++looked_at) {
+  for (std::size_t k = 0; k < slots.size() && sample_.size() < sample_.capacity(); k += stride, ++examined) {
     const geometry::Bounds& b = bounds[slots[k]];
     bool fits = true;
     for (int a = 0; a < 3; ++a) fits &= b.upper[a] - b.lower[a] <= limit.extent[a];
     if (fits) sample_.push_back(b);
   }
   if (sample_.empty()) sample_.push_back(bounds[slots[0]]);
-  const std::size_t count = std::max<std::size_t>(sample_.size(), slots.size() * sample_.size() / looked_at);
+  const std::size_t count = std::max<std::size_t>(sample_.size(), slots.size() * sample_.size() / examined);
   layouts_[level] = plan_rows({sample_, count, {limit.extent[0], limit.extent[1], limit.extent[2]}}, kernels.lanes);
   laid_out_[level] = true;
 }
@@ -48,7 +48,8 @@ void BoxSet::build(const Kernels& kernels, std::span<const geometry::Bounds> bou
   }
   std::size_t left = slots.size();
   for (std::size_t level = 0; level < planned_levels_ && left > 0; ++level) {
-    // A level is laid out when the first boxes come for it, be that after the plan.
+    // The layout of a level is planned when the level first receives boxes, which may be later than the plan of the
+    // levels.
     if (!laid_out_[level]) plan_level(kernels, bounds, slots.first(left), level);
     RowGrid& grid = grids_[levels_];
     grid.open(layouts_[level], left, masks);

@@ -12,17 +12,19 @@
 
 namespace ringfence::broad_phase {
 
-/// Boxes of any mix of sizes: one RowGrid for each size level that has some.
+/// A set of boxes of any mix of sizes: one RowGrid for each size level that holds boxes.
 ///
-/// Plans its levels and rows from the boxes themselves, and again when they have changed enough or some frames have
-/// passed. Allocates when it grows, and not for a plan.
+/// Levels and row layouts are planned from a sample of the boxes. They are planned again after 64 builds, or earlier
+/// when the
+/// number of boxes or the share of large boxes has changed by too much. Memory: allocates when the set grows, not for a
+/// plan.
 class BoxSet {
  public:
   explicit BoxSet(std::size_t boxes);
 
-  /// Makes the set hold the boxes of `slots`, in place of what it held. Overwrites `slots`. The boxes are staged, not
-  /// yet sorted: the sweep does that bucket by bucket, so that it finds them in the cache.
-  /// `layers` by slot and `masks` as in RowGrid; both null where all layers collide.
+  /// Replaces the content of the set by the boxes of `slots`, whose order is overwritten. The boxes are staged but not
+  /// yet sorted: the sweep sorts bucket by bucket, so that it finds the sorted boxes in the cache. `layers` (by slot)
+  /// and `masks` are as in RowGrid; both are null where all layers collide.
   void build(const Kernels& kernels, std::span<const geometry::Bounds> bounds, const std::uint8_t* layers,
              const std::uint32_t* masks, std::span<std::uint32_t> slots);
   void clear() noexcept { levels_ = 0; }
@@ -42,9 +44,9 @@ class BoxSet {
   std::array<bool, max_levels> laid_out_{};
   std::size_t planned_levels_ = 0;
   std::size_t planned_boxes_ = 0;
-  std::size_t planned_larger_ = 0;  ///< boxes beyond the first level when last planned
-  std::size_t larger_ = 0;          ///< and in the last build
-  std::size_t age_ = 0;             ///< builds since the plan
+  std::size_t planned_larger_ = 0;  ///< boxes larger than the first level at the last plan
+  std::size_t larger_ = 0;          ///< boxes larger than the first level in the last build
+  std::size_t age_ = 0;             ///< builds since the last plan
   std::vector<geometry::Bounds> sample_;
 };
 

@@ -8,41 +8,42 @@
 
 namespace ringfence::broad_phase {
 
-/// Sorted positions from `first` up to `end` that are to be compared with the box at position `asker`.
+/// The sorted positions [first, end) to compare with the box at position `origin`.
 struct Window {
   std::uint32_t origin, first, end;
 };
 
-/// Where the kernels put what they find.
+/// Buffers for the output of the kernels.
 ///
-/// A *find* is what the codes let through of a few boxes that were compared with one: the exact test has yet to see
-/// it. A kernel drains the finds into `pairs` before it returns.
+/// A *hit* is a group of boxes whose codes match the code of one box (its origin). The exact test of a hit is still
+/// pending. A kernel runs the exact test of all its hits before it returns, which moves them to `pairs`.
 struct PairSink {
   base::Buffer<std::uint64_t>
-      positions;                       ///< by find: of the box that asked; in the high half, of the first of the others
-  base::Buffer<std::uint32_t> others;  ///< by find, those that may overlap it, by bits from the first on; not 0
-  base::Buffer<std::uint64_t> to_test;   ///< by find, two indices of boxes: scratch of the exact test
-  base::Buffer<std::uint32_t> crossing;  ///< of the boxes swept since the last exact tests: which reach into other rows
-  base::Buffer<Window> windows;          ///< and what they meet there
+      hit_positions;  ///< by hit: low half, position of the origin; high half, position of bit 0 of the mask
+  base::Buffer<std::uint32_t> hit_masks;    ///< by hit: bit mask of the boxes whose codes match; never 0
+  base::Buffer<std::uint64_t> box_indices;  ///< by hit: the indices of two boxes; scratch memory of the exact test
+  base::Buffer<std::uint32_t> crossing;     ///< boxes of the current block that reach into other rows
+  base::Buffer<Window> windows;             ///< the positions in those rows to compare with them
   base::Buffer<geometry::CandidatePair> pairs;
-  std::size_t count = 0;  ///< pairs found
+  std::size_t count = 0;  ///< number of pairs found
 
-  /// Boxes between two exact tests: so many that their memory is fetched at once, so few that it stays in the cache.
+  /// Boxes per block. The exact tests run after each block: enough boxes to overlap the memory accesses, few enough to
+  /// stay in the cache.
   static constexpr std::uint32_t block = 1024;
-  /// Finds after which a kernel drains before that; beyond them one box's finds still fit.
+  /// With more hits than this the exact tests run before the end of the block. The hits of one more box still fit.
   static constexpr std::size_t max_untested_hits = 1024;
 
-  /// Room for the finds of one box among `boxes`, and of `max_untested_hits` before it.
+  /// Reserves room for `max_untested_hits` hits and those of one more box among `boxes`.
   void open(std::size_t boxes) {
     const std::size_t hits = max_untested_hits + boxes + 64;
-    positions.reserve(hits);
-    others.reserve(hits);
-    to_test.reserve(hits);
+    hit_positions.reserve(hits);
+    hit_masks.reserve(hits);
+    box_indices.reserve(hits);
     crossing.reserve(block);
-    windows.reserve(7 * block);  // three rows beyond its own, and each of the four may wrap around
+    windows.reserve(7 * block);  // up to three other rows, and each of the four may wrap around
   }
 
-  /// Room for `more` pairs.
+  /// Makes room for `more` pairs and returns where they start.
   geometry::CandidatePair* claim(std::size_t more) {
     if (count + more > pairs.capacity()) pairs.grow(count + more, count);
     return pairs.data() + count;

@@ -1,4 +1,4 @@
-// The boxes of one grid against those of another. Included once for each Highway target.
+// Tests the boxes of one grid against those of another. Included once for each Highway target.
 
 #if defined(RINGFENCE_BROAD_PHASE_QUERYING_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_BROAD_PHASE_QUERYING_INL
@@ -21,13 +21,13 @@ namespace ringfence::broad_phase::HWY_NAMESPACE {
 
 #if HWY_TARGET == HWY_SCALAR
 
-// The cells that a box of another grid looks into.
+// Computes the cells of a grid that a box of another grid can collide with.
 class CellRangeFinder {
  public:
   explicit CellRangeFinder(const RowLayout& rows) : rows_(rows) {}
 
-  // The first and the last on each axis, counted from the world's start; 0 on an axis without cells. Whether the box is
-  // within the level's limit.
+  // Writes the first and the last cell on each axis, not wrapped; 0 on an axis with one cell. Returns whether the box
+  // is within the size limit of the grid.
   bool operator()(const GridBox& box, std::uint32_t (&first)[4], std::uint32_t (&last)[4]) const {
     bool fits = true;
     for (std::size_t a = 0; a < 3; ++a) {
@@ -45,7 +45,7 @@ class CellRangeFinder {
 
 #else
 
-// The cells that a box of another grid looks into.
+// Computes the cells of a grid that a box of another grid can collide with.
 class CellRangeFinder {
  public:
   explicit CellRangeFinder(const RowLayout& rows)
@@ -54,8 +54,8 @@ class CellRangeFinder {
     limit_ = hn::LoadU(Corner(), limit);
   }
 
-  // The first and the last on each axis, counted from the world's start; 0 on an axis without cells. Whether the box is
-  // within the level's limit.
+  // Writes the first and the last cell on each axis, not wrapped; 0 on an axis with one cell. Returns whether the box
+  // is within the size limit of the grid.
   HWY_INLINE bool operator()(const GridBox& box, std::uint32_t (&first)[4], std::uint32_t (&last)[4]) const {
     const Corner d;
     const auto lower = hn::Load(d, box.lower), upper = hn::Load(d, box.upper);
@@ -72,34 +72,34 @@ class CellRangeFinder {
 
 #endif
 
-// What a box of another grid is to be compared with, and the code that it looks for there.
+// A range of positions to compare with a box of another grid, and the code of that box in this grid's quanta.
 struct WindowQuery {
   std::uint64_t code;
   Window window;
 };
 
-// For the boxes that are larger than the limit, of which a code says nothing, or whose cells wrap around.
+// Handles boxes above the size limit, for which codes decide nothing, and boxes whose cells wrap around.
 template <bool layered>
 HWY_NOINLINE std::size_t query_irregular(const RowGrid& b, std::uint32_t i, const GridBox& box, SearchKey search_key,
                                          bool fits, HitList hits, std::size_t found) {
   const RowLayout& rows = b.layout;
   const std::uint32_t* const cell_end = b.cell_end.data() + 1;
-  const Neighbourhood near(rows, box.lower, box.upper);
-  const std::uint32_t x_end = near.x.first + near.x.count - 1, x_mask = rows.cell_mask[0];
-  const auto take = [&](std::uint32_t first, std::uint32_t end) HWY_ATTR {
+  const Neighbourhood cells(rows, box.lower, box.upper);
+  const std::uint32_t x_end = cells.x.first + cells.x.count - 1, x_mask = rows.cell_mask[0];
+  const auto scan_range = [&](std::uint32_t first, std::uint32_t end) HWY_ATTR {
     if (fits) {
       found = scan<layered>(Columns(b), search_key, {i, first, end}, hits, found);
       return;
     }
-    // Most of what a large box covers it meets: all of it goes to the exact test.
+    // A large box overlaps most boxes in its cells, so all of them get the exact test.
     for (std::uint32_t j = first; j < end; ++j)
       found = hits.add(found, i, j, !layered || (b.layer_bits[j] & search_key.layers) != 0);
   };
-  for (std::uint32_t dz = 0; dz < near.z.count; ++dz)
-    for (std::uint32_t dy = 0; dy < near.y.count; ++dy) {
-      const std::uint32_t* const row = cell_end + near.row_key(rows, dy, dz);
-      take(row[static_cast<std::int64_t>(near.x.first) - 1], row[std::min(x_end, x_mask)]);
-      if (x_end > x_mask) take(row[-1], row[x_end & x_mask]);
+  for (std::uint32_t dz = 0; dz < cells.z.count; ++dz)
+    for (std::uint32_t dy = 0; dy < cells.y.count; ++dy) {
+      const std::uint32_t* const row = cell_end + cells.row_key(rows, dy, dz);
+      scan_range(row[static_cast<std::int64_t>(cells.x.first) - 1], row[std::min(x_end, x_mask)]);
+      if (x_end > x_mask) scan_range(row[-1], row[x_end & x_mask]);
     }
   return found;
 }
@@ -121,7 +121,8 @@ void query_where(const RowGrid& a, std::uint32_t first, std::uint32_t last, cons
   const CellRangeFinder find_cells(rows);
   const std::uint32_t x_mask = rows.cell_mask[0], y_mask = rows.cell_mask[1], z_mask = rows.cell_mask[2];
   const std::uint32_t y_to = rows.x_bits, z_to = rows.x_bits + rows.y_bits;
-  // As in the sweep, no branch on where a box lies: it fills up to four windows, and those are scanned in a row.
+  // As in the sweep there is no branch on the position of a box: each box writes up to four windows, which are scanned
+  // afterwards.
   constexpr std::uint32_t block = 256;
   WindowQuery queries[4 * block];
   for (std::uint32_t begin = first; begin < last; begin += block) {
@@ -137,19 +138,20 @@ void query_where(const RowGrid& a, std::uint32_t first, std::uint32_t last, cons
         test_if_full();
         continue;
       }
-      // At most two rows and two slabs: they are two limits deep, and so is what is looked at.
+      // At most two rows and two slabs: each is at least two limits deep, and the range that a box covers is at most
+      // that deep.
       const std::uint32_t y[2] = {(from[1] & y_mask) << y_to, (to[1] & y_mask) << y_to};
       const std::uint32_t z[2] = {(from[2] & z_mask) << z_to, (to[2] & z_mask) << z_to};
       const std::uint32_t x_first = from[0] & x_mask, x_last = to[0] & x_mask;
       const std::uint32_t two_rows = from[1] != to[1], two_slabs = from[2] != to[2];
-      const auto ask = [&](std::uint32_t row, std::uint32_t wanted) HWY_ATTR {
+      const auto add_query = [&](std::uint32_t row, std::uint32_t needed) HWY_ATTR {
         queries[count] = {code, {i, cell_end[static_cast<std::int64_t>(row + x_first) - 1], cell_end[row + x_last]}};
-        count += wanted;
+        count += needed;
       };
-      ask(y[0] | z[0], 1);
-      ask(y[1] | z[0], two_rows);
-      ask(y[0] | z[1], two_slabs);
-      ask(y[1] | z[1], two_rows & two_slabs);
+      add_query(y[0] | z[0], 1);
+      add_query(y[1] | z[0], two_rows);
+      add_query(y[0] | z[1], two_slabs);
+      add_query(y[1] | z[1], two_rows & two_slabs);
     }
     for (std::uint32_t k = 0; k < count; ++k) {
       const Window& window = queries[k].window;

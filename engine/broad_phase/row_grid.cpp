@@ -27,29 +27,29 @@ void RowGrid::open(const RowLayout& rows, std::size_t boxes_expected, const std:
 }
 
 double RowGrid::estimated_query_cost(const RowGrid& source) const noexcept {
-  constexpr std::uint32_t most_asked = 16, most_rows = 256;
-  const std::uint32_t stride = source.count / most_asked + 1;
+  constexpr std::uint32_t max_samples = 16, max_rows = 256;
+  const std::uint32_t stride = source.count / max_samples + 1;
   double cost = 0;
-  std::uint32_t asked = 0;
-  for (std::uint32_t p = stride / 2; p < source.count; p += stride, ++asked) {
+  std::uint32_t sampled = 0;
+  for (std::uint32_t p = stride / 2; p < source.count; p += stride, ++sampled) {
     const GridBox& box = source.boxes[source.entries[p].box];
     if (contains(box)) {
       cost += 20;
       continue;
     }
-    const Neighbourhood near(layout, box.lower, box.upper);
-    const std::uint32_t all_rows = near.y.count * near.z.count;
-    const std::uint32_t skip = (all_rows + most_rows - 1) / most_rows;
+    const Neighbourhood cells(layout, box.lower, box.upper);
+    const std::uint32_t all_rows = cells.y.count * cells.z.count;
+    const std::uint32_t skip = (all_rows + max_rows - 1) / max_rows;
     std::uint32_t rows = 0;
     double found = 0;
     for (std::uint32_t row = 0; row < all_rows; row += skip, ++rows) {
-      const std::uint32_t first = near.row_key(layout, row % near.y.count, row / near.y.count);
+      const std::uint32_t first = cells.row_key(layout, row % cells.y.count, row / cells.y.count);
       const std::uint32_t boxes_in_row = cell_end[first + layout.cell_mask[0] + 1] - cell_end[first];
-      found += boxes_in_row * double(near.x.count) / (double(layout.cell_mask[0]) + 1);
+      found += boxes_in_row * double(cells.x.count) / (double(layout.cell_mask[0]) + 1);
     }
     cost += all_rows * (3 + 4 * found / rows);
   }
-  return asked == 0 ? 0 : cost * source.count / asked;
+  return sampled == 0 ? 0 : cost * source.count / sampled;
 }
 
 }  // namespace ringfence::broad_phase

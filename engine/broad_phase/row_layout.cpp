@@ -9,7 +9,7 @@
 namespace ringfence::broad_phase {
 namespace {
 
-constexpr std::uint32_t largest_code_extent = 31;  // quanta; see RowLayout
+constexpr std::uint32_t largest_code_extent = 31;  // in quanta; see RowLayout
 constexpr double largest = 4294967295.0;
 
 std::uint32_t quantum_for(std::uint32_t limit) {
@@ -18,15 +18,16 @@ std::uint32_t quantum_for(std::uint32_t limit) {
   return shift;
 }
 
-// What is known of the boxes on one axis.
+// Statistics of the boxes on one axis.
 struct AxisSample {
   std::uint32_t first = 0xffffffff, last = 0;  ///< lowest and highest lower corner
   double extent = 0;                           ///< mean
   double span() const { return double(last - first) + extent + 1; }
 };
 
-// Expected number of other boxes that start within a cell of some limits' size around a box, over that cell's volume:
-// the density that the boxes see, not that of the space, which in a world with crowds is far less.
+// Expected number of other boxes that start near a box (within a cell of a few size limits), divided by the volume of
+// that cell. This is the density around the boxes. In worlds with crowds it is far higher than the mean density of the
+// space.
 double local_density(const LevelSample& sample, const std::array<AxisSample, 3>& axes) {
   constexpr std::size_t slots = 8192;
   std::uint32_t shift[3];
@@ -85,7 +86,7 @@ RowLayout plan_rows(const LevelSample& sample, std::size_t lanes) {
   }
   double least = std::numeric_limits<double>::infinity();
   AxisCut best[3];
-  // Rows and slabs from two limits deep, cells from a thirtieth of one.
+  // Rows and slabs are at least two limits deep; cells start at a thirtieth of a limit.
   bool more_y = true;
   for (std::uint32_t sy = std::min(31u, rows.quantum[1] + 6); more_y; ++sy) {
     bool more_z = true;
@@ -97,7 +98,7 @@ RowLayout plan_rows(const LevelSample& sample, std::size_t lanes) {
         AxisCut x = cut(axes[0], sx, least_x), y = cut(axes[1], sy, 2), z = cut(axes[2], sz, 2);
         more_x = x.bits != 0, more_y = y.bits != 0, more_z = z.bits != 0;
         double aliased = 1;
-        // Too many cells for the boxes: let the torus wrap, the longest axis first.
+        // Too many cells for the number of boxes: wrap the grid more often, on the longest axis first.
         while (std::ldexp(1.0, static_cast<int>(x.bits + y.bits + z.bits)) > most_cells) {
           if (x.bits > least_x && x.bits >= y.bits + 2 && x.bits >= z.bits + 2)
             --x.bits;
@@ -128,11 +129,12 @@ RowLayout plan_rows(const LevelSample& sample, std::size_t lanes) {
         const double crossings = into_y + into_z * (1 + into_y + near_y);
         const double width = static_cast<double>(lanes);
         const double cells = std::ldexp(1.0, static_cast<int>(x.bits + y.bits + z.bits));
-        // What a slab and the next hold is met again and again: codes, entries and boxes, 48 bytes a box.
+        // A slab and the next one are read repeatedly: codes, entries and boxes, 48 bytes per box.
         const double slabs = std::max(1.0, axes[2].span() / depth(z, 2));
         const double kept_at_hand = 2 * 48 * n / slabs;
         const double misses = z.bits == 0 ? 0 : 1.5 * std::max(0.0, std::log2(kept_at_hand / 1e6));
-        // Nanoseconds, measured: a vector, a crossing's bookkeeping, a cell of the table, the second-level cache.
+        // Measured, in nanoseconds: one vector comparison, the bookkeeping of a neighbour row, one cell of the table,
+        // misses of the second-level cache.
         const double cost = 1.5 * own / width + crossings * (5 + 1.5 * across / width) + 0.7 * cells / n + misses;
         if (cost < least && cells <= 16 * most_cells) {
           least = cost;
@@ -151,8 +153,8 @@ RowLayout plan_rows(const LevelSample& sample, std::size_t lanes) {
   rows.cells = 1u << (best[0].bits + best[1].bits + best[2].bits);
   rows.back = best[0].bits == 0 ? 0 : (sample.limit[0] >> best[0].shift) + 1;
   const std::uint32_t key_bits = best[0].bits + best[1].bits + best[2].bits;
-  const auto wanted = static_cast<std::uint32_t>(std::bit_width(sample.count >> 12));
-  const std::uint32_t bucket_bits = std::min({wanted, key_bits, 5u});
+  const auto desired_bits = static_cast<std::uint32_t>(std::bit_width(sample.count >> 12));
+  const std::uint32_t bucket_bits = std::min({desired_bits, key_bits, 5u});
   rows.bucket_shift = key_bits - bucket_bits;
   rows.buckets = 1u << bucket_bits;
   return rows;
@@ -160,7 +162,7 @@ RowLayout plan_rows(const LevelSample& sample, std::size_t lanes) {
 
 std::size_t plan_levels(std::span<const geometry::Bounds> boxes, std::span<const std::uint32_t> slots,
                         std::span<SizeLimit, max_levels> levels) {
-  // The unit on each axis is the median extent of a sample; a box's size is its largest extent in units.
+  // The unit on each axis is the median extent in a sample. The size of a box is its largest extent in units.
   constexpr std::size_t sampled = 1024;
   const std::size_t stride = std::max<std::size_t>(1, slots.size() / sampled);
   std::array<float, 3> unit;
@@ -172,7 +174,7 @@ std::size_t plan_levels(std::span<const geometry::Bounds> boxes, std::span<const
     std::nth_element(extents.begin(), extents.begin() + count / 2, extents.begin() + count);
     unit[a] = static_cast<float>(std::max<std::uint32_t>(1, extents[count / 2]));
   }
-  // Sizes by quarter octaves, from 2^-32 to 2^32.
+  // Histogram of sizes in quarter octaves, from 2^-32 to 2^32.
   constexpr int octaves = 64;
   std::array<std::size_t, 4 * octaves> histogram{};
   std::array<float, 4 * octaves> most{};
@@ -189,7 +191,7 @@ std::size_t plan_levels(std::span<const geometry::Bounds> boxes, std::span<const
   std::size_t left = slots.size();
   std::size_t bucket = 0;
   while (left > 0 && count + 1 < max_levels) {
-    // The smallest fiftieth rides with the rest of its level however small it is.
+    // The smallest fiftieth belongs to the same level as the next sizes, however small it is.
     std::size_t taken = 0;
     while (taken <= left / 50 && bucket < histogram.size()) taken += histogram[bucket++];
     std::size_t end = std::min(bucket + 7, histogram.size()), top = bucket - 1;

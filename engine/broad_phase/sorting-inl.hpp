@@ -1,4 +1,4 @@
-// Sorts a bucket by cell and codes its boxes. Included once for each Highway target.
+// Sorts a bucket by cell and computes the codes of its boxes. Included once for each Highway target.
 
 #if defined(RINGFENCE_BROAD_PHASE_SORTING_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_BROAD_PHASE_SORTING_INL
@@ -71,7 +71,7 @@ class CodeEncoder {
     const auto lower = hn::Load(d, box.lower), upper = hn::Load(d, box.upper);
     const auto cell = hn::Shr(lower, shift_);
     const auto beyond = hn::And(hn::Sub(hn::Shr(upper, shift_), cell), partitioned_);
-    // Whether the row is left at all when the limit is taken off: the lowest bit of the difference, moved to bit 2.
+    // Whether the lower corner minus the limit lies in another row: the lowest bit of the difference, moved to bit 2.
     const auto before = hn::ShiftLeft<2>(hn::Sub(cell, hn::Shr(hn::Sub(lower, limit_), shift_)));
     const auto x_and_y = hn::Or(beyond, hn::And(before, before_y_));
     const auto z = hn::Add(beyond, beyond);
@@ -127,7 +127,7 @@ inline void sort(RowGrid& grid, std::uint32_t bucket) {
   const std::uint32_t first_key = bucket << rows.bucket_shift;
   const std::uint32_t last_key = first_key + (1u << rows.bucket_shift);
   std::memset(cell_end + first_key, 0, (last_key - first_key) * sizeof(std::uint32_t));
-  // While counting, fetches what sorting is about to write.
+  // Prefetch, while counting, the memory that sorting writes next.
   std::uint64_t* codes_ahead = grid.codes.data() + grid.count;
   GridEntry* entries_ahead = grid.entries.data() + grid.count;
   for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {

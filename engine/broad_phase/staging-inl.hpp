@@ -1,4 +1,4 @@
-// Streams boxes into the buckets of a grid. Included once for each Highway target.
+// Copies boxes into the buckets of a grid. Included once for each Highway target.
 
 #if defined(RINGFENCE_BROAD_PHASE_STAGING_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_BROAD_PHASE_STAGING_INL
@@ -22,7 +22,7 @@ namespace ringfence::broad_phase::HWY_NAMESPACE {
 
 #if HWY_ARCH_X86_64 && HWY_TARGET <= HWY_AVX3
 
-// A bit extract for x and y together and one for z; every processor with AVX-512 has a fast one.
+// One bit extraction for x and y together and one for z; all processors with AVX-512 have a fast one.
 class KeyEncoder {
  public:
   explicit KeyEncoder(const RowLayout& rows)
@@ -107,7 +107,7 @@ HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, std::uint32_t
   const auto lower = limit.with_fourth(hn::LoadU(d, b.lower), slot);
   const auto upper = limit.with_fourth(hn::Shuffle0321(hn::LoadU(d, b.lower + 2)), GridBox::present);
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX2
-  // One store in place of four.
+  // One store instead of four.
   const hn::FixedTag<std::uint32_t, 8> both;
   hn::Store(hn::Combine(both, upper, lower), both, to.lower);
 #else
@@ -136,7 +136,7 @@ std::size_t stage_where(RowGrid& grid, const geometry::Bounds* bounds, const std
     const std::uint32_t key = key_of(b);
     std::uint32_t& next = cursor[key >> bucket_shift];
     const std::uint32_t at = next;
-    // Stores leave in order: one that has to fetch its line holds up all behind it.
+    // Stores retire in order: a store that misses the cache delays all later ones.
     base::prefetch_for_write(boxes + at + 6);
     base::prefetch_for_write(keys + at + 16);
     keys[at] = key;
@@ -148,7 +148,7 @@ std::size_t stage_where(RowGrid& grid, const geometry::Bounds* bounds, const std
     next = at + 1;
     if (HWY_UNLIKELY((next & (RowGrid::chunk - 1)) == 0)) next = grid.add_chunk(at / RowGrid::chunk);
   };
-  // Where few of many move, and from page to page, the processor does not foresee what comes next.
+  // Where few of many boxes move, the hardware prefetcher does not predict the next page.
   constexpr std::size_t ahead = 40;
   std::size_t k = 0;
   for (; k + ahead < count; ++k) {

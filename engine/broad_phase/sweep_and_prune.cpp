@@ -17,12 +17,12 @@ namespace {
 // A part of the sweep: the boxes of `a` among themselves, or against those of `b`.
 struct Task {
   RowGrid* a;
-  RowGrid* b;  ///< null: among themselves
+  RowGrid* b;  ///< null: `a` among themselves
 };
 constexpr std::size_t max_tasks = max_levels * (max_levels + 1) / 2 + max_levels * max_levels;
 
-// Where a box that is kept at rest is.
-struct Place {
+// Where a box of the resting set is stored.
+struct RestingLocation {
   std::uint32_t position;
   std::uint32_t grid;
 };
@@ -35,17 +35,17 @@ struct SweepAndPrune::Implementation {
   Kernels kernels = choose_kernels();
   BoxSet moving;
   BoxSet resting;
-  PairSink sink;  ///< the remembered pairs of the resting, then those found in this call
+  PairSink sink;  ///< the pairs within the resting set, followed by those found in this call
   base::Buffer<std::uint32_t> moving_slots;
   base::Buffer<std::uint32_t> leaving_slots;
   base::Buffer<std::uint32_t> resting_slots;
-  base::Buffer<std::uint8_t> kept;  ///< by slot: 1 where the resting set holds it
-  base::Buffer<Place> place;        ///< by slot, where kept
-  std::size_t slots = 0;            ///< of the last call
-  std::size_t kept_count = 0;
-  std::size_t removed = 0;        ///< taken out of the resting set since it was built
-  std::size_t resting_pairs = 0;  ///< pairs among the resting
-  std::size_t debt = 0;           ///< what not rebuilding the resting set has cost, in boxes
+  base::Buffer<std::uint8_t> in_resting_set;  ///< by slot: 1 where the resting set holds the box
+  base::Buffer<RestingLocation> location;     ///< by slot; valid where the resting set holds the box
+  std::size_t slots = 0;                      ///< number of slots in the last call
+  std::size_t resting_count = 0;
+  std::size_t removed = 0;        ///< boxes removed from the resting set since it was built
+  std::size_t resting_pairs = 0;  ///< number of pairs within the resting set
+  std::size_t rebuild_debt = 0;   ///< extra cost so far of not rebuilding the resting set, in boxes
   std::array<Task, max_tasks> tasks;
   std::size_t task_count = 0, task = 0;
   std::uint32_t position = 0;
@@ -69,37 +69,38 @@ struct SweepAndPrune::Implementation {
     moving_slots.reserve(objects + 128);
     leaving_slots.reserve(objects + 128);
     resting_slots.reserve(objects + 128);
-    place.grow(objects, slots);
-    kept.grow(objects, slots);
+    location.grow(objects, slots);
+    in_resting_set.grow(objects, slots);
   }
 
   void resize(std::size_t objects) {
     for (std::size_t slot = objects; slot < slots; ++slot)
-      if (kept[slot] != 0) remove_resting(static_cast<std::uint32_t>(slot));
+      if (in_resting_set[slot] != 0) remove_resting(static_cast<std::uint32_t>(slot));
     reserve(objects);
-    for (std::size_t slot = slots; slot < objects; ++slot) kept[slot] = 0;
+    for (std::size_t slot = slots; slot < objects; ++slot) in_resting_set[slot] = 0;
     slots = objects;
   }
 
   void remove_resting(std::uint32_t slot) {
-    kept[slot] = 0;
-    --kept_count;
+    in_resting_set[slot] = 0;
+    --resting_count;
     ++removed;
     resting_pairs_outdated = true;
-    resting.grids()[place[slot].grid].remove(place[slot].position);
+    resting.grids()[location[slot].grid].remove(location[slot].position);
   }
-  bool resting_pairs_outdated = false;  ///< some remembered pair may have lost a box
+  bool resting_pairs_outdated = false;  ///< some pair within the resting set may have lost a box
 
-  // What rests is asked by all that moves, which costs more for a box than to sweep it: it pays where three fifths or
-  // more rest (measured with 64,000). Between a half and two thirds it stays as it is.
-  bool is_worth_keeping(std::size_t at_rest, std::size_t present) const noexcept {
-    return keep_resting && (kept_count == 0 ? 3 * at_rest >= 2 * present : 2 * at_rest >= present);
+  // Every moving box queries the resting set, which costs more per box than sweeping it. It pays off where at least
+  // three fifths of the boxes rest (measured with 64,000). The thresholds are two thirds and a half, to avoid switching
+  // back and forth.
+  bool resting_set_pays(std::size_t at_rest, std::size_t present) const noexcept {
+    return keep_resting && (resting_count == 0 ? 3 * at_rest >= 2 * present : 2 * at_rest >= present);
   }
 
   void release() {
-    std::memset(kept.data(), 0, slots);
+    std::memset(in_resting_set.data(), 0, slots);
     resting.clear();
-    kept_count = removed = debt = resting_pairs = 0;
+    resting_count = removed = rebuild_debt = resting_pairs = 0;
     resting_pairs_outdated = false;
   }
 
@@ -109,7 +110,7 @@ struct SweepAndPrune::Implementation {
     for (const geometry::CandidatePair* at = to; at != end; ++at) {
       const geometry::CandidatePair pair = *at;
       *to = pair;
-      to += kept[pair.a] & kept[pair.b];
+      to += in_resting_set[pair.a] & in_resting_set[pair.b];
     }
     resting_pairs = static_cast<std::size_t>(to - sink.pairs.data());
     resting_pairs_outdated = false;
@@ -126,15 +127,16 @@ struct SweepAndPrune::Implementation {
 
   void start_tasks() { task_count = task = position = 0; }
 
-  // Some more of the sweep; false when all is done.
+  // Does one more step of the sweep. Returns false when everything is done.
   bool step() {
     if (task == task_count) return false;
     Task& t = tasks[task];
-    // Either may ask the other; the few large ones usually the many small, unless they cover too much.
+    // Either grid may query the other. Usually the few large boxes query the many small ones, unless they cover too
+    // many cells.
     if (t.b != nullptr && position == 0 && t.a->estimated_query_cost(*t.b) < t.b->estimated_query_cost(*t.a))
       std::swap(t.a, t.b);
     std::uint32_t ready = t.b == nullptr ? t.a->sweepable() : t.a->count;
-    // Sorts no further ahead than the sweep needs: what it then meets is in the cache.
+    // Sorts no further ahead than the sweep needs, so that the sweep finds the sorted boxes in the cache.
     if (position == ready && t.a->sorted_buckets < t.a->layout.buckets) {
       kernels.sort(*t.a, t.a->sorted_buckets++);
       ready = t.a->sweepable();
@@ -152,18 +154,18 @@ struct SweepAndPrune::Implementation {
     return true;
   }
 
-  void rebuild_resting(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> still,
+  void rebuild_resting(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> resting_flags,
                        const std::uint8_t* layers, std::size_t& moving_count) {
     std::size_t staying = 0, leaving = 0;
     for (std::uint32_t slot = 0; slot < slots; ++slot) {
       resting_slots[staying] = slot;
-      staying += kept[slot];
+      staying += in_resting_set[slot];
     }
     for (std::size_t k = 0; k < moving_count; ++k) {
       const std::uint32_t slot = moving_slots[k];
-      if (still[slot] != 0) {
+      if (resting_flags[slot] != 0) {
         resting_slots[staying++] = slot;
-        kept[slot] = 1;
+        in_resting_set[slot] = 1;
       } else {
         moving_slots[leaving++] = slot;
       }
@@ -171,8 +173,8 @@ struct SweepAndPrune::Implementation {
     moving_count = leaving;
     std::sort(resting_slots.data(), resting_slots.data() + staying);
     resting.build(kernels, bounds, layers, mask_data(), {resting_slots.data(), staying});
-    kept_count = staying;
-    removed = debt = resting_pairs = sink.count = 0;
+    resting_count = staying;
+    removed = rebuild_debt = resting_pairs = sink.count = 0;
     resting_pairs_outdated = false;
     start_tasks();
     add_tasks_within(resting);
@@ -181,21 +183,23 @@ struct SweepAndPrune::Implementation {
     resting_pairs = sink.count;
     const auto grids = resting.grids();
     for (std::uint32_t g = 0; g < grids.size(); ++g)
-      for (std::uint32_t p = 0; p < grids[g].count; ++p) place[grids[g].boxes[grids[g].entries[p].box].slot] = {p, g};
+      for (std::uint32_t p = 0; p < grids[g].count; ++p)
+        location[grids[g].boxes[grids[g].entries[p].box].slot] = {p, g};
   }
 
   void begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
-             std::span<const std::uint8_t> still, std::span<const std::uint8_t> layers) {
-    assert(bounds.size() == present.size() && bounds.size() == still.size());
+             std::span<const std::uint8_t> resting_flags, std::span<const std::uint8_t> layers) {
+    assert(bounds.size() == present.size() && bounds.size() == resting_flags.size());
     assert(!layered || layers.size() == bounds.size());
     if (bounds.size() != slots) resize(bounds.size());
     const auto classify_slots = [&] {
-      return kernels.classify_slots(present, still, kept.data(), moving_slots.data(), leaving_slots.data());
+      return kernels.classify_slots(present, resting_flags, in_resting_set.data(), moving_slots.data(),
+                                    leaving_slots.data());
     };
     Kernels::SlotCounts slot_counts = classify_slots();
-    std::size_t at_rest = kept_count - slot_counts.leaving + slot_counts.pending;
-    if (!is_worth_keeping(at_rest, kept_count + slot_counts.moving - slot_counts.leaving)) {
-      if (kept_count != 0) {
+    std::size_t at_rest = resting_count - slot_counts.leaving + slot_counts.pending;
+    if (!resting_set_pays(at_rest, resting_count + slot_counts.moving - slot_counts.leaving)) {
+      if (resting_count != 0) {
         release();
         slot_counts = classify_slots();
       }
@@ -204,14 +208,14 @@ struct SweepAndPrune::Implementation {
     for (std::size_t k = 0; k < slot_counts.leaving; ++k) remove_resting(leaving_slots[k]);
     if (resting_pairs_outdated) drop_outdated_pairs();
     std::size_t moving_count = slot_counts.moving;
-    // Rebuilding costs about as much for a box as sweeping it once more: so it is due when what it would have saved
-    // adds up to that. This is never worse than twice the best schedule.
-    debt += slot_counts.pending + removed;
+    // Rebuilding costs about as much per box as sweeping it once more. So the set is rebuilt when the cost of not
+    // rebuilding it adds up to that. The total is at most twice that of the best schedule.
+    rebuild_debt += slot_counts.pending + removed;
     if (at_rest == 0) {
       resting.clear();
-      removed = debt = 0;
-    } else if (debt >= at_rest && debt != 0) {
-      rebuild_resting(bounds, still, layers.data(), moving_count);
+      removed = rebuild_debt = 0;
+    } else if (rebuild_debt >= at_rest && rebuild_debt != 0) {
+      rebuild_resting(bounds, resting_flags, layers.data(), moving_count);
     }
     moving.build(kernels, bounds, layers.data(), mask_data(), {moving_slots.data(), moving_count});
     start_tasks();

@@ -19,63 +19,64 @@ constexpr LayerMasks all_layers_collide() noexcept {
 
 /// Finds every candidate pair of a frame, each exactly once.
 ///
-/// What moves is sorted anew each frame: by size into levels, in a level by bucket and then by cell, z-slab, y-row and
-/// x-cell, with an eight-byte code a box. The sweep compares a box's code with those behind it in its own row, a vector
-/// at a time, and looks into neighbour rows only where the box reaches; an exact test follows. What rests is kept in a
-/// structure of its own together with the pairs among it, and only asked by what moves. Rows, cells and levels are
-/// planned from a sample of the boxes. Cells wrap around, so that the table follows the number of boxes and not the
-/// size of the world. Method: sweep and prune (Cohen et al. 1995), in short rows (Terdiman 2017), over size levels as
-/// in hierarchical grids (Mirtich 1997).
+/// Moving boxes are sorted again in each frame: by size into levels, and within a level by bucket and then by cell (z
+/// slab, y row, x cell), with an eight-byte code per box. The sweep compares the code of a box with the following codes
+/// of its row, one vector at a time, and searches neighbour rows only where the box reaches into them. An exact test
+/// follows. Resting boxes are kept in a separate set together with the pairs among them; only the moving boxes query
+/// it. Rows, cells and levels are planned from a sample of the boxes. Cells wrap around, so that the size of the table
+/// follows the number of boxes and not the size of the world. Method: sweep and prune (Cohen et al. 1995), in short
+/// rows (Terdiman 2017), over size levels as in hierarchical grids (Mirtich 1997).
 ///
-/// Cost: near linear in boxes and pairs: with AVX-512 and half a pair a box, 10 to 30 ns a box from 4,000 to 1,000,000,
-/// whatever the world's size and shape; 35 to 55 in a heap with 1.6 pairs a box. What costs more, measured with 64,000
-/// boxes:
-/// - n boxes in one spot have n^2/2 pairs, which no method avoids: 3 to 5 ns a pair;
-/// - halves of a world that differ in size by 20 or 1000: 35 to 55 ns a box, since the larger are asked about the cells
-///   that they cover, or the smaller about the larger, whichever is cheaper;
-/// - the worst case: boxes very long on one axis and thin on the others, each kind as long as half the world, mixed.
-///   They share a level whose rows are as deep as they are long, and every code is compared with every other, eight at
-///   once (n^2/16 vector steps): 380 to 540 ms. Rods of a twentieth of the world cost 25 ns a box.
+/// Cost: nearly linear in boxes and pairs. With AVX-512 and 0.5 pairs per box it is 10 to 30 ns per box from 4,000 to
+/// 1,000,000 boxes, for any size and shape of the world; 35 to 55 ns in a heap with 1.6 pairs per box. Worlds that cost
+/// more, measured with 64,000 boxes:
+/// - n boxes in one place have n^2/2 pairs, which no method avoids: 3 to 5 ns per pair;
+/// - two halves of a world whose sizes differ by a factor of 20 or 1000: 35 to 55 ns per box, since the larger boxes
+///   query the cells that they cover, or the smaller ones query the larger, whichever is cheaper;
+/// - the worst case: boxes that are very long on one axis and thin on the others, half as long as the world, with all
+///   three directions mixed. They share a level whose rows are as deep as the boxes are long, and every code is
+///   compared with every other, eight at a time (n^2/16 vector steps): 380 to 540 ms. Rods of a twentieth of the world
+///   cost 25 ns per box.
 ///
-/// Threads: one instance belongs to one thread at a time. Memory: grows to the largest frame seen (about 100 bytes an
-/// object, twice that where some rest, and 8 a pair), never shrinks; in steady state nothing is allocated. Fails only
-/// by std::bad_alloc while it grows. The pairs do not depend on the machine; their order does.
+/// Threads: one instance belongs to one thread at a time. Memory: grows to the largest frame seen (about 100 bytes per
+/// object, twice that where objects rest, and 8 per pair) and never shrinks; in steady state nothing is allocated.
+/// Failure: std::bad_alloc while memory grows. The set of pairs does not depend on the machine; their order does.
 class SweepAndPrune {
  public:
-  /// Reserves for `objects` objects and `pairs` pairs. Both may be exceeded later, at the price of an allocation.
-  /// Bit j of layer_masks[i] says whether layers i and j collide, the same both ways; without masks all do. Without
-  /// `keep_resting` everything is taken to move: the same pairs, for comparison.
+  /// Reserves memory for `objects` objects and `pairs` pairs. Both may be exceeded later, at the cost of an allocation.
+  /// Bit j of layer_masks[i] says whether layers i and j collide; the masks must be symmetric. By default all layers
+  /// collide. With `keep_resting` false all boxes are treated as moving: the pairs are the same, for comparison.
   SweepAndPrune(std::size_t objects, std::size_t pairs, const LayerMasks& layer_masks = all_layers_collide(),
                 bool keep_resting = true);
   ~SweepAndPrune();
   SweepAndPrune(SweepAndPrune&&) noexcept;
   SweepAndPrune& operator=(SweepAndPrune&&) noexcept;
 
-  /// All pairs i, j (i < j is not promised) with touch(bounds[i], bounds[j]) among those with present[i] and
-  /// present[j] non-zero, in no particular order; near each other in space mostly near each other in the list.
+  /// Returns all pairs i, j with touch(bounds[i], bounds[j]) among the slots whose present[] is non-zero. The order of
+  /// the pairs, and of i and j in a pair, is not specified; pairs that are close in space are mostly close in the list.
   ///
-  /// `layers[i]`, below 32, is the layer of slot i: pairs whose layers do not collide are left out before they are
-  /// emitted. May be empty where all layers collide.
+  /// `layers[i]`, below 32, is the layer of slot i. Pairs whose layers do not collide are left out. The span may be
+  /// empty where all layers collide.
   ///
-  /// `resting[i]` is non-zero where bounds[i], present[i] and layers[i] are what they were at the last call (a promise
-  /// that the sweep may use; all zero is always right). The spans have equal size, below 2^32 - 1, which may differ
-  /// from call to call. Precondition: lower <= upper on each axis. The result lives until the next call of any member.
+  /// `resting[i]` is non-zero where bounds[i], present[i] and layers[i] have not changed since the last call. The sweep
+  /// may rely on it; all zeros are always correct. The spans have equal size, below 2^32 - 1, which may differ from
+  /// call to call. Precondition: lower <= upper on each axis. The result is valid until the next call of any member.
   ///
-  /// What rests is kept apart from where two thirds rest, until less than a half does. An object that starts to rest
-  /// costs as before for a few frames: the structure for what rests is built again when the work that it would have
-  /// saved equals its cost. In that frame the call takes as long as if all moved.
+  /// A separate set of resting boxes is used from the point where two thirds of the boxes rest until less than half of
+  /// them do. A box that comes to rest costs as much as before for some frames: the set is rebuilt when the work that a
+  /// rebuild would have saved equals its cost. The call that rebuilds takes as long as if all boxes moved.
   std::span<const geometry::CandidatePair> find(std::span<const geometry::Bounds> bounds,
                                                 std::span<const std::uint8_t> present,
                                                 std::span<const std::uint8_t> resting,
                                                 std::span<const std::uint8_t> layers = {});
 
-  /// The same in portions, so that pairs can be worked on while the sweep goes on: begin(), then next() until it
-  /// answers an empty span. The arguments are as in find(), and are not read any more once begin() has returned.
+  /// The same in portions, so that pairs can be processed while the sweep continues: call begin(), then next() until it
+  /// returns an empty span. The arguments are as in find() and are not read after begin() has returned.
   void begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
              std::span<const std::uint8_t> resting, std::span<const std::uint8_t> layers = {});
 
-  /// The next pairs, at most `most` (>= 1) and as many unless they are the last; empty when there are no more. The
-  /// result lives until the next call of any member. The sweep may be abandoned by another begin() or find().
+  /// Returns the next pairs: `most` (>= 1) of them, fewer only at the end, none when there are no more. The result is
+  /// valid until the next call of any member. Another begin() or find() abandons the sweep.
   std::span<const geometry::CandidatePair> next(std::size_t most);
 
  private:

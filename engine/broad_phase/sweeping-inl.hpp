@@ -1,4 +1,4 @@
-// The sweep of a grid's boxes among themselves. Included once for each Highway target.
+// Sweeps the boxes of a grid among themselves. Included once for each Highway target.
 
 #if defined(RINGFENCE_BROAD_PHASE_SWEEPING_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_BROAD_PHASE_SWEEPING_INL
@@ -21,37 +21,37 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::broad_phase::HWY_NAMESPACE {
 
-// The exact test on `count` finds.
+// Runs the exact test on `count` hits and appends the pairs.
 inline HWY_NOINLINE void test_hits(const RowGrid& a, const RowGrid& b, std::size_t count, PairSink& sink) {
-  std::uint64_t* HWY_RESTRICT positions = sink.positions.data();
-  std::uint32_t* HWY_RESTRICT others = sink.others.data();
-  std::uint64_t* HWY_RESTRICT to_test = sink.to_test.data();
+  std::uint64_t* HWY_RESTRICT hit_positions = sink.hit_positions.data();
+  std::uint32_t* HWY_RESTRICT hit_masks = sink.hit_masks.data();
+  std::uint64_t* HWY_RESTRICT box_indices = sink.box_indices.data();
   const GridEntry* HWY_RESTRICT a_entries = a.entries.data();
   const GridEntry* HWY_RESTRICT b_entries = b.entries.data();
   const GridBox* HWY_RESTRICT a_boxes = a.boxes.data();
   const GridBox* HWY_RESTRICT b_boxes = b.boxes.data();
-  // One of each find at a time, then one of what is left of each: most have one, and a loop over each find's own would
-  // end where no processor foresees it.
+  // Each pass takes one box from each hit that has boxes left. Most hits have one box; an inner loop for each hit would
+  // mispredict its end.
   while (count != 0) {
     std::size_t left = 0;
     for (std::size_t k = 0; k < count; ++k) {
-      const std::uint64_t where = positions[k];
-      const std::uint32_t bits = others[k];
+      const std::uint64_t where = hit_positions[k];
+      const std::uint32_t bits = hit_masks[k];
       const std::uint32_t other =
           static_cast<std::uint32_t>(where >> 32) + static_cast<std::uint32_t>(std::countr_zero(bits));
       const std::uint64_t p = a_entries[static_cast<std::uint32_t>(where)].box, q = b_entries[other].box;
       base::prefetch_for_read(a_boxes + p);
       base::prefetch_for_read(b_boxes + q);
-      to_test[k] = q << 32 | p;
-      positions[left] = where;
-      others[left] = bits & (bits - 1);
+      box_indices[k] = q << 32 | p;
+      hit_positions[left] = where;
+      hit_masks[left] = bits & (bits - 1);
       left += (bits & (bits - 1)) != 0;
     }
     geometry::CandidatePair* const first = sink.claim(count + 1);
     geometry::CandidatePair* HWY_RESTRICT to = first;
     for (std::size_t k = 0; k < count; ++k) {
-      const GridBox& p = a_boxes[static_cast<std::uint32_t>(to_test[k])];
-      const GridBox& q = b_boxes[to_test[k] >> 32];
+      const GridBox& p = a_boxes[static_cast<std::uint32_t>(box_indices[k])];
+      const GridBox& q = b_boxes[box_indices[k] >> 32];
       *to = {p.slot, q.slot};
       to += overlap(p, q);
     }
@@ -60,7 +60,7 @@ inline HWY_NOINLINE void test_hits(const RowGrid& a, const RowGrid& b, std::size
   }
 }
 
-// The rows around a row.
+// Computes the keys of the rows around a row.
 class RowSteps {
  public:
   explicit RowSteps(const RowLayout& rows)
@@ -78,8 +78,8 @@ class RowSteps {
   std::uint32_t row_step_, row_field_, slab_step_, key_mask_;
 };
 
-// The windows for the cells from `first` to `last` of a row, counted from its start, where one of them lies outside the
-// row: they wrap around.
+// Adds the windows for the cells `first` to `last` of a row (counted from its start) where the range crosses an end of
+// the row and wraps around.
 inline Window* add_wrapped(const std::uint32_t* cell_end, std::uint32_t x_mask, std::uint32_t origin,
                            std::uint32_t row_key, std::int32_t first, std::int32_t last, Window* to) {
   const std::uint32_t* const row = cell_end + row_key;
@@ -89,7 +89,7 @@ inline Window* add_wrapped(const std::uint32_t* cell_end, std::uint32_t x_mask, 
   return to;
 }
 
-// The part of the windows of a block of boxes that lies in rows beyond their own.
+// Collects the windows of a block of boxes that lie in neighbour rows.
 inline HWY_NOINLINE Window* collect_neighbour_windows(const RowGrid& grid, const std::uint32_t* crossing,
                                                       std::uint32_t count, Window* to) {
   const RowLayout& rows = grid.layout;
@@ -108,18 +108,18 @@ inline HWY_NOINLINE Window* collect_neighbour_windows(const RowGrid& grid, const
     const auto x = static_cast<std::int32_t>(key & x_mask);
     const std::int32_t first = x - back, last = x + static_cast<std::int32_t>(code >> 56);
     const std::uint32_t own = key & ~x_mask, slab = steps.slab_after(own);
-    // A box that may meet some of the row before ends in its own row: rows are two limits deep.
+    // A box that boxes of the previous row may reach ends within its own row: rows are two limits deep.
     const std::uint32_t row[3] = {steps.row_beside(own, 1), slab, steps.row_beside(slab, 1 - 2 * before)};
-    const std::uint32_t wanted[3] = {y, z, (y | before) & z};
+    const std::uint32_t needed[3] = {y, z, (y | before) & z};
     if (HWY_UNLIKELY(first < 0 || last > static_cast<std::int32_t>(x_mask))) {
       for (int r = 0; r < 3; ++r)
-        if (wanted[r] != 0) to = add_wrapped(cell_end, x_mask, i, row[r], first, last, to);
+        if (needed[r] != 0) to = add_wrapped(cell_end, x_mask, i, row[r], first, last, to);
       continue;
     }
     for (int r = 0; r < 3; ++r) {
       *to = {i, cell_end[static_cast<std::int64_t>(row[r]) + first - 1],
              cell_end[static_cast<std::int64_t>(row[r]) + last]};
-      to += wanted[r];
+      to += needed[r];
     }
   }
   return to;

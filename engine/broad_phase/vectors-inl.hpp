@@ -1,4 +1,5 @@
-// What differs between vectors and none: comparing codes, the exact test, masks. Included once for each Highway target.
+// The operations that differ between vector and scalar targets: comparing codes, the exact test, masks. Included once
+// for each Highway target.
 
 #if defined(RINGFENCE_BROAD_PHASE_VECTORS_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_BROAD_PHASE_VECTORS_INL
@@ -23,10 +24,10 @@ namespace ringfence::broad_phase::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// What a box looks for: the code that overlapping boxes' codes meet, and the layers that it collides with.
+/// What a box searches for: its code with the halves swapped, and the layers that it collides with.
 struct SearchKey {
   std::uint64_t code;
-  std::uint32_t layers;  ///< as bits; unused where all layers collide
+  std::uint32_t layers;  ///< bit mask; unused where all layers collide
 };
 
 /// The columns of a grid that the sweep reads.
@@ -59,9 +60,9 @@ template <bool layered, std::uint32_t width>
 HWY_INLINE std::uint32_t compare_codes(Columns in, SearchKey search_key, std::uint32_t j) {
   std::uint32_t bits = 0;
   for (std::uint32_t k = 0; k < width; ++k) {
-    bool meets = (add_bytes(in.codes[j + k], search_key.code) & coordinate_signs) == 0;
-    if constexpr (layered) meets &= (in.layer_bits[j + k] & search_key.layers) != 0;
-    bits |= std::uint32_t{meets} << k;
+    bool matches = (add_bytes(in.codes[j + k], search_key.code) & coordinate_signs) == 0;
+    if constexpr (layered) matches &= (in.layer_bits[j + k] & search_key.layers) != 0;
+    bits |= std::uint32_t{matches} << k;
   }
   return bits;
 }
@@ -89,7 +90,7 @@ HWY_INLINE std::size_t lanes() { return hn::Lanes(Codes()); }
 
 constexpr std::uint32_t short_step = 8, long_step = 16;
 
-// One instruction each, where Highway 1.0.3 and g++ make two and a detour through memory.
+// One instruction each, where Highway 1.0.3 with g++ emits two and goes through memory.
 HWY_INLINE hn::Mask<Codes> none_of(hn::Vec<Codes> v, hn::Vec<Codes> bits) {
   return hn::Mask<Codes>{_mm512_testn_epi64_mask(v.raw, bits.raw)};
 }
@@ -110,24 +111,24 @@ HWY_INLINE std::uint32_t bits_of(hn::Mask<Codes> mask) {
 
 #endif
 
-// By bits, which of the `width` boxes from position j on meet what is sought.
+// Bit mask of those of the `width` boxes from position j on that match the key.
 template <bool layered, std::uint32_t width>
 HWY_INLINE std::uint32_t compare_codes(Columns in, SearchKey search_key, std::uint32_t j) {
   const Codes d;
   const hn::Rebind<std::uint32_t, Codes> bits;
   const hn::Repartition<std::uint8_t, Codes> bytes;
-  const auto wanted = hn::BitCast(bytes, hn::Set(d, search_key.code));
+  const auto key_bytes = hn::BitCast(bytes, hn::Set(d, search_key.code));
   const auto signs = hn::Set(d, coordinate_signs);
   const auto layers = hn::Set(d, std::uint64_t{search_key.layers});
   std::uint32_t found = 0;
   for (std::uint32_t k = 0; k < width; k += static_cast<std::uint32_t>(hn::Lanes(d))) {
-    const auto sum = hn::BitCast(d, hn::Add(wanted, hn::BitCast(bytes, hn::LoadU(d, in.codes + j + k))));
-    auto meets = none_of(sum, signs);
+    const auto sum = hn::BitCast(d, hn::Add(key_bytes, hn::BitCast(bytes, hn::LoadU(d, in.codes + j + k))));
+    auto matches = none_of(sum, signs);
     if constexpr (layered) {
       const auto allowed = hn::And(layers, hn::PromoteTo(d, hn::LoadU(bits, in.layer_bits + j + k)));
-      meets = hn::AndNot(hn::Eq(allowed, hn::Zero(d)), meets);
+      matches = hn::AndNot(hn::Eq(allowed, hn::Zero(d)), matches);
     }
-    found |= bits_of(meets) << k;
+    found |= bits_of(matches) << k;
   }
   return found;
 }
@@ -165,25 +166,26 @@ HWY_INLINE std::uint64_t mask_of_nonzero(const std::uint8_t* bytes) {
 
 #endif
 
-// Where scans append what they find; see PairSink.
+// Where scans append their hits; see PairSink.
 struct HitList {
-  explicit HitList(PairSink& sink) : positions(sink.positions.data()), others(sink.others.data()) {}
-  std::uint64_t* HWY_RESTRICT positions;
-  std::uint32_t* HWY_RESTRICT others;
+  explicit HitList(PairSink& sink) : hit_positions(sink.hit_positions.data()), hit_masks(sink.hit_masks.data()) {}
+  std::uint64_t* HWY_RESTRICT hit_positions;
+  std::uint32_t* HWY_RESTRICT hit_masks;
 
-  // Appends, without a branch, if there is any other.
+  // Appends a hit if any bit is set, without a branch.
   HWY_INLINE std::size_t add(std::size_t count, std::uint32_t origin, std::uint32_t first, std::uint32_t bits) const {
-    positions[count] = std::uint64_t{first} << 32 | origin;
-    others[count] = bits;
+    hit_positions[count] = std::uint64_t{first} << 32 | origin;
+    hit_masks[count] = bits;
     return count + (bits != 0);
   }
 };
 
-// Finds what in a window meets what is sought; returns how many finds there are then. Precondition: first <= end.
+// Compares the boxes of a window with the key, appends the hits, and returns the new number of hits. Precondition:
+// first <= end.
 template <bool layered, std::uint32_t width = long_step>
 HWY_INLINE std::size_t scan(Columns in, SearchKey search_key, Window window, HitList to, std::size_t count) {
-  // At least once, also where there is nothing left: a branch that is almost never taken costs less than one that
-  // sometimes is.
+  // Compares at least one vector, even for an empty window: a branch that is almost never taken is cheaper than one
+  // that is sometimes taken.
   std::uint32_t at = window.first;
   for (std::uint32_t left = window.end - at; HWY_UNLIKELY(left > width); left -= width, at += width)
     count = to.add(count, window.origin, at, compare_codes<layered, width>(in, search_key, at));

@@ -1,4 +1,4 @@
-// What a cluster tells of itself.
+// The public class Cluster, and the report.
 #include <memory>
 #include <utility>
 

@@ -1,4 +1,4 @@
-// The bridge of ClusterNodes: what passes between the rings of the server's process and the network within a frame.
+// The bridge of ClusterNodes: moves messages between the rings of the server's process and the network during a frame.
 #include <algorithm>
 #include <cstring>
 #include <utility>
@@ -13,22 +13,22 @@ namespace ringfence::dds {
 using messages::Endpoint;
 using nodes::Step;
 
-// True once no node that has gone is taken for one that lives.
+// Reports lost nodes to the server. True if there was one; clears losses_ once none is pending.
 bool ClusterNodes::report_losses() {
-  bool told = false;
+  bool any = false;
   losses_ = false;
   for (const auto& node : assigned_by_number_) {
     if (node == nullptr || node->lost || !(node->broken || node->gone.load(std::memory_order_acquire))) {
       continue;
     }
     if (server_->lose(node->number)) {
-      node->lost = told = true;
+      node->lost = any = true;
       node->lost_ns = telemetry::now_ns();
     } else {
-      losses_ = true;  // no frame is under way: in the next
+      losses_ = true;  // no frame is running; report it in the next
     }
   }
-  return told;
+  return any;
 }
 
 Step ClusterNodes::step() {
@@ -67,13 +67,13 @@ Step ClusterNodes::step() {
 void ClusterNodes::receive_parcel(const ParcelSample& parcel) {
   const auto found = assigned_by_incarnation_.find(parcel.incarnation);
   if (found == assigned_by_incarnation_.end() || found->second->lost) {
-    // From before a loss, or from one that does not know yet that it has no seat.
+    // Sent before a loss was known, or by a process that does not know yet that it is not assigned.
     stale_parcels_.fetch_add(1, std::memory_order_relaxed);
     if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::assignment_query) {
       const std::lock_guard lock(mutex_);
-      const auto asker = nodes_.find(parcel.incarnation);
-      if (asker != nodes_.end() && asker->second->parcel_channel != nullptr) {
-        asker->second->parcel_channel->send_unnumbered(ParcelKind::dismissed);
+      const auto sender = nodes_.find(parcel.incarnation);
+      if (sender != nodes_.end() && sender->second->parcel_channel != nullptr) {
+        sender->second->parcel_channel->send_unnumbered(ParcelKind::dismissed);
       }
     }
     return;
@@ -104,7 +104,7 @@ bool ClusterNodes::deliver(Node& from, ParcelKind kind, std::size_t& offset, std
 bool ClusterNodes::deliver_message(Node& from, std::span<const std::byte> message) {
   messages::Header header;
   if (message.size() < sizeof header) {
-    return true;  // no message
+    return true;  // not a message
   }
   std::memcpy(&header, message.data(), sizeof header);
   const Endpoint to{header.destination};
@@ -130,7 +130,8 @@ void ClusterNodes::publish(Node& node) {
   }
 }
 
-// What server and nodes of this process have said to the node goes out. Whether there was anything.
+// Sends to the node what the server and the nodes of this process have written for it. Returns whether there was
+// anything.
 bool ClusterNodes::carry(Node& node) {
   const std::uint64_t before = node.parcel_channel->sent();
   bool all = node.parcel_channel->gather(*node.server.in);

@@ -16,7 +16,7 @@ namespace {
 
 std::string limit(const char* text) { return std::string(text == nullptr ? "" : text).substr(0, 200); }
 
-/// From one time to a later one; 0 where one of them is not known.
+/// Milliseconds from one time to a later one; 0 if one of them is unknown.
 double ms_between(std::uint64_t from, std::uint64_t to) noexcept {
   return from == 0 || to < from ? 0 : telemetry::to_ms(to - from);
 }
@@ -44,8 +44,8 @@ ClusterNodes::ClusterNodes(ClusterConfig config)
   pieces_ = domain_.writer(Topic::piece, piece_qos, {});
   up_ = domain_.reader(Topic::up, parcel_qos, {});
   presence_ = domain_.reader(Topic::presence, liveliness_qos(lease), {});
-  Domain::listen(up_, parcel_hook_);
-  Domain::listen(presence_, presence_hook_);
+  Domain::set_hook(up_, parcel_hook_);
+  Domain::set_hook(presence_, presence_hook_);
   if (const std::string shortage = Domain::socket_buffer_shortage(config_.network); !shortage.empty()) {
     log(LogLevel::warning, shortage);
   }
@@ -62,8 +62,8 @@ void ClusterNodes::log(LogLevel level, const std::string& line) const {
   }
 }
 
-// Who says what of itself, and who is gone. Not by the receiving threads: they hold locks of Cyclone DDS, which others
-// want while they hold the mutex.
+// Reads announcements and departures. Not called by the receiving threads: they hold locks of Cyclone DDS, which other
+// threads take while they hold the mutex.
 void ClusterNodes::note_presence() {
   if (!presence_waits_.exchange(false, std::memory_order_acquire)) {
     return;
@@ -132,7 +132,7 @@ void ClusterNodes::open(const WorldParameters& terms) {
   terms_record_ = record;
   if ((!config_.setup.empty() && !write_pieces(pieces_.get(), world_, PieceKind::setup, 0, 0, config_.setup)) ||
       !publish_terms()) {
-    throw Error("Cyclone DDS does not take the World's terms; see that the network is up");
+    throw Error("Cyclone DDS cannot send the World's parameters; check that the network is up");
   }
 }
 
@@ -146,7 +146,7 @@ bool ClusterNodes::publish_terms() {
 
 void ClusterNodes::add_shape(ShapeNumber shape, const ShapeDescription& description) {
   if (!write_pieces(pieces_.get(), world_, PieceKind::shape, shape, 0, pack_shape(description))) {
-    throw Error("shape " + std::to_string(shape) + " could not be sent to the nodes; see that the network is up");
+    throw Error("shape " + std::to_string(shape) + " could not be sent to the nodes; check that the network is up");
   }
   shapes_ = shape + 1;
   for (const auto& node : assigned_by_number_) {
@@ -156,14 +156,15 @@ void ClusterNodes::add_shape(ShapeNumber shape, const ShapeDescription& descript
   }
 }
 
-// Whether its process may be there still, only cut off: once the link heals it is to hear that it has no seat.
-bool ClusterNodes::has_answered(const Node& node) {
+// Whether the process may still exist behind a broken link: when the link is back, it must learn that it is not
+// assigned.
+bool ClusterNodes::is_reachable(const Node& node) {
   dds_publication_matched_status_t matched{};
   return node.writer && dds_get_publication_matched_status(node.writer.get(), &matched) == DDS_RETCODE_OK &&
          matched.current_count > 0;
 }
 
-// Those that are new get a way; those that are gone are forgotten.
+// Creates channels for new nodes and erases those that are gone.
 void ClusterNodes::update_membership() {
   for (const std::string& line : Domain::take_log_lines()) {
     log(LogLevel::warning, line);
@@ -172,15 +173,16 @@ void ClusterNodes::update_membership() {
     Node& node = *at->second;
     const NodeState state = node.state.load(std::memory_order_relaxed);
     note_join(node);
-    if (node.gone.load(std::memory_order_acquire) && !node.assigned && !has_answered(node)) {
+    if (node.gone.load(std::memory_order_acquire) && !node.assigned && !is_reachable(node)) {
       at = nodes_.erase(at);
       continue;
     }
     if ((!node.fits || state == NodeState::refused) && !node.refusal_logged) {
       node.refusal_logged = true;
       ++totals_.refused;
-      log(LogLevel::warning, "node " + node.name + " is refused: " +
-                                 (!node.reason.empty() ? node.reason : "it is of another version or machine"));
+      log(LogLevel::warning,
+          "node " + node.name + " is refused: " +
+              (!node.reason.empty() ? node.reason : "it has another version, byte order or record layout"));
     }
     if (node.fits && !node.writer) {
       node.writer = domain_.writer(Topic::down, parcel_qos, partition_of(node.incarnation));
@@ -198,7 +200,7 @@ std::vector<RemoteNodes::MemberId> ClusterNodes::arrivals() {
   for (const auto& [incarnation, node] : nodes_) {
     const bool gone = node->gone.load(std::memory_order_acquire);
     if (node->fits && !gone && !node->assigned && !node->dismissed && node->state.load() == NodeState::ready &&
-        has_answered(*node)) {
+        is_reachable(*node)) {
       ready.push_back(incarnation);
     }
   }
@@ -211,7 +213,7 @@ std::vector<RemoteNodes::MemberId> ClusterNodes::await(std::uint32_t nodes) {
   for (;;) {
     std::vector<MemberId> ready = arrivals();
     if (ready.size() >= nodes) {
-      ready.resize(nodes);  // the others join the first frame
+      ready.resize(nodes);  // the others join in the first frame
       return ready;
     }
     if (std::chrono::steady_clock::now() >= deadline) {
@@ -235,8 +237,8 @@ bool ClusterNodes::is_leaving(MemberId member) {
   return found != nodes_.end() && found->second->state.load() == NodeState::leaving;
 }
 
-void ClusterNodes::tell(MemberChange::Kind kind, const Node& node, std::uint64_t at_ns, double before_ms,
-                        double after_ms) {
+void ClusterNodes::add_change(MemberChange::Kind kind, const Node& node, std::uint64_t at_ns, double before_ms,
+                              double after_ms) {
   if (totals_.changes.size() == ClusterReport::most_changes) {
     totals_.changes.erase(totals_.changes.begin());
   }
@@ -245,14 +247,14 @@ void ClusterNodes::tell(MemberChange::Kind kind, const Node& node, std::uint64_t
   totals_.changes.push_back({kind, node.name, now_s - passed_s, before_ms, after_ms});
 }
 
-// Once it has said something in a frame.
+// Records a join when the node has sent its first message.
 void ClusterNodes::note_join(Node& node) {
-  const std::uint64_t spoke = node.first_parcel_ns.load(std::memory_order_relaxed);
-  if (spoke == 0 || std::exchange(node.join_noted, true)) {
+  const std::uint64_t first_ns = node.first_parcel_ns.load(std::memory_order_relaxed);
+  if (first_ns == 0 || std::exchange(node.join_noted, true)) {
     return;
   }
-  tell(MemberChange::Kind::joined, node, node.assigned_ns, ms_between(node.seen_ns, node.assigned_ns),
-       ms_between(node.assigned_ns, spoke));
+  add_change(MemberChange::Kind::joined, node, node.assigned_ns, ms_between(node.seen_ns, node.assigned_ns),
+             ms_between(node.assigned_ns, first_ns));
 }
 
 void ClusterNodes::dismiss(Node& node) {
@@ -265,31 +267,33 @@ void ClusterNodes::dismiss(Node& node) {
   if (node.lost || node.gone.load(std::memory_order_acquire)) {
     ++totals_.lost;
     const std::uint64_t noticed = node.lost_ns != 0 ? node.lost_ns : now;
-    tell(MemberChange::Kind::lost, node, noticed, ms_between(node.last_parcel_ns, noticed), ms_between(noticed, now));
+    add_change(MemberChange::Kind::lost, node, noticed, ms_between(node.last_parcel_ns, noticed),
+               ms_between(noticed, now));
     log(LogLevel::error, "node " + node.name + " is lost");
-    // To whom a cut has made the World silent it is alive again by a sample of the same writer only, not by its pulse.
+    // A node that has lost sight of the World sees it alive again only by a new sample of this writer, not by
+    // heartbeats.
     publish_terms();
   } else {
     ++totals_.left;
-    tell(MemberChange::Kind::left, node, now, ms_between(node.asked_to_leave_ns, now), 0);
+    add_change(MemberChange::Kind::left, node, now, ms_between(node.asked_to_leave_ns, now), 0);
     log(LogLevel::info, "node " + node.name + " leaves");
   }
-  // Whether or not it is still there: what it hears last is that it has no seat.
-  node.parcel_channel->say(ParcelKind::dismissed, {});
+  // Sent even if the process may be gone: if it still lives, the last thing it learns is that it is not assigned.
+  node.parcel_channel->enqueue(ParcelKind::dismissed, {});
   node.parcel_channel->flush();
 }
 
-void ClusterNodes::assign(nodes::ServerRole& server, std::span<const NodeAssignment> seats,
+void ClusterNodes::assign(nodes::ServerRole& server, std::span<const NodeAssignment> assignments,
                           const regions::RegionMap& map) {
   const std::lock_guard lock(mutex_);
   server_ = &server;
   const auto old = std::exchange(assigned_by_number_, {});
-  assigned_by_number_.resize(seats.size());
+  assigned_by_number_.resize(assignments.size());
   assigned_by_incarnation_.clear();
-  for (std::size_t number = 0; number < seats.size(); ++number) {
-    if (seats[number].member != local_member) {
-      assigned_by_number_[number] = nodes_.at(seats[number].member);
-      assigned_by_incarnation_[seats[number].member] = assigned_by_number_[number].get();
+  for (std::size_t number = 0; number < assignments.size(); ++number) {
+    if (assignments[number].member != local_member) {
+      assigned_by_number_[number] = nodes_.at(assignments[number].member);
+      assigned_by_incarnation_[assignments[number].member] = assigned_by_number_[number].get();
     }
   }
   for (const auto& node : old) {
@@ -303,23 +307,23 @@ void ClusterNodes::assign(nodes::ServerRole& server, std::span<const NodeAssignm
     write_pieces(pieces_.get(), world_, PieceKind::regions, 0, map.epoch(), std::as_bytes(map.table()));
     published_map_epoch_ = map.epoch();
   }
-  for (std::size_t number = 0; number < seats.size(); ++number) {
+  for (std::size_t number = 0; number < assignments.size(); ++number) {
     Node* node = assigned_by_number_[number].get();
     if (node == nullptr) {
       continue;
     }
     node->number = static_cast<NodeNumber>(number);
-    node->server = seats[number].server;
+    node->server = assignments[number].server;
     node->peers.clear();
-    for (std::size_t peer = 0; peer < seats[number].peers.size(); ++peer) {
-      if (seats[number].peers[peer].out != nullptr) {
-        node->peers.emplace_back(static_cast<NodeNumber>(peer), seats[number].peers[peer]);
+    for (std::size_t peer = 0; peer < assignments[number].peers.size(); ++peer) {
+      if (assignments[number].peers[peer].out != nullptr) {
+        node->peers.emplace_back(static_cast<NodeNumber>(peer), assignments[number].peers[peer]);
       }
     }
     const AssignmentRecord assignment_record{node->number,
-                                             static_cast<std::uint32_t>(seats.size()),
-                                             seats[number].objects,
-                                             seats[number].pairs,
+                                             static_cast<std::uint32_t>(assignments.size()),
+                                             assignments[number].objects,
+                                             assignments[number].pairs,
                                              map.epoch(),
                                              map.nodes(),
                                              static_cast<std::uint32_t>(map.table().size()),
@@ -331,10 +335,10 @@ void ClusterNodes::assign(nodes::ServerRole& server, std::span<const NodeAssignm
       log(LogLevel::info, "node " + node->name + " joins as number " + std::to_string(number));
     }
     node->parcel_channel->set_shapes(shapes_);
-    node->parcel_channel->say(ParcelKind::assign, std::as_bytes(std::span(&assignment_record, 1)));
+    node->parcel_channel->enqueue(ParcelKind::assign, std::as_bytes(std::span(&assignment_record, 1)));
     node->parcel_channel->flush();
   }
-  losses_ = true;  // whoever has gone meanwhile
+  losses_ = true;  // nodes may have gone meanwhile
 }
 
 void ClusterNodes::close() noexcept {
@@ -349,7 +353,7 @@ void ClusterNodes::close() noexcept {
     dds_wait_for_acks(terms_.get(), DDS_MSECS(200));
     terms_.reset();
   } catch (...) {
-    // The nodes notice by themselves that the World is gone.
+    // The nodes detect by themselves that the World is gone.
   }
 }
 

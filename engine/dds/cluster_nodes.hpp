@@ -21,12 +21,12 @@
 
 namespace ringfence::dds {
 
-/// The World's side of the cluster: who there is, and the bridge between the rings of the server's process and the
-/// parcels of the network.
+/// The World's side of a cluster: membership, and the bridge between the rings of the server's process and the parcels
+/// of the network.
 ///
-/// Nodes come and go by their Presence; nothing follows from it before the World asks (between frames), but for a loss,
-/// which the bridge tells the server within the frame. What one node sends to another passes through here: a star of 2n
-/// ways instead of n x n, and what a lost node sent last is refused in one place.
+/// Nodes announce themselves by Presence. Changes take effect when the World asks between frames; only a loss is
+/// reported to the server within the frame. Messages between two remote nodes pass through here: a star of 2n channels
+/// instead of n x n, and the last messages of a lost node are refused in one place.
 class ClusterNodes final : public RemoteNodes {
  public:
   explicit ClusterNodes(ClusterConfig config);
@@ -40,47 +40,48 @@ class ClusterNodes final : public RemoteNodes {
   std::vector<MemberId> await(std::uint32_t nodes) override;
   std::vector<MemberId> arrivals() override;
   bool is_leaving(MemberId member) override;
-  void assign(nodes::ServerRole& server, std::span<const NodeAssignment> seats, const regions::RegionMap& map) override;
+  void assign(nodes::ServerRole& server, std::span<const NodeAssignment> assignments,
+              const regions::RegionMap& map) override;
   facade::Steppable bridge() override { return facade::Steppable::of(*this); }
   void close() noexcept override;
 
-  /// The bridge.
+  /// The step of the bridge.
   nodes::Step step();
 
  private:
-  /// A process that has said that it is there.
+  /// A process that has announced itself.
   struct Node {
     std::uint64_t incarnation = 0;
     std::string name;
     std::string reason;
     bool fits = false;
     std::atomic<NodeState> state{NodeState::joining};
-    std::atomic<bool> gone{false};  ///< its lease is over, or it has said that it ends
+    std::atomic<bool> gone{false};  ///< its lease has expired, or it has announced its end
     bool refusal_logged = false;
     bool dismissed = false;
     bool assigned = false;
-    // With a seat.
+    // Valid while it has a channel.
     Entity writer;
     std::unique_ptr<ParcelChannel> parcel_channel;
     NodeNumber number = 0;
     nodes::Connection server;
-    /// Its ends of the lines with nodes in this process, by their numbers: nearly always none.
+    /// Its ends of the connections with nodes in this process, by their numbers: nearly always none.
     std::vector<std::pair<NodeNumber, nodes::Connection>> peers;
-    bool lost = false;    ///< the server knows
-    bool broken = false;  ///< something of its way is missing
-    // When what happened, for ClusterReport::changes; 0: not yet.
+    bool lost = false;    ///< the server knows of the loss
+    bool broken = false;  ///< a parcel is missing
+    // Times for ClusterReport::changes; 0: not yet.
     std::uint64_t seen_ns = 0;
     std::uint64_t asked_to_leave_ns = 0;
     std::uint64_t assigned_ns = 0;
-    std::uint64_t last_parcel_ns = 0;               ///< last
-    std::uint64_t lost_ns = 0;                      ///< when the server was told
-    std::atomic<std::uint64_t> first_parcel_ns{0};  ///< first, with its seat
+    std::uint64_t last_parcel_ns = 0;               ///< of its last parcel
+    std::uint64_t lost_ns = 0;                      ///< when the loss was reported to the server
+    std::atomic<std::uint64_t> first_parcel_ns{0};  ///< of its first parcel after the assignment
     bool join_noted = false;
   };
 
   bool publish_terms();
   void note_presence();
-  static bool has_answered(const Node& node);
+  static bool is_reachable(const Node& node);
   void ring_server();
   void log(LogLevel level, const std::string& line) const;
   void update_membership();
@@ -92,7 +93,7 @@ class ClusterNodes final : public RemoteNodes {
   void publish(Node& node);
   void dismiss(Node& node);
   void note_join(Node& node);
-  void tell(MemberChange::Kind kind, const Node& node, std::uint64_t at_ns, double before_ms, double after_ms);
+  void add_change(MemberChange::Kind kind, const Node& node, std::uint64_t at_ns, double before_ms, double after_ms);
 
   ClusterConfig config_;
   std::uint64_t world_;
@@ -102,7 +103,8 @@ class ClusterNodes final : public RemoteNodes {
   std::atomic<bool> presence_waits_{false};
   std::atomic<bool> member_is_gone_{false};
 
-  // By the World's thread, and by the server's when somebody has come or gone. Never by threads of Cyclone DDS.
+  // Taken by the World's thread, and by the server's thread when membership has changed. Never by threads of Cyclone
+  // DDS.
   mutable std::mutex mutex_;
   std::condition_variable noted_;
   std::map<std::uint64_t, std::shared_ptr<Node>> nodes_;  ///< by incarnation
@@ -113,7 +115,7 @@ class ClusterNodes final : public RemoteNodes {
   std::unordered_map<std::uint64_t, Node*> assigned_by_incarnation_;
   std::uint32_t shapes_ = 0;
   std::uint32_t published_map_epoch_ = 0;
-  bool losses_ = false;  ///< to be told to the server
+  bool losses_ = false;  ///< to be reported to the server
   ClusterReport totals_;
   std::atomic<std::uint64_t> stale_parcels_{0};
 

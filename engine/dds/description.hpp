@@ -14,12 +14,12 @@
 
 namespace ringfence::dds {
 
-/// What a node needs to know of a World besides shapes and regions: the bytes of TermsSample.
+/// Parameters of a World that its nodes need besides shapes and regions: the bytes of TermsSample.
 struct WorldTermsRecord {
   double bounds_min[3] = {};
   double bounds_max[3] = {};
   double lease_ms = 0;
-  std::uint64_t setup_bytes = 0;  ///< of ClusterConfig::setup; not 0: it comes as a piece
+  std::uint64_t setup_bytes = 0;  ///< size of ClusterConfig::setup; if not 0, the setup follows as a piece
   std::uint32_t cells_log2[3] = {};
   std::uint32_t placement = 0;
   std::uint32_t layer_masks[32] = {};
@@ -27,16 +27,17 @@ struct WorldTermsRecord {
   std::uint32_t has_model = 0;
   std::uint32_t keep_resting = 0;
   std::uint32_t remember_axes = 0;
-  std::uint32_t hosts = 0;  ///< its nodes may be given objects (user/collision deployment)
+  std::uint32_t hosts = 0;  ///< its nodes host objects (user/collision deployment)
   std::uint32_t reserved = 0;
 };
 static_assert(sizeof(WorldTermsRecord) == 232 && std::is_trivially_copyable_v<WorldTermsRecord>);
 
-/// A shape as bytes. Of a support function only that it is one.
+/// Serialises a shape. Of a support shape only the kind is stored.
 std::vector<std::byte> pack_shape(const ShapeDescription& shape);
 
-/// The shape that pack_shape made the bytes of. Trusts nothing: throws Error where they are not such. `support` gives
-/// the support function of number `shape`; throws Error where it is null, or gives none, and one is needed.
+/// Restores a shape from the bytes of pack_shape(). The input is not trusted: throws Error if it is invalid. `support`
+/// returns the support function of shape number `shape`; throws Error if one is needed and `support` is null or returns
+/// null.
 ShapeDescription unpack_shape(std::span<const std::byte> bytes, ShapeNumber shape,
                               const std::function<std::shared_ptr<const SupportFunction>(ShapeNumber)>& support);
 

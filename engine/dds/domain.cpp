@@ -24,7 +24,8 @@ namespace {
 
 constexpr std::uint32_t most_domain = 200;
 
-/// Where a World of a domain listens: the participant of index 0, by the standard's port mapping.
+/// UDP port of the participant with index 0 of a domain, by the port mapping of the DDSI standard. A World uses index
+/// 0.
 constexpr std::uint32_t world_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 10; }
 
 bool is_loopback(const std::string& interface) { return interface == "lo" || interface.rfind("127.", 0) == 0; }
@@ -60,10 +61,10 @@ std::string general_settings(const NetworkConfig& network, bool multicast) {
                network.interface + "\"" + (is_loopback(network.interface) ? " multicast=\"false\"" : "") +
                "/></Interfaces>";
   }
-  // Data always goes to one: multicast, where it is used, is for finding each other.
+  // Multicast is used for discovery only; data is always sent by unicast.
   general += tag("AllowMulticast", multicast ? "spdp" : "false");
   if (is_loopback(network.interface)) {
-    // Nothing is lost between processes but where a socket is full, so a parcel is one datagram.
+    // A parcel fits one datagram, so it is lost only if a socket buffer is full.
     general +=
         tag("MaxMessageSize", "65000 B") + tag("FragmentSize", "64000 B") + tag("MaxRexmitMessageSize", "65000 B");
   }
@@ -90,14 +91,14 @@ std::string settings(const NetworkConfig& network, Side side, std::uint32_t doma
   const std::string bytes = std::to_string(network.socket_bytes) + " B";
   const std::string internal =
       "<SocketReceiveBufferSize min=\"default\" max=\"" + bytes + "\"/>" +
-      // Linux keeps what is for a neighbour that it does not find, as behind a link that is cut: 212,992 bytes for
-      // each, of the sender's buffer. A send waits where that is full, and with it the frame.
+      // Linux keeps up to 212,992 bytes of the sender's buffer for each neighbour that it cannot resolve, as behind a
+      // broken link. When the buffer is full, a send blocks, and with it the frame.
       "<SocketSendBufferSize min=\"default\" max=\"" + bytes + "\"/>" +
-      // Above what a window of parcels comes to: a way is full by its window long before (see Path).
+      // Above the size of a window of parcels, so a channel is limited by its window before this (see ParcelChannel).
       tag("Watermarks",
           tag("WhcLow", "1 MB") + tag("WhcHigh", "32 MB") + tag("WhcHighInit", "32 MB") + tag("WhcAdaptive", "false")) +
-      // Every heartbeat asks for an answer, and every timed one wakes a thread: no more often than what was lost at the
-      // end of a stage may take to be noticed.
+      // Every heartbeat requests an answer, and every timed heartbeat wakes a thread. The period is the time after
+      // which a loss at the end of a stage must be noticed.
       "<HeartbeatInterval min=\"20 ms\" minsched=\"20 ms\" max=\"100 ms\">100 ms</HeartbeatInterval>" +
       tag("NackDelay", "2 ms") + tag("PrioritizeRetransmit", "false") + tag("WriterLingerDuration", "50 ms");
   return "<Domain id=\"any\">" + general_settings(network, multicast) + tag("Discovery", discovery) +
@@ -107,7 +108,7 @@ std::string settings(const NetworkConfig& network, Side side, std::uint32_t doma
 bool is_port_free(std::uint32_t port) {
   const int socket = ::socket(AF_INET, SOCK_DGRAM, 0);
   if (socket < 0) {
-    return true;  // whatever it is, it will be told when the domain is joined
+    return true;  // other errors are reported when the domain is created
   }
   sockaddr_in address{};
   address.sin_family = AF_INET;
@@ -127,8 +128,8 @@ std::uint32_t free_domain() {
   throw Error("No DDS domain from 0 to " + std::to_string(most_domain) + " has its port free on this machine");
 }
 
-/// What Cyclone DDS says of itself, kept until somebody who may log asks for it: its threads say it, often, and of a
-/// link that is cut once a datagram.
+/// Log lines of Cyclone DDS, kept until a thread that may call the log hook takes them. Cyclone DDS logs from its own
+/// threads and, for a broken link, once per datagram.
 class LogLines {
  public:
   static LogLines& all() {
@@ -148,7 +149,7 @@ class LogLines {
     }
     any_.store(true, std::memory_order_release);
   }
-  /// At most once a second, unless it must be now.
+  /// Returns lines at most once a second, unless `at_once`.
   std::vector<std::string> take(bool at_once) {
     if (!any_.load(std::memory_order_acquire)) {
       return {};
@@ -177,8 +178,8 @@ class LogLines {
   std::chrono::steady_clock::time_point taken_;
 };
 
-void tell_data(void* hook) { static_cast<const Domain::Hook*>(hook)->data(); }
-void tell_others(void* hook) { static_cast<const Domain::Hook*>(hook)->others(); }
+void call_data_hook(void* hook) { static_cast<const Domain::Hook*>(hook)->data(); }
+void call_others_hook(void* hook) { static_cast<const Domain::Hook*>(hook)->others(); }
 
 dds_qos_t* make_qos(const TopicQos& topic_qos, const std::string& partition) {
   dds_qos_t* qos = dds_create_qos();
@@ -192,7 +193,7 @@ dds_qos_t* make_qos(const TopicQos& topic_qos, const std::string& partition) {
   if (topic_qos.lease_ms > 0) {
     dds_qset_liveliness(qos, DDS_LIVELINESS_AUTOMATIC, static_cast<dds_duration_t>(topic_qos.lease_ms * 1e6));
   }
-  // Else one whose lease is over counts as one that has said that it ends.
+  // Otherwise an expired lease would look like an announced end.
   dds_qset_writer_data_lifecycle(qos, false);
   if (!partition.empty()) {
     dds_qset_partition1(qos, partition.c_str());
@@ -238,7 +239,7 @@ Domain::Domain(const NetworkConfig& network, Side side) {
   }
   dds_set_log_sink([](void*, const dds_log_data_t* line) { LogLines::all().add(line->message); }, nullptr);
   try {
-    const link::ScopedBatchScheduling gives_way;  // the threads of Cyclone DDS are made here
+    const link::ScopedBatchScheduling batch_scheduling;  // inherited by the threads that Cyclone DDS creates here
     domain_ = Entity(dds_create_domain(number_, settings(network, side, number_).c_str()), "a domain");
     participant_ = Entity(dds_create_participant(number_, nullptr, nullptr), "a participant");
   } catch (const Error& error) {
@@ -255,8 +256,8 @@ Domain::Domain(const NetworkConfig& network, Side side) {
   pulse_topic_ = make_topic({&ringfence_wire_Pulse_desc, "ringfence_pulse"});
 }
 
-// A participant says that it lives when four fifths of its shortest lease have passed. This writer, which writes
-// nothing, has half the lease of those that are watched: one such word may get lost, or come late from a busy machine.
+// A participant sends a liveliness message when four fifths of its shortest lease have passed. This writer, which
+// writes no data, has half the lease of the watched writers, so one message may be lost or late.
 void Domain::start_heartbeat(double lease_ms) {
   pulse_.reset();
   dds_qos_t* qos = make_qos({false, false, lease_ms / 2}, {});
@@ -270,7 +271,7 @@ Domain::~Domain() {
 }
 
 Entity Domain::reader(Topic topic, const TopicQos& topic_qos, const std::string& partition) {
-  // Any lease will do: how long a writer may be silent is what it promised itself.
+  // The reader accepts any lease; the writer's own lease decides how long it may be silent.
   dds_qos_t* qos = make_qos({topic_qos.durable, topic_qos.keep_all, 0}, partition);
   const dds_entity_t made = dds_create_reader(participant_.get(), topics_[index_of(topic)].get(), qos, nullptr);
   dds_delete_qos(qos);
@@ -284,15 +285,15 @@ Entity Domain::writer(Topic topic, const TopicQos& topic_qos, const std::string&
   return {made, topic_kinds[index_of(topic)].name};
 }
 
-void Domain::listen(const Entity& entity, const Hook& hook) {
+void Domain::set_hook(const Entity& entity, const Hook& hook) {
   dds_listener_t* listener = dds_create_listener(const_cast<Hook*>(&hook));
-  dds_lset_data_available(listener, [](dds_entity_t, void* arg) { tell_data(arg); });
+  dds_lset_data_available(listener, [](dds_entity_t, void* arg) { call_data_hook(arg); });
   dds_lset_subscription_matched(
-      listener, [](dds_entity_t, const dds_subscription_matched_status_t, void* arg) { tell_others(arg); });
-  dds_lset_liveliness_changed(listener,
-                              [](dds_entity_t, const dds_liveliness_changed_status_t, void* arg) { tell_others(arg); });
+      listener, [](dds_entity_t, const dds_subscription_matched_status_t, void* arg) { call_others_hook(arg); });
+  dds_lset_liveliness_changed(
+      listener, [](dds_entity_t, const dds_liveliness_changed_status_t, void* arg) { call_others_hook(arg); });
   dds_lset_publication_matched(
-      listener, [](dds_entity_t, const dds_publication_matched_status_t, void* arg) { tell_others(arg); });
+      listener, [](dds_entity_t, const dds_publication_matched_status_t, void* arg) { call_others_hook(arg); });
   dds_set_listener(entity.get(), listener);
   dds_delete_listener(listener);
   hook.data();

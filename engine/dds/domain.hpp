@@ -13,14 +13,14 @@
 
 namespace ringfence::dds {
 
-/// Whose side of the network: a World stands where nodes look for it.
+/// The side of the network: nodes look for the World at a fixed participant index.
 enum class Side : std::uint8_t { world, node };
 
-/// A DDS entity that is deleted with its owner. Moves, does not copy.
+/// A DDS entity that is deleted with its owner. Movable, not copyable.
 class Entity {
  public:
   Entity() = default;
-  /// Takes over what a dds_create_* call answered; throws Error, naming `what`, where that was an error.
+  /// Takes the result of a dds_create_* call; throws Error, naming `what`, if it is an error.
   Entity(dds_entity_t entity, const char* what);
   ~Entity() { reset(); }
   Entity(Entity&& other) noexcept : entity_(std::exchange(other.entity_, 0)) {}
@@ -36,14 +36,14 @@ class Entity {
   dds_entity_t entity_ = 0;
 };
 
-/// How one topic is carried.
+/// Quality of service of one topic.
 struct TopicQos {
-  bool durable = false;  ///< the last of each key is kept for late joiners
-  bool keep_all = true;  ///< else the last of each key
-  double lease_ms = 0;   ///< > 0: who is silent for so long is not alive
+  bool durable = false;  ///< the last sample of each key is kept for late joiners
+  bool keep_all = true;  ///< false: only the last sample of each key
+  double lease_ms = 0;   ///< > 0: a writer that is silent for longer is not alive
 };
 
-/// What passes between the processes of a world; wire.idl has the types.
+/// Topics between the processes of a world; see wire.idl for their types.
 enum class Topic : std::uint8_t {
   presence,
   terms,
@@ -53,21 +53,21 @@ enum class Topic : std::uint8_t {
 };
 inline constexpr std::size_t topic_count = 5;
 
-/// A process's place in a domain: one participant, with the topics of wire.idl.
+/// A process's membership in a DDS domain: one participant, with the topics of wire.idl.
 ///
-/// Configured without the environment: the settings are made from NetworkConfig. Writers never wait: a write that finds
-/// the cache of unacknowledged samples full answers DDS_RETCODE_TIMEOUT.
+/// Configured from NetworkConfig only, not from the environment. Writers never wait: a write that finds the cache of
+/// unacknowledged samples full returns DDS_RETCODE_TIMEOUT.
 ///
-/// Threads: made and used by one; the hooks given to readers are called by the receiving threads of Cyclone DDS.
+/// Threads: created and used by one thread; the hooks of readers are called by the receiving threads of Cyclone DDS.
 class Domain {
  public:
-  /// What is called where something may have come, or somebody has come or gone.
+  /// Callbacks: `data` when samples may have arrived, `others` when a matched peer has come or gone.
   struct Hook {
     std::function<void()> data;
     std::function<void()> others;
   };
 
-  /// Throws Error, saying what to change, where the interface or the port cannot be had.
+  /// Throws Error, with what to change, if the interface or the port is not available.
   Domain(const NetworkConfig& network, Side side);
   ~Domain();
   Domain(const Domain&) = delete;
@@ -76,19 +76,21 @@ class Domain {
   std::uint32_t number() const noexcept { return number_; }
   dds_entity_t participant() const noexcept { return participant_.get(); }
 
-  /// `partition` empty: none.
+  /// An empty `partition` is the default partition.
   Entity reader(Topic topic, const TopicQos& topic_qos, const std::string& partition);
   Entity writer(Topic topic, const TopicQos& topic_qos, const std::string& partition);
-  /// Has `hook` called for the reader or writer; and once now, for what has been already. It outlives the entity.
-  static void listen(const Entity& entity, const Hook& hook);
+  /// Installs `hook` on a reader or writer and calls it once for what has already happened. The hook outlives the
+  /// entity.
+  static void set_hook(const Entity& entity, const Hook& hook);
 
-  /// Lets the process say often enough that it lives for the writers with that lease.
+  /// Sends liveliness messages often enough for writers with that lease.
   void start_heartbeat(double lease_ms);
 
-  /// What Cyclone DDS had to say since the last time, from any of its threads: its first words, and how many more.
+  /// Lines logged by Cyclone DDS since the last call, from any of its threads: the first ones, and the number of the
+  /// rest.
   static std::vector<std::string> take_log_lines();
 
-  /// What the sockets were asked for and were not given, as a sentence; empty where they got it.
+  /// A warning if the sockets got smaller buffers than requested; otherwise empty.
   static std::string socket_buffer_shortage(const NetworkConfig& network);
 
  private:
@@ -100,7 +102,7 @@ class Domain {
   Entity pulse_topic_;
 };
 
-/// How the topics are carried.
+/// Quality of service of the topics.
 constexpr TopicQos liveliness_qos(double lease_ms) noexcept { return {true, false, lease_ms}; }
 inline constexpr TopicQos piece_qos{true, false, 0};
 inline constexpr TopicQos parcel_qos{false, true, 0};
@@ -108,13 +110,13 @@ inline constexpr TopicQos parcel_qos{false, true, 0};
 /// The partition of one node.
 std::string partition_of(std::uint64_t incarnation);
 
-/// A number that no other process has drawn.
+/// A random number that identifies a process.
 std::uint64_t random_incarnation();
 
-/// Takes what has come, up to `most` samples at a time until there is none, and shows each to `see(sample, info)`.
-/// Without copying: what `see` is shown lives until it returns.
-template <class Sample, class See>
-bool take_all(const Entity& reader, See see) {
+/// Takes all samples that have arrived, up to `most` at a time, and calls `see(sample, info)` for each. Nothing is
+/// copied: a sample lives until `see` returns.
+template <class Sample, class Visit>
+bool take_all(const Entity& reader, Visit visit) {
   constexpr std::uint32_t most = 16;
   void* samples[most] = {};
   dds_sample_info_t infos[most];
@@ -126,7 +128,7 @@ bool take_all(const Entity& reader, See see) {
       return any;
     }
     for (dds_return_t i = 0; i < got; ++i) {
-      see(*static_cast<const Sample*>(samples[i]), infos[i]);
+      visit(*static_cast<const Sample*>(samples[i]), infos[i]);
     }
     dds_return_loan(reader.get(), samples, got);
     any = true;

@@ -6,6 +6,7 @@
 
 #include <unistd.h>
 
+#include "base/floating_point.hpp"
 #include "dds/node_session.hpp"
 #include "link/scoped_batch_scheduling.hpp"
 #include "ringfence/cluster.hpp"
@@ -17,8 +18,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// A World that is silent for longer than a lease may only be busy, or behind a network that is mended soon.
-constexpr std::chrono::seconds patience_with_world(3);
+// A World that is silent for longer than a lease may be busy, or the network may recover soon.
+constexpr std::chrono::seconds world_timeout(3);
 
 std::string own_name() {
   char host[256] = {};
@@ -32,20 +33,20 @@ class NodeService::Implementation {
  public:
   explicit Implementation(NodeServiceConfig config)
       : config_(std::move(config)),
-        // Two looks, then to sleep: on a machine with more nodes than cores, whoever is waited for needs this one.
+        // Two polls, then sleep: on a machine with more nodes than cores, another process needs this core.
         bell_(link::SpinPolicy{20, 2}),
-        control_hook_{[this] { stir(); }, [this] { stir(); }},
+        control_hook_{[this] { ring_control(); }, [this] { ring_control(); }},
         parcel_hook_{[this] {
                        parcels_wait_.store(true, std::memory_order_release);
                        bell_.ring();
                      },
-                     [this] { stir(); }},
+                     [this] { ring_control(); }},
         domain_(config_.network, Side::node) {
     if (config_.name.empty()) {
       config_.name = own_name();
     }
     up_ = domain_.writer(Topic::up, parcel_qos, {});
-    Domain::listen(up_, control_hook_);
+    Domain::set_hook(up_, control_hook_);
     read_world();
     if (const std::string shortage = Domain::socket_buffer_shortage(config_.network); !shortage.empty()) {
       log(LogLevel::warning, shortage);
@@ -60,12 +61,13 @@ class NodeService::Implementation {
   }
 
   ExitReason run() {
-    const link::ScopedBatchScheduling gives_way;
-    // What a full network makes wait, nothing rings for.
+    const base::DefaultFloatingPoint floating_point;
+    const link::ScopedBatchScheduling batch_scheduling;
+    // A congested network rings no bell, so pending parcels are retried on a timer.
     constexpr std::chrono::milliseconds tick(20);
     log(LogLevel::info, "waits for a World in domain " + std::to_string(domain_.number()));
     while (!ending_) {
-      bell_.wait_for([this] { return is_rung(); }, tick);
+      bell_.wait_for([this] { return has_work(); }, tick);
       while (step() && !ending_) {
       }
     }
@@ -85,23 +87,23 @@ class NodeService::Implementation {
     }
   }
 
-  // Readers of their own for each World: what another has said while this one was served is shown to them anew.
+  // New readers for each World: they receive again what another World published while this one was served.
   void read_world() {
     terms_ = domain_.reader(Topic::terms, liveliness_qos(config_.network.lease_ms), {});
     pieces_ = domain_.reader(Topic::piece, piece_qos, {});
-    Domain::listen(terms_, control_hook_);
-    Domain::listen(pieces_, control_hook_);
+    Domain::set_hook(terms_, control_hook_);
+    Domain::set_hook(pieces_, control_hook_);
   }
 
-  // Whether a step may find something to do: looked at many times a frame.
-  bool is_rung() const noexcept {
-    return parcels_wait_.load(std::memory_order_relaxed) || stirred_.load(std::memory_order_relaxed) ||
+  // Whether a step may find work; evaluated many times per frame.
+  bool has_work() const noexcept {
+    return parcels_wait_.load(std::memory_order_relaxed) || control_waits_.load(std::memory_order_relaxed) ||
            drains_.load(std::memory_order_relaxed) != drains_seen_;
   }
 
-  // By receiving threads.
-  void stir() {
-    stirred_.store(true, std::memory_order_release);
+  // Called by the receiving threads.
+  void ring_control() {
+    control_waits_.store(true, std::memory_order_release);
     bell_.ring();
   }
 
@@ -110,10 +112,10 @@ class NodeService::Implementation {
       return true;
     }
     bool progressed = false;
-    if (stirred_.exchange(false, std::memory_order_acquire)) {
-      update_membership();
+    if (control_waits_.exchange(false, std::memory_order_acquire)) {
+      read_announcements();
     }
-    watch_world();
+    check_world();
     if (std::exchange(renew_readers_, false)) {
       read_world();
     }
@@ -123,10 +125,13 @@ class NodeService::Implementation {
     }
     if (session_ != nullptr) {
       const bool parcels = parcels_wait_.exchange(false, std::memory_order_acquire);
-      spoken_to_ |= parcels;
+      parcels_arrived_ |= parcels;
       progressed = session_->step(parcels);
-      if (session_->is_assigned() && !std::exchange(serves_, true)) {
-        log(LogLevel::info, "has a seat and serves the World");
+      for (const std::string& failure : world_->shapes().take_support_failures()) {
+        log(LogLevel::warning, failure + "; pairs for which it fails have no contact");
+      }
+      if (session_->is_assigned() && !std::exchange(assignment_logged_, true)) {
+        log(LogLevel::info, "is assigned and serves the World");
       }
       if (session_->is_over()) {
         end_session();
@@ -136,12 +141,12 @@ class NodeService::Implementation {
     return progressed;
   }
 
-  void update_membership() {
+  void read_announcements() {
     take_all<TermsSample>(terms_, [&](const TermsSample& sample, const dds_sample_info_t& info) {
       if (info.instance_state == DDS_IST_NOT_ALIVE_DISPOSED && world_ != nullptr && sample.world == world_->number()) {
         forget_world(ExitReason::dismissed, "the World has ended");
       } else if (info.valid_data && info.instance_state == DDS_IST_ALIVE && world_ == nullptr) {
-        meet_world(sample);
+        join_world(sample);
       }
     });
     if (world_ == nullptr) {
@@ -160,11 +165,11 @@ class NodeService::Implementation {
     if (session_ != nullptr) {
       dds_publication_matched_status_t matched{};
       dds_get_publication_matched_status(up_.get(), &matched);
-      session_->update_membership(matched.current_count > 0);
+      session_->announce_when_ready(matched.current_count > 0);
     }
   }
 
-  void meet_world(const TermsSample& sample) {
+  void join_world(const TermsSample& sample) {
     std::uint8_t order[4];
     write_byte_order(order);
     WorldTermsRecord record;
@@ -172,7 +177,7 @@ class NodeService::Implementation {
     if (sample.version != wire_version || !std::equal(order, order + 4, sample.order) ||
         sample.layout != record_layout_hash() || bytes.size() != sizeof record) {
       log(LogLevel::error, "the World of domain " + std::to_string(domain_.number()) +
-                               " is of another version, or its machine keeps bytes in another order");
+                               " has another version, byte order or record layout");
       ending_ = config_.once ? std::optional(ExitReason::refused) : ending_;
       return;
     }
@@ -186,12 +191,12 @@ class NodeService::Implementation {
       ending_ = config_.once ? std::optional(ExitReason::refused) : ending_;
       return;
     }
-    heard_ = Clock::now();
+    last_alive_ = Clock::now();
     begin_session();
   }
 
   void begin_session() {
-    serves_ = false;
+    assignment_logged_ = false;
     session_ = std::make_unique<NodeSession>(domain_, *world_, presence_.get(), up_.get(), config_.name, parcel_hook_);
   }
 
@@ -199,7 +204,7 @@ class NodeService::Implementation {
     if (drains_.load(std::memory_order_acquire) != 0) {
       ending_ = ExitReason::drained;
     } else if (!is_world_silent()) {
-      log(LogLevel::info, "has no seat any more and joins anew");
+      log(LogLevel::info, "is no longer assigned and joins again");
       begin_session();
     }
   }
@@ -208,7 +213,7 @@ class NodeService::Implementation {
     log(LogLevel::error, reason);
     session_->refuse(reason);
     if (config_.once) {
-      dds_wait_for_acks(presence_.get(), DDS_MSECS(200));  // the World is to log it too
+      dds_wait_for_acks(presence_.get(), DDS_MSECS(200));  // gives the World time to receive and log the reason
       ending_ = ExitReason::refused;
     }
   }
@@ -224,10 +229,10 @@ class NodeService::Implementation {
     }
   }
 
-  // Once its lease is over, only what it says of itself makes it alive again; what it says to this node shows it as
-  // well.
+  // After its lease has expired, DDS considers the World alive only after a new sample of its terms; parcels to this
+  // node show it, too.
   bool is_world_silent() {
-    if (std::exchange(spoken_to_, false)) {
+    if (std::exchange(parcels_arrived_, false)) {
       return false;
     }
     dds_liveliness_changed_status_t liveliness{};
@@ -235,34 +240,34 @@ class NodeService::Implementation {
            liveliness.alive_count == 0;
   }
 
-  // Called with every step, so it looks at what DDS says only when that may have changed, or there is something to wait
-  // for.
-  void watch_world() {
+  // Called with every step, so it queries DDS only every 10 ms, or while the World is silent.
+  void check_world() {
     if (world_ == nullptr) {
       return;
     }
     const auto now = Clock::now();
-    const bool slept = now - looked_ > std::chrono::microseconds(static_cast<long>(world_->terms().lease_ms * 1e3));
-    const bool due = silent_ || now - looked_ > std::chrono::milliseconds(10);
+    const bool interrupted =
+        now - last_check_ > std::chrono::microseconds(static_cast<long>(world_->terms().lease_ms * 1e3));
+    const bool due = silent_ || now - last_check_ > std::chrono::milliseconds(10);
     if (!due) {
       return;
     }
-    const bool stopped = slept && looked_ != Clock::time_point{};
-    looked_ = now;
+    const bool stopped = interrupted && last_check_ != Clock::time_point{};
+    last_check_ = now;
     for (const std::string& line : Domain::take_log_lines()) {
       log(LogLevel::warning, line);
     }
     if (is_world_silent()) {
       silent_ = true;
-      if (now - heard_ > patience_with_world) {
+      if (now - last_alive_ > world_timeout) {
         silent_ = false;
         forget_world(ExitReason::abandoned, "the World is gone");
       }
       return;
     }
-    heard_ = now;
+    last_alive_ = now;
     if ((std::exchange(silent_, false) || stopped) && session_ != nullptr && session_->is_assigned()) {
-      session_->ask();
+      session_->query_assignment();
     }
     if (session_ != nullptr && session_->is_over()) {
       begin_session();
@@ -277,7 +282,7 @@ class NodeService::Implementation {
 
   NodeServiceConfig config_;
   link::Doorbell bell_;
-  std::atomic<bool> stirred_{false};
+  std::atomic<bool> control_waits_{false};
   std::atomic<bool> parcels_wait_{false};
   std::atomic<std::uint32_t> drains_{0};
   std::uint32_t drains_seen_ = 0;
@@ -288,12 +293,12 @@ class NodeService::Implementation {
   std::unique_ptr<JoinedWorld> world_;
   std::unique_ptr<NodeSession> session_;
   std::optional<ExitReason> ending_;
-  Clock::time_point heard_{};
-  Clock::time_point looked_{};
+  Clock::time_point last_alive_{};
+  Clock::time_point last_check_{};
   bool silent_ = false;
-  bool spoken_to_ = false;  ///< since it was last asked whether the World is silent
+  bool parcels_arrived_ = false;  ///< a parcel has arrived since the last call of is_world_silent()
   bool renew_readers_ = false;
-  bool serves_ = false;  ///< the session has its seat, and that was logged
+  bool assignment_logged_ = false;  ///< the session is assigned, and this was logged
 };
 
 NodeService::NodeService(NodeServiceConfig config)

@@ -64,8 +64,8 @@ NodeSession::NodeSession(Domain& domain, JoinedWorld& world, dds_entity_t presen
       down_(domain.reader(Topic::down, parcel_qos, partition_of(incarnation_))),
       parcel_channel_(up, incarnation_),
       channel_(ring_bytes, nullptr, nullptr) {
-  Domain::listen(down_, hook);
-  say(NodeState::joining);
+  Domain::set_hook(down_, hook);
+  publish_state(NodeState::joining);
 }
 
 NodeSession::~NodeSession() {
@@ -74,7 +74,7 @@ NodeSession::~NodeSession() {
   dds_dispose(presence_, &sample);
 }
 
-void NodeSession::say(NodeState state, const std::string& reason) {
+void NodeSession::publish_state(NodeState state, const std::string& reason) {
   state_ = state;
   std::string name = name_;
   std::string why = reason;
@@ -85,15 +85,15 @@ void NodeSession::say(NodeState state, const std::string& reason) {
   dds_write(presence_, &sample);
 }
 
-void NodeSession::refuse(const std::string& reason) { say(NodeState::refused, reason); }
+void NodeSession::refuse(const std::string& reason) { publish_state(NodeState::refused, reason); }
 
-void NodeSession::update_membership(bool up_matched) {
+void NodeSession::announce_when_ready(bool up_matched) {
   if (state_ != NodeState::joining || !up_matched || !world_.is_ready()) {
     return;
   }
   dds_subscription_matched_status_t matched{};
   if (dds_get_subscription_matched_status(down_.get(), &matched) == DDS_RETCODE_OK && matched.current_count > 0) {
-    say(NodeState::ready);
+    publish_state(NodeState::ready);
   }
 }
 
@@ -102,20 +102,20 @@ bool NodeSession::leave() {
     return true;
   }
   if (state_ != NodeState::leaving) {
-    say(NodeState::leaving);
+    publish_state(NodeState::leaving);
   }
   return false;
 }
 
 bool NodeSession::step(bool parcels_wait) {
-  auto show = [this](ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes) {
-    return deliver(kind, shapes, offset, bytes);
-  };
-  bool progressed = parcel_channel_.has_held() && parcel_channel_.deliver_held(show);
+  auto deliver_one = [this](ParcelKind kind, std::uint32_t shapes, std::size_t& offset,
+                            std::span<const std::byte> bytes) { return deliver(kind, shapes, offset, bytes); };
+  bool progressed = parcel_channel_.has_held() && parcel_channel_.deliver_held(deliver_one);
   if (parcels_wait) {
     progressed |= take_all<ParcelSample>(down_, [&](const ParcelSample& parcel, const dds_sample_info_t& info) {
       if (info.valid_data && parcel.incarnation == incarnation_) {
-        if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::dismissed || !parcel_channel_.receive(parcel, show)) {
+        if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::dismissed ||
+            !parcel_channel_.receive(parcel, deliver_one)) {
           over_ = true;
         }
       }
@@ -135,7 +135,7 @@ bool NodeSession::step(bool parcels_wait) {
 bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset,
                           std::span<const std::byte> bytes) {
   if (world_.shapes().size() < shapes) {
-    return false;  // they are on their way
+    return false;  // the shapes are on their way
   }
   if (kind == ParcelKind::messages) {
     const bool all = for_each_message(bytes, offset, [&](std::span<const std::byte> message) {
@@ -152,12 +152,12 @@ bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& of
   return assign(assignment_record);
 }
 
-// Between frames: the role has done everything, and its rings are empty.
+// Called between frames: the role is idle and its rings are empty.
 bool NodeSession::assign(const AssignmentRecord& assignment_record) {
   if (role_ == nullptr) {
     const auto* table = world_.regions(assignment_record.epoch);
     if (table == nullptr || table->size() != std::size_t{assignment_record.map_words} * sizeof(std::uint32_t)) {
-      return false;  // it is on its way
+      return false;  // the map is on its way
     }
     const WorldTermsRecord& terms = world_.terms();
     nodes::CdNodeSetup setup;
@@ -182,10 +182,11 @@ bool NodeSession::assign(const AssignmentRecord& assignment_record) {
     while (role_->step() == Step::progressed) {
     }
   }
-  // What comes from peers comes by the server's line, which is looked at already.
-  std::vector<nodes::Connection> lines(assignment_record.count, nodes::Connection{channel_.second().out, nullptr});
-  lines[assignment_record.number] = {};
-  role_->assign(assignment_record.number, lines);
+  // Messages from peers arrive through the server connection, which the role reads anyway.
+  std::vector<nodes::Connection> connections(assignment_record.count,
+                                             nodes::Connection{channel_.second().out, nullptr});
+  connections[assignment_record.number] = {};
+  role_->assign(assignment_record.number, connections);
   return true;
 }
 

@@ -19,12 +19,12 @@
 
 namespace ringfence::dds {
 
-/// A World as a node knows it: its terms, its shapes as far as they have come, and what moves its objects.
+/// A World as its node knows it: parameters, the shapes received so far, and the motion model.
 ///
 /// Threads: one.
 class JoinedWorld {
  public:
-  /// Throws Error where the terms cannot be met. `config` outlives it.
+  /// Throws Error if the parameters cannot be met. `config` outlives it.
   JoinedWorld(std::uint64_t number, const WorldTermsRecord& terms, const NodeServiceConfig& config);
 
   std::uint64_t number() const noexcept { return number_; }
@@ -32,14 +32,14 @@ class JoinedWorld {
   const geometry::FixedSpace& space() const noexcept { return space_; }
   const geometry::ShapeTable& shapes() const noexcept { return shapes_; }
   const MotionModel* model() const noexcept { return model_.get(); }
-  /// The region map's table under that epoch, or null where it has not come yet.
+  /// The region map's table of that epoch, or null if it has not arrived.
   const std::vector<std::byte>* regions(std::uint32_t epoch) const {
     return assembler_.find(PieceKind::regions, 0, epoch);
   }
 
-  /// Takes a piece and does what can be done with it. Throws Error where a shape or the embedder's own will not do.
+  /// Adds a piece and processes what is complete. Throws Error if a shape or the embedder's setup is invalid.
   void add(const PieceSample& piece);
-  /// Whether the motion model is there, or none is needed.
+  /// Whether the motion model exists, or none is needed.
   bool is_ready() const noexcept { return ready_; }
 
  private:
@@ -55,38 +55,38 @@ class JoinedWorld {
   bool ready_ = false;
 };
 
-/// A node's time under one number in the World's books: from saying that it is there to hearing that it has no seat.
+/// One membership of a node process in a World: from the announcement to the dismissal.
 ///
-/// The node's role is in the thread that carries between its rings and the parcels: a frame's message passes no other
-/// thread on its way from the network to the role. It has one line for the server and all other nodes, since the
-/// messages themselves say whom they are from and for; so what a node costs here does not grow with their number.
+/// The node's role runs in the thread that moves messages between its rings and the parcels, so a message passes no
+/// other thread between the network and the role. The role has one connection for the server and all other nodes,
+/// because every message names its source and destination; so the cost does not grow with the number of nodes.
 ///
-/// Threads: one, but for the hooks.
+/// Threads: one, except for the hooks.
 class NodeSession {
  public:
-  /// `hook` is called when a parcel has come, and when others come or go; it outlives it.
+  /// `hook` is called when a parcel has arrived and when a matched peer has come or gone; it outlives the session.
   NodeSession(Domain& domain, JoinedWorld& world, dds_entity_t presence, dds_entity_t up, const std::string& name,
               const Domain::Hook& hook);
   ~NodeSession();
   NodeSession(const NodeSession&) = delete;
   NodeSession& operator=(const NodeSession&) = delete;
 
-  /// Says how it stands where that has changed. `up_matched`: the World hears what the node says.
-  void update_membership(bool up_matched);
-  /// Does what can be done now; whether that was anything.
+  /// Announces that the node is ready when it is. `up_matched`: the World receives this node's parcels.
+  void announce_when_ready(bool up_matched);
+  /// Does what can be done now; returns whether that was anything.
   bool step(bool parcels_wait);
-  /// Wants to leave: true where there is nothing to hand over.
+  /// Starts to leave; true if there is nothing to hand over.
   bool leave();
   void refuse(const std::string& reason);
-  /// Asks whether it has its seat still.
-  void ask() { parcel_channel_.send_unnumbered(ParcelKind::assignment_query); }
+  /// Asks the World whether this node is still assigned.
+  void query_assignment() { parcel_channel_.send_unnumbered(ParcelKind::assignment_query); }
 
   bool is_assigned() const noexcept { return role_ != nullptr; }
-  /// Has lost its seat, or its way.
+  /// Whether it was dismissed, or a parcel is missing.
   bool is_over() const noexcept { return over_; }
 
  private:
-  void say(NodeState state, const std::string& reason = {});
+  void publish_state(NodeState state, const std::string& reason = {});
   bool deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes);
   bool assign(const AssignmentRecord& assignment_record);
 

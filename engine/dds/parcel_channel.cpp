@@ -12,8 +12,8 @@ ParcelChannel::ParcelChannel(dds_entity_t writer, std::uint64_t incarnation)
 }
 
 bool ParcelChannel::gather(link::Receiver& in) {
-  // What next() has returned cannot be given back, so there must be room before it is called: a node's rings are of 64
-  // KiB, so their messages are of at most half that.
+  // A message that next() has returned must be taken, so there must be room before the call. A node's rings have 64
+  // KiB, so their messages have at most half of that.
   constexpr std::size_t full = most_bytes - 32'768 - sizeof(Packing);
   bool any = false;
   bool more = true;
@@ -62,7 +62,7 @@ bool ParcelChannel::flush() {
   return true;
 }
 
-void ParcelChannel::say(ParcelKind kind, std::span<const std::byte> bytes) {
+void ParcelChannel::enqueue(ParcelKind kind, std::span<const std::byte> bytes) {
   queued_.push_back({kind, {bytes.begin(), bytes.end()}});
 }
 

@@ -14,72 +14,73 @@
 
 namespace ringfence::dds {
 
-/// Before each message in a parcel: 8 bytes. The message follows, filled up to a multiple of 8. Whom it is from and for
-/// it says itself (messages::Header).
+/// Header of each message in a parcel: 8 bytes. The message follows, padded to a multiple of 8. Its own header
+/// (messages::Header) names source and destination.
 struct Packing {
   std::uint32_t bytes;  ///< of the message
   std::uint32_t reserved;
 };
 static_assert(sizeof(Packing) == 8);
 
-/// One end of the way between the World's process and a node's: parcels out, parcels in, both in order and none lost.
+/// One end of the connection between the World's process and a node process: parcels in both directions, in order and
+/// without loss.
 ///
-/// Messages that are taken out of rings are gathered and written as one sample where the sender stops for now, or where
-/// the next might not fit: one parcel a stage of the frame, not one a message. At most `window` parcels are on their
-/// way that the other end has not said to have taken; then the way is full, and what comes next stays in its ring. So a
-/// full way is a full link: nothing waits, nothing is dropped, and what lies in DDS's own caches is bounded. Every
-/// parcel says what its sender has taken; who has taken half a window without having anything to say, says that alone.
+/// Messages from rings are collected and written as one sample when the sender pauses or the next message might not
+/// fit: one parcel per stage of the frame instead of one per message. At most `window` parcels are unacknowledged; then
+/// the channel is full, and further messages stay in their ring. So a full channel acts like a full ring: nothing
+/// waits, nothing is dropped, and the caches of DDS stay bounded. Every parcel acknowledges what its sender has
+/// received; a receiver that has nothing to send acknowledges after half a window.
 ///
-/// Threads: one. Memory: 64 KiB, and while a ring has no room the parcels that wait for it.
+/// Threads: one. Memory: 64 KiB, plus parcels that wait for room in a ring.
 class ParcelChannel {
  public:
   static constexpr std::uint64_t window = 32;
-  static constexpr std::size_t most_bytes = 60'000;  ///< of a parcel: with its headers, a datagram
+  static constexpr std::size_t most_bytes = 60'000;  ///< of a parcel: one datagram with its headers
 
   struct Counters {
     std::uint64_t sent_parcels = 0, sent_bytes = 0;
     std::uint64_t received_parcels = 0, received_bytes = 0;
     std::uint64_t refused_writes = 0;
-    std::uint64_t answers = 0;    ///< times that something came after something was sent
-    std::uint64_t answer_ns = 0;  ///< from the first that was sent until then, summed
+    std::uint64_t answers = 0;    ///< number of replies: parcels received after something was sent
+    std::uint64_t answer_ns = 0;  ///< sum of the times from the first unanswered parcel to the reply
     std::uint64_t answer_ns_max = 0;
   };
 
-  /// `incarnation` is the node's; it marks all that passes either way. The writer outlives the path.
+  /// `incarnation` identifies the node in both directions. The writer outlives the channel.
   ParcelChannel(dds_entity_t writer, std::uint64_t incarnation);
 
   std::uint64_t incarnation() const noexcept { return incarnation_; }
-  /// From any thread.
+  /// May be called from any thread.
   Counters counters() const noexcept;
-  /// Parcels with a number that were sent so far.
+  /// Number of numbered parcels sent.
   std::uint64_t sent() const noexcept { return sent_; }
-  /// The number of shapes that the World has, as parcels say. From any thread.
+  /// Sets the number of shapes of the World, which parcels carry. May be called from any thread.
   void set_shapes(std::uint32_t shapes) noexcept { shapes_.store(shapes, std::memory_order_relaxed); }
 
-  // Out.
-  /// Takes what can be read from `in`. False where the way is full before the end.
+  // Sending.
+  /// Collects messages from `in`. False if the channel is full before `in` is empty.
   bool gather(link::Receiver& in);
-  /// Adds one message. False, and nothing is added, where the way is full.
+  /// Adds one message. False if the channel is full; then nothing is added.
   bool add(std::span<const std::byte> message);
-  /// Writes what was gathered. False where the way is full.
+  /// Writes what was collected. False if the channel is full.
   bool flush();
-  /// Queues something other than messages; it goes behind what was gathered before, and ahead of what comes later.
-  void say(ParcelKind kind, std::span<const std::byte> bytes);
-  /// Something that is not numbered, at once; lost where it cannot be written.
+  /// Queues a parcel that is not a message; it follows what was collected before and precedes what comes later.
+  void enqueue(ParcelKind kind, std::span<const std::byte> bytes);
+  /// Sends an unnumbered parcel at once; it is lost if it cannot be written.
   void send_unnumbered(ParcelKind kind);
   bool has_to_send() const noexcept { return !batch_.empty() || !queued_.empty(); }
 
-  // In.
-  /// Notes what the parcel says, and shows it to `deliver(kind, shapes, offset, bytes)` without copying it; where that
-  /// answers false the parcel is kept, and those behind it. `deliver` moves `offset` on past what it has dealt with.
-  /// False where a parcel before this one is missing: the way is broken.
+  // Receiving.
+  /// Processes the parcel's acknowledgement and passes its contents to `deliver(kind, shapes, offset, bytes)` without
+  /// copying. If that returns false, this parcel and those behind it are stored. `deliver` advances `offset` past what
+  /// it has processed. False if an earlier parcel is missing: the channel is broken.
   template <class Deliver>
   bool receive(const ParcelSample& parcel, Deliver& deliver);
-  /// Shows what was kept, in order, as long as `deliver` answers true. Whether anything was dealt with.
+  /// Passes stored parcels on, in order, until `deliver` returns false. Returns whether anything was processed.
   template <class Deliver>
   bool deliver_held(Deliver& deliver);
   bool has_held() const noexcept { return !held_.empty(); }
-  /// Says what was taken if that is due and nothing else says it.
+  /// Acknowledges received parcels if that is due and no other parcel has done it.
   void acknowledge();
 
  private:
@@ -104,14 +105,14 @@ class ParcelChannel {
   std::vector<std::byte> batch_;
   std::deque<QueuedParcel> queued_;
   std::deque<HeldParcel> held_;
-  std::uint64_t sent_ = 0;               ///< parcels with a number
-  std::uint64_t sent_acknowledged_ = 0;  ///< of them, taken by the other end
+  std::uint64_t sent_ = 0;               ///< numbered parcels
+  std::uint64_t sent_acknowledged_ = 0;  ///< of them, acknowledged by the other end
   std::uint64_t received_ = 0;
   std::uint64_t taken_ = 0;
   std::uint64_t acknowledgement_sent_ = 0;
-  std::uint64_t unanswered_since_ns_ = 0;  ///< when the first parcel after the last that came was sent; 0: none was
+  std::uint64_t unanswered_since_ns_ = 0;  ///< time of the first parcel sent after the last one received; 0: none
 
-  /// Written by the path's thread alone, so a load and a store do.
+  /// Counter with one writing thread, so a load and a store suffice.
   class Counter {
    public:
     void add(std::uint64_t more) noexcept { value_.store(value() + more, std::memory_order_relaxed); }
@@ -125,10 +126,10 @@ class ParcelChannel {
   Counter answers_, answer_ns_, answer_ns_max_;
 };
 
-/// Shows each message of a parcel from `offset` on to `see(message)` until that answers false; moves `offset`
-/// behind the last that was dealt with. False where it stopped; what is no message ends the parcel.
-template <class See>
-bool for_each_message(std::span<const std::byte> bytes, std::size_t& offset, See see) {
+/// Calls `see(message)` for each message of a parcel from `offset` on, until it returns false; sets `offset` behind the
+/// last processed message. False if it stopped; invalid bytes end the parcel.
+template <class Visit>
+bool for_each_message(std::span<const std::byte> bytes, std::size_t& offset, Visit visit) {
   while (bytes.size() - offset >= sizeof(Packing)) {
     Packing packing;
     std::memcpy(&packing, bytes.data() + offset, sizeof packing);
@@ -136,7 +137,7 @@ bool for_each_message(std::span<const std::byte> bytes, std::size_t& offset, See
     if (packing.bytes == 0 || packing.bytes > bytes.size() - begin) {
       break;
     }
-    if (!see(bytes.subspan(begin, packing.bytes))) {
+    if (!visit(bytes.subspan(begin, packing.bytes))) {
       return false;
     }
     offset = std::min(bytes.size(), begin + (std::size_t{packing.bytes} + 7) / 8 * 8);
@@ -145,8 +146,8 @@ bool for_each_message(std::span<const std::byte> bytes, std::size_t& offset, See
   return true;
 }
 
-/// Copies a message into a ring, unpublished. False where there is no room now; what no message of that ring can be is
-/// left out.
+/// Copies a message into a ring without publishing it. False if there is no room now; a message that can never fit is
+/// dropped.
 inline bool copy_to_ring(std::span<const std::byte> message, link::Sender& out) {
   if (message.size() > out.largest_message()) {
     return true;

@@ -22,7 +22,7 @@ bool write_pieces(dds_entity_t writer, std::uint64_t world, PieceKind kind, std:
                             static_cast<std::uint32_t>(parts),
                             epoch,
                             borrow(slice)};
-    // Between frames, and rare: so it may wait for a network that is behind.
+    // Called between frames and rarely, so it may wait for a congested network.
     dds_return_t result = dds_write(writer, &piece);
     for (int tries = 0; result == DDS_RETCODE_TIMEOUT && tries < 2000; ++tries) {
       dds_sleepfor(DDS_MSECS(1));
@@ -36,23 +36,23 @@ bool write_pieces(dds_entity_t writer, std::uint64_t world, PieceKind kind, std:
 }
 
 void PieceAssembler::add(const PieceSample& piece) {
-  Assembly& thing = assemblies_[{piece.kind, piece.number}];
-  if (thing.epoch != piece.epoch || thing.parts != piece.parts) {
-    thing = {};
-    thing.epoch = piece.epoch;
-    thing.parts = piece.parts;
+  Assembly& assembly = assemblies_[{piece.kind, piece.number}];
+  if (assembly.epoch != piece.epoch || assembly.parts != piece.parts) {
+    assembly = {};
+    assembly.epoch = piece.epoch;
+    assembly.parts = piece.parts;
   }
   const auto bytes = bytes_of(piece.bytes);
-  if (thing.is_complete || piece.part >= piece.parts) {
+  if (assembly.is_complete || piece.part >= piece.parts) {
     return;
   }
-  thing.here[piece.part].assign(bytes.begin(), bytes.end());
-  if (thing.here.size() == thing.parts) {
-    for (auto& [part, content] : thing.here) {
-      thing.assembled.insert(thing.assembled.end(), content.begin(), content.end());
+  assembly.received[piece.part].assign(bytes.begin(), bytes.end());
+  if (assembly.received.size() == assembly.parts) {
+    for (auto& [part, content] : assembly.received) {
+      assembly.assembled.insert(assembly.assembled.end(), content.begin(), content.end());
     }
-    thing.here.clear();
-    thing.is_complete = true;
+    assembly.received.clear();
+    assembly.is_complete = true;
   }
 }
 

@@ -11,17 +11,17 @@
 
 namespace ringfence::dds {
 
-/// Writes `bytes` as pieces of one thing: the last of each is kept for late joiners. False where the network took not
-/// all of it. Threads: one at a time for a writer.
+/// Writes `bytes` as a sequence of pieces, which DDS keeps for late joiners. False if the network did not take all of
+/// them. Threads: one at a time per writer.
 bool write_pieces(dds_entity_t writer, std::uint64_t world, PieceKind kind, std::uint32_t number, std::uint32_t epoch,
                   std::span<const std::byte> bytes);
 
-/// Where pieces are put together again. Threads: one.
+/// Reassembles pieces. Threads: one.
 class PieceAssembler {
  public:
-  /// Takes a copy of the piece.
+  /// Copies the piece.
   void add(const PieceSample& piece);
-  /// The thing, if all of it is here, with that epoch; lives until the next add of the same, or drop.
+  /// The complete bytes with that epoch, or null; valid until the next add of the same kind and number, or drop.
   const std::vector<std::byte>* find(PieceKind kind, std::uint32_t number, std::uint32_t epoch) const;
   void drop(PieceKind kind, std::uint32_t number);
 
@@ -29,7 +29,7 @@ class PieceAssembler {
   struct Assembly {
     std::uint32_t epoch = 0;
     std::uint32_t parts = 0;
-    std::map<std::uint32_t, std::vector<std::byte>> here;
+    std::map<std::uint32_t, std::vector<std::byte>> received;
     std::vector<std::byte> assembled;
     bool is_complete = false;
   };

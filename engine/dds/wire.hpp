@@ -20,47 +20,47 @@ using TermsSample = ringfence_wire_Terms;
 using PieceSample = ringfence_wire_Piece;
 using ParcelSample = ringfence_wire_Parcel;
 
-/// Where a node stands, as its Presence says.
+/// State of a node in its Presence.
 enum class NodeState : std::uint32_t {
-  joining,  ///< reads terms, shapes and regions
-  ready,    ///< may be given a seat
-  leaving,  ///< has a seat and wants to leave
-  refused,  ///< does not fit; Presence::reason says why
+  joining,  ///< receives parameters, shapes and regions
+  ready,    ///< may be assigned
+  leaving,  ///< is assigned and wants to leave
+  refused,  ///< incompatible; see Presence::reason
 };
 
-/// What a Parcel is.
+/// Kind of a Parcel.
 enum class ParcelKind : std::uint32_t {
   messages,          ///< whole messages; see Packing
-  assign,            ///< World to node, before a frame: Meeting
-  dismissed,         ///< World to node: no seat any more; join anew, or end
-  taken,             ///< says no more than Parcel::taken; not numbered
-  assignment_query,  ///< node to World: have I still a seat? Answered by `dismissed` where not; not numbered
+  assign,            ///< World to node, before a frame: AssignmentRecord
+  dismissed,         ///< World to node: no longer assigned; announce again, or end
+  taken,             ///< only an acknowledgement, Parcel::taken; not numbered
+  assignment_query,  ///< node to World: am I still assigned? If not, the reply is `dismissed`; not numbered
 };
 
-/// What a Piece is of.
+/// Kind of a Piece.
 enum class PieceKind : std::uint32_t {
-  shape,    ///< `number` is its ShapeNumber
-  regions,  ///< the region map's table, under `epoch`
+  shape,    ///< `number` is the ShapeNumber
+  regions,  ///< the region map's table, with its `epoch`
   setup,    ///< ClusterConfig::setup
 };
 
-/// A node's place from the next frame on.
+/// Assignment of a node from the next frame on.
 struct AssignmentRecord {
   std::uint32_t number = 0;
   std::uint32_t count = 0;
-  std::uint64_t objects = 0;  ///< to be reserved
+  std::uint64_t objects = 0;  ///< number to reserve for
   std::uint64_t pairs = 0;
-  std::uint32_t epoch = 0;      ///< of the map that holds
-  std::uint32_t map_nodes = 0;  ///< whom that map knows
-  std::uint32_t map_words = 0;  ///< of its table
+  std::uint32_t epoch = 0;      ///< of the current map
+  std::uint32_t map_nodes = 0;  ///< number of nodes in that map
+  std::uint32_t map_words = 0;  ///< size of its table
   std::uint32_t is_new = 0;     ///< 1: the node has no role yet
 };
 static_assert(sizeof(AssignmentRecord) == 40 && std::is_trivially_copyable_v<AssignmentRecord>);
 
-/// Of this protocol between processes. What is said in messages has a version of its own.
+/// Version of this protocol between processes. Messages have a version of their own.
 inline constexpr std::uint32_t wire_version = 1;
 
-/// A number that differs where records are laid out differently: their sizes, folded.
+/// Hash of the record sizes; differs if records have another layout.
 constexpr std::uint64_t record_layout_hash() noexcept {
   using namespace messages;
   std::uint64_t hash = 0xcbf29ce484222325u;
@@ -91,13 +91,13 @@ constexpr std::uint64_t record_layout_hash() noexcept {
   return hash;
 }
 
-/// The bytes of a number that says in which order this machine keeps bytes.
+/// Writes a constant in this machine's byte order.
 inline void write_byte_order(std::uint8_t (&order)[4]) noexcept {
   constexpr std::uint32_t mark = 0x01020304;
   std::memcpy(order, &mark, sizeof mark);
 }
 
-/// How a sample speaks of bytes that are not its own.
+/// A byte sequence that refers to memory of the caller.
 inline ringfence_wire_Bytes borrow(std::span<const std::byte> bytes) noexcept {
   ringfence_wire_Bytes borrowed{};
   borrowed._maximum = borrowed._length = static_cast<std::uint32_t>(bytes.size());

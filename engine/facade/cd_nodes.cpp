@@ -1,4 +1,4 @@
-// CD nodes: made, told of each other, joined and let go.
+// CD nodes of a World: creation, connections, joining and leaving.
 #include <algorithm>
 #include <iterator>
 #include <utility>
@@ -18,15 +18,16 @@ using nodes::Request;
 
 namespace {
 
-// What one of `count` nodes reserves: twice its even share.
+// Reservation of one of `count` nodes: twice its even share.
 std::size_t share_of(std::size_t capacity, std::size_t count) noexcept {
   return std::min(capacity, 2 * capacity / count + 64);
 }
 
 }  // namespace
 
-// Makes the next CD node of `count` in the end, not yet introduced to its peers and not yet stepped; returns the
-// server's end of its line. Of a fleet's member only the lines are made: its role is elsewhere.
+// Creates the next CD node; `count` is the final number of nodes. It has no connections to its peers yet, and no thread
+// steps it. Returns the server's end of its connection. For a remote node only the channels are made; its role runs in
+// its own process.
 Connection World::Implementation::add_node(const regions::RegionMap& map, std::uint32_t count,
                                            RemoteNodes::MemberId member) {
   const auto node = static_cast<NodeNumber>(node_roles.size());
@@ -43,7 +44,7 @@ Connection World::Implementation::add_node(const regions::RegionMap& map, std::u
   if (here) {
     share_memory(*node_channels.back(), count);
   }
-  // Many nodes need many rings between them; a hand-over is small.
+  // With many nodes there are many rings between them, and hand-overs are small.
   const std::size_t peer_ring = config.remote_nodes != nullptr ? remote_node_ring
                                                                : ring_bytes(std::size_t{1} << (count <= 16   ? 18
                                                                                                : count <= 64 ? 14
@@ -58,13 +59,13 @@ Connection World::Implementation::add_node(const regions::RegionMap& map, std::u
   } else {
     node_roles.emplace_back();
     if (config.timeline) {
-      node_tracks.emplace_back();  // keeps the tracks of others in their places
+      node_tracks.emplace_back();  // keeps the track positions of the other nodes
     }
   }
   return node_channels.back()->first();
 }
 
-// What the server and a CD node of this process, one of `count`, have in common.
+// Creates the memory that the server shares with a CD node of this process, one of `count`.
 void World::Implementation::share_memory(DuplexChannel& channel, std::uint32_t count) {
   channel.node_contacts = std::make_unique<nodes::NodeContacts>();
   if (config.deployment == Deployment::user_collision && config.interest > 0) {
@@ -77,7 +78,7 @@ link::Doorbell* World::Implementation::node_bell(NodeNumber node) noexcept {
   return threaded() && node_workers[node] != nullptr ? &node_workers[node]->bell() : server_bell();
 }
 
-// The role of node number `node`, whose way to the server is there, of `count` in the end.
+// Creates the role of node `node`, whose channel to the server exists; `count` is the final number of nodes.
 std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber node, std::uint32_t count,
                                                                     const regions::RegionMap& map) {
   nodes::CdNodeSetup setup;
@@ -93,7 +94,7 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
   setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
   setup.remember_axes = config.remember_axes;
   setup.may_be_lost = threaded() && config.deadlines.node_ms > 0;
-  // Else the server relays them to the users.
+  // Without a publication the server publishes the states for the users.
   setup.keeps_host_owned_states = config.interest <= 0 || node_channels[node]->publication != nullptr;
   setup.interest_grid = publications.grid;
   setup.objects = share_of(config.capacities.objects, count);
@@ -102,7 +103,7 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
   return std::make_unique<nodes::CdNodeRole>(setup, map);
 }
 
-// Tells every node of the others and lets the threads step them.
+// Gives every node its connections to the others and starts to step it.
 void World::Implementation::connect_peers() {
   const auto count = static_cast<NodeNumber>(node_roles.size());
   if (threaded() && server != nullptr) {
@@ -128,7 +129,7 @@ void World::Implementation::connect_peers() {
   list_inline_roles();
 }
 
-// The lines of a node to its peers, by their numbers; empty where this process has none.
+// The connections of a node to its peers, by their numbers; empty entries where this process has none.
 std::vector<Connection> World::Implementation::peers_of(NodeNumber node) {
   std::vector<Connection> peers(node_roles.size());
   for (NodeNumber peer = 0; peer < peers.size(); ++peer) {
@@ -141,41 +142,42 @@ std::vector<Connection> World::Implementation::peers_of(NodeNumber node) {
   return peers;
 }
 
-// What the server's thread steps: the server, nodes without a thread of their own, and then what carries to the others.
+// The roles that the server's thread steps: the server, nodes without a thread of their own, then the bridge to remote
+// nodes.
 std::vector<Steppable> World::Implementation::server_thread_roles() {
-  std::vector<Steppable> crew{Steppable::of(*server)};
+  std::vector<Steppable> roles{Steppable::of(*server)};
   for (std::size_t node = 0; node < node_roles.size(); ++node) {
     if (node_roles[node] != nullptr && node_workers[node] == nullptr) {
-      crew.push_back(Steppable::of(*node_roles[node]));
+      roles.push_back(Steppable::of(*node_roles[node]));
     }
   }
   if (config.remote_nodes != nullptr) {
-    crew.push_back(config.remote_nodes->bridge());
+    roles.push_back(config.remote_nodes->bridge());
   }
-  return crew;
+  return roles;
 }
 
-// No thread steps the bridge.
+// Precondition: no thread steps the bridge.
 void World::Implementation::assign_remote_nodes() {
   if (config.remote_nodes == nullptr) {
     return;
   }
   std::vector<RemoteNodes::NodeAssignment> assignments(node_roles.size());
   for (NodeNumber node = 0; node < assignments.size(); ++node) {
-    RemoteNodes::NodeAssignment& assign = assignments[node];
-    assign.objects = share_of(config.capacities.objects, assignments.size());
-    assign.pairs = share_of(config.capacities.pairs, assignments.size());
-    assign.member = node_members[node];
-    if (assign.member != RemoteNodes::local_member) {
-      assign.server = node_channels[node]->second();
-      assign.peers = peers_of(node);
+    RemoteNodes::NodeAssignment& assignment = assignments[node];
+    assignment.objects = share_of(config.capacities.objects, assignments.size());
+    assignment.pairs = share_of(config.capacities.pairs, assignments.size());
+    assignment.member = node_members[node];
+    if (assignment.member != RemoteNodes::local_member) {
+      assignment.server = node_channels[node]->second();
+      assignment.peers = peers_of(node);
     }
   }
   config.remote_nodes->assign(*server, assignments, server->map());
 }
 
-// Takes in the members of the fleet that are ready, and lets those hand over that want to leave. Where those are all,
-// a role that the server's thread steps takes their place; it goes in turn when others have come.
+// Adds remote nodes that are ready and starts the departure of those that want to leave. If all leave, a role stepped
+// by the server's thread takes over; it leaves in turn when remote nodes have joined.
 void World::Implementation::add_arrivals() {
   const std::uint32_t wanted = std::exchange(resize_to, 0u);
   const auto arrivals = config.remote_nodes->arrivals();
@@ -192,7 +194,7 @@ void World::Implementation::add_arrivals() {
       going.push_back(node);
     }
   }
-  // More than can have a seat wait until one is free.
+  // Further nodes wait until there is a free cell.
   const std::size_t cells = server->map().grid().cells();
   const std::size_t staying = node_roles.size() - going.size();
   const std::size_t room = std::min(cells - std::min(cells, staying), facade::most_nodes - node_roles.size());
@@ -203,7 +205,7 @@ void World::Implementation::add_arrivals() {
   }
   if (joining.empty() && staying == 0) {
     if (room == 0) {
-      return;  // none can take over in this frame, so all stay for it
+      return;  // no other node can take over in this frame, so all nodes stay
     }
     joining.push_back(RemoteNodes::local_member);
   }
@@ -227,7 +229,7 @@ void World::Implementation::add_arrivals() {
   order.requests.push_back(request);
 }
 
-// No frame is under way.
+// Precondition: no frame is running.
 void World::Implementation::grow_nodes() {
   if (config.remote_nodes != nullptr) {
     add_arrivals();
@@ -250,9 +252,9 @@ void World::Implementation::grow_nodes() {
   order.requests.push_back(request);
 }
 
-// The frame in which they handed everything over is complete.
+// Precondition: the frame in which the nodes handed everything over is complete.
 void World::Implementation::retire_nodes() {
-  // Lost ones, and those that have left, are out of `node_roles` and not yet out of the map.
+  // Lost nodes and nodes that have left are no longer in `node_roles`, but still in the map.
   const FrameReport& last = server->report(frames - 1);
   const NodeNumber in_map = server->map().nodes();
   std::size_t count = 0;
@@ -260,14 +262,15 @@ void World::Implementation::retire_nodes() {
     const bool lost = std::find(last.lost.begin(), last.lost.end(), node) != last.lost.end();
     count += (!lost || node == fallback_number) && !server->has_left(node) ? 1 : 0;
   }
-  // Where all that are in the map are lost, the server keeps the first of the others.
+  // If all nodes of the map are lost, the server keeps the first of the others.
   count = std::max<std::size_t>(count, 1);
   if (node_roles.size() <= count) {
     return;
   }
-  std::vector<std::unique_ptr<DuplexChannel>> removed_channels;  // until the others have forgotten the way
-  const bool has_live_retirees =
-      !retired_nodes.empty();  // a lost node's thread may still ring the bells of those that go
+  // Freed after the other nodes have dropped these channels.
+  std::vector<std::unique_ptr<DuplexChannel>> removed_channels;
+  // The thread of a lost node may still ring the bells of nodes that leave.
+  const bool has_live_retirees = !retired_nodes.empty();
   while (node_roles.size() > count) {
     const auto node = static_cast<NodeNumber>(node_roles.size() - 1);
     if (threaded() && node_workers[node] != nullptr) {

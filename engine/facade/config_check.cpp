@@ -26,8 +26,8 @@ namespace ringfence::facade {
 
 namespace {
 
-/// Pairs and contacts are numbered by 32 bits, one of which marks those that ended.
-constexpr std::size_t most_reserved = std::size_t{1} << 31;
+/// Pairs and contacts have 32-bit indices; one bit marks ended contacts.
+constexpr std::size_t max_reserved = std::size_t{1} << 31;
 
 void require(bool holds, const std::string& what) {
   if (!holds) {
@@ -65,7 +65,7 @@ void check(const WorldConfig& config) {
   require(config.nodes <= most_nodes,
           "nodes is " + std::to_string(config.nodes) + "; 0 to " + std::to_string(most_nodes));
   require(config.remote_nodes == nullptr || config.nodes >= 1,
-          "nodes is 0 with a fleet; at least 1 of its nodes must join");
+          "nodes is 0 with remote_nodes; at least 1 remote node must join");
   require(config.user_threads >= 1 && config.user_threads <= 256,
           "user_threads is " + std::to_string(config.user_threads) + "; 1 to 256");
   for (const std::uint32_t bits : config.cells_log2) {
@@ -74,8 +74,8 @@ void check(const WorldConfig& config) {
   require(std::isfinite(config.interest) && config.interest >= 0,
           "interest is " + std::to_string(config.interest) + "; metres, 0 or more");
   check_capacity("objects", config.capacities.objects, config.limits.objects);
-  check_capacity("pairs", config.capacities.pairs, most_reserved);
-  check_capacity("contacts", config.capacities.contacts, most_reserved);
+  check_capacity("pairs", config.capacities.pairs, max_reserved);
+  check_capacity("contacts", config.capacities.contacts, max_reserved);
   check_capacity("users", config.capacities.users, config.limits.users);
   const auto check_deadline = [](const char* name, double ms) {
     require(std::isfinite(ms) && ms >= 0,
@@ -94,8 +94,8 @@ void check(const WorldConfig& config) {
   }
 }
 
-// A single node with a thread of its own tests while the server sweeps; in a single thread there is nothing to share,
-// and pairs that a node finds itself pass through no ring.
+// A single node on its own thread tests while the server sweeps. With everything in one thread there is nothing to
+// share, and pairs that a node finds itself pass through no ring.
 Placement choose_placement(std::uint32_t nodes) noexcept { return nodes == 1 ? Placement::server : Placement::region; }
 
 WorldConfig settle(WorldConfig config) {

@@ -10,11 +10,10 @@
 
 namespace ringfence::facade {
 
-/// Which contacts of a frame concern an object. Built once for a frame, when first asked; then each answer is a
-/// look-up.
+/// Index from objects to their contacts in one frame. Built once per frame, at the first query.
 class ContactIndex {
  public:
-  /// Indexes the contacts of one frame; they stay where they are.
+  /// Indexes the contacts of one frame, which must stay in place.
   void build(std::span<const Contact> contacts);
   /// Indices of the object's contacts, ascending.
   std::span<const std::uint32_t> of(ObjectNumber number) const noexcept;

@@ -10,8 +10,8 @@
 
 namespace ringfence::facade {
 
-/// The way between two roles: one channel each way; between the server and a CD node in this process also memory that
-/// they share.
+/// A duplex channel between two roles: one link::Channel in each direction; between the server and a CD node of this
+/// process also the memory that they share.
 struct DuplexChannel {
   DuplexChannel(std::size_t bytes, link::Doorbell* first, link::Doorbell* second)
       : forward(bytes, second, first), back(bytes, first, second) {}

@@ -32,20 +32,19 @@ namespace ringfence {
 
 namespace facade {
 
-/// Of the ring between the server and a CD node, where none is given.
+/// Default size of the ring between the server and a CD node, bytes.
 inline constexpr std::size_t server_node_ring = std::size_t{1} << 20;
-/// The same for a node of the fleet: what fills it is sent, while the server goes on with what follows.
+/// The same for a remote node: a full ring is sent over the network while the server goes on.
 inline constexpr std::size_t remote_node_ring = std::size_t{1} << 16;
 
-/// A CD node that was lost: nobody knows whether its thread still does something, so all that it may touch is kept
-/// until the thread has ended.
+/// A lost CD node. Its thread may still run, so everything that it may access is kept until the thread has ended.
 struct RetiredNode {
   std::unique_ptr<DuplexChannel> channel;
   std::unique_ptr<nodes::CdNodeRole> role;
-  std::unique_ptr<Worker> worker;  ///< dismissed; null where the server's thread stepped the role
+  std::unique_ptr<Worker> worker;  ///< asked to stop; null if the server's thread stepped the role
 };
 
-/// A connected user node and all that is its own.
+/// A connected user node with its channel, publication and role.
 struct User {
   User(std::size_t ring_bytes, link::Doorbell* server, link::Doorbell* own, std::size_t cells)
       : channel(ring_bytes, server, own), publication(cells, 64) {}
@@ -57,12 +56,11 @@ struct User {
 
 }  // namespace facade
 
-/// What a World is made of: requests for the next frame, the roles with their lines and threads, and what is needed to
-/// answer calls. Its own functions are in roles.cpp (the server, the user nodes and the threads), seats.cpp (CD nodes,
-/// made, joined and let go) and losses.cpp (who is no longer); World's in requests.cpp (what is asked for the next
-/// frame) and world.cpp.
+/// The state of a World: requests for the next frame, the roles with their channels and threads, and the tables that
+/// answer calls. Member functions of Implementation: roles.cpp (server, user nodes, threads), cd_nodes.cpp (CD nodes)
+/// and losses.cpp (lost nodes). Member functions of World: requests.cpp (calls that make requests) and world.cpp.
 ///
-/// Threads: the one that calls World; roles are touched only while no frame is under way.
+/// Threads: the one that calls World; roles are accessed only while no frame is running.
 struct World::Implementation {
   explicit Implementation(WorldConfig given);
 
@@ -103,9 +101,9 @@ struct World::Implementation {
     return status;
   }
   Status check_spec(const ObjectSpec& spec) const noexcept;
-  /// Whether the object is an avatar of the user's.
+  /// Whether the object is an avatar of the user.
   Status check_own(UserNumber user, ObjectId object) const noexcept;
-  /// Whether the object is there and may be placed and taken out.
+  /// Whether the object exists and may be placed and removed.
   Status check_movable(ObjectId object) const noexcept;
   bool is_connected(UserNumber user) const noexcept { return std::binary_search(users.begin(), users.end(), user); }
   void step_inline();
@@ -115,13 +113,14 @@ struct World::Implementation {
     }
   }
   void log_growth();
+  void log_support_failures();
   void gather_user_times();
   void gather_timeline();
 
   WorldConfig config;
   geometry::ShapeTable shapes;
   geometry::FixedSpace space;
-  std::array<std::uint32_t, 32> layer_masks;  ///< by layer: with which it collides
+  std::array<std::uint32_t, 32> layer_masks;  ///< by layer: the layers it collides with
   link::Cores cores;
   std::size_t next_core = 0;
   facade::Registry registry;
@@ -137,45 +136,46 @@ struct World::Implementation {
     Pose pose;
   };
   std::vector<PendingMove> pending_moves;  ///< for the next frame
-  std::vector<UserNumber> users;           ///< connected or about to be, ascending
+  std::vector<UserNumber> users;           ///< connected, or connecting at the next cut; ascending
   std::vector<UserNumber> leaving;         ///< disconnected; their numbers are in use until the next cut
   std::vector<UserNumber> cut_leaving;
   std::array<std::uint64_t, status_count> refused{};
   std::uint64_t begun = 0;
   std::uint64_t frames = 0;
   FrameReport report;
-  std::vector<std::uint64_t> user_cpu_ns;        ///< by user thread, since it started
+  std::vector<std::uint64_t> user_cpu_ns;        ///< by user thread, since its start
   std::deque<telemetry::StepClock> user_clocks;  ///< by user thread
   telemetry::Track server_track;
   std::deque<telemetry::Track> node_tracks;
   std::deque<telemetry::Track> user_tracks;
-  std::uint32_t resize_to = 0;  ///< nodes from the frame after the next on; 0: as they are
+  std::uint32_t resize_to = 0;  ///< number of nodes from the frame after the next on; 0: no change
   bool growth_logged = false;
+  bool failures_logged = false;  ///< of support functions in other processes
   mutable facade::ContactIndex contact_index;
   mutable std::uint64_t indexed_frames = 0;
 
-  // Roles use the channels above them; threads, last of all, use the roles and end first.
+  // Order of destruction: threads end first, then the roles, then the channels above them.
   std::unique_ptr<facade::Worker> server_worker;
-  /// Null for the one that the server's thread steps, and for those of the fleet.
+  /// Null for a node that the server's thread steps, and for remote nodes.
   std::vector<std::unique_ptr<facade::Worker>> node_workers;
   std::deque<facade::Worker> user_workers;
   std::vector<std::unique_ptr<facade::DuplexChannel>> node_channels;
   std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<facade::DuplexChannel>>
       peer_channels;  ///< lower number first
   std::map<UserNumber, std::unique_ptr<facade::User>> user_nodes;
-  std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;  ///< null for those of the fleet
-  std::vector<RemoteNodes::MemberId> node_members;             ///< nobody for those in this process
+  std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;  ///< null for remote nodes
+  std::vector<RemoteNodes::MemberId> node_members;             ///< local_member for nodes in this process
   std::unique_ptr<nodes::ServerRole> server;
   std::vector<facade::RetiredNode> retired_nodes;
-  std::vector<std::unique_ptr<facade::DuplexChannel>> retired_channels;  ///< between lost nodes and others
-  /// Of CD nodes that are gone: what they published in the last frame is read until the next is complete.
+  std::vector<std::unique_ptr<facade::DuplexChannel>> retired_channels;  ///< between lost nodes and other nodes
+  /// Publications of nodes that are gone: readable until the next frame is complete.
   std::vector<std::unique_ptr<nodes::NodePublication>> departed_publications;
-  std::optional<NodeNumber> fallback_number;    ///< the number that a stand-in took in the last frame
-  std::vector<facade::Steppable> inline_roles;  ///< all roles, where the calling thread steps them
+  std::optional<NodeNumber> fallback_number;    ///< number of the fallback node that was added in the last frame
+  std::vector<facade::Steppable> inline_roles;  ///< with nodes = 0: all roles, stepped by the calling thread
 
-  struct Stop {
+  struct ThreadStopper {
     Implementation& world;
-    ~Stop() {
+    ~ThreadStopper() {
       world.user_workers.clear();
       world.node_workers.clear();
       for (facade::RetiredNode& retired_node : world.retired_nodes) {

@@ -1,4 +1,4 @@
-// Who is no longer there: CD nodes that the server has declared lost, and the one that takes the place of the last.
+// Lost CD nodes, and the fallback node that replaces the last one.
 #include <algorithm>
 #include <string>
 #include <utility>
@@ -26,11 +26,10 @@ void World::Implementation::await_frame() {
   }
 }
 
-// The last node is lost within a frame, and the server waits for another: a role of that number that the server's own
-// thread steps.
+// The last node was lost within a frame: creates a role with the same number, stepped by the server's thread.
 void World::Implementation::fallback() {
   const NodeNumber node = order.fallback_for;
-  server_worker->assign({Steppable::of(*server)});  // of the fleet all are lost: there is nobody to carry to
+  server_worker->assign({Steppable::of(*server)});  // without the bridge: all remote nodes are lost
   retire(node);
   const auto count = static_cast<std::uint32_t>(node_roles.size());
   node_channels[node] =
@@ -53,7 +52,7 @@ void World::Implementation::retire(NodeNumber node) {
   retired_nodes.push_back({std::move(node_channels[node]), std::move(node_roles[node]), std::move(node_workers[node])});
 }
 
-// What lost nodes left is let go once all their threads have ended: until then one may still speak to another.
+// Frees retired nodes when all their threads have ended: until then one may still write to a channel of another.
 void World::Implementation::free_retired_nodes() {
   const auto is_quiet = [](const RetiredNode& retired_node) {
     return retired_node.worker == nullptr || retired_node.worker->has_ended();
@@ -74,8 +73,7 @@ void World::Implementation::keep_publication(DuplexChannel& channel) {
   }
 }
 
-// The frame is complete. Those that are neither lost nor have left are numbered anew, in order, as the server does at
-// its next cut.
+// Called when a frame is complete. Renumbers the remaining nodes in order, as the server does at its next cut.
 void World::Implementation::retire_lost_nodes() {
   std::vector<NodeNumber> lost;
   for (NodeNumber node = 0; node < node_roles.size(); ++node) {
@@ -86,7 +84,7 @@ void World::Implementation::retire_lost_nodes() {
   }
   if (lost.empty()) {
     if (fallback_number && config.remote_nodes != nullptr) {
-      connect_peers();  // the fleet has lost its last seat
+      connect_peers();  // the last remote node is lost
     }
     return;
   }
@@ -135,12 +133,12 @@ void World::Implementation::log_losses() const {
   const std::string frame = " in frame " + std::to_string(report.frame);
   for (const NodeNumber node : report.lost) {
     log(LogLevel::error, "CD node " + std::to_string(node) + " stopped answering" + frame +
-                             ": the others have its regions, pairs and objects; " + std::to_string(node_roles.size()) +
-                             " left");
+                             ": other nodes take over its regions, pairs and objects; " +
+                             std::to_string(node_roles.size()) + " left");
   }
   for (const UserNumber user : report.late) {
     log(LogLevel::warning, "user node " + std::to_string(user) + " missed its deadline" + frame +
-                               ": its objects stood still, and it is disconnected at the next cut");
+                               ": its objects did not move, and it is disconnected at the next cut");
   }
 }
 

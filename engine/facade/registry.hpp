@@ -11,7 +11,7 @@
 
 namespace ringfence::facade {
 
-/// Which objects an embedder may speak of: what is needed to answer a call at once, also while a frame is under way.
+/// The objects known to the caller: answers calls at once, also while a frame is running.
 ///
 /// Threads: belongs to the thread that calls World.
 class Registry {
@@ -20,7 +20,7 @@ class Registry {
     ObjectId id;
     Category category = Category::active;
     UserNumber user = no_user;
-    bool ending = false;  ///< destroyed, but its number is in use until the next cut
+    bool ending = false;  ///< destroyed, but its number stays in use until the next cut
   };
 
   explicit Registry(std::size_t objects) : index_(objects) { entries_.reserve(objects); }
@@ -28,10 +28,10 @@ class Registry {
   std::size_t live() const noexcept { return index_.size(); }
   bool in_use(ObjectNumber number) const noexcept { return index_.find(number) != base::NumberIndex::none; }
 
-  /// Avatars of a user that are alive.
+  /// Number of live avatars of a user.
   std::size_t avatars(UserNumber user) const noexcept { return user < avatars_.size() ? avatars_[user] : 0; }
 
-  /// A number that no object has, counted up from the last one given; 0 if there is none.
+  /// The next unused number after the last one assigned; 0 if there is none.
   ObjectNumber free_number() noexcept {
     for (std::uint64_t tries = 0; tries <= index_.size(); ++tries) {
       if (++last_number_ == 0) {
@@ -69,7 +69,7 @@ class Registry {
     return at == base::NumberIndex::none || entries_[at].ending ? ObjectId{} : entries_[at].id;
   }
 
-  /// Its id is stale from now on; its number is free when the frame that cuts it is complete. Precondition: find(id) is
+  /// Makes the id stale. The number is free when the frame that applies the end is complete. Precondition: find(id) is
   /// not null.
   void end(ObjectId id) { end(entries_[index_.find(id.number())]); }
   /// Ends all avatars of a user.
@@ -80,12 +80,12 @@ class Registry {
       }
     }
   }
-  /// A frame begins: what has ended so far is ended by its cut.
+  /// A frame begins: its cut applies all ends so far.
   void cut() {
     cut_.swap(ended_);
     ended_.clear();
   }
-  /// The frame is complete: the numbers that its cut ended may be given again.
+  /// The frame is complete: the numbers that its cut ended may be reused.
   void forget_cut() {
     for (const ObjectNumber number : cut_) {
       const std::uint32_t at = index_.find(number);
@@ -112,7 +112,7 @@ class Registry {
   std::vector<Entry> entries_;
   std::vector<std::uint32_t> avatars_;  ///< alive, by user
   std::vector<ObjectNumber> ended_;     ///< since the last cut
-  std::vector<ObjectNumber> cut_;       ///< by the cut of the frame under way
+  std::vector<ObjectNumber> cut_;       ///< by the cut of the running frame
   ObjectNumber last_number_ = 0;
   std::uint32_t generation_ = 0;
 };

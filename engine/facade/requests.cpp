@@ -1,8 +1,9 @@
-// What a World is asked for from outside; the next frame's cut applies it.
+// Calls of World that make requests for the next frame's cut.
 #include <algorithm>
 #include <cmath>
 #include <string>
 
+#include "base/floating_point.hpp"
 #include "facade/config_check.hpp"
 #include "facade/implementation.hpp"
 
@@ -13,8 +14,9 @@ using facade::Worker;
 using nodes::Request;
 
 ShapeNumber World::add_shape(const ShapeDescription& description) {
+  const base::DefaultFloatingPoint floating_point;
   if (implementation_->frame_is_running()) {
-    throw Error("add_shape: a frame is under way; register shapes before begin_frame or after finish_frame");
+    throw Error("add_shape: a frame is running; register shapes before begin_frame or after finish_frame");
   }
   Implementation& w = *implementation_;
   const ShapeNumber shape = w.shapes.add(description);
@@ -68,7 +70,7 @@ Status World::disconnect(UserNumber user) {
   w.users.erase(std::lower_bound(w.users.begin(), w.users.end(), user));
   w.leaving.push_back(user);
   w.registry.end_avatars(user);
-  std::erase_if(w.pending_moves, [&](const auto& steering) { return steering.user == user; });
+  std::erase_if(w.pending_moves, [&](const auto& pending_move) { return pending_move.user == user; });
   Request request;
   request.kind = Request::Kind::disconnect;
   request.user = user;
@@ -77,6 +79,7 @@ Status World::disconnect(UserNumber user) {
 }
 
 Spawned World::spawn(const ObjectSpec& spec) {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   Request request;
   request.kind = Request::Kind::spawn;
@@ -128,6 +131,7 @@ Status World::destroy(UserNumber user, ObjectId object) {
 }
 
 Status World::move(UserNumber user, ObjectId object, const Pose& pose) {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (const Status status = w.check_own(user, object); status != Status::ok) {
     return w.refuse(status);
@@ -149,6 +153,7 @@ Status World::Implementation::check_movable(ObjectId object) const noexcept {
 }
 
 Status World::place(ObjectId object, const Pose& pose) {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (const Status status = w.check_movable(object); status != Status::ok) {
     return w.refuse(status);
@@ -169,8 +174,8 @@ Status World::remove(ObjectId object) {
   if (const Status status = w.check_movable(object); status != Status::ok) {
     return w.refuse(status);
   }
-  // It was moved before it was taken out, so that move no longer counts.
-  std::erase_if(w.pending_moves, [&](const auto& steering) { return steering.number == object.number(); });
+  // A move before the removal no longer counts.
+  std::erase_if(w.pending_moves, [&](const auto& pending_move) { return pending_move.number == object.number(); });
   Request request;
   request.kind = Request::Kind::remove;
   request.object = object;
@@ -189,6 +194,7 @@ Status World::resize(std::uint32_t nodes) {
 }
 
 Status World::inject(const Fault& fault) {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
@@ -197,7 +203,7 @@ Status World::inject(const Fault& fault) {
       fault.stall_ms < 0 || fault.stage > NodeStage::reporting || w.node_roles[fault.node] == nullptr) {
     return w.refuse(Status::bad_number);
   }
-  // Not while its thread steps it.
+  // The node's thread must not step the role meanwhile.
   nodes::CdNodeRole& role = *w.node_roles[fault.node];
   if (Worker* worker = w.node_workers[fault.node].get()) {
     worker->assign({});

@@ -28,7 +28,7 @@ regions::CellGrid region_grid(const WorldConfig& config, const geometry::FixedSp
   return regions::CellGrid::choose(extents, std::max<std::size_t>(4096, std::size_t{64} * config.nodes));
 }
 
-// Cells of about a third of the interest radius: few spans to read, little read in vain.
+// Cells of about a third of the interest radius: few spans to read, and few states read in vain.
 regions::CellGrid interest_grid(const WorldConfig& config, const geometry::FixedSpace& space) {
   const double extents[3] = {space.max().x - space.min().x, space.max().y - space.min().y,
                              space.max().z - space.min().z};
@@ -40,7 +40,7 @@ regions::CellGrid interest_grid(const WorldConfig& config, const geometry::Fixed
   return regions::CellGrid::choose(extents, static_cast<std::size_t>(std::min(cells, double{most_interest_cells})));
 }
 
-// How often the server looks at the clock, though nothing happens: a quarter of the shorter deadline; 0: never.
+// How often the server checks its deadlines when no bell rings: a quarter of the shorter deadline; 0: never.
 std::chrono::nanoseconds tick_of(const Deadlines& deadlines) {
   double ms = std::max(deadlines.node_ms, deadlines.user_ms);
   for (const double deadline : {deadlines.node_ms, deadlines.user_ms}) {
@@ -49,7 +49,7 @@ std::chrono::nanoseconds tick_of(const Deadlines& deadlines) {
   return std::chrono::nanoseconds(static_cast<std::int64_t>(std::ceil(ms * 0.25e6)));
 }
 
-// A network may make the bridge wait for what nothing rings for.
+// A congested network rings no bell, so the bridge is also stepped on a timer.
 std::chrono::nanoseconds remote_nodes_tick(const Deadlines& deadlines) {
   constexpr std::chrono::milliseconds longest(20);
   const std::chrono::nanoseconds tick = tick_of(deadlines);
@@ -66,7 +66,7 @@ std::array<std::uint32_t, 32> masks_of(const LayerMatrix& layers) {
     all_collide &= layer >= named || (masks[layer] & every) == every;
   }
   if (all_collide) {
-    masks.fill(~std::uint32_t{0});  // which spares the sweep its layer columns
+    masks.fill(~std::uint32_t{0});  // all layers collide: the sweep then needs no layer column
   }
   return masks;
 }
@@ -89,7 +89,7 @@ World::Implementation::Implementation(WorldConfig given)
   build_server();
 }
 
-// The nodes are there when the server is made: it is given their lines.
+// The nodes are made before the server, which is given their connections.
 void World::Implementation::build_server() {
   nodes::ServerSetup setup;
   setup.shapes = &shapes;
@@ -134,7 +134,7 @@ void World::Implementation::build_server() {
   }
 }
 
-// One core each for the server and the nodes where there are enough; user threads go where there is room.
+// With pinning, the server and the nodes get one core each, as far as there are enough; user threads share the rest.
 void World::Implementation::start_worker(Worker& worker, std::chrono::nanoseconds tick) {
   worker.start(config.pin ? &cores : nullptr, config.pin ? next_core++ : Worker::unpinned, tick);
 }
@@ -153,7 +153,7 @@ void World::Implementation::list_inline_roles() {
   }
 }
 
-// No frame is under way: the roles are idle, and the publications nobody reads.
+// Precondition: no frame is running, so roles are idle and publications are not read.
 void World::Implementation::connect_users() {
   bool changed = false;
   for (Request& request : order.requests) {
@@ -189,7 +189,7 @@ void World::Implementation::connect_users() {
   }
 }
 
-// The frame whose cut disconnected them is complete: nobody speaks to them or reads what they published.
+// The frame whose cut disconnected the users is complete: nothing refers to their channels or publications any more.
 void World::Implementation::forget_users() {
   if (cut_leaving.empty()) {
     return;

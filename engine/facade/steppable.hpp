@@ -4,7 +4,7 @@
 
 namespace ringfence::facade {
 
-/// Any role, as a thread sees it: something to step.
+/// Type-erased role for a thread: something to step.
 struct Steppable {
   void* role = nullptr;
   nodes::Step (*step)(void*) = nullptr;

@@ -5,6 +5,8 @@
 
 #include <pthread.h>
 
+#include "base/floating_point.hpp"
+
 namespace ringfence::facade {
 
 Worker::~Worker() {
@@ -22,11 +24,13 @@ void Worker::dismiss() noexcept {
 
 void Worker::start(const link::Cores* cores, std::size_t pin_to, std::chrono::nanoseconds tick) {
   thread_ = std::thread([this, cores, pin_to, tick] {
+    // The thread has inherited the environment of whoever called World.
+    const base::DefaultFloatingPoint floating_point;
     if (cores != nullptr && pin_to != unpinned) {
       cores->pin_this_thread(pin_to);
     }
     run(tick);
-    // Pairs with the acquire in has_ended: what the roles did is done.
+    // Pairs with the acquire load in has_ended: the effects of the roles are visible.
     ended_.store(true, std::memory_order_release);
   });
 }
@@ -34,13 +38,13 @@ void Worker::start(const link::Cores* cores, std::size_t pin_to, std::chrono::na
 void Worker::assign(std::vector<Steppable> roles) {
   auto assignment = std::make_unique<Assignment>();
   assignment->roles = std::move(roles);
-  // Pairs with the acquire in take_assignment: the roles are whole before they are stepped.
+  // Pairs with the acquire load in take_assignment: the list of roles is complete.
   next_.store(assignment.release(), std::memory_order_release);
   bell_.ring();
   taken_bell_.wait([this] { return next_.load(std::memory_order_acquire) == nullptr; });
 }
 
-// The pointer is cleared only after the old roles were dropped, so the facade may then destroy them.
+// The pointer is cleared after the old roles are dropped, so the facade may then destroy them.
 bool Worker::take_assignment() {
   Assignment* assignment = next_.load(std::memory_order_acquire);
   if (assignment == nullptr) {

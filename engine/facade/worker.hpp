@@ -14,13 +14,14 @@
 
 namespace ringfence::facade {
 
-/// One thread that steps the roles given to it and sleeps on its doorbell when none of them gets on.
+/// A thread that steps its roles and sleeps on its doorbell when none of them progresses. It computes in the default
+/// floating-point environment.
 ///
-/// Threads: assign() and the destructor from the facade's thread. No locks: a new list of roles is handed over by one
-/// exchange.
+/// Threads: assign() and the destructor are called by the facade's thread. Lock-free: a new list of roles is passed
+/// through one atomic pointer.
 class Worker {
  public:
-  /// `pin_to`: index into `cores`, or none to leave the thread to the system.
+  /// `pin_to`: index into `cores`, or `unpinned`.
   static constexpr std::size_t unpinned = ~std::size_t{0};
 
   Worker() = default;
@@ -30,15 +31,16 @@ class Worker {
   Worker& operator=(const Worker&) = delete;
 
   link::Doorbell& bell() noexcept { return bell_; }
-  /// `tick`: the roles are stepped at least so often, also when nothing rings; 0: only when something does.
+  /// `tick`: longest time between two steps of the roles when no bell rings; 0: roles are stepped only when a bell
+  /// rings.
   void start(const link::Cores* cores, std::size_t pin_to, std::chrono::nanoseconds tick = {});
-  /// Replaces the roles that the thread steps and returns when the old ones are no longer touched. Between frames.
+  /// Replaces the roles of the thread; returns when the thread no longer accesses the old ones. Between frames.
   void assign(std::vector<Steppable> roles);
-  /// Asks the thread to end, without waiting for it; it steps no role any more once has_ended() answers true. For a
-  /// thread of which nobody knows whether it still does anything.
+  /// Asks the thread to end without waiting for it; after has_ended() is true it steps no role any more. For threads
+  /// that may be stuck.
   void dismiss() noexcept;
   bool has_ended() const noexcept { return ended_.load(std::memory_order_acquire); }
-  /// CPU time that the thread has used, nanoseconds. 0 before start.
+  /// CPU time of the thread, nanoseconds; 0 before start.
   std::uint64_t cpu_ns() noexcept;
 
  private:
@@ -51,11 +53,11 @@ class Worker {
   bool step_all();
 
   link::Doorbell bell_;
-  link::Doorbell taken_bell_;  ///< the facade waits here for an assignment to be taken
+  link::Doorbell taken_bell_;  ///< rung when the thread has taken an assignment
   std::atomic<Assignment*> next_{nullptr};
   std::atomic<bool> stop_{false};
   std::atomic<bool> ended_{false};
-  std::vector<Steppable> roles_;  ///< the thread's own
+  std::vector<Steppable> roles_;  ///< accessed by the thread only
   std::thread thread_;
 };
 

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "base/floating_point.hpp"
 #include "facade/implementation.hpp"
 
 namespace ringfence {
@@ -44,12 +45,12 @@ void World::Implementation::gather_user_times() {
     const std::uint64_t cpu_ns = user_workers[i].cpu_ns();
     const std::uint64_t all_ns = cpu_ns - std::exchange(user_cpu_ns[i], cpu_ns);
     const std::uint64_t move_ns = std::min(all_ns, user_clocks[i].take(StepClock::move));
-    const std::uint64_t look_ns = std::min(all_ns - move_ns, user_clocks[i].take(StepClock::read_publications));
+    const std::uint64_t read_ns = std::min(all_ns - move_ns, user_clocks[i].take(StepClock::read_publications));
     report.users_cpu_ms += to_ms(all_ns);
     report.slowest_user_cpu_ms = std::max(report.slowest_user_cpu_ms, to_ms(all_ns));
     path.user_move_ms = std::max(path.user_move_ms, to_ms(move_ns));
-    path.user_read_ms = std::max(path.user_read_ms, to_ms(look_ns));
-    path.user_end_ms = std::max(path.user_end_ms, to_ms(all_ns - move_ns - look_ns));
+    path.user_read_ms = std::max(path.user_read_ms, to_ms(read_ns));
+    path.user_end_ms = std::max(path.user_end_ms, to_ms(all_ns - move_ns - read_ns));
   }
   if (!threaded()) {
     path = {};
@@ -82,8 +83,24 @@ void World::Implementation::log_growth() {
   }
 }
 
-World::World(WorldConfig config) : implementation_(std::make_unique<Implementation>(std::move(config))) {}
+void World::Implementation::log_support_failures() {
+  for (const std::string& failure : shapes.take_support_failures()) {
+    log(LogLevel::warning, failure + "; pairs for which it fails have no contact, see FrameReport::failed_supports");
+  }
+  if (config.remote_nodes != nullptr && report.failed_supports != 0 && !failures_logged) {
+    failures_logged = true;
+    log(LogLevel::warning, "frame " + std::to_string(report.frame) + ": " + std::to_string(report.failed_supports) +
+                               " pairs have no contact, since a support function failed on a CD node; see its log");
+  }
+}
+
+World::World(WorldConfig config) {
+  const base::DefaultFloatingPoint floating_point;
+  implementation_ = std::make_unique<Implementation>(std::move(config));
+}
+
 World::~World() {
+  const base::DefaultFloatingPoint floating_point;
   if (implementation_ != nullptr && implementation_->frame_is_running()) {
     finish_frame();
   }
@@ -102,6 +119,7 @@ Status World::advance() {
 }
 
 Status World::begin_frame() {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
@@ -112,8 +130,8 @@ Status World::begin_frame() {
   w.order.requests.swap(w.requests);
   w.connect_users();
   w.grow_nodes();
-  for (const auto& steering : w.pending_moves) {
-    w.user_nodes.at(steering.user)->role->steer(steering.number, steering.pose);
+  for (const auto& pending_move : w.pending_moves) {
+    w.user_nodes.at(pending_move.user)->role->steer(pending_move.number, pending_move.pose);
   }
   w.pending_moves.clear();
   ++w.begun;
@@ -125,6 +143,7 @@ Status World::begin_frame() {
 }
 
 Status World::finish_frame() {
+  const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (!w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
@@ -156,6 +175,7 @@ Status World::finish_frame() {
   }
   w.log_losses();
   w.log_growth();
+  w.log_support_failures();
   return Status::ok;
 }
 

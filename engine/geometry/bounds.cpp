@@ -9,9 +9,9 @@ namespace ringfence::geometry {
 namespace {
 
 constexpr double steps = 4294967296.0;
-constexpr double last_step = 4294967295.0;
+constexpr double max_step = 4294967295.0;
 
-double steps_a_metre(const char* axis, double min, double& max) {
+double steps_per_metre(const char* axis, double min, double& max) {
   if (!std::isfinite(min) || !std::isfinite(max) || !std::isfinite(max - min)) {
     throw Error(std::string("world bounds: ") + axis + " is not finite; give finite bounds in metres");
   }
@@ -26,18 +26,19 @@ double steps_a_metre(const char* axis, double min, double& max) {
   return steps / (max - min);
 }
 
-double saturated(double step) noexcept {
+double clamp_step(double step) noexcept {
   const double positive = step > 0.0 ? step : 0.0;
-  return positive < last_step ? positive : last_step;
+  return positive < max_step ? positive : max_step;
 }
 
-// Casting truncates, which is rounding down here: no call of floor, which needs more than the oldest instruction set.
+// The conversion truncates, which rounds down because the value is not negative. std::floor would be a library call on
+// processors without SSE4.1.
 std::uint32_t rounded_down(double step) noexcept {
-  return static_cast<std::uint32_t>(static_cast<std::int64_t>(saturated(step)));
+  return static_cast<std::uint32_t>(static_cast<std::int64_t>(clamp_step(step)));
 }
 
 std::uint32_t rounded_up(double step) noexcept {
-  const double inside = saturated(step);
+  const double inside = clamp_step(step);
   const auto whole = static_cast<std::int64_t>(inside);
   return static_cast<std::uint32_t>(whole + (static_cast<double>(whole) < inside ? 1 : 0));
 }
@@ -45,9 +46,9 @@ std::uint32_t rounded_up(double step) noexcept {
 }  // namespace
 
 FixedSpace::FixedSpace(Vec3d min, Vec3d max) : rows_{{min.x, min.y, min.z, 0}, {}}, max_(max) {
-  rows_.scale[0] = steps_a_metre("x", min.x, max_.x);
-  rows_.scale[1] = steps_a_metre("y", min.y, max_.y);
-  rows_.scale[2] = steps_a_metre("z", min.z, max_.z);
+  rows_.scale[0] = steps_per_metre("x", min.x, max_.x);
+  rows_.scale[1] = steps_per_metre("y", min.y, max_.y);
+  rows_.scale[2] = steps_per_metre("z", min.z, max_.z);
 }
 
 Bounds FixedSpace::bounds(Vec3d min, Vec3d max) const noexcept {

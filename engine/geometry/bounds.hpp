@@ -7,10 +7,11 @@
 
 namespace ringfence::geometry {
 
-/// An axis-aligned box in 32-bit fixed point over the world's bounds: exact to compare, one SIMD compare an axis.
+/// An axis-aligned box in 32-bit fixed point relative to the world's bounds. Comparison is exact: one SIMD compare for
+/// each axis.
 ///
-/// Closed: two bounds that share a face, an edge or a corner touch. Coordinates saturate at 0 and 2^32 - 1, so what
-/// lies outside the world piles up on its faces: still right, only slower.
+/// Closed: two bounds that share a face, an edge or a corner touch. Coordinates saturate at 0 and 2^32 - 1, so objects
+/// outside the world have bounds on its faces. Results stay correct; many such objects make many candidate pairs.
 struct Bounds {
   std::uint32_t lower[3];
   std::uint32_t upper[3];
@@ -24,15 +25,15 @@ constexpr bool touch(const Bounds& p, const Bounds& q) noexcept {
          p.lower[2] <= q.upper[2] && q.lower[2] <= p.upper[2];
 }
 
-/// Whether a point, as FixedSpace::point gives it, lies within.
+/// Whether a point, computed by FixedSpace::point, lies in the bounds or on their surface.
 constexpr bool contains(const Bounds& bounds, const std::uint32_t point[3]) noexcept {
   return bounds.lower[0] <= point[0] && point[0] <= bounds.upper[0] && bounds.lower[1] <= point[1] &&
          point[1] <= bounds.upper[1] && bounds.lower[2] <= point[2] && point[2] <= bounds.upper[2];
 }
 
-/// Whether `inner` lies within `outer`: six comparisons and no branch.
+/// Whether `inner` lies within `outer`. Six subtractions and no branch.
 constexpr bool contains(const Bounds& outer, const Bounds& inner) noexcept {
-  std::uint64_t below = 0;  // on top, whether any difference is
+  std::uint64_t below = 0;  // the top bit is set if any difference is negative
   for (int axis = 0; axis < 3; ++axis) {
     below |= std::uint64_t{inner.lower[axis]} - outer.lower[axis];
     below |= std::uint64_t{outer.upper[axis]} - inner.upper[axis];
@@ -40,42 +41,42 @@ constexpr bool contains(const Bounds& outer, const Bounds& inner) noexcept {
   return below >> 63 == 0;
 }
 
-/// A position as FixedSpace::point gives it, as kernels store it: a coordinate an axis, the fourth is 0.
+/// The result of FixedSpace::point in the layout of the kernels: one coordinate for each axis; the fourth is 0.
 struct FixedPoint {
   alignas(16) std::uint32_t at[4];
 };
 
-/// Two objects whose bounds overlap or touch. Which of the two is `a` is stated where pairs are handed over.
+/// Two objects whose bounds overlap or touch. The function that returns pairs states which object is `a`.
 struct CandidatePair {
-  std::uint32_t a;  ///< index in the table of objects that the holder works on
+  std::uint32_t a;  ///< index in the caller's table of objects
   std::uint32_t b;
   constexpr bool operator==(const CandidatePair&) const noexcept = default;
 };
 static_assert(sizeof(CandidatePair) == 8);
 
-/// Maps metres to the fixed point of Bounds.
+/// Converts metres to the fixed point of Bounds.
 ///
-/// Each axis of the world's bounds is cut into 2^32 steps (2.3 mm in a world 10^7 m wide). Rounds outwards, so that
-/// boxes that touch have bounds that touch. Monotone and a pure function: every node and every machine computes the
-/// same bits. Immutable.
+/// Each axis of the world's bounds is divided into 2^32 steps (2.3 mm in a world 10^7 m wide). Rounds outwards, so
+/// boxes that touch have bounds that touch. Monotone and a pure function: every node on every machine computes the same
+/// bits. Immutable.
 class FixedSpace {
  public:
-  /// The world's bounds in metres. A side shorter than 1 m is widened to 1 m upwards. Throws ringfence::Error when a
-  /// side is not finite or `min` > `max`.
+  /// `min` and `max` are the world's bounds in metres. A side shorter than 1 m is extended upwards to 1 m. Throws
+  /// ringfence::Error if a side is not finite or `min` > `max`.
   FixedSpace(Vec3d min, Vec3d max);
 
-  /// The bounds of a box in metres (min <= max on each axis, not NaN).
+  /// The bounds of a box given in metres. Precondition: min <= max on each axis, no NaN.
   Bounds bounds(Vec3d min, Vec3d max) const noexcept;
 
-  /// A position's fixed-point coordinates, rounded down: for cells, which are half-open. Not NaN.
+  /// The fixed-point coordinates of a position, rounded down, because cells are half-open. Precondition: no NaN.
   void point(Vec3d position, std::uint32_t out[3]) const noexcept;
 
   Vec3d min() const noexcept { return {rows_.min[0], rows_.min[1], rows_.min[2]}; }
   Vec3d max() const noexcept { return max_; }
-  /// Steps a metre on each axis.
+  /// Steps for each metre, by axis.
   Vec3d scale() const noexcept { return {rows_.scale[0], rows_.scale[1], rows_.scale[2]}; }
 
-  /// `min` and `scale` as kernels load them: a coordinate an axis, the fourth is 0.
+  /// `min` and `scale` in the layout of the kernels: one coordinate for each axis; the fourth is 0.
   struct Rows {
     alignas(32) double min[4];
     double scale[4];

@@ -15,7 +15,7 @@
 namespace ringfence::geometry {
 namespace {
 
-/// Neighbouring triangles within this part of the extent of one plane are one face.
+/// Neighbouring triangles that are coplanar within this part of the extent form one face.
 constexpr double flatness = 5e-7;
 
 struct Facets {
@@ -38,8 +38,8 @@ double extent_of(std::span<const Vec3f> points) {
   return std::max({high.x - low.x, high.y - low.y, high.z - low.z});
 }
 
-/// Grows faces from the largest triangles, whose planes are the best known.
-Facets merge_flat(std::span<const Vec3f> points, std::span<const HullTriangle> triangles) {
+/// Merges coplanar triangles into faces. Starts from the largest triangles, because their planes are the most accurate.
+Facets merge_coplanar(std::span<const Vec3f> points, std::span<const HullTriangle> triangles) {
   const double tolerance = flatness * extent_of(points);
   std::vector<Vec3d> areas(triangles.size());
   for (std::size_t t = 0; t < triangles.size(); ++t) areas[t] = area_vector(points, triangles[t]);
@@ -76,32 +76,32 @@ Facets merge_flat(std::span<const Vec3f> points, std::span<const HullTriangle> t
   return facets;
 }
 
-Facets unmerged(std::size_t triangles) {
+Facets one_face_per_triangle(std::size_t triangles) {
   Facets facets{std::vector<std::uint32_t>(triangles), static_cast<std::uint32_t>(triangles)};
   std::iota(facets.of_triangle.begin(), facets.of_triangle.end(), 0u);
   return facets;
 }
 
-/// Vertices where at least three faces meet; the others lie within a face or an edge.
+/// Vertices where at least three faces meet. The other vertices lie inside a face or an edge.
 std::vector<std::uint32_t> corners_of(std::span<const HullTriangle> triangles, const Facets& facets) {
-  std::map<std::uint32_t, std::vector<std::uint32_t>> met;
+  std::map<std::uint32_t, std::vector<std::uint32_t>> faces_of_vertex;
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     for (const std::uint32_t corner : triangles[t].corner) {
-      std::vector<std::uint32_t>& list = met[corner];
-      if (std::find(list.begin(), list.end(), facets.of_triangle[t]) == list.end()) {
-        list.push_back(facets.of_triangle[t]);
+      std::vector<std::uint32_t>& faces = faces_of_vertex[corner];
+      if (std::find(faces.begin(), faces.end(), facets.of_triangle[t]) == faces.end()) {
+        faces.push_back(facets.of_triangle[t]);
       }
     }
   }
   std::vector<std::uint32_t> corners;
-  for (const auto& [corner, list] : met) {
-    if (list.size() >= 3) corners.push_back(corner);
+  for (const auto& [corner, faces] : faces_of_vertex) {
+    if (faces.size() >= 3) corners.push_back(corner);
   }
   return corners;
 }
 
 std::size_t vertices_of(std::span<const HullTriangle> triangles) {
-  return triangles.size() / 2 + 2;  // Euler's formula of a closed surface of triangles
+  return triangles.size() / 2 + 2;  // Euler's formula for a closed surface of triangles
 }
 
 float rounded_up(double value) {
@@ -111,10 +111,10 @@ float rounded_up(double value) {
 
 }  // namespace
 
-/// Puts the columns of a hull together from a closed surface of triangles and the faces they form.
+/// Builds the columns of a Hull from a closed surface of triangles and their assignment to faces.
 class HullAssembly {
  public:
-  /// Nothing when the faces are not simple polygons: only possible within rounding of the flatness.
+  /// Returns nothing if a face is not a simple polygon, which only rounding near the flatness limit can cause.
   static std::optional<Hull> assemble(std::span<const Vec3f> points, std::span<const HullTriangle> triangles,
                                       const Facets& facets) {
     HullAssembly assembly(points, triangles, facets);
@@ -158,11 +158,11 @@ class HullAssembly {
         if (next[from] != none) return false;
         next[from] = to;
       }
-      std::size_t walked = 0;
-      for (std::uint32_t at = rim[0][0]; walked == 0 || at != rim[0][0]; at = next[at], ++walked) {
+      std::size_t visited = 0;
+      for (std::uint32_t at = rim[0][0]; visited == 0 || at != rim[0][0]; at = next[at], ++visited) {
         hull_.face_vertices_.push_back(number_of_[at]);
       }
-      if (walked != rim.size()) return false;
+      if (visited != rim.size()) return false;
       for (const auto& edge : rim) next[edge[0]] = none;
       hull_.face_starts_.push_back(static_cast<std::uint32_t>(hull_.face_vertices_.size()));
     }
@@ -196,7 +196,7 @@ class HullAssembly {
   }
 
   void measure() {
-    // About a vertex, not the origin, which may lie far outside and cancel all digits.
+    // Relative to a vertex: the origin may lie far outside, which would cancel most digits.
     const Vec3d base = to_double(points_[used_[0]]);
     double six_volumes = 0, radius_squared = 0;
     Vec3d moment;
@@ -256,15 +256,15 @@ class HullAssembly {
     for (std::size_t i = 0; i < stride; ++i) {
       HullEdge& edge = hull_.edges_[i < count ? i : 0];
       const Vec3f left = hull_.normal(edge.left), right = hull_.normal(edge.right), from = hull_.vertex(edge.from);
-      const Vec3d way = to_double(hull_.vertex(edge.to)) - to_double(from);
-      const Vec3f along = to_float(way * (1 / length(way)));
+      const Vec3d difference = to_double(hull_.vertex(edge.to)) - to_double(from);
+      const Vec3f along = to_float(difference * (1 / length(difference)));
       edge.left_normal = left;
       edge.right_normal = right;
       edge.along = along;
       edge.from_x = from.x;
       edge.from_y = from.y;
       edge.from_z = from.z;
-      edge.length = static_cast<float>(length(way));
+      edge.length = static_cast<float>(length(difference));
       const float values[edge_columns] = {left.x, left.y, left.z,  right.x, right.y, right.z,    from.x,
                                           from.y, from.z, along.x, along.y, along.z, edge.length};
       for (std::size_t c = 0; c < edge_columns; ++c) hull_.edge_columns_[c * stride + i] = values[c];
@@ -275,7 +275,7 @@ class HullAssembly {
   std::span<const HullTriangle> triangles_;
   const Facets& facets_;
   std::vector<std::uint32_t> used_;       // indices of the points that are vertices, ascending
-  std::vector<std::uint16_t> number_of_;  // their numbers in the hull
+  std::vector<std::uint16_t> number_of_;  // number of each point among the vertices
   Hull hull_;
 };
 
@@ -283,28 +283,28 @@ Hull build_hull(std::span<const Vec3f> points) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!is_finite(points[i])) throw Error("convex hull: point " + std::to_string(i) + " is not finite");
   }
-  std::vector<Vec3f> kept(points.begin(), points.end());
-  std::vector<HullTriangle> triangles = quickhull(kept);
-  Facets facets = merge_flat(kept, triangles);
-  // Points within a face or an edge go, and the hull is built again from the others. Each round takes some away; one
-  // is the rule, and past a few the vertices stay as they are.
+  std::vector<Vec3f> points_in_use(points.begin(), points.end());
+  std::vector<HullTriangle> triangles = quickhull(points_in_use);
+  Facets facets = merge_coplanar(points_in_use, triangles);
+  // Remove the points inside a face or an edge and build the hull again from the others. One round is usual. Each round
+  // removes points; after four rounds the vertices stay as they are.
   for (int round = 0; round < 4; ++round) {
     const std::vector<std::uint32_t> corners = corners_of(triangles, facets);
     if (corners.size() == vertices_of(triangles) || corners.size() < 4) break;
-    std::vector<Vec3f> fewer;
-    for (const std::uint32_t i : corners) fewer.push_back(kept[i]);
-    kept = std::move(fewer);
-    triangles = quickhull(kept);
-    facets = merge_flat(kept, triangles);
+    std::vector<Vec3f> remaining;
+    for (const std::uint32_t i : corners) remaining.push_back(points_in_use[i]);
+    points_in_use = std::move(remaining);
+    triangles = quickhull(points_in_use);
+    facets = merge_coplanar(points_in_use, triangles);
   }
   if (vertices_of(triangles) > max_hull_vertices) {
     throw Error("convex hull: " + std::to_string(vertices_of(triangles)) + " vertices; at most " +
                 std::to_string(max_hull_vertices) + " are allowed, give fewer points");
   }
-  if (std::optional<Hull> hull = HullAssembly::assemble(kept, triangles, facets)) return std::move(*hull);
-  const Facets single = unmerged(triangles.size());
-  std::optional<Hull> hull = HullAssembly::assemble(kept, triangles, single);
-  if (!hull) throw Error("convex hull: the points are too nearly flat to build it");
+  if (std::optional<Hull> hull = HullAssembly::assemble(points_in_use, triangles, facets)) return std::move(*hull);
+  const Facets unmerged = one_face_per_triangle(triangles.size());
+  std::optional<Hull> hull = HullAssembly::assemble(points_in_use, triangles, unmerged);
+  if (!hull) throw Error("convex hull: the points lie too close to a plane");
   return std::move(*hull);
 }
 

@@ -1,4 +1,4 @@
-// The greatest lanes of four vectors at once. Included once for each Highway target.
+// The maximum lane of each of four vectors. Included once for each Highway target.
 
 #if defined(RINGFENCE_GEOMETRY_GREATEST_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_GEOMETRY_GREATEST_INL
@@ -17,20 +17,20 @@ namespace ringfence::geometry::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 #if HWY_TARGET != HWY_SCALAR
-/// Down to a block of four lanes, each the greatest of its lanes in all blocks.
+/// Reduces the blocks of four lanes to one block: each lane is the maximum of that lane in all blocks.
 template <class D>
-HWY_INLINE void halve(D d, hn::Vec<D> blocks, float out[4]) {
+HWY_INLINE void reduce_blocks(D d, hn::Vec<D> blocks, float out[4]) {
   if constexpr (hn::MaxLanes(D()) == 4) {
     hn::StoreU(blocks, d, out);
   } else {
     const hn::Half<D> half;
-    halve(half, hn::Max(hn::LowerHalf(half, blocks), hn::UpperHalf(half, blocks)), out);
+    reduce_blocks(half, hn::Max(hn::LowerHalf(half, blocks), hn::UpperHalf(half, blocks)), out);
   }
 }
 #endif
 
-/// The greatest lane of each of four vectors: twelve steps, where one vector after the other would take thirty-two.
-/// Greatest is exact in any order, so it does not matter that the order depends on the width.
+/// Stores the maximum lane of each of four vectors. Takes twelve steps; reducing one vector after the other takes 32. A
+/// maximum is exact in any order, so the result does not depend on the vector width.
 template <class D>
 HWY_INLINE void max_lanes_of_four([[maybe_unused]] D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Vec<D> e,
                                   float out[4]) {
@@ -44,7 +44,7 @@ HWY_INLINE void max_lanes_of_four([[maybe_unused]] D d, hn::Vec<D> a, hn::Vec<D>
   const auto lower = hn::InterleaveLower(pairs, hn::BitCast(pairs, ab), hn::BitCast(pairs, ce));
   const auto upper = hn::InterleaveUpper(pairs, hn::BitCast(pairs, ab), hn::BitCast(pairs, ce));
   const auto blocks = hn::Max(hn::BitCast(d, lower), hn::BitCast(d, upper));
-  halve(d, blocks, out);
+  reduce_blocks(d, blocks, out);
 #endif
 }
 

@@ -32,7 +32,7 @@ void check(const TriangleMesh& mesh) {
 }
 
 bool has_area(Vec3f p, Vec3f q, Vec3f r) noexcept {
-  // In double the differences of floats and their products keep all that matters: zero means collinear.
+  // Computed in double from floats, the result is zero only if the points are collinear.
   const Vec3d normal = cross(to_double(q) - to_double(p), to_double(r) - to_double(p));
   return dot(normal, normal) > 0.0;
 }
@@ -69,13 +69,13 @@ Mesh::Mesh(const TriangleMesh& description) {
   }
   bounding_radius_ = rounded_up(std::sqrt(radius_squared));
   box_centre_ = to_float((low + high) * 0.5);
-  const auto reach = [](double from, double to, float centre) {
+  const auto half_extent = [](double from, double to, float centre) {
     return rounded_up(std::max(to - double{centre}, double{centre} - from));
   };
-  box_half_extents_ = {reach(low.x, high.x, box_centre_.x), reach(low.y, high.y, box_centre_.y),
-                       reach(low.z, high.z, box_centre_.z)};
+  box_half_extents_ = {half_extent(low.x, high.x, box_centre_.x), half_extent(low.y, high.y, box_centre_.y),
+                       half_extent(low.z, high.z, box_centre_.z)};
   tree_ = MeshTree(vertices_, triangles_);
-  reaches_ = SupportTable(tree_);
+  support_table_ = SupportTable(tree_);
 }
 
 void Mesh::extent(const Rotation& r, Vec3d& lower, Vec3d& upper) const noexcept {
@@ -83,9 +83,9 @@ void Mesh::extent(const Rotation& r, Vec3d& lower, Vec3d& upper) const noexcept 
   const auto on_axis = [&](const float row[3], double& low, double& high) {
     const Vec3d axis{double{row[0]}, double{row[1]}, double{row[2]}};
     const double middle = dot(axis, centre);
-    const double reach = dot(Vec3d{std::abs(axis.x), std::abs(axis.y), std::abs(axis.z)}, half);
-    low = std::max(middle - reach, -reaches_.reach(-axis));
-    high = std::min(middle + reach, reaches_.reach(axis));
+    const double half_extent = dot(Vec3d{std::abs(axis.x), std::abs(axis.y), std::abs(axis.z)}, half);
+    low = std::max(middle - half_extent, -support_table_.support_bound(-axis));
+    high = std::min(middle + half_extent, support_table_.support_bound(axis));
   };
   on_axis(r.m[0], lower.x, upper.x);
   on_axis(r.m[1], lower.y, upper.y);

@@ -10,14 +10,15 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/parallel_invoke.h>
 
+#include "base/task_context.hpp"
 #include "geometry/vector.hpp"
 
 namespace ringfence::geometry {
 namespace {
 
-constexpr std::uint32_t fan = tree_fanout;
-/// Below this many triangles a task costs more than it saves.
-constexpr std::size_t least_task = 8192;
+constexpr std::uint32_t fanout = tree_fanout;
+/// With fewer triangles, starting a task costs more than it saves.
+constexpr std::size_t min_task_triangles = 8192;
 
 struct Box {
   Vec3f low{std::numeric_limits<float>::infinity(), std::numeric_limits<float>::infinity(),
@@ -25,23 +26,23 @@ struct Box {
   Vec3f high{-std::numeric_limits<float>::infinity(), -std::numeric_limits<float>::infinity(),
              -std::numeric_limits<float>::infinity()};
 
-  void hold(Vec3f p) {
+  void extend(Vec3f p) {
     low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
     high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
   }
-  void hold(const Box& box) { hold(box.low), hold(box.high); }
+  void extend(const Box& box) { extend(box.low), extend(box.high); }
 };
 
-/// What sorting moves: a triangle's number and three times its centre.
+/// The sort entry of a triangle: its number and three times its centre.
 struct Entry {
   float centre[3];
   std::uint32_t triangle;
 };
 
-/// Puts `entries` in the order of the leaves. Each half is a set that does not depend on how it was found: the order
-/// by centre and number has no ties.
-void arrange(std::span<Entry> entries) {
-  while (entries.size() > fan) {
+/// Sorts `entries` into the order of the leaves. Each half is a unique set, because the order by centre and number has
+/// no ties; so the result does not depend on the number of threads.
+void sort_leaves(std::span<Entry> entries) {
+  while (entries.size() > fanout) {
     float low[3], high[3];
     std::fill(std::begin(low), std::end(low), std::numeric_limits<float>::infinity());
     std::fill(std::begin(high), std::end(high), -std::numeric_limits<float>::infinity());
@@ -55,8 +56,8 @@ void arrange(std::span<Entry> entries) {
     for (int k = 1; k < 3; ++k) {
       if (high[k] - low[k] > high[axis] - low[axis]) axis = k;
     }
-    std::size_t chunk = fan;
-    while (chunk * fan < entries.size()) chunk *= fan;
+    std::size_t chunk = fanout;
+    while (chunk * fanout < entries.size()) chunk *= fanout;
     const std::size_t chunks = (entries.size() + chunk - 1) / chunk;
     const std::size_t half = (chunks + 1) / 2 * chunk;
     std::nth_element(entries.begin(), entries.begin() + static_cast<std::ptrdiff_t>(half), entries.end(),
@@ -65,11 +66,12 @@ void arrange(std::span<Entry> entries) {
                                                                : p.triangle < q.triangle;
                      });
     const std::span<Entry> front = entries.first(half), back = entries.subspan(half);
-    if (entries.size() >= least_task) {
-      oneapi::tbb::parallel_invoke([front] { arrange(front); }, [back] { arrange(back); });
+    if (entries.size() >= min_task_triangles) {
+      auto context = base::task_context();
+      oneapi::tbb::parallel_invoke([front] { sort_leaves(front); }, [back] { sort_leaves(back); }, context);
       return;
     }
-    arrange(front);
+    sort_leaves(front);
     entries = back;
   }
   std::sort(entries.begin(), entries.end(), [](const Entry& p, const Entry& q) { return p.triangle < q.triangle; });
@@ -80,7 +82,8 @@ Vec3f unit_normal(Vec3f p, Vec3f q, Vec3f r) {
   return to_float(normal * (1 / length(normal)));
 }
 
-/// Centre and half extents of a box, the latter so that they hold it from the rounded centre.
+/// Stores the centre and half extents of a box. The half extents are rounded so that they cover the box from the
+/// rounded centre.
 void write(const Box& box, BoxGroup& group, std::size_t lane) {
   const float low[3] = {box.low.x, box.low.y, box.low.z}, high[3] = {box.high.x, box.high.y, box.high.z};
   for (std::size_t k = 0; k < 3; ++k) {
@@ -100,7 +103,7 @@ BoxGroup no_boxes() {
   return group;
 }
 
-constexpr std::size_t groups_of(std::size_t nodes) { return (nodes + fan - 1) / fan; }
+constexpr std::size_t groups_of(std::size_t nodes) { return (nodes + fanout - 1) / fanout; }
 
 }  // namespace
 
@@ -108,14 +111,16 @@ MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<s
   assert(!triangles.empty());
   using Range = oneapi::tbb::blocked_range<std::size_t>;
   std::vector<Entry> order(triangles.size());
-  oneapi::tbb::parallel_for(Range(0, order.size(), least_task), [&](const Range& range) {
+  const auto enter = [&](const Range& range) {
     for (std::size_t i = range.begin(); i != range.end(); ++i) {
       const auto& t = triangles[i];
       const Vec3f sum = vertices[t[0]] + vertices[t[1]] + vertices[t[2]];
       order[i] = {{sum.x, sum.y, sum.z}, static_cast<std::uint32_t>(i)};
     }
-  });
-  arrange(order);
+  };
+  auto context = base::task_context();
+  oneapi::tbb::parallel_for(Range(0, order.size(), min_task_triangles), enter, context);
+  sort_leaves(order);
 
   std::size_t groups = 0;
   for (std::size_t nodes = groups_of(order.size());; nodes = groups_of(nodes)) {
@@ -128,10 +133,10 @@ MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<s
   boxes_.assign(groups, no_boxes());
 
   std::vector<Box> below(levels_[0].nodes);
-  oneapi::tbb::parallel_for(Range(0, leaves_.size(), least_task / fan), [&](const Range& range) {
+  const auto fill = [&](const Range& range) {
     for (std::size_t leaf = range.begin(); leaf != range.end(); ++leaf) {
-      for (std::size_t lane = 0; lane < fan; ++lane) {
-        const std::uint32_t number = order[std::min(leaf * fan + lane, order.size() - 1)].triangle;
+      for (std::size_t lane = 0; lane < fanout; ++lane) {
+        const std::uint32_t number = order[std::min(leaf * fanout + lane, order.size() - 1)].triangle;
         const auto& t = triangles[number];
         TriangleGroup& to = leaves_[leaf];
         for (std::size_t c = 0; c < 3; ++c) {
@@ -139,7 +144,7 @@ MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<s
           to.corner[c][0][lane] = p.x;
           to.corner[c][1][lane] = p.y;
           to.corner[c][2][lane] = p.z;
-          below[leaf].hold(p);
+          below[leaf].extend(p);
         }
         const Vec3f normal = unit_normal(vertices[t[0]], vertices[t[1]], vertices[t[2]]);
         to.normal[0][lane] = normal.x;
@@ -148,12 +153,13 @@ MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<s
         to.index[lane] = number;
       }
     }
-  });
+  };
+  oneapi::tbb::parallel_for(Range(0, leaves_.size(), min_task_triangles / fanout), fill, context);
   for (const Level& level : levels_) {
     std::vector<Box> above(groups_of(level.nodes));
     for (std::size_t i = 0; i < level.nodes; ++i) {
-      write(below[i], boxes_[level.first_group + i / fan], i % fan);
-      above[i / fan].hold(below[i]);
+      write(below[i], boxes_[level.first_group + i / fanout], i % fanout);
+      above[i / fanout].extend(below[i]);
     }
     below = std::move(above);
   }
@@ -166,7 +172,7 @@ double MeshTree::support(Vec3d direction) const noexcept {
     TreeNode node;
     double bound;
   };
-  std::array<Open, fan * max_tree_levels> stack;
+  std::array<Open, fanout * max_tree_levels> stack;
   std::size_t open = 0;
   stack[open++] = {root(), std::numeric_limits<double>::infinity()};
   while (open > 0) {
@@ -174,7 +180,7 @@ double MeshTree::support(Vec3d direction) const noexcept {
     if (next.bound <= best) continue;
     if (next.node.level == 0) {
       const TriangleGroup& leaf = leaves_[next.node.index];
-      for (std::size_t lane = 0; lane < fan; ++lane) {
+      for (std::size_t lane = 0; lane < fanout; ++lane) {
         for (const auto& corner : leaf.corner) {
           best = std::max(best,
                           dot(direction, {double{corner[0][lane]}, double{corner[1][lane]}, double{corner[2][lane]}}));
@@ -190,7 +196,7 @@ double MeshTree::support(Vec3d direction) const noexcept {
       const Vec3d centre{double{group.centre[0][lane]}, double{group.centre[1][lane]}, double{group.centre[2][lane]}};
       const Vec3d half{double{group.half[0][lane]}, double{group.half[1][lane]}, double{group.half[2][lane]}};
       const Vec3d far{std::abs(centre.x) + half.x, std::abs(centre.y) + half.y, std::abs(centre.z) + half.z};
-      // Wider by far than what rounding in double can hide.
+      // The margin is far larger than the rounding error in double.
       const double bound = (dot(direction, centre) + dot(spread, half)) + 1e-14 * dot(spread, far);
       if (bound > best) stack[open++] = {{level, static_cast<std::uint32_t>(first + lane)}, bound};
     }

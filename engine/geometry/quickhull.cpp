@@ -16,11 +16,11 @@ namespace {
 
 __extension__ using Wide = __int128;
 
-/// Half the extent becomes 2^30: differences fit 32 bits, minors 64, determinants 97.
+/// Half the extent becomes 2^30. Then differences fit into 32 bits, minors into 64, determinants into 97.
 constexpr double grid_half = 1073741824.0;
-/// A point nearer to a face's plane than this is not worth a vertex: 2 * 10^-7 of the extent.
+/// A point nearer to a face's plane than this is not added as a vertex: 2 * 10^-7 of the extent.
 constexpr double slack = 2e-7 * 2 * grid_half;
-/// Thinner than this is flat: 2 * 10^-6 of the extent.
+/// Point sets thinner than this are flat: 2 * 10^-6 of the extent.
 constexpr double flat = 2e-6 * 2 * grid_half;
 
 struct Point {
@@ -43,9 +43,10 @@ bool sees(Point a, Point b, Point c, Point eye) {
 struct Face {
   std::uint32_t corner[3];
   std::uint32_t across[3];
-  Vec3d normal;  ///< unit, outwards
+  Vec3d normal;  ///< outward unit normal
   double offset;
-  std::vector<std::uint32_t> outside;  ///< points beyond the plane by more than the slack, each in one face's list
+  std::vector<std::uint32_t>
+      outside;  ///< points outside the plane by more than the slack; each point is in one face's list
   bool alive = true;
   bool visible = false;
 };
@@ -56,7 +57,7 @@ class Builder {
     round_to_grid(points);
     start_with_tetrahedron();
     while (assign_all()) {
-      // Faces are appended while the list is walked; a dead one has an empty list.
+      // Faces are appended during this loop. A removed face has an empty list.
       for (std::uint32_t f = 0; f < faces_.size(); ++f) {
         while (faces_[f].alive && !faces_[f].outside.empty()) add_farthest_of(f);
       }
@@ -120,10 +121,10 @@ class Builder {
   template <class Measure>
   std::uint32_t greatest(Measure measure) const {
     std::uint32_t best = 0;
-    double most = measure(points_[0]);
+    double largest = measure(points_[0]);
     for (std::uint32_t i = 1; i < points_.size(); ++i) {
       const double value = measure(points_[i]);
-      if (value > most) best = i, most = value;
+      if (value > largest) best = i, largest = value;
     }
     return best;
   }
@@ -154,7 +155,7 @@ class Builder {
     }
     std::array<std::uint32_t, 4> t{a, b, c, d};
     if (sees(points_[a], points_[b], points_[c], points_[d])) std::swap(t[0], t[1]);
-    // Face i leaves out corner 3 - i; across[e] follows from which corner the edge e misses.
+    // Face i does not contain corner 3 - i; across_of[i][e] is the face on the other side of edge e.
     const std::uint32_t corners[4][3] = {
         {t[0], t[1], t[2]}, {t[0], t[3], t[1]}, {t[0], t[2], t[3]}, {t[1], t[3], t[2]}};
     const std::uint32_t across_of[4][3] = {{1, 3, 2}, {2, 3, 0}, {0, 3, 1}, {1, 2, 0}};
@@ -183,20 +184,20 @@ class Builder {
   }
 
   bool assign(std::uint32_t point, std::uint32_t first_face) {
-    double most = slack;
+    double largest = slack;
     std::uint32_t best = first_face;
     bool found = false;
     for (std::uint32_t f = first_face; f < faces_.size(); ++f) {
       if (!faces_[f].alive) continue;
       const double distance = beyond(faces_[f], point);
-      if (distance > most) most = distance, best = f, found = true;
+      if (distance > largest) largest = distance, best = f, found = true;
     }
     if (found) faces_[best].outside.push_back(point);
     return found;
   }
 
-  /// Puts every point that is still outside into a list. A point may have left the lists too early, because the face
-  /// that replaced its own came within the slack of it while a neighbour did not; so this runs until none is left.
+  /// Assigns every point that is still outside to a face's list. A point may have left the lists too early: the face
+  /// that replaced its own came within the slack, but a neighbour did not. So this repeats until no point is left.
   bool assign_all() {
     bool any = false;
     for (std::uint32_t p = 0; p < points_.size(); ++p) {
@@ -208,10 +209,10 @@ class Builder {
   void add_farthest_of(std::uint32_t f) {
     std::vector<std::uint32_t>& list = faces_[f].outside;
     std::size_t farthest = 0;
-    double most = -1;
+    double largest = -1;
     for (std::size_t i = 0; i < list.size(); ++i) {
       const double distance = beyond(faces_[f], list[i]);
-      if (distance > most) most = distance, farthest = i;
+      if (distance > largest) largest = distance, farthest = i;
     }
     const std::uint32_t eye = list[farthest];
     list.erase(list.begin() + static_cast<std::ptrdiff_t>(farthest));
@@ -226,10 +227,11 @@ class Builder {
 
   struct HorizonEdge {
     std::uint32_t from, to;
-    std::uint32_t face;  ///< the face that stays
+    std::uint32_t face;  ///< the face beyond the edge, which remains
   };
 
-  /// Replaces what the eye sees by a fan around it. Because visibility is exact, what it sees is one disc.
+  /// Replaces the faces that `eye` sees by a fan of triangles around it. Visibility is exact, so the visible faces form
+  /// one disc.
   void add(std::uint32_t eye, std::uint32_t first) {
     visible_.assign(1, first);
     faces_[first].visible = true;
@@ -252,9 +254,9 @@ class Builder {
     for (const HorizonEdge& edge : horizon_) {
       const std::uint32_t f = new_face(edge.from, edge.to, eye);
       faces_[f].across[0] = edge.face;
-      Face& kept = faces_[edge.face];
+      Face& neighbour = faces_[edge.face];
       for (int e = 0; e < 3; ++e) {
-        if (kept.corner[e] == edge.to && kept.corner[(e + 1) % 3] == edge.from) kept.across[e] = f;
+        if (neighbour.corner[e] == edge.to && neighbour.corner[(e + 1) % 3] == edge.from) neighbour.across[e] = f;
       }
       fan_of_[edge.from] = f;
     }
@@ -272,8 +274,8 @@ class Builder {
   }
 
   std::vector<Point> points_;          // distinct, in lexicographic order
-  std::vector<std::uint32_t> source_;  // index in the input
-  std::vector<bool> settled_;          // a corner, or found to be inside
+  std::vector<std::uint32_t> source_;  // index of each point in the input
+  std::vector<bool> settled_;          // whether the point is a vertex or was found to be inside
   std::vector<Face> faces_;
   std::vector<std::uint32_t> visible_, fan_of_;
   std::vector<HorizonEdge> horizon_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <limits>
 #include <string>
 
@@ -13,27 +14,28 @@
 namespace ringfence::geometry {
 namespace {
 
-constexpr double least_thickness = 1e-3;
-constexpr double farthest = 1e6;
+constexpr double min_thickness = 1e-3;
+constexpr double max_coordinate = 1e6;
 constexpr double pi = 3.14159265358979323846;
 
-std::string shown(double value) {
+std::string to_text(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.9g", value);
   return text;
 }
 
-void check_size(const char* what, double value, double least) {
-  if (std::isnan(value) || value < least || value > farthest) {
-    throw Error(std::string(what) + " is " + shown(value) + " m; expected " + shown(least) + " to " + shown(farthest));
+void check_size(const char* what, double value, double lowest) {
+  if (std::isnan(value) || value < lowest || value > max_coordinate) {
+    throw Error(std::string(what) + " is " + to_text(value) + " m; expected " + to_text(lowest) + " to " +
+                to_text(max_coordinate));
   }
 }
 
 void check_coordinate(const char* what, std::size_t index, Vec3f point) {
   for (const float value : {point.x, point.y, point.z}) {
-    if (std::isnan(value) || std::abs(value) > static_cast<float>(farthest)) {
-      throw Error(std::string(what) + " " + std::to_string(index) + " has the coordinate " + shown(double{value}) +
-                  " m; expected at most " + shown(farthest));
+    if (std::isnan(value) || std::abs(value) > static_cast<float>(max_coordinate)) {
+      throw Error(std::string(what) + " " + std::to_string(index) + " has the coordinate " + to_text(double{value}) +
+                  " m; expected at most " + to_text(max_coordinate));
     }
   }
 }
@@ -44,37 +46,36 @@ float rounded_up(double value) {
 }
 
 ShapeRow row_of(const Sphere& sphere) {
-  check_size("sphere radius", double{sphere.radius}, least_thickness / 2);
+  check_size("sphere radius", double{sphere.radius}, min_thickness / 2);
   return {.size = {sphere.radius, 0, 0}, .bounding_radius = sphere.radius, .kind = ShapeKind::sphere};
 }
 
 ShapeRow row_of(const Box& box) {
   const Vec3f h = box.half_extents;
-  check_size("box half extent x", double{h.x}, least_thickness / 2);
-  check_size("box half extent y", double{h.y}, least_thickness / 2);
-  check_size("box half extent z", double{h.z}, least_thickness / 2);
+  check_size("box half extent x", double{h.x}, min_thickness / 2);
+  check_size("box half extent y", double{h.y}, min_thickness / 2);
+  check_size("box half extent z", double{h.z}, min_thickness / 2);
   return {.size = {h.x, h.y, h.z}, .bounding_radius = rounded_up(length(to_double(h))), .kind = ShapeKind::box};
 }
 
 ShapeRow row_of(const Capsule& capsule) {
-  check_size("capsule radius", double{capsule.radius}, least_thickness / 2);
+  check_size("capsule radius", double{capsule.radius}, min_thickness / 2);
   check_size("capsule half height", double{capsule.half_height}, 0.0);
   return {.size = {capsule.radius, capsule.half_height, 0},
           .bounding_radius = rounded_up(double{capsule.radius} + double{capsule.half_height}),
           .kind = ShapeKind::capsule};
 }
 
-/// The ball about the origin that holds the corners of the box that the support function fills on its own axes.
-ShapeRow row_of(const SupportShape& shape) {
-  if (!shape.function) throw Error("support shape: no function");
-  const SupportFunction& f = *shape.function;
+/// Computes the row of a support function. Its bounding ball is the one around the origin that contains the function's
+/// box on the shape's axes.
+ShapeRow row_of(const SupportFunction& f) {
   const Vec3f high{f.support({1, 0, 0}).x, f.support({0, 1, 0}).y, f.support({0, 0, 1}).z};
   const Vec3f low{f.support({-1, 0, 0}).x, f.support({0, -1, 0}).y, f.support({0, 0, -1}).z};
   check_coordinate("support point", 0, high);
   check_coordinate("support point", 1, low);
   const Vec3d size = to_double(high) - to_double(low);
-  if (std::min({size.x, size.y, size.z}) < least_thickness) {
-    throw Error("support shape: thinner than 1 mm, or support() does not answer the farthest point");
+  if (std::min({size.x, size.y, size.z}) < min_thickness) {
+    throw Error("support shape: thinner than 1 mm, or support() does not return the farthest point");
   }
   const Vec3f centre = f.centre();
   if (!is_finite(centre) || !(centre.x > low.x && centre.x < high.x && centre.y > low.y && centre.y < high.y &&
@@ -87,18 +88,33 @@ ShapeRow row_of(const SupportShape& shape) {
       .kind = ShapeKind::support};
 }
 
+ShapeRow row_of(const SupportShape& shape) {
+  if (!shape.function) throw Error("support shape: no function");
+  try {
+    return row_of(*shape.function);
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& error) {
+    throw Error(std::string("support shape: its function threw: ") + error.what());
+  } catch (...) {
+    throw Error("support shape: its function threw an exception that is no std::exception");
+  }
+}
+
 struct Extent {
-  Vec3d lower, upper;  ///< about the position, world axes
+  Vec3d lower, upper;  ///< relative to the position, on the world's axes
 };
 
-Extent support_extent(const SupportFunction& function, const Rotation& r) {
-  const auto reach = [&](const float row[3], float sign) {
+Extent support_extent(const CheckedSupport& function, const Rotation& r) {
+  const auto support_along = [&](const float row[3], float sign) {
     const Vec3f direction{row[0] * sign, row[1] * sign, row[2] * sign};
     return double{dot(direction, function.support(direction)) * sign};
   };
-  return {{reach(r.m[0], -1), reach(r.m[1], -1), reach(r.m[2], -1)},
-          {reach(r.m[0], 1), reach(r.m[1], 1), reach(r.m[2], 1)}};
+  return {{support_along(r.m[0], -1), support_along(r.m[1], -1), support_along(r.m[2], -1)},
+          {support_along(r.m[0], 1), support_along(r.m[1], 1), support_along(r.m[2], 1)}};
 }
+
+Extent ball_extent(double radius) { return {{-radius, -radius, -radius}, {radius, radius, radius}}; }
 
 }  // namespace
 
@@ -116,7 +132,7 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
   } else if (const auto* points = std::get_if<ConvexHull>(&description)) {
     for (std::size_t i = 0; i < points->points.size(); ++i) check_coordinate("hull point", i, points->points[i]);
     Hull hull = build_hull(points->points);
-    check_size("hull bounding radius", double{hull.bounding_radius()}, least_thickness / 2);
+    check_size("hull bounding radius", double{hull.bounding_radius()}, min_thickness / 2);
     const Vec3f centre = hull.centroid();
     row = {.size = {centre.x, centre.y, centre.z},
            .bounding_radius = hull.bounding_radius(),
@@ -128,7 +144,7 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
       check_coordinate("mesh vertex", i, triangles->vertices[i]);
     }
     auto mesh = std::make_unique<Mesh>(*triangles);
-    check_size("mesh bounding radius", double{mesh->bounding_radius()}, least_thickness / 2);
+    check_size("mesh bounding radius", double{mesh->bounding_radius()}, min_thickness / 2);
     row = {.bounding_radius = mesh->bounding_radius(),
            .kind = ShapeKind::mesh,
            .index_in_kind = static_cast<std::uint32_t>(meshes_.size())};
@@ -137,12 +153,21 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
     const SupportShape& shape = std::get<SupportShape>(description);
     row = row_of(shape);
     row.index_in_kind = static_cast<std::uint32_t>(supports_.size());
-    supports_.push_back(shape.function);
+    supports_.push_back(
+        std::make_unique<CheckedSupport>(shape.function, static_cast<ShapeNumber>(rows_.size()), row.bounding_radius));
   }
   descriptions_.push_back(description);
   rows_.push_back(row);
   hull_of_.push_back(row.kind == ShapeKind::hull ? &hulls_.back() : nullptr);
   return static_cast<ShapeNumber>(rows_.size() - 1);
+}
+
+std::vector<std::string> ShapeTable::take_support_failures() const {
+  std::vector<std::string> out;
+  for (const auto& support : supports_) {
+    if (auto failure = support->take_first_failure()) out.push_back(std::move(*failure));
+  }
+  return out;
 }
 
 double ShapeTable::volume(ShapeNumber shape) const noexcept {
@@ -177,18 +202,22 @@ void ShapeTable::bounds(std::span<const PlacedShape> placed, const FixedSpace& s
   if (meshes_.empty() && supports_.empty()) return;
   for (std::size_t i = 0; i < placed.size(); ++i) {
     const ShapeRow& row = rows_[placed[i].shape];
-    if (row.kind > ShapeKind::hull) out[i] = rare_bounds(row, *placed[i].pose, space);
+    if (row.kind > ShapeKind::hull) out[i] = slow_bounds(row, *placed[i].pose, space);
   }
 }
 
-/// Of a mesh or a support shape.
-Bounds ShapeTable::rare_bounds(const ShapeRow& row, const Pose& pose, const FixedSpace& space) const noexcept {
+/// The bounds of a mesh or a support shape.
+Bounds ShapeTable::slow_bounds(const ShapeRow& row, const Pose& pose, const FixedSpace& space) const noexcept {
   const Rotation r = rotation(pose.orientation);
   Extent extent;
   if (row.kind == ShapeKind::mesh) {
     meshes_[row.index_in_kind]->extent(r, extent.lower, extent.upper);
   } else {
-    extent = support_extent(*supports_[row.index_in_kind], r);
+    try {
+      extent = support_extent(*supports_[row.index_in_kind], r);
+    } catch (const SupportFailure&) {
+      extent = ball_extent(double{row.bounding_radius});
+    }
   }
   const double margin = rounding_margin * double{row.bounding_radius};
   const Vec3d widening{margin, margin, margin};

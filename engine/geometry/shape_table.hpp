@@ -5,9 +5,11 @@
 #include <deque>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "geometry/bounds.hpp"
+#include "geometry/checked_support.hpp"
 #include "geometry/hull.hpp"
 #include "geometry/mesh.hpp"
 #include "ringfence/ids.hpp"
@@ -15,29 +17,29 @@
 
 namespace ringfence::geometry {
 
-/// What a kernel needs to know of a shape without following a pointer: 32 bytes, read by gather.
+/// The data of a shape that a kernel needs, without indirection: 32 bytes, read by gather.
 struct ShapeRow {
-  /// sphere: radius, 0, 0; box: the three half extents; capsule: radius, half height, 0; hull: its centroid; others: 0.
-  /// Metres.
+  /// In metres. Sphere: radius, 0, 0; box: the three half extents; capsule: radius, half height, 0; hull: its centroid;
+  /// others: 0.
   float size[3] = {};
-  float bounding_radius = 0;  ///< of a ball about the shape's origin that holds the shape
+  float bounding_radius = 0;  ///< of a ball around the shape's origin that contains the shape
   ShapeKind kind = ShapeKind::sphere;
   std::uint8_t reserved[3] = {};
-  std::uint32_t index_in_kind = 0;  ///< index of the hull, mesh or support function among its kind
+  std::uint32_t index_in_kind = 0;  ///< index among the hulls, meshes or support functions
   std::uint32_t reserved2[2] = {};
 };
 static_assert(sizeof(ShapeRow) == 32);
 
-/// A shape where it stands.
+/// A shape at a pose.
 struct PlacedShape {
-  const Pose* pose;  ///< its orientation is unit
+  const Pose* pose;  ///< the orientation has unit length
   ShapeNumber shape;
 };
 
-/// Every shape of a world, prepared once, then immutable and shared read-only by all threads.
+/// The shapes of a world: each is prepared once, then immutable and shared read-only by all threads.
 ///
-/// Threads: `add` before any other thread reads, or between frames. Memory: rows and prepared shapes live as long as
-/// the table; references to hulls stay valid when shapes are added.
+/// Threads: `add` before other threads read, or between frames. Memory: prepared shapes live as long as the table;
+/// references to hulls stay valid when shapes are added.
 class ShapeTable {
  public:
   ShapeTable();
@@ -45,9 +47,10 @@ class ShapeTable {
   ShapeTable(const ShapeTable&) = delete;
   ShapeTable& operator=(const ShapeTable&) = delete;
 
-  /// Checks, prepares and adds a shape. Throws ringfence::Error naming what is wrong: a size that is not finite or out
-  /// of range (no thinner than 1 mm, no larger than 10^6 m from the origin), a hull of fewer than 4 distinct points, a
-  /// flat hull, too many hull vertices, a mesh index out of range. The table is as before when it throws.
+  /// Checks, prepares and adds a shape. Throws ringfence::Error that names the fault: a size that is not finite or out
+  /// of range (thinner than 1 mm, or more than 10^6 m from the origin), a hull of fewer than 4 distinct points, a flat
+  /// hull, too many hull vertices, a mesh index out of range, a support function that throws. The table is unchanged if
+  /// it throws.
   ShapeNumber add(const ShapeDescription& description);
 
   std::size_t size() const noexcept { return rows_.size(); }
@@ -55,31 +58,36 @@ class ShapeTable {
   const ShapeRow& row(ShapeNumber shape) const noexcept { return rows_[shape]; }
   const Hull& hull(std::uint32_t index_in_kind) const noexcept { return hulls_[index_in_kind]; }
   const Mesh& mesh(std::uint32_t index_in_kind) const noexcept { return *meshes_[index_in_kind]; }
-  const SupportFunction& support(std::uint32_t index_in_kind) const noexcept { return *supports_[index_in_kind]; }
-  /// As it was registered; what scenes are written from and what the reference reads.
+  const CheckedSupport& support(std::uint32_t index_in_kind) const noexcept { return *supports_[index_in_kind]; }
+  /// The shape as it was registered, for writing scenes and for the reference implementation.
   const ShapeDescription& description(ShapeNumber shape) const noexcept { return descriptions_[shape]; }
+
+  /// Which support functions failed since the last call, and why: of each shape the first time only. For the log. From
+  /// one thread at a time.
+  std::vector<std::string> take_support_failures() const;
 
   /// Volume of the shape in cubic metres; 0 for meshes and support shapes.
   double volume(ShapeNumber shape) const noexcept;
 
-  /// Tight bounds of a shape at a pose (a hull's by its support in six directions). The pose's orientation is unit.
-  /// Widened by 2^-20 of the bounding radius, more than float rounding can take from the extent, so that shapes in
-  /// contact always have bounds that touch. The same bits at every vector width.
+  /// Tight bounds of a shape at a pose; those of a hull come from its support in six directions. Precondition: the
+  /// orientation has unit length. Widened by 2^-20 of the bounding radius, which exceeds the float rounding error of
+  /// the extent; so shapes in contact always have bounds that touch. The same bits at every vector width. If the
+  /// function of a support shape fails, the result is the bounds of the shape's bounding ball.
   Bounds bounds(ShapeNumber shape, const Pose& pose, const FixedSpace& space) const noexcept;
-  /// The same of many at once, a quarter quicker: `out[i]` are those of `placed[i]`, and where `points` is not null,
-  /// `points[i]` is FixedSpace::point of its position, which costs next to nothing here.
+  /// The bounds of many placed shapes: takes a quarter less time for each. `out[i]` are the bounds of `placed[i]`. If
+  /// `points` is not null, `points[i]` is FixedSpace::point of its position, at almost no extra cost.
   void bounds(std::span<const PlacedShape> placed, const FixedSpace& space, Bounds* out,
               FixedPoint* points = nullptr) const noexcept;
 
  private:
-  Bounds rare_bounds(const ShapeRow& row, const Pose& pose, const FixedSpace& space) const noexcept;
+  Bounds slow_bounds(const ShapeRow& row, const Pose& pose, const FixedSpace& space) const noexcept;
 
   std::vector<ShapeRow> rows_;
   std::deque<ShapeDescription> descriptions_;
   std::deque<Hull> hulls_;
-  std::vector<const Hull*> hull_of_;  ///< by shape; null where it is none
+  std::vector<const Hull*> hull_of_;  ///< by shape number; null if the shape is not a hull
   std::vector<std::unique_ptr<Mesh>> meshes_;
-  std::vector<std::shared_ptr<const SupportFunction>> supports_;
+  std::vector<std::unique_ptr<const CheckedSupport>> supports_;
 };
 
 }  // namespace ringfence::geometry

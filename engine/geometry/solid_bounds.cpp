@@ -10,7 +10,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "geometry/solid_bounds.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h.
+// Must follow foreach_target.h.
 #include "geometry/max_lanes-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -18,17 +18,17 @@ namespace ringfence::geometry::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// A value an axis: x, y, z and one that means nothing.
+/// One value for each axis: x, y, z; the fourth is unused.
 struct Axes {
   alignas(16) float at[4];
 };
 
-/// How far a shape reaches from its origin along the world's axes.
-struct Reach {
+/// The extent of a shape along the world's axes, relative to its origin.
+struct AxisExtent {
   Axes lower, upper;
 };
 
-/// The columns of a rotation matrix: column j holds shape axis j in the world's axes.
+/// The columns of a rotation matrix: column j is shape axis j in world axes.
 struct RotationColumns {
   Axes column[3];
 };
@@ -44,7 +44,8 @@ inline RotationColumns columns_of(Quat q) {
 
 #else
 
-/// The terms of `rotation(q)` a column at a time, an entry a lane: on the diagonal 1 - (p + q), elsewhere p ± q.
+/// Computes the terms of `rotation(q)` one column at a time, one entry in each lane: 1 - (p + q) on the diagonal, p ± q
+/// elsewhere.
 inline RotationColumns columns_of(Quat orientation) {
   const hn::FixedTag<float, 4> d;
   const hn::RebindToSigned<decltype(d)> ints;
@@ -58,112 +59,117 @@ inline RotationColumns columns_of(Quat orientation) {
   alignas(16) static constexpr std::uint32_t diagonal[3][4] = {{minus, 0, 0, 0}, {0, minus, 0, 0}, {0, 0, minus, 0}};
   alignas(16) static constexpr float one[3][4] = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}};
   const auto v = hn::LoadU(d, &orientation.x);
-  const auto twice = v + v;
-  const auto picked = [&](auto of, const std::int32_t* lanes)
-                          HWY_ATTR { return hn::TableLookupLanes(of, hn::IndicesFromVec(d, hn::Load(ints, lanes))); };
-  const auto turned = [&](auto of, const std::uint32_t* signs)
-                          HWY_ATTR { return hn::Xor(of, hn::BitCast(d, hn::Load(bits, signs))); };
+  const auto doubled = v + v;
+  const auto select_lanes = [&](auto of, const std::int32_t* lanes) HWY_ATTR {
+    return hn::TableLookupLanes(of, hn::IndicesFromVec(d, hn::Load(ints, lanes)));
+  };
+  const auto flip_signs = [&](auto of, const std::uint32_t* signs)
+                              HWY_ATTR { return hn::Xor(of, hn::BitCast(d, hn::Load(bits, signs))); };
   RotationColumns out;
   for (int j = 0; j < 3; ++j) {
-    const auto p = picked(v, first_p[j]) * picked(twice, second_p[j]);
-    const auto q = picked(v, first_q[j]) * picked(twice, second_q[j]);
-    const auto sum = p + turned(q, sign_q[j]);
-    hn::Store(turned(sum, diagonal[j]) + hn::Load(d, one[j]), d, out.column[j].at);
+    const auto p = select_lanes(v, first_p[j]) * select_lanes(doubled, second_p[j]);
+    const auto q = select_lanes(v, first_q[j]) * select_lanes(doubled, second_q[j]);
+    const auto sum = p + flip_signs(q, sign_q[j]);
+    hn::Store(flip_signs(sum, diagonal[j]) + hn::Load(d, one[j]), d, out.column[j].at);
   }
   return out;
 }
 
 #endif
 
-using OfAxes = hn::CappedTag<float, 4>;
-using InSteps = hn::CappedTag<double, 4>;
+using FloatTag = hn::CappedTag<float, 4>;
+using DoubleTag = hn::CappedTag<double, 4>;
 
-/// Of a box with these half extents.
-inline Axes box_reach(const RotationColumns& turn, const float half[3]) {
-  const OfAxes d;
+/// The extent of a box with these half extents.
+inline Axes box_extent(const RotationColumns& shape_axes, const float half[3]) {
+  const FloatTag d;
   Axes out;
   for (std::size_t i = 0; i < 4; i += hn::Lanes(d)) {
     const auto along = [&](int j)
-                           HWY_ATTR { return hn::Abs(hn::Load(d, turn.column[j].at + i)) * hn::Set(d, half[j]); };
+                           HWY_ATTR { return hn::Abs(hn::Load(d, shape_axes.column[j].at + i)) * hn::Set(d, half[j]); };
     hn::Store((along(0) + along(1)) + along(2), d, out.at + i);
   }
   return out;
 }
 
-// Greatest and least are exact in any order, so the reductions may depend on the width.
-inline Reach hull_reach(const Hull& hull, const RotationColumns& turn) {
+// Maximum and minimum are exact in any order, so the reductions may depend on the vector width.
+inline AxisExtent hull_extent(const Hull& hull, const RotationColumns& shape_axes) {
   const hn::CappedTag<float, hull_lanes> d;
   hn::Vec<decltype(d)> low[3], high[3];
-  const auto reach = [&](int i, std::size_t v) HWY_ATTR {
+  const auto extent = [&](int i, std::size_t v) HWY_ATTR {
     const auto part = [&](int j, const float* column)
-                          HWY_ATTR { return hn::Set(d, turn.column[j].at[i]) * hn::Load(d, column + v); };
+                          HWY_ATTR { return hn::Set(d, shape_axes.column[j].at[i]) * hn::Load(d, column + v); };
     return (part(0, hull.x()) + part(1, hull.y())) + part(2, hull.z());
   };
-  for (int i = 0; i < 3; ++i) low[i] = high[i] = reach(i, 0);
+  for (int i = 0; i < 3; ++i) low[i] = high[i] = extent(i, 0);
   for (std::size_t v = hn::Lanes(d); v < hull.vertex_count(); v += hn::Lanes(d)) {
     for (int i = 0; i < 3; ++i) {
-      const auto along = reach(i, v);
+      const auto along = extent(i, v);
       low[i] = hn::Min(low[i], along);
       high[i] = hn::Max(high[i], along);
     }
   }
-  Reach out;
+  AxisExtent out;
   max_lanes_of_four(d, high[0], high[1], high[2], high[2], out.upper.at);
   max_lanes_of_four(d, hn::Neg(low[0]), hn::Neg(low[1]), hn::Neg(low[2]), hn::Neg(low[2]), out.lower.at);
   for (float& value : out.lower.at) value = -value;
   return out;
 }
 
-/// Rounds a place on some axes to steps. Saturates, and takes what is not a number for 0, as FixedSpace does.
+/// Converts positions on some axes to fixed-point steps and rounds them. Saturates, and maps NaN to 0, as FixedSpace
+/// does.
 template <bool up, class D>
 HWY_INLINE void store_steps(D d, hn::Vec<D> place, hn::Vec<D> min, hn::Vec<D> scale, std::int32_t* to) {
   const hn::Rebind<std::int32_t, D> words;
   const auto inside = hn::Min(hn::Max((place - min) * scale, hn::Zero(d)), hn::Set(d, 4294967295.0));
   const auto whole = up ? hn::Ceil(inside) : hn::Floor(inside);
-  // There are conversions to signed words on all targets: by way of the same word with its highest bit turned.
+  // Highway converts to signed integers on all targets. So convert the value minus 2^31 and flip the top bit.
   const auto half_below = hn::DemoteTo(words, whole - hn::Set(d, 2147483648.0));
   hn::Store(hn::Xor(half_below, hn::Set(words, INT32_MIN)), words, to);
 }
 
-/// `radius` widens what is given of the reach, in double. `point`, if not null, is where the pose's position is stored.
-inline Bounds bounds_about(const Pose& pose, const Reach& reach, double radius, double margin,
+/// The bounds of an extent at a pose. `radius` widens the extent, in double. Stores the position in `point` if not
+/// null.
+inline Bounds bounds_about(const Pose& pose, const AxisExtent& extent, double radius, double margin,
                            const FixedSpace::Rows& space, FixedPoint* point) {
-  const InSteps d;
-  const hn::Rebind<float, InSteps> narrow;
-  // The fourth is read from the orientation, and masked before it is computed with, which could be slow.
-  alignas(32) static constexpr std::uint64_t three[4] = {~0ull, ~0ull, ~0ull, 0};
-  const auto wider = hn::Set(d, margin), round = hn::Set(d, radius);
-  alignas(16) std::int32_t lower[4], upper[4], here[4];
+  const DoubleTag d;
+  const hn::Rebind<float, DoubleTag> narrow;
+  // The fourth lane reads from the orientation. It is masked first, because arithmetic on such bits may be slow
+  // (denormals).
+  alignas(32) static constexpr std::uint64_t first_three_lanes[4] = {~0ull, ~0ull, ~0ull, 0};
+  const auto widening = hn::Set(d, margin), round = hn::Set(d, radius);
+  alignas(16) std::int32_t lower[4], upper[4], point_steps[4];
   for (std::size_t i = 0; i < 4; i += hn::Lanes(d)) {
-    const auto mask = hn::BitCast(d, hn::Load(hn::RebindToUnsigned<InSteps>(), three + i));
+    const auto mask = hn::BitCast(d, hn::Load(hn::RebindToUnsigned<DoubleTag>(), first_three_lanes + i));
     const auto at = hn::And(hn::LoadU(d, &pose.position.x + i), mask);
     const auto min = hn::Load(d, space.min + i), scale = hn::Load(d, space.scale + i);
-    const auto low = hn::PromoteTo(d, hn::Load(narrow, reach.lower.at + i)) - round;
-    const auto high = hn::PromoteTo(d, hn::Load(narrow, reach.upper.at + i)) + round;
-    store_steps<false>(d, at + (low - wider), min, scale, lower + i);
-    store_steps<true>(d, at + (high + wider), min, scale, upper + i);
-    store_steps<false>(d, at, min, scale, here + i);
+    const auto low = hn::PromoteTo(d, hn::Load(narrow, extent.lower.at + i)) - round;
+    const auto high = hn::PromoteTo(d, hn::Load(narrow, extent.upper.at + i)) + round;
+    store_steps<false>(d, at + (low - widening), min, scale, lower + i);
+    store_steps<true>(d, at + (high + widening), min, scale, upper + i);
+    store_steps<false>(d, at, min, scale, point_steps + i);
   }
-  if (point != nullptr) std::memcpy(point->at, here, sizeof here);
+  if (point != nullptr) std::memcpy(point->at, point_steps, sizeof point_steps);
   const auto word = [](std::int32_t value) { return static_cast<std::uint32_t>(value); };
   return {{word(lower[0]), word(lower[1]), word(lower[2])}, {word(upper[0]), word(upper[1]), word(upper[2])}};
 }
 
-inline Reach symmetric(const Axes& half) {
-  Reach reach{half, half};
-  for (float& value : reach.lower.at) value = -value;
-  return reach;
+inline AxisExtent symmetric(const Axes& half) {
+  AxisExtent extent{half, half};
+  for (float& value : extent.lower.at) value = -value;
+  return extent;
 }
 
-/// Spheres, boxes and capsules are one formula, a box with a radius, so that no branch depends on which of them it is.
+/// Spheres, boxes and capsules share one formula, a box with a radius, so no branch depends on the kind.
 HWY_INLINE Bounds bounds_of(const ShapeRow& row, const Hull* hull, const Pose& pose, const FixedSpace::Rows& space,
                             FixedPoint* point) {
   const double margin = rounding_margin * double{row.bounding_radius};
-  const RotationColumns turn = columns_of(pose.orientation);
-  if (hull != nullptr) return bounds_about(pose, hull_reach(*hull, turn), 0, margin, space, point);
+  const RotationColumns shape_axes = columns_of(pose.orientation);
+  if (hull != nullptr) return bounds_about(pose, hull_extent(*hull, shape_axes), 0, margin, space, point);
   const bool box = row.kind == ShapeKind::box, capsule = row.kind == ShapeKind::capsule;
   const float half[3] = {box ? row.size[0] : 0, box ? row.size[1] : 0, capsule ? row.size[1] : row.size[2]};
-  return bounds_about(pose, symmetric(box_reach(turn, half)), box ? 0 : double{row.size[0]}, margin, space, point);
+  return bounds_about(pose, symmetric(box_extent(shape_axes, half)), box ? 0 : double{row.size[0]}, margin, space,
+                      point);
 }
 
 void bounds_of_all(const PlacedShape* placed, const PlacedShape* end, const ShapeRow* rows, const Hull* const* hulls,

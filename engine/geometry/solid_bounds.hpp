@@ -7,13 +7,14 @@
 
 namespace ringfence::geometry {
 
-/// Part of the bounding radius by which bounds are wider than what float arithmetic says: 16 float steps, where the
-/// rotation matrix can be off by 6 and the sum of products by 3.
+/// Bounds are widened by this part of the bounding radius: 16 float steps. The rotation matrix can be wrong by 6 steps
+/// and the sum of products by 3.
 inline constexpr double rounding_margin = 0x1p-20;
 
-/// ShapeTable::bounds of those of `placed` that are spheres, boxes, capsules or hulls; what is written for others means
-/// nothing. `points`, if not null: FixedSpace::point of each, of whatever shape. `rows` and `hulls` are by shape, null
-/// where that is no hull. In lanes, an axis a lane; rounded as FixedSpace does, the same bits at every vector width.
+/// Computes ShapeTable::bounds of the placed spheres, boxes, capsules and hulls; `out` is unspecified for other shapes.
+/// If `points` is not null, computes FixedSpace::point for every placed shape. `rows` and `hulls` are indexed by shape
+/// number; `hulls` is null for other shapes. Vectorised over the axes; rounds as FixedSpace does, with the same bits at
+/// every vector width.
 void compute_solid_bounds(std::span<const PlacedShape> placed, const ShapeRow* rows, const Hull* const* hulls,
                           const FixedSpace& space, Bounds* out, FixedPoint* points) noexcept;
 

@@ -7,17 +7,20 @@
 
 #include <oneapi/tbb/parallel_for.h>
 
+#include "base/task_context.hpp"
+
 namespace ringfence::geometry {
 namespace {
 
-constexpr std::size_t cells = 16;  ///< on each side of a face of the cube
+constexpr std::size_t cells = 16;  ///< on each side of a cube face
 constexpr std::size_t side = cells + 1;
 constexpr std::size_t faces = 6;
 
-/// Grid coordinate to -1 .. 1, exactly.
+/// The coordinate of grid line i, from -1 to 1; exact.
 constexpr double coordinate(std::size_t i) { return static_cast<double>(i) * (2.0 / cells) - 1.0; }
 
-/// The direction through a grid point; `face` is 2 axis for the positive side, 2 axis + 1 for the negative.
+/// The direction of a grid point. `face` is 2 * axis for the positive side of the cube and 2 * axis + 1 for the
+/// negative.
 Vec3d direction_of(std::size_t face, double u, double v) {
   const double along = face % 2 == 0 ? 1.0 : -1.0;
   if (face / 2 == 0) return {along, u, v};
@@ -28,14 +31,16 @@ Vec3d direction_of(std::size_t face, double u, double v) {
 }  // namespace
 
 SupportTable::SupportTable(const MeshTree& tree) : heights_(faces * side * side) {
-  oneapi::tbb::parallel_for(std::size_t{0}, heights_.size(), [&](std::size_t i) {
+  const auto fill = [&](std::size_t i) {
     const std::size_t face = i / (side * side), row = i / side % side, column = i % side;
     const double height = tree.support(direction_of(face, coordinate(column), coordinate(row)));
     heights_[i] = std::nextafter(static_cast<float>(height), std::numeric_limits<float>::infinity());
-  });
+  };
+  auto context = base::task_context();
+  oneapi::tbb::parallel_for(std::size_t{0}, heights_.size(), fill, context);
 }
 
-double SupportTable::reach(Vec3d d) const noexcept {
+double SupportTable::support_bound(Vec3d d) const noexcept {
   const double x = std::abs(d.x), y = std::abs(d.y), z = std::abs(d.z);
   std::size_t face;
   double along, u, v;
@@ -52,7 +57,7 @@ double SupportTable::reach(Vec3d d) const noexcept {
   const double s = across - static_cast<double>(column), t = up - static_cast<double>(row);
   const float* const corner = heights_.data() + (face * side + row) * side + column;
   const double low = double{corner[0]}, far = double{corner[side + 1]};
-  // The cell's two triangles meet in the diagonal from corner 0 to the far one.
+  // The cell's two triangles share the diagonal from corner 0 to the opposite corner.
   const double mean = s >= t ? low + s * (double{corner[1]} - low) + t * (far - double{corner[1]})
                              : low + t * (double{corner[side]} - low) + s * (far - double{corner[side]});
   return mean * along;

@@ -4,9 +4,9 @@
 
 #include "ringfence/pose.hpp"
 
-// Arithmetic of the plain vectors, quaternions and rotations of the API, in float and in double. Every formula here is
-// a fixed sequence of IEEE operations: kernels that work in lanes repeat them in the same order and get the same bits.
-// The operators live beside the types, so that argument-dependent look-up finds them in every room.
+// Arithmetic on the API's plain vectors, quaternions and rotations, in float and double. Every formula is a fixed
+// sequence of IEEE operations. Vector kernels repeat them in the same order and get the same bits. The operators are in
+// the namespace of their types, so argument-dependent lookup finds them in every module.
 
 namespace ringfence {
 
@@ -39,7 +39,7 @@ inline bool is_finite(Vec3d p) noexcept { return std::isfinite(p.x) && std::isfi
 
 namespace geometry {
 
-/// The rotation of a unit quaternion as a matrix: row i holds world axis i in the shape's axes.
+/// The rotation matrix of a unit quaternion: row i is world axis i in the shape's axes.
 template <class T>
 struct RotationOf {
   T m[3][3];
@@ -47,7 +47,7 @@ struct RotationOf {
 using Rotation = RotationOf<float>;
 using RotationD = RotationOf<double>;
 
-/// The matrix of a unit quaternion. The one formula that every kernel repeats.
+/// The matrix of a unit quaternion. Every kernel uses this formula.
 template <class T>
 constexpr RotationOf<T> rotation(T x, T y, T z, T w) noexcept {
   const T x2 = x + x, y2 = y + y, z2 = z + z;
@@ -61,14 +61,15 @@ constexpr RotationOf<T> rotation(T x, T y, T z, T w) noexcept {
 constexpr Rotation rotation(Quat q) noexcept { return rotation<float>(q.x, q.y, q.z, q.w); }
 constexpr RotationD rotation_double(Quat q) noexcept { return rotation<double>(q.x, q.y, q.z, q.w); }
 
-/// The matrix of a quaternion of any length but zero, in double: its rounding to float is divided out.
+/// The matrix of any quaternion but zero, in double. Divides by the norm, which removes the quaternion's rounding to
+/// float.
 inline RotationD rotation_exact(Quat q) noexcept {
   const double x = q.x, y = q.y, z = q.z, w = q.w;
   const double norm = std::sqrt((x * x + y * y) + (z * z + w * w));
   return rotation<double>(x / norm, y / norm, z / norm, w / norm);
 }
 
-/// From the shape's axes to the world's.
+/// Rotates from the shape's axes to the world's.
 constexpr Vec3f rotate(const Rotation& r, Vec3f p) noexcept {
   return {dot(Vec3f{r.m[0][0], r.m[0][1], r.m[0][2]}, p), dot(Vec3f{r.m[1][0], r.m[1][1], r.m[1][2]}, p),
           dot(Vec3f{r.m[2][0], r.m[2][1], r.m[2][2]}, p)};
@@ -78,7 +79,7 @@ constexpr Vec3d rotate(const RotationD& r, Vec3d p) noexcept {
           dot(Vec3d{r.m[2][0], r.m[2][1], r.m[2][2]}, p)};
 }
 
-/// From the world's axes to the shape's.
+/// Rotates from the world's axes to the shape's.
 constexpr Vec3f rotate_inverse(const Rotation& r, Vec3f p) noexcept {
   return {dot(Vec3f{r.m[0][0], r.m[1][0], r.m[2][0]}, p), dot(Vec3f{r.m[0][1], r.m[1][1], r.m[2][1]}, p),
           dot(Vec3f{r.m[0][2], r.m[1][2], r.m[2][2]}, p)};
@@ -88,7 +89,7 @@ constexpr Vec3d rotate_inverse(const RotationD& r, Vec3d p) noexcept {
           dot(Vec3d{r.m[0][2], r.m[1][2], r.m[2][2]}, p)};
 }
 
-/// The quaternion at unit length, computed in double and rounded once. Precondition: finite and not zero.
+/// The quaternion scaled to unit length, computed in double and rounded once. Precondition: finite and not zero.
 inline Quat normalise(Quat q) noexcept {
   const double x = q.x, y = q.y, z = q.z, w = q.w;
   const double norm = std::sqrt((x * x + y * y) + (z * z + w * w));
@@ -96,7 +97,7 @@ inline Quat normalise(Quat q) noexcept {
           static_cast<float>(w / norm)};
 }
 
-/// Whether `q` is finite and within 10^-3 of unit length: what the API accepts.
+/// Whether `q` is finite and its length is within 10^-3 of 1. The API accepts such orientations.
 inline bool is_near_unit(Quat q) noexcept {
   const double x = q.x, y = q.y, z = q.z, w = q.w;
   const double norm = std::sqrt((x * x + y * y) + (z * z + w * w));

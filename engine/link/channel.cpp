@@ -13,7 +13,7 @@ void* allocate_ring(std::size_t bytes, const char* option) {
   Channel::check(bytes, option);
   const std::size_t footprint = ring_footprint<ThreadAtomics>(bytes);
   void* memory = ::operator new (footprint, std::align_val_t{cache_line_pair_bytes});
-  // Touched here, so that no page fault falls into a frame.
+  // Touches every page now, so that no page fault happens during a frame.
   std::memset(memory, 0, footprint);
   make_ring<ThreadAtomics>(memory, bytes);
   return memory;
@@ -22,11 +22,11 @@ void* allocate_ring(std::size_t bytes, const char* option) {
 }  // namespace
 
 void Channel::check(std::size_t bytes, const char* option) {
-  constexpr std::size_t least = 4096;
-  constexpr std::size_t most = std::size_t{1} << 31;
-  if (bytes >= least && bytes <= most && (bytes & (bytes - 1)) == 0) return;
+  constexpr std::size_t smallest = 4096;
+  constexpr std::size_t largest = std::size_t{1} << 31;
+  if (bytes >= smallest && bytes <= largest && (bytes & (bytes - 1)) == 0) return;
   throw Error(std::string(option) + " is " + std::to_string(bytes) + ": a ring takes a power of two from " +
-              std::to_string(least) + " to " + std::to_string(most) + " bytes");
+              std::to_string(smallest) + " to " + std::to_string(largest) + " bytes");
 }
 
 void Channel::Free::operator()(void* memory) const noexcept {

@@ -11,52 +11,52 @@
 
 namespace ringfence::link {
 
-/// The sending end of a one-way link: one thread's.
+/// The sending end of a one-way channel. Used by one thread at a time.
 ///
-/// A message is written where it will be read: claim room, fill it, commit what was used, and when all that is to be
-/// said now is said, publish. Never blocks: a claim that finds no room returns an empty span, has published what was
-/// staged, and has asked the receiver to ring this thread's doorbell when it releases.
+/// A message is written in place: claim room, fill it, and commit the bytes used. publish() makes all committed
+/// messages visible at once. Never blocks. When a claim finds no room, it publishes what is staged, requests that the
+/// receiver rings this thread's doorbell at its next release, and returns an empty span.
 template <class Policy>
 class alignas(cache_line_pair_bytes) BasicSender {
  public:
   using Bell = BasicDoorbell<Policy>;
 
-  /// `bell` is the receiver's; null where nobody sleeps on it.
+  /// `bell` is the receiver's doorbell; null if no thread sleeps on it.
   BasicSender(Ring<Policy> ring, Bell* bell) noexcept : writer_(ring), bell_(bell) {}
   BasicSender(const BasicSender&) = delete;
   BasicSender& operator=(const BasicSender&) = delete;
 
-  /// Room for a message of up to `bytes` bytes (1 to largest_message()), uninitialised, aligned to 8 bytes and often to
-  /// a cache line; empty when there is none now, or the receiver is gone (see closed()). Valid until commit, or until
-  /// the next claim, which replaces it.
+  /// Returns room for a message of up to `bytes` bytes (1 to largest_message()): uninitialised, aligned to 8 bytes,
+  /// often to a cache line. Empty if there is no room now, or if the receiver has closed (see closed()). Valid until
+  /// commit(), or until the next claim, which replaces it.
   std::span<std::byte> claim(std::size_t bytes) noexcept {
     if (std::byte* room = writer_.claim(bytes)) [[likely]]
       return {room, bytes};
     return claim_when_full(bytes);
   }
 
-  /// Ends the message after the first `used` bytes of the claim: the receiver sees exactly that length. 0 gives the
-  /// claim up. The message is staged: nobody sees it before publish().
+  /// Ends the message after the first `used` bytes of the claim; the receiver sees exactly that length. 0 cancels the
+  /// claim. The message is staged: it is not visible before publish().
   void commit(std::size_t used) noexcept { writer_.commit(used); }
 
-  /// Shows the receiver everything staged, by one store, and rings its doorbell once; does nothing where nothing is
-  /// staged.
+  /// Makes all staged messages visible to the receiver by one store and rings its doorbell once. Does nothing if no
+  /// message is staged.
   void publish() noexcept {
     if (writer_.staged() == 0) return;
     writer_.publish();
     ring_receiver();
   }
 
-  /// Bytes staged but not published yet, with headers and padding.
+  /// Bytes staged but not yet published, including headers and padding.
   std::uint64_t staged() const noexcept { return writer_.staged(); }
 
-  /// Whether the receiver is gone: nothing sent any more will be read.
+  /// Whether the receiver has closed: no further message is read.
   bool closed() const noexcept { return writer_.reader_closed(); }
 
-  /// The longest message: half the ring, 64 KiB at most.
+  /// Size in bytes of the longest message: half the ring, at most 64 KiB.
   std::size_t largest_message() const noexcept { return writer_.largest_message(); }
 
-  /// Publishes what is staged and says that no message follows. Call nothing but closed() after it.
+  /// Publishes what is staged and marks the end of the stream. Afterwards only closed() may be called.
   void close() noexcept {
     writer_.close();
     if constexpr (Policy::defect == Defect::close_without_ring) return;
@@ -74,18 +74,18 @@ class alignas(cache_line_pair_bytes) BasicSender {
   Bell* bell_;
 };
 
-/// The receiving end of a one-way link: one thread's.
+/// The receiving end of a one-way channel. Used by one thread at a time.
 template <class Policy>
 class alignas(cache_line_pair_bytes) BasicReceiver {
  public:
   using Bell = BasicDoorbell<Policy>;
 
-  /// `bell` is the sender's; null where it never waits.
+  /// `bell` is the sender's doorbell; null if the sender never waits.
   BasicReceiver(Ring<Policy> ring, Bell* bell) noexcept : reader_(ring), bell_(bell) {}
   BasicReceiver(const BasicReceiver&) = delete;
   BasicReceiver& operator=(const BasicReceiver&) = delete;
 
-  /// The next unread message where it lies, or empty where there is none yet. Lives until release().
+  /// The next unread message, in place; empty if there is none yet. Valid until release().
   std::span<const std::byte> next() noexcept {
     if (!reader_.available()) return {};
     if constexpr (Policy::defect == Defect::early_release) {
@@ -96,22 +96,22 @@ class alignas(cache_line_pair_bytes) BasicReceiver {
     return reader_.next();
   }
 
-  /// Whether next() would return a message: what a doorbell's owner waits for.
+  /// Whether next() would return a message. The condition that the owner of a doorbell waits for.
   bool has_message() noexcept { return reader_.available(); }
 
-  /// Asks for the lines that has_message() and next() look at, for who looks at many links, one after the other.
+  /// Prefetches the lines that has_message() and next() read: for threads that poll many channels one after the other.
   void prefetch() const noexcept { reader_.prefetch(); }
 
-  /// Gives back the room of everything that next() returned, and rings a sender that waits for room.
+  /// Releases the room of all messages that next() has returned, and rings a sender that waits for room.
   void release() noexcept {
     if (reader_.release() && bell_ && Policy::defect != Defect::waiting_sender_not_rung) bell_->ring();
   }
 
-  /// Whether the sender has closed and next() has returned its last message; as of the last next() or has_message()
-  /// that found none.
+  /// Whether the sender has closed and next() has returned its last message, as seen by the last call of next() or
+  /// has_message() that found no message.
   bool closed() const noexcept { return reader_.ended(); }
 
-  /// Says that nothing more will be read, and rings the sender. Call nothing after it.
+  /// Closes the channel from this end: no further message is read. Rings the sender. No other call may follow.
   void close() noexcept {
     reader_.close();
     if constexpr (Policy::defect == Defect::close_without_ring) return;
@@ -127,38 +127,39 @@ template <class Policy>
 std::span<std::byte> BasicSender<Policy>::claim_when_full(std::size_t bytes) noexcept {
   assert(bytes >= 1 && bytes <= writer_.largest_message());
   if (std::byte* room = writer_.claim_after_refresh(bytes)) return {room, bytes};
-  // What is staged may be what the receiver waits for; it frees nothing that it does not know of.
+  // The receiver may be waiting for the staged messages. It cannot release room before it sees them.
   if constexpr (Policy::defect != Defect::no_publish_when_full) publish();
   if (std::byte* room = writer_.claim_or_request_ring(bytes)) return {room, bytes};
   return {};
 }
 
-/// The sending end of a link between threads.
+/// The sending end of a channel between threads.
 class Sender : public BasicSender<ThreadAtomics> {
  public:
   using BasicSender::BasicSender;
 };
 
-/// The receiving end of a link between threads.
+/// The receiving end of a channel between threads.
 class Receiver : public BasicReceiver<ThreadAtomics> {
  public:
   using BasicReceiver::BasicReceiver;
 };
 
-/// A one-way link between two threads, or within one: the ring's memory and its two ends.
+/// A one-way channel between two threads, or within one: the ring's memory and its two ends.
 ///
-/// Neither copied nor moved: both ends are pointed to. Outlives every use of them, and the doorbells outlive it.
+/// Not copyable or movable, because roles keep pointers to both ends. Must outlive every use of its ends; the doorbells
+/// must outlive the channel.
 class Channel {
  public:
-  /// A ring of `bytes` bytes, a power of two from 4096 to 2^31; throws Error, naming `option`, otherwise.
-  /// `receivers_bell` is rung by publish, `senders_bell` by a release that a sender waits for; either may be null, and
-  /// both may be the same where one thread steps both ends.
+  /// Allocates a ring of `bytes` bytes, a power of two from 4096 to 2^31, and touches all its pages. Throws Error,
+  /// naming `option`, for any other size. `receivers_bell` is rung by publish(), `senders_bell` by a release that a
+  /// sender waits for. Either may be null; both may be the same if one thread owns both ends.
   Channel(std::size_t bytes, Doorbell* receivers_bell, Doorbell* senders_bell, const char* option = "--ring-bytes");
 
   Sender& sender() noexcept { return sender_; }
   Receiver& receiver() noexcept { return receiver_; }
 
-  /// Throws what the constructor would throw for `bytes`.
+  /// Throws the error that the constructor would throw for `bytes`; does nothing for a valid size.
   static void check(std::size_t bytes, const char* option = "--ring-bytes");
 
  private:

@@ -10,7 +10,7 @@ namespace ringfence::link {
 
 struct Cores::Machine {
   hwloc_topology_t topology = nullptr;
-  std::vector<hwloc_obj_t> units;  ///< hardware threads, in the order promised
+  std::vector<hwloc_obj_t> units;  ///< hardware threads, nearest first
 
   Machine() = default;
   Machine(const Machine&) = delete;
@@ -22,7 +22,7 @@ struct Cores::Machine {
 
 namespace {
 
-/// Which hardware thread of its core a unit is: 0, 1, ...
+/// Index of a hardware thread within its core: 0, 1, ...
 unsigned rank_in_core(hwloc_topology_t topology, hwloc_obj_t unit) {
   hwloc_obj_t core = hwloc_get_ancestor_obj_by_type(topology, HWLOC_OBJ_CORE, unit);
   return core ? unit->logical_index -
@@ -44,13 +44,13 @@ Cores::Cores() : machine_(std::make_unique<Machine>()) {
   hwloc_topology_t& topology = machine_->topology;
   if (!load(topology)) return;
   hwloc_bitmap_t allowed = hwloc_bitmap_alloc();
-  // The process's own mask: containers and taskset narrow it, and a thread that was pinned narrows only its own.
+  // The mask of the process, not of the thread: containers and taskset narrow it; pinning narrows only a thread's mask.
   if (hwloc_get_proc_cpubind(topology, getpid(), allowed, 0) != 0) hwloc_bitmap_fill(allowed);
   for (hwloc_obj_t unit = nullptr; (unit = hwloc_get_next_obj_by_type(topology, HWLOC_OBJ_PU, unit)) != nullptr;) {
     if (hwloc_bitmap_isset(allowed, unit->os_index)) machine_->units.push_back(unit);
   }
   hwloc_bitmap_free(allowed);
-  // hwloc counts units by nearness; stable, so that within a rank they stay in that order.
+  // hwloc orders hardware threads by proximity. A stable sort keeps that order within each rank.
   std::stable_sort(machine_->units.begin(), machine_->units.end(),
                    [&](hwloc_obj_t p, hwloc_obj_t q) { return rank_in_core(topology, p) < rank_in_core(topology, q); });
 }

@@ -16,7 +16,7 @@ std::atomic<int> waiting_threads{0};
 
 int usable_cores() noexcept {
   cpu_set_t set;
-  // The process's own mask, not the thread's: threads may have been pinned already.
+  // The mask of the process, not of the thread: threads may have been pinned already.
   if (sched_getaffinity(getpid(), sizeof set, &set) != 0) return 1;
   return CPU_COUNT(&set);
 }
@@ -67,10 +67,12 @@ void ThreadAtomics::remove_waiting_thread() noexcept { waiting_threads.fetch_sub
 
 SpinPolicy ThreadAtomics::spin_policy() noexcept {
   static const int cores = usable_cores();
-  // With more threads than cores whoever is waited for may need this very core; otherwise sleeping is what costs.
-  const bool crowded = waiting_threads.load(std::memory_order_relaxed) > cores;
-  // Then a server's look at a hundred links, or a user thread's, is time taken from whoever is waited for.
-  return crowded ? SpinPolicy{20, 3, 0, true} : SpinPolicy{2000, 3, 100};
+  // With more threads than cores, the awaited thread may need this core, so polling is short. Otherwise sleeping is the
+  // larger cost.
+  const bool oversubscribed = waiting_threads.load(std::memory_order_relaxed) > cores;
+  // Testing a condition is then expensive: a server or user thread polls up to a hundred channels, on a core that the
+  // awaited thread needs.
+  return oversubscribed ? SpinPolicy{20, 3, 0, true} : SpinPolicy{2000, 3, 100};
 }
 
 void ProcessAtomics::sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) noexcept {

@@ -9,51 +9,53 @@
 
 namespace ringfence::link {
 
-/// What a thread sleeps on: one a thread, not one a ring. Whoever may have made something ready rings it.
+/// A thread waits on its doorbell for a condition; other threads ring it when they may have made the condition true.
+/// Each thread has one doorbell, not one per ring.
 ///
-/// The owner waits for a condition that it can look at itself ("a message is there, or room"); a ring only says that
-/// looking again is worth while. Rings are not counted, and a wait may find its condition met without one.
+/// The owner tests its condition itself (for example "a message or room is available"); a ring only means that testing
+/// again is worth while. Rings are not counted, and a wait may find its condition true without a ring.
 ///
-/// No wake-up is lost. All that is ever done to the state is an exchange, so that ringer and sleeper are ordered by the
-/// one word: either the ringer's exchange comes later, finds `asleep` and wakes; or the sleeper's comes later, and as
-/// it acquires what the ringer released, the look that follows it sees what the ringer did before. No fence is needed,
-/// and no sequential consistency. The exhaustive checker in tests/link runs this code.
+/// No wake-up is lost. Every change of the state is an exchange, so rings and sleeps are ordered by this one word. If a
+/// ring's exchange comes after the owner's, it finds `asleep` and wakes the owner. If the owner's exchange comes later,
+/// it acquires what the ring released, and the test that follows sees what the ringing thread did before. This needs
+/// neither fences nor sequential consistency. The model checker in tests/link runs this code exhaustively.
 ///
-/// Cost: a ring that wakes nobody is one atomic exchange. Waiting looks for a while (see Patience), then sleeps on a
-/// futex: a round trip between two threads that both sleep takes about 40 us.
+/// Cost: a ring that wakes no thread is one atomic exchange. A wait polls for a while (see SpinPolicy), then sleeps on
+/// a futex. A round trip between two threads that both sleep takes about 40 us.
 ///
-/// Threads: `ring` from any, `wait` from the owner alone. Memory: none but itself; may lie in shared memory with
-/// ProcessAtomics.
+/// Threads: any thread may call `ring`; only the owner may call the waits. Memory: allocates nothing; with
+/// ProcessAtomics it may lie in shared memory.
 template <class Policy>
 class alignas(cache_line_pair_bytes) BasicDoorbell {
  public:
   BasicDoorbell() noexcept { Policy::add_waiting_thread(); }
-  /// Looks for as long as `patience` says, however many threads there are.
-  explicit BasicDoorbell(SpinPolicy spin_policy) noexcept : spin_policy_(spin_policy) { Policy::add_waiting_thread(); }
+  /// Polls as `policy` says, whatever the number of threads.
+  explicit BasicDoorbell(SpinPolicy policy) noexcept : spin_policy_(policy) { Policy::add_waiting_thread(); }
   ~BasicDoorbell() { Policy::remove_waiting_thread(); }
   BasicDoorbell(const BasicDoorbell&) = delete;
   BasicDoorbell& operator=(const BasicDoorbell&) = delete;
 
-  /// What the caller did before is seen by the owner when it next looks; it is woken if it sleeps.
+  /// Wakes the owner if it sleeps. What the caller did before is visible to the owner's next test of its condition.
   void ring() noexcept {
-    // Pairs with the owner's exchange in arm.
+    // Pairs with the owner's exchange in arm().
     const std::uint32_t before =
         state_.exchange(rung, order_unless<Policy>(Defect::ring_unordered, std::memory_order_release));
     if (before == asleep) Policy::wake(state_);
   }
 
-  /// Returns when `ready()` is true. It is called again and again, from this thread; it may act. Where there are more
-  /// threads than cores it is called between the first look and the last before sleeping only when somebody has rung.
+  /// Returns when `ready()` is true. `ready` is called repeatedly, from this thread, and may have side effects. If
+  /// there are more threads than cores, it is called only after a ring, except for the first test and the last one
+  /// before each sleep.
   template <class Ready>
   void wait(Ready ready) noexcept {
-    if (look(ready)) return;
+    if (poll(ready)) return;
     while (!arm(ready)) Policy::sleep(state_, asleep);
   }
 
-  /// The same, but gives up at `deadline`. Returns whether `ready()` was true.
+  /// Like wait(), but gives up at `deadline`. Returns whether `ready()` was true.
   template <class Ready>
   bool wait_until(Ready ready, std::chrono::steady_clock::time_point deadline) noexcept {
-    if (look(ready)) return true;
+    if (poll(ready)) return true;
     while (!arm(ready)) {
       if (Policy::defect != Defect::deadline_not_checked && Policy::is_past(deadline)) {
         disarm();
@@ -68,7 +70,7 @@ class alignas(cache_line_pair_bytes) BasicDoorbell {
     return true;
   }
 
-  /// The same, but gives up after `duration`.
+  /// Like wait_until(), with the deadline `duration` from now.
   template <class Ready>
   bool wait_for(Ready ready, std::chrono::nanoseconds duration) noexcept {
     return wait_until(ready, std::chrono::steady_clock::now() + duration);
@@ -77,44 +79,44 @@ class alignas(cache_line_pair_bytes) BasicDoorbell {
  private:
   enum State : std::uint32_t { awake, asleep, rung };
 
-  /// Looks without sleeping.
+  /// Polls without sleeping. Returns whether `ready()` was true.
   template <class Ready>
-  bool look(Ready& ready) noexcept {
-    const SpinPolicy spin_policy = spin_policy_ ? *spin_policy_ : Policy::spin_policy();
-    for (std::uint32_t i = 0; i < spin_policy.immediate_polls; ++i) {
+  bool poll(Ready& ready) noexcept {
+    const SpinPolicy policy = spin_policy_ ? *spin_policy_ : Policy::spin_policy();
+    for (std::uint32_t i = 0; i < policy.immediate_polls; ++i) {
       if (ready()) return true;
     }
-    if (spin_policy.poll_only_after_ring && ready()) return true;
-    for (std::uint32_t i = 0; i < spin_policy.pause_polls; ++i) {
-      if ((!spin_policy.poll_only_after_ring || has_rung()) && ready()) return true;
+    if (policy.poll_only_after_ring && ready()) return true;
+    for (std::uint32_t i = 0; i < policy.pause_polls; ++i) {
+      if ((!policy.poll_only_after_ring || has_rung()) && ready()) return true;
       Policy::pause();
     }
-    for (std::uint32_t i = 0; i < spin_policy.yield_polls; ++i) {
-      if ((!spin_policy.poll_only_after_ring || has_rung()) && ready()) return true;
+    for (std::uint32_t i = 0; i < policy.yield_polls; ++i) {
+      if ((!policy.poll_only_after_ring || has_rung()) && ready()) return true;
       Policy::yield();
     }
     return false;
   }
 
-  /// Whether somebody has rung since this was last asked. What he did before is seen then.
+  /// Whether a ring arrived since the last call; clears it. What the ringing thread did before is then visible.
   bool has_rung() noexcept {
     if (state_.load(std::memory_order_relaxed) != rung) return false;
     if constexpr (Policy::defect == Defect::ring_cleared_by_store) {
       state_.store(awake, std::memory_order_relaxed);
     } else {
-      // Pairs with ring, as in arm; an exchange for the reason that disarm has.
+      // Pairs with ring(), as in arm(). An exchange for the same reason as in disarm().
       state_.exchange(awake, std::memory_order_acquire);
     }
     return true;
   }
 
-  /// Says that the owner sleeps and looks once more. True when it need not sleep after all.
+  /// Sets `asleep` and tests the condition once more. Returns true if the owner need not sleep.
   template <class Ready>
   bool arm(Ready& ready) noexcept {
     if constexpr (Policy::defect == Defect::flag_set_late) {
       if (ready()) return true;
     }
-    // Pairs with ring: what was done before a ring that this exchange overwrites is seen by the look below.
+    // Pairs with ring(): the test below sees what was done before any ring that this exchange overwrites.
     state_.exchange(asleep, order_unless<Policy>(Defect::arm_unordered, std::memory_order_acquire));
     if constexpr (Policy::defect == Defect::flag_set_late || Policy::defect == Defect::no_recheck) return false;
     if (!ready()) return false;
@@ -122,28 +124,29 @@ class alignas(cache_line_pair_bytes) BasicDoorbell {
     return true;
   }
 
-  /// Takes back that the owner sleeps, so that nobody makes a system call for it.
+  /// Clears `asleep`, so that a ring makes no system call.
   void disarm() noexcept {
     if constexpr (Policy::defect == Defect::disarm_by_store) {
       state_.store(awake, std::memory_order_relaxed);
     } else {
-      // An exchange, not a store: it hands on what a ring that it overwrites has released, for the next arm to acquire.
+      // An exchange, not a store: it continues the release sequence of a ring that it overwrites, for the next arm() to
+      // acquire.
       state_.exchange(awake, std::memory_order_relaxed);
     }
   }
 
   typename Policy::template Atomic<std::uint32_t> state_{awake};
-  // Read at each wait: on the line of the state it would take that away from who rings.
+  // On a line of its own: the owner reads it at each wait, which would take the line of `state_` from ringing threads.
   alignas(cache_line_pair_bytes) std::optional<SpinPolicy> spin_policy_;
 };
 
-/// The doorbell of a thread.
+/// The doorbell of a thread, for rings from the same process.
 class Doorbell : public BasicDoorbell<ThreadAtomics> {
  public:
   using BasicDoorbell::BasicDoorbell;
 };
 
-/// The doorbell of a process, in shared memory.
+/// A doorbell in shared memory, for rings from other processes.
 class ProcessDoorbell : public BasicDoorbell<ProcessAtomics> {
  public:
   using BasicDoorbell::BasicDoorbell;

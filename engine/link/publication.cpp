@@ -12,12 +12,14 @@ namespace ringfence::link {
 
 namespace {
 
-/// A directory costs 4 bytes a cell to fill; a search about 5 ns a step for each cell that a reader looks at.
-constexpr std::size_t most_a_state = 4;
+/// Largest directory, in entries per state, that is worth filling. An entry costs 4 bytes to fill; without a directory
+/// each cell that a reader asks for costs a binary search of about 5 ns a step.
+constexpr std::size_t max_directory_entries_per_state = 4;
 
-/// Keeps the reads of an edition before a second look at its stamp, and the loss of a stamp before writes.
-/// Only a broken frame protocol needs it, and the thread sanitizer, which knows no fences, would report that as a race.
-void keep_order() noexcept {
+/// Orders the reads of a buffer before the second test of its stamp, and the reset of a stamp before the writes that
+/// follow. Needed only if the frame protocol is violated. Left out under the thread sanitizer, which does not know
+/// fences and would report that case as a race.
+void fence() noexcept {
 #if !defined(__SANITIZE_THREAD__)
   std::atomic_thread_fence(std::memory_order_acq_rel);
 #endif
@@ -31,23 +33,23 @@ Publication::Publication(std::size_t cells, std::size_t states, CellLayout layou
   keys_.resize(states);
   sorted_.resize(states);
   entries_.reserve(states);
-  const std::size_t most_cells = std::min(cells, most_a_state * states) + 2;
-  for (Edition& edition : editions_) {
-    edition.states.reserve(states);
-    edition.cells.reserve(most_cells);
-    edition.starts.reserve(most_cells);
-    edition.directory.reserve(most_cells);
+  const std::size_t max_cells = std::min(cells, max_directory_entries_per_state * states) + 2;
+  for (FrameBuffer& buffer : buffers_) {
+    buffer.states.reserve(states);
+    buffer.cells.reserve(max_cells);
+    buffer.starts.reserve(max_cells);
+    buffer.directory.reserve(max_cells);
   }
 }
 
 void Publication::begin(std::uint64_t frame) noexcept {
   current_ ^= frame != frame_ ? 1 : 0;
-  editions_[current_].stamp.store(no_stamp, std::memory_order_relaxed);
-  keep_order();
+  buffers_[current_].stamp.store(no_stamp, std::memory_order_relaxed);
+  fence();
   frame_ = frame;
   ascending_ = true;
   added_.clear();
-  listed_ = 0;
+  key_count_ = 0;
 }
 
 void Publication::add(std::uint32_t cell, const PublishedState& state) {
@@ -57,34 +59,35 @@ void Publication::add(std::uint32_t cell, const PublishedState& state) {
 
 void Publication::publish() {
   if (ascending_) {
-    Edition& edition = arrange();
-    edition.states.swap(added_);
-    show(edition);
+    FrameBuffer& buffer = order_keys();
+    buffer.states.swap(added_);
+    finish(buffer);
   } else {
     publish_indexed([this](std::uint32_t i) { base::prefetch_for_read(&added_[i]); },
                     [this](std::uint32_t i) -> const PublishedState& { return added_[i]; });
   }
 }
 
-/// Puts the keys in ascending order of cell, within a cell in that of adding.
-Publication::Edition& Publication::arrange() {
-  Edition& edition = editions_[current_];
-  edition.dense = false;
-  if (listed_ == 0) {
-    return edition;
+/// Sorts the keys by cell, then by order of adding.
+Publication::FrameBuffer& Publication::order_keys() {
+  FrameBuffer& buffer = buffers_[current_];
+  buffer.dense = false;
+  if (key_count_ == 0) {
+    return buffer;
   }
-  const std::size_t cells = find_cell_range(edition);
-  edition.dense = cells <= most_a_state * listed_;
-  if (edition.dense) {
-    count_keys(edition, cells);
+  const std::size_t cells = find_cell_range(buffer);
+  buffer.dense = cells <= max_directory_entries_per_state * key_count_;
+  if (buffer.dense) {
+    counting_sort_keys(buffer, cells);
   } else if (!ascending_) {
     sort_keys();
   }
-  return edition;
+  return buffer;
 }
 
-/// Returns how many cells that is. Precondition: something is listed.
-std::size_t Publication::find_cell_range(Edition& edition) const noexcept {
+/// Sets the buffer's box to the smallest one that contains all keys. Returns its number of cells. Precondition: there
+/// is a key.
+std::size_t Publication::find_cell_range(FrameBuffer& buffer) const noexcept {
   const CellLayout layout = layout_;
   CellLayout::Place lower = layout.place_of(cell_of(keys_.front()));
   CellLayout::Place upper = lower;
@@ -95,52 +98,54 @@ std::size_t Publication::find_cell_range(Edition& edition) const noexcept {
       upper.at[axis] = std::max(upper.at[axis], place.at[axis]);
     }
   }
-  Box& box = edition.box;
+  Box& box = buffer.box;
   std::copy_n(lower.at, 3, box.cell_range.lower);
   std::copy_n(upper.at, 3, box.cell_range.upper);
-  box.wide = upper.at[0] - lower.at[0] + 1;
+  box.row_length = upper.at[0] - lower.at[0] + 1;
   box.rows = upper.at[1] - lower.at[1] + 1;
-  return std::size_t{box.wide} * box.rows * (upper.at[2] - lower.at[2] + std::size_t{1});
+  return std::size_t{box.row_length} * box.rows * (upper.at[2] - lower.at[2] + std::size_t{1});
 }
 
-/// Precondition: the edition has its states.
-void Publication::show(Edition& edition) {
-  edition.dense ? list_counted(edition) : list_cells(edition);
-  // Pairs with the load in find: the edition is whole.
-  edition.stamp.store(frame_, std::memory_order_release);
+/// Completes and stamps the buffer. Precondition: its states are written.
+void Publication::finish(FrameBuffer& buffer) {
+  buffer.dense ? collect_cells_dense(buffer) : collect_cells(buffer);
+  // Pairs with the load in find_buffer: the buffer is complete.
+  buffer.stamp.store(frame_, std::memory_order_release);
 }
 
-/// Fills the directory, and sorts by it. Where it sorts, a cell is counted two entries further on: when all is summed
-/// up that is where the next one begins, and the entry between them becomes it as the cell's keys take their places.
-void Publication::count_keys(Edition& edition, std::size_t cells) {
-  std::vector<std::uint32_t>& next = edition.directory;
-  const std::size_t on = ascending_ ? 1 : 2;
-  next.assign(cells + on, 0);
-  entries_.resize(listed_);
+/// Fills the directory, and sorts the keys by counting if they are not sorted. To sort, the count of entry e is stored
+/// in e + 2. After the prefix sum, e + 1 is the first position of the keys of e. Placing these keys advances it to the
+/// first position of the next entry's keys, which is the value that the directory needs.
+void Publication::counting_sort_keys(FrameBuffer& buffer, std::size_t cells) {
+  std::vector<std::uint32_t>& next = buffer.directory;
+  const std::size_t shift = ascending_ ? 1 : 2;
+  next.assign(cells + shift, 0);
+  entries_.resize(key_count_);
   const CellLayout layout = layout_;
-  const Box box = edition.box;
-  for (std::size_t i = 0; i < listed_; ++i) {
+  const Box box = buffer.box;
+  for (std::size_t i = 0; i < key_count_; ++i) {
     entries_[i] = static_cast<std::uint32_t>(box.entry(layout.place_of(cell_of(keys_[i]))));
   }
-  std::uint32_t* const counts = next.data() + on;
+  std::uint32_t* const counts = next.data() + shift;
   for (const std::uint32_t entry : entries_) ++counts[entry];
-  for (std::size_t cell = 0; cell < cells; ++cell) next[cell + on] += next[cell + on - 1];
+  for (std::size_t cell = 0; cell < cells; ++cell) next[cell + shift] += next[cell + shift - 1];
   if (ascending_) {
     return;
   }
   sorted_.resize(keys_.size());
   std::uint32_t* const places = next.data() + 1;
   std::uint64_t* const sorted = sorted_.data();
-  for (std::size_t i = 0; i < listed_; ++i) sorted[places[entries_[i]]++] = keys_[i];
+  for (std::size_t i = 0; i < key_count_; ++i) sorted[places[entries_[i]]++] = keys_[i];
   next.pop_back();
   keys_.swap(sorted_);
 }
 
-/// By cell, and within a cell by index: radix with digits of 11 bits, least first, where comparing would cost more.
+/// Sorts by cell, then by index: by comparison for few keys, else by radix sort with digits of 11 bits, least
+/// significant first.
 void Publication::sort_keys() {
-  constexpr std::size_t few = 400;
-  if (listed_ <= few) {
-    std::sort(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(listed_));
+  constexpr std::size_t max_comparison_sort = 400;
+  if (key_count_ <= max_comparison_sort) {
+    std::sort(keys_.begin(), keys_.begin() + static_cast<std::ptrdiff_t>(key_count_));
     return;
   }
   constexpr unsigned digit_bits = 11;
@@ -154,79 +159,79 @@ void Publication::sort_keys() {
   }
 }
 
-/// Precondition: keys_ are in ascending order of cell, as the edition's states.
-void Publication::list_cells(Edition& edition) {
-  edition.cells.clear();
-  edition.starts.clear();
-  for (std::size_t i = 0; i < listed_; ++i) {
+/// Precondition: keys_ and the buffer's states are in ascending order of cell.
+void Publication::collect_cells(FrameBuffer& buffer) {
+  buffer.cells.clear();
+  buffer.starts.clear();
+  for (std::size_t i = 0; i < key_count_; ++i) {
     const std::uint32_t cell = cell_of(keys_[i]);
-    if (i != 0 && cell == edition.cells.back()) continue;
-    edition.cells.push_back(cell);
-    edition.starts.push_back(static_cast<std::uint32_t>(i));
+    if (i != 0 && cell == buffer.cells.back()) continue;
+    buffer.cells.push_back(cell);
+    buffer.starts.push_back(static_cast<std::uint32_t>(i));
   }
-  edition.starts.push_back(static_cast<std::uint32_t>(listed_));
+  buffer.starts.push_back(static_cast<std::uint32_t>(key_count_));
 }
 
-/// The same from the directory. Written for every cell of the reach, and over again where that holds nothing: a branch
-/// would be missed as often as not.
-void Publication::list_counted(Edition& edition) {
-  const CellRange& cell_range = edition.box.cell_range;
-  const std::uint32_t* before = edition.directory.data();
-  edition.cells.resize(edition.directory.size());
-  edition.starts.resize(edition.directory.size());
-  std::uint32_t* const cells = edition.cells.data();
-  std::uint32_t* const starts = edition.starts.data();
-  const std::uint32_t wide = edition.box.wide;
-  std::size_t listed = 0;
+/// Like collect_cells, but from the directory. Writes an entry for every cell of the box and overwrites it if the cell
+/// is empty: a branch would be mispredicted about half the time.
+void Publication::collect_cells_dense(FrameBuffer& buffer) {
+  const CellRange& cell_range = buffer.box.cell_range;
+  const std::uint32_t* entry = buffer.directory.data();
+  buffer.cells.resize(buffer.directory.size());
+  buffer.starts.resize(buffer.directory.size());
+  std::uint32_t* const cells = buffer.cells.data();
+  std::uint32_t* const starts = buffer.starts.data();
+  const std::uint32_t row_length = buffer.box.row_length;
+  std::size_t count = 0;
   for (std::uint32_t z = cell_range.lower[2]; z <= cell_range.upper[2]; ++z) {
     for (std::uint32_t y = cell_range.lower[1]; y <= cell_range.upper[1]; ++y) {
       const std::uint32_t at[3] = {cell_range.lower[0], y, z};
       const std::uint32_t first = layout_.cell_at(at);
-      for (std::uint32_t x = 0; x < wide; ++x, ++before) {
-        cells[listed] = first + x;
-        starts[listed] = before[0];
-        listed += before[1] != before[0] ? 1 : 0;
+      for (std::uint32_t x = 0; x < row_length; ++x, ++entry) {
+        cells[count] = first + x;
+        starts[count] = entry[0];
+        count += entry[1] != entry[0] ? 1 : 0;
       }
     }
   }
-  edition.cells.resize(listed);
-  edition.starts.resize(listed + 1);
-  edition.starts.back() = static_cast<std::uint32_t>(listed_);
+  buffer.cells.resize(count);
+  buffer.starts.resize(count + 1);
+  buffer.starts.back() = static_cast<std::uint32_t>(key_count_);
 }
 
-std::span<const PublishedState> Publication::search(const Edition& edition, std::uint32_t first,
-                                                    std::uint32_t last) noexcept {
-  const PublishedState* states = edition.states.data();
-  const auto begin = edition.cells.begin(), end = edition.cells.end();
+std::span<const PublishedState> Publication::read_sparse(const FrameBuffer& buffer, std::uint32_t first,
+                                                         std::uint32_t last) noexcept {
+  const PublishedState* states = buffer.states.data();
+  const auto begin = buffer.cells.begin(), end = buffer.cells.end();
   const auto from = std::lower_bound(begin, end, first);
   const auto to = first == last ? from + (from != end && *from == first) : std::upper_bound(from, end, last);
-  return {states + edition.starts[static_cast<std::size_t>(from - begin)],
-          states + edition.starts[static_cast<std::size_t>(to - begin)]};
+  return {states + buffer.starts[static_cast<std::size_t>(from - begin)],
+          states + buffer.starts[static_cast<std::size_t>(to - begin)]};
 }
 
 std::span<const PublishedState> Publication::states(std::uint64_t frame) const noexcept {
-  const Edition* edition = find(frame);
-  return edition ? std::span<const PublishedState>(edition->states) : std::span<const PublishedState>();
+  const FrameBuffer* buffer = find_buffer(frame);
+  return buffer ? std::span<const PublishedState>(buffer->states) : std::span<const PublishedState>();
 }
 
 CellRange Publication::cell_range(std::uint64_t frame) const noexcept {
-  const Edition* edition = find(frame);
-  return edition ? edition->box.cell_range : CellRange{};
+  const FrameBuffer* buffer = find_buffer(frame);
+  return buffer ? buffer->box.cell_range : CellRange{};
 }
 
 std::span<const std::uint32_t> Publication::cells(std::uint64_t frame) const noexcept {
-  const Edition* edition = find(frame);
-  return edition ? std::span<const std::uint32_t>(edition->cells) : std::span<const std::uint32_t>();
+  const FrameBuffer* buffer = find_buffer(frame);
+  return buffer ? std::span<const std::uint32_t>(buffer->cells) : std::span<const std::uint32_t>();
 }
 
 std::span<const std::uint32_t> Publication::starts(std::uint64_t frame) const noexcept {
-  const Edition* edition = find(frame);
-  return edition ? std::span<const std::uint32_t>(edition->starts) : std::span<const std::uint32_t>();
+  const FrameBuffer* buffer = find_buffer(frame);
+  return buffer ? std::span<const std::uint32_t>(buffer->starts) : std::span<const std::uint32_t>();
 }
 
 bool Publication::is_intact(std::uint64_t frame) const noexcept {
-  keep_order();
-  return find(frame) != nullptr;
+  fence();
+  return find_buffer(frame) != nullptr;
 }
 
 }  // namespace ringfence::link

@@ -15,14 +15,14 @@
 
 namespace ringfence::link {
 
-/// How cells are numbered in rows and layers: the lowest `row_log2` bits count along a row, the next `layer_log2` the
-/// rows of a layer. What is published lies in a box of these as a rule. Without more said: all cells are one row.
+/// How cells are numbered in rows and layers: the lowest `row_log2` bits count cells along a row, the next `layer_log2`
+/// bits count rows in a layer. Each publication usually covers a box of such cells. Default: all cells are in one row.
 struct CellLayout {
   unsigned row_log2 = 31;
   unsigned layer_log2 = 0;
 
   struct Place {
-    std::uint32_t at[3];  ///< in its row, of its row in its layer, of its layer
+    std::uint32_t at[3];  ///< position in the row, row in the layer, layer
   };
   constexpr Place place_of(std::uint32_t cell) const noexcept {
     return {{cell & ((std::uint32_t{1} << row_log2) - 1), cell >> row_log2 & ((std::uint32_t{1} << layer_log2) - 1),
@@ -33,146 +33,151 @@ struct CellLayout {
   }
 };
 
-/// The least box of cells that holds all of a frame's, both corners included; as CellLayout::Place has it.
+/// The smallest box of cells that contains all cells with states of a frame. Both corners are included; coordinates as
+/// in CellLayout::Place.
 struct CellRange {
   std::uint32_t lower[3];
   std::uint32_t upper[3];
 };
 
-/// One state that is told to many: where an object is. One layout here and at the API.
+/// The state of one object that many threads read: where it is. The same layout as in the API.
 using PublishedState = SeenState;
 
-/// What one tells many, once a frame: states grouped by cell, written once, read in place by any number of threads.
+/// The states of one frame, grouped by cell: written once by one thread, then read in place by any number of threads.
 ///
-/// Two editions take turns, so that the one published last and the one before it can be read.
+/// Double-buffered: the last published frame and the one before it can be read.
 ///
-/// The contract that the frame protocol keeps: all readers of frame k are done before the writer begins frame k + 2
-/// (in lock-step they are done before the server lets k + 1 end). Whoever breaks it is found out, not lied to: an
-/// edition carries its frame's stamp while it is whole, `read` returns nothing without it, and a reader that is done
-/// asks `intact` whether the stamp is still there; if not, what it read may be torn and is to be dropped.
+/// The frame protocol guarantees that all readers of frame k have finished before the writer begins frame k + 2. (In
+/// lock-step they finish before the server lets frame k + 1 end.) A violation is detected: a buffer carries its frame's
+/// stamp only while it is complete, `read` returns nothing without the stamp, and a reader that has finished calls
+/// `is_intact`. If that returns false, what it read may be inconsistent and must be discarded.
 ///
-/// Cost: by the number of states, not of cells. Adding is a copy; publishing moves nothing when the states were added
-/// in ascending order of cell, else sorts (counting where there are few cells to a state, radix or comparison
-/// elsewhere) and moves each state once. Reading a cell is one index where states are dense, a binary search over the
-/// cells that hold something where they are sparse; of the cells only those in the least box of rows and layers that
-/// holds all that hold something count, so that many writers, each of a box of them, do as well as one of all. Nothing
-/// is copied and no line is written, so readers do not disturb each other.
+/// Cost: proportional to the number of states, not of cells. Adding copies a state. Publishing moves no state if they
+/// were added in ascending order of cell. Otherwise it sorts keys (by counting if there are few cells a state, else by
+/// radix or comparison) and moves each state once. Reading a cell is one index if the states are dense, else a binary
+/// search over the non-empty cells. Only the cells in the smallest box that contains all states count for this, so many
+/// writers that each cover a box cost no more than one writer that covers all cells. Readers copy nothing and write no
+/// cache line, so they do not disturb each other.
 ///
-/// Threads: begin, add and publish from one thread, the writer; everything const from any. Memory: reserved by the
-/// constructor, grown between frames and never shrunk.
+/// Threads: one writer thread calls begin, add and publish; any thread may call const functions. Memory: reserved by
+/// the constructor; grows between frames and never shrinks.
 class Publication {
  public:
-  /// For cells 0 to `cells` - 1, at most 2^31; reserves for `states` states a frame. More may be added, at the price of
-  /// an allocation.
+  /// For cells 0 to `cells` - 1, at most 2^31. Reserves memory for `states` states a frame; more may be added, at the
+  /// cost of an allocation.
   Publication(std::size_t cells, std::size_t states, CellLayout layout = {});
 
-  /// Writer: starts the edition of `frame`, which is no less than any before and less than 2^64 - 1. The edition of two
-  /// frames ago is gone from here on. The same frame again is published anew, for which no reader may have begun it.
+  /// Writer: starts `frame`, which is not less than any earlier one and less than 2^64 - 1. The states of two frames
+  /// ago are discarded. If `frame` is the current frame, it is published again from the start; no reader may have begun
+  /// to read it.
   void begin(std::uint64_t frame) noexcept;
-  /// Writer: adds a state of `cell`. Any order; within a cell the order of adding is kept.
+  /// Writer: adds a state of `cell`. Any order of cells; states of one cell keep their order of adding.
   void add(std::uint32_t cell, const PublishedState& state);
-  /// Writer: groups what was added by cell and shows it, by one store.
+  /// Writer: groups the added states by cell and makes them visible, by one store.
   void publish();
 
-  /// Writer, in place of add: a state of `cell` that is entry `index` of a table that the writer keeps.
+  /// Writer, instead of add(): adds the state of `cell` that is entry `index` of a table which the writer keeps.
   void add_index(std::uint32_t cell, std::uint32_t index) {
     assert(cell < cell_count_);
-    if (listed_ == keys_.size()) keys_.resize(2 * listed_ + 64);
-    ascending_ &= listed_ == 0 || cell_of(keys_[listed_ - 1]) <= cell;
-    keys_[listed_++] = key_of(cell, index);
+    if (key_count_ == keys_.size()) keys_.resize(2 * key_count_ + 64);
+    ascending_ &= key_count_ == 0 || cell_of(keys_[key_count_ - 1]) <= cell;
+    keys_[key_count_++] = key_of(cell, index);
   }
-  /// Writer: the same of a whole table of `size` entries, of which `cell_at(i)` says the cell of the i-th, or
-  /// `nowhere`.
+  /// Writer: like add_index() for all `size` entries of the table. `cell_at(i)` is the cell of entry i, or `no_cell` to
+  /// skip it.
   template <class CellAt>
   void add_table(std::uint32_t size, CellAt cell_at) {
-    if (keys_.size() < listed_ + size) keys_.resize(listed_ + size);
-    std::uint64_t* next = keys_.data() + listed_;
-    std::uint32_t last = listed_ == 0 ? 0 : cell_of(next[-1]);
+    if (keys_.size() < key_count_ + size) keys_.resize(key_count_ + size);
+    std::uint64_t* next = keys_.data() + key_count_;
+    std::uint32_t last = key_count_ == 0 ? 0 : cell_of(next[-1]);
     bool ascending = ascending_;
     for (std::uint32_t i = 0; i < size; ++i) {
       const std::uint32_t cell = cell_at(i);
       if (cell == no_cell) continue;
       assert(cell < cell_count_);
-      ascending &= last <= cell;  // no branch: it does as often as not
+      ascending &= last <= cell;  // no branch: cells ascend about half the time
       last = cell;
       *next++ = key_of(cell, i);
     }
     ascending_ = ascending;
-    listed_ = static_cast<std::size_t>(next - keys_.data());
+    key_count_ = static_cast<std::size_t>(next - keys_.data());
   }
   static constexpr std::uint32_t no_cell = 0xffffffffu;
-  /// Writer, in place of publish: the same of what was listed. `fetch(index)` is called a while before
-  /// `state_of(index)`, which answers a PublishedState and is called once for each.
+  /// Writer, instead of publish(): the same for entries added by index. `state_of(index)` returns the PublishedState of
+  /// an entry and is called once for each; `prefetch(index)` is called some entries earlier.
   template <class Fetch, class StateOf>
   void publish_indexed(Fetch prefetch, StateOf state_of) {
-    constexpr std::size_t ahead = 16;  // what belongs to a cell lies anywhere
-    Edition& edition = arrange();
-    const std::size_t size = listed_;
-    edition.states.resize(size);
+    constexpr std::size_t ahead = 16;  // entries of a cell are anywhere in the table
+    FrameBuffer& buffer = order_keys();
+    const std::size_t size = key_count_;
+    buffer.states.resize(size);
     for (std::size_t i = 0; i < size; ++i) {
       if (i + ahead < size) prefetch(index_of(keys_[i + ahead]));
-      edition.states[i] = state_of(index_of(keys_[i]));
+      buffer.states[i] = state_of(index_of(keys_[i]));
     }
-    show(edition);
+    finish(buffer);
   }
 
-  /// Reader: whether `frame` is there to be read: it was published last, or before that.
-  bool published(std::uint64_t frame) const noexcept { return find(frame) != nullptr; }
-  /// Reader: the states of one cell; empty when there are none, or the frame is not there.
+  /// Reader: whether `frame` can be read: it is the last published frame or the one before.
+  bool published(std::uint64_t frame) const noexcept { return find_buffer(frame) != nullptr; }
+  /// Reader: the states of one cell; empty if it has none or `frame` cannot be read.
   std::span<const PublishedState> read(std::uint64_t frame, std::uint32_t cell) const noexcept {
     return read(frame, cell, cell);
   }
-  /// Reader: the states of the cells from `first` to `last`, both included, in ascending order of cell: one row of the
-  /// cells near an avatar by one look-up.
+  /// Reader: the states of the cells `first` to `last`, both included, in ascending order of cell. One look-up reads
+  /// one row of the cells near an avatar.
   std::span<const PublishedState> read(std::uint64_t frame, std::uint32_t first, std::uint32_t last) const noexcept {
-    const Edition* edition = find(frame);
-    return edition ? row(*edition, first, last) : std::span<const PublishedState>();
+    const FrameBuffer* buffer = find_buffer(frame);
+    return buffer ? read_range(*buffer, first, last) : std::span<const PublishedState>();
   }
-  /// Reader: the same for many rows: calls `use(states)` for each of which cells_of(i), i from 0 to `rows` - 1, is the
-  /// first and last cell, and that is not empty.
+  /// Reader: like read() for many ranges of cells. `cells_of(i)`, for i from 0 to `rows` - 1, returns the first and
+  /// last cell of range i. Calls `use(states)` for each range that is not empty.
   template <class CellsOf, class Use>
   void read_rows(std::uint64_t frame, std::size_t rows, CellsOf cells_of, Use use) const {
-    const Edition* edition = find(frame);
-    for (std::size_t i = 0; edition && i < rows; ++i) {
+    const FrameBuffer* buffer = find_buffer(frame);
+    for (std::size_t i = 0; buffer && i < rows; ++i) {
       const auto [first, last] = cells_of(i);
-      const auto states = row(*edition, first, last);
+      const auto states = read_range(*buffer, first, last);
       if (!states.empty()) use(states);
     }
   }
   /// Reader: all states of a frame in ascending order of cell.
   std::span<const PublishedState> states(std::uint64_t frame) const noexcept;
-  /// Reader: the least box of cells that holds all that hold states. Precondition: there are such.
+  /// Reader: the smallest box of cells that contains all states. Precondition: the frame has a state.
   CellRange cell_range(std::uint64_t frame) const noexcept;
-  /// Reader: the cells of a frame that hold states, ascending.
+  /// Reader: the cells of a frame that have states, ascending.
   std::span<const std::uint32_t> cells(std::uint64_t frame) const noexcept;
-  /// Reader: where the states of each of those cells begin in states(); one more entry ends the last.
+  /// Reader: the index in states() of the first state of each of those cells. One more entry marks the end of the last
+  /// cell.
   std::span<const std::uint32_t> starts(std::uint64_t frame) const noexcept;
-  /// Reader, after it has used what it read of `frame`: whether that was whole all the time.
+  /// Reader, after use of what it read of `frame`: whether that was consistent throughout.
   bool is_intact(std::uint64_t frame) const noexcept;
 
  private:
-  /// The reach as a directory has it.
+  /// The box of cells that the directory covers.
   struct Box {
     CellRange cell_range{};
-    std::uint32_t rows = 0;  ///< of it in a layer
-    std::uint32_t wide = 0;  ///< cells of it in a row
+    std::uint32_t rows = 0;        ///< rows in a layer
+    std::uint32_t row_length = 0;  ///< cells in a row
 
-    /// Where in the directory a place within it is.
+    /// The directory entry of a cell in the box.
     std::size_t entry(const CellLayout::Place& place) const noexcept {
-      return (std::size_t{place.at[2] - cell_range.lower[2]} * rows + (place.at[1] - cell_range.lower[1])) * wide +
+      return (std::size_t{place.at[2] - cell_range.lower[2]} * rows + (place.at[1] - cell_range.lower[1])) *
+                 row_length +
              (place.at[0] - cell_range.lower[0]);
     }
   };
 
-  /// What one frame says. `starts[i]` is where the states of `cells[i]` begin; one more entry ends the last.
-  struct alignas(cache_line_pair_bytes) Edition {
-    std::atomic<std::uint64_t> stamp{no_stamp};  ///< the frame, while the rest is whole
-    bool dense = false;                          ///< `directory` is filled
+  /// The states of one frame. `starts[i]` is the index of the first state of `cells[i]`; one more entry marks the end.
+  struct alignas(cache_line_pair_bytes) FrameBuffer {
+    std::atomic<std::uint64_t> stamp{no_stamp};  ///< the frame, while the other members are complete
+    bool dense = false;                          ///< whether `directory` is filled
     Box box;
     std::vector<PublishedState> states;
     std::vector<std::uint32_t> cells;
     std::vector<std::uint32_t> starts;
-    std::vector<std::uint32_t> directory;  ///< by cell of the reach: how many states lie before it; one more entry
+    std::vector<std::uint32_t>
+        directory;  ///< for each cell of the box, the number of states before it; one more entry for all
   };
 
   static constexpr std::uint64_t no_stamp = ~std::uint64_t{0};
@@ -183,18 +188,18 @@ class Publication {
   static constexpr std::uint32_t cell_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key >> 32); }
   static constexpr std::uint32_t index_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key); }
 
-  const Edition* find(std::uint64_t frame) const noexcept {
-    // Pairs with the store in show.
-    for (const Edition& edition : editions_) {
-      if (edition.stamp.load(std::memory_order_acquire) == frame) return &edition;
+  const FrameBuffer* find_buffer(std::uint64_t frame) const noexcept {
+    // Pairs with the store in finish().
+    for (const FrameBuffer& buffer : buffers_) {
+      if (buffer.stamp.load(std::memory_order_acquire) == frame) return &buffer;
     }
     return nullptr;
   }
-  /// How many states lie before a cell. Precondition: the edition is dense.
-  std::uint32_t before(const Edition& edition, std::uint32_t cell) const noexcept {
-    const CellRange& cell_range = edition.box.cell_range;
+  /// The number of states before a cell. Precondition: the buffer is dense.
+  std::uint32_t states_before(const FrameBuffer& buffer, std::uint32_t cell) const noexcept {
+    const CellRange& cell_range = buffer.box.cell_range;
     CellLayout::Place place = layout_.place_of(cell);
-    // What is before or behind the reach on an axis is so wherever it lies on those below.
+    // If the cell is outside the box on an axis, its position on the lower axes does not matter.
     for (std::size_t axis = 3; axis-- > 0;) {
       if (place.at[axis] < cell_range.lower[axis]) {
         std::copy_n(cell_range.lower, axis + 1, place.at);
@@ -206,38 +211,39 @@ class Publication {
         break;
       }
     }
-    return edition.directory[edition.box.entry(place)];
+    return buffer.directory[buffer.box.entry(place)];
   }
-  std::span<const PublishedState> row(const Edition& edition, std::uint32_t first, std::uint32_t last) const noexcept {
+  std::span<const PublishedState> read_range(const FrameBuffer& buffer, std::uint32_t first,
+                                             std::uint32_t last) const noexcept {
     assert(first <= last);
-    if (!edition.dense) return search(edition, first, last);
-    const PublishedState* states = edition.states.data();
-    return {states + before(edition, first), states + before(edition, last + 1)};
+    if (!buffer.dense) return read_sparse(buffer, first, last);
+    const PublishedState* states = buffer.states.data();
+    return {states + states_before(buffer, first), states + states_before(buffer, last + 1)};
   }
-  static std::span<const PublishedState> search(const Edition& edition, std::uint32_t first,
-                                                std::uint32_t last) noexcept;
-  Edition& arrange();
-  void show(Edition& edition);
-  std::size_t find_cell_range(Edition& edition) const noexcept;
-  std::span<const std::uint64_t> keys() const noexcept { return {keys_.data(), listed_}; }
-  void count_keys(Edition& edition, std::size_t cells);
+  static std::span<const PublishedState> read_sparse(const FrameBuffer& buffer, std::uint32_t first,
+                                                     std::uint32_t last) noexcept;
+  FrameBuffer& order_keys();
+  void finish(FrameBuffer& buffer);
+  std::size_t find_cell_range(FrameBuffer& buffer) const noexcept;
+  std::span<const std::uint64_t> keys() const noexcept { return {keys_.data(), key_count_}; }
+  void counting_sort_keys(FrameBuffer& buffer, std::size_t cells);
   void sort_keys();
-  void list_cells(Edition& edition);
-  void list_counted(Edition& edition);
+  void collect_cells(FrameBuffer& buffer);
+  void collect_cells_dense(FrameBuffer& buffer);
 
-  std::array<Edition, 2> editions_;
+  std::array<FrameBuffer, 2> buffers_;
   std::size_t cell_count_;
   CellLayout layout_;
 
-  // The writer's own.
-  alignas(cache_line_pair_bytes) std::size_t current_ = 0;  ///< the edition that is being written, or was last
+  // Used by the writer only.
+  alignas(cache_line_pair_bytes) std::size_t current_ = 0;  ///< the buffer that is being written, or was written last
   std::uint64_t frame_ = 0;
-  bool ascending_ = true;  ///< so far the states were added in ascending order of cell
+  bool ascending_ = true;  ///< whether the states so far were added in ascending order of cell
   std::vector<PublishedState> added_;
-  std::size_t listed_ = 0;           ///< how many of keys_ are in use
-  std::vector<std::uint64_t> keys_;  ///< cell << 32 | index in added_, or in the writer's table
+  std::size_t key_count_ = 0;        ///< number of used keys_
+  std::vector<std::uint64_t> keys_;  ///< cell << 32 | index in added_ or in the writer's table
   std::vector<std::uint64_t> sorted_;
-  std::vector<std::uint32_t> entries_;  ///< of the directory, by key
+  std::vector<std::uint32_t> entries_;  ///< directory entry of each key
 };
 
 }  // namespace ringfence::link

@@ -4,17 +4,17 @@
 
 namespace ringfence::link {
 
-/// While it lives, its thread, and threads that are made by it, do not push aside whom they find running when they are
-/// woken (SCHED_BATCH); a core that is free they get as soon as ever.
+/// Runs the calling thread, and threads that it creates, under SCHED_BATCH for the lifetime of this object.
 ///
-/// Where there are more of them than cores a stage of a frame is a burst of wake-ups: by default each pushes aside
-/// whoever has just begun to answer, or the server that has still to write to the others. Who waits for his turn finds
-/// more to do when it comes. Measured with 4 processes on two cores: 237 to 208 us a stage; with the 18 threads of a
-/// World of 16 CD nodes on two cores: 3 to 4 % of the CPU time on the critical path, 16.2 to 14.5 ms a frame. But who
-/// gives way does so to everybody: beside compilers that frame takes several times as long, so a World does not by
-/// itself.
+/// A SCHED_BATCH thread that wakes up does not preempt the running thread; it still gets an idle core at once. With
+/// more threads than cores, each stage of a frame is a burst of wake-ups. By default each of them preempts a thread
+/// that has just begun to reply, or the server before it has sent all its messages. Measured with 4 processes on two
+/// cores: 237 to 208 us a stage; with the 18 threads of a World of 16 CD nodes on two cores: 16.2 to 14.5 ms a frame.
+/// The cost: such threads give way to all other processes. Beside a running compiler the same frame takes several times
+/// as long, so a World does not enable this by itself.
 ///
-/// Leaves alone what has another scheduling class than the default one. Threads: made and destroyed by one.
+/// Does nothing if the thread has another scheduling class than the default one. Threads: construct and destroy it on
+/// the same thread. Linux only.
 class ScopedBatchScheduling {
  public:
   ScopedBatchScheduling() noexcept : changed_(sched_getscheduler(0) == SCHED_OTHER && set(SCHED_BATCH)) {}

@@ -26,10 +26,12 @@ Traffic traffic_of(MessageType type) noexcept {
 }
 
 const char* name_of(MessageType type) noexcept {
-  constexpr const char* names[message_types] = {
-      "none",    "adopt",     "drop",        "place",  "frame_begin", "state_update", "node_state", "position_update",
-      "pairs",   "collision", "narrow_done", "notify", "region_map",  "frame_end",    "hand_over",  "told",
-      "refused", "kinds",     "confirm",     "lost",   "probe",       "here",         "published",  "look"};
+  constexpr const char* names[message_types] = {"none",        "adopt",        "drop",        "place",
+                                                "frame_begin", "state_update", "node_state",  "position_update",
+                                                "pairs",       "collision",    "narrow_done", "notify",
+                                                "region_map",  "frame_end",    "hand_over",   "frame_done",
+                                                "refused",     "kinds",        "confirm",     "lost",
+                                                "probe",       "probe_reply",  "published",   "read_publications"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }

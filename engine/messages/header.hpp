@@ -13,53 +13,54 @@
 
 namespace ringfence::messages {
 
-/// Every message of the protocol: one header and a run of equal, fixed-size records. See docs/protocol.md.
+/// The message types of the protocol. A message is a header and a number of equal, fixed-size records. A run is a
+/// sequence of messages of one type whose last one is marked. See docs/protocol.md.
 enum class MessageType : std::uint16_t {
   // Server to hosts, before a frame.
-  adopt = 1,        ///< HandOverRecord + model state: host this object from now on (spawn, or its host is gone)
-  drop = 2,         ///< DropRecord: the object was destroyed, or is hosted elsewhere from now on
-  place = 3,        ///< PlaceRecord: the object stands here now
-  frame_begin = 4,  ///< no records: move for frame Header::frame
+  adopt = 1,        ///< HandOverRecord + model state: host this object from now on (it is new, or its host was lost)
+  drop = 2,         ///< DropRecord: the object was removed, or another node hosts it from now on
+  place = 3,        ///< PlaceRecord: the object is at this pose now
+  frame_begin = 4,  ///< no records: move the hosted objects for frame Header::frame
   // Hosts to server.
-  state_update = 5,  ///< M1, user node to server: StateRecord + model state of what changed
-  node_state = 6,    ///< CD node to server: NodeStateRecord + model state of what changed
+  state_update = 5,  ///< M1, user node to server: StateRecord + model state of each object that changed
+  node_state = 6,    ///< CD node to server: NodeStateRecord + model state of each object that changed
   // Server to CD nodes.
-  position_update = 7,  ///< M2: PositionRecord of each object that moved into, in or out of the node's region
-  pairs = 8,            ///< M2: PairRecord of each candidate that the node owns (broad phase on the server)
+  position_update = 7,  ///< M2: PositionRecord of each object that moved into, within or out of the node's region
+  pairs = 8,            ///< M2: PairRecord of each candidate that the node owns (broad phase on the server only)
   // CD nodes to server.
-  collision = 9,     ///< M3: CollisionRecord of each pair in contact, in order of (a, b)
-  narrow_done = 10,  ///< NarrowDoneRecord: everything owned has been tested
+  collision = 9,     ///< M3: CollisionRecord of each pair in contact, ordered by (a, b)
+  narrow_done = 10,  ///< NarrowDoneRecord: the node has tested all pairs that it owns
   // Server to hosts, after the narrow phase.
-  confirm = 18,  ///< M4, to CD nodes that host: ConfirmRecord of each 64 contacts that the receiver found itself
-  notify = 11,   ///< M4: Contact of each other contact that concerns the receiver, in order of (a, b), ended ones too
-  region_map = 12,  ///< OwnerRecord: a new region map, cells in order
-  frame_end = 13,   ///< FrameEndRecord, to CD nodes: all contacts sent; this many hand-overs will reach you
+  confirm = 18,  ///< M4, to CD nodes that host: a ConfirmRecord for every 64 contacts that the receiver itself produced
+  notify = 11,   ///< M4: the other contacts of objects that the receiver hosts, ended ones included, ordered by (a, b)
+  region_map = 12,  ///< OwnerRecord of each table entry: a new region map
+  frame_end = 13,   ///< FrameEndRecord, to CD nodes: all contacts are sent; the number of hand-overs to expect
   // CD node to CD node.
-  hand_over = 14,  ///< M5: HandOverRecord + model state: hosting and duty for an object
+  hand_over = 14,  ///< M5: HandOverRecord + model state: the receiver hosts this object from the next frame on
   // CD nodes to server.
-  kinds = 17,  ///< KindRecord of each two kinds of shapes that the node tested
-  // All to server.
-  frame_done = 15,  ///< to the server: the frame is complete here; a NodeFrameStats
+  kinds = 17,  ///< KindRecord of each pair of shape kinds that the node tested
+  // All roles to server.
+  frame_done = 15,  ///< NodeFrameStats: the sender has completed the frame
   // Server to user nodes.
-  refused = 16,  ///< RefusedRecord: what of the receiver's messages was refused, and why
-  // Server to CD nodes, when one of them has stopped answering, or may have.
-  lost = 19,   ///< LostRecord: that node is no longer there; a region_map follows where the frame is detected anew
-  probe = 20,  ///< no records: answer that you are there
+  refused = 16,  ///< RefusedRecord of each refused message or record of the receiver
+  // Server to CD nodes, when a node does not respond.
+  lost = 19,   ///< LostRecord: that node is lost; if the frame is detected again, a region_map follows
+  probe = 20,  ///< no records: reply at once with probe_reply
   // CD nodes to server.
-  probe_reply = 21,  ///< no records: the answer
-  published = 22,    ///< no records: what the sender hosts can be read in its publication
-  // Server to user nodes, while CD nodes test.
-  read_publications = 23,  ///< no records: all that is published of this frame can be read
+  probe_reply = 21,  ///< no records
+  published = 22,    ///< no records: the publication of the sender's hosted objects can be read
+  // Server to user nodes, during the narrow phase.
+  read_publications = 23,  ///< no records: all publications of this frame can be read
 };
 inline constexpr std::uint16_t message_types = 24;
 
-/// The kind of traffic that a message counts as.
+/// The kind of traffic that a message is counted as.
 Traffic traffic_of(MessageType type) noexcept;
 const char* name_of(MessageType type) noexcept;
 
 inline constexpr std::uint16_t protocol_version = 1;
 
-/// Who speaks: the server, a CD node or a user node.
+/// The sender or receiver of a message: the server, a CD node or a user node.
 struct Endpoint {
   std::uint32_t value = 0;
 
@@ -74,24 +75,24 @@ struct Endpoint {
   constexpr bool operator==(const Endpoint&) const noexcept = default;
 };
 
-/// Stands before the records of every message. Little-endian; 48 bytes; a message is 8-byte aligned.
+/// Precedes the records of every message. Little-endian, 48 bytes; messages are aligned to 8 bytes.
 struct Header {
   std::uint16_t version = protocol_version;
   std::uint16_t type = 0;
-  std::uint16_t record_bytes = 0;  ///< of one record, a multiple of 8; model state included
-  std::uint16_t last = 0;          ///< 1: the run ends here, and `total` says how many records it had
-  std::uint32_t source = 0;        ///< Endpoint
-  std::uint32_t destination = 0;   ///< Endpoint
+  std::uint16_t record_bytes = 0;  ///< size of one record with its model state, a multiple of 8
+  std::uint16_t last = 0;          ///< 1: last message of the run, and `total` is set
+  std::uint32_t source = 0;        ///< Endpoint::value
+  std::uint32_t destination = 0;   ///< Endpoint::value
   std::uint64_t frame = 0;
-  std::uint32_t epoch = 0;  ///< of the region map that the sender works under
-  std::uint32_t count = 0;  ///< records in this message
-  std::uint32_t bytes = 0;  ///< of the whole message: sizeof(Header) + count * record_bytes
+  std::uint32_t epoch = 0;  ///< of the sender's region map
+  std::uint32_t count = 0;  ///< number of records in this message
+  std::uint32_t bytes = 0;  ///< size of the whole message: sizeof(Header) + count * record_bytes
   std::uint32_t reserved = 0;
-  std::uint64_t total = 0;  ///< records of the whole run, where `last` is 1
+  std::uint64_t total = 0;  ///< number of records of the whole run if `last` is 1
 };
 static_assert(sizeof(Header) == 48 && std::is_trivially_copyable_v<Header>);
 
-/// A message that has been checked: sizes, version, type and count are what they must be; its records are not checked.
+/// A view of a message whose header has been checked by decode(). The contents of the records are not checked.
 class MessageView {
  public:
   const Header& header() const noexcept { return header_; }
@@ -99,22 +100,22 @@ class MessageView {
   std::size_t count() const noexcept { return header_.count; }
   bool last() const noexcept { return header_.last != 0; }
 
-  /// A copy of record i's fixed part. Precondition: i < count().
+  /// A copy of the fixed part of record i. Precondition: i < count().
   template <class Record>
   Record record(std::size_t i) const noexcept {
     Record record;
     std::memcpy(&record, at(i), sizeof(Record));
     return record;
   }
-  /// The same where it lies, for as long as the message is there. What is copied as a whole and then read in other
-  /// parts waits for all that was written before it.
+  /// The fixed part of record i in place; valid as long as the message. Reading fields in place avoids a
+  /// store-forwarding stall, which a copy has when it is read in other sizes than it was written.
   template <class Record>
   const Record& view(std::size_t i) const noexcept {
     static_assert(alignof(Record) <= 8 && std::is_trivially_copyable_v<Record>);
     return *std::launder(reinterpret_cast<const Record*>(at(i)));
   }
   const std::byte* at(std::size_t i) const noexcept { return records_ + i * header_.record_bytes; }
-  /// What follows the fixed part of record i: the model's state.
+  /// The model state behind the fixed part of record i.
   template <class Record>
   const std::byte* state(std::size_t i) const noexcept {
     return at(i) + sizeof(Record);
@@ -126,12 +127,12 @@ class MessageView {
   const std::byte* records_ = nullptr;
 };
 
-/// Checks a message as it came off a link. Trusts nothing: version, type, record size for that type, count and length
-/// must fit each other. `state_bytes` is the model state of this world, rounded up to 8.
-/// Returns ok and fills `out`, whose records live as long as `bytes`; or bad_message.
+/// Checks the header of a received message; nothing in it is trusted. Version and type must be known; record size,
+/// count and length must fit the type and each other. `state_bytes` is the size of this world's model state, rounded up
+/// to 8. Returns ok and sets `out`, whose records live as long as `bytes`; or returns bad_message.
 Status decode(std::span<const std::byte> bytes, std::size_t state_bytes, MessageView& out) noexcept;
 
-/// Bytes of one record of that type in a world whose models keep `state_bytes` (a multiple of 8).
+/// Size of one record of that type if the world's models keep `state_bytes` (a multiple of 8).
 std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept;
 
 }  // namespace ringfence::messages

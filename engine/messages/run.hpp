@@ -15,7 +15,7 @@ namespace ringfence::messages {
 
 using TrafficCounts = std::array<TrafficReport, traffic_count>;
 
-/// What all messages of one run share.
+/// The header fields that all messages of a run share.
 struct RunHeader {
   MessageType type = MessageType::frame_done;
   Endpoint source;
@@ -24,35 +24,36 @@ struct RunHeader {
   std::uint32_t epoch = 0;
 };
 
-/// Writes a message's header. `total` is the run's where this message is its last, else 0 and `last` is false.
-inline void write_header(std::byte* where, const RunHeader& head, std::size_t bytes_each, std::size_t count, bool last,
+/// Writes the header of a message. `total` is the number of records of the whole run; it is written only if `last`.
+inline void write_header(std::byte* out, const RunHeader& run, std::size_t bytes_each, std::size_t count, bool last,
                          std::size_t total) noexcept {
   Header header;
-  header.type = static_cast<std::uint16_t>(head.type);
+  header.type = static_cast<std::uint16_t>(run.type);
   header.record_bytes = static_cast<std::uint16_t>(bytes_each);
   header.last = last ? 1 : 0;
-  header.source = head.source.value;
-  header.destination = head.destination.value;
-  header.frame = head.frame;
-  header.epoch = head.epoch;
+  header.source = run.source.value;
+  header.destination = run.destination.value;
+  header.frame = run.frame;
+  header.epoch = run.epoch;
   header.count = static_cast<std::uint32_t>(count);
   header.bytes = static_cast<std::uint32_t>(sizeof(Header) + count * bytes_each);
   header.total = last ? total : 0;
-  std::memcpy(where, &header, sizeof(Header));
+  std::memcpy(out, &header, sizeof(Header));
 }
 
-inline void count_message(TrafficCounts& counts, const RunHeader& head, std::size_t bytes_each,
+inline void count_message(TrafficCounts& counts, const RunHeader& run, std::size_t bytes_each,
                           std::size_t records) noexcept {
-  TrafficReport& traffic = counts[static_cast<std::size_t>(traffic_of(head.type))];
+  TrafficReport& traffic = counts[static_cast<std::size_t>(traffic_of(run.type))];
   ++traffic.messages;
   traffic.records += records;
   traffic.bytes += sizeof(Header) + records * bytes_each;
 }
 
-/// A run of records on its way through a link, split over as many messages as it needs, resumable when the link is
-/// full. The records are written straight into the link's memory.
+/// Sends a run of records of known number through a channel, split into as many messages as needed. If the channel is
+/// full, sending resumes later. Records are written directly into the channel's memory.
 ///
-/// Every run ends with a message that says so and how many records there were, also an empty one. Belongs to one role.
+/// The last message of a run is marked and has the total number of records; an empty run is one such message. Belongs
+/// to one role.
 class RunSender {
  public:
   /// Starts a run of `total` records.
@@ -62,33 +63,33 @@ class RunSender {
     done_ = false;
   }
   bool done() const noexcept { return done_; }
-  /// Gives up what has not been sent yet.
+  /// Cancels the rest of the run.
   void stop() noexcept { done_ = true; }
 
-  /// Sends as much as the link takes and publishes it; true when the whole run has gone. `fill(i, where)` writes
-  /// record i of `bytes_each` bytes. Cost: one claim a message of at most Sender::largest_message() bytes.
+  /// Sends and publishes as much as the channel takes. Returns true when the whole run is sent. `fill(i, out)` writes
+  /// record i of `bytes_each` bytes. Cost: one claim for each message of at most Sender::largest_message() bytes.
   template <class Fill>
-  bool pump(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts, Fill fill) {
+  bool pump(link::Sender& link, const RunHeader& run, std::size_t bytes_each, TrafficCounts& counts, Fill fill) {
     if (done_) {
       return true;
     }
-    const std::size_t most = bytes_each == 0 ? 1 : (link.largest_message() - sizeof(Header)) / bytes_each;
+    const std::size_t max_records = bytes_each == 0 ? 1 : (link.largest_message() - sizeof(Header)) / bytes_each;
     while (!done_) {
-      const std::size_t count = std::min(total_ - next_, most);
+      const std::size_t count = std::min(total_ - next_, max_records);
       const std::size_t bytes = sizeof(Header) + count * bytes_each;
       const std::span<std::byte> room = link.claim(bytes);
       if (room.empty()) {
         break;
       }
-      std::byte* where = room.data() + sizeof(Header);
-      for (std::size_t i = 0; i < count; ++i, where += bytes_each) {
-        fill(next_ + i, where);
+      std::byte* out = room.data() + sizeof(Header);
+      for (std::size_t i = 0; i < count; ++i, out += bytes_each) {
+        fill(next_ + i, out);
       }
       next_ += count;
       done_ = next_ == total_;
-      write_header(room.data(), head, bytes_each, count, done_, total_);
+      write_header(room.data(), run, bytes_each, count, done_, total_);
       link.commit(bytes);
-      count_message(counts, head, bytes_each, count);
+      count_message(counts, run, bytes_each, count);
     }
     link.publish();
     return done_;
@@ -100,42 +101,45 @@ class RunSender {
   bool done_ = true;
 };
 
-/// A run whose records are found one by one, and whose number is known only at its end: each goes into the link as soon
-/// as it is there, and is shown when its message is full. So the receiver works on the first while the last are found.
+/// Sends a run whose records are produced one at a time and whose number is known only at the end. Each record is
+/// written directly into the channel; a message is published when it is full, so the receiver can process the first
+/// records while later ones are produced.
 ///
-/// Belongs to one role, which claims nothing else from the same link between start() and finish().
+/// Belongs to one role, which claims nothing else from the same channel between start() and finish(), unless it calls
+/// flush() first.
 class RunWriter {
  public:
-  /// Messages hold at most `message_bytes`: small ones reach the receiver sooner.
+  /// Messages have at most `message_bytes` bytes. Smaller ones reach the receiver sooner.
   explicit RunWriter(std::size_t message_bytes = std::size_t{1} << 16) noexcept : message_bytes_(message_bytes) {}
 
   void start() noexcept {
     room_ = nullptr;
-    count_ = most_ = total_ = 0;
+    count_ = max_count_ = total_ = 0;
     done_ = false;
   }
   bool done() const noexcept { return done_; }
   std::size_t total() const noexcept { return total_; }
 
-  /// Where the next record of `bytes_each` bytes is to be written, or null where the link has no room now: what came
-  /// before is published then, and the caller tries again later. The same head and size for all of a run.
-  std::byte* add(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts) {
-    if (count_ == most_ && !open(link, head, bytes_each, counts)) [[unlikely]] {
+  /// Returns the place of the next record of `bytes_each` bytes, or null if the channel has no room now. All earlier
+  /// records are published then, and the caller tries again later. All calls for a run pass the same header and size.
+  std::byte* add(link::Sender& link, const RunHeader& run, std::size_t bytes_each, TrafficCounts& counts) {
+    if (count_ == max_count_ && !open(link, run, bytes_each, counts)) [[unlikely]] {
       return nullptr;
     }
     ++total_;
     return room_ + sizeof(Header) + count_++ * bytes_each;
   }
 
-  /// Sends the message that is being filled as it is, so that something else may claim from the link.
-  void flush(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts) {
+  /// Sends the incomplete message, so that others can claim from the channel.
+  void flush(link::Sender& link, const RunHeader& run, std::size_t bytes_each, TrafficCounts& counts) {
     if (room_ != nullptr) {
-      close(link, head, bytes_each, counts);
+      close(link, run, bytes_each, counts);
     }
   }
 
-  /// Ends the run: the last message says so. False where the link has no room for it; then again later.
-  bool finish(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts) {
+  /// Ends the run by a last message that is marked. Returns false if the channel has no room; the caller tries again
+  /// later.
+  bool finish(link::Sender& link, const RunHeader& run, std::size_t bytes_each, TrafficCounts& counts) {
     if (done_) {
       return true;
     }
@@ -147,38 +151,38 @@ class RunWriter {
       room_ = room.data();
     }
     done_ = true;
-    close(link, head, bytes_each, counts);
+    close(link, run, bytes_each, counts);
     return true;
   }
 
  private:
-  bool open(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts) {
+  bool open(link::Sender& link, const RunHeader& run, std::size_t bytes_each, TrafficCounts& counts) {
     if (room_ != nullptr) {
-      close(link, head, bytes_each, counts);
+      close(link, run, bytes_each, counts);
     }
-    const std::size_t most = (std::min(message_bytes_, link.largest_message()) - sizeof(Header)) / bytes_each;
-    const std::span<std::byte> room = link.claim(sizeof(Header) + most * bytes_each);
+    const std::size_t max_records = (std::min(message_bytes_, link.largest_message()) - sizeof(Header)) / bytes_each;
+    const std::span<std::byte> room = link.claim(sizeof(Header) + max_records * bytes_each);
     if (room.empty()) {
       return false;
     }
     room_ = room.data();
-    most_ = most;
+    max_count_ = max_records;
     return true;
   }
 
-  void close(link::Sender& link, const RunHeader& head, std::size_t bytes_each, TrafficCounts& counts) {
-    write_header(room_, head, bytes_each, count_, done_, total_);
+  void close(link::Sender& link, const RunHeader& run, std::size_t bytes_each, TrafficCounts& counts) {
+    write_header(room_, run, bytes_each, count_, done_, total_);
     link.commit(sizeof(Header) + count_ * bytes_each);
     link.publish();
-    count_message(counts, head, bytes_each, count_);
+    count_message(counts, run, bytes_each, count_);
     room_ = nullptr;
-    count_ = most_ = 0;
+    count_ = max_count_ = 0;
   }
 
   std::size_t message_bytes_;
-  std::byte* room_ = nullptr;  ///< of the message that is being filled
+  std::byte* room_ = nullptr;  ///< the message that is being filled
   std::size_t count_ = 0;      ///< records in it
-  std::size_t most_ = 0;
+  std::size_t max_count_ = 0;
   std::size_t total_ = 0;
   bool done_ = true;
 };

@@ -5,8 +5,9 @@
 
 namespace ringfence::motion {
 
-/// Philox4x32-10: a counter-based generator (Salmon, Moraes, Dror, Shaw 2011). Four random words are a pure function of
-/// a counter and a key, so any thread finds any draw without shared state, in any order, with the same bits.
+/// Philox4x32-10, a counter-based generator (Salmon, Moraes, Dror, Shaw 2011): a pure function of a counter and a key
+/// that returns four random words. So any thread can compute any draw, in any order, with the same bits and without
+/// shared state.
 constexpr std::array<std::uint32_t, 4> philox(std::array<std::uint32_t, 4> counter, std::uint64_t key) noexcept {
   auto low = static_cast<std::uint32_t>(key);
   auto high = static_cast<std::uint32_t>(key >> 32);
@@ -21,18 +22,18 @@ constexpr std::array<std::uint32_t, 4> philox(std::array<std::uint32_t, 4> count
   return counter;
 }
 
-/// Uniform in [0, 1), a multiple of 2^-24: exact in float.
+/// A float uniform in [0, 1): a multiple of 2^-24, which is exact.
 constexpr float uniform(std::uint32_t word) noexcept { return static_cast<float>(word >> 8) * 0x1p-24f; }
 
-/// Uniform in [0, count) to within 2^-32 of each share. Precondition: count > 0.
+/// An integer uniform in [0, count); each probability is exact to 2^-32. Precondition: count > 0.
 constexpr std::uint32_t uniform_below(std::uint32_t count, std::uint32_t word) noexcept {
   return static_cast<std::uint32_t>((std::uint64_t{word} * count) >> 32);
 }
 
-/// A row of draws for one subject: counter-based, but read one word after the other. Cheap to make; not shared.
+/// A sequence of random draws for one subject and epoch. Cheap to construct; not shared between threads.
 class Draws {
  public:
-  /// `stream` tells purposes apart, `subject` is an object, target or shape, `epoch` counts its turns (below 2^32).
+  /// `stream` separates purposes, `subject` is the number of an object, target or shape, `epoch` counts its decisions.
   constexpr Draws(std::uint64_t seed, std::uint32_t stream, std::uint32_t subject, std::uint32_t epoch = 0) noexcept
       : seed_(seed), counter_{subject, epoch, 0, stream} {}
 

@@ -8,8 +8,8 @@
 namespace ringfence::motion {
 namespace {
 
-constexpr std::uint32_t longest = 1'000'000'000;
-// The turn that no frame reaches keys the phase.
+constexpr std::uint32_t max_interval = 1'000'000'000;
+// An epoch number that no frame reaches; it keys the phase.
 constexpr std::uint32_t phase_epoch = 0xffffffffu;
 
 }  // namespace
@@ -19,20 +19,20 @@ Schedule::Schedule(Interval interval, std::uint64_t seed, std::uint32_t stream)
       stream_(stream),
       period_(interval.min + (interval.max - interval.min) / 2),
       jitter_((interval.max - interval.min) / 2) {
-  if (interval.min < 1 || interval.max < interval.min || interval.max > longest) {
+  if (interval.min < 1 || interval.max < interval.min || interval.max > max_interval) {
     throw Error("interval " + std::to_string(interval.min) + ":" + std::to_string(interval.max) +
-                ": expected A:B frames with 1 <= A <= B <= " + std::to_string(longest));
+                ": expected A:B frames with 1 <= A <= B <= " + std::to_string(max_interval));
   }
 }
 
-// With jitter <= max - period and jitter <= period - min, two starts differ by period - jitter to period + jitter.
+// jitter <= max - period and jitter <= period - min, so two starts are period - jitter to period + jitter apart.
 std::uint64_t Schedule::start(std::uint32_t subject, std::uint64_t epoch) const noexcept {
   const auto words = philox({subject, static_cast<std::uint32_t>(epoch), 0, stream_}, seed_);
   return epoch * period_ + uniform_below(jitter_ + 1, words[0]);
 }
 
 SchedulePeriod Schedule::at(std::uint32_t subject, std::uint64_t frame) const noexcept {
-  // A phase of one to two periods spreads the subjects and keeps turn numbers above zero.
+  // A phase of one to two periods spreads the subjects over time and keeps epoch numbers above zero.
   const std::uint64_t phase = period_ + uniform_below(period_, philox({subject, phase_epoch, 0, stream_}, seed_)[0]);
   const std::uint64_t time = frame + phase;
   std::uint64_t epoch = time / period_;

@@ -4,30 +4,31 @@
 
 namespace ringfence::motion {
 
-/// A random time between two events, in frames: `min` to `max`, 1 <= min <= max.
+/// The range of a random time between two events, in frames: 1 <= min <= max.
 struct Interval {
   std::uint32_t min = 1;
   std::uint32_t max = 1;
   constexpr bool operator==(const Interval&) const noexcept = default;
 };
 
-/// One turn of a subject: what it decided at its start holds until `end`.
+/// The time between two events of a subject. A decision made at its start holds until `end`.
 struct SchedulePeriod {
-  std::uint32_t number = 0;  ///< counts the turns; keys what is drawn for this one
-  std::uint64_t end = 0;     ///< the first frame of the next turn
+  std::uint32_t number = 0;  ///< counts the subject's periods; keys the random draws of this one
+  std::uint64_t end = 0;     ///< first frame of the next period
 };
 
-/// When things happen again at random times: targets relocate, objects pick another target.
+/// Schedules events that repeat at random times: targets relocate, objects choose another target.
 ///
-/// The turn that holds a frame is a pure function of (seed, stream, subject, frame), found in constant time at any
-/// frame: turn e begins at e * period + jitter(e) - phase, with period = (min + max) / 2 and the jitter uniform in
-/// 0 .. (max - min) / 2, so that every time between two events lies in [min, max] (their distribution is a triangle
-/// about the middle) and no turn depends on the one before. Immutable; any thread may read it.
+/// The period that contains a frame is a pure function of (seed, stream, subject, frame), computed in constant time for
+/// any frame. Period e begins at frame e * mean + jitter(e) - phase, where mean = (min + max) / 2 and the jitter is
+/// uniform in 0 .. (max - min) / 2. So every time between two events is in [min, max], with a triangular distribution,
+/// and no period depends on the one before. Immutable; any thread may use it.
 class Schedule {
  public:
-  /// Throws Error unless 1 <= min <= max <= 10^9. `stream` tells schedules of one seed apart.
+  /// Throws Error unless 1 <= min <= max <= 10^9. `stream` separates schedules with the same seed.
   Schedule(Interval interval, std::uint64_t seed, std::uint32_t stream);
 
+  /// The period of `subject` that contains `frame`.
   SchedulePeriod at(std::uint32_t subject, std::uint64_t frame) const noexcept;
 
  private:

@@ -12,40 +12,40 @@
 
 namespace ringfence::motion {
 
-/// S(k) beyond the pose.
+/// The part of S(k) that the pose does not contain.
 struct Steering::State {
   Vec3f velocity;  ///< metres a frame
-  Vec3f spin;      ///< radians a frame about the world's axes
+  Vec3f spin;      ///< radians a frame, about the world's axes
   Vec3f goal;      ///< relative to the centre of the bounds
   std::uint32_t reserved;
-  std::uint64_t goal_until;  ///< the first frame in which the goal may be elsewhere; 0: none yet
+  std::uint64_t goal_until;  ///< first frame in which the goal may be elsewhere; 0: no goal yet
 };
 
 namespace {
 
 enum Stream : std::uint32_t { relocation_times = 1, relocation_places, pick_times, pick_targets, pick_places, homes };
 
-constexpr float agility = 0.12f;        // share of the wanted change of velocity that happens in a frame
-constexpr float stiffness = 0.3f;       // of an overlap is undone in a frame by each of the two objects
-constexpr float give = 0.7f;            // share of the approach velocity that a contact takes in a frame
-constexpr float kick = 0.15f;           // share of a push that remains as velocity of what is pushed
-constexpr float yielding = 0.125f;      // of the slop is what a non-active object lets stand: it gives way first
-constexpr float friction = 0.9f;        // of a pushed object's velocity is left after a frame
-constexpr float roll = 0.35f;           // radians a metre travelled
-constexpr float lever_turn = 0.2f;      // radians a frame for a metre of push at a metre of lever
-constexpr float spin_limit = 0.3f;      // radians a frame: the quaternion step below is good for small angles
-constexpr float rest = 1.0f / 1024.0f;  // metres a frame, radians a frame: slower than this is at rest
+constexpr float agility = 0.12f;           // share of the difference to the wanted velocity that is added each frame
+constexpr float stiffness = 0.3f;          // share of an overlap that each of the two objects removes in a frame
+constexpr float approach_damping = 0.7f;   // share of the approach velocity that a contact removes in a frame
+constexpr float push_to_velocity = 0.15f;  // share of a push that is added to the velocity of a pushed object
+constexpr float non_active_slop = 0.125f;  // slop of non-active objects, relative to the configured one
+constexpr float friction = 0.9f;           // share of its velocity that a pushed object keeps after a frame
+constexpr float roll_per_metre = 0.35f;    // radians for each metre travelled
+constexpr float lever_turn = 0.2f;         // radians a frame for a push of one metre at a lever of one metre
+constexpr float spin_limit = 0.3f;  // radians a frame: the quaternion step below is accurate for small angles only
+constexpr float rest_speed = 1.0f / 1024.0f;  // metres or radians a frame: a slower object is at rest
 
 bool is_zero(const Vec3f& p) { return p.x == 0 && p.y == 0 && p.z == 0; }
 
-Vec3f limited(const Vec3f& p, float length) {
+Vec3f with_max_length(const Vec3f& p, float length) {
   const float squared = dot(p, p);
   return squared > length * length ? p * (length / std::sqrt(squared)) : p;
 }
 
-/// What an object's contacts do to it together.
+/// The combined effect of all contacts of an object.
 struct Response {
-  Vec3f push;  ///< out of all overlaps
+  Vec3f push;  ///< sum of the overlaps beyond the slop, along the normals
   Vec3f turn;  ///< sum of lever x push
 };
 
@@ -64,14 +64,14 @@ Response respond(const MotionInput& input, float slop, Vec3f& velocity) {
     }
     const float approach = dot(velocity, away);
     if (approach < 0) {
-      velocity = velocity - away * (approach * give);
+      velocity = velocity - away * (approach * approach_damping);
     }
   }
   return response;
 }
 
-/// One step of dq/dt = spin * q / 2, then back to unit length.
-Quat turned(const Quat& q, const Vec3f& spin) {
+/// One Euler step of dq/dt = spin * q / 2, then normalisation.
+Quat rotated_by(const Quat& q, const Vec3f& spin) {
   const Vec3f h = spin * 0.5f;
   const Quat r{q.x + (h.x * q.w + h.y * q.z - h.z * q.y), q.y + (h.y * q.w + h.z * q.x - h.x * q.z),
                q.z + (h.z * q.w + h.x * q.y - h.y * q.x), q.w - (h.x * q.x + h.y * q.y + h.z * q.z)};
@@ -79,8 +79,8 @@ Quat turned(const Quat& q, const Vec3f& spin) {
   return {r.x * inverse, r.y * inverse, r.z * inverse, r.w * inverse};
 }
 
-/// Steps along one axis; at the bounds the object stands and loses its velocity on that axis.
-double stepped(double position, double step, double low, double high, float& velocity) {
+/// Moves along one axis. At the bounds the object stops and its velocity on that axis becomes 0.
+double clamped_step(double position, double step, double low, double high, float& velocity) {
   const double next = position + step;
   if (next < low || next > high) {
     velocity = 0;
@@ -89,16 +89,16 @@ double stepped(double position, double step, double low, double high, float& vel
   return next;
 }
 
-/// Uniform about the home cell: one cell to either side, folded back at the edge of the lattice.
-double about_home(std::uint32_t home, std::uint32_t lattice, float draw) {
+/// A coordinate uniform within one cell to either side of the home cell, reflected at the edge of the lattice.
+double place_near_home(std::uint32_t home, std::uint32_t lattice, float draw) {
   double place = static_cast<double>(home) - 1.0 + 3.0 * static_cast<double>(draw);
   if (place < 0) place = -place;
   if (place > lattice) place = 2.0 * lattice - place;
   return place;
 }
 
-/// The cell beside `cell` on one axis: before, same or after, each as likely; at the edge the cell itself.
-std::uint32_t near_cell(std::uint32_t cell, std::uint32_t lattice, std::uint32_t word) {
+/// The cell before, at or after `cell` on one axis, with equal probability; at the edge of the lattice `cell` itself.
+std::uint32_t neighbour_cell(std::uint32_t cell, std::uint32_t lattice, std::uint32_t word) {
   const std::uint32_t step = uniform_below(3, word);
   if (step == 0) return cell == 0 ? 0 : cell - 1;
   if (step == 1) return cell;
@@ -134,25 +134,26 @@ Steering::Steering(const SteeringConfig& config)
     : config_(checked(config)),
       relocations_(config.target_interval, config.seed, relocation_times),
       picks_(config.retarget_interval, config.seed, pick_times),
-      lattice_(lattice_for(config.targets)) {
+      lattice_side_(lattice_for(config.targets)) {
   static_assert(sizeof(State) == 48 && std::is_trivially_copyable_v<State> && sizeof(State) <= max_motion_state);
   const Vec3d& low = config.bounds_min;
   const Vec3d& high = config.bounds_max;
   centre_ = {(low.x + high.x) / 2, (low.y + high.y) / 2, (low.z + high.z) / 2};
-  cell_ = {(high.x - low.x) / lattice_, (high.y - low.y) / lattice_, (high.z - low.z) / lattice_};
+  cell_size_ = {(high.x - low.x) / lattice_side_, (high.y - low.y) / lattice_side_, (high.z - low.z) / lattice_side_};
 }
 
 std::size_t Steering::state_bytes() const noexcept { return sizeof(State); }
 
 Vec3d Steering::target_position(std::uint32_t target, std::uint64_t frame) const noexcept {
-  const std::uint64_t cells = std::uint64_t{lattice_} * lattice_ * lattice_;
+  const std::uint64_t cells = std::uint64_t{lattice_side_} * lattice_side_ * lattice_side_;
   // The first cell that pick_target maps to this target.
   const auto home = static_cast<std::uint32_t>((target * cells + config_.targets - 1) / config_.targets);
   Draws draws(config_.seed, relocation_places, target, relocations_.at(target, frame).number);
-  const double x = about_home(home % lattice_, lattice_, draws.unit());
-  const double y = about_home(home / lattice_ % lattice_, lattice_, draws.unit());
-  const double z = about_home(home / lattice_ / lattice_, lattice_, draws.unit());
-  return {config_.bounds_min.x + x * cell_.x, config_.bounds_min.y + y * cell_.y, config_.bounds_min.z + z * cell_.z};
+  const double x = place_near_home(home % lattice_side_, lattice_side_, draws.unit());
+  const double y = place_near_home(home / lattice_side_ % lattice_side_, lattice_side_, draws.unit());
+  const double z = place_near_home(home / lattice_side_ / lattice_side_, lattice_side_, draws.unit());
+  return {config_.bounds_min.x + x * cell_size_.x, config_.bounds_min.y + y * cell_size_.y,
+          config_.bounds_min.z + z * cell_size_.z};
 }
 
 std::uint64_t Steering::target_end(std::uint32_t target, std::uint64_t frame) const noexcept {
@@ -162,12 +163,12 @@ std::uint64_t Steering::target_end(std::uint32_t target, std::uint64_t frame) co
 std::uint32_t Steering::pick_target(ObjectNumber object, std::uint32_t epoch) const noexcept {
   Draws home(config_.seed, homes, object);
   Draws step(config_.seed, pick_targets, object, epoch);
-  const std::uint64_t x = near_cell(uniform_below(lattice_, home.word()), lattice_, step.word());
-  const std::uint64_t y = near_cell(uniform_below(lattice_, home.word()), lattice_, step.word());
-  const std::uint64_t z = near_cell(uniform_below(lattice_, home.word()), lattice_, step.word());
-  const std::uint64_t cells = std::uint64_t{lattice_} * lattice_ * lattice_;
-  // There are at least as many cells as targets: a few cells in a row share one.
-  return static_cast<std::uint32_t>(((z * lattice_ + y) * lattice_ + x) * config_.targets / cells);
+  const std::uint64_t x = neighbour_cell(uniform_below(lattice_side_, home.word()), lattice_side_, step.word());
+  const std::uint64_t y = neighbour_cell(uniform_below(lattice_side_, home.word()), lattice_side_, step.word());
+  const std::uint64_t z = neighbour_cell(uniform_below(lattice_side_, home.word()), lattice_side_, step.word());
+  const std::uint64_t cells = std::uint64_t{lattice_side_} * lattice_side_ * lattice_side_;
+  // There are at least as many cells as targets; consecutive cells share a target.
+  return static_cast<std::uint32_t>(((z * lattice_side_ + y) * lattice_side_ + x) * config_.targets / cells);
 }
 
 Steering::Goal Steering::find_goal(ObjectNumber object, std::uint64_t frame) const noexcept {
@@ -175,7 +176,7 @@ Steering::Goal Steering::find_goal(ObjectNumber object, std::uint64_t frame) con
   const std::uint32_t target = pick_target(object, pick.number);
   Draws draws(config_.seed, pick_places, object, pick.number);
   Vec3f offset;
-  do {  // a place in the ball: more than one in two draws is one
+  do {  // rejection sampling in the unit ball: more than one draw in two is accepted
     offset = {draws.between(-1, 1), draws.between(-1, 1), draws.between(-1, 1)};
   } while (dot(offset, offset) > 1);
   const Vec3d place = target_position(target, frame) + to_double(offset * config_.spread);
@@ -190,12 +191,12 @@ Vec3d Steering::goal_of(ObjectNumber object, std::uint64_t frame) const noexcept
 }
 
 void Steering::steer(const MotionInput& input, State& state) const noexcept {
-  const Vec3f wanted = to_float(to_double(state.goal) - (input.pose.position - centre_));
-  // Full speed from afar, slower within a few steps of the goal.
-  const float distance = length(wanted);
-  const float near = config_.speed * 8.0f;
-  const float pace = config_.speed / std::max(distance, near);
-  state.velocity = state.velocity + (wanted * pace - state.velocity) * agility;
+  const Vec3f to_goal = to_float(to_double(state.goal) - (input.pose.position - centre_));
+  // Full speed at a distance; slower within 8 steps of the goal.
+  const float distance = length(to_goal);
+  const float slowdown_distance = config_.speed * 8.0f;
+  const float pace = config_.speed / std::max(distance, slowdown_distance);
+  state.velocity = state.velocity + (to_goal * pace - state.velocity) * agility;
 }
 
 void Steering::move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const {
@@ -223,31 +224,32 @@ void Steering::move(std::uint64_t frame, std::span<const MotionInput> inputs, st
 
     Response response;
     if (!input.contacts.empty()) {
-      response = respond(input, steers ? config_.slop : config_.slop * yielding, state.velocity);
+      response = respond(input, steers ? config_.slop : config_.slop * non_active_slop, state.velocity);
     }
-    Vec3f push = limited(response.push * stiffness, config_.push);
-    // A share of an overlap a frame would never end: the last bit is let stand.
-    if (dot(push, push) < rest * rest) push = {};
+    Vec3f push = with_max_length(response.push * stiffness, config_.push);
+    // Removing a share of an overlap each frame would never end, so the last part is left.
+    if (dot(push, push) < rest_speed * rest_speed) push = {};
     if (steers) {
-      const Vec3f rolling{-state.velocity.y * roll, state.velocity.x * roll, state.velocity.z * roll};
+      const Vec3f rolling{-state.velocity.y * roll_per_metre, state.velocity.x * roll_per_metre,
+                          state.velocity.z * roll_per_metre};
       state.spin = state.spin + (rolling - state.spin) * agility + response.turn * lever_turn;
     } else {
-      state.velocity = (state.velocity + push * kick) * friction;
+      state.velocity = (state.velocity + push * push_to_velocity) * friction;
       state.spin = (state.spin + response.turn * lever_turn) * friction;
-      // At rest exactly, so that a resting object sends no update.
-      if (dot(state.velocity, state.velocity) < rest * rest) state.velocity = {};
-      if (dot(state.spin, state.spin) < rest * rest) state.spin = {};
+      // Exactly zero, so that an object at rest sends no update.
+      if (dot(state.velocity, state.velocity) < rest_speed * rest_speed) state.velocity = {};
+      if (dot(state.spin, state.spin) < rest_speed * rest_speed) state.spin = {};
     }
-    state.velocity = limited(state.velocity, config_.speed * 2.0f);
-    state.spin = limited(state.spin, spin_limit);
+    state.velocity = with_max_length(state.velocity, config_.speed * 2.0f);
+    state.spin = with_max_length(state.spin, spin_limit);
 
     const Vec3f step = state.velocity + push;
     Pose& pose = outputs[i].pose;
-    pose.position.x = stepped(pose.position.x, static_cast<double>(step.x), low.x, high.x, state.velocity.x);
-    pose.position.y = stepped(pose.position.y, static_cast<double>(step.y), low.y, high.y, state.velocity.y);
-    pose.position.z = stepped(pose.position.z, static_cast<double>(step.z), low.z, high.z, state.velocity.z);
+    pose.position.x = clamped_step(pose.position.x, static_cast<double>(step.x), low.x, high.x, state.velocity.x);
+    pose.position.y = clamped_step(pose.position.y, static_cast<double>(step.y), low.y, high.y, state.velocity.y);
+    pose.position.z = clamped_step(pose.position.z, static_cast<double>(step.z), low.z, high.z, state.velocity.z);
     if (!is_zero(state.spin)) {
-      pose.orientation = turned(pose.orientation, state.spin);
+      pose.orientation = rotated_by(pose.orientation, state.spin);
     }
     std::memcpy(outputs[i].state, &state, sizeof state);
   }

@@ -9,29 +9,29 @@
 
 namespace ringfence::narrow_phase {
 
-/// For pairs that were apart, an axis that separated them: where it still does, by a margin, nothing else need be
-/// tried.
+/// A cache of separating axes. A pair of hulls that was apart often stays separated by the same axis; if the axis still
+/// separates the pair by a margin, the rest of the test is skipped.
 ///
-/// A fixed number of slots, each the last pair's that was written to it; so it neither grows nor has to be told of
-/// objects that end or move to another node. What a slot holds is a guess, of whatever pair: it is the caller who
-/// proves with it, so nothing that is remembered, lost or mistaken can change an answer.
+/// The table has a fixed number of slots, each with the axis of the last pair that was written to it. So it does not
+/// grow, and it needs no update when objects end or move to another node. A slot is only a guess, possibly of another
+/// pair. The caller proves that the axis separates the pair, so a lost or wrong entry cannot change a result.
 ///
-/// Threads: one at a time. Memory: 128 KiB, taken when made.
+/// Threads: one at a time. Memory: 128 KiB, allocated by the constructor.
 class AxisMemory {
  public:
   struct Slot {
-    std::uint32_t tag = 0;  ///< of the pair; 0 where there is none
+    std::uint32_t tag = 0;  ///< identifies the pair; 0: empty
     Vec3f axis;             ///< unit, world axes, from the first body of the pair to the second
   };
   static_assert(sizeof(Slot) == 16);
 
-  /// What two objects are found by.
+  /// Where the axis of a pair is stored, and the tag of the pair.
   struct Key {
     std::size_t slot;
     std::uint32_t tag;
   };
   static Key key_of(ObjectNumber first, ObjectNumber second) noexcept {
-    // Multiplication by an odd constant (Knuth, Fibonacci hashing): the high bits depend on all of both.
+    // Multiplication by an odd constant (Knuth, Fibonacci hashing): the high bits depend on all bits of both numbers.
     const std::uint64_t hash = (std::uint64_t{first} << 32 | second) * 0x9e3779b97f4a7c15u;
     return {static_cast<std::size_t>(hash >> (64 - slots_log2)), static_cast<std::uint32_t>(hash >> 16) | 1};
   }

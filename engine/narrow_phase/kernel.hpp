@@ -8,12 +8,12 @@
 #include "narrow_phase/narrow_phase.hpp"
 #include "telemetry/clock.hpp"
 
-/// The meeting point of the narrow phase and its kernels: what a kernel of one pair of kinds is given, and what it
-/// gives back. Only engine/narrow_phase includes this.
+/// The interface between the narrow phase and its kernels. A kernel tests the pairs of two kinds of shapes. Only
+/// engine/narrow_phase includes this header.
 namespace ringfence::narrow_phase {
 
-/// One candidate as a kernel gets it, its two bodies in the order of their kinds. 16 bytes, so that a vector kernel
-/// transposes four of them at once.
+/// A candidate pair as input of a kernel, its two bodies in the order of their kinds. 16 bytes, so that a vector kernel
+/// can transpose four of them at once.
 struct KernelPair {
   std::uint32_t first;    ///< index into the bodies; its kind is <= that of `second`
   std::uint32_t second;   ///< index into the bodies
@@ -22,10 +22,10 @@ struct KernelPair {
 };
 static_assert(sizeof(KernelPair) == 16);
 
-/// The sign bit of a float: a kernel turns the normal of a flipped pair by one exclusive or.
+/// The sign bit of a float: a kernel negates the normal of a flipped pair with one exclusive or.
 inline constexpr std::uint32_t flip_bit = 0x80000000u;
 
-/// Times what a kernel spends in gathering; the kernel notes where that begins and ends.
+/// Measures the time that a kernel spends on gathering its input; the kernel calls begin() and end().
 class GatherTimer {
  public:
   void begin() noexcept {
@@ -37,26 +37,26 @@ class GatherTimer {
     ++clock_reads_;
   }
   std::uint64_t nanoseconds() const noexcept { return gathered_; }
-  std::uint64_t clock_reads() const noexcept { return clock_reads_; }  ///< at the clock
+  std::uint64_t clock_reads() const noexcept { return clock_reads_; }  ///< how often the clock was read
 
  private:
   std::uint64_t begin_ = 0, gathered_ = 0, clock_reads_ = 0;
 };
 
-/// What a kernel works on. Every pair has the kernel's kinds; for pairs of one kind `first` is always the pair's a.
+/// The input of a kernel. Every pair has the kernel's two kinds; for pairs of one kind `first` is always the pair's a.
 struct KernelInput {
   std::span<const Body> bodies;
   const geometry::ShapeTable& shapes;
   std::span<const KernelPair> pairs;
-  /// The sizes of the two differ so much (`needs_double`) that rounding to float would show against the smaller one:
-  /// compute in double, positions and quaternions (normalised in double) included. The same for all pairs of an input;
-  /// a function of the two shapes alone.
+  /// The sizes of the two shapes differ so much that rounding to float would be visible relative to the smaller one
+  /// (ShapeTag::needs_double). Compute in double, including positions and quaternions (which are normalised in double).
+  /// The value is the same for all pairs of an input and depends on the two shapes only.
   bool in_double = false;
-  GatherTimer* gather_timer = nullptr;  ///< of pairs that are timed; null for all others
-  AxisMemory* memory = nullptr;         ///< null where axes are not remembered; only kernels of polytopes look at it
+  GatherTimer* gather_timer = nullptr;  ///< only for pairs that are timed, else null
+  AxisMemory* memory = nullptr;  ///< null if separating axes are not cached; used by the kernels of polytopes only
 };
 
-/// Around what a kernel does to gather.
+/// Kernels call these before and after they gather their input.
 inline void begin_gathering(const KernelInput& input) noexcept {
   if (input.gather_timer != nullptr) input.gather_timer->begin();
 }
@@ -64,20 +64,19 @@ inline void end_gathering(const KernelInput& input) noexcept {
   if (input.gather_timer != nullptr) input.gather_timer->end();
 }
 
-/// A kernel may write this many contacts past the ones it keeps: full vectors leave it without a branch.
+/// A kernel may write this many contacts past those that it returns: it stores whole vectors, which avoids a branch.
 inline constexpr std::size_t contact_slack = 16;
 
-/// Tests `input.pairs`, writes the contacts found to `out` in the order of the pairs and returns the end of what it
-/// wrote.
+/// Tests `input.pairs`, writes the contacts to `out` in the order of the pairs, and returns the end of what it wrote.
 ///
-/// `out` has room for `input.pairs.size() + contact_slack` contacts. PairContact is in terms of the candidate's own a
-/// and b: `normal` points from a to b and `point` is relative to a's position, so a flipped pair is turned round before
-/// it is written. The kernel adds to `lanes`, `lanes_filled`, `iterations` and `ended_early` of `counters`; the rest is
-/// counted by the caller. What is found for a pair depends on nothing but its two shapes and poses. No allocation, no
-/// exception, no state between calls.
+/// `out` has room for `input.pairs.size() + contact_slack` contacts. A PairContact refers to the candidate's own a and
+/// b: `normal` points from a to b and `point` is relative to a's position. The kernel converts the result of a flipped
+/// pair. The kernel adds to `lanes`, `lanes_filled`, `iterations`, `ended_early` and `failed` of `counters`; the caller counts
+/// the rest. The result for a pair depends on nothing but its two shapes and poses. No allocation, no exception, no
+/// state between calls.
 using Kernel = PairContact* (*)(const KernelInput& input, PairContact* out, KindCounters& counters);
 
-// Closed forms, in lanes (primitive_kernels.cpp).
+// Closed forms, one pair per lane (primitives/).
 PairContact* test_sphere_sphere(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_sphere_box(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_sphere_capsule(const KernelInput& input, PairContact* out, KindCounters& counters);
@@ -85,16 +84,16 @@ PairContact* test_box_box(const KernelInput& input, PairContact* out, KindCounte
 PairContact* test_box_capsule(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_capsule_capsule(const KernelInput& input, PairContact* out, KindCounters& counters);
 
-// Convex hulls (round_hull_kernels.cpp, box_hull_kernels.cpp, convex_kernels.cpp).
+// Convex hulls (hull/).
 PairContact* test_sphere_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_box_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_capsule_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_hull_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
 
-/// Any convex kind first, a support shape second (support_shape*.cpp). On libccd: this one may allocate.
+/// Any convex kind first, a support shape second (support/). Uses libccd, which may allocate.
 PairContact* test_support_any(const KernelInput& input, PairContact* out, KindCounters& counters);
 
-// Meshes (mesh*.cpp). Those with a support shape are on libccd and may allocate.
+// Meshes (mesh/). The kernel for support shapes uses libccd, which may allocate.
 PairContact* test_sphere_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_box_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_capsule_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
@@ -102,7 +101,7 @@ PairContact* test_hull_mesh(const KernelInput& input, PairContact* out, KindCoun
 PairContact* test_mesh_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_mesh_support(const KernelInput& input, PairContact* out, KindCounters& counters);
 
-/// The kernel for two kinds, `first` <= `second`: there is one for every two.
+/// The kernel for two kinds, `first` <= `second`. Never null.
 Kernel kernel_of(ShapeKind first, ShapeKind second) noexcept;
 
 }  // namespace ringfence::narrow_phase

@@ -17,19 +17,21 @@ namespace {
 
 constexpr std::size_t index_of(ShapeKind kind) noexcept { return static_cast<std::size_t>(kind); }
 
-/// Pairs sorted at a time: what the sort touches is still in the cache when the kernels gather it.
+/// Number of pairs that are sorted at a time: what the sort reads is still in the cache when the kernels gather it.
 constexpr std::size_t chunk_pairs = 4096;
 
-/// How many pairs before a pair is looked at its bodies are fetched. Those of a large world come from far, in an order
-/// that no machine foresees: 8 to 10 ns a pair of 64,000 objects.
+/// The bodies of a pair are prefetched this many pairs in advance. In a large world they are accessed in an order that
+/// the hardware cannot predict. Saves 8 to 10 ns per pair with 64,000 objects.
 constexpr std::size_t prefetch_distance = 24;
 
-/// Beyond a ratio of sizes of 2^5, some 10^-7 of the larger is no longer far below 10^-4 of the smaller.
+/// Up to a ratio of sizes of 2^5, rounding to float (about 10^-7 of the larger size) is far below 10^-4 of the smaller
+/// size.
 constexpr int float_octaves = 5;
 
-/// What the sort needs to know of a shape, in a word: its kind, and its sizes as two sets of octaves. The one holds
-/// all octaves up to the bounding radius, the other all that are too large for float beside the least size. So a pair
-/// wants double if the two sets, each united over both shapes, have a common octave: a few operations, no branch.
+/// The properties of a shape by which pairs are sorted, in one word: its kind, and its sizes as two sets of octaves.
+/// One set holds all octaves up to the bounding radius, the other all octaves too large for float next to the least
+/// size. A pair needs double if the two sets, each united over both shapes, have a common octave: a few operations, no
+/// branch.
 class ShapeTag {
  public:
   ShapeTag(ShapeKind kind, float large, float small) noexcept {
@@ -38,7 +40,7 @@ class ShapeTag {
     word_ = static_cast<std::uint64_t>(kind) << (2 * octaves) | too_large << octaves | up_to;
   }
 
-  /// Of all pairs of some shapes at once: whether they have one kind and none wants double, by the tag of each.
+  /// Whether all of these shapes have one kind and no pair of them needs double.
   static bool uniform(std::span<const ShapeTag> tags) noexcept {
     std::uint64_t sizes = 0;
     for (const ShapeTag& tag : tags) {
@@ -55,7 +57,7 @@ class ShapeTag {
   }
 
  private:
-  static constexpr int octaves = 30;  ///< 2^-10 to 2^20 metres: all sizes that shapes can have
+  static constexpr int octaves = 30;  ///< 2^-10 to 2^20 metres: all permitted sizes
   static constexpr std::uint64_t all = (std::uint64_t{1} << octaves) - 1;
 
   static int octave(float size) noexcept {
@@ -81,29 +83,29 @@ float least_size(const geometry::ShapeRow& row) noexcept {
 
 ShapeTag tag_of(const geometry::ShapeRow& row) noexcept { return {row.kind, row.bounding_radius, least_size(row)}; }
 
-/// What pairs are sorted by: the two kinds (21 unordered pairs), whether the pair is computed in double, and, of pairs
-/// with a hull, some bits of its number, so that pairs of one hull come one after the other and find it in the nearest
-/// cache. One bit more, not part of the order, says whether the pair is flipped.
+/// The sort key of a pair: its two kinds (21 unordered pairs of kinds), whether it is computed in double, and for pairs
+/// with a hull some bits of the hull's number, so that pairs with the same hull are adjacent and find it in the
+/// first-level cache. One more bit, not part of the order, says whether the pair is flipped.
 using Key = std::uint16_t;
 constexpr unsigned shape_bits = 6;
-constexpr unsigned key_in_double = 1;  ///< of a key without its shape, below `keys`
+constexpr unsigned key_in_double = 1;  ///< bit of a key without its shape bits
 constexpr unsigned key_flipped = 0x8000;
 constexpr unsigned key_order = 0x7fff;
 constexpr std::size_t keys = shape_kinds * (shape_kinds + 1);
-constexpr std::size_t places = keys << shape_bits;
+constexpr std::size_t key_slots = keys << shape_bits;
 
-/// Fewer are not sorted by shape: there are not enough of one hull to be worth it.
+/// Fewer pairs are not sorted by shape: too few of them share a hull.
 constexpr std::size_t min_pairs_sorted_by_shape = 1024;
 
 struct Kinds {
   ShapeKind first, second;
 };
 
-/// The keys of all ordered pairs of kinds (rows of 8), and the kinds of all keys.
+/// The keys for all ordered pairs of kinds (in rows of 8), and the kinds for all keys.
 struct KeyTable {
   struct Entry {
-    Key key = 0;     ///< without shape
-    Key shapes = 0;  ///< the bits of the second's shape that are part of it
+    Key key = 0;     ///< without shape bits
+    Key shapes = 0;  ///< mask of the bits of the second shape's number that belong to the key
   };
   Entry entry[8 * shape_kinds] = {};
   Kinds kinds[keys] = {};
@@ -125,11 +127,11 @@ struct KeyTable {
 };
 constexpr KeyTable key_table;
 static_assert(keys <= 64, "a set of keys is a word");
-static_assert(places <= key_order);
+static_assert(key_slots <= key_order);
 
-/// What is timed of the pairs of two kinds: one block in so many pairs. Of closed forms a block that fills the vectors
-/// of every target, of the rest single pairs, which take longer than looking at the clock. That costs 0.1 ns a sphere
-/// pair and 1 ns a hull pair.
+/// How often pairs of two kinds are timed: one block out of so many pairs. For closed forms the block fills the vectors
+/// of every target; for other kinds it is a single pair, which takes longer than reading the clock. The cost is 0.1 ns
+/// per sphere pair and 1 ns per hull pair.
 struct Sampling {
   std::size_t block, interval;
 };
@@ -138,7 +140,7 @@ constexpr Sampling sampling_of(Kinds kinds) noexcept {
   return kinds.second == ShapeKind::hull ? Sampling{16, 31 * 16} : Sampling{1, 61};
 }
 
-/// The bucket of `cost` for so many pairs: twice the logarithm of base 2, without a library.
+/// The bucket of the `cost` histogram for a block of pairs: two buckets per factor of two, without a library call.
 std::size_t cost_bucket(std::uint64_t nanoseconds, std::uint64_t pairs) noexcept {
   const std::uint64_t limited = std::min<std::uint64_t>(nanoseconds, 0xffffffffu);
   const std::uint64_t square = limited * limited / (pairs * pairs);
@@ -151,7 +153,7 @@ void for_each_key(std::uint64_t set, const Visit& visit) {
   for (; set != 0; set &= set - 1) visit(static_cast<std::size_t>(std::countr_zero(set)));
 }
 
-/// The pair with its bodies in the order of their kinds, as two words. Without a branch: which way round they come is
+/// Writes the pair with its bodies in the order of their kinds, as two words. Without a branch, because the order is
 /// random.
 void write_ordered(const geometry::CandidatePair& pair, std::size_t index, Key key, KernelPair& to) noexcept {
   static_assert(std::endian::native == std::endian::little && flip_bit == 1u << 31);
@@ -183,15 +185,15 @@ struct NarrowPhase::Implementation {
 
   const geometry::ShapeTable& shapes;
   std::vector<ShapeTag> tags;
-  std::unique_ptr<AxisMemory> memory;  ///< null where axes are not to be remembered
-  bool uniform = true;                 ///< all shapes, so that there is nothing to sort by
+  std::unique_ptr<AxisMemory> memory;  ///< null if separating axes are not cached
+  bool uniform = true;                 ///< all pairs have the same key, so that sorting is not necessary
   base::Buffer<PairContact> contacts;
   std::unique_ptr<KernelPair[]> sorted = std::make_unique<KernelPair[]>(chunk_pairs);
   std::unique_ptr<Key[]> pair_keys = std::make_unique<Key[]>(chunk_pairs);
-  std::uint32_t ends[places];    ///< of the pairs of each key in `sorted`, as far as they have been written
-  std::uint32_t key_ends[keys];  ///< the same of keys without shapes; only those of the chunk's mean anything
+  std::uint32_t ends[key_slots];  ///< for each key: the end of its pairs in `sorted` that are already written
+  std::uint32_t key_ends[keys];   ///< the same for keys without shape bits; only valid for keys that occur in the chunk
   KindCounters counters[shape_kinds][shape_kinds];
-  std::size_t until_timed[shape_kinds][shape_kinds] = {};  ///< pairs that are not timed before the next that are
+  std::size_t until_timed[shape_kinds][shape_kinds] = {};  ///< pairs left until the next timed block
 
   void update_shape_tags();
   void copy(std::span<const geometry::CandidatePair> pairs, std::size_t begin);
@@ -212,13 +214,14 @@ void NarrowPhase::Implementation::update_shape_tags() {
   uniform = ShapeTag::uniform(tags);
 }
 
-/// Writes the pairs to `sorted` in their own order.
+/// Writes the pairs to `sorted` in their given order.
 void NarrowPhase::Implementation::copy(std::span<const geometry::CandidatePair> pairs, std::size_t begin) {
   KernelPair* const to = sorted.get();
   for (std::size_t i = 0; i < pairs.size(); ++i) write_ordered(pairs[i], begin + i, 0, to[i]);
 }
 
-/// Finds the key of each pair, and counts in `ends` how often each occurs. Answers the set of keys without shapes.
+/// Computes the key of each pair and counts in `ends` how often each key occurs. Returns the set of keys without shape
+/// bits.
 std::uint64_t NarrowPhase::Implementation::compute_keys(std::span<const Body> bodies,
                                                         std::span<const geometry::CandidatePair> pairs) {
   const ShapeTag* const tag = tags.data();
@@ -238,21 +241,21 @@ std::uint64_t NarrowPhase::Implementation::compute_keys(std::span<const Body> bo
     const unsigned k =
         (entry.key | unsigned{ShapeTag::needs_double(a, b)} << shape_bits) | (second & entry.shapes & by_shape);
     key[i] = static_cast<Key>(k);
-    const unsigned place = k & key_order;
-    ++ends[place];
-    set |= std::uint64_t{1} << (place >> shape_bits);
+    const unsigned slot = k & key_order;
+    ++ends[slot];
+    set |= std::uint64_t{1} << (slot >> shape_bits);
   }
   return set;
 }
 
-/// Counting sort of the chunk's pairs by key; `begin` is the index of the first.
+/// Counting sort of a chunk's pairs by key; `begin` is the index of the first pair.
 void NarrowPhase::Implementation::sort(std::span<const geometry::CandidatePair> pairs, std::size_t begin,
                                        std::uint64_t set) {
   std::uint32_t sum = 0;
   for_each_key(set, [&](std::size_t k) {
     const bool by_shape = key_table.kinds[k].second == ShapeKind::hull && pairs.size() >= min_pairs_sorted_by_shape;
     const std::size_t from = k << shape_bits, size = by_shape ? std::size_t{1} << shape_bits : 1;
-    for (std::size_t place = from; place < from + size; ++place) sum += std::exchange(ends[place], sum);
+    for (std::size_t slot = from; slot < from + size; ++slot) sum += std::exchange(ends[slot], sum);
     key_ends[k] = sum;
   });
   const Key* const key = pair_keys.get();
@@ -272,7 +275,7 @@ PairContact* NarrowPhase::Implementation::test_key(std::span<const Body> bodies,
   KernelInput input{bodies, shapes, pairs, (key & key_in_double) != 0};
   input.memory = memory.get();
   PairContact* end = out;
-  // Whole blocks before the timed one, so that no vector is filled less for its sake.
+  // Tests whole blocks before the timed one, so that timing does not leave vectors partly filled.
   for (std::size_t at; (at = until / sampling.block * sampling.block) < pairs.size();) {
     const std::size_t block = std::min(sampling.block, pairs.size() - at);
     input.pairs = pairs.first(at);
@@ -296,9 +299,9 @@ PairContact* NarrowPhase::Implementation::time_block(Kernel kernel, const Kernel
   timed.gather_timer = &gather_timer;
   const std::uint64_t start = telemetry::now_ns();
   PairContact* const end = kernel(timed, out, counter);
-  const std::uint64_t all = telemetry::now_ns() - start, look = telemetry::clock_cost_ns();
-  const auto without_clock_reads = [look](std::uint64_t time, std::uint64_t clock_reads) {
-    return time - std::min(time, look * clock_reads);
+  const std::uint64_t all = telemetry::now_ns() - start, read_cost = telemetry::clock_cost_ns();
+  const auto without_clock_reads = [read_cost](std::uint64_t time, std::uint64_t clock_reads) {
+    return time - std::min(time, read_cost * clock_reads);
   };
   const std::uint64_t nanoseconds = without_clock_reads(all, gather_timer.clock_reads() + 1);
   counter.timed += input.pairs.size();

@@ -11,24 +11,25 @@ namespace ringfence::nodes {
 struct NodeContacts;
 struct NodePublication;
 
-/// What a role's step answers. A role never blocks: it does what it can and says how it stands.
+/// Result of a role's step. A role never blocks: it does what it can and returns.
 enum class Step : std::uint8_t {
-  idle,        ///< nothing to do until a message arrives
-  progressed,  ///< something was done; step again
-  blocked,     ///< waits for room in a link
+  idle,        ///< nothing to do until the next message arrives
+  progressed,  ///< some work was done; step again
+  blocked,     ///< waits for room in a ring
 };
 
-/// Both directions of the way between two roles, seen from one of them. The channels outlive it.
+/// One end of the connection between two roles: a sender and a receiver. The channels outlive it.
 struct Connection {
   link::Sender* out = nullptr;
   link::Receiver* in = nullptr;
-  NodeContacts* node_contacts =
-      nullptr;  ///< of the CD node, shared; null where it is in another process than the server
-  NodePublication* publication = nullptr;  ///< in which such a node tells what it hosts; null: the server relays it
+  /// Shared contacts of the CD node; null if the node runs in another process than the server.
+  NodeContacts* node_contacts = nullptr;
+  /// Publication of the CD node's hosted objects; null: the server publishes them.
+  NodePublication* publication = nullptr;
 };
 
-/// Takes all that has come over `in`, shows receive(message) what decodes, and gives the room back. Whether there was
-/// anything.
+/// Reads all messages from `in`, calls receive(message) for each valid one, and releases the ring space. Returns
+/// whether there was any message.
 template <class Receive>
 bool drain(link::Receiver& in, std::size_t state_bytes, Receive receive) {
   bool any = false;

@@ -18,20 +18,20 @@ std::string text(const char* format, Values... values) {
   return buffer;
 }
 
-/// A claimed contact in the frame of a.
+/// A reported contact, in the frame of a.
 struct Claim {
   double depth;
   Vector normal;
   Vector point;
 };
 
-/// A distance that a point in the frame of a core surely has from it.
+/// A proven lower bound of the distance of a point from a core, in the frame of the core.
 double at_least_outside(const Core& core, const Vector& place) {
   static const Core point = box_core({});
   return gjk_distance({core, point, {{}, place}}, 1e-9 * core.reach).lower - core.radius;
 }
 
-/// What keeps the direction and the place from being those of a deepest contact of two cores.
+/// Why the normal and the point of a contact are not those of a deepest contact of the two cores. Empty if they are.
 std::string describe_geometry_error(const Core& a, const Core& b, const Placement& b_in_a, const Claim& claim,
                                     double allowed) {
   const Vector& n = claim.normal;
@@ -74,7 +74,7 @@ std::string describe_error(const PreparedShape& a, const Pose& pose_a, const Pre
   if (!is_finite(*claimed)) return "depth, normal or point is not finite";
   if (claimed->depth < 0) return text("depth is negative: %.9g m", static_cast<double>(claimed->depth));
 
-  // Depth and normal are floats: where a small object lies in a huge one, they cannot say it better.
+  // Depth and normal are floats. Where a small object touches a huge one, this limits how precise they can be.
   allowed += 0x1p-22 * (a.bounding_radius + b.bounding_radius);
   const Vector normal(claimed->normal);
   if (std::abs(length(normal) - 1) > tolerance.unit_length) return text("normal has length %.9g", length(normal));
@@ -89,7 +89,7 @@ std::string describe_error(const PreparedShape& a, const Pose& pose_a, const Pre
   if (a.kind != ShapeKind::mesh && b.kind != ShapeKind::mesh) {
     return describe_geometry_error(a.core, b.core, b_in_a, claim, allowed);
   }
-  // Many pairs of primitives can be as deep as the deepest, within the band: one that fits is enough.
+  // Within the tolerance several pairs of primitives can be as deep as the deepest: one that matches is enough.
   bool right = false;
   std::string first_wrong;
   const double least_depth = -exact.distance - 2 * allowed;

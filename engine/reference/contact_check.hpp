@@ -8,28 +8,29 @@
 
 namespace ringfence::reference {
 
-/// How far an answer may be off. The defaults are those of `--check`.
+/// How far a reported contact may differ from the exact one. The defaults are those of `--check`.
 struct Tolerance {
-  double relative = 1e-4;     ///< of the smaller object's bounding radius
-  double least = 1e-6;        ///< metres, whatever the sizes
-  double of_larger = 0;       ///< of the larger object's bounding radius; 0 asks the same of pairs of any two sizes
-  double unit_length = 1e-5;  ///< of the normal, from 1
+  double relative = 1e-4;  ///< of the smaller object's bounding radius
+  double least = 1e-6;     ///< metres, for all sizes
+  double of_larger = 0;    ///< of the larger object's bounding radius; 0: the same tolerance for pairs of any two sizes
+  double unit_length = 1e-5;  ///< of the length of the normal
 };
 
-/// The band for a pair, metres: within it of touching either decision is right, and depth, normal and point may be
-/// off by as much.
+/// The tolerance band of a pair, metres. If the distance or depth is within it, both decisions (contact, no contact)
+/// are right; depth, normal and point may differ by as much.
 double band(const PreparedShape& a, const PreparedShape& b, const Tolerance& tolerance = {});
 
-/// What is wrong with what the engine says of a pair; empty if nothing is. `claimed` is the contact, or null where
-/// there is said to be none.
+/// Describes what is wrong with the engine's result for a pair; empty if it is right. `claimed` is the reported
+/// contact, or null if the engine reports none.
 ///
-/// Right is: a contact where the shapes overlap by more than the band, none where they are further apart than it; a
-/// depth within the band of the least there is; a unit normal along which a translation of b by that depth, and the
-/// band, separates the two; a point midway, along the normal, between the farthest of a and the farthest of b, and
-/// within half the depth, and the band, of both. To the band for depth, normal and point comes what rounding them to
-/// float costs, 2^-22 of the two sizes together: of account where one object is some 1000 times the other. For a mesh,
-/// these hold for one of the deepest pairs of primitives.
-/// Only depth, normal and point of the contact are looked at.
+/// A result is right under these conditions: there is a contact where the shapes overlap by more than the band, and
+/// none where their distance is larger than it; the depth differs from the least depth by at most the band; the normal
+/// is a unit vector, and a translation of b along it by the depth plus the band separates the shapes; the point lies
+/// midway, along the normal, between the farthest point of a and the farthest point of b, and its distance from each
+/// shape is at most half the depth plus the band. For depth, normal and point the band is widened by the cost of
+/// rounding to float, 2^-22 of the two sizes together, which matters where one object is about 1000 times larger than
+/// the other. For a mesh the conditions have to hold for one of the deepest pairs of primitives.
+/// Only depth, normal and point of the contact are checked.
 std::string describe_error(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b,
                            const Contact* claimed, const Tolerance& tolerance = {});
 

@@ -9,7 +9,7 @@
 namespace ringfence::reference {
 namespace {
 
-/// The index for which `measure` is largest.
+/// The index of the point for which `measure` is largest.
 template <class Measure>
 std::size_t farthest(std::span<const Vector> points, Measure measure) {
   std::size_t best = 0;
@@ -21,7 +21,7 @@ std::size_t farthest(std::span<const Vector> points, Measure measure) {
   return best;
 }
 
-/// Four points that are not in a plane; the wide ones if rounding does not hide them.
+/// Four points that are not in one plane: points far apart, unless they are coplanar up to rounding.
 std::optional<std::array<Vector, 4>> simplex_of(std::span<const Vector> points) {
   if (points.size() < 4) return std::nullopt;
   const Vector a = points[0];
@@ -77,8 +77,8 @@ bool ConvexSurface::add(const Vector& point) {
   std::sort(edges_.begin(), edges_.end());
   for (const std::uint64_t edge : edges_) {
     const auto from = static_cast<std::uint32_t>(edge >> 32), to = static_cast<std::uint32_t>(edge);
-    // An edge of the horizon borders one face that the point sees. The new face is never a line: a point in line with
-    // the edge would lie in the plane of that face.
+    // An edge of the horizon belongs to one visible face. The new face is never degenerate: a point collinear with the
+    // edge would lie in the plane of that visible face.
     if (!std::binary_search(edges_.begin(), edges_.end(), directed(to, from))) add_face(from, to, apex);
   }
   return true;

@@ -11,29 +11,29 @@
 
 namespace ringfence::reference {
 
-/// The surface of a convex hull in triangles, grown point by point.
+/// The surface of a convex hull as triangles, grown one point at a time.
 ///
-/// Every decision is exact (see orientation), so there is no input on which it comes apart; points inside or on the
-/// surface change nothing. Faces in one plane stay separate triangles.
-/// Cost: a step a face for each point. Memory: points and faces.
+/// Every decision is exact (see orientation), so the surface stays closed and convex for all inputs. Points inside or
+/// on the surface change nothing. Coplanar faces stay separate triangles.
+/// Cost: one step per face for each point. Memory: points and faces.
 class ConvexSurface {
  public:
   struct Face {
-    std::uint32_t vertices[3];  ///< indices into points(), anticlockwise seen from outside
-    Vector normal;              ///< unit, outwards
-    double offset = 0;          ///< normal · x on the face; infinite if the area rounds to zero (normal zero then)
+    std::uint32_t vertices[3];  ///< indices into points(), anticlockwise as seen from outside
+    Vector normal;              ///< unit, outwards; zero if the area rounds to zero
+    double offset = 0;          ///< normal · x on the face; infinite if the area rounds to zero
   };
 
-  /// The hull of `points`; none if all of them lie in one plane (exactly).
+  /// The hull of `points`; none if all of them lie exactly in one plane.
   static std::optional<ConvexSurface> around(std::span<const Vector> points);
 
-  /// Grows the hull by a point. False if it lies inside or on the surface.
+  /// Grows the hull by a point. Returns false if the point lies inside or on the surface.
   bool add(const Vector& point);
 
-  /// Makes the offset of a face infinite, so that a search for the nearest face passes it by.
+  /// Makes the offset of a face infinite, so that a search for the nearest face skips it.
   void exclude_face(std::size_t face) { faces_[face].offset = std::numeric_limits<double>::infinity(); }
 
-  /// All points ever added on the surface, also those that a later one has covered.
+  /// All points that were added to the surface, including those that later points have covered.
   std::span<const Vector> points() const { return points_; }
   std::span<const Face> faces() const { return faces_; }
 
@@ -43,7 +43,7 @@ class ConvexSurface {
 
   std::vector<Vector> points_;
   std::vector<Face> faces_;
-  std::vector<std::uint64_t> edges_;  // of the faces that a point sees; kept for its capacity
+  std::vector<std::uint64_t> edges_;  // edges of the faces that a point sees; a member to reuse its memory
 };
 
 }  // namespace ringfence::reference

@@ -20,7 +20,7 @@ void finish(Core& core) {
   for (const Vector& v : core.vertices) core.reach = std::max(core.reach, length(v));
 }
 
-/// Which plane each triangle of a surface lies in: the triangles of one flat face share a number.
+/// Groups the triangles of a surface by plane: the triangles of one flat face share a number.
 class FlatFaces {
  public:
   explicit FlatFaces(std::size_t triangles) : parent_(triangles) { std::iota(parent_.begin(), parent_.end(), 0u); }
@@ -64,7 +64,7 @@ bool coplanar(std::span<const Vector> points, const ConvexSurface::Face& p, cons
 
 double Core::extent(const Vector& direction) const {
   if (function) return dot(direction, support(direction));
-  // Four at a time, so that one maximum need not wait for the other.
+  // Four maxima in parallel, so that they do not wait for each other.
   constexpr double least = -std::numeric_limits<double>::infinity();
   double largest[4] = {least, least, least, least};
   std::size_t i = 0;
@@ -94,7 +94,7 @@ Core box_core(const Vector& half_extents) {
   const auto corner = [&](int bits) {
     return Vector{bits & 1 ? h[0] : -h[0], bits & 2 ? h[1] : -h[1], bits & 4 ? h[2] : -h[2]};
   };
-  // Corners that fall together keep the number of the first; bit i of `wide` tells them apart on axis i.
+  // Coinciding corners keep the number of the first; bit i of `wide` is set where corners differ on axis i.
   const int wide = (h[0] > 0 ? 1 : 0) | (h[1] > 0 ? 2 : 0) | (h[2] > 0 ? 4 : 0);
   std::uint32_t number[8] = {};
   Core core;
@@ -148,7 +148,7 @@ Core hull_core(std::span<const Vec3f> points) {
   }
 
   Core core;
-  std::map<std::uint32_t, std::uint32_t> vertex_of;  // point of the surface to vertex of the core
+  std::map<std::uint32_t, std::uint32_t> vertex_of;  // from points of the surface to vertices of the core
   for (const auto& face : faces) {
     for (const std::uint32_t v : face.vertices) {
       if (vertex_of.emplace(v, static_cast<std::uint32_t>(core.vertices.size())).second) {
@@ -159,7 +159,7 @@ Core hull_core(std::span<const Vec3f> points) {
         {vertex_of.at(face.vertices[0]), vertex_of.at(face.vertices[1]), vertex_of.at(face.vertices[2])});
   }
 
-  // The widest triangle of a flat face has the best normal.
+  // The triangle of largest area in a flat face has the most precise normal.
   std::map<std::uint32_t, std::pair<double, Vector>> widest;
   for (std::uint32_t f = 0; f < faces.size(); ++f) {
     const auto* v = faces[f].vertices;
@@ -207,8 +207,8 @@ void set_triangle(Core& core, const Vector& a, const Vector& b, const Vector& c)
   core.arcs.clear();
   core.segments.assign({{0, 1}, {1, 2}, {2, 0}});
   core.triangles.assign({{0, 1, 2}});
-  // A prism of no height: faces 0 and 1 are its ends, face 2 + i its side along edge i, whose outward normal lies in
-  // the plane of the triangle.
+  // A prism of zero height: faces 0 and 1 are its ends, face 2 + i is its side along edge i, whose outward normal lies
+  // in the plane of the triangle.
   for (std::uint32_t i = 0; i < 3; ++i) {
     const Vector from = core.vertices[i], along = normalised(core.vertices[(i + 1) % 3] - from);
     core.normals.push_back(normalised(cross(along, up)));

@@ -11,19 +11,19 @@
 
 namespace ringfence::reference {
 
-/// A convex shape as the reference sees it: all points within `radius` of a convex polytope, or of what a support
+/// A convex shape in the reference: all points within `radius` of a convex polytope, or of the shape that a support
 /// function describes. A sphere is a rounded point, a capsule a rounded segment.
 ///
 /// A polytope carries its Gauss map: the unit normals of its faces and, for every edge, the arc of directions between
-/// the normals of its two faces. What is flatter than a solid (point, segment, triangle) is described as the solid of
-/// no thickness that it is the limit of, a box or a prism, with directions for edges of no length; so one exhaustive
-/// test serves all, degenerate or not.
+/// the normals of its two faces. Flat shapes (point, segment, triangle) are described as the limit of a solid whose
+/// thickness goes to zero, a box or a prism, with directions for edges of zero length. So one exhaustive test covers
+/// all of them, degenerate or not.
 struct Core {
-  /// An edge of the solid, possibly of no length.
+  /// An edge of the solid; its length may be zero.
   struct Arc {
-    Vector direction;        ///< unit, along the edge; either sense
+    Vector direction;        ///< unit, along the edge; either direction
     Vector point;            ///< a point on the edge
-    std::uint32_t faces[2];  ///< the two faces it borders; their normals are less than half a turn apart
+    std::uint32_t faces[2];  ///< the two adjacent faces; the angle between their normals is less than 180 degrees
     bool has_length = true;
   };
 
@@ -31,32 +31,32 @@ struct Core {
   std::vector<Vector> normals;   ///< unit, outwards
   std::vector<double> offsets;   ///< the largest normals[i] · x on the polytope
   std::vector<Arc> arcs;
-  std::vector<std::array<std::uint32_t, 2>> segments;   ///< its edges as a set of points: none of no length
-  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< its surface in triangles: none of no area
+  std::vector<std::array<std::uint32_t, 2>> segments;   ///< the edges of the point set, without those of zero length
+  std::vector<std::array<std::uint32_t, 3>> triangles;  ///< the surface as triangles, without those of zero area
   bool flat = false;                                    ///< a point, a segment, a triangle or a rectangle
-  double radius = 0;                                    ///< added all around, metres
-  double reach = 0;                                     ///< of a ball about the origin that holds the polytope
-  std::shared_ptr<const SupportFunction> function;      ///< if set, the core is not a polytope; all lists are empty
+  double radius = 0;                                    ///< added on all sides, metres
+  double reach = 0;  ///< radius of a ball about the origin that holds the polytope, metres
+  std::shared_ptr<const SupportFunction> function;  ///< if set, the core is not a polytope; all lists are empty
 
-  /// The largest direction · x on the core, without the radius. `direction` need not be unit.
+  /// The largest value of direction · x on the core, without the radius. `direction` need not be a unit vector.
   double extent(const Vector& direction) const;
-  /// A point of the core where it is reached.
+  /// A point of the core that has this value.
   Vector support(const Vector& direction) const;
 };
 
-/// A box about the origin; half extents may be zero. Distinct corners only.
+/// A box about the origin; half extents may be zero. The corners are distinct.
 Core box_core(const Vector& half_extents);
 
-/// The hull of points. Throws std::invalid_argument if they are all in one plane.
+/// The hull of points. Throws std::invalid_argument if they all lie in one plane.
 Core hull_core(std::span<const Vec3f> points);
 
-/// The core that only a support function describes.
+/// A core that is described by a support function only.
 Core function_core(std::shared_ptr<const SupportFunction> function);
 
-/// Makes `core` the triangle, which must have an area, reusing its memory.
+/// Makes `core` the triangle, whose area must not be zero. Reuses its memory.
 void set_triangle(Core& core, const Vector& a, const Vector& b, const Vector& c);
 
-/// The core of a convex shape; throws std::invalid_argument for a triangle mesh.
+/// The core of a convex shape. Throws std::invalid_argument for a triangle mesh.
 Core core_of(const ShapeDescription& shape);
 
 }  // namespace ringfence::reference

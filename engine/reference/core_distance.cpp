@@ -14,7 +14,8 @@ struct SimplexPoint {
   Vector on_a, on_b;
 };
 
-/// Up to four points of the Minkowski difference and the weights of the point of their hull nearest the origin.
+/// Up to four points of the Minkowski difference, and the weights of the point of their hull that is nearest to the
+/// origin.
 struct Simplex {
   std::array<SimplexPoint, 4> points;
   std::array<double, 4> weights{};
@@ -36,7 +37,8 @@ SimplexPoint support(const CorePair& pair, const Vector& direction) {
   return out;
 }
 
-/// Weights of the origin's projection on the plane or line of the chosen points; false unless it lies inside them.
+/// Computes the weights of the origin's projection on the plane or line of the chosen points. Returns false unless the
+/// projection lies inside them.
 bool project(const Simplex& s, const std::array<std::size_t, 4>& chosen, std::size_t count,
              std::array<double, 4>& weights) {
   const auto point = [&](std::size_t i) -> const Vector& { return s.points[chosen[i]].difference; };
@@ -68,8 +70,8 @@ bool project(const Simplex& s, const std::array<std::size_t, 4>& chosen, std::si
                      [](double w) { return w > 0; });
 }
 
-/// Reduces the simplex to the face whose hull holds the point nearest the origin. Every subset is tried, so a
-/// degenerate one costs nothing but itself.
+/// Reduces the simplex to the face that holds the point nearest to the origin. Every subset is tried, so a degenerate
+/// subset does no harm.
 void reduce(Simplex& s) {
   Simplex best;
   double least = std::numeric_limits<double>::infinity();
@@ -113,7 +115,7 @@ struct Segment {
   Vector start, end;
 };
 
-/// The nearest points of two segments: inside both if the lines' nearest points are, else at an end of one.
+/// The nearest points of two segments: those of the two lines if they lie within the segments, else at an end of one.
 void nearest_on_segments(const Segment& p, const Segment& q, Vector& on_p, Vector& on_q) {
   const Vector u = p.end - p.start, v = q.end - q.start, between = q.start - p.start;
   double least = std::numeric_limits<double>::infinity();

@@ -10,24 +10,25 @@
 namespace ringfence::reference {
 namespace {
 
-// Dot products of unit vectors are right to some 10^-16; whatever lies within this of a decision is tried.
-constexpr double unsure = 1e-12;
+// Dot products of unit vectors are precise to about 10^-16. Candidates this close to a decision are always tried.
+constexpr double decision_margin = 1e-12;
 
 void consider(const CorePair& pair, const Vector& n, CoreOverlap& best) {
   const double depth = pair.overlap(n);
   if (depth < best.depth) best.depth = depth, best.normal = n;
 }
 
-/// One of the two shapes as the tests below see it, all in the frame of a and of the Minkowski difference: b is
-/// mirrored, so that its outward normals become directions from a to b and its points are subtracted.
+/// One of the two shapes, in the frame of a and of the Minkowski difference: b is mirrored, so that its outward normals
+/// become directions from a to b and its points are subtracted.
 struct Side {
   struct Edge {
     Vector direction, point;
-    Vector ends[2];  // of its arc
+    Vector ends[2];  // the ends of its arc
   };
   std::vector<Vector> normals;
-  std::vector<Vector> opposite;  // for each normal, the point of the other shape farthest against it, mirrored or not
-  std::vector<Edge> edges;       // only those that can matter
+  std::vector<Vector> opposite;  // for each normal, the point of the other shape that is farthest in the opposite
+                                 // direction, mirrored for b
+  std::vector<Edge> edges;       // only those that can hold the least depth
 };
 
 /// Tries the directions of all faces.
@@ -38,7 +39,7 @@ CoreOverlap face_overlap(const CorePair& pair, Side& of_a, Side& of_b) {
   const auto keep = [&](Side& side, const Vector& n, const Vector& opposite, double depth) {
     side.normals.push_back(n);
     side.opposite.push_back(opposite);
-    if (dot(n, n) < 0.5) return;  // an area that rounds to zero has no normal
+    if (dot(n, n) < 0.5) return;  // the normal is zero where the area rounds to zero
     if (depth < best.depth) best.depth = depth, best.normal = n;
   };
   for (std::size_t i = 0; i < pair.a.normals.size(); ++i) {
@@ -54,18 +55,18 @@ CoreOverlap face_overlap(const CorePair& pair, Side& of_a, Side& of_b) {
   return best;
 }
 
-/// Whether somewhere on the arc the two can overlap by less than `depth`, as far as one point of each can tell.
+/// Whether the two shapes can overlap by less than `depth` somewhere on the arc, judged from one point of each.
 ///
-/// With x of a and y of b, the overlap along n is at least n · (x - y). A unit vector on the arc is a sum of its ends
-/// with weights that add up to at least one, so that n · (x - y) is nowhere on it less than at the ends, if both are
-/// positive.
+/// With x of a and y of b, the overlap along n is at least n · (x - y). A unit vector on the arc is a weighted sum of
+/// its ends with weights that add up to at least one. So n · (x - y) on the arc is never less than at the ends, if it
+/// is positive at both.
 bool can_be_less(const Side::Edge& edge, const Vector& opposite, double depth) {
   const Vector between = edge.point - opposite;
   return std::min(dot(edge.ends[0], between), dot(edge.ends[1], between)) < std::max(depth, 0.0);
 }
 
-/// Takes the edges whose arcs can hold a direction of less depth than `depth`. Edges of no length make no face of the
-/// Minkowski difference, unless it is as flat as the two.
+/// Collects the edges whose arcs can hold a direction of less depth than `depth`. Edges of zero length do not produce a
+/// face of the Minkowski difference, unless the difference is as flat as the two shapes.
 void take_edges(const Core& core, const Placement& placement, double mirror, bool lengthless, double depth,
                 Side& side) {
   for (const auto& arc : core.arcs) {
@@ -80,32 +81,32 @@ void take_edges(const Core& core, const Placement& placement, double mirror, boo
   }
 }
 
-/// Whether the ends of an arc are surely on the same side of the plane at a right angle to `axis`.
+/// Whether both ends of an arc are certainly on the same side of the plane perpendicular to `axis`.
 bool same_side(const Side::Edge& arc, const Vector& axis) {
-  return dot(arc.ends[0], axis) * dot(arc.ends[1], axis) > unsure;
+  return dot(arc.ends[0], axis) * dot(arc.ends[1], axis) > decision_margin;
 }
 
-/// The unit vector across two edges, or zero if they are parallel within rounding: then the directions of the faces
-/// beside them serve, since the Minkowski difference has no face of any width between.
+/// The unit vector perpendicular to two edges, or zero if they are parallel within rounding. Then the normals of the
+/// adjacent faces cover the direction, since the Minkowski difference has no face of any width between them.
 Vector across(const Vector& p, const Vector& q) {
   const Vector n = cross(p, q);
   const double sine = length(n);
   return sine > 1e-14 ? n * (1 / sine) : Vector{};
 }
 
-/// Tries the direction across two edges if their arcs may cross in it.
+/// Tries the direction perpendicular to two edges if their arcs may cross there.
 void consider_edges(const CorePair& pair, const Side::Edge& p, const Side::Edge& q, CoreOverlap& best) {
   if (same_side(p, q.direction) || same_side(q, p.direction)) return;
   Vector n = across(p.direction, q.direction);
   if (dot(n, n) < 0.5) return;
   for (int sense = 0; sense < 2; ++sense, n = -n) {
-    if (dot(n, p.ends[0] + p.ends[1]) < -unsure || dot(n, q.ends[0] + q.ends[1]) < -unsure) continue;
-    // The two edges alone already overlap so far along n; the whole shapes at least as far.
+    if (dot(n, p.ends[0] + p.ends[1]) < -decision_margin || dot(n, q.ends[0] + q.ends[1]) < -decision_margin) continue;
+    // The two edges alone already overlap this far along n; the whole shapes overlap at least as far.
     if (dot(n, p.point + q.point) < best.depth) consider(pair, n, best);
   }
 }
 
-/// The directions from the middle of a cube to its corners, edges and faces.
+/// The directions from the centre of a cube to its corners, edges and faces.
 std::vector<Vector> directions_around() {
   std::vector<Vector> out;
   for (int i = 0; i < 27; ++i) {
@@ -114,7 +115,7 @@ std::vector<Vector> directions_around() {
   return out;
 }
 
-/// The directions across the widest line and the widest triangle of some points.
+/// The directions perpendicular to the longest line and to the largest triangle of some points.
 std::vector<Vector> directions_across(const std::vector<Vector>& points) {
   const auto farthest = [&](auto measure) {
     return *std::max_element(points.begin(), points.end(),
@@ -171,14 +172,15 @@ CoreOverlap epa_overlap(const CorePair& pair, double tolerance) {
   const auto surface_of_difference = [&] {
     std::vector<Vector> first;
     for (const Vector& n : directions_around()) first.push_back(farthest(n));
-    // A needle or a plate can have all of these at few places: look across the line and the plane of those found.
+    // For a needle or a plate all these points can coincide at a few places: also search perpendicular to their line
+    // and plane.
     for (const Vector& n : directions_across(first)) first.push_back(farthest(n));
     for (const Vector& n : directions_across(first)) first.push_back(farthest(n));
     return ConvexSurface::around(first);
   };
   auto surface = surface_of_difference();
   best.error = surface ? std::numeric_limits<double>::infinity() : std::abs(best.depth);
-  if (!surface) return best;  // flat: no depth in the direction across
+  if (!surface) return best;  // flat: no depth in the perpendicular direction
   for (int step = 0; step < 2000; ++step) {
     const auto faces = surface->faces();
     const auto nearest =
@@ -189,8 +191,8 @@ CoreOverlap epa_overlap(const CorePair& pair, double tolerance) {
     const Vector p = farthest(n);
     best.error = std::max(0.0, best.depth - inside);
     if (best.depth - inside <= tolerance || best.depth < -tolerance) return best;
-    // Nothing lies beyond, yet the two differ: a sliver no wider than rounding, whose normal is noise. Its neighbours
-    // say as much.
+    // No point lies beyond the face, yet the bounds differ: a sliver as thin as rounding, whose normal is noise. The
+    // neighbouring faces give the same depth.
     if (!surface->add(p)) surface->exclude_face(static_cast<std::size_t>(nearest - faces.begin()));
   }
   return best;

@@ -6,7 +6,7 @@
 namespace ringfence::reference {
 namespace {
 
-/// A sum of doubles kept without rounding, smallest component first (Shewchuk's expansion).
+/// A sum of doubles without rounding, stored as components with the smallest first (Shewchuk's expansion).
 class ExactSum {
  public:
   void add(double value) {
@@ -29,7 +29,7 @@ class ExactSum {
     add_product(low, r);
   }
 
-  /// Components do not overlap, so the largest decides.
+  /// Components do not overlap, so the largest one decides.
   int sign() const {
     const double largest = size_ == 0 ? 0 : parts_[size_ - 1];
     return (largest > 0) - (largest < 0);
@@ -42,7 +42,7 @@ class ExactSum {
     add(high);
   }
 
-  std::array<double, 100> parts_{};  // 24 products of three, four doubles each
+  std::array<double, 100> parts_{};  // 24 products of three doubles, four components each
   std::size_t size_ = 0;
 };
 
@@ -64,7 +64,7 @@ int exact_orientation(const Vector& a, const Vector& b, const Vector& c, const V
   return sum.sign();
 }
 
-/// p·q − r·s with one rounding at the end and one of the product.
+/// p·q − r·s with one rounding of a product and one of the result.
 double difference_of_products(double p, double q, double r, double s) {
   const double product = r * s;
   const double error = std::fma(-r, s, product);

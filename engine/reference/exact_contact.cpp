@@ -14,8 +14,8 @@ struct PrimitiveContact {
   Vector point;
 };
 
-/// The place midway between the surfaces. With b moved out along the normal by the depth, and a hair more, the two
-/// have one shortest connection: it starts on a and, moved back with b, ends on b.
+/// The point midway between the surfaces. When b is moved out along the normal by slightly more than the depth, there
+/// is one shortest connection between the shapes. It starts on a and, moved back with b, ends on b.
 PrimitiveContact contact_of(const Core& a, const Core& b, const Placement& b_in_a) {
   PrimitiveContact out{separation(a, b, b_in_a), {}};
   const Vector n(out.separation.normal);

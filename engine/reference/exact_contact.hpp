@@ -8,11 +8,12 @@
 
 namespace ringfence::reference {
 
-/// The contact of two placed shapes as the reference would answer it; none if they are apart. Numbers are zero, the
-/// phase is begin.
+/// The contact of two placed shapes according to the reference; none if they are apart. Numbers are zero, the phase is
+/// begin.
 ///
-/// Where the deepest place is not one point (face on face), or several directions are as good (one centre), it is one
-/// of the right answers: compare others' contacts by describe_error, not with this.
+/// Where the deepest place is not a single point (face on face), or several directions have the same depth (coinciding
+/// centres), the result is one of several right ones: check other contacts with describe_error instead of comparing
+/// them with this one.
 std::optional<Contact> exact_contact(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b,
                                      const Pose& pose_b);
 

@@ -7,12 +7,15 @@
 
 #include <oneapi/tbb/parallel_for.h>
 
+#include "base/floating_point.hpp"
+#include "base/task_context.hpp"
+
 namespace ringfence::reference {
 namespace {
 
 std::pair<ObjectNumber, ObjectNumber> key(const Contact& c) { return {c.a, c.b}; }
 
-/// Indices of two objects, the one with the lower number first.
+/// Indices of two objects; the one with the lower number is first.
 struct ObjectPair {
   std::uint32_t a, b;
 };
@@ -56,19 +59,20 @@ class FrameCheck {
     return layer_masks_.empty() || (layer_masks_[p] >> q & 1u) != 0;
   }
 
-  /// What a contact says apart from its geometry. Those that name no pair to compare go no further.
+  /// Checks everything in the contacts except the geometry. Contacts that do not name a valid pair are not checked
+  /// further.
   void check_records() {
     for (std::size_t i = 0; i < contacts_.size(); ++i) {
       const Contact& c = contacts_[i];
       if (i > 0 && key(c) < key(contacts_[i - 1])) report(c.a, c.b, "out of order");
-      if (c.phase == Phase::end) report(c.a, c.b, "ended, among those that have not");
+      if (c.phase == Phase::end) report(c.a, c.b, "has phase end among the current contacts");
       if (c.a >= c.b) {
-        report(c.a, c.b, "named in the wrong order");
+        report(c.a, c.b, "has a > b");
         continue;
       }
       const auto a = index_of_.find(c.a), b = index_of_.find(c.b);
       if (a == index_of_.end() || b == index_of_.end()) {
-        report(c.a, c.b, "names an object that there is not");
+        report(c.a, c.b, "names an unknown object");
         continue;
       }
       const FrameObject &p = objects_[a->second], &q = objects_[b->second];
@@ -78,20 +82,20 @@ class FrameCheck {
       } else if (!collide(p.layer, q.layer)) {
         report(c.a, c.b, kinds(pair) + "extra: their layers do not collide");
       } else {
-        if (!(c.pose_a == p.pose && c.pose_b == q.pose)) report(c.a, c.b, kinds(pair) + "has other poses");
+        if (!(c.pose_a == p.pose && c.pose_b == q.pose)) report(c.a, c.b, kinds(pair) + "has the wrong poses");
         claimed_.push_back(&c);
       }
     }
     std::stable_sort(claimed_.begin(), claimed_.end(), [](const auto* p, const auto* q) { return key(*p) < key(*q); });
     const auto twice = [](const auto* p, const auto* q) { return key(*p) == key(*q); };
     for (auto i = claimed_.begin(); (i = std::adjacent_find(i, claimed_.end(), twice)) != claimed_.end(); ++i) {
-      report((*i)->a, (*i)->b, "there twice");
+      report((*i)->a, (*i)->b, "is listed twice");
     }
     claimed_.erase(std::unique(claimed_.begin(), claimed_.end(), twice), claimed_.end());
   }
 
   void check_pairs() {
-    std::vector<ObjectPair> pairs = pairs_in_reach();
+    std::vector<ObjectPair> pairs = candidate_pairs();
     for (const Contact* c : claimed_) pairs.push_back({index_of_.at(c->a), index_of_.at(c->b)});
     const auto numbers = [&](const ObjectPair& p) { return std::pair{objects_[p.a].number, objects_[p.b].number}; };
     std::sort(pairs.begin(), pairs.end(), [&](const auto& p, const auto& q) { return numbers(p) < numbers(q); });
@@ -100,14 +104,16 @@ class FrameCheck {
         pairs.end());
 
     std::vector<std::string> wrong(pairs.size());
-    oneapi::tbb::parallel_for(std::size_t{0}, pairs.size(), [&](std::size_t i) {
+    const auto check = [&](std::size_t i) {
       const auto& [a, b] = pairs[i];
       const auto found = std::lower_bound(claimed_.begin(), claimed_.end(), numbers(pairs[i]),
                                           [](const Contact* c, const auto& n) { return key(*c) < n; });
       const bool claimed = found != claimed_.end() && key(**found) == numbers(pairs[i]);
       wrong[i] = describe_error(shape_of(a), objects_[a].pose, shape_of(b), objects_[b].pose,
                                 claimed ? *found : nullptr, tolerance_);
-    });
+    };
+    auto context = base::task_context();
+    oneapi::tbb::parallel_for(std::size_t{0}, pairs.size(), check, context);
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const auto [a, b] = numbers(pairs[i]);
       if (!wrong[i].empty()) report(a, b, kinds(pairs[i]) + wrong[i]);
@@ -115,8 +121,8 @@ class FrameCheck {
   }
 
   /// All pairs that may collide and whose boxes touch, found by a sweep along x.
-  std::vector<ObjectPair> pairs_in_reach() const {
-    // Coordinates are taken from the first object, so that a world far from the origin loses nothing.
+  std::vector<ObjectPair> candidate_pairs() const {
+    // Coordinates are relative to the first object, so that no precision is lost far from the origin.
     std::vector<Extents> boxes(objects_.size());
     std::vector<std::uint32_t> order;
     Vector origin;
@@ -125,7 +131,7 @@ class FrameCheck {
       if (order.empty()) origin = Vector(objects_[i].pose.position);
       order.push_back(i);
     }
-    oneapi::tbb::parallel_for(std::size_t{0}, order.size(), [&](std::size_t k) {
+    const auto bound = [&](std::size_t k) {
       const FrameObject& o = objects_[order[k]];
       const PreparedShape& shape = shapes_[o.shape];
       Extents& box = boxes[order[k]];
@@ -133,7 +139,9 @@ class FrameCheck {
       const double width = band(shape, shape, tolerance_);
       box.lower -= {width, width, width};
       box.upper += {width, width, width};
-    });
+    };
+    auto context = base::task_context();
+    oneapi::tbb::parallel_for(std::size_t{0}, order.size(), bound, context);
     std::sort(order.begin(), order.end(), [&](auto p, auto q) { return boxes[p].lower.x < boxes[q].lower.x; });
 
     std::vector<ObjectPair> out;
@@ -166,14 +174,16 @@ class FrameCheck {
 
 std::vector<Difference> check_frame(std::uint64_t frame, const Shapes& shapes, std::span<const FrameObject> objects,
                                     std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts,
-                                    const Tolerance& tolerance, std::size_t most) {
+                                    const Tolerance& tolerance, std::size_t max_differences) {
+  const base::DefaultFloatingPoint floating_point;
   auto out = FrameCheck(frame, shapes, objects, layer_masks, contacts, tolerance).run();
-  if (out.size() > most) out.resize(most);
+  if (out.size() > max_differences) out.resize(max_differences);
   return out;
 }
 
 std::vector<Difference> check_phases(std::uint64_t frame, std::span<const Contact> before, std::span<const Contact> now,
                                      std::span<const Contact> ended) {
+  const base::DefaultFloatingPoint floating_point;
   std::vector<Difference> out;
   const auto report = [&](const Contact& c, const char* what) {
     out.push_back(
@@ -186,26 +196,26 @@ std::vector<Difference> check_phases(std::uint64_t frame, std::span<const Contac
 
   for (const Contact& c : now) {
     const bool was = std::binary_search(before.begin(), before.end(), c, by_key);
-    if (was && c.phase != Phase::persist) report(c, "was in contact before and does not persist");
-    if (!was && c.phase != Phase::begin) report(c, "was not in contact before and does not begin");
+    if (was && c.phase != Phase::persist) report(c, "was in contact before, but its phase is not persist");
+    if (!was && c.phase != Phase::begin) report(c, "was not in contact before, but its phase is not begin");
   }
   for (const Contact& c : before) {
     if (std::binary_search(now.begin(), now.end(), c, by_key)) continue;
     const auto [first, last] = std::equal_range(ends.begin(), ends.end(), c, by_key);
     if (first == last) {
-      report(c, "is in contact no more and has no end");
+      report(c, "is no longer in contact, but has no end record");
     } else if (!(first->depth == c.depth && first->normal == c.normal && first->point == c.point &&
                  first->pose_a == c.pose_a && first->pose_b == c.pose_b)) {
-      report(c, "ends with another contact than its last");
+      report(c, "has an end record that differs from its last contact");
     }
   }
   for (std::size_t i = 0; i < ends.size(); ++i) {
-    if (ends[i].phase != Phase::end) report(ends[i], "is among the ended with another phase");
+    if (ends[i].phase != Phase::end) report(ends[i], "is among the ended contacts with another phase");
     if (i > 0 && key(ends[i]) == key(ends[i - 1])) report(ends[i], "ends twice");
     if (!std::binary_search(before.begin(), before.end(), ends[i], by_key)) {
       report(ends[i], "ends without having been in contact");
     } else if (std::binary_search(now.begin(), now.end(), ends[i], by_key)) {
-      report(ends[i], "ends and is still in contact");
+      report(ends[i], "has an end record, but is still in contact");
     }
   }
   return out;

@@ -10,11 +10,11 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-/// A primitive of one shape and its box in the common frame.
+/// A primitive of one shape, and its box in the common frame.
 struct Primitive {
   Extents box;
-  const Core* core;                   // of a convex shape,
-  const Surface::Triangle* triangle;  // or of a mesh
+  const Core* core;                   // of a convex shape, else null
+  const Surface::Triangle* triangle;  // of a mesh, else null
 };
 
 double gap(const Extents& p, const Extents& q) {
@@ -30,7 +30,7 @@ Extents box_of(const Surface::Triangle& t, const Placement& placement) {
           {std::max({p.x, q.x, r.x}), std::max({p.y, q.y, r.y}), std::max({p.z, q.z, r.z})}};
 }
 
-/// The primitives of a shape that come within `reach` of a box.
+/// The primitives of a shape whose boxes come within `reach` of a box.
 std::vector<Primitive> primitives_near(const PreparedShape& shape, const Placement& placement, const Extents& box,
                                        double reach) {
   if (shape.kind != ShapeKind::mesh) return {{extents_of(shape, placement), &shape.core, nullptr}};
@@ -76,7 +76,7 @@ void for_each_primitive_pair(const PreparedShape& a, const PreparedShape& b, con
     for (const Primitive& q : in_b) {
       if (q.box.lower.x - p.box.upper.x > reach) break;
       const double apart = gap(p.box, q.box);
-      // An overlap is nowhere deeper than that of the boxes along an axis.
+      // The depth of an overlap is at most the overlap of the boxes along each axis.
       if (apart > reach || -apart < interest) continue;
       if (!core_a) core_a = &core_of(p, scratch_a);
       interest = visit(*core_a, core_of(q, scratch_b));

@@ -7,11 +7,11 @@
 namespace ringfence::reference {
 
 /// Calls `visit(p, q)` for the pairs of primitives of two shapes whose boxes come within `reach` (metres) of each
-/// other; `p` is in the frame of a, `q` in that of b, which `b_in_a` places. A convex shape is its own only primitive,
-/// a mesh has its triangles.
+/// other. `p` is in the frame of a, `q` in that of b, which `b_in_a` places. A convex shape is its only primitive; the
+/// primitives of a mesh are its triangles.
 ///
-/// `visit` answers how deep (metres; negative: how far apart) a pair must be from now on to be of interest: pairs
-/// whose boxes rule that out are left out. The cores are valid during the call only.
+/// `visit` returns the least depth (metres; negative: minus the largest distance) that is of interest from now on.
+/// Pairs whose boxes exclude that depth are skipped. The cores are valid during the call only.
 void for_each_primitive_pair(const PreparedShape& a, const PreparedShape& b, const Placement& b_in_a, double reach,
                              const std::function<double(const Core& p, const Core& q)>& visit);
 

@@ -7,7 +7,7 @@
 namespace ringfence::reference {
 namespace {
 
-/// Signed distance of two cores without their radii.
+/// Signed distance of two cores, without their radii.
 struct CoreSeparation {
   double distance;
   Vector normal;
@@ -25,7 +25,7 @@ CoreSeparation polytope_separation(const CorePair& pair) {
   return {-overlap.depth, overlap.normal, tolerance};
 }
 
-/// Where a support function is one of the two: it answers in float, so nothing finer can be asked for.
+/// For pairs with a support function, which returns floats: a finer tolerance would be meaningless.
 CoreSeparation function_separation(const CorePair& pair) {
   const double tolerance = 1e-6 * pair.scale();
   const CoreDistance apart = gjk_distance(pair, tolerance);

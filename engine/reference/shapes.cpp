@@ -4,6 +4,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/floating_point.hpp"
 #include "reference/exact.hpp"
 
 namespace ringfence::reference {
@@ -21,7 +22,7 @@ Extents around(std::span<const Surface::Triangle> triangles) {
   return out;
 }
 
-/// Orders triangles so that neighbours in the array are neighbours in space: halves them along the longest side.
+/// Orders triangles so that neighbours in the array are close in space, by recursive bisection along the longest side.
 void sort_into_runs(std::span<Surface::Triangle> triangles) {
   if (triangles.size() <= Surface::run_length) return;
   const Extents e = around(triangles);
@@ -78,6 +79,7 @@ Shapes::Shapes(std::span<const ShapeDescription> shapes) {
 }
 
 ShapeNumber Shapes::add(const ShapeDescription& shape) {
+  const base::DefaultFloatingPoint floating_point;
   PreparedShape out;
   out.kind = static_cast<ShapeKind>(shape.index());
   if (const auto* mesh = std::get_if<TriangleMesh>(&shape)) {

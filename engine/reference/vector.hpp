@@ -6,8 +6,8 @@
 
 namespace ringfence::reference {
 
-/// Three doubles with the arithmetic that the reference needs. A type of its own: the reference shares no code with
-/// what it checks.
+/// Three doubles with the arithmetic that the reference needs. A separate type, because the reference shares no code
+/// with what it checks.
 struct Vector {
   double x = 0, y = 0, z = 0;
 
@@ -31,9 +31,9 @@ constexpr Vector cross(const Vector& p, const Vector& q) {
   return {p.y * q.z - p.z * q.y, p.z * q.x - p.x * q.z, p.x * q.y - p.y * q.x};
 }
 inline double length(const Vector& p) { return std::sqrt(dot(p, p)); }
-/// `p` must not be zero.
+/// Precondition: `p` is not zero.
 inline Vector normalised(const Vector& p) { return p * (1 / length(p)); }
-/// A unit vector at a right angle to the unit vector `p`.
+/// A unit vector perpendicular to the unit vector `p`.
 inline Vector perpendicular(const Vector& p) {
   const Vector axis = std::abs(p.x) < 0.6 ? Vector{1, 0, 0} : Vector{0, 1, 0};
   return normalised(cross(p, axis));
@@ -50,7 +50,7 @@ struct Rotation {
   }
 };
 
-/// The rotation of a quaternion, normalised in double first.
+/// The rotation of a quaternion, which is normalised in double first.
 inline Rotation rotation_of(const Quat& q) {
   double x = q.x, y = q.y, z = q.z, w = q.w;
   const double s = 1 / std::sqrt(x * x + y * y + z * z + w * w);
@@ -60,7 +60,7 @@ inline Rotation rotation_of(const Quat& q) {
            {2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)}}};
 }
 
-/// Where one frame of axes lies in another: x ↦ rotation · x + offset.
+/// Position and orientation of one frame in another: x ↦ rotation · x + offset.
 struct Placement {
   Rotation rotation;
   Vector offset;
@@ -68,7 +68,8 @@ struct Placement {
   constexpr Vector operator*(const Vector& p) const { return rotation * p + offset; }
 };
 
-/// The frame of `b` in that of `a`. The difference of the positions is taken first, so it is right far from the origin.
+/// The frame of `b` in that of `a`. The difference of the positions is computed first, so it is precise far from the
+/// origin.
 inline Placement relative(const Pose& a, const Pose& b) {
   const Rotation ra = rotation_of(a.orientation), rb = rotation_of(b.orientation);
   Placement out;

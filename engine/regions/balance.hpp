@@ -12,63 +12,68 @@
 
 namespace ringfence::regions {
 
-/// When and how regions follow the load.
+/// Parameters of load balancing.
 struct BalanceConfig {
-  std::uint32_t window = 16;  ///< frames over which costs are summed before they are judged
-  std::uint32_t rest = 32;    ///< frames from one weighing to the next, at least
-  double tolerance = 1.06;    ///< busiest node over mean below which nothing is done
-  double gain = 0.03;         ///< a new map must promise to take this much off that ratio
-  double horizon = 256;       ///< frames within which what a change saves must pay for what it costs
-  // What a change of the map costs the frames around it: for each object, each that the server tells of anew, and each
-  // whose host changes (M5).
+  std::uint32_t window = 16;        ///< frames whose costs are summed before they are compared
+  std::uint32_t min_interval = 32;  ///< minimum number of frames from one begin_weights() to the next
+  double tolerance = 1.06;          ///< imbalance (cost of the busiest node over the mean) up to which nothing is done
+  double gain = 0.03;               ///< minimum reduction of the imbalance that a new map must promise
+  double horizon = 256;  ///< frames within which the savings of a new map must exceed the costs of the change
+  // Costs of a change of the map, in ms: for each object, for each object that the server sends to nodes again, and for
+  // each object whose host changes (M5).
   double per_object_ms = 0.00005;
   double resend_ms = 0.0003;
   double hand_over_ms = 0.0005;
-  double grain = 16;  ///< cells heavier than this part of a node's fair share are cut
+  double grain = 16;  ///< cells heavier than 1/grain of a node's even share are cut
 };
 
-/// Watches what the nodes cost and proposes a map under which they would cost the same.
+/// Measures the cost of each node and proposes a map with equal costs.
 ///
-/// What stands and collides in a place weighs there, scaled by what its node was measured to cost for its weight: so
-/// whatever makes one region dearer than another (crowding, dear shapes, a slow core) is priced in without being
-/// modelled. Cells that are too heavy are cut (Refinement), then all are split (Bisection). Hysteresis: a change must
-/// be due, wanted, and worth it: what it takes off the busiest node must within a horizon pay for the objects that are
-/// handed over, and for telling every node anew of what is in its region.
+/// Each object and each contact has a weight at its position. The weights of a region are scaled by the measured cost
+/// of its node per weight. So everything that makes one region more expensive (crowding, complex shapes, a slow core)
+/// is included without a model of it. Cells that are too heavy are cut (Refinement), then the parts are divided among
+/// the nodes (Bisection).
 ///
-/// Threads: belongs to the server role. The map that it proposes is a matter of cost alone: contacts do not depend on
-/// it. Memory: about 80 bytes a cell, 24 a weight.
+/// Hysteresis: a new map is proposed only if the minimum interval has passed, the imbalance exceeds the tolerance, and
+/// the change pays off: its savings on the busiest node within the horizon must exceed the cost of the hand-overs and
+/// of sending all nodes the contents of their regions again.
+///
+/// Threads: belongs to the server role. The map affects cost only, never contacts. Memory: about 80 bytes a cell, 24 a
+/// weight.
 class Balance {
  public:
+  /// Reserves memory for `weights` weights. More may be added, at the cost of an allocation.
   Balance(const CellGrid& grid, const BalanceConfig& config, std::size_t weights);
 
-  /// One more frame with these costs in milliseconds, one a node.
+  /// Adds the costs of one frame, in milliseconds, one value for each node.
   void add_frame(std::span<const double> costs);
-  /// Whether the costs of the window call for another map; then weigh everything and ask propose().
+  /// Whether the costs of the window call for another map. If so, add all weights, then call refine() and propose().
   bool needs_new_map() const noexcept;
-  /// Busiest node over mean in the window; 1 where there is nothing to compare.
+  /// Cost of the busiest node over the mean, in the window; 1 if the costs are unknown.
   double imbalance() const noexcept;
 
-  /// Everything that is weighed from here on until the next call counts for the next map, against the costs as they are
-  /// now. The next is wanted `rest` frames later at the soonest. What happens to the map meanwhile does not matter, but
-  /// a map should be there within a window: the one after it is judged by costs that it had no part in otherwise.
+  /// Starts a new set of weights and saves the current costs as their reference. needs_new_map() returns false for the
+  /// next `min_interval` frames. The map may change before propose(). Call propose() within one window: otherwise the
+  /// next comparison uses costs that were measured before this map was in use.
   void begin_weights();
-  /// An object stands there. Objects come before contacts.
+  /// Adds the weight of an object at a fixed-point position. All objects come before the contacts.
   void add_object_weight(const std::uint32_t (&point)[3]) { weigh(point, weight_of_object), ++objects_; }
-  /// An object has such bounds, or had some time ago: how large they are on average limits how finely cells are cut.
+  /// Adds the size of an object, from its bounds in this or a recent frame. The average size limits how finely cells
+  /// are cut.
   void add_object_size(const geometry::Bounds& bounds);
-  /// A contact is there.
+  /// Adds the weight of a contact at a fixed-point position.
   void add_contact_weight(const std::uint32_t (&point)[3]) { weigh(point, weight_of_contact); }
-  /// Everything has been weighed: cuts the cells that are too heavy for so many nodes. `map`: under which the costs
-  /// were.
+  /// Cuts the cells that are too heavy for `nodes` nodes. Call it after all weights are added. `map` is the map under
+  /// which the reference costs were measured.
   void refine(const RegionMap& map, std::uint32_t nodes);
-  /// After refine(), for as many nodes as `map` has: a better map's table, or empty if none is worth the change, after
-  /// which the server would have to tell of so many objects anew. Holds until the next refine().
-  std::span<const std::uint32_t> propose(const RegionMap& map, std::size_t retold);
-  /// After refine(): a table for that number of nodes, whatever the change costs.
+  /// After refine(), for the nodes of `map`: the table of a better map, or empty if no change pays off. `resent` is the
+  /// number of objects that the server would send again. Valid until the next refine().
+  std::span<const std::uint32_t> propose(const RegionMap& map, std::size_t resent);
+  /// After refine(): a table for `nodes` nodes, whatever the cost of the change.
   std::span<const std::uint32_t> partition_for(std::uint32_t nodes);
 
  private:
-  // What a present object costs to move and sweep is about what half a contact costs to find.
+  // Moving and sweeping an object costs about half as much as finding a contact.
   static constexpr float weight_of_object = 1;
   static constexpr float weight_of_contact = 2;
 
@@ -76,19 +81,19 @@ class Balance {
     weights_.push_back({{point[0], point[1], point[2]}, weight});
   }
   void scale_by_cost(const RegionMap& map);
-  bool is_worthwhile(const RegionMap& map, std::span<const NodeNumber> owners, std::size_t retold);
+  bool pays_off(const RegionMap& map, std::span<const NodeNumber> owners, std::size_t resent);
 
   BalanceConfig config_;
-  std::vector<double> costs_;   ///< by node, summed over the window so far
-  std::vector<double> judged_;  ///< the same when weighing was started
-  std::uint32_t frames_ = 0;    ///< in the window
-  std::uint32_t rested_ = 0;
+  std::vector<double> costs_;            ///< by node, summed over the window so far
+  std::vector<double> reference_costs_;  ///< costs_ at the last begin_weights()
+  std::uint32_t frames_ = 0;             ///< frames in the window so far
+  std::uint32_t frames_since_weights_ = 0;
   std::vector<Weight> weights_;
-  std::vector<NodeNumber> owners_;  ///< of each
-  std::size_t objects_ = 0;         ///< the first of weights_
-  std::size_t sized_ = 0;           ///< objects whose
-  std::uint64_t extents_[3] = {};   ///< are summed here
-  std::vector<double> shares_;      ///< by node
+  std::vector<NodeNumber> owners_;    ///< node of each weight
+  std::size_t objects_ = 0;           ///< number of objects in weights_; they come first
+  std::size_t sized_objects_ = 0;     ///< number of objects in extents_
+  std::uint64_t extents_[3] = {};     ///< sum of their sizes on each axis
+  std::vector<double> node_weights_;  ///< by node
   Refinement refinement_;
   Bisection bisection_;
   RegionMap proposed_;

@@ -19,7 +19,7 @@ Leaf leaf_of(const CellGrid& grid, std::uint32_t cell) noexcept {
 
 Bisection::Bisection(const CellGrid& grid) : grid_(grid) {
   owners_.reserve(grid.cells());
-  places_.reserve(grid.cells());
+  sorted_.reserve(grid.cells());
 }
 
 std::span<const NodeNumber> Bisection::split(std::uint32_t nodes, std::span<const double> weights) {
@@ -36,19 +36,19 @@ std::span<const NodeNumber> Bisection::split(std::uint32_t nodes, std::span<cons
   assert(nodes >= 1 && nodes <= leaves.size());
   leaves_ = leaves;
   owners_.resize(leaves.size());
-  places_.resize(leaves.size());
+  sorted_.resize(leaves.size());
   for (std::uint32_t leaf = 0; leaf < leaves.size(); ++leaf) {
-    places_[leaf].leaf = leaf;
+    sorted_[leaf].leaf = leaf;
   }
   split_range(0, leaves.size(), 0, nodes);
   return owners_;
 }
 
-// The leaves at the places [begin, end) go to `nodes` nodes from `first` on.
+// Assigns the leaves at sorted positions [begin, end) to the nodes `first` to `first` + `nodes` - 1.
 void Bisection::split_range(std::size_t begin, std::size_t end, std::uint32_t first, std::uint32_t nodes) {
   if (nodes == 1) {
     for (std::size_t i = begin; i < end; ++i) {
-      owners_[places_[i].leaf] = first;
+      owners_[sorted_[i].leaf] = first;
     }
     return;
   }
@@ -59,41 +59,42 @@ void Bisection::split_range(std::size_t begin, std::size_t end, std::uint32_t fi
   split_range(middle, end, first + left, nodes - left);
 }
 
-// In cells, which are nearly cubes.
+// Measured in cells, which are nearly cubes.
 std::size_t Bisection::longest_axis(std::size_t begin, std::size_t end) const {
   std::size_t longest = 0;
-  double most = 0;
+  double longest_side = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     std::uint64_t low = ~std::uint64_t{0};
     std::uint64_t high = 0;
     for (std::size_t i = begin; i < end; ++i) {
-      const Leaf& leaf = leaves_[places_[i].leaf];
+      const Leaf& leaf = leaves_[sorted_[i].leaf];
       low = std::min<std::uint64_t>(low, leaf.lower[axis]);
       high = std::max(high, leaf.lower[axis] + (std::uint64_t{1} << leaf.bits[axis]));
     }
     const double side = std::ldexp(static_cast<double>(high - low), static_cast<int>(grid_.log2[axis]) - 32);
-    if (side > most) {
-      most = side;
+    if (side > longest_side) {
+      longest_side = side;
       longest = axis;
     }
   }
   return longest;
 }
 
-// Stable, so that within a layer the leaves keep their order and a cut through it is a step, not a scatter.
+// Stable: leaves of one layer keep their order, so a cut within a layer is one step, not scattered.
 void Bisection::sort_along(std::size_t axis, std::size_t begin, std::size_t end) {
   for (std::size_t i = begin; i < end; ++i) {
-    places_[i].key = std::uint64_t{leaves_[places_[i].leaf].lower[axis]} << 32 | i;
+    sorted_[i].key = std::uint64_t{leaves_[sorted_[i].leaf].lower[axis]} << 32 | i;
   }
-  std::sort(places_.begin() + static_cast<std::ptrdiff_t>(begin), places_.begin() + static_cast<std::ptrdiff_t>(end),
-            [](const Place& p, const Place& q) { return p.key < q.key; });
+  std::sort(sorted_.begin() + static_cast<std::ptrdiff_t>(begin), sorted_.begin() + static_cast<std::ptrdiff_t>(end),
+            [](const SortKey& p, const SortKey& q) { return p.key < q.key; });
 }
 
-// Where the weight before comes nearest to its share, leaving each side at least as many leaves as nodes.
+// The position at which the weight before it is nearest to its share. Leaves each side at least as many leaves as
+// nodes.
 std::size_t Bisection::cut(std::size_t begin, std::size_t end, std::uint32_t left, std::uint32_t nodes) const {
   double total = 0;
   for (std::size_t i = begin; i < end; ++i) {
-    total += leaves_[places_[i].leaf].weight;
+    total += leaves_[sorted_[i].leaf].weight;
   }
   const bool weighted = total > 0;
   const double share = (weighted ? total : static_cast<double>(end - begin)) * left / nodes;
@@ -101,7 +102,7 @@ std::size_t Bisection::cut(std::size_t begin, std::size_t end, std::uint32_t lef
   std::size_t middle = begin;
   const std::size_t last = end - (nodes - left);
   while (middle < last) {
-    const double next = weighted ? leaves_[places_[middle].leaf].weight : 1.0;
+    const double next = weighted ? leaves_[sorted_[middle].leaf].weight : 1.0;
     if (middle >= begin + left && below + 0.5 * next > share) {
       break;
     }

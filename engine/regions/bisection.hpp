@@ -9,30 +9,33 @@
 
 namespace ringfence::regions {
 
-/// A cell of a map, or a part of one that was cut: what a node can own.
+/// A cell of a map, or a part of a cell that was cut: the smallest unit that a node owns.
 struct Leaf {
-  std::uint32_t lower[3] = {};  ///< its lower corner, fixed point
-  std::uint8_t bits[3] = {};    ///< its side on each axis is 2^bits
-  std::uint32_t entry = 0;      ///< where the map's table has its owner
-  double weight = 0;            ///< >= 0
+  std::uint32_t lower[3] = {};  ///< lower corner, fixed point
+  std::uint8_t bits[3] = {};    ///< log2 of its side on each axis, in fixed-point steps
+  std::uint32_t entry = 0;      ///< index of its owner in the table of the map
+  double weight = 0;            ///< at least 0
 };
 
-/// Splits leaves among nodes by recursive bisection, so that each gets nearly the same weight.
+/// Divides leaves among nodes by recursive bisection, so that all nodes get nearly the same weight.
 ///
-/// Each cut goes across the longest side of what it cuts, counted in cells, and may step by one layer of leaves in
-/// mid-way, so the shares are even to about the weight of one leaf while the regions stay compact. Cost: about
-/// leaves x log(leaves) x log2(nodes). Method: recursive coordinate bisection (Berger, Bokhari 1987).
+/// Each cut crosses the longest side (in cells) of the set that it divides. A cut may have one step, of one layer of
+/// leaves. So weights are even to about the weight of one leaf, and regions stay compact. Cost: about leaves x
+/// log(leaves) x log2(nodes). Method: recursive coordinate bisection (Berger, Bokhari 1987).
 ///
-/// Threads: one at a time. Memory: 24 bytes a leaf, kept: later runs of no more leaves allocate nothing.
+/// Threads: one at a time. Memory: 24 bytes a leaf, kept for later calls; a call with no more leaves than before
+/// allocates nothing.
 class Bisection {
  public:
   explicit Bisection(const CellGrid& grid);
 
-  /// The owner of each leaf, in their order. `leaves` cover the world, each place once; `nodes` is 1 to their number,
-  /// and every node gets at least one. Where all weigh nothing they count alike. The result lives until the next call.
+  /// Returns the owner of each leaf, in the order of `leaves`. The leaves cover the world without overlap. `nodes` is 1
+  /// to the number of leaves; every node gets at least one leaf. If all weights are 0, the leaves count equally. The
+  /// result is valid until the next call.
   std::span<const NodeNumber> split(std::uint32_t nodes, std::span<const Leaf> leaves);
 
-  /// The same for the cells of the grid: `weights` has one value >= 0 a cell, or is empty for equal weights.
+  /// The same for the cells of the grid. `weights` has one value, at least 0, for each cell, or is empty for equal
+  /// weights.
   std::span<const NodeNumber> split(std::uint32_t nodes, std::span<const double> weights);
 
  private:
@@ -41,19 +44,19 @@ class Bisection {
   void sort_along(std::size_t axis, std::size_t begin, std::size_t end);
   std::size_t cut(std::size_t begin, std::size_t end, std::uint32_t left, std::uint32_t nodes) const;
 
-  struct Place {
-    std::uint64_t key;  ///< coordinate, then the place before it was sorted
+  struct SortKey {
+    std::uint64_t key;  ///< coordinate << 32 | position before sorting
     std::uint32_t leaf;
   };
 
   CellGrid grid_;
-  std::vector<Leaf> cells_;  ///< of the grid, made when first asked for
+  std::vector<Leaf> cells_;  ///< the cells of the grid, created by the first call that needs them
   std::span<const Leaf> leaves_;
   std::vector<NodeNumber> owners_;
-  std::vector<Place> places_;
+  std::vector<SortKey> sorted_;
 };
 
-/// The leaf that is the whole cell.
+/// The leaf that consists of a whole cell.
 Leaf leaf_of(const CellGrid& grid, std::uint32_t cell) noexcept;
 
 }  // namespace ringfence::regions

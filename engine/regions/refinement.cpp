@@ -17,20 +17,20 @@ void Refinement::refine(std::span<const Weight> weights, double heaviest, const 
   for (const Weight& each : weights) {
     cell_weights_[grid_.cell_of(each.point)] += static_cast<double>(each.weight);
   }
-  picked_.clear();
+  heavy_weights_.clear();
   for (std::uint32_t i = 0; i < weights.size(); ++i) {
     const std::uint32_t cell = grid_.cell_of(weights[i].point);
     if (cell_weights_[cell] > heaviest) {
-      picked_.push_back(std::uint64_t{cell} << 32 | i);
+      heavy_weights_.push_back(std::uint64_t{cell} << 32 | i);
     }
   }
-  std::sort(picked_.begin(), picked_.end());
+  std::sort(heavy_weights_.begin(), heavy_weights_.end());
   leaves_.clear();
   table_.assign(grid_.cells(), 0);
   std::size_t begin = 0;
   for (std::uint32_t cell = 0; cell < grid_.cells(); ++cell) {
     std::size_t end = begin;
-    while (end < picked_.size() && picked_[end] >> 32 == cell) {
+    while (end < heavy_weights_.size() && heavy_weights_[end] >> 32 == cell) {
       ++end;
     }
     Leaf leaf = leaf_of(grid_, cell);
@@ -40,16 +40,17 @@ void Refinement::refine(std::span<const Weight> weights, double heaviest, const 
   }
 }
 
-// What weighs in the leaf is at [begin, end) of the picked, if it is heavy.
+// The weights in the leaf are heavy_weights_[begin, end), if its cell is heavy.
 void Refinement::cut(Leaf leaf, std::size_t begin, std::size_t end, const Limits& limits) {
-  // The side that is longest for what stands there; one more cut may not make it shorter than that.
+  // Cut across the side that is longest relative to the average object, and not below that object's size.
   std::size_t axis = 3;
   double longest = 0;
-  for (std::size_t each = 0; each < 3; ++each) {
-    const double halves = static_cast<double>(std::uint64_t{1} << leaf.bits[each]) / (2.0 * limits.smallest[each]);
-    if (leaf.bits[each] > 0 && halves >= 1 && halves > longest) {
+  for (std::size_t candidate = 0; candidate < 3; ++candidate) {
+    const double halves =
+        static_cast<double>(std::uint64_t{1} << leaf.bits[candidate]) / (2.0 * limits.smallest[candidate]);
+    if (leaf.bits[candidate] > 0 && halves >= 1 && halves > longest) {
       longest = halves;
-      axis = each;
+      axis = candidate;
     }
   }
   const std::size_t cuts = (table_.size() - grid_.cells()) / 2;
@@ -69,15 +70,15 @@ void Refinement::cut(Leaf leaf, std::size_t begin, std::size_t end, const Limits
   above.lower[axis] = plane;
   below.weight = 0;
   above.weight = 0;
-  const auto first = picked_.begin() + static_cast<std::ptrdiff_t>(begin);
-  const auto last = picked_.begin() + static_cast<std::ptrdiff_t>(end);
-  const auto middle = std::partition(first, last, [&](std::uint64_t picked) {
-    const Weight& each = weights_[static_cast<std::uint32_t>(picked)];
+  const auto first = heavy_weights_.begin() + static_cast<std::ptrdiff_t>(begin);
+  const auto last = heavy_weights_.begin() + static_cast<std::ptrdiff_t>(end);
+  const auto middle = std::partition(first, last, [&](std::uint64_t key) {
+    const Weight& each = weights_[static_cast<std::uint32_t>(key)];
     const bool lower = each.point[axis] < plane;
     (lower ? below : above).weight += static_cast<double>(each.weight);
     return lower;
   });
-  const auto split = static_cast<std::size_t>(middle - picked_.begin());
+  const auto split = static_cast<std::size_t>(middle - heavy_weights_.begin());
   cut(below, begin, split, limits);
   cut(above, split, end, limits);
 }

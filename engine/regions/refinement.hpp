@@ -10,31 +10,31 @@
 
 namespace ringfence::regions {
 
-/// Something that costs, and where.
+/// A cost at a fixed-point position.
 struct Weight {
   std::uint32_t point[3];
   float weight;
 };
 
-/// Cuts the cells of a grid that weigh too much for one node in two, across their longest side, and the halves again.
+/// Cuts the cells that are too heavy for one node: in half across their longest side, then the halves again.
 ///
-/// So a crowd that fits into one cell can still be shared out. The result is a table for RegionMap, with the owners
-/// yet to be filled in. Method: a k-d tree with cuts in the middle below each cell that needs one.
+/// A crowd that fits into one cell can then be divided among nodes. The result is a table for RegionMap whose owners
+/// are filled in later. Method: below each heavy cell, a k-d tree with cuts in the middle.
 ///
-/// Threads: one at a time. Memory: grows to what was needed most, at most `most_cuts` cuts.
+/// Threads: one at a time. Memory: grows to the largest result, at most `most_cuts` cuts.
 class Refinement {
  public:
   static constexpr std::size_t most_cuts = 16384;
 
   explicit Refinement(const CellGrid& grid);
 
-  /// Sums the weights into leaves, none heavier than `heaviest` unless it is as small as `smallest` (steps of the fixed
-  /// point, at least 1 on each axis; no side is cut to less) or there are `most_cuts` cuts.
+  /// Sums the weights into leaves. No leaf is heavier than `heaviest`, unless a cut would make a side shorter than
+  /// `smallest` (fixed-point steps, at least 1 on each axis) or there are `most_cuts` cuts already.
   void refine(std::span<const Weight> weights, double heaviest, const std::uint32_t (&smallest)[3]);
 
-  /// The last result, until the next call.
+  /// The leaves of the last refine().
   std::span<const Leaf> leaves() const noexcept { return leaves_; }
-  /// The last result as a table with these owners, one a leaf.
+  /// The table of the last refine(), with the given owners, one for each leaf.
   std::span<const std::uint32_t> table(std::span<const NodeNumber> owners);
 
  private:
@@ -46,7 +46,7 @@ class Refinement {
 
   CellGrid grid_;
   std::vector<double> cell_weights_;
-  std::vector<std::uint64_t> picked_;  ///< weights in heavy cells: cell, then index
+  std::vector<std::uint64_t> heavy_weights_;  ///< weights in heavy cells, sorted: cell << 32 | index
   std::span<const Weight> weights_;
   std::vector<Leaf> leaves_;
   std::vector<std::uint32_t> table_;

@@ -10,13 +10,13 @@
 namespace ringfence::regions {
 
 CellGrid CellGrid::choose(const double extents[3], std::size_t cells) {
-  constexpr std::uint32_t most = 10;
+  constexpr std::uint32_t max_log2 = 10;
   CellGrid grid;
   double side[3] = {extents[0], extents[1], extents[2]};
   while (grid.cells() < cells) {
     std::size_t longest = 3;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      if (grid.log2[axis] < most && (longest == 3 || side[axis] > side[longest])) {
+      if (grid.log2[axis] < max_log2 && (longest == 3 || side[axis] > side[longest])) {
         longest = axis;
       }
     }
@@ -37,25 +37,25 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
   Bisection bisection(grid);
   const auto owners = bisection.split(nodes, std::span<const double>{});
   table_.assign(owners.begin(), owners.end());
-  find_whole();
+  find_uniform_boxes();
 }
 
-// The box across some axes is two boxes across all but the last of these, next to each other.
-void RegionMap::find_whole() {
+// A box that spans a set of axes is two neighbouring boxes that span all of these axes but the last.
+void RegionMap::find_uniform_boxes() {
   const auto cells = static_cast<std::uint32_t>(grid_.cells());
-  whole_.resize(cells);
+  uniform_boxes_.resize(cells);
   for (std::uint32_t cell = 0; cell < cells; ++cell) {
-    whole_[cell] = is_cut(table_[cell]) ? 0 : 1;
+    uniform_boxes_[cell] = is_cut(table_[cell]) ? 0 : 1;
   }
   for (std::size_t axis = 0, shift = 0; axis < 3; shift += grid_.log2[axis++]) {
     const std::uint32_t next = std::uint32_t{1} << shift;
     const std::uint32_t last = grid_.along(axis) - 1;
-    const unsigned fewer = 1u << axis;  // as many bits tell of boxes that are not across this axis
-    const unsigned known = (1u << fewer) - 1;
+    const unsigned without_axis = 1u << axis;  // number of bits for the boxes that do not span this axis
+    const unsigned known = (1u << without_axis) - 1;
     for (std::uint32_t cell = 0; cell < cells; ++cell) {
       if ((cell >> shift & last) != last && table_[cell] == table_[cell + next]) {
-        const unsigned both = whole_[cell] & whole_[cell + next] & known;
-        whole_[cell] = static_cast<std::uint8_t>(whole_[cell] | both << fewer);
+        const unsigned joined = uniform_boxes_[cell] & uniform_boxes_[cell + next] & known;
+        uniform_boxes_[cell] = static_cast<std::uint8_t>(uniform_boxes_[cell] | joined << without_axis);
       }
     }
   }
@@ -63,7 +63,7 @@ void RegionMap::find_whole() {
 
 namespace {
 
-/// Whether all cells of the box are the node's, uncut.
+/// Whether `node` owns all cells of the box and none is cut.
 bool owns(std::span<const std::uint32_t> table, const CellGrid& grid, const CellBox& box, NodeNumber node) {
   for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
     for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
@@ -76,8 +76,8 @@ bool owns(std::span<const std::uint32_t> table, const CellGrid& grid, const Cell
   return true;
 }
 
-/// A cell of the node's, uncut: the middle one of the box that holds all of these, if it is one. False if there is
-/// none.
+/// Sets `middle` to an uncut cell that `node` owns: the middle cell of the box around all such cells if it is one of
+/// them, else any. Returns false if there is none.
 bool find_middle(std::span<const std::uint32_t> table, const CellGrid& grid, NodeNumber node, CellBox& middle) {
   CellBox reach;
   bool any = false;
@@ -109,22 +109,22 @@ geometry::Bounds RegionMap::interior(NodeNumber node) const {
   if (!find_middle(table_, grid_, node, box)) {
     return {{1, 1, 1}, {0, 0, 0}};
   }
-  // A side that cannot be moved out by a layer cannot when the box has grown elsewhere.
-  bool stuck[6] = {};
+  // A side that cannot move by a layer stays blocked when the box grows elsewhere.
+  bool blocked[6] = {};
   for (bool grows = true; grows;) {
     grows = false;
     for (std::size_t side = 0; side < 6; ++side) {
       const std::size_t axis = side / 2;
       CellBox layer = box;
       if (side % 2 == 0) {
-        stuck[side] |= box.lower[axis] == 0;
+        blocked[side] |= box.lower[axis] == 0;
         layer.lower[axis] = layer.upper[axis] = static_cast<std::uint16_t>(box.lower[axis] - 1);
       } else {
-        stuck[side] |= box.upper[axis] + 1u == grid_.along(axis);
+        blocked[side] |= box.upper[axis] + 1u == grid_.along(axis);
         layer.lower[axis] = layer.upper[axis] = static_cast<std::uint16_t>(box.upper[axis] + 1);
       }
-      stuck[side] = stuck[side] || !owns(table_, grid_, layer, node);
-      if (!stuck[side]) {
+      blocked[side] = blocked[side] || !owns(table_, grid_, layer, node);
+      if (!blocked[side]) {
         (side % 2 == 0 ? box.lower : box.upper)[axis] = layer.lower[axis];
         grows = true;
       }
@@ -151,13 +151,13 @@ Coverage RegionMap::coverage_of_many(const geometry::Bounds& bounds, NodeNumber 
 }
 
 NodeNumber RegionMap::owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept {
-  // The bits that the cell has not used, the next one on top.
-  std::uint32_t left[3];
+  // The coordinate bits below those of the cell; the next bit is the highest one.
+  std::uint32_t remaining[3];
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    left[axis] = point[axis] << grid_.log2[axis];
+    remaining[axis] = point[axis] << grid_.log2[axis];
   }
   while (is_cut(entry)) {
-    std::uint32_t& next = left[axis_of(entry)];
+    std::uint32_t& next = remaining[axis_of(entry)];
     entry = table_[halves_of(entry) + (next >> 31)];
     next <<= 1;
   }
@@ -183,7 +183,7 @@ bool RegionMap::has_cuts(const CellBox& box) const noexcept {
 void RegionMap::assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch) {
   assert(table.size() >= grid_.cells() && (table.size() - grid_.cells()) % 2 == 0);
   table_.assign(table.begin(), table.end());
-  find_whole();
+  find_uniform_boxes();
   nodes_ = nodes;
   epoch_ = epoch;
 }

@@ -11,7 +11,7 @@
 
 namespace ringfence::regions {
 
-/// A box of cells, both corners included.
+/// A box of cells. Both corners are included.
 struct CellBox {
   std::uint16_t lower[3] = {};
   std::uint16_t upper[3] = {};
@@ -19,40 +19,40 @@ struct CellBox {
   constexpr bool single() const noexcept {
     return lower[0] == upper[0] && lower[1] == upper[1] && lower[2] == upper[2];
   }
-  /// Whether all of `other` lies within.
+  /// Whether all of `other` lies within this box.
   constexpr bool contains(const CellBox& other) const noexcept {
     return lower[0] <= other.lower[0] && other.upper[0] <= upper[0] && lower[1] <= other.lower[1] &&
            other.upper[1] <= upper[1] && lower[2] <= other.lower[2] && other.upper[2] <= upper[2];
   }
 };
 
-/// Cells on each axis, as powers of two.
+/// A grid of cells: the number of cells on each axis, as log2.
 struct CellGrid {
   std::uint32_t log2[3] = {0, 0, 0};
 
   std::size_t cells() const noexcept { return std::size_t{1} << (log2[0] + log2[1] + log2[2]); }
   std::uint32_t along(std::size_t axis) const noexcept { return std::uint32_t{1} << log2[axis]; }
 
-  /// The cell coordinate of a fixed-point coordinate. Half-open: a cell holds its lower faces; the outermost cells
-  /// reach to infinity because fixed-point coordinates saturate.
+  /// The cell coordinate of a fixed-point coordinate. Cells are half-open: a cell contains its lower faces. The
+  /// outermost cells reach to infinity, because fixed-point coordinates saturate.
   std::uint32_t coordinate(std::uint32_t fixed, std::size_t axis) const noexcept {
     return static_cast<std::uint32_t>(std::uint64_t{fixed} >> (32 - log2[axis]));
   }
-  /// x fastest, so that the cells of a row are neighbours in every list sorted by cell.
+  /// Cell number: x varies fastest, so the cells of a row are consecutive in lists sorted by cell.
   std::uint32_t index(std::uint32_t x, std::uint32_t y, std::uint32_t z) const noexcept {
     return x | y << log2[0] | z << (log2[0] + log2[1]);
   }
   std::uint32_t cell_of(const std::uint32_t point[3]) const noexcept {
     return index(coordinate(point[0], 0), coordinate(point[1], 1), coordinate(point[2], 2));
   }
-  /// The box of one cell.
+  /// The box that consists of one cell.
   CellBox box_of(std::uint32_t cell) const noexcept {
     const auto x = static_cast<std::uint16_t>(cell & (along(0) - 1));
     const auto y = static_cast<std::uint16_t>(cell >> log2[0] & (along(1) - 1));
     const auto z = static_cast<std::uint16_t>(cell >> (log2[0] + log2[1]));
     return {{x, y, z}, {x, y, z}};
   }
-  /// All cells.
+  /// The box of all cells.
   CellBox all() const noexcept {
     CellBox box;
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -60,7 +60,8 @@ struct CellGrid {
     }
     return box;
   }
-  /// The cells that the bounds overlap or touch from above.
+  /// The cells that the bounds overlap. Bounds that touch a cell's lower face overlap it; its upper face belongs to the
+  /// next cell.
   CellBox cells_of(const geometry::Bounds& bounds) const noexcept {
     CellBox box;
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -70,64 +71,65 @@ struct CellGrid {
     return box;
   }
 
-  /// A grid of about `cells` nearly cubic cells over a world of the given extents (metres), at most 2^10 on an axis.
+  /// A grid of about `cells` nearly cubic cells for a world with these extents in metres; at most 2^10 cells on an
+  /// axis.
   static CellGrid choose(const double extents[3], std::size_t cells);
 };
 
-/// How much of what bounds cover one node owns.
+/// How much of the space that bounds cover a node owns.
 enum class Coverage : std::uint8_t { none, part, all };
 
-/// Which CD node owns which cell. A node's region is the set of its cells, or of parts of cells: one that is too heavy
-/// for a node is cut in two across the middle, and the halves again, as often as it takes.
+/// Which CD node owns which cell. The region of a node is the set of its cells or parts of cells: a cell that is too
+/// heavy for one node is cut in half, and the halves again, as often as needed.
 ///
-/// The *table* says it all: first an entry a cell, which is the number of its owner, or cut_entry() for one that is
-/// cut; then two entries a cut, for its lower and its upper half, which are the same in turn.
+/// The table has one entry for each cell: its owner's number, or cut_entry() if the cell is cut. Then follow two
+/// entries for each cut: its lower and its upper half, in the same format.
 ///
-/// Ownership is a pure function of bounds and this map, so whoever holds the map agrees without asking: the server,
-/// every node, and any machine. Threads: immutable but for assign(); each role holds a copy of its own.
+/// Ownership is a pure function of bounds and this map, so the server and all nodes, on any machine, agree without
+/// communication. Threads: immutable except for assign(); each role has its own copy.
 class RegionMap {
  public:
-  /// The entry of a cell, or a part of one, that is cut across the middle of `axis`: see the halves of the `cut`-th
-  /// cut.
+  /// The entry of a cell, or part of a cell, that is cut in the middle of `axis`. The halves are those of cut number
+  /// `cut`.
   static constexpr std::uint32_t cut_entry(std::size_t axis, std::uint32_t cut) noexcept {
     return is_cut_bit | static_cast<std::uint32_t>(axis) << 29 | cut;
   }
   static constexpr bool is_cut(std::uint32_t entry) noexcept { return (entry & is_cut_bit) != 0; }
 
-  /// All cells split among `nodes` (1 to the number of cells) in boxes of nearly equal volume. Throws Error if there
-  /// are more nodes than cells.
+  /// Divides all cells among `nodes` nodes (1 to the number of cells), in boxes of nearly equal volume. Throws Error if
+  /// there are no nodes or more nodes than cells.
   RegionMap(CellGrid grid, std::uint32_t nodes);
 
   const CellGrid& grid() const noexcept { return grid_; }
   std::uint32_t nodes() const noexcept { return nodes_; }
-  /// Counts changes of the map; every frame is detected under one epoch.
+  /// Number of the map: increases with each change. Every frame is detected under one epoch.
   std::uint32_t epoch() const noexcept { return epoch_; }
   std::span<const std::uint32_t> table() const noexcept { return table_; }
   /// Whether any cell is cut.
   bool has_cuts() const noexcept { return table_.size() > grid_.cells(); }
-  /// Whether any cell of the box is.
+  /// Whether any cell of the box is cut.
   bool has_cuts(const CellBox& box) const noexcept;
 
-  /// The node that hosts what stands at a fixed-point position.
+  /// The node whose region contains a fixed-point position. It hosts the objects there.
   NodeNumber owner_at(const std::uint32_t point[3]) const noexcept {
     const std::uint32_t entry = table_[grid_.cell_of(point)];
     return is_cut(entry) ? owner_below(entry, point) : entry;
   }
 
-  /// The node that tests a pair: the one whose region holds the lower corner of the intersection of the two bounds.
-  /// Both bounds cover that cell, so that node has been told of both. Precondition: touch(p, q).
+  /// The node that tests a pair: the one whose region contains the lower corner of the intersection of the two bounds.
+  /// Both bounds cover that corner's cell, so the node knows both objects. Precondition: touch(p, q).
   NodeNumber pair_owner(const geometry::Bounds& p, const geometry::Bounds& q) const noexcept {
     const std::uint32_t corner[3] = {std::max(p.lower[0], q.lower[0]), std::max(p.lower[1], q.lower[1]),
                                      std::max(p.lower[2], q.lower[2])};
     return owner_at(corner);
   }
 
-  /// Calls `visit(node)` for the owner of each cell, or part of one, that the bounds overlap or touch from above: once
-  /// or more for each node, until it answers false.
+  /// Calls `visit(node)` for the owner of each cell or part of a cell that the bounds cover, at least once for each
+  /// owner. Stops when `visit` returns false.
   template <class Visit>
   void visit_owners(const geometry::Bounds& bounds, Visit&& visit) const {
     const CellBox box = grid_.cells_of(bounds);
-    if (const std::uint32_t cell = grid_.index(box.lower[0], box.lower[1], box.lower[2]); is_whole(box, cell)) {
+    if (const std::uint32_t cell = grid_.index(box.lower[0], box.lower[1], box.lower[2]); is_uniform(box, cell)) {
       visit(table_[cell]);
       return;
     }
@@ -143,29 +145,30 @@ class RegionMap {
     }
   }
 
-  /// How much of what the bounds overlap or touch from above is `node`'s.
+  /// How much of the space that the bounds cover is owned by `node`.
   Coverage coverage(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
     if (nodes_ == 1) {
       return node == 0 ? Coverage::all : Coverage::none;
     }
     const CellBox box = grid_.cells_of(bounds);
-    if (const std::uint32_t cell = grid_.index(box.lower[0], box.lower[1], box.lower[2]); is_whole(box, cell)) {
+    if (const std::uint32_t cell = grid_.index(box.lower[0], box.lower[1], box.lower[2]); is_uniform(box, cell)) {
       return table_[cell] == node ? Coverage::all : Coverage::none;
     }
     return coverage_of_many(bounds, node);
   }
 
-  /// Bounds within which all is `node`'s, or bounds that hold nothing (lower above upper) where no cell is: of a region
-  /// that is a box, the whole, of others the box that a cell in the middle of them grows to. Takes a look at each cell.
+  /// Bounds within the region of `node`: the whole region if it is a box, else a box grown from a cell in its middle.
+  /// Empty (lower above upper) if the node owns no whole cell. Cost: reads every cell; not for use in a frame's inner
+  /// loops.
   geometry::Bounds interior(NodeNumber node) const;
 
-  /// Replaces the table. Precondition: it is one, its owners are below `nodes`.
+  /// Replaces the table. Precondition: the table is well-formed and its owners are below `nodes`.
   void assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch);
 
  private:
   static constexpr std::uint32_t is_cut_bit = std::uint32_t{1} << 31;
 
-  /// A cell or a part of one: its lower corner and the powers of two that its sides are.
+  /// A cell or a part of one: its lower corner and log2 of its sides.
   struct Part {
     std::uint32_t lower[3];
     std::uint32_t bits[3];
@@ -174,14 +177,14 @@ class RegionMap {
   std::size_t halves_of(std::uint32_t entry) const noexcept {
     return grid_.cells() + 2 * std::size_t{entry & 0x1fffffffu};
   }
-  /// Whether all cells of the box, whose lowest is `cell`, are one node's, as far as whole_ can tell: most bounds are
-  /// smaller than a cell, so that they cover one or two of them on an axis.
-  bool is_whole(const CellBox& box, std::uint32_t cell) const noexcept {
+  /// Whether uniform_boxes_ shows that one node owns all cells of the box whose lowest cell is `cell`. Most bounds are
+  /// smaller than a cell, so their boxes span one or two cells on each axis.
+  bool is_uniform(const CellBox& box, std::uint32_t cell) const noexcept {
     const auto across = [&](std::size_t axis) { return std::uint32_t{box.upper[axis]} - box.lower[axis]; };
     const std::uint32_t x = across(0), y = across(1), z = across(2);
-    return (x | y | z) <= 1 && (whole_[cell] >> (x | y << 1 | z << 2) & 1) != 0;
+    return (x | y | z) <= 1 && (uniform_boxes_[cell] >> (x | y << 1 | z << 2) & 1) != 0;
   }
-  void find_whole();
+  void find_uniform_boxes();
   Coverage coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept;
   static std::size_t axis_of(std::uint32_t entry) noexcept { return entry >> 29 & 3u; }
   NodeNumber owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept;
@@ -218,14 +221,14 @@ class RegionMap {
   std::uint32_t nodes_;
   std::uint32_t epoch_ = 1;
   std::vector<std::uint32_t> table_;
-  /// A byte a cell: bit x + 2y + 4z, whether it and its upper neighbours across those axes, of 0 and 1, are one node's
-  /// and none of them is cut.
-  std::vector<std::uint8_t> whole_;
+  /// One byte for each cell. Bit x + 2y + 4z, where x, y and z are 0 or 1: whether one node owns the box from this cell
+  /// to the cell x, y and z further on the axes, and none of its cells is cut.
+  std::vector<std::uint8_t> uniform_boxes_;
 };
 
-/// Calls `visit(node)` once for each node that owns something that the bounds overlap or touch from above.
+/// Calls `visit(node)` once for each node that owns space which the bounds cover.
 ///
-/// `stamps` has one entry a node and `stamp` a value not in it; both belong to the caller.
+/// `stamps` has one entry for each node, `stamp` is a value not yet in it; both belong to the caller.
 template <class Visit>
 void for_each_owner(const RegionMap& map, const geometry::Bounds& bounds, std::span<std::uint64_t> stamps,
                     std::uint64_t stamp, Visit visit) {
@@ -238,7 +241,7 @@ void for_each_owner(const RegionMap& map, const geometry::Bounds& bounds, std::s
   });
 }
 
-/// The same for the owners of cells. Precondition: none of them is cut.
+/// The same for the owners of a box of cells. Precondition: none of them is cut.
 template <class Visit>
 void for_each_owner(const RegionMap& map, const CellBox& box, std::span<std::uint64_t> stamps, std::uint64_t stamp,
                     Visit visit) {

@@ -10,13 +10,13 @@
 
 namespace ringfence::telemetry {
 
-/// What the CPU time of a thread that steps many user nodes went to, by the step of the frame that they are in.
+/// CPU time of a thread that runs many user nodes, by step of the frame.
 ///
-/// Each says which step it enters; the clock is looked at where that is another than the thread is in, so that it costs
-/// a few system calls a frame, not a few a user node. What passes between two entries, looking for messages included,
-/// belongs to the former.
+/// Each user node calls enter() with the step that it begins. The clock is read only when the step changes, so the cost
+/// is a few system calls a frame, not a few for each user node. Time between two calls, polling included, counts for
+/// the earlier step.
 ///
-/// Threads: enter() by the thread that it counts; take() by any other, between frames.
+/// Threads: enter() by the measured thread; take() by any other thread, between frames.
 class StepClock {
  public:
   enum Step : std::uint8_t { move, read_publications, end };
@@ -24,18 +24,18 @@ class StepClock {
   void enter(Step step) noexcept {
     if (step != step_) {
       const std::uint64_t now = thread_cpu_ns();
-      spent_[step_].fetch_add(now - std::exchange(mark_, now), std::memory_order_relaxed);
+      spent_ns_[step_].fetch_add(now - std::exchange(entered_ns_, now), std::memory_order_relaxed);
       step_ = step;
     }
   }
-  /// Nanoseconds in that step, if it was left since the last call.
-  std::uint64_t take(Step step) noexcept { return spent_[step].exchange(0, std::memory_order_relaxed); }
+  /// Returns the ns spent in `step` since the last call and resets them. Time of an unfinished step is not included.
+  std::uint64_t take(Step step) noexcept { return spent_ns_[step].exchange(0, std::memory_order_relaxed); }
 
  private:
   Step step_ = end;
-  std::uint64_t mark_ = 0;
-  // Of a user node that is late nobody knows whether it still moves when the frame is over.
-  std::array<std::atomic<std::uint64_t>, 3> spent_{};
+  std::uint64_t entered_ns_ = 0;
+  // Atomic, because a user node that missed its deadline may still be moving when the frame is over.
+  std::array<std::atomic<std::uint64_t>, 3> spent_ns_{};
 };
 
 }  // namespace ringfence::telemetry

@@ -9,10 +9,10 @@
 
 namespace ringfence::telemetry {
 
-/// What one role did when, in one frame: spans of the monotonic clock under literal names.
+/// The timeline of one role in one frame: named spans of the monotonic clock. Names are string literals.
 ///
-/// Written by the role's thread without locks while a frame is under way, read by the facade between frames: the
-/// frame's own messages order the two. Memory: grows to the busiest frame.
+/// Written by the role's thread during a frame, read by the facade between frames. No lock is needed: the messages of
+/// the frame order the two. Memory: grows to the busiest frame.
 class Track {
  public:
   void clear() noexcept { spans_.clear(); }
@@ -25,7 +25,8 @@ class Track {
   std::vector<TimelineSpan> spans_;
 };
 
-/// Notes a scope on a track, and adds its time to a total. A null track costs nothing but the two looks at the clock.
+/// Adds the duration of a scope to a total, and to a track as a span. If the track is null, it costs two reads of the
+/// clock.
 class SpanTimer {
  public:
   SpanTimer(Track* track, const char* name, std::uint64_t& total) noexcept

@@ -145,9 +145,42 @@ std::string position_of_byte(std::string_view text, std::size_t byte) {
   return fmt::format("{}:{}", line, column);
 }
 
+/// The JSON library recurses when it prints a value, as an error message does. A scene has 5 levels.
+constexpr std::size_t most_levels = 64;
+
+/// The position of the first bracket that opens a level too many; npos where there is none. In a text that is not JSON
+/// the brackets of unfinished strings may be taken for levels, but such a text is refused anyway.
+std::size_t find_too_deep(std::string_view text) {
+  std::size_t levels = 0;
+  bool in_string = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (in_string) {
+      if (c == '\\') {
+        ++i;
+      } else if (c == '"') {
+        in_string = false;
+      }
+    } else if (c == '"') {
+      in_string = true;
+    } else if (c == '[' || c == '{') {
+      if (++levels > most_levels) return i;
+    } else if ((c == ']' || c == '}') && levels > 0) {
+      --levels;
+    }
+  }
+  return std::string_view::npos;
+}
+
 }  // namespace
 
 JsonDocument::JsonDocument(std::string_view text, std::string name) : text_(text), name_(std::move(name)) {
+  if (const std::size_t at = find_too_deep(text); at != std::string_view::npos) {
+    throw InputError(
+        fmt::format("{}:{}: arrays and objects are nested more than {} deep; expected at most {} levels, "
+                    "remove the surplus brackets",
+                    name_, position_of_byte(text, at + 1), most_levels, most_levels));
+  }
   std::set<std::string> keys[3];
   std::string duplicate_key;
   const auto find_duplicate = [&](int depth, Json::parse_event_t event, Json& parsed) {

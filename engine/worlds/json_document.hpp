@@ -20,8 +20,9 @@ class JsonDocument {
  public:
   /// Parses `text`, which must outlive the document. `name` is the file name in messages.
   ///
-  /// Throws InputError with FILE:LINE:COLUMN for text that is not JSON. Also throws it for a duplicate key in one of
-  /// the outer two levels of objects, for example a duplicate shape name.
+  /// Throws InputError with FILE:LINE:COLUMN for text that is not JSON, and for arrays and objects that are nested
+  /// more than 64 deep. Also throws it for a duplicate key in one of the outer two levels of objects, for example a
+  /// duplicate shape name.
   JsonDocument(std::string_view text, std::string name);
 
   const Json& root() const noexcept { return root_; }

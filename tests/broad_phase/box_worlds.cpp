@@ -60,7 +60,7 @@ geometry::Bounds plane_in_z(Random& r) {
 geometry::Bounds beyond_the_bounds(Random& r) {
   return box({uniform(r, -side, 2 * side), uniform(r, -side, 2 * side), uniform(r, -side, 2 * side)}, cube(0.1 * side));
 }
-geometry::Bounds flat_world_of_towers(Random& r) {  // as air traffic: each axis scaled on its own
+geometry::Bounds flat_world_of_towers(Random& r) {  // as in air traffic: each axis scaled separately
   return box(anywhere(r), {0.03 * side, 0.03 * side, 0.3 * side});
 }
 geometry::Bounds points(Random& r) {
@@ -80,7 +80,7 @@ geometry::Bounds touching_grid(Random& r) {  // neighbours share faces, edges an
   constexpr double step = 1 << 28;
   return box({double(r() % 16) * step, double(r() % 16) * step, double(r() % 16) * step}, cube(step));
 }
-geometry::Bounds touching_rows(Random& r) {  // at the places where rows and quanta of any power of two begin
+geometry::Bounds touching_rows(Random& r) {  // at the coordinates where rows and quanta of any power of two start
   const auto edge = [&] { return std::ldexp(1.0, 20 + int(r() % 12)) * double(r() % 3) - double(r() % 2); };
   return box({edge(), edge(), edge()}, cube(std::ldexp(1.0, 18 + int(r() % 6)) - double(r() % 2)));
 }

@@ -10,14 +10,15 @@
 
 namespace ringfence::broad_phase::test {
 
-/// A kind of world: draws one box at a time. Sizes are chosen so that a few hundred boxes have pairs enough.
+/// A kind of world: generates one box at a time. The sizes are such that a few hundred boxes have enough pairs.
 struct BoxWorld {
   std::string name;
   geometry::Bounds (*draw)(std::mt19937_64& random);
 };
 
-/// From the ordinary to the malicious: one size, sizes of nine orders of magnitude, everything in one spot, on a line,
-/// on a plane, beyond the bounds, points, plates, rods, giants, grids that touch exactly, a spot in an empty world.
+/// From ordinary to hostile: one size, sizes over nine orders of magnitude, everything in one place, on a line, on a
+/// plane, outside the bounds, points, plates, rods, giants, grids whose boxes touch exactly, a cluster in an empty
+/// world.
 const std::vector<BoxWorld>& box_worlds();
 
 std::vector<geometry::Bounds> draw_boxes(const BoxWorld& world, std::size_t count, std::mt19937_64& random);

@@ -22,7 +22,7 @@ LayerMasks draw_masks(std::mt19937_64& random) {
   return masks;
 }
 
-TEST_CASE("pairs whose layers do not collide are never emitted, in any world or instruction set") {
+TEST_CASE("pairs whose layers do not collide are never found, in any world or instruction set") {
   ringfence::test::on_every_target([] {
     for (const BoxWorld& world : box_worlds()) {
       for (const std::size_t count : {2, 65, 700}) {
@@ -43,7 +43,7 @@ TEST_CASE("pairs whose layers do not collide are never emitted, in any world or 
   });
 }
 
-TEST_CASE("layers hold between what rests and what moves too, and may change with what moves") {
+TEST_CASE("layers also apply between resting and moving boxes, and may change with moving boxes") {
   for (const BoxWorld& world : box_worlds()) {
     const std::uint64_t seed = 77;
     CAPTURE(world.name);
@@ -69,7 +69,7 @@ TEST_CASE("layers hold between what rests and what moves too, and may change wit
   }
 }
 
-TEST_CASE("where no two layers collide a heap has no pairs, and where all do it has them all") {
+TEST_CASE("a heap has no pairs if no layers collide, and all pairs if all do") {
   std::mt19937_64 random(4);
   const auto boxes = draw_boxes(box_worlds()[0], 200, random);
   const std::vector<std::uint8_t> present(200, 1), resting(200, 0), layers(200, 31);

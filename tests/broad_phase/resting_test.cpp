@@ -12,7 +12,7 @@ namespace {
 
 using geometry::Bounds;
 
-// A world over many frames: some boxes move, some come and go, the table grows and shrinks.
+// A world over many frames: some boxes move, some appear and disappear, the table grows and shrinks.
 struct Simulation {
   const BoxWorld& world;
   std::mt19937_64 random;
@@ -40,7 +40,7 @@ struct Simulation {
   }
 };
 
-TEST_CASE("over many frames of moving, resting, coming and going the pairs stay those of brute force") {
+TEST_CASE("the pairs match brute force over many frames in which boxes move, rest, appear and disappear") {
   for (const BoxWorld& world : box_worlds()) {
     const std::uint64_t seed = 1234;
     CAPTURE(world.name);
@@ -59,7 +59,7 @@ TEST_CASE("over many frames of moving, resting, coming and going the pairs stay 
   }
 }
 
-TEST_CASE("a resting flag that is never set changes nothing but the time") {
+TEST_CASE("without resting flags the pairs are the same") {
   const BoxWorld& world = box_worlds()[0];
   Simulation simulation{world, std::mt19937_64(8), {}, {}, {}};
   simulation.resize(400);
@@ -73,7 +73,7 @@ TEST_CASE("a resting flag that is never set changes nothing but the time") {
   }
 }
 
-TEST_CASE("boxes at rest that leave the table are forgotten, and their slots can be used again") {
+TEST_CASE("resting boxes that leave the table are removed, and their slots can be reused") {
   const BoxWorld& world = box_worlds()[0];
   Simulation simulation{world, std::mt19937_64(9), {}, {}, {}};
   SweepAndPrune sweep(10, 10);

@@ -13,7 +13,7 @@
 namespace ringfence::broad_phase::test {
 namespace {
 
-TEST_CASE("a planned layout keeps the invariants that the sweep rests on, in every world") {
+TEST_CASE("a planned layout satisfies the invariants of the sweep, in every world") {
   for (const BoxWorld& world : box_worlds())
     for (const std::size_t count : {1, 20, 2000}) {
       CAPTURE(world.name);

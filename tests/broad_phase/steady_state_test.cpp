@@ -9,7 +9,7 @@
 #include "broad_phase/box_worlds.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
 
-// Counts what this program allocates. Memory comes from malloc in both forms so that either delete may free it.
+// Counts the allocations of this program. Both forms take their memory from malloc, so that either delete can free it.
 namespace {
 std::atomic<std::size_t> allocations{0};
 
@@ -33,7 +33,7 @@ void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std
 namespace ringfence::broad_phase::test {
 namespace {
 
-TEST_CASE("in steady state a frame allocates nothing, also when a plan is made anew") {
+TEST_CASE("in steady state a frame allocates nothing, even when the layout is planned again") {
   for (const double moving : {1.0, 0.1}) {
     CAPTURE(moving);
     std::mt19937_64 random(4);

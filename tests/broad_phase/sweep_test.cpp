@@ -21,7 +21,7 @@ std::string compare(SweepAndPrune& sweep, const std::vector<Bounds>& boxes, cons
   return difference(sweep.find(boxes, present, resting), all_pairs(boxes, present));
 }
 
-TEST_CASE("the pairs are those of brute force, each once, in every world, size and instruction set") {
+TEST_CASE("the pairs match brute force, each once, in every world, size and instruction set") {
   ringfence::test::on_every_target([] {
     for (const BoxWorld& world : box_worlds()) {
       SweepAndPrune sweep(0, 0);
@@ -38,14 +38,14 @@ TEST_CASE("the pairs are those of brute force, each once, in every world, size a
   });
 }
 
-TEST_CASE("each instruction set has kernels of its own") {
+TEST_CASE("each instruction set has its own kernels") {
   std::vector<std::size_t> lanes;
   ringfence::test::on_every_target([&] { lanes.push_back(choose_kernels().lanes); });
-  CHECK(lanes.front() == choose_kernels().lanes);  // targets come best first
+  CHECK(lanes.front() == choose_kernels().lanes);  // the best target comes first
   CHECK(lanes.back() <= 2);
 }
 
-TEST_CASE("worlds mixed into one have the pairs of brute force") {
+TEST_CASE("mixed worlds match brute force") {
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     CAPTURE(seed);
     std::mt19937_64 random(seed);
@@ -61,19 +61,19 @@ TEST_CASE("worlds mixed into one have the pairs of brute force") {
   }
 }
 
-TEST_CASE("worlds large enough for many buckets have the pairs of brute force") {
+TEST_CASE("worlds large enough for many buckets match brute force") {
   for (const char* name : {"small and few", "spot and strays"}) {
     const auto& worlds = box_worlds();
     const auto world = std::find_if(worlds.begin(), worlds.end(), [&](const BoxWorld& w) { return w.name == name; });
     REQUIRE(world != worlds.end());
     std::mt19937_64 random(5);
     auto boxes = draw_boxes(*world, 40000, random);
-    // Half as large as the world's, or there were far more pairs than boxes.
+    // Half as large as in the world, otherwise there are far more pairs than boxes.
     for (auto& b : boxes)
       for (int a = 0; a < 3; ++a) b.upper[a] = b.lower[a] + (b.upper[a] - b.lower[a]) / 2;
     SweepAndPrune sweep(boxes.size(), 10);
     const std::vector<std::uint8_t> present(boxes.size(), 1), resting(boxes.size(), 0);
-    // The oracle: a sweep over x alone.
+    // The oracle is a sweep along x.
     std::vector<std::uint32_t> order(boxes.size());
     for (std::uint32_t i = 0; i < order.size(); ++i) order[i] = i;
     std::sort(order.begin(), order.end(), [&](auto p, auto q) { return boxes[p].lower[0] < boxes[q].lower[0]; });
@@ -87,7 +87,7 @@ TEST_CASE("worlds large enough for many buckets have the pairs of brute force") 
   }
 }
 
-TEST_CASE("boxes that share nothing but a corner are a pair, and one step apart they are none") {
+TEST_CASE("boxes that share only a corner are a pair; one unit apart they are not") {
   for (int axis = 0; axis < 3; ++axis) {
     Bounds p{{100, 100, 100}, {200, 200, 200}}, q{{200, 200, 200}, {300, 300, 300}};
     const std::vector<std::uint8_t> present(2, 1), resting(2, 0);
@@ -98,7 +98,7 @@ TEST_CASE("boxes that share nothing but a corner are a pair, and one step apart 
   }
 }
 
-TEST_CASE("absent boxes have no pairs, also where their bounds are nonsense") {
+TEST_CASE("absent boxes have no pairs, even if their bounds are invalid") {
   std::mt19937_64 random(3);
   auto boxes = draw_boxes(box_worlds()[0], 500, random);
   std::vector<std::uint8_t> present(500);
@@ -110,7 +110,7 @@ TEST_CASE("absent boxes have no pairs, also where their bounds are nonsense") {
   CHECK(compare(sweep, boxes, present) == "");
 }
 
-TEST_CASE("portions put together are the whole, and no portion is larger than asked for") {
+TEST_CASE("the portions together are all pairs, and no portion exceeds the requested size") {
   for (const std::size_t most : {std::size_t{1}, std::size_t{7}, std::size_t{1000}, std::size_t{1} << 30}) {
     CAPTURE(most);
     std::mt19937_64 random(11);
@@ -121,7 +121,7 @@ TEST_CASE("portions put together are the whole, and no portion is larger than as
     for (int frame = 0; frame < 4; ++frame) {
       sweep.begin(boxes, present, resting);
       const auto expected = all_pairs(boxes, present);
-      // The boxes are not needed any more: a caller may write the next frame's already.
+      // The boxes are not read any more: a caller may already write those of the next frame.
       for (std::size_t i = 0; i < boxes.size(); ++i) {
         resting[i] = i % 5 != 0;
         if (resting[i] == 0) boxes[i] = box_worlds()[0].draw(random);
@@ -137,7 +137,7 @@ TEST_CASE("portions put together are the whole, and no portion is larger than as
   }
 }
 
-TEST_CASE("a sweep abandoned half-way does not disturb the next") {
+TEST_CASE("an abandoned sweep does not affect the next one") {
   std::mt19937_64 random(12);
   const auto boxes = draw_boxes(box_worlds()[0], 800, random);
   const std::vector<std::uint8_t> present(800, 1), resting(800, 0), still(800, 1);

@@ -12,11 +12,11 @@
 
 namespace ringfence::test {
 
-/// One end of a way between two processes, with a ring to send by and one to hear by: what bridge and node have,
-/// without a World.
+/// One end of a channel between two processes, with one ring to send and one to receive: what the bridge and a node
+/// have, without a World.
 class ChannelEnd {
  public:
-  /// `mine` and `theirs` are the topics written and read.
+  /// `mine` is the topic written, `theirs` the one read.
   ChannelEnd(const dds::NetworkConfig& network, dds::Side side, dds::Topic mine, dds::Topic theirs,
              std::uint64_t incarnation)
       : domain_(network, side),
@@ -39,7 +39,7 @@ class ChannelEnd {
     return out.current_count > 0 && in.current_count > 0;
   }
 
-  /// Carries what can be carried now.
+  /// Moves what can be moved now.
   void step() {
     auto show = [this](dds::ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
       return kind != dds::ParcelKind::messages ||
@@ -66,7 +66,7 @@ class ChannelEnd {
   bool broken_ = false;
 };
 
-/// Of the echo: whoever hears a message of this one byte ends.
+/// For the echo process: it ends when it receives this message of one byte.
 inline constexpr std::byte end_marker{0xff};
 
 }  // namespace ringfence::test

@@ -33,7 +33,7 @@ bool fails(std::span<const std::byte> bytes) {
 
 }  // namespace
 
-TEST_CASE("a shape that is packed and unpacked is packed into the same bytes again") {
+TEST_CASE("a shape that is packed, unpacked and packed again has the same bytes") {
   for (const ShapeDescription& shape : some_shapes()) {
     const auto bytes = pack_shape(shape);
     const ShapeDescription again = unpack_shape(bytes, 0, nullptr);
@@ -42,7 +42,7 @@ TEST_CASE("a shape that is packed and unpacked is packed into the same bytes aga
   }
 }
 
-TEST_CASE("bytes that are no shape are refused, whatever they are") {
+TEST_CASE("bytes that are not a shape are refused") {
   std::mt19937_64 random(5);
   for (const ShapeDescription& shape : some_shapes()) {
     const auto bytes = pack_shape(shape);
@@ -60,11 +60,11 @@ TEST_CASE("bytes that are no shape are refused, whatever they are") {
     }
     const std::uint64_t kind = random() % 8;
     std::memcpy(bytes.data(), &kind, sizeof kind);
-    fails(bytes);  // or not: but nothing is read beyond them
+    fails(bytes);  // may fail or not, but must not read past the end
   }
 }
 
-TEST_CASE("a support function is not sent: the node's own stands for it, or the World is refused") {
+TEST_CASE("a support function is not sent: the node supplies its own, or the World is refused") {
   struct Point : SupportFunction {
     Vec3f support(Vec3f) const override { return {1, 2, 3}; }
   };
@@ -78,7 +78,7 @@ TEST_CASE("a support function is not sent: the node's own stands for it, or the 
   CHECK(std::get<SupportShape>(shape).function == function);
 }
 
-TEST_CASE("pieces make the thing again in any order, and only of one epoch") {
+TEST_CASE("pieces are reassembled in any order, and only those of one epoch") {
   std::vector<std::byte> content(100);
   for (std::size_t i = 0; i < content.size(); ++i) {
     content[i] = static_cast<std::byte>(i);
@@ -92,19 +92,19 @@ TEST_CASE("pieces make the thing again in any order, and only of one epoch") {
     sample.bytes = dds::borrow(std::span(content).subspan(part * 25, 25));
     return sample;
   };
-  dds::PieceAssembler shelf;
+  dds::PieceAssembler assembler;
   for (const std::uint32_t part : {2u, 0u, 3u}) {
-    shelf.add(piece(part, 7));
+    assembler.add(piece(part, 7));
   }
-  CHECK(shelf.find(dds::PieceKind::regions, 0, 7) == nullptr);
-  shelf.add(piece(1, 8));  // of another epoch: what came before is of no use
-  CHECK(shelf.find(dds::PieceKind::regions, 0, 7) == nullptr);
+  CHECK(assembler.find(dds::PieceKind::regions, 0, 7) == nullptr);
+  assembler.add(piece(1, 8));  // a piece of another epoch discards the earlier ones
+  CHECK(assembler.find(dds::PieceKind::regions, 0, 7) == nullptr);
   for (const std::uint32_t part : {3u, 2u, 0u}) {
-    shelf.add(piece(part, 8));
+    assembler.add(piece(part, 8));
   }
-  REQUIRE(shelf.find(dds::PieceKind::regions, 0, 8) != nullptr);
-  CHECK(*shelf.find(dds::PieceKind::regions, 0, 8) == content);
-  CHECK(shelf.find(dds::PieceKind::shape, 0, 8) == nullptr);
+  REQUIRE(assembler.find(dds::PieceKind::regions, 0, 8) != nullptr);
+  CHECK(*assembler.find(dds::PieceKind::regions, 0, 8) == content);
+  CHECK(assembler.find(dds::PieceKind::shape, 0, 8) == nullptr);
 }
 
 }  // namespace ringfence

@@ -1,4 +1,4 @@
-// The program with its nodes as processes over loopback, beside itself with its nodes as threads.
+// The program with its nodes as processes over loopback, compared with nodes as threads.
 #include <fstream>
 #include <iterator>
 #include <string>
@@ -15,7 +15,7 @@ using test::ProgramResult;
 
 }  // namespace
 
-TEST_CASE("nodes in other processes find the same contacts in every deployment, at every placement and number") {
+TEST_CASE("nodes in other processes find the same contacts in every deployment, placement and number") {
   const std::string world = "run --objects 300 --users 10 --frames 30 --warmup 5 ";
   const std::string expected = test::digest_in(test::ringfence(world + "--nodes 0").out);
   REQUIRE(expected.size() == 16);
@@ -32,7 +32,7 @@ TEST_CASE("nodes in other processes find the same contacts in every deployment, 
   }
 }
 
-TEST_CASE("shapes of every kind reach nodes in other processes, and brute force agrees with what they find") {
+TEST_CASE("shapes of every kind reach nodes in other processes, and brute force agrees with their contacts") {
   for (const char* shapes : {"sphere", "box", "capsule", "hull", "mixed", "mesh"}) {
     const std::string arguments =
         std::string("run --check --objects 200 --users 5 --frames 4 --warmup 10 --link dds --nodes 2 --shapes ") +
@@ -43,7 +43,7 @@ TEST_CASE("shapes of every kind reach nodes in other processes, and brute force 
   }
 }
 
-TEST_CASE("a recorded world runs over nodes in other processes as it does over threads") {
+TEST_CASE("a recorded world gives the same result with nodes in other processes as with threads") {
   const std::string air = std::string("replay --scene ") + RINGFENCE_DATA + "/air/scene.json --motion " +
                           RINGFENCE_DATA + "/air/motion.csv --nodes 2 ";
   const std::string expected = test::digest_in(test::ringfence(air).out);
@@ -53,7 +53,7 @@ TEST_CASE("a recorded world runs over nodes in other processes as it does over t
   CHECK(test::digest_in(answer.out) == expected);
 }
 
-TEST_CASE("a World that stood still for longer than its lease has its nodes again when it goes on") {
+TEST_CASE("a World that stalls for longer than its lease has its nodes again when it continues") {
   const test::TemporaryFolder folder;
   const std::string status = folder / "status.json";
   const auto read_status = [&] {
@@ -67,7 +67,7 @@ TEST_CASE("a World that stood still for longer than its lease has its nodes agai
   std::this_thread::sleep_for(std::chrono::duration<double, std::milli>(4 * test::lease_ms));
   std::string last = read_status();
   world.signal(SIGCONT);
-  // It is written once a second: what comes third knows of all that was lost meanwhile.
+  // The status is written once a second: the third one includes all losses of that time.
   for (int i = 0; i < 3; ++i) {
     REQUIRE(test::wait_until([&] { return read_status() != last; }, 60));
     last = read_status();
@@ -76,7 +76,7 @@ TEST_CASE("a World that stood still for longer than its lease has its nodes agai
   CHECK(!world.has_ended());
 }
 
-TEST_CASE("a World that nobody joins says what to look at, and ends with 2") {
+TEST_CASE("a World that no node joins prints advice and exits with 2") {
   const ProgramResult answer = test::ringfence(
       "run --objects 50 --users 1 --link dds --wait-nodes 2 --wait-ms 200 "
       "--domain 77 --interface lo");
@@ -85,7 +85,7 @@ TEST_CASE("a World that nobody joins says what to look at, and ends with 2") {
         std::string::npos);
 }
 
-TEST_CASE("what cannot be had of a network is refused with what to change") {
+TEST_CASE("an unavailable network setting is refused with what to change") {
   CHECK(test::ringfence("node --interface nosuch0 --domain 9").out.find("see that the interface exists") !=
         std::string::npos);
   CHECK(test::ringfence("run --wait-nodes 2").out.find("expected with --link dds") != std::string::npos);

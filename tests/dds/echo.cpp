@@ -1,4 +1,4 @@
-// Sends back every message that it hears, as a process of its own. Arguments: domain; milliseconds between two looks.
+// A process that sends back every message it receives. Arguments: domain; milliseconds between two polls.
 #include <chrono>
 #include <cstdlib>
 #include <thread>
@@ -19,7 +19,7 @@ int main(int argc, char** argv) {
     side.step();
     for (;;) {
       if (last) break;
-      // Room first: what has been taken out of the ring cannot be put back.
+      // Room first: a message that was taken out of the ring cannot be put back.
       const auto room = side.out().claim(side.out().largest_message());
       if (room.empty()) break;
       const auto message = side.in().next();
@@ -32,7 +32,7 @@ int main(int argc, char** argv) {
     side.out().publish();
     if (last && !side.parcel_channel().has_to_send()) {
       side.step();
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until it is acknowledged
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until the message is acknowledged
       return 0;
     }
     std::this_thread::sleep_for(pause);

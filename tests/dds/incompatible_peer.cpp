@@ -1,5 +1,5 @@
-// A node of another version or machine, or one that refuses the World itself: says that it is there and ready, until it
-// is killed. Arguments: domain, in what it differs (a Difference), its NodeState, why.
+// An incompatible node process, or one that refuses the World: announces itself until it is killed. Arguments: domain,
+// Difference, NodeState, reason.
 #include "dds/incompatible_peer.hpp"
 
 #include <cstdlib>
@@ -17,7 +17,7 @@ int main(int argc, char** argv) {
   dds::Domain domain(network, dds::Side::node);
   domain.start_heartbeat(network.lease_ms);
   const dds::Entity writer = domain.writer(dds::Topic::presence, dds::liveliness_qos(network.lease_ms), {});
-  char name[] = "stranger";
+  char name[] = "peer";
   dds::PresenceSample sample{};
   sample.incarnation = 5;
   sample.version = dds::wire_version;

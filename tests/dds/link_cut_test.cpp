@@ -1,4 +1,4 @@
-// A link between two machines that is cut and healed: two network namespaces with a pair of interfaces between them.
+// A link between two machines that is cut and restored: two network namespaces with a pair of interfaces between them.
 #include <cstdlib>
 #include <string>
 
@@ -17,7 +17,7 @@ using test::NodeWorld;
 
 bool run(const std::string& command) { return std::system((command + " >/dev/null 2>&1").c_str()) == 0; }
 
-/// Two namespaces, "here" for the World and "there" for nodes, and a link between them; gone with it.
+/// Two namespaces, "here" for the World and "there" for nodes, and a link between them; removed by the destructor.
 class TwoMachines {
  public:
   TwoMachines() {
@@ -43,7 +43,7 @@ class TwoMachines {
   bool made() const { return made_; }
   const std::string& here() const { return here_; }
   const std::string& there() const { return there_; }
-  /// The calling thread, and whatever it starts, is on that machine from now on.
+  /// Moves the calling thread, and the processes that it starts, to that machine.
   void go(const std::string& machine) const {
     const int space = open(("/var/run/netns/" + machine).c_str(), O_RDONLY | O_CLOEXEC);
     REQUIRE(space >= 0);
@@ -54,7 +54,7 @@ class TwoMachines {
   void cut() const { REQUIRE(run("ip -n " + there_ + " link set rfb down")); }
   void heal() const { REQUIRE(raise(there_, "rfb")); }
 
-  /// The World's processes here, the nodes' there.
+  /// The World's process here, the nodes' there.
   test::ProcessPlacement place() const {
     return {"rfa", "rfb", [this] { go(there_); }, [this] { go(here_); }};
   }
@@ -78,7 +78,7 @@ bool skipped(const TwoMachines& machines) {
 
 }  // namespace
 
-TEST_CASE("nodes behind a link that is cut are lost in any deployment, and join anew when it heals") {
+TEST_CASE("nodes behind a cut link are lost in any deployment, and join again when it is restored") {
   const TwoMachines machines;
   if (skipped(machines)) {
     return;
@@ -101,7 +101,7 @@ TEST_CASE("nodes behind a link that is cut are lost in any deployment, and join 
   }
 }
 
-TEST_CASE("recorded air traffic runs over two nodes on another machine, found by multicast or by address") {
+TEST_CASE("recorded air traffic runs on two nodes of another machine, discovered by multicast or by address") {
   const TwoMachines machines;
   if (skipped(machines)) {
     return;

@@ -1,11 +1,13 @@
-// A CD node as a process of its own, with the model that the tests' worlds have. Arguments: domain, name, interface,
-// how many times as long as it need it takes to move an object.
+// A CD node process with the model of the tests' worlds. Arguments: domain, name, interface, factor by which moving an
+// object takes longer.
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <string>
 
+#include "base/caller_environment.hpp"
 #include "facade/bouncing_world.hpp"
+#include "geometry/gapped_ellipsoid.hpp"
 #include "ringfence/cluster.hpp"
 
 namespace {
@@ -14,7 +16,7 @@ ringfence::dds::NodeService* draining_service = nullptr;
 
 void drain(int) { draining_service->drain(); }
 
-/// Does the same, but takes long about it: as a slow machine would.
+/// The same model, but slow, like a node on a slow machine.
 class SlowModel : public ringfence::test::BouncingModel {
  public:
   SlowModel(double side, int times) : BouncingModel(side), times_(times) {}
@@ -38,7 +40,7 @@ int main(int argc, char** argv) {
   config.network.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
   config.network.interface = argv[3];
   config.name = argv[2];
-  config.once = true;  // who takes a World that is cut off for one that has ended is gone for good
+  config.once = true;  // a process that takes a cut-off World for an ended one must end
   const int times = std::atoi(argv[4]);
   config.model = [times](std::span<const std::byte> setup) -> std::shared_ptr<const MotionModel> {
     double side = 0;
@@ -46,6 +48,9 @@ int main(int argc, char** argv) {
     if (times > 1) return std::make_shared<SlowModel>(side, times);
     return std::make_shared<test::BouncingModel>(side);
   };
+  config.support = [](ShapeNumber) { return test::gapped_ellipsoid(); };
+  // What the service computes must not depend on it.
+  const test::CallerEnvironment environment(test::Caller::rounding_up);
   dds::NodeService service(std::move(config));
   draining_service = &service;
   std::signal(SIGTERM, drain);

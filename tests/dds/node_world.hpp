@@ -28,14 +28,14 @@ namespace ringfence::test {
 
 using Clock = std::chrono::steady_clock;
 
-// Under a sanitizer, beside others that compile, a process that lives may be silent for longer than a short lease.
+// Under a sanitizer, beside compilers, a live process may be silent for longer than a short lease.
 #if defined(__SANITIZE_THREAD__) || defined(__SANITIZE_ADDRESS__) || !defined(NDEBUG)
 inline constexpr double lease_ms = 1000;
 #else
 inline constexpr double lease_ms = 100;
 #endif
 
-/// Waits until `holds()`, looking every millisecond; whether it did within `seconds`.
+/// Waits until `holds()`, polling every millisecond; returns whether that happened within `seconds`.
 template <class Holds>
 bool wait_until(Holds holds, double seconds = 20) {
   const auto end = Clock::now() + std::chrono::duration<double>(seconds);
@@ -46,12 +46,12 @@ bool wait_until(Holds holds, double seconds = 20) {
   return true;
 }
 
-/// A child process that is killed with its owner, if it has not ended.
+/// A child process; killed with its owner if it has not ended.
 class Process {
  public:
-  explicit Process(std::vector<std::string> words) {
+  explicit Process(std::vector<std::string> texts) {
     std::vector<char*> arguments;
-    for (std::string& word : words) arguments.push_back(word.data());
+    for (std::string& text : texts) arguments.push_back(text.data());
     arguments.push_back(nullptr);
     REQUIRE(posix_spawn(&number_, arguments[0], nullptr, nullptr, arguments.data(), environ) == 0);
   }
@@ -70,7 +70,7 @@ class Process {
     if (!status_ && waitpid(number_, &status, WNOHANG) == number_) status_ = status;
     return status_.has_value();
   }
-  /// Of a process that has ended by itself; -1 for one that was killed.
+  /// Exit code of a process that has ended by itself; -1 if it was killed.
   int exit_code() const { return status_ && WIFEXITED(*status_) ? WEXITSTATUS(*status_) : -1; }
 
  private:
@@ -78,22 +78,22 @@ class Process {
   std::optional<int> status_;
 };
 
-/// How a world's processes are started: where, and on which interface.
+/// Where the processes of a world are started, and on which interfaces.
 struct ProcessPlacement {
   std::string interface = "lo";
   std::string node_interface = "lo";
-  std::function<void()> before_start;  ///< in the thread that starts them
+  std::function<void()> before_start;  ///< called in the thread that starts the processes
   std::function<void()> after_start;
 };
 
-/// A small world that keeps colliding, whose CD nodes are processes over loopback.
+/// A small world with many collisions, whose CD nodes are processes over loopback.
 class NodeWorld {
  public:
   static constexpr std::size_t objects = 240;
   static constexpr std::size_t users = 4;
   static constexpr double side = 16;
 
-  /// `along_x`, where it is not 0, is the number of cells, as a power of two.
+  /// `along_x`: number of cells along x as a power of two; 0: default.
   NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, ProcessPlacement place = {},
             std::uint32_t along_x = 0)
       : place_(std::move(place)) {
@@ -123,7 +123,7 @@ class NodeWorld {
     return config;
   }
 
-  /// What the frames' contacts are when all is in one thread and nothing happens.
+  /// Digest of the contacts of an undisturbed run in one thread.
   static std::uint64_t expected(std::uint64_t frames) {
     static std::map<std::uint64_t, std::uint64_t> known;
     if (const auto found = known.find(frames); found != known.end()) return found->second;
@@ -141,12 +141,12 @@ class NodeWorld {
 
   World& world() { return *world_; }
   const dds::Cluster& cluster() const { return *cluster_; }
-  /// Nodes that are ready and have no seat. Between frames.
+  /// Number of nodes that are ready and not assigned. Between frames.
   std::size_t waiting() const { return cluster_->remote_nodes()->arrivals().size(); }
   Process& process(std::size_t i) { return *processes_[i]; }
   const std::vector<std::string>& log() const { return log_; }
 
-  /// One that takes `times` as long as it need to move an object.
+  /// Starts a node that takes `times` as long as necessary to move an object.
   Process& start_node(int times = 1) {
     const std::string name = "n" + std::to_string(processes_.size());
     if (place_.before_start) place_.before_start();
@@ -165,7 +165,7 @@ class NodeWorld {
       lost_ += world_->report().lost.size();
     }
   }
-  /// Runs frames until `holds()`; whether it did.
+  /// Runs frames until `holds()`; returns whether it did.
   template <class Holds>
   bool run_until(Holds holds) {
     return wait_until([&] {
@@ -176,7 +176,7 @@ class NodeWorld {
   std::uint64_t assigned_nodes() const { return cluster_->report().members.size(); }
   std::uint64_t lost() const { return lost_; }
 
-  /// Whether all frames so far have had the contacts of a world to which nothing happened.
+  /// Whether all frames so far had the contacts of an undisturbed run.
   bool is_right() const { return digest_.value() == expected(world_->frames()); }
 
  private:

@@ -1,4 +1,4 @@
-// The bytes of a message are those of a ring, in the same order, whatever the way between two processes makes of them.
+// A parcel channel between two processes delivers the same bytes in the same order as a ring.
 #include <chrono>
 #include <cstring>
 #include <deque>
@@ -21,8 +21,8 @@ using Bytes = std::vector<std::byte>;
 class Echo {
  public:
   Echo(std::uint32_t domain, int pause_ms) {
-    std::string words[] = {RINGFENCE_ECHO, std::to_string(domain), std::to_string(pause_ms)};
-    char* arguments[] = {words[0].data(), words[1].data(), words[2].data(), nullptr};
+    std::string arguments_text[] = {RINGFENCE_ECHO, std::to_string(domain), std::to_string(pause_ms)};
+    char* arguments[] = {arguments_text[0].data(), arguments_text[1].data(), arguments_text[2].data(), nullptr};
     REQUIRE(posix_spawn(&process_, RINGFENCE_ECHO, nullptr, nullptr, arguments, environ) == 0);
   }
   ~Echo() {
@@ -37,7 +37,7 @@ class Echo {
 };
 
 Bytes random_message(std::mt19937_64& random, std::size_t largest) {
-  // Many small ones, some as large as a ring of 64 KiB takes, and sizes about multiples of 8.
+  // Many small messages, some as large as a ring of 64 KiB takes, and sizes around multiples of 8.
   const std::size_t kind = random() % 8;
   const std::size_t size = kind == 0 ? largest - random() % 9 : kind < 3 ? 1 + random() % largest : 1 + random() % 200;
   Bytes message(std::clamp<std::size_t>(size, 2, largest));
@@ -47,28 +47,28 @@ Bytes random_message(std::mt19937_64& random, std::size_t largest) {
   return message;
 }
 
-/// What a ring alone makes of the messages: the same sender's calls, heard at the other end.
+/// The messages as a ring delivers them.
 std::deque<Bytes> through_ring(const std::vector<Bytes>& messages) {
   link::Channel channel(std::size_t{1} << 16, nullptr, nullptr);
-  std::deque<Bytes> heard;
-  const auto hear = [&] {
+  std::deque<Bytes> received;
+  const auto receive = [&] {
     for (auto message = channel.receiver().next(); !message.empty(); message = channel.receiver().next()) {
-      heard.emplace_back(message.begin(), message.end());
+      received.emplace_back(message.begin(), message.end());
     }
     channel.receiver().release();
   };
   for (const Bytes& message : messages) {
     auto room = channel.sender().claim(message.size());
     while (room.empty()) {
-      hear();
+      receive();
       room = channel.sender().claim(message.size());
     }
     std::copy(message.begin(), message.end(), room.begin());
     channel.sender().commit(message.size());
   }
   channel.sender().publish();
-  hear();
-  return heard;
+  receive();
+  return received;
 }
 
 void check_same_bytes(int pause_ms, std::size_t count, std::uint64_t seed) {
@@ -93,33 +93,33 @@ void check_same_bytes(int pause_ms, std::size_t count, std::uint64_t seed) {
   std::deque<Bytes> expected = through_ring(messages);
   REQUIRE(expected.size() == messages.size());
 
-  std::size_t said = 0;
-  std::size_t heard = 0;
+  std::size_t sent = 0;
+  std::size_t received = 0;
   bool same = true;
   std::uint64_t most_on_the_way = 0;
-  while (heard < messages.size() && same && in_time() && !side.broken()) {
-    while (said < messages.size()) {
-      const auto room = side.out().claim(messages[said].size());
+  while (received < messages.size() && same && in_time() && !side.broken()) {
+    while (sent < messages.size()) {
+      const auto room = side.out().claim(messages[sent].size());
       if (room.empty()) {
         break;
       }
-      std::copy(messages[said].begin(), messages[said].end(), room.begin());
-      side.out().commit(messages[said++].size());
+      std::copy(messages[sent].begin(), messages[sent].end(), room.begin());
+      side.out().commit(messages[sent++].size());
     }
     side.out().publish();
     side.step();
     for (auto message = side.in().next(); !message.empty() && same; message = side.in().next()) {
       same = std::equal(message.begin(), message.end(), expected.front().begin(), expected.front().end());
       expected.pop_front();
-      ++heard;
+      ++received;
     }
     side.in().release();
     most_on_the_way = std::max(most_on_the_way, side.parcel_channel().counters().sent_parcels);
   }
-  CHECK_MESSAGE(same, "seed " << seed << ", message " << heard);
-  CHECK_MESSAGE(heard == messages.size(), "seed " << seed);
+  CHECK_MESSAGE(same, "seed " << seed << ", message " << received);
+  CHECK_MESSAGE(received == messages.size(), "seed " << seed);
   CHECK_FALSE(side.broken());
-  // Gathered: fewer parcels than messages.
+  // Messages were collected: fewer parcels than messages.
   CHECK(side.parcel_channel().counters().sent_parcels < messages.size());
 }
 
@@ -127,23 +127,23 @@ void check_same_bytes(int pause_ms, std::size_t count, std::uint64_t seed) {
 
 TEST_CASE("a message has the same bytes over the network as over a ring") { check_same_bytes(0, 4000, 1); }
 
-TEST_CASE("a slow receiver makes a full way, which is a full ring: nothing is lost and the order stays") {
+TEST_CASE("a slow receiver fills the channel, which fills the ring: nothing is lost and the order stays") {
   check_same_bytes(3, 1500, 2);
 }
 
-TEST_CASE("a full way takes no parcel more than its window, and refuses without waiting") {
+TEST_CASE("a full channel accepts no parcel beyond its window, and refuses without waiting") {
   dds::NetworkConfig network;
   network.domain = dds::NetworkConfig::any_domain;
   network.interface = "lo";
-  // Nobody answers, so nothing is ever taken.
+  // There is no receiver, so nothing is ever acknowledged.
   test::ChannelEnd side(network, dds::Side::world, dds::Topic::down, dds::Topic::up, 7);
   const Bytes message(30'000, std::byte{1});
-  std::size_t said = 0;
+  std::size_t sent = 0;
   for (int turn = 0; turn < 1000; ++turn) {
     for (auto room = side.out().claim(message.size()); !room.empty(); room = side.out().claim(message.size())) {
       std::copy(message.begin(), message.end(), room.begin());
       side.out().commit(message.size());
-      ++said;
+      ++sent;
     }
     side.out().publish();
     const auto begin = std::chrono::steady_clock::now();
@@ -152,8 +152,8 @@ TEST_CASE("a full way takes no parcel more than its window, and refuses without 
   }
   CHECK(side.parcel_channel().counters().sent_parcels == dds::ParcelChannel::window);
   CHECK(side.parcel_channel().counters().refused_writes > 0);
-  // In the window one or two a parcel, one being gathered, two in the ring.
-  CHECK(said <= 2 * dds::ParcelChannel::window + 4);
+  // One or two messages per parcel in the window, one being collected, two in the ring.
+  CHECK(sent <= 2 * dds::ParcelChannel::window + 4);
 }
 
 }  // namespace ringfence

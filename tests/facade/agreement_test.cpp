@@ -1,3 +1,5 @@
+#include <iterator>
+#include <memory>
 #include <numeric>
 #include <string>
 
@@ -51,13 +53,34 @@ void check_counts(const FrameReport& report) {
   REQUIRE(by_cost == timed);
 }
 
-Run run(const WorldConfig& config, std::size_t objects, std::size_t users, int frames) {
-  World world(config);
-  populate(world, objects, users, side);
+// Pairs in contact whose positions, and whose contacts' points and normals, are subnormal numbers, which an environment
+// with flush-to-zero takes for 0.
+void spawn_subnormal(World& world, Caller caller) {
+  const ShapeNumber ball = call_from(caller, [&] { return world.add_shape(Sphere{0.5f}); });
+  const double far = side + 3;
+  const double places[][2] = {{3e-310, 3e-310}, {-1e-40, 1e-40}, {1e-42, 3e-308}};
+  for (std::size_t i = 0; i < std::size(places); ++i) {
+    const double y = far + 3 * static_cast<double>(i);
+    ObjectSpec spec;
+    spec.shape = ball;
+    spec.category = Category::fixed;
+    spec.pose.position = {places[i][0], y, far};
+    call_from(caller, [&] { return world.spawn(spec); });
+    spec.category = Category::non_active;
+    spec.pose.position = {places[i][1], y, far + 0.75};
+    call_from(caller, [&] { return world.spawn(spec); });
+  }
+}
+
+Run run(const WorldConfig& config, std::size_t objects, std::size_t users, int frames, Caller caller = Caller::usual) {
+  const auto made = call_from(caller, [&] { return std::make_unique<World>(config); });
+  World& world = *made;
+  populate(world, objects, users, side, caller);
+  spawn_subnormal(world, caller);
   Digest digest;
   Run result;
   for (int frame = 0; frame < frames; ++frame) {
-    REQUIRE(world.advance() == Status::ok);
+    REQUIRE(call_from(caller, [&] { return world.advance(); }) == Status::ok);
     check_counts(world.report());
     digest.add_frame(world.contacts());
     result.contacts += world.contacts().size();
@@ -82,6 +105,26 @@ TEST_CASE("every deployment, placement and node count gives the same contacts bi
         CHECK(got.candidates == expected.candidates);
         if (deployment == Deployment::user_collision && nodes > 1) {
           CHECK(got.handed_over > 0);
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("the contacts are the same bit for bit whatever the caller's floating-point environment") {
+  const Run expected = run(config_of(Deployment::user, Placement::server, 0), 400, 10, 20);
+  REQUIRE(expected.contacts > 500);
+  for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
+    for (const Placement placement : {Placement::server, Placement::region}) {
+      for (const std::uint32_t nodes : {0u, 1u, 3u}) {
+        for (const Caller caller : {Caller::flushing, Caller::rounding_up, Caller::trapping}) {
+          CAPTURE(name_of(deployment));
+          CAPTURE(name_of(placement));
+          CAPTURE(nodes);
+          CAPTURE(std::string(name_of(caller)));
+          const Run got = run(config_of(deployment, placement, nodes), 400, 10, 20, caller);
+          CHECK(got.digest == expected.digest);
+          CHECK(got.candidates == expected.candidates);
         }
       }
     }

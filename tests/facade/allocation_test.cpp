@@ -1,5 +1,5 @@
-// A program of its own, because it replaces the global operator new. Support shapes are not in it: libccd allocates the
-// polytope of each of its tests, and says so.
+// A separate program, because it replaces the global operator new. Without support shapes: libccd allocates in each of
+// their tests.
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
@@ -47,8 +47,8 @@ void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept { s
 namespace ringfence::test {
 namespace {
 
-/// Walks to and fro: after `period` frames everything is as it was, so that what has not grown in one period of a
-/// frame's making never has to.
+/// Objects walk to and fro: after `period` frames everything is as before, so what did not grow in one period never
+/// will.
 class PacingModel : public MotionModel {
  public:
   static constexpr std::uint64_t period = 24;
@@ -69,13 +69,13 @@ class PacingModel : public MotionModel {
   }
 };
 
-TEST_CASE("in steady state a frame makes no heap allocation, whoever hosts and wherever the broad phase runs") {
+TEST_CASE("in steady state a frame does not allocate, in any deployment and placement") {
   constexpr double side = 16;
   WorldConfig base;
   base.bounds_max = {side, side, side};
   base.user_threads = 2;
   base.interest = 4;
-  base.balance = false;  // a new region map is no steady state: a node may come to know more than ever before
+  base.balance = false;  // a new region map is not steady state: a node may get more objects than ever before
   base.motion = std::make_shared<PacingModel>();
   in_all_worlds(base, {0u, 2u}, [](const WorldConfig& config) {
     World world(config);

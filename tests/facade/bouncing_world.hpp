@@ -5,12 +5,14 @@
 #include <memory>
 #include <vector>
 
+#include "base/caller_environment.hpp"
 #include "ringfence/world.hpp"
 
 namespace ringfence::test {
 
-/// A small world that keeps colliding: objects fly straight, turn at walls, and are pushed out of and reflected by
-/// their contacts. Everything a frame may depend on is used, so that a deployment that differs anywhere shows.
+/// A small world with many collisions: objects fly straight, turn at walls, and are pushed out of and reflected by
+/// their contacts. It uses everything a frame may depend on, so that any difference between deployments becomes
+/// visible.
 class BouncingModel : public MotionModel {
  public:
   struct State {
@@ -58,7 +60,7 @@ class BouncingModel : public MotionModel {
       }
       for (int k = 0; k < 3; ++k) {
         p[k] += 0.25 * s.velocity[k];
-        // Beyond the bounds by a little: the outer regions reach to infinity.
+        // Slightly beyond the bounds: the outer regions extend to infinity.
         if ((p[k] < -1.0 && s.velocity[k] < 0) || (p[k] > side_ + 1.0 && s.velocity[k] > 0)) {
           s.velocity[k] = -s.velocity[k];
         }
@@ -72,13 +74,16 @@ class BouncingModel : public MotionModel {
   double side_;
 };
 
-/// Spheres, boxes and capsules at pseudo-random places in a cube of `side`, one avatar a user, the others active and
-/// non-active by turns, every seventeenth static.
-inline void populate(World& world, std::size_t objects, std::size_t users, double side) {
-  std::vector<ShapeNumber> shapes = {world.add_shape(Sphere{0.7f}), world.add_shape(Box{{0.6f, 0.8f, 0.5f}}),
-                                     world.add_shape(Capsule{0.4f, 0.6f})};
+/// Spheres, boxes and capsules at pseudo-random positions in a cube of `side`: one avatar per user, the others
+/// alternately active and non-active, every seventeenth static. Makes the calls as `caller`; the
+/// values do not depend on it.
+inline void populate(World& world, std::size_t objects, std::size_t users, double side, Caller caller = Caller::usual) {
+  const auto add = [&](const ShapeDescription& shape) {
+    return call_from(caller, [&] { return world.add_shape(shape); });
+  };
+  const std::vector<ShapeNumber> shapes = {add(Sphere{0.7f}), add(Box{{0.6f, 0.8f, 0.5f}}), add(Capsule{0.4f, 0.6f})};
   for (std::size_t user = 0; user < users; ++user) {
-    world.connect();
+    call_from(caller, [&] { return world.connect(); });
   }
   std::uint64_t h = 12345;
   const auto uniform = [&] {
@@ -98,7 +103,7 @@ inline void populate(World& world, std::size_t objects, std::size_t users, doubl
     } else {
       spec.category = i % 2 == 0 ? Category::active : Category::non_active;
     }
-    world.spawn(spec);
+    call_from(caller, [&] { return world.spawn(spec); });
   }
 }
 

@@ -9,8 +9,8 @@
 
 namespace ringfence::test {
 
-/// What holds after every frame of every test: each candidate was tested and its result accepted exactly once, and
-/// what is counted agrees with what can be read.
+/// Invariants after every frame: each candidate was tested and its result accepted exactly once, and the counters agree
+/// with the readable results.
 inline void require_counts(const World& world) {
   const FrameReport& report = world.report();
   REQUIRE(report.frame + 1 == world.frames());
@@ -52,7 +52,7 @@ inline void require_nothing_refused(const World& world) {
   }
 }
 
-/// A whole frame in which nothing may be refused.
+/// Runs a whole frame in which nothing may be refused.
 inline void advance(World& world) {
   REQUIRE(world.advance() == Status::ok);
   require_counts(world);

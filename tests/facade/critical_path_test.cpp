@@ -1,4 +1,4 @@
-// What FrameReport::path says a frame waited for.
+// FrameReport::path: the critical path of a frame.
 #include <algorithm>
 #include <memory>
 #include <utility>
@@ -12,7 +12,7 @@
 namespace ringfence::test {
 namespace {
 
-TEST_CASE("of what is done at the same time the path counts the longest, of the rest all") {
+TEST_CASE("the critical path counts the longest of concurrent steps and the sum of the others") {
   PathReport path;
   path.start_nodes_ms = 1, path.start_users_ms = 2, path.ingest_ms = 4, path.user_move_ms = 8;
   path.dispatch_ms = 16, path.node_publish_ms = 32, path.publish_ms = 64, path.user_read_ms = 128;
@@ -26,24 +26,24 @@ TEST_CASE("of what is done at the same time the path counts the longest, of the 
   std::swap(path.notify_users_ms, path.user_end_ms);
   std::swap(path.user_read_ms, path.plan_map_ms);
   CHECK(path.critical_ms() == expected);
-  // Nodes take longer than all that server and users do meanwhile, or as long, or not at all.
-  const std::pair<double PathReport::*, double> meanwhile[] = {
+  // Nodes take longer than the concurrent steps of server and users, the same time, or none.
+  const std::pair<double PathReport::*, double> concurrent[] = {
       {&PathReport::nodes_moved_ms, 1 + 2 + 8},
       {&PathReport::nodes_tested_ms, 32 + 64 + 128},
       {&PathReport::nodes_ended_ms, 1024 + 4096 + 8192},
   };
-  for (const auto& [nodes, others] : meanwhile) {
+  for (const auto& [nodes, others] : concurrent) {
     path.*nodes = others;
     CHECK(path.critical_ms() == expected);
     path.*nodes = others + 1;
     CHECK(path.critical_ms() == ++expected);
   }
-  // What single nodes take in single steps is in what they take together.
+  // Times of single node steps are contained in the combined times.
   path.node_move_ms = path.node_detect_ms = path.node_end_ms = 1e6;
   CHECK(path.critical_ms() == expected);
 }
 
-TEST_CASE("the steps of the path are the CPU time of who took them, none left out") {
+TEST_CASE("the steps of the path add up to the CPU time of their threads") {
   constexpr double side = 12;
   constexpr unsigned seed = 5;
   CAPTURE(seed);
@@ -67,7 +67,7 @@ TEST_CASE("the steps of the path are the CPU time of who took them, none left ou
         CAPTURE(step.first);
         REQUIRE(path.*step.second >= 0);
       }
-      // Between the last two looks at the clock the server does next to nothing.
+      // Between the last two clock readings the server does next to nothing.
       const double server = path.start_nodes_ms + path.start_users_ms + path.ingest_ms + path.dispatch_ms +
                             path.publish_ms + path.plan_map_ms + path.receive_contacts_ms + path.collect_ms +
                             path.notify_ms + path.notify_users_ms + path.receive_user_acks_ms + path.finish_ms;
@@ -81,7 +81,7 @@ TEST_CASE("the steps of the path are the CPU time of who took them, none left ou
       const double nodes = path.node_move_ms + path.node_publish_ms + path.node_detect_ms + path.node_end_ms;
       REQUIRE(nodes >= busiest - 1e-6);
       REQUIRE(nodes <= all + 1e-6);
-      // Whoever is done last has done no more than who did most in each step, and at least what he did alone.
+      // The node that finishes last took at most the sum of the slowest nodes of each step, and at least its own.
       const std::pair<double, double> node_steps[] = {
           {path.nodes_moved_ms - path.node_move_ms, path.start_nodes_ms},
           {path.nodes_tested_ms - path.node_detect_ms, std::max(path.dispatch_ms, path.node_publish_ms)},
@@ -97,7 +97,7 @@ TEST_CASE("the steps of the path are the CPU time of who took them, none left ou
   }
 }
 
-TEST_CASE("one thread has no path") {
+TEST_CASE("a single thread has no critical path") {
   WorldConfig config;
   config.bounds_max = {9, 9, 9};
   config.nodes = 0;

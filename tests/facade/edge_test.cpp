@@ -1,4 +1,4 @@
-// The corners of a world: nothing in it, everything in one place, far outside, no extent, layers, models that fail.
+// Edge cases: empty worlds, everything in one place, far outside, no extent, layers, failing models.
 #include <atomic>
 #include <cmath>
 #include <cstring>
@@ -25,7 +25,7 @@ const std::vector<ShapeDescription>& all_shapes() {
   return shapes;
 }
 
-TEST_CASE("an empty world, and one with users alone, has frames without anything in them") {
+TEST_CASE("frames of a world without objects, with or without users, are empty") {
   in_all_worlds({}, {0u, 1u, 5u}, [](const WorldConfig& config) {
     World world(config);
     CHECK(world.contacts().empty());
@@ -41,7 +41,7 @@ TEST_CASE("an empty world, and one with users alone, has frames without anything
   });
 }
 
-TEST_CASE("one object alone is in no contact") {
+TEST_CASE("a single object is in no contact") {
   in_all_worlds({}, {0u, 3u}, [](const WorldConfig& config) {
     World world(config);
     const ShapeNumber ball = world.add_shape(Sphere{500});
@@ -55,7 +55,7 @@ TEST_CASE("one object alone is in no contact") {
 TEST_CASE("objects that all stand on one point are each in contact with every other, once") {
   WorldConfig base;
   base.bounds_max = {16, 16, 16};
-  // The centre of the world is on the border of regions, and a corner of the world on that of the bounds.
+  // The centre of the world is on a border of regions, and its corner on the border of the bounds.
   for (const Vec3d point : {Vec3d{8, 8, 8}, Vec3d{0, 0, 0}, Vec3d{16, 16, 16}, Vec3d{3.3, 4.4, 5.5}}) {
     in_all_worlds(base, {0u, 1u, 7u}, [&](const WorldConfig& config) {
       World world(config);
@@ -99,7 +99,7 @@ TEST_CASE("a world without extent holds objects like any other") {
   });
 }
 
-// Nodes join and leave twice in ten frames; every frame's contacts are counted.
+// Nodes join and leave twice in ten frames; the contacts of every frame are counted.
 void check_resized(const WorldConfig& base, std::size_t objects, std::size_t contacts, const Vec3d& point) {
   in_all_worlds(base, {0u, 1u, 4u}, [&](const WorldConfig& config) {
     World world(config);
@@ -119,7 +119,8 @@ void check_resized(const WorldConfig& base, std::size_t objects, std::size_t con
   });
 }
 
-TEST_CASE("nodes come and go where there is nothing, one object, everything on one point, and no extent") {
+TEST_CASE(
+    "nodes join and leave in a world that is empty, has one object, has all objects on one point, or has no extent") {
   check_resized({}, 0, 0, {});
   check_resized({}, 1, 0, {50, 50, 50});
   check_resized({}, 40, 780, {50, 50, 50});
@@ -143,7 +144,7 @@ TEST_CASE("more nodes than cells are refused when the world is made, and as many
   CHECK(world.resize(3) == Status::bad_number);
 }
 
-TEST_CASE("far outside the bounds contacts are what they are inside, and what is farther than that is refused") {
+TEST_CASE("far outside the bounds contacts are the same as inside, and coordinates beyond the limit are refused") {
   WorldConfig base;
   base.bounds_max = {10, 10, 10};
   for (const double far : {1e3, 1e6, -1e6}) {
@@ -152,7 +153,7 @@ TEST_CASE("far outside the bounds contacts are what they are inside, and what is
       World world(config);
       std::vector<std::vector<Contact>> found;
       for (const ShapeDescription& shape : all_shapes()) world.add_shape(shape);
-      // Twice the same group, at the origin and far from it.
+      // The same group twice, at the origin and far from it.
       for (const double x : {0.0, far}) {
         for (ShapeNumber shape = 0; shape < world.shape_count(); ++shape) {
           world.spawn({.shape = shape, .pose = {{x + 0.5 * shape, 5, 5}, {}}});
@@ -197,7 +198,7 @@ TEST_CASE("far outside the bounds contacts are what they are inside, and what is
   }
 }
 
-TEST_CASE("layers collide as the matrix says, both ways") {
+TEST_CASE("layers collide as in the matrix, in both directions") {
   WorldConfig base;
   base.layers.names = {"solid", "ghost", "water", "wall"};
   base.layers.collide = {{0, 0}, {2, 0}, {3, 3}, {1, 2}};
@@ -229,7 +230,7 @@ TEST_CASE("layers collide as the matrix says, both ways") {
   });
 }
 
-/// Notes what it is asked to move.
+/// Records the objects that it is asked to move.
 class RecordingModel : public MotionModel {
  public:
   void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput>) const override {
@@ -242,7 +243,7 @@ class RecordingModel : public MotionModel {
   mutable std::atomic<std::uint64_t> wrong{0}, fixed{0}, moved{0};
 };
 
-TEST_CASE("each object that can move is given to the model once a frame with its user data; static ones never are") {
+TEST_CASE("the model gets each object that can move once per frame, with its user data, and never a static one") {
   in_all_worlds({}, {0u, 3u}, [&](WorldConfig config) {
     const auto model = std::make_shared<RecordingModel>();
     config.motion = model;
@@ -274,11 +275,11 @@ TEST_CASE("each object that can move is given to the model once a frame with its
     for (const Contact& contact : world.contacts()) {
       with_fixed += contact.a % 4 == 3 || contact.b % 4 == 3 ? 1 : 0;
     }
-    CHECK(with_fixed > 0);  // they are in contacts all the same
+    CHECK(with_fixed > 0);  // static objects still have contacts
   });
 }
 
-/// Throws for some objects in some frames, answers nonsense for others, and counts its moves in its state.
+/// Throws for some objects in some frames, returns invalid poses for others, and counts its moves in its state.
 class FailingModel : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 8; }
@@ -308,7 +309,7 @@ class FailingModel : public MotionModel {
   }
 };
 
-TEST_CASE("where the model throws or answers nonsense only those objects stand still, in every deployment alike") {
+TEST_CASE("if the model throws or returns invalid poses, only those objects do not move, in every deployment") {
   std::uint64_t expected = 0;
   in_all_worlds({}, {0u, 1u, 3u}, [&](WorldConfig config) {
     config.motion = std::make_shared<FailingModel>();
@@ -349,7 +350,7 @@ TEST_CASE("where the model throws or answers nonsense only those objects stand s
   });
 }
 
-TEST_CASE("an object that is absent is in no contact until it is given a pose") {
+TEST_CASE("an absent object is in no contact until it gets a pose") {
   in_all_worlds({}, {0u, 2u}, [&](const WorldConfig& config) {
     World world(config);
     const ShapeNumber ball = world.add_shape(Sphere{1});

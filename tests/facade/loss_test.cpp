@@ -1,4 +1,4 @@
-// CD nodes that stop answering, and what becomes of the world.
+// Lost CD nodes, and what happens to the world.
 #include <atomic>
 #include <map>
 #include <memory>
@@ -25,7 +25,7 @@ struct LossRun {
   std::size_t lost = 0;
   std::uint32_t nodes = 0;
   std::uint64_t late = 0;
-  std::uint64_t refused = 0;  ///< late or not
+  std::uint64_t refused = 0;  ///< calls and records, of any reason
   std::size_t logged = 0;
 };
 
@@ -46,7 +46,7 @@ LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
     for (auto at = first; at != last; ++at) {
       Fault fault = at->second;
       fault.frame = static_cast<std::uint64_t>(frame);
-      // On a machine that is busy enough more are lost than were told to stop; then there is no node of that number.
+      // On a busy machine more nodes may be lost than were stopped by the test; then that number does not exist.
       if (world.inject(fault) != Status::ok) {
         fault.node = 0;
         REQUIRE(world.inject(fault) == Status::ok);
@@ -76,7 +76,7 @@ std::uint64_t expected() {
   return digest;
 }
 
-// Longer than any frame here takes on a machine that is busy; a false alarm would change counts, never contacts.
+// Longer than any frame here takes on a busy machine; a false alarm would change counts, never contacts.
 constexpr double deadline_ms = 60;
 
 TEST_CASE("nodes that stop at any stage, one after another until none is left, change no contact") {
@@ -96,7 +96,7 @@ TEST_CASE("nodes that stop at any stage, one after another until none is left, c
       }
       const LossRun ran = run(config, faults);
       CHECK(ran.digest == expected());
-      CHECK(ran.lost >= 6);  // who has nothing to hand over does not pass through every stage
+      CHECK(ran.lost >= 6);  // a node without hand-overs does not pass every stage
       CHECK(ran.logged == ran.lost);
       CHECK(ran.nodes >= 1);
     }
@@ -119,25 +119,23 @@ TEST_CASE("nodes that are lost in the same frame, also all of them, change no co
   }
 }
 
-TEST_CASE("what a lost node says when it wakes is refused as late") {
+TEST_CASE("messages of a lost node that wakes up are refused as late") {
   WorldConfig config;
   config.nodes = 3;
   config.deadlines.node_ms = deadline_ms;
-  // Another is lost in the same frame, later, so that the first wakes before the frame ends.
+  // Another node is lost later in the same frame, so that the first one wakes before the frame ends.
   const LossRun ran = run(config, {{5, {1, 0, NodeStage::moving, 4 * deadline_ms}}, {5, {2, 0, NodeStage::ending, 0}}});
   CHECK(ran.digest == expected());
   CHECK(ran.lost >= 2);
 }
 
-TEST_CASE(
-    "a lost node that wakes frames later, when contacts are to be ordered, leaves alone what others have gone on "
-    "with") {
+TEST_CASE("a lost node that wakes up in a later frame does not change memory that the other nodes use") {
   WorldConfig config;
   config.nodes = 4;
   config.deadlines.node_ms = deadline_ms;
   for (const NodeNumber first : {0u, 3u}) {
     CAPTURE(first);
-    // A later loss keeps the world long enough for the first to wake in.
+    // A later loss keeps the world running until the first node wakes.
     const LossRun ran =
         run(config, {{5, {first, 0, NodeStage::ending, 2 * deadline_ms}}, {8, {1, 0, NodeStage::colliding, 0}}});
     CHECK(ran.digest == expected());
@@ -150,8 +148,8 @@ TEST_CASE("losses and resizes in any order change no contact") {
   config.nodes = 4;
   config.deadlines.node_ms = deadline_ms;
   const LossRun ran = run(config,
-                          {{3, {1, 0, NodeStage::colliding, 0}},  // while two join
-                           {8, {4, 0, NodeStage::ending, 0}},     // the last number, while two are to leave
+                          {{3, {1, 0, NodeStage::colliding, 0}},  // while two nodes join
+                           {8, {4, 0, NodeStage::ending, 0}},     // the last number, while two nodes are to leave
                            {12, {0, 0, NodeStage::moving, 0}},
                            {16, {0, 0, NodeStage::reporting, 0}}},
                           {{3, 6}, {8, 3}, {13, 5}, {17, 1}, {20, 4}});
@@ -159,8 +157,9 @@ TEST_CASE("losses and resizes in any order change no contact") {
   CHECK(ran.lost >= 3);
 }
 
-// The server and the World each conclude who goes, and have to number alike who is left.
-TEST_CASE("when all that were to stay are lost as the others leave, the first of those stays, and the world can grow") {
+// The server and World decide independently which nodes are gone, and must renumber the rest alike.
+TEST_CASE(
+    "when all remaining nodes are lost while the others leave, the first leaving node stays, and the world can grow") {
   for (const std::uint32_t staying : {1u, 2u}) {
     for (const NodeStage stage : {NodeStage::ending, NodeStage::settling, NodeStage::reporting}) {
       for (const std::uint32_t next : {2u, 3u, 6u}) {
@@ -186,7 +185,7 @@ TEST_CASE("when all that were to stay are lost as the others leave, the first of
   }
 }
 
-TEST_CASE("a deadline that nobody misses changes nothing") {
+TEST_CASE("a deadline that no node misses changes nothing") {
   WorldConfig config;
   config.nodes = 3;
   config.deadlines = {20'000, 20'000};
@@ -196,7 +195,7 @@ TEST_CASE("a deadline that nobody misses changes nothing") {
   CHECK(ran.late == 0);
 }
 
-/// Everything stands still; the move of one object waits for a word from outside in one frame.
+/// Nothing moves; in one frame the move of one object waits for a signal of the test.
 class StallingModel : public MotionModel {
  public:
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput>) const override {
@@ -215,7 +214,7 @@ TEST_CASE("a user node that misses its deadline is disconnected, its contacts en
   config.nodes = 2;
   config.user_threads = 2;
   config.motion = model;
-  config.deadlines.user_ms = 10 * deadline_ms;  // the one that does live must make it, whatever else the machine does
+  config.deadlines.user_ms = 10 * deadline_ms;  // the live user must meet it, whatever else the machine does
   World world(config);
   const ShapeNumber ball = world.add_shape(Sphere{1});
   const UserNumber first = world.connect().user;
@@ -229,7 +228,7 @@ TEST_CASE("a user node that misses its deadline is disconnected, its contacts en
     REQUIRE(world.advance() == Status::ok);
     REQUIRE(world.contacts().size() == 1);
   }
-  REQUIRE(world.advance() == Status::ok);  // the hesitant one is not waited for
+  REQUIRE(world.advance() == Status::ok);  // the stalled user is not awaited
   CHECK(world.report().late == std::vector<UserNumber>{second});
   CHECK(world.report().refused[static_cast<std::size_t>(Status::late)] == 1);
   CHECK(world.contacts().size() == 1);  // at its old pose
@@ -247,7 +246,7 @@ TEST_CASE("a user node that misses its deadline is disconnected, its contacts en
   CHECK(world.advance() == Status::ok);
 }
 
-TEST_CASE("a fault that cannot be is refused") {
+TEST_CASE("an impossible fault is refused") {
   WorldConfig config;
   config.nodes = 2;
   World world(config);

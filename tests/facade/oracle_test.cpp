@@ -1,4 +1,4 @@
-// Frames of the facade against brute force in double precision.
+// Frames of the facade compared with brute force in double precision.
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -11,7 +11,7 @@
 namespace ringfence::test {
 namespace {
 
-TEST_CASE("in every deployment and placement the contacts and phases of random lives are those of brute force") {
+TEST_CASE("in every deployment and placement the contacts and phases of random runs are those of brute force") {
   constexpr double side = 7;
   WorldConfig base;
   base.bounds_max = {side, side, side};

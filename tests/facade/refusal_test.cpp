@@ -1,4 +1,4 @@
-// What may not be asked: answered with a status, counted by reason in the next report, without effect.
+// Invalid calls: refused with a status, counted by reason in the next report, without effect.
 #include <cmath>
 #include <limits>
 #include <string>
@@ -13,7 +13,7 @@
 namespace ringfence::test {
 namespace {
 
-/// Two users with an avatar each, an active, a static and a destroyed object.
+/// Two users with an avatar each, one active, one static and one destroyed object.
 struct Scene {
   explicit Scene(const WorldConfig& config) : world(config) {
     ball = world.add_shape(Sphere{1});
@@ -36,7 +36,8 @@ struct Scene {
   ObjectId avatar, other, active, fixed, gone;
 };
 
-/// Does what is refused, then a frame: the count is `times` of that reason and nothing else, the world as it was.
+/// Makes refused calls, then runs a frame: the report counts `times` refusals of that reason and no others, and the
+/// world is unchanged.
 template <class Ask>
 void expect(Scene& scene, Status reason, std::uint64_t times, Ask ask) {
   const std::uint64_t before = fingerprint(scene.world);
@@ -51,7 +52,7 @@ void expect(Scene& scene, Status reason, std::uint64_t times, Ask ask) {
   advance(scene.world);  // counted once
 }
 
-TEST_CASE("every call that is refused says why, is counted by reason in the next report, and changes nothing") {
+TEST_CASE("every refused call returns its reason, is counted in the next report, and changes nothing") {
   WorldConfig config;
   config.layers.names = {"solid", "ghost"};
   config.layers.collide = {{0, 0}, {0, 1}};
@@ -79,7 +80,7 @@ TEST_CASE("every call that is refused says why, is counted by reason in the next
       CHECK(w.remove(s.gone) == Status::stale_object);
       CHECK(w.destroy(ObjectId{}) == Status::stale_object);
       CHECK(w.place(ObjectId{}, ok) == Status::stale_object);
-      // Right number, another generation; right generation, another number.
+      // Right number, wrong generation; right generation, wrong number.
       CHECK(w.place(ObjectId::of(s.active.number(), s.active.generation() + 1), ok) == Status::stale_object);
       CHECK(w.move(s.alice, ObjectId::of(s.avatar.number() + 1000, s.avatar.generation()), ok) == Status::stale_object);
     });
@@ -143,7 +144,7 @@ TEST_CASE("every call that is refused says why, is counted by reason in the next
     });
     expect(s, Status::out_of_order, 1, [&] { CHECK(w.finish_frame() == Status::out_of_order); });
 
-    // Between begin and finish: refused is what would need the frame to stand still, counted in that frame's report.
+    // Between begin and finish, calls that need an idle World are refused and counted in that frame's report.
     REQUIRE(w.begin_frame() == Status::ok);
     CHECK(w.begin_frame() == Status::out_of_order);
     CHECK(w.advance() == Status::out_of_order);
@@ -155,7 +156,7 @@ TEST_CASE("every call that is refused says why, is counted by reason in the next
   });
 }
 
-TEST_CASE("a number is in use until the frame in which its object ended is complete") {
+TEST_CASE("an object number is in use until the frame that ends its object is complete") {
   World world({});
   const ShapeNumber ball = world.add_shape(Sphere{1});
   const ObjectId first = world.spawn({.number = 5, .shape = ball}).id;
@@ -176,7 +177,7 @@ TEST_CASE("a number is in use until the frame in which its object ended is compl
   CHECK(world.object(second).id == second);
 }
 
-TEST_CASE("a user number is in use until the frame in which its user node left is complete") {
+TEST_CASE("a user number is in use until the frame that disconnects its user node is complete") {
   in_all_worlds({}, {0u, 1u}, [&](const WorldConfig& config) {
     World world(config);
     CHECK(world.connect(3).user == 3);
@@ -190,7 +191,7 @@ TEST_CASE("a user number is in use until the frame in which its user node left i
     CHECK(world.connect().user == 1);
     REQUIRE(world.finish_frame() == Status::ok);
     CHECK(world.connect(3).status == Status::ok);
-    // Connected and gone again before any frame.
+    // Connected and disconnected before any frame.
     CHECK(world.connect(9).status == Status::ok);
     CHECK(world.disconnect(9) == Status::ok);
     advance(world);
@@ -199,7 +200,7 @@ TEST_CASE("a user number is in use until the frame in which its user node left i
   });
 }
 
-TEST_CASE("objects past the configured limit are refused and there is room again when others have ended") {
+TEST_CASE("objects beyond the configured limit are refused, and there is room again when others have ended") {
   WorldConfig config;
   config.capacities.objects = 2;
   config.limits.objects = 3;
@@ -219,12 +220,12 @@ TEST_CASE("objects past the configured limit are refused and there is room again
   CHECK(world.report().objects == 3);
 }
 
-TEST_CASE("a configuration that cannot be is refused with the name of the field and what it allows") {
-  const auto throws = [](const char* word, auto change) {
+TEST_CASE("an invalid configuration is refused with the name of the field and its valid values") {
+  const auto throws = [](const char* field, auto change) {
     WorldConfig config;
     change(config);
-    CAPTURE(word);
-    CHECK_THROWS_WITH_AS(World{config}, doctest::Contains(word), Error);
+    CAPTURE(field);
+    CHECK_THROWS_WITH_AS(World{config}, doctest::Contains(field), Error);
   };
   const double nan = std::numeric_limits<double>::quiet_NaN();
   throws("bounds", [](WorldConfig& c) { c.bounds_max.x = -1; });
@@ -257,7 +258,7 @@ TEST_CASE("a configuration that cannot be is refused with the name of the field 
   throws("motion", [](WorldConfig& c) { c.motion = std::make_shared<OversizedStateModel>(); });
 }
 
-TEST_CASE("a shape that cannot be is refused with a reason and the shapes before it stand") {
+TEST_CASE("an invalid shape is refused with a reason, and earlier shapes stay registered") {
   World world({});
   const ShapeNumber ball = world.add_shape(Sphere{1});
   const ShapeDescription bad[] = {

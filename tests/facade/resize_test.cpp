@@ -37,7 +37,7 @@ ResizeRun run(WorldConfig config, const std::map<int, std::uint32_t>& schedule, 
     const FrameReport& report = world.report();
     REQUIRE(report.tested == report.candidates);
     REQUIRE(report.accepted == report.candidates);
-    // New nodes join the frame in which they are asked for; those to go still take part in it.
+    // New nodes join in the next frame; leaving nodes still take part in it.
     REQUIRE(world.nodes() == std::max(expected, next));
     expected = next;
     require_views(world, first_users(6));
@@ -79,7 +79,7 @@ TEST_CASE("nodes that join and leave a running world change no contact, and ever
   }
 }
 
-TEST_CASE("resizing to nothing, beyond the limit or beyond the cells is refused and counted") {
+TEST_CASE("resizing to 0, beyond the limit or beyond the number of cells is refused and counted") {
   WorldConfig config;
   config.nodes = 0;
   config.cells_log2[0] = 2;
@@ -131,7 +131,7 @@ Corner run_corner(bool balance, Placement placement, std::uint32_t cells_log2) {
 
 TEST_CASE("regions follow a crowd in a corner until its nodes share the pairs, and contacts do not change") {
   for (const Placement placement : {Placement::server, Placement::region}) {
-    // Of cells 1.6 m wide, and of two an axis, so that the crowd is in a single one and that has to be cut.
+    // With cells 1.6 m wide; and with two cells per axis, so that the crowd is in one cell that has to be divided.
     for (const std::uint32_t cells_log2 : {6u, 1u}) {
       CAPTURE(name_of(placement));
       CAPTURE(cells_log2);
@@ -146,7 +146,7 @@ TEST_CASE("regions follow a crowd in a corner until its nodes share the pairs, a
   }
 }
 
-// What the report of each frame says of the map and of what each node had to do under it.
+// For each frame: the map epoch and the work of each node under it.
 std::vector<std::uint64_t> run_by_pairs(std::uint32_t user_threads, bool pairs_are_dear, std::uint32_t& epochs) {
   WorldConfig config;
   config.bounds_max = {60, 60, 60};
@@ -154,7 +154,7 @@ std::vector<std::uint64_t> run_by_pairs(std::uint32_t user_threads, bool pairs_a
   config.user_threads = user_threads;
   config.placement = Placement::region;
   config.balance_by = BalanceBy::pairs;
-  config.timeline = pairs_are_dear;  // whatever costs time
+  config.timeline = pairs_are_dear;  // makes pairs more expensive
   config.remember_axes = !pairs_are_dear;
   config.motion = std::make_shared<BouncingModel>(side);
   World world(config);
@@ -174,19 +174,19 @@ std::vector<std::uint64_t> run_by_pairs(std::uint32_t user_threads, bool pairs_a
   return all;
 }
 
-TEST_CASE("balanced by pairs the maps are the same in every run, and shares become even") {
+TEST_CASE("balanced by pairs, the maps are the same in every run and shares become even") {
   std::uint32_t epochs = 0;
   const std::vector<std::uint64_t> first = run_by_pairs(1, false, epochs);
   CHECK(epochs > 1);
   CHECK(run_by_pairs(3, true, epochs) == first);
-  // Of the last frame: five pairs of tested and hosted.
+  // In the last frame: five times tested plus hosted.
   std::uint64_t most = 0, all = 0;
   for (std::size_t node = 0; node < 5; ++node) {
     const std::uint64_t tested = first[first.size() - 10 + 2 * node];
     most = std::max(most, tested);
     all += tested;
   }
-  CHECK(5 * most < 2 * all);  // at first one node has nearly all
+  CHECK(5 * most < 2 * all);  // at first one node has nearly everything
 }
 
 }  // namespace

@@ -1,6 +1,8 @@
 #include <cstdint>
+#include <iterator>
 #include <map>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -22,18 +24,19 @@ struct Run {
   std::uint32_t epoch = 0;
 };
 
-// A crowd in the corner of a world, so that regions have something to follow, and with much that rests.
-Run run(WorldConfig config, const Schedule& schedule) {
+// A crowd in a corner of the world, so that regions follow it, and many resting objects.
+Run run(WorldConfig config, const Schedule& schedule, Caller caller = Caller::usual) {
   config.bounds_max = {60, 60, 60};
   config.interest = 4;
   config.motion = std::make_shared<BouncingModel>(side);
-  World world(config);
-  populate(world, 160, 4, side);
+  const auto made = call_from(caller, [&] { return std::make_unique<World>(config); });
+  World& world = *made;
+  populate(world, 160, 4, side, caller);
   Digest digest;
   Run result;
   for (int frame = 0; frame < 36; ++frame) {
     if (const auto at = schedule.find(frame); at != schedule.end()) REQUIRE(world.resize(at->second) == Status::ok);
-    REQUIRE(world.advance() == Status::ok);
+    REQUIRE(call_from(caller, [&] { return world.advance(); }) == Status::ok);
     const FrameReport& report = world.report();
     REQUIRE(report.tested == report.candidates);
     REQUIRE(report.accepted == report.candidates);
@@ -45,7 +48,7 @@ Run run(WorldConfig config, const Schedule& schedule) {
   return result;
 }
 
-TEST_CASE("placement, node count, resizing, balancing and keeping apart what rests change no contact") {
+TEST_CASE("placement, node count, resizing, balancing and keep_resting change no contact") {
   WorldConfig plain;
   plain.nodes = 0;
   const Run expected = run(plain, {});
@@ -57,8 +60,10 @@ TEST_CASE("placement, node count, resizing, balancing and keeping apart what res
     for (const Placement placement : {Placement::server, Placement::region, Placement::automatic}) {
       for (const bool balance : {true, false}) {
         for (const bool keep_resting : {true, false}) {
-          // Three schedules and four settings beside them: each meets each as the loops go round.
+          // Three schedules, four callers and four settings: the loops combine each with each.
+          const Caller caller = callers[next / schedules.size() % std::size(callers)];
           const std::size_t schedule = next++ % schedules.size();
+          CAPTURE(std::string(name_of(caller)));
           CAPTURE(nodes);
           CAPTURE(name_of(placement));
           CAPTURE(balance);
@@ -69,17 +74,18 @@ TEST_CASE("placement, node count, resizing, balancing and keeping apart what res
           config.placement = placement;
           config.balance = balance;
           config.keep_resting = keep_resting;
-          const Run other = run(config, schedules[schedule]);
+          const Run other = run(config, schedules[schedule], caller);
           CHECK(other.digest == expected.digest);
           changed += schedule == 0 && other.epoch > 1 ? 1 : 0;
         }
       }
     }
   }
-  CHECK(changed > 0);  // some maps followed the load without having been asked to
+  CHECK(changed > 0);  // some maps followed the load by themselves
 }
 
-TEST_CASE("auto is the server's sweep for one node with its thread and the regions' else, and the world says which") {
+TEST_CASE(
+    "automatic placement is server for one node with its own thread and region otherwise, and config() returns it") {
   for (const std::uint32_t nodes : {0u, 1u, 2u, 5u}) {
     WorldConfig config;
     config.nodes = nodes;

@@ -15,7 +15,7 @@ namespace {
 
 using worlds::ShapeSetting;
 
-/// Gives the choice of target back also when a check fails.
+/// Restores the choice of target also when a check fails.
 struct ForcedTarget {
   explicit ForcedTarget(const std::string& name) { narrow_phase::force_target(name); }
   ~ForcedTarget() { narrow_phase::force_target(""); }
@@ -67,7 +67,7 @@ Run run(const worlds::PaperWorld& paper, WorldConfig config, int frames) {
 
 }  // namespace
 
-TEST_CASE("a whole run has one digest on every instruction set that the machine has, for every setting of shapes") {
+TEST_CASE("a whole run has one digest on every instruction set of the machine, for every setting of shapes") {
   for (const ShapeSetting shapes : {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull,
                                     ShapeSetting::mixed, ShapeSetting::mesh}) {
     CAPTURE(name_of(shapes));

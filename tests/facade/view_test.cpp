@@ -1,4 +1,4 @@
-// What can be read after a frame, and while the next one is under way.
+// Results that can be read after a frame, and while the next one is running.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -41,13 +41,13 @@ std::map<Key, Contact> all_contacts(const World& world) {
 
 bool same(const Contact& p, const Contact& q) { return std::memcmp(&p, &q, sizeof p) == 0; }
 
-TEST_CASE("a user node is told exactly the contacts, ended ones too, of the objects that it hosts") {
+TEST_CASE("a user node receives exactly the contacts, ended ones too, of the objects that it hosts") {
   constexpr unsigned seed = 71;
   CAPTURE(seed);
   in_all_worlds(config_of(3), {0u, 2u}, [&](const WorldConfig& config) {
     World world(config);
     Script script(world, seed, side);
-    std::map<ObjectNumber, ObjectSpec> specs;  // also of what has just ended
+    std::map<ObjectNumber, ObjectSpec> specs;  // includes objects that have just ended
     for (int frame = 0; frame < 40; ++frame) {
       CAPTURE(frame);
       const std::vector<UserNumber> users = script.users();
@@ -58,7 +58,7 @@ TEST_CASE("a user node is told exactly the contacts, ended ones too, of the obje
       const auto avatar_of = [&](const Contact& contact, UserNumber user) {
         return specs.at(contact.a).user == user || specs.at(contact.b).user == user;
       };
-      std::map<Key, int> told;
+      std::map<Key, int> receivers;
       for (const UserNumber user : users) {
         CAPTURE(user);
         std::size_t of_avatars = 0;
@@ -69,7 +69,7 @@ TEST_CASE("a user node is told exactly the contacts, ended ones too, of the obje
           REQUIRE(same(at->second, contact));
           REQUIRE((before == nullptr || Key{before->a, before->b} < at->first));
           before = &contact;
-          ++told[at->first];
+          ++receivers[at->first];
           of_avatars += avatar_of(contact, user) ? 1 : 0;
           if (config.deployment != Deployment::user) REQUIRE(avatar_of(contact, user));
         }
@@ -78,7 +78,8 @@ TEST_CASE("a user node is told exactly the contacts, ended ones too, of the obje
                 })));
       }
       if (config.deployment == Deployment::user && !users.empty()) {
-        // All that moves is hosted by user nodes: each contact is told to the one or two who host its sides.
+        // All moving objects are hosted by user nodes: each contact concerns the one or two users that host its
+        // objects.
         for (const auto& [key, contact] : all) {
           const bool still =
               specs.at(key.first).category == Category::fixed && specs.at(key.second).category == Category::fixed;
@@ -87,8 +88,8 @@ TEST_CASE("a user node is told exactly the contacts, ended ones too, of the obje
             return user != no_user && !std::binary_search(users.begin(), users.end(), user);
           };
           if (still || gone(key.first) || gone(key.second)) continue;
-          REQUIRE(told[key] >= 1);
-          REQUIRE(told[key] <= 2);
+          REQUIRE(receivers[key] >= 1);
+          REQUIRE(receivers[key] <= 2);
         }
       }
       CHECK(world.collisions_of(UserNumber{60000}).empty());
@@ -97,7 +98,7 @@ TEST_CASE("a user node is told exactly the contacts, ended ones too, of the obje
   });
 }
 
-TEST_CASE("the collisions of an object are those contacts that name it") {
+TEST_CASE("the collisions of an object are the contacts that contain it") {
   constexpr unsigned seed = 72;
   CAPTURE(seed);
   WorldConfig config = config_of(0);
@@ -121,7 +122,7 @@ TEST_CASE("the collisions of an object are those contacts that name it") {
   }
 }
 
-TEST_CASE("a user node sees all others within its interest as they stand, each once, and nothing of its own") {
+TEST_CASE("a user node sees all others within its interest at their current poses, each once, and nothing of its own") {
   constexpr unsigned seed = 73;
   CAPTURE(seed);
   for (const double interest : {0.4, 3.0, 40.0}) {
@@ -140,7 +141,7 @@ TEST_CASE("a user node sees all others within its interest as they stand, each o
   }
 }
 
-TEST_CASE("without interest nothing is read of others") {
+TEST_CASE("without interest a user node reads no other states") {
   in_all_worlds(config_of(0), {0u, 1u}, [&](const WorldConfig& config) {
     World world(config);
     populate(world, 60, 3, side);
@@ -151,7 +152,7 @@ TEST_CASE("without interest nothing is read of others") {
   });
 }
 
-/// A copy of all that may be read while the next frame is under way.
+/// A copy of everything that may be read while the next frame is running.
 struct FrameResults {
   explicit FrameResults(const World& world, const std::vector<UserNumber>& users, const std::vector<ObjectId>& ids) {
     contacts.assign(world.contacts().begin(), world.contacts().end());
@@ -179,7 +180,7 @@ struct FrameResults {
   std::uint64_t report = 0, frames = 0;
 };
 
-TEST_CASE("while a frame is under way the results of the one before can be read and do not change") {
+TEST_CASE("while a frame is running the results of the one before can be read and do not change") {
   constexpr unsigned seed = 74;
   CAPTURE(seed);
   in_all_worlds(config_of(3), {0u, 1u, 3u, 6u}, [&](const WorldConfig& config) {
@@ -201,7 +202,7 @@ TEST_CASE("while a frame is under way the results of the one before can be read 
   });
 }
 
-TEST_CASE("what CD nodes published that are gone can be read until the next frame is complete") {
+TEST_CASE("publications of removed CD nodes can be read until the next frame is complete") {
   WorldConfig config = config_of(3);
   config.nodes = 9;
   config.deadlines.node_ms = 60;
@@ -227,7 +228,7 @@ TEST_CASE("what CD nodes published that are gone can be read until the next fram
   CHECK(world.nodes() == 1);
 }
 
-TEST_CASE("what is asked while a frame is under way belongs to the next frame") {
+TEST_CASE("requests made while a frame is running belong to the next frame") {
   in_all_worlds({}, {0u, 2u}, [&](const WorldConfig& config) {
     World world(config);
     const ShapeNumber ball = world.add_shape(Sphere{1});
@@ -257,7 +258,7 @@ TEST_CASE("what is asked while a frame is under way belongs to the next frame") 
   });
 }
 
-TEST_CASE("the last move before a frame counts, a later remove undoes it, and the model goes on from there") {
+TEST_CASE("the last move before a frame counts, a later remove cancels it, and the model continues from there") {
   in_all_worlds(config_of(0), {0u, 2u}, [&](WorldConfig config) {
     config.motion = nullptr;
     World world(config);
@@ -276,14 +277,14 @@ TEST_CASE("the last move before a frame counts, a later remove undoes it, and th
     advance(world);
     CHECK(world.object(avatar).spec.present);
     CHECK(world.object(avatar).spec.pose.position.x == 5);
-    // A quaternion within 10^-3 of unit is made unit.
+    // A quaternion within 10^-3 of unit length is normalised.
     CHECK(world.move(user, avatar, {{5, 0, 0}, {0, 0, 0, 1.0005f}}) == Status::ok);
     advance(world);
     CHECK(world.object(avatar).spec.pose.orientation == Quat{});
   });
 }
 
-TEST_CASE("a world that is destroyed while a frame is under way ends in order") {
+TEST_CASE("a world can be destroyed while a frame is running") {
   in_all_worlds(config_of(3), {0u, 1u, 4u}, [&](const WorldConfig& config) {
     for (const int frames : {0, 3}) {
       World world(config);
@@ -294,7 +295,7 @@ TEST_CASE("a world that is destroyed while a frame is under way ends in order") 
       }
       REQUIRE(world.begin_frame() == Status::ok);
     }
-    World unused(config);  // and one that never saw a frame
+    World unused(config);  // and a world without any frame
   });
 }
 

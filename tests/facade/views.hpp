@@ -17,8 +17,8 @@ inline double distance(const Vec3d& p, const Vec3d& q) {
   return std::sqrt((p.x - q.x) * (p.x - q.x) + (p.y - q.y) * (p.y - q.y) + (p.z - q.z) * (p.z - q.z));
 }
 
-/// Requires of the last frame that each of its `users` saw all others within its interest as they stand, each once, and
-/// nothing of its own; and that all that was relayed was counted.
+/// Requires that in the last frame each of `users` saw all others within its interest at their current poses, each
+/// once, and nothing of its own; and that the relayed states were counted.
 inline void require_views(const World& world, const std::vector<UserNumber>& users) {
   const WorldConfig& config = world.config();
   std::map<ObjectNumber, ObjectView> objects;
@@ -57,7 +57,7 @@ inline void require_views(const World& world, const std::vector<UserNumber>& use
     const ObjectNumber number = entry.first;
     const std::set<UserNumber>& who = entry.second;
     CAPTURE(number);
-    // In user domain deployment one user node hosts the object itself; there is no other reason.
+    // In user deployment a user node may host the object itself; no other reason is valid.
     REQUIRE(config.deployment == Deployment::user);
     REQUIRE(objects[number].spec.user == no_user);
     REQUIRE(who.size() == 1);
@@ -67,12 +67,12 @@ inline void require_views(const World& world, const std::vector<UserNumber>& use
     const ObjectSpec& spec = entry.second.spec;
     return spec.present && (spec.category == Category::active || spec.category == Category::non_active);
   });
-  // What CD nodes tell the server is counted with it.
+  // States that CD nodes send to the server are counted with it.
   REQUIRE((!relays || world.report().traffic[static_cast<std::size_t>(Traffic::state)].records >=
                           static_cast<std::uint64_t>(relayed)));
 }
 
-/// The first `count` users, as where nobody comes or goes.
+/// The first `count` user numbers, for worlds in which no user comes or goes.
 inline std::vector<UserNumber> first_users(UserNumber count) {
   std::vector<UserNumber> users;
   while (users.size() < count) users.push_back(static_cast<UserNumber>(users.size()));

@@ -26,7 +26,7 @@ TEST_CASE("bounds round outwards, positions down, by at most one step") {
       const Bounds bounds = space.bounds(p, q);
       const long double at = (static_cast<long double>(p.x) + side) * space.scale().x;
       const long double to = (static_cast<long double>(q.x) + side) * space.scale().x;
-      // One part in 2^20 of a step is what the product in double may be off.
+      // The product in double may be wrong by one part in 2^20 of a step.
       REQUIRE(bounds.lower[0] <= at + 1e-5L);
       REQUIRE(bounds.lower[0] >= at - 1.00001L);
       REQUIRE(bounds.upper[0] >= to - 1e-5L);
@@ -54,7 +54,7 @@ TEST_CASE("fixed point is monotone: boxes that touch have bounds that touch") {
   }
 }
 
-TEST_CASE("what lies outside the world saturates at its faces") {
+TEST_CASE("coordinates outside the world saturate at its faces") {
   const FixedSpace space({0, 0, 0}, {100, 100, 40});
   const double huge = std::numeric_limits<double>::max();
   const Bounds bounds = space.bounds({-huge, -1, 41}, {-5, huge, huge});
@@ -66,7 +66,7 @@ TEST_CASE("what lies outside the world saturates at its faces") {
   CHECK(cell[2] == 0x80000000u);
 }
 
-TEST_CASE("bounds of a world that are none are refused, thin ones are widened") {
+TEST_CASE("invalid world bounds are refused, and thin ones are widened") {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   CHECK_THROWS_AS(FixedSpace({0, 0, 0}, {1, nan, 1}), Error);
   CHECK_THROWS_AS(FixedSpace({0, 0, 0}, {1, 1, inf}), Error);

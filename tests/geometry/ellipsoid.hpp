@@ -5,7 +5,7 @@
 
 namespace ringfence::test {
 
-/// An ellipsoid by its support function: something that no other kind is.
+/// An ellipsoid, given by its support function: not expressible as another kind of shape.
 class Ellipsoid final : public SupportFunction {
  public:
   explicit Ellipsoid(Vec3f radii) : radii_(radii) {}

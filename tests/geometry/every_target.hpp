@@ -7,7 +7,7 @@
 
 namespace ringfence::test {
 
-/// Runs `body` once for each instruction set that this build has and this machine can run.
+/// Runs `body` once for each instruction set that this build contains and this machine supports.
 template <class Body>
 void on_every_target(Body&& body) {
   for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {

@@ -31,23 +31,23 @@ double extent(const Points& points) {
   return std::max({high.x - low.x, high.y - low.y, high.z - low.z});
 }
 
-/// What every hull must be, whatever it was made from.
+/// Checks the properties that every hull must have.
 void check_hull(const Hull& hull, const Points& points) {
   const double size = extent(points);
-  // Float normals and offsets of points far from the origin round by the magnitude of the coordinates.
+  // Float normals and offsets of points far from the origin have rounding errors relative to the coordinates.
   const double tolerance = 1e-6 * size + 2.5e-7 * double{hull.bounding_radius()};
 
-  std::set<std::array<float, 3>> given;
-  for (const Vec3f p : points) given.insert({p.x, p.y, p.z});
+  std::set<std::array<float, 3>> input_points;
+  for (const Vec3f p : points) input_points.insert({p.x, p.y, p.z});
   std::set<std::array<float, 3>> vertices;
   for (std::size_t v = 0; v < hull.vertex_count(); ++v) {
     const Vec3f p = hull.vertex(v);
-    REQUIRE_MESSAGE(given.count({p.x, p.y, p.z}) == 1, "vertex " << v << " is not a point of the input");
+    REQUIRE_MESSAGE(input_points.count({p.x, p.y, p.z}) == 1, "vertex " << v << " is not a point of the input");
     REQUIRE(vertices.insert({p.x, p.y, p.z}).second);
     REQUIRE(length(to_double(p)) <= double{hull.bounding_radius()} * (1 + 1e-12));
   }
 
-  double worst = 0, least_gap = std::numeric_limits<double>::infinity();
+  double worst = 0, smallest_gap = std::numeric_limits<double>::infinity();
   for (std::size_t f = 0; f < hull.face_count(); ++f) {
     const Vec3d normal = to_double(hull.normal(f));
     REQUIRE(std::abs(length(normal) - 1) < 1e-6);
@@ -61,11 +61,11 @@ void check_hull(const Hull& hull, const Points& points) {
     for (const std::uint16_t v : hull.face(f)) {
       REQUIRE(std::abs(dot(normal, to_double(hull.vertex(v))) - double{hull.offset()[f]}) <= 2 * tolerance);
     }
-    least_gap = std::min(least_gap, double{hull.offset()[f]} - dot(normal, to_double(hull.centroid())));
+    smallest_gap = std::min(smallest_gap, double{hull.offset()[f]} - dot(normal, to_double(hull.centroid())));
   }
   REQUIRE_MESSAGE(worst <= tolerance, "a point lies " << worst << " outside a hull of size " << size);
-  REQUIRE(least_gap > -tolerance);
-  REQUIRE(double{hull.inner_radius()} <= least_gap + tolerance);
+  REQUIRE(smallest_gap > -tolerance);
+  REQUIRE(double{hull.inner_radius()} <= smallest_gap + tolerance);
 
   REQUIRE(hull.vertex_count() + hull.face_count() == hull.edge_count() + 2);  // Euler's formula
   std::map<std::pair<int, int>, int> half_edges;
@@ -88,20 +88,20 @@ void check_hull(const Hull& hull, const Points& points) {
   REQUIRE(reinterpret_cast<std::uintptr_t>(hull.x()) % 64 == 0);
 }
 
-/// The greatest of direction · point over the input is that over the hull: the two have one support function.
+/// Checks that the input points and the hull have the same support function.
 void check_support(const Hull& hull, const Points& points, std::mt19937& random) {
   std::normal_distribution<double> normal;
   const double size = extent(points);
   for (int i = 0; i < 50; ++i) {
     Vec3d d{normal(random), normal(random), normal(random)};
     d = d * (1 / length(d));
-    double of_points = -1e300, of_hull = -1e300;
-    for (const Vec3f p : points) of_points = std::max(of_points, dot(d, to_double(p)));
+    double points_support = -1e300, hull_support = -1e300;
+    for (const Vec3f p : points) points_support = std::max(points_support, dot(d, to_double(p)));
     for (std::size_t v = 0; v < hull.vertex_count(); ++v) {
-      of_hull = std::max(of_hull, dot(d, to_double(hull.vertex(v))));
+      hull_support = std::max(hull_support, dot(d, to_double(hull.vertex(v))));
     }
-    REQUIRE(of_hull <= of_points);
-    REQUIRE(of_points - of_hull <= 2e-6 * size);
+    REQUIRE(hull_support <= points_support);
+    REQUIRE(points_support - hull_support <= 2e-6 * size);
   }
 }
 
@@ -139,7 +139,7 @@ Points rotated(const Points& points, std::mt19937& random, Vec3f by = {}) {
 
 }  // namespace
 
-TEST_CASE("a hull of random points is closed, convex and holds them all") {
+TEST_CASE("a hull of random points is closed, convex and contains all of them") {
   for (unsigned seed = 0; seed < 600; ++seed) {
     CAPTURE(seed);
     std::mt19937 random(seed);
@@ -192,7 +192,7 @@ TEST_CASE("a grid of points, rotated or not, becomes a box of 8 vertices and 6 f
   }
 }
 
-TEST_CASE("prisms and cylinders keep their flat ends whole") {
+TEST_CASE("the flat ends of prisms and cylinders are single faces") {
   std::mt19937 random(11);
   for (int sides : {3, 5, 16, 64, 128}) {
     Points points;
@@ -212,7 +212,7 @@ TEST_CASE("prisms and cylinders keep their flat ends whole") {
   }
 }
 
-TEST_CASE("needles, plates and points far from the origin make good hulls") {
+TEST_CASE("needles, plates and points far from the origin have valid hulls") {
   for (unsigned seed = 0; seed < 200; ++seed) {
     CAPTURE(seed);
     std::mt19937 random(seed);
@@ -224,7 +224,7 @@ TEST_CASE("needles, plates and points far from the origin make good hulls") {
   }
 }
 
-TEST_CASE("points given many times, and points inside, change nothing") {
+TEST_CASE("duplicate points and interior points do not change the hull") {
   std::mt19937 random(3);
   for (int round = 0; round < 50; ++round) {
     const Points once = ellipsoid(random, 30, {1, 0.8, 0.7});
@@ -238,12 +238,12 @@ TEST_CASE("points given many times, and points inside, change nothing") {
   }
 }
 
-TEST_CASE("ten thousand points in a ball, near coplanar and near duplicate, end in a hull") {
+TEST_CASE("ten thousand nearly coplanar and nearly duplicate points have a valid hull") {
   std::mt19937 random(13);
   std::uniform_real_distribution<float> unit(-1, 1);
   Points points;
   for (int i = 0; i < 10000; ++i) {
-    // A cube whose sides wobble by rounding, corners cut off by nothing: many points nearly in each face.
+    // A cube whose sides vary by rounding errors: many points are nearly in each face.
     Vec3f p{unit(random), unit(random), unit(random)};
     const int face = i % 6;
     const float side = (face & 1 ? 1.0f : -1.0f) * (1.0f + 1e-7f * unit(random));
@@ -258,7 +258,7 @@ TEST_CASE("ten thousand points in a ball, near coplanar and near duplicate, end 
   CHECK(hull.vertex_count() == 8);
 }
 
-TEST_CASE("what is no solid is refused with the reason") {
+TEST_CASE("points that span no solid are refused with the reason") {
   const auto reason = [](const Points& points) -> std::string {
     try {
       build_hull(points);

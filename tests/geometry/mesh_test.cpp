@@ -23,7 +23,7 @@ const std::vector<Vec3f> corners{{0, 0, 0}, {2, 0, 0}, {0, 2, 0}, {0, 0, 2}, {4,
 
 }  // namespace
 
-TEST_CASE("triangles of zero area are dropped and counted, the rest is kept in order") {
+TEST_CASE("triangles of zero area are dropped and counted, and the others keep their order") {
   const geometry::Mesh mesh({corners, {0, 1, 2, 0, 1, 4, 1, 1, 2, 0, 2, 3}});
   CHECK(mesh.dropped_triangles() == 2);
   REQUIRE(mesh.triangles().size() == 2);
@@ -35,7 +35,7 @@ TEST_CASE("triangles of zero area are dropped and counted, the rest is kept in o
   CHECK(mesh.box_half_extents().x < 1.0001f);
 }
 
-TEST_CASE("a mesh that cannot be is refused with the reason") {
+TEST_CASE("an invalid mesh is refused with the reason") {
   CHECK(refusal({corners, {0, 1}}).find("multiple of 3") != std::string::npos);
   CHECK(refusal({corners, {}}).find("no triangles") != std::string::npos);
   CHECK(refusal({corners, {0, 1, 2, 0, 1, 5}}).find("index 5 of triangle 1") != std::string::npos);

@@ -29,12 +29,12 @@ std::vector<Vec3f> ball_of_points(std::mt19937& random, std::size_t count, doubl
   return points;
 }
 
-double exact_reach(const ShapeTable& table, ShapeNumber shape, Vec3d d) {
+double exact_support(const ShapeTable& table, ShapeNumber shape, Vec3d d) {
   const ShapeDescription& description = table.description(shape);
   const auto over = [&](const std::vector<Vec3f>& points) {
-    double most = -1e300;
-    for (const Vec3f p : points) most = std::max(most, dot(d, to_double(p)));
-    return most;
+    double largest = -1e300;
+    for (const Vec3f p : points) largest = std::max(largest, dot(d, to_double(p)));
+    return largest;
   };
   if (const auto* s = std::get_if<Sphere>(&description)) return double{s->radius} * length(d);
   if (const auto* b = std::get_if<Box>(&description)) {
@@ -61,7 +61,7 @@ std::string refusal(const ShapeDescription& shape) {
 
 }  // namespace
 
-TEST_CASE("the bounds of every kind of shape hold it and are tight, near the origin and far from it") {
+TEST_CASE("the bounds of every kind of shape contain it and are tight, near the origin and far from it") {
   std::mt19937 random(1);
   ShapeTable table;
   table.add(Sphere{0.7f});
@@ -87,8 +87,8 @@ TEST_CASE("the bounds of every kind of shape hold it and are tight, near the ori
         const double position[3] = {pose.position.x, pose.position.y, pose.position.z};
         for (int axis = 0; axis < 3; ++axis) {
           const Vec3d row{r.m[axis][0], r.m[axis][1], r.m[axis][2]};
-          const double low = position[axis] - exact_reach(table, shape, -row);
-          const double high = position[axis] + exact_reach(table, shape, row);
+          const double low = position[axis] - exact_support(table, shape, -row);
+          const double high = position[axis] + exact_support(table, shape, row);
           const double step = 1 / space.scale().x;
           const double at = bounds.lower[axis] * step + space.min().x, to = bounds.upper[axis] * step + space.min().x;
           const double rounding = side * 1e-15;
@@ -103,7 +103,7 @@ TEST_CASE("the bounds of every kind of shape hold it and are tight, near the ori
   }
 }
 
-TEST_CASE("bounds and points of many shapes at once are those of each, in their order") {
+TEST_CASE("a batch of shapes gets the same bounds and points as single shapes") {
   std::mt19937 random(29);
   ShapeTable table;
   table.add(Sphere{0.7f});
@@ -139,7 +139,7 @@ TEST_CASE("bounds and points of many shapes at once are those of each, in their 
   }
 }
 
-TEST_CASE("bounds of solids are those of their extents in float, to the last bit on every instruction set") {
+TEST_CASE("bounds of solids equal those of their float extents, bit for bit, on every instruction set") {
   std::mt19937 random(17);
   ShapeTable table;
   table.add(Sphere{0.7f});
@@ -149,8 +149,8 @@ TEST_CASE("bounds of solids are those of their extents in float, to the last bit
   for (const std::size_t count : {4u, 15u, 16u, 17u, 33u, 256u}) {
     table.add(ConvexHull{ball_of_points(random, count, 1.3)});
   }
-  // Where the shape's axis of a row of the matrix reaches most, term by term in the order that kernels repeat.
-  const auto reach = [&](ShapeNumber shape, const float row[3]) {
+  // The support along a row of the matrix, with the terms in the order of the kernels.
+  const auto support = [&](ShapeNumber shape, const float row[3]) {
     const auto sum = [](float x, float y, float z) { return (x + y) + z; };
     const ShapeRow& is = table.row(shape);
     if (is.kind == ShapeKind::sphere) return double{is.size[0]};
@@ -159,12 +159,12 @@ TEST_CASE("bounds of solids are those of their extents in float, to the last bit
       return double{sum(std::abs(row[0]) * is.size[0], std::abs(row[1]) * is.size[1], std::abs(row[2]) * is.size[2])};
     }
     const Hull& hull = table.hull(is.index_in_kind);
-    float most = -1e30f;
+    float largest = -1e30f;
     for (std::size_t v = 0; v < hull.vertex_count(); ++v) {
       const Vec3f p = hull.vertex(v);
-      most = std::max(most, sum(row[0] * p.x, row[1] * p.y, row[2] * p.z));
+      largest = std::max(largest, sum(row[0] * p.x, row[1] * p.y, row[2] * p.z));
     }
-    return double{most};
+    return double{largest};
   };
   std::normal_distribution<float> normal;
   std::uniform_real_distribution<double> unit(-1, 1);
@@ -173,7 +173,7 @@ TEST_CASE("bounds of solids are those of their extents in float, to the last bit
     for (ShapeNumber shape = 0; shape < table.size(); ++shape) {
       CAPTURE(shape);
       for (int i = 0; i < 500; ++i) {
-        // Some stand outside of the world, in part or whole, and some are not turned.
+        // Some shapes are partly or completely outside the world, and some are not rotated.
         Pose pose{{unit(random) * 45, unit(random) * 45, unit(random) * 45}, {}};
         if (i % 8 != 0) pose.orientation = normalise({normal(random), normal(random), normal(random), normal(random)});
         const Rotation r = rotation(pose.orientation);
@@ -181,8 +181,8 @@ TEST_CASE("bounds of solids are those of their extents in float, to the last bit
         double low[3], high[3];
         for (int axis = 0; axis < 3; ++axis) {
           const float back[3] = {-r.m[axis][0], -r.m[axis][1], -r.m[axis][2]};
-          low[axis] = -reach(shape, back) - margin;
-          high[axis] = reach(shape, r.m[axis]) + margin;
+          low[axis] = -support(shape, back) - margin;
+          high[axis] = support(shape, r.m[axis]) + margin;
         }
         REQUIRE(table.bounds(shape, pose, space) == space.bounds(pose.position + Vec3d{low[0], low[1], low[2]},
                                                                  pose.position + Vec3d{high[0], high[1], high[2]}));
@@ -191,7 +191,7 @@ TEST_CASE("bounds of solids are those of their extents in float, to the last bit
   });
 }
 
-TEST_CASE("volumes are those of the solids") {
+TEST_CASE("volumes equal those of the solids") {
   ShapeTable table;
   const double pi = 3.14159265358979;
   CHECK(table.volume(table.add(Sphere{2})) == doctest::Approx(4.0 / 3 * pi * 8));
@@ -200,7 +200,7 @@ TEST_CASE("volumes are those of the solids") {
   CHECK(table.volume(table.add(ConvexHull{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}})) == doctest::Approx(1.0 / 6));
 }
 
-TEST_CASE("rows hold what kernels need, and details count by kind") {
+TEST_CASE("rows contain the data for kernels, and indices count by kind") {
   ShapeTable table;
   const std::vector<Vec3f> corner{{0, 0, 0}, {3, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   CHECK(table.add(ConvexHull{corner}) == 0);
@@ -214,7 +214,7 @@ TEST_CASE("rows hold what kernels need, and details count by kind") {
   CHECK(table.hull(1).vertex_count() == 4);
 }
 
-TEST_CASE("a shape that cannot be is refused with the value and the range, and the table stays as it was") {
+TEST_CASE("an invalid shape is refused with its value and the range, and the table is unchanged") {
   const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
   CHECK(refusal(Sphere{0}).find("sphere radius is 0") != std::string::npos);
   CHECK(refusal(Sphere{nan}).find("nan") != std::string::npos);

@@ -9,13 +9,13 @@
 using namespace ringfence;
 using namespace ringfence::geometry;
 
-TEST_CASE("a rotation turns as its quaternion does, and back") {
+TEST_CASE("a rotation matrix rotates as its quaternion does, and its inverse rotates back") {
   std::mt19937 random(1);
   std::normal_distribution<float> normal;
   for (int i = 0; i < 1000; ++i) {
     const Quat q = normalise({normal(random), normal(random), normal(random), normal(random)});
     const Vec3f p{normal(random), normal(random), normal(random)};
-    // q p q* by the cross product form, in double.
+    // q p q* in its cross product form, in double.
     const Vec3d u{double{q.x}, double{q.y}, double{q.z}};
     const Vec3d t = cross(u, to_double(p)) * 2.0;
     const Vec3d expected = to_double(p) + t * double{q.w} + cross(u, t);
@@ -25,7 +25,7 @@ TEST_CASE("a rotation turns as its quaternion does, and back") {
   }
 }
 
-TEST_CASE("normalising twice changes nothing beyond the last bits, and keeps the direction") {
+TEST_CASE("normalising changes the length to 1 and keeps the direction") {
   std::mt19937 random(2);
   std::normal_distribution<float> normal;
   for (int i = 0; i < 1000; ++i) {
@@ -38,7 +38,7 @@ TEST_CASE("normalising twice changes nothing beyond the last bits, and keeps the
   }
 }
 
-TEST_CASE("quaternions are accepted within a thousandth of unit length") {
+TEST_CASE("is_near_unit accepts lengths within a thousandth of 1") {
   CHECK(is_near_unit({0, 0, 0, 1}));
   CHECK(is_near_unit({0, 0, 0, 1.0009f}));
   CHECK(is_near_unit({0, 0, 0, -0.9991f}));

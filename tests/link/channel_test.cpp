@@ -12,7 +12,7 @@
 namespace ringfence::link {
 namespace {
 
-TEST_CASE("messages arrive whole and in order through a small ring, both sides sleeping") {
+TEST_CASE("messages arrive complete and in order through a small ring while both sides sleep") {
   Doorbell sender_bell, receiver_bell;
   Channel channel(4096, &receiver_bell, &sender_bell);
   constexpr int count = 100000;
@@ -50,7 +50,7 @@ TEST_CASE("messages arrive whole and in order through a small ring, both sides s
   CHECK(wrong == 0);
 }
 
-TEST_CASE("a ring of a wrong size is refused by name") {
+TEST_CASE("a ring of an invalid size is refused, and the message names the option") {
   for (const std::size_t bytes : {std::size_t{0}, std::size_t{2048}, std::size_t{5000}, std::size_t{1} << 32}) {
     CAPTURE(bytes);
     CHECK_THROWS_WITH_AS(Channel(bytes, nullptr, nullptr, "--server-ring"),
@@ -59,7 +59,7 @@ TEST_CASE("a ring of a wrong size is refused by name") {
   CHECK_NOTHROW(Channel(4096, nullptr, nullptr));
 }
 
-TEST_CASE("a thread can step both ends, and nothing shows before it is published") {
+TEST_CASE("one thread can use both ends, and a message is not visible before it is published") {
   Doorbell bell;
   Channel channel(4096, &bell, &bell);
   Sender& sender = channel.sender();
@@ -79,7 +79,7 @@ TEST_CASE("a thread can step both ends, and nothing shows before it is published
   receiver.release();
 }
 
-TEST_CASE("a claim that is given up, or replaced, leaves no trace") {
+TEST_CASE("a claim that is cancelled or replaced has no effect") {
   Channel channel(4096, nullptr, nullptr);
   REQUIRE_FALSE(channel.sender().claim(500).empty());
   channel.sender().commit(0);
@@ -94,14 +94,14 @@ TEST_CASE("a claim that is given up, or replaced, leaves no trace") {
   CHECK(channel.receiver().next().empty());
 }
 
-TEST_CASE("a message of the largest size fits wherever the ring stands, as soon as all is released") {
+TEST_CASE("a message of the largest size fits at any position of the ring once everything is released") {
   for (const std::size_t bytes : {4096, 8192, 131072, 1048576}) {
     Channel channel(bytes, nullptr, nullptr);
     Sender& sender = channel.sender();
     const std::size_t largest = sender.largest_message();
     CHECK(largest == std::min<std::size_t>(bytes / 2, 65536));
     for (std::size_t step = 8; step < 2 * bytes; step += 8 + bytes / 256) {
-      // Anywhere: a small message first, of every size.
+      // A small message of varying size first, so that the large one starts anywhere.
       REQUIRE_FALSE(sender.claim(step % 2000 + 1).empty());
       sender.commit(step % 2000 + 1);
       sender.publish();
@@ -121,7 +121,7 @@ TEST_CASE("a message of the largest size fits wherever the ring stands, as soon 
   }
 }
 
-TEST_CASE("a sender that finds no room publishes, and is rung by the next release") {
+TEST_CASE("a sender that finds no room publishes, and the next release rings it") {
   Doorbell senders, receivers;
   Channel channel(4096, &receivers, &senders);
   int sent = 0;
@@ -134,7 +134,7 @@ TEST_CASE("a sender that finds no room publishes, and is rung by the next releas
   CHECK(channel.sender().claim(1000).size() == 1000);
 }
 
-TEST_CASE("closing is seen by the other end, after the last message") {
+TEST_CASE("the other end sees the close after the last message") {
   Channel channel(4096, nullptr, nullptr);
   REQUIRE_FALSE(channel.sender().claim(8).empty());
   channel.sender().commit(8);

@@ -3,10 +3,10 @@
 #include <cstdlib>
 
 #if !defined(__x86_64__)
-#error "the checker switches stacks by hand: add the few instructions for this processor"
+#error "the checker switches stacks in assembly: add the instructions for this processor"
 #endif
 
-// Saves what a call must preserve, and goes on where the other stack left off.
+// Saves the callee-saved registers and continues on the other stack.
 extern "C" void ringfence_switch_stack(void** from, void* to);
 asm(R"(
 .text
@@ -45,11 +45,11 @@ bool releases(std::memory_order order) {
   return order == std::memory_order_release || order == std::memory_order_acq_rel;
 }
 
-/// Whether the order of two operations of different threads can matter.
+/// Whether the order of two operations of different threads can affect the result.
 bool dependent(Operation p, Operation q) {
   if (p.kind == Kind::none || q.kind == Kind::none || p.location != q.location) return false;
-  const auto only_looks = [](Kind kind) { return kind == Kind::load || kind == Kind::sleep; };
-  return !only_looks(p.kind) || !only_looks(q.kind);
+  const auto only_reads = [](Kind kind) { return kind == Kind::load || kind == Kind::sleep; };
+  return !only_reads(p.kind) || !only_reads(q.kind);
 }
 
 }  // namespace
@@ -100,13 +100,13 @@ bool Explorer::end(Report& report) {
   return true;
 }
 
-/// Where a fiber begins.
+/// The entry function of a fiber.
 void Explorer::enter() {
   Explorer& all = explorer();
   all.body_(all.program_, all.me_);
   all.threads_[all.me_].done = true;
-  void* never_again;
-  ringfence_switch_stack(&never_again, all.scheduler_stack_pointer_);
+  void* unused;
+  ringfence_switch_stack(&unused, all.scheduler_stack_pointer_);
   std::abort();
 }
 
@@ -125,12 +125,13 @@ void Explorer::run(void* program, Body body, int threads) {
     thread.done = false;
     const auto top = reinterpret_cast<std::uintptr_t>(thread.stack.data() + stack_bytes) & ~std::uintptr_t{15};
     void** frame = reinterpret_cast<void**>(top);
-    *--frame = nullptr;  // whom the fiber would return to
+    *--frame = nullptr;  // return address of the fiber, which never returns
     *--frame = reinterpret_cast<void*>(&Explorer::enter);
     for (int saved = 0; saved < 6; ++saved) *--frame = nullptr;
     thread.stack_pointer = frame;
   }
-  unsigned asleep = 0;  // the sleep set: what these threads do next has been tried already, and nothing changed since
+  // The sleep set: the next operation of these threads was already explored here, and nothing has changed since.
+  unsigned asleep = 0;
   while (!failed()) {
     unsigned enabled = 0, live = 0;
     for (int i = 1; i <= threads; ++i) {
@@ -139,12 +140,12 @@ void Explorer::run(void* program, Body body, int threads) {
       if (threads_[i].parked < 0 || threads_[i].sleeps_until != Time::max()) enabled |= 1u << i;
     }
     if (live == 0) break;
-    // A thread that has just begun, or woken, goes on to the first operation that another could notice.
-    if (const int fresh = find_fresh(enabled)) {
-      step(fresh);
+    // A thread that has just started or woken runs to its first operation that another thread can observe.
+    if (const int started = find_without_operation(enabled)) {
+      step(started);
       continue;
     }
-    if (enabled == 0) return fail("a thread sleeps and nobody wakes it");
+    if (enabled == 0) return fail("a thread sleeps and is never woken");
     if ((enabled & ~asleep) == 0) {
       pruned_ = true;
       return;
@@ -164,8 +165,8 @@ void Explorer::run(void* program, Body body, int threads) {
   for (int i = 1; i <= threads; ++i) threads_[0].view.join(threads_[i].view);
 }
 
-int Explorer::find_fresh(unsigned enabled) const {
-  for (int i = 1; i < most_threads; ++i) {
+int Explorer::find_without_operation(unsigned enabled) const {
+  for (int i = 1; i < max_threads; ++i) {
     if ((enabled & 1u << i) != 0 && threads_[i].pending.kind == Kind::none) return i;
   }
   return 0;
@@ -177,7 +178,7 @@ int Explorer::choose(int count) {
   return choices_[depth_++].taken;
 }
 
-/// One of the candidates; adds those that were chosen here before to `tried`.
+/// Chooses one of the candidates. Adds those chosen here earlier to `tried`.
 int Explorer::choose_thread(unsigned candidates, unsigned& tried) {
   int skip = choose(__builtin_popcount(candidates));
   for (int i = 1;; ++i) {
@@ -199,12 +200,12 @@ void Explorer::announce(Kind kind, int location) {
 void Explorer::fail(const char* why) {
   if (failure_.empty()) failure_ = why;
   if (me_ == 0) return;
-  void* never_again;
-  ringfence_switch_stack(&never_again, scheduler_stack_pointer_);
+  void* unused;
+  ringfence_switch_stack(&unused, scheduler_stack_pointer_);
 }
 
 int Explorer::new_location(std::uint64_t value) {
-  if (location_count_ == most_locations) std::abort();
+  if (location_count_ == max_locations) std::abort();
   Location& location = locations_[location_count_];
   location.stores.clear();
   location.stores.push_back({value, View{}});
@@ -225,10 +226,10 @@ std::uint64_t Explorer::load(int location, std::memory_order order) {
   return stores[seen].value;
 }
 
-void Explorer::put(int location, std::uint64_t value, std::memory_order order, bool modifies) {
+void Explorer::append_store(int location, std::uint64_t value, std::memory_order order, bool modifies) {
   Thread& thread = threads_[me_];
   auto& stores = locations_[location].stores;
-  if (stores.size() >= 250 || thread.view.clock[me_] >= 250) fail("the program goes on and on");
+  if (stores.size() >= 250 || thread.view.clock[me_] >= 250) fail("the program has too many steps");
   ++thread.view.clock[me_];
   thread.view.newest[location] = static_cast<std::uint8_t>(stores.size());
   Stored stored{value, View{}};
@@ -242,9 +243,10 @@ void Explorer::put(int location, std::uint64_t value, std::memory_order order, b
 void Explorer::store(int location, std::uint64_t value, std::memory_order order) {
   announce(Kind::store, location);
   int& writer = locations_[location].plain_writer;
-  if (me_ != 0 && writer >= 0 && writer != me_) fail("two threads store to one location: the model does not cover it");
+  if (me_ != 0 && writer >= 0 && writer != me_)
+    fail("two threads store to one location, which the model does not cover");
   if (me_ != 0) writer = me_;
-  put(location, value, order, false);
+  append_store(location, value, order, false);
 }
 
 const Explorer::Stored& Explorer::take_newest(int location, std::memory_order order) {
@@ -257,14 +259,14 @@ const Explorer::Stored& Explorer::take_newest(int location, std::memory_order or
 std::uint64_t Explorer::exchange(int location, std::uint64_t value, std::memory_order order) {
   announce(Kind::exchange, location);
   const std::uint64_t before = take_newest(location, order).value;
-  put(location, value, order, true);
+  append_store(location, value, order, true);
   return before;
 }
 
 std::uint64_t Explorer::fetch_or(int location, std::uint64_t bits, std::memory_order order) {
   announce(Kind::fetch_or, location);
   const std::uint64_t before = take_newest(location, order).value;
-  put(location, before | bits, order, true);
+  append_store(location, before | bits, order, true);
   return before;
 }
 
@@ -281,7 +283,7 @@ void Explorer::sleep(int location, std::uint64_t expected) { sleep_until(locatio
 
 void Explorer::sleep_until(int location, std::uint64_t expected, Time deadline) {
   announce(Kind::sleep, location);
-  // The kernel compares under a lock, with the newest value.
+  // The kernel compares under a lock, so it sees the newest value.
   if (locations_[location].stores.back().value == expected) park(location, deadline);
 }
 
@@ -308,7 +310,7 @@ void Explorer::watch(std::byte* begin, std::size_t bytes) {
 Explorer::Shadow* Explorer::shadow_of(const std::byte* at) {
   const std::ptrdiff_t offset = at - memory_;
   if (offset < 0 || offset % 8 != 0 || offset / 8 >= static_cast<std::ptrdiff_t>(shadows_.size())) {
-    fail("an access outside the ring, or across its words");
+    fail("an access outside the ring or not aligned to its words");
     return nullptr;
   }
   return &shadows_[static_cast<std::size_t>(offset / 8)];
@@ -318,9 +320,9 @@ void Explorer::write(std::byte* at, std::uint64_t word) {
   Shadow* shadow = shadow_of(at);
   if (!shadow) return;
   const View& view = threads_[me_].view;
-  if (view.clock[shadow->writer] < shadow->written && shadow->writer != me_) fail("a race of two writes");
-  for (int i = 0; i < most_threads; ++i) {
-    if (i != me_ && view.clock[i] < shadow->seen[i]) fail("a write over what may still be read");
+  if (view.clock[shadow->writer] < shadow->written && shadow->writer != me_) fail("a data race of two writes");
+  for (int i = 0; i < max_threads; ++i) {
+    if (i != me_ && view.clock[i] < shadow->seen[i]) fail("a write to memory that may still be read");
   }
   shadow->seen.fill(0);
   shadow->writer = static_cast<std::uint8_t>(me_);
@@ -332,7 +334,8 @@ std::uint64_t Explorer::read(const std::byte* at) {
   Shadow* shadow = shadow_of(at);
   if (!shadow) return 0;
   const View& view = threads_[me_].view;
-  if (view.clock[shadow->writer] < shadow->written && shadow->writer != me_) fail("a read of what is not published");
+  if (view.clock[shadow->writer] < shadow->written && shadow->writer != me_)
+    fail("a read of memory that is not published");
   shadow->seen[me_] = static_cast<std::uint8_t>(view.clock[me_] + 1);
   std::uint64_t word;
   std::memcpy(&word, at, sizeof word);
@@ -346,18 +349,18 @@ void Explorer::prefetch_for_write(const std::byte* at, std::size_t line) {
   for (std::size_t word = first / 8; word < std::min((first + line) / 8, shadows_.size()); ++word) {
     const Shadow& shadow = shadows_[word];
     bool read = shadow.written == 0;
-    for (int i = 0; i < most_threads; ++i) {
-      if (i != me_ && view.clock[i] < shadow.seen[i]) return fail("a line is asked for that may still be read");
+    for (int i = 0; i < max_threads; ++i) {
+      if (i != me_ && view.clock[i] < shadow.seen[i]) return fail("a prefetched line may still be read");
       read = read || shadow.seen[i] != 0;
     }
-    if (!read) return fail("a line is asked for to be written that nobody has read");
+    if (!read) return fail("a line prefetched for writing was not read");
   }
 }
 
 void Explorer::prefetch_for_read(const std::byte* at) {
   const Shadow* shadow = shadow_of(at);
   if (!shadow || shadow->writer == me_) return;
-  if (threads_[me_].view.clock[shadow->writer] < shadow->written) fail("a line is asked for that is not published");
+  if (threads_[me_].view.clock[shadow->writer] < shadow->written) fail("a prefetched line is not published");
 }
 
 std::string Explorer::describe_trace() const {

@@ -12,97 +12,100 @@
 
 #include "link/atomics.hpp"
 
-/// An exhaustive checker for small programs of a few threads over atomics, plain memory and futexes.
+/// An exhaustive model checker for small programs of a few threads that use atomics, plain memory and futexes.
 ///
-/// A program is run again and again, its threads as fibers of one thread of the system, until every schedule has been
-/// tried, and for every load every store that the load may see. What is found: a data race on plain memory, a thread
-/// that sleeps and that nobody wakes, and whatever the program itself asserts.
+/// The threads of a program are fibers of one system thread. The program is run again until every schedule was explored
+/// and, for every load, every store that the load may see. It detects data races on plain memory, threads that sleep
+/// and are never woken, and failures that the program itself reports.
 ///
-/// The memory model is the release-acquire part of C++20, operationally: each atomic location is the list of its
-/// stores, each thread knows of each location a store than which it may not see an older one, a release store carries
-/// what its thread knows, an acquire load takes that over, and a read-modify-write sees the newest store and hands on
-/// what that carried (release sequences). Not covered, because nothing under test needs it or any compiler produces it:
+/// The memory model is the release-acquire part of C++20 in operational form. Each atomic location is the list of its
+/// stores. For each location a thread has a store such that it cannot see older ones. A release store carries the view
+/// of its thread, and an acquire load merges the carried view into its own. A read-modify-write sees the newest store
+/// and continues what that carried (release sequences). Not covered, because no code under test needs it or no compiler
+/// produces it:
 ///  - load buffering: a load never sees a store that comes later in the execution;
-///  - plain stores to one location by two threads that settle in another order than they were made. One thread may
-///    store to a location, others change it by read-modify-writes alone; the checker refuses anything else;
+///  - plain stores to one location by two threads. One thread may store to a location, others may change it by
+///    read-modify-writes only; the checker refuses anything else;
 ///  - fences and sequential consistency.
 ///
-/// Time is a choice: a deadline is past, or not yet, whenever a thread looks, and a sleep with a deadline may end at
-/// any moment. Asking for cache lines is no operation of the model, but checked against the vector clocks.
+/// Time is nondeterministic: whenever a thread checks a deadline, it may have passed or not, and a sleep with a
+/// deadline may end at any moment. A prefetch is not an operation of the model, but it is checked against the vector
+/// clocks.
 ///
-/// Schedules that differ only in the order of independent operations are tried once (sleep sets, Godefroid 1996), which
-/// loses no failure. Method: as in CDSChecker (Norris and Demsky 2013), Relacy and loom; races by vector clocks.
+/// Schedules that differ only in the order of independent operations are explored once (sleep sets, Godefroid 1996),
+/// which misses no failure. Method: as in CDSChecker (Norris and Demsky 2013), Relacy and loom; races by vector clocks.
 namespace ringfence::checker {
 
-inline constexpr int most_threads = 8;  ///< the first is who sets up and looks at the end
-inline constexpr int most_locations = 8;
+inline constexpr int max_threads = 8;  ///< thread 0 sets up the program and checks its result
+inline constexpr int max_locations = 8;
 
-/// What a thread knows. Counts stay below 256 in programs small enough to explore; the checker sees to it.
+/// What a thread knows. Its counters stay below 256 in programs that are small enough to explore; the checker ensures
+/// it.
 struct View {
-  std::array<std::uint8_t, most_locations> newest{};  ///< of each location: no store before this one can be seen
-  std::array<std::uint8_t, most_threads> clock{};     ///< of each thread: what it did up to then has happened before
+  std::array<std::uint8_t, max_locations> newest{};  ///< by location: the oldest store that the thread may still see
+  std::array<std::uint8_t, max_threads> clock{};     ///< by thread: its operations up to this one happened before
 
   void join(const View& other) noexcept {
-    for (int i = 0; i < most_locations; ++i) newest[i] = std::max(newest[i], other.newest[i]);
-    for (int i = 0; i < most_threads; ++i) clock[i] = std::max(clock[i], other.clock[i]);
+    for (int i = 0; i < max_locations; ++i) newest[i] = std::max(newest[i], other.newest[i]);
+    for (int i = 0; i < max_threads; ++i) clock[i] = std::max(clock[i], other.clock[i]);
   }
 };
 
-/// What came of exploring a program.
+/// The result of exploring a program.
 struct Report {
-  std::uint64_t executions = 0;  ///< run to their end
-  std::uint64_t pruned = 0;      ///< left because they would only repeat others
-  std::uint64_t steps = 0;       ///< operations on atomics and futexes, in all
-  bool exhausted = false;        ///< nothing is left to try
-  std::string failure;           ///< empty, or what went wrong in the last execution
-  std::string trace;             ///< the operations of the execution that failed
+  std::uint64_t executions = 0;  ///< executions that ran to their end
+  std::uint64_t pruned = 0;      ///< executions abandoned because they repeat others
+  std::uint64_t steps = 0;       ///< operations on atomics and futexes in all executions
+  bool exhausted = false;        ///< whether everything was explored
+  std::string failure;           ///< the failure of the last execution; empty if there is none
+  std::string trace;             ///< the operations of the failed execution
 };
 
 enum class Kind : std::uint8_t { none, load, store, exchange, fetch_or, sleep, wake, timeout };
 
 using Time = std::chrono::steady_clock::time_point;
 
-/// What a thread is about to do.
+/// The next operation of a thread.
 struct Operation {
   Kind kind = Kind::none;
   std::uint8_t location = 0;
 };
 
-/// Runs a program in every way there is. One at a time in a process.
+/// Runs a program in every possible way. One instance in a process.
 class Explorer {
  public:
   using Body = void (*)(void* program, int thread);
 
-  /// What a program and the atomics under it call.
+  /// The operations that programs and their atomics call.
   int new_location(std::uint64_t value);
   std::uint64_t load(int location, std::memory_order order);
   void store(int location, std::uint64_t value, std::memory_order order);
   std::uint64_t exchange(int location, std::uint64_t value, std::memory_order order);
   std::uint64_t fetch_or(int location, std::uint64_t bits, std::memory_order order);
   void sleep(int location, std::uint64_t expected);
-  /// May also end by itself at any time from then on; `deadline` is past then.
+  /// May also end by itself at any later time; the deadline has then passed.
   void sleep_until(int location, std::uint64_t expected, Time deadline);
   void wake(int location);
-  /// Either, but never again false for this deadline or an earlier one.
+  /// Returns either value, but never false after true for this deadline or an earlier one.
   bool is_past(Time deadline);
-  /// Makes [begin, begin + bytes) the only plain memory there is; aligned to 8.
+  /// Makes [begin, begin + bytes) the plain memory of the program. `begin` is aligned to 8.
   void watch(std::byte* begin, std::size_t bytes);
   void write(std::byte* at, std::uint64_t word);
   std::uint64_t read(const std::byte* at);
-  /// Asking for a line changes nothing, but must not disturb another thread: what is asked for to write has been read
-  /// by whom it was for, what is asked for to read has been published.
+  /// A prefetch changes nothing but must not disturb another thread: a line prefetched for writing must have been read
+  /// by its reader, and a line prefetched for reading must be published.
   void prefetch_for_write(const std::byte* at, std::size_t line);
   void prefetch_for_read(const std::byte* at);
-  /// Ends the execution as failed; does not return in a thread of the program.
+  /// Ends the execution with a failure. Does not return if a thread of the program calls it.
   void fail(const char* why);
 
-  /// Starts over. Then begin(), set up, run(), look, end(), until end() says that nothing is left.
+  /// Starts a new exploration. Then call begin(), set up, run(), check the result and end(), until end() returns false.
   void reset();
   void begin();
   void run(void* program, Body body, int threads);
   bool failed() const noexcept { return !failure_.empty(); }
   bool pruned() const noexcept { return pruned_; }
-  /// Counts the execution; false when there is no other.
+  /// Counts the execution. Returns false if there are no more.
   bool end(Report& report);
 
  private:
@@ -112,21 +115,21 @@ class Explorer {
   };
   struct Location {
     std::vector<Stored> stores;
-    int plain_writer = -1;  ///< the thread that stores, once one did
+    int plain_writer = -1;  ///< the thread that stores to the location; -1: none so far
   };
-  /// Who last wrote an 8-byte word of plain memory, who read it, and when by their own clocks.
+  /// For an 8-byte word of plain memory: the last writer, its readers, and their clocks at that time.
   struct Shadow {
     std::uint8_t writer = 0;
     std::uint8_t written = 0;
-    std::array<std::uint8_t, most_threads> seen{};
+    std::array<std::uint8_t, max_threads> seen{};
   };
   struct Thread {
     View view;
     Operation pending;
     bool done = true;
-    int parked = -1;  ///< the location whose futex it sleeps on
+    int parked = -1;  ///< location of the futex that the thread sleeps on; -1: none
     Time sleeps_until = Time::max();
-    Time past = Time::min();  ///< the latest deadline that it knows to be past
+    Time past = Time::min();  ///< latest deadline that has passed for this thread
     void* stack_pointer = nullptr;
     std::vector<std::byte> stack;
   };
@@ -137,18 +140,18 @@ class Explorer {
   static void enter();
 
   void announce(Kind kind, int location);
-  int find_fresh(unsigned enabled) const;
+  int find_without_operation(unsigned enabled) const;
   int choose(int count);
   int choose_thread(unsigned candidates, unsigned& tried);
   void park(int location, Time until);
   void step(int thread);
-  void put(int location, std::uint64_t value, std::memory_order order, bool modifies);
+  void append_store(int location, std::uint64_t value, std::memory_order order, bool modifies);
   const Stored& take_newest(int location, std::memory_order order);
   Shadow* shadow_of(const std::byte* at);
   std::string describe_trace() const;
 
-  std::array<Thread, most_threads> threads_;
-  std::array<Location, most_locations> locations_;
+  std::array<Thread, max_threads> threads_;
+  std::array<Location, max_locations> locations_;
   int location_count_ = 0;
   int me_ = 0;
   void* scheduler_stack_pointer_ = nullptr;
@@ -173,7 +176,7 @@ class Explorer {
 
 Explorer& explorer();
 
-/// The stand-in for std::atomic.
+/// Replaces std::atomic.
 template <class T>
 class Atomic {
  public:
@@ -190,7 +193,7 @@ class Atomic {
   int location_;
 };
 
-/// The policy that puts ring, doorbell and channel on the checker, with one defect or none.
+/// The policy that runs ring, doorbell and channel on the checker, with one defect or none.
 template <link::Defect seeded>
 struct CheckedAtomics {
   static constexpr link::Defect defect = seeded;
@@ -207,8 +210,8 @@ struct CheckedAtomics {
   }
   static bool is_past(Time deadline) { return explorer().is_past(deadline); }
 
-  /// Lines so short that rings of 64 bytes have several: small messages fill one, larger ones are padded, and both
-  /// sides ask for lines ahead.
+  /// Lines of 16 bytes, so that a ring of 64 bytes has several. Small messages fill a line, larger ones are padded, and
+  /// both sides prefetch.
   static constexpr link::CacheLineTuning lines{.line = 16,
                                                .pad_from = 32,
                                                .prefetch_from = 8,
@@ -227,12 +230,13 @@ struct CheckedAtomics {
   static link::SpinPolicy spin_policy() { return {}; }
 };
 
-/// Runs `Program` in every way, until it fails, nothing is left, or `most_executions` have been run.
+/// Runs `Program` in every possible way, until it fails, everything is explored, or `max_executions` have run.
 ///
-/// A Program is default constructible (which sets up), has `threads`, `void thread(int)` for threads 1 to `threads`,
-/// and `void finish()`, which looks at what came of it. Its threads own no memory: they may be left in mid-run.
+/// A Program is default constructible, which sets it up. It has `threads`, `void thread(int)` for the threads 1 to
+/// `threads`, and `void finish()`, which checks the result. Its threads own no memory, because an execution may be
+/// abandoned.
 template <class Program>
-Report explore(std::uint64_t most_executions) {
+Report explore(std::uint64_t max_executions) {
   Explorer& all = explorer();
   Report report;
   all.reset();
@@ -244,7 +248,7 @@ Report explore(std::uint64_t most_executions) {
         program, [](void* p, int thread) { static_cast<Program*>(p)->thread(thread); }, Program::threads);
     if (!all.failed() && !all.pruned()) program->finish();
     program->~Program();
-  } while (all.end(report) && report.executions < most_executions);
+  } while (all.end(report) && report.executions < max_executions);
   return report;
 }
 

@@ -16,7 +16,7 @@
 namespace ringfence::link {
 namespace {
 
-TEST_CASE("a wait whose condition never comes true ends at its deadline, and says so") {
+TEST_CASE("a wait whose condition stays false ends at its deadline and returns false") {
   Doorbell bell;
   const auto before = std::chrono::steady_clock::now();
   CHECK_FALSE(bell.wait_for([] { return false; }, std::chrono::milliseconds(2)));
@@ -24,20 +24,20 @@ TEST_CASE("a wait whose condition never comes true ends at its deadline, and say
   CHECK(bell.wait_for([] { return true; }, std::chrono::nanoseconds(0)));
 }
 
-TEST_CASE("a ring from another thread ends a wait, with or without a deadline, however long one looks first") {
+TEST_CASE("a ring from another thread ends a wait, with or without a deadline, for every spin policy") {
   for (const SpinPolicy spin_policy : {SpinPolicy{0, 0}, SpinPolicy{20, 3}, SpinPolicy{2000, 3}}) {
     auto mine = std::make_unique<BasicDoorbell<ThreadAtomics>>(spin_policy);
     auto theirs = std::make_unique<BasicDoorbell<ThreadAtomics>>(spin_policy);
     std::atomic<int> turn{0};
     constexpr int rounds = 3000;
-    Watchdog dog("a ring from another thread");
-    Post& ours = dog.post("who asks");
-    Post& others = dog.post("who answers");
-    ours.waits_for("an answer");
-    others.waits_for("a question");
+    Watchdog watchdog("a ring from another thread");
+    ThreadProgress& asking = watchdog.add_thread("the asking thread");
+    ThreadProgress& answering = watchdog.add_thread("the answering thread");
+    asking.set_waiting_for("an answer");
+    answering.set_waiting_for("a question");
     std::thread other([&] {
       for (int i = 0; i < rounds; ++i) {
-        others.moves();
+        answering.note_progress();
         theirs->wait([&] { return turn.load(std::memory_order_acquire) == 2 * i + 1; });
         turn.store(2 * i + 2, std::memory_order_release);
         mine->ring();
@@ -45,7 +45,7 @@ TEST_CASE("a ring from another thread ends a wait, with or without a deadline, h
     });
     int timely = 0;
     for (int i = 0; i < rounds; ++i) {
-      ours.moves();
+      asking.note_progress();
       turn.store(2 * i + 1, std::memory_order_release);
       theirs->ring();
       const auto answered = [&] { return turn.load(std::memory_order_acquire) == 2 * i + 2; };
@@ -61,50 +61,50 @@ TEST_CASE("a ring from another thread ends a wait, with or without a deadline, h
   }
 }
 
-TEST_CASE("who looks by the bell looks at the condition a few times while nobody rings, however patient") {
-  int looks = 0;
+TEST_CASE("a wait that polls only after a ring tests its condition a few times only while no thread rings") {
+  int polls = 0;
   BasicDoorbell<ThreadAtomics> bell(SpinPolicy{1000, 1000, 0, true});
   const auto never = [&] {
-    ++looks;
+    ++polls;
     return false;
   };
   CHECK_FALSE(bell.wait_for(never, std::chrono::milliseconds(1)));
-  CHECK(looks > 0);
-  CHECK(looks < 20);  // once before, once before each sleep, which may end early
+  CHECK(polls > 0);
+  CHECK(polls < 20);  // one before, and one before each sleep, which may end early
 }
 
-TEST_CASE("many ringers and one sleeper: nothing that was told is missed") {
+TEST_CASE("one sleeper misses no ring of many threads") {
   constexpr int ringers = 6, times = 4000;
   auto bell = std::make_unique<Doorbell>();
-  std::array<std::atomic<int>, ringers> told{};
+  std::array<std::atomic<int>, ringers> counts{};
   std::vector<std::thread> threads;
   for (int i = 0; i < ringers; ++i) {
     threads.emplace_back([&, i] {
       for (int n = 1; n <= times; ++n) {
-        told[i].store(n, std::memory_order_release);
+        counts[i].store(n, std::memory_order_release);
         bell->ring();
       }
     });
   }
-  Watchdog dog("many ringers and one sleeper");
-  Post& post = dog.post("the sleeper");
-  post.waits_for("a ring");
-  int heard = 0;
-  while (heard < ringers * times) {
-    post.moves();
+  Watchdog watchdog("one sleeper and many ringing threads");
+  ThreadProgress& progress = watchdog.add_thread("the sleeper");
+  progress.set_waiting_for("a ring");
+  int seen_sum = 0;
+  while (seen_sum < ringers * times) {
+    progress.note_progress();
     int sum = 0;
     bell->wait([&] {
       sum = 0;
-      for (const auto& count : told) sum += count.load(std::memory_order_acquire);
-      return sum > heard;
+      for (const auto& count : counts) sum += count.load(std::memory_order_acquire);
+      return sum > seen_sum;
     });
-    heard = sum;
+    seen_sum = sum;
   }
   for (std::thread& thread : threads) thread.join();
-  CHECK(heard == ringers * times);
+  CHECK(seen_sum == ringers * times);
 }
 
-TEST_CASE("a thread that is pinned to each core in turn runs on as many cores as there are") {
+TEST_CASE("a thread pinned to each core in turn runs on all cores") {
   const Cores cores;
   std::set<int> seen;
   std::thread([&] {
@@ -112,7 +112,7 @@ TEST_CASE("a thread that is pinned to each core in turn runs on as many cores as
       if (cores.pin_this_thread(i)) seen.insert(sched_getcpu());
     }
   }).join();
-  // Where the system refuses to pin, it refuses always.
+  // If the system refuses to pin, it always refuses.
   CHECK((seen.empty() || seen.size() == cores.count()));
 }
 

@@ -1,5 +1,5 @@
-// What is proven about ring, doorbell and channel: every small program below, in every schedule and with every store
-// that a load may see; and for each seeded defect, that one of them fails.
+// Proves ring, doorbell and channel: each small program below runs in every schedule and with every store that a load
+// may see. For each seeded defect, one of the programs must fail.
 #include <chrono>
 #include <string>
 #include <type_traits>
@@ -14,7 +14,7 @@ namespace {
 
 using link::Defect;
 
-/// Memory for two of the smallest rings: 64 bytes round, messages of up to 32.
+/// Memory for two of the smallest rings: 64 bytes each, messages of at most 32 bytes.
 template <class Policy>
 struct Rings {
   static constexpr std::uint64_t capacity = 64;
@@ -25,29 +25,29 @@ struct Rings {
   link::Ring<Policy> make(int which) { return link::make_ring<Policy>(memory + which * footprint, capacity); }
 };
 
-/// The i-th word of the message with that number, 0 on.
-std::uint64_t word_of(int message, std::size_t i) { return static_cast<std::uint64_t>(message) * 100 + i + 1; }
+/// Word i of a message.
+std::uint64_t message_word(int message, std::size_t i) { return static_cast<std::uint64_t>(message) * 100 + i + 1; }
 
 template <class Policy>
 bool send(link::BasicSender<Policy>& sender, int message, std::size_t size) {
   const std::span<std::byte> room = sender.claim(size);
   if (room.empty()) return false;
-  for (std::size_t i = 0; i < size / 8; ++i) Policy::write(room.data() + 8 * i, word_of(message, i));
+  for (std::size_t i = 0; i < size / 8; ++i) Policy::write(room.data() + 8 * i, message_word(message, i));
   sender.commit(size);
   return true;
 }
 
 template <class Policy>
 void expect(std::span<const std::byte> message, int number, std::size_t size) {
-  if (message.size() != size) return explorer().fail("a message of another length than was sent");
+  if (message.size() != size) return explorer().fail("a message has another length than was sent");
   for (std::size_t i = 0; i < size / 8; ++i) {
-    if (Policy::read(message.data() + 8 * i) != word_of(number, i))
-      return explorer().fail("a torn or misplaced message");
+    if (Policy::read(message.data() + 8 * i) != message_word(number, i))
+      return explorer().fail("a message is torn or out of order");
   }
 }
 
-/// Nobody waits: whatever is accepted arrives once, whole and in order. Sizes that fill the ring to the last byte,
-/// cross its end, and need padding.
+/// Two threads that never wait: every accepted message arrives once, complete and in order. The sizes fill the ring to
+/// the last byte, cross its end, and need padding.
 template <class Policy>
 struct Polling {
   static constexpr int threads = 2;
@@ -78,11 +78,11 @@ struct Polling {
   }
   void finish() {
     for (int i = 0; i <= tries && !explorer().failed(); ++i) poll(true);
-    if (sent != received) explorer().fail("a message was lost or doubled");
+    if (sent != received) explorer().fail("a message was lost or duplicated");
   }
 };
 
-/// One sends, one receives, and both sleep whenever they cannot go on: to the last message, or to the end of the link.
+/// One thread sends, one receives, and both sleep when they cannot continue: until the last message or the close.
 template <class Policy, int messages, std::size_t size, bool publish_each, bool closing>
 struct Streaming {
   static constexpr int threads = 2;
@@ -116,9 +116,9 @@ struct Streaming {
   }
 };
 
-/// The receiver goes away while the sender waits for room.
+/// The receiver closes while the sender waits for room.
 template <class Policy>
-struct Leaving {
+struct ReceiverCloses {
   static constexpr int threads = 2;
 
   Rings<Policy> rings;
@@ -141,53 +141,54 @@ struct Leaving {
     }
   }
   void finish() {
-    if (!sender.closed()) explorer().fail("closing was forgotten");
+    if (!sender.closed()) explorer().fail("the close was lost");
   }
 };
 
-/// There and back: one bell a thread, for both directions.
+/// Request and reply: each thread has one doorbell for both directions.
 template <class Policy>
 struct Echo {
   static constexpr int threads = 2;
   static constexpr int rounds = 2;
 
   Rings<Policy> rings;
-  link::Ring<Policy> there = rings.make(0), back = rings.make(1);
+  link::Ring<Policy> forward_ring = rings.make(0), backward_ring = rings.make(1);
   link::BasicDoorbell<Policy> first_bell, second_bell;
-  link::BasicSender<Policy> ask{there, &second_bell}, answer{back, &first_bell};
-  link::BasicReceiver<Policy> asked{there, &first_bell}, answered{back, &second_bell};
+  link::BasicSender<Policy> request_sender{forward_ring, &second_bell}, reply_sender{backward_ring, &first_bell};
+  link::BasicReceiver<Policy> request_receiver{forward_ring, &first_bell}, reply_receiver{backward_ring, &second_bell};
 
   void thread(int which) {
     for (int i = 0; i < rounds; ++i) {
       if (which == 1) {
-        first_bell.wait([&] { return send(ask, i, 8); });
-        ask.publish();
-        first_bell.wait([&] { return answered.has_message(); });
-        expect<Policy>(answered.next(), i, 8);
-        answered.release();
+        first_bell.wait([&] { return send(request_sender, i, 8); });
+        request_sender.publish();
+        first_bell.wait([&] { return reply_receiver.has_message(); });
+        expect<Policy>(reply_receiver.next(), i, 8);
+        reply_receiver.release();
       } else {
-        second_bell.wait([&] { return asked.has_message(); });
-        expect<Policy>(asked.next(), i, 8);
-        asked.release();
-        second_bell.wait([&] { return send(answer, i, 8); });
-        answer.publish();
+        second_bell.wait([&] { return request_receiver.has_message(); });
+        expect<Policy>(request_receiver.next(), i, 8);
+        request_receiver.release();
+        second_bell.wait([&] { return send(reply_sender, i, 8); });
+        reply_sender.publish();
       }
     }
   }
   void finish() {}
 };
 
-/// Looks once, and then only when somebody has rung.
-constexpr link::SpinPolicy heeding{1, 0, 0, true};
+/// Polls once, then only after a ring.
+constexpr link::SpinPolicy poll_after_ring{1, 0, 0, true};
 
-/// Two threads ring one bell, each for a ring of its own: the later ring must not hide what the earlier one told.
+/// Two threads ring one doorbell, each after a message in its own ring. The later ring must not hide the earlier
+/// message.
 template <class Policy, bool poll_only_after_ring>
-struct Gathering {
+struct TwoSenders {
   static constexpr int threads = 3;
 
   Rings<Policy> rings;
   link::Ring<Policy> ring[2] = {rings.make(0), rings.make(1)};
-  link::BasicDoorbell<Policy> bell{poll_only_after_ring ? heeding : link::SpinPolicy{}};
+  link::BasicDoorbell<Policy> bell{poll_only_after_ring ? poll_after_ring : link::SpinPolicy{}};
   link::BasicSender<Policy> first{ring[0], &bell}, second{ring[1], &bell};
   link::BasicReceiver<Policy> from_first{ring[0], nullptr}, from_second{ring[1], nullptr};
 
@@ -208,8 +209,8 @@ struct Gathering {
   void finish() {}
 };
 
-/// Small messages and larger ones, one by one and together: they begin at lines where that keeps them whole, and lines
-/// are asked for ahead on both sides. Nobody waits.
+/// Small and larger messages, published one by one and together, by threads that never wait. Small messages start on a
+/// cache line where that keeps them within one line; both sides prefetch.
 template <class Policy>
 struct Lines {
   static constexpr int threads = 2;
@@ -239,13 +240,14 @@ struct Lines {
   }
   void finish() {
     for (int i = 0; i <= tries && !explorer().failed(); ++i) poll(true);
-    if (sent != received) explorer().fail("a message was lost or doubled");
+    if (sent != received) explorer().fail("a message was lost or duplicated");
   }
 };
 
-/// Waits with deadlines, which may pass at any moment; who gives up is told so, and can wait again.
+/// Waits with deadlines that may pass at any moment. A wait that times out returns false, and the thread can wait
+/// again.
 template <class Policy>
-struct Hurrying {
+struct TimedWaits {
   static constexpr int threads = 2;
   static constexpr int messages = 2;
 
@@ -260,12 +262,12 @@ struct Hurrying {
   void thread(int which) {
     for (int i = 0; i < messages; ++i) {
       if (which == 1) {
-        const auto said = [&] { return send(sender, i, 32); };
-        if (i == 0 || !senders_bell.wait_until(said, deadline)) senders_bell.wait(said);
+        const auto sent_one = [&] { return send(sender, i, 32); };
+        if (i == 0 || !senders_bell.wait_until(sent_one, deadline)) senders_bell.wait(sent_one);
         sender.publish();
       } else {
-        const auto heard = [&] { return receiver.has_message(); };
-        if (i == 1 || !receivers_bell.wait_until(heard, deadline)) receivers_bell.wait(heard);
+        const auto has_one = [&] { return receiver.has_message(); };
+        if (i == 1 || !receivers_bell.wait_until(has_one, deadline)) receivers_bell.wait(has_one);
         expect<Policy>(receiver.next(), i, 32);
         receiver.release();
       }
@@ -274,29 +276,29 @@ struct Hurrying {
   void finish() {}
 };
 
-/// Somebody rings, but not for what is waited for: the deadline ends the wait.
+/// A thread rings, but the condition stays false: the deadline ends the wait.
 template <class Policy>
-struct Unanswered {
+struct Timeout {
   static constexpr int threads = 2;
 
   Rings<Policy> rings;
   link::BasicDoorbell<Policy> bell;
-  bool met = true;
+  bool returned_true = true;
 
   void thread(int which) {
     if (which == 1) {
       bell.ring();
     } else {
-      met = bell.wait_until([] { return false; }, Time(std::chrono::seconds(1)));
+      returned_true = bell.wait_until([] { return false; }, Time(std::chrono::seconds(1)));
     }
   }
   void finish() {
-    if (met) explorer().fail("a wait that was not met says that it was");
+    if (returned_true) explorer().fail("a wait that timed out returned true");
   }
 };
 
-/// Far more than any program here has: a program that grew too large fails instead of being cut off.
-constexpr std::uint64_t most_executions = 20'000'000;
+/// Far more than any program here needs: a program that is too large fails, it is not cut off.
+constexpr std::uint64_t max_executions = 20'000'000;
 
 struct Verdict {
   std::uint64_t executions = 0, pruned = 0;
@@ -304,14 +306,14 @@ struct Verdict {
   std::string failure, trace;
 };
 
-/// Explores all programs on one version of the code, the quickest first, until one fails.
+/// Explores all programs with one version of the code, the quickest first, until one fails.
 template <Defect defect>
 Verdict explore_all() {
   using Policy = CheckedAtomics<defect>;
   Verdict verdict;
   const auto next = [&]<class Program>(const char* name, std::type_identity<Program>) {
     if (!verdict.failure.empty()) return;
-    const Report report = explore<Program>(most_executions);
+    const Report report = explore<Program>(max_executions);
     verdict.executions += report.executions;
     verdict.pruned += report.pruned;
     verdict.exhausted = verdict.exhausted && report.exhausted;
@@ -319,20 +321,20 @@ Verdict explore_all() {
     verdict.failure = std::string(name) + ": " + report.failure;
     verdict.trace = report.trace;
   };
-  next("unanswered", std::type_identity<Unanswered<Policy>>());
-  next("gathering", std::type_identity<Gathering<Policy, false>>());
-  next("gathering, by the bell", std::type_identity<Gathering<Policy, true>>());
+  next("timeout", std::type_identity<Timeout<Policy>>());
+  next("two senders", std::type_identity<TwoSenders<Policy, false>>());
+  next("two senders, polls after a ring only", std::type_identity<TwoSenders<Policy, true>>());
   next("one message and the end", std::type_identity<Streaming<Policy, 1, 32, true, true>>());
   next("two messages, room for one", std::type_identity<Streaming<Policy, 2, 32, true, false>>());
   next("three messages, published when full", std::type_identity<Streaming<Policy, 3, 24, false, false>>());
-  next("leaving", std::type_identity<Leaving<Policy>>());
-  next("lines", std::type_identity<Lines<Policy>>());
+  next("the receiver closes", std::type_identity<ReceiverCloses<Policy>>());
+  next("cache lines", std::type_identity<Lines<Policy>>());
   next("two messages and the end", std::type_identity<Streaming<Policy, 2, 32, true, true>>());
   next("echo", std::type_identity<Echo<Policy>>());
   next("polling", std::type_identity<Polling<Policy>>());
   next("three messages, room for one", std::type_identity<Streaming<Policy, 3, 32, true, false>>());
   next("four messages, published when full", std::type_identity<Streaming<Policy, 4, 16, false, false>>());
-  next("hurrying", std::type_identity<Hurrying<Policy>>());
+  next("timed waits", std::type_identity<TimedWaits<Policy>>());
   return verdict;
 }
 
@@ -346,11 +348,11 @@ TEST_CASE("ring, doorbell and channel hold in every execution of the small progr
   INFO(verdict.trace);
   CHECK_MESSAGE(verdict.failure.empty(), verdict.failure);
   CHECK(verdict.exhausted);
-  MESSAGE(verdict.executions << " executions, all hold; " << verdict.pruned << " repetitions of them left out; "
+  MESSAGE(verdict.executions << " executions passed; " << verdict.pruned << " redundant ones pruned; "
                              << seconds_since(begin) << " s");
 }
 
-/// The seeded defects so far: how many were found, in how many executions, and by what.
+/// Statistics of the seeded defects: how many were found, in how many executions, and by which program.
 struct Tally {
   int killed = 0, survived = 0;
   std::uint64_t executions = 0;
@@ -384,20 +386,20 @@ TEST_CASE("every seeded defect of ring, doorbell and channel is found") {
   expect_found<Defect::capacity_off_by_one>("capacity_off_by_one", tally);
   expect_found<Defect::early_release>("early_release", tally);
   expect_found<Defect::padding_lost>("padding_lost", tally);
-  expect_found<Defect::stride_not_updated>("line_not_told", tally);
-  expect_found<Defect::stride_updated_late>("line_told_late", tally);
-  expect_found<Defect::prefetched_unreleased>("fetched_unreleased", tally);
-  expect_found<Defect::prefetched_unpublished>("fetched_unpublished", tally);
+  expect_found<Defect::stride_not_updated>("stride_not_updated", tally);
+  expect_found<Defect::stride_updated_late>("stride_updated_late", tally);
+  expect_found<Defect::prefetched_unreleased>("prefetched_unreleased", tally);
+  expect_found<Defect::prefetched_unpublished>("prefetched_unpublished", tally);
   expect_found<Defect::overhang_lost>("overhang_lost", tally);
-  expect_found<Defect::waiting_sender_not_rung>("waiter_forgotten", tally);
-  expect_found<Defect::waiting_flag_not_set>("waiting_not_said", tally);
+  expect_found<Defect::waiting_sender_not_rung>("waiting_sender_not_rung", tally);
+  expect_found<Defect::waiting_flag_not_set>("waiting_flag_not_set", tally);
   expect_found<Defect::no_publish_when_full>("no_publish_when_full", tally);
-  expect_found<Defect::close_without_ring>("closing_not_told", tally);
+  expect_found<Defect::close_without_ring>("close_without_ring", tally);
   expect_found<Defect::deadline_not_set>("deadline_not_set", tally);
-  expect_found<Defect::deadline_not_checked>("deadline_not_kept", tally);
-  expect_found<Defect::timeout_reported_as_ready>("late_is_met", tally);
-  expect_found<Defect::ring_cleared_by_store>("heeded_by_store", tally);
-  static_assert(static_cast<int>(Defect::ring_cleared_by_store) == 26, "a defect is added: look for it here too");
+  expect_found<Defect::deadline_not_checked>("deadline_not_checked", tally);
+  expect_found<Defect::timeout_reported_as_ready>("timeout_reported_as_ready", tally);
+  expect_found<Defect::ring_cleared_by_store>("ring_cleared_by_store", tally);
+  static_assert(static_cast<int>(Defect::ring_cleared_by_store) == 26, "a defect was added: test it here too");
   CHECK(tally.killed + tally.survived == 26);
   MESSAGE(tally.killed << " mutants killed, " << tally.survived << " survived; " << tally.executions << " executions, "
                        << seconds_since(begin) << " s:" << tally.report);

@@ -1,4 +1,4 @@
-// Whether the checker itself allows what C++ allows, and no more: litmus tests with known answers.
+// Litmus tests with known results: the checker must allow what C++ allows, and no more.
 #include <set>
 #include <utility>
 
@@ -14,7 +14,7 @@ constexpr auto relaxed = std::memory_order_relaxed, acquire = std::memory_order_
                release = std::memory_order_release;
 Outcomes outcomes;
 
-/// Two locations and what two loads of interest saw.
+/// Two locations and the results of two loads.
 struct Litmus {
   Atomic<std::uint64_t> x{0}, y{0};
   std::uint64_t first = 9, second = 9;
@@ -44,7 +44,7 @@ struct MessagePassing : Litmus {
   }
 };
 
-TEST_CASE("the checker lets a message overtake its contents unless it is released and acquired") {
+TEST_CASE("the checker lets a flag overtake its data unless it is released and acquired") {
   const Outcomes ordered{{0, 0}, {0, 1}, {1, 1}};
   Outcomes all = ordered;
   all.insert({1, 0});
@@ -113,7 +113,7 @@ TEST_CASE("the checker orders exchanges of one location one after the other") {
   CHECK(outcomes_of<Exchanges>() == Outcomes{{0, 1}, {2, 0}});
 }
 
-/// A relaxed exchange by a third thread hands on what the release store before it carried.
+/// A relaxed exchange by a third thread continues the release sequence of the store before it.
 struct ReleaseSequence : Litmus {
   static constexpr int threads = 3;
   void thread(int which) {
@@ -136,7 +136,7 @@ TEST_CASE("the checker keeps release sequences") {
   CHECK(seen.count({2, 0}) == 1);
 }
 
-/// Four threads: two readers may disagree about the order of two independent stores.
+/// Four threads: two readers may see two independent stores in different orders.
 struct IndependentReads : Litmus {
   static constexpr int threads = 4;
   void thread(int which) {
@@ -165,17 +165,17 @@ struct Race : Litmus {
   }
 };
 
-struct NobodyWakes : Litmus {
+struct NeverWoken : Litmus {
   static constexpr int threads = 1;
   void thread(int) { explorer().sleep(x.location(), 0); }
 };
 
-TEST_CASE("the checker reports a race on plain memory, and a sleeper that nobody wakes") {
-  CHECK(explore<Race>(1000).failure == "a read of what is not published");
-  CHECK(explore<NobodyWakes>(1000).failure == "a thread sleeps and nobody wakes it");
+TEST_CASE("the checker reports a race on plain memory, and a sleeper that is never woken") {
+  CHECK(explore<Race>(1000).failure == "a read of memory that is not published");
+  CHECK(explore<NeverWoken>(1000).failure == "a thread sleeps and is never woken");
 }
 
-/// `first`: what the sleeper finds; `second`: whether its deadline was past when it went on.
+/// `first`: what the sleeper reads after its sleep; `second`: whether its deadline had passed.
 struct SleepingUntil : Litmus {
   static constexpr int threads = 2;
   void thread(int which) {
@@ -187,43 +187,44 @@ struct SleepingUntil : Litmus {
       explorer().sleep_until(x.location(), 0, deadline);
       first = x.fetch_or(0, acquire);
       second = explorer().is_past(deadline) ? 1 : 0;
-      if (second == 1 && !explorer().is_past(deadline)) explorer().fail("time ran backwards");
+      if (second == 1 && !explorer().is_past(deadline)) explorer().fail("a deadline that had passed is no longer past");
     }
   }
 };
 
 TEST_CASE("the checker ends a sleep with a deadline by a wake-up, the deadline, or another value") {
-  // Not {0, 0}: who was neither woken nor late has found another value.
+  // Not {0, 0}: a sleeper that was neither woken nor late has read another value.
   CHECK(outcomes_of<SleepingUntil>() == Outcomes{{0, 1}, {1, 0}, {1, 1}});
 }
 
-/// One thread writes two words of a line and tells of it; another asks for the line, with or without having heard.
-template <bool to_write, bool hears, bool reads>
-struct Fetching : Litmus {
+/// One thread writes two words of a line and sets a flag. Another prefetches the line, with or without acquiring the
+/// flag.
+template <bool to_write, bool acquires, bool reads>
+struct Prefetching : Litmus {
   static constexpr int threads = 2;
   alignas(16) std::byte memory[16] = {};
-  Fetching() { explorer().watch(memory, sizeof memory); }
+  Prefetching() { explorer().watch(memory, sizeof memory); }
   void thread(int which) {
     if (which == 1) {
       explorer().write(memory, 1);
       x.store(1, release);
       if (reads && y.load(acquire) == 1) explorer().prefetch_for_write(memory + 8, 16);
       if (!reads && to_write) explorer().prefetch_for_write(memory + 8, 16);
-    } else if (x.load(hears ? acquire : relaxed) == 1) {
+    } else if (x.load(acquires ? acquire : relaxed) == 1) {
       if (!to_write) explorer().prefetch_for_read(memory);
       if (reads) {
         explorer().read(memory);
-        y.store(1, hears ? release : relaxed);
+        y.store(1, acquires ? release : relaxed);
       }
     }
   }
 };
 
-TEST_CASE("the checker reports lines that are asked for before they are published, or before they are read") {
-  CHECK(explore<Fetching<false, true, false>>(1000).failure.empty());
-  CHECK(explore<Fetching<false, false, false>>(1000).failure == "a line is asked for that is not published");
-  CHECK(explore<Fetching<true, true, true>>(1000).failure.empty());
-  CHECK(explore<Fetching<true, true, false>>(1000).failure == "a line is asked for to be written that nobody has read");
+TEST_CASE("the checker reports lines that are prefetched before they are published, or before they are read") {
+  CHECK(explore<Prefetching<false, true, false>>(1000).failure.empty());
+  CHECK(explore<Prefetching<false, false, false>>(1000).failure == "a prefetched line is not published");
+  CHECK(explore<Prefetching<true, true, true>>(1000).failure.empty());
+  CHECK(explore<Prefetching<true, true, false>>(1000).failure == "a line prefetched for writing was not read");
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The ring between two processes: the producer is killed at random, again and again, and another takes over.
+// The ring between two processes: the producer is killed at random times, and a new producer takes over.
 #include <algorithm>
 #include <atomic>
 #include <cstring>
@@ -18,13 +18,13 @@ namespace ringfence::link {
 namespace {
 
 constexpr std::size_t capacity = 16384;
-constexpr std::uint64_t messages_in_all = 200000;
+constexpr std::uint64_t message_count = 200000;
 
-/// What lies in the shared memory, with the ring behind it.
+/// The contents of the shared memory; the ring is last.
 struct Shared {
   ProcessDoorbell producers, consumers;
   std::atomic<std::uint64_t> about_to_publish{0};  ///< messages that may have been published
-  std::atomic<std::uint64_t> published{0};         ///< messages that have been
+  std::atomic<std::uint64_t> published{0};         ///< messages that have been published
   alignas(cache_line_pair_bytes) std::byte ring[ring_footprint<ProcessAtomics>(capacity)];
 };
 
@@ -38,16 +38,16 @@ std::size_t size_of(std::uint64_t number) { return 8 + mix(number) % 1500; }
 
 std::byte byte_of(std::uint64_t number, std::size_t i) { return std::byte(mix(number) >> i % 8 * 8); }
 
-/// The producer, from message `first` on. Never returns; is killed, or is done.
+/// Produces the messages from `first` on. Never returns: the process is killed, or exits when it is done.
 [[noreturn]] void produce(Shared& shared, std::uint64_t first) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   BasicSender<ProcessAtomics> sender(open_ring<ProcessAtomics>(shared.ring), &shared.consumers);
-  // A predecessor may have been killed between publishing and ringing.
+  // The previous producer may have been killed between publishing and ringing.
   shared.consumers.ring();
-  for (std::uint64_t number = first; number < messages_in_all; ++number) {
+  for (std::uint64_t number = first; number < message_count; ++number) {
     const std::size_t size = size_of(number);
     std::span<std::byte> room;
-    // May publish what is staged, so that is announced before.
+    // claim() may publish what is staged, so announce that before.
     shared.about_to_publish.store(number, std::memory_order_relaxed);
     shared.producers.wait([&] { return !(room = sender.claim(size)).empty(); });
     std::memcpy(room.data(), &number, 8);
@@ -59,9 +59,9 @@ std::byte byte_of(std::uint64_t number, std::size_t i) { return std::byte(mix(nu
       shared.published.store(number + 1, std::memory_order_relaxed);
     }
   }
-  shared.about_to_publish.store(messages_in_all, std::memory_order_relaxed);
+  shared.about_to_publish.store(message_count, std::memory_order_relaxed);
   sender.publish();
-  shared.published.store(messages_in_all, std::memory_order_relaxed);
+  shared.published.store(message_count, std::memory_order_relaxed);
   _exit(0);
 }
 
@@ -75,7 +75,7 @@ struct Consumer {
   BasicReceiver<ProcessAtomics> receiver;
   std::uint64_t received = 0, wrong = 0;
 
-  /// Takes what is there. The order alone shows that nothing is lost or doubled.
+  /// Reads what is available. The order alone shows that no message is lost or duplicated.
   void drain(std::uint64_t limit) {
     for (;;) {
       if (received == limit) break;
@@ -83,9 +83,9 @@ struct Consumer {
       if (message.empty()) break;
       std::uint64_t number = 0;
       std::memcpy(&number, message.data(), 8);
-      bool right = number == received && message.size() == size_of(number);
-      for (std::size_t i = 8; right && i < message.size(); ++i) right = message[i] == byte_of(number, i);
-      wrong += !right;
+      bool correct = number == received && message.size() == size_of(number);
+      for (std::size_t i = 8; correct && i < message.size(); ++i) correct = message[i] == byte_of(number, i);
+      wrong += !correct;
       ++received;
     }
     receiver.release();
@@ -103,29 +103,29 @@ TEST_CASE("a producer that is killed at random and restarted loses, doubles and 
   REQUIRE(memory != MAP_FAILED);
   Shared& shared = *new (memory) Shared;
   make_ring<ProcessAtomics>(shared.ring, capacity);
-  // The consumer's own mapping, at another address: the ring holds positions, no pointers.
-  void* elsewhere = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
-  REQUIRE(elsewhere != MAP_FAILED);
-  Shared& mine = *static_cast<Shared*>(elsewhere);
-  Consumer consumer{{open_ring<ProcessAtomics>(mine.ring), &mine.producers}};
+  // The consumer's own mapping, at another address: the ring contains positions, no pointers.
+  void* consumer_memory = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+  REQUIRE(consumer_memory != MAP_FAILED);
+  Shared& consumer_view = *static_cast<Shared*>(consumer_memory);
+  Consumer consumer{{open_ring<ProcessAtomics>(consumer_view.ring), &consumer_view.producers}};
 
   int killed = 0;
   pid_t producer = start_producer(shared, 0);
   REQUIRE(producer > 0);
-  while (consumer.received < messages_in_all && consumer.wrong == 0) {
-    const std::uint64_t stop = std::min(messages_in_all, consumer.received + random() % 6000);
+  while (consumer.received < message_count && consumer.wrong == 0) {
+    const std::uint64_t stop = std::min(message_count, consumer.received + random() % 6000);
     while (consumer.received < stop && consumer.wrong == 0) {
-      mine.consumers.wait([&] { return consumer.receiver.has_message(); });
+      consumer_view.consumers.wait([&] { return consumer.receiver.has_message(); });
       consumer.drain(stop);
     }
-    if (consumer.received == messages_in_all) break;
+    if (consumer.received == message_count) break;
     REQUIRE(kill(producer, SIGKILL) == 0);
     int status = 0;
     REQUIRE(waitpid(producer, &status, 0) == producer);
     ++killed;
-    consumer.drain(messages_in_all);
-    CHECK(mine.published.load() <= consumer.received);
-    CHECK(consumer.received <= mine.about_to_publish.load());
+    consumer.drain(message_count);
+    CHECK(consumer_view.published.load() <= consumer.received);
+    CHECK(consumer.received <= consumer_view.about_to_publish.load());
     producer = start_producer(shared, consumer.received);
     REQUIRE(producer > 0);
   }
@@ -133,9 +133,9 @@ TEST_CASE("a producer that is killed at random and restarted loses, doubles and 
   int status = 0;
   REQUIRE(waitpid(producer, &status, 0) == producer);
   CHECK(consumer.wrong == 0);
-  CHECK(consumer.received == messages_in_all);
+  CHECK(consumer.received == message_count);
   CHECK(killed > 20);
-  munmap(elsewhere, sizeof(Shared));
+  munmap(consumer_memory, sizeof(Shared));
   munmap(memory, sizeof(Shared));
   close(file);
 }

@@ -16,25 +16,24 @@ namespace {
 
 PublishedState state_of(std::uint32_t number, double x) { return {number, number * 3, {{x, x + 1, x + 2}, {}}}; }
 
-/// What a publication should say, kept as slowly and plainly as can be.
+/// The expected contents of a publication, in the simplest data structure.
 using Oracle = std::map<std::uint32_t, std::vector<PublishedState>>;
 
-/// States of the `cells` cells from `first_cell` on.
+/// Publishes random states in the `cells` cells from `first_cell` on, and returns them.
 Oracle write_random(Publication& publication, std::uint64_t frame, std::size_t cells, std::size_t states, bool sorted,
                     std::mt19937_64& random, std::size_t first_cell = 0) {
   std::vector<std::uint32_t> where(states);
   for (std::uint32_t& cell : where) cell = static_cast<std::uint32_t>(first_cell + random() % cells);
   if (sorted) std::sort(where.begin(), where.end());
   Oracle oracle;
-  // Of every three frames the states of one are copied in, and of the others listed, one by one or as a table, and
-  // taken from a table of their own.
-  const bool listed = frame % 3 != 0;
+  // One frame in three adds states by copy. The others add them by index, one by one or as a table.
+  const bool by_index = frame % 3 != 0;
   const bool as_table = frame % 3 == 1;
   std::vector<PublishedState> table(2 * states);
   publication.begin(frame);
   for (std::size_t i = 0; i < states; ++i) {
     const PublishedState state = state_of(static_cast<std::uint32_t>(i + 1), static_cast<double>(random() % 1000));
-    if (listed) {
+    if (by_index) {
       table[2 * i] = state;
       if (!as_table) publication.add_index(where[i], static_cast<std::uint32_t>(2 * i));
     } else {
@@ -46,11 +45,11 @@ Oracle write_random(Publication& publication, std::uint64_t frame, std::size_t c
     publication.add_table(static_cast<std::uint32_t>(table.size()),
                           [&](std::uint32_t i) { return i % 2 == 0 ? where[i / 2] : Publication::no_cell; });
   }
-  if (listed) {
-    std::vector<int> asked(table.size(), 0);
+  if (by_index) {
+    std::vector<int> calls(table.size(), 0);
     publication.publish_indexed([&](std::uint32_t i) { REQUIRE(i < table.size()); },
                                 [&](std::uint32_t i) {
-                                  REQUIRE(++asked[i] == 1);
+                                  REQUIRE(++calls[i] == 1);
                                   return table[i];
                                 });
   } else {
@@ -67,7 +66,7 @@ std::vector<PublishedState> expected(const Oracle& oracle, std::uint32_t first, 
   return all;
 }
 
-/// All cells in a row, or in rows and layers of few.
+/// All cells in one row, or short rows and layers.
 CellLayout any_layout(std::mt19937_64& random) {
   if (random() % 3 == 0) return {};
   return {static_cast<unsigned>(random() % 7), static_cast<unsigned>(random() % 7)};
@@ -77,28 +76,28 @@ bool same(std::span<const PublishedState> a, const std::vector<PublishedState>& 
   return std::equal(a.begin(), a.end(), b.begin(), b.end());
 }
 
-TEST_CASE("a publication returns for each cell, and each run of cells, what was added, in order") {
+TEST_CASE("a publication returns for each cell and each range of cells what was added, in order") {
   const std::uint64_t seed = 20261;
   CAPTURE(seed);
   std::mt19937_64 random(seed);
   struct Size {
     std::size_t cells, states;
   };
-  // Few and many states to a cell, so that every way of grouping is used.
+  // Few and many states in a cell, so that every method of grouping is used.
   for (const Size size :
        {Size{1, 5}, Size{10, 0}, Size{1000, 7}, Size{100000, 40}, Size{100000, 3000}, Size{64, 900}}) {
-    for (const int way : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11}) {
+    for (const int variant : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11}) {
       CAPTURE(size.cells);
       CAPTURE(size.states);
-      CAPTURE(way);
-      const bool sorted = way % 2 == 1;
-      const auto frame = static_cast<std::uint64_t>(6 + way % 3);
+      CAPTURE(variant);
+      const bool sorted = variant % 2 == 1;
+      const auto frame = static_cast<std::uint64_t>(6 + variant % 3);
       Publication publication(size.cells, size.states, any_layout(random));
       const Oracle oracle = write_random(publication, frame, size.cells, size.states, sorted, random);
       std::vector<std::uint32_t> cells;
       for (const auto& [cell, states] : oracle) cells.push_back(cell);
-      const auto listed = publication.cells(frame);
-      CHECK(std::equal(listed.begin(), listed.end(), cells.begin(), cells.end()));
+      const auto published_cells = publication.cells(frame);
+      CHECK(std::equal(published_cells.begin(), published_cells.end(), cells.begin(), cells.end()));
       CHECK(same(publication.states(frame), expected(oracle, 0, static_cast<std::uint32_t>(size.cells))));
       for (int i = 0; i < 100; ++i) {
         std::uint32_t first = static_cast<std::uint32_t>(random() % size.cells);
@@ -113,7 +112,7 @@ TEST_CASE("a publication returns for each cell, and each run of cells, what was 
   }
 }
 
-TEST_CASE("of states in a part of the cells, those of any run of cells are returned, within the part and beyond it") {
+TEST_CASE("if only a part of the cells has states, reading any range of cells returns those in the range") {
   const std::uint64_t seed = 20262;
   CAPTURE(seed);
   std::mt19937_64 random(seed);
@@ -136,16 +135,16 @@ TEST_CASE("of states in a part of the cells, those of any run of cells are retur
         cell_range.upper[axis] = std::max(cell_range.upper[axis], at[axis]);
       }
     }
-    const CellRange said = publication.cell_range(4);
-    REQUIRE(std::equal(cell_range.lower, cell_range.lower + 3, said.lower));
-    REQUIRE(std::equal(cell_range.upper, cell_range.upper + 3, said.upper));
+    const CellRange published_range = publication.cell_range(4);
+    REQUIRE(std::equal(cell_range.lower, cell_range.lower + 3, published_range.lower));
+    REQUIRE(std::equal(cell_range.upper, cell_range.upper + 3, published_range.upper));
     const auto any_cell = [&] { return static_cast<std::uint32_t>(random() % cells); };
     std::vector<std::pair<std::uint32_t, std::uint32_t>> runs{{0u, static_cast<std::uint32_t>(cells - 1)}};
     for (int i = 0; i < 60; ++i) {
       const auto [first, last] = std::minmax({any_cell(), any_cell()});
       runs.emplace_back(first, last);
     }
-    std::vector<PublishedState> all, by_rows;
+    std::vector<PublishedState> all, from_rows;
     for (const auto& [first, last] : runs) {
       const auto some = expected(oracle, first, last);
       REQUIRE(same(publication.read(4, first, last), some));
@@ -155,13 +154,13 @@ TEST_CASE("of states in a part of the cells, those of any run of cells are retur
         4, runs.size(), [&](std::size_t i) { return runs[i]; },
         [&](std::span<const PublishedState> states) {
           REQUIRE(!states.empty());
-          by_rows.insert(by_rows.end(), states.begin(), states.end());
+          from_rows.insert(from_rows.end(), states.begin(), states.end());
         });
-    REQUIRE(same(by_rows, all));
+    REQUIRE(same(from_rows, all));
   }
 }
 
-TEST_CASE("a frame that is published anew says what was said last, and the frame before stays") {
+TEST_CASE("a frame that is published again has its new contents, and the frame before is unchanged") {
   Publication publication(100, 4);
   std::mt19937_64 random(11);
   const Oracle before = write_random(publication, 7, 100, 30, false, random);
@@ -174,7 +173,7 @@ TEST_CASE("a frame that is published anew says what was said last, and the frame
   CHECK(same(publication.states(9), expected(after, 0, 99)));
 }
 
-TEST_CASE("the last two frames can be read, no other, and a reader that was overtaken is told") {
+TEST_CASE("only the last two frames can be read, and a reader that was overtaken detects it") {
   Publication publication(100, 4);
   std::mt19937_64 random(7);
   CHECK_FALSE(publication.published(0));
@@ -226,7 +225,7 @@ TEST_CASE("readers in lock-step with a writer see every frame whole") {
       publication.add(number % cells, {number, static_cast<std::uint32_t>(frame), {{static_cast<double>(frame)}, {}}});
     }
     publication.publish();
-    // The writer may be one frame ahead of its readers, no more.
+    // The writer may be at most one frame ahead of its readers.
     bells[readers].wait([&] {
       return std::all_of(done.begin(), done.end(),
                          [&](const auto& d) { return d.load(std::memory_order_acquire) + 1 >= frame; });

@@ -1,5 +1,5 @@
-// More threads than cores, the smallest rings, everybody sending and receiving at once: what the exhaustive checker
-// proves for small programs, on the machine; and what the thread sanitizer looks at.
+// More threads than cores, with the smallest rings, all sending and receiving at once. Tests on the machine what the
+// model checker proves for small programs; also run under the thread sanitizer.
 #include <algorithm>
 #include <atomic>
 #include <cstring>
@@ -29,20 +29,20 @@ constexpr std::uint64_t messages = 20000;
 constexpr std::uint64_t messages = 20000;
 #endif
 
-/// One end of a conversation: sends `messages` numbered messages and checks as many. Never waits inside.
-class Talker {
+/// One end of a duplex channel: sends `messages` numbered messages and checks as many. Never blocks.
+class Peer {
  public:
-  Talker(Sender& out, Receiver& in, std::uint64_t seed) : out_(out), in_(in), random_(seed) {}
+  Peer(Sender& out, Receiver& in, std::uint64_t seed) : out_(out), in_(in), random_(seed) {}
 
-  /// Goes as far as it can now. True when it got somewhere.
+  /// Does everything that is possible without waiting. Returns whether there was progress.
   bool step() {
-    const bool heard = hear();
-    const bool said = say();
+    const bool received = receive_some();
+    const bool sent = send_some();
     out_.publish();
     in_.release();
-    return heard || said;
+    return received || sent;
   }
-  const char* waits_for() const noexcept {
+  const char* awaited() const noexcept {
     return sent_ == messages ? "a message" : received_ == messages ? "room to send" : "a message, or room to send";
   }
   bool ready() { return in_.has_message() || (sent_ < messages && !out_.claim(next_size()).empty()); }
@@ -55,7 +55,7 @@ class Talker {
     return size_;
   }
 
-  bool say() {
+  bool send_some() {
     bool any = false;
     while (sent_ < messages) {
       const std::size_t size = next_size();
@@ -75,7 +75,7 @@ class Talker {
     return any;
   }
 
-  bool hear() {
+  bool receive_some() {
     bool any = false;
     for (;;) {
       const std::span<const std::byte> message = in_.next();
@@ -83,9 +83,9 @@ class Talker {
       std::uint64_t number, check;
       std::memcpy(&number, message.data(), 8);
       std::memcpy(&check, message.data() + 8, 8);
-      bool right = number == received_ && check == (number * 0x9e3779b97f4a7c15u ^ message.size());
-      for (std::size_t i = 16; right && i < message.size(); ++i) right = message[i] == std::byte(check + i);
-      wrong_ += !right;
+      bool correct = number == received_ && check == (number * 0x9e3779b97f4a7c15u ^ message.size());
+      for (std::size_t i = 16; correct && i < message.size(); ++i) correct = message[i] == std::byte(check + i);
+      wrong_ += !correct;
       ++received_;
       any = true;
       if (random_() % 4 == 0) in_.release();
@@ -101,7 +101,7 @@ class Talker {
   std::size_t size_ = 0;
 };
 
-TEST_CASE("a star of nine threads over the smallest rings, all rings full both ways, loses nothing and never stops") {
+TEST_CASE("a star of nine threads over the smallest rings, all full both ways, loses nothing and never hangs") {
   constexpr std::size_t nodes = 8;
   const std::uint64_t seed = 99;
   CAPTURE(seed);
@@ -110,7 +110,7 @@ TEST_CASE("a star of nine threads over the smallest rings, all rings full both w
     Channel in, out;
     explicit Node(Doorbell& server) : in(4096, &bell, &server), out(4096, &server, &bell) {}
   };
-  Watchdog dog("a star of nine threads");
+  Watchdog watchdog("a star of nine threads");
   auto server = std::make_unique<Doorbell>();
   std::vector<std::unique_ptr<Node>> all;
   for (std::size_t i = 0; i < nodes; ++i) all.push_back(std::make_unique<Node>(*server));
@@ -120,42 +120,41 @@ TEST_CASE("a star of nine threads over the smallest rings, all rings full both w
   for (std::size_t i = 0; i < nodes; ++i) {
     threads.emplace_back([&, i] {
       Node& node = *all[i];
-      Post& post = dog.post("node " + std::to_string(i));
-      Talker talker(node.out.sender(), node.in.receiver(), seed + i);
-      while (!talker.done()) {
-        if (talker.step()) {
-          post.moves();
-        } else if (!talker.done()) {
-          post.waits_for(talker.waits_for());
-          node.bell.wait([&] { return talker.ready(); });
-          post.waits_for(nullptr);
+      ThreadProgress& progress = watchdog.add_thread("node " + std::to_string(i));
+      Peer peer(node.out.sender(), node.in.receiver(), seed + i);
+      while (!peer.done()) {
+        if (peer.step()) {
+          progress.note_progress();
+        } else if (!peer.done()) {
+          progress.set_waiting_for(peer.awaited());
+          node.bell.wait([&] { return peer.ready(); });
+          progress.set_waiting_for(nullptr);
         }
       }
-      post.leaves();
-      wrong.fetch_add(talker.wrong());
+      progress.set_done();
+      wrong.fetch_add(peer.wrong());
     });
   }
-  std::vector<Talker> talkers;
+  std::vector<Peer> peers;
   for (std::size_t i = 0; i < nodes; ++i) {
-    talkers.emplace_back(all[i]->in.sender(), all[i]->out.receiver(), seed + nodes + i);
+    peers.emplace_back(all[i]->in.sender(), all[i]->out.receiver(), seed + nodes + i);
   }
   const auto done = [&] {
-    return std::all_of(talkers.begin(), talkers.end(), [](const Talker& talker) { return talker.done(); });
+    return std::all_of(peers.begin(), peers.end(), [](const Peer& peer) { return peer.done(); });
   };
-  Post& post = dog.post("the server");
+  ThreadProgress& server_progress = watchdog.add_thread("the server");
   while (!done()) {
     bool progress = false;
-    for (Talker& talker : talkers) progress = talker.step() || progress;
-    if (progress) post.moves();
+    for (Peer& peer : peers) progress = peer.step() || progress;
+    if (progress) server_progress.note_progress();
     if (progress || done()) continue;
-    post.waits_for("a message of any node, or room to any");
-    server->wait(
-        [&] { return std::any_of(talkers.begin(), talkers.end(), [](Talker& talker) { return talker.ready(); }); });
-    post.waits_for(nullptr);
+    server_progress.set_waiting_for("a message from any node, or room to any");
+    server->wait([&] { return std::any_of(peers.begin(), peers.end(), [](Peer& peer) { return peer.ready(); }); });
+    server_progress.set_waiting_for(nullptr);
   }
-  post.leaves();
+  server_progress.set_done();
   for (std::thread& thread : threads) thread.join();
-  for (const Talker& talker : talkers) wrong.fetch_add(talker.wrong());
+  for (const Peer& peer : peers) wrong.fetch_add(peer.wrong());
   CHECK(wrong.load() == 0);
 }
 

@@ -6,28 +6,28 @@
 
 namespace ringfence::link {
 
-Watchdog::Watchdog(std::string test, std::chrono::milliseconds patience)
-    : test_(std::move(test)), patience_(patience), thread_([this] { watch(); }) {}
+Watchdog::Watchdog(std::string test, std::chrono::milliseconds timeout)
+    : test_(std::move(test)), timeout_(timeout), thread_([this] { watch(); }) {}
 
 Watchdog::~Watchdog() {
   {
     const std::lock_guard lock(mutex_);
-    over_ = true;
+    stopped_ = true;
   }
-  changed_.notify_all();
+  stop_signal_.notify_all();
   thread_.join();
 }
 
-Post& Watchdog::post(std::string name) {
+ThreadProgress& Watchdog::add_thread(std::string name) {
   const std::lock_guard lock(mutex_);
-  return posts_.emplace_back(std::move(name));
+  return threads_.emplace_back(std::move(name));
 }
 
 void Watchdog::watch() {
   std::unique_lock lock(mutex_);
-  std::uint64_t seen = moves();
-  while (!changed_.wait_for(lock, patience_, [&] { return over_; })) {
-    const std::uint64_t now = moves();
+  std::uint64_t seen = total_steps();
+  while (!stop_signal_.wait_for(lock, timeout_, [&] { return stopped_; })) {
+    const std::uint64_t now = total_steps();
     if (now == seen) {
       std::fputs(report().c_str(), stderr);
       std::fflush(stderr);
@@ -37,26 +37,26 @@ void Watchdog::watch() {
   }
 }
 
-std::uint64_t Watchdog::moves() {
+std::uint64_t Watchdog::total_steps() {
   std::uint64_t sum = 0;
-  for (const Post& post : posts_) sum += post.moves_.load(std::memory_order_relaxed);
+  for (const ThreadProgress& thread : threads_) sum += thread.steps_.load(std::memory_order_relaxed);
   return sum;
 }
 
 std::string Watchdog::report() {
   std::string text =
-      "\"" + test_ + "\" hangs: nobody has got anywhere for " + std::to_string(patience_.count()) + " ms\n";
-  for (const Post& post : posts_) {
-    const char* what = post.waits_for_.load(std::memory_order_relaxed);
-    text += "  " + post.name_;
-    if (post.left_.load(std::memory_order_relaxed)) {
+      "\"" + test_ + "\" hangs: no thread made progress for " + std::to_string(timeout_.count()) + " ms\n";
+  for (const ThreadProgress& thread : threads_) {
+    const char* awaited = thread.waits_for_.load(std::memory_order_relaxed);
+    text += "  " + thread.name_;
+    if (thread.done_.load(std::memory_order_relaxed)) {
       text += " is done";
-    } else if (what) {
-      text += std::string(" waits for ") + what;
+    } else if (awaited) {
+      text += std::string(" waits for ") + awaited;
     } else {
       text += " runs";
     }
-    text += ", after " + std::to_string(post.moves_.load(std::memory_order_relaxed)) + " steps\n";
+    text += ", after " + std::to_string(thread.steps_.load(std::memory_order_relaxed)) + " steps\n";
   }
   return text;
 }

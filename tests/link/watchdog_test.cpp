@@ -1,4 +1,4 @@
-// A hang is made on purpose, in a process of its own, and what is said of it is read.
+// Makes a test hang on purpose, in its own process, and checks the report.
 #include "link/watchdog.hpp"
 
 #include <string>
@@ -12,24 +12,24 @@
 namespace ringfence::link {
 namespace {
 
-/// Two threads wait for each other: one for a bell that the other would ring after its own.
+/// Two threads that wait for each other. Neither ever rings.
 [[noreturn]] void hang() {
-  Watchdog dog("two that wait for each other", std::chrono::milliseconds(300));
+  Watchdog watchdog("two threads that wait for each other", std::chrono::milliseconds(300));
   Doorbell first, second;
-  Post& ones = dog.post("one");
-  Post& others = dog.post("the other");
+  ThreadProgress& first_thread = watchdog.add_thread("one");
+  ThreadProgress& second_thread = watchdog.add_thread("the other");
   std::thread other([&] {
-    others.moves();
-    others.waits_for("an answer of one");
+    second_thread.note_progress();
+    second_thread.set_waiting_for("an answer of one");
     second.wait([] { return false; });
   });
-  ones.waits_for("an answer of the other");
+  first_thread.set_waiting_for("an answer of the other");
   first.wait([] { return false; });
   other.join();
   std::_Exit(0);
 }
 
-TEST_CASE("a test that hangs ends, and says who waits for what") {
+TEST_CASE("a test that hangs ends and reports what each thread waits for") {
   int ends[2];
   REQUIRE(pipe(ends) == 0);
   const pid_t child = fork();
@@ -40,29 +40,29 @@ TEST_CASE("a test that hangs ends, and says who waits for what") {
   }
   REQUIRE(child > 0);
   close(ends[1]);
-  std::string said;
+  std::string report;
   char part[256];
   for (ssize_t bytes; (bytes = read(ends[0], part, sizeof part)) > 0;)
-    said.append(part, static_cast<std::size_t>(bytes));
+    report.append(part, static_cast<std::size_t>(bytes));
   close(ends[0]);
   int status = 0;
   REQUIRE(waitpid(child, &status, 0) == child);
   CHECK(WIFEXITED(status));
   CHECK(WEXITSTATUS(status) == 1);
-  INFO(said);
-  CHECK(said.find("\"two that wait for each other\" hangs") != said.npos);
-  CHECK(said.find("  one waits for an answer of the other, after 0 steps\n") != said.npos);
-  CHECK(said.find("  the other waits for an answer of one, after 1 steps\n") != said.npos);
+  INFO(report);
+  CHECK(report.find("\"two threads that wait for each other\" hangs") != report.npos);
+  CHECK(report.find("  one waits for an answer of the other, after 0 steps\n") != report.npos);
+  CHECK(report.find("  the other waits for an answer of one, after 1 steps\n") != report.npos);
 }
 
-TEST_CASE("a test that goes on, however slowly, is left alone") {
-  Watchdog dog("a slow one", std::chrono::milliseconds(200));
-  Post& post = dog.post("the slow one");
+TEST_CASE("a slow test that makes progress is not ended") {
+  Watchdog watchdog("a slow one", std::chrono::milliseconds(200));
+  ThreadProgress& progress = watchdog.add_thread("the slow one");
   for (int i = 0; i < 10; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
-    post.moves();
+    progress.note_progress();
   }
-  post.leaves();
+  progress.set_done();
   CHECK(true);
 }
 

@@ -15,7 +15,8 @@
 namespace ringfence::messages {
 namespace {
 
-/// The protocol's table of record sizes, written down a second time: fixed part, and whether a model state follows.
+/// The record sizes of the protocol, independent of the implementation: the fixed part, and whether a model state
+/// follows.
 struct RecordSize {
   std::size_t fixed;
   bool with_state;
@@ -49,7 +50,7 @@ std::size_t size_of(std::uint16_t type, std::size_t state_bytes) {
   return sizes[type].fixed + (sizes[type].with_state ? state_bytes : 0);
 }
 
-/// A message in an allocation of exactly its size, so that the address sanitizer sees every byte read beyond it.
+/// A message in an allocation of exactly its size, so the address sanitizer detects every read beyond it.
 struct Bytes {
   explicit Bytes(std::size_t count) : data(new std::byte[count]()), size(count) {}
   explicit Bytes(const std::vector<std::byte>& from) : Bytes(from.size()) {
@@ -61,15 +62,15 @@ struct Bytes {
 };
 
 std::vector<std::byte> message_of(std::uint16_t type, std::size_t state_bytes, std::size_t count) {
-  const std::size_t each = size_of(type, state_bytes);
+  const std::size_t record_size = size_of(type, state_bytes);
   Header header;
   header.type = type;
-  header.record_bytes = static_cast<std::uint16_t>(each);
+  header.record_bytes = static_cast<std::uint16_t>(record_size);
   header.last = 1;
   header.source = Endpoint::user(3).value;
   header.frame = 7;
   header.count = static_cast<std::uint32_t>(count);
-  header.bytes = static_cast<std::uint32_t>(sizeof(Header) + count * each);
+  header.bytes = static_cast<std::uint32_t>(sizeof(Header) + count * record_size);
   header.total = count;
   std::vector<std::byte> bytes(header.bytes);
   std::memcpy(bytes.data(), &header, sizeof header);
@@ -86,34 +87,34 @@ T field(std::span<const std::byte> bytes, std::size_t offset) {
   return value;
 }
 
-/// What may be accepted, from the layout in bytes rather than from the struct.
-bool fits(std::span<const std::byte> bytes, std::size_t state_bytes) {
+/// Whether a message is valid, computed from the byte layout instead of the struct.
+bool is_valid(std::span<const std::byte> bytes, std::size_t state_bytes) {
   if (bytes.size() < 48) {
     return false;
   }
   const auto version = field<std::uint16_t>(bytes, 0);
   const auto type = field<std::uint16_t>(bytes, 2);
-  const auto each = field<std::uint16_t>(bytes, 4);
+  const auto record_size = field<std::uint16_t>(bytes, 4);
   const auto last = field<std::uint16_t>(bytes, 6);
   const auto count = field<std::uint32_t>(bytes, 28);
-  const auto whole = field<std::uint32_t>(bytes, 32);
-  if (version != 1 || type == 0 || type > 23 || last > 1 || each != size_of(type, state_bytes)) {
+  const auto complete = field<std::uint32_t>(bytes, 32);
+  if (version != 1 || type == 0 || type > 23 || last > 1 || record_size != size_of(type, state_bytes)) {
     return false;
   }
-  if (each == 0) {
-    return count == 0 && whole == 48 && bytes.size() == 48;
+  if (record_size == 0) {
+    return count == 0 && complete == 48 && bytes.size() == 48;
   }
-  const std::size_t records = (bytes.size() - 48) / each;
-  return whole == bytes.size() && count == records && records * each == bytes.size() - 48;
+  const std::size_t records = (bytes.size() - 48) / record_size;
+  return complete == bytes.size() && count == records && records * record_size == bytes.size() - 48;
 }
 
-/// Reads all that an accepted message offers, and the sum of its bytes so that no read is optimised away.
+/// Reads all records of an accepted message. Returns the sum of their bytes, so that no read is optimised away.
 unsigned read_all(const MessageView& message, std::size_t state_bytes) {
   unsigned sum = 0;
   for (std::size_t i = 0; i < message.count(); ++i) {
     const std::byte* at = message.at(i);
-    const std::size_t each = size_of(static_cast<std::uint16_t>(message.type()), state_bytes);
-    for (std::size_t k = 0; k < each; ++k) {
+    const std::size_t record_size = size_of(static_cast<std::uint16_t>(message.type()), state_bytes);
+    for (std::size_t k = 0; k < record_size; ++k) {
       sum += std::to_integer<unsigned>(at[k]);
     }
   }
@@ -135,7 +136,7 @@ bool accepted(const Bytes& bytes, std::size_t state_bytes) {
   return true;
 }
 
-TEST_CASE("a message of any type, model state and count that fits is accepted and gives its bytes back") {
+TEST_CASE("a valid message of any type, model state size and count is accepted, and its records are read back") {
   for (std::uint16_t type = 1; type < message_types; ++type) {
     for (const std::size_t state_bytes : {0u, 8u, 64u, 256u}) {
       CHECK(record_bytes(static_cast<MessageType>(type), state_bytes) == size_of(type, state_bytes));
@@ -159,39 +160,39 @@ TEST_CASE("a message of any type, model state and count that fits is accepted an
   }
 }
 
-TEST_CASE("a message that is cut anywhere, or longer than it says, is refused") {
+TEST_CASE("a message that is truncated anywhere, or longer than its header states, is refused") {
   for (std::uint16_t type = 1; type < message_types; ++type) {
-    const std::vector<std::byte> whole = message_of(type, 16, size_of(type, 16) == 0 ? 0 : 3);
-    for (std::size_t size = 0; size < whole.size(); ++size) {
+    const std::vector<std::byte> complete = message_of(type, 16, size_of(type, 16) == 0 ? 0 : 3);
+    for (std::size_t size = 0; size < complete.size(); ++size) {
       CAPTURE(type);
       CAPTURE(size);
-      CHECK_FALSE(accepted(Bytes({whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size)}), 16));
+      CHECK_FALSE(accepted(Bytes({complete.begin(), complete.begin() + static_cast<std::ptrdiff_t>(size)}), 16));
     }
     for (std::size_t more = 1; more <= 160; ++more) {
-      std::vector<std::byte> longer = whole;
-      longer.resize(whole.size() + more);
+      std::vector<std::byte> longer = complete;
+      longer.resize(complete.size() + more);
       CHECK_FALSE(accepted(Bytes(longer), 16));
     }
   }
 }
 
-TEST_CASE("a message is refused for every value of every header byte that makes it fit no longer") {
+TEST_CASE("a message is refused for every value of every header byte that makes it invalid") {
   for (std::uint16_t type = 1; type < message_types; ++type) {
-    const std::vector<std::byte> whole = message_of(type, 24, size_of(type, 24) == 0 ? 0 : 2);
+    const std::vector<std::byte> complete = message_of(type, 24, size_of(type, 24) == 0 ? 0 : 2);
     for (std::size_t at = 0; at < sizeof(Header); ++at) {
       for (unsigned value = 0; value < 256; ++value) {
-        std::vector<std::byte> changed = whole;
+        std::vector<std::byte> changed = complete;
         changed[at] = static_cast<std::byte>(value);
         CAPTURE(type);
         CAPTURE(at);
         CAPTURE(value);
-        REQUIRE(accepted(Bytes(changed), 24) == fits(changed, 24));
+        REQUIRE(accepted(Bytes(changed), 24) == is_valid(changed, 24));
       }
     }
   }
 }
 
-TEST_CASE("a message of one world's model state is refused in a world with another") {
+TEST_CASE("a message with another world's model state size is refused") {
   for (std::uint16_t type = 1; type < message_types; ++type) {
     if (sizes[type].with_state) {
       CHECK_FALSE(accepted(Bytes(message_of(type, 32, 4)), 40));
@@ -204,7 +205,7 @@ TEST_CASE("no random bytes make the decoder read beyond a message") {
   constexpr unsigned seed = 20261;
   CAPTURE(seed);
   std::mt19937_64 random(seed);
-  unsigned taken = 0;
+  unsigned accepted_count = 0;
   for (int round = 0; round < 60000; ++round) {
     CAPTURE(round);
     const std::size_t state_bytes = random() % 5 * 8;
@@ -213,21 +214,21 @@ TEST_CASE("no random bytes make the decoder read beyond a message") {
       byte = static_cast<std::byte>(random());
     }
     if (round % 2 == 0) {
-      // Nearly right: a true message with a few of its bits turned, so that the checks behind the first are reached.
+      // Half of the messages are valid ones with a few flipped bits, so that the later checks are reached too.
       const auto type = static_cast<std::uint16_t>(1 + random() % 16);
       bytes = message_of(type, state_bytes, size_of(type, state_bytes) == 0 ? 0 : random() % 6);
       for (std::uint64_t flips = random() % 4; flips > 0; --flips) {
         bytes[random() % std::min(bytes.size(), sizeof(Header))] ^= static_cast<std::byte>(1u << random() % 8);
       }
     }
-    const bool expected = fits(bytes, state_bytes);
+    const bool expected = is_valid(bytes, state_bytes);
     REQUIRE(accepted(Bytes(bytes), state_bytes) == expected);
-    taken += expected ? 1 : 0;
+    accepted_count += expected ? 1 : 0;
   }
-  CHECK(taken > 5000);
+  CHECK(accepted_count > 5000);
 }
 
-TEST_CASE("no two endpoints are the same, and each says what it is") {
+TEST_CASE("endpoints are distinct, and each has exactly one kind") {
   CHECK(Endpoint::server().is_server());
   for (const std::uint32_t number : {0u, 1u, 1023u, 65535u, 0x3ffffffeu}) {
     const Endpoint node = Endpoint::node(number);

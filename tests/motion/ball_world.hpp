@@ -12,8 +12,8 @@
 
 namespace ringfence::test {
 
-/// A world of unit balls under a motion model, frame by frame as the design has it: move from S(k-1) and C(k-1), then
-/// find C(k). Contacts by brute force within grid cells; shares nothing with the engine but the model under test.
+/// A world of unit balls that a motion model moves. Each frame computes S(k) from S(k-1) and C(k-1), then C(k). Finds
+/// contacts by brute force within grid cells; shares no code with the engine except the model under test.
 class BallWorld {
  public:
   explicit BallWorld(const MotionModel& model) : model_(model) {}
@@ -29,7 +29,7 @@ class BallWorld {
     states_.push_back(std::move(state));
   }
 
-  /// One frame; `batch` objects are moved at a time, in the order of the table or backwards.
+  /// Advances one frame. Moves `batch` objects at a time, in the order of the table or backwards.
   void advance(std::size_t batch = 64, bool backwards = false) {
     std::vector<std::size_t> order(specs_.size());
     for (std::size_t i = 0; i < order.size(); ++i) order[i] = backwards ? order.size() - 1 - i : i;

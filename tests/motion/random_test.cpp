@@ -6,8 +6,8 @@
 
 namespace ringfence::motion {
 
-TEST_CASE("philox gives the published values") {
-  // The known answers of the Random123 distribution for philox4x32-10.
+TEST_CASE("philox returns the published values") {
+  // Known answers of the Random123 distribution for philox4x32-10.
   using Words = std::array<std::uint32_t, 4>;
   CHECK(philox({0, 0, 0, 0}, 0) == Words{0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8});
   CHECK(philox({0xffffffff, 0xffffffff, 0xffffffff, 0xffffffff}, 0xffffffffffffffffu) ==
@@ -21,7 +21,7 @@ TEST_CASE("uniform floats lie in [0, 1) at both ends of the range") {
   CHECK(uniform(0xffffffffu) == 1.0f - 0x1p-24f);
 }
 
-TEST_CASE("a draw below a count takes every value about as often") {
+TEST_CASE("draws below a count have a uniform distribution") {
   std::array<int, 7> seen{};
   Draws draws(3, 1, 2);
   for (int i = 0; i < 70'000; ++i) ++seen[uniform_below(7, draws.word())];
@@ -31,7 +31,7 @@ TEST_CASE("a draw below a count takes every value about as often") {
   }
 }
 
-TEST_CASE("draws of other seeds, streams, subjects and epochs differ, and the same ones repeat") {
+TEST_CASE("draws differ between seeds, streams, subjects and epochs, and repeat for equal ones") {
   std::set<std::uint32_t> first;
   first.insert(Draws(1, 1, 1, 1).word());
   first.insert(Draws(2, 1, 1, 1).word());
@@ -42,10 +42,10 @@ TEST_CASE("draws of other seeds, streams, subjects and epochs differ, and the sa
   CHECK(first.size() == 6);
   CHECK(first.contains(Draws(1, 1, 1, 1).word()));
 
-  Draws long_row(5, 6, 7, 8);
-  std::set<std::uint32_t> row;
-  for (int i = 0; i < 64; ++i) row.insert(long_row.word());
-  CHECK(row.size() == 64);
+  Draws sequence(5, 6, 7, 8);
+  std::set<std::uint32_t> words;
+  for (int i = 0; i < 64; ++i) words.insert(sequence.word());
+  CHECK(words.size() == 64);
 }
 
 }  // namespace ringfence::motion

@@ -13,7 +13,7 @@
 namespace ringfence::motion {
 namespace {
 
-/// Balls of radius 1 at 6 % coverage.
+/// A world of balls of radius 1 that fill 6 % of the volume.
 SteeringConfig config_for(std::uint32_t objects, std::uint64_t seed = 1) {
   SteeringConfig config;
   const double side = std::cbrt(objects * 4.18879 / 0.06);
@@ -23,8 +23,8 @@ SteeringConfig config_for(std::uint32_t objects, std::uint64_t seed = 1) {
   return config;
 }
 
-/// `objects` balls, active and non-active in turn; the active ones start near their goals.
-test::BallWorld filled(const Steering& model, std::uint32_t objects, std::uint64_t seed) {
+/// Adds `objects` balls, alternately non-active and active. The active ones start near their goals.
+test::BallWorld filled_world(const Steering& model, std::uint32_t objects, std::uint64_t seed) {
   const double side = model.config().bounds_max.x;
   test::BallWorld world(model);
   for (std::uint32_t number = 1; number <= objects; ++number) {
@@ -47,7 +47,7 @@ TEST_CASE("motion does not depend on batch size or order, nor on the instance") 
   const std::uint64_t seed = 11;
   CAPTURE(seed);
   const Steering one(config_for(500, seed)), other(config_for(500, seed));
-  test::BallWorld p = filled(one, 500, seed), q = filled(other, 500, seed);
+  test::BallWorld p = filled_world(one, 500, seed), q = filled_world(other, 500, seed);
   for (int frame = 0; frame < 120; ++frame) {
     p.advance(64);
     q.advance(7, true);
@@ -58,9 +58,9 @@ TEST_CASE("motion does not depend on batch size or order, nor on the instance") 
   }
 }
 
-TEST_CASE("another seed moves objects elsewhere") {
+TEST_CASE("another seed gives other positions") {
   const Steering one(config_for(100, 1)), other(config_for(100, 2));
-  test::BallWorld p = filled(one, 100, 5), q = filled(other, 100, 5);
+  test::BallWorld p = filled_world(one, 100, 5), q = filled_world(other, 100, 5);
   for (int frame = 0; frame < 30; ++frame) {
     p.advance();
     q.advance();
@@ -70,10 +70,10 @@ TEST_CASE("another seed moves objects elsewhere") {
   CHECK(apart >= 50);
 }
 
-TEST_CASE("4000 balls settle at 1600 to 3500 contacts a frame and no crush") {
+TEST_CASE("4000 balls settle at 1600 to 3500 contacts a frame, at most 16 for each ball") {
   const Steering model(config_for(4000));
-  test::BallWorld world = filled(model, 4000, 3);
-  for (int frame = 0; frame < 180; ++frame) world.advance();  // all set out at once: they meet at once
+  test::BallWorld world = filled_world(model, 4000, 3);
+  for (int frame = 0; frame < 180; ++frame) world.advance();  // all objects start at once, so many meet at once
   double sum = 0;
   for (int frame = 0; frame < 80; ++frame) {
     world.advance();
@@ -90,37 +90,38 @@ TEST_CASE("4000 balls settle at 1600 to 3500 contacts a frame and no crush") {
   for (const auto& object : touching) CHECK_MESSAGE(object.second <= 16, "object ", object.first);
 }
 
-TEST_CASE("objects cluster about targets and disperse again") {
+TEST_CASE("objects cluster around targets and disperse again") {
   const Steering model(config_for(1000));
-  test::BallWorld world = filled(model, 1000, 3);
+  test::BallWorld world = filled_world(model, 1000, 3);
   const auto near_target = [&](std::uint32_t target) {
-    const Vec3d place = model.target_position(target, world.frame());
+    const Vec3d target_position = model.target_position(target, world.frame());
     int near = 0;
     for (const ObjectSpec& object : world.objects()) {
       const Vec3d& p = object.pose.position;
-      const double x = p.x - place.x, y = p.y - place.y, z = p.z - place.z;
+      const double x = p.x - target_position.x, y = p.y - target_position.y, z = p.z - target_position.z;
       near += x * x + y * y + z * z < 36;
     }
     return near;
   };
-  std::vector<int> least(20, 1000), most(20, 0);
+  std::vector<int> smallest(20, 1000), largest(20, 0);
   for (int frame = 0; frame < 900; ++frame) {
     world.advance();
     if (frame % 20 != 0 || frame < 200) continue;
     for (std::uint32_t target = 0; target < 20; ++target) {
-      least[target] = std::min(least[target], near_target(target));
-      most[target] = std::max(most[target], near_target(target));
+      smallest[target] = std::min(smallest[target], near_target(target));
+      largest[target] = std::max(largest[target], near_target(target));
     }
   }
-  int swings = 0;  // an even spread would have 13 objects in such a ball
-  for (std::size_t target = 0; target < 20; ++target) swings += least[target] <= 15 && most[target] >= 30;
-  CHECK(swings >= 10);
+  int clustering_targets = 0;  // an even distribution has 13 objects in such a ball
+  for (std::size_t target = 0; target < 20; ++target)
+    clustering_targets += smallest[target] <= 15 && largest[target] >= 30;
+  CHECK(clustering_targets >= 10);
 }
 
-TEST_CASE("targets and objects stay within the bounds, poses stay finite and unit") {
+TEST_CASE("targets and objects stay within the bounds, and orientations stay normalised") {
   const SteeringConfig config = config_for(800);
   const Steering model(config);
-  test::BallWorld world = filled(model, 800, 4);
+  test::BallWorld world = filled_world(model, 800, 4);
   const double side = config.bounds_max.x;
   const auto inside = [&](const Vec3d& p) {
     return p.x >= 0 && p.y >= 0 && p.z >= 0 && p.x <= side && p.y <= side && p.z <= side;
@@ -138,7 +139,7 @@ TEST_CASE("targets and objects stay within the bounds, poses stay finite and uni
   }
 }
 
-TEST_CASE("a target stays where it is until its stated end, then goes elsewhere") {
+TEST_CASE("a target keeps its position until its stated end, then moves elsewhere") {
   const Steering model(config_for(4000));
   for (std::uint32_t target = 0; target < 80; ++target) {
     const std::uint64_t end = model.target_end(target, 0);
@@ -147,9 +148,9 @@ TEST_CASE("a target stays where it is until its stated end, then goes elsewhere"
   }
 }
 
-TEST_CASE("objects that steer turn while they move") {
+TEST_CASE("objects that steer rotate while they move") {
   const Steering model(config_for(100));
-  test::BallWorld world = filled(model, 100, 8);
+  test::BallWorld world = filled_world(model, 100, 8);
   for (int frame = 0; frame < 60; ++frame) world.advance();
   for (const ObjectSpec& object : world.objects()) {
     if (object.category == Category::active) CHECK(!(object.pose.orientation == Quat{}));
@@ -175,7 +176,7 @@ TEST_CASE("non-active objects that overlap push each other apart and come to res
     world.add(1, Category::non_active, {20, 20, 20});
     world.add(2, Category::non_active, {20 + gap, 20.1, 20});
     world.add(3, Category::non_active, {20, 20.4, 20 + gap});
-    world.advance();  // finds the contacts
+    world.advance();  // computes the contacts
     if (gap < 1.8) {
       world.advance();
       CHECK(world.moved() > 0);
@@ -204,7 +205,7 @@ TEST_CASE("an active object pushes a non-active one out of its way") {
   CHECK(!(world.objects()[1].pose.position == obstacle));
 }
 
-TEST_CASE("a configuration that cannot be is refused and names the field") {
+TEST_CASE("an invalid configuration is refused, and the message names the field") {
   SteeringConfig config;
   config.targets = 0;
   CHECK_THROWS_WITH_AS(Steering{config}, "steering: targets: expected 1 to 10000000", Error);

@@ -1,5 +1,5 @@
-// Compares the narrow phase with the reference in double precision on many pairs of every two kinds, and says how many
-// answers are wrong. tools/check-accuracy runs it with millions of pairs; the tests run a share.
+// Compares the narrow phase with the reference in double precision on many pairs of all kinds, and prints how many
+// results are wrong. tools/check-accuracy runs it with millions of pairs, the tests with a small part of them.
 #include <algorithm>
 #include <atomic>
 #include <charconv>
@@ -20,9 +20,9 @@ namespace ringfence::narrow_phase_test {
 namespace {
 
 constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh};
-/// Pairs of one world: hulls and meshes are shared by its bodies, so each world brings new ones.
+/// Pairs per world. The bodies of a world share its hulls and meshes, so each world brings new ones.
 constexpr std::size_t world_pairs = 4000, mesh_world_pairs = 500;
-/// Triangles of a mesh at most: the reference looks at every one.
+/// Limit for the triangles of a mesh: the reference tests every one.
 constexpr int max_triangles = 80;
 
 struct Options {
@@ -34,7 +34,7 @@ struct Tally {
   std::uint64_t pairs = 0, contacts = 0;
   std::uint64_t wrong = 0;        ///< by more than 10^-4 of the smaller object's size
   std::uint64_t badly_wrong = 0;  ///< by more than 10^-3
-  std::string text;               ///< of the first few
+  std::string text;               ///< describes the first few
 
   void add(const Tally& other) {
     pairs += other.pairs;
@@ -45,7 +45,7 @@ struct Tally {
   }
 };
 
-/// One world: some pairs of two kinds, every other world the other way round.
+/// One world: pairs of two kinds. Every other world swaps a and b.
 struct Task {
   ShapeKind p, q;
   bool degenerate;
@@ -56,7 +56,7 @@ struct Task {
 bool has_mesh(ShapeKind p, ShapeKind q) { return p == ShapeKind::mesh || q == ShapeKind::mesh; }
 
 PairWorld make_world(const Task& task) {
-  if (has_mesh(task.p, task.q)) {  // a mesh is the second
+  if (has_mesh(task.p, task.q)) {  // the mesh is the second shape
     return (task.degenerate ? degenerate_mesh_pairs : ordinary_mesh_pairs)(task.p, task.count, task.seed, {},
                                                                            max_triangles);
   }
@@ -85,21 +85,21 @@ Tally run_all(ShapeKind p, ShapeKind q, bool degenerate, const Options& options)
   const bool mesh = has_mesh(p, q);
   const std::uint64_t pairs = mesh ? (degenerate ? options.mesh_degenerate : options.mesh_random)
                                    : (degenerate ? options.degenerate : options.random);
-  const std::uint64_t a_world = mesh ? mesh_world_pairs : world_pairs;
+  const std::uint64_t pairs_per_world = mesh ? mesh_world_pairs : world_pairs;
   std::vector<Task> tasks;
-  for (std::uint64_t done = 0; done < pairs; done += a_world) {
+  for (std::uint64_t done = 0; done < pairs; done += pairs_per_world) {
     tasks.push_back({p, q, degenerate, options.seed * 1'000'000 + tasks.size(),
-                     static_cast<std::size_t>(std::min<std::uint64_t>(a_world, pairs - done))});
+                     static_cast<std::size_t>(std::min<std::uint64_t>(pairs_per_world, pairs - done))});
   }
   std::atomic<std::size_t> next{0};
-  std::mutex adding;
+  std::mutex sum_mutex;
   Tally sum;
   std::vector<std::thread> threads;
   for (unsigned t = 0; t < options.threads; ++t) {
     threads.emplace_back([&] {
       for (std::size_t i; (i = next.fetch_add(1)) < tasks.size();) {
         const Tally tally = run(tasks[i]);
-        const std::lock_guard lock(adding);
+        const std::lock_guard lock(sum_mutex);
         sum.add(tally);
       }
     });
@@ -112,8 +112,8 @@ std::uint64_t pairs_of(ShapeKind p, ShapeKind q, const Options& options) {
   return has_mesh(p, q) ? options.mesh_random + options.mesh_degenerate : options.random + options.degenerate;
 }
 
-/// False where an option or its number is none.
-bool read(int argc, char** argv, Options& options) {
+/// Returns false for an unknown option or an invalid number.
+bool parse_options(int argc, char** argv, Options& options) {
   for (int i = 1; i < argc; i += 2) {
     const std::string_view name = argv[i];
     if (i + 1 == argc) return false;
@@ -169,7 +169,7 @@ int check(const Options& options) {
 
 int main(int argc, char** argv) {
   ringfence::narrow_phase_test::Options options;
-  if (!ringfence::narrow_phase_test::read(argc, argv, options)) {
+  if (!ringfence::narrow_phase_test::parse_options(argc, argv, options)) {
     std::fprintf(stderr,
                  "usage: check_accuracy [--random PAIRS] [--nasty PAIRS] [--mesh-random PAIRS] [--mesh-nasty PAIRS] "
                  "[--seed N] [--threads N]\n");

@@ -8,7 +8,7 @@
 #include "narrow_phase/narrow_phase.hpp"
 #include "narrow_phase/pair_world.hpp"
 
-// Every allocation of the program is counted; only the tests below look at the count.
+// Counts all allocations of the program; only the tests below read the count.
 namespace {
 std::atomic<std::size_t> allocations{0};
 }

@@ -15,14 +15,14 @@ namespace {
 using narrow_phase::NarrowPhase;
 using narrow_phase::PairContact;
 
-/// Each body goes its way and turns, as far as an object does in a frame.
+/// Moves and rotates each body by as much as an object moves in one frame.
 class Motion {
  public:
   Motion(std::vector<narrow_phase::Body>& bodies, std::uint64_t seed) : bodies_(bodies) {
     RandomSource random(seed);
     for (std::size_t i = 0; i < bodies.size(); ++i) {
-      step_.push_back(random.way(0, 0.03));
-      spin_.push_back(random.way(0, 0.02));
+      step_.push_back(random.vector(0, 0.03));
+      spin_.push_back(random.vector(0, 0.02));
     }
   }
   void advance() {
@@ -48,7 +48,7 @@ bool same_bits(std::span<const PairContact> p, std::span<const PairContact> q) {
 
 }  // namespace
 
-TEST_CASE("remembered axes, kept, off, cleared at random or those of other pairs, change no contact") {
+TEST_CASE("cached axes never change a contact: kept, cleared at random, or those of other pairs") {
   for (const bool degenerate : {false, true}) {
     const std::uint64_t seed = 51;
     INFO("nasty ", degenerate, ", seed ", seed);
@@ -64,7 +64,7 @@ TEST_CASE("remembered axes, kept, off, cleared at random or those of other pairs
       REQUIRE(same_bits(kept.test(world.bodies, world.pairs), expected));
       if (random.below(3) == 0) cleared.forget_axes();
       REQUIRE(same_bits(cleared.test(world.bodies, world.pairs), expected));
-      // Numbers that go round: each pair finds what another left.
+      // The numbers rotate among the bodies, so each pair finds the axis that another pair has stored.
       for (std::size_t i = 0; i < renumbered.size(); ++i) {
         renumbered[i].pose = world.bodies[i].pose;
         renumbered[i].number =

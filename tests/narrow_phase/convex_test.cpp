@@ -42,7 +42,7 @@ bool same_bits(const std::vector<PairContact>& p, const std::vector<PairContact>
 
 }  // namespace
 
-TEST_CASE("contacts of ordinary pairs with a hull are those of the reference, at the origin and far from it") {
+TEST_CASE("contacts of ordinary pairs with a hull match the reference, at the origin and far from it") {
   for (const KindOfPair& pair : with_hull) {
     for (const std::uint64_t seed : {1u, 2u}) {
       CAPTURE(name_of(pair.first));
@@ -53,7 +53,7 @@ TEST_CASE("contacts of ordinary pairs with a hull are those of the reference, at
   }
 }
 
-TEST_CASE("contacts of needles, plates, grids, prisms and a thousandfold of sizes are those of the reference") {
+TEST_CASE("contacts of needles, plates, grids, prisms and size ratios of 1000 match the reference") {
   for (const KindOfPair& pair : with_hull) {
     for (const std::uint64_t seed : {3u, 4u}) {
       CAPTURE(name_of(pair.first));
@@ -64,7 +64,7 @@ TEST_CASE("contacts of needles, plates, grids, prisms and a thousandfold of size
   }
 }
 
-TEST_CASE("every target answers for hulls with the same bits") {
+TEST_CASE("every target gives the same bits for hulls") {
   for (const KindOfPair& pair : with_hull) {
     for (const bool degenerate : {false, true}) {
       CAPTURE(name_of(pair.first));
@@ -81,14 +81,14 @@ TEST_CASE("every target answers for hulls with the same bits") {
   }
 }
 
-TEST_CASE("shapes of a support function meet spheres, boxes, capsules, hulls and each other as the reference says") {
+TEST_CASE("contacts of support shapes with spheres, boxes, capsules, hulls and each other match the reference") {
   RandomSource random(6);
   for (const ShapeKind kind :
        {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::support}) {
     CAPTURE(std::string(name_of(kind)));
     const ShapeKind other = kind == ShapeKind::support ? ShapeKind::sphere : kind;
     PairWorld world = ordinary_convex_pairs(other, ShapeKind::hull, 1500, 7);
-    // The hulls, and the spheres where two support shapes are to meet, give way to ellipsoids.
+    // The hulls are replaced by ellipsoids, and so are the spheres where both shapes are to be support shapes.
     std::vector<ShapeNumber> ellipsoids;
     for (int i = 0; i < 8; ++i) {
       const ShapeDescription shape = SupportShape{std::make_shared<test::Ellipsoid>(
@@ -109,9 +109,10 @@ TEST_CASE("shapes of a support function meet spheres, boxes, capsules, hulls and
   }
 }
 
-TEST_CASE("the two pairs in eleven million that were wrong are right") {
-  // tools/check-accuracy found them: a sphere over an edge as sharp as a blade, whose foot lay outside the face and yet
-  // hardly past any plane; and boxes within 10^-3 of face on face, met at a corner beside the other's face.
+TEST_CASE("two pairs that were wrong in eleven million are right") {
+  // Found by tools/check-accuracy: a sphere over a very sharp edge, whose projection lies outside the face and yet
+  // only slightly outside any plane; and boxes whose faces are parallel within 10^-3 and touch at a corner beside the
+  // other's face.
   struct Found {
     PairWorld world;
     std::size_t pair;
@@ -131,9 +132,9 @@ TEST_CASE("the two pairs in eleven million that were wrong are right") {
   }
 }
 
-TEST_CASE("a round body at a hull's edge, just outside, has a normal that keeps the two apart") {
-  // A soak of ten million contacts found two, off by 5 10^-4: from so near, rounding turns the way to the nearest
-  // point.
+TEST_CASE("a round body just outside a hull's edge has a normal that separates the two") {
+  // A soak with ten million contacts found two whose normals were wrong by 5 10^-4: at such a small distance rounding
+  // changes the direction to the nearest point.
   const unsigned seed = 41;
   CAPTURE(seed);
   RandomSource random(seed);
@@ -144,24 +145,24 @@ TEST_CASE("a round body at a hull's edge, just outside, has a normal that keeps 
       const int points = 4 + random.below(40);
       for (int k = 0; k < points; ++k) hull.points.push_back(to_float(random.direction()));
       Pose pose_hull, pose_round;
-      pose_hull.orientation = random.turn();
+      pose_hull.orientation = random.orientation();
       const std::uint32_t b = world.add(hull, pose_hull);
       const geometry::Hull& prepared = world.shapes().hull(world.shapes().row(world.bodies[b].shape).index_in_kind);
-      // On an edge or at its end, raised by very little, and beside it by even less.
+      // On an edge or at its end, a very small distance above it, and an even smaller distance to the side.
       const geometry::HullEdge& edge =
           prepared.edges()[static_cast<std::size_t>(random.below(static_cast<int>(prepared.edge_count())))];
       const double t = random.below(3) == 0 ? 0.0 : random.uniform(0, static_cast<double>(edge.length));
       const double left = random.uniform(0, 1);
       const double height = random.logarithmic(1e-8, 1e-2);
-      const double beside = random.logarithmic(1e-10, 1e-5) * (random.below(2) == 0 ? 1 : -1);
+      const double sideways = random.logarithmic(1e-10, 1e-5) * (random.below(2) == 0 ? 1 : -1);
       const auto in_double = [](const auto& v) { return Vec3d{v.x, v.y, v.z}; };
       const Vec3d from = in_double(prepared.vertex(edge.from)), along = in_double(edge.along);
       const Vec3d up = in_double(edge.left_normal) * left + in_double(edge.right_normal) * (1 - left);
       const Vec3d side = cross(up, along);
-      const Vec3d centre = from + along * t + up * height + side * beside;
-      const geometry::RotationD turn = geometry::rotation_exact(pose_hull.orientation);
-      pose_round.position = geometry::rotate(turn, centre);
-      pose_round.orientation = random.turn();
+      const Vec3d centre = from + along * t + up * height + side * sideways;
+      const geometry::RotationD rotation = geometry::rotation_exact(pose_hull.orientation);
+      pose_round.position = geometry::rotate(rotation, centre);
+      pose_round.orientation = random.orientation();
       const float radius = static_cast<float>(random.uniform(0.1, 0.5));
       const ShapeDescription round =
           kind == ShapeKind::sphere ? ShapeDescription{Sphere{radius}} : ShapeDescription{Capsule{radius, 0.01f}};
@@ -171,9 +172,9 @@ TEST_CASE("a round body at a hull's edge, just outside, has a normal that keeps 
   }
 }
 
-TEST_CASE("the point of two long edges that are parallel but for rounding lies in both bodies") {
-  // tools/check-accuracy found them, with points metres outside: hulls metres long that are turned alike, and a box and
-  // a hull of plates a millimetre thick.
+TEST_CASE("the contact point of two long, nearly parallel edges lies in both bodies") {
+  // Found by tools/check-accuracy, with points metres outside: hulls metres long with the same orientation, and a box
+  // and a hull that are plates of one millimetre.
   struct Found {
     PairWorld world;
     std::size_t pair;
@@ -192,23 +193,23 @@ TEST_CASE("the point of two long edges that are parallel but for rounding lies i
   }
 }
 
-TEST_CASE("two features meet in the middle of what they share") {
+TEST_CASE("the common point of two features is the middle of their intersection") {
   const Vec3d up{0, 0, 1};
   const auto square = [](double x, double y, double half, double z) {
     return std::vector<Vec3d>{
         {x - half, y - half, z}, {x + half, y - half, z}, {x + half, y + half, z}, {x - half, y + half, z}};
   };
-  const auto meet = [&](const std::vector<Vec3d>& p, const std::vector<Vec3d>& q) {
+  const auto common = [&](const std::vector<Vec3d>& p, const std::vector<Vec3d>& q) {
     return narrow_phase::common_point(p, q, up);
   };
   const auto near = [](Vec3d p, double x, double y) { return std::hypot(p.x - x, p.y - y) < 1e-12; };
-  CHECK(near(meet(square(0, 0, 1, 0), square(1.5, 0.5, 1, 3)), 0.75, 0.25));
-  CHECK(near(meet(square(0, 0, 1, 0), square(0, 0, 0.25, 0)), 0, 0));
-  CHECK(near(meet(square(0, 0, 1, 0), {{0.25, 0.5, 9}}), 0.25, 0.5));
-  CHECK(near(meet({{-1, 0, 0}, {1, 0, 0}}, {{0.5, -1, 0}, {0.5, 1, 0}}), 0.5, 0));
-  CHECK(near(meet({{-1, 0, 0}, {1, 0, 0}}, {{0, 0, 0}, {3, 0, 0}}), 0.5, 0));
-  CHECK(near(meet({{-1, 0.5, 0}, {3, 0.5, 0}}, square(0, 0, 1, 0)), 0, 0.5));
-  const Vec3d beside = meet(square(0, 0, 1, 0), square(2 + 1e-9, 0, 1, 0));
-  CHECK(std::abs(beside.x - (1 + 0.5e-9)) < 1e-12);
-  CHECK(std::abs(beside.y) <= 1);
+  CHECK(near(common(square(0, 0, 1, 0), square(1.5, 0.5, 1, 3)), 0.75, 0.25));
+  CHECK(near(common(square(0, 0, 1, 0), square(0, 0, 0.25, 0)), 0, 0));
+  CHECK(near(common(square(0, 0, 1, 0), {{0.25, 0.5, 9}}), 0.25, 0.5));
+  CHECK(near(common({{-1, 0, 0}, {1, 0, 0}}, {{0.5, -1, 0}, {0.5, 1, 0}}), 0.5, 0));
+  CHECK(near(common({{-1, 0, 0}, {1, 0, 0}}, {{0, 0, 0}, {3, 0, 0}}), 0.5, 0));
+  CHECK(near(common({{-1, 0.5, 0}, {3, 0.5, 0}}, square(0, 0, 1, 0)), 0, 0.5));
+  const Vec3d sideways = common(square(0, 0, 1, 0), square(2 + 1e-9, 0, 1, 0));
+  CHECK(std::abs(sideways.x - (1 + 0.5e-9)) < 1e-12);
+  CHECK(std::abs(sideways.y) <= 1);
 }

@@ -50,7 +50,7 @@ ShapeDescription degenerate_shape(RandomSource& random, ShapeKind kind) {
   if (kind != ShapeKind::hull) return random.degenerate(kind);
   const double s = random.logarithmic(0.05, 30);
   const double far = random.uniform(1, 4);
-  const Vec3d away = random.way(s * far);
+  const Vec3d away = random.vector(s * far);
   switch (random.below(9)) {
     case 0:
       return ellipsoid(random, 20, {s, s * 0.003, s * 0.003});  // needle
@@ -68,7 +68,7 @@ ShapeDescription degenerate_shape(RandomSource& random, ShapeKind kind) {
       return ConvexHull{
           {{0, 0, 0}, {static_cast<float>(s), 0, 0}, {0, static_cast<float>(s), 0}, {0, 0, static_cast<float>(s)}}};
     case 5:
-      return ellipsoid(random, 32, {s, s * 0.8, s * 0.6}, away);  // its origin is outside
+      return ellipsoid(random, 32, {s, s * 0.8, s * 0.6}, away);  // the origin is outside
     case 6:
       return ellipsoid(random, 120, {s, s, s});
     case 7:
@@ -78,7 +78,7 @@ ShapeDescription degenerate_shape(RandomSource& random, ShapeKind kind) {
   }
 }
 
-/// Shapes of one kind that a world's bodies share.
+/// Adds shapes of one kind, which the bodies of the world share.
 std::vector<ShapeNumber> add_shapes(PairWorld& world, RandomSource& random, ShapeKind kind, int count,
                                     bool degenerate) {
   std::vector<ShapeNumber> numbers;
@@ -106,12 +106,12 @@ Vec3d centre_of(const PairWorld& world, ShapeNumber shape) {
 
 Vec3d turned(const Quat& q, Vec3d p) { return geometry::rotate(geometry::rotation_double(q), p); }
 
-/// A place for q's origin that makes trouble.
+/// A position of q's origin that is hard for the kernels.
 Vec3d special_position(RandomSource& random, const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q,
-                       const Quat& turn_q) {
-  const double reach = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
+                       const Quat& orientation_q) {
+  const double sum_of_radii = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
   const Vec3d centred =
-      pose_p.position + turned(pose_p.orientation, centre_of(world, p)) - turned(turn_q, centre_of(world, q));
+      pose_p.position + turned(pose_p.orientation, centre_of(world, p)) - turned(orientation_q, centre_of(world, q));
   const Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   switch (random.below(6)) {
     case 0:
@@ -119,20 +119,20 @@ Vec3d special_position(RandomSource& random, const PairWorld& world, ShapeNumber
     case 1:
       return centred;
     case 2:
-      return centred + random.way(random.logarithmic(1e-9, 1e-2) * small);
-    case 3: {  // along an axis of p by round shares of its size
+      return centred + random.vector(random.logarithmic(1e-9, 1e-2) * small);
+    case 3: {  // along an axis of p, by simple fractions of its size
       const double far = radius(world, p) * 0.25 * random.below(8);
       return centred + turned(pose_p.orientation, axes[random.below(3)]) * far;
     }
     case 4:
-      return centred + random.way(random.uniform(0, 1) * reach);
-    default: {  // touching, or off it by a little to either side
+      return centred + random.vector(random.uniform(0, 1) * sum_of_radii);
+    default: {  // touching, or nearly touching
       const Vec3d direction =
           random.below(2) == 0 ? random.direction() : turned(pose_p.orientation, axes[random.below(3)]);
-      double low = 0, high = 2 * reach;
+      double low = 0, high = 2 * sum_of_radii;
       for (int i = 0; i < 24; ++i) {
         const double middle = (low + high) / 2;
-        const Pose pose_q{centred + direction * middle, turn_q};
+        const Pose pose_q{centred + direction * middle, orientation_q};
         (reference::separation(world.reference[p], pose_p, world.reference[q], pose_q).distance > 0 ? high : low) =
             middle;
       }
@@ -155,10 +155,10 @@ PairWorld ordinary_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, std
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeNumber first = firsts[static_cast<std::size_t>(random.below(shapes_per_kind))];
     const ShapeNumber second = seconds[static_cast<std::size_t>(random.below(shapes_per_kind))];
-    const Pose pose{origin + random.way(0, 100), random.turn()};
-    const double reach = radius(world, first) + radius(world, second);
+    const Pose pose{origin + random.vector(0, 100), random.orientation()};
+    const double sum_of_radii = radius(world, first) + radius(world, second);
     add_pair(world, first, pose, second,
-             {pose.position + random.way(std::cbrt(random.uniform(0, 1)) * reach), random.turn()});
+             {pose.position + random.vector(std::cbrt(random.uniform(0, 1)) * sum_of_radii), random.orientation()});
   }
   return world;
 }
@@ -174,9 +174,10 @@ PairWorld degenerate_convex_pairs(ShapeKind p, ShapeKind q, std::size_t count, s
     ShapeNumber second = seconds[static_cast<std::size_t>(random.below(shapes_per_kind))];
     if (p == q && random.below(8) == 0) second = first;
     if (radius(world, first) > 1000 * radius(world, second)) second = seconds[0];
-    const Pose pose{origin, random.below(2) == 0 ? Quat{} : random.turn()};
-    const Quat turn = random.below(3) == 0 ? random.turn() : random.special_orientation(pose.orientation);
-    add_pair(world, first, pose, second, {special_position(random, world, first, pose, second, turn), turn});
+    const Pose pose{origin, random.below(2) == 0 ? Quat{} : random.orientation()};
+    const Quat orientation = random.below(3) == 0 ? random.orientation() : random.special_orientation(pose.orientation);
+    add_pair(world, first, pose, second,
+             {special_position(random, world, first, pose, second, orientation), orientation});
   }
   return world;
 }

@@ -29,13 +29,13 @@ TEST_CASE("candidates, hits and lanes are counted by kind") {
   CHECK(counters.hits == hits);
   CHECK(counters.lanes_filled == 101);
   CHECK(counters.lanes >= 101);
-  CHECK(counters.lanes < 101 + 32);  // a timed block ends in a vector of its own
+  CHECK(counters.lanes < 101 + 32);  // a timed block ends in a separate vector
   CHECK(narrow_phase.counters(ShapeKind::box, ShapeKind::box).candidates == 0);
   narrow_phase.reset_counters();
   CHECK(counters.candidates == 0);
 }
 
-TEST_CASE("every kernel says how many of its lanes it filled, those that search also in how many steps") {
+TEST_CASE("every kernel counts its filled lanes, and iterative kernels their steps") {
   for (const ShapeKind p : kinds) {
     for (const ShapeKind q : kinds) {
       CAPTURE(name_of(p));
@@ -53,7 +53,7 @@ TEST_CASE("every kernel says how many of its lanes it filled, those that search 
   }
 }
 
-TEST_CASE("kernels of meshes say how many lanes they filled, and looked into the same nodes whatever the target") {
+TEST_CASE("mesh kernels count their filled lanes and open the same nodes on every target") {
   for (const ShapeKind kind :
        {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh}) {
     CAPTURE(name_of(kind));
@@ -62,7 +62,7 @@ TEST_CASE("kernels of meshes say how many lanes they filled, and looked into the
     narrow_phase.test(world.bodies, world.pairs);
     const KindCounters& counters = narrow_phase.counters(kind, ShapeKind::mesh);
     const KindCounters expected = counters;
-    CHECK(expected.iterations >= 200);  // the root at least
+    CHECK(expected.iterations >= 200);  // at least the root
     CHECK(expected.lanes_filled > expected.iterations);
     for (const std::string& target : narrow_phase::targets()) {
       CAPTURE(target);
@@ -78,7 +78,7 @@ TEST_CASE("kernels of meshes say how many lanes they filled, and looked into the
   }
 }
 
-TEST_CASE("places of a tree without a node or a triangle are no filled lanes") {
+TEST_CASE("slots of a tree without a node or a triangle do not count as filled lanes") {
   PairWorld world;
   TriangleMesh one;
   one.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
@@ -92,13 +92,13 @@ TEST_CASE("places of a tree without a node or a triangle are no filled lanes") {
     return narrow_phase.counters(pair == 1 ? ShapeKind::mesh : ShapeKind::sphere, ShapeKind::mesh);
   };
   CHECK(count(0).lanes_filled == 1);
-  CHECK(count(0).iterations == 2);  // the leaf; the triangle; the other three places repeat it
+  CHECK(count(0).iterations == 2);  // the leaf and the triangle; the other three slots repeat it
   CHECK(count(1).lanes_filled == 1);
-  CHECK(count(1).iterations == 1);  // the two leaves; the only pair of triangles is ruled out
+  CHECK(count(1).iterations == 1);  // the two leaves; the only pair of triangles is excluded
   CHECK(count(2).lanes_filled == 2 + 8);
 }
 
-TEST_CASE("a sample of the candidates is timed, however few or many come at once") {
+TEST_CASE("a sample of the candidates is timed for every batch size") {
   for (const ShapeKind p : kinds) {
     CAPTURE(name_of(p));
     const PairWorld world = ordinary_pairs(p, ShapeKind::box, 3000, 17);
@@ -116,7 +116,7 @@ TEST_CASE("a sample of the candidates is timed, however few or many come at once
     CHECK(counters.nanoseconds > 0);
     CHECK(counters.gather_nanoseconds > 0);
     CHECK(counters.gather_nanoseconds <= counters.nanoseconds);
-    // The two figures are of the same pairs: the buckets' bounds hold their sum.
+    // Both figures are of the same pairs: the bounds of the buckets enclose the sum.
     double low = 0, high = 0;
     for (std::size_t i = 0; i < cost_buckets; ++i) {
       low += i == 0 ? 0 : counters.cost[i] * std::pow(2, static_cast<double>(i) / 2);
@@ -127,12 +127,12 @@ TEST_CASE("a sample of the candidates is timed, however few or many come at once
   }
 }
 
-TEST_CASE("timing a block changes no answer and no order") {
+TEST_CASE("timing a block changes neither results nor their order") {
   const PairWorld world = ordinary_pairs(ShapeKind::hull, ShapeKind::sphere, 500, 19);
   NarrowPhase narrow_phase(world.shapes());
   const auto first = narrow_phase.test(world.bodies, world.pairs);
   const std::vector<narrow_phase::PairContact> expected(first.begin(), first.end());
-  for (int call = 0; call < 10; ++call) {  // 500 is no multiple of the interval: other pairs are timed each time
+  for (int call = 0; call < 10; ++call) {  // 500 is not a multiple of the interval: each call times other pairs
     const auto again = narrow_phase.test(world.bodies, world.pairs);
     REQUIRE(again.size() == expected.size());
     for (std::size_t i = 0; i < again.size(); ++i) {

@@ -22,7 +22,7 @@ double highest(const std::vector<Vec3d>& points, const Vec3d& direction) {
   return height;
 }
 
-TEST_CASE("no direction within the bounds has its highest point lower than the one of the planes") {
+TEST_CASE("no direction within the bounds has a lower maximum than the result") {
   for (const std::uint64_t seed : {1u, 2u, 3u, 4u}) {
     CAPTURE(seed);
     RandomSource random(seed);
@@ -32,7 +32,7 @@ TEST_CASE("no direction within the bounds has its highest point lower than the o
       CuttingPlanes planes;
       std::vector<Vec3d> points;
       for (int i = 0; i < count; ++i) {
-        points.push_back(random.below(4) == 0 && i > 0 ? points[0] : random.way(0, 2));
+        points.push_back(random.below(4) == 0 && i > 0 ? points[0] : random.vector(0, 2));
         planes.add(points.back());
       }
       const Vec3d found = planes.lowest(n, u, v, most);
@@ -48,14 +48,14 @@ TEST_CASE("no direction within the bounds has its highest point lower than the o
   }
 }
 
-TEST_CASE("the oldest support point gives way to a ninth") {
+TEST_CASE("a ninth support point replaces the oldest one") {
   CuttingPlanes planes;
   planes.add({1000, 0, 0});
   for (int i = 0; i < 8; ++i) planes.add({-1, 0, 1});
   CHECK(planes.lowest(n, u, v, 0.5).x == 0.5);
 }
 
-TEST_CASE("without support points the direction stays") {
+TEST_CASE("without support points the direction does not change") {
   const Vec3d found = CuttingPlanes().lowest(n, u, v, 0.5);
   CHECK(found.x == 0);
   CHECK(found.y == 0);

@@ -65,9 +65,9 @@ struct Tally {
   std::size_t different = 0;
 };
 
-/// FCL's own answers for hulls and rounded shapes are iterative and good to some 10^-4 of the size, so a pair nearer to
-/// touching than a thousandth of the smaller one is left out; of the rest every one has to agree. Its depths are not
-/// compared: for most kinds they are not the least. The reference judges those.
+/// FCL's results for hulls and rounded shapes are iterative and precise to about 10^-4 of the size. So pairs closer to
+/// touching than a thousandth of the smaller size are left out; all others have to agree. FCL's depths are not
+/// compared, since for most kinds they are not the least; the reference checks depths.
 Tally compare(const PairWorld& world) {
   narrow_phase::NarrowPhase narrow_phase(*world.table);
   std::vector<float> depth(world.pairs.size(), -1.0f);
@@ -96,7 +96,7 @@ Tally compare(const PairWorld& world) {
 
 }  // namespace
 
-TEST_CASE("FCL agrees on what touches, for every pair of kinds, at the origin and a million metres from it") {
+TEST_CASE("FCL agrees on contact for every pair of kinds, at the origin and a million metres from it") {
   constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull};
   for (const ShapeKind p : kinds) {
     for (const ShapeKind q : kinds) {
@@ -112,7 +112,7 @@ TEST_CASE("FCL agrees on what touches, for every pair of kinds, at the origin an
   }
 }
 
-TEST_CASE("FCL agrees on what touches where two meshes meet, or a mesh and a sphere") {
+TEST_CASE("FCL agrees on contact for two meshes, and for a mesh and a sphere") {
   for (const ShapeKind kind : {ShapeKind::mesh, ShapeKind::sphere}) {
     const std::uint64_t seed = 33;
     INFO(name_of(kind), ", seed ", seed);

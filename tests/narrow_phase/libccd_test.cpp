@@ -12,10 +12,10 @@
 namespace ringfence::narrow_phase_test {
 namespace {
 
-/// A placed convex shape for libccd, by its description: nothing that the kernels prepare is read.
+/// A placed convex shape for libccd, from its description: uses nothing that the kernels prepare.
 struct Placed {
   const ShapeDescription& shape;
-  geometry::RotationD turn;
+  geometry::RotationD rotation;
   Vec3d position;
 
   Vec3d local_support(Vec3d d) const {
@@ -34,7 +34,7 @@ struct Placed {
     return to_double(
         *std::max_element(points.begin(), points.end(), [&](Vec3f p, Vec3f q) { return height(p) < height(q); }));
   }
-  Vec3d support(Vec3d d) const { return rotate(turn, local_support(rotate_inverse(turn, d))) + position; }
+  Vec3d support(Vec3d d) const { return rotate(rotation, local_support(rotate_inverse(rotation, d))) + position; }
 };
 
 void support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {
@@ -42,8 +42,8 @@ void support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {
   ccdVec3Set(out, p.x, p.y, p.z);
 }
 
-/// The depth along the direction that libccd's GJK and expanding polytope finds; nothing if it finds the two apart.
-/// Its own figure is not taken: on curved surfaces it stops short of it.
+/// The depth along the direction that libccd's GJK and EPA find; none if they find the two apart. libccd's own depth is
+/// not used, because on curved surfaces it is too small.
 std::optional<double> depth_by_libccd(const Placed& a, const Placed& b) {
   ccd_t ccd;
   CCD_INIT(&ccd);
@@ -55,13 +55,13 @@ std::optional<double> depth_by_libccd(const Placed& a, const Placed& b) {
   if (ccdGJKPenetration(&a, &b, &ccd, &depth, &direction, &place) != 0) return std::nullopt;
   const Vec3d d{direction.v[0], direction.v[1], direction.v[2]};
   const Vec3d n = d * (1 / length(d));
-  const auto reach = [&](Vec3d way) { return dot(way, a.support(way)) - dot(way, b.support(-way)); };
-  return std::min(reach(n), reach(-n));
+  const auto overlap_along = [&](Vec3d axis) { return dot(axis, a.support(axis)) - dot(axis, b.support(-axis)); };
+  return std::min(overlap_along(n), overlap_along(-n));
 }
 
 }  // namespace
 
-TEST_CASE("libccd agrees on what touches and how deep, for every pair of convex kinds") {
+TEST_CASE("libccd agrees on contact and depth for every pair of convex kinds") {
   constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull};
   for (const ShapeKind p : kinds) {
     for (const ShapeKind q : kinds) {
@@ -79,22 +79,23 @@ TEST_CASE("libccd agrees on what touches and how deep, for every pair of convex 
         const Placed placed_a{world.shapes().description(a.shape), geometry::rotation_exact(a.pose.orientation), {}};
         const Placed placed_b{world.shapes().description(b.shape), geometry::rotation_exact(b.pose.orientation),
                               b.pose.position - a.pose.position};
-        const std::optional<double> theirs = depth_by_libccd(placed_a, placed_b);
-        // libccd's decision is iterative: nearer to touching than this, it may fall either way.
-        const double unsure = 1e-3 * double{std::min(world.shapes().row(a.shape).bounding_radius,  //
-                                                     world.shapes().row(b.shape).bounding_radius)};
-        different += theirs.value_or(-1) > unsure && depth[i] < 0;
-        different += depth[i] > unsure && !theirs;
-        if (!theirs || depth[i] < 0) continue;
+        const std::optional<double> libccd_depth = depth_by_libccd(placed_a, placed_b);
+        // libccd's decision is iterative: closer to touching than this, either decision is possible.
+        const double tolerance = 1e-3 * double{std::min(world.shapes().row(a.shape).bounding_radius,  //
+                                                        world.shapes().row(b.shape).bounding_radius)};
+        different += libccd_depth.value_or(-1) > tolerance && depth[i] < 0;
+        different += depth[i] > tolerance && !libccd_depth;
+        if (!libccd_depth || depth[i] < 0) continue;
         ++touching;
-        // Ours is the least there is, so it is never more than along their direction; which most often is the least.
-        deeper += depth[i] > *theirs + 0.1 * unsure;
-        same += std::abs(depth[i] - *theirs) < 10 * unsure;
+        // Our depth is the least of all directions, so it is never more than along their direction, which in most cases
+        // is the least too.
+        deeper += depth[i] > *libccd_depth + 0.1 * tolerance;
+        same += std::abs(depth[i] - *libccd_depth) < 10 * tolerance;
       }
       CHECK(touching > 100);
       CHECK(different == 0);
       CHECK(deeper == 0);
-      // Its polytope finds flat sides, and stops wherever it is on curved ones.
+      // EPA is exact for flat sides and stops early on curved ones.
       const auto flat = [](ShapeKind kind) { return kind == ShapeKind::box || kind == ShapeKind::hull; };
       if (flat(p) && flat(q)) CHECK(same * 10 > touching * 9);
     }

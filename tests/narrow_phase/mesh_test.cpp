@@ -43,7 +43,7 @@ bool same_bits(const std::vector<PairContact>& p, const std::vector<PairContact>
   return p.size() == q.size() && std::memcmp(p.data(), q.data(), p.size() * sizeof(PairContact)) == 0;
 }
 
-/// Two objects with no turn, the second at a place; the contacts of the pair.
+/// The contacts of two unrotated objects, the second at the given position.
 std::vector<PairContact> contacts_of(const ShapeDescription& a, const ShapeDescription& b, Vec3d at) {
   PairWorld world;
   world.add_pair(a, {}, b, {at, {}});
@@ -54,7 +54,7 @@ std::vector<PairContact> contacts_of(const ShapeDescription& a, const ShapeDescr
 
 }  // namespace
 
-TEST_CASE("contacts of ordinary pairs with a mesh are those of the reference, at the origin and far from it") {
+TEST_CASE("contacts of ordinary pairs with a mesh match the reference, at the origin and far from it") {
   for (const ShapeKind kind : kinds) {
     for (const std::uint64_t seed : {31u, 32u}) {
       INFO(name_of(kind));
@@ -65,7 +65,7 @@ TEST_CASE("contacts of ordinary pairs with a mesh are those of the reference, at
   }
 }
 
-TEST_CASE("contacts of needles, coplanar faces, soup, single triangles and a thousandfold of sizes are right too") {
+TEST_CASE("contacts of needles, coplanar faces, triangle soup, single triangles and size ratios of 1000 are right") {
   for (const ShapeKind kind : kinds) {
     for (const std::uint64_t seed : {33u, 34u}) {
       INFO(name_of(kind));
@@ -76,7 +76,7 @@ TEST_CASE("contacts of needles, coplanar faces, soup, single triangles and a tho
   }
 }
 
-TEST_CASE("every target answers for meshes with the same bits") {
+TEST_CASE("every target gives the same bits for meshes") {
   for (const ShapeKind kind : kinds) {
     for (const bool degenerate : {false, true}) {
       INFO(name_of(kind));
@@ -95,7 +95,7 @@ TEST_CASE("every target answers for meshes with the same bits") {
   }
 }
 
-TEST_CASE("what lies inside a closed mesh and touches nothing is not in contact: a mesh is a surface") {
+TEST_CASE("an object inside a closed mesh that does not touch the surface has no contact") {
   const TriangleMesh shell = box_surface({2, 2, 2}, 4);
   CHECK(contacts_of(shell, Sphere{0.5f}, {0.3, 0, 0}).empty());
   CHECK(contacts_of(shell, Box{{1, 1, 1}}, {}).empty());
@@ -108,8 +108,9 @@ TEST_CASE("what lies inside a closed mesh and touches nothing is not in contact:
   CHECK(from_inside[0].point.x == doctest::Approx(2.125));
 }
 
-TEST_CASE("equal contacts are told apart by the lowest triangle, whatever the tree") {
-  // Every triangle touches the sphere from above at the same depth; the lowest numbered is the answer in both orders.
+TEST_CASE("of equal contacts the one with the lowest triangle is reported, for every tree") {
+  // Every triangle touches the sphere from above at the same depth; the result is the triangle with the lowest number,
+  // in both orders.
   TriangleMesh mesh = terrain(16, 8, 0);
   PairWorld world;
   world.add_pair(mesh, {}, Box{{20, 20, 1}}, {{0, 0, 0.5}, {}});
@@ -132,25 +133,25 @@ TEST_CASE("equal contacts are told apart by the lowest triangle, whatever the tr
   }
 }
 
-TEST_CASE("a hundred thousand triangles are met as exactly as few") {
+TEST_CASE("contacts with a mesh of 100,000 triangles are as precise as with a small one") {
   PairWorld world;
-  const TriangleMesh rock = worlds::make_asteroid(5, 1, 71), other = worlds::make_asteroid(5, 2, 71);
-  CHECK(rock.indices.size() / 3 == 100'820);
+  const TriangleMesh asteroid = worlds::make_asteroid(5, 1, 71), other = worlds::make_asteroid(5, 2, 71);
+  CHECK(asteroid.indices.size() / 3 == 100'820);
   RandomSource random(36);
-  const ShapeNumber numbers[] = {world.table->add(rock), world.table->add(other), world.table->add(Sphere{0.4f})};
+  const ShapeNumber numbers[] = {world.table->add(asteroid), world.table->add(other), world.table->add(Sphere{0.4f})};
   for (const ShapeDescription& shape :
-       {ShapeDescription(rock), ShapeDescription(other), ShapeDescription(Sphere{0.4f})})
+       {ShapeDescription(asteroid), ShapeDescription(other), ShapeDescription(Sphere{0.4f})})
     world.reference.add(shape);
   for (std::uint32_t i = 0; i < 24; ++i) {
-    world.bodies.push_back({{{}, random.turn()}, numbers[0], 2 * i + 1});
+    world.bodies.push_back({{{}, random.orientation()}, numbers[0], 2 * i + 1});
     const double away = i % 2 == 0 ? random.uniform(1.6, 2.2) : random.uniform(0.5, 1.5);
-    world.bodies.push_back({{random.way(away), random.turn()}, numbers[i % 2 == 0 ? 1 : 2], 2 * i + 2});
+    world.bodies.push_back({{random.vector(away), random.orientation()}, numbers[i % 2 == 0 ? 1 : 2], 2 * i + 2});
     world.pairs.push_back({2 * i, 2 * i + 1});
   }
   check(world);
 }
 
-TEST_CASE("shapes of a support function meet meshes as the reference says") {
+TEST_CASE("contacts of support shapes with meshes match the reference") {
   PairWorld world = ordinary_mesh_pairs(ShapeKind::sphere, 60, 37);
   RandomSource random(38);
   std::vector<ShapeNumber> ellipsoids;

@@ -24,7 +24,7 @@ TriangleMesh scaled(TriangleMesh mesh, Vec3d by) {
   return mesh;
 }
 
-/// The part of a mesh above a height: no longer closed.
+/// The part of a mesh on one side of a height, an open surface.
 TriangleMesh bowl(const TriangleMesh& whole, float below) {
   TriangleMesh out{whole.vertices, {}};
   for (std::size_t i = 0; i < whole.indices.size(); i += 3) {
@@ -38,9 +38,9 @@ TriangleMesh bowl(const TriangleMesh& whole, float below) {
 TriangleMesh soup(RandomSource& random, int count, double size, double triangle) {
   TriangleMesh mesh;
   for (int i = 0; i < count; ++i) {
-    const Vec3d p = random.way(0, size);
-    const Vec3d third = p + random.way(0.1 * triangle, triangle);
-    add_triangle(mesh, p, p + random.way(triangle), third);
+    const Vec3d p = random.vector(0, size);
+    const Vec3d third = p + random.vector(0.1 * triangle, triangle);
+    add_triangle(mesh, p, p + random.vector(triangle), third);
   }
   return mesh;
 }
@@ -48,20 +48,20 @@ TriangleMesh soup(RandomSource& random, int count, double size, double triangle)
 TriangleMesh needles(RandomSource& random, int count, double size) {
   TriangleMesh mesh;
   for (int i = 0; i < count; ++i) {
-    const Vec3d p = random.way(0, 0.5 * size), along = random.direction();
-    const Vec3d off = random.way(size * random.logarithmic(1e-6, 1e-2));
+    const Vec3d p = random.vector(0, 0.5 * size), along = random.direction();
+    const Vec3d off = random.vector(size * random.logarithmic(1e-6, 1e-2));
     add_triangle(mesh, p, p + along * size, p + along * random.uniform(0, size) + off);
   }
   return mesh;
 }
 
-/// `n`, or fewer: as many that `each` triangles times its square are no more than `most`.
+/// `n` or fewer, so that `each` times its square is at most `most` triangles.
 int within(int n, int each, int most) {
   while (n > 1 && each * n * n > most) --n;
   return n;
 }
 
-TriangleMesh rock(std::uint64_t seed, std::uint32_t index, int n, int most) {
+TriangleMesh asteroid(std::uint64_t seed, std::uint32_t index, int n, int most) {
   return worlds::make_asteroid(seed, index, static_cast<std::uint32_t>(within(n, 20, most)));
 }
 
@@ -77,9 +77,9 @@ TriangleMesh ordinary_mesh(RandomSource& random, int most) {
       return box_surface({random.uniform(0.3, 1), random.uniform(0.3, 1), random.uniform(0.3, 1)}, n);
     }
     case 2:
-      return bowl(rock(1, index, 4, most), 0.1f);
+      return bowl(asteroid(1, index, 4, most), 0.1f);
     default:
-      return rock(1, index, 1 + random.below(6), most);
+      return asteroid(1, index, 1 + random.below(6), most);
   }
 }
 
@@ -105,11 +105,11 @@ TriangleMesh degenerate_mesh(RandomSource& random, int most) {
       return box_surface({s, s * 0.5, random.below(2) == 0 ? s : s * 0.01}, n);
     }
     case 5:
-      return scaled(rock(2, index, 3, most), {s, s, s * 0.01});
+      return scaled(asteroid(2, index, 3, most), {s, s, s * 0.01});
     case 6:
-      return scaled(rock(2, index, 3, most), {s, s * 0.02, s * 0.02});
+      return scaled(asteroid(2, index, 3, most), {s, s * 0.02, s * 0.02});
     default:
-      return scaled(rock(2, index, 2 + random.below(4), most), {s, s, s});
+      return scaled(asteroid(2, index, 2 + random.below(4), most), {s, s, s});
   }
 }
 
@@ -141,13 +141,13 @@ void add_pair(PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q
 
 double radius(const PairWorld& world, ShapeNumber shape) { return double{world.table->row(shape).bounding_radius}; }
 
-/// Along a direction from outside: where the two first touch, to within a rounding.
-Vec3d touching(const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q, const Quat& turn_q,
+/// The position along a direction from outside where the two shapes first touch, within rounding.
+Vec3d touching(const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q, const Quat& orientation_q,
                const Vec3d& direction) {
   double low = 0, high = radius(world, p) + radius(world, q);
   for (int i = 0; i < 24; ++i) {
     const double middle = (low + high) / 2;
-    const Pose pose_q{pose_p.position + direction * middle, turn_q};
+    const Pose pose_q{pose_p.position + direction * middle, orientation_q};
     const auto gap = reference::separation(world.reference[p], pose_p, world.reference[q], pose_q, high - middle);
     (gap.distance > 0 ? high : low) = middle;
   }
@@ -155,27 +155,28 @@ Vec3d touching(const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeN
 }
 
 Vec3d special_position(RandomSource& random, const PairWorld& world, ShapeNumber p, const Pose& pose_p, ShapeNumber q,
-                       const Quat& turn_q) {
-  const double reach = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
-  const geometry::RotationD turn = geometry::rotation_double(pose_p.orientation);
+                       const Quat& orientation_q) {
+  const double sum_of_radii = radius(world, p) + radius(world, q), small = std::min(radius(world, p), radius(world, q));
+  const geometry::RotationD rotation = geometry::rotation_double(pose_p.orientation);
   const Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   switch (random.below(6)) {
     case 0:
       return pose_p.position;
     case 1:
-      return pose_p.position + random.way(random.logarithmic(1e-9, 1e-2) * small);
+      return pose_p.position + random.vector(random.logarithmic(1e-9, 1e-2) * small);
     case 2: {
       const double far = radius(world, p) * 0.25 * random.below(8);
-      return pose_p.position + geometry::rotate(turn, axes[random.below(3)]) * far;
+      return pose_p.position + geometry::rotate(rotation, axes[random.below(3)]) * far;
     }
     case 3: {
-      const Vec3d direction = random.below(2) == 0 ? random.direction() : geometry::rotate(turn, axes[random.below(3)]);
+      const Vec3d direction =
+          random.below(2) == 0 ? random.direction() : geometry::rotate(rotation, axes[random.below(3)]);
       double off = random.below(2) == 0 ? 0 : random.logarithmic(1e-6, 1e-2) * small;
       if (off != 0 && random.below(2) != 0) off = -off;
-      return touching(world, p, pose_p, q, turn_q, direction) + direction * off;
+      return touching(world, p, pose_p, q, orientation_q, direction) + direction * off;
     }
-    default:  // by the surface of the larger
-      return pose_p.position + random.way(random.uniform(0.2, 1) * reach);
+    default:  // at the surface of the larger shape
+      return pose_p.position + random.vector(random.uniform(0.2, 1) * sum_of_radii);
   }
 }
 
@@ -226,9 +227,10 @@ PairWorld ordinary_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t seed
   PairWorld world = with_shapes(random, p, false, most);
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeNumber first = pick(random, 0), second = pick(random, 1);
-    const Pose pose{origin + random.way(0, 100), random.turn()};
-    const double reach = radius(world, first) + radius(world, second);
-    add_pair(world, first, pose, second, {pose.position + random.way(random.uniform(0.1, 1) * reach), random.turn()});
+    const Pose pose{origin + random.vector(0, 100), random.orientation()};
+    const double sum_of_radii = radius(world, first) + radius(world, second);
+    add_pair(world, first, pose, second,
+             {pose.position + random.vector(random.uniform(0.1, 1) * sum_of_radii), random.orientation()});
   }
   return world;
 }
@@ -241,9 +243,10 @@ PairWorld degenerate_mesh_pairs(ShapeKind p, std::size_t count, std::uint64_t se
     const ShapeNumber second = p == ShapeKind::mesh && random.below(6) == 0 ? first : pick(random, 1);
     const double ratio = radius(world, first) / radius(world, second);
     if (ratio > 1000 || ratio < 0.001) continue;
-    const Pose pose{origin, random.below(2) == 0 ? Quat{} : random.turn()};
-    const Quat turn = random.below(3) == 0 ? random.turn() : random.special_orientation(pose.orientation);
-    add_pair(world, first, pose, second, {special_position(random, world, first, pose, second, turn), turn});
+    const Pose pose{origin, random.below(2) == 0 ? Quat{} : random.orientation()};
+    const Quat orientation = random.below(3) == 0 ? random.orientation() : random.special_orientation(pose.orientation);
+    add_pair(world, first, pose, second,
+             {special_position(random, world, first, pose, second, orientation), orientation});
   }
   return world;
 }

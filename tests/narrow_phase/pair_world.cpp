@@ -22,26 +22,26 @@ double smallest_size(const ShapeDescription& shape) {
   return std::get<Capsule>(shape).radius;
 }
 
-/// A place for b's origin, given a at `a`, that makes trouble.
+/// A position of b's origin, for an a at `a`, that is hard for the kernels.
 Vec3d special_position(RandomSource& random, const reference::PreparedShape& a, const Pose& pose_a,
                        const reference::PreparedShape& b, const Pose& turned_b, double small) {
-  const double reach = a.bounding_radius + b.bounding_radius;
+  const double sum_of_radii = a.bounding_radius + b.bounding_radius;
   switch (random.below(5)) {
     case 0:
       return pose_a.position;
-    case 1:  // almost the same place
-      return pose_a.position + random.way(random.logarithmic(1e-12, 1e-3) * small);
-    case 2: {  // offset along one axis of a, by round shares of the size
+    case 1:  // almost the same position
+      return pose_a.position + random.vector(random.logarithmic(1e-12, 1e-3) * small);
+    case 2: {  // offset along one axis of a, by simple fractions of the size
       Vec3d axes[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
       const double far = a.bounding_radius * 0.25 * random.below(8);
       return along(pose_a.position, axes[random.below(3)], far);
     }
-    case 3:  // anywhere within reach
-      return pose_a.position + random.way(random.uniform(0, 1) * reach);
-    default: {  // touching, or off it by a little to either side
+    case 3:  // anywhere near
+      return pose_a.position + random.vector(random.uniform(0, 1) * sum_of_radii);
+    default: {  // touching, or nearly touching
       Pose pose_b = turned_b;
       const Vec3d direction = random.direction();
-      double low = 0, high = reach * 1.01;
+      double low = 0, high = sum_of_radii * 1.01;
       for (int i = 0; i < 40; ++i) {
         const double middle = (low + high) / 2;
         pose_b.position = along(pose_a.position, direction, middle);
@@ -61,10 +61,11 @@ PairWorld ordinary_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint6
   PairWorld world;
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeDescription a = random.ordinary(p), b = random.ordinary(q);
-    const Vec3d place = origin + random.way(0, 100);
-    const std::uint32_t first = world.add(a, {place, random.turn()});
-    const double reach = double{world.table->row(world.bodies[first].shape).bounding_radius} + 1.2;
-    const std::uint32_t second = world.add(b, {place + random.way(random.uniform(0, 1.1) * reach), random.turn()});
+    const Vec3d place = origin + random.vector(0, 100);
+    const std::uint32_t first = world.add(a, {place, random.orientation()});
+    const double sum_of_radii = double{world.table->row(world.bodies[first].shape).bounding_radius} + 1.2;
+    const std::uint32_t second =
+        world.add(b, {place + random.vector(random.uniform(0, 1.1) * sum_of_radii), random.orientation()});
     world.pairs.push_back({first, second});
   }
   return world;
@@ -75,11 +76,11 @@ PairWorld degenerate_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uin
   PairWorld world;
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeDescription a = random.degenerate(p), b = random.degenerate(q);
-    const Quat turn_a = random.below(2) == 0 ? Quat{} : random.turn();
-    const Quat turn_b = random.below(3) == 0 ? random.turn() : random.special_orientation(turn_a);
-    const Pose pose_a{origin, turn_a};
+    const Quat orientation_a = random.below(2) == 0 ? Quat{} : random.orientation();
+    const Quat orientation_b = random.below(3) == 0 ? random.orientation() : random.special_orientation(orientation_a);
+    const Pose pose_a{origin, orientation_a};
     const std::uint32_t first = world.add(a, pose_a);
-    const std::uint32_t second = world.add(b, {origin, turn_b});
+    const std::uint32_t second = world.add(b, {origin, orientation_b});
     const auto& bodies = world.bodies;
     world.bodies[second].pose.position =
         special_position(random, world.reference[bodies[first].shape], pose_a, world.reference[bodies[second].shape],
@@ -99,7 +100,7 @@ CheckResult check_contacts(const PairWorld& world, std::span<const geometry::Can
   for (const narrow_phase::PairContact& contact : contacts) {
     if (contact.pair >= pairs.size() || found[contact.pair] != nullptr) {
       ++result.wrong;
-      text << "pair " << contact.pair << " answered twice or unknown\n";
+      text << "pair " << contact.pair << " is reported twice or unknown\n";
       continue;
     }
     found[contact.pair] = &contact;
@@ -114,7 +115,7 @@ CheckResult check_contacts(const PairWorld& world, std::span<const geometry::Can
       claimed->point = {a.pose.position.x + double{found[i]->point.x}, a.pose.position.y + double{found[i]->point.y},
                         a.pose.position.z + double{found[i]->point.z}};
     }
-    // The answer itself is in float: a depth, point or normal cannot be better than its rounding at the larger size.
+    // The results are floats: depth, point and normal cannot be more precise than rounding at the larger size.
     const reference::Tolerance tolerance{.relative = relative, .of_larger = 2e-7};
     const std::string wrong = reference::describe_error(world.reference[a.shape], a.pose, world.reference[b.shape],
                                                         b.pose, claimed ? &*claimed : nullptr, tolerance);

@@ -16,7 +16,7 @@
 
 namespace ringfence::narrow_phase_test {
 
-/// Pairs of objects that are near each other, with all that the narrow phase and the reference need to answer for them.
+/// Pairs of objects that are close to each other, as input of the narrow phase and of the reference.
 struct PairWorld {
   std::unique_ptr<geometry::ShapeTable> table = std::make_unique<geometry::ShapeTable>();
   reference::Shapes reference;
@@ -37,7 +37,7 @@ struct PairWorld {
 
   const geometry::ShapeTable& shapes() const { return *table; }
 
-  /// The same pairs, each the other way round.
+  /// The same pairs with a and b swapped.
   std::vector<geometry::CandidatePair> swapped() const {
     std::vector<geometry::CandidatePair> out;
     for (const geometry::CandidatePair& pair : pairs) out.push_back({pair.b, pair.a});
@@ -45,10 +45,10 @@ struct PairWorld {
   }
 };
 
-/// Draws shapes and poses: ordinary ones, and those that break kernels.
+/// Random shapes and poses: ordinary ones, and those that are hard for kernels.
 ///
-/// What is drawn twice in one expression is drawn in an order that compilers choose, so that pairs found with one are
-/// not found again with another: draw one after the other, or within braces.
+/// Call at most one function per full expression, or call within braces: otherwise the compiler chooses the order of
+/// the calls, and a pair that was found with one compiler cannot be reproduced with another.
 class RandomSource {
  public:
   explicit RandomSource(std::uint64_t seed) : random_(seed) {}
@@ -64,17 +64,17 @@ class RandomSource {
     }
   }
 
-  /// A way of `low` to `high` into any direction.
-  Vec3d way(double low, double high) {
+  /// A vector in a random direction, with a length from `low` to `high`.
+  Vec3d vector(double low, double high) {
     const double length = uniform(low, high);
-    return way(length);
+    return vector(length);
   }
-  Vec3d way(double length) {
+  Vec3d vector(double length) {
     const Vec3d d = direction();
     return {d.x * length, d.y * length, d.z * length};
   }
 
-  Quat turn() {
+  Quat orientation() {
     const Vec3d axis = direction();
     return about(axis, uniform(-3.15, 3.15));
   }
@@ -90,7 +90,7 @@ class RandomSource {
             static_cast<float>(w / length)};
   }
 
-  /// Sizes as in a crowd: within a factor of ten.
+  /// Ordinary sizes: within a factor of ten.
   ShapeDescription ordinary(ShapeKind kind) {
     if (kind == ShapeKind::sphere) return Sphere{size(0.3, 1.5)};
     if (kind == ShapeKind::box) return Box{{size(0.2, 1.2), size(0.2, 1.2), size(0.2, 1.2)}};
@@ -105,7 +105,7 @@ class RandomSource {
     return hull;
   }
 
-  /// Millimetres to kilometres, plates, needles and rods, round numbers.
+  /// From millimetres to kilometres, plates, needles and rods, round numbers.
   ShapeDescription degenerate(ShapeKind kind) {
     const double scale = logarithmic(0.03, 30);
     const auto length = [&] { return static_cast<float>(scale * (below(3) == 0 ? 1.0 : logarithmic(0.033, 33))); };
@@ -114,13 +114,14 @@ class RandomSource {
       Box box{{length(), length(), length()}};
       if (below(4) == 0) box.half_extents.z = 0.0005f;
       if (below(4) == 0) box.half_extents.y = box.half_extents.x;
-      // The table takes nothing thinner than a millimetre.
+      // The shape table accepts nothing thinner than one millimetre.
       return box;
     }
     return Capsule{length(), below(6) == 0 ? 0.0f : length()};
   }
 
-  /// A turn that is special to `other`: the same, a quarter of a turn away, or off those by less than rounding shows.
+  /// An orientation that is special relative to `other`: equal, rotated by 90 degrees, or different from these by less
+  /// than rounding shows.
   Quat special_orientation(const Quat& other) {
     const double h = std::sqrt(0.5);
     static constexpr double tilts[] = {0, 0, 0, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
@@ -148,12 +149,12 @@ class RandomSource {
 /// `count` pairs of two kinds, a of kind `p`, about half in contact, around `origin`.
 PairWorld ordinary_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin = {});
 
-/// `count` pairs of two kinds made to be hard: same centre, nested, touching to within rounding, parallel, crossing,
-/// plates of a millimetre, sizes a thousandfold apart.
+/// `count` pairs of two kinds that are hard cases: coinciding centres, nested, touching within rounding, parallel,
+/// crossing, plates of one millimetre, sizes that differ by a factor of 1000.
 PairWorld degenerate_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin = {});
 
-/// What is wrong with the answers to `pairs`, by the reference: at most `most` of them as text, one a line, and how
-/// many there are. `relative` is the band as a share of the smaller bounding radius.
+/// Errors in the contacts of `pairs` according to the reference: their number, and a text with at most `most` of them,
+/// one per line. `relative` is the tolerance as part of the smaller bounding radius.
 struct CheckResult {
   std::size_t wrong = 0;
   std::size_t contacts = 0;

@@ -10,7 +10,7 @@ namespace {
 
 constexpr ShapeKind primitives[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule};
 
-/// Every ordered pair of primitive kinds: flipped ones, too.
+/// Every ordered pair of primitive kinds, so flipped ones too.
 template <class Check>
 void for_each_kinds(const Check& check) {
   for (const ShapeKind p : primitives) {
@@ -29,29 +29,29 @@ void check_right(const PairWorld& world, ShapeKind p, ShapeKind q, std::uint64_t
 
 }  // namespace
 
-TEST_CASE("contacts of ordinary pairs are the reference's within a hundred-thousandth of the size") {
+TEST_CASE("contacts of ordinary pairs match the reference within 10^-5 of the size") {
   for_each_kinds([](ShapeKind p, ShapeKind q) {
     const std::uint64_t seed = 1;
     check_right(ordinary_pairs(p, q, 8000, seed), p, q, seed, 1e-5);
   });
 }
 
-TEST_CASE("contacts a million metres from the origin are as right as the positions are") {
+TEST_CASE("contacts a million metres from the origin are as precise as the positions") {
   for_each_kinds([](ShapeKind p, ShapeKind q) {
     const std::uint64_t seed = 2;
     check_right(ordinary_pairs(p, q, 1000, seed, {1e6, -1e6, 1e6}), p, q, seed, 1e-5);
   });
 }
 
-TEST_CASE("contacts of pairs made to be hard are right") {
+TEST_CASE("contacts of hard cases are right") {
   for_each_kinds([](ShapeKind p, ShapeKind q) {
     const std::uint64_t seed = 3;
     check_right(degenerate_pairs(p, q, 8000, seed), p, q, seed, 1e-4);
   });
 }
 
-TEST_CASE("boxes that meet at a shared corner of features, or at edges that rounding chose, meet within both") {
-  // From worlds of 4000 boxes: contact points of theirs once lay up to 11 mm outside.
+TEST_CASE("boxes that touch at a common corner, or at edges selected by rounding, have a contact point within both") {
+  // From worlds of 4000 boxes. Their contact points were once up to 11 mm outside.
   struct Placed {
     Box box;
     Pose pose;
@@ -79,14 +79,14 @@ TEST_CASE("boxes that meet at a shared corner of features, or at edges that roun
   CHECK(result.wrong == 0);
 }
 
-TEST_CASE("a hundred thousand boxes as they meet in the paper's world are right") {
+TEST_CASE("the contacts of 100,000 pairs of boxes as in the paper's world are right") {
   const std::uint64_t seed = 5;
   check_right(ordinary_pairs(ShapeKind::box, ShapeKind::box, 100'000, seed), ShapeKind::box, ShapeKind::box, seed,
               1e-4);
 }
 
-TEST_CASE("capsules whose nearest place is just inside an end have a normal at right angles to that segment") {
-  // From worlds of 4000 capsules: rounding once chose the end itself, and the normal was off by 5e-4.
+TEST_CASE("capsules whose nearest point is just inside an end have a normal perpendicular to that segment") {
+  // From worlds of 4000 capsules. Rounding once selected the end itself, and the normal was off by 5e-4.
   PairWorld world;
   world.add_pair(Capsule{0.6713236570358276f, 0.9499399662017822f},
                  {{2.6218868459004385, 15.378099753078786, 26.570016578940777},

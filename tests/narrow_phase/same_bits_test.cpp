@@ -21,7 +21,7 @@ namespace {
 
 constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull};
 
-/// All kinds of pairs in one world, ordinary and nasty, in an order that mixes them.
+/// All kinds of pairs in one world, ordinary and degenerate, in a mixed order.
 struct MixedWorld {
   explicit MixedWorld(std::uint64_t seed) {
     for (const ShapeKind p : kinds) {
@@ -65,7 +65,7 @@ bool same_but_pair(const PairContact& p, const PairContact& q) {
   return std::memcmp(&p.depth, &q.depth, sizeof(PairContact) - sizeof(p.pair)) == 0;
 }
 
-/// Gives the choice of target back also when a check fails.
+/// Restores the choice of target, also when a check fails.
 struct ForcedTarget {
   explicit ForcedTarget(const std::string& name) { narrow_phase::force_target(name); }
   ~ForcedTarget() { narrow_phase::force_target(""); }
@@ -73,7 +73,7 @@ struct ForcedTarget {
 
 }  // namespace
 
-TEST_CASE("every target that the machine can run gives the same bits") {
+TEST_CASE("every target that the machine supports gives the same bits") {
   const std::uint64_t seed = 11;
   INFO("seed ", seed);
   const MixedWorld world(seed);
@@ -89,12 +89,12 @@ TEST_CASE("every target that the machine can run gives the same bits") {
   }
 }
 
-TEST_CASE("an unknown target is refused and leaves the choice as it was") {
+TEST_CASE("an unknown target is refused and does not change the selected target") {
   CHECK_THROWS(narrow_phase::force_target("abacus"));
   CHECK(!narrow_phase::targets().empty());
 }
 
-TEST_CASE("a pair's answer does not depend on the pairs around it") {
+TEST_CASE("the result of a pair does not depend on the other pairs") {
   const std::uint64_t seed = 12;
   INFO("seed ", seed);
   const MixedWorld world(seed);
@@ -147,7 +147,7 @@ TEST_CASE("a world shifted by whole powers of two has the same contacts") {
   INFO("seed ", seed);
   MixedWorld world(seed);
   NarrowPhase narrow_phase(world.shapes);
-  // Coarse enough that the shift adds no rounding.
+  // Coarse enough that the shift does not add rounding.
   const double grain = std::ldexp(1.0, -20);
   for (narrow_phase::Body& body : world.bodies) {
     Vec3d& p = body.pose.position;
@@ -175,7 +175,7 @@ TEST_CASE("swapping a and b mirrors the contact") {
       for (std::size_t i = 0; i < one.size(); ++i) {
         REQUIRE(one[i].pair == other[i].pair);
         CHECK(std::abs(one[i].depth - other[i].depth) < 4e-6f);
-        // Two axes may be as good to within rounding: then the normals may differ, but rarely.
+        // Two axes may be equally good within rounding. Then the normals may differ, but only rarely.
         const float cosine = -(one[i].normal.x * other[i].normal.x + one[i].normal.y * other[i].normal.y +
                                one[i].normal.z * other[i].normal.z);
         turned += cosine < 0.9999f;

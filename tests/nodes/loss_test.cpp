@@ -1,5 +1,5 @@
-// A CD node that dies after any of its messages: the contacts of that frame and of all later ones are those of a run in
-// which it lived.
+// A CD node that stops after any of its messages: the contacts of that frame and of all later ones are those of a run
+// without a loss.
 #include <cstring>
 #include <functional>
 #include <random>
@@ -45,8 +45,8 @@ bool same(const std::vector<Contact>& p, const std::vector<Contact>& q) {
 
 constexpr std::size_t frames = 9;
 
-Frames undisturbed(const HarnessConfig& play) {
-  TestHarness harness(play);
+Frames undisturbed(const HarnessConfig& config) {
+  TestHarness harness(config);
   populate(harness);
   Frames all;
   for (std::size_t frame = 0; frame < frames; ++frame) {
@@ -56,7 +56,7 @@ Frames undisturbed(const HarnessConfig& play) {
   return all;
 }
 
-void in_all_configs(const std::function<void(const HarnessConfig&, const Frames&)>& perform) {
+void in_all_configs(const std::function<void(const HarnessConfig&, const Frames&)>& body) {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
     for (int form = 0; form < 4; ++form) {
       const Placement placement = form % 2 == 0 ? Placement::server : Placement::region;
@@ -64,19 +64,19 @@ void in_all_configs(const std::function<void(const HarnessConfig&, const Frames&
       CAPTURE(name_of(deployment));
       CAPTURE(name_of(placement));
       CAPTURE(shares);
-      HarnessConfig play;
-      play.shares_memory = shares;
-      play.deployment = deployment;
-      play.placement = placement;
-      play.model = &wandering;
-      play.grid = {{2, 2, 2}};
-      play.delivery_bytes = std::size_t{1} << 17;
-      perform(play, undisturbed(play));
+      HarnessConfig config;
+      config.shares_memory = shares;
+      config.deployment = deployment;
+      config.placement = placement;
+      config.model = &wandering;
+      config.grid = {{2, 2, 2}};
+      config.delivery_bytes = std::size_t{1} << 17;
+      body(config, undisturbed(config));
     }
   }
 }
 
-/// Plays all frames; `before(frame)` may kill. Returns how many nodes were lost.
+/// Runs all frames; `before(frame)` may stop nodes. Returns the number of lost nodes.
 std::size_t run_frames(TestHarness& harness, const Frames& expected, const std::function<void(std::size_t)>& before) {
   std::size_t lost = 0;
   for (std::size_t frame = 0; frame < expected.size(); ++frame) {
@@ -95,22 +95,22 @@ std::size_t run_frames(TestHarness& harness, const Frames& expected, const std::
 }
 
 TEST_CASE("a node that is lost after any of its messages changes no contact, of that frame or a later one") {
-  in_all_configs([](const HarnessConfig& play, const Frames& expected) {
+  in_all_configs([](const HarnessConfig& config, const Frames& expected) {
     REQUIRE(expected.back().size() > 5);
     std::size_t losses = 0;
-    for (NodeNumber node = 0; node < play.nodes; ++node) {
-      // Until it outlives the frame.
+    for (NodeNumber node = 0; node < config.nodes; ++node) {
+      // Until the node survives the frame.
       for (std::size_t messages = 0;; ++messages) {
         CAPTURE(node);
         CAPTURE(messages);
-        TestHarness harness(play);
+        TestHarness harness(config);
         populate(harness);
         const std::size_t lost = run_frames(harness, expected, [&](std::size_t frame) {
           if (frame == 3) harness.kill(node, messages);
         });
         REQUIRE(lost <= 1);
         losses += lost;
-        REQUIRE(harness.nodes() == play.nodes - lost);
+        REQUIRE(harness.nodes() == config.nodes - lost);
         if (messages > 40) {
           break;
         }
@@ -120,30 +120,30 @@ TEST_CASE("a node that is lost after any of its messages changes no contact, of 
   });
 }
 
-TEST_CASE("nodes that are lost one after another, to the last and beyond, change no contact") {
-  in_all_configs([](const HarnessConfig& play, const Frames& expected) {
+TEST_CASE("nodes that are lost one after another, including the last and its replacements, change no contact") {
+  in_all_configs([](const HarnessConfig& config, const Frames& expected) {
     for (std::size_t messages = 0; messages < 20; ++messages) {
       CAPTURE(messages);
-      TestHarness harness(play);
+      TestHarness harness(config);
       populate(harness);
       const std::size_t lost = run_frames(harness, expected, [&](std::size_t frame) {
         if (frame >= 2 && frame < 6) harness.kill(static_cast<NodeNumber>(frame % harness.nodes()), messages);
       });
       CHECK(lost >= (messages < 10 ? 4 : 2));
-      CHECK(harness.nodes() == (lost < play.nodes ? play.nodes - lost : 1));
+      CHECK(harness.nodes() == (lost < config.nodes ? config.nodes - lost : 1));
     }
   });
 }
 
-TEST_CASE("nodes that are lost in the same frame change no contact, also when all are") {
-  in_all_configs([](const HarnessConfig& play, const Frames& expected) {
+TEST_CASE("nodes that are lost in the same frame change no contact, even if all are") {
+  in_all_configs([](const HarnessConfig& config, const Frames& expected) {
     for (std::size_t first = 0; first < 12; first += 2) {
       for (std::size_t second = 0; second < 12; second += 3) {
         for (const bool all : {false, true}) {
           CAPTURE(first);
           CAPTURE(second);
           CAPTURE(all);
-          TestHarness harness(play);
+          TestHarness harness(config);
           populate(harness);
           run_frames(harness, expected, [&](std::size_t frame) {
             if (frame != 3) return;
@@ -158,9 +158,9 @@ TEST_CASE("nodes that are lost in the same frame change no contact, also when al
 }
 
 TEST_CASE("objects that are spawned, placed and destroyed around a loss have one host and the same contacts") {
-  in_all_configs([](const HarnessConfig& play, const Frames&) {
+  in_all_configs([](const HarnessConfig& config, const Frames&) {
     const auto life = [&](bool kills, std::size_t messages) {
-      TestHarness harness(play);
+      TestHarness harness(config);
       populate(harness);
       std::mt19937 random(17);
       std::vector<ObjectId> more;

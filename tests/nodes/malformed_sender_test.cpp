@@ -1,4 +1,4 @@
-// A user node that lies: what it says is refused by reason, and nobody else notices.
+// A user node that sends invalid messages: each is refused with its reason, and no other role is affected.
 #include <chrono>
 #include <cstring>
 #include <functional>
@@ -14,10 +14,10 @@
 namespace ringfence::nodes::test {
 namespace {
 
-constexpr UserNumber liar = 1;
+constexpr UserNumber sender = 1;
 constexpr std::uint64_t malformed_frame = 3;
 
-/// Everybody drifts, so that each frame has states and contacts of its own.
+/// All objects drift, so that each frame has its own states and contacts.
 class DriftingModel : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 8; }
@@ -34,12 +34,12 @@ const DriftingModel drifting;
 struct Scene {
   explicit Scene(Deployment deployment)
       : Scene([&] {
-          HarnessConfig play;
-          play.deployment = deployment;
-          play.model = &drifting;
-          return play;
+          HarnessConfig config;
+          config.deployment = deployment;
+          config.model = &drifting;
+          return config;
         }()) {}
-  explicit Scene(const HarnessConfig& play) : harness(play) {
+  explicit Scene(const HarnessConfig& config) : harness(config) {
     const ShapeNumber ball = harness.add_shape(Sphere{2});
     for (UserNumber user = 0; user < 3; ++user) harness.connect(user);
     for (ObjectNumber i = 0; i < 40; ++i) {
@@ -66,7 +66,7 @@ messages::Header header_of(MessageType type, std::uint64_t frame, std::size_t co
   messages::Header header;
   header.type = static_cast<std::uint16_t>(type);
   header.record_bytes = static_cast<std::uint16_t>(each);
-  header.source = Endpoint::user(liar).value;
+  header.source = Endpoint::user(sender).value;
   header.frame = frame;
   header.count = static_cast<std::uint32_t>(count);
   header.bytes = static_cast<std::uint32_t>(sizeof header + count * each);
@@ -86,8 +86,8 @@ Bytes state_of(const messages::ObjectRef& object, const Pose& pose, std::uint64_
 struct MalformedMessage {
   std::string what;
   Status reason;
-  std::function<Bytes(const Scene&)> tell;
-  bool afterwards = false;  ///< after the liar's own last state of the frame, else before
+  std::function<Bytes(const Scene&)> make;
+  bool afterwards = false;  ///< sent after the user's own last state of the frame, otherwise before
 };
 
 std::vector<MalformedMessage> malformed_messages() {
@@ -99,7 +99,7 @@ std::vector<MalformedMessage> malformed_messages() {
                          Pose where) {
     all.push_back({std::move(what), reason, [=](const Scene& scene) { return state_of(object(scene), where); }});
   };
-  const auto own = [](const Scene& scene) { return scene.ref(liar); };
+  const auto own = [](const Scene& scene) { return scene.ref(sender); };
   state(
       "another user's avatar", Status::not_host, [](const Scene& scene) { return scene.ref(0); }, pose);
   state(
@@ -107,7 +107,7 @@ std::vector<MalformedMessage> malformed_messages() {
   state(
       "a stale generation", Status::stale_object,
       [](const Scene& scene) {
-        auto object = scene.ref(liar);
+        auto object = scene.ref(sender);
         ++object.generation;
         return object;
       },
@@ -115,7 +115,7 @@ std::vector<MalformedMessage> malformed_messages() {
   state(
       "another's slot with an own number", Status::stale_object,
       [](const Scene& scene) {
-        auto object = scene.ref(liar);
+        auto object = scene.ref(sender);
         object.slot = scene.ref(0).slot;
         return object;
       },
@@ -123,7 +123,7 @@ std::vector<MalformedMessage> malformed_messages() {
   state(
       "a slot that no table has", Status::stale_object,
       [](const Scene& scene) {
-        auto object = scene.ref(liar);
+        auto object = scene.ref(sender);
         object.slot = 0xffffffffu;
         return object;
       },
@@ -137,11 +137,11 @@ std::vector<MalformedMessage> malformed_messages() {
   state("a zero orientation", Status::not_unit, own, {{0, 0, 0}, {0, 0, 0, 0}});
   state("a long orientation", Status::not_unit, own, {{0, 0, 0}, {0, 0, 0, 1.01f}});
   all.push_back({"the frame before", Status::bad_message,
-                 [=](const Scene& scene) { return state_of(scene.ref(liar), pose, malformed_frame - 1); }});
+                 [=](const Scene& scene) { return state_of(scene.ref(sender), pose, malformed_frame - 1); }});
   all.push_back({"the frame after", Status::bad_message,
-                 [=](const Scene& scene) { return state_of(scene.ref(liar), pose, malformed_frame + 1); }});
+                 [=](const Scene& scene) { return state_of(scene.ref(sender), pose, malformed_frame + 1); }});
   all.push_back({"a state after the last one", Status::bad_message,
-                 [=](const Scene& scene) { return state_of(scene.ref(liar), pose); }, true});
+                 [=](const Scene& scene) { return state_of(scene.ref(sender), pose); }, true});
   for (const Endpoint source :
        {Endpoint::server(), Endpoint::node(0), Endpoint::user(0), Endpoint::user(2), Endpoint::none()}) {
     all.push_back({"a forged source", Status::bad_message, [=](const Scene& scene) {
@@ -153,7 +153,7 @@ std::vector<MalformedMessage> malformed_messages() {
                      return bytes;
                    }});
   }
-  // What is not a user node's to say, well formed.
+  // Well-formed messages of types that a user node may not send.
   for (std::uint16_t type = 1; type < messages::message_types; ++type) {
     const auto kind = static_cast<MessageType>(type);
     if (kind == MessageType::state_update) continue;
@@ -180,7 +180,7 @@ std::vector<MalformedMessage> malformed_messages() {
   }
   for (const std::size_t keep : {1u, 47u, 48u, 49u, 100u}) {
     all.push_back({"a truncated state", Status::bad_message, [=](const Scene& scene) {
-                     Bytes bytes = state_of(scene.ref(liar), pose);
+                     Bytes bytes = state_of(scene.ref(sender), pose);
                      bytes.resize(keep);
                      return bytes;
                    }});
@@ -188,7 +188,7 @@ std::vector<MalformedMessage> malformed_messages() {
   return all;
 }
 
-/// All that a frame leaves behind.
+/// Everything observable after a frame.
 struct Outcome {
   std::vector<Pose> poses;
   std::vector<Contact> contacts;
@@ -206,74 +206,75 @@ Outcome outcome_of(const Scene& scene) {
   return outcome;
 }
 
-TEST_CASE("a lie is refused by its reason, the old state stands, and everybody's frame is as if it had not been told") {
+TEST_CASE("an invalid message is refused with its reason, and the frame is as if it had not been sent") {
   constexpr int frames = 6;
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
-    std::vector<Outcome> honest;
+    std::vector<Outcome> expected;
     {
       Scene scene(deployment);
       for (int frame = 0; frame < frames; ++frame) {
         scene.harness.frame();
-        honest.push_back(outcome_of(scene));
+        expected.push_back(outcome_of(scene));
       }
-      REQUIRE(honest.back().contacts.size() > 10);
+      REQUIRE(expected.back().contacts.size() > 10);
     }
-    for (const MalformedMessage& lie : malformed_messages()) {
+    for (const MalformedMessage& malformed : malformed_messages()) {
       CAPTURE(name_of(deployment));
-      CAPTURE(lie.what);
-      CAPTURE(lie.afterwards);
+      CAPTURE(malformed.what);
+      CAPTURE(malformed.afterwards);
       Scene scene(deployment);
-      bool told = false;
+      bool inserted = false;
       scene.harness.tamper = [&](const LoggedMessage& seen, std::vector<Bytes>& instead) {
-        if (seen.from == Endpoint::user(liar) && seen.header.frame == malformed_frame &&
-            seen.type() == MessageType::state_update && seen.header.last == 1 && !told) {
-          told = true;
-          instead.insert(lie.afterwards ? instead.end() : instead.begin(), lie.tell(scene));
+        if (seen.from == Endpoint::user(sender) && seen.header.frame == malformed_frame &&
+            seen.type() == MessageType::state_update && seen.header.last == 1 && !inserted) {
+          inserted = true;
+          instead.insert(malformed.afterwards ? instead.end() : instead.begin(), malformed.make(scene));
         }
       };
       for (int frame = 0; frame < frames; ++frame) {
         CAPTURE(frame);
         scene.harness.frame();
-        REQUIRE((outcome_of(scene) == honest[static_cast<std::size_t>(frame)]));
+        REQUIRE((outcome_of(scene) == expected[static_cast<std::size_t>(frame)]));
         scene.harness.require_one_host_each();
         const FrameReport& report = scene.harness.report();
         REQUIRE(report.tested == report.candidates);
         REQUIRE(report.accepted == report.candidates);
         for (std::size_t reason = 0; reason < status_count; ++reason) {
-          const bool counted = frame == int{malformed_frame} && reason == static_cast<std::size_t>(lie.reason);
+          const bool counted = frame == int{malformed_frame} && reason == static_cast<std::size_t>(malformed.reason);
           CAPTURE(name_of(static_cast<Status>(reason)));
           REQUIRE(report.refused[reason] == (counted ? 1 : 0));
         }
-        // The liar is told in the next frame, nobody else ever.
-        std::vector<messages::RefusedRecord> heard;
+        // The sender gets a refusal in the next frame; no other user gets one.
+        std::vector<messages::RefusedRecord> refusals;
         for (const LoggedMessage& seen : scene.harness.log()) {
           if (seen.type() != MessageType::refused) continue;
-          REQUIRE(seen.to == Endpoint::user(liar));
-          for (std::size_t i = 0; i < seen.header.count; ++i) heard.push_back(seen.record<messages::RefusedRecord>(i));
+          REQUIRE(seen.to == Endpoint::user(sender));
+          for (std::size_t i = 0; i < seen.header.count; ++i)
+            refusals.push_back(seen.record<messages::RefusedRecord>(i));
         }
-        REQUIRE(heard.size() == (frame == int{malformed_frame} + 1 ? 1 : 0));
-        REQUIRE((heard.empty() || heard[0].reason == static_cast<std::uint32_t>(lie.reason)));
+        REQUIRE(refusals.size() == (frame == int{malformed_frame} + 1 ? 1 : 0));
+        REQUIRE((refusals.empty() || refusals[0].reason == static_cast<std::uint32_t>(malformed.reason)));
       }
-      REQUIRE(told);
+      REQUIRE(inserted);
     }
   }
 }
 
-TEST_CASE("among true states a false one is refused alone") {
+TEST_CASE("an invalid state among valid ones is refused alone") {
   Scene scene(Deployment::user_server);
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (int frame = 0; frame < 3; ++frame) scene.harness.frame();
   scene.harness.tamper = [&](const LoggedMessage& seen, std::vector<Bytes>& instead) {
-    if (seen.from != Endpoint::user(liar) || seen.type() != MessageType::state_update) return;
+    if (seen.from != Endpoint::user(sender) || seen.type() != MessageType::state_update) return;
     messages::Header header = header_of(MessageType::state_update, seen.header.frame, 4);
     header.last = 1;
     header.total = 4;
     Bytes bytes(header.bytes);
     std::memcpy(bytes.data(), &header, sizeof header);
-    const messages::StateRecord records[4] = {{scene.ref(liar), {{50, 50, 50}, {}}},
+    const messages::StateRecord records[4] = {{scene.ref(sender), {{50, 50, 50}, {}}},
                                               {scene.ref(0), {{51, 51, 51}, {}}},
-                                              {scene.ref(liar), {{nan, 0, 0}, {}}},
-                                              {scene.ref(liar + 3), {{52, 52, 52}, {}}}};
+                                              {scene.ref(sender), {{nan, 0, 0}, {}}},
+                                              {scene.ref(sender + 3), {{52, 52, 52}, {}}}};
     for (std::size_t i = 0; i < 4; ++i) {
       std::memcpy(bytes.data() + sizeof header + i * header.record_bytes, &records[i], sizeof records[i]);
     }
@@ -283,20 +284,20 @@ TEST_CASE("among true states a false one is refused alone") {
   const auto x = [&](std::size_t i) {
     return scene.harness.table().row(scene.harness.table().find(scene.ids[i].number())).pose.position.x;
   };
-  CHECK(x(liar) == 50);
-  CHECK(x(liar + 3) == 52);
+  CHECK(x(sender) == 50);
+  CHECK(x(sender + 3) == 52);
   CHECK(x(0) < 50);
   CHECK(scene.harness.report().refused[static_cast<std::size_t>(Status::not_host)] == 1);
   CHECK(scene.harness.report().refused[static_cast<std::size_t>(Status::not_finite)] == 1);
 }
 
-TEST_CASE("a flood of lies is counted whole, and answered with no more than a few records") {
+TEST_CASE("all invalid records of a flood are counted, and only a few are reported back") {
   Scene scene(Deployment::user_collision);
   constexpr std::size_t flood = 3000;
-  bool told = false;
+  bool inserted = false;
   scene.harness.tamper = [&](const LoggedMessage& seen, std::vector<Bytes>& instead) {
-    if (seen.from != Endpoint::user(liar) || seen.type() != MessageType::state_update || told) return;
-    told = true;
+    if (seen.from != Endpoint::user(sender) || seen.type() != MessageType::state_update || inserted) return;
+    inserted = true;
     for (std::size_t i = 0; i < flood; ++i) {
       instead.insert(instead.begin(), state_of(scene.ref(0), {{1, 1, 1}, {}}, seen.header.frame));
     }
@@ -310,54 +311,54 @@ TEST_CASE("a flood of lies is counted whole, and answered with no more than a fe
   }
   CHECK(answered > 0);
   CHECK(answered <= 64);
-  CHECK(scene.harness.user(liar).refused() == answered);
+  CHECK(scene.harness.user(sender).refused() == answered);
 }
 
-TEST_CASE("a user node that talks without end misses its deadline like a silent one") {
-  HarnessConfig play;
-  play.model = &drifting;
-  play.user_deadline_ns = 200'000'000;  // longer than a busy machine keeps this thread from its turn
-  Scene scene(play);
+TEST_CASE("a user node that sends without end misses its deadline like a silent one") {
+  HarnessConfig config;
+  config.model = &drifting;
+  config.user_deadline_ns = 200'000'000;  // longer than a busy machine delays this thread
+  Scene scene(config);
   scene.harness.frame();
   bool flooding = false;
   scene.harness.tamper = [&](const LoggedMessage& seen, std::vector<Bytes>& instead) {
-    if (seen.from != Endpoint::user(liar)) return;
+    if (seen.from != Endpoint::user(sender)) return;
     instead.clear();
     flooding = true;
   };
-  // The server never finds the liar's link empty. That the frame ends at all is what is tested.
+  // The server never finds the sender's ring empty. The test is that the frame ends at all.
   const auto start = std::chrono::steady_clock::now();
   scene.harness.between = [&] {
     REQUIRE(std::chrono::steady_clock::now() - start < std::chrono::seconds(20));
-    if (flooding) scene.harness.from(liar).forge(state_of(scene.ref(0), {{1, 1, 1}, {}}, 1));
+    if (flooding) scene.harness.from(sender).forge(state_of(scene.ref(0), {{1, 1, 1}, {}}, 1));
   };
   scene.harness.frame();
-  CHECK(scene.harness.report().late == std::vector<UserNumber>{liar});
+  CHECK(scene.harness.report().late == std::vector<UserNumber>{sender});
   CHECK(scene.harness.report().refused[static_cast<std::size_t>(Status::not_host)] > 0);
 }
 
-TEST_CASE("what a user node says beyond its quota is left out, and nobody else's frame is another for it") {
+TEST_CASE("messages beyond a user node's quota are ignored, and no other frame changes") {
   for (const bool by_bytes : {false, true}) {
     CAPTURE(by_bytes);
-    HarnessConfig play;
-    play.deployment = Deployment::user_server;
-    play.model = &drifting;
-    std::vector<Outcome> honest;
+    HarnessConfig config;
+    config.deployment = Deployment::user_server;
+    config.model = &drifting;
+    std::vector<Outcome> expected;
     for (const bool flooding : {false, true}) {
       if (flooding) {
-        // Room for what is true, which comes first here, and a little more.
-        (by_bytes ? play.quotas.bytes : play.quotas.updates) = by_bytes ? 600 : 5;
+        // Room for the correct states, which come first here, and a little more.
+        (by_bytes ? config.quotas.bytes : config.quotas.updates) = by_bytes ? 600 : 5;
       }
-      Scene scene(play);
+      Scene scene(config);
       scene.harness.tamper = [&](const LoggedMessage& seen, std::vector<Bytes>& instead) {
-        if (!flooding || seen.from != Endpoint::user(liar) || seen.type() != MessageType::state_update) return;
-        Bytes flood = state_of(scene.ref(liar), {{1, 1, 1}, {}}, seen.header.frame);
+        if (!flooding || seen.from != Endpoint::user(sender) || seen.type() != MessageType::state_update) return;
+        Bytes flood = state_of(scene.ref(sender), {{1, 1, 1}, {}}, seen.header.frame);
         messages::Header last = seen.header;
         std::memcpy(&last, instead.back().data(), sizeof last);
         Bytes first = instead.back();
         last.last = 0;
         std::memcpy(first.data(), &last, sizeof last);
-        // The flood moves the liar back to where the truth has it, so that only what is beyond the quota could show.
+        // The flood repeats the correct poses, so only records beyond the quota could have an effect.
         std::vector<Bytes> all{first};
         for (int i = 0; i < 4000; ++i) all.push_back(i < 2 ? first : flood);
         all.push_back(instead.back());
@@ -369,10 +370,10 @@ TEST_CASE("what a user node says beyond its quota is left out, and nobody else's
         const FrameReport& report = scene.harness.report();
         const std::uint64_t over = report.refused[static_cast<std::size_t>(Status::over_quota)];
         if (flooding) {
-          REQUIRE((outcome_of(scene) == honest[static_cast<std::size_t>(frame)]));
+          REQUIRE((outcome_of(scene) == expected[static_cast<std::size_t>(frame)]));
           REQUIRE(over > 3900);
         } else {
-          honest.push_back(outcome_of(scene));
+          expected.push_back(outcome_of(scene));
           REQUIRE(over == 0);
         }
       }

@@ -1,5 +1,4 @@
-// Which contacts begin, go on and end, whoever finds them: nodes say it of what lies within their regions, the server
-// of the rest.
+// Phases of contacts, whichever node finds them: nodes decide those inside their regions, the server the rest.
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -19,7 +18,8 @@ using Pair = std::pair<ObjectNumber, ObjectNumber>;
 
 double wave(std::uint64_t n) { return static_cast<double>((n * 0x9e3779b97f4a7c15u) >> 40) / 0x1000000 - 0.5; }
 
-/// Crowds of eight that drift together, so that pairs cross borders in contact; some vanish now and then, some rest.
+/// Groups of eight that drift together, so that pairs cross borders while in contact; some disappear now and then, some
+/// rest.
 class DriftingModel : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 0; }
@@ -43,17 +43,17 @@ class DriftingModel : public MotionModel {
 };
 const DriftingModel drifting;
 
-/// What the phases of a run must show, or the run has shown nothing.
-struct OutputLists {
+/// Minimum coverage of a run; without it the run would test nothing.
+struct Coverage {
   std::size_t begun = 0, ended = 0;  ///< contacts
   std::size_t passed = 0;            ///< contacts that another node found in the frame before
-  std::size_t alone = 0;             ///< begun or ended, and never looked at by the server
+  std::size_t alone = 0;             ///< begun or ended, decided by a node alone
 };
 
-/// Spheres that wander among nodes, and every pair of them looked at in every frame.
+/// Spheres that wander among nodes; every pair is compared with brute force in every frame.
 class Run {
  public:
-  Run(const HarnessConfig& play, unsigned seed) : harness_(play), random_(seed) {
+  Run(const HarnessConfig& config, unsigned seed) : harness_(config), random_(seed) {
     for (double& radius : radii_) {
       radius = 1 + static_cast<double>(&radius - radii_);
     }
@@ -67,7 +67,7 @@ class Run {
 
   TestHarness& harness() { return harness_; }
 
-  /// Objects come, go and jump; then a frame.
+  /// Spawns, ends and places objects, then runs a frame.
   void frame() {
     if (random_() % 3 == 0) {
       spawn(Category::active);
@@ -80,7 +80,7 @@ class Run {
     check();
   }
 
-  OutputLists shown;
+  Coverage coverage;
 
  private:
   Vec3d anywhere() {
@@ -102,7 +102,7 @@ class Run {
     }
   }
 
-  // Pairs whose surfaces are nearer than rounding to each other may be in contact or not.
+  // Pairs whose surfaces are closer than the rounding error may be in contact or not.
   void check() {
     constexpr double rounding = 1e-4;
     const ObjectTable& table = harness_.table();
@@ -133,8 +133,8 @@ class Run {
       CAPTURE(contact.a);
       CAPTURE(contact.b);
       REQUIRE((contact.phase == Phase::persist) == (old != before_.end()));
-      shown.begun += old == before_.end() ? 1 : 0;
-      shown.passed += old != before_.end() && old->second != now[{contact.a, contact.b}] ? 1 : 0;
+      coverage.begun += old == before_.end() ? 1 : 0;
+      coverage.passed += old != before_.end() && old->second != now[{contact.a, contact.b}] ? 1 : 0;
     }
     std::vector<Pair> gone, ended;
     for (const auto& entry : before_) {
@@ -149,11 +149,11 @@ class Run {
     REQUIRE(ended == gone);
     REQUIRE(harness_.report().ended == gone.size());
     REQUIRE(harness_.report().began == now.size() + gone.size() - before_.size());
-    shown.ended += gone.size();
-    for (NodeNumber node = 0; node < harness_.nodes() && harness_.play().shares_memory; ++node) {
+    coverage.ended += gone.size();
+    for (NodeNumber node = 0; node < harness_.nodes() && harness_.config().shares_memory; ++node) {
       const NodeContacts& node_contacts = *harness_.node_contacts(node);
-      shown.alone += node_contacts.beginning.size() + node_contacts.ending.size() -
-                     node_contacts.border_beginning.size() - node_contacts.border_ending.size();
+      coverage.alone += node_contacts.beginning.size() + node_contacts.ending.size() -
+                        node_contacts.border_beginning.size() - node_contacts.border_ending.size();
     }
     before_ = now;
   }
@@ -171,48 +171,48 @@ class Run {
   std::mt19937_64 random_;
   double radii_[3] = {};
   ShapeNumber shapes_[3] = {};
-  std::vector<ObjectId> objects_;  ///< that are not fixed
+  std::vector<ObjectId> objects_;  ///< those that can move
   int spawned_ = 0;
   Vec3d crowd_;
-  std::map<Pair, NodeNumber> before_;  ///< who found them
+  std::map<Pair, NodeNumber> before_;  ///< which node found them
 };
 
 HarnessConfig config_of(Deployment deployment, Placement placement, bool shares_memory) {
-  HarnessConfig play;
-  play.deployment = deployment;
-  play.placement = placement;
-  play.shares_memory = shares_memory;
-  play.nodes = 4;
-  play.grid = {{2, 2, 1}};
-  play.model = &drifting;
-  return play;
+  HarnessConfig config;
+  config.deployment = deployment;
+  config.placement = placement;
+  config.shares_memory = shares_memory;
+  config.nodes = 4;
+  config.grid = {{2, 2, 1}};
+  config.model = &drifting;
+  return config;
 }
 
-TEST_CASE("a pair that stays in contact while it passes from node to node goes on, and nothing else does") {
+TEST_CASE("a pair that stays in contact while it moves between nodes persists, and no other pair does") {
   for (const Deployment deployment : {Deployment::user_collision, Deployment::user_server}) {
     for (const Placement placement : {Placement::server, Placement::region}) {
       for (const bool shares_memory : {true, false}) {
         for (unsigned seed = 1; seed < 4; ++seed) {
           CAPTURE(seed);
-          const std::string said = std::string(name_of(deployment)) + ", " + name_of(placement) +
-                                   (shares_memory ? ", memory shared" : ", messages only");
-          CAPTURE(said);
+          const std::string run_name = std::string(name_of(deployment)) + ", " + name_of(placement) +
+                                       (shares_memory ? ", memory shared" : ", messages only");
+          CAPTURE(run_name);
           Run run(config_of(deployment, placement, shares_memory), seed);
           for (int frame = 0; frame < 60; ++frame) {
             CAPTURE(frame);
             run.frame();
           }
-          CHECK(run.shown.begun > 300);
-          CHECK(run.shown.ended > 300);
-          CHECK(run.shown.passed > 20);
-          CHECK((run.shown.alone > 200) == shares_memory);
+          CHECK(run.coverage.begun > 300);
+          CHECK(run.coverage.ended > 300);
+          CHECK(run.coverage.passed > 20);
+          CHECK((run.coverage.alone > 200) == shares_memory);
         }
       }
     }
   }
 }
 
-TEST_CASE("contacts begin and end as before while nodes join, leave and are lost") {
+TEST_CASE("contacts begin and end correctly while nodes join, leave and are lost") {
   for (const Placement placement : {Placement::server, Placement::region}) {
     for (unsigned seed = 11; seed < 15; ++seed) {
       CAPTURE(seed);
@@ -228,8 +228,8 @@ TEST_CASE("contacts begin and end as before while nodes join, leave and are lost
         }
         run.frame();
       }
-      CHECK(run.shown.passed > 60);
-      CHECK(run.shown.alone > 100);
+      CHECK(run.coverage.passed > 60);
+      CHECK(run.coverage.alone > 100);
     }
   }
 }

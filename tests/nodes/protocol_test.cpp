@@ -1,4 +1,5 @@
-// The three roles driven by hand: which messages go where and when, who hosts what, who is told of which contact.
+// The three roles stepped by hand: which messages are sent where and when, which role hosts which object, and which
+// hosts are notified of which contact.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -16,8 +17,8 @@
 namespace ringfence::nodes::test {
 namespace {
 
-/// Jumps about as its number and the frame say: far and near, onto borders of cells exactly, out of the bounds, and
-/// now and then nowhere.
+/// Jumps to a position computed from number and frame: near and far, exactly onto cell borders, out of bounds; now and
+/// then the object is absent.
 class JumpingModel : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 16; }
@@ -53,9 +54,9 @@ class JumpingModel : public MotionModel {
   }
 };
 
-std::string describe(const HarnessConfig& play) {
-  return std::string(name_of(play.deployment)) + ", broad phase " + name_of(play.placement) + ", " +
-         std::to_string(play.nodes) + " nodes" + (play.shares_memory ? ", shared memory" : "");
+std::string describe(const HarnessConfig& config) {
+  return std::string(name_of(config.deployment)) + ", broad phase " + name_of(config.placement) + ", " +
+         std::to_string(config.nodes) + " nodes" + (config.shares_memory ? ", shared memory" : "");
 }
 
 template <class Test>
@@ -64,22 +65,22 @@ void in_all_configs(const MotionModel* model, Test test) {
     for (const Placement placement : {Placement::server, Placement::region}) {
       for (const auto& [nodes, shares] : {std::pair{1u, false}, std::pair{3u, false}, std::pair{8u, false},
                                           std::pair{1u, true}, std::pair{3u, true}}) {
-        HarnessConfig play;
-        play.deployment = deployment;
-        play.placement = placement;
-        play.nodes = nodes;
-        play.shares_memory = shares;
-        play.grid = {{2, 2, 2}};
-        play.interest = nodes == 3 ? 12 : 0;
-        play.model = model;
-        CAPTURE(describe(play));
-        test(play);
+        HarnessConfig config;
+        config.deployment = deployment;
+        config.placement = placement;
+        config.nodes = nodes;
+        config.shares_memory = shares;
+        config.grid = {{2, 2, 2}};
+        config.interest = nodes == 3 ? 12 : 0;
+        config.model = model;
+        CAPTURE(describe(config));
+        test(config);
       }
     }
   }
 }
 
-/// Spheres small and large (one spans the world), an avatar a user, some static.
+/// Small and large spheres (one spans the world), one avatar per user, some static objects.
 std::vector<ObjectId> populate(TestHarness& harness, std::mt19937_64& random, std::size_t objects, std::size_t users) {
   const ShapeNumber small = harness.add_shape(Sphere{2.5f});
   const ShapeNumber large = harness.add_shape(Sphere{20.0f});
@@ -102,7 +103,7 @@ std::vector<ObjectId> populate(TestHarness& harness, std::mt19937_64& random, st
 
 using Pairs = std::set<std::pair<ObjectNumber, ObjectNumber>>;
 
-/// The contacts of spheres by brute force; `unsure` are those too near to call.
+/// Contacts of spheres by brute force; `unsure` are those within rounding error of touching.
 void brute_force(const TestHarness& harness, Pairs& sure, Pairs& unsure) {
   const ObjectTable& table = harness.table();
   for (std::uint32_t p = 0; p < table.slots(); ++p) {
@@ -137,7 +138,7 @@ void check_contacts(const TestHarness& harness) {
     const std::pair key{contact.a, contact.b};
     REQUIRE(found.insert(key).second);
     REQUIRE((sure.count(key) != 0 || unsure.count(key) != 0));
-    // It carries the poses that it was determined from.
+    // A contact carries the poses at which it was determined.
     REQUIRE(harness.server().pose(harness.table().find(contact.a)) == contact.pose_a);
     REQUIRE(harness.server().pose(harness.table().find(contact.b)) == contact.pose_b);
   }
@@ -152,7 +153,7 @@ void check_contacts(const TestHarness& harness) {
   }
 }
 
-/// Where on one way each kind of message stands; requires that kinds come in the given order and no others do.
+/// Requires that the message types between two roles occur in the given order and no other types occur.
 void check_order(const std::vector<LoggedMessage>& log, Endpoint from, Endpoint to,
                  const std::vector<MessageType>& order) {
   std::size_t at = 0;
@@ -172,7 +173,7 @@ void check_order(const std::vector<LoggedMessage>& log, Endpoint from, Endpoint 
   }
 }
 
-/// Index in the log of the first or last message that `which` picks; -1 if there is none.
+/// Index in the log of the first or last message for which `which` is true; -1 if there is none.
 template <class Which>
 std::ptrdiff_t first_of(const std::vector<LoggedMessage>& log, Which which) {
   const auto at = std::find_if(log.begin(), log.end(), which);
@@ -186,16 +187,16 @@ std::ptrdiff_t last_of(const std::vector<LoggedMessage>& log, Which which) {
   return -1;
 }
 
-void check_protocol(const TestHarness& harness, const HarnessConfig& play, std::size_t users) {
+void check_protocol(const TestHarness& harness, const HarnessConfig& config, std::size_t users) {
   using enum MessageType;
   const std::vector<LoggedMessage>& log = harness.log();
-  for (NodeNumber node = 0; node < play.nodes; ++node) {
+  for (NodeNumber node = 0; node < config.nodes; ++node) {
     check_order(log, Endpoint::server(), Endpoint::node(node),
                 {drop, adopt, place, notify, frame_begin, position_update, pairs, confirm, notify, frame_end});
     check_order(log, Endpoint::node(node), Endpoint::server(),
-                play.shares_memory ? std::vector{node_state, published, narrow_done, kinds, frame_done}
-                                   : std::vector{node_state, collision, narrow_done, kinds, frame_done});
-    for (NodeNumber peer = 0; peer < play.nodes; ++peer) {
+                config.shares_memory ? std::vector{node_state, published, narrow_done, kinds, frame_done}
+                                     : std::vector{node_state, collision, narrow_done, kinds, frame_done});
+    for (NodeNumber peer = 0; peer < config.nodes; ++peer) {
       check_order(log, Endpoint::node(node), Endpoint::node(peer), {hand_over});
     }
   }
@@ -208,7 +209,7 @@ void check_protocol(const TestHarness& harness, const HarnessConfig& play, std::
   const auto state = [](const LoggedMessage& seen) { return seen.type() == state_update || seen.type() == node_state; };
   const auto m2 = [](const LoggedMessage& seen) { return seen.type() == position_update || seen.type() == pairs; };
   const auto begin = first_of(log, is(frame_begin));
-  // Poses are frozen before the nodes are told anything, results are whole before anyone is told a contact.
+  // Poses are final before nodes receive positions, and results are complete before any host is notified.
   REQUIRE(last_of(log, state) < first_of(log, m2));
   REQUIRE(first_of(log, is(narrow_done)) > first_of(log, m2));
   const auto m4 = [&](const LoggedMessage& seen) {
@@ -216,30 +217,31 @@ void check_protocol(const TestHarness& harness, const HarnessConfig& play, std::
   };
   REQUIRE(last_of(log, is(narrow_done)) < first_of(log, m4));
   REQUIRE(begin >= 0);
-  // Nobody looks before all is published.
-  REQUIRE((first_of(log, is(read_publications)) >= 0) == (play.interest > 0 && users > 0));
-  if (play.interest > 0 && users > 0) {
+  // User nodes read only after everything is published.
+  REQUIRE((first_of(log, is(read_publications)) >= 0) == (config.interest > 0 && users > 0));
+  if (config.interest > 0 && users > 0) {
     REQUIRE(first_of(log, is(read_publications)) > std::max(last_of(log, state), last_of(log, is(published))));
     REQUIRE(last_of(log, is(read_publications)) < first_of(log, m4));
-    const bool publish = play.shares_memory && play.deployment == Deployment::user_collision;
+    const bool publish = config.shares_memory && config.deployment == Deployment::user_collision;
     REQUIRE(static_cast<std::uint32_t>(std::count_if(log.begin(), log.end(), is(published))) ==
-            (publish ? play.nodes : 0));
+            (publish ? config.nodes : 0));
   }
   if (const auto m5 = first_of(log, is(hand_over)); m5 >= 0) {
     REQUIRE(m5 > first_of(log, is(frame_end)));
-    REQUIRE(play.deployment == Deployment::user_collision);
+    REQUIRE(config.deployment == Deployment::user_collision);
   }
   for (const LoggedMessage& seen : log) {
     REQUIRE(seen.header.frame == harness.last());
     const bool between_users = !seen.from.is_server() && !seen.to.is_server();
-    REQUIRE((!between_users || (seen.from.is_node() && seen.to.is_node())));  // user nodes know the server alone
+    // User nodes are connected to the server only.
+    REQUIRE((!between_users || (seen.from.is_node() && seen.to.is_node())));
   }
 }
 
-/// Everyone is told of exactly the contacts (user nodes of ended ones too) of which he hosts a side and that he did not
-/// find himself, in order, with both poses; and whoever found one that he hosts a side of, of its phase. Returns how
-/// many contacts nodes took where their peers list them.
-std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& play, std::size_t users,
+/// Requires that every host receives exactly the contacts of its objects that it did not find itself (user nodes: ended
+/// ones too), in order and with both poses, and the phases of those that it found. Returns the number of contacts that
+/// nodes read from their peers' lists.
+std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& config, std::size_t users,
                             const std::map<ObjectNumber, Endpoint>& hosts_of_ended) {
   const auto host = [&](ObjectNumber number) {
     const std::uint32_t slot = harness.table().find(number);
@@ -252,21 +254,21 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& pla
   };
   std::uint64_t taken = 0;
   std::vector<Endpoint> all;
-  for (NodeNumber node = 0; node < play.nodes; ++node) all.push_back(Endpoint::node(node));
+  for (NodeNumber node = 0; node < config.nodes; ++node) all.push_back(Endpoint::node(node));
   for (UserNumber user = 0; user < users; ++user) all.push_back(Endpoint::user(user));
   for (const Endpoint to : all) {
     std::map<std::pair<ObjectNumber, ObjectNumber>, Contact> expected;
     for (const auto list : {harness.contacts(), harness.ended()}) {
       for (const Contact& contact : list) {
         if (to.is_node() && contact.phase == Phase::end) {
-          continue;  // nothing asks a node for those
+          continue;  // nodes do not receive ended contacts
         }
         if (host(contact.a) == to || host(contact.b) == to) {
           expected[{contact.a, contact.b}] = contact;
         }
       }
     }
-    // What it found itself it knows already; of that it is told the phase.
+    // Of contacts that it found itself a node receives the phase only.
     const auto end =
         last_of(harness.log(), [&](const LoggedMessage& seen) { return seen.type() == MessageType::narrow_done; });
     std::vector<messages::CollisionRecord> found;
@@ -284,8 +286,8 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& pla
         }
       }
     }
-    const bool hosting_node = to.is_node() && play.deployment == Deployment::user_collision;
-    if (hosting_node && play.shares_memory) {
+    const bool hosting_node = to.is_node() && config.deployment == Deployment::user_collision;
+    if (hosting_node && config.shares_memory) {
       REQUIRE(found.empty());
       const NodeContacts& node_contacts = *harness.node_contacts(to.number());
       for (std::uint32_t i = 0; i < node_contacts.keys.size(); ++i) {
@@ -296,19 +298,19 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& pla
           expected.erase(own);
         }
       }
-      // By the server, or by its peers where they lie.
+      // From the server, or from the lists of its peers.
       const auto known = harness.host(to.number()).contacts(harness.last());
       REQUIRE((node_contacts.nodes_exchange_contacts ? frame_done.empty() : node_contacts.taken == 0));
       frame_done.assign(known.begin(), known.end());
       taken += node_contacts.taken;
     }
-    const bool confirms = hosting_node && !play.shares_memory;
+    const bool confirms = hosting_node && !config.shares_memory;
     REQUIRE(confirmed.size() == (confirms ? (found.size() + 63) / 64 : 0));
     for (std::size_t i = 0; confirms && i < found.size(); ++i) {
       const auto number = [&](std::uint32_t slot) { return harness.table().row(slot).object.number; };
       const auto own = expected.find({number(found[i].slot_a), number(found[i].slot_b)});
       if (own == expected.end()) {
-        continue;  // found for others
+        continue;  // found for other hosts
       }
       const Contact& contact = own->second;
       REQUIRE((contact.phase == Phase::persist) == ((confirmed[i / 64] >> (i % 64) & 1) != 0));
@@ -326,13 +328,13 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& pla
   return taken;
 }
 
-TEST_CASE("in every deployment the messages of a frame come in the order of its steps and tell the hosts alone") {
+TEST_CASE("in every deployment messages follow the order of the frame's steps, and only hosts are notified") {
   const JumpingModel model;
-  in_all_configs(&model, [&](const HarnessConfig& play) {
+  in_all_configs(&model, [&](const HarnessConfig& config) {
     constexpr unsigned seed = 21;
     CAPTURE(seed);
     std::mt19937_64 random(seed);
-    TestHarness harness(play);
+    TestHarness harness(config);
     std::vector<ObjectId> ids = populate(harness, random, 60, 4);
     std::uint64_t taken = 0;
     for (int frame = 0; frame < 25; ++frame) {
@@ -346,21 +348,21 @@ TEST_CASE("in every deployment the messages of a frame come in the order of its 
       }
       harness.frame();
       check_contacts(harness);
-      check_protocol(harness, play, 4);
-      taken += check_notices(harness, play, 4, hosts_of_ended);
+      check_protocol(harness, config, 4);
+      taken += check_notices(harness, config, 4, hosts_of_ended);
       harness.require_one_host_each();
     }
-    CHECK((taken > 0) == (play.shares_memory && play.nodes > 1 && play.deployment == Deployment::user_collision));
+    CHECK((taken > 0) == (config.shares_memory && config.nodes > 1 && config.deployment == Deployment::user_collision));
   });
 }
 
 TEST_CASE("objects that jump across regions, onto borders and out of bounds, appear and end, always have one host") {
   const JumpingModel model;
   for (const unsigned seed : {1u, 2u, 3u, 4u}) {
-    in_all_configs(&model, [&](const HarnessConfig& play) {
+    in_all_configs(&model, [&](const HarnessConfig& config) {
       CAPTURE(seed);
       std::mt19937_64 random(seed);
-      TestHarness harness(play);
+      TestHarness harness(config);
       std::vector<ObjectId> ids = populate(harness, random, 30, 2);
       for (int frame = 0; frame < 30; ++frame) {
         CAPTURE(frame);
@@ -405,13 +407,13 @@ TEST_CASE("an object that is destroyed in the frame after it crossed a border is
     }
   };
   const CrossingModel model;
-  HarnessConfig play;
-  play.grid = {{3, 0, 0}};
-  play.nodes = 8;
-  play.model = &model;
+  HarnessConfig config;
+  config.grid = {{3, 0, 0}};
+  config.nodes = 8;
+  config.model = &model;
   for (const int destroyed_before : {1, 2, 3}) {
     CAPTURE(destroyed_before);
-    TestHarness harness(play);
+    TestHarness harness(config);
     const ShapeNumber ball = harness.add_shape(Sphere{1});
     ObjectSpec spec;
     spec.shape = ball;
@@ -437,11 +439,11 @@ TEST_CASE("an object that is destroyed in the frame after it crossed a border is
 
 TEST_CASE("an object that spans all regions collides once with each of its neighbours") {
   for (const Placement placement : {Placement::server, Placement::region}) {
-    HarnessConfig play;
-    play.placement = placement;
-    play.nodes = 16;
-    play.grid = {{2, 2, 2}};
-    TestHarness harness(play);
+    HarnessConfig config;
+    config.placement = placement;
+    config.nodes = 16;
+    config.grid = {{2, 2, 2}};
+    TestHarness harness(config);
     const ShapeNumber ball = harness.add_shape(Sphere{1});
     const ShapeNumber globe = harness.add_shape(Sphere{60});
     ObjectSpec spec;
@@ -464,7 +466,7 @@ TEST_CASE("an object that spans all regions collides once with each of its neigh
     CHECK(harness.contacts().size() == balls);
     CHECK(harness.report().candidates == balls);
     harness.require_one_host_each();
-    // At rest nothing is told again, and everything is still found.
+    // At rest nothing is sent again, and all contacts are still found.
     harness.frame();
     check_contacts(harness);
     CHECK(harness.contacts().size() == balls);
@@ -475,8 +477,8 @@ TEST_CASE("an object that spans all regions collides once with each of its neigh
   }
 }
 
-TEST_CASE("what a user node hosts goes to the others when it leaves, with its state and its contacts") {
-  /// Counts its contacts, so that a contact lost or doubled on the way to a new host shows for ever.
+TEST_CASE("when a user node leaves, its objects go to other hosts with their states and contacts") {
+  /// Counts its contacts, so that a contact lost or duplicated on the way to a new host changes the count for good.
   class CountingModel : public MotionModel {
    public:
     std::size_t state_bytes() const noexcept override { return 8; }
@@ -492,10 +494,10 @@ TEST_CASE("what a user node hosts goes to the others when it leaves, with its st
   };
   const CountingModel model;
   const auto run = [&](Deployment deployment) {
-    HarnessConfig play;
-    play.deployment = deployment;
-    play.model = &model;
-    TestHarness harness(play);
+    HarnessConfig config;
+    config.deployment = deployment;
+    config.model = &model;
+    TestHarness harness(config);
     const ShapeNumber ball = harness.add_shape(Sphere{2});
     for (UserNumber user = 0; user < 4; ++user) {
       harness.connect(user);
@@ -516,7 +518,7 @@ TEST_CASE("what a user node hosts goes to the others when it leaves, with its st
       }
       if (frame == 8) {
         harness.disconnect(3);
-        harness.disconnect(7);  // nobody is left: the server takes over
+        harness.disconnect(7);  // no user is left: the server takes over
       }
       if (frame == 10) harness.connect(2);
       harness.frame();

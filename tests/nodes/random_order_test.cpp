@@ -1,6 +1,6 @@
-// Everything at once and in any order: roles that take turns at random over links that hold little, CD nodes that are
-// lost at any moment, several in a frame, of which some do not know of it and go on; joins, leaves, spawns, ends,
-// places, user nodes that come and go. The contacts are those of one node that nothing happens to.
+// Everything at once, in random order: roles step in random order over small rings; CD nodes are lost at random
+// moments, several in a frame, and some of them continue to run; nodes join and leave; objects are spawned, destroyed
+// and placed; users connect and disconnect. The contacts must be those of one node without any loss.
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -18,7 +18,7 @@
 namespace ringfence::nodes::test {
 namespace {
 
-/// Some vanish now and then.
+/// Some objects disappear now and then.
 class VanishingModel : public WanderingModel {
  public:
   using WanderingModel::WanderingModel;
@@ -33,12 +33,12 @@ class VanishingModel : public WanderingModel {
 };
 const VanishingModel wandering(248);  // a hand-over of a dozen objects fills a ring
 
-/// What is asked of two theatres alike, by one seed.
+/// The same random requests for two harnesses, from one seed.
 class Script {
  public:
   Script(TestHarness& harness, std::uint64_t seed) : harness_(harness), random_(seed) {
     shapes_[0] = harness.add_shape(Sphere{6});
-    // Its origin is outside, even of its bounds: its host need not touch it.
+    // The origin is outside its bounds, so it need not touch its host's region.
     shapes_[1] = harness.add_shape(ConvexHull{{{5, 1, 1}, {15, 1, 1}, {5, 9, 1}, {5, 1, 9}, {12, 7, 8}}});
     for (UserNumber user = 0; user < 2; ++user) {
       connect(user);
@@ -48,7 +48,7 @@ class Script {
     }
   }
 
-  void ask() {
+  void make_requests() {
     for (std::uint64_t n = random_() % 4; n > 0; --n) {
       spawn(Category::active, no_user);
     }
@@ -71,7 +71,7 @@ class Script {
       }
     }
   }
-  void forget_numbers() { asked_.clear(); }
+  void forget_numbers() { requested_.clear(); }
 
  private:
   Pose anywhere() {
@@ -89,10 +89,10 @@ class Script {
     spec.category = category;
     spec.user = user;
     spec.pose = anywhere();
-    // Numbers far apart and numbers that were in use before, beside those that are counted up.
+    // Numbers far apart and reused numbers, beside consecutive ones.
     if (random_() % 4 == 0) {
       const auto number = static_cast<ObjectNumber>(10'000 + random_() % 3000);
-      const bool is_free = harness_.table().find(number) == base::NumberIndex::none && asked_.insert(number).second;
+      const bool is_free = harness_.table().find(number) == base::NumberIndex::none && requested_.insert(number).second;
       spec.number = is_free ? number : 0;
     }
     const ObjectId id = harness_.spawn(spec);
@@ -104,50 +104,51 @@ class Script {
   TestHarness& harness_;
   std::mt19937_64 random_;
   ShapeNumber shapes_[2] = {};
-  std::vector<ObjectId> objects_;  ///< that can move, avatars apart
+  std::vector<ObjectId> objects_;  ///< that can move, except avatars
   bool connected_[3] = {};
-  std::set<ObjectNumber> asked_;  ///< numbers given that the table may not know yet
+  std::set<ObjectNumber> requested_;  ///< numbers that have been requested but may not be in the table yet
 };
 
 struct RunResult {
   std::size_t lost = 0, resized = 0;
 };
 
-RunResult play(std::uint64_t seed, int frames) {
+RunResult run_schedule(std::uint64_t seed, int frames) {
   std::mt19937_64 random(seed);
   const auto one_in = [&](std::uint64_t n) { return random() % n == 0; };
-  HarnessConfig plain;
-  plain.deployment = std::array{Deployment::user, Deployment::user_server, Deployment::user_collision,
-                                Deployment::user_collision, Deployment::user_collision}[random() % 5];
-  plain.model = &wandering;
-  plain.grid = {{2, 2, 2}};
-  plain.nodes = 1;
-  plain.delivery_bytes = std::size_t{1} << 17;
-  HarnessConfig wild = plain;
-  wild.placement = one_in(3) ? Placement::server : Placement::region;
-  wild.nodes = 1 + static_cast<std::uint32_t>(random() % 5);
-  wild.shares_memory = !one_in(3);
-  wild.interest = one_in(2) ? 12 : 0;
-  const std::string said = std::string(name_of(wild.deployment)) + ", " + name_of(wild.placement) +
-                           (wild.shares_memory ? ", memory shared" : ", messages only");
-  CAPTURE(said);
-  TestHarness expected(plain), harness(wild);
-  Script calm(expected, seed), same(harness, seed);
-  const std::uint64_t losing = 1 + random() % 8;
-  const std::uint64_t resizing = 1 + random() % 12;
-  RunResult played;
+  HarnessConfig plain_config;
+  plain_config.deployment = std::array{Deployment::user, Deployment::user_server, Deployment::user_collision,
+                                       Deployment::user_collision, Deployment::user_collision}[random() % 5];
+  plain_config.model = &wandering;
+  plain_config.grid = {{2, 2, 2}};
+  plain_config.nodes = 1;
+  plain_config.delivery_bytes = std::size_t{1} << 17;
+  HarnessConfig random_config = plain_config;
+  random_config.placement = one_in(3) ? Placement::server : Placement::region;
+  random_config.nodes = 1 + static_cast<std::uint32_t>(random() % 5);
+  random_config.shares_memory = !one_in(3);
+  random_config.interest = one_in(2) ? 12 : 0;
+  const std::string run_name = std::string(name_of(random_config.deployment)) + ", " +
+                               name_of(random_config.placement) +
+                               (random_config.shares_memory ? ", memory shared" : ", messages only");
+  CAPTURE(run_name);
+  TestHarness expected(plain_config), harness(random_config);
+  Script expected_script(expected, seed), script(harness, seed);
+  const std::uint64_t loss_period = 1 + random() % 8;
+  const std::uint64_t resize_period = 1 + random() % 12;
+  RunResult result;
   for (int frame = 0; frame < frames; ++frame) {
     CAPTURE(frame);
-    calm.ask();
-    same.ask();
+    expected_script.make_requests();
+    script.make_requests();
     expected.frame();
-    if (one_in(resizing)) {
+    if (one_in(resize_period)) {
       harness.resize(1 + static_cast<std::uint32_t>(random() % 6));
-      ++played.resized;
+      ++result.resized;
     }
-    harness.frame(RandomOrder{&random, one_in(losing) ? 1 + random() % 4 : 0, one_in(2)});
-    calm.forget_numbers();
-    same.forget_numbers();
+    harness.frame(RandomOrder{&random, one_in(loss_period) ? 1 + random() % 4 : 0, one_in(2)});
+    expected_script.forget_numbers();
+    script.forget_numbers();
     const FrameReport& report = harness.report();
     const auto contacts = harness.contacts(), others = expected.contacts();
     REQUIRE(contacts.size() == others.size());
@@ -164,25 +165,26 @@ RunResult play(std::uint64_t seed, int frames) {
     if (report.lost.empty()) {
       harness.require_one_host_each();
     }
-    if (wild.interest > 0) {
+    if (random_config.interest > 0) {
       harness.require_views();
     }
-    played.lost += report.lost.size();
+    result.lost += report.lost.size();
   }
-  return played;
+  return result;
 }
 
-TEST_CASE("in any order of turns, with losses at any moment, joins and leaves, the contacts are those of one node") {
-  const char* const asked = std::getenv("RINGFENCE_SCHEDULES");
-  const std::uint64_t schedules = asked != nullptr ? std::strtoull(asked, nullptr, 10) : 60;
+TEST_CASE(
+    "with roles stepped in random order, losses at any moment, joins and leaves, the contacts are those of one node") {
+  const char* const requested = std::getenv("RINGFENCE_SCHEDULES");
+  const std::uint64_t schedules = requested != nullptr ? std::strtoull(requested, nullptr, 10) : 60;
   const char* const from = std::getenv("RINGFENCE_FIRST_SCHEDULE");
   const std::uint64_t first = from != nullptr ? std::strtoull(from, nullptr, 10) : 1;
   RunResult all;
   for (std::uint64_t seed = first; seed < first + schedules; ++seed) {
     CAPTURE(seed);
-    const RunResult played = play(seed, 20);
-    all.lost += played.lost;
-    all.resized += played.resized;
+    const RunResult result = run_schedule(seed, 20);
+    all.lost += result.lost;
+    all.resized += result.resized;
   }
   CHECK(all.lost > 5 * schedules);
   CHECK(all.resized > 2 * schedules);

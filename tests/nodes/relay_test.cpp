@@ -1,4 +1,4 @@
-// What user nodes see of what they do not host: the same, whoever tells them.
+// What user nodes see of objects that they do not host is the same, whichever role publishes it.
 #include <algorithm>
 #include <cstring>
 #include <random>
@@ -11,7 +11,7 @@
 namespace ringfence::nodes::test {
 namespace {
 
-/// Some stand still, some wander over borders, some vanish and come back; all of it from number and frame alone.
+/// Some stand still, some wander over borders, some disappear and return; computed from number and frame only.
 class RovingModel : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 0; }
@@ -36,40 +36,40 @@ class RovingModel : public MotionModel {
 const RovingModel roving;
 
 HarnessConfig config_of(Deployment deployment, Placement placement, bool shares) {
-  HarnessConfig play;
-  play.deployment = deployment;
-  play.placement = placement;
-  play.shares_memory = shares;
-  play.model = &roving;
-  play.grid = {{2, 2, 2}};
-  play.interest = 12;
-  play.delivery_bytes = std::size_t{1} << 17;
-  return play;
+  HarnessConfig config;
+  config.deployment = deployment;
+  config.placement = placement;
+  config.shares_memory = shares;
+  config.model = &roving;
+  config.grid = {{2, 2, 2}};
+  config.interest = 12;
+  config.delivery_bytes = std::size_t{1} << 17;
+  return config;
 }
 
 template <class Perform>
-void in_all_configs(Perform perform) {
+void in_all_configs(Perform check) {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
     for (const Placement placement : {Placement::server, Placement::region}) {
-      for (const int publish : {0, 1, 2}) {  // nobody, all, some
+      for (const int publish : {0, 1, 2}) {  // no node, all nodes, some nodes publish
         CAPTURE(name_of(deployment));
         CAPTURE(name_of(placement));
         CAPTURE(publish);
-        HarnessConfig play = config_of(deployment, placement, publish != 0);
-        play.all_publish = publish == 1;
-        perform(play);
+        HarnessConfig config = config_of(deployment, placement, publish != 0);
+        config.all_publish = publish == 1;
+        check(config);
       }
     }
   }
 }
 
-/// Spawns, destroys, places and users that come and go, and what is seen after every frame.
+/// Spawns, destroys, places and users that come and go; views are checked after every frame.
 class RelayRun {
  public:
-  RelayRun(const HarnessConfig& play, unsigned seed) : harness(play), random_(seed) {
+  RelayRun(const HarnessConfig& config, unsigned seed) : harness(config), random_(seed) {
     ball_ = harness.add_shape(Sphere{2});
     for (UserNumber user = 0; user < 3; ++user) {
-      enter(user);
+      connect(user);
     }
     for (int i = 0; i < 60; ++i) {
       spawn();
@@ -94,8 +94,8 @@ class RelayRun {
     }
     if (random_() % 4 == 0) {
       const UserNumber user = 1 + static_cast<UserNumber>(random_() % 2);
-      here_[user] ? harness.disconnect(user) : enter(user);
-      here_[user] = !here_[user];
+      is_connected_[user] ? harness.disconnect(user) : connect(user);
+      is_connected_[user] = !is_connected_[user];
     }
   }
 
@@ -115,7 +115,7 @@ class RelayRun {
     spec.present = random_() % 9 != 0;
     ids_.push_back(harness.spawn(spec));
   }
-  void enter(UserNumber user) {
+  void connect(UserNumber user) {
     harness.connect(user);
     for (int avatar = 0; avatar < 2; ++avatar) {
       ObjectSpec spec;
@@ -136,115 +136,115 @@ class RelayRun {
     }
     return count;
   }
-  /// By the CD nodes to the server, or kept where it can read them.
+  /// States reported by the CD nodes, or kept where the server can read them.
   std::size_t reported() const {
     std::size_t count = 0;
     for (const LoggedMessage& message : harness.log()) {
       count += message.type() == MessageType::node_state ? message.header.count : 0;
       if (message.type() == MessageType::frame_done && message.from.is_node()) {
-        count += message.record<messages::NodeFrameStats>(0).kept;
+        count += message.record<messages::NodeFrameStats>(0).host_owned_changes;
       }
     }
     return count;
   }
-  Deployment deployment() const { return harness.play().deployment; }
+  Deployment deployment() const { return harness.config().deployment; }
 
   std::mt19937_64 random_;
   ShapeNumber ball_ = 0;
   std::vector<ObjectId> ids_;
-  bool here_[3] = {true, true, true};
+  bool is_connected_[3] = {true, true, true};
 };
 
-TEST_CASE("user nodes see the same whether the server relays or each CD node publishes what it hosts") {
-  in_all_configs([](const HarnessConfig& play) {
+TEST_CASE("user nodes see the same whether the server or the CD nodes publish the hosted objects") {
+  in_all_configs([](const HarnessConfig& config) {
     for (unsigned seed = 1; seed <= 6; ++seed) {
       CAPTURE(seed);
-      RelayRun life(play, seed);
+      RelayRun run(config, seed);
       for (int frame = 0; frame < 25; ++frame) {
         CAPTURE(frame);
-        life.frame();
-        life.harness.require_one_host_each();
+        run.frame();
+        run.harness.require_one_host_each();
       }
     }
   });
 }
 
-TEST_CASE("after a node is lost, by whatever of its messages, user nodes see each object once and as it stands") {
-  in_all_configs([](const HarnessConfig& play) {
-    for (NodeNumber node = 0; node < play.nodes; ++node) {
+TEST_CASE("after a node is lost at any of its messages, user nodes see each object once, at its current pose") {
+  in_all_configs([](const HarnessConfig& config) {
+    for (NodeNumber node = 0; node < config.nodes; ++node) {
       for (std::size_t messages = 0; messages < 30; ++messages) {
         CAPTURE(node);
         CAPTURE(messages);
-        RelayRun life(play, 9);
+        RelayRun run(config, 9);
         for (int frame = 0; frame < 6; ++frame) {
           CAPTURE(frame);
-          if (frame == 2) life.harness.kill(node, messages);
-          life.frame();
+          if (frame == 2) run.harness.kill(node, messages);
+          run.frame();
         }
       }
     }
   });
 }
 
-TEST_CASE("user nodes look while nodes test, and what they see stands though a node is lost then") {
+TEST_CASE("user nodes read while nodes test, and a loss at that time does not change what they see") {
   for (const Placement placement : {Placement::server, Placement::region}) {
-    const HarnessConfig play = config_of(Deployment::user_collision, placement, true);
+    const HarnessConfig config = config_of(Deployment::user_collision, placement, true);
     std::size_t lost_late = 0;
-    for (NodeNumber node = 0; node < play.nodes; ++node) {
+    for (NodeNumber node = 0; node < config.nodes; ++node) {
       for (std::size_t messages = 0; messages < 40; ++messages) {
         CAPTURE(node);
         CAPTURE(messages);
-        RelayRun life(play, 9);
-        for (int frame = 0; frame < 3; ++frame) life.frame();
-        life.harness.kill(node, messages);
-        life.frame();
+        RelayRun run(config, 9);
+        for (int frame = 0; frame < 3; ++frame) run.frame();
+        run.harness.kill(node, messages);
+        run.frame();
         const auto of_node = [&](MessageType type) {
-          return std::any_of(life.harness.log().begin(), life.harness.log().end(), [&](const LoggedMessage& seen) {
+          return std::any_of(run.harness.log().begin(), run.harness.log().end(), [&](const LoggedMessage& seen) {
             return seen.from == Endpoint::node(node) && seen.type() == type;
           });
         };
-        if (!life.harness.report().lost.empty() && of_node(MessageType::published) &&
+        if (!run.harness.report().lost.empty() && of_node(MessageType::published) &&
             !of_node(MessageType::narrow_done)) {
           ++lost_late;
-          // Nobody tells again what it has told.
-          REQUIRE(life.harness.relays().size() == play.nodes);
+          // Nodes that have published do not publish again.
+          REQUIRE(run.harness.relays().size() == config.nodes);
         }
-        life.frame();
+        run.frame();
       }
     }
-    CHECK(lost_late >= play.nodes);
+    CHECK(lost_late >= config.nodes);
   }
 }
 
-TEST_CASE("nodes that are lost together, or one after another to the last, take nothing from what user nodes see") {
-  in_all_configs([](const HarnessConfig& play) {
+TEST_CASE("losses of several nodes, together or one after another, do not change what user nodes see") {
+  in_all_configs([](const HarnessConfig& config) {
     for (unsigned seed = 1; seed <= 30; ++seed) {
       CAPTURE(seed);
       std::mt19937_64 random(seed);
-      RelayRun life(play, seed);
+      RelayRun run(config, seed);
       for (int frame = 0; frame < 9; ++frame) {
         CAPTURE(frame);
-        for (NodeNumber node = 0; node < life.harness.nodes(); ++node) {
-          if (frame > 1 && random() % 3 == 0) life.harness.kill(node, random() % 24);
+        for (NodeNumber node = 0; node < run.harness.nodes(); ++node) {
+          if (frame > 1 && random() % 3 == 0) run.harness.kill(node, random() % 24);
         }
-        life.frame();
+        run.frame();
       }
     }
   });
 }
 
-TEST_CASE("what nodes publish lies in their regions, so that user nodes pass over most of it") {
-  RelayRun life(config_of(Deployment::user_collision, Placement::region, true), 3);
+TEST_CASE("nodes publish only states in their regions, so user nodes skip most publications") {
+  RelayRun run(config_of(Deployment::user_collision, Placement::region, true), 3);
   for (int frame = 0; frame < 12; ++frame) {
-    life.frame();
-    const auto relays = life.harness.relays();
+    run.frame();
+    const auto relays = run.harness.relays();
     REQUIRE(relays.size() == 3);
     for (const Published* relay : relays) {
-      const auto cells = relay->publication->cells(life.harness.last());
-      const regions::CellBox& cell_range = relay->cell_range[life.harness.last() & 1];
-      regions::CellBox exact = life.harness.play().grid.box_of(cells.front());
+      const auto cells = relay->publication->cells(run.harness.last());
+      const regions::CellBox& cell_range = relay->cell_range[run.harness.last() & 1];
+      regions::CellBox exact = run.harness.config().grid.box_of(cells.front());
       for (const std::uint32_t cell : cells) {
-        const regions::CellBox at = life.harness.play().grid.box_of(cell);
+        const regions::CellBox at = run.harness.config().grid.box_of(cell);
         REQUIRE(cell_range.contains(at));
         for (std::size_t axis = 0; axis < 3; ++axis) {
           exact.lower[axis] = std::min(exact.lower[axis], at.lower[axis]);

@@ -38,7 +38,7 @@ TEST_CASE("the number index finds what a standard map finds, after any stores an
     for (int round = 0; round < 40000; ++round) {
       CAPTURE(round);
       const ObjectNumber number = draw();
-      // Grows for a while, then shrinks, so that deletion meets full and sparse tables.
+      // Grows for a while, then shrinks, so that erasure meets full and sparse tables.
       if (random() % 100 < (round / 4000 % 2 == 0 ? 70u : 30u)) {
         const auto value = static_cast<std::uint32_t>(random() % 0xffffffffu);
         index.set(number, value);
@@ -63,8 +63,8 @@ TEST_CASE("the number index finds what a standard map finds, after any stores an
   }
 }
 
-// Numbers that are about as sparse as those that have places: they come and go between places and hash.
-TEST_CASE("the number index finds everything while places grow in the midst of a rehash") {
+// Numbers about as sparse as the limit for direct entries: they move between direct entries and the hash.
+TEST_CASE("the number index finds everything while its direct entries grow during a rehash") {
   for (unsigned seed = 0; seed < 300; ++seed) {
     CAPTURE(seed);
     std::mt19937_64 random(seed);
@@ -121,7 +121,7 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         spec.user_data = random();
         spec.pose.position.x = static_cast<double>(random() % 1000);
         const std::uint32_t slot = table.add(ObjectId::of(spec.number, ++generation), spec);
-        REQUIRE(ended_now.count(slot) == 0);  // the row of what ended in this frame is still read
+        REQUIRE(ended_now.count(slot) == 0);  // a row of an object that ended in this frame is still read
         for (const auto& [number, model] : live) {
           REQUIRE(model.slot != slot);
         }
@@ -204,21 +204,21 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
       }
       REQUIRE(static_cast<std::size_t>(std::count(table.present().begin(), table.present().end(), 1)) == present);
     }
-    CHECK(table.slots() < 400);  // slots were used again
+    CHECK(table.slots() < 400);  // slots were reused
     CHECK(table.find(messages::ObjectRef{0xffffffffu, 1, 1, 0}) == base::NumberIndex::none);
     CHECK(table.find(ObjectNumber{5000}) == base::NumberIndex::none);
   }
 }
 
-TEST_CASE("a node knows exactly what it was told and has not been told to forget") {
+TEST_CASE("a node knows exactly the objects that it received and that were not removed") {
   constexpr unsigned seed = 5;
   CAPTURE(seed);
   std::mt19937_64 random(seed);
   RegionObjects known(8, true);
   std::map<std::uint32_t, messages::PositionRecord> model;
-  std::map<std::uint32_t, std::uint32_t> places;  // by slot, what its last set said
-  std::set<std::uint32_t> changed;                // slots set since the last settle
-  std::set<std::uint32_t> inner;                  // slots known since, and inner at, the last note
+  std::map<std::uint32_t, std::uint32_t> places;  // by slot: result of the last set()
+  std::set<std::uint32_t> changed;                // slots set since the last settle()
+  std::set<std::uint32_t> inner;                  // slots that were inner at the last note_inner() and are known since
   const auto draw = [&] {
     messages::PositionRecord record;
     record.object.slot = static_cast<std::uint32_t>(random() % 200);
@@ -237,7 +237,7 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       case 2:
       case 3: {
         const messages::PositionRecord record = draw();
-        // Where it was when it was last set: still there, or gone, or another's place by now.
+        // The index of the last set(): still right, gone, or of another object now.
         const auto was = places.try_emplace(record.object.slot, RegionObjects::none).first;
         was->second = known.set(record.object, record.pose, record.bounds, record.shape, record.layer,
                                 static_cast<NextHost>(record.layer % 4), record.layer % 3 == 0, was->second);
@@ -299,13 +299,13 @@ TEST_CASE("a node knows exactly what it was told and has not been told to forget
       REQUIRE(known.numbers()[i] == known.bodies()[i].number);
       REQUIRE(known.present()[i] == 1);
       if (changed.count(slot) != 0) {
-        REQUIRE(known.resting()[i] == 0);  // what rests for the sweep has truly not changed
+        REQUIRE(known.resting()[i] == 0);  // an object that rests for the sweep has not changed
       }
     }
   }
 }
 
-TEST_CASE("objects that are spawned together are taken in an order that keeps near what is near, each once") {
+TEST_CASE("objects spawned together are ordered so that neighbours stay close, each once") {
   const unsigned seed = 77;
   CAPTURE(seed);
   std::mt19937_64 random(seed);
@@ -330,7 +330,7 @@ TEST_CASE("objects that are spawned together are taken in an order that keeps ne
     const Vec3d& b = spawns[q].spec.pose.position;
     return std::sqrt((a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y) + (a.z - b.z) * (a.z - b.z));
   };
-  // At random two of them are 84 m apart; in rows the next is at 8.
+  // At random two of them are 84 m apart; in rows the next is 8 m away.
   std::size_t near = 0;
   for (std::size_t i = 1; i < order.size(); ++i) {
     near += distance(order[i - 1].position, order[i].position) < 20 ? 1u : 0u;

@@ -43,26 +43,26 @@ void TappedChannel::forge(std::span<const std::byte> message) {
   far_.sender().publish();
 }
 
-TestHarness::TestHarness(const HarnessConfig& play)
-    : config_(play), map_(play.grid, play.nodes), relay_(play.grid.cells(), 16) {
-  publications_.grid = play.grid;
+TestHarness::TestHarness(const HarnessConfig& config)
+    : config_(config), map_(config.grid, config.nodes), relay_(config.grid.cells(), 16) {
+  publications_.grid = config.grid;
   publications_.space = &space_;
   publications_.server.publication = &relay_;
   ServerSetup setup;
   setup.shapes = &shapes_;
   setup.space = &space_;
-  setup.model = play.model;
+  setup.model = config.model;
   setup.publications = &publications_;
   setup.order = &order_;
-  setup.deployment = play.deployment;
-  setup.placement = play.placement;
+  setup.deployment = config.deployment;
+  setup.placement = config.placement;
   setup.layer_masks.fill(~0u);
   setup.capacities = {16, 16, 16, 4};
-  setup.interest = play.interest;
+  setup.interest = config.interest;
   setup.max_relayed_nodes = 0;
-  setup.quotas = play.quotas;
-  setup.user_deadline_ns = play.user_deadline_ns;
-  for (NodeNumber node = 0; node < play.nodes; ++node) {
+  setup.quotas = config.quotas;
+  setup.user_deadline_ns = config.user_deadline_ns;
+  for (NodeNumber node = 0; node < config.nodes; ++node) {
     active_.push_back(node);
     setup.nodes.push_back(add_node(node));
   }
@@ -100,7 +100,7 @@ Connection TestHarness::add_node(NodeNumber number) {
   return {&node.in->sender(), &node.out->receiver(), node.node_contacts.get(), node.publication.get()};
 }
 
-// Tells every node of the others, by the numbers that they have now.
+// Gives every node its connections to the others, by their current numbers.
 void TestHarness::connect_peers() {
   for (NodeNumber p = 0; p < active_.size(); ++p) {
     std::vector<Connection> peers(active_.size());
@@ -109,10 +109,10 @@ void TestHarness::connect_peers() {
         continue;
       }
       for (const auto& [from, to] : {std::pair(p, q), std::pair(q, p)}) {
-        auto& wire = peers_[{active_[from], active_[to]}];
-        if (wire == nullptr) {
-          wire = std::make_unique<TappedChannel>(config_.ring_bytes, config_.delivery_bytes, Endpoint::node(from),
-                                                 Endpoint::node(to));
+        auto& channel = peers_[{active_[from], active_[to]}];
+        if (channel == nullptr) {
+          channel = std::make_unique<TappedChannel>(config_.ring_bytes, config_.delivery_bytes, Endpoint::node(from),
+                                                    Endpoint::node(to));
         }
       }
       peers[q] = {&peers_[{active_[p], active_[q]}]->sender(), &peers_[{active_[q], active_[p]}]->receiver(),
@@ -124,15 +124,15 @@ void TestHarness::connect_peers() {
 
 void TestHarness::kill(NodeNumber node, std::size_t messages) { nodes_[active_[node]].messages = messages; }
 
-// Passes what a node and the server say to each other, for as long as it lives.
+// Passes messages between a node and the server until the node stops.
 bool TestHarness::pass(Node& node) {
   const std::size_t before = log_.size();
-  const bool heard = node.out->pass({}, log_);
+  const bool from_node = node.out->pass({}, log_);
   const bool delivered = node.in->pass({}, log_);
   if (node.messages != ~std::size_t{0}) {
     node.messages -= std::min(node.messages, log_.size() - before);
   }
-  return heard || delivered;
+  return from_node || delivered;
 }
 
 bool TestHarness::lose(NodeNumber number, bool still_runs) {
@@ -145,7 +145,7 @@ bool TestHarness::lose(NodeNumber number, bool still_runs) {
   return true;
 }
 
-// Nothing gets on. The dead are the reason; the link to the first of them closes.
+// Nothing progresses because of the stopped nodes; reports the first of them as lost.
 void TestHarness::report_stopped_nodes() {
   for (NodeNumber number = 0; number < active_.size(); ++number) {
     Node& node = nodes_[active_[number]];
@@ -157,7 +157,7 @@ void TestHarness::report_stopped_nodes() {
   REQUIRE(false);  // a frame that hangs
 }
 
-// As the World does when a frame begins.
+// As World does when a frame begins.
 void TestHarness::grow() {
   if (resize_to_ == 0) {
     return;
@@ -176,12 +176,12 @@ void TestHarness::grow() {
   requests_.push_back(request);
 }
 
-// The frame is over: those that are left are numbered anew, in order, as the server does at its next cut.
+// The frame is over: renumbers the remaining nodes in order, as the server does at its next cut.
 void TestHarness::retire_lost() {
   const auto in_map = static_cast<std::ptrdiff_t>(std::min<std::size_t>(server_->map().nodes(), active_.size()));
-  const auto stands = [&](std::size_t node) { return nodes_[node].role != nullptr; };
-  const auto left = static_cast<std::size_t>(std::count_if(active_.begin(), active_.begin() + in_map, stands));
-  std::erase_if(active_, [&](std::size_t node) { return !stands(node); });
+  const auto is_active = [&](std::size_t node) { return nodes_[node].role != nullptr; };
+  const auto left = static_cast<std::size_t>(std::count_if(active_.begin(), active_.begin() + in_map, is_active));
+  std::erase_if(active_, [&](std::size_t node) { return !is_active(node); });
   if (active_.empty()) {
     Request request;
     request.kind = Request::Kind::add_node;
@@ -193,7 +193,7 @@ void TestHarness::retire_lost() {
   connect_peers();
 }
 
-// Those that the map no longer knows have handed everything over.
+// Nodes that are no longer in the map have handed everything over.
 void TestHarness::retire(std::size_t left) {
   while (active_.size() > left) {
     nodes_[active_.back()].role = nullptr;
@@ -288,7 +288,7 @@ void TestHarness::frame(const std::optional<RandomOrder>& random_order) {
   leaving_.clear();
 }
 
-// Another takes the place of the last node.
+// Adds the fallback node for the last node.
 void TestHarness::fallback() {
   if (order_.fallback_wanted.exchange(false)) {
     active_[order_.fallback_for] = nodes_.size();
@@ -314,8 +314,8 @@ bool TestHarness::step_in_order() {
   for (const std::size_t node : active_) {
     progressed |= pass(nodes_[node]);
   }
-  for (auto& [ends, wire] : peers_) {
-    progressed |= is_stepped(ends.second) && wire->pass({}, log_);
+  for (auto& [ends, channel] : peers_) {
+    progressed |= is_stepped(ends.second) && channel->pass({}, log_);
   }
   for (auto& [number, user] : users_) {
     progressed |= user.out->pass(tamper, log_);
@@ -324,7 +324,8 @@ bool TestHarness::step_in_order() {
   return progressed;
 }
 
-// Until the frame is over, or has had its losses and so many rounds that what is left may go in order.
+// Until the frame is complete, or all losses have happened and enough random rounds have passed; the rest runs in
+// order.
 void TestHarness::step_in_random_order(const RandomOrder& random_order) {
   std::mt19937_64& random = *random_order.random;
   const auto one_in = [&](std::uint64_t n) { return random() % n == 0; };
@@ -332,25 +333,26 @@ void TestHarness::step_in_random_order(const RandomOrder& random_order) {
     node.period = std::array{1u, 1u, 2u, 8u, 30u}[random() % 5];
     node.still_runs &= !one_in(3);
   }
-  const std::uint64_t server_pace = 1 + random() % 4;
+  const std::uint64_t server_period = 1 + random() % 4;
   const std::uint64_t until_loss = 1 + random() % 60;
-  const std::array<unsigned, 6> wire_paces{1, 1, 1, 3, 10, one_in(3) ? 60u : 1u};
-  const auto draw_pace = [&](const std::unique_ptr<TappedChannel>& wire) {
-    if (wire != nullptr) wire->period = wire_paces[random() % wire_paces.size()];
+  const std::array<unsigned, 6> channel_periods{1, 1, 1, 3, 10, one_in(3) ? 60u : 1u};
+  const auto draw_period = [&](const std::unique_ptr<TappedChannel>& channel) {
+    if (channel != nullptr) channel->period = channel_periods[random() % channel_periods.size()];
   };
   for (Node& node : nodes_) {
-    draw_pace(node.in);
-    draw_pace(node.out);
+    draw_period(node.in);
+    draw_period(node.out);
   }
-  for (auto& [ends, wire] : peers_) {
-    draw_pace(wire);
+  for (auto& [ends, channel] : peers_) {
+    draw_period(channel);
   }
   std::size_t losses = random_order.losses;
   bool may_lose = !random_order.late;
-  std::size_t looked_at = 0;                // of the log
-  const std::size_t known = nodes_.size();  // what stands in is not lost in the same frame: it is the server's thread
+  std::size_t log_position = 0;  // position in the log
+  // The fallback node is not lost in the same frame: it runs on the server's thread.
+  const std::size_t known = nodes_.size();
   for (int round = 0; round < 400 && order_.completed.load() != order_.ordered.load(); ++round) {
-    if (one_in(server_pace)) {
+    if (one_in(server_period)) {
       server_->step();
     }
     fallback();
@@ -365,26 +367,26 @@ void TestHarness::step_in_random_order(const RandomOrder& random_order) {
     for (auto& [number, user] : users_) {
       if (one_in(2)) user.role->step();
     }
-    const auto pass = [&](const std::unique_ptr<TappedChannel>& wire) {
-      if (wire != nullptr && one_in(wire->period)) wire->pass({}, log_, 1 + random() % 4);
+    const auto pass = [&](const std::unique_ptr<TappedChannel>& channel) {
+      if (channel != nullptr && one_in(channel->period)) channel->pass({}, log_, 1 + random() % 4);
     };
     for (std::size_t node = 0; node < nodes_.size(); ++node) {
       if (is_stepped(node)) pass(nodes_[node].in);
       pass(nodes_[node].out);
     }
-    for (auto& [ends, wire] : peers_) {
-      if (is_stepped(ends.second)) pass(wire);
+    for (auto& [ends, channel] : peers_) {
+      if (is_stepped(ends.second)) pass(channel);
     }
     for (auto& [number, user] : users_) {
       pass(user.out);
       pass(user.in);
     }
     const auto number = static_cast<NodeNumber>(random() % active_.size());
-    const bool stands = active_[number] < known && nodes_[active_[number]].role != nullptr;
-    for (; !may_lose && looked_at < log_.size(); ++looked_at) {
-      may_lose = log_[looked_at].type() == MessageType::frame_end;
+    const bool is_active = active_[number] < known && nodes_[active_[number]].role != nullptr;
+    for (; !may_lose && log_position < log_.size(); ++log_position) {
+      may_lose = log_[log_position].type() == MessageType::frame_end;
     }
-    if (losses > 0 && may_lose && stands && one_in(until_loss)) {
+    if (losses > 0 && may_lose && is_active && one_in(until_loss)) {
       losses -= lose(number, !one_in(3)) ? 1 : 0;
     }
   }
@@ -442,7 +444,7 @@ void TestHarness::require_one_host_each() const {
   for (const auto& [user, own] : users_) {
     held += own.role->host().size();
   }
-  REQUIRE(held == hosted);  // nobody holds on to what is gone
+  REQUIRE(held == hosted);  // no role hosts an object that is gone
 }
 
 void TestHarness::require_views() const {

@@ -24,7 +24,7 @@ namespace ringfence::nodes::test {
 using messages::Endpoint;
 using messages::MessageType;
 
-/// A message as it was seen on its way.
+/// A recorded message.
 struct LoggedMessage {
   Endpoint from, to;
   messages::Header header;
@@ -38,19 +38,19 @@ struct LoggedMessage {
   }
 };
 
-/// Stands between two channels: every message passes through the test's hands.
+/// A channel in two halves: the test sees every message and decides what is delivered.
 class TappedChannel {
  public:
   TappedChannel(std::size_t ring_bytes, std::size_t delivery_bytes, Endpoint from, Endpoint to)
       : from_(from), to_(to), near_(ring_bytes, nullptr, nullptr), far_(delivery_bytes, nullptr, nullptr) {}
   link::Sender& sender() { return near_.sender(); }
   link::Receiver& receiver() { return far_.receiver(); }
-  unsigned period = 1;  ///< in disorder it passes something once in so many rounds
-  /// Takes what was sent (of it at most so many messages), lets `tamper` make of it what it likes, delivers that, and
-  /// notes it in `log`.
+  unsigned period = 1;  ///< in random order it passes a message once in this many rounds
+  /// Takes up to `most` messages that were sent, lets `tamper` replace them, delivers the result and records it in
+  /// `log`.
   using Tamper = std::function<void(const LoggedMessage& message, std::vector<std::vector<std::byte>>& instead)>;
   bool pass(const Tamper& tamper, std::vector<LoggedMessage>& log, std::size_t most = ~std::size_t{0});
-  /// Delivers what nobody sent.
+  /// Delivers a message that no role sent.
   void forge(std::span<const std::byte> message);
 
  private:
@@ -58,7 +58,7 @@ class TappedChannel {
   link::Channel near_, far_;
 };
 
-/// What a theatre is built from.
+/// Configuration of a harness.
 struct HarnessConfig {
   Deployment deployment = Deployment::user_collision;
   Placement placement = Placement::server;
@@ -66,29 +66,29 @@ struct HarnessConfig {
   regions::CellGrid grid{{2, 2, 1}};
   const MotionModel* model = nullptr;
   std::size_t ring_bytes = 4096;
-  std::size_t delivery_bytes = std::size_t{1} << 20;  ///< of the rings behind the test's hands
+  std::size_t delivery_bytes = std::size_t{1} << 20;  ///< size of the receivers' halves
   double interest = 0;
   Quotas quotas;
   std::uint64_t user_deadline_ns = 0;
-  bool shares_memory = false;  ///< server and CD nodes, as where they are in one process
-  bool all_publish = true;     ///< where they share memory; else every second one, as where others are elsewhere
+  bool shares_memory = false;  ///< server and CD nodes share memory, as in one process
+  /// With shared memory: all nodes have a publication; otherwise every second one, as with remote nodes.
+  bool all_publish = true;
 };
 
-/// How the roles of a frame take turns: at random, each at a pace of its own, with what is under way held back at
-/// random; and which CD nodes are lost in it.
+/// Steps the roles of a frame in random order, each at its own period, with messages delayed at random; and loses CD
+/// nodes.
 ///
-/// A node that is lost has stopped before, or stops then, or does not know of it and goes on for some frames, as a
-/// thread that was late does.
+/// A lost node has stopped before, stops at that moment, or continues to run for some frames, like a slow thread.
 struct RandomOrder {
   std::mt19937_64* random;
-  std::size_t losses = 0;  ///< at random moments; fewer if the frame is over before
-  bool late = false;       ///< losses come after the first node has heard that the frame ends
+  std::size_t losses = 0;  ///< at random moments; fewer if the frame ends first
+  bool late = false;       ///< losses happen after the first node has received the end of the frame
 };
 
-/// A server, CD nodes and user nodes in one thread, stepped by hand, every message of theirs seen.
+/// A server, CD nodes and user nodes in one thread, stepped by hand; all their messages are recorded.
 class TestHarness {
  public:
-  explicit TestHarness(const HarnessConfig& play);
+  explicit TestHarness(const HarnessConfig& config);
 
   ShapeNumber add_shape(const ShapeDescription& shape) { return shapes_.add(shape); }
   // For the next cut.
@@ -99,15 +99,15 @@ class TestHarness {
   void place(ObjectId id, const Pose& pose);
   UserRole& user(UserNumber number) { return *users_.at(number).role; }
 
-  /// The CD node of that number (among those that stand) does nothing more once `messages` more have been sent to or
-  /// by it in the next frame; when the frame then gets on no more, the server is told that it is lost.
+  /// The CD node of that number (among the active ones) stops after `messages` more messages to or from it in the next
+  /// frame; when the frame makes no progress any more, the server is informed of the loss.
   void kill(NodeNumber node, std::size_t messages);
-  /// So many CD nodes from the frame after the next on, as World::resize has it.
+  /// Number of CD nodes from the frame after the next on, like World::resize.
   void resize(std::uint32_t nodes) { resize_to_ = nodes; }
-  /// CD nodes that stand.
+  /// Number of active CD nodes.
   std::size_t nodes() const { return active_.size(); }
 
-  /// One frame; log() then holds its messages in an order that respects cause and effect.
+  /// Runs one frame; log() then holds its messages in causal order.
   void frame() { frame({}); }
   void frame(const std::optional<RandomOrder>& random_order);
   std::uint64_t frames() const { return order_.completed.load(); }
@@ -116,31 +116,31 @@ class TestHarness {
 
   const ServerRole& server() const { return *server_; }
   const ObjectTable& table() const { return server_->objects(); }
-  /// What the node shares; null unless the play says that they share memory.
+  /// The node's shared contacts; null without shares_memory.
   const NodeContacts* node_contacts(NodeNumber node) const { return nodes_[active_[node]].node_contacts.get(); }
   const Host& host(NodeNumber node) const { return nodes_[active_[node]].role->host(); }
   const FrameReport& report() const { return server_->report(last()); }
   std::span<const Contact> contacts() const { return server_->ledger().contacts(last()); }
   std::span<const Contact> ended() const { return server_->ledger().ended(last()); }
-  const HarnessConfig& play() const { return config_; }
-  /// What user nodes were told to read of others in the last frame, besides each other.
+  const HarnessConfig& config() const { return config_; }
+  /// The publications that user nodes had to read in the last frame, besides their own.
   const std::vector<const Published*>& relays() const { return publications_.relays[last() & 1]; }
   const regions::RegionMap& map() const { return map_; }
   const geometry::FixedSpace& space() const { return space_; }
   const geometry::ShapeTable& shapes() const { return shapes_; }
 
-  /// Who hosts an object, found by asking all roles: the endpoints of those that do. The server's own are those of
-  /// which its table says so and that nobody else has.
+  /// All hosts of an object, found in the roles themselves. The server is one if its table says so and no other role
+  /// hosts the object.
   std::vector<Endpoint> hosts_of(ObjectNumber number) const;
-  /// Requires that every object that can move has exactly one host, the one in the server's table, and that nobody
-  /// hosts what is not there; in user/collision deployment, that the host owns the cell that the object stands in.
+  /// Requires that every object that can move has exactly one host, that of the server's table, and that no role hosts
+  /// an object that is gone; in user/collision deployment, that the host owns the cell of the object's position.
   void require_one_host_each() const;
-  /// Requires that every user node that has done the last frame sees what stands in the cells near its avatars, of what
-  /// others host, each once and as it stands, and nothing else; and that what was relayed was counted.
+  /// Requires that every user node that completed the last frame sees the objects of others in the cells near its
+  /// avatars, each once and at its current pose, and nothing else; and that the relayed states were counted.
   void require_views() const;
 
   TappedChannel::Tamper tamper;   ///< sees what user nodes send
-  std::function<void()> between;  ///< called each time round in a frame
+  std::function<void()> between;  ///< called once per round of a frame
   TappedChannel& from(UserNumber user) { return *users_.at(user).out; }
 
  private:
@@ -163,10 +163,10 @@ class TestHarness {
     std::unique_ptr<NodeContacts> node_contacts;
     std::unique_ptr<NodePublication> publication;
     std::unique_ptr<CdNodeRole> role;
-    std::unique_ptr<CdNodeRole> stopped_role;  ///< what it was, when it is no more: its memory stays
-    bool still_runs = false;                   ///< though it is lost
-    unsigned period = 1;                       ///< in disorder it is stepped once in so many rounds; 0: not any more
-    std::size_t messages = ~std::size_t{0};    ///< that it still lives to see
+    std::unique_ptr<CdNodeRole> stopped_role;  ///< a stopped role; its memory stays valid
+    bool still_runs = false;                   ///< although it is lost
+    unsigned period = 1;                     ///< in random order it is stepped once in this many rounds; 0: never again
+    std::size_t messages = ~std::size_t{0};  ///< number of messages until it stops
   };
   struct User {
     std::unique_ptr<TappedChannel> in, out;  ///< to the user, from the user
@@ -182,13 +182,13 @@ class TestHarness {
   link::Publication relay_;
   FrameOrder order_;
   std::vector<Request> requests_;
-  std::vector<Node> nodes_;          ///< all that there ever were
+  std::vector<Node> nodes_;          ///< all that ever existed
   std::vector<std::size_t> active_;  ///< indices into nodes_, by number
   std::map<std::pair<std::size_t, std::size_t>, std::unique_ptr<TappedChannel>> peers_;  ///< by indices into nodes_
   std::optional<ServerRole> server_;
   std::map<UserNumber, User> users_;
   std::set<UserNumber> leaving_;
-  std::uint32_t resize_to_ = 0;  ///< 0: as they are
+  std::uint32_t resize_to_ = 0;  ///< 0: no change
   std::vector<LoggedMessage> log_;
   std::uint32_t generation_ = 0;
   ObjectNumber number_ = 0;

@@ -8,11 +8,11 @@
 
 namespace ringfence::nodes::test {
 
-/// Everybody wanders over borders, rests now and then, remembers, and answers contacts, so that a state or contact that
-/// is lost shows.
+/// All objects wander over borders, rest now and then, keep a memory and respond to contacts, so that a lost state or
+/// contact changes the result.
 class WanderingModel : public MotionModel {
  public:
-  /// Of the state only the last eight bytes count, but all of it is carried about.
+  /// Only the last eight bytes of the state are used; the rest makes it large.
   explicit WanderingModel(std::size_t bytes = 8) : bytes_(bytes) {}
   std::size_t state_bytes() const noexcept override { return bytes_; }
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {

@@ -21,7 +21,7 @@ struct PlacedPair {
 
   std::string explain(const Contact* claimed) const { return describe_error(shapes[0], a, shapes[1], b, claimed); }
   double width() const { return band(shapes[0], shapes[1]); }
-  /// What is allowed for the fields of a contact: they are floats.
+  /// The tolerance for the fields of a contact, which are floats.
   double field_width() const { return width() + 0x1p-22 * (shapes[0].bounding_radius + shapes[1].bounding_radius); }
 };
 
@@ -45,7 +45,7 @@ void expect_wrong(const PlacedPair& pair, const Contact& claimed, const char* re
 
 }  // namespace
 
-TEST_CASE("the reference's own contacts are right, and what is moved out of the band is not") {
+TEST_CASE("the reference accepts its own contacts and rejects those moved out of the band") {
   for (const bool meshes : {false, true}) {
     const std::uint64_t seed = meshes ? 32 : 31;
     CAPTURE(seed);
@@ -79,7 +79,7 @@ TEST_CASE("the reference's own contacts are right, and what is moved out of the 
       c = *exact;
       c.normal = {c.normal.x * 1.001f, c.normal.y * 1.001f, c.normal.z * 1.001f};
       expect_wrong(pair, c, "length");
-      if (meshes) continue;  // another pair of primitives may be as deep and fit
+      if (meshes) continue;  // another pair of primitives may be as deep and match
       c = *exact;
       c.point = Vector(c.point) + Vector(c.normal) * (2.01 * pair.field_width());
       expect_wrong(pair, c, "wrong point");
@@ -90,7 +90,7 @@ TEST_CASE("the reference's own contacts are right, and what is moved out of the 
       c = *exact;
       c.normal = {-c.normal.x, -c.normal.y, -c.normal.z};
       const auto reversed = pair.explain(&c);
-      // Only where b can leave the other way as cheaply may the reverse stand.
+      // The reverse is accepted only where b can leave in the opposite direction by the same depth.
       const bool as_cheap = reversed.empty();
       CHECK((as_cheap || reversed.find("wrong normal") != std::string::npos || reversed.find("wrong point") == 0));
     }
@@ -99,7 +99,7 @@ TEST_CASE("the reference's own contacts are right, and what is moved out of the 
   }
 }
 
-TEST_CASE("within the band either decision stands") {
+TEST_CASE("within the band both decisions are right") {
   PlacedPair pair;
   pair.shapes.add(Sphere{1});
   pair.shapes.add(Sphere{2});
@@ -118,7 +118,7 @@ TEST_CASE("within the band either decision stands") {
   CHECK(pair.explain(nullptr).find("missing: depth 0.00011") == 0);
 }
 
-TEST_CASE("a normal that is not the least way out is wrong though the depth is right") {
+TEST_CASE("a normal that is not the least translation is wrong even if the depth is right") {
   PlacedPair pair;
   pair.shapes.add(Box{{1, 1, 1}});
   pair.shapes.add(Box{{1, 1, 1}});
@@ -128,7 +128,7 @@ TEST_CASE("a normal that is not the least way out is wrong though the depth is r
   CHECK(c.normal.x == doctest::Approx(1));
   c.normal = {0, 1, 0};
   expect_wrong(pair, c, "wrong normal: b must move 2 m along it, not 0.1");
-  // Any place on the face that they share is right; beyond it none.
+  // Any point on the shared face is right; no point beyond it is.
   c.normal = {1, 0, 0};
   for (const double y : {-0.99, 0.0, 0.99}) {
     c.point = {0.95, y, y};
@@ -140,7 +140,7 @@ TEST_CASE("a normal that is not the least way out is wrong though the depth is r
   expect_wrong(pair, c, "from midway");
 }
 
-TEST_CASE("what is not a number is told") {
+TEST_CASE("values that are not numbers are reported") {
   PlacedPair pair;
   pair.shapes.add(Sphere{1});
   pair.shapes.add(Sphere{1});

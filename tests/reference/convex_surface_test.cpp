@@ -18,7 +18,8 @@ using reference_test::Random;
 
 namespace {
 
-/// Exact: closed, every edge between two faces, no point in front of any face, and a ball's worth of faces.
+/// Exact checks: the surface is closed, every edge has two faces, no point lies in front of any face, and Euler's
+/// formula holds.
 void expect_convex(const ConvexSurface& surface, const std::vector<Vector>& given) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, int> edges;
   std::vector<std::uint32_t> used;
@@ -52,7 +53,7 @@ TEST_CASE("orientation is exact where double arithmetic is not") {
   CHECK(orientation(a, b, c, {0, 0, -1}) == -1);
   CHECK(orientation(a, b, c, {5, 7, 0}) == 0);
   CHECK(orientation(a, b, c, {5, 7, 1e-60}) == 1);
-  // Four points of the plane x + y + z = 1 with short binary fractions, then one of them lifted by the last bit.
+  // Four points of the plane x + y + z = 1 with short binary fractions; later one of them is moved by the last bit.
   const Vector p{0.375, 0.25, 0.375}, q{0x1p-20, 1 - 0x1p-20, 0}, r{0x1p-30, 0, 1 - 0x1p-30};
   Vector s{1 - 0x1p-20 - 0x1p-30, 0x1p-20, 0x1p-30};
   CHECK(orientation(p, q, r, s) == 0);
@@ -65,12 +66,12 @@ TEST_CASE("orientation is exact where double arithmetic is not") {
 }
 
 TEST_CASE("the sign of an orientation follows the order of the points") {
-  for (const std::uint64_t seed : {51u, 2051u}) {  // 2051: a sum whose largest parts cancel to nothing on the way
+  for (const std::uint64_t seed : {51u, 2051u}) {  // 2051: a sum whose largest components cancel on the way
     CAPTURE(seed);
     Random random(seed);
     for (int i = 0; i < 2000; ++i) {
       CAPTURE(i);
-      // Nearly in one plane, far from the origin.
+      // Nearly coplanar points, far from the origin.
       const Vector u = random.direction(), v = random.direction(), base = random.direction() * 1e6;
       const auto place = [&] { return base + u * random.uniform(-1, 1) + v * random.uniform(-1, 1); };
       const Vector a = place(), b = place(), c = place(), d = place();
@@ -83,7 +84,7 @@ TEST_CASE("the sign of an orientation follows the order of the points") {
   }
 }
 
-TEST_CASE("the hull of any points is closed and convex, exactly") {
+TEST_CASE("the hull of any points is exactly closed and convex") {
   const std::uint64_t seed = 52;
   CAPTURE(seed);
   Random random(seed);
@@ -97,7 +98,7 @@ TEST_CASE("the hull of any points is closed and convex, exactly") {
   }
 }
 
-TEST_CASE("points in one plane have no hull, nor do fewer than four") {
+TEST_CASE("coplanar points and fewer than four points have no hull") {
   std::vector<Vector> points;
   CHECK(!ConvexSurface::around(points));
   for (int i = 0; i < 30; ++i) points.push_back({i * 0.125, i * i * 0.25, 3 - i * 0.125 - i * i * 0.25});
@@ -119,7 +120,7 @@ TEST_CASE("a lattice in a cube has the six faces and twelve edges of the cube") 
   CHECK(length_of_edges == doctest::Approx(12 * 4));
 }
 
-TEST_CASE("every face of a core is met by all three or more of its edges, and supports the core") {
+TEST_CASE("every face of a core has at least three edges and supports the core") {
   const std::uint64_t seed = 53;
   CAPTURE(seed);
   Random random(seed);
@@ -135,7 +136,7 @@ TEST_CASE("every face of a core is met by all three or more of its edges, and su
     for (const auto& arc : core.arcs) {
       for (const std::uint32_t f : arc.faces) {
         ++edges[f];
-        // An edge lies in both its faces.
+        // An edge lies in both of its faces.
         CHECK(std::abs(dot(core.normals[f], arc.direction)) < 1e-9);
         CHECK(std::abs(dot(core.normals[f], arc.point) - core.offsets[f]) < 1e-9 * (1 + core.reach));
       }

@@ -1,4 +1,4 @@
-// The reference's own methods against each other: each pair of them shares nothing but the vertices.
+// Compares the methods of the reference with each other: two methods share nothing but the vertices.
 #include <algorithm>
 
 #include <doctest/doctest.h>
@@ -14,7 +14,7 @@ using reference_test::Random;
 
 namespace {
 
-/// A core of any sort, flat ones too.
+/// A core of any kind, including flat ones.
 Core any_core(Random& random, double size) {
   if (random.one_in(4)) {
     Core core;
@@ -31,7 +31,7 @@ Placement any_placement(Random& random, double reach) {
 
 }  // namespace
 
-TEST_CASE("pruning by arcs leaves the least depth of the exhaustive form") {
+TEST_CASE("pruning by arcs gives the least depth of the exhaustive method") {
   const std::uint64_t seed = 11;
   CAPTURE(seed);
   Random random(seed);
@@ -42,7 +42,7 @@ TEST_CASE("pruning by arcs leaves the least depth of the exhaustive form") {
     const Core a = any_core(random, 1), b = any_core(random, size_b);
     const CorePair pair{a, b, any_placement(random, a.reach + b.reach)};
     const CoreOverlap pruned = polytope_overlap(pair), full = exhaustive_overlap(pair);
-    if (full.depth < 0) continue;  // with a gap between, the greatest gap along a direction is not sought
+    if (full.depth < 0) continue;  // for a gap, the greatest gap along a direction is not computed
     ++overlapping;
     CHECK(std::abs(pruned.depth - full.depth) <= 1e-13 * pair.scale());
     CHECK(pair.overlap(pruned.normal) == doctest::Approx(pruned.depth).epsilon(1e-9));
@@ -50,7 +50,7 @@ TEST_CASE("pruning by arcs leaves the least depth of the exhaustive form") {
   CHECK(overlapping > 1500);
 }
 
-TEST_CASE("the least depth over faces and edges is that of a polytope grown inside the Minkowski difference") {
+TEST_CASE("the least depth over faces and edges equals that of EPA") {
   for (const std::uint64_t seed : {12u, 107012u}) {  // 107012: slivers whose normals are noise
     CAPTURE(seed);
     Random random(seed);
@@ -72,7 +72,7 @@ TEST_CASE("the least depth over faces and edges is that of a polytope grown insi
   }
 }
 
-TEST_CASE("the iterated distance is that of all vertices, edges and faces") {
+TEST_CASE("the GJK distance equals that over all vertices, edges and faces") {
   const std::uint64_t seed = 13;
   CAPTURE(seed);
   Random random(seed);
@@ -93,7 +93,7 @@ TEST_CASE("the iterated distance is that of all vertices, edges and faces") {
     const CoreDistance full = exhaustive_distance(pair);
     CHECK(std::abs(iterated.upper - full.upper) <= 2 * tolerance);
     CHECK(length(iterated.on_a - iterated.on_b) == doctest::Approx(iterated.upper));
-    // The plane at a right angle to the shortest connection has the two on its sides: proof of the distance.
+    // The plane perpendicular to the shortest connection separates the two: a proof of the distance.
     const Vector n = normalised(full.on_b - full.on_a);
     CHECK(std::abs(pair.overlap(n) + full.upper) <= 1e-9 * pair.scale());
   }

@@ -22,7 +22,7 @@ struct Frame {
 
   std::vector<Difference> check() const { return check_frame(12, shapes, objects, masks, contacts); }
 
-  /// All contacts, by every pair: no sweep, no boxes.
+  /// Computes all contacts by testing every pair: no sweep, no boxes.
   void detect() {
     contacts.clear();
     for (const auto& p : objects) {
@@ -46,7 +46,7 @@ Frame crowd(std::uint64_t seed, std::size_t objects, Vector centre = {}) {
   Frame out;
   for (int i = 0; i < 12; ++i) out.shapes.add(random.convex(1));
   out.shapes.add(random.mesh(3, 3));
-  out.masks = {0b01, 0b10, 0b100};  // three layers, each collides with itself alone
+  out.masks = {0b01, 0b10, 0b100};  // three layers, each collides with itself only
   const double side = 1.6 * std::cbrt(static_cast<double>(objects));
   for (std::size_t i = 0; i < objects; ++i) {
     FrameObject o;
@@ -73,7 +73,7 @@ void expect_one(const Frame& frame, const Contact& c, const char* text) {
 
 }  // namespace
 
-TEST_CASE("a frame with all its contacts has no difference, near the origin and far from it") {
+TEST_CASE("a correct frame has no differences, near the origin and far from it") {
   for (const Vector centre : {Vector{}, Vector{1e6, -1e6, 1e6}}) {
     const Frame frame = crowd(41, 300, centre);
     CHECK(frame.contacts.size() > 100);
@@ -81,7 +81,7 @@ TEST_CASE("a frame with all its contacts has no difference, near the origin and 
   }
 }
 
-TEST_CASE("each contact that is taken out is told as missing") {
+TEST_CASE("each removed contact is reported as missing") {
   Frame frame = crowd(42, 150);
   const auto all = frame.contacts;
   REQUIRE(all.size() > 30);
@@ -93,14 +93,14 @@ TEST_CASE("each contact that is taken out is told as missing") {
   }
 }
 
-TEST_CASE("whatever else is wrong with a contact is told, once") {
+TEST_CASE("every other error in a contact is reported once") {
   Frame frame = crowd(43, 150);
   const auto all = frame.contacts;
   const std::size_t middle = all.size() / 2;
   const auto at = [&] { return frame.contacts.begin() + static_cast<std::ptrdiff_t>(middle); };
 
   frame.contacts.insert(at(), all[middle]);
-  expect_one(frame, all[middle], "there twice");
+  expect_one(frame, all[middle], "is listed twice");
 
   frame.contacts = all;
   std::swap(frame.contacts[middle], frame.contacts[middle + 1]);
@@ -108,7 +108,7 @@ TEST_CASE("whatever else is wrong with a contact is told, once") {
 
   frame.contacts = all;
   frame.contacts[middle].phase = Phase::end;
-  expect_one(frame, all[middle], "ended");
+  expect_one(frame, all[middle], "phase end");
 
   frame.contacts = all;
   frame.contacts[middle].depth += 0.01f;
@@ -116,7 +116,7 @@ TEST_CASE("whatever else is wrong with a contact is told, once") {
 
   frame.contacts = all;
   frame.contacts[middle].pose_b.position.x += 1e-9;
-  expect_one(frame, all[middle], "other poses");
+  expect_one(frame, all[middle], "wrong poses");
 
   frame.contacts = all;
   Contact unknown_object = all[middle];
@@ -125,10 +125,10 @@ TEST_CASE("whatever else is wrong with a contact is told, once") {
   std::sort(frame.contacts.begin(), frame.contacts.end(), [](const auto& p, const auto& q) {
     return std::pair{p.a, p.b} < std::pair{q.a, q.b};
   });
-  expect_one(frame, unknown_object, "names an object that there is not");
+  expect_one(frame, unknown_object, "names an unknown object");
 }
 
-TEST_CASE("a contact between absent objects, or layers that do not collide, or objects far apart, is extra") {
+TEST_CASE("a contact between absent objects, objects whose layers do not collide, or distant objects is extra") {
   Frame frame;
   frame.shapes.add(Sphere{1});
   frame.masks = {0b01, 0b10};
@@ -149,11 +149,11 @@ TEST_CASE("a contact between absent objects, or layers that do not collide, or o
   expect_one(frame, c, "frame 12: pair 1-2 (sphere, sphere) extra: the two are 48 m apart");
 }
 
-TEST_CASE("phases are those of the contacts of two frames") {
+TEST_CASE("phases follow from the contacts of two frames") {
   Frame frame = crowd(44, 60);
   const auto before = frame.contacts;
   REQUIRE(before.size() > 4);
-  // The first pair ends, the second is new.
+  // The first pair ends, the last one is new.
   const std::vector<Contact> was(before.begin(), before.end() - 1);
   std::vector<Contact> now(before.begin() + 1, before.end());
   for (auto& c : now) c.phase = Phase::persist;
@@ -171,13 +171,13 @@ TEST_CASE("phases are those of the contacts of two frames") {
   one(now, {}, "has no end");
   auto wrong = now;
   wrong.back().phase = Phase::persist;
-  one(wrong, ended, "does not begin");
+  one(wrong, ended, "its phase is not begin");
   wrong = now;
   wrong.front().phase = Phase::begin;
-  one(wrong, ended, "does not persist");
+  one(wrong, ended, "its phase is not persist");
   auto ends = ended;
   ends[0].depth += 1;
-  one(now, ends, "another contact than its last");
+  one(now, ends, "differs from its last contact");
   ends = {ended[0], ended[0]};
   one(now, ends, "ends twice");
   ends = {ended[0], now.back()};

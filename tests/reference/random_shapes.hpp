@@ -12,7 +12,7 @@ namespace ringfence::reference_test {
 
 using reference::Vector;
 
-/// Shapes, poses and placements for tests: the ordinary ones and those on which geometry tends to fail.
+/// Random shapes, poses and placements for tests: ordinary ones and those on which geometry code tends to fail.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
@@ -22,7 +22,7 @@ class Random {
   }
   std::size_t below(std::size_t n) { return static_cast<std::size_t>(engine_() % n); }
   bool one_in(std::size_t n) { return below(n) == 0; }
-  /// Spread evenly over magnitudes.
+  /// Distributed evenly over the magnitudes.
   double size(double low, double high) { return low * std::pow(high / low, uniform(0, 1)); }
 
   Vector direction() {
@@ -39,7 +39,7 @@ class Random {
     return {static_cast<float>(axis.x * std::sin(half)), static_cast<float>(axis.y * std::sin(half)),
             static_cast<float>(axis.z * std::sin(half)), static_cast<float>(std::cos(half))};
   }
-  /// Quarter turns about an axis: parallel faces and edges.
+  /// Rotations by 90 degrees about an axis: parallel faces and edges.
   Quat square_orientation() {
     const float h = 0.70710678f;
     const Quat all[] = {{0, 0, 0, 1}, {1, 0, 0, 0}, {0, 1, 0, 0},  {h, 0, 0, h},
@@ -57,7 +57,7 @@ class Random {
   Box box(double size) {
     return {vec3f({size * uniform(0.3, 0.7), size * uniform(0.3, 0.7), size * uniform(0.3, 0.7)})};
   }
-  /// Points on a ball that is drawn out along the axes.
+  /// Points on an ellipsoid.
   ConvexHull hull(double size, std::size_t points) {
     const Vector scale{size * uniform(0.5, 1), size * uniform(0.5, 1), size * uniform(0.5, 1)};
     ConvexHull out;
@@ -67,7 +67,7 @@ class Random {
     }
     return out;
   }
-  /// Many points in a plane, repeated points, points inside, plates, needles, prisms, an origin far outside.
+  /// Many points in one plane, duplicate points, points inside, plates, needles, prisms, an origin far outside.
   ConvexHull degenerate_hull(double size) {
     ConvexHull out;
     Vector scale{size, size, size};
@@ -111,7 +111,7 @@ class Random {
     return {vec3f({thin(), thin(), thin()})};
   }
 
-  /// A closed bumpy ball, or a loose handful of triangles.
+  /// A closed bumpy sphere, or separate triangles.
   TriangleMesh mesh(double size, int rings) {
     TriangleMesh out;
     if (one_in(2)) {
@@ -142,7 +142,7 @@ class Random {
     return out;
   }
 
-  /// Any convex shape that is given in numbers, one in four of the nasty sort.
+  /// Any convex shape that is given by numbers; one in four is degenerate.
   ShapeDescription convex(double size) {
     const bool degenerate = one_in(4);
     switch (below(4)) {
@@ -161,7 +161,7 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-/// A poses's inverse turn and shift are none of the reference's business: moves a pose by a rigid motion.
+/// The pose after a rigid motion.
 inline Pose moved(const Pose& pose, const Pose& motion) {
   const auto turn = reference::rotation_of(motion.orientation);
   const Quat &p = motion.orientation, &q = pose.orientation;

@@ -27,7 +27,7 @@ double distance(const ShapeDescription& a, const Pose& pose_a, const ShapeDescri
   return between(a, pose_a, b, pose_b).distance;
 }
 
-constexpr float h = 0.70710678f;  // sine of an eighth turn
+constexpr float h = 0.70710678f;  // sine of 45 degrees
 const Quat eighth_turn_z{0, 0, 0.38268343f, 0.92387953f};
 const Quat quarter_turn_x{h, 0, 0, h};
 
@@ -41,7 +41,7 @@ TriangleMesh triangle(Vec3f a, Vec3f b, Vec3f c) { return {{a, b, c}, {0, 1, 2}}
 
 }  // namespace
 
-TEST_CASE("pairs whose answer is known in closed form") {
+TEST_CASE("pairs with a known separation") {
   const auto near = [](double value) { return doctest::Approx(value).epsilon(1e-7); };
   const Sphere ball{1};
   CHECK(distance(ball, at(0, 0, 0), ball, at(3, 0, 0)) == near(1));
@@ -52,7 +52,7 @@ TEST_CASE("pairs whose answer is known in closed form") {
   CHECK(distance(upright, at(0, 0, 0), upright, at(3, 0, 0)) == near(2));
   CHECK(distance(upright, at(0, 0, 0), upright, at(0, 0, 2.8)) == near(-0.2));
   CHECK(distance(upright, at(0, 0, 0), upright, at(0.6, 0, 0, quarter_turn_x)) == near(-0.4));
-  // One in the other, axes in line: out sideways.
+  // One inside the other, axes aligned: the least translation is sideways.
   CHECK(distance(upright, at(0, 0, 0), upright, at(0, 0, 0.5)) == near(-1));
 
   const Box crate{{1, 2, 3}};
@@ -61,7 +61,7 @@ TEST_CASE("pairs whose answer is known in closed form") {
   CHECK(distance(crate, at(0, 0, 0), ball, at(2, 3, 4)) == near(std::sqrt(3.0) - 1));
   CHECK(distance(crate, at(0, 0, 0), ball, at(0.5, 0, 0)) == near(-1.5));
   CHECK(distance(crate, at(0, 0, 0), ball, at(1.9, 0, 0)) == near(-0.1));
-  // Edge on edge: a box turned by an eighth has its edge at √2 from its centre.
+  // Edge on edge: a box rotated by 45 degrees has its edge at √2 from its centre.
   const Box cube{{1, 1, 1}};
   CHECK(distance(cube, at(0, 0, 0, eighth_turn_z), cube, at(2.5, 0, 0)) == near(1.5 - std::sqrt(2.0)));
 
@@ -88,7 +88,7 @@ TEST_CASE("the normal points from a to b along the least translation") {
   CHECK(t.normal.z == doctest::Approx(1));
 }
 
-TEST_CASE("degenerate pairs have their exact answer") {
+TEST_CASE("degenerate pairs have their exact separation") {
   const auto near = [](double value) { return doctest::Approx(value).epsilon(1e-6); };
   const Sphere ball{1};
   CHECK(distance(ball, at(0, 0, 0), ball, at(0, 0, 0)) == near(-2));
@@ -100,32 +100,32 @@ TEST_CASE("degenerate pairs have their exact answer") {
   CHECK(distance(Box{{100, 100, 100}}, at(0, 0, 0), Sphere{0.1f}, at(99.5, 0, 0)) == near(-0.6));
   CHECK(distance(cube_hull(1), at(0, 0, 0), cube_hull(1), at(0, 0, 0)) == near(-2));
   CHECK(distance(cube_hull(100), at(0, 0, 0), cube_hull(0.1f), at(3, 2, 1)) == near(-97.1));
-  // A plate of 1 mm across another, and a plate in a plate.
+  // A plate of 1 mm across another one, and a plate inside a plate.
   const Box plate{{1, 1, 0.0005f}};
   CHECK(distance(plate, at(0, 0, 0), plate, at(0, 0, 0.0004)) == doctest::Approx(-0.0006).epsilon(1e-6));
   CHECK(distance(plate, at(0, 0, 0), plate, at(0, 0, 0.5, quarter_turn_x)) == doctest::Approx(-0.5005).epsilon(1e-6));
-  // 1000 : 1.
+  // Sizes of 1000 : 1.
   CHECK(distance(Box{{1000, 1000, 1000}}, at(0, 0, 0), Box{{1, 1, 1}}, at(1000.5, 900, -900)) == near(-0.5));
-  // Triangles in one plane: no depth, but contact; beside each other: their distance.
+  // Coplanar triangles have a contact without depth; side by side they have a distance.
   const TriangleMesh t = triangle({0, 0, 0}, {1, 0, 0}, {0, 1, 0});
   CHECK(std::abs(distance(t, at(0, 0, 0), t, at(0.1, 0.1, 0))) < 1e-12);
   CHECK(distance(t, at(0, 0, 0), t, at(1, 1, 0)) == near(h));
   CHECK(distance(t, at(0, 0, 0), t, at(-3, 0, 0)) == near(2));
 }
 
-TEST_CASE("a mesh is a surface: what is wholly inside does not touch it") {
+TEST_CASE("a mesh is a surface: an object entirely inside does not touch it") {
   TriangleMesh shell;
   for (const auto& p : cube_hull(10).points) shell.vertices.push_back(p);
   shell.indices = {0, 1, 3, 0, 3, 2, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4,
                    2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 3, 7, 1, 7, 5};
   CHECK(distance(shell, at(0, 0, 0), Sphere{1}, at(2, 3, 4)) == doctest::Approx(5));
   CHECK(distance(shell, at(0, 0, 0), Sphere{1}, at(2, 3, 9.5)) == doctest::Approx(-0.5));
-  // On itself it only touches; moved along a diagonal, each of two faces reaches half a metre past another.
+  // The shell touches itself only; moved along a diagonal, each of two faces reaches half a metre past another.
   CHECK(std::abs(distance(shell, at(0, 0, 0), shell, at(0, 0, 0))) < 1e-12);
   CHECK(distance(shell, at(0, 0, 0), shell, at(0.5, 0.5, 0)) == doctest::Approx(-0.5));
 }
 
-TEST_CASE("reach leaves out what is far and only that") {
+TEST_CASE("`reach` excludes only distant primitives") {
   const std::uint64_t seed = 21;
   CAPTURE(seed);
   Random random(seed);
@@ -145,7 +145,7 @@ TEST_CASE("reach leaves out what is far and only that") {
   CHECK(near < 180);
 }
 
-TEST_CASE("rigid motion and exchange change no distance") {
+TEST_CASE("rigid motion and swapping a and b do not change the distance") {
   const std::uint64_t seed = 22;
   CAPTURE(seed);
   Random random(seed);
@@ -170,8 +170,8 @@ TEST_CASE("rigid motion and exchange change no distance") {
 
 namespace {
 
-/// The widest gap (or least overlap) over very many directions, made finer around the best: knows nothing but support
-/// points. Never above the true distance.
+/// The widest gap (or least overlap) over very many directions, refined around the best one. Uses support points only.
+/// Never larger than the true distance.
 double densely_searched(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b) {
   const Placement b_in_a = relative(pose_a, pose_b);
   const auto gap = [&](const Vector& n) {
@@ -215,7 +215,7 @@ double densely_searched(const PreparedShape& a, const Pose& pose_a, const Prepar
 
 }  // namespace
 
-TEST_CASE("no direction separates better than the answer, and a dense search comes near it") {
+TEST_CASE("no direction separates better than the result, and a dense search comes close to it") {
   const std::uint64_t seed = 23;
   CAPTURE(seed);
   Random random(seed);
@@ -232,11 +232,11 @@ TEST_CASE("no direction separates better than the answer, and a dense search com
     ++all;
     within += searched >= d - 1e-5 * reach;
   }
-  // A search can end in a corner of a piecewise smooth function; the proof is the bound above and core_test.
+  // A search can end in a corner of a piecewise smooth function. The proof is the bound above, and core_test.
   CHECK(within > all * 9 / 10);
 }
 
-TEST_CASE("a shape given by a support function is as far as the same shape given in numbers, within the stated error") {
+TEST_CASE("a support shape has the distance of the same shape given by numbers, within the stated error") {
   struct OfPoints : SupportFunction {
     std::vector<Vec3f> points;
     Vec3f support(Vec3f d) const override {

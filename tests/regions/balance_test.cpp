@@ -19,7 +19,7 @@ struct Crowd {
   std::vector<std::array<std::uint32_t, 3>> points;
 };
 
-/// `count` boxes of side `extent` about a place, spread over `spread` on each axis.
+/// Adds `count` boxes of side `extent`, at random positions from `at` to `at` + `spread` on each axis.
 void add_crowd(Crowd& crowd, std::size_t count, std::uint32_t at, std::uint32_t spread, std::uint32_t extent,
                std::mt19937_64& random) {
   for (std::size_t i = 0; i < count; ++i) {
@@ -44,7 +44,7 @@ void weigh(Balance& balance, const Crowd& crowd) {
   }
 }
 
-/// A millisecond a thousand objects.
+/// `each` milliseconds for each object.
 std::vector<double> costs_of(const RegionMap& map, const Crowd& crowd, double each = 0.001) {
   std::vector<double> costs(map.nodes(), 0.0);
   for (const auto& point : crowd.points) costs[map.owner_at(point.data())] += each;
@@ -56,8 +56,8 @@ double imbalance_of(const std::vector<double>& costs) {
          std::accumulate(costs.begin(), costs.end(), 0.0);
 }
 
-/// Runs so many frames; answers how often the map changed.
-int follow(Balance& balance, RegionMap& map, const Crowd& crowd, int frames, double each = 0.001) {
+/// Runs `frames` frames. Returns the number of map changes.
+int run_frames(Balance& balance, RegionMap& map, const Crowd& crowd, int frames, double each = 0.001) {
   int changes = 0;
   for (int frame = 0; frame < frames; ++frame) {
     balance.add_frame(costs_of(map, crowd, each));
@@ -72,24 +72,24 @@ int follow(Balance& balance, RegionMap& map, const Crowd& crowd, int frames, dou
   return changes;
 }
 
-TEST_CASE("a crowd in a single cell is shared out among all nodes, and so are two crowds far apart") {
+TEST_CASE("a crowd in a single cell is divided among all nodes, and so are two crowds far apart") {
   for (const std::uint32_t nodes : {2u, 3u, 8u, 16u, 64u}) {
     CAPTURE(nodes);
     std::mt19937_64 random(nodes);
     const CellGrid grid{{4, 4, 4}};
     Crowd crowd;
-    add_crowd(crowd, 6000, 0x51234567, 1u << 17, 1u << 8, random);  // a cell's side is 2^28
+    add_crowd(crowd, 6000, 0x51234567, 1u << 17, 1u << 8, random);  // the side of a cell is 2^28
     if (nodes % 2 == 0 && nodes > 2) add_crowd(crowd, 6000, 0xe0000000, 1u << 20, 1u << 8, random);
     RegionMap map(grid, nodes);
     Balance balance(grid, {}, 100);
     CHECK(imbalance_of(costs_of(map, crowd)) > 0.45 * nodes);
-    CHECK(follow(balance, map, crowd, 100) >= 1);
+    CHECK(run_frames(balance, map, crowd, 100) >= 1);
     CHECK(map.has_cuts());
     CHECK(imbalance_of(costs_of(map, crowd)) < 1.15);
   }
 }
 
-TEST_CASE("what stands on one point is not cut in vain, and what is larger than a cell does not cut it") {
+TEST_CASE("objects at one point do not cause endless cuts, and objects larger than a cell cause none") {
   const CellGrid grid{{2, 2, 2}};
   std::mt19937_64 random(3);
   for (const std::uint32_t extent : {0u, 1u << 31}) {
@@ -97,7 +97,7 @@ TEST_CASE("what stands on one point is not cut in vain, and what is larger than 
     add_crowd(crowd, 500, 0x12345678, 1, extent, random);
     RegionMap map(grid, 8);
     Balance balance(grid, {}, 0);
-    follow(balance, map, crowd, 100);
+    run_frames(balance, map, crowd, 100);
     CHECK(map.table().size() <= grid.cells() + 2 * Refinement::most_cuts);
     if (extent != 0) CHECK_FALSE(map.has_cuts());
     for (const NodeNumber node : {0u, 7u}) {
@@ -108,26 +108,26 @@ TEST_CASE("what stands on one point is not cut in vain, and what is larger than 
   }
 }
 
-TEST_CASE("an even load leaves the map alone, and so does a gain that would not pay for the hand-over") {
+TEST_CASE("the map does not change if the load is even, or if the gain is less than the cost of the hand-overs") {
   const CellGrid grid{{4, 4, 4}};
   std::mt19937_64 random(5);
   Crowd crowd;
   add_crowd(crowd, 20000, 0, 0xf0000000, 1u << 20, random);
   RegionMap map(grid, 4);
   Balance balance(grid, {}, 0);
-  follow(balance, map, crowd, 200);
+  run_frames(balance, map, crowd, 200);
   CHECK(imbalance_of(costs_of(map, crowd)) < 1.1);
-  CHECK(follow(balance, map, crowd, 200) == 0);
-  // The same skew, once dear and once cheap for the nodes.
+  CHECK(run_frames(balance, map, crowd, 200) == 0);
+  // The same skew, with nodes that are expensive and nodes that are cheap.
   add_crowd(crowd, 8000, 0x20000000, 1u << 26, 1u << 20, random);
   RegionMap cheap = map;
   Balance other(grid, {}, 0);
-  CHECK(follow(other, cheap, crowd, 200, 1e-7) == 0);
-  CHECK(follow(balance, map, crowd, 200) >= 1);
+  CHECK(run_frames(other, cheap, crowd, 200, 1e-7) == 0);
+  CHECK(run_frames(balance, map, crowd, 200) >= 1);
   CHECK(imbalance_of(costs_of(map, crowd)) < 1.15);
 }
 
-TEST_CASE("leaves tile the world, weigh together what there is, and none is heavier than asked for") {
+TEST_CASE("leaves tile the world, their weights add up, and none is heavier than the limit") {
   std::mt19937_64 random(6);
   const CellGrid grid{{1, 3, 2}};
   std::vector<Weight> weights;

@@ -15,7 +15,7 @@
 namespace ringfence::regions {
 namespace {
 
-/// The cells that a node owns: how many, how heavy, and the box about them.
+/// The cells of a node: their number, their weight, and the box around them.
 struct Region {
   std::uint32_t lower[3] = {~0u, ~0u, ~0u};
   std::uint32_t upper[3] = {0, 0, 0};
@@ -66,7 +66,7 @@ std::string words(const CellGrid& grid) {
 const std::vector<CellGrid> grids = {{{0, 0, 0}}, {{1, 0, 0}}, {{0, 3, 0}}, {{0, 0, 6}}, {{1, 1, 1}}, {{2, 1, 0}},
                                      {{3, 0, 2}}, {{2, 2, 2}}, {{5, 0, 1}}, {{3, 3, 2}}, {{0, 5, 3}}, {{3, 3, 3}}};
 
-TEST_CASE("every node count up to the number of cells gives each node its share of cells, within one a level of cuts") {
+TEST_CASE("for every node count, each node gets its share of cells, within one cell for each level of cuts") {
   for (const CellGrid& grid : grids) {
     for (std::uint32_t nodes = 1; nodes <= grid.cells(); ++nodes) {
       CAPTURE(words(grid));
@@ -81,7 +81,7 @@ TEST_CASE("every node count up to the number of cells gives each node its share 
   }
 }
 
-TEST_CASE("1 to 1024 nodes share 4096 cells evenly, in regions as compact as stepped boxes") {
+TEST_CASE("1 to 1024 nodes divide 4096 cells evenly, in regions as compact as stepped boxes") {
   const CellGrid grid{{4, 4, 4}};
   for (std::uint32_t nodes = 1; nodes <= 1024; ++nodes) {
     CAPTURE(nodes);
@@ -89,7 +89,7 @@ TEST_CASE("1 to 1024 nodes share 4096 cells evenly, in regions as compact as ste
     const double share = static_cast<double>(grid.cells()) / nodes;
     for (const Region& region : regions) {
       REQUIRE(std::abs(static_cast<double>(region.cells) - share) <= 1.0);
-      // A step adds at most a layer on each side of the box that the share would fill.
+      // A step adds at most one layer of cells on each side of the box that the share would fill.
       const double side = std::pow(share, 1.0 / 3.0) * 2 + 2;
       REQUIRE(static_cast<double>(region.box_cells()) <= side * side * side);
     }
@@ -100,7 +100,7 @@ TEST_CASE("1 to 1024 nodes share 4096 cells evenly, in regions as compact as ste
   }
 }
 
-TEST_CASE("two nodes are balanced within the heaviest cell, whatever the weights") {
+TEST_CASE("the weights of two nodes differ by at most the heaviest cell") {
   constexpr unsigned seed = 4711;
   CAPTURE(seed);
   std::mt19937_64 random(seed);
@@ -123,7 +123,7 @@ TEST_CASE("two nodes are balanced within the heaviest cell, whatever the weights
   }
 }
 
-TEST_CASE("weights draw cells to the nodes that need them, and every node still has one") {
+TEST_CASE("uneven weights give uneven numbers of cells, and every node has at least one") {
   constexpr unsigned seed = 99;
   CAPTURE(seed);
   std::mt19937_64 random(seed);
@@ -134,11 +134,11 @@ TEST_CASE("weights draw cells to the nodes that need them, and every node still 
       CAPTURE(kind);
       std::vector<double> weights(grid.cells(), 0.0);
       if (kind == 1) {
-        weights[random() % weights.size()] = 1000;  // all in one cell
+        weights[random() % weights.size()] = 1000;  // all weight in one cell
       } else if (kind == 2) {
         for (double& weight : weights) weight = static_cast<double>(random() % 1000) * 1e-3;
       } else if (kind == 3) {
-        for (std::size_t cell = 0; cell < 64; ++cell) weights[cell] = 1;  // all in the lowest layer
+        for (std::size_t cell = 0; cell < 64; ++cell) weights[cell] = 1;  // all weight in the lowest layer
       }
       const auto regions = regions_of(grid, nodes, bisect(grid, nodes, weights), weights);
       REQUIRE(std::all_of(regions.begin(), regions.end(), [](const Region& region) { return region.cells > 0; }));
@@ -152,7 +152,7 @@ TEST_CASE("weights draw cells to the nodes that need them, and every node still 
   }
 }
 
-TEST_CASE("without any weight the cells are split by volume") {
+TEST_CASE("if all weights are zero, the cells are divided by volume") {
   const CellGrid grid{{3, 2, 2}};
   for (std::uint32_t nodes = 1; nodes <= grid.cells(); ++nodes) {
     CAPTURE(nodes);
@@ -161,7 +161,7 @@ TEST_CASE("without any weight the cells are split by volume") {
   }
 }
 
-TEST_CASE("more nodes than cells, and no node, are refused with a message that names what to change") {
+TEST_CASE("more nodes than cells, and zero nodes, are refused with a message that names the setting") {
   for (const CellGrid& grid : grids) {
     CHECK_NOTHROW(RegionMap(grid, static_cast<std::uint32_t>(grid.cells())));
     CHECK_THROWS_AS(RegionMap(grid, static_cast<std::uint32_t>(grid.cells() + 1)), Error);
@@ -169,7 +169,7 @@ TEST_CASE("more nodes than cells, and no node, are refused with a message that n
   }
 }
 
-TEST_CASE("a chosen grid has the cells asked for, nearly cubic, and never more than 1024 on an axis") {
+TEST_CASE("CellGrid::choose returns the requested number of nearly cubic cells, at most 1024 on an axis") {
   constexpr unsigned seed = 5;
   CAPTURE(seed);
   std::mt19937_64 random(seed);

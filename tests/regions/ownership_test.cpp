@@ -21,7 +21,7 @@ std::vector<std::uint32_t> random_cuts(const CellGrid& grid, std::uint32_t nodes
   for (auto& each : bits) each = {32 - grid.log2[0], 32 - grid.log2[1], 32 - grid.log2[2]};
   for (std::uint32_t& entry : table) entry = static_cast<std::uint32_t>(random() % nodes);
   for (std::uint32_t cut = 0; cut < 300; ++cut) {
-    // Half of them in what was cut last, so that some parts get very small.
+    // Half of the cuts divide a half of the previous cut, so that some parts become very small.
     const std::size_t entry = cut > 0 && random() % 2 == 0 ? table.size() - 1 - random() % 2 : random() % table.size();
     const std::size_t axis = random() % 3;
     if (RegionMap::is_cut(table[entry]) || bits[entry][axis] == 0) {
@@ -39,11 +39,11 @@ std::vector<std::uint32_t> random_cuts(const CellGrid& grid, std::uint32_t nodes
   return table;
 }
 
-/// What a map says, written out: every part that has an owner.
+/// A part of a map with its owner: a cell, or a part of a cell that is not cut further.
 struct Part {
-  std::array<std::uint64_t, 3> lower, upper;  ///< upper is one past the end
+  std::array<std::uint64_t, 3> lower, upper;  ///< `upper` is exclusive
   NodeNumber owner;
-  bool meets(const Bounds& bounds) const {
+  bool overlaps(const Bounds& bounds) const {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       if (bounds.upper[axis] < lower[axis] || bounds.lower[axis] >= upper[axis]) return false;
     }
@@ -51,7 +51,7 @@ struct Part {
   }
 };
 
-void write_out(const RegionMap& map, std::uint32_t entry, Part part, std::vector<Part>& parts) {
+void collect_parts(const RegionMap& map, std::uint32_t entry, Part part, std::vector<Part>& parts) {
   if (!RegionMap::is_cut(entry)) {
     part.owner = entry;
     parts.push_back(part);
@@ -61,8 +61,8 @@ void write_out(const RegionMap& map, std::uint32_t entry, Part part, std::vector
   const std::uint64_t middle = (part.lower[axis] + part.upper[axis]) / 2;
   Part below = part, above = part;
   below.upper[axis] = above.lower[axis] = middle;
-  write_out(map, map.table()[halves], below, parts);
-  write_out(map, map.table()[halves + 1], above, parts);
+  collect_parts(map, map.table()[halves], below, parts);
+  collect_parts(map, map.table()[halves + 1], above, parts);
 }
 
 std::vector<Part> parts_of(const RegionMap& map) {
@@ -76,36 +76,36 @@ std::vector<Part> parts_of(const RegionMap& map) {
       part.lower[axis] = box.lower[axis] * side;
       part.upper[axis] = part.lower[axis] + side;
     }
-    write_out(map, map.table()[cell], part, parts);
+    collect_parts(map, map.table()[cell], part, parts);
   }
   return parts;
 }
 
-/// Worlds of all sorts of cells and node counts.
+/// Runs `check` with maps of many grids and node counts.
 template <class Check>
-void in_worlds(unsigned seed, Check check) {
+void for_each_map(unsigned seed, Check check) {
   CAPTURE(seed);
   std::mt19937_64 random(seed);
   const CellGrid grids[] = {{{0, 0, 0}}, {{1, 0, 0}}, {{4, 0, 3}}, {{2, 3, 2}}, {{10, 0, 0}}, {{4, 4, 4}}};
   for (const CellGrid& grid : grids) {
-    for (const std::uint32_t wanted : {1u, 2u, 3u, 7u, 16u, 100u, 1024u}) {
-      const auto nodes = static_cast<std::uint32_t>(std::min<std::size_t>(wanted, grid.cells()));
+    for (const std::uint32_t requested : {1u, 2u, 3u, 7u, 16u, 100u, 1024u}) {
+      const auto nodes = static_cast<std::uint32_t>(std::min<std::size_t>(requested, grid.cells()));
       CAPTURE(nodes);
       RegionMap map(grid, nodes);
       check(map, random);
-      // With a few cells somebody else's, or cut, amid those of a region.
-      std::vector<std::uint32_t> spotted(map.table().begin(), map.table().end());
+      // A few cells inside regions belong to another node or are cut.
+      std::vector<std::uint32_t> scattered(map.table().begin(), map.table().end());
       for (std::uint32_t cut = 0; cut < 3; ++cut) {
-        spotted[random() % grid.cells()] = static_cast<std::uint32_t>(random() % nodes);
+        scattered[random() % grid.cells()] = static_cast<std::uint32_t>(random() % nodes);
         const std::size_t cell = random() % grid.cells();
-        if (spotted.size() == grid.cells()) {
-          spotted.insert(spotted.end(), {spotted[cell], static_cast<std::uint32_t>(random() % nodes)});
-          spotted[cell] = RegionMap::cut_entry(0, 0);
+        if (scattered.size() == grid.cells()) {
+          scattered.insert(scattered.end(), {scattered[cell], static_cast<std::uint32_t>(random() % nodes)});
+          scattered[cell] = RegionMap::cut_entry(0, 0);
         }
       }
-      map.assign(spotted, nodes, 8);
+      map.assign(scattered, nodes, 8);
       check(map, random);
-      // Also under a map that no bisection would make: every cell anybody's.
+      // A map that no bisection produces: every cell has a random owner.
       std::vector<NodeNumber> owners(grid.cells());
       for (NodeNumber& owner : owners) {
         owner = static_cast<NodeNumber>(random() % nodes);
@@ -114,7 +114,7 @@ void in_worlds(unsigned seed, Check check) {
       CHECK(map.epoch() == 9);
       CHECK_FALSE(map.has_cuts());
       check(map, random);
-      // And with cells that are cut at random, some of them often.
+      // Cells cut at random, some of them many times.
       map.assign(random_cuts(grid, nodes, random), nodes, 10);
       CHECK(map.has_cuts());
       check(map, random);
@@ -127,7 +127,7 @@ Bounds random_bounds(std::mt19937_64& random, unsigned size_bits) {
   for (int axis = 0; axis < 3; ++axis) {
     std::uint64_t lower = random() % (std::uint64_t{1} << 32);
     if (random() % 4 == 0) {
-      lower &= ~((std::uint64_t{1} << 22) - 1);  // on a border of cells
+      lower &= ~((std::uint64_t{1} << 22) - 1);  // on a cell boundary
     }
     const std::uint64_t size = random() % (std::uint64_t{1} << size_bits);
     bounds.lower[axis] = static_cast<std::uint32_t>(lower);
@@ -136,15 +136,15 @@ Bounds random_bounds(std::mt19937_64& random, unsigned size_bits) {
   return bounds;
 }
 
-TEST_CASE("the node that tests a pair has been told of both objects, and it is the same whoever asks first") {
-  in_worlds(31, [](const RegionMap& map, std::mt19937_64& random) {
+TEST_CASE("the owner of a pair covers both objects, and does not depend on the order of the pair") {
+  for_each_map(31, [](const RegionMap& map, std::mt19937_64& random) {
     int pairs = 0;
     for (int round = 0; round < 4000 && pairs < 300; ++round) {
       const unsigned bits = 20 + static_cast<unsigned>(random() % 12);
       const Bounds p = random_bounds(random, bits);
       Bounds q = random_bounds(random, bits);
       if (round % 3 == 0) {
-        q = p;  // the upper corner of one is the lower of the other: they touch in a point
+        q = p;  // the upper corner of one is the lower corner of the other: they touch in a point
         for (int axis = 0; axis < 3; ++axis) {
           q.lower[axis] = p.upper[axis];
           q.upper[axis] = std::max(q.upper[axis], q.lower[axis]);
@@ -164,8 +164,8 @@ TEST_CASE("the node that tests a pair has been told of both objects, and it is t
   });
 }
 
-TEST_CASE("each owner of what bounds cover is visited once, no other, and each is covered") {
-  in_worlds(32, [](const RegionMap& map, std::mt19937_64& random) {
+TEST_CASE("exactly the owners of the space that bounds cover are visited, each once") {
+  for_each_map(32, [](const RegionMap& map, std::mt19937_64& random) {
     const std::vector<Part> parts = parts_of(map);
     std::vector<std::uint64_t> stamps(map.nodes(), 0);
     std::uint64_t stamp = 0;
@@ -173,7 +173,7 @@ TEST_CASE("each owner of what bounds cover is visited once, no other, and each i
       const Bounds bounds = random_bounds(random, 18 + static_cast<unsigned>(random() % 14));
       std::set<NodeNumber> expected;
       for (const Part& part : parts) {
-        if (part.meets(bounds)) expected.insert(part.owner);
+        if (part.overlaps(bounds)) expected.insert(part.owner);
       }
       std::vector<NodeNumber> visited;
       for_each_owner(map, bounds, stamps, ++stamp, [&](NodeNumber node) { visited.push_back(node); });
@@ -185,18 +185,18 @@ TEST_CASE("each owner of what bounds cover is visited once, no other, and each i
                                                             : Coverage::part;
         REQUIRE(map.coverage(bounds, node) == coverage);
       }
-      // A point has one owner: that of the part that it is in.
+      // A point has one owner: that of the part that contains it.
       const Bounds point{{bounds.lower[0], bounds.lower[1], bounds.lower[2]},
                          {bounds.lower[0], bounds.lower[1], bounds.lower[2]}};
       REQUIRE(std::count_if(parts.begin(), parts.end(), [&](const Part& part) {
-                return part.meets(point) && part.owner == map.owner_at(point.lower);
+                return part.overlaps(point) && part.owner == map.owner_at(point.lower);
               }) == 1);
     }
   });
 }
 
-TEST_CASE("what lies in the interior of a region is covered by its node alone") {
-  in_worlds(34, [](const RegionMap& map, std::mt19937_64& random) {
+TEST_CASE("bounds in the interior of a region are covered by its node only") {
+  for_each_map(34, [](const RegionMap& map, std::mt19937_64& random) {
     for (NodeNumber node = 0; node < std::min(map.nodes(), 20u); ++node) {
       const Bounds interior = map.interior(node);
       const auto cells = map.table().first(map.grid().cells());
@@ -204,7 +204,7 @@ TEST_CASE("what lies in the interior of a region is covered by its node alone") 
       REQUIRE((interior.lower[0] <= interior.upper[0]) == any);
       for (int round = 0; round < 40; ++round) {
         Bounds bounds = random_bounds(random, 18 + static_cast<unsigned>(random() % 14));
-        for (int axis = 0; any && round % 2 == 0 && axis < 3; ++axis) {  // most would lie elsewhere
+        for (int axis = 0; any && round % 2 == 0 && axis < 3; ++axis) {  // random bounds are rarely inside the interior
           const std::uint64_t across = std::uint64_t{interior.upper[axis]} - interior.lower[axis];
           bounds.lower[axis] = interior.lower[axis] + static_cast<std::uint32_t>(random() % (across + 1));
           bounds.upper[axis] = round % 4 == 0 ? interior.upper[axis] : bounds.lower[axis];
@@ -219,7 +219,7 @@ TEST_CASE("what lies in the interior of a region is covered by its node alone") 
   });
 }
 
-TEST_CASE("the interior of a region that is a box is the whole of it") {
+TEST_CASE("the interior of a region that is a box is the whole region") {
   for (const NodeNumber nodes : {1u, 2u, 4u, 8u, 16u}) {
     CAPTURE(nodes);
     const CellGrid grid{{4, 4, 4}};
@@ -235,7 +235,7 @@ TEST_CASE("the interior of a region that is a box is the whole of it") {
   }
 }
 
-TEST_CASE("every cell of a grid has an index of its own, in rows along x") {
+TEST_CASE("every cell of a grid has its own index, consecutive along x") {
   const CellGrid grid{{3, 2, 4}};
   std::set<std::uint32_t> seen;
   for (std::uint32_t z = 0; z < grid.along(2); ++z) {
@@ -250,8 +250,8 @@ TEST_CASE("every cell of a grid has an index of its own, in rows along x") {
   }
 }
 
-TEST_CASE("cells are half-open: a position on a border belongs to the cell above it") {
-  // Sides that are powers of two, so that borders are exact in metres.
+TEST_CASE("cells are half-open: a position on a boundary belongs to the cell above it") {
+  // The sides are powers of two, so cell boundaries are exact in metres.
   const FixedSpace space({-8, 0, 16}, {8, 32, 80});
   const CellGrid grid{{2, 3, 4}};
   const double low[3] = {-8, 0, 16};

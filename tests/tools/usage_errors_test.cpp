@@ -85,6 +85,8 @@ TEST_CASE("an invalid file ends the program with 2 and a message with line and f
 
   worlds::write_text(scene, std::string(good).replace(good.find("radius"), 6, "size"));
   check_refused(files, scene + ":2: shapes.ball: unknown field \"size\"; expected type, radius");
+  worlds::write_text(scene, "{\"format\":\n" + std::string(300'000, '[') + std::string(300'000, ']') + "}");
+  check_refused(files, scene + ":2:64: arrays and objects are nested more than 64 deep; expected at most 64 levels");
   check_refused("replay --scene /nowhere.json --motion " + motion, "/nowhere.json: cannot be opened");
   check_refused("replay --motion " + motion, "--scene is required");
 }

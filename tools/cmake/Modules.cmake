@@ -29,6 +29,8 @@ function(ringfence_module name)
   cmake_parse_arguments(ARG "" "" "SOURCES;MODULES;LINK" ${ARGN})
   add_library(ringfence_${name} OBJECT ${ARG_SOURCES})
   target_link_libraries(ringfence_${name} PRIVATE ringfence_options)
+  target_compile_options(ringfence_${name} PRIVATE
+    "SHELL:-include ${PROJECT_SOURCE_DIR}/engine/base/strict_arithmetic.hpp")
   target_link_libraries(ringfence_${name} PUBLIC ${ARG_LINK})
   target_include_directories(ringfence_${name} PUBLIC ${PROJECT_SOURCE_DIR}/engine/include ${PROJECT_SOURCE_DIR}/engine)
   set_target_properties(ringfence_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)

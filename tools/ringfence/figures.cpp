@@ -43,6 +43,7 @@ void Figures::add(const FrameReport& report, std::span<const Contact> frame_cont
   candidates += report.candidates;
   tested += report.tested;
   accepted += report.accepted;
+  failed_supports += report.failed_supports;
   contacts += report.contacts;
   began += report.began;
   ended += report.ended;

@@ -80,6 +80,11 @@ void print_traffic(std::FILE* out, const Figures& figures) {
   }
 }
 
+void print_failed_supports(std::FILE* out, const Figures& figures) {
+  if (figures.failed_supports == 0) return;
+  fmt::print(out, "supports    in {} pairs a support function failed: they have no contact\n", figures.failed_supports);
+}
+
 void print_check(std::FILE* out, const FrameChecker& checker) {
   if (checker.miscounted() > 0) {
     fmt::print(out, "counters    FAILED: in {} frames not every candidate was tested and accepted exactly once\n",
@@ -249,6 +254,7 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
     report["stages_ms"][name_of(static_cast<Stage>(i))] = figures.stage_ms(static_cast<Stage>(i));
   }
   report["pairs"] = {{"candidate", figures.candidates}, {"tested", figures.tested}, {"accepted", figures.accepted}};
+  report["failed_supports"] = figures.failed_supports;
   report["contacts"] = {{"total", figures.contacts},
                         {"mean", figures.mean(static_cast<double>(figures.contacts))},
                         {"began", figures.began},
@@ -369,6 +375,7 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
     const auto reason = static_cast<Status>(i);
     if (figures.refused(reason) > 0) fmt::print(out, "refused     {} {}\n", figures.refused(reason), name_of(reason));
   }
+  print_failed_supports(out, figures);
   print_check(out, checker);
   if (!job.record_prefix.empty()) fmt::print(out, "recorded    {0}.json, {0}.bin\n", job.record_prefix);
   fmt::print(out, "digest      {:016x}\n", figures.digest());

@@ -13,79 +13,82 @@
 #include "ringfence/motion_model.hpp"
 #include "ringfence/shape.hpp"
 
-/// CD nodes as processes, on this machine or on others: the messages of docs/protocol.md, carried by Eclipse Cyclone
-/// DDS. Needs the library ringfence::dds. For a trusted network: nothing is encrypted, and nobody is asked for a
-/// password.
+/// CD nodes as separate processes, on this machine or on others. The processes exchange the messages of
+/// docs/protocol.md over Eclipse Cyclone DDS. Needs the library ringfence::dds. For a trusted network only: there is no
+/// encryption and no authentication.
 namespace ringfence::dds {
 
-/// How processes find each other, and how long one may be silent. The same for a World and its nodes.
+/// How processes discover each other, and how long one may be silent. Used by a World and by its nodes; both need the
+/// same domain and lease.
 struct NetworkConfig {
   static constexpr std::uint32_t any_domain = 0xffffffffu;
 
-  /// One World a domain: 0 to 200, or any_domain for a World: the first whose port is free on this machine.
+  /// DDS domain, one World per domain: 0 to 200. For a World also any_domain: the first domain whose port is free on
+  /// this machine.
   std::uint32_t domain = 0;
-  /// Name or address of the network interface, "lo" for processes of this machine alone; empty: Cyclone DDS chooses.
+  /// Name or address of the network interface; "lo" restricts the World to processes of this machine. Empty: Cyclone
+  /// DDS chooses.
   std::string interface;
-  /// For nodes: where the World is, as addresses. Empty: found by multicast; with "lo", on this machine.
+  /// For nodes: addresses of the World's machine. Empty: discovery by multicast; with "lo", on this machine.
   std::vector<std::string> peers;
-  /// Who is silent for so long is lost. 10 to 60,000.
+  /// A process that is silent for this long is lost, milliseconds. 10 to 60,000.
   double lease_ms = 100;
-  /// What sockets are asked to hold, bytes. The system may grant less (net.core.rmem_max); then it is logged.
+  /// Requested socket buffer size, bytes. If the system grants less (net.core.rmem_max), a warning is logged.
   std::size_t socket_bytes = std::size_t{4} << 20;
 };
 
-/// What one node's process did, as the World's end of its way sees it.
+/// Traffic between the World and one node process, counted by the World.
 struct MemberReport {
-  std::string name;       ///< host:process, or as given
-  NodeNumber number = 0;  ///< its place from the last frame on
+  std::string name;       ///< host:process, or NodeServiceConfig::name
+  NodeNumber number = 0;  ///< its node number from the last frame on
   std::uint64_t sent_parcels = 0, sent_bytes = 0;
   std::uint64_t received_parcels = 0, received_bytes = 0;
-  std::uint64_t retransmitted_bytes = 0;  ///< by Cyclone DDS, to it
-  std::uint64_t refused_writes = 0;       ///< times that its way was full
-  std::uint64_t answers = 0;              ///< times that it was awaited and spoke
-  double answer_ms_mean = 0;              ///< from the first parcel that it had not answered to its next
+  std::uint64_t retransmitted_bytes = 0;  ///< by Cyclone DDS, to this node
+  std::uint64_t refused_writes = 0;  ///< writes refused because the window was full or DDS could not take the sample
+  std::uint64_t answers = 0;         ///< replies received while one was awaited
+  double answer_ms_mean = 0;         ///< from the first parcel without a reply to the next reply
   double answer_ms_max = 0;
 };
 
-/// Somebody has come or gone, and how long that took, as the World saw it.
+/// A node joined, left or was lost; with the durations that the World measured.
 struct MemberChange {
   enum class Kind : std::uint8_t {
-    joined,  ///< `before_ms`: from its first word until it had a seat; `after_ms`: from then until it spoke in a frame
-    left,    ///< `before_ms`: from its asking to leave until it had handed everything over; `after_ms`: 0
-    lost,    ///< `before_ms`: how long it had been silent when that was noticed; `after_ms`: from then to frame's end
+    joined,  ///< `before_ms`: from its first announcement to its assignment; `after_ms`: from then to its first message
+    left,    ///< `before_ms`: from its request to leave until it had handed everything over; `after_ms`: 0
+    lost,    ///< `before_ms`: silence before the loss was detected; `after_ms`: from then to the end of the frame
   };
   Kind kind = Kind::joined;
   std::string name;
-  double at = 0;  ///< when it had its seat, had left, or was found to be lost: seconds since 1970
+  double at = 0;  ///< time of the assignment, departure or detected loss: seconds since 1970
   double before_ms = 0;
   double after_ms = 0;
 };
 
-/// What the whole cluster did.
+/// Membership and traffic of the whole cluster.
 struct ClusterReport {
   static constexpr std::size_t most_changes = 256;
 
-  std::vector<MemberReport> members;  ///< with a seat, by number
+  std::vector<MemberReport> members;  ///< nodes that are part of the World, by node number
   std::vector<MemberChange> changes;  ///< the last `most_changes`, oldest first
   std::uint64_t joined = 0, left = 0, lost = 0, refused = 0;
-  std::uint64_t stale_parcels = 0;  ///< came from before a loss and were refused
+  std::uint64_t stale_parcels = 0;  ///< refused: sent before a loss was known, or by a process that is not assigned
 };
 
-/// The World's side: finds nodes, and carries what server and nodes say to each other.
+/// The World's side: discovers nodes and carries the messages between the server and the nodes.
 struct ClusterConfig {
   NetworkConfig network;
-  double wait_ms = 10'000;       ///< how long a World waits for its first nodes
-  std::vector<std::byte> setup;  ///< the embedder's own, given to each node's ModelMaker
-  LogHook log;                   ///< who joins, leaves, is lost or refused; from the thread that calls World
+  double wait_ms = 10'000;       ///< how long the World's constructor waits for its first nodes
+  std::vector<std::byte> setup;  ///< the embedder's own bytes, passed to each node's ModelMaker
+  LogHook log;  ///< nodes that join, leave, are lost or are refused; called from the thread that calls World
 };
 
 class ClusterNodes;
 
-/// Joins a domain at once, so that nodes can be started; throws Error where that cannot be.
+/// Joins a DDS domain in its constructor, so that nodes can be started before the World. Throws Error if that fails.
 ///
 ///   ringfence::dds::Cluster cluster({.network = {.interface = "eth0"}});
-///   config.nodes = 4;  // waits for four
-///   config.fleet = cluster.fleet();
+///   config.nodes = 4;  // the World's constructor waits for four nodes
+///   config.remote_nodes = cluster.remote_nodes();
 ///   ringfence::World world(config);
 ///
 /// Threads: as World. Serves one World; may be destroyed before it.
@@ -97,53 +100,55 @@ class Cluster {
   Cluster& operator=(const Cluster&) = delete;
 
   std::shared_ptr<RemoteNodes> remote_nodes() const;
-  /// The domain, where any was asked for.
+  /// The domain number; with any_domain the one that was chosen.
   std::uint32_t domain() const noexcept;
-  /// Between frames.
+  /// Call it between frames.
   ClusterReport report() const;
 
  private:
   std::shared_ptr<ClusterNodes> nodes_;
 };
 
-/// Makes the motion model of a World from what its ClusterConfig::setup says; null where objects move by calls alone.
-/// Throws Error where it cannot. Must move objects as the World's own model does.
+/// Makes a node's motion model from ClusterConfig::setup; null if objects move only by calls. Throws Error on failure.
+/// The model must compute the same states as the World's own.
 using ModelMaker = std::function<std::shared_ptr<const MotionModel>(std::span<const std::byte> setup)>;
-/// The support function that the World registered under that number.
+/// Returns the support function that the World registered under that shape number.
 using SupportMaker = std::function<std::shared_ptr<const SupportFunction>(ShapeNumber)>;
 
-/// A node's side.
+/// Configuration of a node process.
 struct NodeServiceConfig {
   NetworkConfig network;
   std::string name;      ///< for logs and reports; empty: host:process
-  ModelMaker model;      ///< null: objects move by calls alone
-  SupportMaker support;  ///< null: a World with support functions is refused
-  bool once = false;     ///< ends with the first World, instead of waiting for the next
+  ModelMaker model;      ///< null: objects move only by calls
+  SupportMaker support;  ///< null: the node refuses a World that has support functions
+  bool once = false;     ///< run() returns when the first World ends, instead of waiting for the next
   LogHook log;
 };
 
-/// Why a node's service has ended.
+/// Why NodeService::run returned.
 enum class ExitReason : std::uint8_t {
-  drained,    ///< asked to; everything was handed over
-  dismissed,  ///< the World has ended, or has let it go (with NodeServiceConfig::once)
-  abandoned,  ///< the World has gone without a word (with NodeServiceConfig::once)
-  refused,    ///< it does not fit the World, or the World does not fit it (with NodeServiceConfig::once)
+  drained,    ///< drain() was called, and everything was handed over
+  dismissed,  ///< the World ended or released the node (only with NodeServiceConfig::once)
+  abandoned,  ///< the World disappeared without releasing the node (only with NodeServiceConfig::once)
+  refused,    ///< node and World are incompatible (only with NodeServiceConfig::once)
 };
 
-/// A CD node as a process of its own: joins a domain, waits for a World, serves its frames.
+/// A CD node process: joins a domain, waits for a World and serves its frames.
 ///
-/// Threads: run() is the node's thread; drain() is for any other, and for signal handlers.
+/// Threads: run() occupies its thread until it returns; drain() may be called from any other thread and from a signal
+/// handler. run() computes in the default floating-point environment and restores the caller's modes on return.
 class NodeService {
  public:
-  /// Joins the domain. Throws Error where that cannot be.
+  /// Joins the domain. Throws Error if that fails.
   explicit NodeService(NodeServiceConfig config);
   ~NodeService();
   NodeService(const NodeService&) = delete;
   NodeService& operator=(const NodeService&) = delete;
 
   ExitReason run();
-  /// Asks to leave: in the next frame everything is handed over, and run() returns. Without a World it returns at once;
-  /// asked twice, also without handing over: the World then finds it lost. Async-signal-safe.
+  /// Requests that the node leaves: in the next frame it hands everything over, then run() returns. Without a World,
+  /// run() returns at once. A second call makes run() return without handing over; the World then detects a loss.
+  /// Async-signal-safe.
   void drain() noexcept;
 
  private:

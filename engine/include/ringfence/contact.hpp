@@ -8,26 +8,28 @@
 
 namespace ringfence {
 
-/// Where a contact stands in its life. Given by the server from the contacts of this frame and the one before.
+/// Phase of a contact, computed from the contacts of this frame and of the frame before.
 enum class Phase : std::uint32_t {
   begin = 0,    ///< in contact now, not in the frame before
   persist = 1,  ///< in contact now and in the frame before
-  end = 2,      ///< not in contact now, or one of the two is gone; geometry and poses are those of the last contact
+  /// No longer in contact, or one of the two objects is gone; geometry and poses are those of the last contact.
+  end = 2,
 };
 
-/// Two objects whose shapes overlap or touch, with all that a response needs. One layout at the API and in messages.
+/// Two objects whose shapes overlap or touch, with what a collision response needs. The same layout in the API and in
+/// messages.
 ///
-/// A contact is a function of the two shapes and the two poses alone: the same bits at any node count, in any
+/// The geometry of a contact is a function of the two shapes and the two poses: the same bits at any node count, in any
 /// deployment, on any machine.
 struct Contact {
-  ObjectNumber a = 0;  ///< the lower number
+  ObjectNumber a = 0;  ///< the lower of the two numbers
   ObjectNumber b = 0;
   Phase phase = Phase::begin;
   float depth = 0;  ///< metres, >= 0: the least translation of b along `normal` that separates the two
   Vec3f normal;     ///< unit vector from a to b
   std::uint32_t reserved = 0;
-  Vec3d point;  ///< world position midway between the two surfaces at the deepest place
-  Pose pose_a;  ///< as it was when the contact was determined
+  Vec3d point;  ///< world position midway between the two surfaces at the deepest place, metres
+  Pose pose_a;  ///< pose of a when the pair was tested
   Pose pose_b;
 };
 

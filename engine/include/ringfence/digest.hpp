@@ -8,13 +8,14 @@
 
 namespace ringfence {
 
-/// The digest of a run: equal exactly when every frame had the same begin and persist contacts, bit for bit.
+/// Digest of a run. Runs whose frames have the same begin and persist contacts, bit for bit, have the same digest;
+/// different contacts give different digests except for hash collisions.
 ///
-/// A frame's digest is the sum (mod 2^64) of the hashes of its contacts (numbers, normal, depth, point; not phase, not
-/// poses), so their order does not matter; the run's digest folds the frames' in order.
+/// The digest of a frame is the sum (mod 2^64) of the hashes of its contacts (numbers, normal, depth, point; neither
+/// phase nor poses), so their order does not matter. The digest of the run folds those of the frames in order.
 class Digest {
  public:
-  /// Folds in the next frame.
+  /// Adds the next frame.
   void add_frame(std::span<const Contact> contacts) noexcept {
     std::uint64_t sum = 0;
     for (const Contact& contact : contacts) {

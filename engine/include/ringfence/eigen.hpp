@@ -8,17 +8,17 @@
 
 /// Conversions between the plain structs of the API and Eigen's types.
 ///
-/// The only public header that includes Eigen (3.4): whoever includes it links Eigen3::Eigen or has Eigen on the
-/// include path. Nothing is checked or normalised; values pass as they are. Pure functions, callable from any thread.
+/// The only public header that includes Eigen (3.4): code that includes it links Eigen3::Eigen or has Eigen on its
+/// include path. The functions check and normalise nothing. They are pure and may be called from any thread.
 namespace ringfence {
 
 inline Eigen::Vector3d to_eigen(const Vec3d& vector) noexcept { return {vector.x, vector.y, vector.z}; }
 inline Eigen::Vector3f to_eigen(const Vec3f& vector) noexcept { return {vector.x, vector.y, vector.z}; }
 
-/// Mind the order: ours is x y z w everywhere, Eigen's constructor takes w first.
+/// Component order: Ringfence stores x y z w; Eigen's constructor takes w first.
 inline Eigen::Quaternionf to_eigen(const Quat& quat) noexcept { return {quat.w, quat.x, quat.y, quat.z}; }
 
-/// The transform that takes a point of the shape's axes to the world. The orientation should be of unit length.
+/// The transform from the shape's axes to the world. The orientation should have unit length.
 inline Eigen::Isometry3d to_eigen(const Pose& pose) noexcept {
   Eigen::Isometry3d transform = Eigen::Isometry3d::Identity();
   transform.linear() = to_eigen(pose.orientation).cast<double>().toRotationMatrix();
@@ -26,7 +26,7 @@ inline Eigen::Isometry3d to_eigen(const Pose& pose) noexcept {
   return transform;
 }
 
-/// A vector, or any expression that gives one, of three doubles (Vec3d) or three floats (Vec3f).
+/// Converts a vector expression of three doubles to Vec3d, of three floats to Vec3f.
 template <typename Derived>
 auto from_eigen(const Eigen::MatrixBase<Derived>& expression) noexcept {
   using Scalar = typename Derived::Scalar;

@@ -5,15 +5,15 @@
 
 namespace ringfence {
 
-/// What names an object in scenes, files, digests and contacts: 1 to 2^32 - 1, unique among live objects.
+/// Number of an object in scenes, files, digests and contacts: 1 to 2^32 - 1, unique among live objects.
 ///
-/// The number orders every pair (a < b) and keys the object's random stream.
+/// It orders every pair (a < b) and keys the object's random stream.
 using ObjectNumber = std::uint32_t;
 
-/// Handle of a live object: its number and the generation of its spawn. Zero is null.
+/// Handle of a live object: its number and the generation of its spawn. The value 0 is null.
 ///
-/// Every spawn has a generation of its own, so the handle of a destroyed object is refused as stale, never misread,
-/// also when its number has been given out again.
+/// Every spawn has its own generation, so the handle of a destroyed object is refused as stale even if its number is in
+/// use again. Generations wrap around after 2^32 - 1 spawns.
 struct ObjectId {
   std::uint64_t value = 0;
 
@@ -26,15 +26,15 @@ struct ObjectId {
   constexpr auto operator<=>(const ObjectId&) const noexcept = default;
 };
 
-/// A user node, as numbered by whoever connected it: 0 to capacity - 1.
+/// Number of a user node, chosen by the caller that connects it: 0 to Limits::users - 1.
 using UserNumber = std::uint32_t;
 /// No user node.
 inline constexpr UserNumber no_user = 0xffffffffu;
 
-/// A CD node: 0 to nodes - 1.
+/// Number of a CD node: 0 to nodes - 1.
 using NodeNumber = std::uint32_t;
 
-/// A registered shape: the order of registration, from 0.
+/// Number of a registered shape: the order of registration, from 0.
 using ShapeNumber = std::uint32_t;
 
 }  // namespace ringfence

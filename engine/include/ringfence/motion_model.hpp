@@ -9,7 +9,7 @@
 
 namespace ringfence {
 
-/// The contacts of one object in the frame before, begin and persist ones, in order of (a, b).
+/// Begin and persist contacts of one object in the frame before, in order of (a, b).
 class ObjectContacts {
  public:
   ObjectContacts() = default;
@@ -23,7 +23,7 @@ class ObjectContacts {
   std::span<const std::uint32_t> indices_;
 };
 
-/// One hosted object as the model is given it. Everything here is the same in every deployment.
+/// One hosted object as the model receives it. All fields are the same in every deployment.
 struct MotionInput {
   ObjectNumber number = 0;
   ShapeNumber shape = 0;
@@ -35,45 +35,46 @@ struct MotionInput {
   ObjectContacts contacts;           ///< C(k-1), if the model uses_contacts()
 };
 
-/// What the model answers. Filled beforehand with "stands still": pose, presence and state as they were.
+/// The model's result for one object. Initialised to "does not move": pose, presence and state unchanged.
 struct MotionOutput {
-  Pose pose;  ///< finite, orientation within 10^-3 of unit; otherwise refused, and the object stands still
+  Pose pose;  ///< finite, orientation within 10^-3 of unit length; otherwise refused and the object does not move
   bool present = true;
-  std::byte* state = nullptr;  ///< state_bytes() to overwrite
+  std::byte* state = nullptr;  ///< state_bytes() bytes, to be overwritten
 };
 
-/// What moves hosted objects and answers their contacts. The embedder supplies it; the paper's steering and replay
-/// are two of them.
+/// Moves hosted objects and responds to their contacts. Supplied by the embedder; examples are the paper's steering and
+/// the replay of recordings.
 ///
 /// `move` computes S(k) from the frame number, the object's number, its S(k-1) and its C(k-1), and from nothing else
-/// that can differ between calls: that is what makes the deployments agree. It is called on batches, concurrently, by
-/// whichever threads host the objects; avatars too (an explicit World::move replaces its pose for that frame).
+/// that can differ between calls. This makes all deployments compute the same states. It is called in batches,
+/// concurrently, by all threads that host objects, for avatars too (an explicit World::move replaces the avatar's pose
+/// for that frame).
 ///
-/// An exception is caught: the objects for which the model throws stand still that frame and are reported.
-/// It must not call World.
+/// An exception is caught: the objects for which the model throws do not move in that frame and are reported. The model
+/// must not call World.
 class MotionModel {
  public:
   virtual ~MotionModel() = default;
 
-  /// Plain data that the model keeps for each object: at most max_motion_state. Constant over the model's life.
+  /// Bytes of plain data that the model keeps per object: at most max_motion_state. Constant over the model's life.
   virtual std::size_t state_bytes() const noexcept { return 0; }
 
-  /// Fills the state of a new object (zeroed beforehand), once, at spawn. Pure, like `move`.
+  /// Initialises the state of a new object (zeroed before), once, at spawn. Must be pure, like `move`.
   virtual void start(const ObjectSpec& spec, std::byte* state) const {
     (void)spec;
     (void)state;
   }
 
-  /// Whether `move` looks at the contacts that it is given. If not, nobody gathers them by object, which takes a
-  /// twentieth of a frame, and `contacts` of every input is empty. Constant over the model's life.
+  /// Whether `move` reads contacts. If false, contacts are not gathered by object, which saves 5 % of a frame, and
+  /// `contacts` of every input is empty. Constant over the model's life.
   virtual bool uses_contacts() const noexcept { return true; }
 
-  /// Moves a batch for frame `frame`. `inputs` and `outputs` have equal size and order; up to 64 at a time.
+  /// Moves a batch of up to 64 objects in frame `frame`. `inputs` and `outputs` have equal size and order.
   virtual void move(std::uint64_t frame, std::span<const MotionInput> inputs,
                     std::span<MotionOutput> outputs) const = 0;
 };
 
-/// The largest state a motion model may keep for an object, bytes.
+/// Largest state that a motion model may keep per object, bytes.
 inline constexpr std::size_t max_motion_state = 256;
 
 }  // namespace ringfence

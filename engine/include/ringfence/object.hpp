@@ -7,28 +7,29 @@
 
 namespace ringfence {
 
-/// How an object moves, and with the deployment who hosts it (moves it and answers its contacts).
+/// How an object moves. Together with the deployment it decides which role hosts the object, that is, moves it and
+/// responds to its contacts.
 enum class Category : std::uint8_t {
   avatar,      ///< under a user's direct control; always hosted by that user node
   active,      ///< moved by programmed logic; hosted by a user node, the server or a CD node
-  non_active,  ///< moves only when a contact moves it; hosted as an active one
-  fixed,       ///< `static` in files: terrain, walls; never moves, no response, no host
+  non_active,  ///< moves only when a contact moves it; hosted like an active object
+  fixed,       ///< `static` in files: terrain, walls; never moves, has no response and no host
 };
 
-/// The word for a category in scene files: "avatar", "active", "non-active", "static".
+/// Name of a category in scene files: "avatar", "active", "non-active", "static".
 constexpr const char* name_of(Category category) noexcept {
   constexpr const char* names[] = {"avatar", "active", "non-active", "static"};
   return names[static_cast<std::size_t>(category)];
 }
 
-/// What an object is when it is spawned.
+/// Description of an object at its spawn.
 struct ObjectSpec {
-  ObjectNumber number = 0;  ///< 0: the next free one is given
+  ObjectNumber number = 0;  ///< 0: the next free number is assigned
   ShapeNumber shape = 0;
   Category category = Category::active;
   std::uint8_t layer = 0;     ///< index into WorldConfig::layers
   bool present = true;        ///< false: absent (in no contact) until it is given a pose
-  UserNumber user = no_user;  ///< the hosting user node: required for avatars, must be absent for all others
+  UserNumber user = no_user;  ///< the hosting user node: required for avatars, no_user for all others
   std::uint64_t user_data = 0;
   Pose pose{};
 };

@@ -30,8 +30,8 @@ struct Pose {
   constexpr bool operator==(const Pose&) const noexcept = default;
 };
 
-/// How far from the origin an object may stand on each axis, metres; what is further is refused like infinity. Beyond,
-/// a double cannot tell places a hand apart, and squares of distances would not fit the narrow phase's floats.
+/// Largest distance of an object from the origin on each axis, metres; larger coordinates are refused like infinity.
+/// Beyond it the spacing of doubles exceeds 0.1 m, and squared distances do not fit the narrow phase's floats.
 inline constexpr double farthest_coordinate = 1e15;
 
 static_assert(sizeof(Vec3d) == 24 && sizeof(Vec3f) == 12 && sizeof(Quat) == 16 && sizeof(Pose) == 40);

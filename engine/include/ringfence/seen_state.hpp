@@ -8,8 +8,8 @@
 
 namespace ringfence {
 
-/// An object as others are told of it: published once a frame by its host, or by the server for it, and read in place
-/// by every user node near it.
+/// State of an object as user nodes see it. Published once a frame by the object's host, or by the server on its
+/// behalf, and read in place by every user node near it.
 struct SeenState {
   ObjectNumber number = 0;
   std::uint32_t flags = 0;  ///< reserved, 0

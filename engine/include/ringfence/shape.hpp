@@ -36,13 +36,20 @@ struct ConvexHull {
 /// A triangle surface (not a solid): up to 10^6 triangles, indices into `vertices`, either winding.
 struct TriangleMesh {
   std::vector<Vec3f> vertices;
-  std::vector<std::uint32_t> indices;  ///< three a triangle
+  std::vector<std::uint32_t> indices;  ///< three per triangle
 };
 
-/// A convex shape that only its support function describes. Tested by libccd: slower than the other kinds, and it
-/// allocates in the frame.
+/// A convex shape that is defined only by its support function. Tested by libccd: slower than the other kinds, and it
+/// allocates inside the frame.
 ///
-/// The function must be pure and is called concurrently from any thread.
+/// The function must be pure; it is called concurrently from any thread, in the default floating-point environment. The
+/// points that it returns must lie in the shape as it was at registration.
+///
+/// A call fails if it throws, or if it returns a point that is not finite or that is farther from the origin, on any
+/// axis, than twice the radius of the ball around the origin that contains the shape's box. In World::add_shape a
+/// failure is an Error. In a frame nothing is thrown: the tested pair has no contact in that frame and is counted in
+/// FrameReport::failed_supports; bounds that were to be computed become those of that ball. The first failure of each
+/// shape is logged as a warning.
 class SupportFunction {
  public:
   virtual ~SupportFunction() = default;
@@ -59,11 +66,11 @@ struct SupportShape {
 /// Any shape that an object can have. Sizes lie between 10^-3 and 10^6 metres.
 using ShapeDescription = std::variant<Sphere, Box, Capsule, ConvexHull, TriangleMesh, SupportShape>;
 
-/// Kinds, in the order in which kernels and tables list them; the values are those of ShapeDescription::index().
+/// Shape kinds in the order of kernels and tables; the values equal ShapeDescription::index().
 enum class ShapeKind : std::uint8_t { sphere, box, capsule, hull, mesh, support };
 inline constexpr std::size_t shape_kinds = 6;
 
-/// The word for a kind in options, benchmark names and reports: "sphere", "box", "capsule", "hull", "mesh", "support".
+/// Name of a kind in options, benchmark names and reports: "sphere", "box", "capsule", "hull", "mesh", "support".
 constexpr const char* name_of(ShapeKind kind) noexcept {
   constexpr const char* names[] = {"sphere", "box", "capsule", "hull", "mesh", "support"};
   return names[static_cast<std::size_t>(kind)];

@@ -5,7 +5,7 @@
 
 namespace ringfence {
 
-/// What a call that may be refused answers; also the reasons by which refusals are counted.
+/// Result of a call that may be refused; also the reasons by which refusals are counted.
 enum class Status : std::uint8_t {
   ok,             ///< done
   stale_object,   ///< the id is null or names an object that was destroyed
@@ -14,20 +14,20 @@ enum class Status : std::uint8_t {
   not_unit,       ///< the orientation is further than 10^-3 from unit length
   unknown_user,   ///< no such user node is connected
   unknown_shape,  ///< no such shape is registered
-  unknown_layer,  ///< the layer is not one of the configuration's
-  number_in_use,  ///< a live object, or a connected user node, has that number
-  bad_number,     ///< zero, or beyond the range
-  over_capacity,  ///< past a configured limit; raise it in WorldConfig::limits
-  bad_message,    ///< size, count, version or type of a message are wrong
-  out_of_order,   ///< not allowed now: a frame is under way, or none is
-  bad_category,   ///< the category does not go with the call: an avatar needs a user, a static object cannot move
-  late,           ///< the user node missed its deadline: old poses stand and it is disconnected at the next cut
-  model_failed,   ///< the motion model threw for the object: it stands still this frame
-  over_quota,     ///< past what a user node may use; raise it in WorldConfig::quotas
+  unknown_layer,  ///< the layer number is not in WorldConfig::layers
+  number_in_use,  ///< a live object or a connected user node already has that number
+  bad_number,     ///< zero or out of range
+  over_capacity,  ///< exceeds a configured limit; raise it in WorldConfig::limits
+  bad_message,    ///< wrong size, count, version or type of a message
+  out_of_order,   ///< not allowed now: a frame is running, or none is
+  bad_category,   ///< the category does not fit the call: an avatar needs a user, a static object cannot move
+  late,           ///< the user node missed its deadline: its old poses stay and it is disconnected at the next cut
+  model_failed,   ///< the motion model threw for the object: it does not move in this frame
+  over_quota,     ///< exceeds a user node's quota; raise it in WorldConfig::quotas
 };
 inline constexpr std::size_t status_count = 17;
 
-/// A word for a report: "ok", "stale_object", ...
+/// Name of a status in reports: "ok", "stale_object", ...
 constexpr const char* name_of(Status status) noexcept {
   constexpr const char* names[] = {"ok",
                                    "stale_object",

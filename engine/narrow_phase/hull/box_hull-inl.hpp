@@ -1,14 +1,14 @@
 // Boxes against hulls, in blocks of pairs. Included once for each Highway target.
 //
-// The least depth is taken where the direction is the normal of a face of the box, of a face of the hull, or across an
-// edge of each whose arcs of normals cross, as for any two polytopes (see convex_overlap-inl.hpp). But the support of a
-// box is known without a search: |n| · half extents in its own axes. So the reach of all faces of both is exact at
-// once, and an edge of the hull crosses an edge of the box along axis k just where the normals of its two faces differ
-// in the sign of coordinate k. Of these edges a ball and one corner of the box rule out all but a few; their reach is
-// worked out in lanes, a lane an edge, of whatever pair.
+// As for any two polytopes (see polytope_pair-inl.hpp), the least overlap is along the normal of a face of the box, of
+// a face of the hull, or across one edge of each whose arcs of normals cross. But the support of a box needs no search:
+// it is |n| · half extents in the box's own axes. So the overlap along all face normals of both shapes is computed
+// exactly, and an edge of the hull crosses an edge of the box along axis k exactly where the normals of its two faces
+// differ in the sign of coordinate k. A ball and one corner of the box exclude all but a few of these edges. The
+// overlap across the remaining ones is computed in lanes, one edge per lane, of any pair of the block.
 //
-// What rounding could decide wrongly (edges nearly parallel, arcs that nearly miss, a depth that is not the reach) is
-// left to the test of single pairs.
+// Cases that rounding could decide wrongly (edges nearly parallel, arcs that nearly miss each other, a depth that
+// differs from the overlap) are left to the test of single pairs.
 
 #if defined(RINGFENCE_NARROW_PHASE_BOX_HULL_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_BOX_HULL_INL
@@ -28,7 +28,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// At most block_pairs pairs of a box and a hull, all in the axes of the box and about its centre.
+/// Up to block_pairs pairs of a box and a hull. Everything is in the axes of the box, relative to its centre.
 class BoxHullBlock {
  public:
   BoxHullBlock(const KernelInput& input, const KernelPair* pairs, std::size_t count, WorkCounts& work)
@@ -41,11 +41,11 @@ class BoxHullBlock {
   }
 
   PairContact* test(PairContact* out) {
-    try_centres();
+    test_centre_axis();
     try_faces();
     choose_faces();
     try_edges();
-    measure();
+    compute_contacts();
     return write_block<KindsOf<ShapeKind::box, ShapeKind::hull>>(d, pairs_, count_, placed_, found_, out);
   }
 
@@ -61,7 +61,7 @@ class BoxHullBlock {
   HWY_INLINE V spread(const float* column, std::size_t i) const { return hn::Set(d, column[i]); }
   HWY_INLINE float size(std::size_t i) const { return size_[i]; }
 
-  /// What lies in the axes of the hull seen in those of the box, for a vector of the hull's faces or vertices.
+  /// Rotates vectors from the axes of the hull to those of the box, for one vector of the hull's faces or vertices.
   struct RotationLanes {
     V m[3][3];
     HWY_INLINE V operator()(int k, V x, V y, V z) const { return m[k][0] * x + m[k][1] * y + m[k][2] * z; }
@@ -69,53 +69,53 @@ class BoxHullBlock {
   HWY_INLINE RotationLanes rotated(std::size_t i) const {
     RotationLanes t;
     for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) t.m[k][j] = spread(placed_.turn(k, j), i);
+      for (int j = 0; j < 3; ++j) t.m[k][j] = spread(placed_.second_to_first(k, j), i);
     }
     return t;
   }
 
-  /// Along the line of centres, which keeps most pairs apart that are apart.
-  void try_centres() {
+  /// Tests along the line between the centres, which separates most pairs that are apart.
+  void test_centre_axis() {
     alignas(64) float rest[block_pairs];
     for (std::size_t i = 0; i < block_pairs; i += lanes) {
-      V reach = hn::Neg(hn::LoadU(d, placed_.along_axis() + i));
-      for (int k = 0; k < 3; ++k) reach = reach + hn::Abs(hn::LoadU(d, placed_.axis(k) + i)) * half(k, i);
-      hn::Store(reach, d, rest + i);
+      V overlap = hn::Neg(hn::LoadU(d, placed_.along_axis() + i));
+      for (int k = 0; k < 3; ++k) overlap = overlap + hn::Abs(hn::LoadU(d, placed_.axis(k) + i)) * half(k, i);
+      hn::Store(overlap, d, rest + i);
     }
     undecided_.count = count_;
     for (std::size_t i = 0; i < count_; ++i) undecided_.pair[i] = static_cast<std::uint32_t>(i);
     undecided_.keep([&](std::size_t i) HWY_ATTR {
       const geometry::Hull& hull = *hull_[i];
       const float* const columns[3] = {hull.x(), hull.y(), hull.z()};
-      const float reach = -farthest_of<float>(columns, hull.vertex_count(), -placed_.axis_in_second(i)).value();
+      const float overlap = -farthest_of<float>(columns, hull.vertex_count(), -placed_.axis_in_second(i)).value();
       ++work_.directions;
       work_.pass<float>(hull.vertex_count());
-      return rest[i] + reach >= 0;
+      return rest[i] + overlap >= 0;
     });
   }
 
-  /// The exact reach of the hull's faces, of which the least is kept, and how far the hull reaches along the box's
-  /// axes.
+  /// Computes the exact overlap along the normals of the hull's faces and keeps the least, and the extent of the hull
+  /// along the box's axes.
   void try_faces() {
     for (std::size_t u = 0; u < undecided_.count; ++u) {
       const std::size_t i = undecided_.pair[u];
       const geometry::Hull& hull = *hull_[i];
-      const RotationLanes turn = rotated(i);
+      const RotationLanes to_box = rotated(i);
       const V h[3] = {spread(placed_.first_size(0), i), spread(placed_.first_size(1), i),
                       spread(placed_.first_size(2), i)};
       const V t[3] = {spread(placed_.offset(0), i), spread(placed_.offset(1), i), spread(placed_.offset(2), i)};
-      const auto reach = [&](std::size_t f) HWY_ATTR {
+      const auto overlap = [&](std::size_t f) HWY_ATTR {
         const V x = hn::Load(d, hull.normal_x() + f), y = hn::Load(d, hull.normal_y() + f),
                 z = hn::Load(d, hull.normal_z() + f);
-        const V n[3] = {turn(0, x, y, z), turn(1, x, y, z), turn(2, x, y, z)};
+        const V n[3] = {to_box(0, x, y, z), to_box(1, x, y, z), to_box(2, x, y, z)};
         return ((hn::Abs(n[0]) * h[0] + hn::Abs(n[1]) * h[1]) + hn::Abs(n[2]) * h[2]) +
                (hn::Load(d, hull.offset() + f) + ((n[0] * t[0] + n[1] * t[1]) + n[2] * t[2]));
       };
-      Least<float> least(reach(0));
-      for (std::size_t f = lanes; f < hull.face_count(); f += lanes) least.add(reach(f), f);
+      Least<float> least(overlap(0));
+      for (std::size_t f = lanes; f < hull.face_count(); f += lanes) least.add(overlap(f), f);
 
       const auto vertex = [&](int k, std::size_t v) HWY_ATTR {
-        return turn(k, hn::Load(d, hull.x() + v), hn::Load(d, hull.y() + v), hn::Load(d, hull.z() + v));
+        return to_box(k, hn::Load(d, hull.x() + v), hn::Load(d, hull.y() + v), hn::Load(d, hull.z() + v));
       };
       V low[3], high[3];
       for (int k = 0; k < 3; ++k) low[k] = high[k] = vertex(k, 0);
@@ -149,25 +149,26 @@ class BoxHullBlock {
   HWY_INLINE RotationMatrix<float> rotation_of(std::size_t i) const {
     RotationMatrix<float> r;
     for (int k = 0; k < 3; ++k) {
-      for (int j = 0; j < 3; ++j) r.m[k][j] = placed_.turn(k, j)[i];
+      for (int j = 0; j < 3; ++j) r.m[k][j] = placed_.second_to_first(k, j)[i];
     }
     return r;
   }
 
-  /// The face of either that reaches least, and the corner of the box that is deepest along it.
+  /// Chooses the face of either shape with the least overlap, and the corner of the box that is deepest along its
+  /// normal.
   void choose_faces() {
     for (std::size_t i = 0; i < count_; i += lanes) {
       V best = hn::Load(d, best_ + i);
       Vector<D> direction = load(d, direction_, i);
       V* const along[3] = {&direction.x, &direction.y, &direction.z};
-      const auto judge = [&](int k, V reach, float sign) HWY_ATTR {
-        const auto less = hn::Lt(reach, best);
-        best = hn::Min(reach, best);
+      const auto consider = [&](int k, V overlap, float sign) HWY_ATTR {
+        const auto less = hn::Lt(overlap, best);
+        best = hn::Min(overlap, best);
         for (int j = 0; j < 3; ++j) *along[j] = hn::IfThenElse(less, hn::Set(d, j == k ? sign : 0.0f), *along[j]);
       };
       for (int k = 0; k < 3; ++k) {
-        judge(k, (half(k, i) + hn::Load(d, below_[k] + i)) - offset(k, i), 1.0f);
-        judge(k, (half(k, i) + hn::Load(d, above_[k] + i)) + offset(k, i), -1.0f);
+        consider(k, (half(k, i) + hn::Load(d, below_[k] + i)) - offset(k, i), 1.0f);
+        consider(k, (half(k, i) + hn::Load(d, above_[k] + i)) + offset(k, i), -1.0f);
       }
       hn::Store(best, d, best_ + i);
       store(d, direction, direction_, i);
@@ -179,7 +180,7 @@ class BoxHullBlock {
     for (std::size_t u = 0; u < undecided_.count; ++u) {
       const std::size_t i = undecided_.pair[u];
       for (int k = 0; k < 3; ++k) {
-        for (int j = 0; j < 3; ++j) rows_[i][k][j] = placed_.turn(k, j)[i];
+        for (int j = 0; j < 3; ++j) rows_[i][k][j] = placed_.second_to_first(k, j)[i];
         rows_[i][k][3] = placed_.offset(k)[i];
         rows_[i][3][k] = placed_.first_size(k)[i];
       }
@@ -187,7 +188,7 @@ class BoxHullBlock {
     }
   }
 
-  /// An edge of a hull that may reach less than all faces.
+  /// An edge of a hull that may have less overlap than all faces.
   struct Item {
     static constexpr int edge_bits = 16;
     std::uint32_t pair_and_edge;
@@ -197,7 +198,7 @@ class BoxHullBlock {
 
   static constexpr std::uint8_t beyond = 1 + 2 + 4, signs = 8 + 16 + 32;
 
-  /// Neither of the points rules it out, and it crosses an edge of the box along some axis.
+  /// Whether an edge is not excluded by any of the points, and crosses an edge of the box along some axis.
   struct RelevantEdge {
     HWY_INLINE bool operator()(std::uint8_t left, std::uint8_t right) const {
       return (left & right & beyond) == 0 && ((left ^ right) & signs) != 0;
@@ -213,26 +214,26 @@ class BoxHullBlock {
 #endif
   };
 
-  /// The edges of one pair's hull that matter; answers how many. Along the arc between the normals of an edge's two
-  /// faces, reach is at least that of a point inside the box, which is nowhere less than at an end of the arc if it is
-  /// not negative there: so a point to which both faces are too far rules the edge out.
+  /// Lists the relevant edges of one pair's hull and returns their number. Along the arc between the normals of an
+  /// edge's two faces, the overlap is at least the depth of any point inside the box. This depth has no minimum inside
+  /// the arc, unless it is negative at an end. So a point that is too deep for both faces excludes the edge.
   std::size_t list_edges(std::size_t i, std::uint32_t* out) const {
     alignas(64) std::uint8_t bytes[max_faces];
     const geometry::Hull& hull = *hull_[i];
-    const RotationLanes turn = rotated(i);
+    const RotationLanes to_box = rotated(i);
     const V t[3] = {spread(placed_.offset(0), i), spread(placed_.offset(1), i), spread(placed_.offset(2), i)};
     const V c[3] = {spread(from_corner_[0], i), spread(from_corner_[1], i), spread(from_corner_[2], i)};
-    V a[3];  // from the corner along the line of centres
+    V a[3];  // from the corner along the line between the centres
     for (int k = 0; k < 3; ++k) {
       a[k] = t[k] - hn::CopySign(spread(placed_.first_size(k), i), spread(placed_.axis(k), i));
     }
-    const float limit = best_[i] + Rounding<float>::reach * size_[i];
+    const float limit = best_[i] + Rounding<float>::overlap * size_[i];
     const float ball = std::min(std::min(placed_.first_size(0)[i], placed_.first_size(1)[i]), placed_.first_size(2)[i]);
     const V of_corner = hn::Set(d, limit), of_ball = hn::Set(d, std::max(limit - ball, 0.0f)), zero = hn::Zero(d);
     for (std::size_t f = 0; f < hull.face_count(); f += lanes) {
       const V x = hn::Load(d, hull.normal_x() + f), y = hn::Load(d, hull.normal_y() + f),
               z = hn::Load(d, hull.normal_z() + f);
-      const V n[3] = {turn(0, x, y, z), turn(1, x, y, z), turn(2, x, y, z)};
+      const V n[3] = {to_box(0, x, y, z), to_box(1, x, y, z), to_box(2, x, y, z)};
       const V height = hn::Load(d, hull.offset() + f);
       const V to_centre = height + ((n[0] * t[0] + n[1] * t[1]) + n[2] * t[2]);
       const V to_corner = height + ((n[0] * c[0] + n[1] * c[1]) + n[2] * c[2]);
@@ -254,21 +255,21 @@ class BoxHullBlock {
     for (std::size_t u = 0; u < undecided_.count; ++u) {
       const std::size_t i = undecided_.pair[u];
       if (count + hull_[i]->edge_count() > room) {
-        judge_edges(items, count);
+        evaluate_edges(items, count);
         count = 0;
       }
       work_.pass<float>(hull_[i]->face_count());
       count += list_edges(i, items + count);
     }
-    judge_edges(items, count);
+    evaluate_edges(items, count);
   }
 
-  void judge_edges(std::uint32_t* items, std::size_t count) {
+  void evaluate_edges(std::uint32_t* items, std::size_t count) {
     for (std::size_t begin = 0; begin < count; begin += lanes)
-      judge_vector(items + begin, std::min(lanes, count - begin));
+      evaluate_vector(items + begin, std::min(lanes, count - begin));
   }
 
-  void judge_vector(const std::uint32_t* items, std::size_t count) {
+  void evaluate_vector(const std::uint32_t* items, std::size_t count) {
     const float *edge[lanes], *pair[lanes];
     for (std::size_t lane = 0; lane < lanes; ++lane) {
       const Item item{items[lane < count ? lane : 0]};
@@ -290,11 +291,11 @@ class BoxHullBlock {
     gather(pair, 3, sizes);
     V l[3], r[3], e[3], p[3];
     for (int k = 0; k < 3; ++k) {
-      const auto turn = [&](V x, V y, V z) HWY_ATTR { return m[k][0] * x + m[k][1] * y + m[k][2] * z; };
-      l[k] = turn(left[0], left[1], left[2]);
-      r[k] = turn(right[0], right[1], right[2]);
-      e[k] = turn(along[0], along[1], along[2]);
-      p[k] = turn(left[3], right[3], along[3]) + m[k][3];
+      const auto to_box = [&](V x, V y, V z) HWY_ATTR { return m[k][0] * x + m[k][1] * y + m[k][2] * z; };
+      l[k] = to_box(left[0], left[1], left[2]);
+      r[k] = to_box(right[0], right[1], right[2]);
+      e[k] = to_box(along[0], along[1], along[2]);
+      p[k] = to_box(left[3], right[3], along[3]) + m[k][3];
     }
     const V zero = hn::Zero(d), none = hn::Set(d, 1e30f);
     V least = none, x = zero, y = zero, z = zero;
@@ -303,30 +304,31 @@ class BoxHullBlock {
     for (int k = 0; k < 3; ++k) {
       const int a = (k + 1) % 3, b = (k + 2) % 3;
       const auto crossing = hn::Lt(l[k] * r[k], zero);
-      // Left to right is a turn about the edge: so the outward direction across is axis k × edge, or its opposite.
+      // The left normal rotates to the right one about the edge, so the outward direction is axis k × edge or its
+      // negative.
       const V height = e[a] * p[b] - e[b] * p[a];
       const auto flip = hn::Gt(l[k], zero);
       const V of_box = hn::Abs(e[b]) * sizes[a] + hn::Abs(e[a]) * sizes[b];
       const V sine_squared = e_squared[a] + e_squared[b];
       const auto has_direction = hn::Gt(sine_squared, hn::Set(d, Rounding<float>::parallel_sine_squared));
       const V inverse = hn::Set(d, 1.0f) / hn::Sqrt(hn::IfThenElse(has_direction, sine_squared, hn::Set(d, 1.0f)));
-      const V reach = (of_box + hn::IfThenElse(flip, hn::Neg(height), height)) * inverse;
-      const auto judged = hn::And(crossing, has_direction);
+      const V overlap = (of_box + hn::IfThenElse(flip, hn::Neg(height), height)) * inverse;
+      const auto evaluated = hn::And(crossing, has_direction);
       const auto sure = hn::And(hn::Gt(sine_squared, hn::Set(d, Rounding<float>::sure_sine_squared)),
                                 hn::Gt(hn::Min(hn::Abs(l[k]), hn::Abs(r[k])), hn::Set(d, Rounding<float>::sure)));
-      const auto better = hn::And(judged, hn::Lt(reach, sizes[3]));
+      const auto better = hn::And(evaluated, hn::Lt(overlap, sizes[3]));
       doubtful = hn::Or(doubtful, hn::AndNot(sure, better));
-      const auto less = hn::And(better, hn::Lt(reach, least));
-      least = hn::IfThenElse(less, reach, least);
-      // From the box to the hull: the opposite of the hull's outward.
+      const auto less = hn::And(better, hn::Lt(overlap, least));
+      least = hn::IfThenElse(less, overlap, least);
+      // From the box to the hull: the negative of the hull's outward direction.
       const V scale = hn::IfThenElse(flip, inverse, hn::Neg(inverse));
       V* const out[3] = {&x, &y, &z};
       *out[k] = hn::IfThenElse(less, zero, *out[k]);
       *out[a] = hn::IfThenElse(less, hn::Neg(e[b]) * scale, *out[a]);
       *out[b] = hn::IfThenElse(less, e[a] * scale, *out[b]);
     }
-    alignas(64) float reach[lanes], direction[3][lanes];
-    hn::Store(least, d, reach);
+    alignas(64) float overlap[lanes], direction[3][lanes];
+    hn::Store(least, d, overlap);
     hn::Store(x, d, direction[0]);
     hn::Store(y, d, direction[1]);
     hn::Store(z, d, direction[2]);
@@ -336,14 +338,14 @@ class BoxHullBlock {
     for (; better != 0; better &= better - 1) {
       const auto lane = static_cast<std::size_t>(__builtin_ctz(better));
       const std::size_t i = Item{items[lane]}.pair();
-      if (reach[lane] >= best_[i]) continue;
-      best_[i] = reach[lane];
+      if (overlap[lane] >= best_[i]) continue;
+      best_[i] = overlap[lane];
       for (int k = 0; k < 3; ++k) direction_[k][i] = direction[k][lane];
     }
   }
 
-  /// Depth and point along the best directions.
-  void measure() {
+  /// Computes depth and point along the best directions.
+  void compute_contacts() {
     undecided_.keep([&](std::size_t i) { return (doubtful_mask_ >> i & 1) != 0 || best_[i] >= 0; });
     alignas(64) float of_box[block_pairs], to_hull[block_pairs], slack[block_pairs];
     Column3 in_hull, corner;
@@ -352,11 +354,11 @@ class BoxHullBlock {
       Vector<D> n = load(d, direction_, i);
       n = scale(d, n, hn::Set(d, 1.0f) / hn::Sqrt(dot(d, n, n)));
       store(d, n, direction_, i);
-      Rotation<D> turn;
+      Rotation<D> to_box;
       for (int k = 0; k < 3; ++k) {
-        for (int j = 0; j < 3; ++j) turn.m[k][j] = hn::LoadU(d, placed_.turn(k, j) + i);
+        for (int j = 0; j < 3; ++j) to_box.m[k][j] = hn::LoadU(d, placed_.second_to_first(k, j) + i);
       }
-      store(d, negate(d, unrotate(d, turn, n)), in_hull, i);
+      store(d, negate(d, unrotate(d, to_box, n)), in_hull, i);
       const V parts[3] = {n.x, n.y, n.z};
       const V level = hn::Set(d, Rounding<float>::height) * hn::Load(d, size_ + i);
       hn::Store(level, d, slack + i);
@@ -403,7 +405,7 @@ class BoxHullBlock {
       } else {
         const std::uint32_t is_flat[3] = {flat[0][i], flat[1][i], flat[2][i]};
         point = shared_point(i, at(corner, i), is_flat, of_hull, n, of_box[i] - depth * 0.5f);
-        // Two edges that cross meet inside both.
+        // Two edges that cross meet inside both shapes.
         const bool cross = flats == 1 && of_hull.count == 2 && !nearly_parallel(i, of_hull);
         if (!cross &&
             (outside_box(i, point) ||
@@ -432,11 +434,11 @@ class BoxHullBlock {
            std::abs(p.z) > placed_.first_size(2)[i] + most;
   }
 
-  /// Whether an edge of the hull lies within a hundredth of an axis of the box.
+  /// Whether an edge of the hull is parallel to an axis of the box within 0.01.
   HWY_INLINE bool nearly_parallel(std::size_t i, const Feature<float>& of_hull) const {
-    const Vec3f way = vertex_in_box(i, of_hull.last()) - vertex_in_box(i, of_hull.first());
-    const float longest = std::max(std::max(std::abs(way.x), std::abs(way.y)), std::abs(way.z));
-    return dot(way, way) < 1.0001f * longest * longest;
+    const Vec3f edge = vertex_in_box(i, of_hull.last()) - vertex_in_box(i, of_hull.first());
+    const float longest = std::max(std::max(std::abs(edge.x), std::abs(edge.y)), std::abs(edge.z));
+    return dot(edge, edge) < 1.0001f * longest * longest;
   }
 
   HWY_NOINLINE Vec3f shared_point(std::size_t i, Vec3f corner, const std::uint32_t is_flat[3],
@@ -451,8 +453,8 @@ class BoxHullBlock {
     }
     for_each_in(of_hull.vertices, hull_[i]->vertex_count(),
                 [&](std::size_t v) HWY_ATTR { second.add(to_double(vertex_in_box(i, v))); });
-    const Vec3f met = to_float(common_point(first.get(), second.get(), to_double(n)));
-    return met + n * (height - dot(n, met));
+    const Vec3f common = to_float(common_point(first.get(), second.get(), to_double(n)));
+    return common + n * (height - dot(n, common));
   }
 
   HWY_NOINLINE void test_single_pair(std::size_t i) {
@@ -475,15 +477,16 @@ class BoxHullBlock {
   PlacementColumns placed_;
   const geometry::Hull* hull_[block_pairs];
   Undecided undecided_;
-  alignas(64) float best_[block_pairs] = {};  // the least reach found
-  // Of each pair for its edges' lanes: the rows of the rotation, each with an offset; the box, and the least reach of
-  // all faces.
+  alignas(64) float best_[block_pairs] = {};  // the least overlap found
+  // The data that the lanes of edges read for each pair: the rows of the rotation, each with a component of the offset;
+  // the half extents of the box, and the least overlap of all faces.
   alignas(64) float rows_[block_pairs][4][4];
-  alignas(64) float size_[block_pairs] = {};     // the two bounding radii
-  alignas(64) Column3 direction_ = {};           // the best, from box to hull, unit
-  alignas(64) Column3 above_ = {}, below_ = {};  // the hull's extent along the box's axes, about the hull's origin
-  alignas(64) Column3 from_corner_ = {};         // from the box's deepest corner to the hull's origin
-  std::uint32_t doubtful_mask_ = 0;              // a bit for each pair that rounding could decide wrongly
+  alignas(64) float size_[block_pairs] = {};  // the sum of the two bounding radii
+  alignas(64) Column3 direction_ = {};        // the best direction, from box to hull, unit
+  alignas(64) Column3 above_ = {}, below_ =
+                                       {};  // the hull's extent along the box's axes, relative to the hull's origin
+  alignas(64) Column3 from_corner_ = {};    // from the box's deepest corner to the hull's origin
+  std::uint32_t doubtful_mask_ = 0;         // one bit per pair that rounding could decide wrongly
   BlockContacts found_;
 };
 

@@ -11,27 +11,28 @@
 namespace ringfence::narrow_phase {
 namespace {
 
-struct Flat {
+struct Point2 {
   double x, y;
 };
-Flat operator-(Flat p, Flat q) { return {p.x - q.x, p.y - q.y}; }
-double turn(Flat p, Flat q) { return p.x * q.y - p.y * q.x; }
-double dot(Flat p, Flat q) { return p.x * q.x + p.y * q.y; }
-Flat between(Flat p, Flat q, double part) { return {p.x + (q.x - p.x) * part, p.y + (q.y - p.y) * part}; }
+Point2 operator-(Point2 p, Point2 q) { return {p.x - q.x, p.y - q.y}; }
+double cross_2d(Point2 p, Point2 q) { return p.x * q.y - p.y * q.x; }
+double dot(Point2 p, Point2 q) { return p.x * q.x + p.y * q.y; }
+Point2 between(Point2 p, Point2 q, double part) { return {p.x + (q.x - p.x) * part, p.y + (q.y - p.y) * part}; }
 
-/// A convex polygon, anticlockwise; one point or two where it is flat. Clipping adds a corner for each side at most.
+/// A convex polygon, anticlockwise; one or two points where it is degenerate. Clipping adds at most one corner per
+/// side.
 struct Polygon {
-  std::array<Flat, 4 * max_feature_points> corner;
+  std::array<Point2, 4 * max_feature_points> corner;
   std::size_t size = 0;
 
-  /// Past what rounding can make of two convex polygons, corners are left out.
-  void penetration(Flat p) {
+  /// Corners beyond the capacity are dropped. Only rounding can produce that many for two convex polygons.
+  void append(Point2 p) {
     if (size < corner.size()) corner[size++] = p;
   }
-  Flat next(std::size_t i) const { return corner[i + 1 < size ? i + 1 : 0]; }
+  Point2 next(std::size_t i) const { return corner[i + 1 < size ? i + 1 : 0]; }
 };
 
-/// The plane across the normal.
+/// A basis of the plane perpendicular to the normal.
 struct Frame {
   Vec3d u, v;
 
@@ -40,23 +41,23 @@ struct Frame {
     u = across * (1 / length(across));
     v = cross(n, u);
   }
-  Flat project(Vec3d p) const { return {ringfence::dot(p, u), ringfence::dot(p, v)}; }
+  Point2 project(Vec3d p) const { return {ringfence::dot(p, u), ringfence::dot(p, v)}; }
 };
 
-/// Andrew's monotone chain.
+/// Convex hull by Andrew's monotone chain.
 void make_hull(std::span<const Vec3d> points, const Frame& frame, Polygon& out) {
-  std::array<Flat, max_feature_points> sorted;
+  std::array<Point2, max_feature_points> sorted;
   std::size_t count = 0;
   for (const Vec3d& p : points) sorted[count++] = frame.project(p);
   std::sort(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(count),
-            [](Flat p, Flat q) { return p.x != q.x ? p.x < q.x : p.y < q.y; });
+            [](Point2 p, Point2 q) { return p.x != q.x ? p.x < q.x : p.y < q.y; });
   out.size = 0;
-  const auto chain = [&](Flat p, std::size_t start) {
+  const auto chain = [&](Point2 p, std::size_t start) {
     while (out.size >= start + 2 &&
-           turn(out.corner[out.size - 1] - out.corner[out.size - 2], p - out.corner[out.size - 2]) <= 0) {
+           cross_2d(out.corner[out.size - 1] - out.corner[out.size - 2], p - out.corner[out.size - 2]) <= 0) {
       --out.size;
     }
-    out.penetration(p);
+    out.append(p);
   };
   for (std::size_t i = 0; i < count; ++i) chain(sorted[i], 0);
   const std::size_t lower = out.size - 1;
@@ -64,33 +65,33 @@ void make_hull(std::span<const Vec3d> points, const Frame& frame, Polygon& out) 
   if (out.size > 1) --out.size;  // the first point again
 }
 
-/// The part of `subject` on the left of every side of `by`, which has an area. (Sutherland and Hodgman 1974)
+/// Clips `subject` by `by`, whose area must not be zero (Sutherland and Hodgman 1974).
 void clip(Polygon& subject, const Polygon& by, Polygon& spare) {
   for (std::size_t s = 0; s < by.size && subject.size > 0; ++s) {
-    const Flat from = by.corner[s], side = by.next(s) - from;
+    const Point2 from = by.corner[s], side = by.next(s) - from;
     spare.size = 0;
     for (std::size_t i = 0; i < subject.size; ++i) {
-      const Flat p = subject.corner[i], q = subject.next(i);
-      const double p_left = turn(side, p - from), q_left = turn(side, q - from);
-      if (p_left >= 0) spare.penetration(p);
+      const Point2 p = subject.corner[i], q = subject.next(i);
+      const double p_left = cross_2d(side, p - from), q_left = cross_2d(side, q - from);
+      if (p_left >= 0) spare.append(p);
       if ((p_left > 0 && q_left < 0) || (p_left < 0 && q_left > 0)) {
-        spare.penetration(between(p, q, p_left / (p_left - q_left)));
+        spare.append(between(p, q, p_left / (p_left - q_left)));
       }
     }
     std::swap(subject, spare);
   }
 }
 
-Flat middle(const Polygon& polygon) {
-  Flat sum{0, 0};
+Point2 middle(const Polygon& polygon) {
+  Point2 sum{0, 0};
   for (std::size_t i = 0; i < polygon.size; ++i) sum = {sum.x + polygon.corner[i].x, sum.y + polygon.corner[i].y};
   const auto count = static_cast<double>(polygon.size);
   return {sum.x / count, sum.y / count};
 }
 
-/// Of what is left of a segment, whose ends clipping may have listed twice.
-Flat middle_along(const Polygon& points, Flat along) {
-  const auto before = [&](Flat p, Flat q) { return dot(p, along) < dot(q, along); };
+/// The middle of a clipped segment; clipping may have duplicated its ends.
+Point2 middle_along(const Polygon& points, Point2 along) {
+  const auto before = [&](Point2 p, Point2 q) { return dot(p, along) < dot(q, along); };
   const auto [low, high] = std::minmax_element(
       points.corner.begin(), points.corner.begin() + static_cast<std::ptrdiff_t>(points.size), before);
   return between(*low, *high, 0.5);
@@ -98,27 +99,27 @@ Flat middle_along(const Polygon& points, Flat along) {
 
 struct Nearest {
   double squared = std::numeric_limits<double>::infinity();
-  Flat middle{0, 0};
+  Point2 middle{0, 0};
 
   void corners_to_sides(const Polygon& corners, const Polygon& sides) {
     for (std::size_t i = 0; i < corners.size; ++i) {
       for (std::size_t s = 0; s < sides.size; ++s) {
-        const Flat p = corners.corner[i], from = sides.corner[s], side = sides.next(s) - from;
+        const Point2 p = corners.corner[i], from = sides.corner[s], side = sides.next(s) - from;
         const double whole = dot(side, side);
         const double part = whole > 0 ? std::clamp(dot(p - from, side) / whole, 0.0, 1.0) : 0.0;
-        const Flat q = between(from, sides.next(s), part), gap = p - q;
+        const Point2 q = between(from, sides.next(s), part), gap = p - q;
         if (dot(gap, gap) < squared) squared = dot(gap, gap), middle = between(p, q, 0.5);
       }
     }
   }
 };
 
-/// Two segments: where they cross, or the middle of what they share if they lie on one line.
-Flat meet(const Polygon& p, const Polygon& q) {
-  const Flat along = p.corner[1] - p.corner[0], other = q.corner[1] - q.corner[0];
-  const double sine = turn(along, other), scale = std::sqrt(dot(along, along) * dot(other, other));
+/// For two segments: their crossing, or the middle of their common part if they are collinear.
+Point2 intersect_segments(const Polygon& p, const Polygon& q) {
+  const Point2 along = p.corner[1] - p.corner[0], other = q.corner[1] - q.corner[0];
+  const double sine = cross_2d(along, other), scale = std::sqrt(dot(along, along) * dot(other, other));
   if (std::abs(sine) > 1e-6 * scale) {
-    const double part = turn(q.corner[0] - p.corner[0], other) / sine;
+    const double part = cross_2d(q.corner[0] - p.corner[0], other) / sine;
     return between(p.corner[0], p.corner[1], std::clamp(part, 0.0, 1.0));
   }
   const double whole = dot(along, along);
@@ -127,17 +128,17 @@ Flat meet(const Polygon& p, const Polygon& q) {
   return between(p.corner[0], p.corner[1], 0.5 * (low + high));
 }
 
-Flat shared(Polygon& p, Polygon& q, Polygon& spare) {
+Point2 intersect_features(Polygon& p, Polygon& q, Polygon& spare) {
   if (p.size == 1) return p.corner[0];
   if (q.size == 1) return q.corner[0];
-  if (p.size == 2 && q.size == 2) return meet(p, q);
+  if (p.size == 2 && q.size == 2) return intersect_segments(p, q);
   Polygon& subject = q.size > 2 ? p : q;
   const Polygon& by = q.size > 2 ? q : p;
   Nearest nearest;
   nearest.corners_to_sides(p, q);
   nearest.corners_to_sides(q, p);
   const bool segment = subject.size == 2;
-  const Flat along = subject.next(0) - subject.corner[0];
+  const Point2 along = subject.next(0) - subject.corner[0];
   clip(subject, by, spare);
   if (subject.size == 0) return nearest.middle;
   return segment ? middle_along(subject, along) : middle(subject);
@@ -149,25 +150,25 @@ Vec3d common_point(std::span<const Vec3d> first, std::span<const Vec3d> second, 
   if (first.size() == 1) return first[0];
   if (second.size() == 1) return second[0];
   if (first.size() == 2 && second.size() == 2) {
-    // Two edges that cross, which is what most hulls meet with, need no frame.
+    // Two crossing edges, the most frequent case for hulls, need no basis.
     const Vec3d along = first[1] - first[0], other = second[1] - second[0];
     const double sine = ringfence::dot(normal, cross(along, other));
     if (sine * sine > 1e-12 * ringfence::dot(along, along) * ringfence::dot(other, other)) {
-      // Held within both: where only their ends come near each other, the lines may cross far from there.
-      const auto held = [normal](Vec3d from, Vec3d way, Vec3d to) {
-        const Vec3d gap = to - from, level = way - normal * ringfence::dot(normal, way);
-        return from + way * std::clamp(ringfence::dot(gap, level) / ringfence::dot(level, level), 0.0, 1.0);
+      // Clamped to both edges: where only their ends are close, the lines may cross far away.
+      const auto clamp_to_edge = [normal](Vec3d from, Vec3d edge, Vec3d to) {
+        const Vec3d gap = to - from, level = edge - normal * ringfence::dot(normal, edge);
+        return from + edge * std::clamp(ringfence::dot(gap, level) / ringfence::dot(level, level), 0.0, 1.0);
       };
       const double part = ringfence::dot(normal, cross(second[0] - first[0], other)) / sine;
-      const Vec3d near = held(second[0], other, first[0] + along * std::clamp(part, 0.0, 1.0));
-      return (held(first[0], along, near) + near) * 0.5;
+      const Vec3d near = clamp_to_edge(second[0], other, first[0] + along * std::clamp(part, 0.0, 1.0));
+      return (clamp_to_edge(first[0], along, near) + near) * 0.5;
     }
   }
   const Frame frame(normal);
   Polygon p, q, spare;
   make_hull(first, frame, p);
   make_hull(second, frame, q);
-  const Flat at = shared(p, q, spare);
+  const Point2 at = intersect_features(p, q, spare);
   return frame.u * at.x + frame.v * at.y;
 }
 

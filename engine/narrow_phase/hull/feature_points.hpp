@@ -9,8 +9,8 @@ namespace ringfence::narrow_phase {
 
 inline constexpr std::size_t max_feature_points = 256;
 
-/// The points of a polytope that are farthest along a direction: a corner, the ends of an edge, the corners of a face,
-/// in any order. Memory that is not initialised: it is as large as the largest face there can be.
+/// The points of a polytope that are farthest along a direction: a corner, the ends of an edge, or the corners of a
+/// face, in any order. The array is not initialised, because it is as large as the largest possible face.
 class FeaturePoints {
  public:
   FeaturePoints() noexcept {}
@@ -27,11 +27,11 @@ class FeaturePoints {
   std::size_t count_ = 0;
 };
 
-/// Where two parallel features meet: seen along the unit vector `normal`, a point of the hull of `first` and of that of
-/// `second`, in the middle of what they share; its height along `normal` is of no meaning.
+/// A common point of two parallel features. In the projection along the unit vector `normal` it lies in the convex hull
+/// of `first` and in that of `second`, in the middle of their intersection. Its height along `normal` is arbitrary.
 ///
-/// At most max_feature_points each. Where they share nothing but by rounding, the middle of the nearest two points. In
-/// double, no allocation.
+/// At most max_feature_points each. If the features intersect only because of rounding, or not at all, the result is
+/// the middle of the two nearest points. Computes in double. No allocation.
 Vec3d common_point(std::span<const Vec3d> first, std::span<const Vec3d> second, Vec3d normal) noexcept;
 
 }  // namespace ringfence::narrow_phase

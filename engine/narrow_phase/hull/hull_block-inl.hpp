@@ -1,8 +1,9 @@
-// What the kernels of hulls that take their pairs in blocks share. Included once for each Highway target.
+// Shared by the kernels that test pairs with hulls in blocks. Included once for each Highway target.
 //
-// A pair of hulls takes a dozen steps, each waiting for the one before, with ends that cannot be foreseen. So a block
-// of pairs goes through each step together: while one pair waits, the next is under way, and what ends a pair is an
-// entry less in a list, not a branch. What is a few numbers a pair is done in lanes, a pair a lane.
+// The test of a pair with a hull has about a dozen steps, each of which depends on the previous one and may end the
+// test unpredictably. So all pairs of a block go through each step together: while one pair waits for a result, the
+// next is computed, and a pair that is decided is removed from a list without a branch. Steps with a few numbers per
+// pair are computed in lanes, one pair per lane.
 
 #if defined(RINGFENCE_NARROW_PHASE_HULL_BLOCK_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_HULL_BLOCK_INL
@@ -22,12 +23,12 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 inline constexpr std::size_t block_pairs = PlacementColumns::most;
 
-/// The pairs of a block that are still to be decided, ascending.
+/// The pairs of a block that are not yet decided, ascending.
 struct Undecided {
   std::uint32_t pair[block_pairs];
   std::size_t count = 0;
 
-  /// Keeps those for which `undecided(i)` says so, without a branch.
+  /// Keeps the pairs for which `undecided(i)` is true, without a branch.
   template <class Test>
   HWY_INLINE void keep(const Test& undecided) {
     std::size_t kept = 0;
@@ -41,13 +42,13 @@ struct Undecided {
   }
 };
 
-/// What was found for the pairs of a block, in the axes of their first bodies and about those bodies' origins.
+/// The contacts of a block, in the axes of the first bodies and relative to their origins.
 struct BlockContacts {
-  // Set where nothing is found, too: what was on the stack could be denormal, and slow to compute with.
+  // Initialised also where there is no contact: leftovers on the stack could be denormal numbers, which are slow.
   alignas(64) float depth[block_pairs] = {};
   alignas(64) float normal[3][block_pairs] = {};
   alignas(64) float point[3][block_pairs] = {};
-  alignas(64) std::uint32_t hit[block_pairs] = {};  ///< all bits or none
+  alignas(64) std::uint32_t hit[block_pairs] = {};  ///< all bits set or none
 
   HWY_INLINE void put(std::size_t i, float its_depth, Vec3f n, Vec3f p) {
     depth[i] = its_depth;
@@ -82,7 +83,7 @@ struct KindsOf {
   static constexpr ShapeKind first = a, second = b;
 };
 
-/// Writes the contacts of a block. `pairs` has entries, of whatever pair, up to whole vectors.
+/// Writes the contacts of a block. `pairs` must have (arbitrary) entries up to the end of the last vector.
 template <class Kinds, class D>
 HWY_INLINE PairContact* write_block(D d, const KernelPair* pairs, std::size_t count, const PlacementColumns& placed,
                                     const BlockContacts& found, PairContact* out) {

@@ -1,4 +1,4 @@
-// Which edges of a polytope can matter, by a byte for each of its faces. Included once for each Highway target.
+// Selects the edges of a polytope by one byte for each of its faces. Included once for each Highway target.
 
 #if defined(RINGFENCE_NARROW_PHASE_HULL_EDGES_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_HULL_EDGES_INL
@@ -18,7 +18,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// Bit `k` where `mask` holds, to be joined with others and stored as bytes.
+/// Bit `k` in the lanes where `mask` is set; to be combined and stored as bytes.
 template <class D>
 HWY_INLINE hn::Vec<hn::RebindToSigned<D>> bit_where(D, hn::Mask<D> mask, int k) {
   const hn::RebindToSigned<D> ints;
@@ -47,11 +47,12 @@ HWY_INLINE std::uint64_t byte_bits(B bytes, hn::Mask<B> mask) {
   return word;
 }
 
-/// Appends `first` and the index of each bit that is set to the `count` of `out`; answers how many there are then. May
-/// write three more.
+/// Appends `first` plus the index of each set bit to the `count` entries of `out` and returns the new count. May write
+/// three entries more.
 template <class Index>
 HWY_INLINE std::size_t append_bits(std::uint64_t bits, std::size_t first, Index* out, std::size_t count) {
-  // Four at a time, those past the last to be overwritten: most often that is all, and no branch to be missed.
+  // Four at a time; entries past the last are overwritten later. Usually one round suffices, so there is no branch to
+  // mispredict.
   const std::size_t end = count + static_cast<std::size_t>(std::popcount(bits));
   for (; count < end; count += 4) {
     for (std::size_t k = 0; k < 4; ++k, bits &= bits - 1) {
@@ -61,7 +62,7 @@ HWY_INLINE std::size_t append_bits(std::uint64_t bits, std::size_t first, Index*
   return end;
 }
 
-/// Both faces of an edge may be ruled out by the same of the bits.
+/// Selects an edge unless both of its faces are excluded by the same bit.
 struct NoCommonBit {
   HWY_INLINE bool operator()(std::uint8_t left, std::uint8_t right) const { return (left & right) == 0; }
   template <class D>
@@ -70,23 +71,24 @@ struct NoCommonBit {
   }
 };
 
-/// From the left faces of all edges to the right ones.
+/// Distance from the column of left faces to that of right faces.
 HWY_INLINE std::size_t face_column_stride(const Polytope& own) {
   return (own.edges + geometry::face_column_bytes - 1) / geometry::face_column_bytes * geometry::face_column_bytes;
 }
 
 #if HWY_TARGET != HWY_SCALAR
-/// Of each index below `size` the byte of a table that is padded to 16.
+/// Looks up one byte for each index below `size` in a table that is padded to 16 bytes.
 template <class B>
 HWY_INLINE hn::Vec<B> looked_up(B bytes, const std::uint8_t* table, std::size_t size, hn::Vec<B> index) {
 #if HWY_TARGET == HWY_AVX3_DL
-  // One instruction, where tables of 16 take fifty. What it reads past the table is of no index.
+  // One instruction instead of fifty with tables of 16 bytes. Bytes past the table are loaded but never selected.
   if (HWY_LIKELY(size <= 64)) {
     return hn::Vec<B>{_mm512_permutexvar_epi8(index.raw, hn::Load(bytes, table).raw)};
   }
 #endif
   auto out = hn::Zero(bytes);
-  // An index is in one of the tables of 16 bytes, and finds nothing in all others: its highest bit is set there.
+  // Each index belongs to one table of 16 bytes; in all other tables its highest bit is set, so that the lookup gives
+  // 0.
   for (std::size_t f = 0; f < size; f += 16) {
     const auto from_here = index - hn::Set(bytes, static_cast<std::uint8_t>(f));
     const auto beyond = hn::VecFromMask(bytes, hn::Gt(from_here, hn::Set(bytes, 15)));
@@ -96,8 +98,9 @@ HWY_INLINE hn::Vec<B> looked_up(B bytes, const std::uint8_t* table, std::size_t 
 }
 #endif
 
-/// Writes the edges for whose faces' bytes `keep(left, right)` holds, ascending, with `tag` in their upper bits;
-/// answers how many. `out` has room for all edges and three more. `bytes_of_faces` is padded to 16, and 64 can be read.
+/// Writes the edges for whose faces' bytes `keep(left, right)` is true, ascending, with `tag` in the upper bits.
+/// Returns their number. `out` has room for all edges and three more. `bytes_of_faces` is padded to 16 bytes, and 64
+/// bytes can be read.
 template <class Index, class Keep>
 HWY_INLINE std::size_t list_edges_where(const Polytope& own, const std::uint8_t* bytes_of_faces, const Keep& keep,
                                         Index tag, Index* out) {
@@ -124,8 +127,8 @@ HWY_INLINE std::size_t list_edges_where(const Polytope& own, const std::uint8_t*
   return count;
 }
 
-/// Writes the edges of a face: first those that have it to the left, with `left_tag` in their upper bits, then those
-/// that have it to the right, each ascending; answers how many. `out` has room for them and three more.
+/// Writes the edges of a face: first those with the face on their left, with `left_tag` in the upper bits, then those
+/// with the face on their right, each group ascending. Returns their number. `out` has room for three more.
 template <class Index>
 HWY_INLINE std::size_t list_edges_of_face(const Polytope& own, std::size_t face, Index left_tag, Index right_tag,
                                           Index* out) {

@@ -1,5 +1,5 @@
-// One pair of polytopes from bodies to contact, in float or double: what decides pairs that are too different in size
-// for float, and those that a block of pairs leaves in doubt. Included once for each Highway target.
+// Tests one pair of polytopes at a time, in float or double: hull against hull, pairs whose sizes differ too much for
+// float, and pairs that a block could not decide. Included once for each Highway target.
 
 #if defined(RINGFENCE_NARROW_PHASE_PAIR_KERNEL_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_PAIR_KERNEL_INL
@@ -16,13 +16,13 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// Where a shape's polytope comes from.
+/// Provides support and polytope of a hull in the shape table.
 class HullSource {
  public:
   static constexpr ShapeKind kind = ShapeKind::hull;
   HWY_INLINE HullSource(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row)
       : hull_(shapes.hull(row.index_in_kind)) {}
-  /// The support along a direction, and later where it is.
+  /// The support along a direction; the vertex is determined on demand.
   template <class T>
   class Support {
    public:
@@ -80,8 +80,8 @@ class BoxSource {
 HWY_INLINE const Polytope& polytope_in(const Polytope& polytope) { return polytope; }
 HWY_INLINE const Polytope& polytope_in(const BoxPolytope& box) { return box.polytope(); }
 
-/// Writes what was found in the axes of the first body, `first` in the world's, turned to the pair's own a and b;
-/// `world` leads from the first's position to the second's.
+/// Converts an overlap from the axes of the first body to the pair's own a and b, and writes it. `first` is the
+/// rotation of the first body, `world` the vector from the first body's position to the second's.
 template <class T>
 HWY_INLINE PairContact* write(const KernelPair& pair, const RotationMatrix<T>& first, Point<T> world,
                               const Overlap<T>& found, PairContact* out) {
@@ -90,7 +90,7 @@ HWY_INLINE PairContact* write(const KernelPair& pair, const RotationMatrix<T>& f
     normal = -normal;
     point = point - world;
   }
-  // Adding zero makes every zero positive, so that no bit depends on how it came about.
+  // Adding zero makes every zero positive, so that its sign does not depend on the computation.
   const auto plain = [](T value) { return static_cast<float>(value) + 0.0f; };
   *out = {pair.pair,
           plain(found.depth),
@@ -99,24 +99,25 @@ HWY_INLINE PairContact* write(const KernelPair& pair, const RotationMatrix<T>& f
   return out + 1;
 }
 
-/// Part of the two sizes by which a remembered axis has to keep two shapes apart: ten times what a reach may be off by.
-inline constexpr float proof = 1e-5f;
+/// A cached axis has to separate two shapes by this part of their sizes: ten times the error of an overlap along a
+/// direction.
+inline constexpr float axis_margin = 1e-5f;
 
-/// Whether a remembered axis proves the two apart.
+/// Whether a cached axis still separates the two shapes.
 template <class First, class Second>
 HWY_INLINE bool remembered_axis_separates(const First& first, const Second& second, const Placement<float>& placed,
                                           Vec3f axis, float size, WorkCounts& work) {
   const Vec3f n = rotate_inverse(placed.first, axis);
   const float value = (first.template support<float>(n).value() +
-                       second.template support<float>(-rotate_inverse(placed.turn, n)).value()) -
+                       second.template support<float>(-rotate_inverse(placed.second_to_first, n)).value()) -
                       dot(n, placed.offset);
   ++work.directions;
   work.pass<float>(first.vertices());
   work.pass<float>(second.vertices());
-  return value < -proof * size;
+  return value < -axis_margin * size;
 }
 
-/// One pair, of float or double.
+/// Tests one pair, in float or double.
 template <class T, class First, class Second, class Place>
 HWY_INLINE PairContact* test_pair(const KernelInput& input, const KernelPair& pair, const First& first,
                                   const Second& second, Point<T> axis, Point<T> axis_in_second, T along_axis,

@@ -1,5 +1,5 @@
-// Where the second polytope of a pair lies in the axes of the first, for a vector of pairs at a time, and the line
-// through their centres, along which most pairs that are apart show it. Included once for each Highway target.
+// Placements: the second polytope of a pair in the axes of the first, for a vector of pairs at a time, and the line
+// between their centres, along which most separated pairs are separated. Included once for each Highway target.
 
 #if defined(RINGFENCE_NARROW_PHASE_PLACEMENT_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_PLACEMENT_INL
@@ -17,19 +17,19 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// How the second body lies to the first.
+/// The second body relative to the first.
 template <class T>
 struct Placement {
-  RotationMatrix<T> first;  ///< from the axes of the first to the world's
-  RotationMatrix<T> turn;   ///< from the axes of the second to those of the first
-  Point<T> offset;          ///< from the first's origin to the second's, in the axes of the first
-  Point<T> world;           ///< the same in the world's axes
-  Point<T> axis;            ///< from centre to centre, not unit; in the axes of the first
+  RotationMatrix<T> first;            ///< from the axes of the first to the world's
+  RotationMatrix<T> second_to_first;  ///< from the axes of the second to those of the first
+  Point<T> offset;                    ///< from the first's origin to the second's, in the axes of the first
+  Point<T> world;                     ///< the same in world axes
+  Point<T> axis;                      ///< from centre to centre, not unit; in the axes of the first
   Point<T> axis_in_second;
   T axis_squared;
 };
 
-/// In double, with the centres of the two shapes in their own axes.
+/// Computes a placement in double. The centres are in the axes of their shapes.
 inline Placement<double> placement_of(const Pose& p, Vec3f p_centre, const Pose& q, Vec3f q_centre) {
   Placement<double> out;
   out.first = geometry::rotation_exact(p.orientation);
@@ -37,31 +37,32 @@ inline Placement<double> placement_of(const Pose& p, Vec3f p_centre, const Pose&
   const geometry::RotationD second = geometry::rotation_exact(q.orientation);
   for (int k = 0; k < 3; ++k) {
     const Vec3d axis = rotate_inverse(out.first, Vec3d{second.m[0][k], second.m[1][k], second.m[2][k]});
-    out.turn.m[0][k] = axis.x;
-    out.turn.m[1][k] = axis.y;
-    out.turn.m[2][k] = axis.z;
+    out.second_to_first.m[0][k] = axis.x;
+    out.second_to_first.m[1][k] = axis.y;
+    out.second_to_first.m[2][k] = axis.z;
   }
   out.offset = rotate_inverse(out.first, out.world);
-  out.axis = (rotate(out.turn, to_double(q_centre)) + out.offset) - to_double(p_centre);
+  out.axis = (rotate(out.second_to_first, to_double(q_centre)) + out.offset) - to_double(p_centre);
   out.axis_squared = dot(out.axis, out.axis);
   if (!(out.axis_squared > 1e-20)) {
     out.axis = {1, 0, 0};
     out.axis_squared = 1;
   }
-  out.axis_in_second = rotate_inverse(out.turn, out.axis);
+  out.axis_in_second = rotate_inverse(out.second_to_first, out.axis);
   return out;
 }
 
-/// Whether the centre of a kind is its origin, as a box's is; that of a hull is in the sizes of its row.
+/// Whether the centre of this kind of shape is its origin, as for a box. The centre of a hull is stored in the sizes of
+/// its row.
 template <ShapeKind kind>
 constexpr bool centred = kind == ShapeKind::box;
 
-/// Placements of some pairs in columns. In float.
+/// Placements of some pairs as columns of floats.
 class PlacementColumns {
  public:
   static constexpr std::size_t most = 16;
 
-  /// Reads up to `most` pairs of two kinds, with the narrowest vectors that hold them; answers how many.
+  /// Reads up to `most` pairs of two kinds with the narrowest vectors that hold them. Returns how many.
   template <ShapeKind first, ShapeKind second>
   std::size_t fill(const KernelInput& input, const KernelPair* pairs, std::size_t count) {
     const hn::CappedTag<float, 16> full;
@@ -80,7 +81,7 @@ class PlacementColumns {
     for (int k = 0; k < 3; ++k) {
       for (int j = 0; j < 3; ++j) {
         p.first.m[k][j] = first_[k][j][i];
-        p.turn.m[k][j] = rotation_[k][j][i];
+        p.second_to_first.m[k][j] = second_to_first_[k][j][i];
       }
     }
     p.offset = at(offset_, i);
@@ -91,20 +92,20 @@ class PlacementColumns {
     return p;
   }
 
-  /// Columns of `most` floats, one a pair; see Placement.
+  /// Columns of `most` floats, one per pair; see Placement.
   const float* first(int row, int column) const { return first_[row][column]; }
-  const float* turn(int row, int column) const { return rotation_[row][column]; }
+  const float* second_to_first(int row, int column) const { return second_to_first_[row][column]; }
   const float* offset(int k) const { return offset_[k]; }
   const float* world(int k) const { return world_[k]; }
   const float* axis(int k) const { return axis_[k]; }
   const float* along_axis() const { return along_axis_; }
-  /// The first's and the second's ShapeRow::size.
+  /// ShapeRow::size of the first and the second shape.
   const float* first_size(int k) const { return first_size_[k]; }
   const float* second_size(int k) const { return second_size_[k]; }
 
   HWY_INLINE Vec3f axis(std::size_t i) const { return at(axis_, i); }
   HWY_INLINE Vec3f axis_in_second(std::size_t i) const { return at(axis_in_second_, i); }
-  /// axis · offset: what the supports along the axis have to make up for the two to touch.
+  /// axis · offset: the shapes are apart if the sum of their supports along the axis is less than this.
   HWY_INLINE float along_axis(std::size_t i) const { return along_axis_[i]; }
 
  private:
@@ -149,16 +150,16 @@ class PlacementColumns {
   template <ShapeKind first, ShapeKind second, class D>
   HWY_INLINE void place_vector(D d, const Lanes<D>& in, std::size_t i) {
     const Rotation<D> p = rotation(d, in.first_orientation), q = rotation(d, in.second_orientation);
-    Rotation<D> turn;
+    Rotation<D> second_to_first;
     for (int k = 0; k < 3; ++k) {
       const Vector<D> axis = unrotate(d, p, column(q, k));
-      turn.m[0][k] = axis.x;
-      turn.m[1][k] = axis.y;
-      turn.m[2][k] = axis.z;
+      second_to_first.m[0][k] = axis.x;
+      second_to_first.m[1][k] = axis.y;
+      second_to_first.m[2][k] = axis.z;
     }
     const Vector<D> offset = unrotate(d, p, in.offset);
     Vector<D> axis = offset;
-    if constexpr (!centred<second>) axis = add(d, rotate(d, turn, in.second_size), axis);
+    if constexpr (!centred<second>) axis = add(d, rotate(d, second_to_first, in.second_size), axis);
     if constexpr (!centred<first>) axis = subtract(d, axis, in.first_size);
     auto squared = dot(d, axis, axis);
     const auto apart = squared > hn::Set(d, 1e-20f);
@@ -166,19 +167,19 @@ class PlacementColumns {
     axis = choose(d, apart, axis, Vector<D>{one, zero, zero});
     squared = hn::IfThenElse(apart, squared, one);
     put(d, p, first_, i);
-    put(d, turn, rotation_, i);
+    put(d, second_to_first, second_to_first_, i);
     put(d, offset, offset_, i);
     put(d, in.offset, world_, i);
     put(d, in.first_size, first_size_, i);
     put(d, in.second_size, second_size_, i);
     put(d, axis, axis_, i);
-    put(d, unrotate(d, turn, axis), axis_in_second_, i);
+    put(d, unrotate(d, second_to_first, axis), axis_in_second_, i);
     hn::StoreU(squared, d, axis_squared_ + i);
     hn::StoreU(dot(d, axis, offset), d, along_axis_ + i);
   }
 
   alignas(64) float first_[3][3][most];
-  float rotation_[3][3][most];
+  float second_to_first_[3][3][most];
   Column3 offset_, world_, axis_, axis_in_second_, first_size_, second_size_;
   float axis_squared_[most], along_axis_[most];
 };

@@ -7,7 +7,7 @@
 namespace ringfence::narrow_phase {
 namespace {
 
-/// Half extents of 1: its normals and edge directions are exactly those of the axes.
+/// A box with half extents of 1. Its normals and edge directions are exactly the axes.
 const geometry::Hull& unit_box() {
   static const geometry::Hull hull = [] {
     std::vector<Vec3f> corners;

@@ -12,26 +12,26 @@ namespace ringfence::narrow_phase {
 inline constexpr std::size_t max_faces = 2 * geometry::max_hull_vertices;
 inline constexpr std::size_t max_edges = 3 * geometry::max_hull_vertices;
 
-/// A hull or a box as the convex kernels read it: columns of float, aligned and padded as in geometry::Hull, which
-/// also says what they hold. Points into what it was made from.
+/// A hull or a box in the layout that the convex kernels read: columns of float, aligned and padded as in
+/// geometry::Hull, which documents them. Points into the object from which it is made.
 struct Polytope {
   const float* vertex[3];  ///< x, y, z
   const float* normal[3];
   const float* offset;
   const float* edge_columns;           ///< null for a box
-  const geometry::HullEdge* edge;      ///< of each edge the vertices, faces and direction
+  const geometry::HullEdge* edge;      ///< vertices, faces and direction of each edge
   const std::uint8_t* faces_of_edges;  ///< as in geometry::Hull
   std::size_t vertices, faces, edges;  ///< counts without the padding
-  Vec3f centre;                        ///< of a ball inside
+  Vec3f centre;                        ///< of a ball inside the polytope
   float inner_radius;                  ///< of that ball
-  float outer_radius;                  ///< of a ball about the origin that holds it
+  float outer_radius;                  ///< of a ball about the origin that holds the polytope
 
   const float* of(geometry::EdgeColumn column) const noexcept {
     return edge_columns + static_cast<std::size_t>(column) * geometry::padded(edges);
   }
 };
 
-/// A prepared hull.
+/// The polytope of a prepared hull.
 inline Polytope polytope_of(const geometry::Hull& hull) noexcept {
   return {{hull.x(), hull.y(), hull.z()},
           {hull.normal_x(), hull.normal_y(), hull.normal_z()},
@@ -47,10 +47,11 @@ inline Polytope polytope_of(const geometry::Hull& hull) noexcept {
           hull.bounding_radius()};
 }
 
-/// A box of any size: the columns that depend on it, the rest is the unit box's. Must not move once made.
+/// A box of any size: owns the columns that depend on the size and shares the others with the unit box. Cannot be
+/// moved.
 class BoxPolytope {
  public:
-  /// `size` are the half extents, as in ShapeRow.
+  /// `size` holds the half extents, as in ShapeRow.
   explicit BoxPolytope(const float size[3]) noexcept;
   BoxPolytope(const BoxPolytope&) = delete;
   BoxPolytope& operator=(const BoxPolytope&) = delete;

@@ -1,8 +1,8 @@
 // Columns of floats read in lanes of float or double, and the reductions of the convex kernels. Included once for each
 // Highway target.
 //
-// A reduction answers the greatest or least value and, where asked, the lowest index that has it: the same at every
-// width.
+// A reduction returns the greatest or least value and, on demand, the lowest index that has it. The result is the same
+// for every vector width.
 
 #if defined(RINGFENCE_NARROW_PHASE_POLYTOPE_LANES_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_POLYTOPE_LANES_INL
@@ -38,11 +38,11 @@ using Point = std::conditional_t<sizeof(T) == 4, Vec3f, Vec3d>;
 template <class T>
 using RotationMatrix = geometry::RotationOf<T>;
 
-/// What a test did, for the counters.
+/// Counts the work of a test for the counters.
 struct WorkCounts {
   std::size_t lanes = 0, filled = 0, directions = 0, ended_early = 0;
 
-  /// A pass over `count` things, a vector at a time.
+  /// Counts a pass over `count` items, one vector at a time.
   template <class T>
   HWY_INLINE void pass(std::size_t count) {
     constexpr std::size_t width = hn::MaxLanes(Columns16<T>());
@@ -93,7 +93,7 @@ HWY_INLINE hn::Vec<D> read(D d, const float* column) {
   }
 }
 
-/// Three vectors: a point or direction a lane.
+/// Three vectors: one point or direction per lane.
 template <class D>
 struct Points {
   hn::Vec<D> x, y, z;
@@ -140,14 +140,14 @@ template <class D>
 HWY_INLINE std::uint32_t bits_of(D d, hn::Mask<D> mask) {
   std::uint8_t bytes[8];
   hn::StoreMaskBits(d, mask, bytes);
-  // Reads just what was written: anything wider would wait for the store instead of being forwarded from it.
+  // Reads exactly what was written: a wider load could not be forwarded from the store buffer.
   if constexpr (hn::MaxLanes(D()) <= 8) return bytes[0];
   std::uint16_t bits;
   std::memcpy(&bits, bytes, sizeof(bits));
   return bits;
 }
 
-/// The first `count` of 32 bits.
+/// A mask of the first `count` of 32 bits.
 HWY_INLINE std::uint32_t first_bits(std::size_t count) { return count >= 32 ? ~0u : (1u << count) - 1; }
 
 template <class T>
@@ -160,14 +160,15 @@ HWY_INLINE Point<T> normal_of(const Polytope& p, std::size_t face) {
   return point_of<T>({p.normal[0][face], p.normal[1][face], p.normal[2][face]});
 }
 
-/// From start to end of an edge, unit. In double not as stored, which is rounded to float.
+/// The unit direction from start to end of an edge. In double it is recomputed, since the stored one is rounded to
+/// float.
 template <class T>
 HWY_INLINE Point<T> along_edge(const Polytope& p, std::size_t i) {
   if constexpr (sizeof(T) == 4) {
     return p.edge[i].along;
   } else {
-    const Point<T> way = vertex_of<T>(p, p.edge[i].to) - vertex_of<T>(p, p.edge[i].from);
-    return way * (T(1) / std::sqrt(dot(way, way)));
+    const Point<T> edge = vertex_of<T>(p, p.edge[i].to) - vertex_of<T>(p, p.edge[i].from);
+    return edge * (T(1) / std::sqrt(dot(edge, edge)));
   }
 }
 
@@ -180,26 +181,26 @@ HWY_INLINE T edge_length(const Polytope& p, std::size_t i) {
   }
 }
 
-/// The support of a polytope: the greatest of direction · vertex.
+/// The support of a polytope: the maximum of direction · vertex.
 template <class T>
 HWY_INLINE T support(const Polytope& p, Point<T> direction) {
   const Columns16<T> d;
-  const auto way = spread_out(d, direction);
-  auto most = dot_of(d, read(d, p.vertex[0], p.vertex[1], p.vertex[2]), way);
+  const auto direction_lanes = spread_out(d, direction);
+  auto most = dot_of(d, read(d, p.vertex[0], p.vertex[1], p.vertex[2]), direction_lanes);
   for (std::size_t i = hn::Lanes(d); i < p.vertices; i += hn::Lanes(d)) {
-    most = hn::Max(most, dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way));
+    most = hn::Max(most, dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), direction_lanes));
   }
   return hn::GetLane(hn::MaxOfLanes(d, most));
 }
 
-/// Finds the index of the least value; the lowest one if it occurs more than once. Without a branch on where it is,
-/// which could not be foreseen.
+/// Finds the index of the least value; the lowest index if there are several. Without a branch on its position, which
+/// would be unpredictable.
 template <class T>
 class Least {
  public:
   HWY_INLINE explicit Least(hn::Vec<Columns16<T>> first) : least_(first), at_(hn::Zero(ints)) {}
 
-  /// The values of a vector from index `i` on. In ascending order of i.
+  /// Adds the values of a vector that starts at index `i`. Call in ascending order of i.
   HWY_INLINE void add(hn::Vec<Columns16<T>> values, std::size_t i) {
     const auto less = hn::RebindMask(ints, hn::Lt(values, least_));
     at_ = hn::IfThenElse(less, hn::Set(ints, static_cast<Int>(i)), at_);
@@ -226,10 +227,11 @@ class Least {
   static constexpr hn::RebindToSigned<Columns16<T>> ints{};
   using Int = hwy::MakeSigned<T>;
   hn::Vec<Columns16<T>> least_;
-  hn::Vec<hn::RebindToSigned<Columns16<T>>> at_;  // where the vector begins that each lane's least is from
+  hn::Vec<hn::RebindToSigned<Columns16<T>>>
+      at_;  // for each lane: the start index of the vector that holds its least value
 };
 
-/// The index of the least of `values`, the lowest one if it occurs more than once. Padded to 16 by values that are not
+/// The index of the least of `values`; the lowest index if there are several. The padding to 16 values must not be
 /// less.
 template <class T>
 HWY_INLINE std::size_t least_of(const T* values, std::size_t count) {
@@ -239,19 +241,21 @@ HWY_INLINE std::size_t least_of(const T* values, std::size_t count) {
   return least.index();
 }
 
-/// Of `count` vertices in three padded columns, minus the distance along a direction of the farthest.
+/// The vertex farthest along a direction, among `count` vertices in three padded columns. The value is minus its
+/// distance along the direction.
 template <class T>
 HWY_INLINE Least<T> farthest_of(const float* const column[3], std::size_t count, Point<T> direction) {
   const Columns16<T> d;
-  const auto way = spread_out(d, -direction);
-  const auto nearness = [&](std::size_t i)
-                            HWY_ATTR { return dot_of(d, read(d, column[0] + i, column[1] + i, column[2] + i), way); };
+  const auto direction_lanes = spread_out(d, -direction);
+  const auto nearness = [&](std::size_t i) HWY_ATTR {
+    return dot_of(d, read(d, column[0] + i, column[1] + i, column[2] + i), direction_lanes);
+  };
   Least<T> least(nearness(0));
   for (std::size_t i = hn::Lanes(d); i < count; i += hn::Lanes(d)) least.add(nearness(i), i);
   return least;
 }
 
-/// The lowest index of the vertices farthest along a direction.
+/// The lowest index among the vertices farthest along a direction.
 template <class T>
 HWY_INLINE std::size_t farthest_vertex(const Polytope& p, Point<T> direction) {
   return farthest_of<T>(p.vertex, p.vertices, direction).index();

@@ -1,16 +1,17 @@
-// Two convex polytopes: whether they overlap and the least translation that separates them. Included once for each
-// Highway target.
+// Tests two convex polytopes: whether they overlap, and the least translation that separates them. Included once for
+// each Highway target.
 //
-// The least depth is the least reach(n) = support of a along n + support of b along -n over all directions n, and it is
-// taken where n is the normal of a face of the Minkowski difference: of a face of a, of a face of b, or across an edge
-// of each whose arcs of normals cross (the Gauss map; Gregorius, "The Separating Axis Test", 2013). All of them are
-// candidates here; what keeps it fast is that a ball and some vertices of one shape, seen from a face or an edge of the
-// other, bound reach from below, so that only few face normals and few edges can beat the best direction known. Any
-// direction of negative reach separates; the first, between the centres, which finds most of those there are, has been
-// tried before.
+// The overlap along a direction n is support of a along n + support of b along -n. The depth is the least overlap over
+// all directions. It is attained at the normal of a face of the Minkowski difference, which is the normal of a face of
+// a, of a face of b, or a direction across an edge of each whose arcs of normals cross (the Gauss map; Gregorius, "The
+// Separating Axis Test", 2013). All of them are candidates. To exclude most of them quickly, a ball inside one shape
+// and some of its vertices give a lower bound of the overlap for the faces and edges of the other shape. Only few face
+// normals and edges can then be better than the best direction found so far. Any direction with negative overlap
+// separates the shapes; the direction between the centres, which separates most pairs that are apart, has been tried
+// before.
 //
-// It ends: every stage walks a list once. Nearly parallel edges and nearly touching arcs are judged by their true
-// reach, so that rounding can never make an answer less than the depth along its own normal.
+// Termination: every stage goes through a list once. Nearly parallel edges and nearly touching arcs are evaluated by
+// their exact overlap, so that rounding cannot make the depth less than the overlap along the reported normal.
 
 #if defined(RINGFENCE_NARROW_PHASE_POLYTOPE_PAIR_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_POLYTOPE_PAIR_INL
@@ -31,37 +32,37 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// What is known of the reach of one shape's faces: bounds from below by points inside the other shape, each by the
-/// other's deepest vertex along some direction, and by the ball inside the other.
+/// Lower bounds of the overlap along the face normals of one shape. Two are from points inside the other shape (its
+/// deepest vertex along some direction), one from the ball inside the other shape.
 template <class T>
 struct FaceBounds {
   static constexpr std::size_t words = max_faces / 64;
-  using Set = std::uint64_t[words];  ///< of faces
+  using Set = std::uint64_t[words];  ///< a set of faces
 
-  alignas(64) T ball_centre[max_faces];  ///< from the centre of the ball to the face's plane, positive inside
+  alignas(64) T ball_centre[max_faces];  ///< distance from the face's plane to the centre of the ball, positive inside
   alignas(64) T point[2][max_faces];
-  alignas(64) T bound[max_faces];  ///< the better of the ball's and the first point's
+  alignas(64) T bound[max_faces];  ///< the better of the bounds of the ball and the first point
 };
 
 template <class T>
 class PolytopePair {
  public:
-  /// What the placement's axis, which does not separate the two, found: the reach along it (times its length), and the
-  /// vertices that are deepest.
+  /// Results along the placement's axis, which does not separate the two: the overlap (times the length of the axis),
+  /// and the deepest vertices.
   struct Start {
     T value;
     std::size_t vertex_of_a, vertex_of_b;
   };
   HWY_INLINE PolytopePair(const Polytope& a, const Polytope& b, const Placement<T>& placement, const Start& start,
                           WorkCounts& work)
-      : a_(a), b_(b), rotation_(placement.turn), offset_(placement.offset), start_(start), work_(work) {
+      : a_(a), b_(b), rotation_(placement.second_to_first), offset_(placement.offset), start_(start), work_(work) {
     const T inverse = T(1) / std::sqrt(placement.axis_squared);
     best_ = start.value * inverse;
     direction_ = placement.axis * inverse;
     centre_of_b_ = rotate(rotation_, point_of<T>(b.centre)) + offset_;
   }
 
-  /// Whether they overlap or touch; if so `out` says how.
+  /// Returns whether the polytopes overlap or touch; if so, writes the overlap to `out`.
   bool test(Overlap<T>& out) {
     if (separated_by_faces()) return false;
     const T after_faces = best_;
@@ -69,7 +70,8 @@ class PolytopePair {
     if (separated_by_edges(false)) return false;
     out = measured();
     if (out.depth > best_ + Rounding<T>::sure * (best_ + size())) {
-      // An edge pair that was taken for sure was none: never seen, but then each is judged by its true reach.
+      // An edge pair that was accepted was not a face of the difference. This was never observed, but if it happens
+      // each edge pair is evaluated by its exact overlap.
       best_ = after_faces;
       direction_ = direction_after_faces;
       if (separated_by_edges(true)) return false;
@@ -78,7 +80,7 @@ class PolytopePair {
     return true;
   }
 
-  /// After a test that found them apart, a unit direction that separates them, in the axes of a.
+  /// After a test that found the polytopes apart: a unit direction that separates them, in the axes of a.
   Point<T> direction() const { return direction_; }
 
  private:
@@ -88,15 +90,15 @@ class PolytopePair {
 
   HWY_INLINE T size() const { return T(a_.outer_radius) + T(b_.outer_radius); }
 
-  /// What a candidate's bound has to be below, if a ball of `inner_radius` is to be added to it.
-  HWY_INLINE T limit(float inner_radius) const { return (best_ - T(inner_radius)) + Rounding<T>::reach * size(); }
+  /// The limit for the bound of a candidate to which the radius `inner_radius` of a ball is still to be added.
+  HWY_INLINE T limit(float inner_radius) const { return (best_ - T(inner_radius)) + Rounding<T>::overlap * size(); }
 
-  HWY_INLINE T reach(Point<T> direction) const {
+  HWY_INLINE T overlap_along(Point<T> direction) const {
     return (support<T>(a_, direction) + support<T>(b_, -rotate_inverse(rotation_, direction))) -
            dot(direction, offset_);
   }
 
-  /// Takes note of a unit direction; whether it separates.
+  /// Records the overlap `value` along a unit direction; returns whether the direction separates the polytopes.
   HWY_INLINE bool separates(Point<T> direction, T value) {
     if (value < best_) {
       best_ = value;
@@ -105,7 +107,7 @@ class PolytopePair {
     return value < T(0);
   }
 
-  /// The deepest vertex of the one along a direction from a to b, in the axes of the other.
+  /// The deepest vertex of one shape along a direction from a to b, in the axes of the other shape.
   HWY_INLINE Point<T> deepest_of_a(Point<T> direction) const {
     return rotate_inverse(rotation_, vertex_of<T>(a_, farthest_vertex<T>(a_, direction)) - offset_);
   }
@@ -113,7 +115,7 @@ class PolytopePair {
     return vertex_of_b(farthest_vertex<T>(b_, -direction_in_b));
   }
 
-  /// The first bounds of all faces; answers the face with the least.
+  /// Computes the first bounds of all faces; returns the face with the least.
   static std::size_t bound_faces(const Polytope& own, Point<T> centre, float radius, Point<T> point, Bounds& out) {
     const auto c = spread_out(d, centre), p = spread_out(d, point);
     const auto r = hn::Set(d, T(radius));
@@ -128,12 +130,12 @@ class PolytopePair {
     return least_of(out.bound, own.faces);
   }
 
-  /// The faces whose bounds, and that of a second point, leave a chance.
-  void add_point(const Polytope& own, Point<T> point, Bounds& bounds, typename Bounds::Set chances) const {
+  /// Adds the bounds by a second point; writes the set of faces that can still be the best.
+  void add_point(const Polytope& own, Point<T> point, Bounds& bounds, typename Bounds::Set candidates) const {
     T* const out = bounds.point[1];
     const auto p = spread_out(d, point);
     const auto most = hn::Set(d, limit(0));
-    collect(d, own.faces, chances, [&](std::size_t i) HWY_ATTR {
+    collect(d, own.faces, candidates, [&](std::size_t i) HWY_ATTR {
       const auto normal = read(d, own.normal[0] + i, own.normal[1] + i, own.normal[2] + i);
       const auto depth = read(d, own.offset + i) - dot_of(d, normal, p);
       hn::Store(depth, d, out + i);
@@ -148,38 +150,38 @@ class PolytopePair {
     const std::size_t of_a = bound_faces(a_, centre_of_b_, b_.inner_radius, in_a, bounds_of_a_);
     const std::size_t of_b = bound_faces(b_, centre_of_a_in_b, a_.inner_radius, in_b, bounds_of_b_);
     work_.pass<T>(a_.faces + b_.faces);
-    // The face that promises to reach least is often the one, and gives a good bound for all others.
+    // The face with the least bound is often the best one, and gives a good limit for all others.
     const Point<T> normal_of_a = normal_of<T>(a_, of_a), normal_of_b = normal_of<T>(b_, of_b);
     const Point<T> deepest_b = deepest_of_b(rotate_inverse(rotation_, normal_of_a));
-    const Point<T> way_of_b = -rotate(rotation_, normal_of_b);
-    const Point<T> deepest_a = deepest_of_a(way_of_b);
+    const Point<T> direction_of_b = -rotate(rotation_, normal_of_b);
+    const Point<T> deepest_a = deepest_of_a(direction_of_b);
     work_.directions += 2;
     work_.pass<T>(a_.vertices + b_.vertices);
     FaceChoice choice{best_};
-    choice.judge(of_a, T(a_.offset[of_a]) - dot(normal_of_a, deepest_b));
-    choice.judge(max_faces + of_b, T(b_.offset[of_b]) - dot(normal_of_b, deepest_a));
+    choice.consider(of_a, T(a_.offset[of_a]) - dot(normal_of_a, deepest_b));
+    choice.consider(max_faces + of_b, T(b_.offset[of_b]) - dot(normal_of_b, deepest_a));
     best_ = choice.least;
     if (best_ < T(0)) {
       take_direction(choice);
       return true;
     }
 
-    typename Bounds::Set chances_of_a, chances_of_b;
-    add_point(a_, deepest_b, bounds_of_a_, chances_of_a);
-    add_point(b_, deepest_a, bounds_of_b_, chances_of_b);
+    typename Bounds::Set candidates_of_a, candidates_of_b;
+    add_point(a_, deepest_b, bounds_of_a_, candidates_of_a);
+    add_point(b_, deepest_a, bounds_of_b_, candidates_of_b);
     work_.pass<T>(a_.faces + b_.faces);
-    chances_of_a[of_a / 64] &= ~(std::uint64_t{1} << of_a % 64);
-    chances_of_b[of_b / 64] &= ~(std::uint64_t{1} << of_b % 64);
-    for_each_in(chances_of_a, a_.faces, [&](std::size_t face) HWY_ATTR {
+    candidates_of_a[of_a / 64] &= ~(std::uint64_t{1} << of_a % 64);
+    candidates_of_b[of_b / 64] &= ~(std::uint64_t{1} << of_b % 64);
+    for_each_in(candidates_of_a, a_.faces, [&](std::size_t face) HWY_ATTR {
       const Point<T> normal = normal_of<T>(a_, face);
-      choice.judge(face,
-                   (T(a_.offset[face]) + support<T>(b_, -rotate_inverse(rotation_, normal))) - dot(normal, offset_));
+      choice.consider(face,
+                      (T(a_.offset[face]) + support<T>(b_, -rotate_inverse(rotation_, normal))) - dot(normal, offset_));
       ++work_.directions;
       work_.pass<T>(b_.vertices);
     });
-    for_each_in(chances_of_b, b_.faces, [&](std::size_t face) HWY_ATTR {
-      const Point<T> way = -rotate(rotation_, normal_of<T>(b_, face));
-      choice.judge(max_faces + face, (T(b_.offset[face]) + support<T>(a_, way)) - dot(way, offset_));
+    for_each_in(candidates_of_b, b_.faces, [&](std::size_t face) HWY_ATTR {
+      const Point<T> direction = -rotate(rotation_, normal_of<T>(b_, face));
+      choice.consider(max_faces + face, (T(b_.offset[face]) + support<T>(a_, direction)) - dot(direction, offset_));
       ++work_.directions;
       work_.pass<T>(a_.vertices);
     });
@@ -188,13 +190,13 @@ class PolytopePair {
     return best_ < T(0);
   }
 
-  /// The face of least reach: one of a, or of b from max_faces on. Without a branch on which it is.
+  /// The face of least overlap: a face of a, or a face of b counted from max_faces on. Chosen without a branch.
   struct FaceChoice {
     static constexpr std::size_t none = ~std::size_t{0};
     T least;
     std::size_t face = none;
 
-    HWY_INLINE void judge(std::size_t of, T value) {
+    HWY_INLINE void consider(std::size_t of, T value) {
       face = value < least ? of : face;
       least = std::min(value, least);
     }
@@ -208,11 +210,11 @@ class PolytopePair {
     }
   }
 
-  /// The edges that no point and not the ball rule out, ascending. Along the arc between the normals of an edge's two
-  /// faces, reach is at least that of a point inside the other shape, which is nowhere less than at an end of the arc
-  /// if it is not negative there: so a point to which both faces are too far rules the edge out.
+  /// Lists the edges that neither the points nor the ball exclude, ascending. Along the arc between the normals of an
+  /// edge's two faces, the overlap is at least the depth of any point inside the other shape. This depth has no minimum
+  /// inside the arc, unless it is negative at an end. So a point that is too deep for both faces excludes the edge.
   std::size_t list_edges(const Polytope& own, float other_radius, const Bounds& bounds, std::uint16_t* out) const {
-    alignas(64) std::uint8_t too_far[max_faces];  // for each face a bit for each point and the ball
+    alignas(64) std::uint8_t too_far[max_faces];  // for each face, one bit for each point and one for the ball
     const hn::RebindToSigned<Columns16<T>> ints;
     const auto of_point = hn::Set(d, limit(0)), of_ball = hn::Set(d, std::max(limit(other_radius), T(0)));
     const auto bit = [&](const T* distance, Lanes least, int k)
@@ -226,7 +228,7 @@ class PolytopePair {
     return list_edges_where(own, too_far, NoCommonBit(), std::uint16_t{0}, out);
   }
 
-  /// Columns of the kept edges of b, in the axes of a: normals left and right, a point, the direction.
+  /// Columns of the candidate edges of b, in the axes of a: left and right normal, a point, the direction.
   struct KeptEdges {
     alignas(64) T value[12 * max_edges];
     std::uint16_t index[max_edges + 4];
@@ -251,7 +253,8 @@ class PolytopePair {
       put(kept.column(9) + i, kept.stride, along_edge<T>(b_, kept.index[i]));
     }
     for (std::size_t i = 0; i < kept.count; i += hn::Lanes(d)) {
-      // Lanes past the end are computed and never looked at, but not with what was on the stack.
+      // Lanes past the end are computed but not used. They are zeroed, since leftovers on the stack could be slow to
+      // compute with.
       const auto real = hn::FirstN(d, kept.count - i);
       for (std::size_t c = 0; c < 12; c += 3) {
         const auto q = load(kept, c, i);
@@ -291,7 +294,7 @@ class PolytopePair {
     return false;
   }
 
-  /// One edge of a against all kept edges of b.
+  /// Tests one edge of a against all candidate edges of b.
   bool edge_separates(std::size_t index, KeptEdges& of_b, bool recheck_all) {
     const geometry::HullEdge& edge = a_.edge[index];
     const Point<T> left = normal_of<T>(a_, edge.left), right = normal_of<T>(a_, edge.right);
@@ -299,7 +302,7 @@ class PolytopePair {
     const auto left_a = spread_out(d, left), right_a = spread_out(d, right);
     const auto from_a = spread_out(d, from), along_a = spread_out(d, along);
     const auto miss = hn::Set(d, -Rounding<T>::miss);
-    // Against one limit for the whole row, so that what is judged does not depend on the width.
+    // One limit for the whole row, so that the set of evaluated edges does not depend on the vector width.
     const T best = best_;
     const auto best_squared = hn::Set(d, best * best);
     std::uint16_t chosen[max_edges];
@@ -346,16 +349,16 @@ class PolytopePair {
     if (!(value < best_)) return false;
     const bool sure = std::max(forward, backward) > Rounding<T>::sure && sine_squared > Rounding<T>::sure_sine_squared;
     if (sure && value >= T(0) && !recheck_all) return separates(direction, value);
-    return separates(direction, reach(direction));
+    return separates(direction, overlap_along(direction));
   }
 
   HWY_INLINE Point<T> vertex_of_a(std::size_t i) const { return vertex_of<T>(a_, i); }
   HWY_INLINE Point<T> vertex_of_b(std::size_t i) const { return rotate(rotation_, vertex_of<T>(b_, i)) + offset_; }
 
-  /// By how much a contact's point may not lie outside of either.
+  /// The largest distance by which a contact point may lie outside of either shape.
   HWY_INLINE T outside_tolerance() const { return T(2e-5) * T(std::min(a_.outer_radius, b_.outer_radius)); }
 
-  /// Depth and point along the best direction.
+  /// Computes depth and point along the best direction.
   Overlap<T> measured() const {
     const T inverse = T(1) / std::sqrt(dot(direction_, direction_));
     const Point<T> normal = direction_ * inverse;
@@ -377,7 +380,7 @@ class PolytopePair {
         result.point = search_contact_point(normal, height, result.point);
     } else {
       result.point = shared_point(of_a, of_b, normal, height);
-      // Two edges that cross meet inside both, but for sizes so far apart that it is looked at in double.
+      // Two crossing edges meet inside both shapes, except for very different sizes, which are tested in double.
       const bool cross = sizeof(T) == 4 && of_a.count == 2 && of_b.count == 2 && !nearly_parallel(of_a, of_b);
       if (!cross && distance_outside(result.point) > outside_tolerance()) {
         result.point = search_contact_point(normal, height, result.point);
@@ -386,7 +389,7 @@ class PolytopePair {
     return result;
   }
 
-  /// Whether two edges, each of two vertices, lie within a hundredth of parallel.
+  /// Whether two edges, each of two vertices, are parallel within 0.01.
   bool nearly_parallel(const Feature<T>& of_a, const Feature<T>& of_b) const {
     const Point<T> p = vertex_of_a(of_a.last()) - vertex_of_a(of_a.first());
     const Point<T> q = rotate(rotation_, vertex_of<T>(b_, of_b.last()) - vertex_of<T>(b_, of_b.first()));
@@ -394,15 +397,15 @@ class PolytopePair {
     return dot(across, across) < T(1e-4) * dot(p, p) * dot(q, q);
   }
 
-  /// By how much a point lies outside of the one that it is farther out of.
+  /// The distance by which a point lies outside of the shape from which it is farther.
   T distance_outside(Point<T> point) const {
     return std::max(distance_outside_polytope<T>(a_, point),
                     distance_outside_polytope<T>(b_, rotate_inverse(rotation_, point - offset_)));
   }
 
-  /// The point where what is deepest of the one lies beside the other: two sides are so nearly flat on each other, or
-  /// two edges so nearly parallel, that the rest of the edge or face, hardly less deep, is what meets. How much of it
-  /// is found by trying.
+  /// Searches the contact point where the deepest feature of one shape lies beside the other shape. There two faces or
+  /// edges are so nearly parallel that a larger part of them, which is only slightly less deep, makes the contact. The
+  /// tolerance for this part is increased until a common point is found.
   HWY_NOINLINE Point<T> search_contact_point(Point<T> normal, T height, Point<T> first) const {
     Point<T> best = first;
     T least = distance_outside(first);
@@ -425,8 +428,8 @@ class PolytopePair {
     for_each_in(of_a.vertices, a_.vertices, [&](std::size_t i) HWY_ATTR { first.add(in_double(vertex_of_a(i))); });
     for_each_in(of_b.vertices, b_.vertices, [&](std::size_t i) HWY_ATTR { second.add(in_double(vertex_of_b(i))); });
     const Vec3d p = common_point(first.get(), second.get(), in_double(normal));
-    const Point<T> met{static_cast<T>(p.x), static_cast<T>(p.y), static_cast<T>(p.z)};
-    return met + normal * (height - dot(normal, met));
+    const Point<T> common{static_cast<T>(p.x), static_cast<T>(p.y), static_cast<T>(p.z)};
+    return common + normal * (height - dot(normal, common));
   }
 
   const Polytope& a_;
@@ -436,9 +439,9 @@ class PolytopePair {
   Point<T> centre_of_b_;
   const Start start_;
   WorkCounts& work_;
-  Bounds bounds_of_a_, bounds_of_b_;  // of the faces of each, by points of the other
-  T best_ = 0;                        // the least reach found
-  Point<T> direction_{};              // along this direction, from a to b
+  Bounds bounds_of_a_, bounds_of_b_;  // bounds of the faces of each shape, by points of the other
+  T best_ = 0;                        // the least overlap found
+  Point<T> direction_{};              // its direction, from a to b
 };
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

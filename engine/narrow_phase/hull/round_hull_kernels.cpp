@@ -9,7 +9,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// Pair by pair.
+/// Tests the pairs one by one.
 template <bool segment>
 PairContact* run_round_in_double(const KernelInput& input, PairContact* out, KindCounters& counters) {
   for (const KernelPair& pair : input.pairs) {
@@ -26,7 +26,7 @@ PairContact* run_round_in_double(const KernelInput& input, PairContact* out, Kin
     core.work().add_to(counters);
     if (answer != Decision::contact) continue;
     found.point = found.point - placed.centre;
-    out = write(pair, placed.turn, placed.offset, found, out);
+    out = write(pair, placed.to_world, placed.offset, found, out);
   }
   return out;
 }

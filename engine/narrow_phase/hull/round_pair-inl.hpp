@@ -1,14 +1,14 @@
-// One sphere or capsule against a convex polytope: its core, a point or a segment, against the polytope, then its
-// radius. Included once for each Highway target.
+// Tests one sphere or capsule against a convex polytope: first its core (a point or a segment), then its radius.
+// Included once for each Highway target.
 //
-// Where the core lies outside, the contact is at the nearest points: on a face, if the core's end nearest to its plane
-// lies over it, else on an edge. Where it reaches inside, the least translation is across a face or, for a segment,
-// across an edge and the segment. Everything is tried, a vector of faces or edges at a time, so that it ends and no
-// start matters; the farthest plane ends it for most pairs that are apart.
+// Where the core is outside, the contact is at the nearest points: on a face, if the end of the core that is nearest to
+// its plane lies over it, else on an edge. Where the core reaches inside, the least translation is along the normal of
+// a face or, for a segment, across an edge and the segment. All faces and edges are tried, one vector at a time, so the
+// test always ends and does not depend on a start value. The farthest plane decides most pairs that are apart.
 //
-// In float, rounding may leave the direction between two near points too far off, or pick the wrong two of nearly the
-// same distance. So the direction is tried: where it does not keep the shapes apart as it should, the answer is
-// `unsure`, and the caller asks again in double.
+// In float, rounding can make the direction between two near points too imprecise, or select the wrong one of two
+// almost equal distances. So the direction is verified: where it does not separate the shapes as it should, the result
+// is `undecided`, and the caller repeats the test in double.
 
 #if defined(RINGFENCE_NARROW_PHASE_ROUND_PAIR_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_ROUND_PAIR_INL
@@ -27,47 +27,48 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 enum class Decision { apart, contact, undecided };
 
-/// Where the core lies in the axes of the polytope; a sphere's is the same point three times.
+/// The core in the axes of the polytope. For a sphere the three points are equal.
 template <class T>
 struct RoundPlacement {
-  RotationMatrix<T> turn;  ///< from the axes of the polytope to the world's
-  Point<T> offset;         ///< from the round body's position to the polytope's, in the world's axes
+  RotationMatrix<T> to_world;  ///< from the axes of the polytope to the world's
+  Point<T> offset;             ///< from the round body's position to the polytope's, in world axes
   Point<T> centre, from, to;
 
   HWY_INLINE RoundPlacement(const Pose& round, const Pose& body, float half_height)
-      : turn(rotation_matrix_of<T>(body.orientation)), offset(difference_of<T>(body.position, round.position)) {
-    centre = from = to = -rotate_inverse(turn, offset);
+      : to_world(rotation_matrix_of<T>(body.orientation)), offset(difference_of<T>(body.position, round.position)) {
+    centre = from = to = -rotate_inverse(to_world, offset);
     if (half_height > 0) {
       const RotationMatrix<T> own = rotation_matrix_of<T>(round.orientation);
-      const Point<T> half = rotate_inverse(turn, Point<T>{own.m[0][2], own.m[1][2], own.m[2][2]}) * T(half_height);
+      const Point<T> half = rotate_inverse(to_world, Point<T>{own.m[0][2], own.m[1][2], own.m[2][2]}) * T(half_height);
       from = centre - half;
       to = centre + half;
     }
   }
 };
 
-/// `segment` says whether the core is more than a point.
+/// `segment` is false if the core is a point.
 template <class T, bool segment>
 class RoundPair {
  public:
-  /// The core reaches from `from` to `to`, in the axes of the polytope; the same point twice for a sphere.
+  /// The core is the segment from `from` to `to`, in the axes of the polytope; both are equal for a sphere.
   HWY_INLINE RoundPair(const Polytope& polytope, Point<T> from, Point<T> to, T radius)
       : p_(polytope), from_(from), to_(to), radius_(radius) {
-    const Point<T> way = to - from;
-    length_ = segment ? std::sqrt(dot(way, way)) : T(0);
-    way_ = length_ > T(0) ? way * (T(1) / length_) : Point<T>{};
+    const Point<T> axis = to - from;
+    length_ = segment ? std::sqrt(dot(axis, axis)) : T(0);
+    axis_ = length_ > T(0) ? axis * (T(1) / length_) : Point<T>{};
   }
 
-  /// If in contact, `out` says how: the normal leads from the core to the polytope, all in the polytope's axes.
+  /// If there is a contact, writes it to `out`: the normal points from the core to the polytope, everything in the
+  /// polytope's axes.
   HWY_INLINE Decision test(Overlap<T>& out) {
     farthest_face();
     work_.directions += p_.faces;
     work_.pass<T>(p_.faces);
-    if (depth_ > radius_) return Decision::apart;
-    T inside = depth_;  // of any direction, the greatest distance by which it keeps core and polytope apart
+    if (separation_ > radius_) return Decision::apart;
+    T inside = separation_;  // the greatest distance, over all directions, by which a plane separates core and polytope
     const T in_doubt = doubtful * size();
-    // Where a face's plane keeps the two apart, no crossing need be known to tell that the core lies outside.
-    if (segment && depth_ < in_doubt) {
+    // Where the plane of a face separates the two, the core is outside whatever the crossings with edges are.
+    if (segment && separation_ < in_doubt) {
       inside = std::max(inside, farthest_crossing());
       work_.directions += p_.edges;
       work_.pass<T>(p_.edges);
@@ -86,18 +87,19 @@ class RoundPair {
       out = from_inside(inside);
       return Decision::contact;
     }
-    // From the core's nearest point towards the polytope's: the two surfaces are `radius` and `distance` away from it.
+    // From the core's nearest point towards the polytope's: the two surfaces are at the distances `radius` and
+    // `distance`.
     const Point<T> normal = gap_ * (T(1) / std::sqrt(dot(gap_, gap_)));
     const T depth = radius_ - distance_;
-    // The points are never nearer than the nearest, so the depth is never too great; nor is it too small if the normal
-    // keeps the two apart by what it says.
-    const T reach = radius_ - apart_along(-normal);
+    // The computed points are never nearer than the true nearest points, so the depth is never too large. It is not too
+    // small either if the normal separates the shapes as it should.
+    const T overlap = radius_ - apart_along(-normal);
     if (sizeof(T) == 4) {
-      if (reach < T(0)) return Decision::apart;
-      if (reach > depth + sure() || depth < T(0)) return Decision::undecided;
-    } else if (reach > depth + sure() && distance_ - inside <= sure()) {
-      // From as near as the hull's own rounding, the way to the nearest point may lead anywhere; the plane that keeps
-      // the two apart the most is as far away.
+      if (overlap < T(0)) return Decision::apart;
+      if (overlap > depth + sure() || depth < T(0)) return Decision::undecided;
+    } else if (overlap > depth + sure() && distance_ - inside <= sure()) {
+      // At a distance as small as the rounding of the hull, the direction to the nearest point is arbitrary. The plane
+      // of greatest distance is equally good.
       out = from_inside(inside);
       return Decision::contact;
     }
@@ -108,23 +110,23 @@ class RoundPair {
 
   const WorkCounts& work() const { return work_; }
 
-  /// Parts of the sizes: how near to the surface a core may be inside or outside by rounding, and what two lengths may
-  /// differ by.
+  /// Parts of the sizes: the distance from the surface within which rounding decides whether a core is inside, and the
+  /// rounding error of a length.
   static constexpr T doubtful = T(1e-5);
   static constexpr T rounding_part = sizeof(T) == 4 ? T(1e-6) : T(1e-12);
 
-  /// How far along core and edge their nearest points are. (Ericson 2005, section 5.1.9, with unit directions)
+  /// The positions of the nearest points along core and edge (Ericson 2005, section 5.1.9, with unit directions).
   struct Parts {
     hn::Vec<Columns16<T>> of_core, of_edge;
   };
   static HWY_INLINE Parts nearest_parts(const Points<Columns16<T>>& start, const Points<Columns16<T>>& along,
-                                        hn::Vec<Columns16<T>> length, const Points<Columns16<T>>& way,
+                                        hn::Vec<Columns16<T>> length, const Points<Columns16<T>>& axis,
                                         hn::Vec<Columns16<T>> whole) {
     const auto zero = hn::Zero(d), one = hn::Set(d, T(1));
     if constexpr (!segment) {
       return {zero, hn::Min(hn::Max(dot_of(d, along, start), zero), length)};
     }
-    const auto b = dot_of(d, way, along), c = dot_of(d, way, start), f = dot_of(d, along, start);
+    const auto b = dot_of(d, axis, along), c = dot_of(d, axis, start), f = dot_of(d, along, start);
     const auto sine_squared = one - b * b;
     const auto skew = hn::Gt(sine_squared, hn::Set(d, sizeof(T) == 4 ? T(1e-5) : T(1e-12)));
     const auto free = (b * f - c) / hn::IfThenElse(skew, sine_squared, one);
@@ -141,16 +143,17 @@ class RoundPair {
   static constexpr T far_away = T(1e15);  // its square is finite in float
 
   HWY_INLINE T size() const { return T(p_.outer_radius) + length_ + std::sqrt(dot(from_, from_)); }
-  /// A difference of depths well within 10^-4 of the smaller of the two.
+  /// A difference of depths well below 10^-4 of the smaller shape.
   HWY_INLINE T sure() const { return T(2e-5) * std::min(T(p_.outer_radius), radius_ + length_ * T(0.5)); }
   HWY_INLINE T rounding() const { return rounding_part * size(); }
 
-  /// By how much a plane across `outward` can keep the core outside of the polytope.
+  /// The distance by which the plane with normal `outward` separates the core from the polytope; negative if they
+  /// overlap along it.
   HWY_INLINE T apart_along(Point<T> outward) const {
     return std::min(dot(outward, from_), dot(outward, to_)) - support<T>(p_, outward);
   }
 
-  /// The face whose plane is farthest from the core, which lies outside of it by depth_.
+  /// Finds the face whose plane is farthest from the core; separation_ is the signed distance.
   HWY_INLINE void farthest_face() {
     const auto from = spread_out(d, from_), to = spread_out(d, to_);
     const auto nearness = [&](std::size_t i) HWY_ATTR {
@@ -161,52 +164,54 @@ class RoundPair {
     Least<T> least(nearness(0));
     for (std::size_t i = hn::Lanes(d); i < p_.faces; i += hn::Lanes(d)) least.add(nearness(i), i);
     face_ = least.index();
-    depth_ = -least.value();
+    separation_ = -least.value();
     outward_ = normal_of<T>(p_, face_);
   }
 
-  /// The greatest distance along directions across the segment and an edge whose arc of normals holds one; kept as the
-  /// outward direction if it is more than a face's.
+  /// The greatest distance along directions perpendicular to the segment and to an edge whose arc of normals holds the
+  /// direction. It is stored with its direction if it is greater than that of the faces.
   HWY_INLINE T farthest_crossing() {
     using geometry::EdgeColumn;
     alignas(64) T nearness[max_edges];
-    const auto way = spread_out(d, way_), from = spread_out(d, from_);
+    const auto axis = spread_out(d, axis_), from = spread_out(d, from_);
     const auto none = hn::Set(d, std::numeric_limits<T>::max());
     for (std::size_t i = 0; i < p_.edges; i += hn::Lanes(d)) {
       const Crossing found = direction_across(edges(EdgeColumn::left_x, i), edges(EdgeColumn::right_x, i),
-                                              edges(EdgeColumn::along_x, i), way);
-      // Of both ends: rounding leaves the direction not quite at right angles to a segment along the edge.
+                                              edges(EdgeColumn::along_x, i), axis);
+      // The minimum of both ends: because of rounding the direction is not exactly perpendicular to a segment parallel
+      // to the edge.
       const auto start = dot_of(d, found.outward, minus(d, from, edges(EdgeColumn::from_x, i)));
-      const auto end = start + dot_of(d, found.outward, way) * hn::Set(d, length_);
+      const auto end = start + dot_of(d, found.outward, axis) * hn::Set(d, length_);
       const auto distance = hn::Min(start, end) / hn::Sqrt(dot_of(d, found.outward, found.outward));
       hn::Store(hn::IfThenElse(found.valid, hn::Neg(distance), none), d, nearness + i);
     }
     const std::size_t edge = least_of(nearness, p_.edges);
     const T distance = -nearness[edge];
-    if (distance <= depth_) return depth_;
+    if (distance <= separation_) return separation_;
     const auto lanes = [&](Point<T> q) HWY_ATTR { return spread_out(d, q); };
     const Crossing found =
         direction_across(lanes(edge_at(EdgeColumn::left_x, edge)), lanes(edge_at(EdgeColumn::right_x, edge)),
-                         lanes(along_edge<T>(p_, edge)), way);
+                         lanes(along_edge<T>(p_, edge)), axis);
     const Point<T> outward{hn::GetLane(found.outward.x), hn::GetLane(found.outward.y), hn::GetLane(found.outward.z)};
-    depth_ = distance;
+    separation_ = distance;
     outward_ = outward * (T(1) / std::sqrt(dot(outward, outward)));
-    return depth_;
+    return separation_;
   }
 
-  /// The direction of an edge's arc of normals that is at right angles to the segment, if there is one.
+  /// The direction on an edge's arc of normals that is perpendicular to the segment, if there is one.
   struct Crossing {
     hn::Mask<Columns16<T>> valid;
     Points<Columns16<T>> outward;
   };
   static HWY_INLINE Crossing direction_across(const Points<Columns16<T>>& left, const Points<Columns16<T>>& right,
-                                              const Points<Columns16<T>>& along, const Points<Columns16<T>>& way) {
+                                              const Points<Columns16<T>>& along, const Points<Columns16<T>>& axis) {
     const auto zero = hn::Zero(d);
-    const auto p = dot_of(d, left, way), q = dot_of(d, right, way);
-    // Left to right is a turn about the edge. The product has the direction to the last digit but for edges along the
-    // segment; the mean of the normals has it there, and would lose it where the normals are nearly opposite.
-    const Points<Columns16<T>> product{way.y * along.z - way.z * along.y, way.z * along.x - way.x * along.z,
-                                       way.x * along.y - way.y * along.x};
+    const auto p = dot_of(d, left, axis), q = dot_of(d, right, axis);
+    // The left normal rotates to the right one about the edge. The cross product is precise except for edges parallel
+    // to the segment. For those the weighted mean of the normals is precise; it is not where the normals are nearly
+    // opposite.
+    const Points<Columns16<T>> product{axis.y * along.z - axis.z * along.y, axis.z * along.x - axis.x * along.z,
+                                       axis.x * along.y - axis.y * along.x};
     const auto u = hn::Abs(q), v = hn::Abs(p);
     const Points<Columns16<T>> mean{left.x * u + right.x * v, left.y * u + right.y * v, left.z * u + right.z * v};
     const auto flip = hn::Gt(p, zero);
@@ -232,8 +237,8 @@ class RoundPair {
 
   /// Whether the point of the polytope nearest to the core lies within a face, under an end of the core.
   ///
-  /// A point over a face is as far from the polytope as from that face's plane, and from no plane farther; so only the
-  /// farthest plane of each end can be the one. Whether a crossing of an edge is nearer is for nearest_edge.
+  /// The distance of a point over a face is its distance from the plane of that face, and no other plane is farther. So
+  /// only the farthest plane of each end has to be tested. nearest_edge() finds out whether an edge is nearer.
   HWY_INLINE bool over_a_face() {
     distance_ = far_away;
     if constexpr (segment) {
@@ -241,7 +246,7 @@ class RoundPair {
       under_end(to_);
       return false;
     } else {
-      over(face_, depth_, from_);
+      over(face_, separation_, from_);
       return distance_ < far_away;
     }
   }
@@ -256,14 +261,16 @@ class RoundPair {
     over(least.index(), -least.value(), end);
   }
 
-  /// Takes the foot of an end on its farthest plane, if it lies within that face and is nearer than what is known.
+  /// Projects an end on its farthest plane. Takes the projection if it lies within the face and is nearer than the
+  /// current result.
   HWY_INLINE void over(std::size_t face, T distance, Point<T> end) {
     if (distance <= T(0) || distance >= distance_) return;
     const Point<T> normal = normal_of<T>(p_, face), foot = end - normal * distance;
     const auto f = spread_out(d, foot);
-    // Normals are rounded to float, also where the rest is in double.
+    // Normals are rounded to float, even where the computation is in double.
     const auto slack = hn::Set(d, (sizeof(T) == 4 ? T(1e-6) : T(2e-7)) * size());
-    std::size_t near = 0, beyond = 0;  // planes that the foot may be on either side of, and those that it is outside of
+    std::size_t near = 0,
+                beyond = 0;  // planes that the projection may be on either side of, and planes that it is outside of
     for (std::size_t i = 0; i < p_.faces; i += hn::Lanes(d)) {
       const auto other = read(d, p_.normal[0] + i, p_.normal[1] + i, p_.normal[2] + i);
       const auto inside = read(d, p_.offset + i) - dot_of(d, other, f);
@@ -271,14 +278,15 @@ class RoundPair {
       const std::uint32_t bits = bits_of(d, hn::Lt(inside, slack)) & first_bits(p_.faces - i);
       near += static_cast<std::size_t>(__builtin_popcount(bits));
     }
-    // Its own plane is one. At an edge as sharp as a blade the foot may be far outside, and hardly past any other.
+    // One of them is the face's own plane. At a very sharp edge the projection can be far outside of the face and
+    // only slightly outside of any other plane.
     if (beyond > 0 || (near > 1 && !within_face(face, normal, foot))) return;
     distance_ = distance;
     nearest_ = end;
     gap_ = -(normal * distance);
   }
 
-  /// Whether a point of a face's plane lies on the inner side of all its edges.
+  /// Whether a point of a face's plane lies on the inner side of all edges of the face.
   HWY_NOINLINE bool within_face(std::size_t face, Point<T> normal, Point<T> foot) const {
     for (std::size_t i = 0; i < p_.edges; ++i) {
       const geometry::HullEdge& edge = p_.edge[i];
@@ -289,17 +297,17 @@ class RoundPair {
     return true;
   }
 
-  /// The edge nearest to the core, if nearer than what is known.
+  /// Finds the edge nearest to the core; takes it if it is nearer than the current result.
   HWY_INLINE void nearest_edge() {
     using geometry::EdgeColumn;
-    const auto from = spread_out(d, from_), way = spread_out(d, way_);
+    const auto from = spread_out(d, from_), axis = spread_out(d, axis_);
     const auto whole = hn::Set(d, length_);
     const auto square = [&](std::size_t i) HWY_ATTR {
       const auto start = minus(d, from, edges(EdgeColumn::from_x, i));
       const auto along = edges(EdgeColumn::along_x, i);
-      const auto [s, t] = nearest_parts(start, along, read(d, p_.of(EdgeColumn::length) + i), way, whole);
+      const auto [s, t] = nearest_parts(start, along, read(d, p_.of(EdgeColumn::length) + i), axis, whole);
       Points<Columns16<T>> at = start;
-      if constexpr (segment) at = {at.x + way.x * s, at.y + way.y * s, at.z + way.z * s};
+      if constexpr (segment) at = {at.x + axis.x * s, at.y + axis.y * s, at.z + axis.z * s};
       const Points<Columns16<T>> gap{at.x - along.x * t, at.y - along.y * t, at.z - along.z * t};
       return dot_of(d, gap, gap);
     };
@@ -311,7 +319,7 @@ class RoundPair {
       measure_edge(least.index());
       return;
     }
-    // The columns are in float: more than one edge may be the nearest.
+    // The columns are in float, so several edges may be the nearest one.
     const T most = distance + T(5e-7) * size();
     const auto most_squared = hn::Set(d, most * most);
     for (std::size_t i = 0; i < p_.edges; i += hn::Lanes(d)) {
@@ -320,29 +328,29 @@ class RoundPair {
     }
   }
 
-  /// Takes the nearest points of the core and an edge, if nearer than what is known.
+  /// Computes the nearest points of the core and an edge; takes them if they are nearer than the current result.
   HWY_INLINE void measure_edge(std::size_t edge) {
-    const auto way = spread_out(d, way_);
+    const auto axis = spread_out(d, axis_);
     const auto whole = hn::Set(d, length_);
     const auto point = [&](Point<T> q) HWY_ATTR { return spread_out(d, q); };
     const Point<T> start = from_ - vertex_of<T>(p_, p_.edge[edge].from), along = along_edge<T>(p_, edge);
     const auto length = hn::Set(d, edge_length<T>(p_, edge));
-    const auto parts = nearest_parts(point(start), point(along), length, way, whole);
+    const auto parts = nearest_parts(point(start), point(along), length, axis, whole);
     const T s = hn::GetLane(parts.of_core), t = hn::GetLane(parts.of_edge);
-    const Point<T> gap = along * t - (start + way_ * s);
+    const Point<T> gap = along * t - (start + axis_ * s);
     const T distance = std::sqrt(dot(gap, gap));
     if (distance >= distance_) return;
     distance_ = distance;
-    nearest_ = from_ + way_ * s;
+    nearest_ = from_ + axis_ * s;
     gap_ = gap;
   }
 
-  /// The contact where the core reaches inside: across the direction that keeps the two apart the most.
+  /// The contact of a core that reaches inside: along the direction of greatest separation.
   HWY_INLINE Overlap<T> from_inside(T distance) const {
     const T inverse = T(1) / std::sqrt(dot(outward_, outward_));
     const Point<T> normal = -(outward_ * inverse);
     const T depth = radius_ - distance * inverse;
-    // Midway between the core's end of the radius and the polytope's farthest, along the normal.
+    // Midway between the farthest point of the round body and the farthest point of the polytope, along the normal.
     const T from_height = dot(normal, from_), to_height = dot(normal, to_);
     const T height = (std::max(from_height, to_height) + radius_) - depth * T(0.5);
     const Point<T> deepest = deepest_point(normal, from_height, to_height);
@@ -373,13 +381,14 @@ class RoundPair {
   const Point<T> from_, to_;
   const T radius_;
   T length_;
-  Point<T> way_;          // from from_ to to_, unit; zero for a sphere
-  std::size_t face_ = 0;  // whose plane is farthest from the core
-  T depth_ = 0;           // distance along outward_ that keeps core and polytope apart; negative inside
+  Point<T> axis_;         // unit direction from from_ to to_; zero for a sphere
+  std::size_t face_ = 0;  // the face whose plane is farthest from the core
+  T separation_ =
+      0;  // the distance by which the plane with normal outward_ separates core and polytope; negative inside
   Point<T> outward_{};
-  T distance_ = 0;  // of the nearest points
+  T distance_ = 0;  // distance of the nearest points
   WorkCounts work_;
-  Point<T> nearest_{}, gap_{};  // the core's nearest point and the way from there to the polytope's
+  Point<T> nearest_{}, gap_{};  // the core's nearest point, and the vector from there to the polytope's
 };
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

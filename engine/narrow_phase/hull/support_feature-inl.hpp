@@ -1,5 +1,5 @@
-// What of a polytope is farthest along a direction: a vertex, or those of an edge or a face within rounding. Included
-// once for each Highway target.
+// The feature of a polytope that is farthest along a direction: a vertex, or the vertices of an edge or a face within
+// rounding. Included once for each Highway target.
 
 #if defined(RINGFENCE_NARROW_PHASE_SUPPORT_FEATURE_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_SUPPORT_FEATURE_INL
@@ -20,7 +20,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// How deep two shapes overlap, in the axes of the first and about its origin.
+/// The overlap of two shapes, in the axes of the first and relative to its origin.
 template <class T>
 struct Overlap {
   T depth;
@@ -28,21 +28,23 @@ struct Overlap {
   Point<T> point;
 };
 
-/// Sines below which rounding decides: arcs of normals that just miss are tried too, those that just meet and edges
-/// nearly parallel are judged by their true reach, and edges closer to parallel have no direction across.
+/// Limits below which rounding decides, as sines. Arcs of normals that miss each other by less than `miss` count as
+/// crossing. Arcs that meet by less than `sure`, and edges nearer to parallel than `sure_sine_squared`, are evaluated
+/// by their exact overlap. Edges nearer to parallel than `parallel_sine_squared` have no common perpendicular.
 template <class T>
 struct Rounding {
   static constexpr T miss = sizeof(T) == 4 ? T(1e-6) : T(3e-7);
   static constexpr T sure = T(1e-5);
   static constexpr T sure_sine_squared = T(1e-4);
   static constexpr T parallel_sine_squared = sizeof(T) == 4 ? T(1e-12) : T(1e-20);
-  /// Part of the two sizes that a reach may be off by; candidates are kept by that much more.
-  static constexpr T reach = sizeof(T) == 4 ? T(1e-6) : T(2e-8);
-  /// Part of the two sizes by which vertices of one feature may differ in height. Normals of faces are in float.
+  /// The error of an overlap along a direction, as part of the two sizes. Limits for candidates are increased by this.
+  static constexpr T overlap = sizeof(T) == 4 ? T(1e-6) : T(2e-8);
+  /// The difference in height of vertices of one feature, as part of the two sizes. Face normals are in float.
   static constexpr T height = sizeof(T) == 4 ? T(3e-6) : T(1.5e-7);
 };
 
-/// The set of those below `size` for which `test`, asked for a vector from i on, says so; answers how many.
+/// Collects the indices below `size` for which `test` is true as a set of bits and returns their number. `test(i)`
+/// returns the mask of the vector that starts at i.
 template <class D, class Test>
 HWY_INLINE std::size_t collect(D d, std::size_t size, std::uint64_t* set, const Test& test) {
   std::size_t count = 0;
@@ -67,7 +69,7 @@ HWY_INLINE void for_each_in(const std::uint64_t* set, std::size_t size, const Vi
   }
 }
 
-/// The vertices that lie within rounding of the farthest along a direction.
+/// The vertices that are farthest along a direction, within rounding.
 template <class T>
 struct Feature {
   std::uint64_t vertices[geometry::max_hull_vertices / 64];
@@ -79,7 +81,7 @@ struct Feature {
     while (vertices[w] == 0) ++w;
     return w * 64 + static_cast<std::size_t>(std::countr_zero(vertices[w]));
   }
-  /// Of not more than two.
+  /// Precondition: at most two vertices.
   HWY_INLINE std::size_t last() const {
     const std::size_t w = first() / 64;
     const std::uint64_t rest = vertices[w] & (vertices[w] - 1);
@@ -94,9 +96,9 @@ struct Feature {
 template <class T>
 HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Feature<T>& out) {
   const Columns16<T> d;
-  const auto way = spread_out(d, direction);
+  const auto direction_lanes = spread_out(d, direction);
   const auto height = [&](std::size_t i) HWY_ATTR {
-    return dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), way);
+    return dot_of(d, read(d, p.vertex[0] + i, p.vertex[1] + i, p.vertex[2] + i), direction_lanes);
   };
   auto most = height(0);
   for (std::size_t i = hn::Lanes(d); i < p.vertices; i += hn::Lanes(d)) most = hn::Max(most, height(i));
@@ -105,7 +107,8 @@ HWY_INLINE void find_feature(const Polytope& p, Point<T> direction, T slack, Fea
   out.count = collect(d, p.vertices, out.vertices, [&](std::size_t i) HWY_ATTR { return hn::Ge(height(i), least); });
 }
 
-/// How far outside of a shape a point lies: the greatest distance from the plane of a face, negative inside.
+/// The distance by which a point lies outside of a polytope: the greatest distance from a face's plane, negative
+/// inside.
 template <class T>
 HWY_INLINE T distance_outside_polytope(const Polytope& p, Point<T> point) {
   const Columns16<T> d;
@@ -118,7 +121,7 @@ HWY_INLINE T distance_outside_polytope(const Polytope& p, Point<T> point) {
   return hn::GetLane(hn::MaxOfLanes(d, most));
 }
 
-/// Whether a point lies more than `most` outside of a shape.
+/// Whether a point lies more than `most` outside of a polytope.
 template <class T>
 HWY_INLINE bool outside(const Polytope& p, Point<T> point, T most_outside) {
   const Columns16<T> d;

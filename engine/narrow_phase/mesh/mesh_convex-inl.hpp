@@ -1,8 +1,8 @@
-// The convex shapes that are taken through a mesh, placed in its axes: what lanes rule out for each, and the exact
-// push. Included once for each Highway target.
+// Convex shapes that are tested against a mesh, placed in the mesh's axes: for each, the tests in lanes that exclude
+// boxes and triangles, and the exact penetration. Included once for each Highway target.
 //
-// Each also lists the points of its core, at most `most_corners`, for the place where it meets a triangle, and how far
-// its surface lies outside of them.
+// Each shape also lists the points of its core, at most `max_corners`, from which the contact point with a triangle is
+// computed, and the distance of its surface from the core.
 
 #if defined(RINGFENCE_NARROW_PHASE_MESH_CONVEX_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_MESH_CONVEX_INL
@@ -26,7 +26,7 @@ HWY_INLINE Vector<D> spread_out(D d, Vec3d p) {
 
 constexpr int next_of(int i) { return i == 2 ? 0 : i + 1; }
 
-/// Least and greatest of the three corners along an axis.
+/// Minimum and maximum of the three corners along an axis.
 template <class D>
 struct Span {
   hn::Vec<D> low, high;
@@ -35,13 +35,13 @@ struct Span {
     return {hn::Min(p, hn::Min(q, r)), hn::Max(p, hn::Max(q, r))};
   }
   static HWY_INLINE Span of(hn::Vec<D> p, hn::Vec<D> q) { return {hn::Min(p, q), hn::Max(p, q)}; }
-  /// By how much it overlaps what reaches `half` to both sides of zero, if either may move either way.
+  /// The overlap with the interval [-half, half], for a translation in either direction.
   HWY_INLINE hn::Vec<D> overlap(hn::Vec<D> half) const { return half - hn::Max(low, hn::Neg(high)); }
 };
 
 /// A ball.
 struct BallInMesh {
-  static constexpr std::size_t most_corners = 1;
+  static constexpr std::size_t max_corners = 1;
   Vec3d centre;
   double radius;
 
@@ -55,17 +55,18 @@ struct BallInMesh {
     const Vector<D> apart = subtract(d, in.centre, spread_out(d, centre));
     const Vector<D> gap{hn::Max(hn::Abs(apart.x) - in.half.x, zero), hn::Max(hn::Abs(apart.y) - in.half.y, zero),
                         hn::Max(hn::Abs(apart.z) - in.half.z, zero)};
-    const float reach = static_cast<float>(radius) - floor;
-    return dot(d, gap, gap) <= hn::Set(d, reach * reach);
+    const float max_distance = static_cast<float>(radius) - floor;
+    return dot(d, gap, gap) <= hn::Set(d, max_distance * max_distance);
   }
 
-  /// By the distance to the plane and, within it, to the lines of the edges: a bound that slivers do not upset.
+  /// By the distance to the plane and, within the plane, to the lines of the edges. This bound is also right for
+  /// slivers.
   template <class D>
   HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
-    const float reach = static_cast<float>(radius) - floor;
+    const float max_distance = static_cast<float>(radius) - floor;
     const Vector<D> c = spread_out(d, centre);
     const auto height = dot(d, in.normal, subtract(d, c, in.corner[0]));
-    const auto left = hn::Set(d, reach * reach) - height * height;
+    const auto left = hn::Set(d, max_distance * max_distance) - height * height;
     auto alive = left >= hn::Zero(d);
     for (int i = 0; i < 3; ++i) {
       const Vector<D> edge = subtract(d, in.corner[next_of(i)], in.corner[i]);
@@ -86,15 +87,15 @@ struct BallInMesh {
   double rounding() const { return radius; }
 };
 
-/// A box, placed. Also what stands for a capsule or a hull where boxes are ruled out.
+/// A placed box. Also used as the bound of a capsule or a hull against boxes.
 struct BoxInMesh {
-  static constexpr std::size_t most_corners = 8;
+  static constexpr std::size_t max_corners = 8;
   Vec3d centre;
-  geometry::RotationD turn;
+  geometry::RotationD rotation;
   double half[3];
 
   static BoxInMesh of(const geometry::ShapeTable&, const geometry::ShapeRow& row, const MeshFrame& frame) {
-    return {frame.position, frame.turn, {double{row.size[0]}, double{row.size[1]}, double{row.size[2]}}};
+    return {frame.position, frame.rotation, {double{row.size[0]}, double{row.size[1]}, double{row.size[2]}}};
   }
 
   template <class D>
@@ -103,25 +104,25 @@ struct BoxInMesh {
     const hn::Vec<D> away[3] = {apart.x, apart.y, apart.z}, own[3] = {in.half.x, in.half.y, in.half.z};
     auto overlap = hn::Set(d, 1e30f);
     for (int i = 0; i < 3; ++i) {
-      const double reach =
-          half[0] * std::abs(turn.m[i][0]) + half[1] * std::abs(turn.m[i][1]) + half[2] * std::abs(turn.m[i][2]);
-      overlap = hn::Min(overlap, own[i] + at(d, reach) - hn::Abs(away[i]));
+      const double extent = half[0] * std::abs(rotation.m[i][0]) + half[1] * std::abs(rotation.m[i][1]) +
+                            half[2] * std::abs(rotation.m[i][2]);
+      overlap = hn::Min(overlap, own[i] + at(d, extent) - hn::Abs(away[i]));
     }
     for (int k = 0; k < 3; ++k) {
-      const Vector<D> axis{at(d, turn.m[0][k]), at(d, turn.m[1][k]), at(d, turn.m[2][k])};
+      const Vector<D> axis{at(d, rotation.m[0][k]), at(d, rotation.m[1][k]), at(d, rotation.m[2][k])};
       const Vector<D> size{hn::Abs(axis.x), hn::Abs(axis.y), hn::Abs(axis.z)};
       overlap = hn::Min(overlap, at(d, half[k]) + dot(d, size, in.half) - hn::Abs(dot(d, axis, apart)));
     }
     return overlap >= hn::Set(d, floor);
   }
 
-  /// Every axis of the separating-axis test, in the axes of the box.
+  /// All axes of the separating axis test, in the axes of the box.
   template <class D>
   HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
     const auto least = hn::Set(d, floor);
     Rotation<D> r;
     for (int i = 0; i < 3; ++i) {
-      for (int k = 0; k < 3; ++k) r.m[i][k] = at(d, turn.m[i][k]);
+      for (int k = 0; k < 3; ++k) r.m[i][k] = at(d, rotation.m[i][k]);
     }
     const Vector<D> size{at(d, half[0]), at(d, half[1]), at(d, half[2])};
     const Vector<D> c = spread_out(d, centre);
@@ -151,33 +152,33 @@ struct BoxInMesh {
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {
-    return box_penetration(triangle, centre, turn, half, at_least);
+    return box_penetration(triangle, centre, rotation, half, at_least);
   }
 
   std::size_t corners(const Penetration&, Vec3d* out) const {
     for (int i = 0; i < 8; ++i) {
       const Vec3d corner{(i & 1) != 0 ? half[0] : -half[0], (i & 2) != 0 ? half[1] : -half[1],
                          (i & 4) != 0 ? half[2] : -half[2]};
-      out[i] = centre + geometry::rotate(turn, corner);
+      out[i] = centre + geometry::rotate(rotation, corner);
     }
     return 8;
   }
   double rounding() const { return 0; }
 };
 
-/// A capsule: a segment and what is within a radius of it.
+/// A capsule: the points within a radius of a segment.
 struct CapsuleInMesh {
-  static constexpr std::size_t most_corners = 2;
+  static constexpr std::size_t max_corners = 2;
   Vec3d ends[2];
   double radius;
   BoxInMesh around;
 
   static CapsuleInMesh of(const geometry::ShapeTable&, const geometry::ShapeRow& row, const MeshFrame& frame) {
     const double radius = double{row.size[0]}, half_height = double{row.size[1]};
-    const Vec3d up = Vec3d{frame.turn.m[0][2], frame.turn.m[1][2], frame.turn.m[2][2]} * half_height;
+    const Vec3d up = Vec3d{frame.rotation.m[0][2], frame.rotation.m[1][2], frame.rotation.m[2][2]} * half_height;
     return {{frame.position - up, frame.position + up},
             radius,
-            {frame.position, frame.turn, {radius, radius, radius + half_height}}};
+            {frame.position, frame.rotation, {radius, radius, radius + half_height}}};
   }
 
   template <class D>
@@ -189,8 +190,8 @@ struct CapsuleInMesh {
   template <class D>
   HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
     const Vector<D> p = spread_out(d, ends[0]), q = spread_out(d, ends[1]), along = spread_out(d, ends[1] - ends[0]);
-    const float reach = static_cast<float>(radius) - floor;
-    const auto zero = hn::Zero(d), most = hn::Set(d, reach);
+    const float max_distance = static_cast<float>(radius) - floor;
+    const auto zero = hn::Zero(d), most = hn::Set(d, max_distance);
     const Vector<D> to_p = subtract(d, p, in.corner[0]), to_q = subtract(d, q, in.corner[0]);
     const auto heights = Span<D>::of(dot(d, in.normal, to_p), dot(d, in.normal, to_q));
     auto alive = hn::Max(heights.low, hn::Neg(heights.high)) <= most;
@@ -206,7 +207,7 @@ struct CapsuleInMesh {
       const auto triangle = Span<D>::of(zero, dot(d, across, subtract(d, opposite, from)));
       const auto apart = hn::Max(hn::Max(segment.low - triangle.high, triangle.low - segment.high), zero);
       const auto squared = dot(d, across, across);
-      // Nearer to parallel than a tenth, the direction is too rough to rule anything out.
+      // If the edges are parallel within 0.1, the direction is too imprecise to exclude anything.
       const auto rough = squared < dot(d, edge, edge) * dot(d, along, along) * hn::Set(d, 0.01f);
       alive = hn::And(alive, hn::Or(rough, apart * apart <= most * most * squared));
     }
@@ -225,22 +226,22 @@ struct CapsuleInMesh {
   double rounding() const { return radius; }
 };
 
-/// A shape that only its support function describes; judged by libccd.
+/// A shape that is described by a support function; the exact test uses libccd.
 struct SupportInMesh {
-  static constexpr std::size_t most_corners = max_support_feature;
-  const SupportFunction* function;
+  static constexpr std::size_t max_corners = max_support_feature;
+  const geometry::CheckedSupport* function;
   MeshFrame frame;
   BoxInMesh around;
   double bounding_radius;
 
   static SupportInMesh of(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
-    const SupportFunction& f = shapes.support(row.index_in_kind);
+    const geometry::CheckedSupport& f = shapes.support(row.index_in_kind);
     const Vec3d high{double{f.support({1, 0, 0}).x}, double{f.support({0, 1, 0}).y}, double{f.support({0, 0, 1}).z}};
     const Vec3d low{double{f.support({-1, 0, 0}).x}, double{f.support({0, -1, 0}).y}, double{f.support({0, 0, -1}).z}};
     const Vec3d half = (high - low) * 0.5;
     return {&f,
             frame,
-            {frame.to_mesh((low + high) * 0.5), frame.turn, {half.x, half.y, half.z}},
+            {frame.to_mesh((low + high) * 0.5), frame.rotation, {half.x, half.y, half.z}},
             double{row.bounding_radius}};
   }
 

@@ -1,10 +1,10 @@
-// A convex hull among the triangles of a mesh: the exact push of one triangle, with the hull's features in lanes of
-// double. Included once for each Highway target.
+// A convex hull against the triangles of a mesh: the exact penetration of one triangle, with the features of the hull
+// in lanes of double. Included once for each Highway target.
 //
 // The faces of the Minkowski difference of a hull and a triangle are those of the hull, the two sides of the triangle,
-// and one for each pair of edges whose arcs of normals cross. A triangle's edge has half a great circle of normals,
-// about the edge itself, so the hull's edges that it meets are those that separate what faces along it from what faces
-// against it: its silhouette along the edge.
+// and one for each pair of edges whose arcs of normals cross. The normals of a triangle's edge form half a great circle
+// about the edge. So it crosses the arcs of those edges of the hull that separate the faces that point along the
+// triangle's edge from those that point against it: the silhouette of the hull along the edge.
 
 #if defined(RINGFENCE_NARROW_PHASE_MESH_HULL_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_MESH_HULL_INL
@@ -22,14 +22,14 @@ HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 struct HullInMesh {
-  static constexpr std::size_t most_corners = geometry::max_hull_vertices;
+  static constexpr std::size_t max_corners = geometry::max_hull_vertices;
   const geometry::Hull& hull;
   Vec3d origin;
-  geometry::RotationD turn;
+  geometry::RotationD rotation;
   BoxInMesh around;
 
   HullInMesh(const geometry::Hull& own_hull, Vec3d own_origin, const geometry::RotationD& own_rotation)
-      : hull(own_hull), origin(own_origin), turn(own_rotation) {
+      : hull(own_hull), origin(own_origin), rotation(own_rotation) {
     const FloatLanes f;
     const float* const column[3] = {hull.x(), hull.y(), hull.z()};
     double middle[3];
@@ -43,12 +43,12 @@ struct HullInMesh {
       middle[k] = 0.5 * (from + to);
       around.half[k] = 0.5 * (to - from);
     }
-    around.centre = origin + geometry::rotate(turn, Vec3d{middle[0], middle[1], middle[2]});
-    around.turn = turn;
+    around.centre = origin + geometry::rotate(rotation, Vec3d{middle[0], middle[1], middle[2]});
+    around.rotation = rotation;
   }
 
   static HullInMesh of(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
-    return {shapes.hull(row.index_in_kind), frame.position, frame.turn};
+    return {shapes.hull(row.index_in_kind), frame.position, frame.rotation};
   }
 
   template <class D>
@@ -62,16 +62,16 @@ struct HullInMesh {
 
   Penetration penetration(const Triangle& triangle, double at_least) const {
     Vec3d corner[3];
-    for (int i = 0; i < 3; ++i) corner[i] = geometry::rotate_inverse(turn, triangle.corner[i] - origin);
+    for (int i = 0; i < 3; ++i) corner[i] = geometry::rotate_inverse(rotation, triangle.corner[i] - origin);
     Best best;
     if (!sides(corner, at_least, best) || !faces(corner, at_least, best) || !edges(corner, at_least, best)) return {};
-    // So far from the hull to the triangle.
-    return {best.depth, geometry::rotate(turn, -best.normal)};
+    // Up to here the normal points from the hull to the triangle.
+    return {best.depth, geometry::rotate(rotation, -best.normal)};
   }
 
   std::size_t corners(const Penetration&, Vec3d* out) const {
     for (std::size_t i = 0; i < hull.vertex_count(); ++i) {
-      out[i] = origin + geometry::rotate(turn, to_double(hull.vertex(i)));
+      out[i] = origin + geometry::rotate(rotation, to_double(hull.vertex(i)));
     }
     return hull.vertex_count();
   }
@@ -83,7 +83,7 @@ struct HullInMesh {
 
   struct Best {
     double depth = std::numeric_limits<double>::infinity();
-    Vec3d normal;  ///< in the axes of the hull, from it to the triangle
+    Vec3d normal;  ///< in the axes of the hull, from the hull to the triangle
 
     bool take(double value, Vec3d unit, double at_least) {
       if (value < depth) depth = value, normal = unit;
@@ -99,7 +99,7 @@ struct HullInMesh {
     return {hn::Set(Doubles(), p.x), hn::Set(Doubles(), p.y), hn::Set(Doubles(), p.z)};
   }
 
-  /// The triangle's own two sides.
+  /// Tries the two sides of the triangle.
   bool sides(const Vec3d corner[3], double at_least, Best& best) const {
     const Doubles d;
     const Vec3d across = ringfence::cross(corner[1] - corner[0], corner[2] - corner[0]);
@@ -108,9 +108,9 @@ struct HullInMesh {
     const Vector<Doubles> n = spread(normal);
     auto low = hn::Set(d, std::numeric_limits<double>::infinity()), high = hn::Neg(low);
     for (std::size_t i = 0; i < hull.vertex_count(); i += hn::Lanes(d)) {
-      const auto reach = dot(d, n, Vector<Doubles>{read(hull.x() + i), read(hull.y() + i), read(hull.z() + i)});
-      low = hn::Min(low, reach);
-      high = hn::Max(high, reach);
+      const auto height = dot(d, n, Vector<Doubles>{read(hull.x() + i), read(hull.y() + i), read(hull.z() + i)});
+      low = hn::Min(low, height);
+      high = hn::Max(high, height);
     }
     return best.take(hn::GetLane(hn::MaxOfLanes(d, high)) - at_plane, normal, at_least) &&
            best.take(at_plane - hn::GetLane(hn::MinOfLanes(d, low)), -normal, at_least);
@@ -142,7 +142,7 @@ struct HullInMesh {
     return true;
   }
 
-  /// The hull's edges whose arcs cross that of the triangle's edge from `from` along `edge`.
+  /// Tries the hull's edges whose arcs cross that of the triangle's edge, which starts at `from` with direction `edge`.
   bool edges_across(Vec3d from, Vec3d edge, Vec3d opposite, double at_least, Best& best) const {
     const Doubles d;
     using geometry::EdgeColumn;
@@ -152,9 +152,10 @@ struct HullInMesh {
       return Vector<Doubles>{read(hull.edge_column(x) + i), read(hull.edge_column(y) + i),
                              read(hull.edge_column(z) + i)};
     };
-    // Normals of faces are rounded to float: arcs that just miss are tried too, and their reach is hardly too small.
+    // Face normals are rounded to float: arcs that nearly cross are tried too. Their overlap is too small by a
+    // negligible amount.
     const auto miss = hn::Set(d, 3e-7);
-    alignas(64) double reach_of[8], squared_of[8], axis_of[3][8];
+    alignas(64) double overlap_of[8], squared_of[8], axis_of[3][8];
     for (std::size_t i = 0; i < hull.edge_count(); i += hn::Lanes(d)) {
       const Vector<Doubles> left = vector(EdgeColumn::left_x, EdgeColumn::left_y, EdgeColumn::left_z, i);
       const Vector<Doubles> right = vector(EdgeColumn::right_x, EdgeColumn::right_y, EdgeColumn::right_z, i);
@@ -168,15 +169,15 @@ struct HullInMesh {
       axis = choose(d, inwards, negate(d, axis), axis);
       const auto squared = dot(d, axis, axis);
       const auto lowest = hn::Min(dot(d, axis, p), dot(d, axis, q));
-      const auto reach = dot(d, axis, start) - lowest;
-      // Directions of edges are floats too: nearer to parallel than this they have none across.
+      const auto overlap = dot(d, axis, start) - lowest;
+      // Edge directions are floats too: edges nearer to parallel than this have no common perpendicular.
       chance = hn::And(chance, squared > hn::Set(d, 1e-10));
       const auto known = hn::Set(d, best.depth * std::abs(best.depth));
-      chance = hn::And(chance, reach * hn::Abs(reach) < known * squared);
+      chance = hn::And(chance, overlap * hn::Abs(overlap) < known * squared);
       std::uint8_t bits[8] = {};
       hn::StoreMaskBits(d, chance, bits);
       if (bits[0] == 0) continue;
-      hn::Store(reach, d, reach_of);
+      hn::Store(overlap, d, overlap_of);
       hn::Store(squared, d, squared_of);
       hn::Store(axis.x, d, axis_of[0]);
       hn::Store(axis.y, d, axis_of[1]);
@@ -185,7 +186,7 @@ struct HullInMesh {
         if ((bits[0] >> lane & 1) == 0 || i + lane >= hull.edge_count()) continue;
         const double inverse = 1 / std::sqrt(squared_of[lane]);
         const Vec3d normal{axis_of[0][lane] * inverse, axis_of[1][lane] * inverse, axis_of[2][lane] * inverse};
-        if (!best.take(reach_of[lane] * inverse, normal, at_least)) return false;
+        if (!best.take(overlap_of[lane] * inverse, normal, at_least)) return false;
       }
     }
     return true;

@@ -14,13 +14,13 @@ template <class Query>
 PairContact contact_of(const MeshWalk<Query>& walk, const Query& query, const MeshFrame& frame, double slack,
                        std::uint32_t pair, bool mesh_is_a) {
   const Penetration& penetration = walk.deepest().penetration();
-  Vec3d corners[Query::most_corners];
+  Vec3d corners[Query::max_corners];
   const std::size_t count = query.corners(penetration, corners);
-  const Vec3d place = contact_point_of(penetration, walk.triangle(), {corners, count}, query.rounding(), slack);
-  return frame.contact(pair, penetration, place, mesh_is_a);
+  const Vec3d point = contact_point_of(penetration, walk.triangle(), {corners, count}, query.rounding(), slack);
+  return frame.contact(pair, penetration, point, mesh_is_a);
 }
 
-/// A convex shape and a mesh, either first.
+/// Tests a convex shape against a mesh, in either order.
 template <class Query, bool mesh_first = false>
 PairContact* run_mesh(const KernelInput& input, PairContact* out, KindCounters& counters) {
   for (const KernelPair& pair : input.pairs) {
@@ -54,7 +54,16 @@ PairContact* hull_mesh(const KernelInput& input, PairContact* out, KindCounters&
   return run_mesh<HullInMesh>(input, out, counters);
 }
 PairContact* mesh_support(const KernelInput& input, PairContact* out, KindCounters& counters) {
-  return run_mesh<SupportInMesh, true>(input, out, counters);
+  KernelInput one = input;
+  for (std::size_t i = 0; i < input.pairs.size(); ++i) {
+    one.pairs = input.pairs.subspan(i, 1);
+    try {
+      out = run_mesh<SupportInMesh, true>(one, out, counters);
+    } catch (const geometry::SupportFailure&) {
+      ++counters.failed;
+    }
+  }
+  return out;
 }
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

@@ -1,9 +1,10 @@
-// Two mesh trees at once: sixteen pairs of boxes, or of triangles, to a step. Included once for each Highway target.
+// Walks two mesh trees at once, sixteen pairs of boxes or triangles per step. Included once for each Highway target.
 //
-// All boxes of a mesh share its axes, so all pairs share one rotation and what is made of it: each pair is one of
-// oriented boxes (Gottschalk, Lin and Manocha, "OBBTree", 1996) at the price of a few products. A step takes the four
-// children of a node of each tree, lane 4 i + j is child i of the one and j of the other. As for convex shapes, lanes
-// only rule out, and what is left is judged in double (mesh_walk-inl.hpp).
+// All boxes of a mesh have the same axes, so all pairs share one rotation and the values derived from it. Each pair of
+// boxes is a test of oriented boxes (Gottschalk, Lin and Manocha, "OBBTree", 1996) that costs a few products. A step
+// takes the four children of one node of each tree: lane 4 i + j holds child i of the first node and child j of the
+// second. As for convex shapes, the lanes only exclude pairs; the remaining ones are evaluated in double
+// (mesh_walk-inl.hpp).
 
 #if defined(RINGFENCE_NARROW_PHASE_MESH_MESH_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_MESH_MESH_INL
@@ -19,19 +20,19 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 class MeshPairWalk {
  public:
-  /// `frame` places the second in the axes of the first.
+  /// `frame` places the second mesh in the axes of the first.
   MeshPairWalk(const geometry::MeshTree& first, const geometry::MeshTree& second, const MeshFrame& frame, double margin)
       : first_(first), second_(second), frame_(frame), deepest_(margin) {
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
-        rotation_.m[i][j] = at(d, frame.turn.m[i][j]);
+        rotation_.m[i][j] = at(d, frame.rotation.m[i][j]);
         spread_.m[i][j] = hn::Abs(rotation_.m[i][j]);
       }
     }
     offset_ = spread_out(d, frame.position);
   }
 
-  /// Whether anything touches; then deepest() and the two triangles say what and where.
+  /// Returns whether the meshes touch; then deepest() and the two triangles describe the contact.
   bool run() {
     open_[count_++] = {first_.root(), second_.root(), 1e30f};
     while (count_ > 0) {
@@ -48,7 +49,7 @@ class MeshPairWalk {
 
   const Deepest& deepest() const { return deepest_; }
   const Triangle& triangle() const { return triangle_; }
-  /// In the axes of the first.
+  /// In the axes of the first mesh.
   const Triangle& other_triangle() const { return other_triangle_; }
   const WalkCounts& work() const { return work_; }
 
@@ -61,7 +62,7 @@ class MeshPairWalk {
     float bound;
   };
 
-  /// From `lane` on: lane 4 i + j has column[i].
+  /// The vector that starts at `lane`, where lane 4 i + j holds column[i].
   static HWY_INLINE Lanes by_row(const float* column, std::size_t lane) {
 #if HWY_TARGET == HWY_SCALAR
     return hn::Set(d, column[lane / 4]);
@@ -75,7 +76,7 @@ class MeshPairWalk {
     return hn::BitCast(d, hn::TableLookupBytes(column4, hn::Load(b, bytes + 4 * lane)));
 #endif
   }
-  /// From `lane` on: lane 4 i + j has column[j].
+  /// The vector that starts at `lane`, where lane 4 i + j holds column[j].
   static HWY_INLINE Lanes by_column(const float* column, [[maybe_unused]] std::size_t lane) {
 #if HWY_TARGET == HWY_SCALAR
     return hn::Set(d, column[lane % 4]);
@@ -97,8 +98,8 @@ class MeshPairWalk {
     return group.half[0][lane] + group.half[1][lane] + group.half[2][lane];
   }
 
-  /// Opens both nodes; or the one only, where the other is a leaf or less than half as large. Then the other stands
-  /// among its siblings, in its row or column.
+  /// Opens both nodes, or only one if the other is a leaf or less than half as large. The node that stays closed is
+  /// tested with its siblings, in its own row or column.
   void open_children(const Open& pair) {
     const float size_p = size_of(first_, pair.p), size_q = size_of(second_, pair.q);
     const bool keep_p = pair.p.level == 0 || (pair.q.level > 0 && size_q > 2 * size_p);
@@ -108,7 +109,7 @@ class MeshPairWalk {
     const std::uint32_t group_q = keep_q ? pair.q.index / 4 : pair.q.index;
     work_.pass(group_size,
                (keep_p ? 1 : nodes_of(first_, level_p, group_p)) * (keep_q ? 1 : nodes_of(second_, level_q, group_q)));
-    ++work_.judged;
+    ++work_.evaluated;
     alignas(64) float overlap[group_size];
     std::uint32_t bits = test_boxes(first_.boxes(level_p, group_p), second_.boxes(level_q, group_q), overlap);
     if (keep_p) bits &= 0xfu << 4 * (pair.p.index % 4);
@@ -120,7 +121,8 @@ class MeshPairWalk {
     }
   }
 
-  /// The least overlap of each pair along the axes of the two meshes: no two primitives within overlap deeper.
+  /// The least overlap of each pair along the axes of the two meshes. It is an upper bound of the depth of all
+  /// primitives inside.
   std::uint32_t test_boxes(const geometry::BoxGroup& p, const geometry::BoxGroup& q, float* overlap) const {
     std::uint32_t bits = 0;
     for (std::size_t lane = 0; lane < group_size; lane += hn::Lanes(d)) {
@@ -146,11 +148,11 @@ class MeshPairWalk {
   void test_leaves(const geometry::TriangleGroup& p, const geometry::TriangleGroup& q) {
     const std::size_t in_p = triangles_of(p), in_q = triangles_of(q);
     work_.pass(group_size, in_p * in_q);
-    ++work_.judged;
+    ++work_.evaluated;
     alignas(64) float overlap[group_size];
     std::uint32_t bits = 0;
     for (std::size_t lane = 0; lane < group_size; lane += hn::Lanes(d)) {
-      // The second's triangles in the axes of the first.
+      // The triangles of the second mesh in the axes of the first.
       Vector<FloatLanes> corner_p[3], corner_q[3];
       for (int c = 0; c < 3; ++c) {
         corner_p[c] = by_row(p.corner[c], lane);
@@ -160,10 +162,10 @@ class MeshPairWalk {
       const Vector<FloatLanes> normal_q = rotate(d, rotation_, by_column(q.normal, lane));
       bits |= test_triangles(corner_p, normal_p, corner_q, normal_q, overlap + lane) << lane;
     }
-    // Rows and columns that repeat the last triangle are left out.
+    // Excludes rows and columns that repeat the last triangle.
     bits &= ((1u << in_q) - 1) * (0x1111u & ((1u << 4 * in_p) - 1));
     while (bits != 0) {
-      // The likeliest first: it may rule out the others.
+      // The pair with the largest bound first: its depth may exclude the others.
       auto best = static_cast<std::uint32_t>(__builtin_ctz(bits));
       for (std::uint32_t rest = bits & (bits - 1); rest != 0; rest &= rest - 1) {
         const auto lane = static_cast<std::uint32_t>(__builtin_ctz(rest));
@@ -171,13 +173,13 @@ class MeshPairWalk {
       }
       bits &= ~(1u << best);
       if (overlap[best] < deepest_.floor()) return;
-      judge(p, best / 4, q, best % 4);
+      consider(p, best / 4, q, best % 4);
     }
   }
 
-  void judge(const geometry::TriangleGroup& p, std::size_t lane_p, const geometry::TriangleGroup& q,
-             std::size_t lane_q) {
-    ++work_.judged;
+  void consider(const geometry::TriangleGroup& p, std::size_t lane_p, const geometry::TriangleGroup& q,
+                std::size_t lane_q) {
+    ++work_.evaluated;
     const Triangle triangle = triangle_of(p, lane_p);
     Triangle other = triangle_of(q, lane_q);
     for (Vec3d& corner : other.corner) corner = frame_.to_mesh(corner);
@@ -188,7 +190,8 @@ class MeshPairWalk {
     }
   }
 
-  /// The separating-axis test of triangles out of plane, by the two normals and the nine products of edges.
+  /// The separating axis test of triangles that are not coplanar, by the two normals and the nine cross products of
+  /// edges.
   HWY_INLINE std::uint32_t test_triangles(const Vector<FloatLanes>* p, const Vector<FloatLanes>& normal_p,
                                           const Vector<FloatLanes>* q, const Vector<FloatLanes>& normal_q,
                                           float* overlap) const {
@@ -211,14 +214,15 @@ class MeshPairWalk {
     for (int i = 0; i < 3; ++i) {
       edge_p[i] = subtract(d, p[next_of(i)], p[i]);
       edge_q[i] = subtract(d, q[next_of(i)], q[i]);
-      // Nearer to parallel than a tenth, an axis is too rough to rule anything out.
+      // If the edges are parallel within 0.1, the axis is too imprecise to exclude anything.
       squared_p[i] = dot(d, edge_p[i], edge_p[i]) * hn::Set(d, 0.01f);
       squared_q[i] = dot(d, edge_q[i], edge_q[i]);
     }
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
         const Vector<FloatLanes> axis = cross(d, edge_p[i], edge_q[j]);
-        // All but the corner across from each edge lie at its height; about p[i].
+        // Two corners of each triangle are at the height of its edge; only the opposite corner differs. Relative to
+        // p[i].
         const auto q_edge = dot(d, axis, subtract(d, q[j], p[i]));
         const auto q_opposite = q_edge + dot(d, axis, subtract(d, q[next_of(next_of(j))], q[j]));
         const auto p_opposite = dot(d, axis, subtract(d, p[next_of(next_of(i))], p[i]));

@@ -24,9 +24,9 @@ PairContact* mesh_mesh(const KernelInput& input, PairContact* out, KindCounters&
     walk.work().add_to(counters);
     if (!touches) continue;
     const Penetration& penetration = walk.deepest().penetration();
-    const Vec3d place = contact_point_of(penetration, walk.triangle(), {walk.other_triangle().corner, 3}, 0,
+    const Vec3d point = contact_point_of(penetration, walk.triangle(), {walk.other_triangle().corner, 3}, 0,
                                          feature_slack(small, sizes));
-    *out++ = frame.contact(pair.pair, penetration, place, true);
+    *out++ = frame.contact(pair.pair, penetration, point, true);
   }
   return out;
 }

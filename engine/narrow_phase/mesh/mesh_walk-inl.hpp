@@ -1,10 +1,10 @@
-// How a convex shape is taken through the tree of a mesh: boxes sixteen at a time, then triangles sixteen at a time,
-// then those that could be the deepest one by one, exactly. Included once for each Highway target.
+// Walks the tree of a mesh with a convex shape: sixteen boxes at a time, then sixteen triangles at a time, then each
+// triangle that could be the deepest, exactly. Included once for each Highway target.
 //
-// The lanes only rule out. They work in float with a margin far above what rounding can do, and rule out what separates
-// or lies less deep than the deepest contact found so far, ties excepted; what is left is judged in double by functions
-// of the two primitives alone. So the answer, the deepest, of equals that with the lowest number, depends on no width,
-// no order and no shape of the tree.
+// The lanes only exclude. They compute in float with a margin far above the rounding error, and exclude what is
+// separated or less deep than the deepest contact so far, but not ties. The remaining triangles are evaluated in double
+// by functions of the two primitives alone. So the result, the deepest contact (of equal ones that with the lowest
+// number), does not depend on the vector width, the order or the structure of the tree.
 
 #if defined(RINGFENCE_NARROW_PHASE_MESH_WALK_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_MESH_WALK_INL
@@ -26,19 +26,19 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// Boxes or triangles that are looked at together, whatever the width of a vector.
+/// Number of boxes or triangles that are tested together, for every vector width.
 inline constexpr std::size_t group_size = 16;
-/// Part of the two sizes by which a bound in float may be off: twenty roundings and more.
+/// The error of a bound in float, as part of the two sizes: more than twenty rounding errors.
 inline constexpr double bound_margin = 2e-6;
 
 using FloatLanes = hn::CappedTag<float, group_size>;
 
-/// What a walk did, for the counters.
+/// Counts the work of a walk for the counters.
 struct WalkCounts {
   std::size_t lanes = 0, filled = 0;
-  std::size_t judged = 0;  ///< nodes, or pairs of nodes, that were looked into; primitives, or pairs, judged in double
+  std::size_t evaluated = 0;  ///< nodes (or pairs of nodes) opened, and primitives (or pairs) evaluated in double
 
-  /// A pass over `count` places of up to `together`, of which `used` hold something.
+  /// Counts a pass over `count` slots in groups of up to `group_size`, of which `used` are filled.
   HWY_INLINE void pass(std::size_t count, std::size_t used) {
     constexpr std::size_t width = hn::MaxLanes(FloatLanes());
     lanes += (count + width - 1) / width * width;
@@ -47,23 +47,23 @@ struct WalkCounts {
   void add_to(KindCounters& counters) const {
     counters.lanes += lanes;
     counters.lanes_filled += filled;
-    counters.iterations += judged;
+    counters.iterations += evaluated;
   }
 };
 
-/// Nodes of a group of four siblings: fewer only at the end of a level.
+/// Number of nodes in a group of four siblings: fewer than four only at the end of a level.
 HWY_INLINE std::size_t nodes_of(const geometry::MeshTree& tree, std::uint32_t level, std::uint32_t group) {
   return std::min(geometry::tree_fanout, tree.nodes(level) - geometry::tree_fanout * group);
 }
 
-/// Triangles of a leaf: the last of a mesh is repeated in the places that are left, which nobody need look at.
+/// Number of triangles in a leaf. The free slots of the last leaf repeat the last triangle and are ignored.
 HWY_INLINE std::size_t triangles_of(const geometry::TriangleGroup& leaf) {
   std::size_t count = geometry::tree_fanout;
   while (count > 1 && leaf.index[count - 1] == leaf.index[count - 2]) --count;
   return count;
 }
 
-/// The deepest contact found so far, and what must be reached to be of interest.
+/// The deepest contact found so far, and the depth that others have to reach.
 class Deepest {
  public:
   explicit Deepest(double margin) : margin_(margin), floor_(static_cast<float>(-margin)) {}
@@ -71,17 +71,17 @@ class Deepest {
   bool found() const { return penetration_.depth >= 0; }
   const Penetration& penetration() const { return penetration_; }
   double at_least() const { return std::max(penetration_.depth, 0.0); }
-  /// Bounds below this rule out.
+  /// Candidates whose bound is below this are excluded.
   float floor() const { return floor_; }
 
-  /// `key` orders contacts of the same depth. Whether it is the deepest now.
+  /// Takes a contact if it is the deepest so far; `key` decides between equal depths. Returns whether it was taken.
   bool take(const Penetration& penetration, std::uint64_t key) {
     if (!(penetration.depth >= 0) || penetration.depth < penetration_.depth ||
         (penetration.depth == penetration_.depth && key > key_))
       return false;
     penetration_ = penetration;
     key_ = key;
-    // Rounding to float is far below the margin.
+    // The error of rounding to float is far below the margin.
     floor_ = static_cast<float>(penetration.depth - margin_);
     return true;
   }
@@ -93,7 +93,8 @@ class Deepest {
   float floor_;
 };
 
-/// Columns of four side by side, from `lane` on as far as a vector goes: `block(i)` points to the i-th.
+/// Loads columns of four floats side by side, from `lane` on as many as a vector holds; `block(i)` points to the i-th
+/// column.
 template <class D, class Block>
 HWY_INLINE hn::Vec<D> load_blocks(D d, std::size_t lane, const Block& block) {
 #if HWY_TARGET == HWY_SCALAR
@@ -126,14 +127,14 @@ HWY_INLINE hn::Vec<D> at(D d, double value) {
   return hn::Set(d, static_cast<float>(value));
 }
 
-/// Whether `overlap` times a positive number whose square is `squared` is at least `least`, without a root: both are
-/// compared as squares that keep their sign.
+/// Whether `overlap` divided by the square root of `squared` is at least `least`, without computing the root: compares
+/// squares that keep their sign.
 template <class D>
 HWY_INLINE hn::Mask<D> reaches(D d, hn::Vec<D> overlap, hn::Vec<D> squared, float least) {
   return overlap * hn::Abs(overlap) >= hn::Set(d, least * std::abs(least)) * squared;
 }
 
-/// Four boxes of each of up to four nodes, in lanes.
+/// The four boxes of each of up to four nodes, in lanes.
 template <class D>
 struct BoxLanes {
   Vector<D> centre, half;
@@ -146,16 +147,16 @@ struct TriangleLanes {
   Vector<D> normal;
 };
 
-/// Walks the tree of one mesh. `Query` is a placed convex shape in the mesh's axes:
-///   boxes(d, BoxLanes, floor) and triangles(d, TriangleLanes, floor) answer a mask of those that may be reached by a
-///   contact at least `floor` deep; push(Triangle, at_least) is exact.
+/// Walks the tree of one mesh. `Query` is a convex shape, placed in the mesh's axes. Its boxes(d, BoxLanes, floor) and
+/// triangles(d, TriangleLanes, floor) return a mask of those that a contact of depth `floor` or more can reach; its
+/// penetration(Triangle, at_least) is exact.
 template <class Query>
 class MeshWalk {
  public:
   MeshWalk(const geometry::MeshTree& tree, const Query& query, double margin)
       : tree_(tree), query_(query), deepest_(margin) {}
 
-  /// Whether anything touches; then deepest() and triangle() say what and where.
+  /// Returns whether anything touches; then deepest() and triangle() describe the contact.
   bool run() {
     const geometry::TreeNode root = tree_.root();
     if (root.level == 0) {
@@ -166,7 +167,8 @@ class MeshWalk {
     open_[count_++] = root;
     std::size_t leaves = 0;
     while (count_ > 0) {
-      // Nodes of one level: so no level ever has more than twelve left over, and the stack an end.
+      // Takes nodes of one level at a time. So no level ever has more than twelve nodes waiting, which bounds the
+      // stack.
       geometry::TreeNode nodes[4];
       std::size_t taken = 0;
       do {
@@ -208,7 +210,7 @@ class MeshWalk {
       boxes += std::min(geometry::tree_fanout, last - geometry::tree_fanout * nodes[i].index);
     }
     work_.pass(geometry::tree_fanout * count, boxes);
-    work_.judged += count;
+    work_.evaluated += count;
     for (std::size_t i = 0; i < 4; ++i) {
       const geometry::TreeNode node = nodes[std::min(i, count - 1)];
       groups[i] = &tree_.boxes(node.level - 1, node.index);
@@ -234,7 +236,7 @@ class MeshWalk {
     std::uint32_t places = 0;
     for (std::size_t i = 0; i < count; ++i) places |= ((1u << triangles_of(*groups[i])) - 1) << 4 * i;
     work_.pass(geometry::tree_fanout * count, static_cast<std::size_t>(__builtin_popcount(places)));
-    work_.judged += count;
+    work_.evaluated += count;
     std::uint32_t bits = 0;
     for (std::size_t lane = 0; lane < 4 * count; lane += hn::Lanes(d)) {
       const auto column = [&](std::size_t k) {
@@ -249,7 +251,7 @@ class MeshWalk {
     }
     bits &= places;
     for (; bits != 0; bits &= bits - 1) {
-      ++work_.judged;
+      ++work_.evaluated;
       const auto lane = static_cast<std::uint32_t>(__builtin_ctz(bits));
       const geometry::TriangleGroup& leaf = *groups[lane / 4];
       const Triangle triangle = triangle_of(leaf, lane % 4);

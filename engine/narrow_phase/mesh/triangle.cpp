@@ -12,7 +12,7 @@ namespace {
 
 constexpr int next(int i) noexcept { return i == 2 ? 0 : i + 1; }
 
-/// Squared sine below which two directions have none across.
+/// If the squared sine between two directions is below this, they have no common perpendicular.
 constexpr double parallel_sine_squared = 1e-20;
 
 struct Interval {
@@ -24,12 +24,12 @@ Interval extent(const Triangle& t, Vec3d axis) noexcept {
   return {std::min({p, q, r}), std::max({p, q, r})};
 }
 
-/// The least push among the directions tried.
+/// The least penetration among the directions tried.
 class Least {
  public:
   explicit Least(double at_least) noexcept : at_least_(at_least) {}
 
-  /// Tries an axis of any length both ways. False as soon as the depth is less than what is asked for.
+  /// Tries an axis of any length in both directions. Returns false as soon as the depth is less than required.
   bool take(Vec3d axis, double squared, Interval triangle, Interval other) noexcept {
     const double inverse = 1 / std::sqrt(squared);
     const double along = (triangle.high - other.low) * inverse, against = (other.high - triangle.low) * inverse;
@@ -45,7 +45,8 @@ class Least {
   Penetration penetration_{std::numeric_limits<double>::infinity(), {}};
 };
 
-/// The point of the triangle nearest to `p`, by the regions of its plane (Ericson, "Real-Time Collision Detection").
+/// The point of the triangle nearest to `p`, by the Voronoi regions of its features (Ericson, "Real-Time Collision
+/// Detection").
 Vec3d nearest_point(const Triangle& t, Vec3d p) noexcept {
   const Vec3d a = t.corner[0], b = t.corner[1], c = t.corner[2];
   const Vec3d ab = b - a, ac = c - a, ap = p - a;
@@ -63,7 +64,7 @@ Vec3d nearest_point(const Triangle& t, Vec3d p) noexcept {
   if (vb <= 0 && d2 >= 0 && d6 <= 0) return a + ac * (d2 / (d2 - d6));
   const double va = d3 * d6 - d5 * d4;
   if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) return b + (c - b) * ((d4 - d3) / ((d4 - d3) + (d5 - d6)));
-  // Inside: along the normal, so that what is left is exactly at a right angle to the plane.
+  // Inside: along the normal, so that the remainder is exactly perpendicular to the plane.
   const Vec3d normal = cross(ab, ac);
   return p - normal * (dot(normal, ap) / dot(normal, normal));
 }
@@ -79,7 +80,8 @@ struct Nearest {
   }
 };
 
-/// The nearest points of two segments: the lines' where they are within both, else by holding one and moving the other.
+/// The nearest points of two segments: those of the lines if they lie within both, else with one clamped and the other
+/// recomputed.
 void take_segments(Vec3d p, Vec3d u, Vec3d q, Vec3d v, Nearest& nearest) noexcept {
   const Vec3d r = p - q;
   const double uu = dot(u, u), vv = dot(v, v), uv = dot(u, v), ur = dot(u, r), vr = dot(v, r);
@@ -90,9 +92,9 @@ void take_segments(Vec3d p, Vec3d u, Vec3d q, Vec3d v, Nearest& nearest) noexcep
   nearest.take(p + u * back, q + v * t);
 }
 
-/// The push of what is within `radius` of the nearest point, if the gap tells a direction. The shorter it is beside
-/// the longest edge of the two cores, the more its rounding tilts them; but a gap that matters beside the radius
-/// counts.
+/// The penetration of everything within `radius` of the nearest point, if the direction of the gap is precise enough.
+/// The shorter the gap is compared with the longest edge of the two cores, the less precise it is; but a gap that is
+/// significant compared with the radius is always used.
 bool penetration_of_nearest(const Nearest& nearest, double radius, double longest_squared, Penetration& out) noexcept {
   const double distance = std::sqrt(nearest.squared);
   if (!(distance > std::min(1e-5 * radius, 1e-9 * radius + 1e-10 * longest_squared / radius))) return false;
@@ -137,7 +139,7 @@ Penetration capsule_penetration(const Triangle& t, const Vec3d ends[2], double r
   const double length_squared = dot(along, along);
   if (!(length_squared > 1e-18 * radius * radius)) return ball_penetration(t, ends[0], radius, at_least);
 
-  // The core overlaps the triangle by the least push along these axes, if by any.
+  // The core overlaps the triangle by the least penetration along these axes, if it does.
   Least core(-std::numeric_limits<double>::infinity());
   const auto try_axis = [&](Vec3d axis, double limit) {
     const double squared = dot(axis, axis);
@@ -156,7 +158,7 @@ Penetration capsule_penetration(const Triangle& t, const Vec3d ends[2], double r
   nearest.take(nearest_point(t, ends[0]), ends[0]);
   nearest.take(nearest_point(t, ends[1]), ends[1]);
   Penetration penetration;
-  // A core that lies in the triangle's plane overlaps along no axis and may still be far off: its distance tells.
+  // A core in the plane of the triangle does not overlap along any axis, but may be far away: its distance decides.
   const bool pierces = core.penetration().depth > 1e-12 * (radius + std::sqrt(length_squared));
   if (pierces ||
       !penetration_of_nearest(nearest, radius, std::max(length_squared, longest_edge_squared(t)), penetration)) {
@@ -165,18 +167,18 @@ Penetration capsule_penetration(const Triangle& t, const Vec3d ends[2], double r
   return unless_less(penetration, at_least);
 }
 
-Penetration box_penetration(const Triangle& t, Vec3d centre, const geometry::RotationD& turn, const double half[3],
+Penetration box_penetration(const Triangle& t, Vec3d centre, const geometry::RotationD& rotation, const double half[3],
                             double at_least) noexcept {
   const Triangle about{{t.corner[0] - centre, t.corner[1] - centre, t.corner[2] - centre}};
-  const auto axis_of = [&](int k) { return Vec3d{turn.m[0][k], turn.m[1][k], turn.m[2][k]}; };
+  const auto axis_of = [&](int k) { return Vec3d{rotation.m[0][k], rotation.m[1][k], rotation.m[2][k]}; };
   const Vec3d axes[3] = {axis_of(0), axis_of(1), axis_of(2)};
   Least least(at_least);
   const auto try_axis = [&](Vec3d axis, double limit) {
     const double squared = dot(axis, axis);
     if (!(squared > limit)) return true;
-    const double reach = (half[0] * std::abs(dot(axes[0], axis)) + half[1] * std::abs(dot(axes[1], axis))) +
-                         half[2] * std::abs(dot(axes[2], axis));
-    return least.take(axis, squared, extent(about, axis), {-reach, reach});
+    const double box_extent = (half[0] * std::abs(dot(axes[0], axis)) + half[1] * std::abs(dot(axes[1], axis))) +
+                              half[2] * std::abs(dot(axes[2], axis));
+    return least.take(axis, squared, extent(about, axis), {-box_extent, box_extent});
   };
   if (!try_axis(cross(t.corner[1] - t.corner[0], t.corner[2] - t.corner[0]), 0)) return {};
   for (const Vec3d& axis : axes) {
@@ -192,7 +194,7 @@ Penetration box_penetration(const Triangle& t, Vec3d centre, const geometry::Rot
 }
 
 Penetration triangle_penetration(const Triangle& p, const Triangle& q, double at_least) noexcept {
-  // About a corner, so that far from the origin nothing is lost.
+  // Relative to a corner, so that no precision is lost far from the origin.
   const Vec3d from = p.corner[0];
   const Triangle a{{{}, p.corner[1] - from, p.corner[2] - from}};
   const Triangle b{{q.corner[0] - from, q.corner[1] - from, q.corner[2] - from}};
@@ -205,7 +207,7 @@ Penetration triangle_penetration(const Triangle& p, const Triangle& q, double at
   const Vec3d normal_b = cross(b.corner[1] - b.corner[0], b.corner[2] - b.corner[0]);
   if (!try_axis(normal_a, 0) || !try_axis(normal_b, 0)) return {};
   const Vec3d across = cross(normal_a, normal_b);
-  // Nearly in one plane, what separates the two lies in it.
+  // If the triangles are nearly coplanar, the separating axis lies in their plane.
   if (dot(across, across) < 1e-6 * dot(normal_a, normal_a) * dot(normal_b, normal_b)) {
     for (int i = 0; i < 3; ++i) {
       if (!try_axis(cross(normal_a, a.corner[next(i)] - a.corner[i]), 0)) return {};
@@ -237,8 +239,8 @@ Vec3d contact_point_of(const Penetration& penetration, const Triangle& triangle,
   for (const Vec3d& p : points) {
     if (dot(n, p) <= low + slack) of_other.add(p);
   }
-  const Vec3d met = common_point({of_triangle.data(), corners}, of_other.get(), n);
-  return met + n * (0.5 * (high + (low - radius)) - dot(n, met));
+  const Vec3d common = common_point({of_triangle.data(), corners}, of_other.get(), n);
+  return common + n * (0.5 * (high + (low - radius)) - dot(n, common));
 }
 
 }  // namespace ringfence::narrow_phase

@@ -1,5 +1,5 @@
-// What the two kernels with a box first share: the search for the axis of least overlap, and the point of contact.
-// Included once for each Highway target.
+// Shared by the two kernels whose first shape is a box: the search for the axis of least overlap, and the contact
+// point. Included once for each Highway target.
 
 #if defined(RINGFENCE_NARROW_PHASE_BOX_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_BOX_INL
@@ -13,8 +13,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// The second body about a box, in the box's frame: a sum of segments, each `axis[k]` of half length `half[k]`.
-/// Three orthogonal ones are a box, one is the core of a capsule.
+/// The second shape as a sum of segments (a zonotope), in the frame of the box: each segment is `axis[k]` with half
+/// length `half[k]`. Three orthogonal segments are a box, one is the core of a capsule.
 template <class D, int axes>
 struct Zonotope {
   Vector<D> centre;
@@ -22,17 +22,18 @@ struct Zonotope {
   hn::Vec<D> half[axes];
 };
 
-/// The axis of least overlap so far among the cross products of box edge i and segment j, not normalised: overlap and
-/// length are kept as squares, so that an axis costs neither root nor division.
+/// The axis of least overlap so far among the cross products of box edge i and segment j. The product is not
+/// normalised: overlap and length are stored as squares, so that an axis needs neither root nor division.
 template <class D>
 struct EdgeAxis {
   hn::Vec<D> overlap_squared, length_squared;
-  hn::Vec<D> box_edge, other_edge;  ///< i and j as numbers; -1 where no product overlaps less than a face axis
-  hn::Mask<D> separated;            ///< some axis has no overlap
+  hn::Vec<D> box_edge,
+      other_edge;         ///< i and j as floating-point numbers; -1 where no product overlaps less than a face axis
+  hn::Mask<D> separated;  ///< some axis separates the two
 };
 
-/// Products shorter than this are skipped: edges so parallel that the face axes are as good to within the same share
-/// of the size.
+/// Shorter products are skipped: the edges are so nearly parallel that a face axis is as good, up to the same share of
+/// the size.
 template <class D>
 HWY_INLINE hn::Vec<D> least_edge_axis_squared(D d) {
   return hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-24) : Scalar<D>(1e-12));
@@ -45,18 +46,18 @@ HWY_INLINE hn::Vec<D> component(const Vector<D>& v) {
   if constexpr (i == 2) return v.z;
 }
 
-/// Takes e_i x axis j for `best` where it overlaps less; `edge` is axis j. `other_extent` is the second body's half
-/// extent along the product, computed from the same components as the product itself, so that rounding scales with its
-/// length.
+/// Replaces `best` by e_i x axis j where that overlaps less; `edge` is axis j. `other_extent` is the second shape's
+/// half extent along the product. It is computed from the same components as the product itself, so that its rounding
+/// error scales with the length of the product.
 template <int i, int j, class D>
 HWY_INLINE void try_edge_axis(D d, const Vector<D>& box_half, const Vector<D>& centre, const Vector<D>& edge,
                               hn::Vec<D> other_extent, EdgeAxis<D>& best) {
   constexpr int k = (i + 1) % 3, m = (i + 2) % 3;
   const auto a = component<k, D>(edge), b = component<m, D>(edge);
   const auto length_squared = a * a + b * b;
-  const auto reach = component<k, D>(box_half) * hn::Abs(b) + component<m, D>(box_half) * hn::Abs(a) + other_extent;
+  const auto extent = component<k, D>(box_half) * hn::Abs(b) + component<m, D>(box_half) * hn::Abs(a) + other_extent;
   const auto apart = component<m, D>(centre) * a - component<k, D>(centre) * b;
-  const auto overlap = reach - hn::Abs(apart);
+  const auto overlap = extent - hn::Abs(apart);
   const auto valid = length_squared > least_edge_axis_squared(d);
   best.separated = hn::Or(best.separated, hn::And(valid, overlap < hn::Zero(d)));
   const auto overlap_squared = overlap * overlap;
@@ -67,12 +68,12 @@ HWY_INLINE void try_edge_axis(D d, const Vector<D>& box_half, const Vector<D>& c
   best.other_edge = hn::IfThenElse(less, hn::Set(d, Scalar<D>{j}), best.other_edge);
 }
 
-/// The two edges whose product the axis is.
+/// The two edges whose cross product is the axis.
 template <class D, int axes>
 struct Crossing {
   hn::Mask<D> is_box_edge[3], is_other_edge[axes];
-  Vector<D> box_edge, other_edge;   ///< unit; zero, and any, where the axis is a face's
-  hn::Vec<D> box_half, other_half;  ///< of their lengths
+  Vector<D> box_edge, other_edge;   ///< unit; zero and arbitrary where the axis is a face normal
+  hn::Vec<D> box_half, other_half;  ///< their half lengths
   Vector<D> product;
 };
 
@@ -97,13 +98,14 @@ HWY_INLINE Crossing<D, axes> crossing_of(D d, const EdgeAxis<D>& axis, const Vec
   return out;
 }
 
-/// What counts as flat: components of a unit normal up to `from` are, from `to` on they are not.
+/// Which components of a unit normal count as zero (flat): those up to `from` do, those from `to` on do not.
 template <class D>
 struct Flatness {
   Scalar<D> from, to;
 };
 
-/// How a feature leans on a direction: -1 or 1 where it is one end, 0 where it is flat, between on the way.
+/// Which end of a segment is farthest along a direction: -1 or 1 for an end, 0 if the segment is perpendicular to the
+/// direction (flat), in between for the transition.
 template <class D>
 HWY_INLINE hn::Vec<D> lean(D d, hn::Vec<D> component_of_normal, hn::Mask<D> sharp, Flatness<D> flat) {
   const auto one = hn::Set(d, Scalar<D>{1});
@@ -112,8 +114,8 @@ HWY_INLINE hn::Vec<D> lean(D d, hn::Vec<D> component_of_normal, hn::Mask<D> shar
   return hn::IfThenElse(sharp, one, share) * sign_of(d, component_of_normal);
 }
 
-/// What of each body reaches farthest along a direction: a corner, an edge or a face, given as its middle and how far
-/// it extends along each of the body's axes.
+/// The features (corner, edge or face) of both shapes that are farthest along a direction, each given by its centre and
+/// its half extent along each axis of the shape.
 template <class D, int axes>
 struct Features {
   Vector<D> box_base, box_free;
@@ -121,7 +123,7 @@ struct Features {
   hn::Vec<D> other_free[axes];
 };
 
-/// `sharp` lanes: the two edges of the crossing. Others: whatever is flat.
+/// In `sharp` lanes: the two edges of the crossing. In other lanes: everything that is flat.
 template <class D, int axes>
 HWY_INLINE Features<D, axes> features_of(D d, const Vector<D>& box_half, const Zonotope<D, axes>& other,
                                          const Vector<D>& normal, hn::Mask<D> sharp, const Crossing<D, axes>& crossing,
@@ -145,22 +147,23 @@ HWY_INLINE Features<D, axes> features_of(D d, const Vector<D>& box_half, const Z
   return out;
 }
 
-/// A point of each body, the two as near each other as they were found.
+/// A point of each shape, as close to each other as was found.
 template <class D>
 struct PointPair {
   Vector<D> on_box, on_other;
 
-  /// Whether the two, as seen along the unit normal, are farther apart than `near`.
+  /// Whether the two points, projected along the unit normal, are farther apart than `near`.
   HWY_INLINE hn::Mask<D> farther_apart_than(D d, const Vector<D>& normal, hn::Vec<D> near) const {
-    // Not by the difference of the squares of the two lengths, whose rounding is larger than `near` when they are deep.
+    // Not computed as the difference of the squares of two lengths: for deep contacts its rounding error exceeds
+    // `near`.
     const Vector<D> between = subtract(d, on_box, on_other);
     const Vector<D> across = subtract(d, between, scale(d, normal, dot(d, between, normal)));
     return dot(d, across, across) > near * near;
   }
 };
 
-/// Crossing edges: where the two lines are nearest, held within the edges. `inverse_squared` is one over the square of
-/// the length of their product.
+/// The nearest points of two crossing lines, clamped to the edges. `inverse_squared` is one over the squared length of
+/// their cross product.
 template <class D, int axes>
 HWY_INLINE PointPair<D> nearest_edge_points(D d, const Features<D, axes>& features, const Crossing<D, axes>& crossing,
                                             hn::Vec<D> inverse_squared) {
@@ -175,9 +178,9 @@ HWY_INLINE PointPair<D> nearest_edge_points(D d, const Features<D, axes>& featur
           add(d, features.other_base, scale(d, crossing.other_edge, t))};
 }
 
-/// A common point of the two features, as seen along the normal, by projecting to and fro from `start`. Features that
-/// share but a corner are met slowly, one pair in some ten thousand. A lane that has met, or is not wanted, keeps its
-/// bits, so that its answer does not depend on its neighbours.
+/// A common point of the two features, projected along the normal, found by alternating projections from `start`.
+/// Features that share only a corner converge slowly (about one pair in ten thousand). A lane that has converged, or is
+/// not `wanted`, keeps its bits, so that its result does not depend on other lanes.
 template <class D, int axes>
 HWY_INLINE PointPair<D> common_feature_points(D d, const Features<D, axes>& features, const Zonotope<D, axes>& other,
                                               const Vector<D>& normal, hn::Vec<D> near, hn::Mask<D> wanted,
@@ -207,14 +210,14 @@ HWY_INLINE PointPair<D> common_feature_points(D d, const Features<D, axes>& feat
   return meeting;
 }
 
-/// The point of contact in the box's frame, given unit `normal` out of the box and `depth`.
+/// The contact point in the frame of the box, for the unit `normal` out of the box and `depth`.
 ///
-/// `by_edge` lanes: two edges cross, and the point lies between their nearest points. Others, and those whose edges do
-/// not meet: a common point of the features that are flat. Where these do not meet either, rounding has chosen among
-/// axes that are as good to within it, and the deepest place is near, on features that are less flat. Then the point is
-/// moved along the normal to midway between the two surfaces. `inverse_squared` is one over the square of the length of
-/// the edges' product. Lanes that are not `wanted` get some point: features of shapes that are apart never meet, and
-/// the others would wait for them.
+/// In `by_edge` lanes two edges cross, and the point lies between their nearest points. In other lanes, and where the
+/// edges turn out not to meet, it is a common point of the flat features. If these do not meet either, rounding has
+/// selected one of several almost equal axes, and the deepest place is near, on features that are less flat. Finally
+/// the point is moved along the normal to midway between the two surfaces. `inverse_squared` is one over the squared
+/// length of the edges' cross product. Lanes that are not `wanted` get an arbitrary point: features of shapes that are
+/// apart never meet, and would delay the other lanes.
 template <class D, int axes>
 HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotope<D, axes>& other,
                                    const Vector<D>& normal, hn::Vec<D> depth, hn::Mask<D> by_edge,
@@ -222,12 +225,12 @@ HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotop
   const auto box_size = box_half.x + box_half.y + box_half.z;
   auto other_size = other.half[0];
   for (int k = 1; k < axes; ++k) other_size = other_size + other.half[k];
-  // Well within what a point may be off, and beyond what rounding leaves.
+  // Well within the permitted error of a point, and above the rounding error.
   const auto near = hn::Set(d, Scalar<D>(2e-5)) * hn::Min(box_size, other_size) +
                     hn::Set(d, Scalar<D>(1e-6)) * (box_size + other_size);
 
-  // Flat to within rounding; and flat to where an axis that is not quite the best may lead. That is as far as the
-  // margin for face axes over the distance at which it is felt, so the deepest place is hardly less deep there.
+  // `rounding`: flat except for rounding. `misled`: as far from flat as a slightly worse axis can be. This is the
+  // margin of face axes divided by the distance at which it matters, so the depth there is only slightly less.
   const Flatness<D> rounding{Scalar<D>(5e-5), Scalar<D>(1e-4)}, misled{Scalar<D>(4e-2), Scalar<D>(5e-2)};
   const auto none = hn::MaskFromVec(hn::Zero(d));
 
@@ -236,14 +239,14 @@ HWY_INLINE Vector<D> contact_point(D d, const Vector<D>& box_half, const Zonotop
   const auto at_edges = hn::AndNot(crossed.farther_apart_than(d, normal, near), by_edge);
   const Features<D, axes> flat = features_of(d, box_half, other, normal, none, crossing, rounding);
   const auto by_faces = hn::AndNot(at_edges, wanted);
-  PointPair<D> met = common_feature_points(d, flat, other, normal, near, by_faces, {flat.box_base, flat.other_base});
-  const auto missed = hn::And(by_faces, met.farther_apart_than(d, normal, near));
+  PointPair<D> common = common_feature_points(d, flat, other, normal, near, by_faces, {flat.box_base, flat.other_base});
+  const auto missed = hn::And(by_faces, common.farther_apart_than(d, normal, near));
   if (!hn::AllFalse(d, missed)) {
-    met = common_feature_points(d, features_of(d, box_half, other, normal, none, crossing, misled), other, normal, near,
-                                missed, met);
+    common = common_feature_points(d, features_of(d, box_half, other, normal, none, crossing, misled), other, normal,
+                                   near, missed, common);
   }
-  const Vector<D> on_box = choose(d, at_edges, crossed.on_box, met.on_box);
-  const Vector<D> on_other = choose(d, at_edges, crossed.on_other, met.on_other);
+  const Vector<D> on_box = choose(d, at_edges, crossed.on_box, common.on_box);
+  const Vector<D> on_other = choose(d, at_edges, crossed.on_other, common.on_other);
 
   const auto half = hn::Set(d, Scalar<D>(0.5));
   const Vector<D> middle = scale(d, add(d, on_box, on_other), half);

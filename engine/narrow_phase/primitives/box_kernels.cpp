@@ -30,14 +30,15 @@ HWY_INLINE Vector<D> unit(D d, int i) {
   return {i == 0 ? one : zero, i == 1 ? one : zero, i == 2 ? one : zero};
 }
 
-/// `normal` turned so that it leads to `centre`; a fixed sense where the two are at right angles.
+/// `normal` or its negative, whichever points towards `centre`; deterministic where both are perpendicular.
 template <class D>
 HWY_INLINE Vector<D> towards(D d, const Vector<D>& normal, const Vector<D>& centre) {
   return scale(d, normal, sign_of(d, dot(d, normal, centre)));
 }
 
-/// Where edge axes start from: the best face axis, less a margin of a few roundings of `size`. Where the two are as
-/// good, a face it is: the deepest place lies on it, and not on the edges that happen to give the same direction.
+/// Starts the search over edge axes: an edge axis has to beat the best face axis by a margin of a few rounding errors
+/// of `size`. Where both are equally good, the face is right: the deepest place lies on the face, and not on the edges
+/// that happen to have the same direction.
 template <class D>
 HWY_INLINE EdgeAxis<D> edge_axis_from(D d, hn::Vec<D> face_overlap, hn::Vec<D> size) {
   const auto zero = hn::Zero(d), none = hn::Set(d, Scalar<D>{-1});
@@ -46,8 +47,8 @@ HWY_INLINE EdgeAxis<D> edge_axis_from(D d, hn::Vec<D> face_overlap, hn::Vec<D> s
   return {least * least, hn::Set(d, Scalar<D>{1}), none, none, face_overlap < zero};
 }
 
-/// Separating axes, all fifteen: the difference of two boxes is a polytope whose faces have these normals, so the
-/// least overlap is the exact least translation over all directions.
+/// The separating axis test over all 15 axes. The Minkowski difference of two boxes is a polytope whose faces have
+/// these normals, so the least overlap is the exact least translation over all directions.
 struct BoxBox {
   static constexpr ShapeKind first = ShapeKind::box, second = ShapeKind::box;
 
@@ -57,7 +58,7 @@ struct BoxBox {
     const Rotation<D> a = rotation(d, in.first_orientation), b = rotation(d, in.second_orientation);
     const Vector<D>&p = in.first_size, &q = in.second_size;
     const Vector<D> t = unrotate(d, a, in.offset);
-    // The second box's axes in the first's frame.
+    // The axes of the second box in the frame of the first.
     const Vector<D> u = unrotate(d, a, column(b, 0)), v = unrotate(d, a, column(b, 1)),
                     w = unrotate(d, a, column(b, 2));
 
@@ -68,9 +69,9 @@ struct BoxBox {
                   face);
     try_face_axis(d, p.z + q.x * hn::Abs(u.z) + q.y * hn::Abs(v.z) + q.z * hn::Abs(w.z) - hn::Abs(t.z), unit(d, 2),
                   face);
-    try_face_axis(d, q.x + reach(p, u) - hn::Abs(dot(d, t, u)), u, face);
-    try_face_axis(d, q.y + reach(p, v) - hn::Abs(dot(d, t, v)), v, face);
-    try_face_axis(d, q.z + reach(p, w) - hn::Abs(dot(d, t, w)), w, face);
+    try_face_axis(d, q.x + extent_along(p, u) - hn::Abs(dot(d, t, u)), u, face);
+    try_face_axis(d, q.y + extent_along(p, v) - hn::Abs(dot(d, t, v)), v, face);
+    try_face_axis(d, q.z + extent_along(p, w) - hn::Abs(dot(d, t, w)), w, face);
 
     EdgeAxis<D> edge = edge_axis_from(d, face.overlap, p.x + p.y + p.z + q.x + q.y + q.z);
     try_edges_along<0>(d, p, t, u, v, w, q, edge);
@@ -90,13 +91,14 @@ struct BoxBox {
 
  private:
   template <class V>
-  static HWY_INLINE auto reach(const V& half, const V& axis) {
+  static HWY_INLINE auto extent_along(const V& half, const V& axis) {
     return half.x * hn::Abs(axis.x) + half.y * hn::Abs(axis.y) + half.z * hn::Abs(axis.z);
   }
 
-  /// e_i crossed with each axis of the second box. What the second box extends along a product e_i x u is made of
-  /// (e_i x u) . v and (e_i x u) . w, which are minors of the rotation between the two: computed as such, not as the
-  /// entries that they would equal were the matrix exact, since near parallel edges that difference would grow.
+  /// Tests the cross products of e_i with each axis of the second box. The extent of the second box along a product e_i
+  /// x u consists of (e_i x u) . v and (e_i x u) . w, which are minors of the relative rotation. They are computed as
+  /// minors, not taken from the matrix entries that they equal in exact arithmetic: near parallel edges the difference
+  /// between the two would matter.
   template <int i, class D>
   static HWY_INLINE void try_edges_along(D d, const Vector<D>& p, const Vector<D>& t, const Vector<D>& u,
                                          const Vector<D>& v, const Vector<D>& w, const Vector<D>& q,
@@ -111,9 +113,10 @@ struct BoxBox {
   }
 };
 
-/// The capsule's core against the box. Apart, the least distance of segment and box decides; it is the minimum over
-/// the segment of a convex function, quadratic between the at most six places where the segment passes a face plane.
-/// Together, the least overlap over the six axes of the box swept along the segment, deepened by the radius.
+/// The capsule's core against the box. If they are apart, the least distance of segment and box decides. It is the
+/// minimum over the segment of a convex function, which is quadratic between the at most six points where the segment
+/// crosses a face plane. If they overlap, the least overlap over the six axes of the box swept along the segment, plus
+/// the radius, decides.
 struct BoxCapsule {
   static constexpr ShapeKind first = ShapeKind::box, second = ShapeKind::capsule;
 
@@ -140,13 +143,13 @@ struct BoxCapsule {
     try_edge_axis<1, 0>(d, half, centre, u, zero, edge);
     try_edge_axis<2, 0>(d, half, centre, u, zero, edge);
 
-    // A gap so small that rounding decides its direction is left to the axes, which are as good there.
+    // For a gap so small that rounding decides its direction the axes are used, which are as good there.
     const auto rounding = hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-14) : Scalar<D>(4e-6)) * size;
     const auto apart = distance_squared > rounding * rounding;
     const auto by_edge = hn::AndNot(apart, edge.box_edge >= zero);
     const Zonotope<D, 1> other{centre, {u}, {segment}};
     const Crossing<D, 1> crossing = crossing_of(d, edge, half, other);
-    // Of what gives the normal: the gap, or the product of the two edges.
+    // The length of the vector that gives the normal: the gap, or the cross product of the two edges.
     const auto length = hn::Sqrt(hn::IfThenElse(apart, distance_squared, edge.length_squared));
     const auto inverse = one / length;
     const auto overlap = hn::IfThenElse(by_edge, hn::Sqrt(edge.overlap_squared) * inverse, face.overlap);
@@ -155,11 +158,11 @@ struct BoxCapsule {
     const Vector<D> normal = choose(d, apart, scale(d, nearest.gap, inverse), towards(d, axis, centre));
 
     const auto hit = depth >= zero;
-    const Vector<D> met =
+    const Vector<D> overlap_point =
         contact_point(d, half, other, normal, depth, by_edge, crossing, inverse * inverse, hn::AndNot(apart, hit));
     const auto along = radius - depth * hn::Set(d, Scalar<D>(0.5));
     const Vector<D> near = subtract(d, nearest.on_segment, scale(d, normal, along));
-    const Vector<D> point = choose(d, apart, near, met);
+    const Vector<D> point = choose(d, apart, near, overlap_point);
     return {hit, depth, rotate(d, box, normal), rotate(d, box, point)};
   }
 
@@ -167,10 +170,10 @@ struct BoxCapsule {
   template <class D>
   struct Nearest {
     Vector<D> on_segment;
-    Vector<D> gap;  ///< from the box to it; zero inside
+    Vector<D> gap;  ///< from the box to the point on the segment; zero inside the box
   };
 
-  /// Half the slope of the squared distance to the box at t.
+  /// Half the derivative of the squared distance to the box at t.
   template <class D>
   static HWY_INLINE hn::Vec<D> slope(D d, const Vector<D>& half, const Vector<D>& centre, const Vector<D>& u,
                                      hn::Vec<D> t) {
@@ -178,7 +181,7 @@ struct BoxCapsule {
            u.z * excess(d, centre.z + u.z * t, half.z);
   }
 
-  /// Brackets of the root of the slope, which never falls along the segment.
+  /// A bracket of the root of the slope, which does not decrease along the segment.
   template <class D>
   struct Bracket {
     hn::Vec<D> low, low_slope, high, high_slope;
@@ -230,16 +233,16 @@ struct BoxCapsule {
 
     const Vector<D> on_segment = add(d, centre, scale(d, u, t));
     Vector<D> gap{excess(d, on_segment.x, half.x), excess(d, on_segment.y, half.y), excess(d, on_segment.z, half.z)};
-    // Within the segment the gap is at right angles to it, as far as the gap may turn: what is left by rounding would
-    // tilt a short gap. Past a single face it may not turn at all.
+    // Inside the segment the gap is perpendicular to it, in the components in which it may change: a remainder from
+    // rounding would tilt a short gap. Past a single face it may not change at all.
     const Vector<D> turns{hn::IfThenElseZero(gap.x != zero, u.x), hn::IfThenElseZero(gap.y != zero, u.y),
                           hn::IfThenElseZero(gap.z != zero, u.z)};
     const auto past_x = hn::IfThenElseZero(gap.x != zero, one), past_y = hn::IfThenElseZero(gap.y != zero, one),
                past_z = hn::IfThenElseZero(gap.z != zero, one);
     const auto squared = dot(d, turns, turns);
     const auto within = hn::AndNot(hn::Or(at_low, at_high), past_x + past_y + past_z > one);
-    const auto mends = hn::And(within, squared > least_edge_axis_squared(d));
-    const auto tilt = hn::IfThenElseZero(mends, dot(d, gap, turns) / hn::IfThenElse(mends, squared, one));
+    const auto corrects = hn::And(within, squared > least_edge_axis_squared(d));
+    const auto tilt = hn::IfThenElseZero(corrects, dot(d, gap, turns) / hn::IfThenElse(corrects, squared, one));
     gap = subtract(d, gap, scale(d, turns, tilt));
     return {on_segment, gap};
   }

@@ -9,10 +9,10 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// Two segments p(s) = s u, q(t) = offset + t v. Their difference is a parallelogram, flat along u x v; the capsules'
-/// least translation is what brings the origin out of the ball of both radii about it. In the frame (u, side, up) the
-/// problem is one of a point and a parallelogram in a plane, and every part of the gap is exactly zero where it should
-/// be: so the normal is right also where the segments cross, touch or lie in one line.
+/// Two segments p(s) = s u and q(t) = offset + t v. Their difference is a parallelogram in the plane of u and v. The
+/// least translation of the capsules moves the origin out of the set of points within both radii of it. In the frame
+/// (u, side, up) this is the problem of a point and a parallelogram in a plane, and every component of the gap that has
+/// to be zero is exactly zero. So the normal is also right where the segments cross, touch or are collinear.
 struct CapsuleCapsule {
   static constexpr ShapeKind first = ShapeKind::capsule, second = ShapeKind::capsule;
 
@@ -23,8 +23,8 @@ struct CapsuleCapsule {
     const auto p_half = in.first_size.y, q_half = in.second_size.y;
     const Vector<D> u = z_axis(d, in.first_orientation), v = z_axis(d, in.second_orientation);
 
-    // `up` is at right angles to both: exactly to u, and to v within a rounding also where the two are nearly parallel
-    // and the product's direction means little.
+    // `up` is perpendicular to both: exactly to u, and to v within rounding, also where the two are nearly parallel and
+    // the direction of the cross product is imprecise.
     Vector<D> up = cross(d, u, v);
     up = subtract(d, up, scale(d, u, dot(d, up, u)));
     const auto up_squared = dot(d, up, up);
@@ -35,19 +35,20 @@ struct CapsuleCapsule {
     up = scale(d, choose(d, parallel, across, up), inverse_length);
     const Vector<D> side = cross(d, up, u);
 
-    // In this frame v = (c, s, 0), where s is the length of the product, not zero unless they are taken for parallel.
+    // In this frame v = (c, s, 0), where s is the length of the cross product; zero only where the segments count as
+    // parallel.
     const auto c = dot(d, u, v);
     const auto s = hn::IfThenZeroElse(parallel, length);
     const auto x = dot(d, in.offset, u), y = dot(d, in.offset, side), z = dot(d, in.offset, up);
 
-    // Outside past the edge at an end of q: t is that end, s is free.
+    // The origin is outside, past the edge at an end of q: t is that end, s is free.
     const auto end_t = hn::CopySign(q_half, y) * hn::Set(d, Scalar<D>{-1});
     const auto past_end = hn::Abs(y) - s * q_half;
     const auto end_x = x + c * end_t;
     const auto end_gap_x = excess(d, end_x, p_half), end_gap_y = hn::CopySign(past_end, y);
     const auto end_squared = end_gap_x * end_gap_x + end_gap_y * end_gap_y;
 
-    // Outside past the edge at an end of p: s is that end, t is free. Its line runs along v.
+    // The origin is outside, past the edge at an end of p: s is that end, t is free. The edge runs along v.
     const auto skew = hn::IfThenElse(parallel, y * c, y * c - x * s);
     const auto tip_s = hn::CopySign(p_half, skew) * hn::Set(d, Scalar<D>{-1});
     const auto past_tip = hn::Abs(skew) - s * p_half;
@@ -59,12 +60,12 @@ struct CapsuleCapsule {
     const auto tip_gap_y = tip_gap_along * s + tip_gap_across * c;
     const auto tip_squared = tip_gap_along * tip_gap_along + tip_gap_across * tip_gap_across;
 
-    // Neither: the segments cross as seen along `up`, or they lie in one line.
+    // Neither: the segments cross in the projection along `up`, or they are collinear.
     const auto inner_t = limited(d, hn::IfThenElse(parallel, zero - c * x, zero - y * inverse_length), q_half);
     const auto inner_gap_x = excess(d, x, p_half + hn::Abs(c) * q_half);
 
-    // Past an edge, and between its ends: nothing of the parallelogram is nearer. Only where that is true of neither
-    // edge do the distances decide; squares that differ by a rounding must not choose between an edge and its end.
+    // Past an edge and between its ends, no other part of the parallelogram is nearer. Only if this holds for neither
+    // edge do the distances decide: squares that differ by rounding must not choose between an edge and its end.
     const auto end = past_end > zero, tip = past_tip > zero;
     const auto end_between = hn::And(end, hn::Abs(end_x) <= p_half);
     const auto tip_between = hn::And(tip, hn::Abs(tip_along) <= q_half);

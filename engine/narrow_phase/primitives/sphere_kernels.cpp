@@ -29,7 +29,8 @@ struct SphereCapsule {
     const Vector<D> axis = z_axis(d, in.second_orientation);
     const auto along = dot(d, in.offset, axis);
     Vector<D> across = subtract(d, in.offset, scale(d, axis, along));
-    // Once more: where the centre lies almost on the axis, what the first pass left along it would tilt the normal.
+    // A second pass: where the centre lies almost on the axis, the remainder of the first pass along the axis would
+    // tilt the normal.
     across = subtract(d, across, scale(d, axis, dot(d, across, axis)));
     const Vector<D> gap = add(d, across, scale(d, axis, excess(d, along, in.second_size.y)));
     return rounded_contact(d, gap, in.first_size.x, in.second_size.x, Vector<D>{zero, zero, zero},
@@ -48,7 +49,7 @@ struct SphereBox {
     const Vector<D> centre = negate(d, unrotate(d, box, in.offset));
     const Vector<D> out{excess(d, centre.x, half.x), excess(d, centre.y, half.y), excess(d, centre.z, half.z)};
 
-    // Inside the box: out through the nearest face.
+    // The centre is inside the box: the normal is that of the nearest face.
     const auto to_x = half.x - hn::Abs(centre.x), to_y = half.y - hn::Abs(centre.y), to_z = half.z - hn::Abs(centre.z);
     const auto by_y = to_y < to_x;
     const auto to_xy = hn::IfThenElse(by_y, to_y, to_x);

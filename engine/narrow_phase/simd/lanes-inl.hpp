@@ -1,8 +1,8 @@
-// Vectors, rotations and clamps on lanes: each lane is one pair. Included once for each Highway target.
+// Vectors, rotations and clamps in SIMD lanes: each lane is one pair. Included once for each Highway target.
 //
-// Every function is a fixed sequence of IEEE operations on each lane alone, so the bits do not depend on the width.
-// No fused multiply-add, no approximate reciprocal; `Min` and `Max` only where the sign of a zero and NaN do not
-// matter, because targets differ in those.
+// Every function is a fixed sequence of IEEE operations within each lane, so the bits do not depend on the vector
+// width. No fused multiply-add and no approximate reciprocal. `Min` and `Max` are used only where the sign of a zero
+// and NaN do not matter, because targets differ in those.
 
 #if defined(RINGFENCE_NARROW_PHASE_LANES_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_LANES_INL
@@ -72,26 +72,27 @@ HWY_INLINE Vector<D> choose(D, hn::Mask<D> mask, const Vector<D>& yes, const Vec
   return {hn::IfThenElse(mask, yes.x, no.x), hn::IfThenElse(mask, yes.y, no.y), hn::IfThenElse(mask, yes.z, no.z)};
 }
 
-/// `v` limited to [-limit, limit]; limit >= 0.
+/// `v` clamped to [-limit, limit]; limit >= 0.
 template <class D>
 HWY_INLINE hn::Vec<D> limited(D, hn::Vec<D> v, hn::Vec<D> limit) {
   return hn::Max(hn::Min(v, limit), hn::Neg(limit));
 }
 
-/// By how much `v` lies outside [-limit, limit], with sign; exactly zero inside.
+/// The signed distance by which `v` lies outside [-limit, limit]; exactly zero inside.
 template <class D>
 HWY_INLINE hn::Vec<D> excess(D d, hn::Vec<D> v, hn::Vec<D> limit) {
   return v - limited(d, v, limit);
 }
 
-/// 1 with the sign of `v`; the sign of a zero counts.
+/// 1 with the sign of `v`, also for signed zeros.
 template <class D>
 HWY_INLINE hn::Vec<D> sign_of(D d, hn::Vec<D> v) {
   return hn::CopySignToAbs(hn::Set(d, Scalar<D>{1}), v);
 }
 
-/// What the products of a quaternion are multiplied with to make a rotation of them. In double the quaternion's own
-/// rounding to float would show, so it is divided out; in float it is of the size of every other rounding.
+/// The factor for the products of a quaternion's components in a rotation matrix. In double the rounding of the
+/// quaternion to float would be visible, so the matrix is normalised; in float the error is as small as any other
+/// rounding.
 template <class D>
 HWY_INLINE hn::Vec<D> product_scale(D d, const Quaternion<D>& q) {
   const auto two = hn::Set(d, Scalar<D>{2});
@@ -113,7 +114,7 @@ HWY_INLINE Rotation<D> rotation(D d, const Quaternion<D>& q) {
   return {{{one - yy - zz, xy - wz, xz + wy}, {xy + wz, one - xx - zz, yz - wx}, {xz - wy, yz + wx, one - xx - yy}}};
 }
 
-/// The third column of the rotation: where a capsule's axis points.
+/// The third column of the rotation: the direction of a capsule's axis.
 template <class D>
 HWY_INLINE Vector<D> z_axis(D d, const Quaternion<D>& q) {
   const auto s = product_scale(d, q);
@@ -140,7 +141,7 @@ HWY_INLINE Vector<D> unrotate(D, const Rotation<D>& r, const Vector<D>& v) {
           r.m[0][2] * v.x + r.m[1][2] * v.y + r.m[2][2] * v.z};
 }
 
-/// Some vector at right angles to the unit vector `u`, between 0.6 and 1 long.
+/// A vector perpendicular to the unit vector `u`, of length 0.6 to 1.
 template <class D>
 HWY_INLINE Vector<D> perpendicular(D d, const Vector<D>& u) {
   const auto zero = hn::Zero(d);
@@ -148,13 +149,13 @@ HWY_INLINE Vector<D> perpendicular(D d, const Vector<D>& u) {
   return choose(d, flat, Vector<D>{u.y, zero - u.x, zero}, Vector<D>{zero, u.z, zero - u.y});
 }
 
-/// Squares of lengths below this are taken for zero: far under any rounding of sizes of at least a millimetre.
+/// Squared lengths below this count as zero. It is far below the rounding errors for sizes from one millimetre.
 template <class D>
 HWY_INLINE hn::Vec<D> no_length(D d) {
   return hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-60) : Scalar<D>(1e-30));
 }
 
-/// What a kernel finds for each lane, from the first body to the second.
+/// The result of a kernel for each lane, from the first body to the second.
 template <class D>
 struct LaneContacts {
   hn::Mask<D> hit;
@@ -165,9 +166,9 @@ struct LaneContacts {
 
 /// The contact of two rounded cores whose nearest points are known.
 ///
-/// `gap` leads from the first core's nearest point to the second's; `direction_if_none`, of any length, is that of the
-/// normal where the cores meet. For flat or thin cores (points, segments, parallelograms of two segments) this is the
-/// exact least depth.
+/// `gap` is the vector from the first core's nearest point to the second's. `direction_if_none`, of any length, is the
+/// direction of the normal where the cores intersect. For flat or thin cores (points, segments, parallelograms of two
+/// segments) the depth is the exact least depth.
 template <class D>
 HWY_INLINE LaneContacts<D> rounded_contact(D d, const Vector<D>& gap, hn::Vec<D> first_radius, hn::Vec<D> second_radius,
                                            const Vector<D>& first_nearest, const Vector<D>& direction_if_none) {

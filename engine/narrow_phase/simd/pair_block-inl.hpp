@@ -1,10 +1,12 @@
-// Candidates in, contacts out: the part that every closed-form kernel shares. Included once for each Highway target.
+// Shared by all closed-form kernels: gathers candidate pairs into lanes and writes contacts. Included once for each
+// Highway target.
 //
-// Gathers a block of pairs from rows of 48 and 32 bytes into lanes: each row is read with 16-byte loads into rows of
-// the block, and four such rows become four vectors by in-register transposes. What hits is written as 32-byte contacts
-// without a branch.
+// A block of pairs is gathered from rows of 48 and 32 bytes. Each row is copied with 16-byte loads into rows of the
+// block, and four such rows become four vectors by in-register transposes. Contacts of 32 bytes are written without a
+// branch.
 //
-// A kernel is a struct with the two kinds and `static Found<D> test(D, const Lanes<D>&)`, for D of float and of double.
+// A kernel is a struct with the two kinds and `static LaneContacts<D> test(D, const Lanes<D>&)`, for D of float and of
+// double.
 
 #if defined(RINGFENCE_NARROW_PHASE_PAIR_BLOCK_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_PAIR_BLOCK_INL
@@ -25,21 +27,21 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// What a kernel computes with. Only what its kinds have is filled: a sphere has no orientation.
+/// The input of a kernel in lanes. Only the fields that the kinds need are filled: a sphere has no orientation.
 template <class D>
 struct Lanes {
-  Vector<D> offset;  ///< from the first's position to the second's, metres
+  Vector<D> offset;  ///< from the first body's position to the second's, metres
   Quaternion<D> first_orientation, second_orientation;
   Vector<D> first_size, second_size;  ///< as in ShapeRow::size
 };
 
 constexpr bool has_orientation(ShapeKind kind) { return kind != ShapeKind::sphere; }
 
-/// Vectors gathered before the first is computed: their 16-byte stores have left the store buffer when the wide loads
-/// come, which could not be forwarded from it.
+/// Number of vectors that are gathered before the first is computed. By then the 16-byte stores have left the store
+/// buffer; the wide loads could not be forwarded from it.
 inline constexpr std::size_t group = 4;
 
-/// Rows of one vector's worth of pairs, [row within four][column]: lane 4 b + r lies in row r, columns 4 b to 4 b + 3.
+/// The rows of one vector of pairs, [row within four][column]: lane 4 b + r is in row r, columns 4 b to 4 b + 3.
 template <std::size_t lanes>
 struct Rows {
   alignas(64) float at[4][std::max<std::size_t>(lanes, 4)];
@@ -62,7 +64,7 @@ HWY_INLINE void store_rows(D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Ve
 
 #else
 
-/// Four rows to four vectors of lanes, and back: in each block of 16 bytes a matrix is turned over.
+/// Converts four rows to four vectors of lanes, and back: transposes the 4 x 4 matrix in each 128-bit block.
 template <class D>
 HWY_INLINE void transpose(D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Vec<D> e, hn::Vec<D>* out) {
   const hn::Repartition<std::uint64_t, D> wide;
@@ -88,7 +90,7 @@ HWY_INLINE void store_rows(D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Ve
   for (int r = 0; r < 4; ++r) hn::Store(out[r], d, rows.at[r]);
 }
 
-/// One row of each of four blocks of lanes side by side: `row(lane)` points to four floats.
+/// Joins one row of each 128-bit block of lanes to one vector: `row(lane)` points to four floats.
 template <class D, class Row>
 HWY_INLINE hn::Vec<D> join_rows(D d, const Row& row, std::size_t lane) {
   if constexpr (hn::MaxLanes(D()) == 4) {
@@ -101,7 +103,7 @@ HWY_INLINE hn::Vec<D> join_rows(D d, const Row& row, std::size_t lane) {
 
 #endif
 
-/// Four floats from each lane's row to four vectors of lanes; `row(lane)` points to them. Without a detour through
+/// Loads four floats of each lane's row into four vectors of lanes; `row(lane)` points to them. Does not go through
 /// memory, where the wide loads would wait for the narrow stores.
 template <class D, class Row>
 HWY_INLINE void gather_rows(D d, const Row& row, hn::Vec<D>* out) {
@@ -114,10 +116,11 @@ HWY_INLINE void gather_rows(D d, const Row& row, hn::Vec<D>* out) {
 
 HWY_INLINE void copy_row(const float* from, float* to) { std::memcpy(to, from, 4 * sizeof(float)); }
 
-/// Writes second - first and, as the fourth float, `fourth`. The difference is taken in double, then rounded.
+/// Writes second - first and, as the fourth float, `fourth`. The difference is computed in double, then rounded.
 HWY_INLINE void write_offset(const Body& first, const Body& second, float fourth, float* to) {
 #if HWY_MAX_BYTES >= 32
-  // Reads eight bytes past z, inside the body; they are masked before they are converted, which could be slow.
+  // Reads eight bytes past z, which are still inside the body. They are masked before the conversion, which could be
+  // slow for arbitrary bits.
   alignas(32) static constexpr std::uint64_t three[4] = {~0ull, ~0ull, ~0ull, 0};
   alignas(16) static constexpr std::uint32_t last[4] = {0, 0, 0, ~0u};
   const hn::FixedTag<double, 4> position;
@@ -142,7 +145,7 @@ struct Gathered {
   static constexpr bool first_is_sphere = K::first == ShapeKind::sphere;
   static constexpr bool second_is_sphere = K::second == ShapeKind::sphere;
 
-  Rows<N> offset;  ///< the fourth float is the first's radius if it is a sphere
+  Rows<N> offset;  ///< the fourth float is the first body's radius if it is a sphere
   Rows<has_orientation(K::first) ? N : 4> first_orientation;
   Rows<has_orientation(K::second) ? N : 4> second_orientation;
   Rows<first_is_sphere ? 4 : N> first_size;
@@ -155,7 +158,7 @@ struct Gathered {
     fill_lanes(bodies, rows, pairs, std::make_index_sequence<N>());
   }
 
-  /// Unrolled: where a lane's rows are is then known when compiling.
+  /// Unrolled, so that the addresses of a lane's rows are known at compile time.
   template <std::size_t... lane>
   HWY_INLINE void fill_lanes(const Body* bodies, const geometry::ShapeRow* rows, const KernelPair* pairs,
                              std::index_sequence<lane...>) {
@@ -208,9 +211,9 @@ struct Gathered {
   }
 };
 
-/// Whether a vector's hits are moved to its front before it is stored; else every lane is stored and the end advances
-/// past those that hit. Measured, spheres: AVX-512 4.8 ns a pair against 5.1, SSE4 6.5 against 7.4; but AVX2, which
-/// makes up for the missing instruction by tables, 16.5 against 6.2.
+/// Whether the hits of a vector are compressed to its front before it is stored. Otherwise every lane is stored, and
+/// the end advances past the lanes that hit. Measured for spheres: AVX-512 4.8 ns per pair against 5.1, SSE4 6.5
+/// against 7.4; but AVX2, which emulates the missing instruction with tables, 16.5 against 6.2.
 #if HWY_TARGET == HWY_AVX2
 inline constexpr bool compress_hits = false;
 #else
@@ -226,7 +229,7 @@ HWY_INLINE V to_front(V v, M hit) {
   }
 }
 
-/// Stores the contacts of the lanes that hit from `head` and `tail`, the two halves of each lane's.
+/// Stores the contacts of the lanes that hit; `head` and `tail` are the two halves of each lane's contact.
 template <class D>
 HWY_INLINE PairContact* store_hits(D d, Rows<hn::MaxLanes(D())>& head, Rows<hn::MaxLanes(D())>& tail, hn::Mask<D> hit,
                                    PairContact* out) {
@@ -251,8 +254,8 @@ HWY_INLINE PairContact* store_hits(D d, Rows<hn::MaxLanes(D())>& head, Rows<hn::
   }
 }
 
-/// Writes the contacts of the lanes below `count` that hit: they are moved to the front of their vectors, then all
-/// lanes are stored. Zeros are written as +0, so that no bit depends on how a target signs them.
+/// Writes the contacts of the lanes below `count` that hit. Zeros are written as +0, because targets differ in their
+/// sign.
 template <class K, class D>
 HWY_INLINE PairContact* write(D d, const KernelPair* pairs, std::size_t count, const LaneContacts<D>& found,
                               const Vector<D>& offset, PairContact* out) {
@@ -278,7 +281,7 @@ HWY_INLINE PairContact* write(D d, const KernelPair* pairs, std::size_t count, c
   return store_hits(d, head, tail, hit, out);
 }
 
-/// `vectors` <= group full vectors of pairs.
+/// Tests `vectors` <= group full vectors of pairs.
 template <class K, class D>
 HWY_INLINE PairContact* run_group(D d, const KernelInput& input, const KernelPair* pairs, std::size_t vectors,
                                   PairContact* out) {
@@ -294,7 +297,7 @@ HWY_INLINE PairContact* run_group(D d, const KernelInput& input, const KernelPai
   return out;
 }
 
-/// Fewer pairs than a vector holds. The lanes past the last pair repeat it, and are not written.
+/// Tests fewer pairs than a vector holds. The lanes after the last pair repeat it and are not written.
 template <class K, class D>
 PairContact* run_rest(D d, const KernelInput& input, const KernelPair* pairs, std::size_t count, PairContact* out) {
   constexpr std::size_t lanes = hn::MaxLanes(d);
@@ -308,7 +311,7 @@ PairContact* run_rest(D d, const KernelInput& input, const KernelPair* pairs, st
   return write<K>(d, padded, count, K::test(d, in), in.offset, out);
 }
 
-/// All pairs in float: full vectors, then the narrowest vector that holds the rest.
+/// Tests all pairs in float: full vectors first, then the narrowest vector that holds the rest.
 template <class K>
 PairContact* run_in_float(const KernelInput& input, PairContact* out, KindCounters& counters) {
   hn::CappedTag<float, 16> full;
@@ -338,7 +341,7 @@ PairContact* run_in_float(const KernelInput& input, PairContact* out, KindCounte
   return run_rest<K>(quarter, input, pairs + begin, rest, out);
 }
 
-/// Columns of pairs for the kernels in double. Rare pairs: gathered and written one by one.
+/// Columns of pairs for the kernels in double. Such pairs are rare: they are gathered and written one by one.
 template <std::size_t N>
 struct Columns {
   alignas(64) double offset[3][N], first_orientation[4][N], second_orientation[4][N], first_size[3][N],

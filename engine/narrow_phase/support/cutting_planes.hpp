@@ -7,18 +7,18 @@
 
 namespace ringfence::narrow_phase {
 
-/// The way downhill for the support height of a convex body over the directions about one: the last few support points
-/// that were met, each a plane below which that height is nowhere.
+/// Finds a direction in which the support height of a convex body is lower, near a given direction, from its last few
+/// support points. Each support point gives a plane that is a lower bound of the height.
 ///
-/// Height is convex over the plane of directions n + x u + y v, so where it has a crease (a flat side, an edge) steps
-/// to either side get stuck, and planes do not: two of them meet in the crease, three in its lowest point. Method:
-/// cutting planes (Kelley 1960) within bounds. Threads: belongs to its owner. Allocates nothing.
+/// The height is convex over the directions n + x u + y v. Where it has a crease (because of a flat face or an edge),
+/// steps to either side make no progress, but the bounds do: two of them intersect in the crease, three in its lowest
+/// point. Method: cutting planes (Kelley 1960) within bounds. Threads: one at a time. Allocates nothing.
 class CuttingPlanes {
  public:
-  /// One more support point; the oldest gives way.
+  /// Adds a support point; replaces the oldest one.
   void add(const Vec3d& support);
-  /// The direction n + x u + y v, |x| and |y| at most `most`, in which the highest of the points is lowest; n itself
-  /// without points. n, u and v are orthonormal.
+  /// The direction n + x u + y v with |x| and |y| at most `most` in which the maximum of the points' heights is lowest;
+  /// n itself if there are no points. n, u and v are orthonormal.
   Vec3d lowest(const Vec3d& n, const Vec3d& u, const Vec3d& v, double most) const;
 
  private:

@@ -28,7 +28,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       node_contacts_(setup.server.node_contacts != nullptr ? setup.server.node_contacts : &own_contacts_),
       leaving_numbers_(setup.peers.size()),
       hand_over_runs_(setup.peers.size()) {
-  pairs_.reserve(pairs_a_test);
+  pairs_.reserve(pairs_per_test);
   new_map_.reserve(map.grid().cells());
   kinds_.reserve(shape_kinds * shape_kinds);
   hits_.reserve(setup.objects);
@@ -41,7 +41,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   host_.reserve_contacts(setup.objects);
   node_contacts_->host = &host_;
   if (shares_states()) {
-    node_contacts_->ghost_updates.reserve(setup.objects / 8 + 64);  // few touch another's region
+    node_contacts_->ghost_updates.reserve(setup.objects / 8 + 64);  // few objects touch another region
     ghosts_.reserve(setup.objects / 8 + 64);
   }
   if (shares_states() && setup.may_be_lost) {
@@ -49,7 +49,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   }
 }
 
-// Whether it can, as far as the server is concerned.
+// Whether states can stay out of the messages to the server: they are readable in shared memory.
 bool CdNodeRole::shares_states() const noexcept {
   return setup_.server.node_contacts != nullptr && setup_.placement == Placement::region &&
          setup_.keeps_host_owned_states;
@@ -117,7 +117,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   const bool published =
       std::exchange(publishes_, setup_.server.publication != nullptr && setup_.server.publication->wanted);
   if (publishes_ && !published) {
-    host_.forget_cells();  // nobody noted them
+    host_.forget_cells();  // the cells were not updated while nothing was published
   }
   {
     SpanTimer time(setup_.track, "move", frame_stats_.move_ns);
@@ -128,7 +128,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   stage_ = Stage::moving;
 }
 
-// Whether this node hosts what stands there, by the map as it is.
+// Whether this node hosts objects at that position, by the current map.
 bool CdNodeRole::is_in_own_region(const Vec3d& position) const noexcept {
   if (map_.nodes() == 1) {
     return true;
@@ -138,7 +138,8 @@ bool CdNodeRole::is_in_own_region(const Vec3d& position) const noexcept {
   return map_.owner_at(point) == setup_.node;
 }
 
-// The state relay, while the server takes in what others tell: poses are final once they have been told.
+// Publishes the hosted objects for the user nodes while the server receives the states of others. Poses are final once
+// they have been reported.
 void CdNodeRole::publish() {
   if (!publishes_) {
     return;
@@ -172,7 +173,7 @@ bool CdNodeRole::send_published() {
                              [](std::size_t, std::byte*) {});
 }
 
-// In this frame so far.
+// CPU time in this frame so far.
 std::uint64_t CdNodeRole::cpu_spent() const noexcept {
   return setup_.shares_thread ? frame_stats_.busy_ns + (telemetry::now_ns() - step_start_)
                               : telemetry::thread_cpu_ns() - cpu_start_;
@@ -195,7 +196,7 @@ bool CdNodeRole::send_frame_done() {
                               });
 }
 
-// One transition of the frame; false where it has to wait.
+// Makes one transition of the frame; false if it has to wait.
 bool CdNodeRole::advance() {
   if (fault_ && fails_here()) [[unlikely]] {
     return false;

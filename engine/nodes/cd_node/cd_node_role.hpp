@@ -28,52 +28,53 @@
 
 namespace ringfence::nodes {
 
-/// What a CD node is given. The pointers outlive the role.
+/// Configuration of a CD node. The pointers outlive the role.
 struct CdNodeSetup {
   NodeNumber node = 0;
   const geometry::ShapeTable* shapes = nullptr;
   const geometry::FixedSpace* space = nullptr;
   const MotionModel* model = nullptr;  ///< null: nothing moves by itself
   Placement placement = Placement::server;
-  bool hosts = true;  ///< user/collision deployment: it may be given objects, so it keeps the contacts that it finds
+  bool hosts = true;  ///< user/collision deployment: the node hosts objects, so it keeps the contacts that it finds
   std::array<std::uint32_t, 32> layer_masks{};  ///< which layers each layer collides with
   bool keep_resting = true;                     ///< see WorldConfig
-  bool shares_thread = false;         ///< other roles run on its thread: its CPU time is then the time that it was busy
-  telemetry::Track* track = nullptr;  ///< null: nothing is noted
+  bool shares_thread = false;         ///< other roles run on its thread, so its CPU time is measured as busy time
+  telemetry::Track* track = nullptr;  ///< null: no timeline
   bool remember_axes = true;          ///< see narrow_phase::NarrowPhase
-  bool may_be_lost = true;            ///< so that what it keeps to itself must be safe from its being late
-  bool keeps_host_owned_states = true;  ///< keeps states to itself that the server can read in shared memory, and tells
-                                        ///< its peers where it shares with all of them (placement region)
-  regions::CellGrid interest_grid;  ///< by which it publishes, if the server's line has a publication
-  std::size_t objects = 0;          ///< reserved
-  std::size_t pairs = 0;            ///< reserved
+  /// The node may be lost, so its host-owned states are also copied where the server can read them.
+  bool may_be_lost = true;
+  /// Keeps states in shared memory instead of sending them to the server, and exchanges ghosts with its peers if all of
+  /// them share memory (placement region)
+  bool keeps_host_owned_states = true;
+  regions::CellGrid interest_grid;  ///< cells of its publication, if the server connection has one
+  std::size_t objects = 0;          ///< number to reserve for
+  std::size_t pairs = 0;            ///< number to reserve for
   Connection server;
-  std::vector<Connection> peers;  ///< by node number; the own entry is empty
+  std::vector<Connection> peers;  ///< by node number; the node's own entry is empty
 };
 
-/// A collision detection node: owns regions, tests the candidate pairs that fall to it, each once; in user/collision
-/// deployment it also hosts, moves and responds for the objects of its regions.
+/// A collision detection node. It owns regions and tests the candidate pairs assigned to it, each once. In
+/// user/collision deployment it also hosts the objects of its regions: it moves them and responds to their contacts.
 ///
-/// A frame, in the order of its messages: frame_begin; move what is hosted, tell the server (node_state) batch by
-/// batch, and its peers where they share memory, and publish it to the user nodes there (published); hear who else is
-/// in the region (M2) and which pairs to test, or sweep for them, and test them as they come; tell the contacts (M3);
-/// hear what concerns the hosted objects (M4); hand over what crossed a border (M5); told.
+/// A frame, in the order of its messages: frame_begin; move hosted objects batch by batch, report them to the server
+/// (node_state) and to the peers that share memory, publish them for user nodes (published); receive the other objects
+/// of its region (M2) and the pairs to test, or sweep for them, and test them as they arrive; send the contacts (M3);
+/// receive the contacts of hosted objects (M4); hand over objects that crossed a border (M5); frame_done.
 ///
-/// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
+/// Threads: one thread at a time steps it. Never blocks, never throws; does not allocate in steady state.
 class CdNodeRole {
  public:
   CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map);
 
   Step step();
 
-  /// The nodes have changed in number, and this one is now `node`. Between frames, while no thread steps the role.
+  /// Sets the node's number and its connections to the other nodes. Between frames, while no thread steps the role.
   void assign(NodeNumber node, const std::vector<Connection>& peers);
 
-  /// Makes it fail as described, of which the node number is not looked at. Between frames, while no thread steps the
-  /// role; the last call counts.
+  /// Injects a fault; its node number is ignored. Between frames, while no thread steps the role; the last call counts.
   void fail(const Fault& fault) noexcept { fault_ = fault; }
 
-  /// The objects hosted after the last frame. Only while no frame is under way.
+  /// The objects hosted after the last frame. Only while no frame is running.
   const Host& host() const noexcept { return host_; }
 
  private:
@@ -117,7 +118,7 @@ class CdNodeRole {
   void list_contacts();
   void compare_contacts();
   void list_notified_hosts(std::uint32_t position);
-  /// Whether the node's model will look at what it found.
+  /// Whether the node's model reads the contacts that the node finds.
   bool keeps_contacts() const noexcept { return setup_.hosts && host_.uses_contacts(); }
   void finish_contacts();
   void confirm_begins();
@@ -136,14 +137,14 @@ class CdNodeRole {
   CdNodeSetup setup_;
   messages::Endpoint self_;
   regions::RegionMap map_;
-  geometry::Bounds interior_;  ///< all the node's, and most of it
+  geometry::Bounds interior_;  ///< a box that is entirely in the node's region and covers most of it
   Host host_;
   RegionObjects region_objects_;
   broad_phase::SweepAndPrune sweep_;
   narrow_phase::NarrowPhase narrow_;
 
-  std::optional<Fault> fault_;         ///< to come
-  std::uint64_t failed_until_ns_ = 0;  ///< does nothing before
+  std::optional<Fault> fault_;         ///< injected, has not happened yet
+  std::uint64_t failed_until_ns_ = 0;  ///< the injected stall ends then
 
   Stage stage_ = Stage::waiting;
   std::uint64_t frame_ = 0;
@@ -153,44 +154,45 @@ class CdNodeRole {
   bool frame_end_received_ = false;
   std::uint64_t hand_overs_expected_ = 0;
   std::uint64_t hand_overs_received_ = 0;
-  std::vector<std::uint64_t> hand_overs_received_from_;  ///< of the hand-overs, by peer
-  std::vector<std::uint8_t> lost_;                       ///< by peer: stopped answering in this frame
+  std::vector<std::uint64_t> hand_overs_received_from_;  ///< hand-overs by peer
+  std::vector<std::uint8_t> lost_;                       ///< by peer: lost in this frame
 
-  static constexpr std::size_t pairs_a_test = 4096;
+  static constexpr std::size_t pairs_per_test = 4096;
 
-  std::vector<geometry::CandidatePair> pairs_;    ///< indices into region_objects_; not yet tested
-  base::FlatList<geometry::CandidatePair> hits_;  ///< those of them that touch, in the order in which they were found
-  base::FlatList<narrow_phase::PairContact> touches_;  ///< parallel to it
-  NodeContacts own_contacts_;                          ///< where the server cannot read what is shared
-  NodeContacts* node_contacts_;                        ///< by (a, b)
-  bool keeps_host_owned_ = false;                      ///< states of which the server need not know it is not told
-  std::size_t next_hit_ = 0;                           ///< of these, to be sent
+  std::vector<geometry::CandidatePair> pairs_;         ///< indices into region_objects_; not yet tested
+  base::FlatList<geometry::CandidatePair> hits_;       ///< pairs in contact, in the order of detection
+  base::FlatList<narrow_phase::PairContact> touches_;  ///< parallel to hits_
+  NodeContacts own_contacts_;                          ///< used if the server cannot read shared memory
+  NodeContacts* node_contacts_;                        ///< contacts in order of (a, b)
+  bool keeps_host_owned_ = false;                      ///< does not report states that only the host needs
+  std::size_t next_hit_ = 0;                           ///< next hit to send
   std::uint64_t candidates_ = 0;
   std::uint64_t tested_ = 0;
+  std::uint64_t failed_supports_ = 0;
   std::vector<messages::KindRecord> kinds_;
-  std::span<const std::uint32_t> changed_;  ///< of the batch that was moved last
-  std::size_t next_changed_ = 0;            ///< of these, to be sent
-  std::size_t reported_changes_ = 0;        ///< how many of them the server is told of
+  std::span<const std::uint32_t> changed_;  ///< of the last batch
+  std::size_t next_changed_ = 0;            ///< next changed object to send
+  std::size_t reported_changes_ = 0;        ///< number of changes reported to the server
   std::array<geometry::Bounds, Host::batch> changed_bounds_;
-  std::array<geometry::FixedPoint, Host::batch> changed_points_;  ///< where their positions are
-  std::array<std::uint32_t, Host::batch> changed_flags_;          ///< ObjectFlag bits of their records
-  std::array<bool, Host::batch> reports_change_;                  ///< which of them the server is told of
+  std::array<geometry::FixedPoint, Host::batch> changed_points_;  ///< fixed-point positions
+  std::array<std::uint32_t, Host::batch> changed_flags_;          ///< ObjectFlag bits of the records
+  std::array<bool, Host::batch> reports_change_;                  ///< whether the change is reported to the server
   bool publishes_ = false;                                        ///< in this frame
   struct LeavingObject {
     ObjectNumber number;
-    NodeNumber next;  ///< who hosts it then
+    NodeNumber next;  ///< next host
   };
-  base::FlatList<GhostUpdates::Update> ghosts_;  ///< what peers tell this node
+  base::FlatList<GhostUpdates::Update> ghosts_;  ///< updates received from peers
   std::vector<LeavingObject>
-      leaving_objects_;  ///< hosted ones that stand in another node's cell, by the map as it was when they moved
+      leaving_objects_;  ///< hosted objects that stand in another node's cell, by the map valid when they moved
   base::PairSort order_;
   OutputMergeScratch output_merge_scratch_;
   std::vector<std::uint64_t> stamps_;  ///< by node: see regions::for_each_owner
   std::uint64_t stamp_ = 0;
   std::size_t words_confirmed_ = 0;
-  bool map_is_new_ = false;                                 ///< heard in this frame
-  std::vector<std::uint32_t> new_map_;                      ///< its table, as far as it has come
-  std::vector<std::vector<ObjectNumber>> leaving_numbers_;  ///< by the node that hosts them next
+  bool map_is_new_ = false;                                 ///< received in this frame
+  std::vector<std::uint32_t> new_map_;                      ///< entries of the new map received so far
+  std::vector<std::vector<ObjectNumber>> leaving_numbers_;  ///< by next host
 
   messages::RunWriter states_run_, collisions_run_;
   messages::RunSender published_run_, done_run_, kinds_run_, frame_done_run_, here_run_;

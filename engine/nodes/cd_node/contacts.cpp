@@ -1,4 +1,4 @@
-// What a CD node shares of what it found, and what it does with what all have.
+// A CD node's contacts: the shared list, the comparison with the frame before, and the slice of the output lists.
 #include <cstring>
 
 #include "base/prefetch.hpp"
@@ -6,7 +6,7 @@
 
 namespace ringfence::nodes {
 
-// In order of (a, b), so that runs can be merged and the host's next move reads its contacts in it.
+// In order of (a, b), so that lists can be merged and the host's next move reads its contacts in that order.
 void CdNodeRole::list_contacts() {
   NodeContacts& node_contacts = *node_contacts_;
   node_contacts.start(frame_);
@@ -15,7 +15,7 @@ void CdNodeRole::list_contacts() {
   node_contacts.bodies = region_objects_.bodies().data();
   node_contacts.keys.resize(hits_.size());
   node_contacts.found.resize(hits_.size());
-  const bool tells = setup_.hosts && node_contacts_ != &own_contacts_;
+  const bool notifies_others = setup_.hosts && node_contacts_ != &own_contacts_;
   for (std::size_t i = 0; i < hits_.size(); ++i) {
     base::prefetch_for_write(node_contacts.keys.data() + i + 32);
     base::prefetch_for_write(node_contacts.found.data() + i + 16);
@@ -27,7 +27,7 @@ void CdNodeRole::list_contacts() {
       host_.order_own_contact(frame_, node_contacts.keys[i], touch, region_objects_.hosted(hit.a),
                               region_objects_.hosted(hit.b));
     }
-    if (tells &&
+    if (notifies_others &&
         (region_objects_.next_host(hit.a) != NextHost::self || region_objects_.next_host(hit.b) != NextHost::self)) {
       list_notified_hosts(static_cast<std::uint32_t>(i));
     }
@@ -38,9 +38,9 @@ void CdNodeRole::list_contacts() {
   }
 }
 
-// A pair is tested where its two bounds overlap. So where one object's touch this node's region alone, whatever touches
-// it is found here and nowhere else. In the frame before that was so if it was known then, under the same map: under a
-// new one all is told anew, and what is told for the first time was not inner.
+// A pair is tested where its two bounds overlap. If the bounds of one object touch only this node's region, its
+// contacts are found here and nowhere else. This holds for the frame before if the object was inner then, under the
+// same map; after a change of the map all objects are received again and are not inner at first.
 void CdNodeRole::compare_contacts() {
   const auto is_inner = [&](std::uint32_t slot, std::uint32_t was, ObjectNumber number) {
     const std::uint32_t known = region_objects_.find(slot, was);
@@ -57,7 +57,8 @@ void CdNodeRole::compare_contacts() {
   region_objects_.note_inner();
 }
 
-// Who hosts the two objects in the next frame: that follows from what they are and where they stand, if the map stays.
+// The hosts of the two objects in the next frame follow from their categories and positions, as long as the map does
+// not change.
 void CdNodeRole::list_notified_hosts(std::uint32_t position) {
   const FoundContact& found = node_contacts_->found[position];
   NodeNumber first = setup_.node;
@@ -80,7 +81,8 @@ void CdNodeRole::list_notified_hosts(std::uint32_t position) {
   }
 }
 
-// The phases of what was found, a stretch of the embedder's list, and what others found of the hosted objects.
+// Sets the phases of own contacts, writes a slice of the output lists, and reads the other nodes' contacts of hosted
+// objects.
 void CdNodeRole::finish_contacts() {
   if (node_contacts_ == &own_contacts_) {
     return;
@@ -90,7 +92,7 @@ void CdNodeRole::finish_contacts() {
     confirm_begins();
   }
   if (!node_contacts.gate.enter()) {
-    return;  // lost, and what the others share is not for this frame any more
+    return;  // this node is lost, and the shared memory may already belong to the next frame
   }
   node_contacts.duplicates = write_slice(*node_contacts.output_merge, node_contacts.share, output_merge_scratch_);
   if (setup_.hosts && node_contacts.nodes_exchange_contacts) {
@@ -99,7 +101,7 @@ void CdNodeRole::finish_contacts() {
   node_contacts.gate.leave();
 }
 
-// Few, and they lie anywhere.
+// There are few of them, at random places.
 void CdNodeRole::confirm_begins() {
   const NodeContacts& node_contacts = *node_contacts_;
   base::FlatList<std::uint32_t>& begins = output_merge_scratch_.begins;
@@ -124,7 +126,8 @@ void CdNodeRole::add_peer_contacts() {
   const auto all = node_contacts_->output_merge->node_contacts;
   NodeContactOrder& order = output_merge_scratch_.order;
   order.start(all);
-  // Another core wrote the keys, and each peer has but a few for this node: all are fetched before the first is read.
+  // The keys were written by other cores, and each peer has only a few for this node: prefetch all before the first
+  // read.
   for (const NodeContacts* node_contacts : all) {
     for (const std::uint32_t position : node_contacts->for_peers.of(setup_.node)) {
       base::prefetch_for_read(&node_contacts->keys[position]);

@@ -1,4 +1,4 @@
-// How a CD node sweeps, tests its pairs and tells what touches.
+// Broad and narrow phase of a CD node, and the sending of its contacts.
 #include <algorithm>
 #include <cstring>
 #include <utility>
@@ -26,18 +26,19 @@ void CdNodeRole::sweep() {
   while (more) {
     {
       SpanTimer time(setup_.track, "broad phase", frame_stats_.broad_phase_ns);
-      while (more && pairs_.size() < pairs_a_test) {
-        const auto found = sweep_.next(pairs_a_test - pairs_.size());
+      while (more && pairs_.size() < pairs_per_test) {
+        const auto found = sweep_.next(pairs_per_test - pairs_.size());
         more = !found.empty();
         for (const geometry::CandidatePair& pair : found) {
-          // What is all within the region meets nothing anywhere else.
+          // An object fully inside this region cannot collide in another one, so this node owns the pair.
           if (((marks[pair.a] | marks[pair.b]) & RegionObjects::inner_mark) == 0 &&
               map_.pair_owner(bounds[pair.a], bounds[pair.b]) != setup_.node) {
             continue;
           }
           base::prefetch_for_read(&bodies[pair.a]);
           base::prefetch_for_read(&bodies[pair.b]);
-          // Every other pair the wrong way round, at random: a branch would be missed as often.
+          // Without a branch: half of all pairs are in the wrong order, at random, so a branch would often be
+          // mispredicted.
           const std::uint32_t flip = (pair.a ^ pair.b) & (numbers[pair.b] < numbers[pair.a] ? ~0u : 0u);
           pairs_.push_back({pair.a ^ flip, pair.b ^ flip});
         }
@@ -48,7 +49,8 @@ void CdNodeRole::sweep() {
   region_objects_.settle();
 }
 
-// As many pairs as make full blocks of every kind, and whose objects stay in the cache from the sort to the kernels.
+// The batch is large enough for full blocks of every pair of kinds, and small enough that its objects stay in the cache
+// from the sort to the kernels.
 void CdNodeRole::test_pairs() {
   if (pairs_.empty()) {
     return;
@@ -59,9 +61,9 @@ void CdNodeRole::test_pairs() {
   pairs_.clear();
 }
 
-// As the kernels wrote it, a quarter of a contact: the rest is the two bodies', and is added where it is read in order.
-// But at once for the model, which reads them in the next frame, when the bodies have moved on, and object by object,
-// as the sweep found them rather than by (a, b).
+// Keeps the kernels' output, a quarter of a contact; the rest are poses, which are added where the contact is read in
+// order. For the node's own model the contact is assembled at once, because the bodies will have moved when the model
+// reads it in the next frame.
 void CdNodeRole::add_hits(std::span<const narrow_phase::PairContact> found) {
   const auto numbers = region_objects_.numbers();
   const auto bodies = region_objects_.bodies();
@@ -93,9 +95,10 @@ void CdNodeRole::detect() {
   done_run_.start(1);
 }
 
-// Counted by the kernels themselves, so that "each pair once" is checked against what was done, not what was asked.
+// The kernels themselves count, so that "each pair once" is checked against the tests that were done, not those
+// requested.
 void CdNodeRole::count_kinds() {
-  tested_ = 0;
+  tested_ = failed_supports_ = 0;
   kinds_.clear();
   for (std::uint32_t p = 0; p < shape_kinds; ++p) {
     for (std::uint32_t q = p; q < shape_kinds; ++q) {
@@ -115,13 +118,14 @@ void CdNodeRole::count_kinds() {
         record.gather_nanoseconds = counters.gather_nanoseconds;
         std::copy(std::begin(counters.cost), std::end(counters.cost), std::begin(record.cost));
         tested_ += counters.candidates;
+        failed_supports_ += counters.failed;
       }
     }
   }
   narrow_.reset_counters();
 }
 
-// To a server in another process; one in this process reads them where they lie.
+// Only for a server in another process; in this process it reads the shared contacts.
 bool CdNodeRole::send_collisions() {
   link::Sender& out = *setup_.server.out;
   const messages::RunHeader to_server = head(MessageType::collision, Endpoint::server());
@@ -139,7 +143,7 @@ bool CdNodeRole::send_collisions() {
   return (shared || collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_)) &&
          done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()), sizeof(messages::NarrowDoneRecord),
                         traffic_, [&](std::size_t, std::byte* where) {
-                          const messages::NarrowDoneRecord record{candidates_, tested_, hits_.size()};
+                          const messages::NarrowDoneRecord record{candidates_, tested_, hits_.size(), failed_supports_};
                           std::memcpy(where, &record, sizeof record);
                         });
 }

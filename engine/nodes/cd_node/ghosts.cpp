@@ -1,13 +1,14 @@
-// What a CD node tells its peers of the objects that it hosts near their regions, and what it hears of theirs.
+// Ghost updates of a CD node: those for its peers, about hosted objects near their regions, and those received.
 //
-// After the positions of a frame every node knows exactly the present objects whose bounds touch its region. So who was
-// told of an object in the frame before follows from its bounds in it, which its host has among the objects it knows.
+// After the positions of a frame every node knows exactly the present objects whose bounds touch its region. So the
+// nodes that know an object from the frame before follow from its bounds in that frame, which its host has in its
+// RegionObjects.
 #include "nodes/cd_node/cd_node_role.hpp"
 
 namespace ringfence::nodes {
 
-// Of a hosted object that is kept from the server, before what is known of it is replaced. `staying`: this node goes on
-// hosting it. `was`: where it is among what is known, or RegionObjects::none.
+// For a hosted object with host-owned state, before its entry in RegionObjects is replaced. `staying`: this node
+// remains the host. `was`: index of the entry, or RegionObjects::none.
 void CdNodeRole::add_ghost_updates(const Hosted& object, const geometry::Bounds& bounds, bool staying,
                                    std::uint32_t was) {
   GhostUpdates& ghost_updates = node_contacts_->ghost_updates;
@@ -32,7 +33,7 @@ void CdNodeRole::add_ghost_updates(const Hosted& object, const geometry::Bounds&
   if (was == RegionObjects::none || region_objects_.inner(was)) {
     return;
   }
-  // Few pass from cell to cell in a frame, so that there is nobody whom they leave.
+  // Few objects pass from cell to cell in a frame, so usually no node loses one.
   const geometry::Bounds& bounds_before = region_objects_.bounds()[was];
   const regions::CellBox box = map_.grid().cells_of(bounds_before);
   if (present && box == map_.grid().cells_of(bounds) && !map_.has_cuts(box)) {
@@ -41,7 +42,7 @@ void CdNodeRole::add_ghost_updates(const Hosted& object, const geometry::Bounds&
   regions::for_each_owner(map_, bounds_before, stamps_, stamp_, [&](NodeNumber peer) { add_receiver(peer, true); });
 }
 
-// Not in a frame in which the server tells all of everything: then the gate is barred.
+// Skipped in a frame in which the server sends everything: then the gate is barred.
 void CdNodeRole::receive_ghosts() {
   if (!node_contacts_->ghost_updates.gate.enter()) {
     return;
@@ -52,8 +53,8 @@ void CdNodeRole::receive_ghosts() {
       peer.node_contacts->ghost_updates.list(setup_.node, ghosts_);
     }
   }
-  // What all peers tell as one list, since each of them tells a few dozen: a record, which another core wrote, then
-  // where its object is known, then what is known of it. Each look needs the one before.
+  // The updates of all peers form one list, since each peer has only a few dozen. Three dependent reads are prefetched
+  // in a pipeline: the record, written by another core; the index of its object; the object's entry.
   constexpr std::size_t ahead = 6;
   const auto behind = [&](std::size_t i, std::size_t by) {
     return i >= by && i - by < ghosts_.size() ? &ghosts_[i - by] : nullptr;

@@ -1,4 +1,4 @@
-// Hand-over of what a CD node hosts, and what it does when a peer is lost.
+// Hand-over of hosted objects, and the reaction to the loss of a peer.
 #include <cassert>
 #include <cstring>
 #include <utility>
@@ -11,7 +11,7 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 
-// Who hosts what in the next frame follows from the poses and the region map, so the server expects the same.
+// The next hosts follow from the poses and the region map, so the server expects the same hand-overs.
 void CdNodeRole::list_leaving_objects() {
   for (auto& leavers : leaving_numbers_) {
     leavers.clear();
@@ -33,7 +33,7 @@ void CdNodeRole::list_leaving_objects() {
       host_.prefetch_leaver(mover.number);
     }
     for (const LeavingObject& mover : leaving_objects_) {
-      assert(host_.find(mover.number) != base::NumberIndex::none);  // not dropped or given away since it moved
+      assert(host_.find(mover.number) != base::NumberIndex::none);  // neither dropped nor handed over since it moved
       leaving_numbers_[mover.next].push_back(mover.number);
     }
   }
@@ -77,7 +77,7 @@ void CdNodeRole::drop_leaving_objects(std::size_t peer) {
   hand_over_runs_[peer].stop();
 }
 
-// Whether the fault that was ordered is due: then the role does nothing more, or not for a while.
+// Whether the injected fault is due: then the role stops, or stalls for a while.
 bool CdNodeRole::fails_here() noexcept {
   static_assert(static_cast<int>(Stage::reporting) == static_cast<int>(NodeStage::reporting) + 1);
   if (stage_ == Stage::waiting || frame_ != fault_->frame ||
@@ -105,14 +105,15 @@ bool CdNodeRole::answer_probe() {
                         [](std::size_t, std::byte*) {});
 }
 
-// A peer has stopped answering. Either the frame is detected anew, under a map that follows; or its contacts are known,
-// and what was to pass between the two passes through the server's hands.
+// A peer is lost. Either the frame is detected again, under a map that follows; or its contacts are known, and the
+// server takes over the hand-overs between the two nodes.
 void CdNodeRole::receive_lost(const messages::LostRecord& record) {
-  if (stage_ == Stage::waiting && record.again == 0) {
-    return;  // it has told all, so that nothing is open between the two; and the number may be somebody else's by now
+  if (stage_ == Stage::waiting && record.detect_again == 0) {
+    // This node is done, so no hand-over is pending between the two, and the number may already belong to another node.
+    return;
   }
   lost_[record.node] = 1;
-  if (record.again != 0) {
+  if (record.detect_again != 0) {
     new_map_.clear();
     discard_tests();
     if (stage_ != Stage::waiting) {

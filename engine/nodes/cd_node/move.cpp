@@ -1,4 +1,4 @@
-// How a CD node moves what it hosts, batch by batch, and whom it tells of it.
+// Moves the hosted objects in batches and reports the changes to the server and the peers.
 #include <cstring>
 #include <new>
 
@@ -10,8 +10,8 @@ using messages::Endpoint;
 using messages::MessageType;
 using telemetry::SpanTimer;
 
-// What a batch changed goes to the server while the next one is moved: it is still in the cache here, and the server
-// takes it in meanwhile. False where the link is full.
+// The changes of a batch are sent while they are still in the cache, and the server receives them while the next batch
+// is moved. False if the ring is full.
 bool CdNodeRole::move() {
   SpanTimer time(setup_.track, "move", frame_stats_.move_ns);
   const messages::RunHeader to_server = head(MessageType::node_state, Endpoint::server());
@@ -49,7 +49,7 @@ void CdNodeRole::bound_batch() {
   setup_.shapes->bounds({placed, changed_.size()}, *setup_.space, changed_bounds_.data(), changed_points_.data());
 }
 
-// Apart from the bounding: what is read again as a whole right after it was written in parts stalls the processor.
+// Separate from the computation of bounds: reading as a whole what was just written in parts would stall the processor.
 void CdNodeRole::place_batch() {
   if (publishes_) {
     note_cells();
@@ -75,15 +75,15 @@ void CdNodeRole::place_batch() {
   }
 }
 
-// What rests, and is only told because it does, stands in the cell that was noted before.
+// Objects at rest are still in the cell that was stored before.
 void CdNodeRole::note_cells() {
   for (std::size_t i = 0; i < changed_.size(); ++i) {
     host_.set_cell(changed_[i], relay_cell(host_[changed_[i]], changed_points_[i].at));
   }
 }
 
-// The i-th of the batch is where it was. The server is told if its state has been kept from it so far; else it is
-// listed because under a new map nobody knows it yet.
+// Object i of the batch did not move. The server is notified if it does not have the object's state; otherwise the
+// object is listed because no node knows it under a new map.
 void CdNodeRole::rest(std::size_t i) {
   const std::uint32_t hosted = changed_[i];
   const Hosted& object = host_[hosted];
@@ -111,7 +111,7 @@ regions::Coverage CdNodeRole::cover_of(const geometry::Bounds& bounds) const noe
   return geometry::contains(interior_, bounds) ? regions::Coverage::all : map_.coverage(bounds, setup_.node);
 }
 
-// Where the i-th of the batch stands by the map as it is, and whether anybody need be told.
+// Updates the entry of object i of the batch, and decides which nodes need the change.
 void CdNodeRole::place(std::size_t i) {
   const std::uint32_t hosted = changed_[i];
   const Hosted& object = host_[hosted];
@@ -122,7 +122,7 @@ void CdNodeRole::place(std::size_t i) {
   const regions::Coverage coverage = present ? cover_of(bounds) : regions::Coverage::none;
   const bool inner = coverage == regions::Coverage::all;
   const bool within = geometry::contains(bounds, point);
-  // Most stand within their bounds, and those within the region: then nobody need look whose cell it is.
+  // Most objects stand within their bounds, and those inside the region: then the owner of the cell is known.
   const NodeNumber next = inner && within ? setup_.node : map_.owner_at(point);
   const bool staying = next == setup_.node;
   const std::uint32_t was = region_objects_.find(object.object.slot, host_.place_in_list(hosted));
@@ -139,10 +139,11 @@ void CdNodeRole::place(std::size_t i) {
   if (!staying) {
     leaving_objects_.push_back({object.object.number, next});
   }
-  // Where it stands within its bounds, its next host is told of it, too, and knows by them who else was.
+  // If the position is within the bounds, the object's next host receives a ghost update, too, and knows from the
+  // bounds which other nodes did.
   const bool keeps = keeps_host_owned_ && present && ((inner && staying) || within);
   reports_change_[i] = !keeps || !staying || !was_host_owned;
-  frame_stats_.kept += reports_change_[i] ? 0 : 1;
+  frame_stats_.host_owned_changes += reports_change_[i] ? 0 : 1;
   if (!reports_change_[i] && setup_.may_be_lost) {
     node_contacts_->kept.add(frame_, object.object, object.pose, host_.state(hosted));
   }
@@ -151,7 +152,7 @@ void CdNodeRole::place(std::size_t i) {
   host_.keep(hosted, keeps);
 }
 
-// The server tells a node of every object in its region but those that the node itself hosts and reported.
+// The server sends a node every object in its region except those that the node itself hosts and has reported.
 void CdNodeRole::write_own_move(std::size_t i, std::byte* where) {
   const Hosted& object = host_[changed_[i]];
   auto* record = new (where) messages::NodeStateRecord{object.object, object.pose, changed_bounds_[i]};

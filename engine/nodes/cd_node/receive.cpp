@@ -1,4 +1,4 @@
-// What a CD node takes in from the server and its peers.
+// Messages that a CD node receives from the server and its peers.
 #include <cassert>
 
 #include "base/prefetch.hpp"
@@ -14,9 +14,9 @@ bool CdNodeRole::receive_from(Connection& connection) {
   return drain(*connection.in, host_.state_bytes(), [this](const MessageView& message) { receive(message); });
 }
 
-// Peers hand over between a frame's end and the last of what the server said would come; a look into the rings of all
-// at every step is a hundredth of what sixteen nodes do. Who hands over earlier than this node hears of the end waits
-// for room in its ring at worst, and on that nothing depends that comes before the end.
+// Peers hand over between the end of a frame and the last of the expected hand-overs. Polling the rings of all peers at
+// every step would cost 1 % of the work of 16 nodes. A peer that hands over earlier has to wait for room in its ring at
+// worst, and nothing before the end of the frame depends on it.
 bool CdNodeRole::receive_from_peers() {
   if (!frame_end_received_ || stage_ == Stage::reporting || stage_ == Stage::waiting) {
     return false;
@@ -35,7 +35,7 @@ void CdNodeRole::receive(const MessageView& message) {
     case MessageType::hand_over: {
       const NodeNumber from = Endpoint{message.header().source}.number();
       if (lost_[from] != 0) {
-        return;  // the server has taken its objects back
+        return;  // the server has reclaimed its objects
       }
       hand_overs_received_from_[from] += message.count();
       hand_overs_received_ += message.count();
@@ -88,7 +88,7 @@ void CdNodeRole::apply_position(const messages::PositionRecord& record, bool gon
   region_objects_.set(record.object, record.pose, record.bounds, record.shape, record.layer, next, inner);
 }
 
-// Of its host, a node that has the same map.
+// The update comes from the object's host, which has the same map.
 void CdNodeRole::apply_ghost(const messages::PositionRecord& record, bool gone) {
   if (gone || (record.object.flags & messages::flag_keeps_host) == 0) {
     return apply_position(record, gone);
@@ -112,7 +112,7 @@ void CdNodeRole::receive_pairs(const MessageView& message) {
     base::prefetch_for_read(&bodies[known.a]);
     base::prefetch_for_read(&bodies[known.b]);
     pairs_.push_back(known);
-    if (pairs_.size() == pairs_a_test) {
+    if (pairs_.size() == pairs_per_test) {
       test_pairs();
     }
   }
@@ -120,7 +120,7 @@ void CdNodeRole::receive_pairs(const MessageView& message) {
 }
 
 void CdNodeRole::receive_contacts(const MessageView& message) {
-  // Between frames these are the last contacts of an object that was taken over.
+  // Between frames these are contacts of the last frame, for an object that was adopted.
   const bool late = stage_ == Stage::waiting;
   late ? host_.add_late_contacts(message) : host_.add_contacts(frame_, message);
   contacts_received_ |= message.last() && !late;
@@ -140,7 +140,7 @@ void CdNodeRole::receive_owners(const MessageView& message) {
     map_.assign(new_map_, static_cast<std::uint32_t>(setup_.peers.size()), message.header().epoch);
     interior_ = map_.interior(setup_.node);
     new_map_.clear();
-    // Under a new map everyone is told of everything in its region anew: by the server, or by hosts of what they host.
+    // After a change of the map every node receives everything in its region again: from the server, or from the hosts.
     region_objects_.clear();
     map_is_new_ = true;
     host_.list_all(stage_ == Stage::ending && node_contacts_->hosts_exchange_objects);

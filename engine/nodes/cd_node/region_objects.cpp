@@ -20,14 +20,14 @@ RegionObjects::RegionObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps)
   }
 }
 
-// Of what it holds nothing is set yet.
+// The values of the new entry are not set yet.
 std::uint32_t RegionObjects::add(std::uint32_t slot) {
   if (slot >= index_.size()) {
     index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
   }
   const std::uint32_t i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
   slots_.push_back(slot);
-  bodies_.add().number = 0;  // nobody's
+  bodies_.add().number = 0;  // no object has this number
   numbers_.add();
   hosted_.add();
   marks_.push_back(0);

@@ -16,34 +16,34 @@ namespace ringfence::nodes {
 
 /// Who hosts an object from the next frame on, as far as a CD node knows.
 enum class NextHost : std::uint8_t {
-  self,  ///< the node
-  node,  ///< another CD node: the one that owns the cell of its position, in user/collision deployment
+  self,  ///< this node
+  node,  ///< another CD node: in user/collision deployment the owner of the cell that contains the object's position
   user,  ///< a user node
-  none,  ///< it does not move
+  none,  ///< the object does not move
 };
 
-/// The objects that overlap a CD node's region, as the node last heard of them, packed for its sweep and narrow phase.
+/// The objects that overlap a CD node's region, as last received, packed for its sweep and narrow phase.
 ///
-/// Threads: belongs to its CD node. Memory: grows with the objects known; four bytes a slot of the world.
+/// Threads: belongs to its CD node. Memory: grows with the number of objects; four bytes per slot of the world.
 class RegionObjects {
  public:
   static constexpr std::uint32_t none = 0xffffffffu;
 
-  /// `sweeps`: bounds, layers and what rests are kept for a sweep; else nobody asks for them.
+  /// `sweeps`: store bounds, layers and resting flags for a sweep.
   RegionObjects(std::size_t objects, bool sweeps);
 
   std::size_t size() const noexcept { return slots_.size(); }
   /// Index of the object in a slot, or none.
   std::uint32_t find(std::uint32_t slot) const noexcept { return slot < index_.size() ? index_[slot] : none; }
 
-  /// The same, for who remembers where it was: that is looked at first. The table by slot has a line of the cache for
-  /// each of a node's objects, the list of slots for sixteen.
+  /// The same, but tries the index `was` first: the list of slots fits 16 objects in a cache line, the table by slot
+  /// one.
   std::uint32_t find(std::uint32_t slot, std::uint32_t was) const noexcept {
     return was < slots_.size() && slots_[was] == slot ? was : find(slot);
   }
 
-  /// Adds an object or replaces what is known of it, and says where it is. `inner`: all that its bounds touch is the
-  /// node's. `was`: where it may be, as in find(). `hosted`: where the node hosts it at the time, if it does.
+  /// Adds an object or replaces its values, and returns its index. `inner`: the bounds touch only this node's region.
+  /// `was`: expected index, as in find(). `hosted`: the object's index in the node's Host, if it is hosted there.
   std::uint32_t set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
                     ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner, std::uint32_t was = none,
                     std::uint32_t hosted = none) {
@@ -51,7 +51,7 @@ class RegionObjects {
     if (i == none) [[unlikely]] {
       i = add(object.slot);
     }
-    if (bodies_[i].number != object.number) [[unlikely]] {  // else what does not change is there
+    if (bodies_[i].number != object.number) [[unlikely]] {  // otherwise the constant fields are already set
       numbers_[i] = object.number;
       layers_[i] = static_cast<std::uint8_t>(layer);
     }
@@ -64,14 +64,13 @@ class RegionObjects {
     }
     return i;
   }
-  /// Fetches what find() of that slot will look at.
+  /// Prefetches what find() reads for that slot.
   void prefetch_index(std::uint32_t slot) const noexcept {
     if (slot < index_.size()) {
       base::prefetch_for_read(&index_[slot]);
     }
   }
-  /// Fetches what find() where it was will look at, whether it was inner, and the most of what set() of the i-th will
-  /// write; nothing if it is none.
+  /// Prefetches what find() with that index reads, the inner flag, and most of what set() writes; nothing for none.
   void prefetch(std::uint32_t i) const noexcept {
     if (i < slots_.size()) {
       base::prefetch_for_read(&slots_[i]);
@@ -86,32 +85,32 @@ class RegionObjects {
       }
     }
   }
-  /// Forgets it; the last one takes its index. Does nothing if it is not known.
+  /// Removes an object; the last one takes its index. Does nothing if the object is unknown.
   void forget(std::uint32_t slot);
   void clear() noexcept;
 
   std::span<const narrow_phase::Body> bodies() const noexcept { return bodies_.span(); }
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_.span(); }
   std::uint32_t slot(std::size_t i) const noexcept { return slots_[i]; }
-  /// As set() was last told.
+  /// As last passed to set().
   NextHost next_host(std::size_t i) const noexcept { return static_cast<NextHost>(marks_[i] & ~inner_mark); }
-  /// Where the node hosted the i-th when it last set() it, or none.
+  /// Index of the i-th object in the node's Host at its last set(), or none.
   std::uint32_t hosted(std::size_t i) const noexcept { return hosted_[i]; }
-  /// Whether set() was last told that it is inner. That it is not, is always right, but costs time.
+  /// Whether set() was last called with `inner`. False is always correct, but costs time.
   bool inner(std::size_t i) const noexcept { return (marks_[i] & inner_mark) != 0; }
-  /// One byte each, in which inner_mark says that.
+  /// One byte per object, which contains inner_mark.
   std::span<const std::uint8_t> marks() const noexcept { return marks_; }
   static constexpr unsigned inner_mark = 4;
-  /// Likewise, when note_inner() was last called.
+  /// The value of inner() at the last call of note_inner().
   bool was_inner(std::size_t i) const noexcept { return (marks_before_[i] & inner_mark) != 0; }
   void note_inner() noexcept { std::copy(marks_.begin(), marks_.end(), marks_before_.begin()); }
-  /// The number of each; bodies() has them, too, a cache line each.
+  /// Number of each object; packed more densely than in bodies().
   std::span<const ObjectNumber> numbers() const noexcept { return numbers_.span(); }
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
 
-  /// One byte an object: 1 where nothing about it has changed since the last call of settle().
+  /// One byte per object: 1 if it has not changed since the last call of settle().
   std::span<const std::uint8_t> resting() const noexcept { return resting_; }
-  /// One byte an object, all 1: what is known is present.
+  /// One byte per object, all 1: objects listed here are present.
   std::span<const std::uint8_t> present() const noexcept { return present_; }
   void settle() noexcept;
 

@@ -9,7 +9,7 @@
 namespace ringfence::nodes {
 namespace {
 
-/// Past the caches where the processor can. Both are aligned to a cache line.
+/// Non-temporal where available. Both are aligned to a cache line.
 void write_through(HostOwnedState& to, const HostOwnedState& from) noexcept {
 #if defined(__SSE2__)
   const auto* const source = reinterpret_cast<const __m128i*>(&from);
@@ -48,7 +48,7 @@ void HostOwnedStates::add(std::uint64_t frame, const messages::ObjectRef& object
   }
 }
 
-// Such writes are not ordered by what publishes the others.
+// Non-temporal stores are not ordered by release stores.
 void HostOwnedStates::finish() const noexcept {
 #if defined(__SSE2__)
   _mm_sfence();

@@ -10,36 +10,36 @@
 
 namespace ringfence::nodes {
 
-/// S(k) of an object, without the model's part: a cache line.
+/// S(k) of one object, without the model's state: one cache line.
 struct alignas(64) HostOwnedState {
   messages::ObjectRef object;
   Pose pose;
 };
 static_assert(sizeof(HostOwnedState) == 64);
 
-/// The states that a CD node that may be lost moves and does not tell the server, which need not know of them: left
-/// where it can read them, in memory that both share, in place of messages `node_state`.
+/// Host-owned states of a CD node, kept for recovery: states that the node moved and did not send to the server, in
+/// memory that both share. They replace `node_state` messages.
 ///
-/// It reads them when the node is lost, and only then: of a node that answers it reads the Host. Two frames are kept,
-/// by parity: S(k - 1) stays as it is while S(k) is moved, also by a node that is late rather than dead. Written past
-/// the caches where the processor can: as a rule nobody reads them.
+/// The server reads them only when the node is lost; from a live node it reads the Host. Two frames are kept, by
+/// parity: S(k - 1) does not change while S(k) is written, even if the writer is a lost node that still runs. Written
+/// with non-temporal stores where available, because they are rarely read.
 ///
-/// Threads: one writer; the server reads the last frame from when the node has told that it has moved all until the
-/// next begins, and the frame before at any time in a frame. Memory: grows to what is kept, never shrinks.
+/// Threads: one writer. The server may read the last frame after the node has reported its moves and until the next
+/// frame begins, and the frame before at any time during a frame. Memory: grows to the largest frame, never shrinks.
 class HostOwnedStates {
  public:
-  /// Before the first frame: for so many objects with so many bytes of the model's part each.
+  /// Call it before the first frame. Reserves for this many objects, with `state_bytes` bytes of model state each.
   void reserve(std::size_t objects, std::size_t state_bytes);
 
-  /// Forgets what was kept two frames ago.
+  /// Discards the states of two frames ago.
   void begin(std::uint64_t frame) noexcept;
-  /// One more of `frame`; `state` is the model's part.
+  /// Adds one state of `frame`; `state` is the model's state.
   void add(std::uint64_t frame, const messages::ObjectRef& object, const Pose& pose, const std::byte* state);
-  /// After the last of a frame, before others are told of it.
+  /// Call it after the last state of a frame, before the server is notified.
   void finish() const noexcept;
 
   std::span<const HostOwnedState> of(std::uint64_t frame) const noexcept { return editions_[frame & 1].objects.span(); }
-  /// The model's part of the i-th of these.
+  /// The model's state of the i-th object.
   const std::byte* state(std::uint64_t frame, std::size_t i) const noexcept {
     return editions_[frame & 1].states.data() + i * state_bytes_;
   }

@@ -11,17 +11,18 @@
 
 namespace ringfence::nodes {
 
-/// Some of what several nodes found, in order of (a, b).
+/// Contacts of several nodes in order of (a, b).
 ///
-/// The nodes' runs are each in order, but their numbers take turns at random, so merging them costs more than a radix
-/// sort of the eight bytes of each; nothing is sorted where the runs follow each other, as that of a single node does.
-/// Memory: 48 bytes a contact, kept. Belongs to one role.
+/// The lists of the nodes are sorted, but their numbers interleave at random, so merging them costs more than a radix
+/// sort of 8-byte keys. Nothing is sorted if the lists already follow each other, as that of a single node does.
+/// Memory: 48 bytes per contact, kept. Belongs to one role.
 class NodeContactOrder {
  public:
   void reserve(std::size_t contacts);
-  /// Forgets all; what is added then is of these findings, by node number. They outlive it.
+  /// Clears the order. The following add() calls refer to these contacts, by node number; they outlive the order.
   void start(std::span<NodeContacts* const> node_contacts);
-  /// Adds the contact at that position of the node's. Precondition: ascending for each node, one node after the other.
+  /// Adds the contact at that position of the node's list. Precondition: positions ascend within a node, and nodes are
+  /// added one after the other.
   void add(NodeNumber node, std::uint32_t position) { add(node, position, node_contacts_[node]->keys[position]); }
   void add(NodeNumber node, std::uint32_t position, std::uint64_t key) {
     ascending_ &= order_.size() == 0 || key > last_;
@@ -29,7 +30,7 @@ class NodeContactOrder {
     order_.add(key);
     sources_.push_back({node, position});
   }
-  /// Puts them in order. Those of one pair, if there are such, follow each other.
+  /// Sorts. Duplicates of a pair, if there are any, follow each other.
   void sort();
   std::size_t size() const noexcept { return order_.size(); }
   std::uint64_t key(std::size_t i) const noexcept { return order_.added(place(i)); }
@@ -58,7 +59,7 @@ class NodeContactOrder {
 
   std::span<NodeContacts* const> node_contacts_;
   base::PairSort order_;
-  base::FlatList<Source> sources_;  ///< in the order of add
+  base::FlatList<Source> sources_;  ///< in the order of the add() calls
   std::uint64_t last_ = 0;
   bool ascending_ = true;
 };

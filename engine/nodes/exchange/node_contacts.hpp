@@ -22,99 +22,103 @@ namespace ringfence::nodes {
 class Host;
 struct OutputMerge;
 
-/// The slots of a contact's two objects, and the node that found it.
+/// Slots of a contact's two objects, and the node that found it.
 struct Found {
   std::uint32_t a = 0;
   std::uint32_t b = 0;
   NodeNumber by = 0;
 };
 
-/// A contact as the node that found it lists it.
+/// A contact in the list of the node that found it.
 struct FoundContact {
   std::uint32_t slot_a = 0;
   std::uint32_t slot_b = 0;
-  std::uint32_t body_a = 0;  ///< which of Findings::bodies; not looked at where contacts are kept
+  std::uint32_t body_a = 0;  ///< index into NodeContacts::bodies; unused if NodeContacts::contacts is set
   std::uint32_t body_b = 0;
-  std::uint32_t touch = 0;  ///< which of Findings::touches
+  std::uint32_t touch = 0;  ///< index into NodeContacts::touches
 };
 
-/// A contact of which user nodes have to be told, with all that the server needs for that in one piece.
+/// A contact that concerns a user node, with all that the server needs to notify it.
 struct UserContact {
   std::uint64_t key = 0;
-  std::uint32_t position = 0;  ///< in Findings::keys
+  std::uint32_t position = 0;  ///< in NodeContacts::keys
   FoundContact found;
 };
 
-/// A contact of which its node cannot tell alone whether it begins.
+/// A contact whose phase the node cannot decide alone.
 struct BorderContact {
   std::uint64_t key = 0;
-  std::uint32_t position = 0;  ///< in Findings::keys
+  std::uint32_t position = 0;  ///< in NodeContacts::keys
 };
 
-/// What a CD node found in a frame, in memory that all roles of a process share: in place of the messages `collision`,
-/// `confirm` and, from node to node, `notify`.
+/// Contacts of one CD node in one frame, in memory shared by all roles of a process. They replace the messages
+/// `collision`, `confirm` and, between nodes, `notify`.
 ///
-/// A node lists its contacts by (a, b) and compares them with those of its frame before: what is in one list only has
-/// begun or ended, or the pair has passed from or to another node. That it cannot have where one of the two objects
-/// touched nothing but this node's region while the other list was made. The server compares only the rest, of all
-/// nodes, with each other, and answers which go on. Then each node puts a stretch of the embedder's lists in order,
-/// whoever found the contacts, and takes from the others' findings what concerns the objects that it hosts. So what the
-/// server does for contacts is in proportion to those that change at borders and to those of avatars.
+/// A node lists its contacts by (a, b) and compares them with those of the frame before. A pair that is in one list
+/// only has begun or ended, or has moved from or to another node. It cannot have moved if one of its two objects
+/// touched no other region while the other list was made. The server compares only the remaining pairs of all nodes and
+/// corrects their phases. Then each node writes a slice of the embedder's lists, from the contacts of all nodes, and
+/// reads from the other nodes' contacts those that concern the objects that it hosts. So the server's work is
+/// proportional to the contacts that change at borders and to those of avatars.
 ///
-/// A contact has 136 bytes, of which most are the poses of two bodies that the node holds anyway. So it is put together
-/// only where somebody reads it: at once where the node's own model does, else in the embedder's list.
+/// A contact has 136 bytes, most of them the poses of two bodies that the node holds anyway. So it is assembled only
+/// where it is read: by the node's own motion model, or in the embedder's list.
 ///
-/// Threads: one writer at a time, handed over by messages. The node writes its part before `narrow_done` and leaves it
-/// as it is until the next `frame_begin`; the server reads it from then on, and writes its own part before `frame_end`;
-/// then all nodes that the gate lets in read all findings until each has told.
+/// Threads: one writer at a time, ordered by messages. The node writes its part before `narrow_done` and does not
+/// change it until the next `frame_begin`. The server reads it after `narrow_done` and writes its own part before
+/// `frame_end`. Then all nodes that pass their gates read the contacts of all nodes until each has sent `frame_done`.
 struct NodeContacts {
-  static constexpr std::uint64_t no_frame = ~std::uint64_t{0};  ///< the one before frame 0 too: nothing was found in it
+  /// Also the frame before frame 0, which has no contacts.
+  static constexpr std::uint64_t no_frame = ~std::uint64_t{0};
 
-  // The node's part.
-  const Host* host = nullptr;  ///< the node's; set once. Read between frames, and while the node waits
-  HostOwnedStates kept;        ///< states that it did not tell; its own rules hold
-  GhostUpdates ghost_updates;  ///< what it tells the other nodes of these; likewise
-  /// What all nodes look at.
-  alignas(64) std::uint64_t frame = no_frame;          ///< that the lists are of
-  const Contact* contacts = nullptr;                   ///< parallel to keys; null: made of the next two
-  const narrow_phase::PairContact* touches = nullptr;  ///< as they were found
-  const narrow_phase::Body* bodies = nullptr;          ///< as they stood when the pairs were tested
+  // Written by the node.
+  const Host* host = nullptr;  ///< set once; read between frames, and by the server while the node waits
+  HostOwnedStates kept;        ///< see HostOwnedStates for its rules
+  GhostUpdates ghost_updates;  ///< see GhostUpdates for its rules
+  /// Read by all nodes.
+  alignas(64) std::uint64_t frame = no_frame;          ///< the frame of the lists
+  const Contact* contacts = nullptr;                   ///< parallel to keys; null: assembled from the next two
+  const narrow_phase::PairContact* touches = nullptr;  ///< in the order of detection
+  const narrow_phase::Body* bodies = nullptr;          ///< poses at the time of the tests
   base::FlatList<FoundContact> found;                  ///< parallel to keys
-  base::FlatList<std::uint8_t> begun;  ///< parallel to keys: 1 where they were in contact nowhere in the frame before.
-                                       ///< The node's word, corrected by the server
-  /// What the server looks at of every node before it tells any.
+  base::FlatList<std::uint8_t> begun;  ///< parallel to keys: 1 if the pair was not in contact in the frame before; set
+                                       ///< by the node, corrected by the server
+  /// Read by the server, of every node, before it notifies any.
   alignas(64) base::FlatList<std::uint64_t> keys;  ///< base::PairSort::key, ascending
-  std::uint64_t frame_before = no_frame;           ///< that keys_before is of
-  base::FlatList<std::uint32_t> beginning;         ///< positions of those of keys that are not among keys_before
-  base::FlatList<BorderContact> border_beginning;  ///< those that another node may have found before, by key
-  base::FlatList<std::uint64_t> ending;            ///< those of keys_before that are not among keys, ascending
-  base::FlatList<std::uint64_t> border_ending;     ///< those that another node may have found now, ascending
-  // The rest.
+  std::uint64_t frame_before = no_frame;           ///< the frame of keys_before
+  base::FlatList<std::uint32_t> beginning;         ///< positions of the keys that are not in keys_before
+  /// Those that another node may have found in the frame before, by key.
+  base::FlatList<BorderContact> border_beginning;
+  base::FlatList<std::uint64_t> ending;         ///< those of keys_before that are not in keys, ascending
+  base::FlatList<std::uint64_t> border_ending;  ///< those that another node may have found in this frame, ascending
+  // Read by the node, or later by the server.
   base::FlatList<std::uint32_t> ending_at;           ///< parallel to ending: their positions in keys_before
-  base::FlatList<std::uint64_t> keys_before;         ///< what the node found in the frame before, ascending
+  base::FlatList<std::uint64_t> keys_before;         ///< keys of the frame before, ascending
   base::FlatList<FoundContact> found_before;         ///< parallel to keys_before
   base::FlatList<UserContact> user_contacts;         ///< by key
   base::FlatList<UserContact> user_contacts_before;  ///< of the frame before
-  base::FlatList<UserContact> user_contacts_ending;  ///< those of them that are among ending
-  PeerLists for_peers;  ///< positions in keys of which the other nodes have to be told, ascending for each
+  base::FlatList<UserContact> user_contacts_ending;  ///< those of user_contacts_before that are in ending
+  PeerLists for_peers;  ///< positions in keys, ascending, of the contacts that concern each other node
 
-  // The server's part. On lines of its own: others read the above while the node enters the gate and counts.
-  alignas(64) const OutputMerge* output_merge = nullptr;  ///< of which the node writes a stretch
-  std::uint32_t share = 0;                                ///< which
-  bool nodes_exchange_contacts = false;  ///< nodes take what concerns them from for_peers; else the server tells them
-  bool hosts_exchange_objects =
-      false;      ///< with a map that is told now: nodes tell each other all that they host under it
-  ReadGate gate;  ///< to the findings of others, before `frame_end`
+  // Written by the server. On its own cache lines: other nodes read the fields above while this node writes here.
+  alignas(64) const OutputMerge* output_merge = nullptr;  ///< the output lists of which the node writes a slice
+  std::uint32_t share = 0;                                ///< number of the slice
+  /// Nodes read the contacts that concern them from for_peers; otherwise the server sends them.
+  bool nodes_exchange_contacts = false;
+  /// With the map sent in this frame: nodes send each other all objects that they host.
+  bool hosts_exchange_objects = false;
+  ReadGate gate;  ///< for the contacts of other nodes; opened before `frame_end`
 
-  // The node's last part, before `told`.
-  std::uint64_t duplicates = 0;  ///< contacts of the stretch whose pair another node found as well
-  std::uint64_t taken = 0;       ///< contacts that it took from other nodes' findings
+  // Written by the node before `frame_done`.
+  std::uint64_t duplicates = 0;  ///< contacts of the slice whose pair was already written
+  std::uint64_t taken = 0;       ///< contacts read from the other nodes
 
-  /// The node: empties its part for the frame; what it found in the one before stays, also when a frame is begun twice.
+  /// By the node: clears its part for the frame. The contacts of the frame before are kept, also if a frame is started
+  /// twice.
   void start(std::uint64_t new_frame);
-  /// The node: fills begun and what has begun and ended. `was_alone(found)`: no other node can have found that contact
-  /// in the frame before; `is_alone(key, found)`: none can have found that one of the frame before in this one. The
-  /// answer no is always right, but leaves it to the server to look.
+  /// By the node: fills begun, beginning and ending. `was_alone(found)`: no other node can have found this contact in
+  /// the frame before. `is_alone(key, found)`: no other node can have found this contact of the frame before in this
+  /// frame. Both may return false when in doubt; the server then compares the pair.
   template <class WasAlone, class IsAlone>
   void compare(WasAlone was_alone, IsAlone is_alone);
   Phase phase(std::uint32_t position) const noexcept { return begun[position] != 0 ? Phase::begin : Phase::persist; }
@@ -129,14 +133,14 @@ struct NodeContacts {
       each(keys[i], i, phase(i));
     }
   }
-  /// Copies a contact to where it is read as a whole. Its own phase, which its node may be writing, is not looked at.
+  /// Copies a contact. Sets `phase` instead of reading that of `from`, which its node may be writing.
   static void copy(const Contact& from, Phase phase, Contact& to) noexcept {
     to.a = from.a;
     to.b = from.b;
     to.phase = phase;
     std::memcpy(&to.depth, &from.depth, sizeof(Contact) - offsetof(Contact, depth));
   }
-  /// Writes the contact at that position of the list, which is `one`.
+  /// Writes the contact at that position, whose entry is `one`.
   void write(std::uint32_t position, const FoundContact& one, Phase phase, Contact& to) const noexcept {
     if (contacts != nullptr) {
       copy(contacts[position], phase, to);
@@ -161,7 +165,7 @@ struct NodeContacts {
     const FoundContact& one = found[position];
     return contacts != nullptr ? contacts[position].point : in_world(touches[one.touch], bodies[one.body_a]);
   }
-  /// Fetches what such a write() reads, which lies anywhere.
+  /// Prefetches what write() reads.
   void prefetch(std::uint32_t position, const FoundContact& one) const noexcept {
     if (contacts != nullptr) {
       base::prefetch_object(contacts[position]);
@@ -171,7 +175,7 @@ struct NodeContacts {
     base::prefetch_object(bodies[one.body_a]);
     base::prefetch_object(bodies[one.body_b]);
   }
-  /// Fetches what compare_borders() of the ledger reads first.
+  /// Prefetches what ContactLedger::compare_borders() reads first.
   void prefetch_summary() const noexcept {
     base::prefetch_for_read(&keys);
     base::prefetch_for_read(&beginning);

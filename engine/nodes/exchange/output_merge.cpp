@@ -8,14 +8,14 @@
 namespace ringfence::nodes {
 namespace {
 
-/// Two frames of contacts take turns, so what is written next is not in the cache.
+/// Two frames of contacts alternate, so the memory that is written next is not in the cache.
 void prefetch_ahead(const Contact* next) noexcept {
   constexpr std::ptrdiff_t lines_ahead = 1024;
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(next) + lines_ahead);
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(next) + lines_ahead + 64);
 }
 
-/// How many of ascending keys are below `key`.
+/// Number of ascending keys below `key`.
 std::size_t below(std::span<const std::uint64_t> keys, std::uint64_t key) noexcept {
   return static_cast<std::size_t>(std::lower_bound(keys.begin(), keys.end(), key) - keys.begin());
 }
@@ -35,7 +35,7 @@ void write_ended(const OutputMerge& output_merge, std::size_t share, OutputMerge
   scratch.ended_order.sort();
   std::size_t passed = below(output_merge.passed, first_key);
   at -= passed;
-  // Keys first, so that what is copied is on its way when it is looked at.
+  // First the keys, with prefetches of the contacts; then the copies.
   const std::size_t begin = at;
   scratch.ended.resize(scratch.ended_order.size());
   std::size_t old = share * output_merge.keys_before.size() / output_merge.shares;
@@ -99,7 +99,7 @@ std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, Ou
     duplicates += key == last ? 1 : 0;
     last = key;
   };
-  if (output_merge.node_contacts.size() == 1) {  // in order as it is, and all of it
+  if (output_merge.node_contacts.size() == 1) {  // already in order, and in one slice
     output_merge.node_contacts.front()->visit(
         [&](std::uint64_t key, std::uint32_t position, Phase phase) { write(key, 0, position, phase); });
     write_ended(output_merge, share, scratch);
@@ -115,7 +115,7 @@ std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, Ou
     at += next;
     const FoundContact* const found = output_merge.node_contacts[node]->found.data();
     for (; next < keys.size() && keys[next] < end_key; ++next) {
-      base::prefetch_for_read(found + next);  // here one after the other, later here and there
+      base::prefetch_for_read(found + next);  // read sequentially here, at random later
       order.add(node, static_cast<std::uint32_t>(next), keys[next]);
     }
   }

@@ -12,45 +12,45 @@
 
 namespace ringfence::nodes {
 
-/// The lists of a frame that the embedder reads, and what they are made of: all contacts, whoever found them, and those
-/// that ended, each by (a, b). They are cut by key into as many stretches as there are nodes to write them.
+/// The output lists of a frame, which the embedder reads, and their sources: the contacts of all nodes, and the ended
+/// ones, each by (a, b). They are divided by key into as many slices as there are nodes to write them.
 ///
-/// Where a stretch begins in a list follows from how much of what each node found is below its first key, so whoever
-/// writes one asks nobody. Threads: the server fills it before it admits the nodes to Findings::gate.
+/// The position of a slice in a list follows from the number of each node's keys below the first key of the slice, so
+/// slices can be written independently. Threads: the server fills it before it opens NodeContacts::gate.
 struct OutputMerge {
-  std::span<NodeContacts* const> node_contacts;  ///< of all nodes, by number
-  std::size_t shares = 1;                        ///< stretches
-  Contact* contacts = nullptr;                   ///< parallel to keys and found: as many as all found together
+  std::span<NodeContacts* const> node_contacts;  ///< by node number
+  std::size_t shares = 1;                        ///< number of slices
+  Contact* contacts = nullptr;                   ///< parallel to keys and found; as many as all nodes found together
   std::uint64_t* keys = nullptr;
   Found* found = nullptr;
-  /// Keys of the frame before that their finders found no more: one or more lists, each ascending, each key once.
+  /// Keys of the frame before that their nodes did not find again: one or more lists, each ascending, each key once.
   std::span<const std::span<const std::uint64_t>> endings;
-  std::span<const std::uint64_t> passed;  ///< those of them that another node found, ascending: they go on
-  Contact* ended = nullptr;               ///< parallel to ended_keys: as many as the others
+  std::span<const std::uint64_t> passed;  ///< those of them that another node found, ascending: they persist
+  Contact* ended = nullptr;               ///< parallel to ended_keys; as many as ended
   std::uint64_t* ended_keys = nullptr;
   std::span<const std::uint64_t> keys_before;  ///< of all contacts of the frame before, ascending
   const Contact* contacts_before = nullptr;    ///< parallel to keys_before
 
-  /// The key at which a stretch begins; of `shares`, one more than there are: above all keys. Any cut is right; those
-  /// of the frame before are nearly even.
+  /// First key of a slice; for `shares`, a key above all. Any division is correct; the keys of the frame before make it
+  /// nearly even.
   std::uint64_t key_at(std::size_t share) const noexcept;
 };
 
-/// What writing a stretch takes, and other work on what was found; the writer's own.
+/// Working memory of write_slice(); belongs to the writer.
 struct OutputMergeScratch {
   NodeContactOrder order;
   base::PairSort ended_order;
-  base::FlatList<std::size_t> ended;  ///< places in the frame before
+  base::FlatList<std::size_t> ended;  ///< positions in the frame before
   base::FlatList<std::uint32_t> begins;
 
   void reserve(std::size_t contacts);
 };
 
-/// Writes a stretch: contacts with phases, and those that ended as they were last. Returns how many of its contacts are
-/// of a pair that has been written before it: always 0, unless a bug made two nodes own one pair. They are written too,
-/// so that every stretch has the place that its neighbours reckon with.
+/// Writes one slice: contacts with their phases, and ended contacts as they last were. Returns the number of contacts
+/// whose pair was already written: 0 unless a bug made two nodes own one pair. Duplicates are written too, so that
+/// every slice starts where the others expect it.
 ///
-/// Any thread that may read all findings of the frame: see Findings::gate.
+/// Called by any thread that may read the contacts of all nodes; see NodeContacts::gate.
 std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch);
 
 }  // namespace ringfence::nodes

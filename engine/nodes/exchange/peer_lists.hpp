@@ -10,7 +10,7 @@
 
 namespace ringfence::nodes {
 
-/// What a CD node has for each of the others: a run of numbers a node, each in the order in which it was added.
+/// A list of numbers for each other node, each in the order of the add() calls.
 ///
 /// Threads: one writer; others may read between finish() and the next clear(). Memory: grows to the largest frame.
 class PeerLists {
@@ -18,14 +18,14 @@ class PeerLists {
   void reserve(std::size_t size);
   void clear() noexcept;
   void add(NodeNumber peer, std::uint32_t value) { entries_.push_back({peer, value}); }
-  /// After the last of them; `nodes` is how many there are, and all peers are below it.
+  /// Call it after the last add(). `nodes` is the number of nodes; all peers are below it.
   void finish(NodeNumber nodes);
 
-  /// After finish().
+  /// The list of one peer. Only after finish().
   std::span<const std::uint32_t> of(NodeNumber peer) const noexcept {
     return values_.span().subspan(from_[peer], from_[peer + 1] - from_[peer]);
   }
-  /// Of all peers together.
+  /// All lists together.
   std::size_t size() const noexcept { return values_.size(); }
 
  private:
@@ -33,9 +33,9 @@ class PeerLists {
     NodeNumber peer;
     std::uint32_t value;
   };
-  base::FlatList<Entry> entries_;         ///< as they came
+  base::FlatList<Entry> entries_;         ///< in the order of the add() calls
   base::FlatList<std::uint32_t> values_;  ///< by peer
-  std::vector<std::uint32_t> from_;       ///< by peer, and one more: where its run begins
+  std::vector<std::uint32_t> from_;       ///< by peer, plus one: where its list begins
 };
 
 }  // namespace ringfence::nodes

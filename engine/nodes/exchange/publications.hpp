@@ -12,19 +12,19 @@
 
 namespace ringfence::nodes {
 
-/// A publication and, by parity of the frame, which cells it says anything about: most can be passed over by that.
+/// A publication and, by parity of the frame, the range of cells that contain states; readers skip publications by it.
 struct Published {
-  link::Publication* publication = nullptr;  ///< null: nobody there
+  link::Publication* publication = nullptr;  ///< null: unused entry
   regions::CellBox cell_range[2];
   bool any[2] = {false, false};
 };
 
-/// What a CD node in the server's process tells the user nodes of the objects that it hosts.
+/// Publication of the objects that a CD node in the server's process hosts, for the user nodes.
 ///
-/// Threads: the server writes `wanted` before it lets the frame begin; the node writes the rest before it says so
-/// (`published`), and what holds of it from then on is for the server to say (Publications::relays). A node that is
-/// lost before it has said so may write as long as its thread lives, which nobody reads; one that is lost later has
-/// said all, and does not write before it is told of another frame, which it is not.
+/// Threads: the server writes `wanted` before it starts the frame. The node writes the rest before it sends
+/// `published`; from then on the server decides whether it is valid (Publications::relays). A node that is lost before
+/// it has sent `published` may write as long as its thread runs, but its publication is not read. A node that is lost
+/// later has finished writing and is never started again.
 struct NodePublication {
   NodePublication(const regions::CellGrid& grid, std::size_t states)
       : publication(grid.cells(), states, {grid.log2[0], grid.log2[1]}) {
@@ -34,28 +34,29 @@ struct NodePublication {
   NodePublication& operator=(const NodePublication&) = delete;
   link::Publication publication;
   Published published;
-  bool wanted = false;  ///< somebody reads it in this frame
+  bool wanted = false;  ///< set if the publication is read in this frame
 };
 
-/// All that user nodes read about others: the relay of active and non-active objects, by the server or the CD nodes
-/// that host them, and each user node's own publication.
+/// All publications that user nodes read: the active and non-active objects, published by the server or by the CD nodes
+/// that host them, and each user node's own.
 ///
-/// Threads: the facade changes entries only while no frame is under way; in a frame each writer writes its own entry
-/// before it reports, and the others read it after the server has told them to look.
+/// Threads: the facade changes entries only while no frame is running. In a frame each writer writes its own entry
+/// before it reports, and the others read it after the server has sent read_publications.
 struct Publications {
   regions::CellGrid grid;
   const geometry::FixedSpace* space = nullptr;
-  Published server;  ///< of what no CD node publishes
-  /// By parity of the frame: those that hold, each object in one of them, as the server says before user nodes look.
-  /// They stay as they are from then on, whoever is lost, and readable until the next frame is complete.
+  Published server;  ///< what no CD node publishes
+  /// By parity of the frame: the valid publications, each object in exactly one, listed by the server before it sends
+  /// read_publications. They do not change after that, even if nodes are lost, and stay readable until the next frame
+  /// is complete.
   std::vector<const Published*> relays[2];
   std::vector<Published> users;  ///< by user number
 };
 
-/// Notes the reach of a publication that has been published for `frame`, whose cells are laid out as the grid's.
+/// Stores the cell range of a publication that was published for `frame`. Its cells must be those of the grid.
 void note_cell_range(Published& own, std::uint64_t frame) noexcept;
 
-/// Fills one publication for one frame and notes its reach.
+/// Fills one publication for one frame and stores its cell range.
 class PublicationWriter {
  public:
   PublicationWriter(Publications& all, Published& own, std::uint64_t frame) : all_(all), own_(own), frame_(frame) {
@@ -81,7 +82,7 @@ class PublicationWriter {
     own_.publication->add(all_.grid.index(at[0], at[1], at[2]), {number, 0, pose});
     ++count_;
   }
-  /// Shows it; returns the number of states.
+  /// Makes the states visible to readers; returns their number.
   std::uint64_t publish() {
     own_.publication->publish();
     return count_;

@@ -5,28 +5,28 @@
 
 namespace ringfence::nodes {
 
-/// Keeps a CD node that is lost from reading what others have gone on to write: it may be late rather than dead.
+/// Prevents a lost CD node that still runs from reading memory that others have started to overwrite.
 ///
-/// Of each node that shares memory, for each step of a frame in which nodes read each other's. Before it reads what is
-/// not its own, the node enters; the server bars those that are lost. Whoever is inside by then is awaited: some
-/// hundred microseconds of copying, without a wait of its own. Threads: the server and the node.
+/// There is one gate per node with shared memory and per step in which nodes read each other's data. The node enters
+/// before it reads data of others. The server bars lost nodes; if a lost node is already inside, the server waits until
+/// it leaves, some 100 us of copying without any wait of its own. Threads: the server and the node.
 class ReadGate {
  public:
-  /// The server, before it tells the node of the step: the node may enter, once.
+  /// By the server, before it starts the step: the node may enter once.
   void admit() noexcept { state_.store(open, std::memory_order_relaxed); }
-  /// The node: whether it may read what others share. If so, it leaves() when it has.
+  /// By the node: whether it may read shared data. If true, it calls leave() afterwards.
   bool enter() noexcept {
     std::uint32_t expected = open;
-    // Pairs with itself in bar(): one of the two comes first.
+    // Pairs with the exchange in bar(): exactly one of the two succeeds.
     return state_.compare_exchange_strong(expected, inside, std::memory_order_acq_rel);
   }
   void leave() noexcept { state_.store(left, std::memory_order_release); }
-  /// The server: the node enters no more. False if it has already entered.
+  /// By the server: the node may no longer enter. False if it has already entered.
   bool bar() noexcept {
     std::uint32_t expected = open;
     return state_.compare_exchange_strong(expected, barred, std::memory_order_acq_rel);
   }
-  /// Whether the node is between enter() and leave(). What it did before it left is visible after the answer false.
+  /// Whether the node is between enter() and leave(). After false, what it did before leave() is visible.
   bool is_inside() const noexcept { return state_.load(std::memory_order_acquire) == inside; }
 
  private:

@@ -161,11 +161,11 @@ Contact& Host::add_own_contact(std::uint64_t frame) {
   ContactList& list = lists_[frame & 1];
   ++list.own;
   Contact& contact = list.contacts.add();
-  // Two frames of contacts take turns, so these lines are not in the cache.
+  // Two frames of contacts alternate, so these lines are not in the cache.
   constexpr std::ptrdiff_t lines_ahead = 1024;
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead);
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64);
-  contact.phase = Phase::persist;  // as 19 in 20 do; of the others confirm() knows
+  contact.phase = Phase::persist;  // true of 95 %; confirm() corrects the others
   contact.reserved = 0;
   return contact;
 }
@@ -191,7 +191,7 @@ void Host::confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists
   }
 }
 
-// Late contacts are rare (a user node came or went), so they are simply sorted in among the others.
+// Late contacts are rare (a user node came or left), so they are simply sorted in among the others.
 const Host::ContactList& Host::gather_contacts(std::uint64_t frame) {
   const ContactList& known = lists_[(frame - 1) & 1];
   if (late_.contacts.empty()) {
@@ -212,8 +212,8 @@ const Host::ContactList& Host::gather_contacts(std::uint64_t frame) {
   return late_;
 }
 
-// Two runs in order of (a, b) become one, and what concerns nobody here is left out. The own contacts are most: a loop
-// for as many of them as come before the next that was told.
+// Merges two lists in order of (a, b) and drops contacts without a hosted object. Most are own contacts, so an inner
+// loop handles those before the next received one.
 void Host::find_hosted(const ContactList& list) {
   const std::uint64_t* const keys = list.keys.data();
   const std::size_t own_end = list.own_order.size();
@@ -232,14 +232,14 @@ void Host::find_hosted(const ContactList& list) {
   };
   constexpr HostedContact nothing_known{0, base::NumberIndex::none, base::NumberIndex::none};
   constexpr std::size_t ahead = 16;
-  constexpr std::size_t received_ahead = 4;  // as a rule there are many own ones between two of them
+  constexpr std::size_t received_ahead = 4;  // there are usually many own contacts between two received ones
   std::size_t own = 0;
   for (std::size_t received = own_end; received <= end; ++received) {
     if (received + received_ahead < end) {
       prefetch(received + received_ahead, nothing_known);
     }
     if (received < end && keys[received] == 0) {
-      continue;  // it ended
+      continue;  // an ended contact
     }
     const std::uint64_t until = received < end ? keys[received] : ~std::uint64_t{0};
     for (; own < own_end && keys[own] < until; ++own) {
@@ -255,8 +255,8 @@ void Host::find_hosted(const ContactList& list) {
   hosted_contacts_.resize(static_cast<std::size_t>(out - hosted_contacts_.data()));
 }
 
-// A stable counting sort of the contacts by hosted object: the order (a, b) within each is kept. Who is not hosted is
-// counted, too, before all others, where one more than none is.
+// Stable counting sort of the contacts by hosted object; keeps the order (a, b) within each. Objects that are not
+// hosted are counted in an extra first entry: none + 1 is 0.
 void Host::sort_contacts(const ContactList& list) {
   static_assert(base::NumberIndex::none + 1 == 0);
   const std::size_t objects = hosted_.size();
@@ -272,7 +272,7 @@ void Host::sort_contacts(const ContactList& list) {
     next[i + 1] += next[i];
   }
   contact_order_.resize(next[objects]);
-  // The fill moves each begin to its end, which is where the next one begins, and each has been put one too far.
+  // The fill moves each begin to its end, which is the next begin; so each begin was stored one entry too far.
   const auto put = [&](std::uint32_t i, std::uint32_t contact) {
     if (i != base::NumberIndex::none) {
       contact_order_[next[i]++] = contact;
@@ -357,7 +357,8 @@ void Host::move_batch(std::size_t first, std::size_t count) {
     accept(first, count);
     return;
   }
-  // The model threw somewhere in the batch. It is pure, so each object is tried alone and only the guilty stand still.
+  // The model threw somewhere in the batch. It is pure, so each object is tried alone, and only those that throw do not
+  // move.
   for (std::size_t i = 0; i < count; ++i) {
     if (call_model(first + i, 1)) {
       accept(first + i, 1);
@@ -367,8 +368,8 @@ void Host::move_batch(std::size_t first, std::size_t count) {
   }
 }
 
-// A world's objects do not stay in the cache from frame to frame, and an object's contacts lie anywhere among all. Of
-// these what a response reads first, depth, normal and point; the two poses would be half as many lines again.
+// Objects do not stay in the cache from frame to frame, and an object's contacts are scattered. Only depth, normal and
+// point of a contact are prefetched; the two poses would add half as many lines again.
 void Host::prefetch(std::size_t i) const noexcept {
   if (i >= hosted_.size()) {
     return;
@@ -384,7 +385,7 @@ void Host::prefetch(std::size_t i) const noexcept {
   }
 }
 
-// In known_contacts_.
+// Indices into known_contacts_.
 std::span<const std::uint32_t> Host::contacts_of(std::size_t i) const noexcept {
   if (!uses_contacts_) {
     return {};
@@ -418,7 +419,7 @@ bool Host::call_model(std::size_t first, std::size_t count) {
   return true;
 }
 
-// Takes the states as they are in scratch_, but for those of objects that stand still.
+// Takes over the states in scratch_, except those of objects that do not move.
 void Host::accept(std::size_t first, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
     std::byte* const next = scratch_.data() + i * state_bytes_;
@@ -434,7 +435,7 @@ void Host::accept(std::size_t first, std::size_t count) {
 bool Host::accept(std::size_t i, const MotionOutput& output, const std::byte* next) {
   Hosted& hosted = hosted_[i];
   const std::uint32_t flags = (output.present ? flag_present : 0u) | (hosted.object.flags & flag_host_owned);
-  const bool moved = !(output.pose == hosted.pose);  // a pose that holds NaN counts as moved, and is refused
+  const bool moved = !(output.pose == hosted.pose);  // a pose with NaN counts as moved and is refused
   if (moved) {
     Pose pose = output.pose;
     const Status status = make_valid(pose);
@@ -454,7 +455,7 @@ bool Host::accept(std::size_t i, const MotionOutput& output, const std::byte* ne
 Status make_valid(Pose& pose) noexcept {
   const Vec3d& p = pose.position;
   Quat& q = pose.orientation;
-  const auto near = [](double x) { return std::abs(x) <= farthest_coordinate; };  // not if NaN
+  const auto near = [](double x) { return std::abs(x) <= farthest_coordinate; };  // false for NaN
   const bool finite = near(p.x) && near(p.y) && near(p.z) && std::isfinite(q.x) && std::isfinite(q.y) &&
                       std::isfinite(q.z) && std::isfinite(q.w);
   if (!finite) {
@@ -466,7 +467,8 @@ Status make_valid(Pose& pose) noexcept {
   if (!(off <= 2.001e-3)) {
     return Status::not_unit;
   }
-  // Four floats rounded from a unit quaternion are within 2.4e-7 of it in square, so this leaves them alone.
+  // The squared norm of a unit quaternion rounded to four floats is within 2.4e-7 of 1, so such a quaternion is not
+  // changed.
   if (off > 1e-6) {
     const double length = std::sqrt(square);
     q = {static_cast<float>(x / length), static_cast<float>(y / length), static_cast<float>(z / length),

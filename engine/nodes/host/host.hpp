@@ -19,7 +19,7 @@
 
 namespace ringfence::nodes {
 
-/// An object in the hands of its host: S(k), without the model's part.
+/// A hosted object: S(k) without the model's state.
 struct Hosted {
   messages::ObjectRef object;  ///< flags: flag_present, flag_host_owned
   Pose pose;
@@ -29,138 +29,139 @@ struct Hosted {
   std::uint16_t category = 0;
 };
 
-/// Counts of model outputs that were refused; the objects stood still.
+/// Numbers of model outputs that were refused; the objects did not move.
 struct HostRefusals {
   std::uint64_t model_failed = 0, not_finite = 0, not_unit = 0;
 };
 
-/// The objects that one role hosts, and how they move: S(k) from S(k-1) and C(k-1).
+/// The objects that one role hosts, and their motion: S(k) from S(k-1) and C(k-1).
 ///
-/// The same for user nodes, the server and CD nodes: which of them hosts an object cannot be seen in its states.
-/// Threads: belongs to its role. Memory: grows with the objects and contacts hosted.
+/// Used by user nodes, the server and CD nodes alike; an object's states do not depend on the role that hosts it.
+/// Threads: belongs to its role. Memory: grows with the hosted objects and their contacts.
 class Host {
  public:
-  static constexpr std::size_t batch = 64;  ///< objects that are moved at a time, at most
+  static constexpr std::size_t batch = 64;  ///< largest number of objects per call of the model
 
-  /// `model` may be null (nothing moves by itself) and outlives the host. `objects` are reserved.
+  /// `model` may be null (nothing moves by itself) and outlives the host. `objects` is the number to reserve for.
   Host(const MotionModel* model, std::size_t objects);
 
   std::size_t size() const noexcept { return hosted_.size(); }
-  /// Whether the model looks at contacts; else they need not be put in order here.
+  /// Whether the model reads contacts; if not, they are not sorted here.
   bool uses_contacts() const noexcept { return uses_contacts_; }
   const Hosted& operator[](std::size_t i) const noexcept { return hosted_[i]; }
-  /// The model's part of the state of hosted object i; state_bytes() long.
+  /// The model's state of hosted object i: state_bytes() bytes.
   const std::byte* state(std::size_t i) const noexcept { return states_.data() + i * state_bytes_; }
-  /// The model's state_bytes() rounded up to 8: what messages carry.
+  /// The model's state_bytes() rounded up to 8, as in messages.
   std::size_t state_bytes() const noexcept { return state_bytes_; }
   /// Index of a hosted object, or base::NumberIndex::none.
   std::uint32_t find(ObjectNumber number) const noexcept { return index_.find(number); }
 
-  /// The cell of the interest grid in which the role publishes hosted object i: what the role last said, unplaced from
-  /// its adoption or the last forget_cells() on.
+  /// The interest-grid cell in which the role publishes hosted object i, as last set by the role; `unplaced` after its
+  /// adoption and after forget_cells().
   std::uint32_t cell(std::size_t i) const noexcept { return cells_[i]; }
   void set_cell(std::size_t i, std::uint32_t cell) noexcept { cells_[i] = cell; }
   void forget_cells() noexcept { std::fill(cells_.begin(), cells_.end(), unplaced); }
   static constexpr std::uint32_t unplaced = 0xfffffffeu;
-  /// Nobody is told where it is: it is not present.
+  /// Cell of an object that is not published because it is absent.
   static constexpr std::uint32_t unpublished = link::Publication::no_cell;
 
-  /// What the role last noted of hosted object i: where it is in a list of the role's. base::NumberIndex::none from its
-  /// adoption on.
+  /// Position of hosted object i in a list of the role, as last set by the role; base::NumberIndex::none after its
+  /// adoption.
   std::uint32_t place_in_list(std::size_t i) const noexcept { return places_in_list_[i]; }
   void set_place_in_list(std::size_t i, std::uint32_t place) noexcept { places_in_list_[i] = place; }
 
-  /// Takes over an object with its whole state; what it had of one of that number is forgotten. The protocol gives an
-  /// object once, and the server's word, which orders a frame, comes after any peer's: so what comes last holds.
+  /// Takes over an object with its whole state and replaces an object of the same number. The protocol hands an object
+  /// over once, and the server's message comes after that of any peer, so the last one is right.
   void adopt(const messages::HandOverRecord& record, const std::byte* state);
-  /// Forgets an object. The last one takes its index. Does nothing if it is not hosted.
+  /// Removes an object. The last object takes its index. Does nothing if the object is not hosted.
   void drop(ObjectNumber number);
-  /// Sets or takes off flag_host_owned of hosted object i: its host keeps its states to itself. place() takes it off,
+  /// Sets or clears flag_host_owned of hosted object i: its states are not sent to the server. place() clears the flag
   /// too.
   void keep(std::size_t i, bool kept) noexcept {
     std::uint32_t& flags = hosted_[i].object.flags;
     flags = (flags & ~messages::flag_host_owned) | (kept ? messages::flag_host_owned : 0u);
   }
-  /// Whether the next move lists all that is hosted as changed().
+  /// Whether the next move lists all hosted objects in changed().
   void list_all(bool all) noexcept { list_all_next_ = all; }
-  /// Fetches where find() looks for an object that is soon handed over, then what is handed over and dropped of it:
-  /// each for all of them before the next, since what has left is not in the cache by the end of a frame.
+  /// Prefetches what find() reads for an object that is handed over soon; prefetch_leaver() then prefetches the object.
+  /// Call each for all objects before the next: at the end of a frame they are not in the cache.
   void prefetch_index(ObjectNumber number) const noexcept { index_.prefetch(number); }
   void prefetch_leaver(ObjectNumber number) const noexcept;
-  /// What the next host must be given.
+  /// The record for the next host.
   messages::HandOverRecord hand_over(std::size_t i) const noexcept;
-  /// Sets the pose from outside before the next move; the model goes on from there. False if it is not hosted.
+  /// Sets a pose before the next move, which continues from it. False if the object is not hosted.
   bool place(ObjectNumber number, const Pose& pose, bool present);
-  /// Takes over what a message of type adopt or hand_over says.
+  /// Adopts the objects of an `adopt` or `hand_over` message.
   void adopt(const messages::MessageView& message);
-  /// Does what a message of type adopt, drop or place says; false for any other. The server's word: a hand-over, which
-  /// is another CD node's, is for whoever listens to such.
+  /// Applies a message of type adopt, drop or place from the server; false for any other type. Hand-overs come from CD
+  /// nodes and are applied by their receiver with adopt().
   bool apply(const messages::MessageView& message);
-  /// In the next move the object stands at `pose`, whatever the model says. Counts for one frame.
+  /// In the next move the object stands at `pose`, whatever the model computes. Applies to one frame.
   void steer(ObjectNumber number, const Pose& pose);
 
-  /// Empties C(frame), of which the contacts then follow. C(frame - 1) stays readable, also for other threads.
+  /// Clears C(frame); the add functions below fill it. C(frame - 1) stays readable, also for other threads.
   void begin_contacts(std::uint64_t frame) noexcept { lists_[frame & 1].clear(); }
-  /// Adds a contact of C(frame) that the role found itself, in any order, whether or not it hosts either object. Before
-  /// any add_contact. Returns where it is to be written, all of it but the phase, which reads persist.
+  /// Adds a contact of C(frame) that the role found itself, in any order, whether or not it hosts an object of it.
+  /// Before any add_contact(). The caller writes all fields but the phase, which is set to persist.
   Contact& add_own_contact(std::uint64_t frame);
-  /// After the last of them: which of the own contacts, counted as they were added, is the next in order of (a, b);
-  /// `key` is base::PairSort::key of its two numbers. `a`, `b`: where the two are hosted, if the role knows: that is
-  /// looked at first when their contacts are gathered.
+  /// After the last own contact: appends the next own contact in order of (a, b). `contact` counts in the order of
+  /// add_own_contact(), `key` is base::PairSort::key of its numbers. `a`, `b`: indices at which the two objects are
+  /// hosted, if known; they are tried first when contacts are gathered.
   void order_own_contact(std::uint64_t frame, std::uint64_t key, std::uint32_t contact,
                          std::uint32_t a = base::NumberIndex::none, std::uint32_t b = base::NumberIndex::none) {
     ContactList& list = lists_[frame & 1];
     list.keys.push_back(key);
     list.own_order.push_back({contact, a, b});
   }
-  /// Says which of the own contacts persist: bit i of `persists` that of the own contact 64 * word + i by (a, b).
+  /// Sets the phases of 64 own contacts: bit i of `persists` belongs to own contact 64 * word + i in order of (a, b).
   void confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept;
-  /// Says that an own contact, counted as they were added, begins.
+  /// Sets the phase of an own contact, in the order of add_own_contact(), to begin.
   void confirm_begin(std::uint64_t frame, std::uint32_t contact) noexcept {
     lists_[frame & 1].contacts[contact].phase = Phase::begin;
   }
   void prefetch_own_contact(std::uint64_t frame, std::uint32_t contact) const noexcept {
     base::prefetch_for_write(&lists_[frame & 1].contacts[contact].phase);
   }
-  /// Adds the next contact of C(frame) that the role was told, in order of (a, b). Ended ones are kept for whoever
-  /// asks, not for the model.
+  /// Adds the next contact of C(frame) that the role received, in order of (a, b). Ended contacts are stored for
+  /// contacts(); the model does not get them.
   void add_contact(std::uint64_t frame, const Contact& contact) { lists_[frame & 1].add(contact); }
-  /// The same of all that a message of type notify tells.
+  /// Adds all contacts of a `notify` message.
   void add_contacts(std::uint64_t frame, const messages::MessageView& message);
-  /// Adds a contact of C(frame - 1) before move(frame): what a new host is told of an object that it took over between
-  /// two frames. In any order, and possibly known already.
+  /// Adds a contact of C(frame - 1) before move(frame), for an object that was adopted between the two frames. In any
+  /// order; duplicates are allowed.
   void add_late_contact(const Contact& contact) { late_.add(contact); }
   void add_late_contacts(const messages::MessageView& message);
-  /// What was told for that frame or, with the same parity, the one two before.
+  /// Received contacts of that frame; they are overwritten two frames later.
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept {
     return lists_[frame & 1].contacts.span().subspan(lists_[frame & 1].own);
   }
-  /// Reserves for so many contacts a frame.
+  /// Reserves for this many contacts per frame.
   void reserve_contacts(std::size_t contacts);
 
-  /// S(frame) of all hosted objects from S(frame - 1) and C(frame - 1). Afterwards changed() lists those whose pose,
-  /// presence or state differ, and those with flag_host_owned, which is how they come to be told when they rest.
+  /// Computes S(frame) of all hosted objects from S(frame - 1) and C(frame - 1). Afterwards changed() lists the objects
+  /// whose pose, presence or state differs, and those with flag_host_owned, which are reported when they come to rest.
   void move(std::uint64_t frame);
-  /// The same a batch at a time, so that what changed can be told while it is still in the cache: begin_move(), then
-  /// move_next() until it answers false; changed() then lists those of the last batch. Precondition: nothing steered.
+  /// The same in batches, so that changes are processed while they are in the cache: begin_move(), then move_next()
+  /// until it returns false; changed() lists those of the last batch. Precondition: no steer() since the last move.
   void begin_move(std::uint64_t frame);
   bool move_next();
   std::span<const std::uint32_t> changed() const noexcept { return changed_.span(); }
-  /// Parallel to it, one byte each: whether it differs.
+  /// Parallel to changed(), one byte each: whether the object differs.
   std::span<const std::uint8_t> differs() const noexcept { return differs_.span(); }
   const HostRefusals& refusals() const noexcept { return refusals_; }
 
  private:
-  /// A contact of an object that is hosted: its place in the list, and who of the two is hosted.
+  /// A contact of a hosted object: its position in the list, and the indices of its hosted objects.
   struct HostedContact {
     std::uint32_t contact, a, b;
   };
-  /// Contacts of a frame: first `own` as they were found, then what was told, in order of (a, b).
+  /// Contacts of a frame: first `own` in the order of detection, then the received ones in order of (a, b).
   struct ContactList {
     base::FlatList<Contact> contacts;
-    base::FlatList<std::uint64_t>
-        keys;  ///< base::PairSort::key, ascending: of the own ones, then of the told; 0 if it ended
-    base::FlatList<HostedContact> own_order;  ///< the own ones by (a, b), hosted as the role knew
+    /// PairSort::key, ascending: of the own contacts, then of the received ones; 0 if the contact ended.
+    base::FlatList<std::uint64_t> keys;
+    /// Own contacts in order of (a, b), with the hosted indices known to the role.
+    base::FlatList<HostedContact> own_order;
     std::size_t own = 0;
 
     void add(const Contact& contact);
@@ -169,11 +170,11 @@ class Host {
 
   const ContactList& gather_contacts(std::uint64_t frame);
   void find_hosted(const ContactList& list);
-  /// As find(), for who remembers where it was.
+  /// As find(), but tries the index `was` first.
   std::uint32_t find(ObjectNumber number, std::uint32_t was) const noexcept {
     return was < numbers_.size() && numbers_[was] == number ? was : index_.find(number);
   }
-  /// Fetches what that looks at.
+  /// Prefetches what that find() reads.
   void prefetch_number(ObjectNumber number, std::uint32_t was) const noexcept {
     if (was < numbers_.size()) {
       base::prefetch_for_read(&numbers_[was]);
@@ -195,11 +196,11 @@ class Host {
   std::size_t state_bytes_;
   bool uses_contacts_;
   base::FlatList<Hosted> hosted_;
-  base::FlatList<ObjectNumber> numbers_;  ///< of each, sixteen a line of the cache
+  base::FlatList<ObjectNumber> numbers_;  ///< of each hosted object; 16 fit a cache line
   base::FlatList<std::byte> states_;
   std::vector<std::uint8_t> touched_;  ///< differs, or was placed since the last move
   bool list_all_next_ = false;
-  bool list_all_ = false;  ///< in this move
+  bool list_all_ = false;  ///< list_all() applies to this move
   base::FlatList<std::uint32_t> cells_;
   base::FlatList<std::uint32_t> places_in_list_;
   base::NumberIndex index_;
@@ -216,16 +217,16 @@ class Host {
   std::vector<Steered> steered_;
   base::FlatList<std::uint32_t> changed_;
   base::FlatList<std::uint8_t> differs_;
-  std::uint64_t frame_ = 0;     ///< that is being moved
-  std::size_t next_moved_ = 0;  ///< of move_next()
+  std::uint64_t frame_ = 0;     ///< frame being moved
+  std::size_t next_moved_ = 0;  ///< first object of the next move_next()
   HostRefusals refusals_;
   MotionInput inputs_[batch];
   MotionOutput outputs_[batch];
   std::vector<std::byte> scratch_;
 };
 
-/// Whether a pose may stand in the world, and its orientation made unit where it is not already within rounding.
-/// Returns ok, not_finite or not_unit; `pose` changes only with ok. Idempotent: what it returned it accepts unchanged.
+/// Checks a pose and normalises its orientation if it is outside rounding of unit length. Returns ok, not_finite or
+/// not_unit; `pose` changes only with ok. Idempotent: a pose that it returned is accepted unchanged.
 Status make_valid(Pose& pose) noexcept;
 
 }  // namespace ringfence::nodes

@@ -1,8 +1,8 @@
-// How the server draws region maps: regions follow the load, and more or fewer nodes share the world out anew.
+// Planning of region maps: regions follow the load, and a changed number of nodes gets a new map.
 //
-// Contacts do not depend on the map, only what the nodes cost. A map is drawn over several frames, a step in each,
-// while the nodes test and the server would wait: first what stands and collides where is weighed, so much of it a
-// frame, then cells are cut, then shared out. Only where the number of nodes changes all is done at once.
+// Contacts do not depend on the map, only the nodes' costs do. A map is planned over several frames, one step per
+// frame, while the nodes test and the server would wait: first the objects and contacts are weighed, a slice per frame;
+// then cells are refined; then they are partitioned. Only when the number of nodes changes, everything is done at once.
 #include <algorithm>
 #include <utility>
 
@@ -14,16 +14,17 @@ using messages::Endpoint;
 
 namespace {
 
-// Moving, sweeping and telling included, of the paper's world. It is set against what a change of the map costs.
-constexpr double ms_a_pair = 0.00025;
+// Cost of a pair in the paper's world, including moving, sweeping and messages. Compared with the cost of a change of
+// the map.
+constexpr double ms_per_pair = 0.00025;
 
-// A slice of what is weighed: some 0.1 ms, and larger worlds, whose frames take longer, in no more frames for it.
-constexpr std::size_t least_weighed = 8192;
-constexpr std::size_t frames_of_weighing = 8;
+// Size of a slice: about 0.1 ms of weighing; larger worlds, whose frames take longer, need no more frames for it.
+constexpr std::size_t min_slice = 8192;
+constexpr std::size_t slices_per_map = 8;
 
 }  // namespace
 
-// At the end of a frame: whether another map is to be drawn from now on.
+// At the end of a frame: decides whether planning of a new map starts.
 void ServerRole::compare_costs() {
   if (!setup_.balance || map_.nodes() == 1) {
     return;
@@ -31,7 +32,7 @@ void ServerRole::compare_costs() {
   costs_.clear();
   for (const NodeReport& node : reports_[(frame_ + 1) & 1].nodes) {
     const bool by_pairs = setup_.balance_by == BalanceBy::pairs;
-    costs_.push_back(by_pairs ? ms_a_pair * static_cast<double>(node.tested) : node.cpu_ms);
+    costs_.push_back(by_pairs ? ms_per_pair * static_cast<double>(node.tested) : node.cpu_ms);
   }
   if (costs_.size() == map_.nodes()) {
     balance_.add_frame(costs_);
@@ -41,10 +42,10 @@ void ServerRole::compare_costs() {
   }
 }
 
-// At the end of a frame: another map from the next frame on, if one is due.
+// At the end of a frame: adopts a new map for the next frame, if one is due.
 void ServerRole::change_map() {
   if (!report().lost.empty()) {
-    return;  // the next cut draws the map anew
+    return;  // the next cut makes a new map
   }
   if (resize_to_ != 0) {
     std::uint32_t nodes = std::exchange(resize_to_, 0u);
@@ -74,7 +75,8 @@ void ServerRole::adopt_map(std::span<const std::uint32_t> table, std::uint32_t n
   }
 }
 
-// Whether under a new map each node can tell the others what it hosts, what rests included, in place of the server.
+// Whether, under a new map, every node can send the others what it hosts, including resting objects, instead of the
+// server.
 bool ServerRole::can_hosts_exchange_objects() const noexcept {
   return setup_.placement == Placement::region && setup_.deployment == Deployment::user_collision &&
          std::all_of(nodes_.begin(), nodes_.end(), [&](const PeerSession& session) {
@@ -83,8 +85,8 @@ bool ServerRole::can_hosts_exchange_objects() const noexcept {
          });
 }
 
-// What hosts do not keep to themselves the server tells of again when it next moves, and then has to know who knew it:
-// those whose regions its bounds touch.
+// For objects that are not host-owned the server sends updates when they next move. Then it must know which nodes
+// received them now: those whose regions the bounds touch.
 void ServerRole::note_renotified() noexcept {
   for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
     if (objects_.host(slot).is_node() && (objects_.marks(slot) & host_owned_mark) == 0) {
@@ -93,7 +95,7 @@ void ServerRole::note_renotified() noexcept {
   }
 }
 
-// While the nodes test: their objects stand still and are theirs until the frame's end.
+// While the nodes test: their objects do not move until the end of the frame.
 void ServerRole::plan_map() {
   using Pass = MapPlan::Pass;
   if (map_plan_.pass == Pass::none || map_plan_.pass == Pass::planned) {
@@ -106,7 +108,7 @@ void ServerRole::plan_map() {
   switch (map_plan_.pass) {
     case Pass::weighing: {
       const std::size_t all = objects_.slots() + ledger_.contacts(frame_ - 1).size();
-      map_plan_.pass = weigh(std::max(least_weighed, all / frames_of_weighing)) ? Pass::refining : Pass::weighing;
+      map_plan_.pass = weigh(std::max(min_slice, all / slices_per_map)) ? Pass::refining : Pass::weighing;
       break;
     }
     case Pass::refining:
@@ -140,8 +142,9 @@ bool ServerRole::is_hosted_here(Endpoint host) const noexcept {
   return host.is_node() && !nodes_[host.number()].lost && nodes_[host.number()].connection.node_contacts != nullptr;
 }
 
-// Part by part: the objects of each node of this process, where the node has them; all others, by slot; the contacts of
-// the frame before. What changes place meanwhile may count twice, or not at all. Whether all has been weighed.
+// Weighs part by part: the objects of each node of this process, in its Host; all other objects, by slot; the contacts
+// of the frame before. An object that changes its place meanwhile may count twice or not at all. Returns whether
+// everything has been weighed.
 bool ServerRole::weigh(std::size_t most) {
   const std::size_t parts = map_plan_.nodes + 2;
   while (most > 0 && map_plan_.part < parts) {
@@ -159,7 +162,7 @@ bool ServerRole::weigh(std::size_t most) {
   return map_plan_.part == parts;
 }
 
-// Weighs what is from first to end in that part, and says how large the part is.
+// Weighs entries first to end of that part, and returns the size of the part.
 std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::size_t end) {
   std::uint32_t point[3];
   const auto add_object_weight = [&](const Vec3d& position) {
@@ -198,8 +201,8 @@ std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::siz
   return contacts.size();
 }
 
-// By what stands and collides where. Nodes that leave get nothing, whatever their numbers; then all keep their numbers
-// until the next cut.
+// Partitions by the weights. Nodes that leave get nothing, whatever their numbers; all nodes keep their numbers until
+// the next cut.
 std::span<const std::uint32_t> ServerRole::partition_for(std::uint32_t& nodes) {
   alive_.clear();
   for (const PeerSession& session : nodes_) {
@@ -209,7 +212,7 @@ std::span<const std::uint32_t> ServerRole::partition_for(std::uint32_t& nodes) {
   }
   if (alive_.empty() || alive_.size() == nodes_.size()) {
     for (PeerSession& session : nodes_) {
-      session.leaving = false;  // nobody is left to give anything to
+      session.leaving = false;  // no node would remain to hand over to
     }
     balance_.refine(map_, nodes);
     return balance_.partition_for(nodes);

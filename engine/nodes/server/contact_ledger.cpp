@@ -7,15 +7,14 @@
 namespace ringfence::nodes {
 namespace {
 
-/// The first of ascending keys that is not below `key`, where it is likely to be near: few of many contacts are looked
-/// for, so that is done in leaps.
-const std::uint64_t* leap_to(const std::uint64_t* first, const std::uint64_t* end, std::uint64_t key) noexcept {
-  std::ptrdiff_t leap = 1;
-  while (leap < end - first && first[leap] < key) {
-    first += leap;
-    leap *= 2;
+/// Exponential search for the first of ascending keys that is not below `key`; fast if it is near `first`.
+const std::uint64_t* search_from(const std::uint64_t* first, const std::uint64_t* end, std::uint64_t key) noexcept {
+  std::ptrdiff_t stride = 1;
+  while (stride < end - first && first[stride] < key) {
+    first += stride;
+    stride *= 2;
   }
-  return std::lower_bound(first, first + std::min(leap + 1, end - first), key);
+  return std::lower_bound(first, first + std::min(stride + 1, end - first), key);
 }
 
 }  // namespace
@@ -96,7 +95,7 @@ void ContactLedger::gather_node_contacts() {
   }
 }
 
-// Whether the lists that the nodes compared with are together, each contact once, those of the frame before.
+// Whether the nodes' lists of the frame before together are exactly the contacts of that frame, without duplicates.
 bool ContactLedger::nodes_have_compared() const noexcept {
   return duplicates_ == 0 && std::equal(runs_.begin(), runs_.end(), compared_.begin(), compared_.end(),
                                         [&](const Run& run, const NodeContacts* compared) {
@@ -105,7 +104,7 @@ bool ContactLedger::nodes_have_compared() const noexcept {
                                         });
 }
 
-// A pair that one node found no more and another did not find before has passed from one to the other, and persists.
+// A pair that ended at one node and began at another has moved between them, and persists.
 void ContactLedger::compare_borders() {
   order_.start(node_contacts_);
   ending_order_.clear();
@@ -247,7 +246,7 @@ bool ContactLedger::complete() {
   return true;
 }
 
-// Who found one beyond once may have taken it for one that begins: its phase is made out anew.
+// A duplicate's phase may be wrong (begin instead of persist), so it is computed again.
 void ContactLedger::drop_duplicates() {
   List& list = now();
   const auto& keys = before().keys;
@@ -292,19 +291,19 @@ std::span<const ContactNotice> ContactLedger::notices(bool all) {
   return notices_.span();
 }
 
-// Few.
+// Contacts of avatars only, so few.
 void ContactLedger::list_user_notices() {
   for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
     const NodeContacts& node_contacts = *node_contacts_[node];
-    for (const UserContact& user_contacts : node_contacts.user_contacts) {
-      node_contacts.prefetch(user_contacts.position, user_contacts.found);
-      notices_.push_back({user_contacts.key,
+    for (const UserContact& contact : node_contacts.user_contacts) {
+      node_contacts.prefetch(contact.position, contact.found);
+      notices_.push_back({contact.key,
                           &node_contacts,
-                          user_contacts.position,
+                          contact.position,
                           nullptr,
-                          user_contacts.found,
-                          {user_contacts.found.slot_a, user_contacts.found.slot_b, node},
-                          node_contacts.phase(user_contacts.position)});
+                          contact.found,
+                          {contact.found.slot_a, contact.found.slot_b, node},
+                          node_contacts.phase(contact.position)});
     }
   }
   const auto by_key = [](const ContactNotice& p, const ContactNotice& q) { return p.key < q.key; };
@@ -327,9 +326,9 @@ std::span<const ContactNotice> ContactLedger::ended_notices(bool all) {
     for (const std::uint64_t key : all ? node_contacts->ending.span() : std::span<const std::uint64_t>{}) {
       ending_order_.add(key);
     }
-    for (const UserContact& user_contacts :
+    for (const UserContact& contact :
          all ? std::span<const UserContact>{} : node_contacts->user_contacts_ending.span()) {
-      ending_order_.add(user_contacts.key);
+      ending_order_.add(contact.key);
     }
   }
   ending_order_.sort();
@@ -343,7 +342,7 @@ std::span<const ContactNotice> ContactLedger::ended_notices(bool all) {
 
 void ContactLedger::list_ended_notice(std::uint64_t key, std::size_t& old) {
   const auto& keys = before().keys;
-  const auto* const at = leap_to(keys.begin() + old, keys.end(), key);
+  const auto* const at = search_from(keys.begin() + old, keys.end(), key);
   old = static_cast<std::size_t>(at - keys.begin());
   ended_notices_.push_back({key, nullptr, 0, &before().contacts[old], {}, before().found[old], Phase::end});
 }

@@ -1,4 +1,4 @@
-// The server's part in the contacts of a frame: which began and ended, and who is told of which.
+// The server's work on the contacts of a frame: phases, and which hosts are notified of which contacts.
 #include <cstring>
 
 #include "nodes/server/server_role.hpp"
@@ -18,7 +18,7 @@ void ServerRole::collect() {
   spend(ringfence::Stage::collect, telemetry::now_ns());
   change_map();
   next_hosts();
-  // Nodes know who hosts the objects next unless the map has changed since they listed what they found.
+  // Nodes know the next hosts, unless the map has changed since they listed their contacts.
   nodes_exchange_contacts_ =
       setup_.deployment == Deployment::user_collision && !map_changed_ && !rescan_hosts_ && ledger_.all_share();
   if (!nodes_exchange_contacts_) {
@@ -30,13 +30,13 @@ void ServerRole::collect() {
   });
 }
 
-// A node that found the contact itself is told of it by one bit: see ContactLedger::persists, Findings::begun. Of what
-// ended nodes are not told: nothing there asks for it.
+// A node that found the contact itself gets only its phase bit: see ContactLedger::persists and NodeContacts::begun.
+// Nodes are not notified of ended contacts, because models do not use them.
 void ServerRole::list_notice(std::uint32_t notice, const Found& found) {
   const bool ended = (notice & PeerSession::ended) != 0;
   const Endpoint first = objects_.host(found.a);
   const Endpoint second = objects_.host(found.b);
-  const auto tell = [&](Endpoint host) {
+  const auto notify_host = [&](Endpoint host) {
     if (host.is_node() && (ended || nodes_exchange_contacts_ || host == Endpoint::node(found.by))) {
       return;
     }
@@ -48,9 +48,9 @@ void ServerRole::list_notice(std::uint32_t notice, const Found& found) {
       host_.add_contact(frame_, contact);
     }
   };
-  tell(first);
+  notify_host(first);
   if (second != first) {
-    tell(second);
+    notify_host(second);
   }
 }
 
@@ -60,7 +60,7 @@ void ServerRole::write_notice(std::uint32_t notice, std::byte* where) const noex
   std::memcpy(where, &contact, sizeof contact);
 }
 
-// Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order too.
+// Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order, too.
 void ServerRole::list_notices() {
   notices_ = ledger_.notices(!nodes_exchange_contacts_);
   ended_notices_ = ledger_.ended_notices(!nodes_exchange_contacts_);
@@ -89,7 +89,7 @@ void ServerRole::start_notifying(PeerSession& session) {
   session.map_run.start(map_.table().size());
 }
 
-// Where nodes are told nothing by the server, what users are told is listed while they end.
+// If the server does not notify nodes, the notices for users are listed here, while the nodes end.
 void ServerRole::start_notifying_users() {
   if (nodes_exchange_contacts_) {
     list_notices();
@@ -103,10 +103,11 @@ void ServerRole::start_notifying_users() {
   });
 }
 
-// The frame is complete. What nodes told each other where they share memory counts like the messages in its place.
+// The frame is complete. What nodes exchanged through shared memory counts like the messages that it replaces.
 void ServerRole::count_contacts() {
   FrameReport& frame = report();
-  frame.accepted += ledger_.duplicates();  // shows as accepted != tested: never silently
+  // Makes accepted differ from tested, so that a duplicate is visible in the report.
+  frame.accepted += ledger_.duplicates();
   frame.contacts -= ledger_.duplicates();
   frame.began = ledger_.began();
   if (setup_.deployment != Deployment::user_collision) {

@@ -1,4 +1,4 @@
-// The server's cut: requests become objects, users and hosts, and every host is told before its frame begins.
+// The server's cut: applies the requests, assigns hosts, and sends every host its changes before its frame begins.
 #include <algorithm>
 #include <cstring>
 #include <utility>
@@ -43,7 +43,7 @@ void ServerRole::cut() {
   stage_ = Stage::starting_nodes;
 }
 
-// What is to be sent before the frame, and what is to be heard in it.
+// Prepares the messages to send before the frame, and resets what is received in it.
 void ServerRole::start(PeerSession& session) {
   session.drop_run.start(session.drops.size());
   session.adopt_run.start(session.adoptions.size());
@@ -65,7 +65,7 @@ void ServerRole::start(PeerSession& session) {
   session.notices.clear();
 }
 
-// While the nodes move.
+// Called while the nodes move.
 void ServerRole::start_users() {
   awaited_users_.clear();
   all_users([&](PeerSession& user) {
@@ -75,9 +75,9 @@ void ServerRole::start_users() {
   });
 }
 
-// In the order of the calls, but for spawns that follow each other: those fill the tables in the order of their places.
+// In the order of the calls, except for consecutive spawns: those fill the tables in the order of their positions.
 void ServerRole::apply_requests() {
-  constexpr std::size_t ahead = 8;  // what is placed lies anywhere
+  constexpr std::size_t ahead = 8;  // placed objects are at random slots
   const std::span<const Request> requests = setup_.order->requests;
   for (std::size_t begin = 0; begin < requests.size();) {
     std::size_t end = begin;
@@ -148,7 +148,7 @@ void ServerRole::connect(const Request& request) {
   users_changed_ = true;
 }
 
-// A new node works from its first frame on, though its region is empty until the map changes at the frame's end.
+// A new node works from its first frame on, though its region is empty until the map changes at the end of that frame.
 void ServerRole::add_node(const Request& request) {
   PeerSession& session = nodes_.emplace_back();
   session.self = Endpoint::node(static_cast<NodeNumber>(nodes_.size() - 1));
@@ -159,7 +159,7 @@ void ServerRole::add_node(const Request& request) {
   ledger_.resize(nodes_.size());
 }
 
-// Nodes that the map no longer knows handed everything over at the end of the frame before.
+// Nodes that are no longer in the map handed everything over at the end of the frame before.
 void ServerRole::retire_nodes() {
   if (nodes_.size() > map_.nodes()) {
     nodes_.resize(map_.nodes());
@@ -205,8 +205,8 @@ void ServerRole::end_object(std::uint32_t slot) {
   objects_.end(slot);
 }
 
-// From now on the server tells the nodes of it. The host, if it goes on, forgets that it keeps the object to itself
-// when it is told where to place it.
+// From now on the server sends updates of the object. If its host goes on, the place message clears the host-owned flag
+// there.
 void ServerRole::release_from_host(std::uint32_t slot) {
   if ((objects_.marks(slot) & host_owned_mark) == 0) {
     return;
@@ -228,7 +228,7 @@ void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {
   objects_.mark_moved(slot);
   const Endpoint host = objects_.host(slot);
   if (host.is_server() && host_.place(row.object.number, pose, present)) {
-    return;  // the bounds follow when it has moved
+    return;  // the bounds are set when it has moved
   }
   objects_.bounds(slot) = setup_.shapes->bounds(row.shape, pose, *setup_.space);
   if (PeerSession* session = session_of(host)) {
@@ -242,7 +242,7 @@ void ServerRole::rehost(const HostChange& change) {
     from->drops.push_back(change.slot);
   } else if (change.from.is_server()) {
     host_.drop(row.object.number);
-    // It may have been placed at this cut, and the next host reports only what it moves.
+    // The object may have been placed at this cut, and the next host reports only objects that it moves.
     objects_.bounds(change.slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
   }
   if (PeerSession* to = session_of(change.to)) {
@@ -256,8 +256,8 @@ void ServerRole::rehost(const HostChange& change) {
   }
 }
 
-// The new hosts answer the contacts of the frame before, so they must know them. Rare: users came or went. One pass
-// over the contacts, however many objects changed hosts.
+// The new hosts need the contacts of the frame before. Rare: users came or left. One pass over the contacts, however
+// many objects changed hosts.
 void ServerRole::list_late_contacts(std::span<const HostChange> changes) {
   const auto changed = [&](std::uint32_t slot) { return (objects_.marks(slot) & host_changed_mark) != 0; };
   if (std::none_of(changes.begin(), changes.end(), [&](const HostChange& change) { return changed(change.slot); })) {
@@ -265,7 +265,7 @@ void ServerRole::list_late_contacts(std::span<const HostChange> changes) {
   }
   const auto contacts = ledger_.contacts(frame_ - 1);
   const auto found = ledger_.found(frame_ - 1);
-  const auto tell = [&](Endpoint host, const Contact& contact) {
+  const auto add_late = [&](Endpoint host, const Contact& contact) {
     if (PeerSession* session = session_of(host)) {
       session->late_contacts.push_back(contact);
     } else if (host.is_server()) {
@@ -276,10 +276,10 @@ void ServerRole::list_late_contacts(std::span<const HostChange> changes) {
     const bool a = changed(found[i].a);
     const bool b = changed(found[i].b);
     if (a) {
-      tell(objects_.host(found[i].a), contacts[i]);
+      add_late(objects_.host(found[i].a), contacts[i]);
     }
     if (b && !(a && objects_.host(found[i].a) == objects_.host(found[i].b))) {
-      tell(objects_.host(found[i].b), contacts[i]);
+      add_late(objects_.host(found[i].b), contacts[i]);
     }
   }
   for (const HostChange& change : changes) {
@@ -300,7 +300,7 @@ PeerSession* ServerRole::session_of(Endpoint endpoint) noexcept {
   return nullptr;
 }
 
-// Orders first, then the word to begin: whoever hears it knows what it hosts.
+// Changes first, then frame_begin: a host that receives it knows what it hosts.
 bool ServerRole::open(PeerSession& session) {
   link::Sender& out = *session.connection.out;
   auto& counts = report().traffic;

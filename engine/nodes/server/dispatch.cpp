@@ -65,7 +65,7 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
   const bool present = objects.present()[slot] != 0;
   const Endpoint host = objects.host(slot);
   const bool cuts = map.has_cuts();
-  // The host keeps its own account of what it reported; under a new map it has started afresh like all others.
+  // The host keeps its own entry of what it reported; after a change of the map it has started afresh like all others.
   const bool by_host = (marks & reported_mark) != 0 && host.is_node() && !all_objects;
   if (by_host && (marks & (inner_mark | shared_mark)) == inner_mark) {
     marks |= notified_mark;
@@ -77,19 +77,19 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
   bool shared = false;
   ++stamp_;
   if (present) {
-    const auto tell = [&](NodeNumber node) {
+    const auto notify_node = [&](NodeNumber node) {
       shared |= node != next;
       if (node != self) {
         updates_[node].push_back(slot);
       }
     };
-    cuts ? regions::for_each_owner(map, objects.bounds()[slot], stamps_, stamp_, tell)
-         : regions::for_each_owner(map, now, stamps_, stamp_, tell);
+    cuts ? regions::for_each_owner(map, objects.bounds()[slot], stamps_, stamp_, notify_node)
+         : regions::for_each_owner(map, now, stamps_, stamp_, notify_node);
   }
   const regions::CellBox notified_cells = objects.notified_cells(slot);
   const bool same_owners = present && now == notified_cells && !(cuts && map.has_cuts(now));
   if ((marks & notified_mark) != 0 && !all_objects && !same_owners) {
-    // Stamped nodes are told where it is now; the others that knew it learn that it has gone.
+    // Stamped nodes receive the new position; other nodes that knew the object receive its removal.
     const auto leave = [&](NodeNumber node) {
       if (node != self) {
         updates_[node].push_back(slot | gone);
@@ -170,7 +170,7 @@ void Dispatch::flush(NodeNumber node, Connection& connection, messages::RunHeade
   pair_runs_[node].flush(*connection.out, head, sizeof(messages::PairRecord), counts);
 }
 
-// Pairs leave while the sweep goes on, so that nodes test the first while the last are found.
+// Pairs are sent while the sweep continues, so that nodes test the first ones while the last are found.
 bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& objects, const regions::RegionMap& map,
                           messages::RunHeader head, messages::TrafficCounts& counts) {
   constexpr std::size_t pairs_at_a_time = 4096;
@@ -203,7 +203,7 @@ bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& object
   bool all = true;
   for (NodeNumber node = 0; node < nodes.size(); ++node) {
     if (nodes[node].out == nullptr) {
-      continue;  // lost: nothing is its own any more
+      continue;  // the node is lost and owns nothing
     }
     head.destination = Endpoint::node(node);
     all &= pair_runs_[node].finish(*nodes[node].out, head, sizeof(messages::PairRecord), counts);

@@ -18,8 +18,8 @@ std::span<const HostChange> Hosting::settle(ObjectTable& objects, const regions:
     share_out(objects, users);
     return changes_;
   }
-  // Only what moved, appeared or was orphaned in this cut can be without a host; all of it is listed as moved, but for
-  // what a departed user node hosted.
+  // Only objects that moved, appeared or lost their host at this cut can be without one. All of them are in moved(),
+  // except those of a departed user node.
   const auto give = [&](std::uint32_t slot) {
     const ObjectRow& row = objects.row(slot);
     const Endpoint host = objects.host(slot);
@@ -50,8 +50,8 @@ std::span<const HostChange> Hosting::settle(ObjectTable& objects, const regions:
   return changes_;
 }
 
-// Equal shares, within one. The shares that are larger by one go first to those who host more anyway, everybody keeps
-// what fits his share, and only the rest moves: no sharing out in equal shares moves less.
+// Equal shares, within one object. The larger shares go to the users who host more already; each user keeps what fits
+// its share, and only the rest moves. No assignment of equal shares moves less.
 void Hosting::share_out(ObjectTable& objects, std::span<const UserNumber> users) {
   const auto shared = [&](std::uint32_t slot) {
     const ObjectRow& row = objects.row(slot);
@@ -106,7 +106,7 @@ void Hosting::share_out(ObjectTable& objects, std::span<const UserNumber> users)
   }
 }
 
-// Turns how many objects each user node hosts into how many it is to host, `total` together.
+// Replaces the number of objects that each user node hosts by the number it shall host, `total` together.
 void Hosting::set_shares(std::size_t total) {
   const std::size_t least = total / shares_.size();
   std::size_t larger = total % shares_.size();
@@ -115,7 +115,7 @@ void Hosting::set_shares(std::size_t total) {
     larger -= more ? 1 : 0;
     share = more ? least + 1 : least;
   }
-  // `larger` is what is left when too few host more than the least; whoever comes first takes it.
+  // `larger` remains if too few users host more than the smaller share; the first users take it.
   for (std::size_t& share : shares_) {
     const bool more = share <= least && larger > 0;
     larger -= more ? 1 : 0;

@@ -12,27 +12,27 @@
 
 namespace ringfence::nodes {
 
-/// An object whose host changes between two frames, by order of the server.
+/// A change of an object's host between two frames.
 struct HostChange {
   std::uint32_t slot = 0;
-  messages::Endpoint from;  ///< none: newly spawned
+  messages::Endpoint from;  ///< none: the object is new
   messages::Endpoint to;
 };
 
-/// Who hosts which object in which deployment: exactly one role an object that can move, in every frame.
+/// Decides which role hosts which object: in every frame exactly one role for each object that can move.
 ///
-///                     avatar   active, non-active
-///   user              user     the user nodes, in equal shares; the server while there is no user node
-///   user-server       user     the server
-///   user-collision    user     the CD node that owns the cell of its position
+///                       avatar   active, non-active
+///   user                user     the user nodes, in equal shares; the server while there is no user node
+///   user-server         user     the server
+///   user-collision      user     the CD node that owns the cell of its position
 ///
 /// Threads: belongs to the server role.
 class Hosting {
  public:
   Hosting(Deployment deployment, const geometry::FixedSpace& space) : deployment_(deployment), space_(space) {}
 
-  /// At the cut, after spawns, ends and changes of users: gives every object without a host one, and where user nodes
-  /// came or went, evens out their shares with as few changes as that takes. Sets the rows' hosts and lists the
+  /// At the cut, after spawns, ends and changes of users: assigns a host to every object without one. If user nodes
+  /// came or left, evens out their shares with as few changes as possible. Sets the hosts in the table and returns the
   /// changes, each slot once. `users` are the connected ones, ascending.
   std::span<const HostChange> settle(ObjectTable& objects, const regions::RegionMap& map,
                                      std::span<const UserNumber> users, bool users_changed);
@@ -52,7 +52,8 @@ class Hosting {
   Deployment deployment_;
   const geometry::FixedSpace& space_;
   std::vector<HostChange> changes_;
-  std::vector<std::size_t> shares_;  ///< by position in `users`: how many it hosts, then how many it still may
+  std::vector<std::size_t>
+      shares_;  ///< by position in `users`: number of hosted objects, then the number it may still take
   std::vector<std::uint32_t> pool_;
   std::size_t next_user_ = 0;
 };

@@ -1,11 +1,11 @@
-// What becomes of the frame when a CD node stops answering, and of user nodes that miss their deadline.
+// Loss of CD nodes, and deadlines of user nodes.
 //
-// The server holds S(k-1) of every object and C(k-1) of the frame before, and each S(k) that it has been told is final.
-// So a node that is lost before the contacts are known costs nobody anything but time: its cells go to the others, the
-// server moves those of its objects that it had not reported, and the frame is detected again under the new map, with a
-// new epoch by which what was found under the old one is refused. A node that is lost afterwards leaves objects only:
-// the server takes them back, and what was on its way to or from the node. At the next cut the nodes close ranks, and
-// every object that the server holds is given to the node whose region it stands in, with its contacts.
+// The server holds S(k-1) of every object and C(k-1), and each S(k) that was reported is final. So a node that is lost
+// before the contacts are known costs only time: its cells go to the others, the server moves those of its objects that
+// were not reported, and the frame is detected again under a new map. The new epoch invalidates results found under the
+// old one. A node that is lost later leaves only objects: the server reclaims them, and what was on its way to or from
+// the node. At the next cut the nodes are renumbered, and every object that the server holds is given to the node whose
+// region contains it, with its contacts.
 #include <algorithm>
 #include <cstring>
 
@@ -58,7 +58,8 @@ bool ServerRole::lose(NodeNumber node) {
   return true;
 }
 
-// In stretches, so that what was one region becomes few. Where nobody is left, the last one's stand-in gets all.
+// In consecutive runs of cells, so that a region becomes few pieces. If no node is left, the fallback node gets all
+// cells.
 void ServerRole::reassign_cells() {
   alive_.clear();
   for (const PeerSession& session : nodes_) {
@@ -82,7 +83,7 @@ void ServerRole::reassign_cells() {
   }
 }
 
-// Of a node that is lost, whose thread may be late rather than dead: what it does not write any more.
+// Only of a lost node, whose thread may still run: reads states that it no longer writes.
 void ServerRole::read_host_owned(NodeNumber node, std::uint64_t frame) {
   const PeerSession& session = nodes_[node];
   if (session.connection.node_contacts == nullptr) {
@@ -133,7 +134,7 @@ void ServerRole::detect_again() {
   }
   ledger_.begin(frame_);
   FrameReport& frame = report();
-  frame.candidates = frame.tested = frame.accepted = 0;
+  frame.candidates = frame.tested = frame.accepted = frame.failed_supports = 0;
   for (NodeReport& node : frame.nodes) {
     node = {};
   }
@@ -145,7 +146,7 @@ void ServerRole::detect_again() {
   rescan_hosts_ = true;
 }
 
-// Contacts are known. What the node was to give to others will not come, or has come and is given again at the cut.
+// The contacts are known. Hand-overs of the lost node will not arrive, or have arrived and are repeated at the cut.
 void ServerRole::cancel_hand_overs(NodeNumber node) {
   read_host_owned(node, frame_);
   for (const HandOver& change : hand_overs_) {
@@ -193,13 +194,14 @@ bool ServerRole::send_losses(PeerSession& session) {
   if (!session.new_map_run.done() && !send_map(session, session.new_map_run)) {
     return false;
   }
-  // A stand-in joins a frame that the others have begun.
+  // The fallback node joins a frame that has already begun.
   return stage_ == Stage::starting_nodes ||
          session.begin_run.pump(*session.connection.out, head(MessageType::frame_begin, session.self), 0,
                                 report().traffic, [](std::size_t, std::byte*) {});
 }
 
-// The last node is lost and the contacts are not known: the facade makes another, which the server's thread steps.
+// The last node is lost and the contacts are not known: the facade creates a fallback node, which the server's thread
+// steps.
 bool ServerRole::connect_fallback() {
   FrameOrder& order = *setup_.order;
   if (!order.fallback_ready.load(std::memory_order_acquire)) {
@@ -219,13 +221,13 @@ bool ServerRole::connect_fallback() {
   return true;
 }
 
-// At the cut: the nodes that are left are numbered anew, from 0 and in order, as the facade does too.
+// At the cut: renumbers the remaining nodes from 0, in order, as the facade does.
 void ServerRole::renumber_nodes() {
   const auto is_gone = [](const PeerSession& session) { return session.lost || session.left; };
   if (std::none_of(nodes_.begin(), nodes_.end(), is_gone)) {
     return;
   }
-  alive_.assign(nodes_.size(), no_node);  // new numbers by old
+  alive_.assign(nodes_.size(), no_node);  // new numbers by old ones
   NodeNumber left = 0;
   std::uint32_t in_map = 0;
   for (NodeNumber node = 0; node < nodes_.size(); ++node) {
@@ -295,7 +297,7 @@ void ServerRole::restore_objects() {
   recovered_ = false;
 }
 
-// What comes from a lost node comes too late, whatever it is.
+// Messages of a lost node are refused.
 bool ServerRole::drain_lost(PeerSession& session) {
   bool any = false;
   for (auto bytes = session.connection.in->next(); !bytes.empty(); bytes = session.connection.in->next()) {
@@ -308,7 +310,7 @@ bool ServerRole::drain_lost(PeerSession& session) {
   return any;
 }
 
-// Called when the frame does not get on. Whether that has changed.
+// Called when the frame does not progress. Returns whether a node or user was lost.
 bool ServerRole::check_deadlines() {
   if (stage_ == Stage::waiting || (setup_.node_deadline_ns == 0 && setup_.user_deadline_ns == 0)) {
     return false;
@@ -325,7 +327,8 @@ bool ServerRole::check_deadlines() {
   return changed;
 }
 
-// Silence alone proves nothing: a node may wait for one that is lost. So it is asked, and has as long again to answer.
+// Silence alone proves nothing: the node may wait for one that is lost. So it gets a probe and half the deadline to
+// answer.
 bool ServerRole::check_node_deadline(PeerSession& session, std::uint64_t now) {
   const std::uint64_t silent = now - std::min(now, session.last_received_ns);
   if (silent <= setup_.node_deadline_ns / 2) {
@@ -350,7 +353,7 @@ bool ServerRole::check_node_deadline(PeerSession& session, std::uint64_t now) {
 
 bool ServerRole::check_user_deadline(PeerSession& session, std::uint64_t now) {
   if (stage_ == Stage::starting_nodes) {
-    return false;  // it has not been told to move
+    return false;  // the frame has not started for users
   }
   const bool awaited = contacts_are_final() ? !session.frame_done_received : !session.states_received;
   const std::uint64_t since = contacts_are_final() ? notify_ns_ : begin_ns_;

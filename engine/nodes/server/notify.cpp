@@ -1,4 +1,4 @@
-// The server's last stage: who hosts what in the next frame, and who is told of which contact.
+// Hosts of the next frame, and the messages that notify hosts of contacts.
 #include <algorithm>
 #include <cstring>
 #include <utility>
@@ -10,8 +10,8 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 
-// In user/collision deployment hosts follow the poses and the region map. The nodes conclude the same from what they
-// hold; here it says to whom contacts go, and how many hand-overs each node has to wait for.
+// In user/collision deployment the hosts follow the poses and the region map. The nodes conclude the same from their
+// own data; the server needs it to route contacts and to count the hand-overs that each node must expect.
 void ServerRole::next_hosts() {
   if (setup_.deployment != Deployment::user_collision) {
     return;
@@ -31,7 +31,7 @@ void ServerRole::next_hosts() {
       follow(slot);
     }
   } else {
-    constexpr std::size_t ahead = 8;  // they lie anywhere
+    constexpr std::size_t ahead = 8;  // they are at random slots
     for (std::size_t i = 0; i < leaving_slots_.size(); ++i) {
       objects_.prefetch_host(leaving_slots_[std::min(i + ahead, leaving_slots_.size() - 1)]);
       follow(leaving_slots_[i]);
@@ -44,14 +44,14 @@ void ServerRole::follow_host(std::uint32_t slot, NodeNumber next) {
   if (host != next) {
     hand_overs_.push_back({slot, host, next});
     objects_.set_host(slot, Endpoint::node(next));
-    objects_.marks(slot) |= shared_mark;  // the old host knows it too
+    objects_.marks(slot) |= shared_mark;  // the old host knows it, too
     ++nodes_[next].hand_overs;
     ++report().handed_over;
   }
 }
 
-// Of all that the node hosts, where it has it: the node waits. What it has kept to itself of objects that another hosts
-// next is taken in: should that one be lost, nobody else here would have it.
+// Goes through the objects that the node hosts; the node waits meanwhile. Host-owned states of objects that change
+// hosts are stored here: if the next host were lost, no other role would have them.
 void ServerRole::follow_all_hosted(const PeerSession& session) {
   const Host& host = *session.connection.node_contacts->host;
   for (std::size_t i = 0; i < host.size(); ++i) {

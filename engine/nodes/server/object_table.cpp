@@ -86,7 +86,7 @@ void ObjectTable::end(std::uint32_t slot) {
 }
 
 void ObjectTable::settle() {
-  // What moved rests from the next frame on, unless it moves again: mark_moved clears the byte then.
+  // An object that moved rests from the next frame on, unless mark_moved() clears the byte again.
   for (const std::uint32_t slot : moved_) {
     marks_[slot] &= static_cast<ObjectMarks>(~(moved_mark | reported_mark | inner_mark));
     resting_[slot] = 1;

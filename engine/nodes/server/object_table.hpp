@@ -16,7 +16,7 @@
 
 namespace ringfence::nodes {
 
-/// What the server reads of an object each frame: one cache line.
+/// Data of an object that the server reads each frame: one cache line.
 struct alignas(64) ObjectRow {
   messages::ObjectRef object;  ///< flags: flag_present
   Pose pose;
@@ -26,39 +26,39 @@ struct alignas(64) ObjectRow {
 };
 static_assert(sizeof(ObjectRow) == 64);
 
-/// What of an object is read when its host changes or somebody asks.
+/// Data of an object that is read only when its host changes or on request.
 struct ObjectOrigin {
   std::uint64_t user_data = 0;
-  UserNumber user = no_user;  ///< of an avatar
+  UserNumber user = no_user;  ///< owner of an avatar
 };
 
-/// What holds of an object, as bits.
+/// State bits of an object.
 using ObjectMarks = std::uint16_t;
 enum ObjectMark : ObjectMarks {
   alive_mark = 1,
-  notified_mark = 2,        ///< nodes have been told of the object: those of ObjectTable::told(), if shared_mark
-  shared_mark = 4,          ///< perhaps others than its host have been told of it; else the host alone knows it
-  moved_mark = 8,           ///< listed in moved()
-  reported_mark = 16,       ///< this frame's state came from the CD node that hosts it
-  inner_mark = 32,          ///< and it says that all cells that the bounds touch are its own
-  recovered_mark = 64,      ///< of a lost node, in the server's hands until the next cut
-  host_changed_mark = 128,  ///< at this cut, from one host to another
-  host_owned_mark = 256     ///< its host keeps its states from the server and tells the nodes of it: row, state, bounds
-                            ///< and what was told of it may be of an earlier frame here
+  notified_mark = 2,    ///< nodes have received the object; which ones: ObjectTable::notified_cells(), if shared_mark
+  shared_mark = 4,      ///< other nodes than its host may have received it; otherwise only the host knows it
+  moved_mark = 8,       ///< listed in moved()
+  reported_mark = 16,   ///< this frame's state came from the CD node that hosts it
+  inner_mark = 32,      ///< reported with reported_mark: its bounds touch only cells of the reporting node
+  recovered_mark = 64,  ///< host lost; held by the server until the next cut
+  host_changed_mark = 128,  ///< moved from one host to another at this cut
+  host_owned_mark = 256  ///< its host keeps its states and sends ghost updates to the other nodes: row, state, bounds
+                         ///< and notified cells here may be of an earlier frame
 };
 
 /// The server's table of objects, by slot. A slot belongs to one object from its spawn to the frame after its end.
 ///
-/// What is looked up at random for every pair and contact (numbers, layers, hosts, marks) lies in arrays of its own,
-/// small enough for the second-level cache at 64,000 objects; what goes by object lies in rows of a cache line.
+/// Fields that are read at random for every pair and contact (numbers, layers, hosts, marks) are separate arrays, small
+/// enough for the second-level cache at 64,000 objects. Fields that are read together form rows of one cache line.
 ///
-/// Threads: belongs to the server role in a frame, to the facade between frames. Memory: reserved, grown at spawns.
+/// Threads: belongs to the server role during a frame, to the facade between frames. Memory: reserved; grows at spawns.
 class ObjectTable {
  public:
-  /// `state_bytes` is the model's state, a multiple of 8.
+  /// `state_bytes`: size of the model's state, a multiple of 8.
   ObjectTable(std::size_t objects, std::size_t state_bytes);
 
-  /// Slots in use or used before; all spans have this size.
+  /// Number of slots in use or used before; the size of all spans.
   std::size_t slots() const noexcept { return rows_.size(); }
   std::size_t live() const noexcept { return index_.size(); }
   ObjectRow& row(std::uint32_t slot) noexcept { return rows_[slot]; }
@@ -68,35 +68,36 @@ class ObjectTable {
   const ObjectOrigin& origin(std::uint32_t slot) const noexcept { return origins_[slot]; }
   std::span<const ObjectNumber> numbers() const noexcept { return numbers_; }
   bool alive(std::uint32_t slot) const noexcept { return (marks_[slot] & alive_mark) != 0; }
-  /// ObjectMark bits; the table itself keeps alive_mark and moved_mark.
+  /// ObjectMark bits; the table itself maintains alive_mark and moved_mark.
   ObjectMarks& marks(std::uint32_t slot) noexcept { return marks_[slot]; }
   ObjectMarks marks(std::uint32_t slot) const noexcept { return marks_[slot]; }
-  /// Who moves the object; none while nobody does.
+  /// The object's host; none if it has none.
   messages::Endpoint host(std::uint32_t slot) const noexcept { return hosts_[slot]; }
   std::span<const messages::Endpoint> hosts() const noexcept { return hosts_; }
   void set_host(std::uint32_t slot, messages::Endpoint host) noexcept { hosts_[slot] = host; }
-  /// The cells whose owners have been told of the object, if notified_mark and shared_mark.
+  /// The cells whose owners have received the object, if notified_mark and shared_mark are set.
   regions::CellBox& notified_cells(std::uint32_t slot) noexcept { return notified_cells_[slot]; }
-  /// Its bounds when they were, kept while the map has cuts: of cells that are cut, the parts that bounds cover count.
+  /// The object's bounds at that time, kept while the map has divided cells: there only the parts that the bounds cover
+  /// count.
   geometry::Bounds& notified_bounds(std::uint32_t slot) noexcept { return notified_bounds_[slot]; }
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_.span(); }
   geometry::Bounds& bounds(std::uint32_t slot) noexcept { return bounds_[slot]; }
-  /// One byte a slot: whether it holds a present object.
+  /// One byte per slot: whether it holds a present object.
   std::span<const std::uint8_t> present() const noexcept { return present_; }
-  /// One byte a slot: whether bounds and presence are as in the frame before.
+  /// One byte per slot: whether bounds and presence are as in the frame before.
   std::span<const std::uint8_t> resting() const noexcept { return resting_; }
-  /// One byte a slot: the layer of its object; a slot that changes it is not resting.
+  /// One byte per slot: the layer of its object. When it changes, the slot is not resting.
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
   std::byte* state(std::uint32_t slot) noexcept { return states_.data() + slot * state_bytes_; }
   std::size_t state_bytes() const noexcept { return state_bytes_; }
-  /// What a new host is told of the object, but for its state.
+  /// The hand-over record for a new host, without the model's state.
   messages::HandOverRecord hand_over(std::uint32_t slot) const noexcept;
   /// The slot of a live object, or base::NumberIndex::none.
   std::uint32_t find(ObjectNumber number) const noexcept { return index_.find(number); }
-  /// The slot that a message speaks of, if it holds exactly that object; else base::NumberIndex::none.
+  /// The slot of a reference in a message, if it still holds that object; otherwise base::NumberIndex::none.
   std::uint32_t find(const messages::ObjectRef& object) const noexcept;
 
-  /// Fetches what a report on the object will write. A node's objects lie anywhere among the server's.
+  /// Prefetches what a state report for the object writes.
   void prefetch(std::uint32_t slot, bool with_bounds = true) const noexcept {
     if (slot < rows_.size()) {
       base::prefetch_for_write(&rows_[slot]);
@@ -112,14 +113,14 @@ class ObjectTable {
     }
   }
 
-  /// Fetches what giving it to its next host takes.
+  /// Prefetches what a change of host accesses.
   void prefetch_host(std::uint32_t slot) const noexcept {
     base::prefetch_for_read(&rows_[slot].pose);
     base::prefetch_for_write(&marks_[slot]);
     base::prefetch_for_write(&hosts_[slot]);
   }
 
-  /// Fetches what telling nodes of it takes.
+  /// Prefetches what Dispatch accesses to list the object.
   void prefetch_bounds(std::uint32_t slot) const noexcept {
     base::prefetch_for_write(&bounds_[slot]);
     base::prefetch_for_write(&notified_cells_[slot]);
@@ -128,29 +129,29 @@ class ObjectTable {
     base::prefetch_for_read(&hosts_[slot]);
   }
 
-  /// Fetches what one of them is told.
+  /// Prefetches what a position record reads.
   void prefetch_position(std::uint32_t slot) const noexcept {
     base::prefetch_for_read(&rows_[slot]);
     base::prefetch_for_read(&bounds_[slot]);
   }
 
-  /// Makes an object and returns its slot; its model state is zero, its bounds are not set.
+  /// Adds an object and returns its slot; its model state is zero, its bounds are not set.
   std::uint32_t add(ObjectId id, const ObjectSpec& spec);
-  /// Ends an object; its slot keeps its row until release_ended().
+  /// Ends an object; its slot keeps its row until the next settle().
   void end(std::uint32_t slot);
-  /// Ends the frame's bookkeeping: nothing has moved, and slots ended before this frame may be used again.
+  /// Ends the frame's bookkeeping: moved() becomes empty, and slots that ended before this frame may be reused.
   void settle();
 
-  /// Notes that pose or presence changed; keeps `present` in step with the row.
+  /// Marks a change of pose or presence; updates present().
   void mark_moved(std::uint32_t slot);
-  /// The same where nobody but its host has to be told.
+  /// The same for a change of which only the host needs to know.
   void mark_moved_host_only(std::uint32_t slot);
-  /// Lists what has moved so far by slot, where it is so much that whoever goes through it should go through memory.
-  /// Precondition: nothing has moved alone.
+  /// Sorts moved() by slot if there are enough entries that a pass in memory order is cheaper. Precondition: no
+  /// mark_moved_host_only() in this frame.
   void order_moved();
   /// Slots that moved, appeared or ended in this frame, each once.
   std::span<const std::uint32_t> moved() const noexcept { return moved_; }
-  /// Of these, those of which perhaps others than their hosts have to be told.
+  /// Those of moved() that nodes other than the host may need.
   std::span<const std::uint32_t> unnotified() const noexcept { return unnotified_; }
 
  private:

@@ -1,4 +1,4 @@
-// What the server takes in from nodes and user nodes.
+// Messages that the server receives from CD nodes and user nodes.
 #include <algorithm>
 
 #include "base/prefetch.hpp"
@@ -10,7 +10,7 @@ namespace ringfence::nodes {
 using messages::MessageType;
 using messages::MessageView;
 
-// Reads what a party has said, up to a size: one that never stops talking must not keep the others waiting.
+// Reads the messages of a peer up to a limit for users: a flooding user must not keep the others waiting.
 bool ServerRole::drain(PeerSession& session) {
   constexpr std::size_t most_at_once = 65536;
   bool any = false;
@@ -24,7 +24,7 @@ bool ServerRole::drain(PeerSession& session) {
     } else if (messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
                ((message.header().source == session.self.value && message.header().frame == frame_) ||
                 (session.self.is_node() && message.type() == MessageType::probe_reply))) {
-      // An answer to a probe may come a frame late, and from before the sender was numbered anew.
+      // A probe reply may be one frame late, and from before the sender was renumbered.
       receive(session, message);
     } else {
       refuse(session, Status::bad_message);
@@ -41,8 +41,8 @@ bool ServerRole::drain(PeerSession& session) {
   return any;
 }
 
-// Whether the message is left out for its sender's having said too much. That it has told all is believed nevertheless,
-// and so is that it is done: otherwise the frame would wait for it.
+// Whether the message exceeds its sender's quota and is ignored. The end of the states and frame_done count
+// nevertheless: otherwise the frame would wait for them.
 bool ServerRole::is_over_quota(PeerSession& session, std::span<const std::byte> bytes) {
   session.received_bytes += bytes.size();
   if (setup_.quotas.bytes == 0 || session.received_bytes <= setup_.quotas.bytes) {
@@ -58,7 +58,8 @@ bool ServerRole::is_over_quota(PeerSession& session, std::span<const std::byte> 
   return true;
 }
 
-// Counted all, told the first of: a user node that sends rubbish must not make the server send as much.
+// Counts all refusals, and reports only the first ones: a user node that sends invalid messages must not make the
+// server send as many.
 void ServerRole::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
   refuse(reason);
   if (sender.self.is_user() && sender.new_refusals.size() < PeerSession::max_refusals) {
@@ -71,11 +72,11 @@ void ServerRole::receive(PeerSession& session, const MessageView& message) {
   const bool node = session.self.is_node();
   const bool tests = message.type() == MessageType::collision || message.type() == MessageType::narrow_done;
   if (node && tests && message.header().epoch != map_.epoch()) {
-    return;  // what it found before a loss was known; it will find it again
+    return;  // found before a loss was known; the node will find it again
   }
   switch (message.type()) {
     case MessageType::state_update:
-      // Poses are frozen once a host has said its last word: what comes later would reach some nodes and not others.
+      // Poses are final after a host's last state message: a later state would reach some nodes and not others.
       return node || session.states_received ? refuse(session, Status::bad_message) : receive_states(session, message);
     case MessageType::node_state:
       return node ? receive_node_states(session, message) : refuse(session, Status::bad_message);
@@ -91,7 +92,7 @@ void ServerRole::receive(PeerSession& session, const MessageView& message) {
     case MessageType::kinds:
       return node ? receive_kinds(message) : refuse(session, Status::bad_message);
     case MessageType::frame_done:
-      // Believed once, and not before the sender can have heard what it says that it has dealt with.
+      // Accepted once, and only after the contacts that it acknowledges have been sent.
       return message.count() == 1 && !session.frame_done_received && contacts_are_final() && session.notice_run.done()
                  ? receive_frame_done(session, message)
                  : refuse(session, Status::bad_message);
@@ -100,7 +101,7 @@ void ServerRole::receive(PeerSession& session, const MessageView& message) {
   }
 }
 
-// M1. A user node may lie: what it says is taken for an object only if it hosts it and the pose can stand.
+// M1. User nodes are not trusted: a state is accepted only if the user hosts the object and the pose is valid.
 void ServerRole::receive_states(PeerSession& session, const MessageView& message) {
   const std::uint64_t start = telemetry::now_ns();
   for (std::size_t i = 0; i < message.count(); ++i) {
@@ -155,7 +156,7 @@ void ServerRole::receive_node_states(PeerSession& session, const MessageView& me
     ObjectRow& row = objects_.row(slot);
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
-    // What stands outside its own bounds may leave a node that alone touches it: then who was told has to be noted.
+    // An object outside its own bounds may leave the only node that knows it; then the notified nodes must be recorded.
     constexpr std::uint32_t at_home = messages::flag_interior | messages::flag_keeps_host;
     const bool inner = (record.object.flags & at_home) == at_home;
     ObjectMarks& marks = objects_.marks(slot);
@@ -164,7 +165,8 @@ void ServerRole::receive_node_states(PeerSession& session, const MessageView& me
         (record.object.flags & messages::flag_host_owned) != 0 && session.connection.node_contacts != nullptr;
     marks = static_cast<ObjectMarks>((marks & ~host_owned_mark) | reported_mark | (inner ? inner_mark : 0) |
                                      (kept ? host_owned_mark : 0));
-    host_owned_moved_ -= (record.object.flags & messages::flag_at_rest) != 0 ? 1 : 0;  // counts as moved, but has not
+    // Counted as moved, but it has not.
+    host_owned_moved_ -= (record.object.flags & messages::flag_at_rest) != 0 ? 1 : 0;
     if ((record.object.flags & messages::flag_keeps_host) == 0) {
       leaving_slots_.push_back(slot);
     }
@@ -174,11 +176,11 @@ void ServerRole::receive_node_states(PeerSession& session, const MessageView& me
       objects_.mark_moved_host_only(slot);
       continue;
     }
-    const bool host_alone = inner && (marks & shared_mark) == 0;  // knows where it is: there is nobody to tell
+    const bool host_alone = inner && (marks & shared_mark) == 0;  // only the host needs to know the object
     if (sweeps || !host_alone || session.connection.node_contacts != nullptr) {
       objects_.bounds(slot) = record.bounds;
     } else {
-      bounds_are_stale_ = true;  // a line less a state; they follow from the pose when somebody asks
+      bounds_are_stale_ = true;  // saves a cache line per state; the bounds are computed from the pose when needed
     }
     if (host_alone) {
       marks |= notified_mark;
@@ -191,7 +193,8 @@ void ServerRole::receive_node_states(PeerSession& session, const MessageView& me
   ingest_ns_ += telemetry::now_ns() - start;
 }
 
-// The host has told the nodes whose regions these bounds touch; if they are not `shared` they touch the host's alone.
+// The host has sent the object to the nodes whose regions these bounds touch; without `shared` they touch only the
+// host's.
 void ServerRole::note_notified(std::uint32_t slot, const geometry::Bounds& bounds, bool shared) {
   const bool present = (objects_.row(slot).object.flags & messages::flag_present) != 0;
   objects_.bounds(slot) = objects_.notified_bounds(slot) = bounds;
@@ -202,7 +205,7 @@ void ServerRole::note_notified(std::uint32_t slot, const geometry::Bounds& bound
 }
 
 void ServerRole::receive_collisions(PeerSession& session, const MessageView& message) {
-  constexpr std::size_t ahead = 8;  // 64,000 rows are too many for the second-level cache
+  constexpr std::size_t ahead = 8;  // 64,000 rows do not fit the second-level cache
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
       const auto& soon = message.view<messages::CollisionRecord>(i + ahead);
@@ -213,13 +216,15 @@ void ServerRole::receive_collisions(PeerSession& session, const MessageView& mes
   }
 }
 
-// A node's results count only whole: when it says how many pairs it tested, and all its contacts are here.
+// A node's results count only as a whole: when it reports the number of tested pairs, and all its contacts are here.
 void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NarrowDoneRecord>(0);
   NodeReport& node = report().nodes[session.self.number()];
   node.candidates = record.candidates;
   node.tested = record.tested;
   node.contacts = record.contacts;
+  node.failed_supports = record.failed_supports;
+  report().failed_supports += record.failed_supports;
   report().tested += record.tested;
   if (NodeContacts* const node_contacts = session.connection.node_contacts) {
     ledger_.receive(session.self.number(), *node_contacts);
@@ -277,9 +282,10 @@ void ServerRole::receive_frame_done(PeerSession& session, const MessageView& mes
     node.narrow_phase_ms = telemetry::to_ms(record.narrow_phase_ns);
     charge_path(session, record);
     node.hosted = record.hosted;
-    if (record.kept != 0) {
-      host_owned_moved_ += static_cast<std::int64_t>(record.kept);
-      count_shared(Traffic::state, record.kept, sizeof(messages::NodeStateRecord) + objects_.state_bytes());
+    if (record.host_owned_changes != 0) {
+      host_owned_moved_ += static_cast<std::int64_t>(record.host_owned_changes);
+      count_shared(Traffic::state, record.host_owned_changes,
+                   sizeof(messages::NodeStateRecord) + objects_.state_bytes());
     }
     node.handed_over = record.handed_over;
     TrafficReport& m5 = frame.traffic[static_cast<std::size_t>(Traffic::m5)];
@@ -287,7 +293,7 @@ void ServerRole::receive_frame_done(PeerSession& session, const MessageView& mes
     m5.records += record.handed_over;
     m5.bytes += record.m5_bytes;
   } else {
-    // Every user node also tells the others, once: the publication.
+    // Every user node also sends its states to the others, once: the publication.
     TrafficReport& m1 = frame.traffic[static_cast<std::size_t>(Traffic::m1)];
     m1.records += record.published;
     m1.bytes += record.published * sizeof(link::PublishedState);

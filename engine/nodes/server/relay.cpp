@@ -1,6 +1,6 @@
-// The state relay: to the user nodes the server appears to host every active and non-active object. Most of it is done
-// by others: in user domain deployment by the user nodes, in user/collision deployment by the CD nodes of this process,
-// each for what it hosts.
+// State relay: from the user nodes' point of view the server hosts every active and non-active object. Others do most
+// of it: in user deployment the user nodes, in user/collision deployment the CD nodes of this process, each for the
+// objects that it hosts.
 #include <algorithm>
 #include <utility>
 
@@ -17,8 +17,8 @@ bool ServerRole::relays() const noexcept {
   return setup_.interest > 0 && !connected_.empty() && setup_.deployment != Deployment::user;
 }
 
-// With placement region nodes keep most states to themselves. Else few nodes test for longer than the server needs for
-// all states, so that there it costs the frame nothing.
+// With placement region, nodes do not report most states, so they publish themselves. Otherwise few nodes test for
+// longer than the server needs to publish all states, so the server's publication costs the frame nothing.
 void ServerRole::order_relay() {
   nodes_publish_ = relays() && setup_.deployment == Deployment::user_collision &&
                    (setup_.placement == Placement::region || nodes_.size() > setup_.max_relayed_nodes);
@@ -27,7 +27,7 @@ void ServerRole::order_relay() {
   }
 }
 
-// Before the node hears that the frame begins.
+// Before the node's frame begins.
 void ServerRole::order_relay(PeerSession& node) {
   if (node.connection.publication != nullptr) {
     node.connection.publication->wanted = nodes_publish_;
@@ -38,12 +38,12 @@ bool ServerRole::publishes(Endpoint host) const noexcept {
   return nodes_publish_ && host.is_node() && nodes_[host.number()].connection.publication != nullptr;
 }
 
-// What nobody else publishes: all, or what nodes in other processes host, and what lost ones hosted. Again in the same
-// frame, if a node is lost after it; but not once user nodes look: then it was lost after it had published, too, and
-// what it hosted stands in S(k) where they read it.
+// Publishes what no other role publishes: everything, or the objects of nodes in other processes and of lost nodes.
+// Repeated in the same frame after a loss, unless user nodes already read: then the lost node had published before,
+// too, and its publication holds S(k).
 void ServerRole::publish() {
   if (relays_are_final_) {
-    relay_is_known_ = false;  // what was taken back has moved since
+    relay_is_known_ = false;  // reclaimed objects have moved since
     return;
   }
   Published& relay = setup_.publications->server;
@@ -68,12 +68,12 @@ void ServerRole::publish() {
                                 const ObjectRow& row = objects_.row(slot);
                                 return link::PublishedState{row.object.number, 0, row.pose};
                               });
-  // To look for it everywhere costs a reader less than to find out here where it is.
+  // Computing the exact range here would cost more than readers lose by searching everywhere.
   relay.cell_range[frame_ & 1] = setup_.publications->grid.all();
   relay.any[frame_ & 1] = !publication.states(frame_).empty();
 }
 
-// The cell of every object that is relayed. What has not moved is where it was, if it was looked at since.
+// Updates the cell of every published object; objects that have not moved keep theirs.
 void ServerRole::update_relay() {
   const auto update = [&](std::uint32_t slot) {
     const ObjectRow& row = objects_.row(slot);
@@ -105,8 +105,8 @@ bool ServerRole::all_published() noexcept {
   return all_nodes([&](const PeerSession& node) { return node.published_received || !publishes(node.self); });
 }
 
-// All states are in publications that nobody writes any more in this frame, so user nodes may read while nodes test.
-// One whose link is full is told when it is told of its contacts: nobody waits for it here.
+// All states are in publications that do not change any more in this frame, so user nodes may read while nodes test. If
+// a user's ring is full, the message is sent together with its contacts: the server does not wait here.
 void ServerRole::allow_reading() {
   spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
   list_relays();
@@ -127,7 +127,7 @@ bool ServerRole::send_read_publications(PeerSession& user) {
                                          report().traffic, [](std::size_t, std::byte*) {});
 }
 
-// Which publications hold: no loss changes any more who relays what.
+// Lists the valid publications; a later loss no longer changes who publishes what.
 void ServerRole::list_relays() {
   auto& relays_of_frame = setup_.publications->relays[frame_ & 1];
   relays_of_frame.clear();

@@ -1,4 +1,4 @@
-// What the server reports of a frame: what its steps cost, and what was said.
+// The server's report of a frame: costs of its steps, and traffic.
 #include <algorithm>
 #include <utility>
 
@@ -22,7 +22,7 @@ void ServerRole::start_report() {
   frame.frame = frame_;
 }
 
-// What passed since the last mark is charged to a stage of the report, less what ingest took of it.
+// Charges the time since the last call to a stage of the report, except the part that ingest took.
 void ServerRole::spend(ringfence::Stage stage, std::uint64_t now) noexcept {
   const std::uint64_t passed = now - mark_ns_;
   const std::uint64_t ingest = std::min(ingest_ns_, passed);
@@ -41,13 +41,13 @@ void ServerRole::spend_cpu(double PathReport::*step) noexcept {
   cpu_mark_ns_ = now;
 }
 
-// When that was the case for the first time.
+// Sets the time if it is not set yet.
 bool ServerRole::note_first(std::uint64_t& when_ns) noexcept {
   when_ns = when_ns != 0 ? when_ns : telemetry::now_ns();
   return true;
 }
 
-// Of a step in which nodes are told one after another: what it had cost when each of them was.
+// For a step in which nodes are notified one after another: estimates its cost up to the notification of each.
 void ServerRole::charge_notified(double step_ms, std::uint64_t begin_ns, std::uint64_t PeerSession::*reached_ns,
                                  double PeerSession::*reached_ms) noexcept {
   const double passed = static_cast<double>(telemetry::now_ns() - begin_ns);
@@ -80,7 +80,7 @@ void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& he
   traffic.bytes += header.bytes;
 }
 
-// What is read where it lies counts as the message in its place.
+// Data that is read in shared memory counts like the message that it replaces.
 void ServerRole::count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept {
   TrafficReport& traffic = report().traffic[static_cast<std::size_t>(kind)];
   ++traffic.messages;

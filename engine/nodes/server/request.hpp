@@ -8,7 +8,7 @@
 
 namespace ringfence::nodes {
 
-/// What is asked of the server for its next cut. Checked by the facade; applied in the order in which it was asked.
+/// A request for the server's next cut. Checked by the facade; applied in the order of the calls.
 struct Request {
   enum class Kind : std::uint8_t { connect, disconnect, spawn, destroy, place, remove, add_node, retire_node, resize };
 
@@ -17,7 +17,7 @@ struct Request {
   ObjectSpec spec;            ///< spawn; place: its pose
   UserNumber user = no_user;  ///< connect, disconnect
   Connection connection;      ///< connect, add_node
-  std::uint32_t nodes = 0;    ///< resize: how many CD nodes there are from the next frame on; retire_node: which goes
+  std::uint32_t nodes = 0;    ///< resize: number of CD nodes from the next frame on; retire_node: the node that leaves
 };
 
 }  // namespace ringfence::nodes

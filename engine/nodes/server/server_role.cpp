@@ -67,7 +67,7 @@ Step ServerRole::step() {
   while (advance()) {
     advanced = true;
   }
-  // Being heard is not getting on: who talks without end must not keep the others from their deadlines.
+  // Receiving is not progress: a flooding sender must not postpone the deadline check.
   if (advanced || check_deadlines() || progressed) {
     return Step::progressed;
   }
@@ -76,7 +76,7 @@ Step ServerRole::step() {
   return sending ? Step::blocked : Step::idle;
 }
 
-// Whether the frame waits for a word of the node.
+// Whether the frame waits for a message of the node.
 bool ServerRole::is_awaited(const PeerSession& node) const noexcept {
   switch (stage_) {
     case Stage::waiting:
@@ -97,8 +97,8 @@ bool ServerRole::is_awaited(const PeerSession& node) const noexcept {
   return true;
 }
 
-// Of a hundred user nodes most have nothing to say at most times, and to look is to fetch lines that they write: what
-// they say unasked is heard when they are next asked.
+// Of many user nodes most have nothing to send at most times, and polling a ring costs a cache miss. So only the rings
+// of awaited users are read; unexpected messages stay there until the user is awaited again.
 bool ServerRole::receive_from_users() {
   constexpr std::size_t ahead = 4;
   bool any = false;
@@ -118,7 +118,7 @@ bool ServerRole::receive_from_users() {
   return any;
 }
 
-// In user/server deployment the server is the host; elsewhere only of what has no other.
+// In user/server deployment the server is a host; otherwise it hosts only objects without another host.
 void ServerRole::move_hosted() {
   host_.move(frame_);
   apply_moves(host_);
@@ -157,7 +157,7 @@ const Pose& ServerRole::pose(std::uint32_t slot) const noexcept {
   return host[host.find(row.object.number)].pose;
 }
 
-// Takes in what a host has kept to itself of an object in `frame`, unless it was told or taken in since.
+// Stores the host-owned state of an object in `frame`, unless the state was reported or stored since.
 void ServerRole::store_state(const PeerSession& session, std::uint64_t frame, const messages::ObjectRef& object,
                              const Pose& pose, const std::byte* state) {
   const std::uint32_t slot = objects_.find(object);
@@ -174,11 +174,11 @@ void ServerRole::store_state(const PeerSession& session, std::uint64_t frame, co
   if (frame == frame_) {
     marks |= reported_mark;
     objects_.mark_moved_host_only(slot);
-    host_owned_moved_ -= session.lost ? 0 : 1;  // it will say how many it kept
+    host_owned_moved_ -= session.lost ? 0 : 1;  // the node will report the number of states it kept
   }
 }
 
-// So that all rows, states and bounds are of this frame. The nodes have moved, and wait.
+// Brings all rows, states and bounds to this frame. The nodes have moved and wait.
 void ServerRole::refresh_objects() {
   for (const PeerSession& session : nodes_) {
     if (session.lost || session.connection.node_contacts == nullptr) {
@@ -218,7 +218,7 @@ void ServerRole::detect() {
   dispatch_.start();
 }
 
-// Before the last position is sent, whereupon they enter.
+// Before the last position is sent: nodes that have received it enter their gates.
 void ServerRole::open_ghost_gates() {
   for (const PeerSession& session : nodes_) {
     if (session.connection.node_contacts != nullptr) {
@@ -227,7 +227,7 @@ void ServerRole::open_ghost_gates() {
   }
 }
 
-// A node is lost: it hears no more of its peers. Nor do the others, if they have not: they hear everything anew.
+// A node is lost: ghost updates are no longer read in this frame, by no node, because all objects are sent again.
 void ServerRole::close_ghost_gates() noexcept {
   for (const PeerSession& session : nodes_) {
     if (session.connection.node_contacts != nullptr) {
@@ -236,7 +236,7 @@ void ServerRole::close_ghost_gates() noexcept {
   }
 }
 
-// Of those that are lost: peers may begin the next frame.
+// Whether no lost node is inside its gate: otherwise peers must not begin the next frame.
 bool ServerRole::ghost_gates_are_left() const noexcept {
   return std::none_of(nodes_.begin(), nodes_.end(), [](const PeerSession& session) {
     return session.lost && session.connection.node_contacts != nullptr &&
@@ -244,7 +244,7 @@ bool ServerRole::ghost_gates_are_left() const noexcept {
   });
 }
 
-// One transition of the frame; false where it has to wait.
+// Makes one transition of the frame; false if it has to wait.
 bool ServerRole::advance() { return (!losses_pending_ || send_losses()) && advance_stage(); }
 
 bool ServerRole::advance_stage() {
@@ -284,11 +284,11 @@ bool ServerRole::advance_stage() {
       if (setup_.placement == Placement::server) {
         report().candidates = dispatch_.candidates();
       }
-      // Sweeping and sending take turns; the report keeps them apart.
+      // Sweeping and sending alternate; the report separates them.
       spend(ringfence::Stage::broad_phase, mark_ns_ + dispatch_.sweep_ns());
       spend(ringfence::Stage::dispatch, telemetry::now_ns());
       spend_cpu(&PathReport::dispatch_ms);
-      // Poses are frozen, so states can be relayed while the nodes test.
+      // Poses are final, so states can be published while the nodes test.
       publish();
       spend_cpu(&PathReport::publish_ms);
       spend(ringfence::Stage::notify, telemetry::now_ns());
@@ -318,7 +318,7 @@ bool ServerRole::advance_stage() {
       stage_ = Stage::notifying_users;
       return true;
     case Stage::notifying_users:
-      // Users are heard before nodes, which have more to end.
+      // Users before nodes, since nodes need longer to end.
       if (!users_are_notified_) {
         users_are_notified_ = true;
         for (const UserNumber user : awaited_users_) {

@@ -26,20 +26,21 @@
 
 namespace ringfence::nodes {
 
-/// How the facade orders a frame of the server, and learns that it is complete. One order at a time.
+/// Control of the server's frames by the facade: starts a frame and learns of its completion. One frame at a time.
 struct FrameOrder {
-  std::vector<Request> requests;          ///< for the cut; the server reads them while the frame is under way
-  std::atomic<std::uint64_t> ordered{0};  ///< frames ordered; a release store publishes `requests`
+  std::vector<Request> requests;          ///< for the cut; read by the server while the frame is running
+  std::atomic<std::uint64_t> ordered{0};  ///< number of frames ordered; a release store publishes `requests`
   std::atomic<std::uint64_t> completed{0};
-  // Where the last CD node is lost and its work is not done: the facade is asked for another, that takes its number.
+  // The last CD node is lost and its work is not done: the server asks the facade for a fallback node with the same
+  // number.
   std::atomic<bool> fallback_wanted{false};
   std::atomic<bool> fallback_ready{false};
-  NodeNumber fallback_for = 0;       ///< holds while wanted
-  Connection fallback;               ///< the server's end of its line; holds when ready
-  link::Doorbell* caller = nullptr;  ///< rung when a frame is complete; null where the caller steps the server itself
+  NodeNumber fallback_for = 0;       ///< valid while wanted
+  Connection fallback;               ///< the server's end of its connection; valid when ready
+  link::Doorbell* caller = nullptr;  ///< rung when a frame is complete; null if the caller steps the server itself
 };
 
-/// What the server is given. The pointers outlive the role.
+/// Configuration of the server. The pointers outlive the role.
 struct ServerSetup {
   const geometry::ShapeTable* shapes = nullptr;
   const geometry::FixedSpace* space = nullptr;
@@ -52,49 +53,50 @@ struct ServerSetup {
   bool keep_resting = true;  ///< see WorldConfig
   Capacities capacities;
   double interest = 0;
-  std::size_t max_relayed_nodes = 4;  ///< up to so many CD nodes the server relays the states of what they host
-  bool balance = true;                ///< regions follow the load
+  /// With more CD nodes, the nodes publish the states of what they host instead of the server.
+  std::size_t max_relayed_nodes = 4;
+  bool balance = true;  ///< regions follow the load
   BalanceBy balance_by = BalanceBy::cpu_time;
   Quotas quotas;
-  std::uint64_t node_deadline_ns = 0;  ///< a CD node silent for so long in a frame, though asked, is lost; 0: never
-  std::uint64_t user_deadline_ns = 0;  ///< a user node has so long to move, and so long to take its contacts; 0: ever
-  telemetry::Track* track = nullptr;   ///< null: nothing is noted
+  /// A CD node that is silent for this long in a frame, and does not answer a probe, is lost; 0: no deadline.
+  std::uint64_t node_deadline_ns = 0;
+  /// Time a user node has to report its moves, and again to acknowledge its contacts; 0: no deadline.
+  std::uint64_t user_deadline_ns = 0;
+  telemetry::Track* track = nullptr;  ///< null: no timeline
   std::vector<Connection> nodes;
 };
 
-/// The collision detection server: exactly one a world. It cuts the stream of requests into frames, hears where the
-/// objects are, sweeps (broad phase), decides which CD node owns which pair, collects what they find, and tells each
-/// host of the collisions that concern its objects. In user/server deployment it also hosts the active and non-active
-/// objects.
+/// The collision detection server: one per world. It cuts the stream of requests into frames, receives the objects'
+/// states, sweeps (broad phase), assigns pairs to CD nodes, collects their contacts, and notifies the hosts of the
+/// objects. In user/server deployment it also hosts the active and non-active objects.
 ///
-/// The frame's steps are those of design and docs/architecture.md, one stage each:
-///   cut, opening, inviting, moving (ingest), dispatching (broad phase before it), colliding, notifying (collect before
-///   it), informing, closing.
-/// Nodes come first: what the server does for users passes while nodes move, or end (opening and notifying are theirs,
-/// inviting and informing the users').
+/// The steps of a frame are those of docs/architecture.md, one stage each:
+///   cut, starting_nodes, starting_users, moving (ingest), dispatching (broad phase before it), colliding, notifying
+///   (collect before it), notifying_users, closing.
+/// Nodes come first: the server starts and notifies the users while the nodes already work.
 ///
-/// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
+/// Threads: one thread at a time steps it. Never blocks, never throws; does not allocate in steady state.
 class ServerRole {
  public:
   ServerRole(const ServerSetup& setup, const regions::RegionMap& map);
 
   Step step();
 
-  /// The CD node has gone: by its deadline (the role sees to that itself), or because its link was closed. Its regions,
-  /// the objects that it hosts and the pairs of the frame go to the others; see server_loss.cpp. By the thread that
-  /// steps the role. False, and nothing happens, while no frame is under way: then it is lost within the next.
+  /// Marks a CD node as lost: it missed its deadline (detected by the role itself), or its link was closed. Other nodes
+  /// take over its regions, its objects and its pairs of the frame; see nodes/server/loss.cpp. Called by the thread
+  /// that steps the role. Returns false and does nothing while no frame is running; call it again within the next
+  /// frame.
   bool lose(NodeNumber node);
 
   // Between frames, for the facade.
-  /// Whether the CD node has handed everything over, as Request::retire_node asked, and is gone at the next cut.
+  /// Whether the CD node has handed everything over, as Request::retire_node asked, and is removed at the next cut.
   bool has_left(NodeNumber node) const noexcept { return nodes_[node].left; }
   const regions::RegionMap& map() const noexcept { return map_; }
-  /// Poses and states of objects that their hosts keep to themselves (host_owned_mark) may be of an earlier frame: see
-  /// pose().
+  /// Poses and states of host-owned objects (host_owned_mark) may be of an earlier frame: see pose().
   const ObjectTable& objects() const noexcept { return objects_; }
-  /// Where the live object in that slot stands.
+  /// Pose of the live object in that slot after the last frame.
   const Pose& pose(std::uint32_t slot) const noexcept;
-  // For the last frame; they stay as they are while the next one is under way.
+  // For the last frame; unchanged while the next one is running.
   const ContactLedger& ledger() const noexcept { return ledger_; }
   const FrameReport& report(std::uint64_t frame) const noexcept { return reports_[frame & 1]; }
 
@@ -113,7 +115,7 @@ class ServerRole {
     closing
   };
 
-  // The cut.
+  // Cut.
   void cut();
   void apply_requests();
   void apply(const Request& request);
@@ -132,7 +134,7 @@ class ServerRole {
   void start_users();
   bool open(PeerSession& session);
 
-  // Hearing.
+  // Receiving.
   bool is_awaited(const PeerSession& node) const noexcept;
   bool receive_from_users();
   bool drain(PeerSession& session);
@@ -148,7 +150,7 @@ class ServerRole {
   void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
   void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
 
-  // Loss.
+  // Loss of nodes.
   bool check_deadlines();
   bool check_node_deadline(PeerSession& session, std::uint64_t now);
   bool check_user_deadline(PeerSession& session, std::uint64_t now);
@@ -166,14 +168,14 @@ class ServerRole {
   void restore_objects();
 
   // Region maps.
-  /// The drawing of a map: where it has got to, and what for.
+  /// State of the planning of a new region map.
   struct MapPlan {
     enum class Pass : std::uint8_t { none, weighing, refining, sharing, planned };
     Pass pass = Pass::none;
-    std::uint32_t epoch = 0;               ///< of the map that is to be replaced
-    std::size_t nodes = 0;                 ///< that share it
-    std::size_t part = 0, next = 0;        ///< what is weighed next
-    std::span<const std::uint32_t> table;  ///< what has been drawn
+    std::uint32_t epoch = 0;               ///< of the map to be replaced
+    std::size_t nodes = 0;                 ///< number of nodes in it
+    std::size_t part = 0, next = 0;        ///< next objects or contacts to weigh
+    std::span<const std::uint32_t> table;  ///< the new map
   };
   void compare_costs();
   void change_map();
@@ -188,7 +190,7 @@ class ServerRole {
   bool is_hosted_here(messages::Endpoint host) const noexcept;
   std::span<const std::uint32_t> partition_for(std::uint32_t& nodes);
 
-  // The stages.
+  // Stages.
   bool advance();
   bool advance_stage();
   void apply_moves(Host& host);
@@ -223,8 +225,8 @@ class ServerRole {
   bool notify(PeerSession& session);
   bool send_map(PeerSession& session, messages::RunSender& run);
   void finish();
-  // They call `done` for every party of a kind that is not lost, users if connected, also after one has answered false;
-  // whether all answered true.
+  // Calls `done` for every peer of a kind that is not lost (users: if connected), also after one has returned false.
+  // Returns whether all returned true.
   template <class Done>
   bool all_nodes(Done done) {
     bool all = true;
@@ -241,14 +243,14 @@ class ServerRole {
     }
     return all;
   }
-  /// Whether the contacts of the frame are known, so that a loss does not change them any more.
+  /// Whether the contacts of the frame are known, so that a loss no longer changes them.
   bool contacts_are_final() const noexcept { return stage_ >= Stage::notifying; }
 
-  // The report.
+  // Report.
   void start_report();
   void spend(ringfence::Stage stage, std::uint64_t now) noexcept;
   void spend_cpu(double PathReport::*step) noexcept;
-  void charge_path(const PeerSession& node, const messages::NodeFrameStats& told) noexcept;
+  void charge_path(const PeerSession& node, const messages::NodeFrameStats& stats) noexcept;
   static bool note_first(std::uint64_t& when_ns) noexcept;
   void charge_notified(double step_ms, std::uint64_t begin_ns, std::uint64_t PeerSession::*reached_ns,
                        double PeerSession::*reached_ms) noexcept;
@@ -263,36 +265,36 @@ class ServerRole {
   regions::Balance balance_;
   std::vector<double> costs_;  ///< of the nodes in the frame before
   MapPlan map_plan_;
-  std::uint32_t resize_to_ = 0;  ///< nodes from the next frame on; 0: as they are
-  bool map_changed_ = false;     ///< nodes are told of the new map at the end of this frame
-  Dispatch::UpdateScope update_scope_ =
-      Dispatch::UpdateScope::changes;  ///< in this frame; more than changes under a new map
-  bool hosts_exchange_objects_ =
-      false;                       ///< under a map that begins with the next frame hosts tell each other what they host
-  bool ghosts_exchanged_ = false;  ///< in this frame nodes hear each other's halos
+  std::uint32_t resize_to_ = 0;  ///< number of nodes from the next frame on; 0: no change
+  bool map_changed_ = false;     ///< nodes receive a new map at the end of this frame
+  /// Of this frame; more than `changes` after a change of the map.
+  Dispatch::UpdateScope update_scope_ = Dispatch::UpdateScope::changes;
+  /// Nodes send each other what they host under the map that begins with the next frame.
+  bool hosts_exchange_objects_ = false;
+  bool ghosts_exchanged_ = false;  ///< nodes exchange ghost updates in this frame
   ObjectTable objects_;
   Host host_;
   Hosting hosting_;
   Dispatch dispatch_;
   ContactLedger ledger_;
-  std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, by the server
-  bool nodes_exchange_contacts_ = false;  ///< in this frame nodes take what concerns them from each other's findings
+  std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
+  bool nodes_exchange_contacts_ = false;  ///< nodes read the contacts that concern them from each other in this frame
   std::vector<PeerSession> nodes_;
   std::vector<PeerSession> users_;  ///< by user number
   std::vector<UserNumber> connected_;
-  std::vector<UserNumber> awaited_users_;  ///< of whom the frame waits for a word
+  std::vector<UserNumber> awaited_users_;  ///< those from which the frame still needs a message
   std::vector<Connection> node_connections_;
   std::vector<PositionedSpawn> spawn_order_;
-  base::FlatList<std::uint32_t> relay_cells_;  ///< by slot: the cell of the publication, or not_relayed
-  bool nodes_publish_ = false;                 ///< in this frame CD nodes relay what they host, those that can
-  bool relay_is_known_ = false;                ///< relay_cells_ hold, but for what moved in this frame
-  bool relays_are_final_ = false;              ///< user nodes look: what is published in this frame stays as it is
-  std::vector<std::uint32_t> leaving_slots_;   ///< slots of this frame whose hosts say that others host them next
+  base::FlatList<std::uint32_t> relay_cells_;  ///< by slot: cell in the server's publication, or not_relayed
+  bool nodes_publish_ = false;                 ///< CD nodes publish what they host in this frame, if they can
+  bool relay_is_known_ = false;                ///< relay_cells_ are valid except for objects that moved in this frame
+  bool relays_are_final_ = false;              ///< user nodes may read: the publications of this frame no longer change
+  std::vector<std::uint32_t> leaving_slots_;   ///< slots whose hosts reported another next host in this frame
   bool users_changed_ = false;
-  bool users_are_notified_ = false;  ///< all users have been sent what they are told in this frame
-  bool bounds_are_stale_ = false;    ///< those of present objects of which their hosts alone know
-  std::int64_t host_owned_moved_ =
-      0;  ///< objects that moved in this frame and are not in objects_.moved(), less the others
+  bool users_are_notified_ = false;  ///< all users have been sent their contacts of this frame
+  bool bounds_are_stale_ = false;    ///< bounds of present objects that only their hosts know are outdated
+  /// Objects that moved in this frame and are not in objects_.moved(), minus those there that did not move.
+  std::int64_t host_owned_moved_ = 0;
 
   /// An object that another CD node hosts from the next frame on.
   struct HandOver {
@@ -300,24 +302,24 @@ class ServerRole {
     NodeNumber from, to;
   };
   std::vector<HandOver> hand_overs_;  ///< of this frame
-  Host recovery_host_;                ///< moves what lost nodes had not reported
-  std::vector<std::uint32_t> table_;  ///< of the map that is being made
+  Host recovery_host_;                ///< moves objects that lost nodes had not reported
+  std::vector<std::uint32_t> table_;  ///< of the map under construction
   std::vector<NodeNumber> alive_;
-  NodeNumber fallback_for_ = no_node;  ///< awaited: the last node is lost
+  NodeNumber fallback_for_ = no_node;  ///< waiting for a fallback node with this number
   bool losses_pending_ = false;
-  bool recovered_ = false;           ///< objects of lost nodes are in the server's hands until the next cut
-  bool map_precedes_frame_ = false;  ///< nodes are told of the map before this frame begins
-  bool rescan_hosts_ = false;        ///< the map changed within this frame, or before it
+  bool recovered_ = false;           ///< the server holds objects of lost nodes until the next cut
+  bool map_precedes_frame_ = false;  ///< nodes receive the map before this frame begins
+  bool rescan_hosts_ = false;        ///< the map changed within this frame or before it
 
   Stage stage_ = Stage::waiting;
-  std::uint64_t frames_ = 0;  ///< begun
+  std::uint64_t frames_ = 0;  ///< frames begun
   std::uint64_t frame_ = 0;
-  std::uint64_t mark_ns_ = 0;    ///< when the current stage was last charged
-  std::uint64_t ingest_ns_ = 0;  ///< within the current stage
+  std::uint64_t mark_ns_ = 0;    ///< time up to which stages have been charged
+  std::uint64_t ingest_ns_ = 0;  ///< ingest time within the current stage
   std::uint64_t begin_ns_ = 0;
-  std::uint64_t notify_ns_ = 0;  ///< when hosts began to be told
+  std::uint64_t notify_ns_ = 0;  ///< start of the notification of hosts
   std::uint64_t cpu_begin_ns_ = 0;
-  std::uint64_t cpu_mark_ns_ = 0;  ///< when CPU time was last charged to the path
+  std::uint64_t cpu_mark_ns_ = 0;  ///< CPU time up to which the path has been charged
   FrameReport reports_[2];
 };
 

@@ -8,7 +8,7 @@ namespace ringfence::nodes {
 
 std::span<const PositionedSpawn> order_by_position(std::span<const Request> spawns, const geometry::FixedSpace& space,
                                                    std::vector<PositionedSpawn>& scratch) {
-  // Rows so thick that a cube of their thickness holds a few: 32 on an axis for 64,000.
+  // Thickness of a row: a cube of that size holds a few objects; 32 rows on an axis for 64,000 objects.
   const auto bits = static_cast<unsigned>(std::bit_width(spawns.size())) / 3;
   const auto row = [&](std::uint32_t coordinate) { return std::uint64_t{coordinate} >> (32 - bits); };
   scratch.clear();

@@ -46,7 +46,7 @@ void UserRole::receive(const MessageView& message) {
 }
 
 void UserRole::receive_contacts(const MessageView& message) {
-  // Between frames these are the last contacts of an object that was taken over.
+  // Between frames these are contacts of the last frame, for an object that was adopted.
   const bool late = stage_ == Stage::waiting;
   if (!late && stage_ == Stage::awaiting_contacts) {
     enter(telemetry::StepClock::end);
@@ -58,7 +58,7 @@ void UserRole::receive_contacts(const MessageView& message) {
 void UserRole::begin(std::uint64_t frame) {
   frame_ = frame;
   contacts_received_ = false;
-  may_read_ = setup_.interest <= 0;  // there is nothing to wait for
+  may_read_ = setup_.interest <= 0;  // without interest there is nothing to wait for
   frame_stats_ = {};
   enter(telemetry::StepClock::move);
   telemetry::SpanTimer time(setup_.track, "move", frame_stats_.move_ns);
@@ -73,7 +73,7 @@ void UserRole::begin(std::uint64_t frame) {
   stage_ = Stage::sending_states;
 }
 
-// To the other user nodes at application level, as the paper has it: written once, whoever is near reads it.
+// The paper's application-level multicast to other user nodes: written once, read by every user node nearby.
 void UserRole::publish() {
   Published& own = setup_.publications->users[setup_.user];
   PublicationWriter writer(*setup_.publications, own, frame_);
@@ -117,9 +117,9 @@ void UserRole::read_others() {
   }
 }
 
-// Two ways, the cheaper one by what there is: a publication of many states is looked up row by row of the box, because
-// a row of cells lies in one piece; of a publication of few states, such as a user node's, all cells are passed
-// through. Cells in an earlier avatar's box have been read and are left out.
+// Chooses the cheaper of two ways: a publication with many states is read row by row of the box, because a row of cells
+// is contiguous; of a publication with few states, such as a user node's, all cells are checked. Cells that lie in the
+// box of an earlier avatar have been read already and are skipped.
 void UserRole::read_box(const Published& published, const CellBox& box, std::size_t earlier) {
   const std::size_t parity = frame_ & 1;
   if (!published.any[parity]) {
@@ -218,7 +218,7 @@ void UserRole::enter(telemetry::StepClock::Step step) noexcept {
   }
 }
 
-// One transition of the frame; false where it has to wait.
+// Makes one transition of the frame; false if it has to wait.
 bool UserRole::advance() {
   switch (stage_) {
     case Stage::waiting:

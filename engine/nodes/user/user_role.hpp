@@ -15,40 +15,41 @@
 
 namespace ringfence::nodes {
 
-/// What a user node is given. The pointers outlive the role.
+/// Configuration of a user node. The pointers outlive the role.
 struct UserSetup {
   UserNumber user = 0;
   const MotionModel* model = nullptr;
   Publications* publications = nullptr;
-  double interest = 0;                    ///< metres; 0: reads nothing of others
-  telemetry::Track* track = nullptr;      ///< of the thread that steps it; null: nothing is noted
-  telemetry::StepClock* clock = nullptr;  ///< likewise
-  std::size_t objects = 0;                ///< reserved
+  double interest = 0;                    ///< metres; 0: does not read the states of others
+  telemetry::Track* track = nullptr;      ///< of the thread that steps it; null: no timeline
+  telemetry::StepClock* clock = nullptr;  ///< of the thread that steps it; null: not measured
+  std::size_t objects = 0;                ///< number to reserve for
   Connection server;
 };
 
-/// A user node: hosts its avatars, and in user domain deployment its share of all other objects; moves them, tells the
-/// server (M1) and the other users (its publication), reads what others published near its avatars once the server says
-/// that it may, and is told of the collisions that concern them (M4). It knows the server alone.
+/// A user node: hosts its avatars, and in user deployment its share of all other objects. It moves them, sends their
+/// states to the server (M1) and to the other users (its publication), reads the publications of others near its
+/// avatars after the server has allowed it, and receives the contacts of its objects (M4). It is connected to the
+/// server only.
 ///
-/// Threads: one thread at a time steps it. Never blocks, never throws; in steady state nothing is allocated.
+/// Threads: one thread at a time steps it. Never blocks, never throws; does not allocate in steady state.
 class UserRole {
  public:
   explicit UserRole(const UserSetup& setup);
 
   Step step();
 
-  /// Where an avatar stands in the next frame, whatever the model says. Between frames, for the facade.
+  /// Sets the pose of an avatar in the next frame, whatever the model computes. Between frames, for the facade.
   void steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
 
-  /// What the node was told in that frame (M4), in order of (a, b), ended ones too.
+  /// Contacts that the node received in that frame (M4), in order of (a, b), ended ones too.
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return host_.contacts(frame); }
-  /// The states of others near its avatars in that frame, as spans of what the others published.
+  /// States of others near its avatars in that frame, as spans of their publications.
   std::span<const std::span<const link::PublishedState>> seen(std::uint64_t frame) const noexcept {
     return seen_[frame & 1];
   }
   const Host& host() const noexcept { return host_; }
-  /// Records of its own messages that the server refused so far; 0 unless somebody else speaks in its name.
+  /// Records of its own messages that the server has refused so far; 0 unless another sender uses its endpoint.
   std::uint64_t refused() const noexcept { return refused_; }
 
  private:
@@ -76,7 +77,7 @@ class UserRole {
   Host host_;
   Stage stage_ = Stage::waiting;
   std::uint64_t frame_ = 0;
-  bool may_read_ = false;  ///< all have published
+  bool may_read_ = false;  ///< read_publications has arrived
   bool contacts_received_ = false;
   std::uint64_t refused_ = 0;
   std::vector<Steered> steered_;  ///< for the next frame

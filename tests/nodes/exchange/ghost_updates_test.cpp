@@ -1,4 +1,4 @@
-// What CD nodes that share memory tell each other of objects near their borders.
+// Ghost updates between CD nodes that share memory, for objects near their borders.
 #include "nodes/exchange/ghost_updates.hpp"
 
 #include <cstring>
@@ -15,13 +15,13 @@
 namespace ringfence::nodes::test {
 namespace {
 
-TEST_CASE("a halo tells each node what was meant for it, and nobody anything else") {
+TEST_CASE("ghost updates reach exactly the nodes that they were added for") {
   std::mt19937_64 random(7);
   GhostUpdates ghost_updates;
   ghost_updates.reserve(4);
   for (std::uint64_t frame = 0; frame < 50; ++frame) {
     const auto nodes = static_cast<NodeNumber>(1 + random() % 9);
-    std::map<NodeNumber, std::vector<std::pair<ObjectNumber, bool>>> meant;
+    std::map<NodeNumber, std::vector<std::pair<ObjectNumber, bool>>> expected;
     ghost_updates.start(frame);
     std::size_t entries = 0;
     for (ObjectNumber number = static_cast<ObjectNumber>(random() % 300); number > 0; --number) {
@@ -33,7 +33,7 @@ TEST_CASE("a halo tells each node what was meant for it, and nobody anything els
         if (random() % 3 == 0) {
           const bool gone = random() % 4 == 0;
           ghost_updates.add_receiver(peer, gone);
-          meant[peer].push_back({number, gone});
+          expected[peer].push_back({number, gone});
           ++entries;
         }
       }
@@ -42,19 +42,19 @@ TEST_CASE("a halo tells each node what was meant for it, and nobody anything els
     CHECK(ghost_updates.frame() == frame);
     CHECK(ghost_updates.size() == entries);
     for (NodeNumber peer = 0; peer < nodes; ++peer) {
-      base::FlatList<GhostUpdates::Update> told;
-      ghost_updates.list(peer, told);
-      REQUIRE(told.size() == meant[peer].size());
-      for (std::size_t i = 0; i < told.size(); ++i) {
-        CHECK(told[i].record->object.number == meant[peer][i].first);
-        CHECK(told[i].record->pose.position.x == meant[peer][i].first * 0.5);
-        CHECK(told[i].gone == meant[peer][i].second);
+      base::FlatList<GhostUpdates::Update> updates;
+      ghost_updates.list(peer, updates);
+      REQUIRE(updates.size() == expected[peer].size());
+      for (std::size_t i = 0; i < updates.size(); ++i) {
+        CHECK(updates[i].record->object.number == expected[peer][i].first);
+        CHECK(updates[i].record->pose.position.x == expected[peer][i].first * 0.5);
+        CHECK(updates[i].gone == expected[peer][i].second);
       }
     }
   }
 }
 
-/// The first stands, the second is where a table says.
+/// The first object does not move; the second follows a table of positions.
 class VisitingModel : public MotionModel {
  public:
   explicit VisitingModel(std::vector<double> places) : places_(std::move(places)) {}
@@ -71,18 +71,18 @@ class VisitingModel : public MotionModel {
   std::vector<double> places_;
 };
 
-/// Two nodes with a border at 32.
+/// Two nodes with a border at x = 32.
 HarnessConfig stage(const MotionModel& model, bool shares_memory) {
-  HarnessConfig play;
-  play.placement = Placement::region;
-  play.shares_memory = shares_memory;
-  play.nodes = 2;
-  play.grid = {{2, 0, 0}};
-  play.model = &model;
-  return play;
+  HarnessConfig config;
+  config.placement = Placement::region;
+  config.shares_memory = shares_memory;
+  config.nodes = 2;
+  config.grid = {{2, 0, 0}};
+  config.model = &model;
+  return config;
 }
 
-/// Of how many objects the server told nodes in the last frame, each time that it did.
+/// Number of position records that the server sent to nodes in the last frame.
 std::size_t notified_by_server(const TestHarness& harness) {
   std::size_t records = 0;
   for (const LoggedMessage& seen : harness.log()) {
@@ -91,8 +91,8 @@ std::size_t notified_by_server(const TestHarness& harness) {
   return records;
 }
 
-TEST_CASE("a node hears from its peer, not from the server, of what comes near the border, crosses it and goes") {
-  // The border is at 32, what stands reaches from 32.5 to 34.5.
+TEST_CASE("a node receives objects near the border, crossing it and leaving it from its peer, not from the server") {
+  // The border is at 32; the object at rest reaches from 32.5 to 34.5.
   const std::vector<double> places = {4, 20, 31.5, 31.2, 29.9, 20, 31.5, 33.5, 40, 36.5, 34.5, 31.5, 20, 21};
   const VisitingModel model(places);
   TestHarness harness(stage(model, true));
@@ -108,18 +108,19 @@ TEST_CASE("a node hears from its peer, not from the server, of what comes near t
     const bool touch = places[frame] >= 31.5 && places[frame] <= 35.5;
     CHECK(harness.contacts().size() == (touch ? 1 : 0));
     const std::size_t by_server = notified_by_server(harness);
-    // In the first frame what stands, of which no host reports; then all is in the hosts' hands.
+    // In the first frame the server sends the resting object, which no host reports; later the hosts send everything.
     CHECK(by_server == (frame == 0 ? 1 : 0));
-    // Of what touches the other's region, and once more when it does so no longer.
-    const auto over_border = [&](std::size_t f) { return places[f] >= 31 && places[f] <= 33; };
-    const bool told =
-        frame > 0 && (over_border(frame) || over_border(frame - 1) || (places[frame - 1] < 32) != (places[frame] < 32));
-    CHECK(harness.report().traffic[static_cast<std::size_t>(Traffic::m2)].records == by_server + (told ? 1 : 0));
+    // Updates while the object touches the other's region, and one removal afterwards.
+    const auto touches_other = [&](std::size_t f) { return places[f] >= 31 && places[f] <= 33; };
+    const bool updates = frame > 0 && (touches_other(frame) || touches_other(frame - 1) ||
+                                       (places[frame - 1] < 32) != (places[frame] < 32));
+    CHECK(harness.report().traffic[static_cast<std::size_t>(Traffic::m2)].records == by_server + (updates ? 1 : 0));
     harness.require_one_host_each();
   }
 }
 
-TEST_CASE("under a new map nodes tell each other what they host, what rests included, and the server only the rest") {
+TEST_CASE(
+    "under a new map nodes send each other all hosted objects, resting ones too, and the server sends the others") {
   const std::vector<double> places = {4, 5, 14, 17, 18, 30, 33, 33, 34, 46, 49, 47, 31, 20, 15, 4, 3, 3, 2, 2};
   const VisitingModel model(places);
   TestHarness harness(stage(model, true));
@@ -127,8 +128,8 @@ TEST_CASE("under a new map nodes tell each other what they host, what rests incl
   spec.shape = harness.add_shape(Sphere{1});
   spec.pose.position = {3, 40, 8};
   harness.spawn(spec);
-  harness.spawn(spec);  // number 2, which moves
-  // Two that touch each other about every border between cells, and one that nobody moves.
+  harness.spawn(spec);  // number 2, the moving one
+  // Two touching objects at every border between cells, and one that never moves.
   for (const double border : {16.0, 32.0, 48.0}) {
     for (const double side : {-0.8, 0.8}) {
       spec.pose.position = {border + side, 8, 8};
@@ -149,9 +150,9 @@ TEST_CASE("under a new map nodes tell each other what they host, what rests incl
     }
     const regions::RegionMap map = harness.server().map();
     harness.frame();
-    const auto visits = [&](std::size_t f) { return places[f] <= 5; };  // the first, which stands at 3
-    CHECK(harness.contacts().size() == 3u + (visits(frame) ? 1 : 0));
-    CHECK(harness.ended().size() == (frame > 0 && visits(frame - 1) && !visits(frame) ? 1 : 0));
+    const auto touches_first = [&](std::size_t f) { return places[f] <= 5; };  // touches the first object, at x = 3
+    CHECK(harness.contacts().size() == 3u + (touches_first(frame) ? 1 : 0));
+    CHECK(harness.ended().size() == (frame > 0 && touches_first(frame - 1) && !touches_first(frame) ? 1 : 0));
     const std::size_t by_server = notified_by_server(harness);
     std::set<NodeNumber> owners;
     map.visit_owners(fixed, [&](NodeNumber owner) { return owners.insert(owner), true; });
@@ -165,9 +166,9 @@ TEST_CASE("under a new map nodes tell each other what they host, what rests incl
   CHECK(maps == resizes.size());
 }
 
-TEST_CASE("a node forgets what alone touched it and stood in another's region, when it has gone") {
-  // The border is at 32; from 5 to 15 m beyond where it stands the hull is solid, so it is given to the first node
-  // while all of it is in the second's region.
+TEST_CASE("a node removes an object that touched only its region but was hosted elsewhere, when the object leaves") {
+  // The border is at 32. The hull's origin is 5 to 15 m away from its solid part, so it is hosted by the first node
+  // while all of it is in the second node's region.
   const std::vector<double> places = {32.5, 30, 4, 5, 30, 31, 33, 5};
   const VisitingModel model(places);
   for (const bool shares_memory : {false, true}) {

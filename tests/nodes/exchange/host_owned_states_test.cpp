@@ -1,4 +1,4 @@
-// States that a CD node keeps to itself: who is told, and that the server finds what it was not told.
+// Host-owned states of a CD node: which states are reported, and which the server reads after a loss.
 #include "nodes/exchange/host_owned_states.hpp"
 
 #include <array>
@@ -13,7 +13,7 @@
 namespace ringfence::nodes::test {
 namespace {
 
-/// One object on a line, where a table says.
+/// One object on a line; its positions come from a table.
 class ScriptedModel : public MotionModel {
  public:
   explicit ScriptedModel(std::vector<double> places) : places_(std::move(places)) {}
@@ -30,13 +30,13 @@ class ScriptedModel : public MotionModel {
 };
 
 HarnessConfig stage(const MotionModel& model) {
-  HarnessConfig play;
-  play.placement = Placement::region;
-  play.shares_memory = true;
-  play.nodes = 2;
-  play.grid = {{2, 0, 0}};  // cells of 16 m, two a node
-  play.model = &model;
-  return play;
+  HarnessConfig config;
+  config.placement = Placement::region;
+  config.shares_memory = true;
+  config.nodes = 2;
+  config.grid = {{2, 0, 0}};  // cells of 16 m, two per node
+  config.model = &model;
+  return config;
 }
 
 ObjectSpec ball_at(TestHarness& harness, double x) {
@@ -46,7 +46,7 @@ ObjectSpec ball_at(TestHarness& harness, double x) {
   return spec;
 }
 
-/// The flags of the states of the last frame that were told.
+/// Flags of the states that were reported in the last frame.
 std::vector<std::uint32_t> reported(const TestHarness& harness) {
   std::vector<std::uint32_t> flags;
   for (const LoggedMessage& seen : harness.log()) {
@@ -59,7 +59,7 @@ std::vector<std::uint32_t> reported(const TestHarness& harness) {
 
 constexpr std::uint32_t at_home = messages::flag_present | messages::flag_interior | messages::flag_keeps_host;
 
-TEST_CASE("a node tells the server of an object when it comes, rests and goes, and else keeps it from it") {
+TEST_CASE("a node reports an object to the server when it arrives, comes to rest and leaves, and not otherwise") {
   // The border is at 32.
   const std::vector<double> places = {4, 5, 6, 6, 6, 7, 8, 9, 31.5, 31, 30, 29, 33.5, 40, 41};
   const std::vector<std::vector<std::uint32_t>> expected = {
@@ -71,7 +71,7 @@ TEST_CASE("a node tells the server of an object when it comes, rests and goes, a
       {at_home | messages::flag_host_owned},
       {},
       {},
-      {},  // near the border its peer is told, see halo_test
+      {},  // near the border its peer receives ghost updates, see ghost_updates_test
       {},
       {},
       {},
@@ -92,7 +92,7 @@ TEST_CASE("a node tells the server of an object when it comes, rests and goes, a
   }
 }
 
-TEST_CASE("what is placed or taken out goes on from where its host had it") {
+TEST_CASE("a placed or removed object continues from the state that its host had") {
   const std::vector<double> places = {4, 5, 6, 7, 8, 9, 10, 11};
   const ScriptedModel model(places);
   TestHarness harness(stage(model));
@@ -113,7 +113,7 @@ TEST_CASE("what is placed or taken out goes on from where its host had it") {
   CHECK(harness.table().live() == 0);
 }
 
-TEST_CASE("a node that is lost leaves what it kept to itself as it was before the frame, and as it was moved") {
+TEST_CASE("after a loss the server can read the node's host-owned states of the frame before and of this frame") {
   const std::vector<double> places = {4, 5, 6, 7, 8, 9, 10, 11};
   for (std::size_t messages = 0; messages < 16; ++messages) {
     CAPTURE(messages);
@@ -129,7 +129,7 @@ TEST_CASE("a node that is lost leaves what it kept to itself as it was before th
   }
 }
 
-TEST_CASE("kept states of a frame stay while those of the next are written, with the model's part") {
+TEST_CASE("host-owned states of a frame stay unchanged while those of the next are written, with the model's state") {
   constexpr std::size_t state_bytes = 24;
   HostOwnedStates kept;
   kept.reserve(4, state_bytes);

@@ -18,7 +18,7 @@
 namespace ringfence::nodes {
 namespace {
 
-/// A model that notes what it is given and answers as a table says.
+/// A model that records its inputs and returns outputs from a table.
 class RecordingModel : public MotionModel {
  public:
   struct Answer {
@@ -50,11 +50,11 @@ class RecordingModel : public MotionModel {
       if (at == answers.end()) {
         continue;
       }
-      // What is written before the throw must not count.
+      // Output written before the exception must have no effect.
       if (at->second.pose_set || at->second.throws) outputs[i].pose = at->second.pose;
       outputs[i].present = at->second.present;
       if (at->second.state_set || at->second.throws) std::memcpy(outputs[i].state, at->second.state, bytes_);
-      if (at->second.throws) throw std::runtime_error("as told");
+      if (at->second.throws) throw std::runtime_error("as configured");
     }
   }
   std::size_t bytes_;
@@ -117,7 +117,7 @@ Keys keys(const std::vector<Contact>& contacts) {
   return out;
 }
 
-TEST_CASE("a model that does not look at contacts is given none, and one that does all of its objects'") {
+TEST_CASE("a model that does not use contacts gets none, and one that does gets all contacts of its objects") {
   class ContactlessModel : public RecordingModel {
    public:
     ContactlessModel() : RecordingModel(0) {}
@@ -143,7 +143,7 @@ TEST_CASE("a model that does not look at contacts is given none, and one that do
   }
 }
 
-TEST_CASE("what is given to a host that has it already is there once, as it was given last") {
+TEST_CASE("an object that a host adopts twice is there once, in its last state") {
   const RecordingModel model(16);
   Host host(&model, 4);
   const std::uint64_t first[2] = {1, 2}, second[2] = {3, 4};
@@ -163,7 +163,7 @@ TEST_CASE("what is given to a host that has it already is there once, as it was 
   CHECK(host[host.find(6)].object.number == 6);
 }
 
-TEST_CASE("the model is given of each hosted object its begin and persist contacts in order of (a, b), no others") {
+TEST_CASE("the model gets exactly the begin and persist contacts of each hosted object, in order of (a, b)") {
   for (const unsigned seed : {1u, 2u, 3u}) {
     CAPTURE(seed);
     std::mt19937_64 random(seed);
@@ -184,9 +184,9 @@ TEST_CASE("the model is given of each hosted object its begin and persist contac
       }
       host.begin_contacts(frame);
       for (const auto& [key, contact] : known) host.add_contact(frame, contact);
-      const std::size_t told = known.size();
+      const std::size_t received = known.size();
       if (frame % 2 == 1) {
-        // Late ones in any order, some known already, some twice.
+        // Late contacts in any order, some already known, some twice.
         std::vector<Contact> some;
         for (int i = 0; i < 60; ++i) {
           const auto a = static_cast<ObjectNumber>(1 + random() % 199);
@@ -214,13 +214,14 @@ TEST_CASE("the model is given of each hosted object its begin and persist contac
         REQUIRE((keys(model.given[number]) == expected));
         REQUIRE(model.user_data[number] == number * std::uint64_t{1000});
       }
-      // What was told stays readable, ended ones too, for whoever asks what the host was told.
-      REQUIRE(host.contacts(frame).size() == told);
+      // The received contacts stay readable, ended ones too.
+      REQUIRE(host.contacts(frame).size() == received);
     }
   }
 }
 
-TEST_CASE("what a role found itself, in any order, the model is given by (a, b) among what it was told, as confirmed") {
+TEST_CASE(
+    "the model gets own contacts, found in any order, merged by (a, b) with received ones, with confirmed phases") {
   for (const unsigned seed : {1u, 2u, 3u}) {
     CAPTURE(seed);
     std::mt19937_64 random(seed);
@@ -229,13 +230,13 @@ TEST_CASE("what a role found itself, in any order, the model is given by (a, b) 
     for (ObjectNumber number = 1; number <= 60; ++number) adopt(host, number);
     for (std::uint64_t frame = 0; frame < 20; ++frame) {
       CAPTURE(frame);
-      std::map<std::pair<ObjectNumber, ObjectNumber>, Contact> own, told;
+      std::map<std::pair<ObjectNumber, ObjectNumber>, Contact> own, received;
       for (int i = 0; i < 300; ++i) {
         const auto a = static_cast<ObjectNumber>(1 + random() % 99);
         const auto b = a + 1 + static_cast<ObjectNumber>(random() % (100 - a));
         const std::uint64_t kind = random() % 3;
-        if (own.count({a, b}) + told.count({a, b}) == 0) {
-          (kind == 0 ? told : own)[{a, b}] = contact_of(a, b, kind == 1 ? Phase::begin : Phase::persist);
+        if (own.count({a, b}) + received.count({a, b}) == 0) {
+          (kind == 0 ? received : own)[{a, b}] = contact_of(a, b, kind == 1 ? Phase::begin : Phase::persist);
         }
       }
       std::vector<std::pair<ObjectNumber, ObjectNumber>> found;
@@ -252,7 +253,7 @@ TEST_CASE("what a role found itself, in any order, the model is given by (a, b) 
       std::size_t i = 0;
       for (const auto& [key, contact] : own) {
         const auto at = static_cast<std::uint32_t>(std::find(found.begin(), found.end(), key) - found.begin());
-        const auto likely_place = [&](ObjectNumber number) {  // known, not known, or somebody else's by now
+        const auto likely_place = [&](ObjectNumber number) {  // an index that is right, missing, or of another object
           const std::uint64_t draw = random() % 4;
           return draw == 0   ? base::NumberIndex::none
                  : draw == 1 ? static_cast<std::uint32_t>(random() % 80)
@@ -264,16 +265,16 @@ TEST_CASE("what a role found itself, in any order, the model is given by (a, b) 
         ++i;
       }
       for (std::size_t word = 0; word < persists.size(); ++word) host.confirm(frame, word, persists[word]);
-      for (const auto& [key, contact] : told) host.add_contact(frame, contact);
-      REQUIRE(host.contacts(frame).size() == told.size());
+      for (const auto& [key, contact] : received) host.add_contact(frame, contact);
+      REQUIRE(host.contacts(frame).size() == received.size());
       host.begin_contacts(frame + 1);
       host.move(frame + 1);
-      told.insert(own.begin(), own.end());
+      received.insert(own.begin(), own.end());
       for (ObjectNumber number = 1; number <= 60; ++number) {
         CAPTURE(number);
         Keys expected;
         std::vector<Phase> phases, given;
-        for (const auto& [key, contact] : told) {
+        for (const auto& [key, contact] : received) {
           if (key.first == number || key.second == number) {
             expected.push_back(key);
             phases.push_back(contact.phase);
@@ -301,14 +302,14 @@ TEST_CASE("late contacts count for one frame only") {
   CHECK(model.given[5].empty());
 }
 
-TEST_CASE("where the model throws only the guilty stand still, with pose, presence and state, and are counted") {
+TEST_CASE("objects for which the model throws keep pose, presence and state and are counted; the others move") {
   for (const unsigned seed : {1u, 2u, 3u, 4u}) {
     CAPTURE(seed);
     std::mt19937_64 random(seed);
     RecordingModel model(16);
     Host host(&model, 4);
     const ObjectNumber count = 150;
-    std::set<ObjectNumber> guilty;
+    std::set<ObjectNumber> throwing;
     for (ObjectNumber number = 1; number <= count; ++number) {
       adopt(host, number);
       RecordingModel::Answer answer;
@@ -317,22 +318,22 @@ TEST_CASE("where the model throws only the guilty stand still, with pose, presen
       answer.state[0] = number + 1;
       answer.throws = seed == 4 || random() % (seed == 3 ? 2 : 20) == 0;
       answer.present = !answer.throws;
-      if (answer.throws) guilty.insert(number);
+      if (answer.throws) throwing.insert(number);
       model.answers[number] = answer;
     }
     host.begin_contacts(0);
     host.move(0);
-    CHECK(host.refusals().model_failed == guilty.size());
+    CHECK(host.refusals().model_failed == throwing.size());
     CHECK(host.refusals().not_finite == 0);
     for (ObjectNumber number = 1; number <= count; ++number) {
       CAPTURE(number);
-      const bool stood = guilty.count(number) != 0;
-      CHECK(hosted(host, number).pose.position.y == (stood ? 2 : 50));
+      const bool unchanged = throwing.count(number) != 0;
+      CHECK(hosted(host, number).pose.position.y == (unchanged ? 2 : 50));
       CHECK(hosted(host, number).object.flags == messages::flag_present);
-      CHECK(state_of(host, number).words[0] == number + (stood ? 0 : 1));
+      CHECK(state_of(host, number).words[0] == number + (unchanged ? 0 : 1));
     }
-    CHECK(changed_numbers(host).size() == count - guilty.size());
-    // The count is the frame's, not the run's.
+    CHECK(changed_numbers(host).size() == count - throwing.size());
+    // The count is per frame.
     model.answers.clear();
     host.begin_contacts(1);
     host.move(1);
@@ -340,7 +341,7 @@ TEST_CASE("where the model throws only the guilty stand still, with pose, presen
   }
 }
 
-TEST_CASE("a model's output that is not finite or not unit is refused by reason and the object stands still") {
+TEST_CASE("a model output that is not finite or not unit is refused by reason and the object does not move") {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const float inf = std::numeric_limits<float>::infinity();
   const Pose bad[] = {{{nan, 0, 0}, {}},          {{0, -1.0 / 0.0, 0}, {}},      {{0, 0, 0}, {inf, 0, 0, 1}},
@@ -367,15 +368,15 @@ TEST_CASE("a model's output that is not finite or not unit is refused by reason 
   CHECK(host.refusals().not_unit == 4);
   CHECK(host.refusals().model_failed == 0);
   for (ObjectNumber number = 1; number <= 20; ++number) {
-    const bool stood = number <= std::size(bad);
-    CHECK(hosted(host, number).pose.position.x == (stood ? number : 7));
-    CHECK(state_of(host, number).words[0] == (stood ? number : 99u));
+    const bool unchanged = number <= std::size(bad);
+    CHECK(hosted(host, number).pose.position.x == (unchanged ? number : 7));
+    CHECK(state_of(host, number).words[0] == (unchanged ? number : 99u));
     CHECK(hosted(host, number).object.flags == messages::flag_present);
   }
   CHECK(changed_numbers(host).size() == 12);
 }
 
-TEST_CASE("what changed is listed: pose, presence or state, placed or steered; what did not is not") {
+TEST_CASE("exactly the objects with changed pose, presence or state, placed or steered, are listed as changed") {
   RecordingModel model(16);
   Host host(&model, 4);
   for (ObjectNumber number = 1; number <= 7; ++number) adopt(host, number);
@@ -394,22 +395,22 @@ TEST_CASE("what changed is listed: pose, presence or state, placed or steered; w
   host.place(4, {{1, 1, 1}, {}}, true);
   host.steer(5, {{2, 2, 2}, {}});
   host.steer(5, {{3, 3, 3}, {}});
-  host.steer(77, {});        // hosted elsewhere
-  host.place(78, {}, true);  // hosted elsewhere
+  host.steer(77, {});        // not hosted here
+  host.place(78, {}, true);  // not hosted here
   host.begin_contacts(0);
   host.move(0);
   CHECK((changed_numbers(host) == std::set<ObjectNumber>{1, 2, 3, 4, 5}));
-  CHECK(model.poses[4].position.x == 1);  // the model goes on from where it was placed
+  CHECK(model.poses[4].position.x == 1);  // the model continues from the placed pose
   CHECK(hosted(host, 5).pose.position.x == 3);
   CHECK(hosted(host, 2).object.flags == 0);
   model.answers.clear();
   host.begin_contacts(1);
   host.move(1);
   CHECK(host.changed().empty());
-  CHECK(hosted(host, 2).object.flags == 0);  // "stands still" holds for absence too
+  CHECK(hosted(host, 2).object.flags == 0);  // refused outputs leave absence unchanged too
 }
 
-TEST_CASE("a steered object stands where it was steered, whatever the model says, for one frame") {
+TEST_CASE("a steered object stands at its steered pose for one frame, whatever the model computes") {
   RecordingModel model(16);
   Host host(&model, 4);
   adopt(host, 1);
@@ -437,7 +438,7 @@ TEST_CASE("adopting and dropping in any order keeps every object with its own st
     std::map<ObjectNumber, std::vector<std::byte>> expected;
     for (int round = 0; round < 6000; ++round) {
       const auto number = static_cast<ObjectNumber>(1 + random() % 120);
-      if (expected.count(number) == 0 || random() % 4 == 0) {  // what is hosted already is taken over in place
+      if (expected.count(number) == 0 || random() % 4 == 0) {  // adopting an object that is hosted already replaces it
         std::vector<std::byte> state(host.state_bytes());
         for (std::byte& byte : state) byte = static_cast<std::byte>(random());
         host.adopt(record_of(number), state.data());
@@ -462,7 +463,7 @@ TEST_CASE("adopting and dropping in any order keeps every object with its own st
   }
 }
 
-TEST_CASE("a hand-over is taken from who listens to CD nodes, and is not the server's word") {
+TEST_CASE("a hand-over is not applied as a message of the server") {
   Host host(nullptr, 0);
   const messages::HandOverRecord record = record_of(5);
   std::vector<std::byte> bytes(sizeof(messages::Header) + sizeof record);
@@ -501,7 +502,7 @@ TEST_CASE("without a model nothing moves by itself, but places and steers still 
   CHECK(host.size() == 2);
 }
 
-TEST_CASE("a pose is valid within 10^-3 of unit length, is made unit, and is then left alone for ever") {
+TEST_CASE("a pose within 10^-3 of unit length is valid, is normalised once, and does not change afterwards") {
   constexpr unsigned seed = 6;
   CAPTURE(seed);
   std::mt19937_64 random(seed);

@@ -12,7 +12,7 @@ namespace {
 
 using messages::Endpoint;
 
-/// A server's cut without a server: objects and users come and go at random.
+/// The host assignment of a cut without a server: objects and users come and go at random.
 struct Cut {
   Cut(Deployment kind, unsigned seed) : deployment(kind), random(seed), hosting(kind, space) {}
 
@@ -83,8 +83,8 @@ void check_hosts(const Cut& cut) {
   }
 }
 
-/// How many shared objects must change hosts at least until the shares of `users` differ by one at most, by trying
-/// for each user the larger or the smaller share greedily: those who host most keep most.
+/// Least number of changes until the shares of `users` differ by at most one: gives the larger shares greedily to the
+/// users who host most.
 std::size_t least_changes(std::vector<std::size_t> hosted, std::size_t total) {
   std::sort(hosted.rbegin(), hosted.rend());
   const std::size_t least = total / hosted.size();
@@ -96,7 +96,7 @@ std::size_t least_changes(std::vector<std::size_t> hosted, std::size_t total) {
   return total - kept;
 }
 
-TEST_CASE("every object that can move has exactly one host after every cut, the one that the deployment names") {
+TEST_CASE("every object that can move has exactly one host after every cut: that of the deployment") {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
     for (const unsigned seed : {1u, 2u, 3u}) {
       CAPTURE(name_of(deployment));
@@ -139,7 +139,7 @@ TEST_CASE("every object that can move has exactly one host after every cut, the 
         }
         const auto changes = cut.hosting.settle(cut.objects, cut.map, cut.users, users_changed);
         check_hosts(cut);
-        // The list is what changed, each once, with where it came from.
+        // The list contains each change once, with the previous host.
         std::map<std::uint32_t, HostChange> listed;
         for (const HostChange& change : changes) {
           REQUIRE(listed.emplace(change.slot, change).second);
@@ -173,7 +173,7 @@ TEST_CASE("every object that can move has exactly one host after every cut, the 
   }
 }
 
-TEST_CASE("a user node that comes last gets its share also where nobody was over the share rounded up") {
+TEST_CASE("a user node that connects last gets its share even if no other user exceeds its share rounded up") {
   Cut cut(Deployment::user, 1);
   cut.users = {0, 1, 2};
   for (int i = 0; i < 9; ++i) {
