@@ -1,6 +1,6 @@
 // Property: any bytes as a motion file of a small scene are either refused with a message that begins with the file
-// name, or give rows sorted by frame, of movable objects of the scene, with finite poses. Written as CSV, they read back
-// as the same rows.
+// name, or give rows sorted by frame, of movable objects of the scene, with finite poses. Written as CSV, they read
+// back as the same rows.
 #include <cmath>
 #include <string>
 #include <string_view>

@@ -1,5 +1,5 @@
-// Property: any text as a scene file is either refused with a message that begins with the file name, or is a scene that
-// is the same after it is written and read again.
+// Property: any text as a scene file is either refused with a message that begins with the file name, or is a scene
+// that is the same after it is written and read again.
 #include <string>
 #include <string_view>
 

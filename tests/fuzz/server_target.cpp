@@ -66,12 +66,12 @@ class Input {
 struct Scene {
   explicit Scene(Deployment deployment)
       : harness([&] {
-          HarnessConfig play;
-          play.deployment = deployment;
-          play.model = &walk;
-          play.nodes = 2;
-          play.delivery_bytes = std::size_t{1} << 15;
-          return play;
+          HarnessConfig config;
+          config.deployment = deployment;
+          config.model = &walk;
+          config.nodes = 2;
+          config.delivery_bytes = std::size_t{1} << 15;
+          return config;
         }()) {
     const ShapeNumber ball = harness.add_shape(Sphere{radius});
     for (UserNumber user = 0; user < 3; ++user) {

@@ -26,7 +26,7 @@ TEST_CASE("the program accepts the current and the frozen word of a stage") {
   for (const char* word : {"reporting", "telling"}) {
     const test::ProgramResult result =
         test::ringfence(std::string("run --objects 100 --users 2 --frames 4 --warmup 0 --nodes 2 "
-                                    "--node-deadline-ms 50 --quiet --fail 2:1:") +
+                                    "--node-deadline-ms 100 --quiet --fail 2:1:") +
                         word);
     CHECK_MESSAGE(result.code == 0, result.out);
     CHECK(result.out.find("lost        frame 2: CD node 1") != std::string::npos);

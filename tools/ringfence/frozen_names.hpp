@@ -25,14 +25,16 @@ const char* path_key(const PathReport::Step& step);
 
 /// Keys of the JSON report and the status file.
 namespace keys {
-inline constexpr const char* requested_broad_phase = "broad_phase_asked";  ///< placement as given by --broad-phase
+/// The placement as given to --broad-phase, which may be automatic.
+inline constexpr const char* requested_broad_phase = "broad_phase_asked";
 inline constexpr const char* received_parcels = "taken_parcels";
 inline constexpr const char* received_bytes = "taken_bytes";
-inline constexpr const char* waiting_ms =
-    "waited_ms";  ///< a node joined: from its first announcement to its assignment
-inline constexpr const char* first_parcel_ms =
-    "spoke_ms";  ///< a node joined: from there to its first parcel of a frame
-inline constexpr const char* leave_request_ms = "asked_ms";  ///< a node left: from its request to the last hand-over
+/// A node joined: time from its first announcement to its assignment.
+inline constexpr const char* waiting_ms = "waited_ms";
+/// A node joined: time from its assignment to its first parcel of a frame.
+inline constexpr const char* first_parcel_ms = "spoke_ms";
+/// A node left: time from its request to leave to its last hand-over.
+inline constexpr const char* leave_request_ms = "asked_ms";
 }  // namespace keys
 
 }  // namespace ringfence::tools

@@ -13,7 +13,7 @@ namespace {
 
 constexpr const char* titles[] = {"user domain deployment", "user/server domain deployment",
                                   "user/collision domain deployment"};
-constexpr const char* next = ", \\\n  ";
+constexpr const char* separator = ", \\\n  ";
 
 const char* colour(std::size_t i) {
   constexpr const char* colours[] = {"#1b6ca8", "#d1495b", "#2e933c", "#8e5ea2", "#e08e00", "#4d4d4d", "#00a6a6"};
@@ -30,9 +30,9 @@ std::string quoted(const std::string& text) {
 std::string nodes_word(std::uint32_t nodes) { return nodes == 1 ? "1 node" : fmt::format("{} nodes", nodes); }
 
 /// A plot element that draws the data block `data` as points and lines. Without a title it has no entry in the key.
-std::string line(const std::string& data, const char* style, std::size_t shade, const std::string& title,
+std::string line(const std::string& data, const char* style, std::size_t colour_index, const std::string& title,
                  const char* columns = "1:2") {
-  return fmt::format("{} using {} with linespoints {} lc rgb '{}' {}", data, columns, style, colour(shade),
+  return fmt::format("{} using {} with linespoints {} lc rgb '{}' {}", data, columns, style, colour(colour_index),
                      title.empty() ? "notitle" : "title " + quoted(title));
 }
 constexpr const char* solid = "lw 2 pt 7 ps 0.7";
@@ -115,24 +115,24 @@ class Script {
 
   std::string measured_lines(Deployment deployment, Placement placement) {
     std::vector<std::string> modelled, wall;
-    std::size_t shade = 0;
+    std::size_t colour_index = 0;
     for (const std::uint32_t nodes : nodes_) {
       const std::string data = block(result_.rows, [&](const ScaleRow& row) {
         const bool chosen = row.deployment == deployment && row.placement == placement && row.nodes == nodes;
         return chosen ? fmt::format("{} {} {}", row.objects, row.modelled.median, row.wall.median) : std::string();
       });
-      modelled.push_back(line(data, solid, shade, nodes_word(nodes) + ", modelled"));
-      wall.push_back(fmt::format("{} using 1:3 with lines lw 1.2 dt 3 lc rgb '{}' {}", data, colour(shade),
-                                 shade == 0 ? "title 'the same, wall (dotted)'" : "notitle"));
-      ++shade;
+      modelled.push_back(line(data, solid, colour_index, nodes_word(nodes) + ", modelled"));
+      wall.push_back(fmt::format("{} using 1:3 with lines lw 1.2 dt 3 lc rgb '{}' {}", data, colour(colour_index),
+                                 colour_index == 0 ? "title 'the same, wall (dotted)'" : "notitle"));
+      ++colour_index;
     }
     modelled.insert(modelled.end(), wall.begin(), wall.end());
-    return joined(modelled, next);
+    return joined(modelled, separator);
   }
 
   std::string paper_lines(Deployment deployment, Placement placement) {
     std::vector<std::string> lines;
-    std::size_t shade = 0;
+    std::size_t colour_index = 0;
     for (const std::uint32_t nodes : nodes_) {
       const ClusterResult* const cluster = paper_cluster();
       if (cluster == nullptr) break;
@@ -141,14 +141,14 @@ class Script {
             each.row->deployment == deployment && each.row->placement == placement && each.nodes == nodes;
         return chosen ? fmt::format("{} {}", each.row->objects, each.frame.total()) : std::string();
       });
-      lines.push_back(line(data, solid, shade++, nodes_word(nodes) + ", modelled"));
+      lines.push_back(line(data, solid, colour_index++, nodes_word(nodes) + ", modelled"));
     }
     // Values of the paper are squares in the colour of their node count. At the smallest object count labels are on the
     // left, where they do not cover lines.
-    shade = 0;
+    colour_index = 0;
     bool named = false;
     for (const std::uint32_t nodes : nodes_) {
-      const std::string tint = colour(shade++);
+      const std::string tint = colour(colour_index++);
       std::vector<PaperFigure> stated;
       std::copy_if(std::begin(paper_figures), std::end(paper_figures), std::back_inserter(stated),
                    [&](const PaperFigure& each) { return each.deployment == deployment && each.nodes == nodes; });
@@ -164,7 +164,7 @@ class Script {
         lines.push_back(fmt::format("{} using {} font ',9' tc rgb '{}' notitle", data, side, tint));
       }
     }
-    return joined(lines, next);
+    return joined(lines, separator);
   }
 
   // Graphs 1 to 3 of the paper. Left: measured here. Right: the modelled cluster of the paper.
@@ -223,41 +223,43 @@ class Script {
                                   row.server.median, row.node.median, row.users.median, row.modelled.median)
                     : std::string();
     });
-    const double most = nodes_.empty() ? 2 : std::max(2u, *nodes_.rbegin());
-    const std::vector<std::string> lines{
-        line(data, solid, 0, "modelled frame", "1:8"), line(data, dashed, 1, "server, CPU time", "1:5"),
-        line(data, dashed, 2, "busiest node, CPU time", "1:6"),
-        line(data, dashed, 3, "busiest user thread, CPU time", "1:7"),
-        data + " using 1:2:3:4 with yerrorlines lw 1.2 dt 3 pt 6 ps 0.7 lc rgb '#888888' title 'wall, least to most'"};
+    const double max_nodes = nodes_.empty() ? 2 : std::max(2u, *nodes_.rbegin());
+    const std::vector<std::string> lines{line(data, solid, 0, "modelled frame", "1:8"),
+                                         line(data, dashed, 1, "server, CPU time", "1:5"),
+                                         line(data, dashed, 2, "busiest node, CPU time", "1:6"),
+                                         line(data, dashed, 3, "busiest user thread, CPU time", "1:7"),
+                                         data +
+                                             " using 1:2:3:4 with yerrorlines lw 1.2 dt 3 pt 6 ps 0.7 lc rgb '#888888' "
+                                             "title 'wall, minimum to maximum'"};
     figure("path" + suffix(placement), 1000, 480,
-           fmt::format("set title 'What the modelled frame is made of: {}, {} objects, broad phase: {}'\n"
+           fmt::format("set title 'Parts of the modelled frame: {}, {} objects, broad phase: {}'\n"
                        "set key outside right top font ',10'\nset logscale x 2\nset xlabel 'CD nodes'\n"
                        "set ylabel 'ms a frame'\nplot [0.9:{}] [0:*] {}\n"
                        "unset logscale\nunset title\nset key inside\nset autoscale\n",
-                       name_of(deployment), objects, name_of(placement), most * 1.15, joined(lines, next)));
+                       name_of(deployment), objects, name_of(placement), max_nodes * 1.15, joined(lines, separator)));
   }
 
   void speedup_graph(Placement placement) {
     const std::uint32_t objects = *objects_.rbegin();
-    const double most = nodes_.empty() ? 2 : std::max(2u, *nodes_.rbegin());
+    const double max_nodes = nodes_.empty() ? 2 : std::max(2u, *nodes_.rbegin());
     std::vector<std::string> lines{"x with lines dt 2 lc rgb '#888888' title 'ideal'"};
-    std::size_t shade = 0;
+    std::size_t colour_index = 0;
     for (const Deployment deployment : deployments_) {
       const std::string measured = block(result_.rows, [&](const ScaleRow& row) {
         const bool chosen = row.deployment == deployment && row.placement == placement && row.objects == objects &&
                             row.nodes > 0 && row.modelled_scaling.known;
         return chosen ? fmt::format("{} {}", row.nodes, row.modelled_scaling.speedup) : std::string();
       });
-      lines.push_back(line(measured, solid, shade, fmt::format("{}, this machine", name_of(deployment))));
+      lines.push_back(line(measured, solid, colour_index, fmt::format("{}, this machine", name_of(deployment))));
       if (const ClusterResult* const cluster = paper_cluster()) {
         const std::string modelled = block(cluster->predictions, [&](const ClusterPrediction& each) {
           const bool chosen = each.row->deployment == deployment && each.row->placement == placement &&
                               each.row->objects == objects && each.scaling.known;
           return chosen ? fmt::format("{} {}", each.nodes, each.scaling.speedup) : std::string();
         });
-        lines.push_back(line(modelled, dashed, shade, fmt::format("{}, cluster of 2004", name_of(deployment))));
+        lines.push_back(line(modelled, dashed, colour_index, fmt::format("{}, cluster of 2004", name_of(deployment))));
       }
-      ++shade;
+      ++colour_index;
     }
     if (objects == 4000) {
       const std::string stated =
@@ -270,7 +272,7 @@ class Script {
                        "set key outside right top font ',10'\nset logscale xy 2\nset xlabel 'CD nodes'\n"
                        "set ylabel 'speedup'\nplot [0.9:{}] [0.7:{}] {}\n"
                        "unset logscale\nunset title\nset key inside\nset autoscale\n",
-                       objects, name_of(placement), most * 1.15, most * 1.3, joined(lines, next)));
+                       objects, name_of(placement), max_nodes * 1.15, max_nodes * 1.3, joined(lines, separator)));
   }
 
   std::vector<std::pair<Deployment, Placement>> worlds() const {
@@ -284,10 +286,10 @@ class Script {
   /// Predicted frame times of a cluster. Solid lines: measured counts. Thin lines with hollow points: extrapolated.
   void cluster_graph(const ClusterResult& cluster) {
     std::vector<std::string> lines;
-    double most = 2;
-    bool beyond = false;
+    double max_nodes = 2;
+    bool any_extrapolated = false;
     for (const std::uint32_t objects : std::set{*objects_.begin(), *objects_.rbegin()}) {
-      std::size_t shade = 0;
+      std::size_t colour_index = 0;
       for (const auto& world : worlds()) {
         const Deployment deployment = world.first;
         const Placement placement = world.second;
@@ -296,49 +298,51 @@ class Script {
           const bool chosen =
               each.row->deployment == deployment && each.row->objects == objects && each.row->placement == placement;
           if (!chosen) return std::string();
-          most = std::max<double>(most, each.nodes);
+          max_nodes = std::max<double>(max_nodes, each.nodes);
           return fmt::format("{} {}", each.nodes, each.frame.total());
         };
-        const std::string counted = block(cluster.predictions, [&](const ClusterPrediction& each) {
+        const std::string measured_points = block(cluster.predictions, [&](const ClusterPrediction& each) {
           return each.extrapolated ? std::string() : entry(each);
         });
-        const std::string guessed = block(cluster.predictions, [&](const ClusterPrediction& each) {
+        const std::string extrapolated_points = block(cluster.predictions, [&](const ClusterPrediction& each) {
           std::string point = entry(each);
           if (!each.extrapolated) {
             if (!point.empty()) last = point;
             return std::string();
           }
           if (point.empty()) return point;
-          beyond = true;
+          any_extrapolated = true;
           const std::string start = std::exchange(last, "");
           return start.empty() ? point : fmt::format("{}\n{}", start, point);
         });
         const bool small = objects != *objects_.rbegin();
         lines.push_back(
-            line(counted, small ? dashed : solid, shade,
+            line(measured_points, small ? dashed : solid, colour_index,
                  fmt::format("{}, {}{} objects", name_of(deployment),
                              placements_.size() > 1 ? fmt::format("{}, ", name_of(placement)) : "", objects)));
-        lines.push_back(line(guessed, hollow, shade, ""));
-        ++shade;
+        lines.push_back(line(extrapolated_points, hollow, colour_index, ""));
+        ++colour_index;
       }
     }
     if (cluster.costs.name == "2004") {
-      std::size_t shade = 0;
+      std::size_t colour_index = 0;
       for (const Deployment deployment : deployments_) {
         const std::string stated = block(paper_figures, [&](const PaperFigure& figure) {
           return figure.deployment == deployment ? fmt::format("{} {}", figure.nodes, figure.ms) : std::string();
         });
-        lines.push_back(fmt::format("{} using 1:2 with points pt 8 ps 1.7 lw 2 lc rgb '{}' {}", stated, colour(shade),
-                                    shade == 0 ? "title 'triangles: stated in the paper'" : "notitle"));
-        shade += placements_.size();
+        lines.push_back(fmt::format("{} using 1:2 with points pt 8 ps 1.7 lw 2 lc rgb '{}' {}", stated,
+                                    colour(colour_index),
+                                    colour_index == 0 ? "title 'triangles: stated in the paper'" : "notitle"));
+        colour_index += placements_.size();
       }
     }
-    const std::string title = "Modelled: " + cluster.costs.title + (beyond ? " (hollow: counts extrapolated)" : "");
+    const std::string title =
+        "Modelled: " + cluster.costs.title + (any_extrapolated ? " (hollow: counts extrapolated)" : "");
     figure("cluster-" + cluster.costs.name, 1000, 500,
            fmt::format("set title {}\nset key outside right top font ',10'\nset logscale x 2\nset logscale y 10\n"
                        "set xlabel 'CD nodes'\nset ylabel 'frame, ms'\nplot [0.9:{}] {}\n"
                        "unset logscale\nunset title\nset key inside\nset autoscale\n",
-                       quoted(title), most * 1.15, joined(lines, next)));
+                       quoted(title), max_nodes * 1.15, joined(lines, separator)));
   }
 
   std::string prefix_;
