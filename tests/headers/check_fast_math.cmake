@@ -1,5 +1,5 @@
-# Checks that one source file of each module does not compile with -ffast-math added to its compile command. Checks for a
-# file of base that it does not compile with related options either, and that it compiles without them.
+# Checks that one source file of each module does not compile if -ffast-math is added to its compile command. Checks for
+# a file of base that it does not compile with related options either, and that it compiles without them.
 # Arguments: engine, build_dir, modules (comma separated).
 
 cmake_minimum_required(VERSION 3.25)
