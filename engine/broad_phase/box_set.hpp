@@ -15,9 +15,8 @@ namespace ringfence::broad_phase {
 /// A set of boxes of any mix of sizes: one RowGrid for each size level that holds boxes.
 ///
 /// Levels and row layouts are planned from a sample of the boxes. They are planned again after 64 builds, or earlier
-/// when the
-/// number of boxes or the share of large boxes has changed by too much. Memory: allocates when the set grows, not for a
-/// plan.
+/// when the number of boxes or the share of large boxes has changed by too much. Memory: allocates when the set grows,
+/// not for a plan.
 class BoxSet {
  public:
   explicit BoxSet(std::size_t boxes);

@@ -14,7 +14,7 @@ namespace ringfence::broad_phase {
 /// pairs.
 struct Kernels {
   /// Numbers of slots of each kind. The slots are written in ascending order. `moving` needs room for all slots and 64
-  /// more, `leaving` for the slots in the resting set and 64 more.
+  /// more, `leaving` for the slots in the resting set.
   struct SlotCounts {
     std::size_t moving;   ///< written to `moving`: present, and not at rest in the resting set
     std::size_t leaving;  ///< written to `leaving`: in the resting set, but no longer at rest

@@ -23,7 +23,7 @@ void* allocate_ring(std::size_t bytes, const char* option) {
 
 void Channel::check(std::size_t bytes, const char* option) {
   constexpr std::size_t smallest = 4096;
-  constexpr std::size_t largest = std::size_t{1} << 31;
+  constexpr std::size_t largest = std::size_t{1} << 30;
   if (bytes >= smallest && bytes <= largest && (bytes & (bytes - 1)) == 0) return;
   throw Error(std::string(option) + " is " + std::to_string(bytes) + ": a ring takes a power of two from " +
               std::to_string(smallest) + " to " + std::to_string(largest) + " bytes");

@@ -151,7 +151,7 @@ class Receiver : public BasicReceiver<ThreadAtomics> {
 /// must outlive the channel.
 class Channel {
  public:
-  /// Allocates a ring of `bytes` bytes, a power of two from 4096 to 2^31, and touches all its pages. Throws Error,
+  /// Allocates a ring of `bytes` bytes, a power of two from 4096 to 2^30, and touches all its pages. Throws Error,
   /// naming `option`, for any other size. `receivers_bell` is rung by publish(), `senders_bell` by a release that a
   /// sender waits for. Either may be null; both may be the same if one thread owns both ends.
   Channel(std::size_t bytes, Doorbell* receivers_bell, Doorbell* senders_bell, const char* option = "--ring-bytes");

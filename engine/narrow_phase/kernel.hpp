@@ -71,9 +71,9 @@ inline constexpr std::size_t contact_slack = 16;
 ///
 /// `out` has room for `input.pairs.size() + contact_slack` contacts. A PairContact refers to the candidate's own a and
 /// b: `normal` points from a to b and `point` is relative to a's position. The kernel converts the result of a flipped
-/// pair. The kernel adds to `lanes`, `lanes_filled`, `iterations`, `ended_early` and `failed` of `counters`; the caller counts
-/// the rest. The result for a pair depends on nothing but its two shapes and poses. No allocation, no exception, no
-/// state between calls.
+/// pair. The kernel adds to `lanes`, `lanes_filled`, `iterations`, `ended_early` and `failed` of `counters`; the caller
+/// counts the rest. The result for a pair depends on nothing but its two shapes and poses. No allocation, no exception,
+/// no state between calls.
 using Kernel = PairContact* (*)(const KernelInput& input, PairContact* out, KindCounters& counters);
 
 // Closed forms, one pair per lane (primitives/).

@@ -39,7 +39,7 @@ struct KindCounters {
   std::uint64_t lanes_filled = 0;
   std::uint64_t iterations = 0;
   std::uint64_t ended_early = 0;
-  std::uint64_t failed = 0;       ///< candidates without an answer, since a support function failed
+  std::uint64_t failed = 0;       ///< candidates without a result because a support function failed
   std::uint64_t timed = 0;        ///< candidates whose kernel was timed: about one in thirty to sixty
   std::uint64_t nanoseconds = 0;  ///< time in the kernel for those, including gathering, without sorting
   std::uint64_t gather_nanoseconds = 0;
@@ -61,9 +61,9 @@ class NarrowPhase {
   NarrowPhase(NarrowPhase&&) noexcept;
   NarrowPhase& operator=(NarrowPhase&&) noexcept;
 
-  /// Returns all contacts among `pairs` (indices into `bodies`; `a` has the lower number), in no particular order. A pair
-  /// for which a support function fails (see geometry::CheckedSupport) has none, and is counted as `failed`. The result
-  /// is valid until the next call.
+  /// Returns all contacts among `pairs` (indices into `bodies`; `a` has the lower number), in no particular order. A
+  /// pair for which a support function fails (see geometry::CheckedSupport) has none, and is counted as `failed`. The
+  /// result is valid until the next call.
   std::span<const PairContact> test(std::span<const Body> bodies, std::span<const geometry::CandidatePair> pairs);
 
   /// Whether separating axes of pairs of hulls are cached from call to call, by the numbers of the bodies. Initially

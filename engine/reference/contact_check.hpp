@@ -23,14 +23,15 @@ double band(const PreparedShape& a, const PreparedShape& b, const Tolerance& tol
 /// Describes what is wrong with the engine's result for a pair; empty if it is right. `claimed` is the reported
 /// contact, or null if the engine reports none.
 ///
-/// A result is right under these conditions: there is a contact where the shapes overlap by more than the band, and
-/// none where their distance is larger than it; the depth differs from the least depth by at most the band; the normal
-/// is a unit vector, and a translation of b along it by the depth plus the band separates the shapes; the point lies
-/// midway, along the normal, between the farthest point of a and the farthest point of b, and its distance from each
-/// shape is at most half the depth plus the band. For depth, normal and point the band is widened by the cost of
-/// rounding to float, 2^-22 of the two sizes together, which matters where one object is about 1000 times larger than
-/// the other. For a mesh the conditions have to hold for one of the deepest pairs of primitives.
-/// Only depth, normal and point of the contact are checked.
+/// A result is right under these conditions:
+/// - there is a contact if the shapes overlap by more than the band, and none if their distance is larger than it;
+/// - the depth differs from the least depth by at most the band;
+/// - the normal is a unit vector, and a translation of b along it by the depth plus the band separates the shapes;
+/// - the point lies midway, along the normal, between the farthest point of a and the farthest point of b, and its
+///   distance from each shape is at most half the depth plus the band.
+/// For depth, normal and point the band is widened by the cost of rounding to float, 2^-22 of the two sizes together.
+/// It matters where one object is about 1000 times larger than the other. For a mesh the conditions have to hold for
+/// one of the deepest pairs of primitives. Only depth, normal and point of the contact are checked.
 std::string describe_error(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b,
                            const Contact* claimed, const Tolerance& tolerance = {});
 

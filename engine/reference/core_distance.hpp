@@ -12,7 +12,7 @@ struct CorePair {
   Placement b_in_a;
 
   /// The least translation of b along the unit vector `n` after which n · x on b is at least n · x on a; negative where
-  /// there is a gap. Its minimum over all directions is the depth; if negative, minus the distance.
+  /// there is a gap. Its minimum over all directions is the depth, or minus the distance if there is a gap.
   double overlap(const Vector& n) const {
     return a.extent(n) + b.extent(b_in_a.rotation.inverse(-n)) - dot(n, b_in_a.offset);
   }

@@ -1,4 +1,4 @@
-// Pairs with a support function that throws, or returns what cannot be, in some directions.
+// Pairs with a support function that throws, or returns an impossible point, in some directions.
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
@@ -26,7 +26,7 @@ constexpr Vec3f radii(std::size_t i) {
   return {0.4f + 0.1f * at, 1.2f - 0.1f * at, 0.5f + 0.05f * at};
 }
 
-/// Ellipsoids with gaps for one direction in so many; whole ones for 0.
+/// Adds ellipsoids whose support function fails for one direction in `one_in`; for none if that is 0.
 std::vector<ShapeNumber> add_ellipsoids(PairWorld& world, std::uint64_t one_in) {
   std::vector<ShapeNumber> numbers;
   for (std::size_t i = 0; i < shapes; ++i) {
@@ -37,14 +37,14 @@ std::vector<ShapeNumber> add_ellipsoids(PairWorld& world, std::uint64_t one_in) 
   return numbers;
 }
 
-/// Contacts by pair; those that are none have the depth -1.
+/// Contacts indexed by pair; pairs without contact have the depth -1.
 std::vector<PairContact> by_pair(std::span<const PairContact> found, std::size_t pairs) {
   std::vector<PairContact> out(pairs, PairContact{0, -1, {}, {}});
   for (const PairContact& contact : found) out[contact.pair] = contact;
   return out;
 }
 
-/// Tests the world with whole ellipsoids and with such that have gaps, in the place of b and, if asked for, of a.
+/// Tests the world with intact and with failing ellipsoids in place of shape b and, if `both`, of shape a.
 void check(PairWorld world, bool both) {
   const auto place = [&](const std::vector<ShapeNumber>& numbers, bool first) {
     for (const geometry::CandidatePair& pair : world.pairs) {
@@ -71,7 +71,7 @@ void check(PairWorld world, bool both) {
       whole = found;
       continue;
     }
-    // What does not fail is what it would be, and what fails is counted.
+    // Pairs that do not fail have the same contacts as with intact ellipsoids, and failures are counted.
     std::uint64_t lost = 0;
     for (std::size_t pair = 0; pair < whole.size(); ++pair) {
       if (found[pair].depth < 0) {
@@ -90,24 +90,24 @@ void check(PairWorld world, bool both) {
 }  // namespace
 
 TEST_CASE(
-    "a support function that fails in some directions costs the pairs that need them, against every convex kind") {
+    "a failing support function loses only the pairs that need the failing directions, against every convex kind") {
   for (const ShapeKind kind : {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull}) {
     CAPTURE(std::string(name_of(kind)));
     check(ordinary_convex_pairs(kind, ShapeKind::hull, 300, 8), false);
   }
 }
 
-TEST_CASE("two support functions that fail in some directions cost the pairs that need them") {
+TEST_CASE("two failing support functions lose only the pairs that need the failing directions") {
   check(ordinary_convex_pairs(ShapeKind::sphere, ShapeKind::hull, 300, 9), true);
 }
 
-TEST_CASE("a support function that fails in some directions costs the pairs that need them, against meshes") {
+TEST_CASE("a failing support function loses only the pairs that need the failing directions, against meshes") {
   PairWorld world = ordinary_mesh_pairs(ShapeKind::sphere, 40, 39);
-  world.pairs = world.swapped();  // the ellipsoid, in the place of the sphere, is then b
+  world.pairs = world.swapped();  // so that the ellipsoid, which replaces the sphere, is b
   check(std::move(world), false);
 }
 
-TEST_CASE("bounds of a support shape whose function fails are those of its bounding ball, and hold its own") {
+TEST_CASE("bounds of a failing support shape are those of its bounding ball and contain those of the intact shape") {
   const geometry::FixedSpace space({-10, -10, -10}, {10, 10, 10});
   geometry::ShapeTable table;
   const ShapeNumber whole = table.add(SupportShape{std::make_shared<test::Ellipsoid>(radii(2))});

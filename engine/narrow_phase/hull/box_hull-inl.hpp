@@ -215,8 +215,8 @@ class BoxHullBlock {
   };
 
   /// Lists the relevant edges of one pair's hull and returns their number. Along the arc between the normals of an
-  /// edge's two faces, the overlap is at least the depth of any point inside the box. This depth has no minimum inside
-  /// the arc, unless it is negative at an end. So a point that is too deep for both faces excludes the edge.
+  /// edge's two faces, the overlap is at least the depth of any point inside the box. On the arc that depth is never
+  /// less than at the ends, unless it is negative there. So a point that is too deep for both faces excludes the edge.
   std::size_t list_edges(std::size_t i, std::uint32_t* out) const {
     alignas(64) std::uint8_t bytes[max_faces];
     const geometry::Hull& hull = *hull_[i];

@@ -211,8 +211,9 @@ class PolytopePair {
   }
 
   /// Lists the edges that neither the points nor the ball exclude, ascending. Along the arc between the normals of an
-  /// edge's two faces, the overlap is at least the depth of any point inside the other shape. This depth has no minimum
-  /// inside the arc, unless it is negative at an end. So a point that is too deep for both faces excludes the edge.
+  /// edge's two faces, the overlap is at least the depth of any point inside the other shape. On the arc that depth is
+  /// never less than at the ends, unless it is negative there. So a point that is too deep for both faces excludes the
+  /// edge.
   std::size_t list_edges(const Polytope& own, float other_radius, const Bounds& bounds, std::uint16_t* out) const {
     alignas(64) std::uint8_t too_far[max_faces];  // for each face, one bit for each point and one for the ball
     const hn::RebindToSigned<Columns16<T>> ints;

@@ -278,8 +278,8 @@ class RoundPair {
       const std::uint32_t bits = bits_of(d, hn::Lt(inside, slack)) & first_bits(p_.faces - i);
       near += static_cast<std::size_t>(__builtin_popcount(bits));
     }
-    // One of them is the face's own plane. At a very sharp edge the projection can be far outside of the face and
-    // only slightly outside of any other plane.
+    // One of them is the face's own plane. At a very sharp edge the projection can be far outside of the face and only
+    // slightly outside of any other plane.
     if (beyond > 0 || (near > 1 && !within_face(face, normal, foot))) return;
     distance_ = distance;
     nearest_ = end;

@@ -171,7 +171,7 @@ struct CapsuleInMesh {
   static constexpr std::size_t max_corners = 2;
   Vec3d ends[2];
   double radius;
-  BoxInMesh around;
+  BoxInMesh bounding_box;
 
   static CapsuleInMesh of(const geometry::ShapeTable&, const geometry::ShapeRow& row, const MeshFrame& frame) {
     const double radius = double{row.size[0]}, half_height = double{row.size[1]};
@@ -183,7 +183,7 @@ struct CapsuleInMesh {
 
   template <class D>
   HWY_INLINE hn::Mask<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
-    return around.boxes(d, in, floor);
+    return bounding_box.boxes(d, in, floor);
   }
 
   /// By the plane, the outer sides of the edges within it, and the directions across an edge and the segment.
@@ -231,7 +231,7 @@ struct SupportInMesh {
   static constexpr std::size_t max_corners = max_support_feature;
   const geometry::CheckedSupport* function;
   MeshFrame frame;
-  BoxInMesh around;
+  BoxInMesh bounding_box;
   double bounding_radius;
 
   static SupportInMesh of(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
@@ -247,11 +247,11 @@ struct SupportInMesh {
 
   template <class D>
   HWY_INLINE hn::Mask<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
-    return around.boxes(d, in, floor);
+    return bounding_box.boxes(d, in, floor);
   }
   template <class D>
   HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
-    return around.triangles(d, in, floor);
+    return bounding_box.triangles(d, in, floor);
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {

@@ -26,7 +26,7 @@ struct HullInMesh {
   const geometry::Hull& hull;
   Vec3d origin;
   geometry::RotationD rotation;
-  BoxInMesh around;
+  BoxInMesh bounding_box;
 
   HullInMesh(const geometry::Hull& own_hull, Vec3d own_origin, const geometry::RotationD& own_rotation)
       : hull(own_hull), origin(own_origin), rotation(own_rotation) {
@@ -41,10 +41,10 @@ struct HullInMesh {
       }
       const double from{hn::GetLane(hn::MinOfLanes(f, low))}, to{hn::GetLane(hn::MaxOfLanes(f, high))};
       middle[k] = 0.5 * (from + to);
-      around.half[k] = 0.5 * (to - from);
+      bounding_box.half[k] = 0.5 * (to - from);
     }
-    around.centre = origin + geometry::rotate(rotation, Vec3d{middle[0], middle[1], middle[2]});
-    around.rotation = rotation;
+    bounding_box.centre = origin + geometry::rotate(rotation, Vec3d{middle[0], middle[1], middle[2]});
+    bounding_box.rotation = rotation;
   }
 
   static HullInMesh of(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
@@ -53,11 +53,11 @@ struct HullInMesh {
 
   template <class D>
   HWY_INLINE hn::Mask<D> boxes(D d, const BoxLanes<D>& in, float floor) const {
-    return around.boxes(d, in, floor);
+    return bounding_box.boxes(d, in, floor);
   }
   template <class D>
   HWY_INLINE hn::Mask<D> triangles(D d, const TriangleLanes<D>& in, float floor) const {
-    return around.triangles(d, in, floor);
+    return bounding_box.triangles(d, in, floor);
   }
 
   Penetration penetration(const Triangle& triangle, double at_least) const {

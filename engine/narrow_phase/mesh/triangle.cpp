@@ -107,7 +107,7 @@ double longest_edge_squared(const Triangle& t) noexcept {
   return std::max({dot(p, p), dot(q, q), dot(r, r)});
 }
 
-Penetration unless_less(const Penetration& penetration, double at_least) noexcept {
+Penetration none_if_less(const Penetration& penetration, double at_least) noexcept {
   return penetration.depth >= at_least ? penetration : Penetration{};
 }
 
@@ -131,7 +131,7 @@ Penetration ball_penetration(const Triangle& t, Vec3d centre, double radius, dou
     const double height = dot(normal, centre - t.corner[0]);
     penetration = {radius - std::abs(height), height < 0 ? -normal : normal};
   }
-  return unless_less(penetration, at_least);
+  return none_if_less(penetration, at_least);
 }
 
 Penetration capsule_penetration(const Triangle& t, const Vec3d ends[2], double radius, double at_least) noexcept {
@@ -164,7 +164,7 @@ Penetration capsule_penetration(const Triangle& t, const Vec3d ends[2], double r
       !penetration_of_nearest(nearest, radius, std::max(length_squared, longest_edge_squared(t)), penetration)) {
     penetration = {radius + std::max(core.penetration().depth, 0.0), core.penetration().normal};
   }
-  return unless_less(penetration, at_least);
+  return none_if_less(penetration, at_least);
 }
 
 Penetration box_penetration(const Triangle& t, Vec3d centre, const geometry::RotationD& rotation, const double half[3],

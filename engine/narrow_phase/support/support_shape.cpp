@@ -26,7 +26,7 @@ struct Convex {
   geometry::RotationD rotation;
   Vec3d position;
   const Triangle* triangle = nullptr;
-  mutable bool failed = false;  ///< within libccd, which no exception may leave
+  mutable bool failed = false;  ///< set within libccd, through which no exception may pass
 
   Vec3d local_support(Vec3d d) const {
     const double x = double{row->size[0]}, y = double{row->size[1]}, z = double{row->size[2]};
@@ -83,9 +83,10 @@ Convex place(const geometry::ShapeTable& shapes, const Body& body, Vec3d positio
   return convex;
 }
 
-/// What `call` answers; from its first failure on the body's position, with which libccd ends soon.
+/// Passes the result of `call` to libccd. From the first failure on it passes the body's position, so that libccd ends
+/// soon.
 template <class Call>
-void answer_ccd(const Convex& convex, ccd_vec3_t* out, const Call& call) noexcept {
+void pass_to_ccd(const Convex& convex, ccd_vec3_t* out, const Call& call) noexcept {
   Vec3d p = convex.position;
   if (!convex.failed) {
     try {
@@ -100,16 +101,17 @@ void answer_ccd(const Convex& convex, ccd_vec3_t* out, const Call& call) noexcep
 void ccd_support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {
   const Convex& convex = *static_cast<const Convex*>(object);
   const Vec3d d{direction->v[0], direction->v[1], direction->v[2]};
-  // Where two shapes just touch, libccd may ask for no direction at all, which a support function need not answer.
+  // Where two shapes just touch, libccd may pass a direction that is zero or not finite, for which a support function
+  // need not have a result.
   const double norm = length(d);
   const bool is_direction = norm > 0 && std::isfinite(norm);
-  answer_ccd(convex, out,
-             [&] { return convex.function != nullptr && !is_direction ? convex.centre() : convex.support(d); });
+  pass_to_ccd(convex, out,
+              [&] { return convex.function != nullptr && !is_direction ? convex.centre() : convex.support(d); });
 }
 
 void ccd_centre(const void* object, ccd_vec3_t* out) {
   const Convex& convex = *static_cast<const Convex*>(object);
-  answer_ccd(convex, out, [&] { return convex.centre(); });
+  pass_to_ccd(convex, out, [&] { return convex.centre(); });
 }
 
 /// The overlap along `n`: support of a along `n` plus that of b in the opposite direction.
