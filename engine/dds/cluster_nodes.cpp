@@ -207,7 +207,7 @@ std::vector<RemoteNodes::MemberId> ClusterNodes::arrivals() {
   return ready;
 }
 
-std::vector<RemoteNodes::MemberId> ClusterNodes::await(std::uint32_t nodes) {
+std::vector<RemoteNodes::MemberId> ClusterNodes::wait_for_nodes(std::uint32_t nodes) {
   const auto deadline =
       std::chrono::steady_clock::now() + std::chrono::microseconds(static_cast<std::int64_t>(config_.wait_ms * 1e3));
   for (;;) {
@@ -239,7 +239,7 @@ bool ClusterNodes::is_leaving(MemberId member) {
 
 void ClusterNodes::add_change(MemberChange::Kind kind, const Node& node, std::uint64_t at_ns, double before_ms,
                               double after_ms) {
-  if (totals_.changes.size() == ClusterReport::most_changes) {
+  if (totals_.changes.size() == ClusterReport::max_changes) {
     totals_.changes.erase(totals_.changes.begin());
   }
   const double passed_s = ms_between(at_ns, telemetry::now_ns()) * 1e-3;

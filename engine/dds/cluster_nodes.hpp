@@ -37,7 +37,7 @@ class ClusterNodes final : public RemoteNodes {
 
   void open(const WorldParameters& terms) override;
   void add_shape(ShapeNumber shape, const ShapeDescription& description) override;
-  std::vector<MemberId> await(std::uint32_t nodes) override;
+  std::vector<MemberId> wait_for_nodes(std::uint32_t nodes) override;
   std::vector<MemberId> arrivals() override;
   bool is_leaving(MemberId member) override;
   void assign(nodes::ServerRole& server, std::span<const NodeAssignment> assignments,

@@ -57,7 +57,8 @@ class Unpacking {
 
  private:
   [[noreturn]] void fail() const {
-    throw Error("shape " + std::to_string(shape_) + ": what came of it is no shape; World and node differ in version");
+    throw Error("shape " + std::to_string(shape_) +
+                ": its bytes are not a valid shape; World and node may have different versions");
   }
   const std::byte* need(std::size_t bytes) {
     if (bytes_.size() < bytes) {
@@ -120,13 +121,13 @@ ShapeDescription unpack_shape(std::span<const std::byte> bytes, ShapeNumber shap
       SupportShape function{support ? support(shape) : nullptr};
       if (function.function == nullptr) {
         throw Error("shape " + std::to_string(shape) +
-                    " is a support function, which is not sent: give it by NodeServiceConfig::support");
+                    " is a support function, which is not sent: supply it with NodeServiceConfig::support");
       }
       description = std::move(function);
       break;
     }
     default:
-      throw Error("shape " + std::to_string(shape) + " is of a kind that this version does not know");
+      throw Error("shape " + std::to_string(shape) + " has a kind that this version does not support");
   }
   unpacking.end();
   return description;

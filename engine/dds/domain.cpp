@@ -22,7 +22,7 @@ namespace ringfence::dds {
 
 namespace {
 
-constexpr std::uint32_t most_domain = 200;
+constexpr std::uint32_t max_domain = 200;
 
 /// UDP port of the participant with index 0 of a domain, by the port mapping of the DDSI standard. A World uses index
 /// 0.
@@ -40,8 +40,8 @@ void check(const NetworkConfig& network, Side side) {
       throw Error("NetworkConfig: " + what);
     }
   };
-  require(network.domain <= most_domain || (side == Side::world && network.domain == NetworkConfig::any_domain),
-          "domain (--domain) is " + std::to_string(network.domain) + "; 0 to " + std::to_string(most_domain));
+  require(network.domain <= max_domain || (side == Side::world && network.domain == NetworkConfig::any_domain),
+          "domain (--domain) is " + std::to_string(network.domain) + "; 0 to " + std::to_string(max_domain));
   require(network.lease_ms >= 10 && network.lease_ms <= 60'000,
           "lease_ms (--lease-ms) is " + std::to_string(network.lease_ms) + "; 10 to 60000");
   require(network.socket_bytes >= 65'536 && network.socket_bytes <= std::size_t{1} << 30,
@@ -120,12 +120,12 @@ bool is_port_free(std::uint32_t port) {
 }
 
 std::uint32_t free_domain() {
-  for (std::uint32_t domain = 0; domain <= most_domain; ++domain) {
+  for (std::uint32_t domain = 0; domain <= max_domain; ++domain) {
     if (is_port_free(world_port(domain)) && is_port_free(world_port(domain) + 1)) {
       return domain;
     }
   }
-  throw Error("No DDS domain from 0 to " + std::to_string(most_domain) + " has its port free on this machine");
+  throw Error("No DDS domain from 0 to " + std::to_string(max_domain) + " has a free port on this machine");
 }
 
 /// Log lines of Cyclone DDS, kept until a thread that may call the log hook takes them. Cyclone DDS logs from its own
@@ -133,12 +133,12 @@ std::uint32_t free_domain() {
 class LogLines {
  public:
   static LogLines& all() {
-    static LogLines words;
-    return words;
+    static LogLines lines;
+    return lines;
   }
   void add(const char* line) {
     const std::lock_guard lock(mutex_);
-    if (lines_.size() < most_lines) {
+    if (lines_.size() < max_lines) {
       std::string text(line);
       while (!text.empty() && text.back() == '\n') {
         text.pop_back();
@@ -169,7 +169,7 @@ class LogLines {
   }
 
  private:
-  static constexpr std::size_t most_lines = 4;
+  static constexpr std::size_t max_lines = 4;
 
   std::mutex mutex_;
   std::atomic<bool> any_{false};
@@ -217,7 +217,7 @@ constexpr std::size_t index_of(Topic topic) noexcept { return static_cast<std::s
 
 Entity::Entity(dds_entity_t entity, const char* what) : entity_(entity) {
   if (entity < 0) {
-    throw Error(std::string("Cyclone DDS cannot make ") + what + ": " + dds_strretcode(-entity));
+    throw Error(std::string("Cyclone DDS cannot create ") + what + ": " + dds_strretcode(-entity));
   }
 }
 
@@ -235,7 +235,7 @@ Domain::Domain(const NetworkConfig& network, Side side) {
                             (network.interface.empty() ? "chosen by Cyclone DDS" : network.interface) + ")";
   if (side == Side::world && !is_port_free(world_port(number_))) {
     throw Error("UDP port " + std::to_string(world_port(number_)) + " is taken" + where +
-                ": another World has this domain; choose another with --domain");
+                ": another World uses this domain; choose another domain with --domain");
   }
   dds_set_log_sink([](void*, const dds_log_data_t* line) { LogLines::all().add(line->message); }, nullptr);
   try {
@@ -243,7 +243,7 @@ Domain::Domain(const NetworkConfig& network, Side side) {
     domain_ = Entity(dds_create_domain(number_, settings(network, side, number_).c_str()), "a domain");
     participant_ = Entity(dds_create_participant(number_, nullptr, nullptr), "a participant");
   } catch (const Error& error) {
-    std::string why = error.what() + where + "; see that the interface exists (ip addr)";
+    std::string why = error.what() + where + "; check that the interface exists (ip addr)";
     for (const std::string& line : LogLines::all().take(true)) {
       why += "; " + line;
     }
@@ -305,12 +305,13 @@ std::vector<std::string> Domain::take_log_lines() { return LogLines::all().take(
 std::string Domain::socket_buffer_shortage(const NetworkConfig& network) {
   const std::string wanted = std::to_string(network.socket_bytes);
   std::string shortage;
-  for (const auto& [name, what] : {std::pair("rmem_max", "frames with more are sent again in parts"),
-                                   std::pair("wmem_max", "a link that is cut may hold up the frame longer")}) {
+  for (const auto& [name, what] : {std::pair("rmem_max", "larger frames are retransmitted in parts"),
+                                   std::pair("wmem_max", "a broken link may delay the frame longer")}) {
     std::ifstream file(std::string("/proc/sys/net/core/") + name);
     std::size_t most = 0;
     if (file >> most && most < network.socket_bytes) {
-      shortage += shortage.empty() ? "sockets are to hold " + wanted + " bytes, the system allows " : ", and ";
+      shortage +=
+          shortage.empty() ? "socket buffers of " + wanted + " bytes were requested, the system allows " : ", and ";
       shortage.append(std::to_string(most)).append(": ").append(what);
       shortage.append("; sysctl -w net.core.").append(name).append("=").append(wanted);
     }

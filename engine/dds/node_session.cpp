@@ -31,7 +31,7 @@ void JoinedWorld::make_model(std::span<const std::byte> setup) {
   const std::size_t state = model_ == nullptr ? 0 : model_->state_bytes();
   if (state != terms_.state_bytes || (model_ != nullptr) != (terms_.has_model != 0)) {
     throw Error("the World's motion model keeps " + std::to_string(terms_.state_bytes) +
-                " bytes an object, this node's " + std::to_string(state) +
+                " bytes per object, this node's " + std::to_string(state) +
                 ": give the node the same model (NodeServiceConfig::model)");
   }
   ready_ = true;

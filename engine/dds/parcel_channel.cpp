@@ -14,7 +14,7 @@ ParcelChannel::ParcelChannel(dds_entity_t writer, std::uint64_t incarnation)
 bool ParcelChannel::gather(link::Receiver& in) {
   // A message that next() has returned must be taken, so there must be room before the call. A node's rings have 64
   // KiB, so their messages have at most half of that.
-  constexpr std::size_t full = most_bytes - 32'768 - sizeof(Packing);
+  constexpr std::size_t full = max_bytes - 32'768 - sizeof(Packing);
   bool any = false;
   bool more = true;
   while (more && (batch_.size() <= full || flush()) && (queued_.empty() || flush())) {
@@ -33,7 +33,7 @@ bool ParcelChannel::gather(link::Receiver& in) {
 
 bool ParcelChannel::add(std::span<const std::byte> message) {
   const std::size_t filled = (message.size() + 7) / 8 * 8;
-  if (!queued_.empty() || (!batch_.empty() && batch_.size() + sizeof(Packing) + filled > most_bytes)) {
+  if (!queued_.empty() || (!batch_.empty() && batch_.size() + sizeof(Packing) + filled > max_bytes)) {
     if (!flush()) {
       return false;
     }
@@ -72,7 +72,7 @@ bool ParcelChannel::write(ParcelKind kind, std::span<const std::byte> bytes) {
     return false;
   }
   const ParcelSample parcel{
-      incarnation_, sent_ + 1, taken_, static_cast<std::uint32_t>(kind), shapes_.load(std::memory_order_relaxed),
+      incarnation_, sent_ + 1, processed_, static_cast<std::uint32_t>(kind), shapes_.load(std::memory_order_relaxed),
       borrow(bytes)};
   if (dds_write(writer_, &parcel) != DDS_RETCODE_OK) {
     refused_writes_.add(1);
@@ -82,7 +82,7 @@ bool ParcelChannel::write(ParcelKind kind, std::span<const std::byte> bytes) {
   if (unanswered_since_ns_ == 0) {
     unanswered_since_ns_ = telemetry::now_ns();
   }
-  acknowledgement_sent_ = taken_;
+  acknowledgement_sent_ = processed_;
   sent_parcels_.add(1);
   sent_bytes_.add(bytes.size());
   return true;
@@ -90,13 +90,13 @@ bool ParcelChannel::write(ParcelKind kind, std::span<const std::byte> bytes) {
 
 void ParcelChannel::send_unnumbered(ParcelKind kind) {
   const ParcelSample parcel{
-      incarnation_, 0, taken_, static_cast<std::uint32_t>(kind), shapes_.load(std::memory_order_relaxed), {}};
+      incarnation_, 0, processed_, static_cast<std::uint32_t>(kind), shapes_.load(std::memory_order_relaxed), {}};
   if (dds_write(writer_, &parcel) == DDS_RETCODE_OK) {
-    acknowledgement_sent_ = taken_;
+    acknowledgement_sent_ = processed_;
   }
 }
 
-bool ParcelChannel::note(const ParcelSample& parcel) {
+bool ParcelChannel::read_header(const ParcelSample& parcel) {
   sent_acknowledged_ = std::max<std::uint64_t>(sent_acknowledged_, std::min<std::uint64_t>(parcel.taken, sent_));
   if (parcel.number == 0) {
     return true;
@@ -110,8 +110,8 @@ bool ParcelChannel::note(const ParcelSample& parcel) {
   return parcel.number == ++received_;
 }
 
-void ParcelChannel::taken(std::size_t bytes) noexcept {
-  ++taken_;
+void ParcelChannel::count_processed(std::size_t bytes) noexcept {
+  ++processed_;
   received_parcels_.add(1);
   received_bytes_.add(bytes);
 }
@@ -122,7 +122,7 @@ ParcelChannel::Counters ParcelChannel::counters() const noexcept {
 }
 
 void ParcelChannel::acknowledge() {
-  if (taken_ - acknowledgement_sent_ >= window / 2) {
+  if (processed_ - acknowledgement_sent_ >= window / 2) {
     send_unnumbered(ParcelKind::taken);
   }
 }

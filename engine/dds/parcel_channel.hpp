@@ -31,11 +31,11 @@ static_assert(sizeof(Packing) == 8);
 /// waits, nothing is dropped, and the caches of DDS stay bounded. Every parcel acknowledges what its sender has
 /// received; a receiver that has nothing to send acknowledges after half a window.
 ///
-/// Threads: one. Memory: 64 KiB, plus parcels that wait for room in a ring.
+/// Threads: one. Memory: 128 KiB, plus parcels that wait for room in a ring.
 class ParcelChannel {
  public:
   static constexpr std::uint64_t window = 32;
-  static constexpr std::size_t most_bytes = 60'000;  ///< of a parcel: one datagram with its headers
+  static constexpr std::size_t max_bytes = 60'000;  ///< of a parcel: one datagram with its headers
 
   struct Counters {
     std::uint64_t sent_parcels = 0, sent_bytes = 0;
@@ -72,11 +72,11 @@ class ParcelChannel {
 
   // Receiving.
   /// Processes the parcel's acknowledgement and passes its contents to `deliver(kind, shapes, offset, bytes)` without
-  /// copying. If that returns false, this parcel and those behind it are stored. `deliver` advances `offset` past what
+  /// copying. If that returns false, this parcel and those behind it are held. `deliver` advances `offset` past what
   /// it has processed. False if an earlier parcel is missing: the channel is broken.
   template <class Deliver>
   bool receive(const ParcelSample& parcel, Deliver& deliver);
-  /// Passes stored parcels on, in order, until `deliver` returns false. Returns whether anything was processed.
+  /// Passes held parcels on, in order, until `deliver` returns false. Returns whether anything was processed.
   template <class Deliver>
   bool deliver_held(Deliver& deliver);
   bool has_held() const noexcept { return !held_.empty(); }
@@ -96,8 +96,8 @@ class ParcelChannel {
   };
 
   bool write(ParcelKind kind, std::span<const std::byte> bytes);
-  bool note(const ParcelSample& parcel);
-  void taken(std::size_t bytes) noexcept;
+  bool read_header(const ParcelSample& parcel);
+  void count_processed(std::size_t bytes) noexcept;
 
   dds_entity_t writer_;
   std::uint64_t incarnation_;
@@ -108,7 +108,7 @@ class ParcelChannel {
   std::uint64_t sent_ = 0;               ///< numbered parcels
   std::uint64_t sent_acknowledged_ = 0;  ///< of them, acknowledged by the other end
   std::uint64_t received_ = 0;
-  std::uint64_t taken_ = 0;
+  std::uint64_t processed_ = 0;
   std::uint64_t acknowledgement_sent_ = 0;
   std::uint64_t unanswered_since_ns_ = 0;  ///< time of the first parcel sent after the last one received; 0: none
 
@@ -163,7 +163,7 @@ inline bool copy_to_ring(std::span<const std::byte> message, link::Sender& out) 
 
 template <class Deliver>
 bool ParcelChannel::receive(const ParcelSample& parcel, Deliver& deliver) {
-  if (!note(parcel)) {
+  if (!read_header(parcel)) {
     return false;
   }
   if (parcel.number == 0) {
@@ -173,7 +173,7 @@ bool ParcelChannel::receive(const ParcelSample& parcel, Deliver& deliver) {
   const auto bytes = bytes_of(parcel.bytes);
   std::size_t offset = 0;
   if (held_.empty() && deliver(kind, parcel.shapes, offset, bytes)) {
-    taken(bytes.size());
+    count_processed(bytes.size());
   } else {
     held_.push_back({kind, parcel.shapes, offset, {bytes.begin(), bytes.end()}});
   }
@@ -191,7 +191,7 @@ bool ParcelChannel::deliver_held(Deliver& deliver) {
     if (!done) {
       break;
     }
-    taken(first.bytes.size());
+    count_processed(first.bytes.size());
     held_.pop_front();
   }
   return any;

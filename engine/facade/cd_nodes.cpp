@@ -197,7 +197,7 @@ void World::Implementation::add_arrivals() {
   // Further nodes wait until there is a free cell.
   const std::size_t cells = server->map().grid().cells();
   const std::size_t staying = node_roles.size() - going.size();
-  const std::size_t room = std::min(cells - std::min(cells, staying), facade::most_nodes - node_roles.size());
+  const std::size_t room = std::min(cells - std::min(cells, staying), facade::max_nodes - node_roles.size());
   std::vector<RemoteNodes::MemberId> joining(
       arrivals.begin(), arrivals.begin() + static_cast<std::ptrdiff_t>(std::min(arrivals.size(), room)));
   if (joining.empty() && going.empty()) {

@@ -62,8 +62,8 @@ void check(const WorldConfig& config) {
   check_axis("x", config.bounds_min.x, config.bounds_max.x);
   check_axis("y", config.bounds_min.y, config.bounds_max.y);
   check_axis("z", config.bounds_min.z, config.bounds_max.z);
-  require(config.nodes <= most_nodes,
-          "nodes is " + std::to_string(config.nodes) + "; 0 to " + std::to_string(most_nodes));
+  require(config.nodes <= max_nodes,
+          "nodes is " + std::to_string(config.nodes) + "; 0 to " + std::to_string(max_nodes));
   require(config.remote_nodes == nullptr || config.nodes >= 1,
           "nodes is 0 with remote_nodes; at least 1 remote node must join");
   require(config.user_threads >= 1 && config.user_threads <= 256,
@@ -89,7 +89,7 @@ void check(const WorldConfig& config) {
   }
   if (config.motion != nullptr) {
     require(config.motion->state_bytes() <= max_motion_state,
-            "motion keeps " + std::to_string(config.motion->state_bytes()) + " bytes for an object; at most " +
+            "motion keeps " + std::to_string(config.motion->state_bytes()) + " bytes per object; at most " +
                 std::to_string(max_motion_state));
   }
 }

@@ -11,6 +11,8 @@
 namespace ringfence::facade {
 
 /// Index from objects to their contacts in one frame. Built once per frame, at the first query.
+///
+/// Threads: belongs to the thread that calls World. build() allocates.
 class ContactIndex {
  public:
   /// Indexes the contacts of one frame, which must stay in place.

@@ -14,15 +14,15 @@ namespace ringfence::facade {
 /// process also the memory that they share.
 struct DuplexChannel {
   DuplexChannel(std::size_t bytes, link::Doorbell* first, link::Doorbell* second)
-      : forward(bytes, second, first), back(bytes, first, second) {}
+      : forward(bytes, second, first), backward(bytes, first, second) {}
   nodes::Connection first() noexcept {
-    return {&forward.sender(), &back.receiver(), node_contacts.get(), publication.get()};
+    return {&forward.sender(), &backward.receiver(), node_contacts.get(), publication.get()};
   }
   nodes::Connection second() noexcept {
-    return {&back.sender(), &forward.receiver(), node_contacts.get(), publication.get()};
+    return {&backward.sender(), &forward.receiver(), node_contacts.get(), publication.get()};
   }
   link::Channel forward;
-  link::Channel back;
+  link::Channel backward;
   std::unique_ptr<nodes::NodeContacts> node_contacts;
   std::unique_ptr<nodes::NodePublication> publication;
 };

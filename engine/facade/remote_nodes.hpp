@@ -60,7 +60,7 @@ class RemoteNodes {
   /// Sends a shape to the nodes, before any message that refers to it.
   virtual void add_shape(ShapeNumber shape, const ShapeDescription& description) = 0;
   /// Waits until `nodes` nodes are ready and returns them. Throws Error with advice if they do not come.
-  virtual std::vector<MemberId> await(std::uint32_t nodes) = 0;
+  virtual std::vector<MemberId> wait_for_nodes(std::uint32_t nodes) = 0;
   /// Nodes that are ready and not assigned.
   virtual std::vector<MemberId> arrivals() = 0;
   /// Whether an assigned node has asked to leave.

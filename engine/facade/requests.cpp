@@ -27,7 +27,7 @@ ShapeNumber World::add_shape(const ShapeDescription& description) {
     const geometry::Mesh& mesh = w.shapes.mesh(w.shapes.row(shape).index_in_kind);
     if (mesh.dropped_triangles() > 0) {
       w.log(LogLevel::warning, "shape " + std::to_string(shape) + ": " + std::to_string(mesh.dropped_triangles()) +
-                                   " triangles without area are left out of the mesh, " +
+                                   " triangles without area are dropped from the mesh, " +
                                    std::to_string(mesh.triangles().size()) + " are kept");
     }
   }
@@ -185,7 +185,7 @@ Status World::remove(ObjectId object) {
 
 Status World::resize(std::uint32_t nodes) {
   Implementation& w = *implementation_;
-  const std::size_t most = w.config.remote_nodes != nullptr ? w.node_roles.size() : facade::most_nodes;
+  const std::size_t most = w.config.remote_nodes != nullptr ? w.node_roles.size() : facade::max_nodes;
   if (nodes == 0 || nodes > most || nodes > w.server->map().grid().cells()) {
     return w.refuse(Status::bad_number);
   }

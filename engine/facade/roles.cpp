@@ -16,7 +16,7 @@ using nodes::Request;
 namespace {
 
 constexpr std::size_t user_ring = std::size_t{1} << 16;
-constexpr std::size_t most_interest_cells = std::size_t{1} << 15;
+constexpr std::size_t max_interest_cells = std::size_t{1} << 15;
 
 regions::CellGrid region_grid(const WorldConfig& config, const geometry::FixedSpace& space) {
   const std::uint32_t* given = config.cells_log2;
@@ -37,7 +37,7 @@ regions::CellGrid interest_grid(const WorldConfig& config, const geometry::Fixed
   for (const double extent : extents) {
     cells *= std::max(1.0, extent / side);
   }
-  return regions::CellGrid::choose(extents, static_cast<std::size_t>(std::min(cells, double{most_interest_cells})));
+  return regions::CellGrid::choose(extents, static_cast<std::size_t>(std::min(cells, double{max_interest_cells})));
 }
 
 // How often the server checks its deadlines when no bell rings: a quarter of the shorter deadline; 0: never.
@@ -119,7 +119,7 @@ void World::Implementation::build_server() {
   if (config.remote_nodes != nullptr) {
     const std::uint32_t* log2 = map.grid().log2;
     config.remote_nodes->open({&config, setup.layer_masks, {log2[0], log2[1], log2[2]}, server_bell()});
-    members = config.remote_nodes->await(map.nodes());
+    members = config.remote_nodes->wait_for_nodes(map.nodes());
   }
   for (const RemoteNodes::MemberId member : members) {
     setup.nodes.push_back(add_node(map, map.nodes(), member));

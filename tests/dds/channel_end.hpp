@@ -26,7 +26,7 @@ class ChannelEnd {
         channel_(std::size_t{1} << 16, nullptr, nullptr) {}
 
   link::Sender& out() { return channel_.forward.sender(); }
-  link::Receiver& in() { return channel_.back.receiver(); }
+  link::Receiver& in() { return channel_.backward.receiver(); }
   dds::ParcelChannel& parcel_channel() { return parcel_channel_; }
   std::uint32_t domain() const { return domain_.number(); }
   bool broken() const { return broken_; }
@@ -44,14 +44,14 @@ class ChannelEnd {
     auto show = [this](dds::ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
       return kind != dds::ParcelKind::messages ||
              dds::for_each_message(bytes, offset, [this](std::span<const std::byte> message) {
-               return dds::copy_to_ring(message, channel_.back.sender());
+               return dds::copy_to_ring(message, channel_.backward.sender());
              });
     };
     parcel_channel_.deliver_held(show);
     dds::take_all<dds::ParcelSample>(reader_, [&](const dds::ParcelSample& parcel, const dds_sample_info_t& info) {
       broken_ |= info.valid_data && !parcel_channel_.receive(parcel, show);
     });
-    channel_.back.sender().publish();
+    channel_.backward.sender().publish();
     parcel_channel_.gather(channel_.forward.receiver());
     parcel_channel_.flush();
     parcel_channel_.acknowledge();

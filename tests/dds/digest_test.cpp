@@ -86,7 +86,7 @@ TEST_CASE("a World that no node joins prints advice and exits with 2") {
 }
 
 TEST_CASE("an unavailable network setting is refused with what to change") {
-  CHECK(test::ringfence("node --interface nosuch0 --domain 9").out.find("see that the interface exists") !=
+  CHECK(test::ringfence("node --interface nosuch0 --domain 9").out.find("check that the interface exists") !=
         std::string::npos);
   CHECK(test::ringfence("run --wait-nodes 2").out.find("expected with --link dds") != std::string::npos);
   CHECK(test::ringfence("run --link dds --nodes 0").out.find("expected at least 1 with --link dds") !=

@@ -47,8 +47,9 @@ struct IncompatiblePeerTest {
   }
 };
 
-/// Publishes `sample` as the terms of a World, and returns the output of a node that waits for one.
-test::ProgramResult answer_to(Difference difference, const dds::WorldTermsRecord& record, std::size_t bytes) {
+/// Publishes `record`, its first `bytes`, as the terms of a World that differs in `difference`; returns the output of a
+/// node that waits for a World.
+test::ProgramResult output_for(Difference difference, const dds::WorldTermsRecord& record, std::size_t bytes) {
   dds::NetworkConfig network;
   network.domain = dds::NetworkConfig::any_domain;
   network.interface = "lo";
@@ -100,22 +101,22 @@ TEST_CASE("a node that refuses the World is counted, and its reason is logged") 
 TEST_CASE("a World with another version, byte order or record layout is refused by a node, which logs it") {
   for (const Difference difference : test::differences) {
     INFO("difference ", static_cast<std::uint32_t>(difference));
-    const test::ProgramResult answer = answer_to(difference, some_terms(), sizeof(dds::WorldTermsRecord));
-    CHECK(answer.code == bad_use);
-    CHECK(answer.out.find("has another version, byte order or record layout") != std::string::npos);
+    const test::ProgramResult result = output_for(difference, some_terms(), sizeof(dds::WorldTermsRecord));
+    CHECK(result.code == bad_use);
+    CHECK(result.out.find("has another version, byte order or record layout") != std::string::npos);
   }
 }
 
 TEST_CASE("a World whose terms have another size or another motion model is refused by a node, which logs it") {
-  const test::ProgramResult shorter = answer_to(Difference::none, some_terms(), sizeof(dds::WorldTermsRecord) - 8);
+  const test::ProgramResult shorter = output_for(Difference::none, some_terms(), sizeof(dds::WorldTermsRecord) - 8);
   CHECK(shorter.code == bad_use);
   CHECK(shorter.out.find("has another version") != std::string::npos);
   dds::WorldTermsRecord record = some_terms();
   record.has_model = 1;
   record.state_bytes = 16;
-  const test::ProgramResult other = answer_to(Difference::none, record, sizeof record);
+  const test::ProgramResult other = output_for(Difference::none, record, sizeof record);
   CHECK(other.code == bad_use);
-  CHECK(other.out.find("World") != std::string::npos);
+  CHECK(other.out.find("motion model of the World") != std::string::npos);
 }
 
 }  // namespace ringfence

@@ -52,7 +52,7 @@ class TwoMachines {
   }
   void go_home() const { setns(home_, CLONE_NEWNET); }
   void cut() const { REQUIRE(run("ip -n " + there_ + " link set rfb down")); }
-  void heal() const { REQUIRE(raise(there_, "rfb")); }
+  void restore() const { REQUIRE(raise(there_, "rfb")); }
 
   /// The World's process here, the nodes' there.
   test::ProcessPlacement place() const {
@@ -93,7 +93,7 @@ TEST_CASE("nodes behind a cut link are lost in any deployment, and join again wh
       CHECK(nodes.run_until([&] { return nodes.lost() == 2; }));
       nodes.run(5);
       CHECK(nodes.assigned_nodes() == 0);
-      machines.heal();
+      machines.restore();
       CHECK(nodes.run_until([&] { return nodes.assigned_nodes() == 2; }));
       nodes.run(5);
       CHECK(nodes.is_right());

@@ -96,7 +96,7 @@ void check_same_bytes(int pause_ms, std::size_t count, std::uint64_t seed) {
   std::size_t sent = 0;
   std::size_t received = 0;
   bool same = true;
-  std::uint64_t most_on_the_way = 0;
+  std::uint64_t max_in_flight = 0;
   while (received < messages.size() && same && in_time() && !side.broken()) {
     while (sent < messages.size()) {
       const auto room = side.out().claim(messages[sent].size());
@@ -114,7 +114,7 @@ void check_same_bytes(int pause_ms, std::size_t count, std::uint64_t seed) {
       ++received;
     }
     side.in().release();
-    most_on_the_way = std::max(most_on_the_way, side.parcel_channel().counters().sent_parcels);
+    max_in_flight = std::max(max_in_flight, side.parcel_channel().counters().sent_parcels);
   }
   CHECK_MESSAGE(same, "seed " << seed << ", message " << received);
   CHECK_MESSAGE(received == messages.size(), "seed " << seed);

@@ -38,10 +38,10 @@ struct Scene {
 
 /// Makes refused calls, then runs a frame: the report counts `times` refusals of that reason and no others, and the
 /// world is unchanged.
-template <class Ask>
-void expect(Scene& scene, Status reason, std::uint64_t times, Ask ask) {
+template <class Call>
+void expect(Scene& scene, Status reason, std::uint64_t times, Call call) {
   const std::uint64_t before = fingerprint(scene.world);
-  ask();
+  call();
   REQUIRE(scene.world.advance() == Status::ok);
   require_counts(scene.world);
   for (std::size_t r = 0; r < status_count; ++r) {

@@ -81,13 +81,13 @@ TEST_CASE("a user node receives exactly the contacts, ended ones too, of the obj
         // All moving objects are hosted by user nodes: each contact concerns the one or two users that host its
         // objects.
         for (const auto& [key, contact] : all) {
-          const bool still =
+          const bool both_static =
               specs.at(key.first).category == Category::fixed && specs.at(key.second).category == Category::fixed;
           const auto gone = [&](ObjectNumber number) {
             const UserNumber user = specs.at(number).user;
             return user != no_user && !std::binary_search(users.begin(), users.end(), user);
           };
-          if (still || gone(key.first) || gone(key.second)) continue;
+          if (both_static || gone(key.first) || gone(key.second)) continue;
           REQUIRE(receivers[key] >= 1);
           REQUIRE(receivers[key] <= 2);
         }

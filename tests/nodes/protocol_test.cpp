@@ -273,7 +273,7 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
         last_of(harness.log(), [&](const LoggedMessage& seen) { return seen.type() == MessageType::narrow_done; });
     std::vector<messages::CollisionRecord> found;
     std::vector<std::uint64_t> confirmed;
-    std::vector<Contact> frame_done;
+    std::vector<Contact> notified;
     for (std::size_t at = 0; at < harness.log().size(); ++at) {
       const LoggedMessage& seen = harness.log()[at];
       for (std::size_t k = 0; k < seen.header.count; ++k) {
@@ -282,7 +282,7 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
         } else if (seen.to == to && seen.type() == MessageType::confirm) {
           confirmed.push_back(seen.record<messages::ConfirmRecord>(k).persists);
         } else if (seen.to == to && seen.type() == MessageType::notify && static_cast<std::ptrdiff_t>(at) > end) {
-          frame_done.push_back(seen.record<Contact>(k));
+          notified.push_back(seen.record<Contact>(k));
         }
       }
     }
@@ -300,8 +300,8 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
       }
       // From the server, or from the lists of its peers.
       const auto known = harness.host(to.number()).contacts(harness.last());
-      REQUIRE((node_contacts.nodes_exchange_contacts ? frame_done.empty() : node_contacts.taken == 0));
-      frame_done.assign(known.begin(), known.end());
+      REQUIRE((node_contacts.nodes_exchange_contacts ? notified.empty() : node_contacts.taken == 0));
+      notified.assign(known.begin(), known.end());
       taken += node_contacts.taken;
     }
     const bool confirms = hosting_node && !config.shares_memory;
@@ -319,10 +319,10 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
       REQUIRE(std::memcmp(&contact.point, &found[i].point, sizeof(Vec3d)) == 0);
       expected.erase(own);
     }
-    REQUIRE(frame_done.size() == expected.size());
+    REQUIRE(notified.size() == expected.size());
     std::size_t i = 0;
     for (const auto& [key, contact] : expected) {
-      REQUIRE(std::memcmp(&contact, &frame_done[i++], sizeof contact) == 0);
+      REQUIRE(std::memcmp(&contact, &notified[i++], sizeof contact) == 0);
     }
   }
   return taken;

@@ -71,7 +71,7 @@ class Script {
       }
     }
   }
-  void forget_numbers() { requested_.clear(); }
+  void clear_requested() { requested_.clear(); }
 
  private:
   Pose anywhere() {
@@ -147,8 +147,8 @@ RunResult run_schedule(std::uint64_t seed, int frames) {
       ++result.resized;
     }
     harness.frame(RandomOrder{&random, one_in(loss_period) ? 1 + random() % 4 : 0, one_in(2)});
-    expected_script.forget_numbers();
-    script.forget_numbers();
+    expected_script.clear_requested();
+    script.clear_requested();
     const FrameReport& report = harness.report();
     const auto contacts = harness.contacts(), others = expected.contacts();
     REQUIRE(contacts.size() == others.size());

@@ -266,7 +266,7 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
         break;
       default: {
         const auto slot = static_cast<std::uint32_t>(random() % 230);
-        known.forget(slot);
+        known.remove(slot);
         model.erase(slot);
         changed.erase(slot);
         inner.erase(slot);

@@ -66,10 +66,10 @@ struct MemberChange {
 
 /// Membership and traffic of the whole cluster.
 struct ClusterReport {
-  static constexpr std::size_t most_changes = 256;
+  static constexpr std::size_t max_changes = 256;
 
   std::vector<MemberReport> members;  ///< nodes that are part of the World, by node number
-  std::vector<MemberChange> changes;  ///< the last `most_changes`, oldest first
+  std::vector<MemberChange> changes;  ///< the last `max_changes`, oldest first
   std::uint64_t joined = 0, left = 0, lost = 0, refused = 0;
   std::uint64_t stale_parcels = 0;  ///< refused: sent before a loss was known, or by a process that is not assigned
 };

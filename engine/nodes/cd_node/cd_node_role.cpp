@@ -45,7 +45,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
     ghosts_.reserve(setup.objects / 8 + 64);
   }
   if (shares_states() && setup.may_be_lost) {
-    node_contacts_->kept.reserve(setup.objects, host_.state_bytes());
+    node_contacts_->host_states.reserve(setup.objects, host_.state_bytes());
   }
 }
 
@@ -122,7 +122,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   {
     SpanTimer time(setup_.track, "move", frame_stats_.move_ns);
     host_.begin_move(frame);
-    node_contacts_->kept.begin(frame);
+    node_contacts_->host_states.begin(frame);
     node_contacts_->ghost_updates.start(frame);
   }
   stage_ = Stage::moving;

@@ -29,7 +29,7 @@ bool CdNodeRole::move() {
       --reported_changes_;
     }
     if (!host_.move_next()) {
-      node_contacts_->kept.finish();
+      node_contacts_->host_states.finish();
       node_contacts_->ghost_updates.finish(static_cast<NodeNumber>(setup_.peers.size()));
       return states_run_.finish(*setup_.server.out, to_server, bytes, traffic_);
     }
@@ -104,7 +104,7 @@ void CdNodeRole::rest(std::size_t i) {
   reports_change_[i] = (object.object.flags & messages::flag_host_owned) != 0;
   changed_flags_[i] = messages::flag_present | messages::flag_keeps_host | messages::flag_at_rest |
                       (inner ? messages::flag_interior : 0u);
-  host_.keep(hosted, false);
+  host_.set_host_owned(hosted, false);
 }
 
 regions::Coverage CdNodeRole::cover_of(const geometry::Bounds& bounds) const noexcept {
@@ -134,7 +134,7 @@ void CdNodeRole::place(std::size_t i) {
                                                     staying ? NextHost::self : NextHost::node, inner, was, hosted);
     host_.set_place_in_list(hosted, known);
   } else {
-    region_objects_.forget(object.object.slot);
+    region_objects_.remove(object.object.slot);
   }
   if (!staying) {
     leaving_objects_.push_back({object.object.number, next});
@@ -145,11 +145,11 @@ void CdNodeRole::place(std::size_t i) {
   reports_change_[i] = !keeps || !staying || !was_host_owned;
   frame_stats_.host_owned_changes += reports_change_[i] ? 0 : 1;
   if (!reports_change_[i] && setup_.may_be_lost) {
-    node_contacts_->kept.add(frame_, object.object, object.pose, host_.state(hosted));
+    node_contacts_->host_states.add(frame_, object.object, object.pose, host_.state(hosted));
   }
   changed_flags_[i] = (present ? messages::flag_present : 0u) | (inner ? messages::flag_interior : 0u) |
                       (staying ? messages::flag_keeps_host : 0u) | (keeps ? messages::flag_host_owned : 0u);
-  host_.keep(hosted, keeps);
+  host_.set_host_owned(hosted, keeps);
 }
 
 // The server sends a node every object in its region except those that the node itself hosts and has reported.

@@ -80,7 +80,7 @@ void CdNodeRole::receive_positions(const MessageView& message) {
 
 void CdNodeRole::apply_position(const messages::PositionRecord& record, bool gone) {
   if (gone) {
-    region_objects_.forget(record.object.slot);
+    region_objects_.remove(record.object.slot);
     return;
   }
   const NextHost next = next_host(record);

@@ -41,7 +41,7 @@ std::uint32_t RegionObjects::add(std::uint32_t slot) {
   return i;
 }
 
-void RegionObjects::forget(std::uint32_t slot) {
+void RegionObjects::remove(std::uint32_t slot) {
   const std::uint32_t i = find(slot);
   if (i == none) {
     return;

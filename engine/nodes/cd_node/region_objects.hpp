@@ -86,7 +86,7 @@ class RegionObjects {
     }
   }
   /// Removes an object; the last one takes its index. Does nothing if the object is unknown.
-  void forget(std::uint32_t slot);
+  void remove(std::uint32_t slot);
   void clear() noexcept;
 
   std::span<const narrow_phase::Body> bodies() const noexcept { return bodies_.span(); }

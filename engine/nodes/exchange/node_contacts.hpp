@@ -72,9 +72,9 @@ struct NodeContacts {
   static constexpr std::uint64_t no_frame = ~std::uint64_t{0};
 
   // Written by the node.
-  const Host* host = nullptr;  ///< set once; read between frames, and by the server while the node waits
-  HostOwnedStates kept;        ///< see HostOwnedStates for its rules
-  GhostUpdates ghost_updates;  ///< see GhostUpdates for its rules
+  const Host* host = nullptr;   ///< set once; read between frames, and by the server while the node waits
+  HostOwnedStates host_states;  ///< see HostOwnedStates for its rules
+  GhostUpdates ghost_updates;   ///< see GhostUpdates for its rules
   /// Read by all nodes.
   alignas(64) std::uint64_t frame = no_frame;          ///< the frame of the lists
   const Contact* contacts = nullptr;                   ///< parallel to keys; null: assembled from the next two

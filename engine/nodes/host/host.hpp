@@ -77,9 +77,9 @@ class Host {
   void drop(ObjectNumber number);
   /// Sets or clears flag_host_owned of hosted object i: its states are not sent to the server. place() clears the flag
   /// too.
-  void keep(std::size_t i, bool kept) noexcept {
+  void set_host_owned(std::size_t i, bool host_owned) noexcept {
     std::uint32_t& flags = hosted_[i].object.flags;
-    flags = (flags & ~messages::flag_host_owned) | (kept ? messages::flag_host_owned : 0u);
+    flags = (flags & ~messages::flag_host_owned) | (host_owned ? messages::flag_host_owned : 0u);
   }
   /// Whether the next move lists all hosted objects in changed().
   void list_all(bool all) noexcept { list_all_next_ = all; }

@@ -173,7 +173,7 @@ void Dispatch::flush(NodeNumber node, Connection& connection, messages::RunHeade
 // Pairs are sent while the sweep continues, so that nodes test the first ones while the last are found.
 bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& objects, const regions::RegionMap& map,
                           messages::RunHeader head, messages::TrafficCounts& counts) {
-  constexpr std::size_t pairs_at_a_time = 4096;
+  constexpr std::size_t pairs_per_batch = 4096;
   const auto bounds = objects.bounds();
   const auto numbers = objects.numbers();
   const bool alone = map.nodes() == 1;
@@ -181,9 +181,9 @@ bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& object
   if (!sweeping_) {
     sweeping_ = true;
     sweep_.begin(bounds, objects.present(), objects.resting(), objects.layers());
-    found_ = sweep_.next(pairs_at_a_time);
+    found_ = sweep_.next(pairs_per_batch);
   }
-  for (; !found_.empty(); found_ = sweep_.next(pairs_at_a_time)) {
+  for (; !found_.empty(); found_ = sweep_.next(pairs_per_batch)) {
     for (std::size_t i = 0; i < found_.size(); ++i) {
       const geometry::CandidatePair pair = found_[i];
       const NodeNumber owner = alone ? 0 : map.pair_owner(bounds[pair.a], bounds[pair.b]);

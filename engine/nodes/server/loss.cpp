@@ -89,10 +89,10 @@ void ServerRole::read_host_owned(NodeNumber node, std::uint64_t frame) {
   if (session.connection.node_contacts == nullptr) {
     return;
   }
-  const HostOwnedStates& kept = session.connection.node_contacts->kept;
-  const std::span<const HostOwnedState> states = kept.of(frame);
+  const HostOwnedStates& kept_states = session.connection.node_contacts->host_states;
+  const std::span<const HostOwnedState> states = kept_states.of(frame);
   for (std::size_t i = 0; i < states.size(); ++i) {
-    store_state(session, frame, states[i].object, states[i].pose, kept.state(frame, i));
+    store_state(session, frame, states[i].object, states[i].pose, kept_states.state(frame, i));
   }
 }
 

@@ -12,11 +12,11 @@ using messages::MessageView;
 
 // Reads the messages of a peer up to a limit for users: a flooding user must not keep the others waiting.
 bool ServerRole::drain(PeerSession& session) {
-  constexpr std::size_t most_at_once = 65536;
+  constexpr std::size_t max_bytes_at_once = 65536;
   bool any = false;
   std::size_t taken = 0;
   for (auto bytes = session.connection.in->next(); !bytes.empty();
-       bytes = taken < most_at_once ? session.connection.in->next() : std::span<const std::byte>{}) {
+       bytes = taken < max_bytes_at_once ? session.connection.in->next() : std::span<const std::byte>{}) {
     taken += session.self.is_user() ? bytes.size() : 0;
     MessageView message;
     if (session.self.is_user() && is_over_quota(session, bytes)) {
@@ -160,18 +160,18 @@ void ServerRole::receive_node_states(PeerSession& session, const MessageView& me
     constexpr std::uint32_t at_home = messages::flag_interior | messages::flag_keeps_host;
     const bool inner = (record.object.flags & at_home) == at_home;
     ObjectMarks& marks = objects_.marks(slot);
-    const bool was_kept = (marks & host_owned_mark) != 0;
-    const bool kept =
+    const bool was_host_owned = (marks & host_owned_mark) != 0;
+    const bool host_owned =
         (record.object.flags & messages::flag_host_owned) != 0 && session.connection.node_contacts != nullptr;
     marks = static_cast<ObjectMarks>((marks & ~host_owned_mark) | reported_mark | (inner ? inner_mark : 0) |
-                                     (kept ? host_owned_mark : 0));
+                                     (host_owned ? host_owned_mark : 0));
     // Counted as moved, but it has not.
     host_owned_moved_ -= (record.object.flags & messages::flag_at_rest) != 0 ? 1 : 0;
     if ((record.object.flags & messages::flag_keeps_host) == 0) {
       leaving_slots_.push_back(slot);
     }
     std::copy_n(message.state<messages::NodeStateRecord>(i), objects_.state_bytes(), objects_.state(slot));
-    if (was_kept) {
+    if (was_host_owned) {
       note_notified(slot, record.bounds, !inner);
       objects_.mark_moved_host_only(slot);
       continue;

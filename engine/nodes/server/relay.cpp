@@ -135,7 +135,7 @@ void ServerRole::list_relays() {
     return;
   }
   TrafficReport& traffic = report().traffic[static_cast<std::size_t>(Traffic::state)];
-  const auto add_index = [&](const Published& relay) {
+  const auto add_relay = [&](const Published& relay) {
     if (!relay.any[frame_ & 1]) {
       return;
     }
@@ -145,10 +145,10 @@ void ServerRole::list_relays() {
     traffic.records += states;
     traffic.bytes += states * sizeof(link::PublishedState);
   };
-  add_index(setup_.publications->server);
+  add_relay(setup_.publications->server);
   for (const PeerSession& node : nodes_) {
     if (!node.lost && publishes(node.self)) {
-      add_index(node.connection.publication->published);
+      add_relay(node.connection.publication->published);
     }
   }
 }

@@ -21,7 +21,7 @@ namespace {
 /// A model that records its inputs and returns outputs from a table.
 class RecordingModel : public MotionModel {
  public:
-  struct Answer {
+  struct Output {
     bool throws = false;
     bool pose_set = false;
     Pose pose;
@@ -38,7 +38,7 @@ class RecordingModel : public MotionModel {
     largest_batch = std::max(largest_batch, inputs.size());
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       const MotionInput& in = inputs[i];
-      auto& list = given[in.number];
+      auto& list = received_contacts[in.number];
       list.clear();
       for (std::size_t c = 0; c < in.contacts.size(); ++c) {
         list.push_back(in.contacts[c]);
@@ -46,8 +46,8 @@ class RecordingModel : public MotionModel {
       poses[in.number] = in.pose;
       user_data[in.number] = in.user_data;
       REQUIRE(reinterpret_cast<std::uintptr_t>(in.state) % 8 == 0);
-      const auto at = answers.find(in.number);
-      if (at == answers.end()) {
+      const auto at = outputs_by_number.find(in.number);
+      if (at == outputs_by_number.end()) {
         continue;
       }
       // Output written before the exception must have no effect.
@@ -58,8 +58,8 @@ class RecordingModel : public MotionModel {
     }
   }
   std::size_t bytes_;
-  std::map<ObjectNumber, Answer> answers;
-  mutable std::map<ObjectNumber, std::vector<Contact>> given;
+  std::map<ObjectNumber, Output> outputs_by_number;
+  mutable std::map<ObjectNumber, std::vector<Contact>> received_contacts;
   mutable std::map<ObjectNumber, Pose> poses;
   mutable std::map<ObjectNumber, std::uint64_t> user_data;
   mutable std::uint64_t last_frame = 0;
@@ -123,9 +123,9 @@ TEST_CASE("a model that does not use contacts gets none, and one that does gets 
     ContactlessModel() : RecordingModel(0) {}
     bool uses_contacts() const noexcept override { return false; }
   };
-  const ContactlessModel blind;
-  const RecordingModel seeing(0);
-  for (const RecordingModel* model : {static_cast<const RecordingModel*>(&blind), &seeing}) {
+  const ContactlessModel without_contacts;
+  const RecordingModel with_contacts(0);
+  for (const RecordingModel* model : {static_cast<const RecordingModel*>(&without_contacts), &with_contacts}) {
     Host host(model, 4);
     for (const ObjectNumber number : {1u, 2u, 3u}) host.adopt(record_of(number), nullptr);
     host.move(1);
@@ -135,10 +135,10 @@ TEST_CASE("a model that does not use contacts gets none, and one that does gets 
     contact.b = 3;
     host.add_contact(1, contact);
     host.move(2);
-    const std::size_t expected = model == &seeing ? 1 : 0;
-    CHECK(model->given.at(1).size() == expected);
-    CHECK(model->given.at(2).empty());
-    CHECK(model->given.at(3).size() == expected);
+    const std::size_t expected = model == &with_contacts ? 1 : 0;
+    CHECK(model->received_contacts.at(1).size() == expected);
+    CHECK(model->received_contacts.at(2).empty());
+    CHECK(model->received_contacts.at(3).size() == expected);
     CHECK(host.contacts(1).size() == 1);
   }
 }
@@ -211,7 +211,7 @@ TEST_CASE("the model gets exactly the begin and persist contacts of each hosted 
         }
         CAPTURE(number);
         CAPTURE(frame);
-        REQUIRE((keys(model.given[number]) == expected));
+        REQUIRE((keys(model.received_contacts[number]) == expected));
         REQUIRE(model.user_data[number] == number * std::uint64_t{1000});
       }
       // The received contacts stay readable, ended ones too.
@@ -273,16 +273,16 @@ TEST_CASE(
       for (ObjectNumber number = 1; number <= 60; ++number) {
         CAPTURE(number);
         Keys expected;
-        std::vector<Phase> phases, given;
+        std::vector<Phase> phases, received_contacts;
         for (const auto& [key, contact] : received) {
           if (key.first == number || key.second == number) {
             expected.push_back(key);
             phases.push_back(contact.phase);
           }
         }
-        for (const Contact& contact : model.given[number]) given.push_back(contact.phase);
-        REQUIRE((keys(model.given[number]) == expected));
-        REQUIRE((given == phases));
+        for (const Contact& contact : model.received_contacts[number]) received_contacts.push_back(contact.phase);
+        REQUIRE((keys(model.received_contacts[number]) == expected));
+        REQUIRE((received_contacts == phases));
       }
     }
   }
@@ -296,10 +296,10 @@ TEST_CASE("late contacts count for one frame only") {
   host.add_late_contact(contact_of(5, 9));
   host.begin_contacts(1);
   host.move(1);
-  CHECK(model.given[5].size() == 1);
+  CHECK(model.received_contacts[5].size() == 1);
   host.begin_contacts(2);
   host.move(2);
-  CHECK(model.given[5].empty());
+  CHECK(model.received_contacts[5].empty());
 }
 
 TEST_CASE("objects for which the model throws keep pose, presence and state and are counted; the others move") {
@@ -312,14 +312,14 @@ TEST_CASE("objects for which the model throws keep pose, presence and state and 
     std::set<ObjectNumber> throwing;
     for (ObjectNumber number = 1; number <= count; ++number) {
       adopt(host, number);
-      RecordingModel::Answer answer;
-      answer.pose_set = answer.state_set = true;
-      answer.pose.position = {static_cast<double>(number), 50, 3};
-      answer.state[0] = number + 1;
-      answer.throws = seed == 4 || random() % (seed == 3 ? 2 : 20) == 0;
-      answer.present = !answer.throws;
-      if (answer.throws) throwing.insert(number);
-      model.answers[number] = answer;
+      RecordingModel::Output output;
+      output.pose_set = output.state_set = true;
+      output.pose.position = {static_cast<double>(number), 50, 3};
+      output.state[0] = number + 1;
+      output.throws = seed == 4 || random() % (seed == 3 ? 2 : 20) == 0;
+      output.present = !output.throws;
+      if (output.throws) throwing.insert(number);
+      model.outputs_by_number[number] = output;
     }
     host.begin_contacts(0);
     host.move(0);
@@ -334,7 +334,7 @@ TEST_CASE("objects for which the model throws keep pose, presence and state and 
     }
     CHECK(changed_numbers(host).size() == count - throwing.size());
     // The count is per frame.
-    model.answers.clear();
+    model.outputs_by_number.clear();
     host.begin_contacts(1);
     host.move(1);
     CHECK(host.refusals().model_failed == 0);
@@ -351,16 +351,16 @@ TEST_CASE("a model output that is not finite or not unit is refused by reason an
   Host host(&model, 4);
   for (ObjectNumber number = 1; number <= 20; ++number) {
     adopt(host, number);
-    RecordingModel::Answer answer;
-    answer.pose_set = answer.state_set = true;
-    answer.state[0] = 99;
+    RecordingModel::Output output;
+    output.pose_set = output.state_set = true;
+    output.state[0] = 99;
     if (number <= std::size(bad)) {
-      answer.pose = bad[number - 1];
-      answer.present = false;
+      output.pose = bad[number - 1];
+      output.present = false;
     } else {
-      answer.pose.position = {7, 7, 7};
+      output.pose.position = {7, 7, 7};
     }
-    model.answers[number] = answer;
+    model.outputs_by_number[number] = output;
   }
   host.begin_contacts(0);
   host.move(0);
@@ -380,18 +380,18 @@ TEST_CASE("exactly the objects with changed pose, presence or state, placed or s
   RecordingModel model(16);
   Host host(&model, 4);
   for (ObjectNumber number = 1; number <= 7; ++number) adopt(host, number);
-  RecordingModel::Answer answer;
-  answer.pose_set = true;
-  answer.pose = record_of(1).pose;
-  answer.pose.position.y = 10;
-  model.answers[1] = answer;
-  answer = {};
-  answer.present = false;
-  model.answers[2] = answer;
-  answer = {};
-  answer.state_set = true;
-  answer.state[0] = 8;
-  model.answers[3] = answer;
+  RecordingModel::Output output;
+  output.pose_set = true;
+  output.pose = record_of(1).pose;
+  output.pose.position.y = 10;
+  model.outputs_by_number[1] = output;
+  output = {};
+  output.present = false;
+  model.outputs_by_number[2] = output;
+  output = {};
+  output.state_set = true;
+  output.state[0] = 8;
+  model.outputs_by_number[3] = output;
   host.place(4, {{1, 1, 1}, {}}, true);
   host.steer(5, {{2, 2, 2}, {}});
   host.steer(5, {{3, 3, 3}, {}});
@@ -403,7 +403,7 @@ TEST_CASE("exactly the objects with changed pose, presence or state, placed or s
   CHECK(model.poses[4].position.x == 1);  // the model continues from the placed pose
   CHECK(hosted(host, 5).pose.position.x == 3);
   CHECK(hosted(host, 2).object.flags == 0);
-  model.answers.clear();
+  model.outputs_by_number.clear();
   host.begin_contacts(1);
   host.move(1);
   CHECK(host.changed().empty());
@@ -414,10 +414,10 @@ TEST_CASE("a steered object stands at its steered pose for one frame, whatever t
   RecordingModel model(16);
   Host host(&model, 4);
   adopt(host, 1);
-  RecordingModel::Answer answer;
-  answer.pose_set = true;
-  answer.pose.position = {9, 9, 9};
-  model.answers[1] = answer;
+  RecordingModel::Output output;
+  output.pose_set = true;
+  output.pose.position = {9, 9, 9};
+  model.outputs_by_number[1] = output;
   host.steer(1, {{4, 4, 4}, {}});
   host.begin_contacts(0);
   host.move(0);
@@ -515,12 +515,12 @@ TEST_CASE("a pose within 10^-3 of unit length is valid, is normalised once, and 
     Pose pose;
     pose.orientation = {static_cast<float>(q[0] * scale), static_cast<float>(q[1] * scale),
                         static_cast<float>(q[2] * scale), static_cast<float>(q[3] * scale)};
-    const Pose given = pose;
+    const Pose received_contacts = pose;
     const auto length_of = [](const Quat& r) {
       return std::sqrt(double{r.x} * double{r.x} + double{r.y} * double{r.y} + double{r.z} * double{r.z} +
                        double{r.w} * double{r.w});
     };
-    const double error = std::abs(length_of(given.orientation) - 1);
+    const double error = std::abs(length_of(received_contacts.orientation) - 1);
     const Status status = make_valid(pose);
     if (error < 0.999e-3) {
       REQUIRE(status == Status::ok);
@@ -528,7 +528,7 @@ TEST_CASE("a pose within 10^-3 of unit length is valid, is normalised once, and 
       REQUIRE(status == Status::not_unit);
     }
     if (status != Status::ok) {
-      REQUIRE(pose == given);
+      REQUIRE(pose == received_contacts);
       continue;
     }
     REQUIRE(std::abs(length_of(pose.orientation) - 1) < 6e-7);
