@@ -92,10 +92,10 @@ class Star {
     const bool all = bell_.wait_for(
         [&] {
           if (came_.exchange(false, std::memory_order_acquire)) take();
-          return heard_ >= awaited;
+          return received_bytes_ >= awaited;
         },
         std::chrono::seconds(5));
-    heard_ = 0;
+    received_bytes_ = 0;
     return all;
   }
 
@@ -129,7 +129,7 @@ class Star {
       auto show = [&](dds::ParcelKind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
         return dds::for_each_message(bytes, offset, [&](std::span<const std::byte> message) {
           benchmark::DoNotOptimize(message.data());
-          heard_ += message.size();
+          received_bytes_ += message.size();
           return true;
         });
       };
@@ -145,7 +145,7 @@ class Star {
   std::vector<std::unique_ptr<Spoke>> spokes_;
   std::size_t out_bytes_;
   std::size_t back_bytes_;
-  std::size_t heard_ = 0;
+  std::size_t received_bytes_ = 0;
 };
 
 /// The star with that number of nodes, or null if they do not start. Kept until another number is requested: the

@@ -18,7 +18,7 @@ std::string read_file(const std::filesystem::path& path) {
 
 std::vector<Page> read_pages() {
   std::vector<Page> pages;
-  for (const char* name : {"README.md", "CHANGELOG.md"}) {
+  for (const char* name : {"README.md", "CHANGELOG.md", "CONTRIBUTING.md"}) {
     pages.push_back({name, read_file(root / name)});
   }
   for (const auto& entry : std::filesystem::directory_iterator(root / "docs")) {

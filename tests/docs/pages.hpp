@@ -16,7 +16,7 @@ struct Page {
   std::string text;
 };
 
-/// README.md, CHANGELOG.md and docs/*.md.
+/// README.md, CHANGELOG.md, CONTRIBUTING.md and docs/*.md.
 std::vector<Page> read_pages();
 /// Reads a file of the source tree; fails the test if it cannot.
 std::string read_file(const std::filesystem::path& path);

@@ -48,7 +48,7 @@ TEST_CASE("every link of a page to a file has an existing target") {
 }
 
 TEST_CASE("every file and folder that a page names exists") {
-  const std::regex path(R"(`((engine|tests|tools|docs|bench|cmake|data)/[A-Za-z0-9_./-]*)`)");
+  const std::regex path(R"(`((engine|tests|tools|docs|bench)/[A-Za-z0-9_./-]*)`)");
   int paths = 0;
   for (const Page& page : read_pages()) {
     const std::string prose = prose_of(page);

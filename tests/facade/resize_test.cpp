@@ -147,15 +147,15 @@ TEST_CASE("regions follow a crowd in a corner until its nodes share the pairs, a
 }
 
 // For each frame: the map epoch and the work of each node under it.
-std::vector<std::uint64_t> run_by_pairs(std::uint32_t user_threads, bool pairs_are_dear, std::uint32_t& epochs) {
+std::vector<std::uint64_t> run_by_pairs(std::uint32_t user_threads, bool pairs_are_expensive, std::uint32_t& epochs) {
   WorldConfig config;
   config.bounds_max = {60, 60, 60};
   config.nodes = 5;
   config.user_threads = user_threads;
   config.placement = Placement::region;
   config.balance_by = BalanceBy::pairs;
-  config.timeline = pairs_are_dear;  // makes pairs more expensive
-  config.remember_axes = !pairs_are_dear;
+  config.timeline = pairs_are_expensive;  // makes pairs more expensive
+  config.remember_axes = !pairs_are_expensive;
   config.motion = std::make_shared<BouncingModel>(side);
   World world(config);
   populate(world, 500, 3, side);
