@@ -146,10 +146,10 @@ std::string position_of_byte(std::string_view text, std::size_t byte) {
 }
 
 /// The JSON library recurses when it prints a value, as an error message does. A scene has 5 levels.
-constexpr std::size_t most_levels = 64;
+constexpr std::size_t max_levels = 64;
 
-/// The position of the first bracket that opens a level too many; npos where there is none. In a text that is not JSON
-/// the brackets of unfinished strings may be taken for levels, but such a text is refused anyway.
+/// Position of the first bracket that exceeds the maximum nesting; npos if there is none. In a text that is not JSON,
+/// brackets in an unterminated string may count as levels; such a text is refused in any case.
 std::size_t find_too_deep(std::string_view text) {
   std::size_t levels = 0;
   bool in_string = false;
@@ -164,7 +164,7 @@ std::size_t find_too_deep(std::string_view text) {
     } else if (c == '"') {
       in_string = true;
     } else if (c == '[' || c == '{') {
-      if (++levels > most_levels) return i;
+      if (++levels > max_levels) return i;
     } else if ((c == ']' || c == '}') && levels > 0) {
       --levels;
     }
@@ -179,7 +179,7 @@ JsonDocument::JsonDocument(std::string_view text, std::string name) : text_(text
     throw InputError(
         fmt::format("{}:{}: arrays and objects are nested more than {} deep; expected at most {} levels, "
                     "remove the surplus brackets",
-                    name_, position_of_byte(text, at + 1), most_levels, most_levels));
+                    name_, position_of_byte(text, at + 1), max_levels, max_levels));
   }
   std::set<std::string> keys[3];
   std::string duplicate_key;

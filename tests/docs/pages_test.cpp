@@ -64,6 +64,7 @@ TEST_CASE("every file and folder that a page names exists") {
 // Pages quote tests as `tests/module/file.cpp`: "name", with more names of the same file after "; ".
 TEST_CASE("every test that a page quotes exists in the file that it names") {
   const std::regex quote(R"(`(tests/[a-z_/]+\.cpp)`: ("[^"]+"(; "[^"]+")*))");
+  const std::regex line_break(R"(TEST_CASE\(\s+)");
   const std::regex sentence(R"("([^"]+)\")");
   int quoted = 0;
   for (const Page& page : read_pages()) {
@@ -72,7 +73,8 @@ TEST_CASE("every test that a page quotes exists in the file that it names") {
       if (!std::filesystem::exists(root / match[1].str())) {
         continue;  // the test above reports it
       }
-      const std::string source = read_file(root / match[1].str());
+      // A long name is on the line after `TEST_CASE(`.
+      const std::string source = std::regex_replace(read_file(root / match[1].str()), line_break, "TEST_CASE(");
       const std::string sentences = match[2];
       for (const std::smatch& each : matches_of(sentences, sentence)) {
         ++quoted;

@@ -1,5 +1,6 @@
-# One source file of each engine folder, compiled with the build's own command, is refused with -ffast-math; one of base is
-# also refused with other spellings of it, and accepted as it is. In: engine, build_dir, modules (comma separated).
+# Checks that one source file of each module does not compile if -ffast-math is added to its compile command. Checks for
+# a file of base that it does not compile with related options either, and that it compiles without them.
+# Arguments: engine, build_dir, modules (comma separated).
 
 cmake_minimum_required(VERSION 3.25)
 set(commands ${build_dir}/compile_commands.json)
@@ -18,7 +19,7 @@ endfunction()
 string(REPLACE "," ";" modules "${modules}")
 foreach(module ${modules})
   if(NOT IS_DIRECTORY ${engine}/${module})
-    continue()  # the tools are built in the same manner
+    continue()  # modules outside engine/ are compiled in the same way
   endif()
   file(STRINGS ${commands} lines REGEX "\"command\": .* -c ${engine}/${module}/[a-z_/]+\\.cpp\"" LIMIT_COUNT 1)
   if(NOT lines MATCHES "\"command\": \"(.*)\"")

@@ -82,7 +82,8 @@ void print_traffic(std::FILE* out, const Figures& figures) {
 
 void print_failed_supports(std::FILE* out, const Figures& figures) {
   if (figures.failed_supports == 0) return;
-  fmt::print(out, "supports    in {} pairs a support function failed: they have no contact\n", figures.failed_supports);
+  fmt::print(out, "supports    a support function failed in {} pairs, which have no contact\n",
+             figures.failed_supports);
 }
 
 void print_check(std::FILE* out, const FrameChecker& checker) {
