@@ -5,6 +5,7 @@
 
 #include "dds/cluster_nodes.hpp"
 #include "messages/header.hpp"
+#include "nodes/message_check.hpp"
 #include "nodes/server/server_role.hpp"
 #include "telemetry/clock.hpp"
 
@@ -101,16 +102,32 @@ bool ClusterNodes::deliver(Node& from, ParcelKind kind, std::size_t& offset, std
   return all;
 }
 
+// Messages between two nodes do not pass the server role, which checks all others.
+bool ClusterNodes::is_hand_over(const Node& from, const messages::Header& header,
+                                std::span<const std::byte> message) const noexcept {
+  const std::size_t state_bytes = (std::size_t{terms_record_.state_bytes} + 7) / 8 * 8;
+  messages::MessageView view;
+  return header.source == Endpoint::node(from.number).value && header.destination != header.source &&
+         Endpoint{header.destination}.number() < assigned_by_number_.size() &&
+         messages::decode(message, state_bytes, view) == Status::ok &&
+         view.type() == messages::MessageType::hand_over &&
+         nodes::is_valid(view, {.nodes = static_cast<std::uint32_t>(assigned_by_number_.size()),
+                                .shapes = shapes_,
+                                .slots = static_cast<std::uint32_t>(server_->objects().slots())});
+}
+
 bool ClusterNodes::deliver_message(Node& from, std::span<const std::byte> message) {
   messages::Header header;
   if (message.size() < sizeof header) {
-    return true;  // not a message
+    from.broken = losses_ = true;
+    return true;
   }
   std::memcpy(&header, message.data(), sizeof header);
   const Endpoint to{header.destination};
   link::Sender* out = from.server.out;
   if (to.is_node()) {
-    if (to.number() >= assigned_by_number_.size()) {
+    if (!is_hand_over(from, header, message)) {
+      from.broken = losses_ = true;
       return true;
     }
     if (Node* other = assigned_by_number_[to.number()].get()) {

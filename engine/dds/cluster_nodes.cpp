@@ -6,6 +6,7 @@
 
 #include "dds/description.hpp"
 #include "dds/piece_assembler.hpp"
+#include "dds/release.hpp"
 #include "nodes/server/server_role.hpp"
 #include "ringfence/error.hpp"
 #include "telemetry/clock.hpp"
@@ -40,10 +41,12 @@ ClusterNodes::ClusterNodes(ClusterConfig config)
       domain_(config_.network, Side::world) {
   const double lease = config_.network.lease_ms;
   domain_.start_heartbeat(lease);
-  terms_ = domain_.writer(Topic::terms, liveliness_qos(lease), {});
-  pieces_ = domain_.writer(Topic::piece, piece_qos, {});
-  up_ = domain_.reader(Topic::up, parcel_qos, {});
-  presence_ = domain_.reader(Topic::presence, liveliness_qos(lease), {});
+  const std::string& name = config_.network.world;
+  const std::string own = partition_of_world(world_);
+  terms_ = domain_.writer(Topic::terms, liveliness_qos(lease), name);
+  pieces_ = domain_.writer(Topic::piece, piece_qos, own);
+  up_ = domain_.reader(Topic::up, parcel_qos, own);
+  presence_ = domain_.reader(Topic::presence, liveliness_qos(lease), name);
   Domain::set_hook(up_, parcel_hook_);
   Domain::set_hook(presence_, presence_hook_);
   if (const std::string shortage = Domain::socket_buffer_shortage(config_.network); !shortage.empty()) {
@@ -62,6 +65,14 @@ void ClusterNodes::log(LogLevel level, const std::string& line) const {
   }
 }
 
+// Whether the sample comes from a node of another World. Unknown, so false, for a node with another version: its
+// samples may hold `world` in another place.
+bool ClusterNodes::is_of_another_world(const PresenceSample& sample) const noexcept {
+  std::uint8_t order[4];
+  write_byte_order(order);
+  return sample.version == wire_version && std::equal(order, order + 4, sample.order) && sample.world != world_;
+}
+
 // Reads announcements and departures. Not called by the receiving threads: they hold locks of Cyclone DDS, which other
 // threads take while they hold the mutex.
 void ClusterNodes::note_presence() {
@@ -72,7 +83,7 @@ void ClusterNodes::note_presence() {
     const bool alive = info.instance_state == DDS_IST_ALIVE;
     auto found = nodes_.find(sample.incarnation);
     if (found == nodes_.end()) {
-      if (!alive || !info.valid_data) {
+      if (!alive || !info.valid_data || is_of_another_world(sample)) {
         return;
       }
       found = nodes_.emplace(sample.incarnation, std::make_shared<Node>()).first;
@@ -85,7 +96,7 @@ void ClusterNodes::note_presence() {
       write_byte_order(order);
       node.name = limit(sample.name);
       node.fits = sample.version == wire_version && std::equal(order, order + 4, sample.order) &&
-                  sample.layout == record_layout_hash();
+                  sample.layout == fingerprint();
       node.reason = limit(sample.reason);
       node.state.store(static_cast<NodeState>(sample.state), std::memory_order_relaxed);
       if (node.asked_to_leave_ns == 0 && node.state.load(std::memory_order_relaxed) == NodeState::leaving) {
@@ -129,6 +140,8 @@ void ClusterNodes::open(const WorldParameters& terms) {
   record.keep_resting = config.keep_resting ? 1 : 0;
   record.remember_axes = config.remember_axes ? 1 : 0;
   record.hosts = config.deployment == Deployment::user_collision ? 1 : 0;
+  constexpr std::size_t max_objects = std::size_t{1} << 31;
+  record.max_objects = static_cast<std::uint32_t>(std::clamp<std::size_t>(config.limits.objects, 1, max_objects));
   terms_record_ = record;
   if ((!config_.setup.empty() && !write_pieces(pieces_.get(), world_, PieceKind::setup, 0, 0, config_.setup)) ||
       !publish_terms()) {
@@ -137,9 +150,9 @@ void ClusterNodes::open(const WorldParameters& terms) {
 }
 
 bool ClusterNodes::publish_terms() {
-  std::string name = "ringfence";
-  TermsSample sample{
-      world_, wire_version, {}, record_layout_hash(), name.data(), borrow(std::as_bytes(std::span(&terms_record_, 1)))};
+  std::string name = "ringfence " + own_release();
+  TermsSample sample{world_,        wire_version, {},
+                     fingerprint(), name.data(),  borrow(std::as_bytes(std::span(&terms_record_, 1)))};
   write_byte_order(sample.order);
   return dds_write(terms_.get(), &sample) == DDS_RETCODE_OK;
 }
@@ -164,6 +177,16 @@ bool ClusterNodes::is_reachable(const Node& node) {
          matched.current_count > 0;
 }
 
+std::string ClusterNodes::describe_refusal(const Node& node) {
+  const NodeState state = node.state.load(std::memory_order_relaxed);
+  if (state == NodeState::refused && !node.reason.empty()) {
+    return node.reason;
+  }
+  return "it has another version, byte order, record layout or release" +
+         (node.reason.empty() ? std::string() : ": release " + node.reason + ", the World's is " + own_release()) +
+         "; install one release of ringfence on all machines";
+}
+
 // Creates channels for new nodes and erases those that are gone.
 void ClusterNodes::update_membership() {
   for (const std::string& line : Domain::take_log_lines()) {
@@ -180,9 +203,7 @@ void ClusterNodes::update_membership() {
     if ((!node.fits || state == NodeState::refused) && !node.refusal_logged) {
       node.refusal_logged = true;
       ++totals_.refused;
-      log(LogLevel::warning,
-          "node " + node.name + " is refused: " +
-              (!node.reason.empty() ? node.reason : "it has another version, byte order or record layout"));
+      log(LogLevel::warning, "node " + node.name + " is refused: " + describe_refusal(node));
     }
     if (node.fits && !node.writer) {
       node.writer = domain_.writer(Topic::down, parcel_qos, partition_of(node.incarnation));
@@ -221,7 +242,8 @@ std::vector<RemoteNodes::MemberId> ClusterNodes::wait_for_nodes(std::uint32_t no
       throw Error(
           std::to_string(ready.size()) + " of " + std::to_string(nodes) + " nodes joined domain " +
           std::to_string(domain()) + " within " + std::to_string(static_cast<long>(config_.wait_ms)) +
-          " ms: start `ringfence node --domain " + std::to_string(domain()) + "` on machines of the network of " +
+          " ms: start `ringfence node --domain " + std::to_string(domain()) +
+          (network.world.empty() ? "" : " --world " + network.world) + "` on machines of the network of " +
           (network.interface.empty() ? "the interface that Cyclone DDS chose (--interface)" : network.interface) +
           ", with --peers and this machine's address where multicast does not pass; UDP ports " +
           std::to_string(7400 + 250 * domain()) + " and the 249 above must be open");
@@ -264,12 +286,13 @@ void ClusterNodes::dismiss(Node& node) {
   node.dismissed = true;
   node.server = {};
   node.peers.clear();
-  if (node.lost || node.gone.load(std::memory_order_acquire)) {
+  if (node.lost || node.broken || node.gone.load(std::memory_order_acquire)) {
     ++totals_.lost;
     const std::uint64_t noticed = node.lost_ns != 0 ? node.lost_ns : now;
     add_change(MemberChange::Kind::lost, node, noticed, ms_between(node.last_parcel_ns, noticed),
                ms_between(noticed, now));
-    log(LogLevel::error, "node " + node.name + " is lost");
+    log(LogLevel::error, "node " + node.name + " is lost" +
+                             (node.broken ? ": its messages break the protocol, or are not complete" : ""));
     // A node that has lost sight of the World sees it alive again only by a new sample of this writer, not by
     // heartbeats.
     publish_terms();
@@ -298,6 +321,7 @@ void ClusterNodes::assign(nodes::ServerRole& server, std::span<const NodeAssignm
   }
   for (const auto& node : old) {
     if (node != nullptr && assigned_by_incarnation_.count(node->incarnation) == 0) {
+      node->broken |= server.is_broken(node->number);
       dismiss(*node);
     }
   }

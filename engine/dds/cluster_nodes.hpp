@@ -68,7 +68,7 @@ class ClusterNodes final : public RemoteNodes {
     /// Its ends of the connections with nodes in this process, by their numbers: nearly always none.
     std::vector<std::pair<NodeNumber, nodes::Connection>> peers;
     bool lost = false;    ///< the server knows of the loss
-    bool broken = false;  ///< a parcel is missing
+    bool broken = false;  ///< a parcel is missing, or a message breaks the protocol
     // Times for ClusterReport::changes; 0: not yet.
     std::uint64_t seen_ns = 0;
     std::uint64_t asked_to_leave_ns = 0;
@@ -81,6 +81,8 @@ class ClusterNodes final : public RemoteNodes {
 
   bool publish_terms();
   void note_presence();
+  bool is_of_another_world(const PresenceSample& sample) const noexcept;
+  static std::string describe_refusal(const Node& node);
   static bool is_reachable(const Node& node);
   void ring_server();
   void log(LogLevel level, const std::string& line) const;
@@ -89,6 +91,8 @@ class ClusterNodes final : public RemoteNodes {
   void receive_parcel(const ParcelSample& parcel);
   bool deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes);
   bool deliver_message(Node& from, std::span<const std::byte> message);
+  bool is_hand_over(const Node& from, const messages::Header& header,
+                    std::span<const std::byte> message) const noexcept;
   bool carry(Node& node);
   void publish(Node& node);
   void dismiss(Node& node);

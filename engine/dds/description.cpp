@@ -1,10 +1,15 @@
 #include "dds/description.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
+#include <limits>
 #include <string>
 #include <variant>
 
+#include "facade/config_check.hpp"
 #include "ringfence/error.hpp"
+#include "ringfence/motion_model.hpp"
 
 namespace ringfence::dds {
 
@@ -73,7 +78,97 @@ class Unpacking {
   ShapeNumber shape_;
 };
 
+/// Throws Error if `holds` is false. `what` states what was found and what is expected.
+void require(const char* where, bool holds, const std::string& what) {
+  if (!holds) {
+    throw Error(std::string(where) + ": " + what);
+  }
+}
+
+template <class Record>
+Record copy_of(const char* where, std::span<const std::byte> bytes) {
+  require(where, bytes.size() == sizeof(Record),
+          std::to_string(bytes.size()) + " bytes; expected " + std::to_string(sizeof(Record)));
+  Record record;
+  std::memcpy(&record, bytes.data(), sizeof record);
+  return record;
+}
+
+/// Maximum number of objects or pairs to reserve for; see WorldConfig::capacities.
+constexpr std::uint64_t max_reserved = std::uint64_t{1} << 31;
+
 }  // namespace
+
+WorldTermsRecord unpack_terms(std::span<const std::byte> bytes) {
+  constexpr const char* where = "the World's terms";
+  constexpr std::uint64_t max_setup_bytes = std::uint64_t{1} << 30;
+  const auto terms = copy_of<WorldTermsRecord>(where, bytes);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double min = terms.bounds_min[axis];
+    const double max = terms.bounds_max[axis];
+    require(
+        where, std::isfinite(min) && std::isfinite(max) && min <= max,
+        "bounds " + std::to_string(min) + " to " + std::to_string(max) + "; expected finite numbers, with min <= max");
+    require(where, terms.cells_log2[axis] <= 10,
+            "2^" + std::to_string(terms.cells_log2[axis]) + " cells on an axis; expected at most 2^10");
+  }
+  // False for NaN.
+  require(where, terms.lease_ms >= 10 && terms.lease_ms <= 60'000,
+          "a lease of " + std::to_string(terms.lease_ms) + " ms; expected 10 to 60000");
+  require(where, terms.setup_bytes <= max_setup_bytes,
+          "a setup of " + std::to_string(terms.setup_bytes) + " bytes; expected at most " +
+              std::to_string(max_setup_bytes));
+  require(where, terms.placement < static_cast<std::uint32_t>(Placement::automatic),
+          "placement " + std::to_string(terms.placement) + "; expected 0 or 1");
+  require(where, terms.state_bytes <= max_motion_state,
+          std::to_string(terms.state_bytes) + " bytes of model state; expected at most " +
+              std::to_string(max_motion_state));
+  for (const std::uint32_t flag : {terms.has_model, terms.keep_resting, terms.remember_axes, terms.hosts}) {
+    require(where, flag <= 1, "a flag is " + std::to_string(flag) + "; expected 0 or 1");
+  }
+  require(where, terms.max_objects >= 1 && terms.max_objects <= max_reserved,
+          std::to_string(terms.max_objects) + " objects at most; expected 1 to " + std::to_string(max_reserved));
+  return terms;
+}
+
+AssignmentRecord unpack_assignment(std::span<const std::byte> bytes, const WorldTermsRecord& terms) {
+  constexpr const char* where = "the assignment by the World";
+  const auto assignment = copy_of<AssignmentRecord>(where, bytes);
+  require(where, assignment.count >= 1 && assignment.count <= facade::most_nodes,
+          std::to_string(assignment.count) + " nodes; expected 1 to " + std::to_string(facade::most_nodes));
+  require(where, assignment.number < assignment.count,
+          "number " + std::to_string(assignment.number) + " of " + std::to_string(assignment.count) + " nodes");
+  require(where, assignment.objects <= max_reserved && assignment.pairs <= max_reserved,
+          std::to_string(assignment.objects) + " objects and " + std::to_string(assignment.pairs) +
+              " pairs to reserve; expected at most " + std::to_string(max_reserved));
+  // After nodes have left, the map has more nodes than the World, until the World sends another before the frame.
+  require(where, assignment.map_nodes >= 1 && assignment.map_nodes <= facade::most_nodes,
+          "a map of " + std::to_string(assignment.map_nodes) + " nodes; expected 1 to " +
+              std::to_string(facade::most_nodes));
+  const regions::CellGrid grid = grid_of(terms);
+  require(
+      where, assignment.map_words >= grid.cells() && assignment.map_words <= regions::RegionMap::max_entries(grid),
+      "a map of " + std::to_string(assignment.map_words) + " entries for " + std::to_string(grid.cells()) + " cells");
+  require(where, assignment.is_new <= 1, "a flag is " + std::to_string(assignment.is_new) + "; expected 0 or 1");
+  return assignment;
+}
+
+regions::RegionMap unpack_regions(std::span<const std::byte> bytes, const WorldTermsRecord& terms,
+                                  const AssignmentRecord& assignment) {
+  constexpr const char* where = "the World's region map";
+  const regions::CellGrid grid = grid_of(terms);
+  require(where, bytes.size() == std::size_t{assignment.map_words} * sizeof(std::uint32_t),
+          std::to_string(bytes.size()) + " bytes; expected " + std::to_string(assignment.map_words) + " entries");
+  std::vector<std::uint32_t> table(assignment.map_words);
+  if (!table.empty()) {
+    std::memcpy(table.data(), bytes.data(), bytes.size());
+  }
+  require(where, regions::RegionMap::is_table(table, grid, assignment.map_nodes),
+          "not every cell, or part of one, is owned by one of " + std::to_string(assignment.map_nodes) + " nodes");
+  regions::RegionMap map(grid, 1);
+  map.assign(table, assignment.map_nodes, assignment.epoch);
+  return map;
+}
 
 std::vector<std::byte> pack_shape(const ShapeDescription& shape) {
   std::vector<std::byte> bytes;

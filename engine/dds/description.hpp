@@ -8,6 +8,8 @@
 #include <type_traits>
 #include <vector>
 
+#include "dds/wire.hpp"
+#include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/shape.hpp"
@@ -27,17 +29,31 @@ struct WorldTermsRecord {
   std::uint32_t has_model = 0;
   std::uint32_t keep_resting = 0;
   std::uint32_t remember_axes = 0;
-  std::uint32_t hosts = 0;  ///< its nodes host objects (user/collision deployment)
-  std::uint32_t reserved = 0;
+  std::uint32_t hosts = 0;        ///< its nodes host objects (user/collision deployment)
+  std::uint32_t max_objects = 0;  ///< Limits::objects
 };
 static_assert(sizeof(WorldTermsRecord) == 232 && std::is_trivially_copyable_v<WorldTermsRecord>);
+
+// The input of the unpack functions is not trusted: they throw Error, with what was found, if the bytes are not those
+// that a World of this release sends, and allocate at most a small multiple of the size of the input. Any thread.
+
+/// Decodes the bytes of TermsSample.
+WorldTermsRecord unpack_terms(std::span<const std::byte> bytes);
+/// The grid of the World's region map.
+inline regions::CellGrid grid_of(const WorldTermsRecord& terms) noexcept {
+  return {{terms.cells_log2[0], terms.cells_log2[1], terms.cells_log2[2]}};
+}
+/// Decodes the bytes of a Parcel of kind `assign`.
+AssignmentRecord unpack_assignment(std::span<const std::byte> bytes, const WorldTermsRecord& terms);
+/// Decodes the bytes of a Piece of kind `regions`: the map of that assignment.
+regions::RegionMap unpack_regions(std::span<const std::byte> bytes, const WorldTermsRecord& terms,
+                                  const AssignmentRecord& assignment);
 
 /// Serialises a shape. Of a support shape only the kind is stored.
 std::vector<std::byte> pack_shape(const ShapeDescription& shape);
 
-/// Restores a shape from the bytes of pack_shape(). The input is not trusted: throws Error if it is invalid. `support`
-/// returns the support function of shape number `shape`; throws Error if one is needed and `support` is null or returns
-/// null.
+/// Restores a shape from the bytes of pack_shape(). `support` returns the support function of shape number `shape`;
+/// throws Error if one is needed and `support` is null or returns null. ShapeTable::add checks sizes and coordinates.
 ShapeDescription unpack_shape(std::span<const std::byte> bytes, ShapeNumber shape,
                               const std::function<std::shared_ptr<const SupportFunction>(ShapeNumber)>& support);
 

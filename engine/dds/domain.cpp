@@ -24,9 +24,31 @@ namespace {
 
 constexpr std::uint32_t max_domain = 200;
 
-/// UDP port of the participant with index 0 of a domain, by the port mapping of the DDSI standard. A World uses index
-/// 0.
-constexpr std::uint32_t world_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 10; }
+/// Maximum number of Worlds of a domain on one machine: the one without a name has participant index 0, each of the
+/// others takes the first free one.
+constexpr std::uint32_t max_worlds = 8;
+
+/// UDP port of the participant with that index, by the port mapping of the DDSI standard.
+constexpr std::uint32_t world_port(std::uint32_t domain, std::uint32_t index = 0) noexcept {
+  return 7400 + 250 * domain + 10 + 2 * index;
+}
+
+/// Participant indices that a World with that name may have: [begin, end).
+struct IndexRange {
+  std::uint32_t begin, end;
+};
+IndexRange index_range_of(const NetworkConfig& network) noexcept {
+  return network.world.empty() ? IndexRange{0, 1} : IndexRange{1, max_worlds};
+}
+
+bool is_valid_name(const std::string& world) {
+  constexpr std::size_t max_characters = 64;
+  const auto is_allowed = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' || c == '-' ||
+           c == '_';
+  };
+  return world.size() <= max_characters && std::all_of(world.begin(), world.end(), is_allowed);
+}
 
 bool is_loopback(const std::string& interface) { return interface == "lo" || interface.rfind("127.", 0) == 0; }
 
@@ -48,6 +70,8 @@ void check(const NetworkConfig& network, Side side) {
           "socket_bytes (--socket-bytes) is " + std::to_string(network.socket_bytes) + "; 65536 to 1073741824");
   require(network.interface.find_first_of("<>&\"") == std::string::npos,
           "interface (--interface) is " + network.interface);
+  require(is_valid_name(network.world),
+          "world (--world) is \"" + network.world + "\"; up to 64 letters, digits, '.', '-' and '_'");
   for (const std::string& peer : network.peers) {
     require(!peer.empty() && peer.find_first_of("<>&\" ") == std::string::npos, "a peer (--peers) is \"" + peer + "\"");
   }
@@ -71,19 +95,25 @@ std::string general_settings(const NetworkConfig& network, bool multicast) {
   return tag("General", general);
 }
 
-std::string settings(const NetworkConfig& network, Side side, std::uint32_t domain) {
+std::string settings(const NetworkConfig& network, Side side, std::uint32_t domain, std::uint32_t index) {
   const bool local = is_loopback(network.interface);
   const bool multicast = !local && network.peers.empty();
-  std::string discovery = tag("ParticipantIndex", side == Side::world ? "0" : "none") + tag("SPDPInterval", "250 ms") +
-                          tag("LeaseDuration", "10 s");
+  std::string discovery = tag("ParticipantIndex", side == Side::world ? std::to_string(index) : "none") +
+                          tag("SPDPInterval", "250 ms") + tag("LeaseDuration", "10 s");
   std::vector<std::string> peers = network.peers;
   if (side == Side::node && local && peers.empty()) {
     peers.emplace_back("127.0.0.1");
   }
   std::string list;
+  const IndexRange indices = index_range_of(network);
   for (const std::string& peer : peers) {
-    const bool has_port = peer.find(':') != std::string::npos;
-    list += "<Peer address=\"" + peer + (has_port ? "" : ":" + std::to_string(world_port(domain))) + "\"/>";
+    if (peer.find(':') != std::string::npos) {
+      list += "<Peer address=\"" + peer + "\"/>";
+      continue;
+    }
+    for (std::uint32_t world_index = indices.begin; world_index < indices.end; ++world_index) {
+      list += "<Peer address=\"" + peer + ":" + std::to_string(world_port(domain, world_index)) + "\"/>";
+    }
   }
   if (!list.empty()) {
     discovery += tag("Peers", list);
@@ -233,27 +263,53 @@ Domain::Domain(const NetworkConfig& network, Side side) {
   number_ = network.domain == NetworkConfig::any_domain ? free_domain() : network.domain;
   const std::string where = " (domain " + std::to_string(number_) + ", interface " +
                             (network.interface.empty() ? "chosen by Cyclone DDS" : network.interface) + ")";
-  if (side == Side::world && !is_port_free(world_port(number_))) {
-    throw Error("UDP port " + std::to_string(world_port(number_)) + " is taken" + where +
-                ": another World uses this domain; choose another domain with --domain");
+  const auto is_usable = [&](std::uint32_t candidate) {
+    return side == Side::node || is_port_free(world_port(number_, candidate));
+  };
+  const IndexRange indices = side == Side::node ? IndexRange{0, 1} : index_range_of(network);
+  std::uint32_t index = indices.begin;
+  for (; index < indices.end && !is_usable(index); ++index) {
+  }
+  if (index == indices.end) {
+    throw Error(network.world.empty()
+                    ? "UDP port " + std::to_string(world_port(number_)) + " is taken" + where +
+                          ": another World uses this domain; choose another with --domain, or give this World a name "
+                          "with --world"
+                    : "UDP ports " + std::to_string(world_port(number_, indices.begin)) + " to " +
+                          std::to_string(world_port(number_, indices.end - 1)) + " are taken" + where + ": " +
+                          std::to_string(indices.end - indices.begin) +
+                          " Worlds with names use this domain on this machine; choose another with --domain");
   }
   dds_set_log_sink([](void*, const dds_log_data_t* line) { LogLines::all().add(line->message); }, nullptr);
-  try {
-    const link::ScopedBatchScheduling batch_scheduling;  // inherited by the threads that Cyclone DDS creates here
-    domain_ = Entity(dds_create_domain(number_, settings(network, side, number_).c_str()), "a domain");
-    participant_ = Entity(dds_create_participant(number_, nullptr, nullptr), "a participant");
-  } catch (const Error& error) {
-    std::string why = error.what() + where + "; check that the interface exists (ip addr)";
-    for (const std::string& line : LogLines::all().take(true)) {
-      why += "; " + line;
+  for (;;) {
+    try {
+      join(network, side, index);
+      break;
+    } catch (const Error& error) {
+      domain_.reset();
+      std::string why = error.what() + where + "; check that the interface exists (ip addr)";
+      for (const std::string& line : LogLines::all().take(true)) {
+        why += "; " + line;
+      }
+      // A process that started at the same time may have taken the port that was free.
+      for (++index; index < indices.end && !is_usable(index); ++index) {
+      }
+      if (index >= indices.end) {
+        throw Error(why);
+      }
     }
-    throw Error(why);
   }
   const auto make_topic = [&](const TopicKind& kind) {
     return Entity(dds_create_topic(participant_.get(), kind.type, kind.name, nullptr, nullptr), kind.name);
   };
   std::transform(topic_kinds.begin(), topic_kinds.end(), topics_.begin(), make_topic);
   pulse_topic_ = make_topic({&ringfence_wire_Pulse_desc, "ringfence_pulse"});
+}
+
+void Domain::join(const NetworkConfig& network, Side side, std::uint32_t index) {
+  const link::ScopedBatchScheduling batch_scheduling;  // inherited by the threads that Cyclone DDS creates here
+  domain_ = Entity(dds_create_domain(number_, settings(network, side, number_, index).c_str()), "a domain");
+  participant_ = Entity(dds_create_participant(number_, nullptr, nullptr), "a participant");
 }
 
 // A participant sends a liveliness message when four fifths of its shortest lease have passed. This writer, which
@@ -320,6 +376,7 @@ std::string Domain::socket_buffer_shortage(const NetworkConfig& network) {
 }
 
 std::string partition_of(std::uint64_t incarnation) { return "node-" + std::to_string(incarnation); }
+std::string partition_of_world(std::uint64_t world) { return "world-" + std::to_string(world); }
 
 std::uint64_t random_incarnation() {
   std::random_device device;

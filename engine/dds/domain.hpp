@@ -55,6 +55,9 @@ inline constexpr std::size_t topic_count = 5;
 
 /// A process's membership in a DDS domain: one participant, with the topics of wire.idl.
 ///
+/// Presence and Terms are in the partition NetworkConfig::world, so Worlds and nodes with different names do not see
+/// each other. Pieces and parcels are in the partition of one World or of one node.
+///
 /// Configured from NetworkConfig only, not from the environment. Writers never wait: a write that finds the cache of
 /// unacknowledged samples full returns DDS_RETCODE_TIMEOUT.
 ///
@@ -94,6 +97,8 @@ class Domain {
   static std::string socket_buffer_shortage(const NetworkConfig& network);
 
  private:
+  void join(const NetworkConfig& network, Side side, std::uint32_t index);
+
   std::uint32_t number_ = 0;
   Entity domain_;
   Entity participant_;
@@ -107,8 +112,10 @@ constexpr TopicQos liveliness_qos(double lease_ms) noexcept { return {true, fals
 inline constexpr TopicQos piece_qos{true, false, 0};
 inline constexpr TopicQos parcel_qos{false, true, 0};
 
-/// The partition of one node.
+/// The partition of one node, for the parcels that its World sends.
 std::string partition_of(std::uint64_t incarnation);
+/// The partition of one World, for its pieces and the parcels that its nodes send.
+std::string partition_of_world(std::uint64_t world);
 
 /// A random number that identifies a process.
 std::uint64_t random_incarnation();

@@ -1,13 +1,17 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <deque>
+#include <exception>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include <unistd.h>
 
 #include "base/floating_point.hpp"
 #include "dds/node_session.hpp"
+#include "dds/release.hpp"
 #include "link/scoped_batch_scheduling.hpp"
 #include "ringfence/cluster.hpp"
 #include "ringfence/error.hpp"
@@ -45,9 +49,7 @@ class NodeService::Implementation {
     if (config_.name.empty()) {
       config_.name = own_name();
     }
-    up_ = domain_.writer(Topic::up, parcel_qos, {});
-    Domain::set_hook(up_, control_hook_);
-    read_world();
+    read_terms();
     if (const std::string shortage = Domain::socket_buffer_shortage(config_.network); !shortage.empty()) {
       log(LogLevel::warning, shortage);
     }
@@ -55,6 +57,7 @@ class NodeService::Implementation {
 
   ~Implementation() {
     session_.reset();
+    refusals_.clear();
     terms_.reset();
     pieces_.reset();
     up_.reset();
@@ -87,12 +90,11 @@ class NodeService::Implementation {
     }
   }
 
-  // New readers for each World: they receive again what another World published while this one was served.
-  void read_world() {
-    terms_ = domain_.reader(Topic::terms, liveliness_qos(config_.network.lease_ms), {});
-    pieces_ = domain_.reader(Topic::piece, piece_qos, {});
+  // A new reader after each World: it receives the terms of all Worlds again, also of those that were published while
+  // another World was served.
+  void read_terms() {
+    terms_ = domain_.reader(Topic::terms, liveliness_qos(config_.network.lease_ms), config_.network.world);
     Domain::set_hook(terms_, control_hook_);
-    Domain::set_hook(pieces_, control_hook_);
   }
 
   // Whether a step may find work; evaluated many times per frame.
@@ -116,8 +118,8 @@ class NodeService::Implementation {
       read_announcements();
     }
     check_world();
-    if (std::exchange(renew_readers_, false)) {
-      read_world();
+    if (std::exchange(renew_terms_, false)) {
+      read_terms();
     }
     drains_seen_ = drains_.load(std::memory_order_acquire);
     if (drains_seen_ != 0) {
@@ -126,7 +128,12 @@ class NodeService::Implementation {
     if (session_ != nullptr) {
       const bool parcels = parcels_wait_.exchange(false, std::memory_order_acquire);
       parcels_arrived_ |= parcels;
-      progressed = session_->step(parcels);
+      try {
+        progressed = session_->step(parcels);
+      } catch (const std::exception& error) {
+        refuse(world_->number(), error.what());
+        return true;
+      }
       for (const std::string& failure : world_->shapes().take_support_failures()) {
         log(LogLevel::warning, failure + "; pairs for which it fails have no contact");
       }
@@ -143,10 +150,16 @@ class NodeService::Implementation {
 
   void read_announcements() {
     take_all<TermsSample>(terms_, [&](const TermsSample& sample, const dds_sample_info_t& info) {
-      if (info.instance_state == DDS_IST_NOT_ALIVE_DISPOSED && world_ != nullptr && sample.world == world_->number()) {
-        forget_world(ExitReason::dismissed, "the World has ended");
-      } else if (info.valid_data && info.instance_state == DDS_IST_ALIVE && world_ == nullptr) {
-        join_world(sample);
+      const bool alive = info.instance_state == DDS_IST_ALIVE;
+      if (world_ == nullptr) {
+        if (info.valid_data && alive && !ending_) {
+          join_world(sample);
+        }
+      } else if (sample.world == world_->number()) {
+        world_is_alive_ = alive;
+        if (info.instance_state == DDS_IST_NOT_ALIVE_DISPOSED) {
+          forget_world(ExitReason::dismissed, "the World has ended");
+        }
       }
     });
     if (world_ == nullptr) {
@@ -158,8 +171,8 @@ class NodeService::Implementation {
           world_->add(piece);
         }
       });
-    } catch (const Error& error) {
-      refuse(error.what());
+    } catch (const std::exception& error) {
+      refuse(world_->number(), error.what());
       return;
     }
     if (session_ != nullptr) {
@@ -170,29 +183,43 @@ class NodeService::Implementation {
   }
 
   void join_world(const TermsSample& sample) {
-    std::uint8_t order[4];
-    write_byte_order(order);
-    WorldTermsRecord record;
-    const auto bytes = bytes_of(sample.bytes);
-    if (sample.version != wire_version || !std::equal(order, order + 4, sample.order) ||
-        sample.layout != record_layout_hash() || bytes.size() != sizeof record) {
-      log(LogLevel::error, "the World of domain " + std::to_string(domain_.number()) +
-                               " has another version, byte order or record layout");
-      ending_ = config_.once ? std::optional(ExitReason::refused) : ending_;
+    const auto is_of_world = [&](const Refusal& refusal) { return refusal.world == sample.world; };
+    if (std::any_of(refusals_.begin(), refusals_.end(), is_of_world)) {
       return;
     }
-    std::memcpy(&record, bytes.data(), sizeof record);
-    domain_.start_heartbeat(record.lease_ms);
-    presence_ = domain_.writer(Topic::presence, liveliness_qos(record.lease_ms), {});
     try {
-      world_ = std::make_unique<JoinedWorld>(sample.world, record, config_);
-    } catch (const Error& error) {
-      log(LogLevel::error, error.what());
-      ending_ = config_.once ? std::optional(ExitReason::refused) : ending_;
+      check_release(sample);
+      const WorldTermsRecord terms = unpack_terms(bytes_of(sample.bytes));
+      world_ = std::make_unique<JoinedWorld>(sample.world, terms, config_);
+      domain_.start_heartbeat(terms.lease_ms);
+      presence_ = domain_.writer(Topic::presence, liveliness_qos(terms.lease_ms), config_.network.world);
+      const std::string own = partition_of_world(sample.world);
+      up_ = domain_.writer(Topic::up, parcel_qos, own);
+      Domain::set_hook(up_, control_hook_);
+      pieces_ = domain_.reader(Topic::piece, piece_qos, own);
+      Domain::set_hook(pieces_, control_hook_);
+    } catch (const std::exception& error) {
+      refuse(sample.world, error.what());
       return;
     }
+    world_is_alive_ = true;
     last_alive_ = Clock::now();
     begin_session();
+  }
+
+  // Throws Error for a World of another version, byte order or release: its records could be misread, and its contacts
+  // could differ in a bit.
+  void check_release(const TermsSample& sample) const {
+    std::uint8_t order[4];
+    write_byte_order(order);
+    if (sample.version != wire_version || !std::equal(order, order + 4, sample.order) ||
+        sample.layout != fingerprint()) {
+      const std::string name = std::string(sample.name == nullptr ? "" : sample.name).substr(0, 200);
+      throw Error("the World of domain " + std::to_string(domain_.number()) +
+                  " has another version, byte order, record layout or release: it is \"" + name +
+                  "\", this node is \"ringfence " + own_release() +
+                  "\"; install one release of ringfence on all machines");
+    }
   }
 
   void begin_session() {
@@ -209,21 +236,47 @@ class NodeService::Implementation {
     }
   }
 
-  void refuse(const std::string& reason) {
-    log(LogLevel::error, reason);
-    session_->refuse(reason);
+  // Sends the World the reason and waits for other Worlds.
+  void refuse(std::uint64_t world, const std::string& reason) {
+    log(LogLevel::error, reason + "; the node refuses this World");
+    leave_world();
+    Entity writer = domain_.writer(Topic::presence, liveliness_qos(config_.network.lease_ms), config_.network.world);
+    write_presence(writer.get(), random_incarnation(), world, config_.name, NodeState::refused, reason);
     if (config_.once) {
-      dds_wait_for_acks(presence_.get(), DDS_MSECS(200));  // gives the World time to receive and log the reason
+      await_reader(writer.get());
       ending_ = ExitReason::refused;
     }
+    refusals_.push_back({world, std::move(writer)});
+    if (refusals_.size() > max_refusals) {
+      refusals_.pop_front();
+    }
+  }
+
+  // Gives the World time to receive the reason before this process ends: the discovery of its reader may take several
+  // round trips.
+  static void await_reader(dds_entity_t writer) {
+    constexpr int max_ms = 500;
+    dds_publication_matched_status_t matched{};
+    for (int ms = 0; ms < max_ms && matched.current_count == 0; ++ms) {
+      dds_sleepfor(DDS_MSECS(1));
+      dds_get_publication_matched_status(writer, &matched);
+    }
+    dds_wait_for_acks(writer, DDS_MSECS(200));
+  }
+
+  void leave_world() {
+    session_.reset();
+    presence_.reset();
+    up_.reset();
+    pieces_.reset();
+    world_.reset();
+    silent_ = false;
+    renew_terms_ = true;
   }
 
   void forget_world(ExitReason ending, const char* why) {
     log(LogLevel::info, why);
-    session_.reset();
-    presence_.reset();
-    world_.reset();
-    renew_readers_ = true;
+    leave_world();
     if (config_.once) {
       ending_ = drains_.load(std::memory_order_acquire) != 0 ? ExitReason::drained : ending;
     }
@@ -235,9 +288,7 @@ class NodeService::Implementation {
     if (std::exchange(parcels_arrived_, false)) {
       return false;
     }
-    dds_liveliness_changed_status_t liveliness{};
-    return dds_get_liveliness_changed_status(terms_.get(), &liveliness) != DDS_RETCODE_OK ||
-           liveliness.alive_count == 0;
+    return !world_is_alive_;
   }
 
   // Called with every step, so it queries DDS only every 10 ms, or while the World is silent.
@@ -280,6 +331,13 @@ class NodeService::Implementation {
     }
   }
 
+  static constexpr std::size_t max_refusals = 16;
+  /// A refused World, and the writer whose sample holds the reason. The sample exists as long as the writer.
+  struct Refusal {
+    std::uint64_t world;
+    Entity presence;
+  };
+
   NodeServiceConfig config_;
   link::Doorbell bell_;
   std::atomic<bool> control_waits_{false};
@@ -290,6 +348,7 @@ class NodeService::Implementation {
   Domain::Hook parcel_hook_;
   Domain domain_;
   Entity up_, terms_, pieces_, presence_;
+  std::deque<Refusal> refusals_;
   std::unique_ptr<JoinedWorld> world_;
   std::unique_ptr<NodeSession> session_;
   std::optional<ExitReason> ending_;
@@ -297,7 +356,8 @@ class NodeService::Implementation {
   Clock::time_point last_check_{};
   bool silent_ = false;
   bool parcels_arrived_ = false;  ///< a parcel has arrived since the last call of is_world_silent()
-  bool renew_readers_ = false;
+  bool renew_terms_ = false;
+  bool world_is_alive_ = false;     ///< the lease of its terms has not expired
   bool assignment_logged_ = false;  ///< the session is assigned, and this was logged
 };
 

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <utility>
 
+#include "dds/release.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/error.hpp"
 
@@ -38,9 +39,16 @@ void JoinedWorld::make_model(std::span<const std::byte> setup) {
 }
 
 void JoinedWorld::add(const PieceSample& piece) {
+  if (static_cast<PieceKind>(piece.kind) == PieceKind::shape && piece.number < shapes_.size()) {
+    return;
+  }
   assembler_.add(piece);
   if (!ready_ && terms_.setup_bytes != 0) {
     if (const auto* setup = assembler_.find(PieceKind::setup, 0, 0)) {
+      if (setup->size() != terms_.setup_bytes) {
+        throw Error("the World's setup has " + std::to_string(setup->size()) + " bytes; its terms state " +
+                    std::to_string(terms_.setup_bytes));
+      }
       make_model(*setup);
     }
   }
@@ -74,18 +82,20 @@ NodeSession::~NodeSession() {
   dds_dispose(presence_, &sample);
 }
 
-void NodeSession::publish_state(NodeState state, const std::string& reason) {
-  state_ = state;
-  std::string name = name_;
-  std::string why = reason;
-  PresenceSample sample{
-      incarnation_,    wire_version, {},        record_layout_hash(), static_cast<std::uint32_t>(state),
-      world_.number(), name.data(),  why.data()};
+void write_presence(dds_entity_t writer, std::uint64_t incarnation, std::uint64_t world, const std::string& name,
+                    NodeState state, const std::string& reason) {
+  std::string own_name = name;
+  std::string own_reason = reason;
+  PresenceSample sample{incarnation,     wire_version,     {}, fingerprint(), static_cast<std::uint32_t>(state), world,
+                        own_name.data(), own_reason.data()};
   write_byte_order(sample.order);
-  dds_write(presence_, &sample);
+  dds_write(writer, &sample);
 }
 
-void NodeSession::refuse(const std::string& reason) { publish_state(NodeState::refused, reason); }
+void NodeSession::publish_state(NodeState state) {
+  state_ = state;
+  write_presence(presence_, incarnation_, world_.number(), name_, state, own_release());
+}
 
 void NodeSession::announce_when_ready(bool up_matched) {
   if (state_ != NodeState::joining || !up_matched || !world_.is_ready()) {
@@ -125,6 +135,7 @@ bool NodeSession::step(bool parcels_wait) {
     return progressed;
   }
   progressed |= role_->step() == Step::progressed;
+  check_messages();
   const std::uint64_t before = parcel_channel_.sent();
   parcel_channel_.gather(*channel_.first().in);
   parcel_channel_.flush();
@@ -144,12 +155,13 @@ bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& of
     channel_.first().out->publish();
     return all;
   }
-  AssignmentRecord assignment_record;
-  if (kind != ParcelKind::assign || bytes.size() != sizeof assignment_record) {
-    return true;
+  return kind != ParcelKind::assign || assign(unpack_assignment(bytes, world_.terms()));
+}
+
+void NodeSession::check_messages() const {
+  if (role_->invalid_messages() != 0) {
+    throw Error("the World sent a message that breaks the protocol");
   }
-  std::memcpy(&assignment_record, bytes.data(), sizeof assignment_record);
-  return assign(assignment_record);
 }
 
 // Called between frames: the role is idle and its rings are empty.
@@ -173,13 +185,16 @@ bool NodeSession::assign(const AssignmentRecord& assignment_record) {
     setup.objects = assignment_record.objects;
     setup.pairs = assignment_record.pairs;
     setup.server = channel_.second();
-    std::vector<std::uint32_t> owners(assignment_record.map_words);
-    std::memcpy(owners.data(), table->data(), table->size());
-    regions::RegionMap map(regions::CellGrid{{terms.cells_log2[0], terms.cells_log2[1], terms.cells_log2[2]}}, 1);
-    map.assign(owners, assignment_record.map_nodes, assignment_record.epoch);
-    role_ = std::make_unique<nodes::CdNodeRole>(setup, map);
+    // A removed object keeps its slot for one frame, so there may be twice as many slots as objects.
+    setup.max_slots =
+        static_cast<std::uint32_t>(std::min<std::uint64_t>(2 * std::uint64_t{terms.max_objects}, 0xffffffffu));
+    role_ = std::make_unique<nodes::CdNodeRole>(setup, unpack_regions(*table, terms, assignment_record));
   } else {
     while (role_->step() == Step::progressed) {
+    }
+    check_messages();
+    if (!role_->is_between_frames()) {
+      throw Error("the World assigned the node again within a frame");
     }
   }
   // Messages from peers arrive through the server connection, which the role reads anyway.

@@ -24,7 +24,7 @@ namespace ringfence::dds {
 /// Threads: one.
 class JoinedWorld {
  public:
-  /// Throws Error if the parameters cannot be met. `config` outlives it.
+  /// Throws Error if the parameters cannot be met. `terms` are the result of unpack_terms(). `config` outlives it.
   JoinedWorld(std::uint64_t number, const WorldTermsRecord& terms, const NodeServiceConfig& config);
 
   std::uint64_t number() const noexcept { return number_; }
@@ -37,7 +37,8 @@ class JoinedWorld {
     return assembler_.find(PieceKind::regions, 0, epoch);
   }
 
-  /// Adds a piece and processes what is complete. Throws Error if a shape or the embedder's setup is invalid.
+  /// Adds a piece and processes what is complete. Throws Error if the piece, a shape or the embedder's setup is
+  /// invalid.
   void add(const PieceSample& piece);
   /// Whether the motion model exists, or none is needed.
   bool is_ready() const noexcept { return ready_; }
@@ -54,6 +55,10 @@ class JoinedWorld {
   PieceAssembler assembler_;
   bool ready_ = false;
 };
+
+/// Writes the Presence of a node for a World.
+void write_presence(dds_entity_t writer, std::uint64_t incarnation, std::uint64_t world, const std::string& name,
+                    NodeState state, const std::string& reason);
 
 /// One membership of a node process in a World: from the announcement to the dismissal.
 ///
@@ -73,11 +78,10 @@ class NodeSession {
 
   /// Announces that the node is ready when it is. `up_matched`: the World receives this node's parcels.
   void announce_when_ready(bool up_matched);
-  /// Does what can be done now; returns whether that was anything.
+  /// Does what can be done now; returns whether that was anything. Throws Error if the World breaks the protocol.
   bool step(bool parcels_wait);
   /// Starts to leave; true if there is nothing to hand over.
   bool leave();
-  void refuse(const std::string& reason);
   /// Asks the World whether this node is still assigned.
   void query_assignment() { parcel_channel_.send_unnumbered(ParcelKind::assignment_query); }
 
@@ -86,9 +90,10 @@ class NodeSession {
   bool is_over() const noexcept { return over_; }
 
  private:
-  void publish_state(NodeState state, const std::string& reason = {});
+  void publish_state(NodeState state);
   bool deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes);
   bool assign(const AssignmentRecord& assignment_record);
+  void check_messages() const;
 
   JoinedWorld& world_;
   std::uint64_t incarnation_;

@@ -1,12 +1,27 @@
 #include "dds/piece_assembler.hpp"
 
 #include <algorithm>
+#include <string>
+
+#include "ringfence/error.hpp"
 
 namespace ringfence::dds {
 
 namespace {
 
 constexpr std::size_t piece_bytes = 48'000;
+constexpr std::uint32_t max_parts = (std::uint32_t{1} << 30) / piece_bytes + 1;
+constexpr std::uint32_t max_shapes = std::uint32_t{1} << 24;
+
+void check(const PieceSample& piece) {
+  const bool is_known = piece.kind <= static_cast<std::uint32_t>(PieceKind::setup);
+  if (!is_known || piece.number >= max_shapes || piece.parts == 0 || piece.parts > max_parts ||
+      piece.part >= piece.parts || piece.bytes._length > piece_bytes) {
+    throw Error("no World sends a piece of kind " + std::to_string(piece.kind) + ", number " +
+                std::to_string(piece.number) + ", part " + std::to_string(piece.part) + " of " +
+                std::to_string(piece.parts) + " with " + std::to_string(piece.bytes._length) + " bytes");
+  }
+}
 
 }  // namespace
 
@@ -36,6 +51,7 @@ bool write_pieces(dds_entity_t writer, std::uint64_t world, PieceKind kind, std:
 }
 
 void PieceAssembler::add(const PieceSample& piece) {
+  check(piece);
   Assembly& assembly = assemblies_[{piece.kind, piece.number}];
   if (assembly.epoch != piece.epoch || assembly.parts != piece.parts) {
     assembly = {};
@@ -43,7 +59,7 @@ void PieceAssembler::add(const PieceSample& piece) {
     assembly.parts = piece.parts;
   }
   const auto bytes = bytes_of(piece.bytes);
-  if (assembly.is_complete || piece.part >= piece.parts) {
+  if (assembly.is_complete) {
     return;
   }
   assembly.received[piece.part].assign(bytes.begin(), bytes.end());

@@ -19,7 +19,7 @@ bool write_pieces(dds_entity_t writer, std::uint64_t world, PieceKind kind, std:
 /// Reassembles pieces. Threads: one.
 class PieceAssembler {
  public:
-  /// Copies the piece.
+  /// Copies the piece. Throws Error if its kind is unknown, or if it has more or larger parts than a World sends.
   void add(const PieceSample& piece);
   /// The complete bytes with that epoch, or null; valid until the next add of the same kind and number, or drop.
   const std::vector<std::byte>* find(PieceKind kind, std::uint32_t number, std::uint32_t epoch) const;

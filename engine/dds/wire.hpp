@@ -60,7 +60,7 @@ static_assert(sizeof(AssignmentRecord) == 40 && std::is_trivially_copyable_v<Ass
 /// Version of this protocol between processes. Messages have a version of their own.
 inline constexpr std::uint32_t wire_version = 1;
 
-/// Hash of the record sizes; differs if records have another layout.
+/// Hash of the record sizes; differs if records have another layout. See fingerprint().
 constexpr std::uint64_t record_layout_hash() noexcept {
   using namespace messages;
   std::uint64_t hash = 0xcbf29ce484222325u;

@@ -28,15 +28,17 @@ struct Connection {
   NodePublication* publication = nullptr;
 };
 
-/// Reads all messages from `in`, calls receive(message) for each valid one, and releases the ring space. Returns
-/// whether there was any message.
-template <class Receive>
-bool drain(link::Receiver& in, std::size_t state_bytes, Receive receive) {
+/// Reads all messages from `in`, calls receive(message) for each valid one and refuse() for each other one, and
+/// releases the ring space. Returns whether there was any message.
+template <class Receive, class Refuse>
+bool drain(link::Receiver& in, std::size_t state_bytes, Receive receive, Refuse refuse) {
   bool any = false;
   for (auto bytes = in.next(); !bytes.empty(); bytes = in.next()) {
     messages::MessageView message;
     if (messages::decode(bytes, state_bytes, message) == Status::ok) {
       receive(message);
+    } else {
+      refuse();
     }
     any = true;
   }

@@ -54,7 +54,7 @@ void Refinement::cut(Leaf leaf, std::size_t begin, std::size_t end, const Limits
     }
   }
   const std::size_t cuts = (table_.size() - grid_.cells()) / 2;
-  if (leaf.weight <= limits.heaviest || axis == 3 || cuts >= most_cuts) {
+  if (leaf.weight <= limits.heaviest || axis == 3 || cuts >= max_cuts) {
     leaves_.push_back(leaf);
     return;
   }

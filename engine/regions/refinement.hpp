@@ -21,15 +21,15 @@ struct Weight {
 /// A crowd that fits into one cell can then be divided among nodes. The result is a table for RegionMap whose owners
 /// are filled in later. Method: below each heavy cell, a k-d tree with cuts in the middle.
 ///
-/// Threads: one at a time. Memory: grows to the largest result, at most `most_cuts` cuts.
+/// Threads: one at a time. Memory: grows to the largest result, at most `max_cuts` cuts.
 class Refinement {
  public:
-  static constexpr std::size_t most_cuts = 16384;
+  static constexpr std::size_t max_cuts = RegionMap::max_cuts;
 
   explicit Refinement(const CellGrid& grid);
 
   /// Sums the weights into leaves. No leaf is heavier than `heaviest`, unless a cut would make a side shorter than
-  /// `smallest` (fixed-point steps, at least 1 on each axis) or there are `most_cuts` cuts already.
+  /// `smallest` (fixed-point steps, at least 1 on each axis) or there are `max_cuts` cuts already.
   void refine(std::span<const Weight> weights, double heaviest, const std::uint32_t (&smallest)[3]);
 
   /// The leaves of the last refine().

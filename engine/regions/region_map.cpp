@@ -180,6 +180,46 @@ bool RegionMap::has_cuts(const CellBox& box) const noexcept {
   return false;
 }
 
+bool RegionMap::is_table(std::span<const std::uint32_t> table, const CellGrid& grid, std::uint32_t nodes) {
+  const std::size_t cells = grid.cells();
+  if (table.size() < cells || table.size() > max_entries(grid) || (table.size() - cells) % 2 != 0) {
+    return false;
+  }
+  const std::size_t cuts = (table.size() - cells) / 2;
+  struct OpenPart {
+    std::uint32_t entry;
+    std::uint32_t bits[3];  ///< log2 of its sides
+  };
+  // Terminates, because every cut adds two parts and is visited once.
+  std::vector<bool> visited(cuts, false);
+  std::vector<OpenPart> open;
+  for (std::size_t cell = 0; cell < cells; ++cell) {
+    open.push_back({table[cell], {32 - grid.log2[0], 32 - grid.log2[1], 32 - grid.log2[2]}});
+    while (!open.empty()) {
+      OpenPart part = open.back();
+      open.pop_back();
+      if (!is_cut(part.entry)) {
+        if (part.entry >= nodes) {
+          return false;
+        }
+        continue;
+      }
+      const std::size_t axis = axis_of(part.entry);
+      const std::size_t cut = part.entry & cut_bits;
+      if (axis > 2 || cut >= cuts || visited[cut] || part.bits[axis] == 0) {
+        return false;
+      }
+      visited[cut] = true;
+      --part.bits[axis];
+      for (std::size_t half = 0; half < 2; ++half) {
+        part.entry = table[cells + 2 * cut + half];
+        open.push_back(part);
+      }
+    }
+  }
+  return true;
+}
+
 void RegionMap::assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch) {
   assert(table.size() >= grid_.cells() && (table.size() - grid_.cells()) % 2 == 0);
   table_.assign(table.begin(), table.end());

@@ -162,11 +162,21 @@ class RegionMap {
   /// loops.
   geometry::Bounds interior(NodeNumber node) const;
 
-  /// Replaces the table. Precondition: the table is well-formed and its owners are below `nodes`.
+  /// Whether `table`, which may come from the network, is a valid table for a map of `grid`: every cell or part of a
+  /// cell is owned by a node below `nodes` or cut across an axis that can be cut, and every cut belongs to one cell or
+  /// part.
+  static bool is_table(std::span<const std::uint32_t> table, const CellGrid& grid, std::uint32_t nodes);
+  /// Maximum number of cuts of a map.
+  static constexpr std::size_t max_cuts = 16384;
+  /// Maximum size of a table: one entry for each cell, and two for each cut.
+  static std::size_t max_entries(const CellGrid& grid) noexcept { return grid.cells() + 2 * max_cuts; }
+
+  /// Replaces the table. Precondition: is_table(table, grid(), nodes).
   void assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch);
 
  private:
   static constexpr std::uint32_t is_cut_bit = std::uint32_t{1} << 31;
+  static constexpr std::uint32_t cut_bits = 0x1fffffffu;
 
   /// A cell or a part of one: its lower corner and log2 of its sides.
   struct Part {
@@ -175,7 +185,7 @@ class RegionMap {
   };
 
   std::size_t halves_of(std::uint32_t entry) const noexcept {
-    return grid_.cells() + 2 * std::size_t{entry & 0x1fffffffu};
+    return grid_.cells() + 2 * std::size_t{entry & cut_bits};
   }
   /// Whether uniform_boxes_ shows that one node owns all cells of the box whose lowest cell is `cell`. Most bounds are
   /// smaller than a cell, so their boxes span one or two cells on each axis.

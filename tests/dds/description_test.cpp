@@ -1,13 +1,18 @@
 #include "dds/description.hpp"
 
+#include <algorithm>
 #include <cstring>
+#include <limits>
 #include <random>
+#include <string>
 #include <variant>
 #include <vector>
 
 #include <doctest/doctest.h>
 
 #include "dds/piece_assembler.hpp"
+#include "geometry/bounds.hpp"
+#include "geometry/shape_table.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence {
@@ -29,6 +34,46 @@ bool fails(std::span<const std::byte> bytes) {
   } catch (const Error&) {
     return true;
   }
+}
+
+using dds::AssignmentRecord;
+using dds::WorldTermsRecord;
+
+template <class Record>
+std::span<const std::byte> bytes_of(const Record& record) {
+  return std::as_bytes(std::span(&record, 1));
+}
+std::vector<std::byte> copy_of(std::span<const std::byte> bytes) { return {bytes.begin(), bytes.end()}; }
+
+/// The message of the Error that `decode` throws; empty if it throws none.
+template <class Decode>
+std::string reason(Decode decode) {
+  try {
+    decode();
+    return {};
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
+WorldTermsRecord some_terms() {
+  WorldTermsRecord record;
+  std::fill_n(record.bounds_max, 3, 10.0);
+  record.cells_log2[0] = record.cells_log2[1] = 2;
+  record.cells_log2[2] = 1;
+  record.lease_ms = 100;
+  record.max_objects = 1000;
+  return record;
+}
+
+AssignmentRecord some_assignment() {
+  AssignmentRecord assignment;
+  assignment.count = 3;
+  assignment.number = 1;
+  assignment.objects = assignment.pairs = 64;
+  assignment.map_nodes = 3;
+  assignment.map_words = 32;
+  return assignment;
 }
 
 }  // namespace
@@ -62,6 +107,136 @@ TEST_CASE("bytes that are not a shape are refused") {
     std::memcpy(bytes.data(), &kind, sizeof kind);
     fails(bytes);  // may fail or not, but must not read past the end
   }
+}
+
+TEST_CASE("terms, assignments and region maps with invalid numbers are refused, and the message names the number") {
+  const auto terms = [](void (*change)(WorldTermsRecord&)) {
+    WorldTermsRecord record = some_terms();
+    change(record);
+    return reason([&] { dds::unpack_terms(bytes_of(record)); });
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  CHECK(terms([](auto&) {}).empty());
+  CHECK(terms([](auto& record) { record.bounds_max[2] = 1.0 / 0.0; }).find("bounds") != std::string::npos);
+  CHECK(terms([](auto& record) { record.bounds_min[0] = 20; }).find("min <= max") != std::string::npos);
+  CHECK(terms([](auto& record) { record.cells_log2[1] = 11; }).find("expected at most 2^10") != std::string::npos);
+  CHECK(terms([](auto& record) { record.lease_ms = 1e300; }).find("a lease") != std::string::npos);
+  CHECK(terms([](auto& record) { record.placement = 2; }).find("placement 2") != std::string::npos);
+  CHECK(terms([](auto& record) { record.state_bytes = 1u << 31; }).find("model state") != std::string::npos);
+  CHECK(terms([](auto& record) { record.setup_bytes = ~std::uint64_t{0}; }).find("a setup of") != std::string::npos);
+  CHECK(terms([](auto& record) { record.hosts = 2; }).find("a flag is 2") != std::string::npos);
+  CHECK(terms([](auto& record) { record.max_objects = 0; }).find("0 objects at most") != std::string::npos);
+  WorldTermsRecord record = some_terms();
+  record.lease_ms = nan;
+  CHECK(reason([&] { dds::unpack_terms(bytes_of(record)); }).find("a lease of nan") != std::string::npos);
+
+  const auto assignment = [](void (*change)(AssignmentRecord&)) {
+    AssignmentRecord changed = some_assignment();
+    change(changed);
+    return reason([&] { dds::unpack_assignment(bytes_of(changed), some_terms()); });
+  };
+  CHECK(assignment([](auto&) {}).empty());
+  CHECK(assignment([](auto& changed) { changed.number = 3; }).find("number 3 of 3 nodes") != std::string::npos);
+  CHECK(assignment([](auto& changed) { changed.count = 0; }).find("0 nodes; expected 1 to") != std::string::npos);
+  CHECK(assignment([](auto& changed) { changed.count = ~0u; }).find("nodes; expected 1 to") != std::string::npos);
+  CHECK(assignment([](auto& changed) { changed.objects = ~std::uint64_t{0}; }).find("to reserve") != std::string::npos);
+  CHECK(assignment([](auto& changed) { changed.map_nodes = 0; }).find("a map of 0 nodes") != std::string::npos);
+  CHECK(assignment([](auto& changed) { changed.map_words = 31; }).find("31 entries for 32 cells") != std::string::npos);
+
+  const auto map = [](std::vector<std::uint32_t> table) {
+    AssignmentRecord assigned = some_assignment();
+    assigned.map_words = static_cast<std::uint32_t>(table.size());
+    return reason([&] { dds::unpack_regions(std::as_bytes(std::span(table)), some_terms(), assigned); });
+  };
+  constexpr const char* not_owned = "not every cell, or part of one, is owned by one of 3 nodes";
+  std::vector<std::uint32_t> table(32, 2);
+  CHECK(map(table).empty());
+  table[7] = 3;
+  CHECK(map(table).find(not_owned) != std::string::npos);
+  table[7] = regions::RegionMap::cut_entry(0, 0);
+  CHECK(map(table).find(not_owned) != std::string::npos);  // there is no such cut
+  table.insert(table.end(), {0, 1});
+  CHECK(map(table).empty());
+  table[8] = regions::RegionMap::cut_entry(1, 0);  // two cells have the same halves
+  CHECK(map(table).find(not_owned) != std::string::npos);
+  table[8] = 2;
+  table[33] = regions::RegionMap::cut_entry(2, 0);  // the cut is a half of itself
+  CHECK(map(table).find(not_owned) != std::string::npos);
+  table[33] = 1;
+  table[7] = regions::RegionMap::cut_entry(3, 0);  // an invalid axis
+  CHECK(map(table).find(not_owned) != std::string::npos);
+  table[7] = regions::RegionMap::cut_entry(0, 0);
+  for (std::uint32_t cut = 0; cut < 40; ++cut) {  // parts smaller than a fixed-point step
+    table[32 + 2 * cut] = regions::RegionMap::cut_entry(0, cut + 1);
+    table.insert(table.end(), {0, 1});
+  }
+  CHECK(map(table).find(not_owned) != std::string::npos);
+}
+
+TEST_CASE("terms, an assignment, a map or a shape with any changed byte is refused or valid") {
+  const auto mutate = [](std::vector<std::byte> bytes, auto decode) {
+    for (std::size_t at = 0; at < bytes.size(); ++at) {
+      const std::byte old = bytes[at];
+      for (const unsigned mask : {1u, 2u, 4u, 8u, 16u, 32u, 64u, 128u, 255u}) {
+        bytes[at] = old ^ static_cast<std::byte>(mask);
+        reason([&] { decode(bytes); });
+      }
+      bytes[at] = old;
+    }
+  };
+  mutate(copy_of(bytes_of(some_terms())), [](std::span<const std::byte> bytes) {
+    const WorldTermsRecord terms = dds::unpack_terms(bytes);
+    const geometry::FixedSpace space({terms.bounds_min[0], terms.bounds_min[1], terms.bounds_min[2]},
+                                     {terms.bounds_max[0], terms.bounds_max[1], terms.bounds_max[2]});
+    CHECK(dds::grid_of(terms).cells() <= std::size_t{1} << 30);
+  });
+  mutate(copy_of(bytes_of(some_assignment())), [](std::span<const std::byte> bytes) {
+    const AssignmentRecord assignment = dds::unpack_assignment(bytes, some_terms());
+    CHECK(assignment.number < assignment.count);
+  });
+  std::vector<std::uint32_t> table(32, 1);
+  table[5] = regions::RegionMap::cut_entry(1, 0);
+  table.insert(table.end(), {0, 2});
+  AssignmentRecord assignment = some_assignment();
+  assignment.map_words = static_cast<std::uint32_t>(table.size());
+  mutate(copy_of(std::as_bytes(std::span(table))), [&](std::span<const std::byte> bytes) {
+    const regions::RegionMap map = dds::unpack_regions(bytes, some_terms(), assignment);
+    const std::uint32_t points[][3] = {{0, 0, 0}, {~0u, ~0u, ~0u}, {1u << 30, 1u << 31, 5}};
+    for (const auto& point : points) {
+      CHECK(map.owner_at(point) < 3);
+    }
+    std::size_t visits = 0;
+    map.visit_owners({{0, 0, 0}, {~0u, ~0u, ~0u}}, [&](NodeNumber node) { return ++visits, node < 3; });
+    CHECK(visits >= 32);
+  });
+  for (const ShapeDescription& shape : some_shapes()) {
+    mutate(pack_shape(shape), [](std::span<const std::byte> bytes) {
+      geometry::ShapeTable shapes;
+      shapes.add(unpack_shape(bytes, 0, nullptr));
+    });
+  }
+}
+
+TEST_CASE("a piece that no World sends is refused") {
+  const auto add = [](std::uint32_t kind, std::uint32_t number, std::uint32_t part, std::uint32_t parts,
+                      std::size_t size) {
+    const std::vector<std::byte> content(size);
+    dds::PieceSample piece{};
+    piece.kind = kind;
+    piece.number = number;
+    piece.part = part;
+    piece.parts = parts;
+    piece.bytes = dds::borrow(content);
+    dds::PieceAssembler assembler;
+    return reason([&] { assembler.add(piece); });
+  };
+  CHECK(add(0, 0, 0, 1, 10).empty());
+  CHECK(!add(3, 0, 0, 1, 10).empty());
+  CHECK(!add(0, 0xffffffffu, 0, 1, 10).empty());
+  CHECK(!add(0, 0, 0, 0, 10).empty());
+  CHECK(!add(0, 0, 1, 1, 10).empty());
+  CHECK(!add(0, 0, 0, 0xffffffffu, 10).empty());
+  CHECK(!add(0, 0, 0, 1, 50'000).empty());
 }
 
 TEST_CASE("a support function is not sent: the node supplies its own, or the World is refused") {

@@ -1,4 +1,5 @@
-// An incompatible node process, or one that refuses the World: announces itself until it is killed. Arguments: domain,
+// An incompatible node process, or one that refuses the World: reads the World's terms and announces itself until it is
+// killed. With Difference::world it announces itself twice, for another World and for this one. Arguments: domain,
 // Difference, NodeState, reason.
 #include "dds/incompatible_peer.hpp"
 
@@ -17,16 +18,35 @@ int main(int argc, char** argv) {
   dds::Domain domain(network, dds::Side::node);
   domain.start_heartbeat(network.lease_ms);
   const dds::Entity writer = domain.writer(dds::Topic::presence, dds::liveliness_qos(network.lease_ms), {});
+  const dds::Entity terms = domain.reader(dds::Topic::terms, dds::liveliness_qos(network.lease_ms), {});
+  std::uint64_t world = 0;
+  while (world == 0) {
+    dds::take_all<dds::TermsSample>(
+        terms, [&](const dds::TermsSample& sample, const dds_sample_info_t&) { world = sample.world; });
+    usleep(1000);
+  }
   char name[] = "peer";
   dds::PresenceSample sample{};
-  sample.incarnation = 5;
   sample.version = dds::wire_version;
   dds::write_byte_order(sample.order);
-  sample.layout = dds::record_layout_hash();
+  sample.layout = dds::fingerprint();
+  sample.world = world;
   sample.state = static_cast<std::uint32_t>(std::atoi(argv[3]));
   sample.name = name;
   sample.reason = argv[4];
-  test::make_incompatible(sample, static_cast<test::Difference>(std::atoi(argv[2])));
+  const auto difference = static_cast<test::Difference>(std::atoi(argv[2]));
+  const auto compatible = sample;
+  test::make_incompatible(sample, difference);
+  // Receives the parcels of a World, which assigns a node only if it finds this reader.
+  sample.incarnation = 4;
+  const dds::Entity down = domain.reader(dds::Topic::down, dds::parcel_qos, dds::partition_of(4));
   if (dds_write(writer.get(), &sample) != DDS_RETCODE_OK) return 3;
+  dds::Entity compatible_down;
+  if (difference == test::Difference::world) {
+    sample = compatible;
+    sample.incarnation = 6;
+    compatible_down = domain.reader(dds::Topic::down, dds::parcel_qos, dds::partition_of(6));
+    if (dds_write(writer.get(), &sample) != DDS_RETCODE_OK) return 3;
+  }
   for (;;) pause();
 }

@@ -3,12 +3,15 @@
 #include <cstdint>
 #include <utility>
 
+#include "dds/release.hpp"
 #include "dds/wire.hpp"
 
 namespace ringfence::test {
 
 /// In what the process is incompatible.
-enum class Difference : std::uint32_t { none, version, order, layout };
+enum class Difference : std::uint32_t { none, version, order, layout, release, world };
+/// A release with the same record layout as this one.
+inline constexpr const char* other_release = "9.8.7 (bits 6)";
 inline constexpr Difference differences[] = {Difference::version, Difference::order, Difference::layout};
 
 /// Changes a Presence or Terms as if it came from another version or machine.
@@ -26,6 +29,12 @@ void make_incompatible(Sample& sample, Difference difference) {
       break;
     case Difference::layout:
       sample.layout += 1;
+      break;
+    case Difference::release:
+      sample.layout = dds::fingerprint(other_release);
+      break;
+    case Difference::world:
+      sample.world += 1;
       break;
   }
 }

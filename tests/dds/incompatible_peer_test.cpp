@@ -41,6 +41,13 @@ struct IncompatiblePeerTest {
       return cluster.report().refused == 1;
     });
   }
+  /// Publishes the World's terms, from which a node gets the World's number.
+  void open() {
+    RemoteNodes::WorldParameters terms;
+    terms.config = &world_config;
+    cluster.remote_nodes()->open(terms);
+  }
+  WorldConfig world_config;
   bool has_logged(const std::string& text) const {
     return std::any_of(log.begin(), log.end(),
                        [&](const std::string& line) { return line.find(text) != std::string::npos; });
@@ -61,7 +68,7 @@ test::ProgramResult output_for(Difference difference, const dds::WorldTermsRecor
   sample.world = 7;
   sample.version = dds::wire_version;
   dds::write_byte_order(sample.order);
-  sample.layout = dds::record_layout_hash();
+  sample.layout = dds::fingerprint();
   sample.name = name;
   sample.bytes = dds::borrow(std::as_bytes(std::span(&record, 1)).first(bytes));
   test::make_incompatible(sample, difference);
@@ -75,6 +82,7 @@ dds::WorldTermsRecord some_terms() {
   dds::WorldTermsRecord record;
   std::fill_n(record.bounds_max, 3, 10.0);
   record.lease_ms = test::lease_ms;
+  record.max_objects = 1000;
   return record;
 }
 
@@ -84,14 +92,48 @@ TEST_CASE("a node with another version, byte order or record layout is not assig
   for (const Difference difference : test::differences) {
     INFO("difference ", static_cast<std::uint32_t>(difference));
     IncompatiblePeerTest cluster_test;
+    cluster_test.open();
     const test::Process peer = cluster_test.peer(difference, dds::NodeState::ready, "");
     CHECK(cluster_test.refuses());
-    CHECK(cluster_test.has_logged("node peer is refused: it has another version, byte order or record layout"));
+    CHECK(cluster_test.has_logged(
+        "node peer is refused: it has another version, byte order, record layout or release; install"));
   }
+}
+
+TEST_CASE("a node of another release with the same record layout is not assigned, and the log states what to do") {
+  IncompatiblePeerTest cluster_test;
+  cluster_test.open();
+  const test::Process peer = cluster_test.peer(Difference::release, dds::NodeState::ready, test::other_release);
+  CHECK(cluster_test.refuses());
+  CHECK(cluster_test.has_logged(
+      "node peer is refused: it has another version, byte order, record layout or release: release 9.8.7 (bits 6), the "
+      "World's is " +
+      dds::own_release() + "; install one release of ringfence on all machines"));
+}
+
+TEST_CASE("a World of another release is refused by a node, and the log states what to do") {
+  const test::ProgramResult answer = answer_to(Difference::release, some_terms(), sizeof(dds::WorldTermsRecord));
+  CHECK(answer.code == bad_use);
+  CHECK(answer.out.find("this node is \"ringfence " + dds::own_release() +
+                        "\"; install one release of ringfence on all machines") != std::string::npos);
+}
+
+TEST_CASE("a node that is ready for another World of the domain is not assigned") {
+  IncompatiblePeerTest cluster_test;
+  cluster_test.open();
+  // Announces itself as ready for another World with incarnation 4, then for this World with incarnation 6.
+  const test::Process peer = cluster_test.peer(Difference::world, dds::NodeState::ready, "");
+  std::vector<RemoteNodes::MemberId> ready;
+  CHECK(test::wait_until([&] {
+    ready = cluster_test.cluster.remote_nodes()->arrivals();
+    return !ready.empty() && ready.back() == 6;
+  }));
+  CHECK(ready == std::vector<RemoteNodes::MemberId>{6});
 }
 
 TEST_CASE("a node that refuses the World is counted, and its reason is logged") {
   IncompatiblePeerTest cluster_test;
+  cluster_test.open();
   const test::Process peer =
       cluster_test.peer(Difference::none, dds::NodeState::refused, "shape 3 has an unknown kind");
   CHECK(cluster_test.refuses());
@@ -110,7 +152,7 @@ TEST_CASE("a World with another version, byte order or record layout is refused 
 TEST_CASE("a World whose terms have another size or another motion model is refused by a node, which logs it") {
   const test::ProgramResult shorter = output_for(Difference::none, some_terms(), sizeof(dds::WorldTermsRecord) - 8);
   CHECK(shorter.code == bad_use);
-  CHECK(shorter.out.find("has another version") != std::string::npos);
+  CHECK(shorter.out.find("the World's terms: 224 bytes; expected 232") != std::string::npos);
   dds::WorldTermsRecord record = some_terms();
   record.has_model = 1;
   record.state_bytes = 16;

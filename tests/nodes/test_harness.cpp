@@ -127,7 +127,7 @@ void TestHarness::kill(NodeNumber node, std::size_t messages) { nodes_[active_[n
 // Passes messages between a node and the server until the node stops.
 bool TestHarness::pass(Node& node) {
   const std::size_t before = log_.size();
-  const bool from_node = node.out->pass({}, log_);
+  const bool from_node = node.out->pass(tamper_nodes, log_);
   const bool delivered = node.in->pass({}, log_);
   if (node.messages != ~std::size_t{0}) {
     node.messages -= std::min(node.messages, log_.size() - before);
@@ -276,6 +276,12 @@ void TestHarness::frame(const std::optional<RandomOrder>& random_order) {
     if (quiet == 3) {
       report_stopped_nodes();
       quiet = 0;
+    }
+  }
+  for (NodeNumber number = 0; number < active_.size(); ++number) {
+    Node& node = nodes_[active_[number]];
+    if (server_->is_broken(number) && node.role != nullptr) {
+      node.stopped_role = std::move(node.role);
     }
   }
   if (!report().lost.empty() || server_->map().nodes() < active_.size()) {

@@ -139,8 +139,9 @@ class TestHarness {
   /// avatars, each once and at its current pose, and nothing else; and that the relayed states were counted.
   void require_views() const;
 
-  TappedChannel::Tamper tamper;   ///< sees what user nodes send
-  std::function<void()> between;  ///< called once per round of a frame
+  TappedChannel::Tamper tamper;        ///< sees what user nodes send
+  TappedChannel::Tamper tamper_nodes;  ///< sees what CD nodes send to the server, except in frames in random order
+  std::function<void()> between;       ///< called once per round of a frame
   TappedChannel& from(UserNumber user) { return *users_.at(user).out; }
 
  private:

@@ -98,7 +98,7 @@ TEST_CASE("objects at one point do not cause endless cuts, and objects larger th
     RegionMap map(grid, 8);
     Balance balance(grid, {}, 0);
     run_frames(balance, map, crowd, 100);
-    CHECK(map.table().size() <= grid.cells() + 2 * Refinement::most_cuts);
+    CHECK(map.table().size() <= grid.cells() + 2 * Refinement::max_cuts);
     if (extent != 0) CHECK_FALSE(map.has_cuts());
     for (const NodeNumber node : {0u, 7u}) {
       bool owns = false;

@@ -6,6 +6,8 @@ namespace ringfence::tools {
 namespace {
 
 void add_network(CLI::App& command, dds::NetworkConfig& network) {
+  command.add_option("--world", network.world, "name of the world; worlds with different names can share a DDS domain")
+      ->type_name("NAME");
   command
       .add_option("--interface", network.interface, "name or address of the network interface; lo: this machine only")
       ->type_name("NAME");
@@ -40,7 +42,7 @@ void add_link(CLI::App& command, LinkOptions& link) {
             link.network.domain = domain;
             link.domain_given = true;
           },
-          "with dds: DDS domain, one per world; default: the first free one, or 0 with --wait-nodes")
+          "with dds: DDS domain, one per world name; default: the first free one, or 0 with --wait-nodes")
       ->check(between(0u, 200u))
       ->type_name("N");
   add_network(command, link.network);

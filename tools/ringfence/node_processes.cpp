@@ -62,6 +62,7 @@ void NodeProcesses::start_node() {
                                     "--domain",       std::to_string(network_.domain),
                                     "--interface",    network_.interface,
                                     "--socket-bytes", std::to_string(network_.socket_bytes)};
+  if (!network_.world.empty()) words.insert(words.end(), {"--world", network_.world});
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);

@@ -23,9 +23,12 @@ namespace ringfence::dds {
 struct NetworkConfig {
   static constexpr std::uint32_t any_domain = 0xffffffffu;
 
-  /// DDS domain, one World per domain: 0 to 200. For a World also any_domain: the first domain whose port is free on
-  /// this machine.
+  /// DDS domain: 0 to 200. For a World also any_domain: the first domain whose port is free on this machine.
   std::uint32_t domain = 0;
+  /// Name of the World; Worlds with different names can share a domain, and a node serves only Worlds with its name. Up
+  /// to 64 letters, digits, '.', '-' and '_'; the empty name is also a name. On one machine, a domain holds one World
+  /// with the empty name and up to seven others.
+  std::string world;
   /// Name or address of the network interface; "lo" restricts the World to processes of this machine. Empty: Cyclone
   /// DDS chooses.
   std::string interface;
@@ -130,7 +133,7 @@ enum class ExitReason : std::uint8_t {
   drained,    ///< drain() was called, and everything was handed over
   dismissed,  ///< the World ended or released the node (only with NodeServiceConfig::once)
   abandoned,  ///< the World disappeared without releasing the node (only with NodeServiceConfig::once)
-  refused,    ///< node and World are incompatible (only with NodeServiceConfig::once)
+  refused,    ///< node and World are incompatible, or the World sent invalid data (only with NodeServiceConfig::once)
 };
 
 /// A CD node process: joins a domain, waits for a World and serves its frames.

@@ -69,6 +69,8 @@ void CdNodeRole::assign(NodeNumber node, const std::vector<Connection>& peers) {
   hand_over_runs_.resize(peers.size());
   stamps_.assign(peers.size(), 0);
   interior_ = map_.interior(node);
+  const auto count = static_cast<std::uint32_t>(peers.size());
+  map_fits_ = map_.nodes() <= count || regions::RegionMap::is_table(map_.table(), map_.grid(), count);
   keeps_host_owned_ = shares_states() && std::all_of(peers.begin(), peers.end(), [](const Connection& peer) {
                         return peer.out == nullptr || peer.node_contacts != nullptr;
                       });

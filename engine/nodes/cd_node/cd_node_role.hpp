@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -20,6 +21,7 @@
 #include "nodes/exchange/output_merge.hpp"
 #include "nodes/exchange/publications.hpp"
 #include "nodes/host/host.hpp"
+#include "nodes/message_check.hpp"
 #include "nodes/role.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
@@ -49,6 +51,8 @@ struct CdNodeSetup {
   regions::CellGrid interest_grid;  ///< cells of its publication, if the server connection has one
   std::size_t objects = 0;          ///< number to reserve for
   std::size_t pairs = 0;            ///< number to reserve for
+  /// Object slots are below this number. Checked if the server is in another process.
+  std::uint32_t max_slots = std::numeric_limits<std::uint32_t>::max();
   Connection server;
   std::vector<Connection> peers;  ///< by node number; the node's own entry is empty
 };
@@ -76,12 +80,22 @@ class CdNodeRole {
 
   /// The objects hosted after the last frame. Only while no frame is running.
   const Host& host() const noexcept { return host_; }
+  /// Whether the node is between frames, so that assign() may be called.
+  bool is_between_frames() const noexcept { return stage_ == Stage::waiting; }
+  /// Number of messages from other processes that were discarded because they break the protocol. If it is not 0, such
+  /// a process is faulty, and the frame may never end.
+  std::uint64_t invalid_messages() const noexcept { return invalid_messages_; }
 
  private:
   enum class Stage : std::uint8_t { waiting, moving, gathering, colliding, ending, handing_over, settling, reporting };
 
   bool receive_from(Connection& connection);
   bool receive_from_peers();
+  bool is_acceptable(const messages::MessageView& message) const;
+  bool is_expected(const messages::MessageView& message) const;
+  bool is_loss_expected(const messages::MessageView& message) const noexcept;
+  bool is_map_expected(const messages::MessageView& message) const;
+  bool knows_pairs(const messages::MessageView& message) const noexcept;
   void receive(const messages::MessageView& message);
   void begin(std::uint64_t frame);
   bool shares_states() const noexcept;
@@ -138,6 +152,7 @@ class CdNodeRole {
   messages::Endpoint self_;
   regions::RegionMap map_;
   geometry::Bounds interior_;  ///< a box that is entirely in the node's region and covers most of it
+  bool map_fits_ = true;       ///< every owner is a present node; if not, another map arrives before the next frame
   Host host_;
   RegionObjects region_objects_;
   broad_phase::SweepAndPrune sweep_;
@@ -147,6 +162,7 @@ class CdNodeRole {
   std::uint64_t failed_until_ns_ = 0;  ///< the injected stall ends then
 
   Stage stage_ = Stage::waiting;
+  std::uint64_t invalid_messages_ = 0;
   std::uint64_t frame_ = 0;
   bool positions_received_ = false;
   bool pairs_received_ = false;

@@ -10,8 +10,113 @@ using messages::Endpoint;
 using messages::MessageType;
 using messages::MessageView;
 
+// Checks only messages from another process. Discards and counts invalid ones; the caller of step() ends the role.
 bool CdNodeRole::receive_from(Connection& connection) {
-  return drain(*connection.in, host_.state_bytes(), [this](const MessageView& message) { receive(message); });
+  const bool from_other_process = connection.node_contacts == nullptr;
+  return drain(
+      *connection.in, host_.state_bytes(),
+      [&](const MessageView& message) {
+        if (from_other_process && !is_acceptable(message)) [[unlikely]] {
+          ++invalid_messages_;
+        } else {
+          receive(message);
+        }
+      },
+      [this] { ++invalid_messages_; });
+}
+
+bool CdNodeRole::is_acceptable(const MessageView& message) const {
+  const MessageLimits limits{static_cast<std::uint32_t>(setup_.peers.size()),
+                             static_cast<std::uint32_t>(setup_.shapes->size()), setup_.max_slots};
+  return is_expected(message) && is_valid(message, limits) &&
+         (message.type() != MessageType::pairs || knows_pairs(message));
+}
+
+// Whether all objects of these pairs are known, each pair with the lower number first.
+bool CdNodeRole::knows_pairs(const MessageView& message) const noexcept {
+  const auto numbers = region_objects_.numbers();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto pair = message.record<messages::PairRecord>(i);
+    const std::uint32_t a = region_objects_.find(pair.a);
+    const std::uint32_t b = region_objects_.find(pair.b);
+    if (a == RegionObjects::none || b == RegionObjects::none || numbers[a] >= numbers[b]) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Whether the server, or a peer, may send this message at this stage of the frame. At another stage it would change
+// arrays to which the stage holds indices: hosted or known objects, peers, the region map.
+bool CdNodeRole::is_expected(const MessageView& message) const {
+  const Endpoint source{message.header().source};
+  if (message.type() == MessageType::hand_over) {
+    const bool open = stage_ == Stage::ending || stage_ == Stage::handing_over || stage_ == Stage::settling;
+    return open && source.is_node() && source.number() != setup_.node;
+  }
+  if (!source.is_server()) {
+    return false;
+  }
+  switch (message.type()) {
+    case MessageType::adopt:
+    case MessageType::drop:
+    case MessageType::place:
+      return stage_ == Stage::waiting;
+    case MessageType::frame_begin:
+      return stage_ == Stage::waiting && map_fits_;
+    case MessageType::position_update:
+      return (stage_ == Stage::moving || stage_ == Stage::gathering) && !positions_received_;
+    case MessageType::pairs:
+      return stage_ == Stage::gathering && positions_received_ && !pairs_received_;
+    case MessageType::confirm:
+      return stage_ == Stage::ending && !contacts_received_;
+    case MessageType::notify:
+      return stage_ == Stage::waiting || (stage_ == Stage::ending && !contacts_received_);
+    case MessageType::frame_end:
+      return stage_ == Stage::ending && !frame_end_received_;
+    case MessageType::region_map:
+      return is_map_expected(message);
+    case MessageType::lost:
+      return is_loss_expected(message);
+    case MessageType::probe:
+      return true;
+    default:
+      return false;
+  }
+}
+
+// Only losses of other nodes; while contacts are not final, if the frame is detected again. If this node has ended the
+// frame, it ignores the loss, and the number may be that of a removed node.
+bool CdNodeRole::is_loss_expected(const MessageView& message) const noexcept {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto record = message.record<messages::LostRecord>(i);
+    if (stage_ == Stage::waiting && record.detect_again == 0) {
+      continue;
+    }
+    if (record.node >= setup_.peers.size() || record.node == setup_.node ||
+        (record.detect_again != 0 && stage_ > Stage::ending)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Candidates that are not tested yet hold indices of known objects, and a new map clears the known objects.
+bool CdNodeRole::is_map_expected(const MessageView& message) const {
+  const bool open = stage_ == Stage::waiting || stage_ == Stage::moving || stage_ == Stage::ending ||
+                    (stage_ == Stage::gathering && !positions_received_);
+  const std::size_t entries = new_map_.size() + message.count();
+  if (!open || entries > regions::RegionMap::max_entries(map_.grid())) {
+    return false;
+  }
+  if (!message.last()) {
+    return true;
+  }
+  std::vector<std::uint32_t> table = new_map_;
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    table.push_back(message.record<messages::OwnerRecord>(i).owner);
+  }
+  return regions::RegionMap::is_table(table, map_.grid(), static_cast<std::uint32_t>(setup_.peers.size()));
 }
 
 // Peers hand over between the end of a frame and the last of the expected hand-overs. Polling the rings of all peers at
@@ -139,6 +244,7 @@ void CdNodeRole::receive_owners(const MessageView& message) {
   if (message.last()) {
     map_.assign(new_map_, static_cast<std::uint32_t>(setup_.peers.size()), message.header().epoch);
     interior_ = map_.interior(setup_.node);
+    map_fits_ = true;
     new_map_.clear();
     // After a change of the map every node receives everything in its region again: from the server, or from the hosts.
     region_objects_.clear();

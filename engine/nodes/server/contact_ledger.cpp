@@ -58,14 +58,23 @@ void ContactLedger::begin(std::uint64_t frame) {
   ended().resize(0);
 }
 
-void ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows) {
+bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows) {
   Run& run = runs_[node];
+  if (record.slot_a >= rows.size() || record.slot_b >= rows.size()) {
+    return false;
+  }
   const ObjectRow& a = rows[record.slot_a];
   const ObjectRow& b = rows[record.slot_b];
-  run.own->keys.push_back(base::PairSort::key(a.object.number, b.object.number));
+  const std::uint64_t key = base::PairSort::key(a.object.number, b.object.number);
+  auto& keys = run.own->keys;
+  if (a.object.number >= b.object.number || (keys.size() != 0 && key < keys[keys.size() - 1])) {
+    return false;
+  }
+  keys.push_back(key);
   run.own->found.push_back({record.slot_a, record.slot_b});
   run.contacts.push_back(
       {a.object.number, b.object.number, Phase::persist, record.depth, record.normal, 0, record.point, a.pose, b.pose});
+  return true;
 }
 
 void ContactLedger::compare() {

@@ -57,8 +57,10 @@ class ContactLedger {
   void resize(std::size_t nodes);
   /// Clears C(frame) and everything received.
   void begin(std::uint64_t frame);
-  /// Adds the next contact that `node` sent, by (a, b); numbers and poses are those of the two slots in `rows`.
-  void receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows);
+  /// Adds the next contact that `node` sent, by (a, b); numbers and poses are those of the two slots in `rows`. Returns
+  /// false and adds nothing if a slot is not in `rows`, if a is not below b, or if (a, b) is below the node's last
+  /// pair.
+  bool receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows);
   /// Adds all contacts of a node with shared contacts.
   void receive(NodeNumber node, NodeContacts& node_contacts) noexcept {
     runs_[node].shared = &node_contacts;

@@ -58,6 +58,16 @@ bool ServerRole::lose(NodeNumber node) {
   return true;
 }
 
+// Not called where the message is read: a loss changes the stage, the map and the lists over which the readers iterate.
+void ServerRole::lose_broken_nodes() {
+  any_broken_ = false;
+  for (const PeerSession& session : nodes_) {
+    if (session.broken && !session.lost) {
+      lose(session.self.number());
+    }
+  }
+}
+
 // In consecutive runs of cells, so that a region becomes few pieces. If no node is left, the fallback node gets all
 // cells.
 void ServerRole::reassign_cells() {

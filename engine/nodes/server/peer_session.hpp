@@ -16,6 +16,7 @@ struct PeerSession {
   Connection connection;
   bool connected = false;
   bool lost = false;     ///< lost in this frame: nothing more is sent to it or accepted from it
+  bool broken = false;   ///< in another process, and has broken the protocol: lost at the end of this step
   bool leaving = false;  ///< must hand everything over at the end of a frame
   bool left = false;     ///< has handed everything over; removed at the next cut
 

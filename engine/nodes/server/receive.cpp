@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "base/prefetch.hpp"
+#include "nodes/message_check.hpp"
 #include "nodes/server/server_role.hpp"
 #include "telemetry/clock.hpp"
 
@@ -19,7 +20,9 @@ bool ServerRole::drain(PeerSession& session) {
        bytes = taken < max_bytes_at_once ? session.connection.in->next() : std::span<const std::byte>{}) {
     taken += session.self.is_user() ? bytes.size() : 0;
     MessageView message;
-    if (session.self.is_user() && is_over_quota(session, bytes)) {
+    if (session.broken) [[unlikely]] {
+      refuse(Status::late);
+    } else if (session.self.is_user() && is_over_quota(session, bytes)) {
       refuse(session, Status::over_quota);
     } else if (messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
                ((message.header().source == session.self.value && message.header().frame == frame_) ||
@@ -59,12 +62,39 @@ bool ServerRole::is_over_quota(PeerSession& session, std::span<const std::byte> 
 }
 
 // Counts all refusals, and reports only the first ones: a user node that sends invalid messages must not make the
-// server send as many.
+// server send as many. A CD node of another process that breaks the protocol becomes lost, because its contacts of the
+// frame cannot be trusted.
 void ServerRole::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
   refuse(reason);
+  if (sender.self.is_node() && sender.connection.node_contacts == nullptr && reason == Status::bad_message) {
+    sender.broken = any_broken_ = true;
+  }
   if (sender.self.is_user() && sender.new_refusals.size() < PeerSession::max_refusals) {
     sender.new_refusals.push_back({number, static_cast<std::uint32_t>(reason)});
   }
+}
+
+// Whether a CD node of another process may send this message now, and its records are valid. States are final after the
+// last one has arrived, and contacts after narrow_done: other roles read them from then on.
+bool ServerRole::is_acceptable(const PeerSession& node, const MessageView& message) const noexcept {
+  switch (message.type()) {
+    case MessageType::node_state:
+      if (node.states_received || stage_ > Stage::moving) {
+        return false;
+      }
+      break;
+    case MessageType::collision:
+    case MessageType::narrow_done:
+      if (node.narrow_done_received || (stage_ != Stage::dispatching && stage_ != Stage::colliding)) {
+        return false;
+      }
+      break;
+    default:
+      break;
+  }
+  return is_valid(message, {.nodes = static_cast<std::uint32_t>(nodes_.size()),
+                            .shapes = static_cast<std::uint32_t>(setup_.shapes->size()),
+                            .slots = static_cast<std::uint32_t>(objects_.slots())});
 }
 
 void ServerRole::receive(PeerSession& session, const MessageView& message) {
@@ -73,6 +103,9 @@ void ServerRole::receive(PeerSession& session, const MessageView& message) {
   const bool tests = message.type() == MessageType::collision || message.type() == MessageType::narrow_done;
   if (node && tests && message.header().epoch != map_.epoch()) {
     return;  // found before a loss was known; the node will find it again
+  }
+  if (node && session.connection.node_contacts == nullptr && !is_acceptable(session, message)) {
+    return refuse(session, Status::bad_message);
   }
   switch (message.type()) {
     case MessageType::state_update:
@@ -212,7 +245,11 @@ void ServerRole::receive_collisions(PeerSession& session, const MessageView& mes
       base::prefetch_for_read(&objects_.row(soon.slot_a));
       base::prefetch_for_read(&objects_.row(soon.slot_b));
     }
-    ledger_.receive(session.self.number(), message.view<messages::CollisionRecord>(i), objects_.rows());
+    const auto& record = message.view<messages::CollisionRecord>(i);
+    const bool present = objects_.present()[record.slot_a] != 0 && objects_.present()[record.slot_b] != 0;
+    if (!present || !ledger_.receive(session.self.number(), record, objects_.rows())) {
+      return refuse(session, Status::bad_message);
+    }
   }
 }
 

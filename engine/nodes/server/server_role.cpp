@@ -58,6 +58,9 @@ Step ServerRole::step() {
     return true;
   });
   progressed |= receive_from_users();
+  if (any_broken_) [[unlikely]] {
+    lose_broken_nodes();
+  }
   if (!report().lost.empty()) {
     for (PeerSession& session : nodes_) {
       progressed |= session.lost && drain_lost(session);

@@ -88,6 +88,10 @@ class ServerRole {
   /// frame.
   bool lose(NodeNumber node);
 
+  /// Whether the CD node with that number in the last frame was lost in it because it broke the protocol. Call between
+  /// frames.
+  bool is_broken(NodeNumber node) const noexcept { return node < nodes_.size() && nodes_[node].broken; }
+
   // Between frames, for the facade.
   /// Whether the CD node has handed everything over, as Request::retire_node asked, and is removed at the next cut.
   bool has_left(NodeNumber node) const noexcept { return nodes_[node].left; }
@@ -139,6 +143,7 @@ class ServerRole {
   bool receive_from_users();
   bool drain(PeerSession& session);
   bool is_over_quota(PeerSession& session, std::span<const std::byte> bytes);
+  bool is_acceptable(const PeerSession& node, const messages::MessageView& message) const noexcept;
   void receive(PeerSession& session, const messages::MessageView& message);
   void receive_states(PeerSession& session, const messages::MessageView& message);
   void receive_node_states(PeerSession& session, const messages::MessageView& message);
@@ -151,6 +156,7 @@ class ServerRole {
   void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
 
   // Loss of nodes.
+  void lose_broken_nodes();
   bool check_deadlines();
   bool check_node_deadline(PeerSession& session, std::uint64_t now);
   bool check_user_deadline(PeerSession& session, std::uint64_t now);
@@ -307,6 +313,7 @@ class ServerRole {
   std::vector<NodeNumber> alive_;
   NodeNumber fallback_for_ = no_node;  ///< waiting for a fallback node with this number
   bool losses_pending_ = false;
+  bool any_broken_ = false;          ///< a node that is not lost yet has broken the protocol
   bool recovered_ = false;           ///< the server holds objects of lost nodes until the next cut
   bool map_precedes_frame_ = false;  ///< nodes receive the map before this frame begins
   bool rescan_hosts_ = false;        ///< the map changed within this frame or before it

@@ -17,8 +17,8 @@ UserRole::UserRole(const UserSetup& setup)
     : setup_(setup), self_(Endpoint::user(setup.user)), host_(setup.model, setup.objects) {}
 
 Step UserRole::step() {
-  bool progressed =
-      drain(*setup_.server.in, host_.state_bytes(), [this](const MessageView& message) { receive(message); });
+  bool progressed = drain(
+      *setup_.server.in, host_.state_bytes(), [this](const MessageView& message) { receive(message); }, [] {});
   while (advance()) {
     progressed = true;
   }
