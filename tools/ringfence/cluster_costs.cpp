@@ -26,15 +26,15 @@ ClusterCosts cluster_2004() {
                                    true};
   cluster.at(CostName::move_us) = stated(5, "assumed: 3500 cycles");
   cluster.at(CostName::object_us) = stated(2, "assumed: 1400 cycles, sweep and prune with coherence [5]");
-  cluster.at(CostName::record_us) = stated(1, "assumed: 700 cycles for some 100 bytes in Java");
+  cluster.at(CostName::record_us) = stated(1, "assumed: 700 cycles for about 100 bytes in Java");
   cluster.at(CostName::message_us) =
-      stated(50, "assumed: a socket call from Java; by RMI 375 (1.5 ms a round trip, Philippsen et al. 2000)");
+      stated(50, "assumed: a socket call from Java; by RMI 375 (1.5 ms per round trip, Philippsen et al. 2000)");
   cluster.at(CostName::bandwidth_mbit) = stated(100, "the paper, section 4");
   cluster.at(CostName::latency_us) = stated(500, "half of the paper's \"less than 1 ms\"");
   cluster.at(CostName::user_copies) =
       stated(0, "the paper, 3.2: user nodes inform other user nodes; no multicast is named");
   cluster.at(CostName::shared_user_lan) = stated(1, "assumed: \"fast Ethernet\", one segment for the user LAN");
-  cluster.at(CostName::overlap) = stated(1, "assumed: nodes send what they find while they test");
+  cluster.at(CostName::overlap) = stated(1, "assumed: nodes send contacts while they test");
   return cluster;
 }
 
@@ -52,7 +52,7 @@ ClusterCosts cluster_today() {
   cluster.at(CostName::latency_us) = stated(10, "assumed: kernel to kernel within a rack");
   cluster.at(CostName::user_copies) = stated(1, "the publication: written once, read by many (multicast)");
   cluster.at(CostName::shared_user_lan) = stated(0, "switched");
-  cluster.at(CostName::overlap) = stated(0, "this engine: M3 when the node is done, the relay after the contacts");
+  cluster.at(CostName::overlap) = stated(0, "this engine: M3 after a node's last pair, the relay after the contacts");
   return cluster;
 }
 

@@ -185,10 +185,10 @@ void measure_costs(ClusterCosts& costs, const std::vector<ScaleRow>& rows) {
     cost.value = median(values);
     cost.source = how;
   };
-  settle(CostName::pair_us, pair, "measured here: a node's narrow phase over its pairs, 1 node");
-  settle(CostName::move_us, move, "measured here: a node's moving over what it hosts, 1 node");
-  settle(CostName::object_us, object, "measured here: the server's broad phase over the objects");
-  settle(CostName::record_us, record, "measured here: the rest of the server's CPU time over its records");
+  settle(CostName::pair_us, pair, "measured here: a node's narrow-phase time divided by its pairs, 1 node");
+  settle(CostName::move_us, move, "measured here: a node's move time divided by its hosted objects, 1 node");
+  settle(CostName::object_us, object, "measured here: the server's broad-phase time divided by the objects");
+  settle(CostName::record_us, record, "measured here: the rest of the server's CPU time divided by its records");
 }
 
 /// Fits pair_us by bisection, so that the predicted frame of user-collision at 1 node and 4000 objects takes as long as
