@@ -74,7 +74,7 @@ class ParcelChannel {
   /// Processes the parcel's acknowledgement and passes its contents to `deliver(kind, shapes, offset, bytes)` without
   /// copying. If that returns false, this parcel and those behind it are held. `deliver` advances `offset` past what
   /// it has processed. Returns false if the channel is broken: an earlier parcel is missing, the parcel is longer than
-  /// most_bytes, or the sender exceeds the window.
+  /// max_bytes, or the sender exceeds the window.
   template <class Deliver>
   bool receive(const ParcelSample& parcel, Deliver& deliver);
   /// Passes held parcels on, in order, until `deliver` returns false. Returns whether anything was processed.
@@ -172,7 +172,7 @@ bool ParcelChannel::receive(const ParcelSample& parcel, Deliver& deliver) {
   }
   const auto kind = static_cast<ParcelKind>(parcel.kind);
   const auto bytes = bytes_of(parcel.bytes);
-  if (bytes.size() > most_bytes || held_.size() >= window) {
+  if (bytes.size() > max_bytes || held_.size() >= window) {
     return false;
   }
   std::size_t offset = 0;
