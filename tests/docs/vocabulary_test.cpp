@@ -18,7 +18,7 @@ namespace {
 struct Vocabulary {
   std::map<std::string, std::string, std::less<>> refused;  ///< by word, in lower case: what to write instead
   std::set<std::string, std::less<>> frozen;
-  std::set<std::string, std::less<>> library;
+  std::set<std::string, std::less<>> external;
 };
 
 Vocabulary read_vocabulary() {
@@ -27,13 +27,13 @@ Vocabulary read_vocabulary() {
     if (line.empty() || line.starts_with('#')) {
       continue;
     }
-    constexpr std::string_view frozen = "frozen ", library = "library ";
+    constexpr std::string_view frozen = "frozen ", external = "external ";
     if (line.starts_with(frozen)) {
       vocabulary.frozen.insert(line.substr(frozen.size()));
       continue;
     }
-    if (line.starts_with(library)) {
-      vocabulary.library.insert(line.substr(library.size()));
+    if (line.starts_with(external)) {
+      vocabulary.external.insert(line.substr(external.size()));
       continue;
     }
     const std::size_t colon = line.find(": ");
@@ -74,7 +74,7 @@ std::vector<std::string> words_of(std::string_view text) {
 /// `line` without identifiers of other libraries, and without frozen names that stand in quotation marks or backticks,
 /// or after a colon as in `--fail F:N:NAME`.
 std::string without_allowed_names(std::string line, const Vocabulary& vocabulary) {
-  for (const std::string& name : vocabulary.library) {
+  for (const std::string& name : vocabulary.external) {
     line = std::regex_replace(line, std::regex("\\b" + name + "\\b"), "");
   }
   for (const std::string& name : vocabulary.frozen) {
