@@ -134,17 +134,17 @@ WorldTermsRecord unpack_terms(std::span<const std::byte> bytes) {
 AssignmentRecord unpack_assignment(std::span<const std::byte> bytes, const WorldTermsRecord& terms) {
   constexpr const char* where = "the assignment by the World";
   const auto assignment = copy_of<AssignmentRecord>(where, bytes);
-  require(where, assignment.count >= 1 && assignment.count <= facade::most_nodes,
-          std::to_string(assignment.count) + " nodes; expected 1 to " + std::to_string(facade::most_nodes));
+  require(where, assignment.count >= 1 && assignment.count <= facade::max_nodes,
+          std::to_string(assignment.count) + " nodes; expected 1 to " + std::to_string(facade::max_nodes));
   require(where, assignment.number < assignment.count,
           "number " + std::to_string(assignment.number) + " of " + std::to_string(assignment.count) + " nodes");
   require(where, assignment.objects <= max_reserved && assignment.pairs <= max_reserved,
           std::to_string(assignment.objects) + " objects and " + std::to_string(assignment.pairs) +
               " pairs to reserve; expected at most " + std::to_string(max_reserved));
   // After nodes have left, the map has more nodes than the World, until the World sends another before the frame.
-  require(where, assignment.map_nodes >= 1 && assignment.map_nodes <= facade::most_nodes,
+  require(where, assignment.map_nodes >= 1 && assignment.map_nodes <= facade::max_nodes,
           "a map of " + std::to_string(assignment.map_nodes) + " nodes; expected 1 to " +
-              std::to_string(facade::most_nodes));
+              std::to_string(facade::max_nodes));
   const regions::CellGrid grid = grid_of(terms);
   require(
       where, assignment.map_words >= grid.cells() && assignment.map_words <= regions::RegionMap::max_entries(grid),

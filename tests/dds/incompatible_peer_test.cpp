@@ -112,7 +112,7 @@ TEST_CASE("a node of another release with the same record layout is not assigned
 }
 
 TEST_CASE("a World of another release is refused by a node, and the log states what to do") {
-  const test::ProgramResult answer = answer_to(Difference::release, some_terms(), sizeof(dds::WorldTermsRecord));
+  const test::ProgramResult answer = output_for(Difference::release, some_terms(), sizeof(dds::WorldTermsRecord));
   CHECK(answer.code == bad_use);
   CHECK(answer.out.find("this node is \"ringfence " + dds::own_release() +
                         "\"; install one release of ringfence on all machines") != std::string::npos);
@@ -145,7 +145,7 @@ TEST_CASE("a World with another version, byte order or record layout is refused 
     INFO("difference ", static_cast<std::uint32_t>(difference));
     const test::ProgramResult result = output_for(difference, some_terms(), sizeof(dds::WorldTermsRecord));
     CHECK(result.code == bad_use);
-    CHECK(result.out.find("has another version, byte order or record layout") != std::string::npos);
+    CHECK(result.out.find("has another version, byte order, record layout or release") != std::string::npos);
   }
 }
 
