@@ -167,7 +167,7 @@ TEST_CASE("each error in binary motion is reported with byte offset, found value
   CHECK(binary_error(with(good, 24 + 120 + 36, std::numeric_limits<float>::quiet_NaN())).find("orientation") !=
         std::string::npos);
   CHECK(binary_error(with(good, 24 + 160, 3.0)) ==
-        "m.bin: byte 184: frame 1, object 8: is static but moves; expected the pose of the scene");
+        "m.bin: byte 184: frame 1, object 8: is static but moves; expected its pose in the scene");
 }
 
 TEST_CASE("the error message names a file that cannot be read or written") {
