@@ -33,9 +33,15 @@ Connection World::Implementation::add_node(const regions::RegionMap& map, std::u
   const auto node = static_cast<NodeNumber>(node_roles.size());
   const bool here = member == RemoteNodes::local_member;
   node_workers.emplace_back();
+  node_tracks.emplace_back();
   if (here && threaded() && config.remote_nodes == nullptr) {
-    node_workers.back() = std::make_unique<Worker>();
-    start_worker(*node_workers.back());
+    if (!next_workers.empty()) {
+      node_workers.back() = std::move(next_workers.back());
+      next_workers.pop_back();
+    } else {
+      node_workers.back() = std::make_unique<Worker>();
+      must_start(*node_workers.back());  // in the constructor
+    }
   }
   node_members.push_back(member);
   link::Doorbell* bell = node_bell(node);
@@ -58,9 +64,6 @@ Connection World::Implementation::add_node(const regions::RegionMap& map, std::u
     node_roles.push_back(make_role(node, count, map));
   } else {
     node_roles.emplace_back();
-    if (config.timeline) {
-      node_tracks.emplace_back();  // keeps the track positions of the other nodes
-    }
   }
   return node_channels.back()->first();
 }
@@ -91,7 +94,8 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
   setup.keep_resting = config.keep_resting;
   setup.hosts = config.deployment == Deployment::user_collision;
   setup.shares_thread = !threaded() || node_workers[node] == nullptr;
-  setup.track = config.timeline ? &node_tracks.emplace_back() : nullptr;
+  node_tracks[node] = config.timeline ? std::make_unique<telemetry::Track>() : nullptr;
+  setup.track = node_tracks[node].get();
   setup.remember_axes = config.remember_axes;
   setup.may_be_lost = threaded() && config.deadlines.node_ms > 0;
   // Without a publication the server publishes the states for the users.
@@ -99,6 +103,7 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
   setup.interest_grid = publications.grid;
   setup.objects = share_of(config.capacities.objects, count);
   setup.pairs = share_of(config.capacities.pairs, count);
+  setup.faults = threaded() && node_workers[node] != nullptr ? &faults : nullptr;
   setup.server = node_channels[node]->second();
   return std::make_unique<nodes::CdNodeRole>(setup, map);
 }
@@ -229,12 +234,41 @@ void World::Implementation::add_arrivals() {
   order.requests.push_back(request);
 }
 
+// Creates the threads that are missing for `count` nodes. If one cannot be created, none is, and the log says what to
+// do.
+bool World::Implementation::prepare_nodes(std::uint32_t count) {
+  const std::size_t missing = count - std::min<std::size_t>(count, node_roles.size());
+  next_workers.reserve(missing);
+  while (next_workers.size() > missing) {
+    next_workers.pop_back();
+  }
+  while (next_workers.size() < missing) {
+    auto worker = std::make_unique<Worker>();
+    if (!start_worker(*worker)) {
+      next_workers.clear();
+      log(LogLevel::error,
+          "the system has no thread for one of " + std::to_string(count) + " CD nodes: the number of nodes stays " +
+              std::to_string(node_roles.size()) +
+              "; resize to fewer, or raise the limit on threads (ulimit -u, pids.max) and resize again");
+      return false;
+    }
+    next_workers.push_back(std::move(worker));
+  }
+  return true;
+}
+
 // Precondition: no frame is running.
 void World::Implementation::grow_nodes() {
   if (config.remote_nodes != nullptr) {
     add_arrivals();
   }
   if (resize_to == 0) {
+    return;
+  }
+  // resize() has created the threads, but more are missing if nodes were lost since then.
+  if (threaded() && !prepare_nodes(resize_to)) {
+    refuse(Status::no_thread);
+    resize_to = 0;
     return;
   }
   Request request;
@@ -292,9 +326,7 @@ void World::Implementation::retire_nodes() {
     node_channels.pop_back();
     node_roles.pop_back();
     node_members.pop_back();
-    if (config.timeline && node_tracks.size() == node_roles.size() + 1) {
-      node_tracks.pop_back();
-    }
+    node_tracks.pop_back();
   }
   connect_peers();
   if (has_live_retirees) {

@@ -21,6 +21,8 @@
 #include "link/cores.hpp"
 #include "link/publication.hpp"
 #include "nodes/cd_node/cd_node_role.hpp"
+#include "nodes/fault_point.hpp"
+#include "nodes/move_watch.hpp"
 #include "nodes/server/server_role.hpp"
 #include "nodes/user/user_role.hpp"
 #include "regions/region_map.hpp"
@@ -40,8 +42,19 @@ inline constexpr std::size_t remote_node_ring = std::size_t{1} << 16;
 /// A lost CD node. Its thread may still run, so everything that it may access is kept until the thread has ended.
 struct RetiredNode {
   std::unique_ptr<DuplexChannel> channel;
+  std::unique_ptr<telemetry::Track> track;  ///< null without WorldConfig::timeline
   std::unique_ptr<nodes::CdNodeRole> role;
   std::unique_ptr<Worker> worker;  ///< asked to stop; null if the server's thread stepped the role
+};
+
+/// A thread that steps user nodes, with what it uses for all of them.
+struct UserThread {
+  nodes::MoveWatch watch;
+  nodes::MoveWatch::Move seen = nodes::MoveWatch::none;  ///< the move that the last check found it in
+  telemetry::StepClock clock;
+  telemetry::Track track;
+  std::unique_ptr<Worker> worker;  ///< null with nodes = 0
+  std::uint64_t cpu_ns = 0;        ///< used until the end of the last frame
 };
 
 /// A connected user node with its channel, publication and role.
@@ -51,7 +64,10 @@ struct User {
   DuplexChannel channel;
   link::Publication publication;
   std::unique_ptr<nodes::UserRole> role;
-  std::size_t worker = 0;
+  std::size_t thread = 0;  ///< index of the user thread that steps it
+  bool late = false;       ///< no thread steps it any more
+  /// The thread that was abandoned in this user node's move. It steps no other role.
+  std::unique_ptr<UserThread> abandoned;
 };
 
 }  // namespace facade
@@ -72,7 +88,10 @@ struct World::Implementation {
   link::Doorbell* server_bell() noexcept { return threaded() ? &server_worker->bell() : nullptr; }
 
   void build_server();
-  void start_worker(facade::Worker& worker, std::chrono::nanoseconds tick = {});
+  [[nodiscard]] bool start_worker(facade::Worker& worker, std::chrono::nanoseconds tick = {});
+  void must_start(facade::Worker& worker, std::chrono::nanoseconds tick = {});
+  void end_threads() noexcept;
+  bool prepare_nodes(std::uint32_t count);
   void share_memory(facade::DuplexChannel& channel, std::uint32_t count);
   nodes::Connection add_node(const regions::RegionMap& map, std::uint32_t count,
                              RemoteNodes::MemberId member = RemoteNodes::local_member);
@@ -85,7 +104,7 @@ struct World::Implementation {
   void add_arrivals();
   void grow_nodes();
   void retire_nodes();
-  void await_frame();
+  bool await_frame();
   void fallback();
   void retire(NodeNumber node);
   void retire_lost_nodes();
@@ -95,18 +114,27 @@ struct World::Implementation {
   void list_inline_roles();
   void connect_users();
   void forget_users();
+  void part_with_late_users();
+  void free_stalled_users();
+  nodes::UserThreadParts parts_of(facade::UserThread& thread) const noexcept;
+  std::unique_ptr<facade::UserThread> make_user_thread();
+  void watch_user_threads();
+  void abandon(std::size_t thread);
   void assign_users();
   Status refuse(Status status) noexcept {
     ++refused[static_cast<std::size_t>(status)];
     return status;
   }
+  bool can_fail(const Fault& fault) const noexcept;
   Status check_spec(const ObjectSpec& spec) const noexcept;
   /// Whether the object is an avatar of the user.
   Status check_own(UserNumber user, ObjectId object) const noexcept;
   /// Whether the object exists and may be placed and removed.
   Status check_movable(ObjectId object) const noexcept;
   bool is_connected(UserNumber user) const noexcept { return std::binary_search(users.begin(), users.end(), user); }
-  void step_inline();
+  bool step_inline();
+  /// Called when memory has run out: no more frames run. Returns Status::out_of_memory.
+  Status stop_frames() noexcept;
   void log(LogLevel level, const std::string& line) const {
     if (config.log) {
       config.log(level, line);
@@ -116,6 +144,7 @@ struct World::Implementation {
   void log_support_failures();
   void gather_user_times();
   void gather_timeline();
+  bool is_lost(NodeNumber node) const noexcept;
 
   WorldConfig config;
   geometry::ShapeTable shapes;
@@ -128,6 +157,8 @@ struct World::Implementation {
   std::unique_ptr<link::Publication> relay;
   link::Doorbell caller_bell;
   nodes::FrameOrder order;
+  facade::Halt halt;
+  nodes::FaultRelease faults;
 
   std::vector<nodes::Request> requests;  ///< for the next cut
   struct PendingMove {
@@ -143,26 +174,30 @@ struct World::Implementation {
   std::uint64_t begun = 0;
   std::uint64_t frames = 0;
   FrameReport report;
-  std::vector<std::uint64_t> user_cpu_ns;        ///< by user thread, since its start
-  std::deque<telemetry::StepClock> user_clocks;  ///< by user thread
   telemetry::Track server_track;
-  std::deque<telemetry::Track> node_tracks;
-  std::deque<telemetry::Track> user_tracks;
   std::uint32_t resize_to = 0;  ///< number of nodes from the frame after the next on; 0: no change
+  std::optional<std::uint32_t> threads_until_failure;  ///< number of threads to create before one fails, in tests
   bool growth_logged = false;
   bool failures_logged = false;  ///< of support functions in other processes
+  bool halt_logged = false;
   mutable facade::ContactIndex contact_index;
   mutable std::uint64_t indexed_frames = 0;
 
-  // Order of destruction: threads end first, then the roles, then the channels above them.
+  // Order of destruction: all threads end first, because they use the roles, the channels and each other's doorbells;
+  // then the roles are freed, then the channels above them.
   std::unique_ptr<facade::Worker> server_worker;
   /// Null for a node that the server's thread steps, and for remote nodes.
   std::vector<std::unique_ptr<facade::Worker>> node_workers;
-  std::deque<facade::Worker> user_workers;
+  std::vector<std::unique_ptr<facade::Worker>> next_workers;   ///< of nodes that join the next frame
+  std::vector<std::unique_ptr<telemetry::Track>> node_tracks;  ///< null for remote nodes
+  std::vector<std::unique_ptr<facade::UserThread>> user_threads;
+  std::uint64_t user_threads_watched_ns = 0;
   std::vector<std::unique_ptr<facade::DuplexChannel>> node_channels;
   std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<facade::DuplexChannel>>
       peer_channels;  ///< lower number first
   std::map<UserNumber, std::unique_ptr<facade::User>> user_nodes;
+  std::vector<std::unique_ptr<facade::User>> parted_users;     ///< disconnected, until no thread steps them
+  std::vector<std::unique_ptr<facade::User>> stalled_users;    ///< disconnected, but their threads have not ended
   std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;  ///< null for remote nodes
   std::vector<RemoteNodes::MemberId> node_members;             ///< local_member for nodes in this process
   std::unique_ptr<nodes::ServerRole> server;
@@ -176,12 +211,8 @@ struct World::Implementation {
   struct ThreadStopper {
     Implementation& world;
     ~ThreadStopper() {
-      world.user_workers.clear();
-      world.node_workers.clear();
-      for (facade::RetiredNode& retired_node : world.retired_nodes) {
-        retired_node.worker.reset();
-      }
-      world.server_worker.reset();
+      world.faults.release();
+      world.end_threads();
       if (world.config.remote_nodes != nullptr) {
         world.config.remote_nodes->close();
       }

@@ -1,6 +1,7 @@
 // Calls of World that make requests for the next frame's cut.
 #include <algorithm>
 #include <cmath>
+#include <new>
 #include <string>
 
 #include "base/floating_point.hpp"
@@ -19,6 +20,9 @@ ShapeNumber World::add_shape(const ShapeDescription& description) {
     throw Error("add_shape: a frame is running; register shapes before begin_frame or after finish_frame");
   }
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    throw Error("add_shape: memory ran out in a frame; destroy the World and create another");
+  }
   const ShapeNumber shape = w.shapes.add(description);
   if (w.config.remote_nodes != nullptr) {
     w.config.remote_nodes->add_shape(shape, description);
@@ -34,8 +38,11 @@ ShapeNumber World::add_shape(const ShapeDescription& description) {
   return shape;
 }
 
-Connected World::connect(UserNumber user) {
+Connected World::connect(UserNumber user) try {
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return {Status::out_of_memory, no_user};
+  }
   const auto taken = [&](UserNumber number) {
     const auto holds = [&](const std::vector<UserNumber>& list) {
       return std::find(list.begin(), list.end(), number) != list.end();
@@ -60,10 +67,15 @@ Connected World::connect(UserNumber user) {
   request.user = user;
   w.requests.push_back(request);
   return {Status::ok, user};
+} catch (const std::bad_alloc&) {
+  return {implementation_->stop_frames(), no_user};
 }
 
-Status World::disconnect(UserNumber user) {
+Status World::disconnect(UserNumber user) try {
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return Status::out_of_memory;
+  }
   if (!w.is_connected(user)) {
     return w.refuse(Status::unknown_user);
   }
@@ -76,11 +88,16 @@ Status World::disconnect(UserNumber user) {
   request.user = user;
   w.requests.push_back(request);
   return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
 }
 
-Spawned World::spawn(const ObjectSpec& spec) {
+Spawned World::spawn(const ObjectSpec& spec) try {
   const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return {Status::out_of_memory, {}};
+  }
   Request request;
   request.kind = Request::Kind::spawn;
   request.spec = spec;
@@ -99,10 +116,15 @@ Spawned World::spawn(const ObjectSpec& spec) {
   request.object = w.registry.add(number, spec.category, spec.user);
   w.requests.push_back(request);
   return {Status::ok, request.object};
+} catch (const std::bad_alloc&) {
+  return {implementation_->stop_frames(), {}};
 }
 
-Status World::destroy(ObjectId object) {
+Status World::destroy(ObjectId object) try {
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return Status::out_of_memory;
+  }
   if (w.registry.find(object) == nullptr) {
     return w.refuse(Status::stale_object);
   }
@@ -112,6 +134,8 @@ Status World::destroy(ObjectId object) {
   request.object = object;
   w.requests.push_back(request);
   return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
 }
 
 Status World::Implementation::check_own(UserNumber user, ObjectId object) const noexcept {
@@ -126,13 +150,19 @@ Status World::Implementation::check_own(UserNumber user, ObjectId object) const 
 }
 
 Status World::destroy(UserNumber user, ObjectId object) {
+  if (implementation_->halt.is_set()) {
+    return Status::out_of_memory;
+  }
   const Status status = implementation_->check_own(user, object);
   return status == Status::ok ? destroy(object) : implementation_->refuse(status);
 }
 
-Status World::move(UserNumber user, ObjectId object, const Pose& pose) {
+Status World::move(UserNumber user, ObjectId object, const Pose& pose) try {
   const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return Status::out_of_memory;
+  }
   if (const Status status = w.check_own(user, object); status != Status::ok) {
     return w.refuse(status);
   }
@@ -142,6 +172,8 @@ Status World::move(UserNumber user, ObjectId object, const Pose& pose) {
   }
   w.pending_moves.push_back({user, object.number(), valid});
   return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
 }
 
 Status World::Implementation::check_movable(ObjectId object) const noexcept {
@@ -152,9 +184,12 @@ Status World::Implementation::check_movable(ObjectId object) const noexcept {
   return entry->category == Category::fixed ? Status::bad_category : Status::ok;
 }
 
-Status World::place(ObjectId object, const Pose& pose) {
+Status World::place(ObjectId object, const Pose& pose) try {
   const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return Status::out_of_memory;
+  }
   if (const Status status = w.check_movable(object); status != Status::ok) {
     return w.refuse(status);
   }
@@ -167,10 +202,15 @@ Status World::place(ObjectId object, const Pose& pose) {
   }
   w.requests.push_back(request);
   return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
 }
 
-Status World::remove(ObjectId object) {
+Status World::remove(ObjectId object) try {
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return Status::out_of_memory;
+  }
   if (const Status status = w.check_movable(object); status != Status::ok) {
     return w.refuse(status);
   }
@@ -181,27 +221,62 @@ Status World::remove(ObjectId object) {
   request.object = object;
   w.requests.push_back(request);
   return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
 }
 
-Status World::resize(std::uint32_t nodes) {
+Status World::resize(std::uint32_t nodes) try {
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return Status::out_of_memory;
+  }
   const std::size_t most = w.config.remote_nodes != nullptr ? w.node_roles.size() : facade::max_nodes;
   if (nodes == 0 || nodes > most || nodes > w.server->map().grid().cells()) {
     return w.refuse(Status::bad_number);
   }
+  if (w.threaded() && w.config.remote_nodes == nullptr && !w.prepare_nodes(nodes)) {
+    w.resize_to = 0;
+    return w.refuse(Status::no_thread);
+  }
   w.resize_to = nodes;
   return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
 }
 
-Status World::inject(const Fault& fault) {
+// A node that the server's thread steps must not block that thread.
+bool World::Implementation::can_fail(const Fault& fault) const noexcept {
+  if (!threaded() || fault.frame < begun || !std::isfinite(fault.stall_ms) || fault.stall_ms < 0 ||
+      static_cast<std::size_t>(fault.stage) >= node_stage_count) {
+    return false;
+  }
+  if (fault.user != no_user) {
+    const auto user = user_nodes.find(fault.user);
+    return user != user_nodes.end() && !user->second->late &&
+           (fault.stage == NodeStage::model || fault.stage == NodeStage::publication);
+  }
+  return fault.node < node_roles.size() && node_roles[fault.node] != nullptr &&
+         (node_workers[fault.node] != nullptr || static_cast<std::size_t>(fault.stage) < boundary_stage_count);
+}
+
+Status World::inject(const Fault& fault) try {
   const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return Status::out_of_memory;
+  }
   if (w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
   }
-  if (!w.threaded() || fault.node >= w.node_roles.size() || fault.frame < w.begun || !std::isfinite(fault.stall_ms) ||
-      fault.stall_ms < 0 || fault.stage > NodeStage::reporting || w.node_roles[fault.node] == nullptr) {
+  if (!w.can_fail(fault)) {
     return w.refuse(Status::bad_number);
+  }
+  if (fault.user != no_user) {
+    facade::User& user = *w.user_nodes.at(fault.user);
+    w.user_threads[user.thread]->worker->assign({});
+    user.role->fail(fault);
+    w.assign_users();
+    return Status::ok;
   }
   // The node's thread must not step the role meanwhile.
   nodes::CdNodeRole& role = *w.node_roles[fault.node];
@@ -215,6 +290,23 @@ Status World::inject(const Fault& fault) {
     w.server_worker->assign(w.server_thread_roles());
   }
   return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
+}
+
+void World::fail_thread_creation(std::uint32_t succeed_first) noexcept {
+  implementation_->threads_until_failure = succeed_first;
+}
+
+std::uint32_t World::release_faults() noexcept {
+  Implementation& w = *implementation_;
+  const std::uint32_t stopped = w.faults.release();
+  for (const auto& worker : w.node_workers) {
+    if (worker != nullptr) {
+      worker->bell().ring();
+    }
+  }
+  return stopped;
 }
 
 }  // namespace ringfence

@@ -1,15 +1,18 @@
 // The server, the user nodes, and the threads that step roles.
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <utility>
 
 #include "facade/config_check.hpp"
 #include "facade/implementation.hpp"
+#include "ringfence/error.hpp"
 
 namespace ringfence {
 
 using facade::Steppable;
 using facade::User;
+using facade::UserThread;
 using facade::Worker;
 using nodes::Request;
 
@@ -77,15 +80,14 @@ World::Implementation::Implementation(WorldConfig given)
     : config(facade::settle(std::move(given))),
       space(config.bounds_min, config.bounds_max),
       layer_masks(masks_of(config.layers)),
-      registry(config.capacities.objects) {
+      registry(config.capacities.objects),
+      halt(threaded() ? &caller_bell : nullptr) {
   publications.grid = interest_grid(config, space);
   publications.space = &space;
   relay = std::make_unique<link::Publication>(publications.grid.cells(), config.capacities.objects);
   publications.server.publication = relay.get();
   publications.users.reserve(config.capacities.users);
   order.caller = threaded() ? &caller_bell : nullptr;
-  user_tracks.resize(std::max(1u, config.user_threads));
-  user_clocks.resize(user_tracks.size());
   build_server();
 }
 
@@ -112,8 +114,8 @@ void World::Implementation::build_server() {
   const regions::RegionMap map(region_grid(config, space), std::max(1u, config.nodes));
   if (threaded()) {
     server_worker = std::make_unique<Worker>();
-    start_worker(*server_worker,
-                 config.remote_nodes != nullptr ? remote_nodes_tick(config.deadlines) : tick_of(config.deadlines));
+    must_start(*server_worker,
+               config.remote_nodes != nullptr ? remote_nodes_tick(config.deadlines) : tick_of(config.deadlines));
   }
   std::vector<RemoteNodes::MemberId> members(map.nodes(), RemoteNodes::local_member);
   if (config.remote_nodes != nullptr) {
@@ -126,17 +128,82 @@ void World::Implementation::build_server() {
   }
   server = std::make_unique<nodes::ServerRole>(setup, map);
   connect_peers();
-  if (threaded()) {
-    user_workers.resize(config.user_threads);
-    for (Worker& worker : user_workers) {
-      start_worker(worker);
-    }
+  for (std::uint32_t thread = 0; thread < (threaded() ? config.user_threads : 1); ++thread) {
+    user_threads.push_back(make_user_thread());
   }
 }
 
+// Throws Error if the system has no thread.
+std::unique_ptr<UserThread> World::Implementation::make_user_thread() {
+  auto thread = std::make_unique<UserThread>();
+  if (threaded()) {
+    thread->worker = std::make_unique<Worker>();
+    must_start(*thread->worker);
+  }
+  return thread;
+}
+
+nodes::UserThreadParts World::Implementation::parts_of(UserThread& thread) const noexcept {
+  return {config.timeline ? &thread.track : nullptr, threaded() ? &thread.clock : nullptr,
+          threaded() && config.deadlines.user_ms > 0 ? &thread.watch : nullptr};
+}
+
 // With pinning, the server and the nodes get one core each, as far as there are enough; user threads share the rest.
-void World::Implementation::start_worker(Worker& worker, std::chrono::nanoseconds tick) {
-  worker.start(config.pin ? &cores : nullptr, config.pin ? next_core++ : Worker::unpinned, tick);
+// Returns false if the system has no thread.
+bool World::Implementation::start_worker(Worker& worker, std::chrono::nanoseconds tick) {
+  if (threads_until_failure && (*threads_until_failure)-- == 0) {
+    threads_until_failure.reset();
+    return false;
+  }
+  if (!worker.start(halt, config.pin ? &cores : nullptr, config.pin ? next_core : Worker::unpinned, tick)) {
+    return false;
+  }
+  ++next_core;
+  return true;
+}
+
+// Throws Error if the system has no thread.
+void World::Implementation::must_start(Worker& worker, std::chrono::nanoseconds tick) {
+  if (!start_worker(worker, tick)) {
+    throw Error("WorldConfig: the system has no thread for one of " + std::to_string(config.nodes) + " CD nodes, " +
+                std::to_string(config.user_threads) +
+                " user threads and the server; ask for fewer, or raise the limit on threads (ulimit -u, pids.max)");
+  }
+}
+
+// All threads end before any is freed: until then each may ring the doorbell of any other.
+void World::Implementation::end_threads() noexcept {
+  const auto each_worker = [&](auto visit) {
+    for (const auto& thread : user_threads) {
+      visit(thread->worker.get());
+    }
+    for (const auto& [number, user] : user_nodes) {
+      visit(user->abandoned != nullptr ? user->abandoned->worker.get() : nullptr);
+    }
+    for (const auto& user : stalled_users) {
+      visit(user->abandoned->worker.get());
+    }
+    for (const auto& worker : node_workers) {
+      visit(worker.get());
+    }
+    for (const auto& worker : next_workers) {
+      visit(worker.get());
+    }
+    for (const facade::RetiredNode& retired_node : retired_nodes) {
+      visit(retired_node.worker.get());
+    }
+    visit(server_worker.get());
+  };
+  each_worker([](Worker* worker) {
+    if (worker != nullptr) {
+      worker->dismiss();
+    }
+  });
+  each_worker([](Worker* worker) {
+    if (worker != nullptr) {
+      worker->join();
+    }
+  });
 }
 
 void World::Implementation::list_inline_roles() {
@@ -161,18 +228,19 @@ void World::Implementation::connect_users() {
       continue;
     }
     const UserNumber number = request.user;
-    const std::size_t worker = number % std::max<std::size_t>(1, user_workers.size());
-    link::Doorbell* bell = threaded() ? &user_workers[worker].bell() : nullptr;
+    const std::size_t index = number % user_threads.size();
+    UserThread& thread = *user_threads[index];
+    link::Doorbell* bell = threaded() ? &thread.worker->bell() : nullptr;
     auto user = std::make_unique<User>(ring_bytes(user_ring), server_bell(), bell, publications.grid.cells());
-    user->worker = worker;
+    user->thread = index;
     nodes::UserSetup setup;
     setup.user = number;
     setup.model = config.motion.get();
     setup.publications = &publications;
     setup.interest = config.interest;
-    setup.track = config.timeline ? &user_tracks[worker] : nullptr;
-    setup.clock = threaded() ? &user_clocks[worker] : nullptr;
+    setup.thread = parts_of(thread);
     setup.objects = config.deployment == Deployment::user ? 64 : 4;
+    setup.faults = threaded() ? &faults : nullptr;
     setup.server = user->channel.second();
     user->role = std::make_unique<nodes::UserRole>(setup);
     request.connection = user->channel.first();
@@ -194,14 +262,33 @@ void World::Implementation::forget_users() {
   if (cut_leaving.empty()) {
     return;
   }
-  std::vector<std::unique_ptr<User>> gone;
+  parted_users.reserve(parted_users.size() + cut_leaving.size());
+  stalled_users.reserve(stalled_users.size() + cut_leaving.size());
   for (const UserNumber number : cut_leaving) {
     publications.users[number] = {};
-    gone.push_back(std::move(user_nodes[number]));
-    user_nodes.erase(number);
+    const auto at = user_nodes.find(number);
+    (at->second->abandoned != nullptr ? stalled_users : parted_users).push_back(std::move(at->second));
+    user_nodes.erase(at);
   }
   assign_users();
+  parted_users.clear();
   cut_leaving.clear();
+}
+
+// Called when a frame is complete. Late user nodes are not stepped any more, so none of them reads publications of the
+// next frame. Those whose model has not returned were removed from their threads within the frame.
+void World::Implementation::part_with_late_users() {
+  for (const UserNumber number : report.late) {
+    user_nodes.at(number)->late = true;
+    publications.users[number] = {};
+  }
+  if (!report.late.empty()) {
+    assign_users();
+  }
+}
+
+void World::Implementation::free_stalled_users() {
+  std::erase_if(stalled_users, [](const auto& user) { return user->abandoned->worker->has_ended(); });
 }
 
 void World::Implementation::assign_users() {
@@ -209,21 +296,41 @@ void World::Implementation::assign_users() {
     list_inline_roles();
     return;
   }
-  std::vector<std::vector<Steppable>> roles(user_workers.size());
+  std::vector<std::vector<Steppable>> roles(user_threads.size());
   for (auto& [number, user] : user_nodes) {
-    roles[user->worker].push_back(Steppable::of(*user->role));
+    if (!user->late) {
+      roles[user->thread].push_back(Steppable::of(*user->role));
+    }
   }
-  for (std::size_t worker = 0; worker < user_workers.size(); ++worker) {
-    user_workers[worker].assign(std::move(roles[worker]));
+  for (std::size_t thread = 0; thread < user_threads.size(); ++thread) {
+    user_threads[thread]->worker->assign(std::move(roles[thread]));
   }
 }
 
-void World::Implementation::step_inline() {
+// Returns true when the frame is complete, false if memory ran out.
+bool World::Implementation::step_inline() {
   while (order.completed.load(std::memory_order_acquire) != begun) {
     for (const Steppable& role : inline_roles) {
-      role.step(role.role);
+      if (role.step(role.role) == nodes::Step::out_of_memory) {
+        return false;
+      }
     }
   }
+  return true;
+}
+
+Status World::Implementation::stop_frames() noexcept {
+  halt.set();
+  if (!std::exchange(halt_logged, true)) {
+    try {
+      log(LogLevel::error, "memory ran out in frame " + std::to_string(begun - (frame_is_running() ? 1 : 0)) +
+                               ": the World runs no more frames and returns out_of_memory; its last results can be "
+                               "read. Destroy it, and give the next one more memory or fewer objects");
+    } catch (...) {
+      // There is no memory for the log line either; the caller still gets the status.
+    }
+  }
+  return Status::out_of_memory;
 }
 
 }  // namespace ringfence

@@ -1,17 +1,26 @@
 #pragma once
 
+#include <new>
+
 #include "nodes/role.hpp"
 
 namespace ringfence::facade {
 
-/// Type-erased role for a thread: something to step.
+/// Type-erased role for a thread: something to step. A failed allocation in a step becomes nodes::Step::out_of_memory,
+/// because nothing may throw in a frame.
 struct Steppable {
   void* role = nullptr;
   nodes::Step (*step)(void*) = nullptr;
 
   template <class Role>
   static Steppable of(Role& role) noexcept {
-    return {&role, [](void* self) { return static_cast<Role*>(self)->step(); }};
+    return {&role, [](void* self) {
+              try {
+                return static_cast<Role*>(self)->step();
+              } catch (const std::bad_alloc&) {
+                return nodes::Step::out_of_memory;
+              }
+            }};
   }
 };
 

@@ -1,6 +1,7 @@
 #include "facade/worker.hpp"
 
 #include <ctime>
+#include <system_error>
 #include <utility>
 
 #include <pthread.h>
@@ -10,10 +11,8 @@
 namespace ringfence::facade {
 
 Worker::~Worker() {
-  if (thread_.joinable()) {
-    dismiss();
-    thread_.join();
-  }
+  dismiss();
+  join();
   delete next_.load(std::memory_order_acquire);
 }
 
@@ -22,17 +21,29 @@ void Worker::dismiss() noexcept {
   bell_.ring();
 }
 
-void Worker::start(const link::Cores* cores, std::size_t pin_to, std::chrono::nanoseconds tick) {
-  thread_ = std::thread([this, cores, pin_to, tick] {
-    // The thread has inherited the environment of whoever called World.
-    const base::DefaultFloatingPoint floating_point;
-    if (cores != nullptr && pin_to != unpinned) {
-      cores->pin_this_thread(pin_to);
-    }
-    run(tick);
-    // Pairs with the acquire load in has_ended: the effects of the roles are visible.
-    ended_.store(true, std::memory_order_release);
-  });
+void Worker::join() noexcept {
+  if (thread_.joinable()) {
+    thread_.join();
+  }
+}
+
+bool Worker::start(Halt& halt, const link::Cores* cores, std::size_t pin_to, std::chrono::nanoseconds tick) {
+  halt_ = &halt;
+  try {
+    thread_ = std::thread([this, cores, pin_to, tick] {
+      // The thread has inherited the environment of whoever called World.
+      const base::DefaultFloatingPoint floating_point;
+      if (cores != nullptr && pin_to != unpinned) {
+        cores->pin_this_thread(pin_to);
+      }
+      run(tick);
+      // Pairs with the acquire load in has_ended: the effects of the roles are visible.
+      ended_.store(true, std::memory_order_release);
+    });
+  } catch (const std::system_error&) {
+    return false;
+  }
+  return true;
 }
 
 void Worker::assign(std::vector<Steppable> roles) {
@@ -60,7 +71,19 @@ bool Worker::take_assignment() {
 bool Worker::step_all() {
   bool progressed = take_assignment();
   for (const Steppable& role : roles_) {
-    progressed |= role.step(role.role) == nodes::Step::progressed;
+    if (halt_->is_set()) {
+      break;
+    }
+    const nodes::Step step = role.step(role.role);
+    if (step == nodes::Step::abandoned) [[unlikely]] {
+      // Another thread steps the remaining roles.
+      stop_.store(true, std::memory_order_relaxed);
+      return true;
+    }
+    if (step == nodes::Step::out_of_memory) [[unlikely]] {
+      halt_->set();
+    }
+    progressed |= step == nodes::Step::progressed;
   }
   return progressed;
 }

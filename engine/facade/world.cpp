@@ -1,6 +1,7 @@
 #include "ringfence/world.hpp"
 
 #include <algorithm>
+#include <new>
 #include <string>
 #include <utility>
 
@@ -39,38 +40,54 @@ Status World::Implementation::check_spec(const ObjectSpec& spec) const noexcept 
 
 void World::Implementation::gather_user_times() {
   report.users_cpu_ms = report.slowest_user_cpu_ms = 0;
-  user_cpu_ns.resize(user_workers.size());
+  if (!threaded()) {
+    report.path = {};
+    return;
+  }
   PathReport& path = report.path;
-  for (std::size_t i = 0; i < user_workers.size(); ++i) {
-    const std::uint64_t cpu_ns = user_workers[i].cpu_ns();
-    const std::uint64_t all_ns = cpu_ns - std::exchange(user_cpu_ns[i], cpu_ns);
-    const std::uint64_t move_ns = std::min(all_ns, user_clocks[i].take(StepClock::move));
-    const std::uint64_t read_ns = std::min(all_ns - move_ns, user_clocks[i].take(StepClock::read_publications));
+  for (const auto& thread : user_threads) {
+    const std::uint64_t cpu_ns = thread->worker->cpu_ns();
+    const std::uint64_t all_ns = cpu_ns - std::exchange(thread->cpu_ns, cpu_ns);
+    const std::uint64_t move_ns = std::min(all_ns, thread->clock.take(StepClock::move));
+    const std::uint64_t read_ns = std::min(all_ns - move_ns, thread->clock.take(StepClock::read_publications));
     report.users_cpu_ms += to_ms(all_ns);
     report.slowest_user_cpu_ms = std::max(report.slowest_user_cpu_ms, to_ms(all_ns));
     path.user_move_ms = std::max(path.user_move_ms, to_ms(move_ns));
     path.user_read_ms = std::max(path.user_read_ms, to_ms(read_ns));
     path.user_end_ms = std::max(path.user_end_ms, to_ms(all_ns - move_ns - read_ns));
   }
-  if (!threaded()) {
-    path = {};
-  }
 }
 
 void World::Implementation::gather_timeline() {
   report.timeline.clear();
+  if (!config.timeline) {
+    return;
+  }
   std::uint32_t index = 0;
-  const auto gather = [&](telemetry::Track& track) {
-    for (TimelineSpan span : track.spans()) {
+  const auto gather = [&](telemetry::Track* track) {
+    for (TimelineSpan span : track != nullptr ? track->spans() : std::span<const TimelineSpan>()) {
       span.track = index;
       report.timeline.push_back(span);
     }
-    track.clear();
+    if (track != nullptr) {
+      track->clear();
+    }
     ++index;
   };
-  gather(server_track);
-  std::for_each(node_tracks.begin(), node_tracks.end(), gather);
-  std::for_each(user_tracks.begin(), user_tracks.end(), gather);
+  gather(&server_track);
+  for (NodeNumber node = 0; node < node_tracks.size(); ++node) {
+    // The thread of a lost node may still write its track.
+    gather(is_lost(node) ? nullptr : node_tracks[node].get());
+  }
+  for (const auto& thread : user_threads) {
+    gather(&thread->track);
+  }
+}
+
+// Whether the node that had this number in the last frame is lost, and no fallback node took its number.
+bool World::Implementation::is_lost(NodeNumber node) const noexcept {
+  return (node != fallback_number || server->has_abandoned_nodes()) &&
+         std::find(report.lost.begin(), report.lost.end(), node) != report.lost.end();
 }
 
 void World::Implementation::log_growth() {
@@ -101,7 +118,8 @@ World::World(WorldConfig config) {
 
 World::~World() {
   const base::DefaultFloatingPoint floating_point;
-  if (implementation_ != nullptr && implementation_->frame_is_running()) {
+  release_faults();
+  if (implementation_->frame_is_running() && !implementation_->halt.is_set()) {
     finish_frame();
   }
 }
@@ -118,9 +136,12 @@ Status World::advance() {
   return status == Status::ok ? finish_frame() : status;
 }
 
-Status World::begin_frame() {
+Status World::begin_frame() try {
   const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return w.stop_frames();
+  }
   if (w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
   }
@@ -134,24 +155,28 @@ Status World::begin_frame() {
     w.user_nodes.at(pending_move.user)->role->steer(pending_move.number, pending_move.pose);
   }
   w.pending_moves.clear();
+  w.order.users_overdue.store(false, std::memory_order_relaxed);  // may remain set from the frame before
   ++w.begun;
   w.order.ordered.store(w.begun, std::memory_order_release);
   if (w.threaded()) {
     w.server_worker->bell().ring();
   }
   return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
 }
 
-Status World::finish_frame() {
+Status World::finish_frame() try {
   const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return w.stop_frames();
+  }
   if (!w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
   }
-  if (w.threaded()) {
-    w.await_frame();
-  } else {
-    w.step_inline();
+  if (w.threaded() ? !w.await_frame() : !w.step_inline()) {
+    return w.stop_frames();
   }
   ++w.frames;
   w.order.requests.clear();
@@ -163,8 +188,10 @@ Status World::finish_frame() {
   for (std::size_t reason = 0; reason < status_count; ++reason) {
     w.report.refused[reason] += std::exchange(w.refused[reason], 0);
   }
+  w.part_with_late_users();
   w.gather_user_times();
   w.gather_timeline();
+  w.free_stalled_users();
   w.retire_lost_nodes();
   w.free_retired_nodes();
   w.retire_nodes();
@@ -177,6 +204,8 @@ Status World::finish_frame() {
   w.log_growth();
   w.log_support_failures();
   return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
 }
 
 std::uint64_t World::frames() const noexcept { return implementation_->frames; }
@@ -194,8 +223,8 @@ std::span<const Contact> World::ended() const noexcept {
 std::span<const Contact> World::collisions_of(UserNumber user) const noexcept {
   const Implementation& w = *implementation_;
   const auto at = w.user_nodes.find(user);
-  return w.frames == 0 || at == w.user_nodes.end() ? std::span<const Contact>{}
-                                                   : at->second->role->contacts(w.frames - 1);
+  return w.frames == 0 || at == w.user_nodes.end() || at->second->late ? std::span<const Contact>{}
+                                                                       : at->second->role->contacts(w.frames - 1);
 }
 
 ObjectContacts World::collisions_of(ObjectId object) const {
@@ -213,7 +242,7 @@ ObjectContacts World::collisions_of(ObjectId object) const {
 std::span<const std::span<const SeenState>> World::seen_by(UserNumber user) const noexcept {
   const Implementation& w = *implementation_;
   const auto at = w.user_nodes.find(user);
-  if (w.frames == 0 || at == w.user_nodes.end()) {
+  if (w.frames == 0 || at == w.user_nodes.end() || at->second->late) {
     return {};
   }
   return at->second->role->seen(w.frames - 1);

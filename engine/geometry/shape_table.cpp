@@ -138,33 +138,35 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
            .bounding_radius = hull.bounding_radius(),
            .kind = ShapeKind::hull,
            .index_in_kind = static_cast<std::uint32_t>(hulls_.size())};
-    hulls_.push_back(std::move(hull));
+    hulls_.push_back(&owned_hulls_.emplace_back(std::move(hull)));
   } else if (const auto* triangles = std::get_if<TriangleMesh>(&description)) {
     for (std::size_t i = 0; i < triangles->vertices.size(); ++i) {
       check_coordinate("mesh vertex", i, triangles->vertices[i]);
     }
-    auto mesh = std::make_unique<Mesh>(*triangles);
+    auto mesh = std::make_unique<const Mesh>(*triangles);
     check_size("mesh bounding radius", double{mesh->bounding_radius()}, min_thickness / 2);
     row = {.bounding_radius = mesh->bounding_radius(),
            .kind = ShapeKind::mesh,
            .index_in_kind = static_cast<std::uint32_t>(meshes_.size())};
-    meshes_.push_back(std::move(mesh));
+    owned_meshes_.push_back(std::move(mesh));
+    meshes_.push_back(owned_meshes_.back().get());
   } else {
     const SupportShape& shape = std::get<SupportShape>(description);
     row = row_of(shape);
     row.index_in_kind = static_cast<std::uint32_t>(supports_.size());
-    supports_.push_back(
+    owned_supports_.push_back(
         std::make_unique<CheckedSupport>(shape.function, static_cast<ShapeNumber>(rows_.size()), row.bounding_radius));
+    supports_.push_back(owned_supports_.back().get());
   }
   descriptions_.push_back(description);
+  hull_of_.push_back(row.kind == ShapeKind::hull ? &owned_hulls_.back() : nullptr);
   rows_.push_back(row);
-  hull_of_.push_back(row.kind == ShapeKind::hull ? &hulls_.back() : nullptr);
   return static_cast<ShapeNumber>(rows_.size() - 1);
 }
 
 std::vector<std::string> ShapeTable::take_support_failures() const {
   std::vector<std::string> out;
-  for (const auto& support : supports_) {
+  for (const auto& support : owned_supports_) {
     if (auto failure = support->take_first_failure()) out.push_back(std::move(*failure));
   }
   return out;
@@ -181,7 +183,7 @@ double ShapeTable::volume(ShapeNumber shape) const noexcept {
     case ShapeKind::capsule:
       return pi * a * a * (4.0 / 3.0 * a + 2 * b);
     case ShapeKind::hull:
-      return hulls_[row.index_in_kind].volume();
+      return hulls_[row.index_in_kind]->volume();
     case ShapeKind::mesh:
     case ShapeKind::support:
       break;

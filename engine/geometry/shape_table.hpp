@@ -10,6 +10,7 @@
 
 #include "geometry/bounds.hpp"
 #include "geometry/checked_support.hpp"
+#include "geometry/growing_array.hpp"
 #include "geometry/hull.hpp"
 #include "geometry/mesh.hpp"
 #include "ringfence/ids.hpp"
@@ -38,8 +39,9 @@ struct PlacedShape {
 
 /// The shapes of a world: each is prepared once, then immutable and shared read-only by all threads.
 ///
-/// Threads: `add` before other threads read, or between frames. Memory: prepared shapes live as long as the table;
-/// references to hulls stay valid when shapes are added.
+/// Threads: one thread adds at a time. Others may meanwhile read the shapes that are there, as the thread of a lost CD
+/// node does. Memory: everything that is returned by reference or pointer keeps its address and value as long as the
+/// table exists; `rows` contains the shapes that exist when it is called.
 class ShapeTable {
  public:
   ShapeTable();
@@ -54,12 +56,13 @@ class ShapeTable {
   ShapeNumber add(const ShapeDescription& description);
 
   std::size_t size() const noexcept { return rows_.size(); }
-  std::span<const ShapeRow> rows() const noexcept { return rows_; }
+  std::span<const ShapeRow> rows() const noexcept { return rows_.span(); }
   const ShapeRow& row(ShapeNumber shape) const noexcept { return rows_[shape]; }
-  const Hull& hull(std::uint32_t index_in_kind) const noexcept { return hulls_[index_in_kind]; }
+  const Hull& hull(std::uint32_t index_in_kind) const noexcept { return *hulls_[index_in_kind]; }
   const Mesh& mesh(std::uint32_t index_in_kind) const noexcept { return *meshes_[index_in_kind]; }
   const CheckedSupport& support(std::uint32_t index_in_kind) const noexcept { return *supports_[index_in_kind]; }
-  /// The shape as it was registered, for writing scenes and for the reference implementation.
+  /// The shape as it was registered, for writing scenes and for the reference implementation. Only for the thread that
+  /// adds.
   const ShapeDescription& description(ShapeNumber shape) const noexcept { return descriptions_[shape]; }
 
   /// Which support functions failed since the last call, and why: of each shape the first time only. For the log. From
@@ -82,12 +85,16 @@ class ShapeTable {
  private:
   Bounds slow_bounds(const ShapeRow& row, const Pose& pose, const FixedSpace& space) const noexcept;
 
-  std::vector<ShapeRow> rows_;
+  GrowingArray<ShapeRow> rows_;
+  GrowingArray<const Hull*> hull_of_;  ///< by shape number; null if the shape is not a hull
+  GrowingArray<const Hull*> hulls_;
+  GrowingArray<const Mesh*> meshes_;
+  GrowingArray<const CheckedSupport*> supports_;
+  // Accessed only by the thread that adds.
   std::deque<ShapeDescription> descriptions_;
-  std::deque<Hull> hulls_;
-  std::vector<const Hull*> hull_of_;  ///< by shape number; null if the shape is not a hull
-  std::vector<std::unique_ptr<Mesh>> meshes_;
-  std::vector<std::unique_ptr<const CheckedSupport>> supports_;
+  std::deque<Hull> owned_hulls_;
+  std::vector<std::unique_ptr<const Mesh>> owned_meshes_;
+  std::vector<std::unique_ptr<const CheckedSupport>> owned_supports_;
 };
 
 }  // namespace ringfence::geometry

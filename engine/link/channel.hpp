@@ -26,6 +26,9 @@ class alignas(cache_line_pair_bytes) BasicSender {
   BasicSender(const BasicSender&) = delete;
   BasicSender& operator=(const BasicSender&) = delete;
 
+  /// From now on another thread receives, and this is its doorbell. The bell is not rung for earlier messages.
+  void set_bell(Bell* bell) noexcept { bell_ = bell; }
+
   /// Returns room for a message of up to `bytes` bytes (1 to largest_message()): uninitialised, aligned to 8 bytes,
   /// often to a cache line. Empty if there is no room now, or if the receiver has closed (see closed()). Valid until
   /// commit(), or until the next claim, which replaces it.
@@ -84,6 +87,10 @@ class alignas(cache_line_pair_bytes) BasicReceiver {
   BasicReceiver(Ring<Policy> ring, Bell* bell) noexcept : reader_(ring), bell_(bell) {}
   BasicReceiver(const BasicReceiver&) = delete;
   BasicReceiver& operator=(const BasicReceiver&) = delete;
+
+  /// From now on another thread sends, and this is its doorbell. The bell is not rung for room that was released
+  /// earlier.
+  void set_bell(Bell* bell) noexcept { bell_ = bell; }
 
   /// The next unread message, in place; empty if there is none yet. Valid until release().
   std::span<const std::byte> next() noexcept {

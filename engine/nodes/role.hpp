@@ -13,9 +13,11 @@ struct NodePublication;
 
 /// Result of a role's step. A role never blocks: it does what it can and returns.
 enum class Step : std::uint8_t {
-  idle,        ///< nothing to do until the next message arrives
-  progressed,  ///< some work was done; step again
-  blocked,     ///< waits for room in a ring
+  idle,           ///< nothing to do until the next message arrives
+  progressed,     ///< some work was done; step again
+  blocked,        ///< waits for room in a ring
+  out_of_memory,  ///< an allocation failed in the step: the role must not be stepped again
+  abandoned,      ///< the World has replaced this thread (see MoveWatch): it ends and steps no role any more
 };
 
 /// One end of the connection between two roles: a sender and a receiver. The channels outlive it.

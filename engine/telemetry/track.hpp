@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <new>
 #include <span>
 #include <vector>
 
@@ -16,8 +17,12 @@ namespace ringfence::telemetry {
 class Track {
  public:
   void clear() noexcept { spans_.clear(); }
-  void add(const char* name, std::uint64_t begin_ns, std::uint64_t end_ns) {
-    spans_.push_back({0, name, begin_ns, end_ns});
+  /// Does not throw, because the destructor of SpanTimer calls it: if memory runs out, the span is dropped.
+  void add(const char* name, std::uint64_t begin_ns, std::uint64_t end_ns) noexcept {
+    try {
+      spans_.push_back({0, name, begin_ns, end_ns});
+    } catch (const std::bad_alloc&) {
+    }
   }
   std::span<const TimelineSpan> spans() const noexcept { return spans_; }
 

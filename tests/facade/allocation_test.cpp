@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 #include <new>
 
 #include <doctest/doctest.h>
@@ -16,14 +17,28 @@
 namespace {
 
 std::atomic<std::uint64_t> allocations{0};
+/// Number of allocations that succeed before one fails; negative: none fails.
+std::atomic<std::int64_t> until_failure{-1};
+/// All later allocations fail too, until until_failure is set again.
+std::atomic<bool> keeps_failing{false};
+
+void count_allocation() {
+  allocations.fetch_add(1, std::memory_order_relaxed);
+  if (until_failure.load(std::memory_order_relaxed) < 0) return;
+  const std::int64_t left = until_failure.fetch_sub(1);
+  if (left == 0 || (left < 0 && keeps_failing.load())) {
+    if (keeps_failing.load()) until_failure.store(0);
+    throw std::bad_alloc();
+  }
+}
 
 void* allocate(std::size_t bytes) {
-  allocations.fetch_add(1, std::memory_order_relaxed);
+  count_allocation();
   if (void* memory = std::malloc(bytes == 0 ? 1 : bytes)) return memory;
   throw std::bad_alloc();
 }
 void* allocate(std::size_t bytes, std::align_val_t alignment) {
-  allocations.fetch_add(1, std::memory_order_relaxed);
+  count_allocation();
   const auto step = static_cast<std::size_t>(alignment);
   if (void* memory = std::aligned_alloc(step, (bytes + step - 1) / step * step)) return memory;
   throw std::bad_alloc();
@@ -35,6 +50,12 @@ void* operator new(std::size_t bytes) { return allocate(bytes); }
 void* operator new[](std::size_t bytes) { return allocate(bytes); }
 void* operator new(std::size_t bytes, std::align_val_t alignment) { return allocate(bytes, alignment); }
 void* operator new[](std::size_t bytes, std::align_val_t alignment) { return allocate(bytes, alignment); }
+void* operator new(std::size_t bytes, const std::nothrow_t&) noexcept try {
+  return allocate(bytes);
+} catch (const std::bad_alloc&) {
+  return nullptr;
+}
+void* operator new[](std::size_t bytes, const std::nothrow_t& nothrow) noexcept { return operator new(bytes, nothrow); }
 void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete[](void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
@@ -98,6 +119,110 @@ TEST_CASE("in steady state a frame does not allocate, in any deployment and plac
     CHECK(world.report().began > 0);
     CHECK((handed_over > 0) == (config.deployment == Deployment::user_collision && config.nodes > 0));
   });
+}
+
+/// Makes allocations fail during its lifetime.
+class OutOfMemory {
+ public:
+  OutOfMemory(std::int64_t succeed_first, bool keep_failing) {
+    keeps_failing.store(keep_failing);
+    until_failure.store(succeed_first);
+  }
+  ~OutOfMemory() { until_failure.store(-1); }
+  OutOfMemory(const OutOfMemory&) = delete;
+  OutOfMemory& operator=(const OutOfMemory&) = delete;
+};
+
+/// Runs a few frames in which all arrays grow, users and nodes join and leave, and objects are spawned and removed.
+/// Returns the first status that is not ok.
+Status run_frames(World& world, std::size_t spawns) {
+  constexpr double side = 6;
+  const auto spawn = [&](std::size_t i) {
+    ObjectSpec spec;
+    spec.category = i % 3 == 0 ? Category::avatar : Category::active;
+    spec.user = spec.category == Category::avatar ? static_cast<UserNumber>(i % 2) : no_user;
+    const double x = static_cast<double>(i % 7) * 0.9;
+    spec.pose.position = {x, static_cast<double>(i / 7 % 6), side / 2};
+    return world.spawn(spec).status;
+  };
+  Status status = Status::ok;
+  const auto is_ok = [&](Status returned) { return (status = returned) == Status::ok; };
+  if (!is_ok(world.connect(0).status) || !is_ok(world.connect(1).status)) return status;
+  for (std::size_t i = 0; i < spawns; ++i) {
+    if (!is_ok(spawn(i))) return status;
+  }
+  if (!is_ok(world.advance())) return status;
+  if (world.config().nodes > 0 && !is_ok(world.resize(2))) return status;
+  if (!is_ok(world.disconnect(1)) || !is_ok(world.advance())) return status;
+  if (world.config().nodes > 0 && !is_ok(world.resize(1))) return status;
+  for (int frame = 0; frame < 2; ++frame) {
+    if (!is_ok(world.advance())) return status;
+  }
+  return status;
+}
+
+TEST_CASE("a failed allocation in a call or a frame returns out_of_memory, and the World can be destroyed") {
+  for (const bool keep_failing : {false, true}) {
+    for (const Placement placement : {Placement::server, Placement::region}) {
+      for (const std::uint32_t nodes : {0u, 1u, 3u}) {
+        WorldConfig config;
+        config.nodes = nodes;
+        config.placement = placement;
+        config.bounds_max = {6, 6, 6};
+        config.interest = 3;
+        config.timeline = placement == Placement::region;
+        config.capacities = {1, 1, 1, 1};
+        config.motion = std::make_shared<BouncingModel>(6);
+        CAPTURE(words(config));
+        CAPTURE(keep_failing);
+        std::int64_t failing = 0;
+        std::size_t failed = 0;
+        for (bool complete = false; !complete; failing += 1 + failing / 10) {
+          CAPTURE(failing);
+          World world(config);
+          world.add_shape(Sphere{0.7f});
+          Status status;
+          {
+            const OutOfMemory out_of_memory(failing, keep_failing);
+            status = run_frames(world, 60);
+          }
+          complete = status == Status::ok;
+          if (complete) continue;
+          ++failed;
+          REQUIRE(status == Status::out_of_memory);
+          // The results of the last complete frame can be read; no other frame runs.
+          CHECK(std::is_sorted(world.contacts().begin(), world.contacts().end(),
+                               [](const Contact& p, const Contact& q) { return p.a < q.a; }));
+          CHECK(world.begin_frame() == Status::out_of_memory);
+          CHECK(world.finish_frame() == Status::out_of_memory);
+          CHECK(world.advance() == Status::out_of_memory);
+          CHECK(world.spawn({}).status == Status::out_of_memory);
+          CHECK(world.connect().status == Status::out_of_memory);
+          CHECK(world.disconnect(0) == Status::out_of_memory);
+          CHECK(world.resize(1) == Status::out_of_memory);
+          CHECK_THROWS_AS(world.add_shape(Sphere{1}), Error);
+        }
+        CHECK(failed > 20);
+      }
+    }
+  }
+}
+
+TEST_CASE("a World can be destroyed when an allocation fails in a running frame") {
+  for (const std::uint32_t nodes : {0u, 3u}) {
+    for (std::int64_t failing = 0; failing < 40; ++failing) {
+      CAPTURE(failing);
+      WorldConfig config;
+      config.nodes = nodes;
+      config.capacities = {1, 1, 1, 1};
+      config.motion = std::make_shared<BouncingModel>(6);
+      auto world = std::make_unique<World>(config);
+      populate(*world, 60, 4, 6);
+      REQUIRE(world->begin_frame() == Status::ok);
+      const OutOfMemory out_of_memory(failing, false);
+      world.reset();  // finishes the frame, or stops it
+    }
+  }
 }
 
 }  // namespace

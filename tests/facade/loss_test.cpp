@@ -27,6 +27,7 @@ struct LossRun {
   std::uint64_t late = 0;
   std::uint64_t refused = 0;  ///< calls and records, of any reason
   std::size_t logged = 0;
+  std::uint32_t stopped = 0;  ///< roles that are still stopped within a step at the end
 };
 
 LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
@@ -49,7 +50,10 @@ LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
       // On a busy machine more nodes may be lost than were stopped by the test; then that number does not exist.
       if (world.inject(fault) != Status::ok) {
         fault.node = 0;
-        REQUIRE(world.inject(fault) == Status::ok);
+        const Status status = world.inject(fault);
+        // A node that the server's thread steps, because all others were lost, cannot stop within a step.
+        const bool inside = static_cast<std::size_t>(fault.stage) >= boundary_stage_count;
+        REQUIRE((status == Status::ok || (inside && status == Status::bad_number)));
       }
     }
     if (const auto at = resizes.find(frame); at != resizes.end()) {
@@ -66,6 +70,7 @@ LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
     digest.add_frame(world.contacts());
   }
   ran.digest = digest.value();
+  ran.stopped = world.release_faults();
   return ran;
 }
 
@@ -90,7 +95,7 @@ TEST_CASE("nodes that stop at any stage, one after another until none is left, c
       config.nodes = 7;
       config.deadlines.node_ms = deadline_ms;
       std::multimap<int, Fault> faults;
-      for (std::size_t stage = 0; stage < node_stage_count; ++stage) {
+      for (std::size_t stage = 0; stage < boundary_stage_count; ++stage) {
         faults.insert({static_cast<int>(3 * stage + 2),
                        {static_cast<NodeNumber>((stage * 3) % (7 - stage)), 0, static_cast<NodeStage>(stage), 0}});
       }
@@ -100,6 +105,105 @@ TEST_CASE("nodes that stop at any stage, one after another until none is left, c
       CHECK(ran.logged == ran.lost);
       CHECK(ran.nodes >= 1);
     }
+  }
+}
+
+/// Two nodes stop at `stage` in some frames. A node that hands nothing over does not reach NodeStage::hand_over.
+LossRun run_stopped_inside(WorldConfig config, NodeStage stage, double stall_ms, std::uint32_t passes) {
+  config.nodes = 6;  // with fewer nodes the server publishes their states
+  config.deadlines.node_ms = deadline_ms;
+  std::multimap<int, Fault> faults;
+  const int frames_apart = stage == NodeStage::hand_over ? 1 : 5;
+  for (int frame = 3; frame <= 13; frame += frames_apart) {
+    faults.insert({frame, {0, 0, stage, stall_ms, no_user, passes}});
+    faults.insert({frame, {1, 0, stage, stall_ms, no_user, passes}});
+  }
+  return run(config, faults);
+}
+
+TEST_CASE("a node that stops inside a model, a kernel, a hand-over or a publication changes no contact") {
+  for (const Placement placement : {Placement::server, Placement::region}) {
+    for (const NodeStage stage : {NodeStage::model, NodeStage::kernel, NodeStage::hand_over, NodeStage::publication}) {
+      for (const std::uint32_t passes : {0u, 1u}) {
+        if (passes == 1 && stage == NodeStage::publication) continue;  // one per frame
+        CAPTURE(name_of(placement));
+        CAPTURE(name_of(stage));
+        CAPTURE(passes);
+        WorldConfig config;
+        config.placement = placement;
+        // It continues at the end, when the others have changed the memory that it uses.
+        const LossRun stopped = run_stopped_inside(config, stage, 0, passes);
+        CHECK(stopped.digest == expected());
+        CHECK(stopped.lost >= stopped.stopped);
+        CHECK((stopped.stopped >= 1 || passes == 1));
+        // It continues while the others run.
+        const LossRun late = run_stopped_inside(config, stage, 2 * deadline_ms, passes);
+        CHECK(late.digest == expected());
+      }
+    }
+  }
+}
+
+TEST_CASE("a node that stops inside a kernel changes no contact in any deployment") {
+  for (const Deployment deployment : {Deployment::user, Deployment::user_server}) {
+    WorldConfig config;
+    config.deployment = deployment;
+    CAPTURE(name_of(deployment));
+    const LossRun ran = run_stopped_inside(config, NodeStage::kernel, 0, 0);
+    CHECK(ran.digest == expected());
+    CHECK(ran.stopped >= 1);
+  }
+}
+
+TEST_CASE("a node that stops inside a read gate for longer than its deadline changes no contact") {
+  for (const Placement placement : {Placement::server, Placement::region}) {
+    for (const std::uint32_t passes : {0u, 1u}) {
+      CAPTURE(name_of(placement));
+      CAPTURE(passes);
+      WorldConfig config;
+      config.placement = placement;
+      const LossRun ran = run_stopped_inside(config, NodeStage::gate, 2 * deadline_ms, passes);
+      CHECK(ran.digest == expected());
+    }
+  }
+}
+
+TEST_CASE("a World can be destroyed while roles are stopped, even without deadlines and with a running frame") {
+  for (const NodeStage stage : {NodeStage::moving, NodeStage::model, NodeStage::kernel, NodeStage::publication}) {
+    CAPTURE(name_of(stage));
+    WorldConfig config;
+    config.nodes = 2;
+    config.bounds_max = {side, side, side};
+    config.motion = std::make_shared<BouncingModel>(side);
+    World world(config);
+    populate(world, 100, 4, side);
+    REQUIRE(world.advance() == Status::ok);
+    REQUIRE(world.inject({1, 1, stage, 0}) == Status::ok);
+    if (stage == NodeStage::model || stage == NodeStage::publication) {
+      REQUIRE(world.inject({0, 1, stage, 0, 2}) == Status::ok);
+    }
+    REQUIRE(world.begin_frame() == Status::ok);
+  }
+}
+
+TEST_CASE("a role that is stopped without a deadline continues when it is released, and the frame completes") {
+  WorldConfig config;
+  config.nodes = 2;
+  config.bounds_max = {side, side, side};
+  config.motion = std::make_shared<BouncingModel>(side);
+  World world(config);
+  populate(world, 100, 4, side);
+  REQUIRE(world.advance() == Status::ok);
+  std::uint64_t frame = 1;
+  for (const NodeStage stage : {NodeStage::moving, NodeStage::ending, NodeStage::model, NodeStage::publication}) {
+    CAPTURE(name_of(stage));
+    REQUIRE(world.inject({1, frame, stage, 0}) == Status::ok);
+    REQUIRE(world.begin_frame() == Status::ok);
+    world.release_faults();
+    REQUIRE(world.finish_frame() == Status::ok);
+    REQUIRE(world.report().lost.empty());
+    REQUIRE(world.report().accepted == world.report().candidates);
+    ++frame;
   }
 }
 
@@ -252,7 +356,13 @@ TEST_CASE("an impossible fault is refused") {
   World world(config);
   CHECK(world.inject({2, 0, NodeStage::moving, 0}) == Status::bad_number);
   CHECK(world.inject({0, 0, NodeStage::moving, -1}) == Status::bad_number);
+  CHECK(world.inject({0, 0, static_cast<NodeStage>(node_stage_count), 0}) == Status::bad_number);
+  CHECK(world.inject({0, 0, NodeStage::model, 0, 0}) == Status::bad_number);  // unknown user
+  REQUIRE(world.connect(0).status == Status::ok);
   CHECK(world.advance() == Status::ok);
+  CHECK(world.inject({0, 5, NodeStage::kernel, 0, 0}) == Status::bad_number);
+  CHECK(world.inject({0, 5, NodeStage::moving, 0, 0}) == Status::bad_number);
+  CHECK(world.inject({0, 5, NodeStage::publication, 0, 0}) == Status::ok);
   CHECK(world.inject({0, 0, NodeStage::moving, 0}) == Status::bad_number);
   CHECK(world.begin_frame() == Status::ok);
   CHECK(world.inject({0, 5, NodeStage::moving, 0}) == Status::out_of_order);

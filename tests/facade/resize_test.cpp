@@ -1,10 +1,13 @@
 #include <algorithm>
 #include <map>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include <doctest/doctest.h>
 
 #include "facade/bouncing_world.hpp"
+#include "facade/checks.hpp"
 #include "facade/views.hpp"
 #include "ringfence/digest.hpp"
 #include "ringfence/world.hpp"
@@ -187,6 +190,65 @@ TEST_CASE("balanced by pairs, the maps are the same in every run and shares beco
     all += tested;
   }
   CHECK(5 * most < 2 * all);  // at first one node has nearly everything
+}
+
+TEST_CASE(
+    "when there is no thread for a new node, resize is refused, the number of nodes stays, and a later resize works") {
+  WorldConfig config;
+  config.nodes = 2;
+  config.bounds_max = {side, side, side};
+  config.motion = std::make_shared<BouncingModel>(side);
+  std::vector<std::string> errors;
+  config.log = [&](LogLevel level, std::string_view line) {
+    if (level == LogLevel::error) errors.emplace_back(line);
+  };
+  World world(config);
+  populate(world, 200, 4, side);
+  advance(world);
+  for (const std::uint32_t succeed_first : {0u, 1u, 3u}) {
+    CAPTURE(succeed_first);
+    errors.clear();
+    world.fail_thread_creation(succeed_first);
+    CHECK(world.resize(6) == Status::no_thread);
+    REQUIRE(errors.size() == 1);
+    CHECK(errors[0].find("the number of nodes stays 2; resize to fewer, or raise the limit on threads") !=
+          std::string::npos);
+    REQUIRE(world.advance() == Status::ok);
+    CHECK(refused(world, Status::no_thread) == 1);
+    CHECK(world.nodes() == 2);
+    advance(world);
+  }
+  REQUIRE(world.resize(6) == Status::ok);
+  advance(world);
+  advance(world);
+  CHECK(world.nodes() == 6);
+  REQUIRE(world.resize(8) == Status::ok);
+  REQUIRE(world.resize(3) == Status::ok);  // the threads of the other new nodes end
+  advance(world);
+  advance(world);
+  CHECK(world.nodes() == 3);
+}
+
+TEST_CASE("when a node is lost before others join and one of them gets no thread, the frame runs without them") {
+  WorldConfig config;
+  config.nodes = 3;
+  config.deadlines.node_ms = 60;
+  config.bounds_max = {side, side, side};
+  config.motion = std::make_shared<BouncingModel>(side);
+  World world(config);
+  populate(world, 200, 4, side);
+  REQUIRE(world.advance() == Status::ok);
+  REQUIRE(world.inject({1, 1, NodeStage::moving, 0}) == Status::ok);
+  REQUIRE(world.begin_frame() == Status::ok);
+  REQUIRE(world.resize(4) == Status::ok);  // three nodes exist at this time
+  REQUIRE(world.finish_frame() == Status::ok);
+  REQUIRE(!world.report().lost.empty());
+  const auto left = static_cast<std::uint32_t>(3 - world.report().lost.size());
+  world.fail_thread_creation();
+  REQUIRE(world.advance() == Status::ok);
+  CHECK(refused(world, Status::no_thread) == 1);
+  CHECK(world.nodes() <= std::max(1u, left));
+  CHECK(world.report().accepted == world.report().candidates);
 }
 
 }  // namespace

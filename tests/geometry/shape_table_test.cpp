@@ -232,3 +232,47 @@ TEST_CASE("an invalid shape is refused with its value and the range, and the tab
   CHECK(refusal(Box{{0.0005f, 1, 1}}).empty());
   CHECK(refusal(Sphere{1e6f}).empty());
 }
+
+/// A ball whose support function adds shapes to the table that computes its bounds, as another thread may do.
+class AddingSupport : public SupportFunction {
+ public:
+  Vec3f support(Vec3f direction) const override {
+    if (table != nullptr) {
+      for (int i = 0; i < 30; ++i) {
+        const float size = 1 + static_cast<float>(i);
+        table->add(Sphere{size});
+        table->add(ConvexHull{{{0, 0, 0}, {size, 0, 0}, {0, size, 0}, {0, 0, size}}});
+        table->add(TriangleMesh{{{0, 0, 0}, {size, 0, 0}, {0, size, 0}}, {{0, 1, 2}}});
+        table->add(SupportShape{std::make_shared<test::Ellipsoid>(Vec3f{size, 1, 1})});
+      }
+    }
+    return ball.support(direction);
+  }
+  ShapeTable* table = nullptr;
+  test::Ellipsoid ball{Vec3f{1, 1, 1}};
+};
+
+TEST_CASE("a shape can be read while others are added") {
+  ShapeTable table;
+  const FixedSpace space({0, 0, 0}, {100, 100, 100});
+  const auto adding = std::make_shared<AddingSupport>();
+  const ShapeNumber ball = table.add(SupportShape{adding});
+  const ShapeNumber hull = table.add(ConvexHull{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}}});
+  const Pose poses[2] = {{{50, 50, 50}, {}}, {{60, 50, 50}, {}}};
+  const PlacedShape placed[3] = {{&poses[0], ball}, {&poses[1], hull}, {&poses[1], ball}};
+  Bounds expected[3];
+  table.bounds(placed, space, expected);
+  const std::span<const ShapeRow> rows = table.rows();
+  const ShapeRow& row = table.row(hull);
+  const Hull& prepared = table.hull(row.index_in_kind);
+  adding->table = &table;
+  Bounds bounds[3];
+  table.bounds(placed, space, bounds);
+  CHECK(std::equal(bounds, bounds + 3, expected));
+  CHECK(table.size() > 1000);
+  CHECK(rows.size() == 2);
+  CHECK(&row == &rows[hull]);
+  CHECK(row.kind == ShapeKind::hull);
+  CHECK(&prepared == &table.hull(row.index_in_kind));
+  CHECK(table.row(hull).bounding_radius == row.bounding_radius);
+}

@@ -135,6 +135,33 @@ TEST_CASE("nodes that are lost one after another, including the last and its rep
   });
 }
 
+TEST_CASE(
+    "a lost node whose thread stops inside a read gate delays a frame until the deadline and changes no contact") {
+  in_all_configs([](HarnessConfig config, const Frames& expected) {
+    if (!config.shares_memory) {
+      return;
+    }
+    config.node_deadline_ns = 20'000'000;
+    for (const auto gate : {TestHarness::GateOf::lists, TestHarness::GateOf::ghost_updates}) {
+      if (gate == TestHarness::GateOf::ghost_updates && config.placement != Placement::region) {
+        continue;
+      }
+      for (NodeNumber node = 0; node < config.nodes; ++node) {
+        CAPTURE(static_cast<int>(gate));
+        CAPTURE(node);
+        TestHarness harness(config);
+        populate(harness);
+        const std::size_t lost = run_frames(harness, expected, [&](std::size_t frame) {
+          if (frame == 3) harness.stop_inside(node, gate);
+          if (frame == 4) harness.resize(config.nodes);
+        });
+        CHECK(lost >= config.nodes);
+        CHECK(harness.nodes() >= 1);
+      }
+    }
+  });
+}
+
 TEST_CASE("nodes that are lost in the same frame change no contact, even if all are") {
   in_all_configs([](const HarnessConfig& config, const Frames& expected) {
     for (std::size_t first = 0; first < 12; first += 2) {

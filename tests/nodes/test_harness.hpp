@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -70,6 +71,7 @@ struct HarnessConfig {
   double interest = 0;
   Quotas quotas;
   std::uint64_t user_deadline_ns = 0;
+  std::uint64_t node_deadline_ns = 0;
   bool shares_memory = false;  ///< server and CD nodes share memory, as in one process
   /// With shared memory: all nodes have a publication; otherwise every second one, as with remote nodes.
   bool all_publish = true;
@@ -102,6 +104,9 @@ class TestHarness {
   /// The CD node of that number (among the active ones) stops after `messages` more messages to or from it in the next
   /// frame; when the frame makes no progress any more, the server is informed of the loss.
   void kill(NodeNumber node, std::size_t messages);
+  /// The CD node with that number stops inside a read gate in the next frame and is lost.
+  enum class GateOf { ghost_updates, lists };
+  void stop_inside(NodeNumber node, GateOf gate);
   /// Number of CD nodes from the frame after the next on, like World::resize.
   void resize(std::uint32_t nodes) { resize_to_ = nodes; }
   /// Number of active CD nodes.
@@ -168,6 +173,7 @@ class TestHarness {
     bool still_runs = false;                   ///< although it is lost
     unsigned period = 1;                     ///< in random order it is stepped once in this many rounds; 0: never again
     std::size_t messages = ~std::size_t{0};  ///< number of messages until it stops
+    ReadGate* stops_inside = nullptr;        ///< the node stops when it has entered this gate
   };
   struct User {
     std::unique_ptr<TappedChannel> in, out;  ///< to the user, from the user
@@ -191,6 +197,7 @@ class TestHarness {
   std::set<UserNumber> leaving_;
   std::uint32_t resize_to_ = 0;  ///< 0: no change
   std::vector<LoggedMessage> log_;
+  std::chrono::steady_clock::time_point frame_began_;
   std::uint32_t generation_ = 0;
   ObjectNumber number_ = 0;
 };

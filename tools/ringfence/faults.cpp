@@ -27,14 +27,23 @@ bool read_number(std::string_view& at, Number& number) {
 Fault parse_fault(std::string_view item) {
   Fault fault;
   std::string_view rest = item;
-  if (read_number(rest, fault.frame) && read_number(rest, fault.node)) {
+  bool has_numbers = read_number(rest, fault.frame);
+  if (has_numbers && rest.starts_with('u')) {
+    rest.remove_prefix(1);
+    has_numbers = read_number(rest, fault.user);
+  } else {
+    has_numbers = has_numbers && read_number(rest, fault.node);
+  }
+  if (has_numbers) {
     if (const std::optional<NodeStage> stage = find_stage(rest)) {
       fault.stage = *stage;
       return fault;
     }
   }
-  throw Error(fmt::format("found {}; expected FRAME:NODE:STAGE, several separated by commas; STAGE is one of {}",
-                          item.empty() ? "nothing" : item, list_stage_words()));
+  throw Error(
+      fmt::format("found {}; expected FRAME:NODE:STAGE, or FRAME:uUSER:model or publication, several separated by "
+                  "commas; STAGE is one of {}",
+                  item.empty() ? "nothing" : item, list_stage_words()));
 }
 
 }  // namespace
@@ -49,13 +58,17 @@ std::vector<Fault> parse_faults(std::string_view text) {
   return faults;
 }
 
-void check_faults(const std::vector<Fault>& faults, std::uint32_t frames, std::uint32_t nodes, double deadline_ms) {
-  if (faults.empty()) return;
-  if (nodes == 0 || deadline_ms == 0) {
-    throw Error(nodes == 0 ? "--fail: there are no CD nodes with --nodes 0; expected 1 or more"
-                           : "--fail: expected --node-deadline-ms too; without it the frame waits forever");
+void check_faults(const std::vector<Fault>& faults, std::uint32_t frames, std::uint32_t nodes,
+                  const Deadlines& deadlines) {
+  if (!faults.empty() && nodes == 0) {
+    throw Error("--fail: there are no CD nodes with --nodes 0; expected 1 or more");
   }
   for (const Fault& fault : faults) {
+    const bool user = fault.user != no_user;
+    if ((user ? deadlines.user_ms : deadlines.node_ms) == 0) {
+      throw Error(fmt::format("--fail: expected --{}-deadline-ms too; without it the frame waits forever",
+                              user ? "user" : "node"));
+    }
     if (fault.frame >= frames) {
       throw Error(fmt::format("--fail: found frame {}; expected 0 to {}, the counted frames", fault.frame, frames - 1));
     }
@@ -67,8 +80,10 @@ void inject_faults(const std::vector<Fault>& faults, std::uint32_t frame, std::u
     if (fault.frame != frame) continue;
     fault.frame = in_world;
     if (const Status status = world.inject(fault); status != Status::ok) {
-      throw Error(fmt::format("--fail: node {} in frame {} was refused ({}); expected a node that exists in that frame",
-                              fault.node, frame, name_of(status)));
+      const bool user = fault.user != no_user;
+      throw Error(fmt::format("--fail: {} {} in frame {} was refused ({}); expected a {} that exists in that frame{}",
+                              user ? "user node" : "node", user ? fault.user : fault.node, frame, name_of(status),
+                              user ? "user node" : "node", user ? ", and model or publication" : ""));
     }
   }
 }

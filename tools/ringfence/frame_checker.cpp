@@ -11,7 +11,6 @@ constexpr std::uint64_t max_printed = 50;
 
 FrameChecker::FrameChecker(const World& world, bool brute_force) : world_(world), brute_force_(brute_force) {
   if (!brute_force_) return;
-  for (ShapeNumber shape = 0; shape < world.shape_count(); ++shape) shapes_.add(world.shape(shape));
   const LayerMatrix& layers = world.config().layers;
   for (std::size_t layer = 0; layer < layers.names.size(); ++layer) {
     layer_masks_.push_back(layers.mask(static_cast<std::uint8_t>(layer)));
@@ -41,6 +40,9 @@ void FrameChecker::print_differences(const std::vector<reference::Difference>& d
 void FrameChecker::check_frame(std::uint64_t frame) {
   check_counters();
   if (!brute_force_) return;
+  for (std::size_t shape = shapes_.size(); shape < world_.shape_count(); ++shape) {
+    shapes_.add(world_.shape(static_cast<ShapeNumber>(shape)));
+  }
   std::vector<reference::FrameObject> objects;
   for (const ObjectView& view : world_.objects()) {
     objects.push_back({view.spec.number, view.spec.shape, view.spec.layer, view.spec.present, view.spec.pose});

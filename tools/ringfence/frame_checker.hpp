@@ -14,7 +14,7 @@ namespace ringfence::tools {
 /// compares all contacts and phases with those of the reference in double precision.
 class FrameChecker {
  public:
-  /// `world` must outlive the checker and have all its shapes already.
+  /// `world` must outlive the checker. Shapes that are registered later are checked too.
   FrameChecker(const World& world, bool brute_force);
 
   /// To be called after a warm-up frame. Checks counters only.

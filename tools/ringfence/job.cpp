@@ -90,7 +90,7 @@ Job make_job(const RunOptions& options) {
   resolve_link(job.service);
   if (job.service.link.kind == LinkKind::dds) job.motion_setup = pack_motion(world.steering);
   check_resizes(job.service.resizes, job.frames.frames);
-  check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines.node_ms);
+  check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines);
   job.output = options.output;
   job.record_prefix = options.record_prefix;
   job.world = &options.world;
@@ -127,7 +127,7 @@ Job make_job(const ReplayOptions& options) {
   }
   if (job.frames.frames == 0) job.frames.frames = left;
   check_resizes(job.service.resizes, job.frames.frames);
-  check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines.node_ms);
+  check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines);
   return job;
 }
 

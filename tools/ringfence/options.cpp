@@ -194,7 +194,8 @@ void CommandLineParser::add_service(CLI::App& command, ServiceOptions& service) 
     }
   };
   command
-      .add_option_function<std::string>("--fail", read_fault, "CD node NODE stops before STAGE in counted frame FRAME")
+      .add_option_function<std::string>("--fail", read_fault,
+                                        "CD node NODE, or user node N as uN, stops at STAGE in counted frame FRAME")
       ->trigger_on_parse()
       ->take_last()
       ->type_name("FRAME:NODE:STAGE,...");

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <limits>
+#include <optional>
 #include <string>
 
 #include <fmt/format.h>
@@ -21,6 +22,7 @@ constexpr std::uint32_t max_nodes = 8;
 constexpr std::size_t max_users = 200;
 constexpr std::uint32_t frames_per_check = 16;  ///< one frame in 16 is compared with brute force
 constexpr double default_deadline_ms = 250;
+constexpr std::size_t max_shapes = 500;
 
 /// Bytes that the process has allocated.
 std::uint64_t allocated_bytes() {
@@ -31,7 +33,9 @@ std::uint64_t allocated_bytes() {
 /// Bytes that the process has allocated with `nodes` CD nodes, so that two values can be compared. Runs four frames and
 /// adds them to `frames`.
 std::uint64_t allocated_with(World& world, FrameChecker& checker, std::uint32_t nodes, std::uint64_t& frames) {
-  if (nodes != 0) world.resize(nodes);
+  world.release_faults();
+  // An injected failure to create a thread occurs once.
+  if (nodes != 0 && world.resize(nodes) == Status::no_thread) world.resize(nodes);
   for (int i = 0; i < 4; ++i) {
     advance(world, ++frames);
     checker.skip_frame();
@@ -65,6 +69,7 @@ void Soak::make_requests() {
   }
   change_users();
   change_nodes();
+  if (one_in(25) || (lost_last_ && one_in(2))) add_shape();
   if (one_in(3)) make_invalid_calls();
 }
 
@@ -73,6 +78,13 @@ bool Soak::check_report(const FrameReport& report) {
   if (!passed) {
     fmt::print(stderr, "frame {}: {} candidates, {} tested, {} accepted\n", report.frame, report.candidates,
                report.tested, report.accepted);
+  }
+  // If nodes were lost since the resize, the injected failure to create a thread may also occur when the frame begins.
+  const auto no_thread = static_cast<std::size_t>(Status::no_thread);
+  if (thread_failure_pending_ && report.refused[no_thread] == expected_[no_thread] + 1) {
+    thread_failure_pending_ = false;
+    ++counts_.without_thread;
+    ++expected_[no_thread];
   }
   for (std::size_t reason = 0; reason < status_count; ++reason) {
     // Messages of a lost node that still runs are refused as `late`. Their number is not predictable.
@@ -83,6 +95,9 @@ bool Soak::check_report(const FrameReport& report) {
   }
   expected_.fill(0);
   counts_.lost += report.lost.size();
+  lost_last_ = !report.lost.empty();
+  counts_.late += report.late.size();
+  std::for_each(report.late.begin(), report.late.end(), [this](UserNumber user) { remove_user(user); });
   counts_.failures += passed ? 0 : 1;
   return passed;
 }
@@ -116,8 +131,20 @@ void Soak::destroy() {
   ++counts_.destroyed;
 }
 
+void Soak::remove_user(UserNumber user) {
+  std::erase_if(live_, [user](const Live& object) { return object.user == user; });
+  std::erase(users_, user);
+}
+
+// Also called while lost nodes still run and read the earlier shapes.
+void Soak::add_shape() {
+  if (world_.shape_count() == max_shapes) return;
+  shapes_.push_back(world_.add_shape(Sphere{0.5f + 0.001f * static_cast<float>(random_() % 1000)}));
+  ++counts_.shapes;
+}
+
 void Soak::change_users() {
-  if (one_in(40) && users_.size() < max_users) {
+  if ((one_in(40) && users_.size() < max_users) || users_.size() < 2) {
     if (const Connected connected = world_.connect(); connected.status == Status::ok) {
       users_.push_back(connected.user);
       spawn(connected.user);
@@ -125,11 +152,9 @@ void Soak::change_users() {
     }
   }
   if (one_in(40) && users_.size() > 1) {
-    const std::size_t at = random_() % users_.size();
-    const UserNumber user = users_[at];
+    const UserNumber user = users_[random_() % users_.size()];
     if (world_.disconnect(user) == Status::ok) {
-      std::erase_if(live_, [user](const Live& object) { return object.user == user; });
-      users_.erase(users_.begin() + static_cast<std::ptrdiff_t>(at));
+      remove_user(user);
       ++counts_.disconnected;
     }
   }
@@ -137,19 +162,54 @@ void Soak::change_users() {
 
 void Soak::change_nodes() {
   if (world_.config().nodes == 0) return;
-  if (one_in(60) && world_.resize(1 + static_cast<std::uint32_t>(random_() % max_nodes)) == Status::ok) {
-    ++counts_.resizes;
+  if (one_in(40)) resize();
+  if (one_in(25)) stop_node();
+  if (one_in(50)) stop_user();
+  // Nodes that were stopped without a time limit continue, and their memory is freed.
+  if (one_in(30)) counts_.released += world_.release_faults();
+}
+
+void Soak::resize() {
+  if (one_in(4)) {
+    world_.fail_thread_creation(static_cast<std::uint32_t>(random_() % 4));
+    thread_failure_pending_ = true;
   }
-  if (one_in(100)) {
-    Fault fault;
-    fault.node = static_cast<NodeNumber>(random_() % world_.nodes());
-    fault.frame = world_.frames();
-    fault.stage = static_cast<NodeStage>(random_() % node_stage_count);
-    fault.stall_ms = one_in(2) ? 0 : 2 * world_.config().deadlines.node_ms;
-    const Status status = world_.inject(fault);
-    counts_.faults += status == Status::ok ? 1 : 0;
-    expected_[static_cast<std::size_t>(status)] += status == Status::ok ? 0 : 1;
+  const Status status = world_.resize(1 + static_cast<std::uint32_t>(random_() % max_nodes));
+  if (status == Status::no_thread && thread_failure_pending_) {
+    thread_failure_pending_ = false;
+    ++counts_.without_thread;
+    ++expected_[static_cast<std::size_t>(status)];
+  } else {
+    counts_.resizes += status == Status::ok ? 1 : 0;
+    counts_.failures += status == Status::ok ? 0 : 1;
   }
+}
+
+void Soak::stop_node() {
+  Fault fault;
+  fault.node = static_cast<NodeNumber>(random_() % world_.nodes());
+  fault.frame = world_.frames();
+  fault.stage = static_cast<NodeStage>(random_() % node_stage_count);
+  fault.stall_ms = one_in(2) ? 0 : 2 * world_.config().deadlines.node_ms;
+  fault.passes = static_cast<std::uint32_t>(random_() % 3);
+  // Without a time limit all nodes would be lost with one that stops inside a gate.
+  if (fault.stage == NodeStage::gate) fault.stall_ms = 2 * world_.config().deadlines.node_ms;
+  inject(fault);
+}
+
+void Soak::stop_user() {
+  Fault fault;
+  fault.user = users_[random_() % users_.size()];
+  fault.frame = world_.frames();
+  fault.stage = one_in(2) ? NodeStage::model : NodeStage::publication;
+  fault.stall_ms = one_in(2) ? 0 : 2 * world_.config().deadlines.user_ms;
+  inject(fault);
+}
+
+void Soak::inject(const Fault& fault) {
+  const Status status = world_.inject(fault);
+  counts_.faults += status == Status::ok ? 1 : 0;
+  expected_[static_cast<std::size_t>(status)] += status == Status::ok ? 0 : 1;
 }
 
 void Soak::expect(Status got, Status reason) {
@@ -177,6 +237,7 @@ void Soak::make_invalid_calls() {
 int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   Job longer = job;
   if (longer.service.deadlines.node_ms == 0) longer.service.deadlines.node_ms = default_deadline_ms;
+  if (longer.service.deadlines.user_ms == 0) longer.service.deadlines.user_ms = 2 * default_deadline_ms;
   WorldConfig config = world_config(longer);
   config.log = nullptr;  // nodes are lost on purpose
   World world(config);
@@ -193,10 +254,11 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   };
   constexpr std::uint64_t steps = 1000;
   Progress progress(longer.output.quiet, steps);
-  std::uint64_t shown = 0, settled_bytes = 0, frames = 0, contacts = 0;
+  std::uint64_t shown = 0, frames = 0, contacts = 0;
+  std::optional<std::uint64_t> settled_bytes;  // 0 under sanitizers, which have their own allocator
   double slowest_ms = 0;
   for (double share = 0; share < 1; share = elapsed_share()) {
-    if (settled_bytes == 0 && share > 0.1) {
+    if (!settled_bytes && share > 0.1) {
       settled_bytes = allocated_with(world, checker, longer.service.nodes, frames);
     }
     soak.make_requests();
@@ -214,22 +276,26 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   progress.finish();
 
   const std::uint64_t bytes = allocated_with(world, checker, longer.service.nodes, frames);
-  const bool memory_is_stable = settled_bytes == 0 || bytes < settled_bytes + settled_bytes / 4;
+  const std::uint64_t settled = settled_bytes.value_or(0);
+  const bool memory_is_stable = settled == 0 || bytes < settled + settled / 4;
   const Soak::Counts& n = soak.counts();
   fmt::print("{}\nsoak        {:.1f} minutes, {} frames, {} contacts; the slowest frame took {:.1f} ms\n", longer.title,
              minutes, frames, contacts, slowest_ms);
   fmt::print("objects     {} spawned, {} destroyed, {} placed, {} removed; {} at the end\n", n.spawned, n.destroyed,
              n.placed, n.removed, world.report().objects);
-  fmt::print("user nodes  {} connected, {} disconnected\n", n.connected, n.disconnected);
+  fmt::print("user nodes  {} connected, {} disconnected, {} late; {} shapes registered\n", n.connected, n.disconnected,
+             n.late, n.shapes);
   fmt::print("CD nodes    {} resizes, {} failures injected, {} nodes lost; {} at the end\n", n.resizes, n.faults,
              n.lost, world.nodes());
+  fmt::print("stopped     {} nodes released inside a stage; {} times no thread for a new node\n", n.released,
+             n.without_thread);
   fmt::print("refused     {} invalid calls, each counted by its reason\n", n.refused);
   if (longer.output.check) {
     fmt::print("check       {} frames compared with brute force, {} differences\n", checker.frames(),
                checker.differences());
   }
-  fmt::print("memory      {:.1f} MiB allocated after a tenth of the time, {:.1f} at the end\n",
-             mebibytes(settled_bytes), mebibytes(bytes));
+  fmt::print("memory      {:.1f} MiB allocated after a tenth of the time, {:.1f} at the end\n", mebibytes(settled),
+             mebibytes(bytes));
   const bool all_passed = n.failures == 0 && checker.passed() && memory_is_stable;
   fmt::print("{}\n", all_passed ? "all checks passed"
                                 : fmt::format("FAILED: {} frames or calls failed a check{}", n.failures,

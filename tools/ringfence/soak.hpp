@@ -11,9 +11,10 @@
 
 namespace ringfence::tools {
 
-/// Makes random requests to a world: objects are spawned, destroyed, placed and removed; users connect and disconnect;
-/// CD nodes join, leave and fail; and invalid calls are made. Checks in every frame that each candidate is accepted
-/// exactly once and that each refusal is counted under its reason. One thread.
+/// Makes random requests to a world: objects are spawned, destroyed, placed and removed; shapes are registered; users
+/// connect, disconnect and stop; CD nodes join, leave and stop between and inside stages; threads cannot be created;
+/// and invalid calls are made. Checks in every frame that each candidate is accepted exactly once and that each refusal
+/// is counted under its reason. One thread.
 class Soak {
  public:
   /// Precondition: `scene` is loaded into `world`, and one frame has run. Both must outlive the soak.
@@ -26,8 +27,8 @@ class Soak {
 
   struct Counts {
     std::uint64_t spawned = 0, destroyed = 0, placed = 0, removed = 0;
-    std::uint64_t connected = 0, disconnected = 0;
-    std::uint64_t resizes = 0, faults = 0, lost = 0, refused = 0;
+    std::uint64_t connected = 0, disconnected = 0, late = 0, shapes = 0;
+    std::uint64_t resizes = 0, faults = 0, lost = 0, released = 0, without_thread = 0, refused = 0;
     std::uint64_t failures = 0;  ///< frames and calls in which a check failed
   };
   const Counts& counts() const noexcept { return counts_; }
@@ -45,6 +46,12 @@ class Soak {
   void destroy();
   void change_users();
   void change_nodes();
+  void resize();
+  void stop_node();
+  void stop_user();
+  void add_shape();
+  void remove_user(UserNumber user);
+  void inject(const Fault& fault);
   void make_invalid_calls();
   void expect(Status got, Status reason);
 
@@ -56,6 +63,8 @@ class Soak {
   std::vector<ShapeNumber> shapes_;  ///< of the scene's movable objects
   ObjectId destroyed_id_;            ///< of a destroyed object; invalid if there is none yet
   std::array<std::uint64_t, status_count> expected_{};
+  bool lost_last_ = false;               ///< a node was lost in the last frame
+  bool thread_failure_pending_ = false;  ///< an injected failure to create a thread has not occurred yet
   Counts counts_;
 };
 

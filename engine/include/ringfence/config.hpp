@@ -78,7 +78,8 @@ struct Deadlines {
   /// A CD node that stays silent for this long after it was probed is lost; see FrameReport::lost.
   double node_ms = 0;
   /// Time a user node has to report its moves, and again to acknowledge its contacts. A user node that is late keeps
-  /// its old poses in that frame and is disconnected at the next cut; see FrameReport::late.
+  /// its old poses in that frame and is disconnected at the next cut; see FrameReport::late. A motion model that does
+  /// not return keeps its thread; a new thread steps the other user nodes, whose time starts again.
   double user_ms = 0;
 };
 

@@ -188,7 +188,7 @@ struct FrameReport {
   std::vector<UserNumber> late;  ///< user nodes that missed a deadline; they are disconnected at the next cut
   std::vector<NodeReport> nodes;
   std::vector<KindReport> kinds;       ///< pairs of kinds that had candidates
-  std::vector<TimelineSpan> timeline;  ///< empty unless WorldConfig::timeline is set
+  std::vector<TimelineSpan> timeline;  ///< empty unless WorldConfig::timeline is set; without lost nodes
 };
 
 }  // namespace ringfence

@@ -24,8 +24,10 @@ enum class Status : std::uint8_t {
   late,           ///< the user node missed its deadline: its old poses stay and it is disconnected at the next cut
   model_failed,   ///< the motion model threw for the object: it does not move in this frame
   over_quota,     ///< exceeds a user node's quota; raise it in WorldConfig::quotas
+  out_of_memory,  ///< an allocation failed in a frame or a call: the World runs no more frames; see World
+  no_thread,      ///< the system has no thread for a CD node: the number of CD nodes stays
 };
-inline constexpr std::size_t status_count = 17;
+inline constexpr std::size_t status_count = 19;
 
 /// Name of a status in reports: "ok", "stale_object", ...
 constexpr const char* name_of(Status status) noexcept {
@@ -45,7 +47,9 @@ constexpr const char* name_of(Status status) noexcept {
                                    "bad_category",
                                    "late",
                                    "model_failed",
-                                   "over_quota"};
+                                   "over_quota",
+                                   "out_of_memory",
+                                   "no_thread"};
   return names[static_cast<std::size_t>(status)];
 }
 

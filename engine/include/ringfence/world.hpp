@@ -49,10 +49,14 @@ struct ObjectView {
 /// Threads: one thread at a time calls a World. Between begin_frame and finish_frame requests may be made (they belong
 /// to the next frame) and the results of the frame before may be read. Failure: the constructor and add_shape throw
 /// Error. Every other call returns a Status, counts refusals by reason in the next FrameReport, and leaves the state
-/// unchanged when it refuses. Floating point: every call that computes, and every thread of the World, uses the default
-/// floating-point environment, for motion models and support functions too. The caller's modes (rounding, denormals,
-/// exceptions) are restored on return; status flags may be raised. Lifetime of spans: until the next finish_frame or
-/// advance.
+/// unchanged when it refuses. Out of memory: the constructor, add_shape, objects() and collisions_of(ObjectId) throw
+/// std::bad_alloc. Every other call returns Status::out_of_memory; finish_frame also returns it when a thread of the
+/// World ran out of memory. From then on there are no more frames: every call that returns a Status returns
+/// out_of_memory, and add_shape throws Error. The contacts of the last complete frame can still be read; its report may
+/// be incomplete. The destructor works. Floating point: every call that computes, and every thread of the World, uses
+/// the default floating-point environment, for motion models and support functions too. The caller's modes (rounding,
+/// denormals, exceptions) are restored on return; status flags may be raised. Lifetime of spans: until the next
+/// finish_frame or advance.
 class World {
  public:
   explicit World(WorldConfig config);
@@ -91,16 +95,25 @@ class World {
 
   /// Changes the number of CD nodes. New nodes join in the next frame; at its end regions and hosted objects are handed
   /// over, and the nodes that leave are removed. No frame is lost and no contact changes. The last call before a frame
-  /// counts. Refused with bad_number unless `nodes` is 1 to 1024 and at most the number of cells; with remote nodes,
-  /// which join on their own, also if it exceeds the present number.
+  /// counts. Creates the threads of the new nodes; if the system has none, the call is refused with no_thread, a log
+  /// line says what to do, and the number of nodes stays. Refused with bad_number unless `nodes` is 1 to 1024 and at
+  /// most the number of cells; with remote nodes, which join on their own, also if it exceeds the present number.
   Status resize(std::uint32_t nodes);
   /// CD nodes that took part in the last frame; before the first frame, the present number.
   std::uint32_t nodes() const noexcept;
 
-  /// Makes a CD node fail at a point of a future frame, to test failover. Without WorldConfig::deadlines that frame
-  /// would never end. Refused with bad_number for a frame that has begun, an unknown node, a stall that is negative or
-  /// not finite, a remote node, and with nodes = 0.
+  /// Makes a CD node or a user node stop at a point of a future frame, to test failover. Without
+  /// WorldConfig::deadlines that frame waits until release_faults() is called, and a user node that stops delays all
+  /// user nodes of its thread. The last call for a role counts. Refused with bad_number for a frame that has begun, an
+  /// unknown node or user node, a late user node, a stall that is negative or not finite, a stage that the role does
+  /// not have, a remote node, and with nodes = 0.
   Status inject(const Fault& fault);
+  /// Makes the creation of one thread fail after `succeed_first` successful ones, to test a system without free
+  /// threads.
+  void fail_thread_creation(std::uint32_t succeed_first = 0) noexcept;
+  /// Releases all roles that injected faults have stopped, and cancels the faults that have not stopped a role yet.
+  /// Returns how many roles were stopped within a step. Allowed while a frame is running. The destructor calls it.
+  std::uint32_t release_faults() noexcept;
 
   /// Runs a whole frame: begin_frame and finish_frame.
   Status advance();
@@ -117,11 +130,13 @@ class World {
   /// All contacts that ended in the last frame, in order of (a, b).
   std::span<const Contact> ended() const noexcept;
   /// Contacts that the user node received (M4): those of the objects that it hosts, ended ones too, in order of (a, b).
+  /// Empty if it was late in the last frame (FrameReport::late) or is not connected.
   std::span<const Contact> collisions_of(UserNumber user) const noexcept;
   /// Begin and persist contacts of one object, in order of (a, b). The first call after a frame builds an index.
   ObjectContacts collisions_of(ObjectId object) const;
   /// States of other objects near the user node's avatars in the last frame, as spans of the publications: all objects
-  /// within WorldConfig::interest of an avatar, and others in the same cells. Static objects are not included.
+  /// within WorldConfig::interest of an avatar, and others in the same cells. Static objects are not included. Empty if
+  /// the user node was late in the last frame or is not connected.
   std::span<const std::span<const SeenState>> seen_by(UserNumber user) const noexcept;
 
   /// The object as it stood after the last frame; `id` is null if the id is stale, the object not yet in the world, or

@@ -18,7 +18,8 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       self_(Endpoint::node(setup.node)),
       map_(map),
       interior_(map.interior(setup.node)),
-      host_(setup.model, setup.objects),
+      fault_(setup.faults),
+      host_(setup.model, setup.objects, &fault_),
       region_objects_(setup.objects, setup.placement == Placement::region),
       sweep_(setup.placement == Placement::region ? setup.objects : 0,
              setup.placement == Placement::region ? setup.pairs : 0, setup.layer_masks, setup.keep_resting),
@@ -81,7 +82,7 @@ void CdNodeRole::assign(NodeNumber node, const std::vector<Connection>& peers) {
 
 Step CdNodeRole::step() {
   step_start_ = telemetry::now_ns();
-  if (failed_until_ns_ > step_start_) [[unlikely]] {
+  if (fault_.is_stopped(step_start_)) [[unlikely]] {
     return Step::idle;
   }
   bool progressed = receive_from(setup_.server);
@@ -158,6 +159,7 @@ void CdNodeRole::publish() {
     }
     return host_.cell(i);
   });
+  fault_.pass(NodeStage::publication, frame_);
   publication.publish_indexed(
       [this](std::uint32_t i) {
         base::prefetch_for_read(&host_[i]);
@@ -200,7 +202,7 @@ bool CdNodeRole::send_frame_done() {
 
 // Makes one transition of the frame; false if it has to wait.
 bool CdNodeRole::advance() {
-  if (fault_ && fails_here()) [[unlikely]] {
+  if (fails_here()) [[unlikely]] {
     return false;
   }
   switch (stage_) {

@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -20,6 +19,7 @@
 #include "nodes/exchange/node_contacts.hpp"
 #include "nodes/exchange/output_merge.hpp"
 #include "nodes/exchange/publications.hpp"
+#include "nodes/fault_point.hpp"
 #include "nodes/host/host.hpp"
 #include "nodes/message_check.hpp"
 #include "nodes/role.hpp"
@@ -51,6 +51,7 @@ struct CdNodeSetup {
   regions::CellGrid interest_grid;  ///< cells of its publication, if the server connection has one
   std::size_t objects = 0;          ///< number to reserve for
   std::size_t pairs = 0;            ///< number to reserve for
+  FaultRelease* faults = nullptr;   ///< ends an injected stop; null: the node stops only between two steps
   /// Object slots are below this number. Checked if the server is in another process.
   std::uint32_t max_slots = std::numeric_limits<std::uint32_t>::max();
   Connection server;
@@ -75,8 +76,11 @@ class CdNodeRole {
   /// Sets the node's number and its connections to the other nodes. Between frames, while no thread steps the role.
   void assign(NodeNumber node, const std::vector<Connection>& peers);
 
+  CdNodeRole(const CdNodeRole&) = delete;
+  CdNodeRole& operator=(const CdNodeRole&) = delete;
+
   /// Injects a fault; its node number is ignored. Between frames, while no thread steps the role; the last call counts.
-  void fail(const Fault& fault) noexcept { fault_ = fault; }
+  void fail(const Fault& fault) noexcept { fault_.set(fault); }
 
   /// The objects hosted after the last frame. Only while no frame is running.
   const Host& host() const noexcept { return host_; }
@@ -153,13 +157,11 @@ class CdNodeRole {
   regions::RegionMap map_;
   geometry::Bounds interior_;  ///< a box that is entirely in the node's region and covers most of it
   bool map_fits_ = true;       ///< every owner is a present node; if not, another map arrives before the next frame
+  FaultPoint fault_;
   Host host_;
   RegionObjects region_objects_;
   broad_phase::SweepAndPrune sweep_;
   narrow_phase::NarrowPhase narrow_;
-
-  std::optional<Fault> fault_;         ///< injected, has not happened yet
-  std::uint64_t failed_until_ns_ = 0;  ///< the injected stall ends then
 
   Stage stage_ = Stage::waiting;
   std::uint64_t invalid_messages_ = 0;

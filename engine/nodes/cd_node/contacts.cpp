@@ -94,6 +94,7 @@ void CdNodeRole::finish_contacts() {
   if (!node_contacts.gate.enter()) {
     return;  // this node is lost, and the shared memory may already belong to the next frame
   }
+  fault_.pass(NodeStage::gate, frame_);
   node_contacts.duplicates = write_slice(*node_contacts.output_merge, node_contacts.share, output_merge_scratch_);
   if (setup_.hosts && node_contacts.nodes_exchange_contacts) {
     add_peer_contacts();

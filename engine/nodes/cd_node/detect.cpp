@@ -56,6 +56,7 @@ void CdNodeRole::test_pairs() {
     return;
   }
   SpanTimer time(setup_.track, "narrow phase", frame_stats_.narrow_phase_ns);
+  fault_.pass(NodeStage::kernel, frame_);
   add_hits(narrow_.test(region_objects_.bodies(), pairs_));
   candidates_ += pairs_.size();
   pairs_.clear();

@@ -47,6 +47,7 @@ void CdNodeRole::receive_ghosts() {
   if (!node_contacts_->ghost_updates.gate.enter()) {
     return;
   }
+  fault_.pass(NodeStage::gate, frame_);
   ghosts_.clear();
   for (const Connection& peer : setup_.peers) {
     if (peer.node_contacts != nullptr && peer.node_contacts->ghost_updates.frame() == frame_) {

@@ -52,6 +52,7 @@ bool CdNodeRole::send_hand_overs() {
     if (hand_over_runs_[peer].done()) {
       continue;
     }
+    fault_.pass(NodeStage::hand_over, frame_);
     const auto& leavers = leaving_numbers_[peer];
     all &= hand_over_runs_[peer].pump(*setup_.peers[peer].out, head(MessageType::hand_over, Endpoint::node(peer)),
                                       sizeof(messages::HandOverRecord) + host_.state_bytes(), traffic_,
@@ -80,14 +81,7 @@ void CdNodeRole::drop_leaving_objects(std::size_t peer) {
 // Whether the injected fault is due: then the role stops, or stalls for a while.
 bool CdNodeRole::fails_here() noexcept {
   static_assert(static_cast<int>(Stage::reporting) == static_cast<int>(NodeStage::reporting) + 1);
-  if (stage_ == Stage::waiting || frame_ != fault_->frame ||
-      static_cast<int>(stage_) != static_cast<int>(fault_->stage) + 1) {
-    return false;
-  }
-  const auto stall = static_cast<std::uint64_t>(fault_->stall_ms * 1e6);
-  failed_until_ns_ = stall == 0 ? ~std::uint64_t{0} : telemetry::now_ns() + stall;
-  fault_.reset();
-  return true;
+  return stage_ != Stage::waiting && fault_.stops_before(static_cast<NodeStage>(static_cast<int>(stage_) - 1), frame_);
 }
 
 bool CdNodeRole::answer_probe() {

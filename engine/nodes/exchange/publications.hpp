@@ -40,8 +40,9 @@ struct NodePublication {
 /// All publications that user nodes read: the active and non-active objects, published by the server or by the CD nodes
 /// that host them, and each user node's own.
 ///
-/// Threads: the facade changes entries only while no frame is running. In a frame each writer writes its own entry
-/// before it reports, and the others read it after the server has sent read_publications.
+/// Threads: the facade changes entries while no frame is running. In a frame each writer writes its own entry before it
+/// reports, and the others read it after the server has sent read_publications. Before that the facade clears the entry
+/// of a user node whose thread it has abandoned, because that thread does not write any more.
 struct Publications {
   regions::CellGrid grid;
   const geometry::FixedSpace* space = nullptr;

@@ -9,7 +9,8 @@ namespace ringfence::nodes {
 ///
 /// There is one gate per node with shared memory and per step in which nodes read each other's data. The node enters
 /// before it reads data of others. The server bars lost nodes; if a lost node is already inside, the server waits until
-/// it leaves, some 100 us of copying without any wait of its own. Threads: the server and the node.
+/// it leaves, some 100 us of copying without any wait of its own. If its thread has stopped there, the server gives up
+/// all memory that it may access, after a deadline: see ServerRole. Threads: the server and the node.
 class ReadGate {
  public:
   /// By the server, before it starts the step: the node may enter once.

@@ -16,8 +16,9 @@ namespace ringfence::nodes {
 using messages::flag_host_owned;
 using messages::flag_present;
 
-Host::Host(const MotionModel* model, std::size_t objects)
+Host::Host(const MotionModel* model, std::size_t objects, FaultPoint* fault)
     : model_(model),
+      fault_(fault),
       state_bytes_(model == nullptr ? 0 : (model->state_bytes() + 7) / 8 * 8),
       uses_contacts_(model != nullptr && model->uses_contacts()),
       index_(objects) {
@@ -410,6 +411,9 @@ bool Host::call_model(std::size_t first, std::size_t count) {
                   state(first + i),
                   ObjectContacts(known_contacts_, contacts_of(first + i))};
     outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_};
+  }
+  if (fault_ != nullptr) {
+    fault_->pass(NodeStage::model, frame_);
   }
   try {
     model_->move(frame_, std::span<const MotionInput>(inputs_, count), std::span<MotionOutput>(outputs_, count));

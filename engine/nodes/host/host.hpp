@@ -12,6 +12,7 @@
 #include "link/publication.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
+#include "nodes/fault_point.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/motion_model.hpp"
 #include "ringfence/object.hpp"
@@ -43,7 +44,9 @@ class Host {
   static constexpr std::size_t batch = 64;  ///< largest number of objects per call of the model
 
   /// `model` may be null (nothing moves by itself) and outlives the host. `objects` is the number to reserve for.
-  Host(const MotionModel* model, std::size_t objects);
+  /// `fault` is where the role stops before it calls the model, if one is injected; it outlives the host and may be
+  /// null.
+  Host(const MotionModel* model, std::size_t objects, FaultPoint* fault = nullptr);
 
   std::size_t size() const noexcept { return hosted_.size(); }
   /// Whether the model reads contacts; if not, they are not sorted here.
@@ -193,6 +196,7 @@ class Host {
   bool accept(std::size_t i, const MotionOutput& output, const std::byte* next);
 
   const MotionModel* model_;
+  FaultPoint* fault_;
   std::size_t state_bytes_;
   bool uses_contacts_;
   base::FlatList<Hosted> hosted_;

@@ -1,6 +1,7 @@
 #include "nodes/server/contact_ledger.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "base/prefetch.hpp"
 
@@ -49,6 +50,9 @@ void ContactLedger::resize(std::size_t nodes) { runs_.resize(nodes); }
 
 void ContactLedger::begin(std::uint64_t frame) {
   frame_ = frame;
+  if (std::exchange(written_again_, false) && !abandoned_.empty()) {
+    abandoned_.back().before = std::exchange(editions_[frame & 1], {});
+  }
   for (Run& run : runs_) {
     run.shared = nullptr;
     run.own->start(frame);
@@ -208,25 +212,25 @@ void ContactLedger::share_out() {
   duplicates_ = 0;
   const auto shares = static_cast<std::size_t>(
       std::count_if(runs_.begin(), runs_.end(), [](const Run& run) { return run.shared != nullptr; }));
-  output_merge_ = {.node_contacts = node_contacts_,
-                   .shares = std::max<std::size_t>(shares, 1),
-                   .contacts = list.contacts.data(),
-                   .keys = list.keys.data(),
-                   .found = list.found.data(),
-                   .endings = endings_,
-                   .passed = passed_.span(),
-                   .ended = gone.contacts.data(),
-                   .ended_keys = gone.keys.data(),
-                   .keys_before = before().keys.span(),
-                   .contacts_before = before().contacts.data()};
+  *output_merge_ = {.node_contacts = node_contacts_,
+                    .shares = std::max<std::size_t>(shares, 1),
+                    .contacts = list.contacts.data(),
+                    .keys = list.keys.data(),
+                    .found = list.found.data(),
+                    .endings = endings_,
+                    .passed = passed_.span(),
+                    .ended = gone.contacts.data(),
+                    .ended_keys = gone.keys.data(),
+                    .keys_before = before().keys.span(),
+                    .contacts_before = before().contacts.data()};
   if (shares == 0) {
-    duplicates_ = write_slice(output_merge_, 0, scratch_);
+    duplicates_ = write_slice(*output_merge_, 0, scratch_);
     return;
   }
   std::uint32_t share = 0;
   for (const Run& run : runs_) {
     if (run.shared != nullptr) {
-      run.shared->output_merge = &output_merge_;
+      run.shared->output_merge = output_merge_.get();
       run.shared->share = share++;
       run.shared->duplicates = run.shared->taken = 0;
       run.shared->gate.admit();
@@ -237,17 +241,46 @@ void ContactLedger::share_out() {
 void ContactLedger::lose(NodeNumber node) {
   NodeContacts* const shared = runs_[node].shared;
   if (shared != nullptr && shared->gate.bar()) {
-    duplicates_ += write_slice(output_merge_, shared->share, scratch_);
+    duplicates_ += write_slice(*output_merge_, shared->share, scratch_);
   }
+}
+
+// The node contacts stay as they are, because their threads get no other frame. The lists of the frame before may be
+// read by the embedder until this frame is complete; begin() of the next frame replaces them too.
+void ContactLedger::write_again() {
+  Abandoned& old = abandoned_.emplace_back();
+  old.output_merge = std::exchange(output_merge_, std::make_unique<OutputMerge>(*output_merge_));
+  old.runs = std::exchange(runs_, std::vector<Run>(runs_.size()));
+  old.node_contacts = std::exchange(node_contacts_, {});
+  old.endings = std::exchange(endings_, {});
+  old.gone = std::exchange(gone_, {});
+  old.passed = std::exchange(passed_, {});
+  old.now = std::exchange(editions_[frame_ & 1], {});
+  List& list = now();
+  List& gone = ended();
+  list.resize(size_);
+  gone.resize(ends_);
+  output_merge_->contacts = list.contacts.data();
+  output_merge_->keys = list.keys.data();
+  output_merge_->found = list.found.data();
+  output_merge_->ended = gone.contacts.data();
+  output_merge_->ended_keys = gone.keys.data();
+  duplicates_ = 0;
+  for (std::size_t share = 0; share < output_merge_->shares; ++share) {
+    duplicates_ += write_slice(*output_merge_, share, scratch_);
+  }
+  written_again_ = true;
 }
 
 bool ContactLedger::complete() {
   const auto is_inside = [](const Run& run) { return run.shared != nullptr && run.shared->gate.is_inside(); };
-  if (std::any_of(runs_.begin(), runs_.end(), is_inside)) {
-    return false;
-  }
-  for (const Run& run : runs_) {
-    duplicates_ += run.shared != nullptr ? run.shared->duplicates : 0;
+  if (!written_again_) {
+    if (std::any_of(runs_.begin(), runs_.end(), is_inside)) {
+      return false;
+    }
+    for (const Run& run : runs_) {
+      duplicates_ += run.shared != nullptr ? run.shared->duplicates : 0;
+    }
   }
   if (duplicates_ != 0) [[unlikely]] {
     drop_duplicates();
@@ -258,7 +291,7 @@ bool ContactLedger::complete() {
 // A duplicate's phase may be wrong (begin instead of persist), so it is computed again.
 void ContactLedger::drop_duplicates() {
   List& list = now();
-  const auto& keys = before().keys;
+  const auto keys = output_merge_->keys_before;
   std::size_t kept = 0;
   began_ = 0;
   for (std::size_t i = 0; i < list.keys.size(); ++i) {

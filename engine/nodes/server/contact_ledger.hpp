@@ -81,6 +81,11 @@ class ContactLedger {
   /// Call it when every node that is not lost is done. False while a lost node is still writing; otherwise C(frame) is
   /// complete.
   bool complete();
+  /// After share_out(), when all nodes are lost and the thread of one has stopped while it was writing: writes C(frame)
+  /// again into other memory. Everything that such a thread may still access is kept until free_abandoned().
+  void write_again();
+  /// Precondition: the threads of all lost nodes have ended, and no frame is running.
+  void free_abandoned() noexcept { abandoned_.clear(); }
   /// After complete(): number of duplicates, which are dropped: 0 unless a bug made two nodes own one pair.
   std::uint64_t duplicates() const noexcept { return duplicates_; }
 
@@ -140,6 +145,16 @@ class ContactLedger {
     NodeContacts& node_contacts() const noexcept { return shared != nullptr ? *shared : *own; }
   };
 
+  /// The memory that the nodes access for a frame whose lists were written again.
+  struct Abandoned {
+    std::unique_ptr<OutputMerge> output_merge;
+    std::vector<NodeContacts*> node_contacts;
+    std::vector<std::span<const std::uint64_t>> endings;
+    base::FlatList<std::uint64_t> gone, passed;
+    std::vector<Run> runs;
+    Edition now, before;
+  };
+
   List& now() noexcept { return editions_[frame_ & 1].live; }
   List& ended() noexcept { return editions_[frame_ & 1].ended; }
   const List& before() const noexcept { return editions_[(frame_ - 1) & 1].live; }
@@ -160,9 +175,11 @@ class ContactLedger {
   base::FlatList<std::uint64_t> gone_;  ///< keys that ended, ascending; unused if the nodes compared
   /// If the nodes compared: keys that ended at one node and were found by another, ascending.
   base::FlatList<std::uint64_t> passed_;
-  std::vector<std::span<const std::uint64_t>> endings_;  ///< OutputMerge::endings
-  OutputMerge output_merge_;
+  std::vector<std::span<const std::uint64_t>> endings_;                          ///< OutputMerge::endings
+  std::unique_ptr<OutputMerge> output_merge_ = std::make_unique<OutputMerge>();  ///< nodes hold its address
   OutputMergeScratch scratch_;
+  std::vector<Abandoned> abandoned_;
+  bool written_again_ = false;  ///< in this frame
   base::FlatList<ContactNotice> notices_, ended_notices_;
   bool by_nodes_ = false;  ///< whether the nodes compared in this frame
   std::size_t size_ = 0;

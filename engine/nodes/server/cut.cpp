@@ -39,7 +39,8 @@ void ServerRole::cut() {
   });
   hand_overs_.clear();
   host_owned_moved_ = 0;
-  losses_pending_ = relays_are_final_ = false;
+  losses_pending_ = relays_are_final_ = nodes_abandoned_ = false;
+  gates_watched_ns_ = 0;
   stage_ = Stage::starting_nodes;
 }
 
@@ -68,6 +69,9 @@ void ServerRole::start(PeerSession& session) {
 // Called while the nodes move.
 void ServerRole::start_users() {
   awaited_users_.clear();
+  if (setup_.user_deadline_ns != 0) {
+    moves_watched_ns_ = telemetry::now_ns();
+  }
   all_users([&](PeerSession& user) {
     start(user);
     awaited_users_.push_back(user.self.number());

@@ -330,11 +330,28 @@ bool ServerRole::check_deadlines() {
   for (PeerSession& session : nodes_) {
     changed |= setup_.node_deadline_ns != 0 && !session.lost && check_node_deadline(session, now);
   }
-  for (const UserNumber user : connected_) {
-    PeerSession& session = users_[user];
-    changed |= setup_.user_deadline_ns != 0 && !session.lost && check_user_deadline(session, now);
+  changed |= setup_.node_deadline_ns != 0 && watch_gates(now);
+  return (setup_.user_deadline_ns != 0 && watch_users(now)) || changed;
+}
+
+// The thread of a lost node may have stopped inside a read gate. Until it has left, no other node may write the memory
+// that it reads. So after a deadline that memory is given up: all nodes are lost, and new nodes replace them.
+bool ServerRole::watch_gates(std::uint64_t now) {
+  if (stage_ != Stage::closing || nodes_abandoned_ || !all_nodes_done() || report().lost.empty()) {
+    return false;
   }
-  return changed;
+  if (gates_watched_ns_ == 0) {
+    gates_watched_ns_ = now;
+  }
+  if (now - gates_watched_ns_ <= setup_.node_deadline_ns) {
+    return false;
+  }
+  nodes_abandoned_ = true;
+  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+    lose(node);
+  }
+  ledger_.write_again();
+  return true;
 }
 
 // Silence alone proves nothing: the node may wait for one that is lost. So it gets a probe and half the deadline to
@@ -361,19 +378,62 @@ bool ServerRole::check_node_deadline(PeerSession& session, std::uint64_t now) {
   return true;
 }
 
-bool ServerRole::check_user_deadline(PeerSession& session, std::uint64_t now) {
+bool ServerRole::watch_users(std::uint64_t now) {
   if (stage_ == Stage::starting_nodes) {
     return false;  // the frame has not started for users
   }
-  const bool awaited = contacts_are_final() ? !session.frame_done_received : !session.states_received;
-  const std::uint64_t since = contacts_are_final() ? notify_ns_ : begin_ns_;
-  if (!awaited || now - since <= setup_.user_deadline_ns) {
-    return false;
+  if (!contacts_are_final() && setup_.order->caller != nullptr) {
+    return watch_moves(now);
   }
-  session.lost = true;
-  report().late.push_back(session.self.number());
+  bool changed = false;
+  for (const UserNumber number : connected_) {
+    PeerSession& user = users_[number];
+    if (!user.lost && is_overdue(user, now)) {
+      count_late(user);
+      changed = true;
+    }
+  }
+  return changed;
+}
+
+bool ServerRole::is_overdue(const PeerSession& user, std::uint64_t now) const noexcept {
+  const bool awaited = contacts_are_final() ? !user.frame_done_received : !user.states_received;
+  const std::uint64_t since = contacts_are_final() ? notify_ns_ : begin_ns_;
+  return awaited && now - since > setup_.user_deadline_ns;
+}
+
+void ServerRole::count_late(PeerSession& user) {
+  user.lost = true;
+  report().late.push_back(user.self.number());
   refuse(Status::late);
-  return true;
+}
+
+// Of the user nodes of one thread that have not reported, only the one whose move does not end is late. The facade
+// finds out which one that is. It responds only if it finds one, and then the frame waits for the others of that
+// thread.
+bool ServerRole::watch_moves(std::uint64_t now) {
+  FrameOrder& order = *setup_.order;
+  if (order.users_moved.load(std::memory_order_acquire)) {
+    for (const UserNumber user : order.stalled_users) {
+      count_late(users_[user]);
+    }
+    for (const FrameOrder::MovedUser& moved : order.moved_users) {
+      const Connection& connection = users_[moved.user].connection;
+      connection.out->set_bell(moved.bell);
+      connection.in->set_bell(moved.bell);
+      moved.bell->ring();  // for messages sent meanwhile
+    }
+    order.users_moved.store(false, std::memory_order_release);
+    return true;
+  }
+  const auto is_missing = [&](UserNumber user) { return !users_[user].lost && !users_[user].states_received; };
+  if (now - moves_watched_ns_ > setup_.user_deadline_ns / 2 &&
+      std::any_of(connected_.begin(), connected_.end(), is_missing)) {
+    moves_watched_ns_ = now;
+    order.users_overdue.store(true, std::memory_order_release);
+    order.caller->ring();
+  }
+  return false;
 }
 
 }  // namespace ringfence::nodes

@@ -239,12 +239,17 @@ void ServerRole::close_ghost_gates() noexcept {
   }
 }
 
-// Whether no lost node is inside its gate: otherwise peers must not begin the next frame.
+bool ServerRole::all_nodes_done() noexcept {
+  return all_nodes([](const PeerSession& node) { return node.frame_done_received; });
+}
+
+// Whether no lost node is inside its gate: otherwise peers must not begin the next frame. Abandoned nodes have no
+// peers.
 bool ServerRole::ghost_gates_are_left() const noexcept {
-  return std::none_of(nodes_.begin(), nodes_.end(), [](const PeerSession& session) {
-    return session.lost && session.connection.node_contacts != nullptr &&
-           session.connection.node_contacts->ghost_updates.gate.is_inside();
-  });
+  return nodes_abandoned_ || std::none_of(nodes_.begin(), nodes_.end(), [](const PeerSession& session) {
+           return session.lost && session.connection.node_contacts != nullptr &&
+                  session.connection.node_contacts->ghost_updates.gate.is_inside();
+         });
 }
 
 // Makes one transition of the frame; false if it has to wait.
@@ -336,8 +341,7 @@ bool ServerRole::advance_stage() {
       stage_ = Stage::closing;
       return true;
     case Stage::closing:
-      if (!all_nodes([](const PeerSession& node) { return node.frame_done_received; }) || !ledger_.complete() ||
-          !ghost_gates_are_left()) {
+      if (!all_nodes_done() || !ghost_gates_are_left() || !ledger_.complete()) {
         return false;
       }
       finish();

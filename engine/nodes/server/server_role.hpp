@@ -35,8 +35,19 @@ struct FrameOrder {
   // number.
   std::atomic<bool> fallback_wanted{false};
   std::atomic<bool> fallback_ready{false};
-  NodeNumber fallback_for = 0;       ///< valid while wanted
-  Connection fallback;               ///< the server's end of its connection; valid when ready
+  NodeNumber fallback_for = 0;  ///< valid while wanted
+  Connection fallback;          ///< the server's end of its connection; valid when ready
+  // If user nodes have not reported their moves after half of their deadline, the facade checks their threads. If two
+  // checks find a thread in the same move, that user node is late, and the facade moves the others to a new thread.
+  std::atomic<bool> users_overdue{false};
+  std::atomic<bool> users_moved{false};   ///< the next two lists are valid; reset when the server has read them
+  std::vector<UserNumber> stalled_users;  ///< user nodes that are late
+  /// A user node that another thread steps from now on.
+  struct MovedUser {
+    UserNumber user;
+    link::Doorbell* bell;  ///< of its new thread
+  };
+  std::vector<MovedUser> moved_users;
   link::Doorbell* caller = nullptr;  ///< rung when a frame is complete; null if the caller steps the server itself
 };
 
@@ -60,7 +71,9 @@ struct ServerSetup {
   Quotas quotas;
   /// A CD node that is silent for this long in a frame, and does not answer a probe, is lost; 0: no deadline.
   std::uint64_t node_deadline_ns = 0;
-  /// Time a user node has to report its moves, and again to acknowledge its contacts; 0: no deadline.
+  /// Time a user node has to report its moves, and again to acknowledge its contacts; 0: no deadline. If there is a
+  /// FrameOrder::caller, the facade finds out whose move takes too long; otherwise each user node that has not reported
+  /// in time is late.
   std::uint64_t user_deadline_ns = 0;
   telemetry::Track* track = nullptr;  ///< null: no timeline
   std::vector<Connection> nodes;
@@ -102,6 +115,10 @@ class ServerRole {
   const Pose& pose(std::uint32_t slot) const noexcept;
   // For the last frame; unchanged while the next one is running.
   const ContactLedger& ledger() const noexcept { return ledger_; }
+  /// Whether all nodes of the last frame were lost because the thread of one had stopped inside a read gate.
+  bool has_abandoned_nodes() const noexcept { return nodes_abandoned_; }
+  /// Precondition: the threads of all lost nodes have ended.
+  void free_abandoned() noexcept { ledger_.free_abandoned(); }
   const FrameReport& report(std::uint64_t frame) const noexcept { return reports_[frame & 1]; }
 
  private:
@@ -159,7 +176,11 @@ class ServerRole {
   void lose_broken_nodes();
   bool check_deadlines();
   bool check_node_deadline(PeerSession& session, std::uint64_t now);
-  bool check_user_deadline(PeerSession& session, std::uint64_t now);
+  bool watch_gates(std::uint64_t now);
+  bool watch_users(std::uint64_t now);
+  bool watch_moves(std::uint64_t now);
+  bool is_overdue(const PeerSession& user, std::uint64_t now) const noexcept;
+  void count_late(PeerSession& user);
   bool drain_lost(PeerSession& session);
   bool send_losses();
   bool send_losses(PeerSession& session);
@@ -205,6 +226,7 @@ class ServerRole {
   void open_ghost_gates();
   void close_ghost_gates() noexcept;
   bool ghost_gates_are_left() const noexcept;
+  bool all_nodes_done() noexcept;
   void store_state(const PeerSession& session, std::uint64_t frame, const messages::ObjectRef& object, const Pose& pose,
                    const std::byte* state);
   void refresh_objects();
@@ -313,7 +335,10 @@ class ServerRole {
   std::vector<NodeNumber> alive_;
   NodeNumber fallback_for_ = no_node;  ///< waiting for a fallback node with this number
   bool losses_pending_ = false;
-  bool any_broken_ = false;          ///< a node that is not lost yet has broken the protocol
+  bool any_broken_ = false;       ///< a node that is not lost yet has broken the protocol
+  bool nodes_abandoned_ = false;  ///< in this frame; see watch_gates
+  /// Since when the frame waits for lost nodes to leave their gates; 0: it does not wait.
+  std::uint64_t gates_watched_ns_ = 0;
   bool recovered_ = false;           ///< the server holds objects of lost nodes until the next cut
   bool map_precedes_frame_ = false;  ///< nodes receive the map before this frame begins
   bool rescan_hosts_ = false;        ///< the map changed within this frame or before it
@@ -324,7 +349,8 @@ class ServerRole {
   std::uint64_t mark_ns_ = 0;    ///< time up to which stages have been charged
   std::uint64_t ingest_ns_ = 0;  ///< ingest time within the current stage
   std::uint64_t begin_ns_ = 0;
-  std::uint64_t notify_ns_ = 0;  ///< start of the notification of hosts
+  std::uint64_t notify_ns_ = 0;         ///< start of the notification of hosts
+  std::uint64_t moves_watched_ns_ = 0;  ///< when user nodes began to move, or the facade last checked their threads
   std::uint64_t cpu_begin_ns_ = 0;
   std::uint64_t cpu_mark_ns_ = 0;  ///< CPU time up to which the path has been charged
   FrameReport reports_[2];

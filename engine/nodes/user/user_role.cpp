@@ -14,13 +14,19 @@ using messages::MessageView;
 using regions::CellBox;
 
 UserRole::UserRole(const UserSetup& setup)
-    : setup_(setup), self_(Endpoint::user(setup.user)), host_(setup.model, setup.objects) {}
+    : setup_(setup),
+      self_(Endpoint::user(setup.user)),
+      fault_(setup.faults),
+      host_(setup.model, setup.objects, &fault_) {}
 
 Step UserRole::step() {
   bool progressed = drain(
       *setup_.server.in, host_.state_bytes(), [this](const MessageView& message) { receive(message); }, [] {});
   while (advance()) {
     progressed = true;
+  }
+  if (stage_ == Stage::abandoned) [[unlikely]] {
+    return Step::abandoned;
   }
   if (progressed) {
     return Step::progressed;
@@ -61,27 +67,48 @@ void UserRole::begin(std::uint64_t frame) {
   may_read_ = setup_.interest <= 0;  // without interest there is nothing to wait for
   frame_stats_ = {};
   enter(telemetry::StepClock::move);
-  telemetry::SpanTimer time(setup_.track, "move", frame_stats_.move_ns);
+  telemetry::SpanTimer time(setup_.thread.track, "move", frame_stats_.move_ns);
   host_.begin_contacts(frame);
   for (const Steered& steered : steered_) {
     host_.steer(steered.number, steered.pose);
   }
   steered_.clear();
-  host_.move(frame);
-  publish();
+  if (!move()) [[unlikely]] {
+    stage_ = Stage::abandoned;
+    return;
+  }
   states_run_.start(host_.changed().size());
   stage_ = Stage::sending_states;
 }
 
-// The paper's application-level multicast to other user nodes: written once, read by every user node nearby.
-void UserRole::publish() {
-  Published& own = setup_.publications->users[setup_.user];
-  PublicationWriter writer(*setup_.publications, own, frame_);
+// Returns false if the World did not wait for the move: then nothing of it may be visible to others.
+bool UserRole::move() {
+  Published& visible = setup_.publications->users[setup_.user];
+  published_ = visible;
+  if (MoveWatch* const watch = setup_.thread.watch) {
+    watch->enter(setup_.user);
+    move_and_publish();
+    if (!watch->leave()) {
+      return false;
+    }
+  } else {
+    move_and_publish();
+  }
+  visible = published_;
+  return true;
+}
+
+// The publication is the paper's application-level multicast to other user nodes: written once, read by every user node
+// nearby.
+void UserRole::move_and_publish() {
+  host_.move(frame_);
+  PublicationWriter writer(*setup_.publications, published_, frame_);
   for (std::size_t i = 0; i < host_.size(); ++i) {
     if ((host_[i].object.flags & messages::flag_present) != 0) {
       writer.add(host_[i].object.number, host_[i].pose);
     }
   }
+  fault_.pass(NodeStage::publication, frame_);
   frame_stats_.published = writer.publish();
 }
 
@@ -213,8 +240,8 @@ bool UserRole::send_frame_done() {
 }
 
 void UserRole::enter(telemetry::StepClock::Step step) noexcept {
-  if (setup_.clock != nullptr) {
-    setup_.clock->enter(step);
+  if (setup_.thread.clock != nullptr) {
+    setup_.thread.clock->enter(step);
   }
 }
 
@@ -235,7 +262,7 @@ bool UserRole::advance() {
       }
       enter(telemetry::StepClock::read_publications);
       {
-        telemetry::SpanTimer time(setup_.track, "look around", frame_stats_.busy_ns);
+        telemetry::SpanTimer time(setup_.thread.track, "look around", frame_stats_.busy_ns);
         read_others();
       }
       stage_ = Stage::awaiting_contacts;
@@ -254,6 +281,8 @@ bool UserRole::advance() {
       }
       stage_ = Stage::waiting;
       return true;
+    case Stage::abandoned:
+      return false;
   }
   return false;
 }

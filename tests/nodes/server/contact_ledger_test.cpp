@@ -168,9 +168,22 @@ class LedgerTest {
     }
   }
 
+  /// The stopped threads continue; at a random later time their memory is freed.
+  void continue_stopped() {
+    for (Node* node : stopped_) {
+      node->write();
+    }
+    stopped_.clear();
+    if (random_() % 2 == 0) {
+      ledger_.free_abandoned();
+    }
+  }
+
   bool duplicates_allowed = false;
-  std::size_t waits = 0;     ///< for a lost node that was writing
-  std::size_t by_nodes = 0;  ///< frames in which ended contacts were read from the nodes instead of searched
+  bool stops = false;             ///< the threads of lost nodes may stop while they write
+  std::size_t written_again = 0;  ///< frames in which the lists were written again because of that
+  std::size_t waits = 0;          ///< for a lost node that was writing
+  std::size_t by_nodes = 0;       ///< frames in which ended contacts were read from the nodes instead of searched
 
  private:
   void join() {
@@ -318,6 +331,11 @@ class LedgerTest {
         lost.push_back(node);
       }
     }
+    if (stops && !late.empty()) {
+      REQUIRE_FALSE(ledger_.complete());
+      write_again(lost, late);
+      late.clear();
+    }
     for (const std::size_t node : late) {
       REQUIRE_FALSE(ledger_.complete());
       ++waits;
@@ -325,6 +343,24 @@ class LedgerTest {
     }
     REQUIRE(ledger_.complete());
     return lost;
+  }
+
+  // The threads of late nodes have stopped, so all nodes are lost.
+  void write_again(std::vector<std::size_t>& lost, const std::vector<std::size_t>& late) {
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      if (!std::binary_search(lost.begin(), lost.end(), node)) {
+        ledger_.lose(node);
+      }
+    }
+    ledger_.write_again();
+    for (const std::size_t node : late) {
+      stopped_.push_back(nodes_[node].get());
+    }
+    lost.clear();
+    for (std::size_t node = 0; node < nodes_.size(); ++node) {
+      lost.push_back(node);
+    }
+    ++written_again;
   }
 
   void check_lists() {
@@ -372,6 +408,7 @@ class LedgerTest {
   ContactLedger ledger_;
   std::vector<std::unique_ptr<Node>> nodes_;
   std::vector<std::unique_ptr<Node>> gone_;  ///< their memory stays valid
+  std::vector<Node*> stopped_;               ///< nodes in `gone_` that are still writing
   ExpectedContacts now_, before_;
   std::vector<std::uint64_t> user_contacts_before_;
   std::size_t surplus_ = 0;
@@ -406,6 +443,26 @@ TEST_CASE("a pair that two nodes found is kept once and counted, and later frame
         ledger_test.duplicates_allowed = frame % 3 == 1;
         ledger_test.frame();
       }
+    }
+  }
+}
+
+TEST_CASE("a thread that stops while it writes a list and continues frames later changes nothing") {
+  for (const LedgerTest::Form form : {LedgerTest::Form::sharing, LedgerTest::Form::mixed}) {
+    for (unsigned seed = 300; seed < 306; ++seed) {
+      CAPTURE(seed);
+      CAPTURE(static_cast<int>(form));
+      LedgerTest ledger_test(seed, form);
+      ledger_test.stops = true;
+      for (int frame = 0; frame < 200; ++frame) {
+        CAPTURE(frame);
+        ledger_test.duplicates_allowed = frame % 7 == 1;
+        ledger_test.frame();
+        if (frame % 5 == 4) {
+          ledger_test.continue_stopped();
+        }
+      }
+      CHECK(ledger_test.written_again > 0);
     }
   }
 }
