@@ -173,7 +173,7 @@ TEST_CASE("a failed allocation in a call or a frame returns out_of_memory, and t
         config.timeline = placement == Placement::region;
         config.capacities = {1, 1, 1, 1};
         config.motion = std::make_shared<BouncingModel>(6);
-        CAPTURE(words(config));
+        CAPTURE(describe(config));
         CAPTURE(keep_failing);
         std::int64_t failing = 0;
         std::size_t failed = 0;
