@@ -30,7 +30,7 @@ std::string with_spaces(std::string text) {
 
 /// The requested placement and, if that is automatic, the placement that the world chose.
 std::string placement_of(const ServiceOptions& service, const Figures& figures) {
-  const std::string requested = name_of(service.placement);
+  std::string requested = name_of(service.placement);
   if (service.placement == figures.placement) return requested;
   return fmt::format("{} ({})", requested, name_of(figures.placement));
 }
