@@ -6,7 +6,8 @@
 
 namespace ringfence::base {
 
-/// Allocates on cache-line boundaries, so an aligned vector load of any width never crosses two lines.
+/// Allocates at multiples of 64 bytes, the size of a cache line. So a vector load of up to 64 bytes, at a multiple of
+/// its own size from the start, lies within one line. Throws std::bad_alloc. Precondition: alignof(T) is at most 64.
 template <class T>
 struct CacheLineAllocator {
   using value_type = T;
@@ -21,7 +22,7 @@ struct CacheLineAllocator {
   bool operator==(const CacheLineAllocator&) const noexcept = default;
 };
 
-/// A vector whose elements start on a cache line.
+/// A std::vector whose first element starts on a cache line.
 template <class T>
 using AlignedVector = std::vector<T, CacheLineAllocator<T>>;
 

@@ -8,25 +8,29 @@
 namespace ringfence::base {
 
 /// A list of trivially copyable elements that is emptied and filled each frame. Like std::vector, but it does not
-/// initialise elements that are about to be written, and large lists use huge pages. At 64,000 objects a frame accesses
-/// 30 MB, more than the TLB covers with small pages; huge pages save a seventh of the frame's time.
+/// initialise elements that are about to be written, and lists of at least 1 MiB request huge pages. With 64,000
+/// objects a frame accesses 30 MB, more than the TLB covers with small pages; huge pages save a seventh of the frame's
+/// time.
 ///
-/// Threads: belongs to its owner. Memory: grows to the largest frame, never shrinks.
+/// Threads: not synchronised; the owner decides who may access the list. Memory: grows to the largest frame, never
+/// shrinks. The functions that grow throw std::bad_alloc, and invalidate pointers and references to elements.
 template <class T>
 class FlatList {
  public:
+  /// Ensures room for `count` elements.
   void reserve(std::size_t count) { buffer_.grow(count, size_); }
   std::size_t size() const noexcept { return size_; }
   bool empty() const noexcept { return size_ == 0; }
   void clear() noexcept { size_ = 0; }
 
-  /// Appends an element that is not initialised.
+  /// Appends an element that is not initialised, and returns it.
   T& add() {
     if (size_ == buffer_.capacity()) [[unlikely]] {
       buffer_.grow(size_ + 1, size_);
     }
     return buffer_[size_++];
   }
+  /// Precondition: `value` is not an element of this list.
   void push_back(const T& value) { add() = value; }
   void pop_back() noexcept { --size_; }
   /// Changes the size. New elements are not initialised.

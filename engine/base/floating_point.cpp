@@ -13,7 +13,8 @@ namespace {
 
 constexpr unsigned default_mxcsr = 0x1f80;
 constexpr unsigned mxcsr_flags = 0x3f;
-// Exception masks, precision and rounding of the x87 unit: long double, and what the C library asks for the rounding.
+// The modes of the x87 unit: exception masks, precision and rounding. It computes long double, and the C library reads
+// the rounding mode from it.
 constexpr unsigned short default_x87 = 0x033f;
 constexpr unsigned short x87_modes = 0x0f3f;
 
@@ -25,7 +26,7 @@ bool is_default() noexcept {
 
 void set_default() noexcept {
   std::fesetenv(FE_DFL_ENV);
-  _mm_setcsr(default_mxcsr);  // not every C library clears the modes for denormals
+  _mm_setcsr(default_mxcsr);  // fesetenv() of some C libraries does not clear the modes for denormals
 }
 
 #elif defined(__aarch64__)
@@ -43,7 +44,7 @@ void set_default() noexcept {
 
 #else
 
-bool is_default() noexcept { return false; }  // so it is set, and restored, each time
+bool is_default() noexcept { return false; }  // unknown, so each scope sets and restores the environment
 void set_default() noexcept { std::fesetenv(FE_DFL_ENV); }
 
 #endif

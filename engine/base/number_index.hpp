@@ -12,19 +12,26 @@ namespace ringfence::base {
 
 /// A map from object numbers to 32-bit indices, for tables that are searched by object number.
 ///
-/// Numbers that are not much larger than the table (most worlds count from 1) have an entry of 4 bytes in an array: a
-/// look-up is one read. Other numbers are in a hash table with open addressing, linear probing and backward-shift
-/// deletion (Knuth, The Art of Computer Programming, 6.4 R). Allocates only in set(): when the hash table becomes more
-/// than half full, or when a larger number gets an entry in the array. Belongs to one thread at a time.
+/// A number that is small compared with the number of entries (most worlds number their objects from 1) has an entry of
+/// 4 bytes in an array, so its look-up is one read. Other numbers are in a hash table with open addressing, linear
+/// probing and backward-shift deletion (Knuth, The Art of Computer Programming, section 6.4, algorithm R).
+///
+/// Number 0 is not allowed, because it marks empty entries; for 0, find() returns an unspecified index.
+///
+/// Threads: belongs to one thread at a time. Memory: after construction only set() allocates, when the hash table would
+/// become more than half full, or when a larger number gets an entry in the array. The constructor and set() throw
+/// std::bad_alloc.
 class NumberIndex {
  public:
   static constexpr std::uint32_t none = 0xffffffffu;
 
+  /// Reserves `reserve` entries in the array and in the hash table.
   explicit NumberIndex(std::size_t reserve = 0) {
     resize(reserve);
     direct_.reserve(reserve + 1);
   }
 
+  /// Number of stored numbers.
   std::size_t size() const noexcept { return direct_count_ + size_; }
 
   /// The index stored for `number`, or `none`.
@@ -42,7 +49,7 @@ class NumberIndex {
     }
   }
 
-  /// Prefetches what find() will read.
+  /// Prefetches the entry that find() reads first.
   void prefetch(ObjectNumber number) const noexcept {
     if (number < direct_.size()) {
       prefetch_for_read(&direct_[number]);
@@ -73,6 +80,7 @@ class NumberIndex {
     entries_[at] = {number, index};
   }
 
+  /// Removes `number`; does nothing if it is not stored. Precondition: number is not 0.
   void erase(ObjectNumber number) noexcept {
     if (number < direct_.size()) {
       direct_count_ -= direct_[number] != none ? 1 : 0;
@@ -98,8 +106,10 @@ class NumberIndex {
   }
 
  private:
-  static constexpr std::size_t max_numbers_per_entry =
-      16;  ///< a CD node's objects are about this sparse among the numbers of a world
+  /// The array is extended up to a number that is less than this many times the number of entries. With 16 CD nodes, a
+  /// node stores about 1 in 16 of the world's numbers.
+  static constexpr std::size_t max_numbers_per_entry = 16;
+  /// Added to the number of entries in that comparison, so that small tables use the array, too.
   static constexpr std::size_t min_entries = 16;
 
   struct Entry {
@@ -128,7 +138,7 @@ class NumberIndex {
     }
   }
 
-  // Moves the hashed numbers that now have an array entry there.
+  // Extends the array up to `number`, and moves the numbers that now have an entry there out of the hash table.
   void grow_direct(ObjectNumber number) {
     direct_.resize(std::max(number + std::size_t{1}, direct_.capacity()), none);
     if (size_ == 0) {
@@ -146,9 +156,9 @@ class NumberIndex {
 
   std::vector<std::uint32_t> direct_;  ///< by number: its index, or `none`
   std::size_t direct_count_ = 0;       ///< number of used entries in direct_
-  std::vector<Entry> entries_;
+  std::vector<Entry> entries_;         ///< the hash table
   std::size_t mask_ = 0;
-  std::size_t size_ = 0;
+  std::size_t size_ = 0;  ///< number of used entries in entries_
   unsigned shift_ = 60;
 };
 

@@ -2,10 +2,10 @@
 
 #include <cfloat>
 
-// Included by the build before the first line of every source file of the engine.
+// The build includes this file before the first line of every source file of the engine.
 //
-// The same contacts on every machine need arithmetic that the compiler does not rearrange. An embedder may compile its
-// own files, the public headers included, with -ffast-math; ours are refused.
+// Contacts have the same bits on every machine only if the compiler does not rearrange arithmetic. An embedder may
+// compile its own files, with the public headers that they include, with -ffast-math; Ringfence's own files refuse it.
 
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ != 0) || \
     defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(__NO_SIGNED_ZEROS__)

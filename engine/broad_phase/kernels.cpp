@@ -3,7 +3,7 @@
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "broad_phase/kernels.cpp"
 #include <hwy/foreach_target.h>
-// After foreach_target.h.
+// These must follow foreach_target.h, which includes this file once for each target.
 #include "broad_phase/classifying-inl.hpp"
 #include "broad_phase/querying-inl.hpp"
 #include "broad_phase/sorting-inl.hpp"

@@ -8,29 +8,34 @@
 
 namespace ringfence::broad_phase {
 
-/// The sorted positions [first, end) to compare with the box at position `origin`.
+/// Positions [first, end) in the sorted order whose boxes are compared with the box at position `origin`.
 struct Window {
   std::uint32_t origin, first, end;
 };
 
 /// Buffers for the output of the kernels.
 ///
-/// A *hit* is a group of boxes whose codes match the code of one box (its origin). The exact test of a hit is still
-/// pending. A kernel runs the exact test of all its hits before it returns, which moves them to `pairs`.
+/// A *hit* is a group of boxes whose codes match the code of one box (its origin). Matching codes do not prove an
+/// overlap: before a kernel returns, it tests all boxes of its hits exactly, and appends the pairs that overlap or
+/// touch to `pairs`.
+///
+/// Threads: one instance belongs to one thread at a time. Memory: grows, never shrinks; open() and claim() throw
+/// std::bad_alloc.
 struct PairSink {
-  base::Buffer<std::uint64_t>
-      hit_positions;  ///< by hit: low half, position of the origin; high half, position of bit 0 of the mask
+  /// By hit: the low half is the position of the origin, the high half the position of bit 0 of the mask.
+  base::Buffer<std::uint64_t> hit_positions;
   base::Buffer<std::uint32_t> hit_masks;    ///< by hit: bit mask of the boxes whose codes match; never 0
   base::Buffer<std::uint64_t> box_indices;  ///< by hit: the indices of two boxes; scratch memory of the exact test
-  base::Buffer<std::uint32_t> crossing;     ///< boxes of the current block that reach into other rows
-  base::Buffer<Window> windows;             ///< the positions in those rows to compare with them
+  base::Buffer<std::uint32_t> crossing;     ///< positions of the boxes of the current block that reach into other rows
+  base::Buffer<Window> windows;             ///< of the current block: windows in other rows, and those that wrap around
   base::Buffer<geometry::CandidatePair> pairs;
   std::size_t count = 0;  ///< number of pairs found
 
-  /// Boxes per block. The exact tests run after each block: enough boxes to overlap the memory accesses, few enough to
-  /// stay in the cache.
+  /// Boxes per block. The exact tests run after each block. A block has enough boxes that their memory accesses overlap
+  /// in time, and few enough that they stay in the cache.
   static constexpr std::uint32_t block = 1024;
-  /// With more hits than this the exact tests run before the end of the block. The hits of one more box still fit.
+  /// If there are more hits than this, the exact tests run before the end of the block. The buffers have room for this
+  /// number and the hits of one more box.
   static constexpr std::size_t max_untested_hits = 1024;
 
   /// Reserves room for `max_untested_hits` hits and those of one more box among `boxes`.
@@ -40,10 +45,11 @@ struct PairSink {
     hit_masks.reserve(hits);
     box_indices.reserve(hits);
     crossing.reserve(block);
-    windows.reserve(7 * block);  // up to three other rows, and each of the four may wrap around
+    windows.reserve(7 * block);  // a box has up to two in each of three other rows and one in its own, if rows wrap
   }
 
-  /// Makes room for `more` pairs and returns where they start.
+  /// Makes room for `more` pairs after the first `count` and returns where they start. The caller writes them and adds
+  /// their number to `count`.
   geometry::CandidatePair* claim(std::size_t more) {
     if (count + more > pairs.capacity()) pairs.grow(count + more, count);
     return pairs.data() + count;

@@ -18,6 +18,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::broad_phase::HWY_NAMESPACE {
 
+// CodeEncoder computes the code of a box, see RowGrid. quantise() leaves bytes 3 and 7 zero; operator() sets them.
 #if HWY_TARGET == HWY_SCALAR
 
 class CodeEncoder {
@@ -71,7 +72,8 @@ class CodeEncoder {
     const auto lower = hn::Load(d, box.lower), upper = hn::Load(d, box.upper);
     const auto cell = hn::Shr(lower, shift_);
     const auto beyond = hn::And(hn::Sub(hn::Shr(upper, shift_), cell), partitioned_);
-    // Whether the lower corner minus the limit lies in another row: the lowest bit of the difference, moved to bit 2.
+    // Whether the lower corner minus the limit lies in another row: the lowest bit of the difference of the two rows,
+    // moved to bit 2.
     const auto before = hn::ShiftLeft<2>(hn::Sub(cell, hn::Shr(hn::Sub(lower, limit_), shift_)));
     const auto x_and_y = hn::Or(beyond, hn::And(before, before_y_));
     const auto z = hn::Add(beyond, beyond);
@@ -95,6 +97,7 @@ class CodeEncoder {
     return hn::GetLane(hn::BitCast(hn::FixedTag<std::uint64_t, 2>(), v));
   }
 
+  // The tables for move(): element i is the byte of the vector that becomes byte i of the code; `none` gives 0.
   static constexpr std::uint8_t none = 0x80;
 #define RINGFENCE_REST none, none, none, none, none, none, none, none
   HWY_ALIGN static constexpr std::uint8_t upper_to[16] = {0, 4, 8, none, none, none, none, none, RINGFENCE_REST};
@@ -110,6 +113,7 @@ class CodeEncoder {
 
 HWY_INLINE std::uint64_t swap_halves(std::uint64_t code) { return code << 32 | code >> 32; }
 
+// Calls visit(first, last) for each range of adjacent boxes of a bucket, in the order of staging.
 template <class Visit>
 HWY_INLINE void for_each_run(const RowGrid& grid, std::uint32_t bucket, Visit&& visit) {
   const std::uint32_t end = grid.cursor[bucket];
@@ -127,7 +131,7 @@ inline void sort(RowGrid& grid, std::uint32_t bucket) {
   const std::uint32_t first_key = bucket << rows.bucket_shift;
   const std::uint32_t last_key = first_key + (1u << rows.bucket_shift);
   std::memset(cell_end + first_key, 0, (last_key - first_key) * sizeof(std::uint32_t));
-  // Prefetch, while counting, the memory that sorting writes next.
+  // The loop that counts the boxes of each cell also prefetches the memory that the last loop writes.
   std::uint64_t* codes_ahead = grid.codes.data() + grid.count;
   GridEntry* entries_ahead = grid.entries.data() + grid.count;
   for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {

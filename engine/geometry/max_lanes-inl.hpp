@@ -17,7 +17,8 @@ namespace ringfence::geometry::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 #if HWY_TARGET != HWY_SCALAR
-/// Reduces the blocks of four lanes to one block: each lane is the maximum of that lane in all blocks.
+/// Reduces a vector of one or more blocks of four lanes to one block: lane i of `out` is the maximum of lane i of all
+/// blocks.
 template <class D>
 HWY_INLINE void reduce_blocks(D d, hn::Vec<D> blocks, float out[4]) {
   if constexpr (hn::MaxLanes(D()) == 4) {
@@ -29,8 +30,10 @@ HWY_INLINE void reduce_blocks(D d, hn::Vec<D> blocks, float out[4]) {
 }
 #endif
 
-/// Stores the maximum lane of each of four vectors. Takes twelve steps; reducing one vector after the other takes 32. A
-/// maximum is exact in any order, so the result does not depend on the vector width.
+/// Stores the maximum lane of each of the four vectors in `out`, in the order a, b, c, e. With eight lanes this takes
+/// twelve instructions; reducing one vector after the other takes 32. A maximum is exact in any order, so the result
+/// does not depend on the vector width. Precondition: no lane is NaN; the number of lanes is a multiple of 4, or 1 on
+/// the scalar target.
 template <class D>
 HWY_INLINE void max_lanes_of_four([[maybe_unused]] D d, hn::Vec<D> a, hn::Vec<D> b, hn::Vec<D> c, hn::Vec<D> e,
                                   float out[4]) {

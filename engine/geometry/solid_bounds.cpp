@@ -23,7 +23,7 @@ struct Axes {
   alignas(16) float at[4];
 };
 
-/// The extent of a shape along the world's axes, relative to its origin.
+/// The extent of a shape along the world's axes, relative to the shape's origin.
 struct AxisExtent {
   Axes lower, upper;
 };
@@ -44,8 +44,8 @@ inline RotationColumns columns_of(Quat q) {
 
 #else
 
-/// Computes the terms of `rotation(q)` one column at a time, one entry in each lane: 1 - (p + q) on the diagonal, p ± q
-/// elsewhere.
+/// Computes the same terms as rotation(), one column at a time and one entry in each lane: 1 - (p + q) on the diagonal,
+/// p + q or p - q elsewhere, where p and q are the two products of the entry.
 inline RotationColumns columns_of(Quat orientation) {
   const hn::FixedTag<float, 4> d;
   const hn::RebindToSigned<decltype(d)> ints;
@@ -80,7 +80,7 @@ inline RotationColumns columns_of(Quat orientation) {
 using FloatTag = hn::CappedTag<float, 4>;
 using DoubleTag = hn::CappedTag<double, 4>;
 
-/// The extent of a box with these half extents.
+/// Half of the extent of a box with these half extents, along the world's axes.
 inline Axes box_extent(const RotationColumns& shape_axes, const float half[3]) {
   const FloatTag d;
   Axes out;
@@ -92,7 +92,8 @@ inline Axes box_extent(const RotationColumns& shape_axes, const float half[3]) {
   return out;
 }
 
-// Maximum and minimum are exact in any order, so the reductions may depend on the vector width.
+// The order of the reductions depends on the vector width, but the result does not: a minimum or maximum is exact in
+// any order.
 inline AxisExtent hull_extent(const Hull& hull, const RotationColumns& shape_axes) {
   const hn::CappedTag<float, hull_lanes> d;
   hn::Vec<decltype(d)> low[3], high[3];
@@ -116,26 +117,26 @@ inline AxisExtent hull_extent(const Hull& hull, const RotationColumns& shape_axe
   return out;
 }
 
-/// Converts positions on some axes to fixed-point steps and rounds them. Saturates, and maps NaN to 0, as FixedSpace
-/// does.
+/// Converts the positions on as many axes as `d` has lanes to fixed-point steps, rounded up or down. Values outside the
+/// range saturate, and NaN becomes 0, as in FixedSpace.
 template <bool up, class D>
 HWY_INLINE void store_steps(D d, hn::Vec<D> place, hn::Vec<D> min, hn::Vec<D> scale, std::int32_t* to) {
   const hn::Rebind<std::int32_t, D> words;
   const auto inside = hn::Min(hn::Max((place - min) * scale, hn::Zero(d)), hn::Set(d, 4294967295.0));
   const auto whole = up ? hn::Ceil(inside) : hn::Floor(inside);
-  // Highway converts to signed integers on all targets. So convert the value minus 2^31 and flip the top bit.
+  // The conversion is to signed integers: subtract 2^31 before it, and flip the top bit after it.
   const auto half_below = hn::DemoteTo(words, whole - hn::Set(d, 2147483648.0));
   hn::Store(hn::Xor(half_below, hn::Set(words, INT32_MIN)), words, to);
 }
 
-/// The bounds of an extent at a pose. `radius` widens the extent, in double. Stores the position in `point` if not
-/// null.
+/// The bounds of an extent at a pose. `radius` and `margin` widen the extent on all sides, in double precision. If
+/// `point` is not null, the fixed-point position is stored there.
 inline Bounds bounds_about(const Pose& pose, const AxisExtent& extent, double radius, double margin,
                            const FixedSpace::Rows& space, FixedPoint* point) {
   const DoubleTag d;
   const hn::Rebind<float, DoubleTag> narrow;
-  // The fourth lane reads from the orientation. It is masked first, because arithmetic on such bits may be slow
-  // (denormals).
+  // The load of the position also reads 8 bytes of the orientation, into the fourth lane. The mask clears them, because
+  // as a double they may be denormal, and arithmetic on denormals is slow.
   alignas(32) static constexpr std::uint64_t first_three_lanes[4] = {~0ull, ~0ull, ~0ull, 0};
   const auto widening = hn::Set(d, margin), round = hn::Set(d, radius);
   alignas(16) std::int32_t lower[4], upper[4], point_steps[4];
@@ -154,13 +155,15 @@ inline Bounds bounds_about(const Pose& pose, const AxisExtent& extent, double ra
   return {{word(lower[0]), word(lower[1]), word(lower[2])}, {word(upper[0]), word(upper[1]), word(upper[2])}};
 }
 
+/// The extent from -half to +half.
 inline AxisExtent symmetric(const Axes& half) {
   AxisExtent extent{half, half};
   for (float& value : extent.lower.at) value = -value;
   return extent;
 }
 
-/// Spheres, boxes and capsules share one formula, a box with a radius, so no branch depends on the kind.
+/// The bounds of one shape at a pose. Spheres, boxes and capsules share one formula, that of a box widened by a radius,
+/// so no branch depends on which of the three the shape is. `hull` is null for these.
 HWY_INLINE Bounds bounds_of(const ShapeRow& row, const Hull* hull, const Pose& pose, const FixedSpace::Rows& space,
                             FixedPoint* point) {
   const double margin = rounding_margin * double{row.bounding_radius};

@@ -4,9 +4,9 @@
 
 #include "ringfence/pose.hpp"
 
-// Arithmetic on the API's plain vectors, quaternions and rotations, in float and double. Every formula is a fixed
-// sequence of IEEE operations. Vector kernels repeat them in the same order and get the same bits. The operators are in
-// the namespace of their types, so argument-dependent lookup finds them in every module.
+// Arithmetic on the API's plain vectors and quaternions and on rotation matrices, in float and double. Every formula is
+// a fixed sequence of IEEE operations. SIMD kernels execute the same operations in the same order and get the same
+// bits. The operators are in the namespace of their types, so argument-dependent lookup finds them in every module.
 
 namespace ringfence {
 
@@ -39,10 +39,10 @@ inline bool is_finite(Vec3d p) noexcept { return std::isfinite(p.x) && std::isfi
 
 namespace geometry {
 
-/// The rotation matrix of a unit quaternion: row i is world axis i in the shape's axes.
+/// A rotation matrix from the shape's axes to the world's: row i is world axis i, in the shape's axes.
 template <class T>
 struct RotationOf {
-  T m[3][3];
+  T m[3][3];  ///< [row][column]
 };
 using Rotation = RotationOf<float>;
 using RotationD = RotationOf<double>;
@@ -61,8 +61,8 @@ constexpr RotationOf<T> rotation(T x, T y, T z, T w) noexcept {
 constexpr Rotation rotation(Quat q) noexcept { return rotation<float>(q.x, q.y, q.z, q.w); }
 constexpr RotationD rotation_double(Quat q) noexcept { return rotation<double>(q.x, q.y, q.z, q.w); }
 
-/// The matrix of any quaternion but zero, in double. Divides by the norm, which removes the quaternion's rounding to
-/// float.
+/// The matrix of a quaternion of any length but zero, in double. Divides by the length, because that of a unit
+/// quaternion in float differs from 1 by rounding.
 inline RotationD rotation_exact(Quat q) noexcept {
   const double x = q.x, y = q.y, z = q.z, w = q.w;
   const double norm = std::sqrt((x * x + y * y) + (z * z + w * w));
@@ -97,7 +97,7 @@ inline Quat normalise(Quat q) noexcept {
           static_cast<float>(w / norm)};
 }
 
-/// Whether `q` is finite and its length is within 10^-3 of 1. The API accepts such orientations.
+/// Whether `q` is finite and its length is within 10^-3 of 1. The API refuses other orientations.
 inline bool is_near_unit(Quat q) noexcept {
   const double x = q.x, y = q.y, z = q.z, w = q.w;
   const double norm = std::sqrt((x * x + y * y) + (z * z + w * w));

@@ -5,17 +5,18 @@
 
 namespace ringfence::link {
 
-/// The hardware threads that this process may use, in the order in which communicating threads should be pinned to
+/// The hardware threads that this process may use, in the order in which threads that communicate should be pinned to
 /// them.
 ///
-/// Nearest first: cores of one package and one shared cache before those of the next, and the first hardware thread of
-/// every core before the second of any. So the first n are the best placement for n threads that work in lock-step.
+/// The order is by proximity: the hardware threads of one package (socket) and one shared cache precede those of the
+/// next, but the first hardware threads of all cores precede the second ones. So the first n are the best placement for
+/// n threads that work in lock-step.
 ///
-/// Reads the topology with hwloc when constructed; construct it once, before threads are pinned. Immutable: any thread
-/// may use it.
+/// The constructor reads the topology with hwloc: construct the object once, before threads are pinned. Immutable: any
+/// thread may use it.
 class Cores {
  public:
-  /// Reads the topology. If that fails, count() is 1 and pin_this_thread() does nothing.
+  /// Reads the topology. If that fails, count() is 1, and pin_this_thread() does nothing and returns false.
   Cores();
   ~Cores();
   Cores(const Cores&) = delete;

@@ -16,7 +16,7 @@ std::atomic<int> waiting_threads{0};
 
 int usable_cores() noexcept {
   cpu_set_t set;
-  // The mask of the process, not of the thread: threads may have been pinned already.
+  // The mask of the process's first thread, not of the calling thread, which may be pinned already.
   if (sched_getaffinity(getpid(), sizeof set, &set) != 0) return 1;
   return CPU_COUNT(&set);
 }
@@ -67,11 +67,11 @@ void ThreadAtomics::remove_waiting_thread() noexcept { waiting_threads.fetch_sub
 
 SpinPolicy ThreadAtomics::spin_policy() noexcept {
   static const int cores = usable_cores();
-  // With more threads than cores, the awaited thread may need this core, so polling is short. Otherwise sleeping is the
-  // larger cost.
+  // If there are more threads than cores, the awaited thread may need this core, so the thread polls only briefly.
+  // Otherwise polling costs less than sleeping.
   const bool oversubscribed = waiting_threads.load(std::memory_order_relaxed) > cores;
-  // Testing a condition is then expensive: a server or user thread polls up to a hundred channels, on a core that the
-  // awaited thread needs.
+  // If oversubscribed, the condition is tested only after a ring: to test it, a server or user thread polls up to a
+  // hundred channels, on a core that the awaited thread needs.
   return oversubscribed ? SpinPolicy{20, 3, 0, true} : SpinPolicy{2000, 3, 100};
 }
 

@@ -12,13 +12,13 @@ namespace ringfence::link {
 
 namespace {
 
-/// Largest directory, in entries per state, that is worth filling. An entry costs 4 bytes to fill; without a directory
-/// each cell that a reader asks for costs a binary search of about 5 ns a step.
+/// Largest directory, in entries per state, that is worth filling. Each entry takes 4 bytes, which are written in each
+/// frame. Without a directory a reader needs a binary search for each look-up, at about 5 ns a step.
 constexpr std::size_t max_directory_entries_per_state = 4;
 
-/// Orders the reads of a buffer before the second test of its stamp, and the reset of a stamp before the writes that
-/// follow. Needed only if the frame protocol is violated. Left out under the thread sanitizer, which does not know
-/// fences and would report that case as a race.
+/// Reader: orders its reads of a buffer before its second test of the stamp. Writer: orders the reset of the stamp
+/// before its writes to the buffer. Needed only if the frame protocol is violated. Left out under the thread sanitizer,
+/// which does not support fences and would report that case as a race.
 void fence() noexcept {
 #if !defined(__SANITIZE_THREAD__)
   std::atomic_thread_fence(std::memory_order_acq_rel);
@@ -68,7 +68,8 @@ void Publication::publish() {
   }
 }
 
-/// Sorts the keys by cell, then by order of adding.
+/// Sorts the keys by cell; keys of one cell stay in the order of adding. Also fills the directory of the current buffer
+/// if it is small enough. Returns the buffer.
 Publication::FrameBuffer& Publication::order_keys() {
   FrameBuffer& buffer = buffers_[current_];
   buffer.dense = false;
@@ -85,8 +86,8 @@ Publication::FrameBuffer& Publication::order_keys() {
   return buffer;
 }
 
-/// Sets the buffer's box to the smallest one that contains all keys. Returns its number of cells. Precondition: there
-/// is a key.
+/// Sets the buffer's box to the smallest box that contains the cells of all keys. Returns the number of cells in the
+/// box. Precondition: there is at least one key.
 std::size_t Publication::find_cell_range(FrameBuffer& buffer) const noexcept {
   const CellLayout layout = layout_;
   CellLayout::Place lower = layout.place_of(cell_of(keys_.front()));
@@ -106,16 +107,17 @@ std::size_t Publication::find_cell_range(FrameBuffer& buffer) const noexcept {
   return std::size_t{box.row_length} * box.rows * (upper.at[2] - lower.at[2] + std::size_t{1});
 }
 
-/// Completes and stamps the buffer. Precondition: its states are written.
+/// Writes the buffer's lists of cells and starts, then its stamp. Precondition: its states are written.
 void Publication::finish(FrameBuffer& buffer) {
   buffer.dense ? collect_cells_dense(buffer) : collect_cells(buffer);
   // Pairs with the load in find_buffer: the buffer is complete.
   buffer.stamp.store(frame_, std::memory_order_release);
 }
 
-/// Fills the directory, and sorts the keys by counting if they are not sorted. To sort, the count of entry e is stored
-/// in e + 2. After the prefix sum, e + 1 is the first position of the keys of e. Placing these keys advances it to the
-/// first position of the next entry's keys, which is the value that the directory needs.
+/// Fills the directory, and sorts the keys by counting if they are not sorted. To sort, the number of keys of entry e
+/// is counted in element e + 2. After the prefix sum, element e + 1 is the first position of the keys of entry e. Each
+/// key that is placed increments this element, so in the end it is the first position of the keys of entry e + 1, which
+/// is the value that the directory needs.
 void Publication::counting_sort_keys(FrameBuffer& buffer, std::size_t cells) {
   std::vector<std::uint32_t>& next = buffer.directory;
   const std::size_t shift = ascending_ ? 1 : 2;
@@ -140,8 +142,9 @@ void Publication::counting_sort_keys(FrameBuffer& buffer, std::size_t cells) {
   keys_.swap(sorted_);
 }
 
-/// Sorts by cell, then by index: by comparison for few keys, else by radix sort with digits of 11 bits, least
-/// significant first.
+/// Sorts few keys by comparison, by cell and then index; more keys by radix sort, by cell only, with digits of 11 bits,
+/// least significant first. The order is the same, because radix sort is stable and indices are added in ascending
+/// order.
 void Publication::sort_keys() {
   constexpr std::size_t max_comparison_sort = 400;
   if (key_count_ <= max_comparison_sort) {
@@ -159,7 +162,8 @@ void Publication::sort_keys() {
   }
 }
 
-/// Precondition: keys_ and the buffer's states are in ascending order of cell.
+/// Lists the cells that have states, and the position of the first state of each. Precondition: keys_ are in ascending
+/// order of cell.
 void Publication::collect_cells(FrameBuffer& buffer) {
   buffer.cells.clear();
   buffer.starts.clear();
@@ -172,8 +176,8 @@ void Publication::collect_cells(FrameBuffer& buffer) {
   buffer.starts.push_back(static_cast<std::uint32_t>(key_count_));
 }
 
-/// Like collect_cells, but from the directory. Writes an entry for every cell of the box and overwrites it if the cell
-/// is empty: a branch would be mispredicted about half the time.
+/// Like collect_cells, but from the directory. Writes every cell of the box to the list; the next cell overwrites it if
+/// it has no states. A branch would be mispredicted about half the time.
 void Publication::collect_cells_dense(FrameBuffer& buffer) {
   const CellRange& cell_range = buffer.box.cell_range;
   const std::uint32_t* entry = buffer.directory.data();

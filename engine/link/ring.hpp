@@ -13,20 +13,25 @@ namespace ringfence::link {
 /// The control block of a ring: the two positions that reader and writer share, each on cache lines of its own, and the
 /// capacity.
 ///
-/// A position counts all bytes that ever passed it, in multiples of 8. It never wraps: 2^64 bytes last for centuries.
-/// Its three low bits are flags.
+/// A position is a number of bytes since the ring was created, a multiple of 8; the offset in the ring is the position
+/// modulo the capacity. It does not overflow in practice: 2^64 bytes at 1 GB a second take 584 years. The three low
+/// bits of a stored position are flags.
+///
+/// The word ring has two meanings: the queue, and the signal of a doorbell (see doorbell.hpp). "To request a ring" is
+/// about the signal. The classes of this file have no doorbells: if RingReader::release() returns true, the caller
+/// rings the writer's doorbell. `Policy` provides atomics and memory access, see ThreadAtomics.
 template <class Policy>
 struct RingControl {
-  static constexpr std::uint64_t flags = 7;
+  static constexpr std::uint64_t flags = 7;    ///< mask of the flags
   static constexpr std::uint64_t closed = 1;   ///< in tail: no message follows; in head: no message is read any more
-  static constexpr std::uint64_t waiting = 2;  ///< in head: the writer requests a ring at the next release
+  static constexpr std::uint64_t waiting = 2;  ///< in head: the writer's doorbell must be rung at the next release
 
   explicit RingControl(std::uint64_t size) noexcept : capacity(size) {}
 
   /// End of the published bytes. Stored by the writer only.
   alignas(cache_line_pair_bytes) typename Policy::template Atomic<std::uint64_t> tail{0};
-  /// End of the released bytes. The reader exchanges it, a waiting writer ORs `waiting` into it. Both are
-  /// read-modify-writes, so either the release sees the flag or the writer sees the release.
+  /// End of the released bytes. The reader exchanges it, and a writer that waits for room ORs `waiting` into it. Both
+  /// are read-modify-writes, so either the release sees the flag or the writer sees the release.
   alignas(cache_line_pair_bytes) typename Policy::template Atomic<std::uint64_t> head{0};
   /// Size of the ring in bytes, a power of two. Never changes.
   alignas(cache_line_pair_bytes) std::uint64_t capacity;
@@ -36,7 +41,7 @@ struct RingControl {
 template <class Policy>
 struct Ring {
   RingControl<Policy>* control;
-  std::byte* bytes;  ///< 8 bytes before a cache line: the payload behind a header at offset 0 starts on one
+  std::byte* bytes;  ///< starts 8 bytes before a cache line, so the payload of a message at offset 0 starts on a line
 };
 
 /// Precedes each message in the ring: 8 bytes, at a multiple of 8.
@@ -53,10 +58,10 @@ constexpr std::size_t largest_message_of(std::uint64_t capacity) noexcept {
 
 /// Memory layout: the control block, a gap of 56 bytes, `capacity` bytes of ring, and the overhang.
 ///
-/// A message may begin just before the end of the ring and continue in the overhang. The next message begins at the
-/// position behind it, modulo the capacity. So messages are contiguous and no room is lost to padding at the end. At
-/// most one unreleased message is in the overhang: a second one would end more than `capacity` bytes after the first
-/// began.
+/// A message may begin before the end of the ring and continue in the overhang. The next message begins at the position
+/// after it, modulo the capacity. So messages are contiguous, and no room is lost to padding at the end of the ring. At
+/// most one unreleased message is in the overhang: a second one would end more than `capacity` bytes after the start of
+/// the first one.
 inline constexpr std::size_t ring_gap = 56;
 
 /// Bytes of memory that a ring of `capacity` bytes needs.
@@ -74,7 +79,7 @@ Ring<Policy> open_ring(void* memory) noexcept {
 }
 
 /// Creates an empty ring in `memory`. `capacity` is a power of two, at least 64. `memory` has ring_footprint(capacity)
-/// bytes, is aligned to cache_line_pair_bytes, and outlives the ring's writer and reader.
+/// bytes, is aligned to cache_line_pair_bytes, and outlives the ring's writer and reader. Allocates nothing.
 template <class Policy>
 Ring<Policy> make_ring(void* memory, std::uint64_t capacity) noexcept {
   assert(capacity >= 64 && (capacity & (capacity - 1)) == 0);
@@ -84,13 +89,14 @@ Ring<Policy> make_ring(void* memory, std::uint64_t capacity) noexcept {
 
 /// The writing end of a ring. Used by one thread at a time.
 ///
-/// Caches its own position, the published position and the last seen position of the reader on cache lines that no
-/// other thread touches. It reads the shared head only when the cached one leaves no room. It prefetches the lines that
-/// it will write (CacheLineTuning). With the same in the reader, this raises the rate of messages of 16 to 1024 bytes
-/// from 29 to 38 million a second on two cores of a Xeon at 2.6 GHz.
+/// The writer keeps its own position, the published position and the last position of the reader that it has read in
+/// members, on cache lines that no other thread accesses. It reads the shared head only when the cached head leaves no
+/// room, and prefetches the lines that it will write (see CacheLineTuning). The reader does the same with the tail.
+/// Together this raises the rate of messages of 16 to 1024 bytes from 29 to 38 million a second on two cores of a Xeon
+/// at 2.6 GHz.
 ///
-/// A new writer may take over the ring of a writer that was killed. It continues after the last published message;
-/// messages that were only staged are lost, each as a whole.
+/// A message is *staged* from commit() to publish(). A new writer may take over the ring of a writer that was killed.
+/// It continues after the last published message; staged messages are lost, each as a whole.
 ///
 /// Method: Lamport's queue (1983) with cached positions and batched publication (FastForward, Liberty, B-Queue), and a
 /// length before each message as in Aeron's buffers.
@@ -109,9 +115,11 @@ class RingWriter {
 
   std::size_t largest_message() const noexcept { return largest_; }
 
-  /// Returns room for a message of `size` bytes (1 to largest_message()), or null if the cached head leaves none.
-  /// Aligned to 8 bytes. Aligned to a cache line at the start of the ring and after a message of at least 1 KiB. After
-  /// a small message that was published alone, a message of that size lies within one line.
+  /// Returns room for a message of `size` bytes (1 to largest_message()), or null if the cached head leaves no room or
+  /// `size` is too large. The room is valid until commit(), publish() or the next claim.
+  ///
+  /// It is aligned to 8 bytes; at the start of the ring and after a message of at least 1 KiB, to a cache line. After a
+  /// small message that was published alone, a message of the same size lies within one line.
   std::byte* claim(std::size_t size) noexcept {
     if (size > largest_ || !fits(size)) [[unlikely]]
       return nullptr;
@@ -125,8 +133,9 @@ class RingWriter {
     return claim(size);
   }
 
-  /// Like claim(), for use when claim_after_refresh() has found no room: requests a ring from the reader, whose next
-  /// release() then returns true. Costs a read-modify-write only if no request is pending.
+  /// Like claim(), for use when claim_after_refresh() has found no room: requests a ring of the writer's doorbell, that
+  /// is, the reader's next release() returns true. Returns null if the reader has closed or a request is pending;
+  /// otherwise this costs one read-modify-write.
   std::byte* claim_or_request_ring(std::size_t size) noexcept {
     if constexpr (Policy::defect == Defect::waiting_flag_not_set) return nullptr;
     if (head_flags_ != 0) return nullptr;
@@ -135,7 +144,8 @@ class RingWriter {
     return claim(size);
   }
 
-  /// Ends the claimed message after `used` bytes; 0 cancels the claim. The message is not visible before publish().
+  /// Ends the claimed message after `used` bytes, at most the size claimed; 0 cancels the claim. The message is not
+  /// visible before publish().
   void commit(std::size_t used) noexcept {
     assert(used <= largest_);
     if (used == 0) return;
@@ -150,7 +160,7 @@ class RingWriter {
   /// Bytes staged since the last publish(), including headers and padding.
   std::uint64_t staged() const noexcept { return tail_ - published_; }
 
-  /// Makes all staged messages visible to the reader by one store. Cancels a claim that is not committed.
+  /// Makes all staged messages visible to the reader by one store. Cancels a claim that has not been committed.
   void publish() noexcept {
     const std::uint64_t next = tail_ == published_ ? tail_ : next_message_start();
     const auto update_stride = [&] {
@@ -164,7 +174,7 @@ class RingWriter {
     published_ = tail_ = next;
   }
 
-  /// Publishes, and marks the end of the stream.
+  /// Publishes all staged messages and marks the end of the stream.
   void close() noexcept {
     closed_ = RingControl<Policy>::closed;
     publish();
@@ -183,9 +193,9 @@ class RingWriter {
     Policy::write(bytes_ + (position & mask_), std::uint64_t{used} | stride << 32);
   }
 
-  /// Where the next message starts if messages like the last one are published one by one. A small message then lies in
-  /// one cache line with its header, so the reader fetches one line for it, not two. For larger messages: the position
-  /// behind the last one.
+  /// The position where the next message starts. If the last message is small and another one of its size would cross
+  /// the end of a cache line, this is the start of the next line: then the reader fetches one line for that message and
+  /// its header, not two. Otherwise it is the position after the last message.
   std::uint64_t next_message_start() const noexcept {
     const std::uint64_t stride = tail_ - last_;
     // Cache lines start at positions sizeof(MessageHeader) above a multiple of the line size.
@@ -204,7 +214,7 @@ class RingWriter {
     for (; prefetched_ < end; prefetched_ += lines.line) Policy::prefetch_for_write(bytes_ + (prefetched_ & mask_));
   }
 
-  /// The position behind a message of `size` bytes at tail_.
+  /// The position after a message of `size` bytes at tail_.
   std::uint64_t after(std::size_t size) const noexcept {
     const std::uint64_t rounding = size < lines.pad_from ? 7 : lines.line - 1;
     return (tail_ + sizeof(MessageHeader) + size + rounding) & ~rounding;
@@ -227,18 +237,18 @@ class RingWriter {
   std::uint64_t mask_;
   std::uint64_t usable_bytes_;
   std::size_t largest_;
-  std::uint64_t tail_;
-  std::uint64_t head_seen_;
-  std::uint64_t head_flags_ = 0;  ///< flags seen with it: a ring is already requested, or the reader has closed
-  std::uint64_t published_;
+  std::uint64_t tail_;            ///< position of the next message
+  std::uint64_t head_seen_;       ///< the cached head
+  std::uint64_t head_flags_ = 0;  ///< flags of the cached head: `waiting` is already set, or the reader has closed
+  std::uint64_t published_;       ///< end of the published bytes
   std::uint64_t last_ = 0;        ///< position of the last committed message
-  std::size_t last_used_ = 0;     ///< its payload size
+  std::size_t last_used_ = 0;     ///< payload size of the last committed message
   std::uint64_t prefetched_ = 0;  ///< end of the prefetched lines
   std::uint64_t closed_ = 0;
 };
 
-/// The reading end of a ring. Used by one thread at a time. A new reader that takes over continues after the last
-/// release.
+/// The reading end of a ring. Used by one thread at a time. A new reader may take over the ring; it continues with the
+/// first message that has not been released.
 template <class Policy>
 class RingReader {
  public:
@@ -256,8 +266,8 @@ class RingReader {
     tail_seen_ = tail & ~RingControl<Policy>::flags;
     ended_ = (tail & RingControl<Policy>::closed) != 0;
     if (read_ != tail_seen_) return true;
-    // The next poll then finds the message and its position together. With messages that start on a cache line, a round
-    // trip took 313 ns instead of 358 in one run and 330 instead of 361 in another.
+    // Prefetches the line in which the next message will start, for the next poll. With messages that start on a cache
+    // line, a round trip takes 313 ns with this prefetch and 358 ns without in one run, 330 and 361 ns in another.
     Policy::prefetch_awaited(bytes_ + (read_ & mask_));
     return false;
   }
@@ -268,7 +278,7 @@ class RingReader {
     Policy::prefetch_awaited(bytes_ + (read_ & mask_));
   }
 
-  /// The next message. Precondition: available(). Valid until release().
+  /// The payload of the next message, in place. Precondition: available(). Valid until release().
   std::span<const std::byte> next() noexcept {
     const std::byte* at = bytes_ + (read_ & mask_);
     const std::uint64_t header = Policy::read(at);
@@ -278,20 +288,23 @@ class RingReader {
     return {at + sizeof(MessageHeader), static_cast<std::uint32_t>(header)};
   }
 
-  /// Releases everything that next() returned. Returns true if the writer has requested a ring.
+  /// Releases all messages that next() has returned. Returns true if the writer waits for room: then the caller must
+  /// ring the writer's doorbell.
   bool release() noexcept {
     if (read_ == released_) return false;
     released_ = read_;
-    // Pairs with the writer's load and fetch_or: everything before this position has been read and may be overwritten.
+    // Pairs with the load and the fetch_or of head in RingWriter: everything before this position has been read and may
+    // be overwritten.
     const std::uint64_t before = control_->head.exchange(
         read_ | closed_, order_unless<Policy>(Defect::release_unordered, std::memory_order_release));
     return (before & RingControl<Policy>::waiting) != 0;
   }
 
-  /// Whether the writer has closed and its last message has been read, as far as the last call of available() saw.
+  /// Whether the writer has closed and next() has returned its last message. Up to date after a call of available()
+  /// that returned false.
   bool ended() const noexcept { return ended_ && read_ == tail_seen_; }
 
-  /// Marks that no further message is read.
+  /// Sets the flag that no further message is read.
   void close() noexcept {
     closed_ = RingControl<Policy>::closed;
     control_->head.fetch_or(RingControl<Policy>::closed, std::memory_order_relaxed);

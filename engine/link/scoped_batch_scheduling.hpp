@@ -4,17 +4,20 @@
 
 namespace ringfence::link {
 
-/// Runs the calling thread, and threads that it creates, under SCHED_BATCH for the lifetime of this object.
+/// Runs the calling thread under the scheduling policy SCHED_BATCH for the lifetime of this object. Threads that it
+/// creates meanwhile inherit the policy and keep it.
 ///
 /// A SCHED_BATCH thread that wakes up does not preempt the running thread; it still gets an idle core at once. With
-/// more threads than cores, each stage of a frame is a burst of wake-ups. By default each of them preempts a thread
-/// that has just begun to reply, or the server before it has sent all its messages. Measured with 4 processes on two
-/// cores: 237 to 208 us a stage; with the 18 threads of a World of 16 CD nodes on two cores: 16.2 to 14.5 ms a frame.
-/// The cost: such threads give way to all other processes. Beside a running compiler the same frame takes several times
-/// as long, so a World does not enable this by itself.
+/// more threads than cores, each stage of a frame causes a burst of wake-ups. Under the default policy each thread that
+/// wakes up preempts a thread that has just begun to reply, or the server before it has sent all its messages. Measured
+/// on two cores, default policy and SCHED_BATCH: with 4 processes 237 and 208 us a stage; with the 18 threads of a
+/// World of 16 CD nodes 16.2 and 14.5 ms a frame.
 ///
-/// Does nothing if the thread has another scheduling class than the default one. Threads: construct and destroy it on
-/// the same thread. Linux only.
+/// The cost: such threads give way to all other processes. While a compiler runs on the same machine, the same frame
+/// takes several times as long, so a World does not enable this by itself.
+///
+/// Does nothing if the thread does not have the default policy, or if the system refuses. Threads: construct and
+/// destroy it on the same thread. Linux only.
 class ScopedBatchScheduling {
  public:
   ScopedBatchScheduling() noexcept : changed_(sched_getscheduler(0) == SCHED_OTHER && set(SCHED_BATCH)) {}

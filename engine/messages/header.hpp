@@ -13,14 +13,14 @@
 
 namespace ringfence::messages {
 
-/// The message types of the protocol. A message is a header and a number of equal, fixed-size records. A run is a
-/// sequence of messages of one type whose last one is marked. See docs/protocol.md.
+/// The message types of the protocol. A message is a header and a number of records of equal size. A run is a sequence
+/// of messages of one type; the last message of a run is marked. See docs/protocol.md.
 enum class MessageType : std::uint16_t {
   // Server to hosts, before a frame.
-  adopt = 1,        ///< HandOverRecord + model state: host this object from now on (it is new, or its host was lost)
-  drop = 2,         ///< DropRecord: the object was removed, or another node hosts it from now on
-  place = 3,        ///< PlaceRecord: the object is at this pose now
-  frame_begin = 4,  ///< no records: move the hosted objects for frame Header::frame
+  adopt = 1,        ///< HandOverRecord + model state: host this object from now on (it is new, or its host is gone)
+  drop = 2,         ///< DropRecord: the object was destroyed, or another role hosts it from now on
+  place = 3,        ///< PlaceRecord: the object has this pose now, or is absent
+  frame_begin = 4,  ///< no records: move the hosted objects for frame Header::frame; sent to all roles
   // Hosts to server.
   state_update = 5,  ///< M1, user node to server: StateRecord + model state of each object that changed
   node_state = 6,    ///< CD node to server: NodeStateRecord + model state of each object that changed
@@ -31,10 +31,12 @@ enum class MessageType : std::uint16_t {
   collision = 9,     ///< M3: CollisionRecord of each pair in contact, ordered by (a, b)
   narrow_done = 10,  ///< NarrowDoneRecord: the node has tested all pairs that it owns
   // Server to hosts, after the narrow phase.
-  confirm = 18,  ///< M4, to CD nodes that host: a ConfirmRecord for every 64 contacts that the receiver itself produced
-  notify = 11,   ///< M4: the other contacts of objects that the receiver hosts, ended ones included, ordered by (a, b)
+  confirm = 18,  ///< M4, to CD nodes that host objects: a ConfirmRecord for every 64 contacts that the receiver found
+  /// M4: a Contact for each other contact of the objects that the receiver hosts, ordered by (a, b). User nodes also
+  /// receive the ended contacts.
+  notify = 11,
   region_map = 12,  ///< OwnerRecord of each table entry: a new region map
-  frame_end = 13,   ///< FrameEndRecord, to CD nodes: all contacts are sent; the number of hand-overs to expect
+  frame_end = 13,   ///< FrameEndRecord, to CD nodes: all contacts are sent; expect this number of hand-overs
   // CD node to CD node.
   hand_over = 14,  ///< M5: HandOverRecord + model state: the receiver hosts this object from the next frame on
   // CD nodes to server.
@@ -44,20 +46,23 @@ enum class MessageType : std::uint16_t {
   // Server to user nodes.
   refused = 16,  ///< RefusedRecord of each refused message or record of the receiver
   // Server to CD nodes, when a node does not respond.
-  lost = 19,   ///< LostRecord: that node is lost; if the frame is detected again, a region_map follows
+  lost = 19,   ///< LostRecord: a node is lost; if the frame is detected again, a region_map follows
   probe = 20,  ///< no records: reply at once with probe_reply
   // CD nodes to server.
-  probe_reply = 21,  ///< no records
+  probe_reply = 21,  ///< no records: the sender still runs
   published = 22,    ///< no records: the publication of the sender's hosted objects can be read
   // Server to user nodes, during the narrow phase.
   read_publications = 23,  ///< no records: all publications of this frame can be read
 };
+/// One more than the largest message type.
 inline constexpr std::uint16_t message_types = 24;
 
-/// The kind of traffic that a message is counted as.
+/// The kind of traffic as which a message is counted.
 Traffic traffic_of(MessageType type) noexcept;
+/// Name of a message type: that of the enumerator; "unknown" for other values.
 const char* name_of(MessageType type) noexcept;
 
+/// Value of Header::version; messages with another version are refused.
 inline constexpr std::uint16_t protocol_version = 1;
 
 /// The sender or receiver of a message: the server, a CD node or a user node.
@@ -80,19 +85,20 @@ struct Header {
   std::uint16_t version = protocol_version;
   std::uint16_t type = 0;
   std::uint16_t record_bytes = 0;  ///< size of one record with its model state, a multiple of 8
-  std::uint16_t last = 0;          ///< 1: last message of the run, and `total` is set
+  std::uint16_t last = 0;          ///< 1: last message of the run, and `total` is set; else 0
   std::uint32_t source = 0;        ///< Endpoint::value
   std::uint32_t destination = 0;   ///< Endpoint::value
-  std::uint64_t frame = 0;
-  std::uint32_t epoch = 0;  ///< of the sender's region map
-  std::uint32_t count = 0;  ///< number of records in this message
-  std::uint32_t bytes = 0;  ///< size of the whole message: sizeof(Header) + count * record_bytes
+  std::uint64_t frame = 0;         ///< the frame to which the message belongs, from 0
+  std::uint32_t epoch = 0;         ///< of the sender's region map; in region_map, of the new map; 0 from user nodes
+  std::uint32_t count = 0;         ///< number of records in this message
+  std::uint32_t bytes = 0;         ///< size of the whole message: sizeof(Header) + count * record_bytes
   std::uint32_t reserved = 0;
   std::uint64_t total = 0;  ///< number of records of the whole run if `last` is 1
 };
 static_assert(sizeof(Header) == 48 && std::is_trivially_copyable_v<Header>);
 
-/// A view of a message whose header has been checked by decode(). The contents of the records are not checked.
+/// A view of a message whose header decode() has checked. It is valid as long as the bytes of the message. The contents
+/// of the records are not checked. Before decode() sets it, a view must not be used.
 class MessageView {
  public:
   const Header& header() const noexcept { return header_; }
@@ -100,22 +106,24 @@ class MessageView {
   std::size_t count() const noexcept { return header_.count; }
   bool last() const noexcept { return header_.last != 0; }
 
-  /// A copy of the fixed part of record i. Precondition: i < count().
+  /// A copy of the fixed part of record i, without the model state. Precondition: i < count(), and Record is the struct
+  /// that belongs to type().
   template <class Record>
   Record record(std::size_t i) const noexcept {
     Record record;
     std::memcpy(&record, at(i), sizeof(Record));
     return record;
   }
-  /// The fixed part of record i in place; valid as long as the message. Reading fields in place avoids a
-  /// store-forwarding stall, which a copy has when it is read in other sizes than it was written.
+  /// Like record(), but in place; valid as long as the bytes of the message. Reading in place avoids a store-forwarding
+  /// stall: a copy is written and read with accesses of different sizes.
   template <class Record>
   const Record& view(std::size_t i) const noexcept {
     static_assert(alignof(Record) <= 8 && std::is_trivially_copyable_v<Record>);
     return *std::launder(reinterpret_cast<const Record*>(at(i)));
   }
+  /// The first byte of record i.
   const std::byte* at(std::size_t i) const noexcept { return records_ + i * header_.record_bytes; }
-  /// The model state behind the fixed part of record i.
+  /// The model state after the fixed part of record i.
   template <class Record>
   const std::byte* state(std::size_t i) const noexcept {
     return at(i) + sizeof(Record);
@@ -127,12 +135,15 @@ class MessageView {
   const std::byte* records_ = nullptr;
 };
 
-/// Checks the header of a received message; nothing in it is trusted. Version and type must be known; record size,
-/// count and length must fit the type and each other. `state_bytes` is the size of this world's model state, rounded up
-/// to 8. Returns ok and sets `out`, whose records live as long as `bytes`; or returns bad_message.
+/// Checks the header of a received message, whose sender need not be trusted: version and type must be known; record
+/// size, count and length must fit the type and each other. Source, destination, frame and epoch are not checked.
+/// `state_bytes` is the size of this world's model state, rounded up to a multiple of 8.
+///
+/// Returns ok and sets `out`, which is valid as long as `bytes`; or returns bad_message and leaves `out` unchanged.
 Status decode(std::span<const std::byte> bytes, std::size_t state_bytes, MessageView& out) noexcept;
 
-/// Size of one record of that type if the world's models keep `state_bytes` (a multiple of 8).
+/// Size in bytes of one record of that type, including a model state of `state_bytes` bytes (a multiple of 8) if
+/// records of this type have one; 0 for types without records.
 std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept;
 
 }  // namespace ringfence::messages

@@ -11,33 +11,36 @@
 
 namespace ringfence::messages {
 
-/// An object in a message: the server's slot for it, which saves a look-up, and the number and generation that the
-/// receiver compares with that slot.
+/// An object in a message. With the slot the receiver needs no search; number and generation show whether the slot
+/// still holds this object.
 struct ObjectRef {
-  std::uint32_t slot = 0;
+  std::uint32_t slot = 0;  ///< index in the server's object table
   std::uint32_t generation = 0;
   ObjectNumber number = 0;
   std::uint32_t flags = 0;  ///< bits of ObjectFlag
 };
 
+/// Flags of an object in a message. If the comment of a flag names messages, the flag is used only in these.
 enum ObjectFlag : std::uint32_t {
   flag_present = 1,      ///< the object takes part in contacts
   flag_left_region = 2,  ///< position_update: the object is no longer in the receiver's region
   flag_interior = 4,     ///< node_state: present, and the sender owns all cells that the bounds touch
-  /// node_state, and ghost updates in shared memory: by its position and the current map, the sender hosts the object
-  /// in the next frame too.
+  /// node_state, and ghost updates in shared memory: the sender also hosts the object in the next frame, by the
+  /// position of the object and the current map.
   flag_keeps_host = 8,
-  /// node_state, hand_over: from now on the object is host-owned. Its host does not send its states to the server,
-  /// which reads them in shared memory when needed; the host sends ghost updates to the nodes whose regions it touches.
+  /// node_state, hand_over: from now on the state of the object is host-owned. The host does not send it to the server,
+  /// which reads it in shared memory when needed. The host sends ghost updates to the other nodes whose regions the
+  /// object touches.
   flag_host_owned = 16,
-  flag_at_rest = 32,  ///< node_state: unchanged; sent because the object is no longer host-owned
+  flag_at_rest = 32,  ///< node_state: the state is unchanged; it is sent because it is no longer host-owned
   flag_avatar = 64,   ///< position_update: a user node hosts the object
-  /// position_update: no node hosts the object. Without this flag, the deployment determines the host: in
-  /// user/collision deployment, from the next frame on, the CD node that owns the cell of its position.
+  /// position_update: no role hosts the object, because it is static. An object without flag_avatar and flag_fixed has
+  /// the host that the deployment determines: in user/collision deployment, from the next frame on, the CD node that
+  /// owns the cell of its position.
   flag_fixed = 128,
 };
 
-/// M1. The model state follows.
+/// M1: the state of an object that the sending user node hosts. The model state follows.
 struct StateRecord {
   ObjectRef object;
   Pose pose;
@@ -50,92 +53,99 @@ struct NodeStateRecord {
   geometry::Bounds bounds;
 };
 
-/// M2: everything that a CD node needs to test an object.
+/// M2: everything that a CD node needs to test an object. The pose and the bounds are those of this frame.
 struct PositionRecord {
   ObjectRef object;
   Pose pose;
   geometry::Bounds bounds;
   ShapeNumber shape = 0;
-  std::uint32_t layer = 0;
+  std::uint32_t layer = 0;  ///< 0 to 31
 };
 
-/// M2: a candidate pair, by slots. `a` has the lower object number.
+/// M2: a candidate pair, by the slots of its objects. `a` has the lower object number.
 struct PairRecord {
   std::uint32_t a = 0;
   std::uint32_t b = 0;
 };
 
-/// M3. The objects and poses are those of the two slots in this frame; they do not change between M2 and M3.
+/// M3: a contact. The objects and their poses are those that the two slots have in this frame; they do not change
+/// between M2 and M3. `depth`, `normal` and `point` are as in Contact.
 struct CollisionRecord {
-  std::uint32_t slot_a = 0;
+  std::uint32_t slot_a = 0;  ///< of the object with the lower number
   std::uint32_t slot_b = 0;
   float depth = 0;
   Vec3f normal;
   Vec3d point;
 };
 
-/// M4 for 64 contacts that the receiver itself produced: if bit i is set, contact i persists, else it begins.
+/// M4: the phases of 64 contacts that the receiver found. Record w is about contacts 64 w to 64 w + 63 of the
+/// receiver's M3: if bit i is set, contact 64 w + i persists, else it begins.
 struct ConfirmRecord {
   std::uint64_t persists = 0;
 };
 
-/// Ends the narrow phase of a node.
+/// Ends the narrow phase of a node in a frame.
 struct NarrowDoneRecord {
-  std::uint64_t candidates = 0;  ///< pairs that the node owns
-  std::uint64_t tested = 0;
-  std::uint64_t contacts = 0;
-  std::uint64_t failed_supports = 0;  ///< of those tested: without an answer, since a support function failed
+  std::uint64_t candidates = 0;       ///< pairs that the node owns
+  std::uint64_t tested = 0;           ///< pairs that the node tested
+  std::uint64_t contacts = 0;         ///< contacts that the node sends, or shares in memory, in this frame
+  std::uint64_t failed_supports = 0;  ///< tested pairs without a result because a support function failed
 };
 
-/// M5, and the server's `adopt`. The model state follows; together they are all of S(k).
+/// M5 (hand_over), and adopt: the receiver becomes the host of this object. The model state follows; together they are
+/// all of S(k).
 struct HandOverRecord {
   ObjectRef object;
   Pose pose;
   std::uint64_t user_data = 0;
   ShapeNumber shape = 0;
-  std::uint16_t layer = 0;
-  std::uint16_t category = 0;
+  std::uint16_t layer = 0;     ///< 0 to 31
+  std::uint16_t category = 0;  ///< value of Category
 };
 
-/// The receiver does not host this object any more.
+/// The receiver no longer hosts this object.
 struct DropRecord {
   ObjectRef object;
 };
 
-/// The object is at this pose now; it is absent if flag_present is not set.
+/// The object has this pose now, and is absent if flag_present is not set.
 struct PlaceRecord {
   ObjectRef object;
   Pose pose;
 };
 
-/// One entry of the region map's table.
+/// One entry of the table of a region map; see regions::RegionMap.
 struct OwnerRecord {
-  std::uint32_t owner = 0;
+  std::uint32_t owner = 0;  ///< number of the CD node that owns the cell, or RegionMap::cut_entry()
   std::uint32_t reserved = 0;
 };
 
 /// All contacts of the frame are sent.
 struct FrameEndRecord {
-  std::uint64_t hand_overs = 0;  ///< number of hand-overs that the receiver gets in this frame
+  std::uint64_t hand_overs = 0;  ///< number of hand-overs that the receiver gets in this frame, from all nodes together
 };
 
-/// Statistics of a role for the frame that it has completed. Times in nanoseconds.
+/// Statistics of a role for the frame that it has completed. Times in nanoseconds. User nodes leave most fields 0; see
+/// docs/protocol.md.
 struct NodeFrameStats {
+  /// Wall time in which the role made progress; CPU time of its thread; wall times of moving and of the two phases.
   std::uint64_t busy_ns = 0, cpu_ns = 0, move_ns = 0, broad_phase_ns = 0, narrow_phase_ns = 0;
-  std::uint64_t hosted = 0, handed_over = 0;
+  std::uint64_t hosted = 0, handed_over = 0;  ///< objects hosted after the frame; objects handed over to others
   std::uint64_t model_failed = 0, not_finite = 0, not_unit = 0;  ///< refused model outputs, by reason
-  std::uint64_t m5_messages = 0, m5_bytes = 0;
-  std::uint64_t published = 0;      ///< states in the role's publication
-  std::uint64_t move_cpu_ns = 0;    ///< part of cpu_ns: until all states are sent
-  std::uint64_t detect_cpu_ns = 0;  ///< part of cpu_ns: from then until all contacts are sent, without publish_cpu_ns
+  std::uint64_t m5_messages = 0, m5_bytes = 0;                   ///< hand_over messages sent, and their bytes
+  std::uint64_t published = 0;                                   ///< states in the role's publication
+  std::uint64_t move_cpu_ns = 0;  ///< part of cpu_ns: from the start of the frame until all states are sent
+  /// Part of cpu_ns: from the time when all states are sent until all contacts are sent, without publish_cpu_ns.
+  std::uint64_t detect_cpu_ns = 0;
   std::uint64_t host_owned_changes = 0;  ///< host-owned states that changed and were not sent
-  std::uint64_t publish_cpu_ns = 0;      ///< part of cpu_ns: between sending the states and publishing them
+  /// Part of cpu_ns: from the time when all states are sent until they are published.
+  std::uint64_t publish_cpu_ns = 0;
 };
 
-/// Narrow phase statistics of a node for one pair of shape kinds; see KindReport.
+/// Narrow phase statistics of a node for one pair of shape kinds; KindReport has the same fields.
 struct KindRecord {
-  std::uint32_t first = 0;  ///< ShapeKind
-  std::uint32_t second = 0;
+  std::uint32_t first = 0;   ///< value of ShapeKind
+  std::uint32_t second = 0;  ///< value of ShapeKind, not less than `first`
   std::uint64_t candidates = 0, hits = 0, lanes = 0, lanes_filled = 0, iterations = 0, ended_early = 0;
   std::uint64_t timed = 0, nanoseconds = 0, gather_nanoseconds = 0;
   std::uint32_t cost[cost_buckets] = {};
@@ -143,9 +153,10 @@ struct KindRecord {
 
 /// A node is lost.
 struct LostRecord {
-  std::uint32_t node = 0;
-  std::uint32_t detect_again = 0;  ///< 1: discard the results of this frame; it is detected again under another map
-  /// Number of hand-overs that frame_end announced and that will not arrive: the lost node was their sender.
+  std::uint32_t node = 0;          ///< number of the lost node in this frame
+  std::uint32_t detect_again = 0;  ///< 1: discard the results of this frame, which is detected again under another map
+  /// Number of hand-overs that frame_end has announced and that do not count any more, because the lost node is their
+  /// sender.
   std::uint64_t hand_overs = 0;
 };
 

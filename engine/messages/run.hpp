@@ -13,6 +13,7 @@
 
 namespace ringfence::messages {
 
+/// Messages, records and bytes sent, by Traffic.
 using TrafficCounts = std::array<TrafficReport, traffic_count>;
 
 /// The header fields that all messages of a run share.
@@ -24,7 +25,8 @@ struct RunHeader {
   std::uint32_t epoch = 0;
 };
 
-/// Writes the header of a message. `total` is the number of records of the whole run; it is written only if `last`.
+/// Writes the header of a message of `count` records of `bytes_each` bytes to `out`. If `last` is true, the message
+/// ends the run, and the header contains `total`, the number of records of the whole run.
 inline void write_header(std::byte* out, const RunHeader& run, std::size_t bytes_each, std::size_t count, bool last,
                          std::size_t total) noexcept {
   Header header;
@@ -41,6 +43,7 @@ inline void write_header(std::byte* out, const RunHeader& run, std::size_t bytes
   std::memcpy(out, &header, sizeof(Header));
 }
 
+/// Adds a message of `records` records to the counts of its kind of traffic.
 inline void count_message(TrafficCounts& counts, const RunHeader& run, std::size_t bytes_each,
                           std::size_t records) noexcept {
   TrafficReport& traffic = counts[static_cast<std::size_t>(traffic_of(run.type))];
@@ -49,11 +52,11 @@ inline void count_message(TrafficCounts& counts, const RunHeader& run, std::size
   traffic.bytes += sizeof(Header) + records * bytes_each;
 }
 
-/// Sends a run of records of known number through a channel, split into as many messages as needed. If the channel is
-/// full, sending resumes later. Records are written directly into the channel's memory.
+/// Sends a run whose number of records is known at its start, in as many messages as needed. Records are written
+/// directly into the channel's memory. If the channel is full, the next call of pump() continues the run.
 ///
 /// The last message of a run is marked and has the total number of records; an empty run is one such message. Belongs
-/// to one role.
+/// to one role. Allocates nothing.
 class RunSender {
  public:
   /// Starts a run of `total` records.
@@ -62,12 +65,15 @@ class RunSender {
     next_ = 0;
     done_ = false;
   }
+  /// Whether the whole run is sent or stopped, or none has been started.
   bool done() const noexcept { return done_; }
   /// Cancels the rest of the run.
   void stop() noexcept { done_ = true; }
 
-  /// Sends and publishes as much as the channel takes. Returns true when the whole run is sent. `fill(i, out)` writes
-  /// record i of `bytes_each` bytes. Cost: one claim for each message of at most Sender::largest_message() bytes.
+  /// Sends and publishes as much of the run as the channel has room for. Returns true when done() is true.
+  /// `fill(i, out)` writes record i, `bytes_each` bytes, to `out`; it is called once for each record, in order. If
+  /// `bytes_each` is 0, the run is empty. Cost: one claim for each message, which has at most Sender::largest_message()
+  /// bytes.
   template <class Fill>
   bool pump(link::Sender& link, const RunHeader& run, std::size_t bytes_each, TrafficCounts& counts, Fill fill) {
     if (done_) {
@@ -101,27 +107,32 @@ class RunSender {
   bool done_ = true;
 };
 
-/// Sends a run whose records are produced one at a time and whose number is known only at the end. Each record is
-/// written directly into the channel; a message is published when it is full, so the receiver can process the first
-/// records while later ones are produced.
+/// Sends a run whose records are produced one at a time, so that their number is known only at the end. Each record is
+/// written directly into the channel's memory. A message is published when it is full, so the receiver can process the
+/// first records while later records are produced.
 ///
-/// Belongs to one role, which claims nothing else from the same channel between start() and finish(), unless it calls
-/// flush() first.
+/// Belongs to one role. Between start() and finish() the role claims nothing else from the same channel, unless it
+/// calls flush() first. Allocates nothing.
 class RunWriter {
  public:
-  /// Messages have at most `message_bytes` bytes. Smaller ones reach the receiver sooner.
+  /// Messages have at most `message_bytes` bytes; it must be enough for the header and one record. Smaller messages
+  /// reach the receiver sooner.
   explicit RunWriter(std::size_t message_bytes = std::size_t{1} << 16) noexcept : message_bytes_(message_bytes) {}
 
+  /// Starts a run.
   void start() noexcept {
     room_ = nullptr;
     count_ = max_count_ = total_ = 0;
     done_ = false;
   }
+  /// Whether the run has been finished, or none has been started.
   bool done() const noexcept { return done_; }
+  /// Number of records added to the run so far.
   std::size_t total() const noexcept { return total_; }
 
-  /// Returns the place of the next record of `bytes_each` bytes, or null if the channel has no room now. All earlier
-  /// records are published then, and the caller tries again later. All calls for a run pass the same header and size.
+  /// Adds a record of `bytes_each` bytes, not 0, and returns the place to which the caller writes it before its next
+  /// call. Returns null if the channel has no room now: then all earlier records are published, and the caller tries
+  /// again later. All calls for a run pass the same header and size.
   std::byte* add(link::Sender& link, const RunHeader& run, std::size_t bytes_each, TrafficCounts& counts) {
     if (count_ == max_count_ && !open(link, run, bytes_each, counts)) [[unlikely]] {
       return nullptr;
@@ -130,15 +141,15 @@ class RunWriter {
     return room_ + sizeof(Header) + count_++ * bytes_each;
   }
 
-  /// Sends the incomplete message, so that others can claim from the channel.
+  /// Publishes the incomplete message, if there is one, so that other senders of the role can claim from the channel.
   void flush(link::Sender& link, const RunHeader& run, std::size_t bytes_each, TrafficCounts& counts) {
     if (room_ != nullptr) {
       close(link, run, bytes_each, counts);
     }
   }
 
-  /// Ends the run by a last message that is marked. Returns false if the channel has no room; the caller tries again
-  /// later.
+  /// Publishes the last message of the run, which is marked. Returns false if the channel has no room now: then the
+  /// caller tries again later.
   bool finish(link::Sender& link, const RunHeader& run, std::size_t bytes_each, TrafficCounts& counts) {
     if (done_) {
       return true;
@@ -180,9 +191,9 @@ class RunWriter {
   }
 
   std::size_t message_bytes_;
-  std::byte* room_ = nullptr;  ///< the message that is being filled
-  std::size_t count_ = 0;      ///< records in it
-  std::size_t max_count_ = 0;
+  std::byte* room_ = nullptr;  ///< the incomplete message; null if there is none
+  std::size_t count_ = 0;      ///< number of records in it
+  std::size_t max_count_ = 0;  ///< number of records for which it has room
   std::size_t total_ = 0;
   bool done_ = true;
 };

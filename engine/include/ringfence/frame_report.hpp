@@ -12,69 +12,81 @@
 
 namespace ringfence {
 
-/// The stages of a frame as the server measures them, in order. Their times add up to the time of the frame.
-enum class Stage : std::uint8_t { move, ingest, broad_phase, dispatch, narrow_phase, collect, notify };
+/// The stages of a frame as the server measures them. Their times add up to the time of the frame.
+enum class Stage : std::uint8_t {
+  move,          ///< from the cut until all hosts have reported their states, without `ingest`
+  ingest,        ///< the server reads the reported states
+  broad_phase,   ///< the server sweeps and sends pairs; 0 with Placement::region, whose sweeps are in `narrow_phase`
+  dispatch,      ///< the server lists and sends the objects that moved
+  narrow_phase,  ///< the server waits for the nodes' results and reads them
+  collect,       ///< the server merges contacts and computes phases
+  notify         ///< the server publishes states, notifies the hosts, and waits until all roles have finished
+};
 inline constexpr std::size_t stage_count = 7;
+/// Name of a stage in reports: that of the enumerator.
 constexpr const char* name_of(Stage stage) noexcept {
   constexpr const char* names[] = {"move", "ingest", "broad_phase", "dispatch", "narrow_phase", "collect", "notify"};
   return names[static_cast<std::size_t>(stage)];
 }
 
-/// Work of one CD node in one frame.
+/// Work of one CD node in one frame. Times in milliseconds.
 struct NodeReport {
-  double busy_ms = 0;  ///< wall time in which the role made progress
-  double cpu_ms = 0;   ///< CPU time of the node's thread (with nodes = 0: same as busy_ms)
-  double wait_ms = 0;  ///< frame time minus busy time
-  double move_ms = 0;
-  double broad_phase_ms = 0;
-  double narrow_phase_ms = 0;
+  double busy_ms = 0;            ///< wall time in which the role made progress
+  double cpu_ms = 0;             ///< CPU time of the node's thread; the same as busy_ms if the node has no own thread
+  double wait_ms = 0;            ///< FrameReport::frame_ms minus busy_ms
+  double move_ms = 0;            ///< wall time of moving hosted objects
+  double broad_phase_ms = 0;     ///< wall time; 0 with Placement::server
+  double narrow_phase_ms = 0;    ///< wall time
   std::uint64_t candidates = 0;  ///< pairs that the node owns
-  std::uint64_t tested = 0;
-  std::uint64_t contacts = 0;
+  std::uint64_t tested = 0;      ///< pairs that the node tested
+  std::uint64_t contacts = 0;    ///< pairs in contact
   std::uint64_t failed_supports = 0;  ///< pairs without a contact because a support function failed
   std::uint64_t hosted = 0;           ///< objects that the node hosts after the frame
   std::uint64_t handed_over = 0;      ///< objects that the node handed over to others
 };
 
-/// Buckets of KindReport::cost. Bucket i counts candidates that cost 2^(i/2) to 2^((i+1)/2) ns. The first also counts
-/// those below 1 ns, the last (from 0.74 ms) also those above its range.
+/// Number of buckets of KindReport::cost. Bucket i counts candidates that cost 2^(i/2) to 2^((i+1)/2) ns. The first
+/// bucket also counts cheaper candidates, the last one (from 0.74 ms) also more expensive ones.
 inline constexpr std::size_t cost_buckets = 40;
 
-/// Work of the narrow phase for one pair of shape kinds, all nodes together. Times are those of a sample of the
-/// candidates, without the cost of reading the clock.
+/// Work of the narrow phase for one pair of shape kinds, all nodes together. Only a sample of the candidates is timed;
+/// the cost of reading the clock is subtracted.
 struct KindReport {
   ShapeKind first = ShapeKind::sphere;  ///< first <= second in the order of ShapeKind
   ShapeKind second = ShapeKind::sphere;
-  std::uint64_t candidates = 0;
-  std::uint64_t hits = 0;
+  std::uint64_t candidates = 0;    ///< pairs that were tested
+  std::uint64_t hits = 0;          ///< candidates in contact
   std::uint64_t lanes = 0;         ///< vector lanes used, idle ones included; 0 for kernels that do not use lanes
-  std::uint64_t lanes_filled = 0;  ///< lanes that worked on a pair, or on a part of one such as a face or triangle
+  std::uint64_t lanes_filled = 0;  ///< lanes that worked on a pair, or on a part of a pair, such as a face or triangle
   /// Search steps. Hulls: directions evaluated. Meshes: tree nodes visited and triangles tested exactly; for two
-  /// meshes, pairs of them. Closed forms: 0.
+  /// meshes, pairs of tree nodes and pairs of triangles. Kernels without a search: 0.
   std::uint64_t iterations = 0;
-  std::uint64_t ended_early = 0;         ///< candidates proved apart by an axis remembered from an earlier frame
+  std::uint64_t ended_early = 0;         ///< candidates that an axis remembered from an earlier frame proved separate
   std::uint64_t timed = 0;               ///< candidates that were timed
-  std::uint64_t nanoseconds = 0;         ///< in the kernels for the timed candidates, gathering included
+  std::uint64_t nanoseconds = 0;         ///< wall time in the kernels for the timed candidates, gathering included
   std::uint64_t gather_nanoseconds = 0;  ///< part of nanoseconds: reading bodies and shapes into the kernel's layout
   std::array<std::uint64_t, cost_buckets> cost{};  ///< timed candidates by cost
 };
 
-/// Kinds of traffic. m1 to m5 are the paper's messages.
+/// Kinds of traffic. m1 to m5 are the messages of the paper (see docs/protocol.md). `state` is the states that CD nodes
+/// report, and those that the server and the CD nodes publish for the user nodes. `control` is everything else.
 enum class Traffic : std::uint8_t { m1, m2, m3, m4, m5, state, control };
 inline constexpr std::size_t traffic_count = 7;
+/// Traffic of one kind in one frame. What roles read in shared memory instead of messages counts like these messages.
 struct TrafficReport {
   std::uint64_t messages = 0;
   std::uint64_t records = 0;
   std::uint64_t bytes = 0;
 };
 
-/// CPU time of the steps of a frame, in order. For steps that several threads do at once: that of the slowest. Steps
-/// between two empty lines run concurrently on the server, the nodes and the users. All 0 with nodes = 0.
+/// CPU time of the steps of a frame, milliseconds, in order. If several threads do a step at once, the time is that of
+/// the slowest thread. The fields form groups, separated by empty lines. Within a group the server, the nodes and the
+/// users work concurrently, and each does its own steps in order. All 0 with nodes = 0. See docs/scaling.md.
 struct PathReport {
   double start_nodes_ms = 0;  ///< server: cut, send frame_begin to the nodes
 
   double start_users_ms = 0;  ///< server: send frame_begin to the users
-  double ingest_ms = 0;       ///< server: from then until all states have arrived
+  double ingest_ms = 0;       ///< server: move the objects that it hosts, receive all states
   double node_move_ms = 0;    ///< nodes: move hosted objects
   double user_move_ms = 0;    ///< users: move hosted objects
 
@@ -82,7 +94,7 @@ struct PathReport {
   double node_publish_ms = 0;  ///< nodes: publish hosted objects
 
   double publish_ms = 0;      ///< server: publish what no other role publishes; allow users to read
-  double node_detect_ms = 0;  ///< nodes: from then until their contacts are sent
+  double node_detect_ms = 0;  ///< nodes: after node_publish, until their contacts are sent
   double user_read_ms = 0;    ///< users: read the publications of others
   double plan_map_ms = 0;     ///< server: one step towards a balanced region map
 
@@ -97,14 +109,13 @@ struct PathReport {
 
   double finish_ms = 0;  ///< server: receive end-of-frame reports of nodes
 
-  // The slowest node of one step need not be that of the next, and nodes are notified one after another. So the
-  // following figures add the steps that a node takes without waiting for other nodes, for the node that finishes last.
-  // The CPU time at which a node is notified is estimated from the fraction of the server's step that had passed on the
-  // clock.
-  double nodes_moved_ms = 0;  ///< from the start of start_nodes: until the node is notified, plus its move
-  /// From the start of dispatch: the longer of dispatch and the node's publishing, plus its tests.
-  double nodes_tested_ms = 0;
-  double nodes_ended_ms = 0;  ///< from the start of notify: until the node is notified, plus its end
+  // The slowest node of one step need not be the slowest node of the next, and nodes are notified one after another. So
+  // each of the following times is a sum over the steps that a node does without waiting for other nodes, for the node
+  // with the largest sum. The CPU time until a node is notified is an estimate: the server's step multiplied by the
+  // fraction of its wall time that had passed by then.
+  double nodes_moved_ms = 0;   ///< the part of start_nodes until the node is notified, plus its node_move
+  double nodes_tested_ms = 0;  ///< the longer of dispatch and the node's node_publish, plus its node_detect
+  double nodes_ended_ms = 0;   ///< the part of notify until the node is notified, plus its node_end
 
   static constexpr std::size_t steps = 22;
   using Step = std::pair<const char*, double PathReport::*>;
@@ -134,9 +145,9 @@ struct PathReport {
              {"nodes_ended", &PathReport::nodes_ended_ms}}};
   }
 
-  /// Lower bound of the frame time with one core per thread, without message latency. Of concurrent steps the longest
-  /// counts. Steps that may or may not overlap, such as the nodes' tests and the server's sweep, are added; users end
-  /// one after another, as they are notified.
+  /// Estimates the frame time if each thread had its own core and messages had no latency. Of concurrent steps the
+  /// longest counts. Steps that may or may not overlap, such as the server's sweep and the nodes' tests, are added.
+  /// Users end while the server notifies other users, so the longer of these two steps counts.
   double critical_ms() const noexcept {
     const auto longest = [](double p, double q) { return p > q ? p : q; };
     return longest(nodes_moved_ms, start_nodes_ms + start_users_ms + longest(ingest_ms, user_move_ms)) +
@@ -148,47 +159,50 @@ struct PathReport {
   }
 };
 
-/// One span of work of a thread in a frame; see WorldConfig::timeline.
+/// An interval in which a thread did one kind of work in a frame; see WorldConfig::timeline.
 struct TimelineSpan {
-  std::uint32_t track = 0;     ///< 0: the server; then the CD nodes; then the user threads, in order
-  const char* name = nullptr;  ///< a string literal
-  std::uint64_t begin_ns = 0;  ///< of the machine's monotonic clock
+  std::uint32_t track = 0;     ///< 0: the server; then the CD nodes by number; then the user threads
+  const char* name = nullptr;  ///< what the thread did; a string literal
+  std::uint64_t begin_ns = 0;  ///< time on the machine's monotonic clock
   std::uint64_t end_ns = 0;
 };
 
-/// Results and cost of one frame. Times in milliseconds; wall time unless the name says cpu.
+/// Results and cost of one frame. Times in milliseconds; wall time unless the name contains `cpu`.
 struct FrameReport {
-  std::uint64_t frame = 0;
-  double frame_ms = 0;
-  std::array<double, stage_count> stage_ms{};
+  std::uint64_t frame = 0;                     ///< number of the frame, from 0
+  double frame_ms = 0;                         ///< from the cut until all roles have finished
+  std::array<double, stage_count> stage_ms{};  ///< by Stage
   /// Pairs that the layers allow and whose bounds overlap or touch, as assigned to nodes.
   std::uint64_t candidates = 0;
-  /// Pairs tested, as reported by the nodes; differs from candidates only after a bug or a loss.
+  /// Pairs that nodes tested, as they report it; differs from candidates only after a bug or a loss.
   std::uint64_t tested = 0;
-  std::uint64_t accepted = 0;  ///< pairs whose result (contact or none) the server accepted
-  std::uint64_t contacts = 0;  ///< begin and persist
+  /// Pairs whose result (contact or none) the server accepted; differs from tested only after a bug or a loss.
+  std::uint64_t accepted = 0;
+  std::uint64_t contacts = 0;  ///< contacts that begin or persist
   /// Of `tested`: pairs without a contact because a support function threw or returned an invalid point; see
   /// SupportFunction. The log has the reason.
   std::uint64_t failed_supports = 0;
-  std::uint64_t began = 0, ended = 0;
-  std::uint64_t objects = 0, moved = 0;
-  std::uint64_t handed_over = 0;  ///< objects whose host changed
-  /// Epoch of the region map for the next frame; grows when regions are balanced or the number of nodes changes.
+  std::uint64_t began = 0, ended = 0;    ///< contacts with phase begin, and with phase end
+  std::uint64_t objects = 0, moved = 0;  ///< live objects, and objects that moved, appeared or ended
+  std::uint64_t handed_over = 0;         ///< objects whose host changed
+  /// Epoch of the region map for the next frame; increases when regions are balanced or the number of nodes changes.
   std::uint32_t map_epoch = 1;
-  std::array<std::uint64_t, status_count> refused{};  ///< calls and records refused, by reason
-  std::array<TrafficReport, traffic_count> traffic{};
-  std::uint64_t grown = 0;  ///< number of buffers that outgrew their reservation
-  double server_cpu_ms = 0;
-  double users_cpu_ms = 0;         ///< all user threads together
-  double slowest_user_cpu_ms = 0;  ///< the user thread that used most
+  std::array<std::uint64_t, status_count> refused{};   ///< refused calls, messages and records, by Status
+  std::array<TrafficReport, traffic_count> traffic{};  ///< by Traffic
+  /// How many of Capacities::objects, pairs and contacts the frame exceeded, 0 to 3.
+  std::uint64_t grown = 0;
+  double server_cpu_ms = 0;        ///< CPU time of the thread that steps the server
+  double users_cpu_ms = 0;         ///< CPU time of all user threads together; 0 with nodes = 0
+  double slowest_user_cpu_ms = 0;  ///< CPU time of the user thread that used most; 0 with nodes = 0
   PathReport path;
-  /// CD nodes lost in this frame, by their number in it. Other nodes did their work. From the next frame on, nodes with
-  /// higher numbers have moved down to close the gaps.
+  /// CD nodes lost in this frame, by their numbers in this frame. Other nodes did their work. From the next frame on,
+  /// the remaining nodes are numbered from 0 again, in the same order.
   std::vector<NodeNumber> lost;
-  std::vector<UserNumber> late;  ///< user nodes that missed a deadline; they are disconnected at the next cut
-  std::vector<NodeReport> nodes;
-  std::vector<KindReport> kinds;       ///< pairs of kinds that had candidates
-  std::vector<TimelineSpan> timeline;  ///< empty unless WorldConfig::timeline is set; without lost nodes
+  std::vector<UserNumber> late;   ///< user nodes that missed a deadline; they are disconnected at the next cut
+  std::vector<NodeReport> nodes;  ///< by number in this frame
+  std::vector<KindReport> kinds;  ///< pairs of kinds that had candidates
+  /// Empty unless WorldConfig::timeline is set. Contains no spans of lost nodes and remote nodes.
+  std::vector<TimelineSpan> timeline;
 };
 
 }  // namespace ringfence

@@ -5,27 +5,28 @@
 
 namespace ringfence {
 
-/// Result of a call that may be refused; also the reasons by which refusals are counted.
+/// Result of a call that may be refused, and the reason for which a message or record is refused.
+/// FrameReport::refused counts refusals by reason.
 enum class Status : std::uint8_t {
   ok,             ///< done
   stale_object,   ///< the id is null or names an object that was destroyed
-  not_host,       ///< only the user node that hosts the object may move it, only its owner may destroy it
-  not_finite,     ///< a position or orientation holds NaN or infinity, or lies beyond farthest_coordinate
-  not_unit,       ///< the orientation is further than 10^-3 from unit length
+  not_host,       ///< the object is not an avatar of the calling user node, or the sender of a state does not host it
+  not_finite,     ///< a position or orientation contains NaN or infinity, or lies beyond farthest_coordinate
+  not_unit,       ///< the length of the orientation differs from 1 by more than 10^-3
   unknown_user,   ///< no such user node is connected
   unknown_shape,  ///< no such shape is registered
   unknown_layer,  ///< the layer number is not in WorldConfig::layers
   number_in_use,  ///< a live object or a connected user node already has that number
-  bad_number,     ///< zero or out of range
+  bad_number,     ///< a number is zero or out of range, or no number is free
   over_capacity,  ///< exceeds a configured limit; raise it in WorldConfig::limits
-  bad_message,    ///< wrong size, count, version or type of a message
-  out_of_order,   ///< not allowed now: a frame is running, or none is
+  bad_message,    ///< a message has an invalid header or contents, or is not allowed at that time
+  out_of_order,   ///< the call is not allowed now: a frame is running, or none is
   bad_category,   ///< the category does not fit the call: an avatar needs a user, a static object cannot move
-  late,           ///< the user node missed its deadline: its old poses stay and it is disconnected at the next cut
-  model_failed,   ///< the motion model threw for the object: it does not move in this frame
+  late,           ///< a user node missed its deadline (see FrameReport::late), or a lost CD node sent a message
+  model_failed,   ///< the motion model threw: the object does not move in this frame, or starts with a zero state
   over_quota,     ///< exceeds a user node's quota; raise it in WorldConfig::quotas
   out_of_memory,  ///< an allocation failed in a frame or a call: the World runs no more frames; see World
-  no_thread,      ///< the system has no thread for a CD node: the number of CD nodes stays
+  no_thread,      ///< the system cannot create the thread of a CD node: the number of CD nodes stays the same
 };
 inline constexpr std::size_t status_count = 19;
 
