@@ -22,21 +22,23 @@ constexpr std::array<std::uint32_t, 4> philox(std::array<std::uint32_t, 4> count
   return counter;
 }
 
-/// A float uniform in [0, 1): a multiple of 2^-24, which is exact.
+/// A float uniform in [0, 1): a multiple of 2^-24, so the value is exact.
 constexpr float uniform(std::uint32_t word) noexcept { return static_cast<float>(word >> 8) * 0x1p-24f; }
 
-/// An integer uniform in [0, count); each probability is exact to 2^-32. Precondition: count > 0.
+/// An integer uniform in [0, count); each probability is 1 / count to within 2^-32. Precondition: count > 0.
 constexpr std::uint32_t uniform_below(std::uint32_t count, std::uint32_t word) noexcept {
   return static_cast<std::uint32_t>((std::uint64_t{word} * count) >> 32);
 }
 
-/// A sequence of random draws for one subject and epoch. Cheap to construct; not shared between threads.
+/// A sequence of random draws for one decision of one subject. Cheap to construct; belongs to one thread.
 class Draws {
  public:
-  /// `stream` separates purposes, `subject` is the number of an object, target or shape, `epoch` counts its decisions.
+  /// `stream` separates purposes, `subject` is the number of an object, target or shape, and `epoch` is the number of
+  /// its decision (no relation to the epoch of a region map).
   constexpr Draws(std::uint64_t seed, std::uint32_t stream, std::uint32_t subject, std::uint32_t epoch = 0) noexcept
       : seed_(seed), counter_{subject, epoch, 0, stream} {}
 
+  /// The next 32 random bits.
   constexpr std::uint32_t word() noexcept {
     if (used_ == 4) {
       block_ = philox(counter_, seed_);

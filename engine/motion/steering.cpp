@@ -28,11 +28,11 @@ enum Stream : std::uint32_t { relocation_times = 1, relocation_places, pick_time
 constexpr float agility = 0.12f;           // share of the difference to the wanted velocity that is added each frame
 constexpr float stiffness = 0.3f;          // share of an overlap that each of the two objects removes in a frame
 constexpr float approach_damping = 0.7f;   // share of the approach velocity that a contact removes in a frame
-constexpr float push_to_velocity = 0.15f;  // share of a push that is added to the velocity of a pushed object
+constexpr float push_to_velocity = 0.15f;  // share of a push that is added to the velocity of a non-active object
 constexpr float non_active_slop = 0.125f;  // slop of non-active objects, relative to the configured one
-constexpr float friction = 0.9f;           // share of its velocity that a pushed object keeps after a frame
+constexpr float friction = 0.9f;           // share of velocity and spin that a non-active object keeps after a frame
 constexpr float roll_per_metre = 0.35f;    // radians for each metre travelled
-constexpr float lever_turn = 0.2f;         // radians a frame for a push of one metre at a lever of one metre
+constexpr float lever_turn = 0.2f;         // radians a frame for an overlap of one metre at a lever of one metre
 constexpr float spin_limit = 0.3f;  // radians a frame: the quaternion step below is accurate for small angles only
 constexpr float rest_speed = 1.0f / 1024.0f;  // metres or radians a frame: a slower object is at rest
 
@@ -46,9 +46,10 @@ Vec3f with_max_length(const Vec3f& p, float length) {
 /// The combined effect of all contacts of an object.
 struct Response {
   Vec3f push;  ///< sum of the overlaps beyond the slop, along the normals
-  Vec3f turn;  ///< sum of lever x push
+  Vec3f turn;  ///< sum of lever x overlap beyond the slop
 };
 
+/// Computes the response to all contacts, and damps the part of `velocity` that is directed towards the other objects.
 Response respond(const MotionInput& input, float slop, Vec3f& velocity) {
   Response response;
   for (std::size_t i = 0; i < input.contacts.size(); ++i) {
@@ -89,7 +90,8 @@ double clamped_step(double position, double step, double low, double high, float
   return next;
 }
 
-/// A coordinate uniform within one cell to either side of the home cell, reflected at the edge of the lattice.
+/// A coordinate in cells, uniform over the home cell, the cell before it and the cell after it. Reflected at the edge
+/// of the lattice.
 double place_near_home(std::uint32_t home, std::uint32_t lattice, float draw) {
   double place = static_cast<double>(home) - 1.0 + 3.0 * static_cast<double>(draw);
   if (place < 0) place = -place;
@@ -97,7 +99,8 @@ double place_near_home(std::uint32_t home, std::uint32_t lattice, float draw) {
   return place;
 }
 
-/// The cell before, at or after `cell` on one axis, with equal probability; at the edge of the lattice `cell` itself.
+/// The cell before `cell` on one axis, `cell` itself or the cell after it, with equal probability. At the edge of the
+/// lattice `cell` itself replaces the missing cell.
 std::uint32_t neighbour_cell(std::uint32_t cell, std::uint32_t lattice, std::uint32_t word) {
   const std::uint32_t step = uniform_below(3, word);
   if (step == 0) return cell == 0 ? 0 : cell - 1;
@@ -105,6 +108,7 @@ std::uint32_t neighbour_cell(std::uint32_t cell, std::uint32_t lattice, std::uin
   return std::min(cell + 1, lattice - 1);
 }
 
+/// The least number of cells on each axis with at least one cell for each target.
 std::uint32_t lattice_for(std::uint32_t targets) {
   std::uint32_t lattice = 1;
   while (std::uint64_t{lattice} * lattice * lattice < targets) ++lattice;
@@ -167,7 +171,7 @@ std::uint32_t Steering::pick_target(ObjectNumber object, std::uint32_t epoch) co
   const std::uint64_t y = neighbour_cell(uniform_below(lattice_side_, home.word()), lattice_side_, step.word());
   const std::uint64_t z = neighbour_cell(uniform_below(lattice_side_, home.word()), lattice_side_, step.word());
   const std::uint64_t cells = std::uint64_t{lattice_side_} * lattice_side_ * lattice_side_;
-  // There are at least as many cells as targets; consecutive cells share a target.
+  // There are at least as many cells as targets; consecutive cells can share a target.
   return static_cast<std::uint32_t>(((z * lattice_side_ + y) * lattice_side_ + x) * config_.targets / cells);
 }
 
@@ -192,7 +196,7 @@ Vec3d Steering::goal_of(ObjectNumber object, std::uint64_t frame) const noexcept
 
 void Steering::steer(const MotionInput& input, State& state) const noexcept {
   const Vec3f to_goal = to_float(to_double(state.goal) - (input.pose.position - centre_));
-  // Full speed at a distance; slower within 8 steps of the goal.
+  // Full speed far from the goal. Slower where the distance is less than that of 8 frames at full speed.
   const float distance = length(to_goal);
   const float slowdown_distance = config_.speed * 8.0f;
   const float pace = config_.speed / std::max(distance, slowdown_distance);
@@ -227,7 +231,7 @@ void Steering::move(std::uint64_t frame, std::span<const MotionInput> inputs, st
       response = respond(input, steers ? config_.slop : config_.slop * non_active_slop, state.velocity);
     }
     Vec3f push = with_max_length(response.push * stiffness, config_.push);
-    // Removing a share of an overlap each frame would never end, so the last part is left.
+    // Each frame removes a share of the overlap, which would never end. So a push below the rest speed is dropped.
     if (dot(push, push) < rest_speed * rest_speed) push = {};
     if (steers) {
       const Vec3f rolling{-state.velocity.y * roll_per_metre, state.velocity.x * roll_per_metre,
@@ -236,7 +240,7 @@ void Steering::move(std::uint64_t frame, std::span<const MotionInput> inputs, st
     } else {
       state.velocity = (state.velocity + push * push_to_velocity) * friction;
       state.spin = (state.spin + response.turn * lever_turn) * friction;
-      // Exactly zero, so that an object at rest sends no update.
+      // Exactly zero, so that no update is sent for an object at rest.
       if (dot(state.velocity, state.velocity) < rest_speed * rest_speed) state.velocity = {};
       if (dot(state.spin, state.spin) < rest_speed * rest_speed) state.spin = {};
     }

@@ -12,8 +12,8 @@
 /// engine/narrow_phase includes this header.
 namespace ringfence::narrow_phase {
 
-/// A candidate pair as input of a kernel, its two bodies in the order of their kinds. 16 bytes, so that a vector kernel
-/// can transpose four of them at once.
+/// A candidate pair as a kernel receives it: the two bodies are in the order of their kinds. It has 16 bytes, so that a
+/// vector kernel can transpose four pairs at once.
 struct KernelPair {
   std::uint32_t first;    ///< index into the bodies; its kind is <= that of `second`
   std::uint32_t second;   ///< index into the bodies
@@ -43,17 +43,19 @@ class GatherTimer {
   std::uint64_t begin_ = 0, gathered_ = 0, clock_reads_ = 0;
 };
 
-/// The input of a kernel. Every pair has the kernel's two kinds; for pairs of one kind `first` is always the pair's a.
+/// The input of a kernel. Every pair has the kernel's two kinds. If the two kinds are equal, `first` is always the
+/// pair's a.
 struct KernelInput {
   std::span<const Body> bodies;
   const geometry::ShapeTable& shapes;
   std::span<const KernelPair> pairs;
-  /// The sizes of the two shapes differ so much that rounding to float would be visible relative to the smaller one
-  /// (ShapeTag::needs_double). Compute in double, including positions and quaternions (which are normalised in double).
-  /// The value is the same for all pairs of an input and depends on the two shapes only.
+  /// True if the sizes of the two shapes differ so much that rounding to float would be visible relative to the smaller
+  /// one (ShapeTag::needs_double in narrow_phase.cpp). The kernel then computes everything in double, also positions
+  /// and quaternions, which it normalises in double. The value is the same for all pairs of an input and depends on the
+  /// two shapes only.
   bool in_double = false;
-  GatherTimer* gather_timer = nullptr;  ///< only for pairs that are timed, else null
-  AxisMemory* memory = nullptr;  ///< null if separating axes are not cached; used by the kernels of polytopes only
+  GatherTimer* gather_timer = nullptr;  ///< null: these pairs are not timed
+  AxisMemory* memory = nullptr;         ///< null: separating axes are not cached; only the kernel of two hulls uses it
 };
 
 /// Kernels call these before and after they gather their input.
@@ -64,7 +66,8 @@ inline void end_gathering(const KernelInput& input) noexcept {
   if (input.gather_timer != nullptr) input.gather_timer->end();
 }
 
-/// A kernel may write this many contacts past those that it returns: it stores whole vectors, which avoids a branch.
+/// A kernel may write up to this many contacts past the end that it returns: it stores whole vectors, which avoids a
+/// branch.
 inline constexpr std::size_t contact_slack = 16;
 
 /// Tests `input.pairs`, writes the contacts to `out` in the order of the pairs, and returns the end of what it wrote.
@@ -72,8 +75,9 @@ inline constexpr std::size_t contact_slack = 16;
 /// `out` has room for `input.pairs.size() + contact_slack` contacts. A PairContact refers to the candidate's own a and
 /// b: `normal` points from a to b and `point` is relative to a's position. The kernel converts the result of a flipped
 /// pair. The kernel adds to `lanes`, `lanes_filled`, `iterations`, `ended_early` and `failed` of `counters`; the caller
-/// counts the rest. The result for a pair depends on nothing but its two shapes and poses. No allocation, no exception,
-/// no state between calls.
+/// counts the rest. The result for a pair depends on nothing but its two shapes and poses. A kernel throws nothing,
+/// allocates nothing unless it uses libccd, and keeps no state between calls except in `input.memory`. Any thread may
+/// call it, with an `input.memory` of its own.
 using Kernel = PairContact* (*)(const KernelInput& input, PairContact* out, KindCounters& counters);
 
 // Closed forms, one pair per lane (primitives/).
@@ -90,7 +94,7 @@ PairContact* test_box_hull(const KernelInput& input, PairContact* out, KindCount
 PairContact* test_capsule_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_hull_hull(const KernelInput& input, PairContact* out, KindCounters& counters);
 
-/// Any convex kind first, a support shape second (support/). Uses libccd, which may allocate.
+/// The first shape is of any convex kind, the second is a support shape (support/). Uses libccd, which may allocate.
 PairContact* test_support_any(const KernelInput& input, PairContact* out, KindCounters& counters);
 
 // Meshes (mesh/). The kernel for support shapes uses libccd, which may allocate.
@@ -101,7 +105,7 @@ PairContact* test_hull_mesh(const KernelInput& input, PairContact* out, KindCoun
 PairContact* test_mesh_mesh(const KernelInput& input, PairContact* out, KindCounters& counters);
 PairContact* test_mesh_support(const KernelInput& input, PairContact* out, KindCounters& counters);
 
-/// The kernel for two kinds, `first` <= `second`. Never null.
+/// The kernel for two kinds. Never null. Precondition: `first` <= `second`.
 Kernel kernel_of(ShapeKind first, ShapeKind second) noexcept;
 
 }  // namespace ringfence::narrow_phase

@@ -15,10 +15,10 @@ namespace ringfence::nodes {
 /// Threads: any. Uses a lock, which a role takes only when a Fault stops it.
 class FaultRelease {
  public:
-  /// Ends all stops, and cancels the faults that have not stopped a role yet. Returns how many roles were stopped
+  /// Ends all stops, and cancels the faults that have not stopped a role yet. Returns how many threads were blocked
   /// within a step.
   std::uint32_t release() noexcept;
-  /// Number of calls of release(). A fault stores it when it is injected.
+  /// Number of calls of release(). FaultPoint::set() stores it with the fault.
   std::uint64_t releases() const noexcept;
   /// Blocks the calling thread until `stall` has passed (0: no limit) or until there are more releases than `since`.
   void stop_thread(std::uint64_t since, std::chrono::nanoseconds stall) noexcept;
@@ -30,16 +30,17 @@ class FaultRelease {
   std::uint32_t stopped_ = 0;  ///< threads in stop_thread()
 };
 
-/// Stops a role because of a Fault: between two steps of the frame, where the role does nothing when it is stepped, or
-/// within a step, where the thread that steps it blocks.
+/// Stops a role as an injected Fault requires, in one of two ways. Between two steps of the frame the role does nothing
+/// when it is stepped, until the stop ends. Within a step the thread that steps the role blocks.
 ///
-/// Threads: only the one that steps the role. Without a fault each call costs one test.
+/// Threads: only the thread that steps the role. Without a fault each call costs one test.
 class FaultPoint {
  public:
-  /// `release` outlives this object. Null: the role does not stop within a step.
+  /// `release` outlives this object. If it is null, the role does not stop within a step, and only time ends its other
+  /// stops.
   explicit FaultPoint(FaultRelease* release) noexcept : release_(release) {}
 
-  /// Between frames, while no thread steps the role. The last call counts.
+  /// Sets the fault, and replaces one that was set before. Call it between frames, while no thread steps the role.
   void set(const Fault& fault) noexcept;
   /// Called between two steps: whether the role stops before `stage`.
   bool stops_before(NodeStage stage, std::uint64_t frame) noexcept { return fault_ && stop_before(stage, frame); }
@@ -59,8 +60,9 @@ class FaultPoint {
   bool stop_lasts(std::uint64_t now_ns) noexcept;
 
   FaultRelease* release_;
-  std::optional<Fault> fault_;  ///< has not stopped the role yet
+  std::optional<Fault> fault_;  ///< until it stops the role
   std::uint64_t since_ = 0;     ///< number of releases when the fault was set
+  /// How often the role still passes the point of the fault before it stops; see Fault::passes.
   std::uint32_t passes_left_ = 0;
   std::uint64_t until_ns_ = 0;  ///< end of a stop between two steps; 0: not stopped
 };

@@ -20,7 +20,8 @@ constexpr std::uint32_t layers = 32;
 bool is_finite(const Vec3d& v) noexcept { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 bool is_finite(const Vec3f& v) noexcept { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
-/// A sender has already applied make_valid, so for a correct sender it changes nothing here.
+/// Takes a copy, because make_valid may normalise it. The sender has already applied make_valid, so a valid pose is not
+/// changed.
 bool is_valid(Pose pose) noexcept { return make_valid(pose) == Status::ok; }
 
 bool is_valid(const geometry::Bounds& bounds) noexcept {
@@ -124,7 +125,7 @@ bool is_valid(const MessageView& message, const MessageLimits& limits) noexcept 
       return message.count() == 1;
     case MessageType::frame_done:
       return message.count() == 1 && message.record<messages::NodeFrameStats>(0).host_owned_changes == 0;
-    // The owners of a region map are checked when it is complete, and states of user nodes one by one.
+    // Other code checks these: the owners of a region map when it is complete, the states of user nodes one by one.
     case MessageType::region_map:
     case MessageType::state_update:
     case MessageType::frame_begin:

@@ -7,22 +7,22 @@
 
 namespace ringfence::nodes {
 
-/// Shows in which user node's move a thread is, so that the World can replace a thread that stops there, usually
+/// Shows in which user node's move a thread is. So the World can replace a thread that does not finish a move, usually
 /// because a motion model does not return.
 ///
-/// The thread enters before a user node moves and leaves before the result is visible to others. In between another
+/// The thread enters before a user node moves, and leaves before the result is visible to others. In between, another
 /// thread may abandon it. Then leave() returns false, and the thread must end without access to shared memory.
 ///
 /// Threads: enter() and leave() by the watched thread; current() and abandon() by one other thread.
 class MoveWatch {
  public:
-  /// One move of a user node; unique.
+  /// Identifies one move of a user node. A MoveWatch uses each value once.
   using Move = std::uint64_t;
   static constexpr Move none = 0;
 
   void enter(UserNumber user) noexcept {
     move_ = ++moves_ << 32 | user;
-    // Pairs with the exchange in abandon: the effects on the thread's other roles are visible to its replacement.
+    // Pairs with the exchange in abandon(): the replacement of this thread sees all that it did to its other roles.
     state_.store(move_, std::memory_order_release);
   }
   /// Returns false if the thread was abandoned.
@@ -37,6 +37,7 @@ class MoveWatch {
   bool abandon(Move move) noexcept {
     return state_.compare_exchange_strong(move, abandoned, std::memory_order_acq_rel, std::memory_order_acquire);
   }
+  /// The user node of a move.
   static constexpr UserNumber user_of(Move move) noexcept { return static_cast<UserNumber>(move); }
 
  private:

@@ -1,14 +1,15 @@
 // Boxes against hulls, in blocks of pairs. Included once for each Highway target.
 //
-// As for any two polytopes (see polytope_pair-inl.hpp), the least overlap is along the normal of a face of the box, of
-// a face of the hull, or across one edge of each whose arcs of normals cross. But the support of a box needs no search:
-// it is |n| · half extents in the box's own axes. So the overlap along all face normals of both shapes is computed
-// exactly, and an edge of the hull crosses an edge of the box along axis k exactly where the normals of its two faces
-// differ in the sign of coordinate k. A ball and one corner of the box exclude all but a few of these edges. The
-// overlap across the remaining ones is computed in lanes, one edge per lane, of any pair of the block.
+// The least overlap is along the normal of a face of the box, the normal of a face of the hull, or a direction across
+// one edge of each shape whose arcs of normals cross (as for any two polytopes: see polytope_pair-inl.hpp). But the
+// support of a box needs no search: it is |n| · half extents in the box's own axes. So the overlap along all face
+// normals of both shapes is computed exactly. An edge of the hull crosses an edge of the box along axis k exactly where
+// the normals of its two faces differ in the sign of coordinate k. The ball inside the box and two of its corners
+// exclude all but a few of these edges. The overlap across the remaining edges is computed in lanes: one edge per lane,
+// and the edges of a vector can belong to different pairs of the block.
 //
-// Cases that rounding could decide wrongly (edges nearly parallel, arcs that nearly miss each other, a depth that
-// differs from the overlap) are left to the test of single pairs.
+// PolytopePair tests a pair again, alone, where rounding could decide wrongly: edges are nearly parallel, arcs nearly
+// miss each other, the depth differs from the least overlap, or the contact point lies outside a shape.
 
 #if defined(RINGFENCE_NARROW_PHASE_BOX_HULL_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_BOX_HULL_INL
@@ -28,7 +29,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
-/// Up to block_pairs pairs of a box and a hull. Everything is in the axes of the box, relative to its centre.
+/// Up to block_pairs pairs of a box and a hull, at least one. Everything is in the axes of the box, relative to its
+/// centre.
 class BoxHullBlock {
  public:
   BoxHullBlock(const KernelInput& input, const KernelPair* pairs, std::size_t count, WorkCounts& work)
@@ -40,6 +42,7 @@ class BoxHullBlock {
     }
   }
 
+  /// Writes the contacts and returns the end of what it wrote.
   PairContact* test(PairContact* out) {
     test_centre_axis();
     try_faces();
@@ -61,7 +64,7 @@ class BoxHullBlock {
   HWY_INLINE V spread(const float* column, std::size_t i) const { return hn::Set(d, column[i]); }
   HWY_INLINE float size(std::size_t i) const { return size_[i]; }
 
-  /// Rotates vectors from the axes of the hull to those of the box, for one vector of the hull's faces or vertices.
+  /// Rotates vectors from the axes of one hull to those of its box. Each lane is one face or vertex of the hull.
   struct RotationLanes {
     V m[3][3];
     HWY_INLINE V operator()(int k, V x, V y, V z) const { return m[k][0] * x + m[k][1] * y + m[k][2] * z; }
@@ -74,7 +77,7 @@ class BoxHullBlock {
     return t;
   }
 
-  /// Tests along the line between the centres, which separates most pairs that are apart.
+  /// Removes the pairs that the line between the centres separates: most pairs that are apart.
   void test_centre_axis() {
     alignas(64) float rest[block_pairs];
     for (std::size_t i = 0; i < block_pairs; i += lanes) {
@@ -94,8 +97,8 @@ class BoxHullBlock {
     });
   }
 
-  /// Computes the exact overlap along the normals of the hull's faces and keeps the least, and the extent of the hull
-  /// along the box's axes.
+  /// Computes the exact overlap along the normals of the hull's faces and keeps the least. Also computes the extent of
+  /// the hull along the axes of the box.
   void try_faces() {
     for (std::size_t u = 0; u < undecided_.count; ++u) {
       const std::size_t i = undecided_.pair[u];
@@ -154,8 +157,8 @@ class BoxHullBlock {
     return r;
   }
 
-  /// Chooses the face of either shape with the least overlap, and the corner of the box that is deepest along its
-  /// normal.
+  /// Chooses the face of either shape with the least overlap, and the corner of the box that is deepest along that
+  /// face's normal. Removes the pairs that the face separates.
   void choose_faces() {
     for (std::size_t i = 0; i < count_; i += lanes) {
       V best = hn::Load(d, best_ + i);
@@ -188,7 +191,8 @@ class BoxHullBlock {
     }
   }
 
-  /// An edge of a hull that may have less overlap than all faces.
+  /// An edge of a hull that may have less overlap than all faces: the pair's index in the block in the upper 16 bits,
+  /// the edge in the lower 16.
   struct Item {
     static constexpr int edge_bits = 16;
     std::uint32_t pair_and_edge;
@@ -196,9 +200,13 @@ class BoxHullBlock {
     std::size_t edge() const { return pair_and_edge & 0xffff; }
   };
 
+  /// Bits of the byte of a face of the hull. `beyond`: the ball (1), the corner deepest along the best direction (2) or
+  /// the corner farthest along the line between the centres (4) is too deep. `signs`: the coordinate of its normal on
+  /// axis 0, 1 or 2 is negative.
   static constexpr std::uint8_t beyond = 1 + 2 + 4, signs = 8 + 16 + 32;
 
-  /// Whether an edge is not excluded by any of the points, and crosses an edge of the box along some axis.
+  /// Whether neither the ball nor a corner excludes an edge, and the edge crosses an edge of the box along some axis.
+  /// `left` and `right` are the bytes of its two faces.
   struct RelevantEdge {
     HWY_INLINE bool operator()(std::uint8_t left, std::uint8_t right) const {
       return (left & right & beyond) == 0 && ((left ^ right) & signs) != 0;
@@ -214,9 +222,10 @@ class BoxHullBlock {
 #endif
   };
 
-  /// Lists the relevant edges of one pair's hull and returns their number. Along the arc between the normals of an
-  /// edge's two faces, the overlap is at least the depth of any point inside the box. On the arc that depth is never
-  /// less than at the ends, unless it is negative there. So a point that is too deep for both faces excludes the edge.
+  /// Lists the relevant edges of one pair's hull and returns their number. `out` has room for all edges of the hull and
+  /// three more. Along each normal of the arc between an edge's two faces, the overlap is at least the depth of any
+  /// point of the box below the plane of support. If this depth is at least 0 at both ends of the arc, it is nowhere on
+  /// the arc less than the lesser of these two values. So a point that is too deep for both faces excludes the edge.
   std::size_t list_edges(std::size_t i, std::uint32_t* out) const {
     alignas(64) std::uint8_t bytes[max_faces];
     const geometry::Hull& hull = *hull_[i];
@@ -304,7 +313,7 @@ class BoxHullBlock {
     for (int k = 0; k < 3; ++k) {
       const int a = (k + 1) % 3, b = (k + 2) % 3;
       const auto crossing = hn::Lt(l[k] * r[k], zero);
-      // The left normal rotates to the right one about the edge, so the outward direction is axis k × edge or its
+      // The left normal rotates to the right normal about the edge, so the outward direction is axis k × edge or its
       // negative.
       const V height = e[a] * p[b] - e[b] * p[a];
       const auto flip = hn::Gt(l[k], zero);
@@ -320,7 +329,7 @@ class BoxHullBlock {
       doubtful = hn::Or(doubtful, hn::AndNot(sure, better));
       const auto less = hn::And(better, hn::Lt(overlap, least));
       least = hn::IfThenElse(less, overlap, least);
-      // From the box to the hull: the negative of the hull's outward direction.
+      // The direction from the box to the hull is the negative of the hull's outward direction.
       const V scale = hn::IfThenElse(flip, inverse, hn::Neg(inverse));
       V* const out[3] = {&x, &y, &z};
       *out[k] = hn::IfThenElse(less, zero, *out[k]);
@@ -405,7 +414,7 @@ class BoxHullBlock {
       } else {
         const std::uint32_t is_flat[3] = {flat[0][i], flat[1][i], flat[2][i]};
         point = shared_point(i, at(corner, i), is_flat, of_hull, n, of_box[i] - depth * 0.5f);
-        // Two edges that cross meet inside both shapes.
+        // The point where two edges cross lies inside both shapes, so it needs no check.
         const bool cross = flats == 1 && of_hull.count == 2 && !nearly_parallel(i, of_hull);
         if (!cross &&
             (outside_box(i, point) ||
@@ -434,7 +443,7 @@ class BoxHullBlock {
            std::abs(p.z) > placed_.first_size(2)[i] + most;
   }
 
-  /// Whether an edge of the hull is parallel to an axis of the box within 0.01.
+  /// Whether an edge of the hull is parallel to an axis of the box within 0.01 radians.
   HWY_INLINE bool nearly_parallel(std::size_t i, const Feature<float>& of_hull) const {
     const Vec3f edge = vertex_in_box(i, of_hull.last()) - vertex_in_box(i, of_hull.first());
     const float longest = std::max(std::max(std::abs(edge.x), std::abs(edge.y)), std::abs(edge.z));
@@ -478,15 +487,15 @@ class BoxHullBlock {
   const geometry::Hull* hull_[block_pairs];
   Undecided undecided_;
   alignas(64) float best_[block_pairs] = {};  // the least overlap found
-  // The data that the lanes of edges read for each pair: the rows of the rotation, each with a component of the offset;
-  // the half extents of the box, and the least overlap of all faces.
+  // What evaluate_vector() reads for each pair: three rows with a row of the rotation and a component of the offset
+  // each; then a row with the half extents of the box and the least overlap of all faces.
   alignas(64) float rows_[block_pairs][4][4];
   alignas(64) float size_[block_pairs] = {};  // the sum of the two bounding radii
   alignas(64) Column3 direction_ = {};        // the best direction, from box to hull, unit
-  alignas(64) Column3 above_ = {}, below_ =
-                                       {};  // the hull's extent along the box's axes, relative to the hull's origin
-  alignas(64) Column3 from_corner_ = {};    // from the box's deepest corner to the hull's origin
-  std::uint32_t doubtful_mask_ = 0;         // one bit per pair that rounding could decide wrongly
+  // The extent of the hull along the axes of the box, above and below the origin of the hull.
+  alignas(64) Column3 above_ = {}, below_ = {};
+  alignas(64) Column3 from_corner_ = {};  // from the box's deepest corner to the hull's origin
+  std::uint32_t doubtful_mask_ = 0;       // one bit per pair: rounding could decide it wrongly
   BlockContacts found_;
 };
 

@@ -1,8 +1,8 @@
 // Vectors, rotations and clamps in SIMD lanes: each lane is one pair. Included once for each Highway target.
 //
 // Every function is a fixed sequence of IEEE operations within each lane, so the bits do not depend on the vector
-// width. No fused multiply-add and no approximate reciprocal. `Min` and `Max` are used only where the sign of a zero
-// and NaN do not matter, because targets differ in those.
+// width. No function uses a fused multiply-add or an approximate reciprocal. `Min` and `Max` are used only where NaN
+// and the sign of a zero do not matter, because targets differ in these cases.
 
 #if defined(RINGFENCE_NARROW_PHASE_LANES_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_LANES_INL
@@ -90,9 +90,9 @@ HWY_INLINE hn::Vec<D> sign_of(D d, hn::Vec<D> v) {
   return hn::CopySignToAbs(hn::Set(d, Scalar<D>{1}), v);
 }
 
-/// The factor for the products of a quaternion's components in a rotation matrix. In double the rounding of the
-/// quaternion to float would be visible, so the matrix is normalised; in float the error is as small as any other
-/// rounding.
+/// The factor for the products of a quaternion's components in a rotation matrix. In double, the rounding of the
+/// quaternion's components to float would be visible, so the factor normalises the matrix. In float, that error is as
+/// small as any other rounding.
 template <class D>
 HWY_INLINE hn::Vec<D> product_scale(D d, const Quaternion<D>& q) {
   const auto two = hn::Set(d, Scalar<D>{2});
@@ -127,14 +127,14 @@ HWY_INLINE Vector<D> column(const Rotation<D>& r, int c) {
   return {r.m[0][c], r.m[1][c], r.m[2][c]};
 }
 
-/// From the rotated frame to the outer one.
+/// Converts `v` from the rotated axes to the outer axes.
 template <class D>
 HWY_INLINE Vector<D> rotate(D, const Rotation<D>& r, const Vector<D>& v) {
   return {r.m[0][0] * v.x + r.m[0][1] * v.y + r.m[0][2] * v.z, r.m[1][0] * v.x + r.m[1][1] * v.y + r.m[1][2] * v.z,
           r.m[2][0] * v.x + r.m[2][1] * v.y + r.m[2][2] * v.z};
 }
 
-/// From the outer frame to the rotated one.
+/// Converts `v` from the outer axes to the rotated axes.
 template <class D>
 HWY_INLINE Vector<D> unrotate(D, const Rotation<D>& r, const Vector<D>& v) {
   return {r.m[0][0] * v.x + r.m[1][0] * v.y + r.m[2][0] * v.z, r.m[0][1] * v.x + r.m[1][1] * v.y + r.m[2][1] * v.z,
@@ -149,26 +149,28 @@ HWY_INLINE Vector<D> perpendicular(D d, const Vector<D>& u) {
   return choose(d, flat, Vector<D>{u.y, zero - u.x, zero}, Vector<D>{zero, u.z, zero - u.y});
 }
 
-/// Squared lengths below this count as zero. It is far below the rounding errors for sizes from one millimetre.
+/// Squared lengths below this value, in square metres, count as zero. It is far below the rounding errors for sizes of
+/// one millimetre or more.
 template <class D>
 HWY_INLINE hn::Vec<D> no_length(D d) {
   return hn::Set(d, sizeof(Scalar<D>) == 8 ? Scalar<D>(1e-60) : Scalar<D>(1e-30));
 }
 
-/// The result of a kernel for each lane, from the first body to the second.
+/// The result of a kernel: the contact of one pair in each lane.
 template <class D>
 struct LaneContacts {
-  hn::Mask<D> hit;
+  hn::Mask<D> hit;  ///< the lanes with a contact; the other fields have no meaning in the other lanes
   hn::Vec<D> depth;
-  Vector<D> normal;  ///< unit, from first to second, world axes
-  Vector<D> point;   ///< relative to the first's position, world axes
+  Vector<D> normal;  ///< unit, from the first body to the second, world axes
+  Vector<D> point;   ///< relative to the first body's position, world axes
 };
 
-/// The contact of two rounded cores whose nearest points are known.
+/// The contact of two rounded shapes whose cores have known nearest points. A rounded shape is all points within a
+/// radius of its core: a capsule is a segment with a radius.
 ///
-/// `gap` is the vector from the first core's nearest point to the second's. `direction_if_none`, of any length, is the
-/// direction of the normal where the cores intersect. For flat or thin cores (points, segments, parallelograms of two
-/// segments) the depth is the exact least depth.
+/// `gap` is the vector from `first_nearest`, the nearest point of the first core, to that of the second core.
+/// `direction_if_none`, of any length above zero, is the direction of the normal where the cores intersect. If it is
+/// perpendicular to every segment among the cores, the depth there is the exact least depth.
 template <class D>
 HWY_INLINE LaneContacts<D> rounded_contact(D d, const Vector<D>& gap, hn::Vec<D> first_radius, hn::Vec<D> second_radius,
                                            const Vector<D>& first_nearest, const Vector<D>& direction_if_none) {

@@ -50,7 +50,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
   }
 }
 
-// Whether states can stay out of the messages to the server: they are readable in shared memory.
+// Whether the server can read this node's states in shared memory, so that messages need not contain them.
 bool CdNodeRole::shares_states() const noexcept {
   return setup_.server.node_contacts != nullptr && setup_.placement == Placement::region &&
          setup_.keeps_host_owned_states;
@@ -131,7 +131,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
   stage_ = Stage::moving;
 }
 
-// Whether this node hosts objects at that position, by the current map.
+// Whether the current map makes this node the host of objects at `position`.
 bool CdNodeRole::is_in_own_region(const Vec3d& position) const noexcept {
   if (map_.nodes() == 1) {
     return true;
@@ -141,8 +141,8 @@ bool CdNodeRole::is_in_own_region(const Vec3d& position) const noexcept {
   return map_.owner_at(point) == setup_.node;
 }
 
-// Publishes the hosted objects for the user nodes while the server receives the states of others. Poses are final once
-// they have been reported.
+// Publishes the hosted objects for the user nodes, while the server receives the states of the other nodes. The poses
+// are final, because they have been reported.
 void CdNodeRole::publish() {
   if (!publishes_) {
     return;
@@ -200,7 +200,7 @@ bool CdNodeRole::send_frame_done() {
                               });
 }
 
-// Makes one transition of the frame; false if it has to wait.
+// Does the work of one stage and enters the next. Returns false if the role has to wait.
 bool CdNodeRole::advance() {
   if (fails_here()) [[unlikely]] {
     return false;

@@ -6,7 +6,8 @@
 
 namespace ringfence::nodes {
 
-// In order of (a, b), so that lists can be merged and the host's next move reads its contacts in that order.
+// Lists the contacts in order of (a, b): lists in this order can be merged, and the host reads its contacts in this
+// order when it moves next.
 void CdNodeRole::list_contacts() {
   NodeContacts& node_contacts = *node_contacts_;
   node_contacts.start(frame_);
@@ -38,9 +39,10 @@ void CdNodeRole::list_contacts() {
   }
 }
 
-// A pair is tested where its two bounds overlap. If the bounds of one object touch only this node's region, its
-// contacts are found here and nowhere else. This holds for the frame before if the object was inner then, under the
-// same map; after a change of the map all objects are received again and are not inner at first.
+// A pair is tested where its two bounds overlap. So if the bounds of one object touch only this node's region, its
+// contacts are found here and nowhere else. The same holds for the frame before if the object was inner then and the
+// map has not changed. After a change of the map the node receives all objects again, and was_inner() is false for
+// them.
 void CdNodeRole::compare_contacts() {
   const auto is_inner = [&](std::uint32_t slot, std::uint32_t was, ObjectNumber number) {
     const std::uint32_t known = region_objects_.find(slot, was);
@@ -57,8 +59,8 @@ void CdNodeRole::compare_contacts() {
   region_objects_.note_inner();
 }
 
-// The hosts of the two objects in the next frame follow from their categories and positions, as long as the map does
-// not change.
+// Lists one contact for the CD nodes and user nodes that will host its objects in the next frame. These hosts follow
+// from the objects' categories and positions, as long as the map does not change.
 void CdNodeRole::list_notified_hosts(std::uint32_t position) {
   const FoundContact& found = node_contacts_->found[position];
   NodeNumber first = setup_.node;
@@ -102,7 +104,7 @@ void CdNodeRole::finish_contacts() {
   node_contacts.gate.leave();
 }
 
-// There are few of them, at random places.
+// Contacts that begin are few and at random positions in the list, so all are prefetched before the first is changed.
 void CdNodeRole::confirm_begins() {
   const NodeContacts& node_contacts = *node_contacts_;
   base::FlatList<std::uint32_t>& begins = output_merge_scratch_.begins;
@@ -127,8 +129,7 @@ void CdNodeRole::add_peer_contacts() {
   const auto all = node_contacts_->output_merge->node_contacts;
   NodeContactOrder& order = output_merge_scratch_.order;
   order.start(all);
-  // The keys were written by other cores, and each peer has only a few for this node: prefetch all before the first
-  // read.
+  // Other cores wrote the keys, and each peer has only a few for this node: prefetch all of them before the first read.
   for (const NodeContacts* node_contacts : all) {
     for (const std::uint32_t position : node_contacts->for_peers.of(setup_.node)) {
       base::prefetch_for_read(&node_contacts->keys[position]);

@@ -10,8 +10,8 @@ using messages::Endpoint;
 using messages::MessageType;
 using telemetry::SpanTimer;
 
-// The changes of a batch are sent while they are still in the cache, and the server receives them while the next batch
-// is moved. False if the ring is full.
+// Moves and reports the hosted objects; false if the ring is full. The changes of a batch are sent while they are still
+// in the cache, and the server receives them while the next batch is moved.
 bool CdNodeRole::move() {
   SpanTimer time(setup_.track, "move", frame_stats_.move_ns);
   const messages::RunHeader to_server = head(MessageType::node_state, Endpoint::server());
@@ -49,7 +49,8 @@ void CdNodeRole::bound_batch() {
   setup_.shapes->bounds({placed, changed_.size()}, *setup_.space, changed_bounds_.data(), changed_points_.data());
 }
 
-// Separate from the computation of bounds: reading as a whole what was just written in parts would stall the processor.
+// Runs after the bounds of the whole batch are computed. Reading bounds as a whole just after their parts were written
+// would stall the processor.
 void CdNodeRole::place_batch() {
   if (publishes_) {
     note_cells();
@@ -75,15 +76,16 @@ void CdNodeRole::place_batch() {
   }
 }
 
-// Objects at rest are still in the cell that was stored before.
+// Stores the cells in which the changed objects are published. The other objects are at rest, and still in the cell
+// stored before.
 void CdNodeRole::note_cells() {
   for (std::size_t i = 0; i < changed_.size(); ++i) {
     host_.set_cell(changed_[i], relay_cell(host_[changed_[i]], changed_points_[i].at));
   }
 }
 
-// Object i of the batch did not move. The server is notified if it does not have the object's state; otherwise the
-// object is listed because no node knows it under a new map.
+// Object i of the batch did not move. If its state was host-owned, the server does not have it, so it is reported now.
+// Otherwise the object is in the batch because the map is new: no node knows the object under it yet.
 void CdNodeRole::rest(std::size_t i) {
   const std::uint32_t hosted = changed_[i];
   const Hosted& object = host_[hosted];
@@ -111,7 +113,7 @@ regions::Coverage CdNodeRole::cover_of(const geometry::Bounds& bounds) const noe
   return geometry::contains(interior_, bounds) ? regions::Coverage::all : map_.coverage(bounds, setup_.node);
 }
 
-// Updates the entry of object i of the batch, and decides which nodes need the change.
+// Updates the entry of object i of the batch, and decides whether the server and which peers need the change.
 void CdNodeRole::place(std::size_t i) {
   const std::uint32_t hosted = changed_[i];
   const Hosted& object = host_[hosted];
@@ -122,7 +124,8 @@ void CdNodeRole::place(std::size_t i) {
   const regions::Coverage coverage = present ? cover_of(bounds) : regions::Coverage::none;
   const bool inner = coverage == regions::Coverage::all;
   const bool within = geometry::contains(bounds, point);
-  // Most objects stand within their bounds, and those inside the region: then the owner of the cell is known.
+  // The position of most objects is within their bounds. If the region contains these bounds, this node owns the cell
+  // of the position.
   const NodeNumber next = inner && within ? setup_.node : map_.owner_at(point);
   const bool staying = next == setup_.node;
   const std::uint32_t was = region_objects_.find(object.object.slot, host_.place_in_list(hosted));
@@ -139,8 +142,8 @@ void CdNodeRole::place(std::size_t i) {
   if (!staying) {
     leaving_objects_.push_back({object.object.number, next});
   }
-  // If the position is within the bounds, the object's next host receives a ghost update, too, and knows from the
-  // bounds which other nodes did.
+  // If the position is within the bounds, the next host owns a cell that the bounds touch. So it receives a ghost
+  // update too, and knows from the bounds which other nodes received one.
   const bool keeps = keeps_host_owned_ && present && ((inner && staying) || within);
   reports_change_[i] = !keeps || !staying || !was_host_owned;
   frame_stats_.host_owned_changes += reports_change_[i] ? 0 : 1;
@@ -152,7 +155,8 @@ void CdNodeRole::place(std::size_t i) {
   host_.set_host_owned(hosted, keeps);
 }
 
-// The server sends a node every object in its region except those that the node itself hosts and has reported.
+// Writes the report of object i of the batch. The server does not send the object back: it sends a node every object in
+// its region except those that the node itself hosts and has reported.
 void CdNodeRole::write_own_move(std::size_t i, std::byte* where) {
   const Hosted& object = host_[changed_[i]];
   auto* record = new (where) messages::NodeStateRecord{object.object, object.pose, changed_bounds_[i]};

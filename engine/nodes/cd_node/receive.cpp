@@ -10,7 +10,8 @@ using messages::Endpoint;
 using messages::MessageType;
 using messages::MessageView;
 
-// Checks only messages from another process. Discards and counts invalid ones; the caller of step() ends the role.
+// Receives all messages of a connection. Only messages from another process are checked; invalid ones are discarded and
+// counted. If there were any, the caller of step() ends the role.
 bool CdNodeRole::receive_from(Connection& connection) {
   const bool from_other_process = connection.node_contacts == nullptr;
   return drain(
@@ -32,7 +33,7 @@ bool CdNodeRole::is_acceptable(const MessageView& message) const {
          (message.type() != MessageType::pairs || knows_pairs(message));
 }
 
-// Whether all objects of these pairs are known, each pair with the lower number first.
+// Whether this node knows all objects of the pairs, and each pair has the object with the lower number first.
 bool CdNodeRole::knows_pairs(const MessageView& message) const noexcept {
   const auto numbers = region_objects_.numbers();
   for (std::size_t i = 0; i < message.count(); ++i) {
@@ -46,8 +47,8 @@ bool CdNodeRole::knows_pairs(const MessageView& message) const noexcept {
   return true;
 }
 
-// Whether the server, or a peer, may send this message at this stage of the frame. At another stage it would change
-// arrays to which the stage holds indices: hosted or known objects, peers, the region map.
+// Whether the server, or a peer, may send this message at this stage of the frame. At another stage the message would
+// change arrays into which the stage holds indices: hosted objects, known objects, peers, or the region map.
 bool CdNodeRole::is_expected(const MessageView& message) const {
   const Endpoint source{message.header().source};
   if (message.type() == MessageType::hand_over) {
@@ -85,8 +86,9 @@ bool CdNodeRole::is_expected(const MessageView& message) const {
   }
 }
 
-// Only losses of other nodes; while contacts are not final, if the frame is detected again. If this node has ended the
-// frame, it ignores the loss, and the number may be that of a removed node.
+// A loss must be that of another node. If it requests that the frame is detected again, the contacts must not be final.
+// Other losses are ignored after this node has ended the frame, so they are not checked: their numbers may be those of
+// removed nodes.
 bool CdNodeRole::is_loss_expected(const MessageView& message) const noexcept {
   for (std::size_t i = 0; i < message.count(); ++i) {
     const auto record = message.record<messages::LostRecord>(i);
@@ -101,7 +103,8 @@ bool CdNodeRole::is_loss_expected(const MessageView& message) const noexcept {
   return true;
 }
 
-// Candidates that are not tested yet hold indices of known objects, and a new map clears the known objects.
+// A new map clears the known objects. So it must not arrive between the positions of a frame and the report of the
+// contacts: candidates, and contacts that are not sent yet, hold indices of known objects.
 bool CdNodeRole::is_map_expected(const MessageView& message) const {
   const bool open = stage_ == Stage::waiting || stage_ == Stage::moving || stage_ == Stage::ending ||
                     (stage_ == Stage::gathering && !positions_received_);
@@ -119,9 +122,9 @@ bool CdNodeRole::is_map_expected(const MessageView& message) const {
   return regions::RegionMap::is_table(table, map_.grid(), static_cast<std::uint32_t>(setup_.peers.size()));
 }
 
-// Peers hand over between the end of a frame and the last of the expected hand-overs. Polling the rings of all peers at
-// every step would cost 1 % of the work of 16 nodes. A peer that hands over earlier has to wait for room in its ring at
-// worst, and nothing before the end of the frame depends on it.
+// Peers hand over objects between frame_end and the last of the expected hand-overs, so their rings are read only then.
+// Polling the rings of all peers at every step would cost 1 % of the work of 16 nodes. A peer that hands over earlier
+// may have to wait for room in its ring, but nothing before frame_end depends on it.
 bool CdNodeRole::receive_from_peers() {
   if (!frame_end_received_ || stage_ == Stage::reporting || stage_ == Stage::waiting) {
     return false;
@@ -193,7 +196,8 @@ void CdNodeRole::apply_position(const messages::PositionRecord& record, bool gon
   region_objects_.set(record.object, record.pose, record.bounds, record.shape, record.layer, next, inner);
 }
 
-// The update comes from the object's host, which has the same map.
+// If flag_keeps_host is set, the sender of the update hosts the object in the next frame too. The sender has the same
+// map, so the next host is not computed again.
 void CdNodeRole::apply_ghost(const messages::PositionRecord& record, bool gone) {
   if (gone || (record.object.flags & messages::flag_keeps_host) == 0) {
     return apply_position(record, gone);
@@ -246,7 +250,8 @@ void CdNodeRole::receive_owners(const MessageView& message) {
     interior_ = map_.interior(setup_.node);
     map_fits_ = true;
     new_map_.clear();
-    // After a change of the map every node receives everything in its region again: from the server, or from the hosts.
+    // After a change of the map every node receives all objects in its region again: from the server, or from their
+    // hosts.
     region_objects_.clear();
     map_is_new_ = true;
     host_.list_all(stage_ == Stage::ending && node_contacts_->hosts_exchange_objects);

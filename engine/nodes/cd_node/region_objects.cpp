@@ -20,14 +20,14 @@ RegionObjects::RegionObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps)
   }
 }
 
-// The values of the new entry are not set yet.
+// Adds an entry. The caller sets its values.
 std::uint32_t RegionObjects::add(std::uint32_t slot) {
   if (slot >= index_.size()) {
     index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
   }
   const std::uint32_t i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
   slots_.push_back(slot);
-  bodies_.add().number = 0;  // no object has this number
+  bodies_.add().number = 0;  // not the number of any object, so set() writes the constant fields
   numbers_.add();
   hosted_.add();
   marks_.push_back(0);

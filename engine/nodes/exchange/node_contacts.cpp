@@ -27,8 +27,8 @@ void NodeContacts::start(std::uint64_t new_frame) {
   for_peers.clear();
 }
 
-// Most contacts persist, so equal keys are skipped in runs. The entries of the others are not in the cache; they are
-// prefetched here and read later.
+// Most contacts persist, so equal keys are skipped in runs. The entries of ended contacts are not in the cache; they
+// are prefetched here and read later.
 void NodeContacts::compare_keys() {
   begun.resize(keys.size());
   std::fill(begun.begin(), begun.end(), std::uint8_t{0});

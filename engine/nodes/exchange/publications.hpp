@@ -12,20 +12,22 @@
 
 namespace ringfence::nodes {
 
-/// A publication and, by parity of the frame, the range of cells that contain states; readers skip publications by it.
+/// A publication and the range of cells that contain its states. Readers skip a publication whose range does not touch
+/// their cells.
 struct Published {
   link::Publication* publication = nullptr;  ///< null: unused entry
-  regions::CellBox cell_range[2];
-  bool any[2] = {false, false};
+  regions::CellBox cell_range[2];            ///< by parity of the frame
+  bool any[2] = {false, false};              ///< by parity of the frame: whether there is any state
 };
 
-/// Publication of the objects that a CD node in the server's process hosts, for the user nodes.
+/// The publication, for the user nodes, of the objects that a CD node in the server's process hosts.
 ///
 /// Threads: the server writes `wanted` before it starts the frame. The node writes the rest before it sends
-/// `published`; from then on the server decides whether it is valid (Publications::relays). A node that is lost before
-/// it has sent `published` may write as long as its thread runs, but its publication is not read. A node that is lost
-/// later has finished writing and is never started again.
+/// `published`. From then on the server decides whether the publication is valid (Publications::relays). A node that is
+/// lost before it has sent `published` may write as long as its thread runs, but its publication is not read. A node
+/// that is lost later has finished writing, and is never started again.
 struct NodePublication {
+  /// Reserves for `states` states in the cells of `grid`.
   NodePublication(const regions::CellGrid& grid, std::size_t states)
       : publication(grid.cells(), states, {grid.log2[0], grid.log2[1]}) {
     published.publication = &publication;
@@ -37,27 +39,29 @@ struct NodePublication {
   bool wanted = false;  ///< set if the publication is read in this frame
 };
 
-/// All publications that user nodes read: the active and non-active objects, published by the server or by the CD nodes
-/// that host them, and each user node's own.
+/// All publications that user nodes read. Each user node publishes the objects that it hosts. The server, or the CD
+/// nodes that host them, publish the other active and non-active objects.
 ///
 /// Threads: the facade changes entries while no frame is running. In a frame each writer writes its own entry before it
-/// reports, and the others read it after the server has sent read_publications. Before that the facade clears the entry
-/// of a user node whose thread it has abandoned, because that thread does not write any more.
+/// reports, and the others read it after the server has sent read_publications. The exception is a user node whose
+/// thread was abandoned: its thread no longer writes the entry, and the facade clears it before read_publications.
 struct Publications {
   regions::CellGrid grid;
   const geometry::FixedSpace* space = nullptr;
-  Published server;  ///< what no CD node publishes
-  /// By parity of the frame: the valid publications, each object in exactly one, listed by the server before it sends
-  /// read_publications. They do not change after that, even if nodes are lost, and stay readable until the next frame
-  /// is complete.
+  Published server;  ///< the objects that no CD node publishes
+  /// By parity of the frame: the valid publications. Each object is in exactly one of them. The server lists them
+  /// before it sends read_publications. They do not change after that, even if nodes are lost, and stay readable until
+  /// the next frame is complete.
   std::vector<const Published*> relays[2];
   std::vector<Published> users;  ///< by user number
 };
 
-/// Stores the cell range of a publication that was published for `frame`. Its cells must be those of the grid.
+/// Stores in `own` the cell range of its publication for `frame`. The cells must be numbered as in Publications::grid.
+/// Called by the writer after it has published.
 void note_cell_range(Published& own, std::uint64_t frame) noexcept;
 
-/// Fills one publication for one frame and stores its cell range.
+/// Fills one publication for one frame and stores its cell range. Belongs to the writer of `own`; `all` and `own`
+/// outlive it.
 class PublicationWriter {
  public:
   PublicationWriter(Publications& all, Published& own, std::uint64_t frame) : all_(all), own_(own), frame_(frame) {
@@ -83,7 +87,7 @@ class PublicationWriter {
     own_.publication->add(all_.grid.index(at[0], at[1], at[2]), {number, 0, pose});
     ++count_;
   }
-  /// Makes the states visible to readers; returns their number.
+  /// Makes the states visible to readers and returns their number. Call it once, after the last add().
   std::uint64_t publish() {
     own_.publication->publish();
     return count_;

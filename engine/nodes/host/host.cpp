@@ -162,11 +162,11 @@ Contact& Host::add_own_contact(std::uint64_t frame) {
   ContactList& list = lists_[frame & 1];
   ++list.own;
   Contact& contact = list.contacts.add();
-  // Two frames of contacts alternate, so these lines are not in the cache.
+  // The lists of two frames alternate, so these lines are not in the cache.
   constexpr std::ptrdiff_t lines_ahead = 1024;
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead);
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64);
-  contact.phase = Phase::persist;  // true of 95 %; confirm() corrects the others
+  contact.phase = Phase::persist;  // right for 95 %; confirm() and confirm_begin() correct the others
   contact.reserved = 0;
   return contact;
 }
@@ -192,7 +192,8 @@ void Host::confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists
   }
 }
 
-// Late contacts are rare (a user node came or left), so they are simply sorted in among the others.
+// Adds the late contacts to those of the frame. They are rare (a user node came or left), so all contacts are simply
+// sorted again.
 const Host::ContactList& Host::gather_contacts(std::uint64_t frame) {
   const ContactList& known = lists_[(frame - 1) & 1];
   if (late_.contacts.empty()) {
@@ -213,8 +214,8 @@ const Host::ContactList& Host::gather_contacts(std::uint64_t frame) {
   return late_;
 }
 
-// Merges two lists in order of (a, b) and drops contacts without a hosted object. Most are own contacts, so an inner
-// loop handles those before the next received one.
+// Merges own and received contacts in order of (a, b), and drops those without a hosted object. Most are own contacts,
+// so an inner loop handles the own contacts before the next received one.
 void Host::find_hosted(const ContactList& list) {
   const std::uint64_t* const keys = list.keys.data();
   const std::size_t own_end = list.own_order.size();
@@ -256,8 +257,8 @@ void Host::find_hosted(const ContactList& list) {
   hosted_contacts_.resize(static_cast<std::size_t>(out - hosted_contacts_.data()));
 }
 
-// Stable counting sort of the contacts by hosted object; keeps the order (a, b) within each. Objects that are not
-// hosted are counted in an extra first entry: none + 1 is 0.
+// Stable counting sort of the contacts by hosted object; the contacts of one object stay in order of (a, b). Objects
+// that are not hosted are counted in an extra first entry: none + 1 is 0.
 void Host::sort_contacts(const ContactList& list) {
   static_assert(base::NumberIndex::none + 1 == 0);
   const std::size_t objects = hosted_.size();
@@ -273,7 +274,8 @@ void Host::sort_contacts(const ContactList& list) {
     next[i + 1] += next[i];
   }
   contact_order_.resize(next[objects]);
-  // The fill moves each begin to its end, which is the next begin; so each begin was stored one entry too far.
+  // Each put() advances the begin of an object, in the end to the begin of the next object. So each begin was stored
+  // one entry too far.
   const auto put = [&](std::uint32_t i, std::uint32_t contact) {
     if (i != base::NumberIndex::none) {
       contact_order_[next[i]++] = contact;
@@ -358,8 +360,8 @@ void Host::move_batch(std::size_t first, std::size_t count) {
     accept(first, count);
     return;
   }
-  // The model threw somewhere in the batch. It is pure, so each object is tried alone, and only those that throw do not
-  // move.
+  // The model threw somewhere in the batch. It is pure, so each object is tried alone, and only those for which it
+  // throws do not move.
   for (std::size_t i = 0; i < count; ++i) {
     if (call_model(first + i, 1)) {
       accept(first + i, 1);
@@ -369,8 +371,8 @@ void Host::move_batch(std::size_t first, std::size_t count) {
   }
 }
 
-// Objects do not stay in the cache from frame to frame, and an object's contacts are scattered. Only depth, normal and
-// point of a contact are prefetched; the two poses would add half as many lines again.
+// Objects do not stay in the cache from frame to frame, and the contacts of an object are scattered. Only depth, normal
+// and point of a contact are prefetched; with the two poses there would be half as many lines more.
 void Host::prefetch(std::size_t i) const noexcept {
   if (i >= hosted_.size()) {
     return;
@@ -386,7 +388,7 @@ void Host::prefetch(std::size_t i) const noexcept {
   }
 }
 
-// Indices into known_contacts_.
+// The contacts of hosted object i, as indices into known_contacts_.
 std::span<const std::uint32_t> Host::contacts_of(std::size_t i) const noexcept {
   if (!uses_contacts_) {
     return {};
@@ -423,7 +425,7 @@ bool Host::call_model(std::size_t first, std::size_t count) {
   return true;
 }
 
-// Takes over the states in scratch_, except those of objects that do not move.
+// Takes over the states in scratch_, except those of objects whose output is refused.
 void Host::accept(std::size_t first, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
     std::byte* const next = scratch_.data() + i * state_bytes_;

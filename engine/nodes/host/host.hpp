@@ -30,7 +30,7 @@ struct Hosted {
   std::uint16_t category = 0;
 };
 
-/// Numbers of model outputs that were refused; the objects did not move.
+/// Numbers of refused outputs of the model in the last move, by reason. The objects did not move.
 struct HostRefusals {
   std::uint64_t model_failed = 0, not_finite = 0, not_unit = 0;
 };
@@ -43,9 +43,8 @@ class Host {
  public:
   static constexpr std::size_t batch = 64;  ///< largest number of objects per call of the model
 
-  /// `model` may be null (nothing moves by itself) and outlives the host. `objects` is the number to reserve for.
-  /// `fault` is where the role stops before it calls the model, if one is injected; it outlives the host and may be
-  /// null.
+  /// `model` may be null (nothing moves by itself); if not, it outlives the host. `objects` is the number to reserve
+  /// for. `fault` may be null; if not, it outlives the host, and the role can stop there before it calls the model.
   Host(const MotionModel* model, std::size_t objects, FaultPoint* fault = nullptr);
 
   std::size_t size() const noexcept { return hosted_.size(); }
@@ -73,52 +72,55 @@ class Host {
   std::uint32_t place_in_list(std::size_t i) const noexcept { return places_in_list_[i]; }
   void set_place_in_list(std::size_t i, std::uint32_t place) noexcept { places_in_list_[i] = place; }
 
-  /// Takes over an object with its whole state and replaces an object of the same number. The protocol hands an object
-  /// over once, and the server's message comes after that of any peer, so the last one is right.
+  /// Takes over an object with its whole state, and replaces an object of the same number. `state` points to
+  /// state_bytes() bytes. The protocol hands an object over once, and the server's message comes after that of any
+  /// peer, so the last record is right.
   void adopt(const messages::HandOverRecord& record, const std::byte* state);
   /// Removes an object. The last object takes its index. Does nothing if the object is not hosted.
   void drop(ObjectNumber number);
-  /// Sets or clears flag_host_owned of hosted object i: its states are not sent to the server. place() clears the flag
-  /// too.
+  /// Sets or clears flag_host_owned of hosted object i. While it is set, the object's states are not sent to the
+  /// server. place() and steer() clear it too.
   void set_host_owned(std::size_t i, bool host_owned) noexcept {
     std::uint32_t& flags = hosted_[i].object.flags;
     flags = (flags & ~messages::flag_host_owned) | (host_owned ? messages::flag_host_owned : 0u);
   }
-  /// Whether the next move lists all hosted objects in changed().
+  /// Sets whether the next move lists all hosted objects in changed().
   void list_all(bool all) noexcept { list_all_next_ = all; }
-  /// Prefetches what find() reads for an object that is handed over soon; prefetch_leaver() then prefetches the object.
-  /// Call each for all objects before the next: at the end of a frame they are not in the cache.
+  /// Both prefetch an object that is handed over soon: first what find() reads, then the object. At the end of a frame
+  /// neither is in the cache. So call prefetch_index() for all such objects, and only then prefetch_leaver() for all.
   void prefetch_index(ObjectNumber number) const noexcept { index_.prefetch(number); }
   void prefetch_leaver(ObjectNumber number) const noexcept;
   /// The record for the next host.
   messages::HandOverRecord hand_over(std::size_t i) const noexcept;
-  /// Sets a pose before the next move, which continues from it. False if the object is not hosted.
+  /// Sets pose and presence. The next move continues from there. Returns false if the object is not hosted.
   bool place(ObjectNumber number, const Pose& pose, bool present);
   /// Adopts the objects of an `adopt` or `hand_over` message.
   void adopt(const messages::MessageView& message);
-  /// Applies a message of type adopt, drop or place from the server; false for any other type. Hand-overs come from CD
-  /// nodes and are applied by their receiver with adopt().
+  /// Applies a message of type adopt, drop or place from the server. Returns false for any other type. Hand-overs come
+  /// from CD nodes, and their receiver applies them with adopt().
   bool apply(const messages::MessageView& message);
-  /// In the next move the object stands at `pose`, whatever the model computes. Applies to one frame.
+  /// In the next move() the object takes `pose` and is present, whatever the model computes. Applies to one frame.
   void steer(ObjectNumber number, const Pose& pose);
 
   /// Clears C(frame); the add functions below fill it. C(frame - 1) stays readable, also for other threads.
   void begin_contacts(std::uint64_t frame) noexcept { lists_[frame & 1].clear(); }
-  /// Adds a contact of C(frame) that the role found itself, in any order, whether or not it hosts an object of it.
-  /// Before any add_contact(). The caller writes all fields but the phase, which is set to persist.
+  /// Adds a contact of C(frame) that the role found itself, whether or not it hosts one of the two objects. In any
+  /// order, but before any add_contact(). The caller writes all fields of the result except `phase`, which is set to
+  /// persist, and `reserved`. The reference is valid until the next contact is added.
   Contact& add_own_contact(std::uint64_t frame);
-  /// After the last own contact: appends the next own contact in order of (a, b). `contact` counts in the order of
-  /// add_own_contact(), `key` is base::PairSort::key of its numbers. `a`, `b`: indices at which the two objects are
-  /// hosted, if known; they are tried first when contacts are gathered.
+  /// Call it after the last own contact was added, once for each own contact in order of (a, b). `contact` is its
+  /// position in the order of add_own_contact(), and `key` is base::PairSort::key of its two numbers. `a` and `b` are
+  /// the indices at which the two objects are hosted, if known; they are tried first when contacts are gathered.
   void order_own_contact(std::uint64_t frame, std::uint64_t key, std::uint32_t contact,
                          std::uint32_t a = base::NumberIndex::none, std::uint32_t b = base::NumberIndex::none) {
     ContactList& list = lists_[frame & 1];
     list.keys.push_back(key);
     list.own_order.push_back({contact, a, b});
   }
-  /// Sets the phases of 64 own contacts: bit i of `persists` belongs to own contact 64 * word + i in order of (a, b).
+  /// Sets the phases of 64 own contacts. Bit i of `persists` belongs to own contact 64 * word + i in order of (a, b): 1
+  /// if the contact persists, 0 if it begins.
   void confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept;
-  /// Sets the phase of an own contact, in the order of add_own_contact(), to begin.
+  /// Sets the phase of an own contact to begin. `contact` is its position in the order of add_own_contact().
   void confirm_begin(std::uint64_t frame, std::uint32_t contact) noexcept {
     lists_[frame & 1].contacts[contact].phase = Phase::begin;
   }
@@ -130,22 +132,24 @@ class Host {
   void add_contact(std::uint64_t frame, const Contact& contact) { lists_[frame & 1].add(contact); }
   /// Adds all contacts of a `notify` message.
   void add_contacts(std::uint64_t frame, const messages::MessageView& message);
-  /// Adds a contact of C(frame - 1) before move(frame), for an object that was adopted between the two frames. In any
-  /// order; duplicates are allowed.
+  /// Adds a contact of C(frame - 1) before move(frame), for an object that was adopted between the two frames. Late
+  /// contacts may come in any order and more than once.
   void add_late_contact(const Contact& contact) { late_.add(contact); }
   void add_late_contacts(const messages::MessageView& message);
-  /// Received contacts of that frame; they are overwritten two frames later.
+  /// The contacts of C(frame) that the role received. They are overwritten two frames later.
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept {
     return lists_[frame & 1].contacts.span().subspan(lists_[frame & 1].own);
   }
   /// Reserves for this many contacts per frame.
   void reserve_contacts(std::size_t contacts);
 
-  /// Computes S(frame) of all hosted objects from S(frame - 1) and C(frame - 1). Afterwards changed() lists the objects
-  /// whose pose, presence or state differs, and those with flag_host_owned, which are reported when they come to rest.
+  /// Computes S(frame) of all hosted objects from S(frame - 1) and C(frame - 1). Afterwards changed() lists the indices
+  /// of the objects whose pose, presence or state differs. It also lists those with flag_host_owned, which are reported
+  /// when they come to rest. Objects for which the model throws or returns an invalid pose do not move: see refusals().
   void move(std::uint64_t frame);
-  /// The same in batches, so that changes are processed while they are in the cache: begin_move(), then move_next()
-  /// until it returns false; changed() lists those of the last batch. Precondition: no steer() since the last move.
+  /// The same in batches, so that changes are processed while they are in the cache. Call begin_move(), then
+  /// move_next() until it returns false. After each call changed() lists the objects of that batch. Precondition: no
+  /// steer() since the last move.
   void begin_move(std::uint64_t frame);
   bool move_next();
   std::span<const std::uint32_t> changed() const noexcept { return changed_.span(); }
@@ -154,14 +158,15 @@ class Host {
   const HostRefusals& refusals() const noexcept { return refusals_; }
 
  private:
-  /// A contact of a hosted object: its position in the list, and the indices of its hosted objects.
+  /// A contact of a hosted object: its position in the list, and the indices of its objects. The index of an object
+  /// that is not hosted, or not known to be, is base::NumberIndex::none.
   struct HostedContact {
     std::uint32_t contact, a, b;
   };
   /// Contacts of a frame: first `own` in the order of detection, then the received ones in order of (a, b).
   struct ContactList {
     base::FlatList<Contact> contacts;
-    /// PairSort::key, ascending: of the own contacts, then of the received ones; 0 if the contact ended.
+    /// PairSort::key of each own contact, ascending; then that of each received contact, ascending, or 0 if it ended.
     base::FlatList<std::uint64_t> keys;
     /// Own contacts in order of (a, b), with the hosted indices known to the role.
     base::FlatList<HostedContact> own_order;
@@ -202,7 +207,7 @@ class Host {
   base::FlatList<Hosted> hosted_;
   base::FlatList<ObjectNumber> numbers_;  ///< of each hosted object; 16 fit a cache line
   base::FlatList<std::byte> states_;
-  std::vector<std::uint8_t> touched_;  ///< differs, or was placed since the last move
+  std::vector<std::uint8_t> touched_;  ///< by hosted object: it differs, or was placed since the last move
   bool list_all_next_ = false;
   bool list_all_ = false;  ///< list_all() applies to this move
   base::FlatList<std::uint32_t> cells_;
@@ -211,7 +216,7 @@ class Host {
   ContactList lists_[2];  ///< by parity of the frame
   ContactList late_;
   const Contact* known_contacts_ = nullptr;   ///< C(k-1) while moving
-  std::vector<std::uint32_t> contact_begin_;  ///< by hosted object: its run in contact_order_
+  std::vector<std::uint32_t> contact_begin_;  ///< by hosted object: where its contacts begin in contact_order_
   base::FlatList<std::uint32_t> contact_order_;
   base::FlatList<HostedContact> hosted_contacts_;  ///< in order of (a, b)
   struct Steered {
@@ -229,8 +234,10 @@ class Host {
   std::vector<std::byte> scratch_;
 };
 
-/// Checks a pose and normalises its orientation if it is outside rounding of unit length. Returns ok, not_finite or
-/// not_unit; `pose` changes only with ok. Idempotent: a pose that it returned is accepted unchanged.
+/// Checks a pose, and normalises its orientation if its length differs from 1 by more than rounding. Returns ok,
+/// not_finite (also for a position beyond farthest_coordinate), or not_unit (the length differs from 1 by more than
+/// about 10^-3). Changes `pose` only if it returns ok. Idempotent: a second call accepts the pose and does not change
+/// it. Any thread may call it.
 Status make_valid(Pose& pose) noexcept;
 
 }  // namespace ringfence::nodes
