@@ -24,15 +24,20 @@ namespace ringfence::dds {
 /// The World's side of a cluster: membership, and the bridge between the rings of the server's process and the parcels
 /// of the network.
 ///
-/// Nodes announce themselves by Presence. Changes take effect when the World asks between frames; only a loss is
-/// reported to the server within the frame. Messages between two remote nodes pass through here: a star of 2n channels
-/// instead of n x n, and the last messages of a lost node are refused in one place.
+/// Nodes announce themselves by Presence. Changes of membership take effect when the World asks for them between
+/// frames; only a loss is reported to the server within the frame. Messages between two remote nodes pass through this
+/// object. So n nodes need 2n one-way channels instead of n x n, and the last messages of a lost node are refused in
+/// one place.
+///
+/// Threads, call order and failures: see RemoteNodes.
 class ClusterNodes final : public RemoteNodes {
  public:
+  /// Joins the DDS domain. Throws Error if that fails.
   explicit ClusterNodes(ClusterConfig config);
   ~ClusterNodes() override;
 
   std::uint32_t domain() const noexcept { return domain_.number(); }
+  /// Call it between frames.
   ClusterReport report() const;
 
   void open(const WorldParameters& terms) override;
@@ -53,30 +58,30 @@ class ClusterNodes final : public RemoteNodes {
   struct Node {
     std::uint64_t incarnation = 0;
     std::string name;
-    std::string reason;
-    bool fits = false;
+    std::string reason;  ///< Presence::reason
+    bool fits = false;   ///< same version, byte order, record layout and release
     std::atomic<NodeState> state{NodeState::joining};
     std::atomic<bool> gone{false};  ///< its lease has expired, or it has announced its end
     bool refusal_logged = false;
-    bool dismissed = false;
+    bool dismissed = false;  ///< was assigned before; it is not assigned again
     bool assigned = false;
-    // Valid while it has a channel.
+    // Valid while `parcel_channel` is set.
     Entity writer;
     std::unique_ptr<ParcelChannel> parcel_channel;
     NodeNumber number = 0;
     nodes::Connection server;
-    /// Its ends of the connections with nodes in this process, by their numbers: nearly always none.
+    /// Its ends of the connections with the nodes in this process, with their numbers. Nearly always empty.
     std::vector<std::pair<NodeNumber, nodes::Connection>> peers;
-    bool lost = false;    ///< the server knows of the loss
+    bool lost = false;    ///< its loss was reported to the server
     bool broken = false;  ///< a parcel is missing, or a message breaks the protocol
     // Times for ClusterReport::changes; 0: not yet.
-    std::uint64_t seen_ns = 0;
+    std::uint64_t seen_ns = 0;  ///< of its first announcement
     std::uint64_t asked_to_leave_ns = 0;
     std::uint64_t assigned_ns = 0;
     std::uint64_t last_parcel_ns = 0;               ///< of its last parcel
     std::uint64_t lost_ns = 0;                      ///< when the loss was reported to the server
     std::atomic<std::uint64_t> first_parcel_ns{0};  ///< of its first parcel after the assignment
-    bool join_noted = false;
+    bool join_noted = false;                        ///< its join is in ClusterReport::changes
   };
 
   bool publish_terms();
@@ -107,19 +112,19 @@ class ClusterNodes final : public RemoteNodes {
   std::atomic<bool> presence_waits_{false};
   std::atomic<bool> member_is_gone_{false};
 
-  // Taken by the World's thread, and by the server's thread when membership has changed. Never by threads of Cyclone
-  // DDS.
+  // Taken by the World's thread, and by the server's thread when a Presence has arrived or when a node that is not
+  // assigned asks about its assignment. Never taken by threads of Cyclone DDS.
   mutable std::mutex mutex_;
   std::condition_variable noted_;
   std::map<std::uint64_t, std::shared_ptr<Node>> nodes_;  ///< by incarnation
 
-  // Set between frames, used by the bridge.
+  // Set between frames by the World's thread, used in a frame by the bridge.
   nodes::ServerRole* server_ = nullptr;
   std::vector<std::shared_ptr<Node>> assigned_by_number_;  ///< by number; null for those in this process
   std::unordered_map<std::uint64_t, Node*> assigned_by_incarnation_;
   std::uint32_t shapes_ = 0;
   std::uint32_t published_map_epoch_ = 0;
-  bool losses_ = false;  ///< to be reported to the server
+  bool losses_ = false;  ///< there may be losses that were not reported to the server
   ClusterReport totals_;
   std::atomic<std::uint64_t> stale_parcels_{0};
 

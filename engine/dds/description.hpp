@@ -16,26 +16,27 @@
 
 namespace ringfence::dds {
 
-/// Parameters of a World that its nodes need besides shapes and regions: the bytes of TermsSample.
+/// Parameters of a World that its nodes need besides shapes and regions. Sent as the bytes of TermsSample.
 struct WorldTermsRecord {
-  double bounds_min[3] = {};
+  double bounds_min[3] = {};  ///< metres
   double bounds_max[3] = {};
   double lease_ms = 0;
-  std::uint64_t setup_bytes = 0;  ///< size of ClusterConfig::setup; if not 0, the setup follows as a piece
-  std::uint32_t cells_log2[3] = {};
-  std::uint32_t placement = 0;
+  std::uint64_t setup_bytes = 0;     ///< size of ClusterConfig::setup; if not 0, the setup follows as a piece
+  std::uint32_t cells_log2[3] = {};  ///< as in regions::CellGrid
+  std::uint32_t placement = 0;       ///< value of Placement
   std::uint32_t layer_masks[32] = {};
-  std::uint32_t state_bytes = 0;  ///< of the World's motion model
-  std::uint32_t has_model = 0;
-  std::uint32_t keep_resting = 0;
-  std::uint32_t remember_axes = 0;
-  std::uint32_t hosts = 0;        ///< its nodes host objects (user/collision deployment)
-  std::uint32_t max_objects = 0;  ///< Limits::objects
+  std::uint32_t state_bytes = 0;    ///< size of the motion model's state of one object
+  std::uint32_t has_model = 0;      ///< 1: the World has a motion model
+  std::uint32_t keep_resting = 0;   ///< 1: WorldConfig::keep_resting is set
+  std::uint32_t remember_axes = 0;  ///< 1: WorldConfig::remember_axes is set
+  std::uint32_t hosts = 0;          ///< 1: its nodes host objects (user/collision deployment)
+  std::uint32_t max_objects = 0;    ///< Limits::objects
 };
 static_assert(sizeof(WorldTermsRecord) == 232 && std::is_trivially_copyable_v<WorldTermsRecord>);
 
-// The input of the unpack functions is not trusted: they throw Error, with what was found, if the bytes are not those
-// that a World of this release sends, and allocate at most a small multiple of the size of the input. Any thread.
+// The unpack functions do not trust their input. They throw Error, with what was found, if a World of this release
+// cannot have sent the bytes. They allocate at most a small multiple of the size of the input. Any thread may call the
+// functions of this file.
 
 /// Decodes the bytes of TermsSample.
 WorldTermsRecord unpack_terms(std::span<const std::byte> bytes);
@@ -45,7 +46,7 @@ inline regions::CellGrid grid_of(const WorldTermsRecord& terms) noexcept {
 }
 /// Decodes the bytes of a Parcel of kind `assign`.
 AssignmentRecord unpack_assignment(std::span<const std::byte> bytes, const WorldTermsRecord& terms);
-/// Decodes the bytes of a Piece of kind `regions`: the map of that assignment.
+/// Decodes the bytes of a complete Piece of kind `regions`: the region map that `assignment` names.
 regions::RegionMap unpack_regions(std::span<const std::byte> bytes, const WorldTermsRecord& terms,
                                   const AssignmentRecord& assignment);
 

@@ -22,7 +22,8 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-// A World that is silent for longer than a lease may be busy, or the network may recover soon.
+// A node leaves a World that is silent for this long. It waits longer than a lease, because the World may be busy, or
+// the network may recover soon.
 constexpr std::chrono::seconds world_timeout(3);
 
 std::string own_name() {
@@ -37,7 +38,8 @@ class NodeService::Implementation {
  public:
   explicit Implementation(NodeServiceConfig config)
       : config_(std::move(config)),
-        // Two polls, then sleep: on a machine with more nodes than cores, another process needs this core.
+        // Polls only briefly before it sleeps: on a machine with more nodes than cores, another process needs this
+        // core.
         bell_(link::SpinPolicy{20, 2}),
         control_hook_{[this] { ring_control(); }, [this] { ring_control(); }},
         parcel_hook_{[this] {
@@ -66,7 +68,7 @@ class NodeService::Implementation {
   ExitReason run() {
     const base::DefaultFloatingPoint floating_point;
     const link::ScopedBatchScheduling batch_scheduling;
-    // A congested network rings no bell, so pending parcels are retried on a timer.
+    // No bell rings when a congested network can send again, so pending parcels are also retried on a timer.
     constexpr std::chrono::milliseconds tick(20);
     log(LogLevel::info, "waits for a World in domain " + std::to_string(domain_.number()));
     while (!ending_) {
@@ -90,8 +92,8 @@ class NodeService::Implementation {
     }
   }
 
-  // A new reader after each World: it receives the terms of all Worlds again, also of those that were published while
-  // another World was served.
+  // Creates a new reader, at the start and after each World. It receives the terms of all Worlds, including those that
+  // were published while the node served another World.
   void read_terms() {
     terms_ = domain_.reader(Topic::terms, liveliness_qos(config_.network.lease_ms), config_.network.world);
     Domain::set_hook(terms_, control_hook_);
@@ -103,7 +105,7 @@ class NodeService::Implementation {
            drains_.load(std::memory_order_relaxed) != drains_seen_;
   }
 
-  // Called by the receiving threads.
+  // Called by the receiving threads of Cyclone DDS.
   void ring_control() {
     control_waits_.store(true, std::memory_order_release);
     bell_.ring();
@@ -207,8 +209,8 @@ class NodeService::Implementation {
     begin_session();
   }
 
-  // Throws Error for a World of another version, byte order or release: its records could be misread, and its contacts
-  // could differ in a bit.
+  // Throws Error for a World of another version, byte order, record layout or release: this node could misread its
+  // records, or find contacts with other bits.
   void check_release(const TermsSample& sample) const {
     std::uint8_t order[4];
     write_byte_order(order);
@@ -236,7 +238,8 @@ class NodeService::Implementation {
     }
   }
 
-  // Sends the World the reason and waits for other Worlds.
+  // Leaves the World and sends it the reason. Then the node waits for other Worlds; with NodeServiceConfig::once it
+  // ends.
   void refuse(std::uint64_t world, const std::string& reason) {
     log(LogLevel::error, reason + "; the node refuses this World");
     leave_world();
@@ -252,8 +255,8 @@ class NodeService::Implementation {
     }
   }
 
-  // Gives the World time to receive the reason before this process ends: the discovery of its reader may take several
-  // round trips.
+  // Gives the World time to receive the reason before this process ends: the discovery of the World's reader may take
+  // several round trips.
   static void await_reader(dds_entity_t writer) {
     constexpr int max_ms = 500;
     dds_publication_matched_status_t matched{};
@@ -282,8 +285,8 @@ class NodeService::Implementation {
     }
   }
 
-  // After its lease has expired, DDS considers the World alive only after a new sample of its terms; parcels to this
-  // node show it, too.
+  // Whether nothing shows that the World is alive. After its lease has expired, DDS reports it alive again only when a
+  // new sample of its terms arrives. A parcel to this node also shows that it is alive.
   bool is_world_silent() {
     if (std::exchange(parcels_arrived_, false)) {
       return false;
@@ -291,7 +294,8 @@ class NodeService::Implementation {
     return !world_is_alive_;
   }
 
-  // Called with every step, so it queries DDS only every 10 ms, or while the World is silent.
+  // Detects a World that is silent. Called in every step, but does something only every 10 ms, or in every step while
+  // the World is silent.
   void check_world() {
     if (world_ == nullptr) {
       return;
@@ -325,6 +329,7 @@ class NodeService::Implementation {
     }
   }
 
+  // Ends the node when it has nothing to hand over, or when drain() was called a second time.
   void leave() {
     if (drains_seen_ > 1 || session_ == nullptr || session_->leave()) {
       ending_ = ExitReason::drained;

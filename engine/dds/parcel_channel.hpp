@@ -26,23 +26,25 @@ static_assert(sizeof(Packing) == 8);
 /// without loss.
 ///
 /// Messages from rings are collected and written as one sample when the sender pauses or the next message might not
-/// fit: one parcel per stage of the frame instead of one per message. At most `window` parcels are unacknowledged; then
-/// the channel is full, and further messages stay in their ring. So a full channel acts like a full ring: nothing
-/// waits, nothing is dropped, and the caches of DDS stay bounded. Every parcel acknowledges what its sender has
-/// received; a receiver that has nothing to send acknowledges after half a window.
+/// fit. This makes one parcel per stage of the frame instead of one per message. The channel is full while `window`
+/// parcels are not acknowledged, or DDS takes no sample; then further messages stay in their ring. So a full channel
+/// acts like a full ring: no thread waits, no message is dropped, and the caches of DDS stay bounded. Every parcel
+/// acknowledges the parcels that its sender has processed. A receiver that has nothing to send acknowledges after half
+/// a window.
 ///
-/// Threads: one. Memory: 128 KiB, plus parcels that wait for room in a ring.
+/// Threads: one at a time, except where a function states otherwise. Memory: 128 KiB, plus at most `window` received
+/// parcels that wait for room in a ring.
 class ParcelChannel {
  public:
   static constexpr std::uint64_t window = 32;
-  static constexpr std::size_t max_bytes = 60'000;  ///< of a parcel: one datagram with its headers
+  static constexpr std::size_t max_bytes = 60'000;  ///< of a parcel, so that it fits one datagram with its headers
 
   struct Counters {
     std::uint64_t sent_parcels = 0, sent_bytes = 0;
     std::uint64_t received_parcels = 0, received_bytes = 0;
-    std::uint64_t refused_writes = 0;
-    std::uint64_t answers = 0;    ///< number of replies: parcels received after something was sent
-    std::uint64_t answer_ns = 0;  ///< sum of the times from the first unanswered parcel to the reply
+    std::uint64_t refused_writes = 0;  ///< writes refused because the window was full or DDS could not take the sample
+    std::uint64_t answers = 0;         ///< replies: first parcels received after at least one parcel was sent
+    std::uint64_t answer_ns = 0;       ///< sum over the replies of the time since the first parcel that it replies to
     std::uint64_t answer_ns_max = 0;
   };
 
@@ -54,17 +56,18 @@ class ParcelChannel {
   Counters counters() const noexcept;
   /// Number of numbered parcels sent.
   std::uint64_t sent() const noexcept { return sent_; }
-  /// Sets the number of shapes of the World, which parcels carry. May be called from any thread.
+  /// Sets the number of shapes of the World, which later parcels carry. May be called from any thread.
   void set_shapes(std::uint32_t shapes) noexcept { shapes_.store(shapes, std::memory_order_relaxed); }
 
   // Sending.
-  /// Collects messages from `in`. False if the channel is full before `in` is empty.
+  /// Takes messages from `in` and collects them. Returns false if the channel is full before `in` is empty.
   bool gather(link::Receiver& in);
-  /// Adds one message. False if the channel is full; then nothing is added.
+  /// Collects one message. Returns false and adds nothing if the channel is full.
   bool add(std::span<const std::byte> message);
-  /// Writes what was collected. False if the channel is full.
+  /// Writes what was collected and queued. Returns false if the channel is full; then the rest is kept.
   bool flush();
-  /// Queues a parcel that is not a message; it follows what was collected before and precedes what comes later.
+  /// Queues a control record as a parcel of its own. The parcel follows the messages that were collected before the
+  /// call and precedes those that are collected later.
   void enqueue(ParcelKind kind, std::span<const std::byte> bytes);
   /// Sends an unnumbered parcel at once; it is lost if it cannot be written.
   void send_unnumbered(ParcelKind kind);
@@ -72,16 +75,16 @@ class ParcelChannel {
 
   // Receiving.
   /// Processes the parcel's acknowledgement and passes its contents to `deliver(kind, shapes, offset, bytes)` without
-  /// copying. If that returns false, this parcel and those behind it are held. `deliver` advances `offset` past what
-  /// it has processed. Returns false if the channel is broken: an earlier parcel is missing, the parcel is longer than
-  /// max_bytes, or the sender exceeds the window.
+  /// copying. `deliver` advances `offset` past what it has processed. If it returns false, a copy of this parcel is
+  /// held, and so are all later parcels until deliver_held() has passed them on. Returns false if the channel is
+  /// broken: an earlier parcel is missing, the parcel is longer than max_bytes, or the sender exceeds the window.
   template <class Deliver>
   bool receive(const ParcelSample& parcel, Deliver& deliver);
-  /// Passes held parcels on, in order, until `deliver` returns false. Returns whether anything was processed.
+  /// Passes held parcels on, in order, until `deliver` returns false. Returns whether `deliver` has processed anything.
   template <class Deliver>
   bool deliver_held(Deliver& deliver);
   bool has_held() const noexcept { return !held_.empty(); }
-  /// Acknowledges received parcels if that is due and no other parcel has done it.
+  /// Sends an acknowledgement if half a window of processed parcels is not acknowledged yet.
   void acknowledge();
 
  private:
@@ -108,12 +111,12 @@ class ParcelChannel {
   std::deque<HeldParcel> held_;
   std::uint64_t sent_ = 0;               ///< numbered parcels
   std::uint64_t sent_acknowledged_ = 0;  ///< of them, acknowledged by the other end
-  std::uint64_t received_ = 0;
+  std::uint64_t received_ = 0;           ///< numbered parcels
   std::uint64_t processed_ = 0;
-  std::uint64_t acknowledgement_sent_ = 0;
-  std::uint64_t unanswered_since_ns_ = 0;  ///< time of the first parcel sent after the last one received; 0: none
+  std::uint64_t acknowledgement_sent_ = 0;  ///< number of processed parcels in the last acknowledgement sent
+  std::uint64_t unanswered_since_ns_ = 0;   ///< time of the first parcel sent after the last one received; 0: none
 
-  /// Counter with one writing thread, so a load and a store suffice.
+  /// A counter that one thread changes, so a load and a store suffice. Any thread may read it.
   class Counter {
    public:
     void add(std::uint64_t more) noexcept { value_.store(value() + more, std::memory_order_relaxed); }
@@ -127,8 +130,9 @@ class ParcelChannel {
   Counter answers_, answer_ns_, answer_ns_max_;
 };
 
-/// Calls `see(message)` for each message of a parcel from `offset` on, until it returns false; sets `offset` behind the
-/// last processed message. False if it stopped; invalid bytes end the parcel.
+/// Calls `visit(message)` for each message of a parcel from `offset` on. If `visit` returns false, returns false and
+/// sets `offset` to the start of that message. Otherwise returns true and sets `offset` to the end of the parcel.
+/// Invalid bytes end the parcel. Precondition: `offset` is at most the size of `bytes`.
 template <class Visit>
 bool for_each_message(std::span<const std::byte> bytes, std::size_t& offset, Visit visit) {
   while (bytes.size() - offset >= sizeof(Packing)) {
@@ -147,8 +151,8 @@ bool for_each_message(std::span<const std::byte> bytes, std::size_t& offset, Vis
   return true;
 }
 
-/// Copies a message into a ring without publishing it. False if there is no room now; a message that can never fit is
-/// dropped.
+/// Copies a message into a ring without publishing it. Returns false if there is no room now. Returns true and drops
+/// the message if it can never fit.
 inline bool copy_to_ring(std::span<const std::byte> message, link::Sender& out) {
   if (message.size() > out.largest_message()) {
     return true;

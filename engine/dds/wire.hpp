@@ -32,9 +32,10 @@ enum class NodeState : std::uint32_t {
 enum class ParcelKind : std::uint32_t {
   messages,          ///< whole messages; see Packing
   assign,            ///< World to node, before a frame: AssignmentRecord
-  dismissed,         ///< World to node: no longer assigned; announce again, or end
+  dismissed,         ///< World to node: the node is no longer assigned; it announces itself again or ends
   taken,             ///< only an acknowledgement, Parcel::taken; not numbered
-  assignment_query,  ///< node to World: am I still assigned? If not, the reply is `dismissed`; not numbered
+  assignment_query,  ///< node to World: asks whether it is still assigned; if not, the reply is `dismissed`; not
+                     ///< numbered
 };
 
 /// Kind of a Piece.
@@ -46,21 +47,22 @@ enum class PieceKind : std::uint32_t {
 
 /// Assignment of a node from the next frame on.
 struct AssignmentRecord {
-  std::uint32_t number = 0;
-  std::uint32_t count = 0;
-  std::uint64_t objects = 0;  ///< number to reserve for
-  std::uint64_t pairs = 0;
+  std::uint32_t number = 0;     ///< the node's number, below `count`
+  std::uint32_t count = 0;      ///< number of nodes of the World
+  std::uint64_t objects = 0;    ///< number of objects to reserve for
+  std::uint64_t pairs = 0;      ///< number of pairs to reserve for
   std::uint32_t epoch = 0;      ///< of the current map
   std::uint32_t map_nodes = 0;  ///< number of nodes in that map
   std::uint32_t map_words = 0;  ///< size of its table
-  std::uint32_t is_new = 0;     ///< 1: the node has no role yet
+  std::uint32_t is_new = 0;     ///< 1: the node was not assigned before
 };
 static_assert(sizeof(AssignmentRecord) == 40 && std::is_trivially_copyable_v<AssignmentRecord>);
 
 /// Version of this protocol between processes. Messages have a version of their own.
 inline constexpr std::uint32_t wire_version = 1;
 
-/// Hash of the record sizes; differs if records have another layout. See fingerprint().
+/// Hash of the version of the messages and of the record sizes. It differs if a record has another size; a change of
+/// the layout that keeps all sizes needs another version. See fingerprint().
 constexpr std::uint64_t record_layout_hash() noexcept {
   using namespace messages;
   std::uint64_t hash = 0xcbf29ce484222325u;
@@ -91,13 +93,13 @@ constexpr std::uint64_t record_layout_hash() noexcept {
   return hash;
 }
 
-/// Writes a constant in this machine's byte order.
+/// Writes a constant in this machine's byte order, so that processes can compare their byte orders.
 inline void write_byte_order(std::uint8_t (&order)[4]) noexcept {
   constexpr std::uint32_t mark = 0x01020304;
   std::memcpy(order, &mark, sizeof mark);
 }
 
-/// A byte sequence that refers to memory of the caller.
+/// A byte sequence that refers to `bytes` without copying them: for writing only, while `bytes` exist.
 inline ringfence_wire_Bytes borrow(std::span<const std::byte> bytes) noexcept {
   ringfence_wire_Bytes borrowed{};
   borrowed._maximum = borrowed._length = static_cast<std::uint32_t>(bytes.size());
@@ -105,6 +107,7 @@ inline ringfence_wire_Bytes borrow(std::span<const std::byte> bytes) noexcept {
   borrowed._release = false;
   return borrowed;
 }
+/// The bytes of a sequence. Valid as long as the sequence.
 inline std::span<const std::byte> bytes_of(const ringfence_wire_Bytes& bytes) noexcept {
   return {reinterpret_cast<const std::byte*>(bytes._buffer), bytes._length};
 }

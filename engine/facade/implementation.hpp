@@ -34,39 +34,43 @@ namespace ringfence {
 
 namespace facade {
 
-/// Default size of the ring between the server and a CD node, bytes.
+/// Default size of a ring between the server and a CD node of this process, bytes.
 inline constexpr std::size_t server_node_ring = std::size_t{1} << 20;
-/// The same for a remote node: a full ring is sent over the network while the server goes on.
+/// Size of a ring between the server, or a CD node of this process, and a remote node, bytes. It is smaller, so that
+/// the network carries the first messages while the server writes the next.
 inline constexpr std::size_t remote_node_ring = std::size_t{1} << 16;
 
-/// A lost CD node. Its thread may still run, so everything that it may access is kept until the thread has ended.
+/// A CD node that was lost or has left. Its thread may still run, so everything that the thread may access is kept
+/// until it has ended.
 struct RetiredNode {
   std::unique_ptr<DuplexChannel> channel;
   std::unique_ptr<telemetry::Track> track;  ///< null without WorldConfig::timeline
   std::unique_ptr<nodes::CdNodeRole> role;
-  std::unique_ptr<Worker> worker;  ///< asked to stop; null if the server's thread stepped the role
+  std::unique_ptr<Worker> worker;  ///< dismissed; null if the server's thread stepped the role
 };
 
 /// A thread that steps user nodes, with what it uses for all of them.
 struct UserThread {
   nodes::MoveWatch watch;
-  nodes::MoveWatch::Move seen = nodes::MoveWatch::none;  ///< the move that the last check found it in
+  nodes::MoveWatch::Move seen = nodes::MoveWatch::none;  ///< the move in which the last check found the thread
   telemetry::StepClock clock;
   telemetry::Track track;
   std::unique_ptr<Worker> worker;  ///< null with nodes = 0
-  std::uint64_t cpu_ns = 0;        ///< used until the end of the last frame
+  std::uint64_t cpu_ns = 0;        ///< CPU time that the thread had used at the end of the last frame
 };
 
-/// A connected user node with its channel, publication and role.
+/// A connected user node, with its channel, publication and role.
 struct User {
+  /// `server` and `own` are the doorbells of the threads that step the server and the user node; `cells` is the number
+  /// of cells of the interest grid.
   User(std::size_t ring_bytes, link::Doorbell* server, link::Doorbell* own, std::size_t cells)
       : channel(ring_bytes, server, own), publication(cells, 64) {}
   DuplexChannel channel;
   link::Publication publication;
   std::unique_ptr<nodes::UserRole> role;
   std::size_t thread = 0;  ///< index of the user thread that steps it
-  bool late = false;       ///< no thread steps it any more
-  /// The thread that was abandoned in this user node's move. It steps no other role.
+  bool late = false;       ///< it missed its deadline; it gets no further frame
+  /// The thread that was abandoned in this user node's move, or null. It steps no other role.
   std::unique_ptr<UserThread> abandoned;
 };
 
@@ -76,7 +80,8 @@ struct User {
 /// answer calls. Member functions of Implementation: roles.cpp (server, user nodes, threads), cd_nodes.cpp (CD nodes)
 /// and losses.cpp (lost nodes). Member functions of World: requests.cpp (calls that make requests) and world.cpp.
 ///
-/// Threads: the one that calls World; roles are accessed only while no frame is running.
+/// Threads: used by the thread that calls World. If roles have threads of their own, that thread accesses a role only
+/// while no frame is running, or after it has taken the role from its thread.
 struct World::Implementation {
   explicit Implementation(WorldConfig given);
 
@@ -133,7 +138,7 @@ struct World::Implementation {
   Status check_movable(ObjectId object) const noexcept;
   bool is_connected(UserNumber user) const noexcept { return std::binary_search(users.begin(), users.end(), user); }
   bool step_inline();
-  /// Called when memory has run out: no more frames run. Returns Status::out_of_memory.
+  /// Call it when memory has run out: no further frame runs. Returns Status::out_of_memory.
   Status stop_frames() noexcept;
   void log(LogLevel level, const std::string& line) const {
     if (config.log) {
@@ -154,7 +159,7 @@ struct World::Implementation {
   std::size_t next_core = 0;
   facade::Registry registry;
   nodes::Publications publications;
-  std::unique_ptr<link::Publication> relay;
+  std::unique_ptr<link::Publication> relay;  ///< the server's publication
   link::Doorbell caller_bell;
   nodes::FrameOrder order;
   facade::Halt halt;
@@ -166,38 +171,39 @@ struct World::Implementation {
     ObjectNumber number;
     Pose pose;
   };
-  std::vector<PendingMove> pending_moves;  ///< for the next frame
-  std::vector<UserNumber> users;           ///< connected, or connecting at the next cut; ascending
-  std::vector<UserNumber> leaving;         ///< disconnected; their numbers are in use until the next cut
-  std::vector<UserNumber> cut_leaving;
-  std::array<std::uint64_t, status_count> refused{};
-  std::uint64_t begun = 0;
-  std::uint64_t frames = 0;
-  FrameReport report;
+  std::vector<PendingMove> pending_moves;             ///< for the next frame
+  std::vector<UserNumber> users;                      ///< connected, or connecting at the next cut; ascending
+  std::vector<UserNumber> leaving;                    ///< disconnected; their numbers are in use until the next cut
+  std::vector<UserNumber> cut_leaving;                ///< those that the cut of the running frame disconnects
+  std::array<std::uint64_t, status_count> refused{};  ///< by status: calls that were refused since the last frame
+  std::uint64_t begun = 0;                            ///< number of frames begun
+  std::uint64_t frames = 0;                           ///< number of frames completed
+  FrameReport report;                                 ///< of the last frame
   telemetry::Track server_track;
   std::uint32_t resize_to = 0;  ///< number of nodes from the frame after the next on; 0: no change
-  std::optional<std::uint32_t> threads_until_failure;  ///< number of threads to create before one fails, in tests
+  std::optional<std::uint32_t> threads_until_failure;  ///< for tests: number of threads created before one fails
   bool growth_logged = false;
   bool failures_logged = false;  ///< of support functions in other processes
   bool halt_logged = false;
   mutable facade::ContactIndex contact_index;
-  mutable std::uint64_t indexed_frames = 0;
+  mutable std::uint64_t indexed_frames = 0;  ///< value of `frames` for which contact_index was built
 
-  // Order of destruction: all threads end first, because they use the roles, the channels and each other's doorbells;
-  // then the roles are freed, then the channels above them.
+  // Members are destroyed from the last to the first. All threads end first (`stop`), because they use the roles, the
+  // channels and each other's doorbells. Then the roles are freed, and then the channels, which are declared before
+  // them.
   std::unique_ptr<facade::Worker> server_worker;
   /// Null for a node that the server's thread steps, and for remote nodes.
   std::vector<std::unique_ptr<facade::Worker>> node_workers;
   std::vector<std::unique_ptr<facade::Worker>> next_workers;   ///< of nodes that join the next frame
   std::vector<std::unique_ptr<telemetry::Track>> node_tracks;  ///< null for remote nodes
   std::vector<std::unique_ptr<facade::UserThread>> user_threads;
-  std::uint64_t user_threads_watched_ns = 0;
+  std::uint64_t user_threads_watched_ns = 0;  ///< time of the last check of the user threads
   std::vector<std::unique_ptr<facade::DuplexChannel>> node_channels;
   std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<facade::DuplexChannel>>
       peer_channels;  ///< lower number first
   std::map<UserNumber, std::unique_ptr<facade::User>> user_nodes;
-  std::vector<std::unique_ptr<facade::User>> parted_users;     ///< disconnected, until no thread steps them
-  std::vector<std::unique_ptr<facade::User>> stalled_users;    ///< disconnected, but their threads have not ended
+  std::vector<std::unique_ptr<facade::User>> parted_users;     ///< disconnected; freed when no thread steps them
+  std::vector<std::unique_ptr<facade::User>> stalled_users;    ///< disconnected; freed when their threads have ended
   std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;  ///< null for remote nodes
   std::vector<RemoteNodes::MemberId> node_members;             ///< local_member for nodes in this process
   std::unique_ptr<nodes::ServerRole> server;
@@ -205,7 +211,7 @@ struct World::Implementation {
   std::vector<std::unique_ptr<facade::DuplexChannel>> retired_channels;  ///< between lost nodes and other nodes
   /// Publications of nodes that are gone: readable until the next frame is complete.
   std::vector<std::unique_ptr<nodes::NodePublication>> departed_publications;
-  std::optional<NodeNumber> fallback_number;    ///< number of the fallback node that was added in the last frame
+  std::optional<NodeNumber> fallback_number;    ///< number of the fallback node, if one was added in the last frame
   std::vector<facade::Steppable> inline_roles;  ///< with nodes = 0: all roles, stepped by the calling thread
 
   struct ThreadStopper {

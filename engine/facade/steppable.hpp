@@ -6,8 +6,9 @@
 
 namespace ringfence::facade {
 
-/// Type-erased role for a thread: something to step. A failed allocation in a step becomes nodes::Step::out_of_memory,
-/// because nothing may throw in a frame.
+/// A role of any type, as a thread steps it. The role outlives it.
+///
+/// If an allocation fails in a step, `step` returns nodes::Step::out_of_memory, because nothing may throw in a frame.
 struct Steppable {
   void* role = nullptr;
   nodes::Step (*step)(void*) = nullptr;

@@ -31,7 +31,7 @@ bool Worker::start(Halt& halt, const link::Cores* cores, std::size_t pin_to, std
   halt_ = &halt;
   try {
     thread_ = std::thread([this, cores, pin_to, tick] {
-      // The thread has inherited the environment of whoever called World.
+      // The thread has inherited the floating-point environment of the thread that called World.
       const base::DefaultFloatingPoint floating_point;
       if (cores != nullptr && pin_to != unpinned) {
         cores->pin_this_thread(pin_to);
@@ -55,7 +55,7 @@ void Worker::assign(std::vector<Steppable> roles) {
   taken_bell_.wait([this] { return next_.load(std::memory_order_acquire) == nullptr; });
 }
 
-// The pointer is cleared after the old roles are dropped, so the facade may then destroy them.
+// Clears the pointer only after it has replaced the old roles: the facade may destroy them as soon as it reads null.
 bool Worker::take_assignment() {
   Assignment* assignment = next_.load(std::memory_order_acquire);
   if (assignment == nullptr) {
@@ -63,6 +63,7 @@ bool Worker::take_assignment() {
   }
   roles_ = std::move(assignment->roles);
   delete assignment;
+  // Pairs with the acquire load in assign: the effects of the old roles are visible.
   next_.store(nullptr, std::memory_order_release);
   taken_bell_.ring();
   return true;
@@ -76,7 +77,7 @@ bool Worker::step_all() {
     }
     const nodes::Step step = role.step(role.role);
     if (step == nodes::Step::abandoned) [[unlikely]] {
-      // Another thread steps the remaining roles.
+      // Another thread already steps the remaining roles.
       stop_.store(true, std::memory_order_relaxed);
       return true;
     }

@@ -19,7 +19,7 @@ namespace ringfence::facade {
 /// Threads: any. Each World has one, which outlives its threads.
 class Halt {
  public:
-  /// `caller` is rung when it is set; null if the calling thread steps all roles itself.
+  /// `caller` is the doorbell that set() rings, of the thread that calls World; null if that thread steps all roles.
   explicit Halt(link::Doorbell* caller) noexcept : caller_(caller) {}
   void set() noexcept {
     set_.store(true, std::memory_order_release);
@@ -37,11 +37,11 @@ class Halt {
 /// A thread that steps its roles and sleeps on its doorbell when none of them progresses. It computes in the default
 /// floating-point environment.
 ///
-/// Threads: assign() and the destructor are called by the facade's thread. Lock-free: a new list of roles is passed
-/// through one atomic pointer.
+/// Threads: the facade's thread calls all functions; any thread may ring the doorbell. A new list of roles is passed to
+/// the thread through one atomic pointer, without a lock.
 class Worker {
  public:
-  /// `pin_to`: index into `cores`, or `unpinned`.
+  /// Value of `pin_to` in start() for a thread that may run on any core.
   static constexpr std::size_t unpinned = ~std::size_t{0};
 
   Worker() = default;
@@ -50,21 +50,27 @@ class Worker {
   Worker(const Worker&) = delete;
   Worker& operator=(const Worker&) = delete;
 
+  /// The doorbell on which the thread sleeps.
   link::Doorbell& bell() noexcept { return bell_; }
-  /// Returns false if the system has no thread. `halt` is set when a role runs out of memory, and no role is stepped
-  /// once it is set; it outlives the thread. `tick`: longest time between two steps of the roles when no bell rings; 0:
-  /// roles are stepped only when a bell rings.
+  /// Starts the thread, without roles. Returns false if the system cannot create a thread.
+  ///
+  /// The thread sets `halt` when a role runs out of memory, and steps no role while it is set. The thread is pinned to
+  /// hardware thread `pin_to` of `cores`, unless `cores` is null or `pin_to` is `unpinned`. `tick` is the longest time
+  /// between two steps of the roles when no bell rings; 0: roles are stepped only when a bell rings. `halt` and `cores`
+  /// outlive the thread.
   [[nodiscard]] bool start(Halt& halt, const link::Cores* cores, std::size_t pin_to,
                            std::chrono::nanoseconds tick = {});
-  /// Replaces the roles of the thread; returns when the thread no longer accesses the old ones. Between frames.
+  /// Replaces the roles of the thread between two steps. Blocks until the thread no longer accesses the old roles.
+  /// Precondition: the thread was started, is not dismissed, and does not stop inside a step.
   void assign(std::vector<Steppable> roles);
-  /// Asks the thread to end without waiting for it; after has_ended() is true it steps no role any more. For threads
-  /// that may be stuck.
+  /// Requests that the thread ends, and does not wait for it: the thread may have stopped inside a step. It steps no
+  /// role any more when has_ended() returns true.
   void dismiss() noexcept;
-  /// Waits for the thread to end. Precondition: it has been dismissed, and everything that its roles use still exists.
+  /// Waits for the thread to end. Precondition: it was dismissed, and everything that its roles use still exists.
   void join() noexcept;
+  /// Whether the thread has ended. After true, the effects of its roles are visible.
   bool has_ended() const noexcept { return ended_.load(std::memory_order_acquire); }
-  /// CPU time of the thread, nanoseconds; 0 before start.
+  /// CPU time of the thread, nanoseconds; 0 before start() and after join().
   std::uint64_t cpu_ns() noexcept;
 
  private:

@@ -21,7 +21,8 @@ std::size_t farthest(std::span<const Vector> points, Measure measure) {
   return best;
 }
 
-/// Four points that are not in one plane: points far apart, unless they are coplanar up to rounding.
+/// Four of the points that are not in one plane; nothing if all points are in one plane. The four are far apart, unless
+/// all points are in one plane within rounding.
 std::optional<std::array<Vector, 4>> simplex_of(std::span<const Vector> points) {
   if (points.size() < 4) return std::nullopt;
   const Vector a = points[0];
@@ -77,8 +78,8 @@ bool ConvexSurface::add(const Vector& point) {
   std::sort(edges_.begin(), edges_.end());
   for (const std::uint64_t edge : edges_) {
     const auto from = static_cast<std::uint32_t>(edge >> 32), to = static_cast<std::uint32_t>(edge);
-    // An edge of the horizon belongs to one visible face. The new face is never degenerate: a point collinear with the
-    // edge would lie in the plane of that visible face.
+    // The horizon is the border of the faces that the point sees: each of its edges belongs to one such face. The new
+    // face is never degenerate: a point collinear with the edge would lie in the plane of that visible face.
     if (!std::binary_search(edges_.begin(), edges_.end(), directed(to, from))) add_face(from, to, apex);
   }
   return true;

@@ -10,20 +10,22 @@
 namespace ringfence::reference {
 namespace {
 
-// Dot products of unit vectors are precise to about 10^-16. Candidates this close to a decision are always tried.
+// Dot products of unit vectors are precise to about 10^-16. A direction that is within this margin of being skipped is
+// always tried.
 constexpr double decision_margin = 1e-12;
 
+/// Computes the overlap along `n` and stores it in `best` if it is smaller.
 void consider(const CorePair& pair, const Vector& n, CoreOverlap& best) {
   const double depth = pair.overlap(n);
   if (depth < best.depth) best.depth = depth, best.normal = n;
 }
 
-/// One of the two shapes, in the frame of a and of the Minkowski difference: b is mirrored, so that its outward normals
-/// become directions from a to b and its points are subtracted.
+/// One of the two shapes as a part of the Minkowski difference a - b, in the frame of a. Shape b is mirrored: its
+/// points are negated, and its outward normals become directions from a to b.
 struct Side {
   struct Edge {
     Vector direction, point;
-    Vector ends[2];  // the ends of its arc
+    Vector ends[2];  // of its arc: the normals of the two adjacent faces
   };
   std::vector<Vector> normals;
   std::vector<Vector> opposite;  // for each normal, the point of the other shape that is farthest in the opposite
@@ -31,7 +33,7 @@ struct Side {
   std::vector<Edge> edges;       // only those that can hold the least depth
 };
 
-/// Tries the directions of all faces.
+/// Tries the normals of all faces, and fills the normals and opposite points of both sides.
 CoreOverlap face_overlap(const CorePair& pair, Side& of_a, Side& of_b) {
   CoreOverlap best;
   best.depth = std::numeric_limits<double>::infinity();
@@ -55,18 +57,19 @@ CoreOverlap face_overlap(const CorePair& pair, Side& of_a, Side& of_b) {
   return best;
 }
 
-/// Whether the two shapes can overlap by less than `depth` somewhere on the arc, judged from one point of each.
+/// Whether the two shapes can overlap by less than `depth` in a direction on the edge's arc, as far as one point of
+/// each shape can show.
 ///
-/// With x of a and y of b, the overlap along n is at least n · (x - y). A unit vector on the arc is a weighted sum of
-/// its ends with weights that add up to at least one. So n · (x - y) on the arc is never less than at the ends, if it
-/// is positive at both.
+/// For a point x of a and a point y of b, the overlap along n is at least n · (x - y). A unit vector on the arc is a
+/// weighted sum of the ends of the arc, with weights that add up to at least one. So if n · (x - y) is positive at both
+/// ends, it is nowhere on the arc less than the smaller of these two values.
 bool can_be_less(const Side::Edge& edge, const Vector& opposite, double depth) {
   const Vector between = edge.point - opposite;
   return std::min(dot(edge.ends[0], between), dot(edge.ends[1], between)) < std::max(depth, 0.0);
 }
 
-/// Collects the edges whose arcs can hold a direction of less depth than `depth`. Edges of zero length do not produce a
-/// face of the Minkowski difference, unless the difference is as flat as the two shapes.
+/// Collects the edges whose arcs can hold a direction of less depth than `depth`. Edges of zero length are collected
+/// only if `lengthless`: they produce a face of the Minkowski difference only if both shapes are flat.
 void take_edges(const Core& core, const Placement& placement, double mirror, bool lengthless, double depth,
                 Side& side) {
   for (const auto& arc : core.arcs) {
@@ -86,8 +89,9 @@ bool same_side(const Side::Edge& arc, const Vector& axis) {
   return dot(arc.ends[0], axis) * dot(arc.ends[1], axis) > decision_margin;
 }
 
-/// The unit vector perpendicular to two edges, or zero if they are parallel within rounding. Then the normals of the
-/// adjacent faces cover the direction, since the Minkowski difference has no face of any width between them.
+/// The unit vector perpendicular to two edges, or zero if the edges are parallel within rounding. Parallel edges need
+/// no direction of their own: the Minkowski difference has no face of any width between the adjacent faces, so the
+/// normals of those faces are enough.
 Vector across(const Vector& p, const Vector& q) {
   const Vector n = cross(p, q);
   const double sine = length(n);
@@ -172,15 +176,15 @@ CoreOverlap epa_overlap(const CorePair& pair, double tolerance) {
   const auto surface_of_difference = [&] {
     std::vector<Vector> first;
     for (const Vector& n : directions_around()) first.push_back(farthest(n));
-    // For a needle or a plate all these points can coincide at a few places: also search perpendicular to their line
-    // and plane.
+    // For a very long or very flat difference, all these points can coincide at a few places. So also search in the
+    // directions perpendicular to their line and to their plane.
     for (const Vector& n : directions_across(first)) first.push_back(farthest(n));
     for (const Vector& n : directions_across(first)) first.push_back(farthest(n));
     return ConvexSurface::around(first);
   };
   auto surface = surface_of_difference();
   best.error = surface ? std::numeric_limits<double>::infinity() : std::abs(best.depth);
-  if (!surface) return best;  // flat: no depth in the perpendicular direction
+  if (!surface) return best;  // the difference is flat: the depth is 0 in the direction perpendicular to it
   for (int step = 0; step < 2000; ++step) {
     const auto faces = surface->faces();
     const auto nearest =
@@ -191,8 +195,8 @@ CoreOverlap epa_overlap(const CorePair& pair, double tolerance) {
     const Vector p = farthest(n);
     best.error = std::max(0.0, best.depth - inside);
     if (best.depth - inside <= tolerance || best.depth < -tolerance) return best;
-    // No point lies beyond the face, yet the bounds differ: a sliver as thin as rounding, whose normal is noise. The
-    // neighbouring faces give the same depth.
+    // If no point lies beyond the face although the bounds differ, the face is a sliver, and rounding determines its
+    // normal. The neighbouring faces give the same depth.
     if (!surface->add(p)) surface->exclude_face(static_cast<std::size_t>(nearest - faces.begin()));
   }
   return best;

@@ -6,7 +6,8 @@
 namespace ringfence::reference {
 namespace {
 
-/// A sum of doubles without rounding, stored as components with the smallest first (Shewchuk's expansion).
+/// A sum of doubles without rounding. It is stored as a list of components with the smallest first (Shewchuk's
+/// expansion).
 class ExactSum {
  public:
   void add(double value) {
@@ -29,7 +30,7 @@ class ExactSum {
     add_product(low, r);
   }
 
-  /// Components do not overlap, so the largest one decides.
+  /// The sign of the sum: that of the largest component, because the components do not overlap.
   int sign() const {
     const double largest = size_ == 0 ? 0 : parts_[size_ - 1];
     return (largest > 0) - (largest < 0);
@@ -64,7 +65,8 @@ int exact_orientation(const Vector& a, const Vector& b, const Vector& c, const V
   return sum.sign();
 }
 
-/// p·q − r·s with one rounding of a product and one of the result.
+/// p·q − r·s by Kahan's method: the rounding error of r·s is added back, so only the difference and the final sum are
+/// rounded.
 double difference_of_products(double p, double q, double r, double s) {
   const double product = r * s;
   const double error = std::fma(-r, s, product);

@@ -59,7 +59,7 @@ class FrameCheck {
     return layer_masks_.empty() || (layer_masks_[p] >> q & 1u) != 0;
   }
 
-  /// Checks everything in the contacts except the geometry. Contacts that do not name a valid pair are not checked
+  /// Checks everything in the contacts except the geometry. A contact that does not name a valid pair is not checked
   /// further.
   void check_records() {
     for (std::size_t i = 0; i < contacts_.size(); ++i) {
@@ -94,6 +94,7 @@ class FrameCheck {
     claimed_.erase(std::unique(claimed_.begin(), claimed_.end(), twice), claimed_.end());
   }
 
+  /// Checks the geometry: runs the exact test for all candidate pairs and for all pairs of the contacts.
   void check_pairs() {
     std::vector<ObjectPair> pairs = candidate_pairs();
     for (const Contact* c : claimed_) pairs.push_back({index_of_.at(c->a), index_of_.at(c->b)});
@@ -120,7 +121,7 @@ class FrameCheck {
     }
   }
 
-  /// All pairs that may collide and whose boxes touch, found by a sweep along x.
+  /// All pairs of present objects whose layers collide and whose boxes touch. Found by a sweep along x.
   std::vector<ObjectPair> candidate_pairs() const {
     // Coordinates are relative to the first object, so that no precision is lost far from the origin.
     std::vector<Extents> boxes(objects_.size());
@@ -166,7 +167,7 @@ class FrameCheck {
   std::span<const Contact> contacts_;
   Tolerance tolerance_;
   std::unordered_map<ObjectNumber, std::uint32_t> index_of_;
-  std::vector<const Contact*> claimed_;  // sorted, each pair once
+  std::vector<const Contact*> claimed_;  // the contacts that name a valid pair, sorted by (a, b), each pair once
   std::vector<Difference> differences_;
 };
 

@@ -23,31 +23,35 @@ struct FrameObject {
   Pose pose;
 };
 
-/// One error in a frame. Pairs have a < b; b is 0 where the error concerns a single contact record.
+/// One error in a frame, with the object numbers of its pair. a < b, unless the error is that a contact has a >= b.
 struct Difference {
   ObjectNumber a = 0;
   ObjectNumber b = 0;
   std::string text;  ///< e.g. "frame 12: pair 17-203 (box, hull) missing: depth 0.0123 m"
 };
 
-/// Compares the contacts of a frame with brute force over all pairs. Returns every contact that is missing, extra,
-/// duplicate, out of order, with wrong poses or phase, or wrong in itself (see describe_error), sorted by pair.
+/// Compares the contacts of a frame with those that the exact test finds. Returns one Difference for each error, sorted
+/// by pair: a contact is missing, extra, listed twice, out of order, has a >= b, names an unknown object, has wrong
+/// poses or the phase end, or is wrong in itself (see describe_error). Returns at most `max_differences`, those of the
+/// lowest pairs.
 ///
 /// `objects` may be in any order and have distinct numbers, with shapes in `shapes`. Bit j of `layer_masks[i]` says
-/// whether layers i and j collide; without masks all do. `contacts` are all begin and persist contacts of the frame and
-/// must be sorted by (a, b). The exact test runs for the pairs whose boxes touch; the boxes are computed in double from
-/// the shapes and widened by the band.
+/// whether layers i and j collide; if `layer_masks` is empty, all layers collide. `contacts` are all begin and persist
+/// contacts of the frame; that they are in order of (a, b) is checked. The exact test runs for all pairs in `contacts`
+/// and for all pairs whose boxes touch. The boxes are computed in double from the shapes and widened by the band().
 ///
 /// Threads: uses the threads of oneTBB; only the caller's thread if it runs in an arena of one. Computes in the default
-/// floating-point environment. Cost: 4000 mixed objects with 2000 contacts take 16 ms of one core. Returns at most
-/// `max_differences` differences, those of the lowest pairs.
+/// floating-point environment. Cost: 4000 mixed objects with 2000 contacts take 16 ms of one core.
 std::vector<Difference> check_frame(std::uint64_t frame, const Shapes& shapes, std::span<const FrameObject> objects,
                                     std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts,
                                     const Tolerance& tolerance = {}, std::size_t max_differences = 100);
 
-/// Checks the phases of a frame against its contacts and those of the previous frame: begin where the pair was not in
-/// contact, persist where it was. `ended` (phase end, in any order) must hold each pair that is no longer in contact,
-/// once, with the geometry and poses of the previous frame. The other spans are sorted by (a, b).
+/// Checks the phases of a frame. A contact in `now` must have the phase begin if its pair is not in `before`, the
+/// contacts of the previous frame, and otherwise persist. `ended` must contain each pair that is no longer in contact,
+/// once, with the phase end and the geometry and poses of the previous frame. Returns one Difference for each error,
+/// not sorted.
+///
+/// Precondition: `before` and `now` are in order of (a, b); `ended` may be in any order. May be called from any thread.
 std::vector<Difference> check_phases(std::uint64_t frame, std::span<const Contact> before, std::span<const Contact> now,
                                      std::span<const Contact> ended);
 

@@ -84,7 +84,7 @@ void Balance::refine(const RegionMap& map, std::uint32_t nodes) {
   for (const Weight& each : weights_) {
     total += static_cast<double>(each.weight);
   }
-  // Parts smaller than the average object do not help: each object would be in many of them.
+  // Parts that are smaller than the average object do not help: each object would be in many of them.
   std::uint32_t smallest[3];
   for (std::size_t axis = 0; axis < 3; ++axis) {
     smallest[axis] = static_cast<std::uint32_t>(

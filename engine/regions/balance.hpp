@@ -16,23 +16,23 @@ namespace ringfence::regions {
 struct BalanceConfig {
   std::uint32_t window = 16;        ///< frames whose costs are summed before they are compared
   std::uint32_t min_interval = 32;  ///< minimum number of frames from one begin_weights() to the next
-  double tolerance = 1.06;          ///< imbalance (cost of the busiest node over the mean) up to which nothing is done
-  double gain = 0.03;               ///< minimum reduction of the imbalance that a new map must promise
-  double horizon = 256;  ///< frames within which the savings of a new map must exceed the costs of the change
+  double tolerance = 1.06;          ///< imbalance (cost of the busiest node over the mean) up to which the map is kept
+  double gain = 0.03;               ///< minimum reduction of the imbalance by a new map, as computed from the weights
+  double horizon = 256;  ///< number of frames within which a new map must save more time than the change costs
   // Costs of a change of the map, in ms: for each object, for each object that the server sends to nodes again, and for
   // each object whose host changes (M5).
   double per_object_ms = 0.00005;
   double resend_ms = 0.0003;
   double hand_over_ms = 0.0005;
-  double grain = 16;  ///< cells heavier than 1/grain of a node's even share are cut
+  double grain = 16;  ///< cells heavier than 1/grain of the mean weight of a node are cut
 };
 
 /// Measures the cost of each node and proposes a map with equal costs.
 ///
-/// Each object and each contact has a weight at its position. The weights of a region are scaled by the measured cost
-/// of its node per weight. So everything that makes one region more expensive (crowding, complex shapes, a slow core)
-/// is included without a model of it. Cells that are too heavy are cut (Refinement), then the parts are divided among
-/// the nodes (Bisection).
+/// Each object and each contact has a weight at its position. The weights in a region are multiplied by the measured
+/// cost of its node per unit of weight. So everything that makes one region more expensive (crowding, complex shapes, a
+/// slow core) is included without a model of it. Cells that are too heavy are cut (Refinement), then the parts are
+/// divided among the nodes (Bisection).
 ///
 /// Hysteresis: a new map is proposed only if the minimum interval has passed, the imbalance exceeds the tolerance, and
 /// the change pays off: its savings on the busiest node within the horizon must exceed the cost of the hand-overs and
@@ -45,9 +45,11 @@ class Balance {
   /// Reserves memory for `weights` weights. More may be added, at the cost of an allocation.
   Balance(const CellGrid& grid, const BalanceConfig& config, std::size_t weights);
 
-  /// Adds the costs of one frame, in milliseconds, one value for each node.
+  /// Adds the costs of one frame, in milliseconds, one value for each node. Another number of nodes starts a new
+  /// window.
   void add_frame(std::span<const double> costs);
-  /// Whether the costs of the window call for another map. If so, add all weights, then call refine() and propose().
+  /// Whether the window is complete, the minimum interval has passed and the imbalance exceeds the tolerance. Then call
+  /// begin_weights(), add all weights, and call refine() and propose().
   bool needs_new_map() const noexcept;
   /// Cost of the busiest node over the mean, in the window; 1 if the costs are unknown.
   double imbalance() const noexcept;
@@ -67,9 +69,10 @@ class Balance {
   /// which the reference costs were measured.
   void refine(const RegionMap& map, std::uint32_t nodes);
   /// After refine(), for the nodes of `map`: the table of a better map, or empty if no change pays off. `resent` is the
-  /// number of objects that the server would send again. Valid until the next refine().
+  /// number of objects that the server would send again. Valid until the next propose().
   std::span<const std::uint32_t> propose(const RegionMap& map, std::size_t resent);
-  /// After refine(): a table for `nodes` nodes, whatever the cost of the change.
+  /// After refine(): a table for `nodes` nodes (1 to the number of cells), whatever the cost of the change. Valid until
+  /// the next refine(), propose() or partition_for().
   std::span<const std::uint32_t> partition_for(std::uint32_t nodes);
 
  private:
@@ -92,8 +95,8 @@ class Balance {
   std::vector<NodeNumber> owners_;    ///< node of each weight
   std::size_t objects_ = 0;           ///< number of objects in weights_; they come first
   std::size_t sized_objects_ = 0;     ///< number of objects in extents_
-  std::uint64_t extents_[3] = {};     ///< sum of their sizes on each axis
-  std::vector<double> node_weights_;  ///< by node
+  std::uint64_t extents_[3] = {};     ///< sum of their sizes on each axis, fixed-point steps
+  std::vector<double> node_weights_;  ///< by node; scratch
   Refinement refinement_;
   Bisection bisection_;
   RegionMap proposed_;

@@ -19,19 +19,20 @@ struct Leaf {
 
 /// Divides leaves among nodes by recursive bisection, so that all nodes get nearly the same weight.
 ///
-/// Each cut crosses the longest side (in cells) of the set that it divides. A cut may have one step, of one layer of
-/// leaves. So weights are even to about the weight of one leaf, and regions stay compact. Cost: about leaves x
-/// log(leaves) x log2(nodes). Method: recursive coordinate bisection (Berger, Bokhari 1987).
+/// Each cut crosses the longest side (in cells) of the set of leaves that it divides. It is a plane between two layers
+/// of leaves, except that it may pass through one layer with a single step. So the weights of the nodes are equal to
+/// within about the weight of one leaf, and regions stay compact. Cost: proportional to leaves x log(leaves) x
+/// log2(nodes). Method: recursive coordinate bisection (Berger, Bokhari 1987).
 ///
-/// Threads: one at a time. Memory: 24 bytes a leaf, kept for later calls; a call with no more leaves than before
-/// allocates nothing.
+/// Threads: one at a time. Memory: 20 bytes a leaf, and 32 a cell if split() for the cells of the grid is used. It is
+/// kept for later calls; a call with no more leaves than before allocates nothing.
 class Bisection {
  public:
   explicit Bisection(const CellGrid& grid);
 
-  /// Returns the owner of each leaf, in the order of `leaves`. The leaves cover the world without overlap. `nodes` is 1
-  /// to the number of leaves; every node gets at least one leaf. If all weights are 0, the leaves count equally. The
-  /// result is valid until the next call.
+  /// Returns the owner of each leaf, in the order of `leaves`. Every node gets at least one leaf. If all weights of a
+  /// set are 0, its leaves count equally. The result is valid until the next call. Precondition: the leaves cover the
+  /// world without overlap, and `nodes` is 1 to the number of leaves.
   std::span<const NodeNumber> split(std::uint32_t nodes, std::span<const Leaf> leaves);
 
   /// The same for the cells of the grid. `weights` has one value, at least 0, for each cell, or is empty for equal

@@ -40,9 +40,10 @@ void Refinement::refine(std::span<const Weight> weights, double heaviest, const 
   }
 }
 
-// The weights in the leaf are heavy_weights_[begin, end), if its cell is heavy.
+// Cuts the leaf, and then its halves, as long as they are too heavy and can be cut. Adds the resulting leaves. The
+// weights in the leaf are heavy_weights_[begin, end) if its cell is heavy; otherwise that range is empty.
 void Refinement::cut(Leaf leaf, std::size_t begin, std::size_t end, const Limits& limits) {
-  // Cut across the side that is longest relative to the average object, and not below that object's size.
+  // The cut crosses the side that is longest relative to `smallest`. It never makes a side shorter than `smallest`.
   std::size_t axis = 3;
   double longest = 0;
   for (std::size_t candidate = 0; candidate < 3; ++candidate) {

@@ -16,6 +16,7 @@ struct CellBox {
   std::uint16_t lower[3] = {};
   std::uint16_t upper[3] = {};
   constexpr bool operator==(const CellBox&) const noexcept = default;
+  /// Whether the box consists of one cell.
   constexpr bool single() const noexcept {
     return lower[0] == upper[0] && lower[1] == upper[1] && lower[2] == upper[2];
   }
@@ -31,6 +32,7 @@ struct CellGrid {
   std::uint32_t log2[3] = {0, 0, 0};
 
   std::size_t cells() const noexcept { return std::size_t{1} << (log2[0] + log2[1] + log2[2]); }
+  /// Number of cells on an axis.
   std::uint32_t along(std::size_t axis) const noexcept { return std::uint32_t{1} << log2[axis]; }
 
   /// The cell coordinate of a fixed-point coordinate. Cells are half-open: a cell contains its lower faces. The
@@ -42,6 +44,7 @@ struct CellGrid {
   std::uint32_t index(std::uint32_t x, std::uint32_t y, std::uint32_t z) const noexcept {
     return x | y << log2[0] | z << (log2[0] + log2[1]);
   }
+  /// Number of the cell that contains a fixed-point position.
   std::uint32_t cell_of(const std::uint32_t point[3]) const noexcept {
     return index(coordinate(point[0], 0), coordinate(point[1], 1), coordinate(point[2], 2));
   }
@@ -76,17 +79,18 @@ struct CellGrid {
   static CellGrid choose(const double extents[3], std::size_t cells);
 };
 
-/// How much of the space that bounds cover a node owns.
+/// How much of the space within given bounds a node owns.
 enum class Coverage : std::uint8_t { none, part, all };
 
-/// Which CD node owns which cell. The region of a node is the set of its cells or parts of cells: a cell that is too
-/// heavy for one node is cut in half, and the halves again, as often as needed.
+/// States which CD node owns which cell. The region of a node is the set of its cells and parts of cells: a cell that
+/// is too heavy for one node is cut in half, and the halves again, as often as needed.
 ///
 /// The table has one entry for each cell: its owner's number, or cut_entry() if the cell is cut. Then follow two
 /// entries for each cut: its lower and its upper half, in the same format.
 ///
 /// Ownership is a pure function of bounds and this map, so the server and all nodes, on any machine, agree without
-/// communication. Threads: immutable except for assign(); each role has its own copy.
+/// communication. Threads: immutable except for assign(); each role has its own copy. Memory: 5 bytes a cell and 8 a
+/// cut.
 class RegionMap {
  public:
   /// The entry of a cell, or part of a cell, that is cut in the middle of `axis`. The halves are those of cut number
@@ -96,13 +100,13 @@ class RegionMap {
   }
   static constexpr bool is_cut(std::uint32_t entry) noexcept { return (entry & is_cut_bit) != 0; }
 
-  /// Divides all cells among `nodes` nodes (1 to the number of cells), in boxes of nearly equal volume. Throws Error if
-  /// there are no nodes or more nodes than cells.
+  /// Divides all cells among `nodes` nodes, in boxes of nearly equal volume. Throws Error unless `nodes` is 1 to the
+  /// number of cells.
   RegionMap(CellGrid grid, std::uint32_t nodes);
 
   const CellGrid& grid() const noexcept { return grid_; }
   std::uint32_t nodes() const noexcept { return nodes_; }
-  /// Number of the map: increases with each change. Every frame is detected under one epoch.
+  /// Serial number of the map; it increases with each change. All contacts of a frame are found under one epoch.
   std::uint32_t epoch() const noexcept { return epoch_; }
   std::span<const std::uint32_t> table() const noexcept { return table_; }
   /// Whether any cell is cut.
@@ -145,7 +149,7 @@ class RegionMap {
     }
   }
 
-  /// How much of the space that the bounds cover is owned by `node`.
+  /// How much of the space within the bounds `node` owns.
   Coverage coverage(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
     if (nodes_ == 1) {
       return node == 0 ? Coverage::all : Coverage::none;
@@ -157,9 +161,9 @@ class RegionMap {
     return coverage_of_many(bounds, node);
   }
 
-  /// Bounds within the region of `node`: the whole region if it is a box, else a box grown from a cell in its middle.
-  /// Empty (lower above upper) if the node owns no whole cell. Cost: reads every cell; not for use in a frame's inner
-  /// loops.
+  /// Bounds within the region of `node`: a box of whole cells, grown from a cell near the middle of the region. It is
+  /// the whole region if that is a box of whole cells. Empty (lower above upper) if the node owns no whole cell. Cost:
+  /// reads every cell, so it is not for the inner loops of a frame.
   geometry::Bounds interior(NodeNumber node) const;
 
   /// Whether `table`, which may come from the network, is a valid table for a map of `grid`: every cell or part of a
@@ -231,14 +235,15 @@ class RegionMap {
   std::uint32_t nodes_;
   std::uint32_t epoch_ = 1;
   std::vector<std::uint32_t> table_;
-  /// One byte for each cell. Bit x + 2y + 4z, where x, y and z are 0 or 1: whether one node owns the box from this cell
-  /// to the cell x, y and z further on the axes, and none of its cells is cut.
+  /// One byte for each cell. Bit x + 2y + 4z, where x, y and z are 0 or 1, is set if no cell of a box is cut and one
+  /// node owns them all. The box reaches from this cell to the cell that is x, y and z cells further on the three axes.
   std::vector<std::uint8_t> uniform_boxes_;
 };
 
 /// Calls `visit(node)` once for each node that owns space which the bounds cover.
 ///
-/// `stamps` has one entry for each node, `stamp` is a value not yet in it; both belong to the caller.
+/// `stamps` belongs to the caller and has one entry for each node. `stamp` is a value that is not in `stamps` yet; it
+/// is stored in the entry of each visited node.
 template <class Visit>
 void for_each_owner(const RegionMap& map, const geometry::Bounds& bounds, std::span<std::uint64_t> stamps,
                     std::uint64_t stamp, Visit visit) {

@@ -12,15 +12,15 @@ inline std::uint64_t now_ns() noexcept {
   return static_cast<std::uint64_t>(t.tv_sec) * 1'000'000'000u + static_cast<std::uint64_t>(t.tv_nsec);
 }
 
-/// CPU time of the calling thread, in ns. A system call: for use once per role and frame, not in loops.
+/// CPU time of the calling thread, in ns. Makes a system call: for use a few times per role and frame, not in loops.
 inline std::uint64_t thread_cpu_ns() noexcept {
   timespec t{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return static_cast<std::uint64_t>(t.tv_sec) * 1'000'000'000u + static_cast<std::uint64_t>(t.tv_nsec);
 }
 
-/// The part of a measured interval that is the cost of `now_ns` itself, in ns: the least of 64 empty intervals,
-/// measured at the first call.
+/// The part of a measured interval that is the cost of `now_ns` itself, in ns. It is the shortest of 64 empty
+/// intervals, which the first call measures. May be called from any thread.
 inline std::uint64_t clock_cost_ns() noexcept {
   static const std::uint64_t cost = [] {
     std::uint64_t smallest = ~std::uint64_t{0};

@@ -19,8 +19,10 @@ namespace ringfence::telemetry {
 /// Threads: enter() by the measured thread; take() by any other thread, between frames.
 class StepClock {
  public:
+  /// The steps of a user node; `end` is everything except the first two: receiving, reporting and waiting.
   enum Step : std::uint8_t { move, read_publications, end };
 
+  /// Begins a step.
   void enter(Step step) noexcept {
     if (step != step_) {
       const std::uint64_t now = thread_cpu_ns();
@@ -34,7 +36,7 @@ class StepClock {
  private:
   Step step_ = end;
   std::uint64_t entered_ns_ = 0;
-  // Atomic, because a user node that missed its deadline may still be moving when the frame is over.
+  // Atomic, because the thread of a user node that missed its deadline may still call enter() after the frame.
   std::array<std::atomic<std::uint64_t>, 3> spent_ns_{};
 };
 

@@ -12,8 +12,8 @@ namespace ringfence::telemetry {
 
 /// The timeline of one role in one frame: named spans of the monotonic clock. Names are string literals.
 ///
-/// Written by the role's thread during a frame, read by the facade between frames. No lock is needed: the messages of
-/// the frame order the two. Memory: grows to the busiest frame.
+/// Threads: the role's thread writes it during a frame, and the facade reads it between frames. No lock is needed,
+/// because the messages of the frame order the two. Memory: grows to the busiest frame.
 class Track {
  public:
   void clear() noexcept { spans_.clear(); }
@@ -30,10 +30,11 @@ class Track {
   std::vector<TimelineSpan> spans_;
 };
 
-/// Adds the duration of a scope to a total, and to a track as a span. If the track is null, it costs two reads of the
-/// clock.
+/// Measures the duration of a scope, adds it to a total, and adds a span to a track. If the track is null, the cost is
+/// two reads of the clock.
 class SpanTimer {
  public:
+  /// `track` may be null. `name` is a string literal, `total` is in ns. `track` and `total` outlive the timer.
   SpanTimer(Track* track, const char* name, std::uint64_t& total) noexcept
       : track_(track), name_(name), total_(total), begin_ns_(now_ns()) {}
   ~SpanTimer() {

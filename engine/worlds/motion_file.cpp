@@ -35,7 +35,7 @@ struct BinaryHeader {
 };
 static_assert(sizeof(BinaryHeader) == 24);
 
-/// For a comparison of poses by their bits, where -0 differs from 0.
+/// The bits of a pose. Poses are compared by their bits, so -0 differs from 0.
 using PoseBits = std::array<std::uint64_t, 5>;
 static_assert(sizeof(PoseBits) == sizeof(Pose));
 
@@ -190,7 +190,8 @@ class BinaryReader {
 
   Motion read() {
     read_header();
-    // The file has every object in every frame. Only a difference from the frame before (first: the scene) is a row.
+    // The file has every object in every frame. A row is made only where an object differs from the frame before; the
+    // first frame is compared with the scene.
     std::vector<ObjectSpec> last = scene_.objects;
     std::size_t at = sizeof(BinaryHeader);
     for (std::uint32_t frame = 0; frame < motion_.frames; ++frame) {

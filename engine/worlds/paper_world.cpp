@@ -24,8 +24,8 @@ constexpr int hull_points = 32;
 constexpr std::uint32_t mesh_frequency = 4;  // 320 triangles
 constexpr int max_attempts = 64;
 constexpr double sphere_volume = 4.18879020478639098;  // of radius 1
-constexpr double min_spacing = 0.8;                    // of start positions, as a share of the sum of the radii
-constexpr float share_at_goal = 0.9f;                  // of the steered objects; the others start on their way
+constexpr double min_spacing = 0.8;    // distance of two start positions, as a share of the sum of the radii
+constexpr float share_at_goal = 0.9f;  // share of the steered objects that start at their goal, not on the way to it
 
 enum Stream : std::uint32_t { box_sizes = 101, capsule_sizes, hull_sizes, shape_picks, orientations, positions };
 
@@ -42,7 +42,7 @@ void check(const PaperWorldOptions& options) {
           fmt::format("users: {}; expected at most one for each of the {} objects", options.users, options.objects));
 }
 
-/// Cube root by Newton's method: the result of std::cbrt differs between machines.
+/// Cube root by Newton's method, because the result of std::cbrt differs between machines.
 double cube_root(double value) {
   double root = std::max(1.0, value);
   for (int step = 0; step < 200; ++step) {
@@ -231,8 +231,8 @@ motion::SteeringConfig steering_for(const PaperWorldOptions& options, double sid
   steering.targets = options.targets != 0 ? options.targets : std::max(1u, options.objects / 50);
   steering.target_interval = options.target_interval;
   steering.retarget_interval = options.retarget_interval;
-  // Lengths scale with the mean object radius, and the spread around a target with the number of objects that share it.
-  // This bounds the local density for all parameters.
+  // Lengths are proportional to the mean object radius. The spread around a target is also proportional to the cube
+  // root of the number of objects that share the target, so the local density is bounded for all parameters.
   const double steered = options.users + (options.objects - options.users) / 2.0;
   const double sharing = std::max(1.0, steered / steering.targets);
   steering.speed = static_cast<float>(0.3 * radius);
@@ -255,7 +255,7 @@ PaperWorld make_paper_world(const PaperWorldOptions& options) {
   for (std::uint32_t i = 0; i < options.objects; ++i) {
     ObjectSpec object;
     object.number = i + 1;
-    // Two consecutive objects have the same kind: one is active, one non-active.
+    // Two consecutive objects have the same kind of shape, so active and non-active objects have the same mix of kinds.
     const auto kind = static_cast<std::size_t>(cycle[i / 2 % cycle.size()]);
     Draws draws(options.seed, shape_picks, object.number);
     object.shape = library.first[kind] + motion::uniform_below(library.count[kind], draws.word());

@@ -60,12 +60,15 @@ void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map,
   }
 }
 
+// Adds the object to the updates of the nodes whose regions it touches, and its removal to those of the nodes whose
+// regions it no longer touches.
 void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot, bool all_objects) {
   ObjectMarks& marks = objects.marks(slot);
   const bool present = objects.present()[slot] != 0;
   const Endpoint host = objects.host(slot);
   const bool cuts = map.has_cuts();
-  // The host keeps its own entry of what it reported; after a change of the map it has started afresh like all others.
+  // A host needs no update of an object that it reported in this frame, because it has changed its own entry. After a
+  // change of the map it needs all updates, because every node has cleared its entries.
   const bool by_host = (marks & reported_mark) != 0 && host.is_node() && !all_objects;
   if (by_host && (marks & (inner_mark | shared_mark)) == inner_mark) {
     marks |= notified_mark;
@@ -89,7 +92,7 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
   const regions::CellBox notified_cells = objects.notified_cells(slot);
   const bool same_owners = present && now == notified_cells && !(cuts && map.has_cuts(now));
   if ((marks & notified_mark) != 0 && !all_objects && !same_owners) {
-    // Stamped nodes receive the new position; other nodes that knew the object receive its removal.
+    // Stamped nodes receive the new position. Other nodes that have received the object before receive its removal.
     const auto leave = [&](NodeNumber node) {
       if (node != self) {
         updates_[node].push_back(slot | gone);
@@ -170,7 +173,7 @@ void Dispatch::flush(NodeNumber node, Connection& connection, messages::RunHeade
   pair_runs_[node].flush(*connection.out, head, sizeof(messages::PairRecord), counts);
 }
 
-// Pairs are sent while the sweep continues, so that nodes test the first ones while the last are found.
+// Sends pairs while the sweep continues, so that nodes test the first pairs while the server finds the last.
 bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& objects, const regions::RegionMap& map,
                           messages::RunHeader head, messages::TrafficCounts& counts) {
   constexpr std::size_t pairs_per_batch = 4096;

@@ -18,8 +18,8 @@ std::span<const HostChange> Hosting::settle(ObjectTable& objects, const regions:
     share_out(objects, users);
     return changes_;
   }
-  // Only objects that moved, appeared or lost their host at this cut can be without one. All of them are in moved(),
-  // except those of a departed user node.
+  // Only an object that moved, appeared or lost its host at this cut can have no host. All such objects are in moved(),
+  // except those of a user node that has left.
   const auto give = [&](std::uint32_t slot) {
     const ObjectRow& row = objects.row(slot);
     const Endpoint host = objects.host(slot);
@@ -50,8 +50,9 @@ std::span<const HostChange> Hosting::settle(ObjectTable& objects, const regions:
   return changes_;
 }
 
-// Equal shares, within one object. The larger shares go to the users who host more already; each user keeps what fits
-// its share, and only the rest moves. No assignment of equal shares moves less.
+// Gives all users equal shares, which differ by at most one object. The larger shares go to users that already host
+// more objects. Each user keeps as many of its objects as its share allows, and only the other objects change hosts. No
+// assignment of equal shares changes the hosts of fewer objects.
 void Hosting::share_out(ObjectTable& objects, std::span<const UserNumber> users) {
   const auto shared = [&](std::uint32_t slot) {
     const ObjectRow& row = objects.row(slot);
@@ -106,7 +107,7 @@ void Hosting::share_out(ObjectTable& objects, std::span<const UserNumber> users)
   }
 }
 
-// Replaces the number of objects that each user node hosts by the number it shall host, `total` together.
+// Replaces the number of objects that each user node hosts by its share; the shares add up to `total`.
 void Hosting::set_shares(std::size_t total) {
   const std::size_t least = total / shares_.size();
   std::size_t larger = total % shares_.size();
@@ -115,7 +116,7 @@ void Hosting::set_shares(std::size_t total) {
     larger -= more ? 1 : 0;
     share = more ? least + 1 : least;
   }
-  // `larger` remains if too few users host more than the smaller share; the first users take it.
+  // If too few users host more than the smaller share, the first users get the remaining larger shares.
   for (std::size_t& share : shares_) {
     const bool more = share <= least && larger > 0;
     larger -= more ? 1 : 0;

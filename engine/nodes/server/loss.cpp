@@ -1,11 +1,13 @@
 // Loss of CD nodes, and deadlines of user nodes.
 //
-// The server holds S(k-1) of every object and C(k-1), and each S(k) that was reported is final. So a node that is lost
-// before the contacts are known costs only time: its cells go to the others, the server moves those of its objects that
-// were not reported, and the frame is detected again under a new map. The new epoch invalidates results found under the
-// old one. A node that is lost later leaves only objects: the server reclaims them, and what was on its way to or from
-// the node. At the next cut the nodes are renumbered, and every object that the server holds is given to the node whose
-// region contains it, with its contacts.
+// The server has C(k-1) and S(k-1) of every object: in its table, or in memory that it shares with the host. Each S(k)
+// that was reported is final. So the loss of a node before the contacts are known costs only time: the other nodes get
+// its cells, the server moves those of its objects that were not reported, and the frame is detected again under a new
+// map. The new epoch invalidates the results found under the old map.
+//
+// If a node is lost after the contacts are known, only its objects have to be recovered: the server becomes the host of
+// all objects that the node hosts, hands over or receives. At the next cut the remaining nodes are renumbered, and the
+// server gives every recovered object, with its contacts, to the node whose region contains it.
 #include <algorithm>
 #include <cstring>
 
@@ -58,7 +60,8 @@ bool ServerRole::lose(NodeNumber node) {
   return true;
 }
 
-// Not called where the message is read: a loss changes the stage, the map and the lists over which the readers iterate.
+// Called after all messages have been read, not while they are: lose() changes the stage, the map and the lists over
+// which the readers iterate.
 void ServerRole::lose_broken_nodes() {
   any_broken_ = false;
   for (const PeerSession& session : nodes_) {
@@ -68,8 +71,8 @@ void ServerRole::lose_broken_nodes() {
   }
 }
 
-// In consecutive runs of cells, so that a region becomes few pieces. If no node is left, the fallback node gets all
-// cells.
+// Gives the cells of lost nodes to the remaining nodes. Each node gets consecutive cells, so that its region consists
+// of few pieces. If no node is left, the fallback node gets all cells.
 void ServerRole::reassign_cells() {
   alive_.clear();
   for (const PeerSession& session : nodes_) {
@@ -89,11 +92,11 @@ void ServerRole::reassign_cells() {
   }
   map_.assign(table_, static_cast<std::uint32_t>(nodes_.size()), map_.epoch() + 1);
   if (resize_to_ >= nodes_.size()) {
-    resize_to_ = 0;  // the nodes that were to join have joined
+    resize_to_ = 0;  // the new map already includes the nodes that join in this frame
   }
 }
 
-// Only of a lost node, whose thread may still run: reads states that it no longer writes.
+// Stores the host-owned states of a lost node. Its thread may still run, but it no longer writes the states of `frame`.
 void ServerRole::read_host_owned(NodeNumber node, std::uint64_t frame) {
   const PeerSession& session = nodes_[node];
   if (session.connection.node_contacts == nullptr) {
@@ -156,7 +159,8 @@ void ServerRole::detect_again() {
   rescan_hosts_ = true;
 }
 
-// The contacts are known. Hand-overs of the lost node will not arrive, or have arrived and are repeated at the cut.
+// Called when the contacts are known. A hand-over from the lost node may or may not arrive. In both cases its receiver
+// drops the object at the next cut, and the server then hands the object over.
 void ServerRole::cancel_hand_overs(NodeNumber node) {
   read_host_owned(node, frame_);
   for (const HandOver& change : hand_overs_) {
@@ -204,14 +208,15 @@ bool ServerRole::send_losses(PeerSession& session) {
   if (!session.new_map_run.done() && !send_map(session, session.new_map_run)) {
     return false;
   }
-  // The fallback node joins a frame that has already begun.
+  // Other nodes have already received frame_begin. A fallback node joins while the frame is running, so it receives it
+  // here.
   return stage_ == Stage::starting_nodes ||
          session.begin_run.pump(*session.connection.out, head(MessageType::frame_begin, session.self), 0,
                                 report().traffic, [](std::size_t, std::byte*) {});
 }
 
-// The last node is lost and the contacts are not known: the facade creates a fallback node, which the server's thread
-// steps.
+// Connects the fallback node, which the facade creates when the last node is lost before the contacts are known. The
+// server's thread steps that node. Returns false while the facade has not created it.
 bool ServerRole::connect_fallback() {
   FrameOrder& order = *setup_.order;
   if (!order.fallback_ready.load(std::memory_order_acquire)) {
@@ -273,6 +278,7 @@ void ServerRole::renumber_nodes() {
   rescan_hosts_ = map_precedes_frame_ = true;
 }
 
+// At the cut: gives every recovered object to the node whose region contains it, with its contacts of the frame before.
 void ServerRole::restore_objects() {
   if (!recovered_) {
     return;
@@ -307,7 +313,7 @@ void ServerRole::restore_objects() {
   recovered_ = false;
 }
 
-// Messages of a lost node are refused.
+// Refuses the messages of a lost node. Returns whether there were any.
 bool ServerRole::drain_lost(PeerSession& session) {
   bool any = false;
   for (auto bytes = session.connection.in->next(); !bytes.empty(); bytes = session.connection.in->next()) {
@@ -320,7 +326,7 @@ bool ServerRole::drain_lost(PeerSession& session) {
   return any;
 }
 
-// Called when the frame does not progress. Returns whether a node or user was lost.
+// Called when the frame does not progress. Returns whether a node was lost or a user node was late.
 bool ServerRole::check_deadlines() {
   if (stage_ == Stage::waiting || (setup_.node_deadline_ns == 0 && setup_.user_deadline_ns == 0)) {
     return false;
@@ -334,8 +340,9 @@ bool ServerRole::check_deadlines() {
   return (setup_.user_deadline_ns != 0 && watch_users(now)) || changed;
 }
 
-// The thread of a lost node may have stopped inside a read gate. Until it has left, no other node may write the memory
-// that it reads. So after a deadline that memory is given up: all nodes are lost, and new nodes replace them.
+// The thread of a lost node may have stopped inside a read gate. Until it leaves the gate, no other node may write the
+// memory that the thread reads. So after a deadline the server gives up that memory: all nodes are lost, and new nodes
+// replace them.
 bool ServerRole::watch_gates(std::uint64_t now) {
   if (stage_ != Stage::closing || nodes_abandoned_ || !all_nodes_done() || report().lost.empty()) {
     return false;
@@ -354,8 +361,8 @@ bool ServerRole::watch_gates(std::uint64_t now) {
   return true;
 }
 
-// Silence alone proves nothing: the node may wait for one that is lost. So it gets a probe and half the deadline to
-// answer.
+// A silent node is not necessarily lost, because it may wait for another node that is lost. So after half the deadline
+// the server sends it a probe, and the node has the other half to answer.
 bool ServerRole::check_node_deadline(PeerSession& session, std::uint64_t now) {
   const std::uint64_t silent = now - std::min(now, session.last_received_ns);
   if (silent <= setup_.node_deadline_ns / 2) {
@@ -408,9 +415,9 @@ void ServerRole::count_late(PeerSession& user) {
   refuse(Status::late);
 }
 
-// Of the user nodes of one thread that have not reported, only the one whose move does not end is late. The facade
-// finds out which one that is. It responds only if it finds one, and then the frame waits for the others of that
-// thread.
+// If several user nodes of one thread have not reported, only the user node whose move does not end is late. The facade
+// searches for such user nodes. If it finds any, it responds, and the frame waits for the other user nodes of their
+// threads.
 bool ServerRole::watch_moves(std::uint64_t now) {
   FrameOrder& order = *setup_.order;
   if (order.users_moved.load(std::memory_order_acquire)) {
@@ -421,7 +428,7 @@ bool ServerRole::watch_moves(std::uint64_t now) {
       const Connection& connection = users_[moved.user].connection;
       connection.out->set_bell(moved.bell);
       connection.in->set_bell(moved.bell);
-      moved.bell->ring();  // for messages sent meanwhile
+      moved.bell->ring();  // there may be messages that were sent before set_bell()
     }
     order.users_moved.store(false, std::memory_order_release);
     return true;

@@ -8,7 +8,8 @@ namespace ringfence::nodes {
 
 std::span<const PositionedSpawn> order_by_position(std::span<const Request> spawns, const geometry::FixedSpace& space,
                                                    std::vector<PositionedSpawn>& scratch) {
-  // Thickness of a row: a cube of that size holds a few objects; 32 rows on an axis for 64,000 objects.
+  // log2 of the number of rows on an axis: 32 rows for 64,000 objects. A cube as thick as a row then contains a few
+  // objects.
   const auto bits = static_cast<unsigned>(std::bit_width(spawns.size())) / 3;
   const auto row = [&](std::uint32_t coordinate) { return std::uint64_t{coordinate} >> (32 - bits); };
   scratch.clear();

@@ -52,7 +52,7 @@ void UserRole::receive(const MessageView& message) {
 }
 
 void UserRole::receive_contacts(const MessageView& message) {
-  // Between frames these are contacts of the last frame, for an object that was adopted.
+  // Contacts that arrive between frames are those of the last frame, for objects that this node has adopted since.
   const bool late = stage_ == Stage::waiting;
   if (!late && stage_ == Stage::awaiting_contacts) {
     enter(telemetry::StepClock::end);
@@ -64,7 +64,7 @@ void UserRole::receive_contacts(const MessageView& message) {
 void UserRole::begin(std::uint64_t frame) {
   frame_ = frame;
   contacts_received_ = false;
-  may_read_ = setup_.interest <= 0;  // without interest there is nothing to wait for
+  may_read_ = setup_.interest <= 0;  // without interest the node reads nothing and needs no permission
   frame_stats_ = {};
   enter(telemetry::StepClock::move);
   telemetry::SpanTimer time(setup_.thread.track, "move", frame_stats_.move_ns);
@@ -81,7 +81,8 @@ void UserRole::begin(std::uint64_t frame) {
   stage_ = Stage::sending_states;
 }
 
-// Returns false if the World did not wait for the move: then nothing of it may be visible to others.
+// Returns false if the World has abandoned this thread during the move. Then no result of the move may become visible
+// to other roles.
 bool UserRole::move() {
   Published& visible = setup_.publications->users[setup_.user];
   published_ = visible;
@@ -98,8 +99,8 @@ bool UserRole::move() {
   return true;
 }
 
-// The publication is the paper's application-level multicast to other user nodes: written once, read by every user node
-// nearby.
+// The publication implements the paper's application-level multicast to other user nodes: it is written once, and every
+// user node nearby reads it.
 void UserRole::move_and_publish() {
   host_.move(frame_);
   PublicationWriter writer(*setup_.publications, published_, frame_);
@@ -144,9 +145,11 @@ void UserRole::read_others() {
   }
 }
 
-// Chooses the cheaper of two ways: a publication with many states is read row by row of the box, because a row of cells
-// is contiguous; of a publication with few states, such as a user node's, all cells are checked. Cells that lie in the
-// box of an earlier avatar have been read already and are skipped.
+// Reads the states in `box`, except those in the first `earlier` boxes, which have been read already. For the first box
+// it chooses the cheaper of two ways. If the publication has states in many cells, it reads each row of the box,
+// because the states of a row of cells are contiguous. If it has states in few cells, as a user node's publication has,
+// it tests each of these cells. For later boxes it always tests cells, because only this way skips the cells of earlier
+// boxes.
 void UserRole::read_box(const Published& published, const CellBox& box, std::size_t earlier) {
   const std::size_t parity = frame_ & 1;
   if (!published.any[parity]) {
@@ -245,7 +248,7 @@ void UserRole::enter(telemetry::StepClock::Step step) noexcept {
   }
 }
 
-// Makes one transition of the frame; false if it has to wait.
+// Makes one transition to the next stage. Returns false if the role has to wait.
 bool UserRole::advance() {
   switch (stage_) {
     case Stage::waiting:

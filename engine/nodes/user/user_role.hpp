@@ -17,58 +17,63 @@
 
 namespace ringfence::nodes {
 
-/// What a thread provides for the user nodes that it steps. Each may be null.
+/// What a thread provides for the user nodes that it steps. Each pointer may be null.
 struct UserThreadParts {
   telemetry::Track* track = nullptr;      ///< null: no timeline
   telemetry::StepClock* clock = nullptr;  ///< null: not measured
-  MoveWatch* watch = nullptr;             ///< null: no deadline
+  MoveWatch* watch = nullptr;             ///< null: the World does not abandon the thread
 };
 
-/// Configuration of a user node. The pointers outlive the role.
+/// Configuration of a user node. What the pointers refer to outlives the role.
 struct UserSetup {
   UserNumber user = 0;
   const MotionModel* model = nullptr;
   Publications* publications = nullptr;
-  double interest = 0;  ///< metres; 0: does not read the states of others
+  double interest = 0;  ///< metres; 0: the node does not read the states of others
   UserThreadParts thread;
-  std::size_t objects = 0;         ///< number to reserve for
+  std::size_t objects = 0;         ///< number of objects to reserve for
   FaultRelease* faults = nullptr;  ///< ends an injected stop; null: the role does not stop
-  Connection server;
+  Connection server;               ///< the node's end of its connection with the server
 };
 
-/// A user node: hosts its avatars, and in user deployment its share of all other objects. It moves them, sends their
-/// states to the server (M1) and to the other users (its publication), reads the publications of others near its
-/// avatars after the server has allowed it, and receives the contacts of its objects (M4). It is connected to the
-/// server only.
+/// A user node. It hosts its avatars, and in user deployment also its share of the active and non-active objects.
 ///
-/// Threads: one thread at a time steps it. Never throws; does not allocate in steady state. Blocks only while the
-/// motion model does not return.
+/// In each frame it moves its objects, sends their states to the server (M1) and publishes them for the other user
+/// nodes. It reads the publications of others near its avatars when the server has allowed this. Then it receives the
+/// contacts of its objects (M4). It is connected to the server only.
+///
+/// Threads: one thread at a time steps it. Throws only std::bad_alloc, and allocates nothing in steady state. Blocks
+/// only while the motion model does not return or an injected fault stops it.
 class UserRole {
  public:
   explicit UserRole(const UserSetup& setup);
   UserRole(const UserRole&) = delete;
   UserRole& operator=(const UserRole&) = delete;
 
+  /// Receives the server's messages and continues the frame as far as possible.
   Step step();
 
-  /// Another thread steps the role from now on.
+  /// Call it when another thread steps the role from now on, while no thread steps it.
   void set_thread(const UserThreadParts& thread) noexcept { setup_.thread = thread; }
 
-  /// Sets the pose of an avatar in the next frame, whatever the model computes. Between frames, for the facade.
+  /// Sets the pose of an avatar in the next frame, whatever the model computes. The facade calls it between frames.
   void steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
 
-  /// Injects a fault before its motion model or its publication. Between frames, while no thread steps the role; the
-  /// last call counts.
+  /// Injects a fault: the role stops before it calls the motion model, or before it publishes. Call it between frames,
+  /// while no thread steps the role. The last call counts.
   void fail(const Fault& fault) noexcept { fault_.set(fault); }
 
-  /// Contacts that the node received in that frame (M4), in order of (a, b), ended ones too.
+  /// Contacts that the node received in that frame (M4), in order of (a, b), including the ended ones. Valid until
+  /// frame + 2 begins.
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return host_.contacts(frame); }
-  /// States of others near its avatars in that frame, as spans of their publications.
+  /// States of others near its avatars in that frame, as spans of their publications. Valid until frame + 2 begins, if
+  /// the publications still exist.
   std::span<const std::span<const link::PublishedState>> seen(std::uint64_t frame) const noexcept {
     return seen_[frame & 1];
   }
   const Host& host() const noexcept { return host_; }
-  /// Records of its own messages that the server has refused so far; 0 unless another sender uses its endpoint.
+  /// Number of its records and messages that the server has refused and reported so far. 0 unless the user exceeds a
+  /// quota, or another sender uses its endpoint.
   std::uint64_t refused() const noexcept { return refused_; }
 
  private:
@@ -96,10 +101,10 @@ class UserRole {
   messages::Endpoint self_;
   FaultPoint fault_;
   Host host_;
-  Published published_;  ///< of this frame; other roles read a copy
+  Published published_;  ///< of this frame; other roles read the copy in Publications
   Stage stage_ = Stage::waiting;
   std::uint64_t frame_ = 0;
-  bool may_read_ = false;  ///< read_publications has arrived
+  bool may_read_ = false;  ///< read_publications has arrived, or there is no interest
   bool contacts_received_ = false;
   std::uint64_t refused_ = 0;
   std::vector<Steered> steered_;  ///< for the next frame
