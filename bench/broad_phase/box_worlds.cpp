@@ -46,7 +46,8 @@ BoxFrames make_box_world(const std::string& name, std::size_t boxes) {
       body.half[a] = uniform(random, 0.6, 1.2);
       body.velocity[a] = uniform(random, -0.15, 0.15);
     }
-    // Every size fills the same volume: the density of the half extent r is proportional to r^-4, from 5 mm to 500 m.
+    // Each decade of sizes fills the same volume on average: the probability density of the half extent r, from 5 mm to
+    // 500 m, is proportional to r^-4.
     if (name == "sizes") body.half.fill(0.005 / std::cbrt(1 - uniform(random, 0, 1 - 1e-15)));
     volume += 8 * body.half[0] * body.half[1] * body.half[2];
   }
@@ -55,7 +56,7 @@ BoxFrames make_box_world(const std::string& name, std::size_t boxes) {
   if (name == "cluster" || still) {
     std::vector<std::array<double, 3>> targets(std::max<std::size_t>(1, boxes / 50));
     for (auto& target : targets) target = anywhere(random, side);
-    // Selected so that the number of pairs is that of the paper's world: about 0.5 per box.
+    // With this spread the world has about 0.5 pairs per box, like the paper's world.
     const double spread = 0.32 * side / std::cbrt(static_cast<double>(targets.size()));
     for (Body& body : bodies) {
       const auto& target = targets[random() % targets.size()];
@@ -84,7 +85,7 @@ BoxFrames make_box_world(const std::string& name, std::size_t boxes) {
     for (std::size_t i = 0; i < boxes; ++i) world.resting[i] = random() % 100 < std::stoul(name.substr(5));
   const double scale = 4294967295.0 / side;
   for (int f = 0; f < 4; ++f) {
-    // Forwards and backwards, so that the sequence repeats without a jump.
+    // The boxes move forwards, then backwards, at times 0, 1, 2 and 1. So the sequence repeats without a jump.
     const double time = f == 3 ? 1 : f;
     std::vector<geometry::Bounds> frame(boxes);
     for (std::size_t i = 0; i < boxes; ++i) {

@@ -36,7 +36,7 @@ class Ringfence final : public PairFinder {
 
 struct Implementation {
   const char* name;
-  std::size_t max_boxes;  ///< with more boxes a frame takes seconds
+  std::size_t max_boxes;  ///< not run with more boxes, because a frame would take seconds
   PairFinder* (*make)(const BoxFrames& world);
 };
 

@@ -1,5 +1,5 @@
-// A small game server: players connect and leave, walk and push crates; drones fly by themselves. Its output is the
-// same at any number of nodes and in every deployment:
+// A small game server: players connect and leave, walk and push crates; drones fly by themselves. The output is the
+// same for any number of nodes and in every deployment. Usage:
 //
 //   game_server [NODES [user|user-server|user-collision]]
 #include <algorithm>
@@ -40,7 +40,7 @@ ringfence::TriangleMesh rock() {
 }
 // [rock]
 
-/// The translation, in metres, by which a contact pushes object `self`, one of its two objects.
+/// The translation in metres by which a contact pushes `self`, one of its two objects: `share` times the depth.
 Vec3d push_of(const Contact& contact, ringfence::ObjectNumber self, double share) {
   const double length = (contact.a == self ? -share : share) * double{contact.depth};
   return {length * double{contact.normal.x}, length * double{contact.normal.y}, length * double{contact.normal.z}};
@@ -115,7 +115,7 @@ class GameServer {
     const auto drone = world_.add_shape(ringfence::Sphere{0.4f});
     person_ = world_.add_shape(ringfence::Capsule{0.3f, 0.6f});
 
-    // Layer 0 collides with itself and the ground, layer 1; the ground does not collide with itself.
+    // Layer 0, the things, collides only with itself. Layer 1, the ground, collides with nothing.
     world_.spawn({.shape = floor, .category = Category::fixed, .layer = 1, .pose = {{side / 2, side / 2, -0.5}, {}}});
     world_.spawn({.shape = world_.add_shape(rock()), .category = Category::fixed, .pose = {{12, 19, 0}, {}}});
     for (int i = 0; i < 60; ++i) {
@@ -132,7 +132,7 @@ class GameServer {
     const UserNumber user = world_.connect().user;
     Player player;
     player.pose.position = at;
-    // The motion model and World::object receive user_data.
+    // The World passes user_data to the motion model, and World::object returns it.
     player.avatar =
         world_
             .spawn(
@@ -163,7 +163,7 @@ class GameServer {
   }
   // [frame]
 
-  /// A user who moves the avatar of another user is refused.
+  /// A user tries to move the avatar of another user. The World refuses the call.
   void cheat(UserNumber cheater, UserNumber victim) {
     const Status status = world_.move(cheater, players_[victim].avatar, {});
     std::printf("player %u moves player %u: %s\n", cheater, victim, name_of(status));
@@ -182,7 +182,7 @@ class GameServer {
   }
 
  private:
-  /// The players' inputs; in this example they do not come from a network, and each player turns from time to time.
+  /// Reads the players' inputs. This example has no network: each player turns from time to time.
   void read_inputs() {
     for (auto& [user, player] : players_) {
       if ((world_.frames() + 13 * user) % 40 == 0) {

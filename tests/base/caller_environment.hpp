@@ -13,8 +13,8 @@ namespace ringfence::test {
 /// The floating-point environments from which tests call the library.
 enum class Caller : std::uint8_t {
   usual,        ///< the default
-  flushing,     ///< flush-to-zero and denormals-are-zero, as a program that is linked with -ffast-math starts
-  rounding_up,  ///< every result is rounded towards infinity
+  flushing,     ///< flush-to-zero and denormals-are-zero: a program linked with -ffast-math starts in these modes
+  rounding_up,  ///< every result is rounded towards plus infinity
   trapping,     ///< a division by zero, an overflow or an invalid operation ends the process
 };
 inline constexpr Caller callers[] = {Caller::usual, Caller::flushing, Caller::rounding_up, Caller::trapping};
@@ -24,7 +24,7 @@ constexpr const char* name_of(Caller caller) noexcept {
   return names[static_cast<std::size_t>(caller)];
 }
 
-/// The thread's rounding, denormal and exception modes, without the status flags.
+/// The calling thread's rounding, denormal and exception modes, without the status flags. Only for comparison.
 inline std::uint64_t floating_point_modes() noexcept {
 #if defined(__x86_64__)
   unsigned short x87;
@@ -39,7 +39,8 @@ inline std::uint64_t floating_point_modes() noexcept {
 #endif
 }
 
-/// A scope in which the thread has a caller's environment. What a machine cannot do is left as it is.
+/// A scope in which the calling thread has the environment of `caller`. A mode that the machine does not support keeps
+/// its default. The destructor restores the environment that the thread had before.
 class CallerEnvironment {
  public:
   explicit CallerEnvironment(Caller caller) noexcept {
@@ -73,8 +74,8 @@ class CallerEnvironment {
   std::fenv_t before_;
 };
 
-/// What `call` returns when it is called from that environment. The arguments should be computed before, in the default
-/// environment: they are to be the same for every caller.
+/// Calls `call` in the environment of `caller` and returns its result. Compute the arguments of the call before, in the
+/// default environment, so that they are the same for every caller.
 template <class Call>
 auto call_from(Caller caller, Call call) {
   const CallerEnvironment environment(caller);

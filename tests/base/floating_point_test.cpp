@@ -18,7 +18,7 @@ using test::Caller;
 using test::CallerEnvironment;
 using test::floating_point_modes;
 
-// Not constant expressions, so that they are computed at run time and in the environment.
+// Volatile, so that expressions of them are computed at run time, in the environment under test.
 volatile double one = 1, three = 3, least_normal = 0x1p-1022;
 
 struct Results {
@@ -26,7 +26,7 @@ struct Results {
   bool operator==(const Results&) const = default;
 };
 
-// Not inline: the compiler may move arithmetic past a change of the environment.
+// Not inline: otherwise the compiler may move the arithmetic past a change of the environment.
 [[gnu::noinline]] Results compute() { return {one / three, -one / three, least_normal * 0.5}; }
 
 TEST_CASE("arithmetic in a scope is that of the default environment, whatever the caller's") {
@@ -40,7 +40,7 @@ TEST_CASE("arithmetic in a scope is that of the default environment, whatever th
     CHECK(compute() == expected);
   }
 #if defined(__x86_64__)
-  // These callers do compute something else.
+  // Without the scope, these environments give other results.
   CHECK_FALSE(call_from(Caller::flushing, compute) == expected);
 #endif
   CHECK_FALSE(call_from(Caller::rounding_up, compute) == expected);
@@ -75,7 +75,7 @@ TEST_CASE("oneTBB's tasks run in the scope's environment, also where the thread 
   for (const Caller caller : {Caller::flushing, Caller::rounding_up}) {
     CAPTURE(std::string(name_of(caller)));
     std::size_t other = 0;
-    // oneTBB remembers the environment of a thread's first use, so each caller is a new thread.
+    // oneTBB keeps the environment in which a thread first uses it, so each caller is a new thread.
     std::thread([&] {
       const CallerEnvironment environment(caller);
       oneapi::tbb::parallel_for(std::size_t{0}, std::size_t{1}, [](std::size_t) {});

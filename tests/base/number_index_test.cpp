@@ -31,7 +31,7 @@ TEST_CASE("the number index finds what a standard map finds, after any stores an
     for (int round = 0; round < 40000; ++round) {
       CAPTURE(round);
       const ObjectNumber number = draw();
-      // Grows for a while, then shrinks, so that erasure meets full and sparse tables.
+      // The index grows and shrinks by turns, so that entries are erased from full and from sparse tables.
       if (random() % 100 < (round / 4000 % 2 == 0 ? 70u : 30u)) {
         const auto value = static_cast<std::uint32_t>(random() % 0xffffffffu);
         index.set(number, value);
@@ -56,7 +56,7 @@ TEST_CASE("the number index finds what a standard map finds, after any stores an
   }
 }
 
-// Numbers about as sparse as the limit for direct entries: they move between direct entries and the hash.
+// The numbers are about as sparse as direct entries may be, so that numbers move from the hash table to direct entries.
 TEST_CASE("the number index finds everything while its direct entries grow during a rehash") {
   for (unsigned seed = 0; seed < 300; ++seed) {
     CAPTURE(seed);

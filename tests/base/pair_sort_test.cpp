@@ -23,7 +23,7 @@ TEST_CASE("pairs are sorted by (a, b) for any numbers") {
       CAPTURE(size);
       order.clear();
       std::vector<std::pair<Key, std::uint32_t>> model;
-      // Up to 10^7 the two numbers and a position fit a word for up to 50,000 contacts; up to 2^32 never.
+      // Two numbers up to 10^7 leave 16 bits of a 64-bit entry for the position; two numbers up to 2^32 leave none.
       const std::uint64_t ranges[] = {0xffffffffu, 4000, 3, 10'000'000};
       const std::uint64_t range = ranges[seed % 4];
       for (std::uint32_t i = 0; i < size; ++i) {
@@ -42,7 +42,7 @@ TEST_CASE("pairs are sorted by (a, b) for any numbers") {
         REQUIRE_FALSE(seen[at]);
         seen[at] = true;
         REQUIRE(order.key_at(i) == PairSort::key(model[i].first.first, model[i].first.second));
-        // Equal keys may be in any order; real contacts have none.
+        // Equal keys may be in any order; real contacts have no equal keys.
         const auto original = std::find_if(model.begin(), model.end(), [&](const auto& m) { return m.second == at; });
         if (size <= 500) {
           REQUIRE(original->first == model[i].first);

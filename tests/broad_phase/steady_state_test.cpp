@@ -9,7 +9,8 @@
 #include "broad_phase/box_worlds.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
 
-// Counts the allocations of this program. Both forms take their memory from malloc, so that either delete can free it.
+// Counts the allocations of this program. Both forms of operator new take their memory from std::aligned_alloc, so that
+// every form of operator delete can free it.
 namespace {
 std::atomic<std::size_t> allocations{0};
 

@@ -41,7 +41,7 @@ TEST_CASE("the pairs match brute force, each once, in every world, size and inst
 TEST_CASE("each instruction set has its own kernels") {
   std::vector<std::size_t> lanes;
   ringfence::test::on_every_target([&] { lanes.push_back(choose_kernels().lanes); });
-  CHECK(lanes.front() == choose_kernels().lanes);  // the best target comes first
+  CHECK(lanes.front() == choose_kernels().lanes);  // on_every_target starts with the best target
   CHECK(lanes.back() <= 2);
 }
 
@@ -68,7 +68,7 @@ TEST_CASE("worlds large enough for many buckets match brute force") {
     REQUIRE(world != worlds.end());
     std::mt19937_64 random(5);
     auto boxes = draw_boxes(*world, 40000, random);
-    // Half as large as in the world, otherwise there are far more pairs than boxes.
+    // The boxes are made half as large, otherwise there are far more pairs than boxes.
     for (auto& b : boxes)
       for (int a = 0; a < 3; ++a) b.upper[a] = b.lower[a] + (b.upper[a] - b.lower[a]) / 2;
     SweepAndPrune sweep(boxes.size(), 10);
@@ -121,7 +121,7 @@ TEST_CASE("the portions together are all pairs, and no portion exceeds the reque
     for (int frame = 0; frame < 4; ++frame) {
       sweep.begin(boxes, present, resting);
       const auto expected = all_pairs(boxes, present);
-      // The boxes are not read any more: a caller may already write those of the next frame.
+      // begin() has read the boxes, so a caller may already write those of the next frame.
       for (std::size_t i = 0; i < boxes.size(); ++i) {
         resting[i] = i % 5 != 0;
         if (resting[i] == 0) boxes[i] = box_worlds()[0].draw(random);

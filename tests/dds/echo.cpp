@@ -1,4 +1,5 @@
-// A process that sends back every message it receives. Arguments: domain; milliseconds between two polls.
+// A process that sends back every message it receives. Arguments: domain; milliseconds between two polls. It ends with
+// 0 after it has sent back the end marker, and with 1 if the channel breaks or after 60 s.
 #include <chrono>
 #include <cstdlib>
 #include <thread>
@@ -19,7 +20,7 @@ int main(int argc, char** argv) {
     side.step();
     for (;;) {
       if (last) break;
-      // Room first: a message that was taken out of the ring cannot be put back.
+      // Claim room first: a message that was taken out of the ring cannot be put back.
       const auto room = side.out().claim(side.out().largest_message());
       if (room.empty()) break;
       const auto message = side.in().next();
@@ -32,7 +33,7 @@ int main(int argc, char** argv) {
     side.out().publish();
     if (last && !side.parcel_channel().has_to_send()) {
       side.step();
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));  // until the message is acknowledged
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));  // time for the acknowledgement
       return 0;
     }
     std::this_thread::sleep_for(pause);

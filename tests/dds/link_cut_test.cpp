@@ -17,7 +17,8 @@ using test::NodeWorld;
 
 bool run(const std::string& command) { return std::system((command + " >/dev/null 2>&1").c_str()) == 0; }
 
-/// Two namespaces, "here" for the World and "there" for nodes, and a link between them; removed by the destructor.
+/// Two network namespaces that act as two machines, `here` for the World and `there` for nodes, and a link between
+/// them. The destructor removes them.
 class TwoMachines {
  public:
   TwoMachines() {
@@ -40,6 +41,7 @@ class TwoMachines {
   TwoMachines(const TwoMachines&) = delete;
   TwoMachines& operator=(const TwoMachines&) = delete;
 
+  /// Whether the constructor succeeded; it needs root.
   bool made() const { return made_; }
   const std::string& here() const { return here_; }
   const std::string& there() const { return there_; }
@@ -54,7 +56,7 @@ class TwoMachines {
   void cut() const { REQUIRE(run("ip -n " + there_ + " link set rfb down")); }
   void restore() const { REQUIRE(raise(there_, "rfb")); }
 
-  /// The World's process here, the nodes' there.
+  /// A placement in which the nodes' processes run on `there` and the World on `here`.
   test::ProcessPlacement place() const {
     return {"rfa", "rfb", [this] { go(there_); }, [this] { go(here_); }};
   }

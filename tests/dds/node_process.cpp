@@ -1,5 +1,5 @@
-// A CD node process with the model of the tests' worlds. Arguments: domain, name, interface, factor by which moving an
-// object takes longer.
+// A CD node process with the model of the tests' worlds. Arguments: domain, name, interface, and how many times it
+// computes each move.
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -16,7 +16,7 @@ ringfence::dds::NodeService* draining_service = nullptr;
 
 void drain(int) { draining_service->drain(); }
 
-/// The same model, but slow, like a node on a slow machine.
+/// The same model, but it computes each move `times` times. So the node acts like a node on a slow machine.
 class SlowModel : public ringfence::test::BouncingModel {
  public:
   SlowModel(double side, int times) : BouncingModel(side), times_(times) {}
@@ -40,7 +40,7 @@ int main(int argc, char** argv) {
   config.network.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
   config.network.interface = argv[3];
   config.name = argv[2];
-  config.once = true;  // a process that takes a cut-off World for an ended one must end
+  config.once = true;  // so that the process also ends when its World is silent for too long
   const int times = std::atoi(argv[4]);
   config.model = [times](std::span<const std::byte> setup) -> std::shared_ptr<const MotionModel> {
     double side = 0;
@@ -49,7 +49,7 @@ int main(int argc, char** argv) {
     return std::make_shared<test::BouncingModel>(side);
   };
   config.support = [](ShapeNumber) { return test::gapped_ellipsoid(); };
-  // What the service computes must not depend on it.
+  // The results of the service must not depend on the floating-point environment.
   const test::CallerEnvironment environment(test::Caller::rounding_up);
   dds::NodeService service(std::move(config));
   draining_service = &service;

@@ -20,7 +20,7 @@ using test::ProgramResult;
 
 constexpr const char* some_world = "--objects 300 --users 4 --frames 40 --warmup 0 ";
 
-/// Publishes terms as a World with that name, and reads the announcements of nodes.
+/// Publishes terms as a World with the given name, and reads the announcements of nodes.
 class TestWorld {
  public:
   static constexpr std::uint64_t number = 7;

@@ -71,8 +71,8 @@ std::vector<std::string> words_of(std::string_view text) {
   return words;
 }
 
-/// `line` without identifiers of other libraries, and without frozen names that stand in quotation marks or backticks,
-/// or after a colon as in `--fail F:N:NAME`.
+/// `line` without identifiers of other libraries, and without frozen names that follow a quotation mark, a backtick, a
+/// slash, a vertical bar, or a colon as in `--fail F:N:NAME`.
 std::string without_allowed_names(std::string line, const Vocabulary& vocabulary) {
   for (const std::string& name : vocabulary.external) {
     line = std::regex_replace(line, std::regex("\\b" + name + "\\b"), "");

@@ -53,8 +53,8 @@ void check_counts(const FrameReport& report) {
   REQUIRE(by_cost == timed);
 }
 
-// Pairs in contact whose positions, and whose contacts' points and normals, are subnormal numbers, which an environment
-// with flush-to-zero takes for 0.
+// Spawns pairs in contact. Some coordinates of their positions, contact points and normals are subnormal as double or
+// as float: an environment with flush-to-zero replaces such numbers by 0.
 void spawn_subnormal(World& world, Caller caller) {
   const ShapeNumber ball = call_from(caller, [&] { return world.add_shape(Sphere{0.5f}); });
   const double far = side + 3;

@@ -1,5 +1,5 @@
-// A separate program, because it replaces the global operator new. Without support shapes: libccd allocates in each of
-// their tests.
+// This is a separate program, because it replaces the global operator new. Its worlds have no support shapes, because
+// libccd allocates in each test of such a shape.
 #include <algorithm>
 #include <atomic>
 #include <cstdint>
@@ -19,7 +19,7 @@ namespace {
 std::atomic<std::uint64_t> allocations{0};
 /// Number of allocations that succeed before one fails; negative: none fails.
 std::atomic<std::int64_t> until_failure{-1};
-/// All later allocations fail too, until until_failure is set again.
+/// If true, all allocations after the failed one fail too, until until_failure is set to a negative number.
 std::atomic<bool> keeps_failing{false};
 
 void count_allocation() {
@@ -68,8 +68,8 @@ void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept { s
 namespace ringfence::test {
 namespace {
 
-/// Objects walk to and fro: after `period` frames everything is as before, so what did not grow in one period never
-/// will.
+/// Objects move back and forth. After `period` frames everything is as before, so an array that does not grow during
+/// one period never grows again.
 class PacingModel : public MotionModel {
  public:
   static constexpr std::uint64_t period = 24;

@@ -1,4 +1,4 @@
-// Lost CD nodes, and what happens to the world.
+// What happens to a world when CD nodes are lost or a user node is late.
 #include <atomic>
 #include <map>
 #include <memory>
@@ -25,11 +25,12 @@ struct LossRun {
   std::size_t lost = 0;
   std::uint32_t nodes = 0;
   std::uint64_t late = 0;
-  std::uint64_t refused = 0;  ///< calls and records, of any reason
+  std::uint64_t refused = 0;  ///< refused calls and records, for any reason
   std::size_t logged = 0;
   std::uint32_t stopped = 0;  ///< roles that are still stopped within a step at the end
 };
 
+/// Runs a world for `frames` frames. `faults` and `resizes` (numbers of CD nodes) are sorted by their frame.
 LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
             const std::map<int, std::uint32_t>& resizes = {}) {
   config.bounds_max = {side, side, side};
@@ -47,7 +48,7 @@ LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
     for (auto at = first; at != last; ++at) {
       Fault fault = at->second;
       fault.frame = static_cast<std::uint64_t>(frame);
-      // On a busy machine more nodes may be lost than were stopped by the test; then that number does not exist.
+      // On a busy machine, nodes that the test did not stop can be lost too. Then the node of the fault may not exist.
       if (world.inject(fault) != Status::ok) {
         fault.node = 0;
         const Status status = world.inject(fault);
@@ -81,7 +82,7 @@ std::uint64_t expected() {
   return digest;
 }
 
-// Longer than any frame here takes on a busy machine; a false alarm would change counts, never contacts.
+// Longer than a frame takes here. If a busy machine delays a node for longer, counts change, but contacts do not.
 constexpr double deadline_ms = 60;
 
 TEST_CASE("nodes that stop at any stage, one after another until none is left, change no contact") {
@@ -110,7 +111,7 @@ TEST_CASE("nodes that stop at any stage, one after another until none is left, c
 
 /// Two nodes stop at `stage` in some frames. A node that hands nothing over does not reach NodeStage::hand_over.
 LossRun run_stopped_inside(WorldConfig config, NodeStage stage, double stall_ms, std::uint32_t passes) {
-  config.nodes = 6;  // with fewer nodes the server publishes their states
+  config.nodes = 6;  // with 4 nodes or fewer the server may publish their states
   config.deadlines.node_ms = deadline_ms;
   std::multimap<int, Fault> faults;
   const int frames_apart = stage == NodeStage::hand_over ? 1 : 5;
@@ -125,18 +126,18 @@ TEST_CASE("a node that stops inside a model, a kernel, a hand-over or a publicat
   for (const Placement placement : {Placement::server, Placement::region}) {
     for (const NodeStage stage : {NodeStage::model, NodeStage::kernel, NodeStage::hand_over, NodeStage::publication}) {
       for (const std::uint32_t passes : {0u, 1u}) {
-        if (passes == 1 && stage == NodeStage::publication) continue;  // one per frame
+        if (passes == 1 && stage == NodeStage::publication) continue;  // a node publishes once per frame
         CAPTURE(name_of(placement));
         CAPTURE(name_of(stage));
         CAPTURE(passes);
         WorldConfig config;
         config.placement = placement;
-        // It continues at the end, when the others have changed the memory that it uses.
+        // The stopped node continues at the end, when the others have changed the memory that it uses.
         const LossRun stopped = run_stopped_inside(config, stage, 0, passes);
         CHECK(stopped.digest == expected());
         CHECK(stopped.lost >= stopped.stopped);
         CHECK((stopped.stopped >= 1 || passes == 1));
-        // It continues while the others run.
+        // The stopped node continues while the others run.
         const LossRun late = run_stopped_inside(config, stage, 2 * deadline_ms, passes);
         CHECK(late.digest == expected());
       }
@@ -261,7 +262,7 @@ TEST_CASE("losses and resizes in any order change no contact") {
   CHECK(ran.lost >= 3);
 }
 
-// The server and World decide independently which nodes are gone, and must renumber the rest alike.
+// The server and World decide independently which nodes are gone, and must give the others the same new numbers.
 TEST_CASE(
     "when all remaining nodes are lost while the others leave, the first leaving node stays, and the world can grow") {
   for (const std::uint32_t staying : {1u, 2u}) {
@@ -299,7 +300,7 @@ TEST_CASE("a deadline that no node misses changes nothing") {
   CHECK(ran.late == 0);
 }
 
-/// Nothing moves; in one frame the move of one object waits for a signal of the test.
+/// No object moves. In frame 3 the move of object 2 waits until the test sets `may_go`.
 class StallingModel : public MotionModel {
  public:
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput>) const override {
@@ -318,7 +319,7 @@ TEST_CASE("a user node that misses its deadline is disconnected, its contacts en
   config.nodes = 2;
   config.user_threads = 2;
   config.motion = model;
-  config.deadlines.user_ms = 10 * deadline_ms;  // the live user must meet it, whatever else the machine does
+  config.deadlines.user_ms = 10 * deadline_ms;  // the other user must meet it even on a busy machine
   World world(config);
   const ShapeNumber ball = world.add_shape(Sphere{1});
   const UserNumber first = world.connect().user;
@@ -332,10 +333,10 @@ TEST_CASE("a user node that misses its deadline is disconnected, its contacts en
     REQUIRE(world.advance() == Status::ok);
     REQUIRE(world.contacts().size() == 1);
   }
-  REQUIRE(world.advance() == Status::ok);  // the stalled user is not awaited
+  REQUIRE(world.advance() == Status::ok);  // the frame completes without the stalled user
   CHECK(world.report().late == std::vector<UserNumber>{second});
   CHECK(world.report().refused[static_cast<std::size_t>(Status::late)] == 1);
-  CHECK(world.contacts().size() == 1);  // at its old pose
+  CHECK(world.contacts().size() == 1);  // the late user's avatar is at its old pose
   CHECK(world.collisions_of(first).size() == 1);
   model->may_go = true;
   REQUIRE(world.advance() == Status::ok);

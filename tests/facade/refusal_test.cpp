@@ -1,4 +1,4 @@
-// Invalid calls: refused with a status, counted by reason in the next report, without effect.
+// An invalid call is refused with a status, is counted by reason in the next report, and has no effect.
 #include <cmath>
 #include <limits>
 #include <string>
@@ -49,7 +49,7 @@ void expect(Scene& scene, Status reason, std::uint64_t times, Call call) {
     CHECK(scene.world.report().refused[r] == (r == static_cast<std::size_t>(reason) ? times : 0));
   }
   CHECK(fingerprint(scene.world) == before);
-  advance(scene.world);  // counted once
+  advance(scene.world);  // the refusals are not counted again
 }
 
 TEST_CASE("every refused call returns its reason, is counted in the next report, and changes nothing") {
@@ -63,7 +63,7 @@ TEST_CASE("every refused call returns its reason, is counted in the next report,
   in_all_worlds(config, {0u, 2u}, [&](const WorldConfig& other_config) {
     Scene s(other_config);
     World& w = s.world;
-    advance(w);  // phases settle: all contacts persist
+    advance(w);  // now all contacts persist
     const Pose ok = Scene::at(20);
     const Pose bad_position{{0, nan, 0}, {}}, bad_infinity{{-inf, 0, 0}, {}}, bad_turn{{0, 0, 0}, {0, 0, 0, 0}},
         bad_long{{0, 0, 0}, {0.1f, 0, 0, 1}}, bad_quat{{0, 0, 0}, {static_cast<float>(nan), 0, 0, 1}};
@@ -172,7 +172,7 @@ TEST_CASE("an object number is in use until the frame that ends its object is co
   CHECK(second != first);
   CHECK(world.find(5) == second);
   advance(world);
-  CHECK(world.place(first, {}) == Status::stale_object);  // never misread as the second
+  CHECK(world.place(first, {}) == Status::stale_object);  // the old id does not refer to the new object
   CHECK_FALSE(world.object(first).id);
   CHECK(world.object(second).id == second);
 }
@@ -191,7 +191,7 @@ TEST_CASE("a user number is in use until the frame that disconnects its user nod
     CHECK(world.connect().user == 1);
     REQUIRE(world.finish_frame() == Status::ok);
     CHECK(world.connect(3).status == Status::ok);
-    // Connected and disconnected before any frame.
+    // A user can connect and disconnect without a frame in between.
     CHECK(world.connect(9).status == Status::ok);
     CHECK(world.disconnect(9) == Status::ok);
     advance(world);

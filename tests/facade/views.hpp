@@ -17,8 +17,9 @@ inline double distance(const Vec3d& p, const Vec3d& q) {
   return std::sqrt((p.x - q.x) * (p.x - q.x) + (p.y - q.y) * (p.y - q.y) + (p.z - q.z) * (p.z - q.z));
 }
 
-/// Requires that in the last frame each of `users` saw all others within its interest at their current poses, each
-/// once, and nothing of its own; and that the relayed states were counted.
+/// Requires that in the last frame each of `users` read the state of every present, non-static object of others within
+/// its interest, once and with the current pose, and no state of its own or of static objects. Also requires that the
+/// relayed states were counted. Precondition: at least one frame was run, and no frame is running.
 inline void require_views(const World& world, const std::vector<UserNumber>& users) {
   const WorldConfig& config = world.config();
   std::map<ObjectNumber, ObjectView> objects;
@@ -57,7 +58,8 @@ inline void require_views(const World& world, const std::vector<UserNumber>& use
     const ObjectNumber number = entry.first;
     const std::set<UserNumber>& who = entry.second;
     CAPTURE(number);
-    // In user deployment a user node may host the object itself; no other reason is valid.
+    // In deployment `user` a user node hosts some objects without a user, and does not read their states. No other
+    // reason is valid.
     REQUIRE(config.deployment == Deployment::user);
     REQUIRE(objects[number].spec.user == no_user);
     REQUIRE(who.size() == 1);
@@ -67,12 +69,12 @@ inline void require_views(const World& world, const std::vector<UserNumber>& use
     const ObjectSpec& spec = entry.second.spec;
     return spec.present && (spec.category == Category::active || spec.category == Category::non_active);
   });
-  // States that CD nodes send to the server are counted with it.
+  // The count can be larger: it also includes the states that CD nodes send to the server.
   REQUIRE((!relays || world.report().traffic[static_cast<std::size_t>(Traffic::state)].records >=
                           static_cast<std::uint64_t>(relayed)));
 }
 
-/// The first `count` user numbers, for worlds in which no user comes or goes.
+/// The user numbers 0 to `count` - 1, for worlds in which no user leaves.
 inline std::vector<UserNumber> first_users(UserNumber count) {
   std::vector<UserNumber> users;
   while (users.size() < count) users.push_back(static_cast<UserNumber>(users.size()));

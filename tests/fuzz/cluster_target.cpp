@@ -1,5 +1,5 @@
-// Decodes any bytes as data from another process of a cluster, without a network. They are refused with an Error or a
-// status, or all their numbers are valid.
+// Property: any bytes as data from another process of a cluster are either refused, with an Error or a status, or all
+// their numbers are valid. The first byte selects the kind of data. No network is used.
 #include <cstring>
 #include <span>
 #include <vector>

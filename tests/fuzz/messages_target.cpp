@@ -1,4 +1,5 @@
-// Property: any bytes as a message are either refused, or all records can be read and the sizes are consistent.
+// Property: any bytes as a message are either refused, or all records can be read and the sizes are consistent. The
+// first byte selects the size of the model state.
 #include <span>
 #include <vector>
 

@@ -147,7 +147,7 @@ Bytes make_malformed_message(Input& input, const Scene& scene, const LoggedMessa
   }
 }
 
-/// Checks the state after a frame. `expected` are the positions of all objects that a valid sender would move to.
+/// Checks the state after a frame. `expected` is the position of each object if the sender sends only valid messages.
 void check(const Scene& scene, const Vec3d* expected) {
   Vec3d where[objects];
   for (std::size_t i = 0; i < objects; ++i) {

@@ -26,7 +26,7 @@ TEST_CASE("bounds round outwards, positions down, by at most one step") {
       const Bounds bounds = space.bounds(p, q);
       const long double at = (static_cast<long double>(p.x) + side) * space.scale().x;
       const long double to = (static_cast<long double>(q.x) + side) * space.scale().x;
-      // The product in double may be wrong by one part in 2^20 of a step.
+      // The product has a rounding error in double of up to 2^-20 steps.
       REQUIRE(bounds.lower[0] <= at + 1e-5L);
       REQUIRE(bounds.lower[0] >= at - 1.00001L);
       REQUIRE(bounds.upper[0] >= to - 1e-5L);

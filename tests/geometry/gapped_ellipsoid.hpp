@@ -10,11 +10,12 @@
 
 namespace ringfence::test {
 
-/// An ellipsoid whose support function fails for one direction in `one_in`, always in the same way for the same
+/// An ellipsoid whose support function fails for about one direction in `one_in`, always in the same way for the same
 /// direction. It never fails along an axis, so that it can be registered.
 ///
-/// `ways` is how many ways of failing there are: 1: it throws a std::exception; 2: or a number; 3: or it returns what
-/// is not a number; 4: or infinity; 5: or a point far outside.
+/// `ways`, 1 to 5, is the number of ways in which it fails, taken from the start of this list: it throws a
+/// std::exception, throws a number, returns NaN, returns an infinite coordinate, or returns a point far outside. Any
+/// thread may call it.
 class GappedEllipsoid final : public SupportFunction {
  public:
   GappedEllipsoid(Vec3f radii, std::uint64_t one_in, std::uint64_t ways = 1)
@@ -50,7 +51,8 @@ class GappedEllipsoid final : public SupportFunction {
   std::uint64_t one_in_, ways_;
 };
 
-/// One that throws in so few directions that many of its pairs have a contact, and many fail.
+/// A GappedEllipsoid that throws for one direction in 300: many of its pairs have a contact, and the tests of many
+/// others fail.
 inline std::shared_ptr<const SupportFunction> gapped_ellipsoid() {
   return std::make_shared<GappedEllipsoid>(Vec3f{0.6f, 0.7f, 0.9f}, 300);
 }

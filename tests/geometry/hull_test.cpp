@@ -34,7 +34,7 @@ double extent(const Points& points) {
 /// Checks the properties that every hull must have.
 void check_hull(const Hull& hull, const Points& points) {
   const double size = extent(points);
-  // Float normals and offsets of points far from the origin have rounding errors relative to the coordinates.
+  // The rounding errors of float normals and offsets grow with the distance of the points from the origin.
   const double tolerance = 1e-6 * size + 2.5e-7 * double{hull.bounding_radius()};
 
   std::set<std::array<float, 3>> input_points;
@@ -243,7 +243,7 @@ TEST_CASE("ten thousand nearly coplanar and nearly duplicate points have a valid
   std::uniform_real_distribution<float> unit(-1, 1);
   Points points;
   for (int i = 0; i < 10000; ++i) {
-    // A cube whose sides vary by rounding errors: many points are nearly in each face.
+    // The point is at most 10^-7 from a face of a cube. So each face has many points that are nearly coplanar.
     Vec3f p{unit(random), unit(random), unit(random)};
     const int face = i % 6;
     const float side = (face & 1 ? 1.0f : -1.0f) * (1.0f + 1e-7f * unit(random));

@@ -15,7 +15,7 @@ TEST_CASE("a rotation matrix rotates as its quaternion does, and its inverse rot
   for (int i = 0; i < 1000; ++i) {
     const Quat q = normalise({normal(random), normal(random), normal(random), normal(random)});
     const Vec3f p{normal(random), normal(random), normal(random)};
-    // q p q* in its cross product form, in double.
+    // The expected result is q p q*, computed in double by cross products.
     const Vec3d u{double{q.x}, double{q.y}, double{q.z}};
     const Vec3d t = cross(u, to_double(p)) * 2.0;
     const Vec3d expected = to_double(p) + t * double{q.w} + cross(u, t);

@@ -101,7 +101,7 @@ TEST_CASE("a message of the largest size fits at any position of the ring once e
     const std::size_t largest = sender.largest_message();
     CHECK(largest == std::min<std::size_t>(bytes / 2, 65536));
     for (std::size_t step = 8; step < 2 * bytes; step += 8 + bytes / 256) {
-      // A small message of varying size first, so that the large one starts anywhere.
+      // A small message of varying size is sent first, so that the large one starts at many positions.
       REQUIRE_FALSE(sender.claim(step % 2000 + 1).empty());
       sender.commit(step % 2000 + 1);
       sender.publish();

@@ -1,4 +1,5 @@
-// Litmus tests with known results: the checker must allow what C++ allows, and no more.
+// Litmus tests with known results: the checker must allow every outcome that C++ allows, except those of load buffering
+// (see checker.hpp), and no other outcome.
 #include <set>
 #include <utility>
 
@@ -193,12 +194,13 @@ struct SleepingUntil : Litmus {
 };
 
 TEST_CASE("the checker ends a sleep with a deadline by a wake-up, the deadline, or another value") {
-  // Not {0, 0}: a sleeper that was neither woken nor late has read another value.
+  // {0, 0} is impossible: before the deadline the sleep ends only by the wake-up or because the value is not 0.
   CHECK(outcomes_of<SleepingUntil>() == Outcomes{{0, 1}, {1, 0}, {1, 1}});
 }
 
-/// One thread writes two words of a line and sets a flag. Another prefetches the line, with or without acquiring the
-/// flag.
+/// Thread 1 writes a word of a line and sets a flag, which thread 2 loads, with acquire if `acquires`.
+/// With `reads`, thread 2 then reads the word and reports that, before thread 1 prefetches the line for writing.
+/// Without `reads`, thread 1 prefetches it for writing at once (`to_write`), or thread 2 prefetches it for reading.
 template <bool to_write, bool acquires, bool reads>
 struct Prefetching : Litmus {
   static constexpr int threads = 2;

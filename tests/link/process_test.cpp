@@ -23,8 +23,8 @@ constexpr std::uint64_t message_count = 200000;
 /// The contents of the shared memory; the ring is last.
 struct Shared {
   ProcessDoorbell producers, consumers;
-  std::atomic<std::uint64_t> about_to_publish{0};  ///< messages that may have been published
-  std::atomic<std::uint64_t> published{0};         ///< messages that have been published
+  std::atomic<std::uint64_t> about_to_publish{0};  ///< upper limit of the number of published messages
+  std::atomic<std::uint64_t> published{0};         ///< lower limit of the number of published messages
   alignas(cache_line_pair_bytes) std::byte ring[ring_footprint<ProcessAtomics>(capacity)];
 };
 
@@ -47,7 +47,7 @@ std::byte byte_of(std::uint64_t number, std::size_t i) { return std::byte(mix(nu
   for (std::uint64_t number = first; number < message_count; ++number) {
     const std::size_t size = size_of(number);
     std::span<std::byte> room;
-    // claim() may publish what is staged, so announce that before.
+    // claim() may publish the staged messages, so about_to_publish includes them before the call.
     shared.about_to_publish.store(number, std::memory_order_relaxed);
     shared.producers.wait([&] { return !(room = sender.claim(size)).empty(); });
     std::memcpy(room.data(), &number, 8);
@@ -75,7 +75,8 @@ struct Consumer {
   BasicReceiver<ProcessAtomics> receiver;
   std::uint64_t received = 0, wrong = 0;
 
-  /// Reads what is available. The order alone shows that no message is lost or duplicated.
+  /// Reads the available messages, until `limit` messages have been received in total. Each must have the next number,
+  /// so none is lost or duplicated.
   void drain(std::uint64_t limit) {
     for (;;) {
       if (received == limit) break;
@@ -103,7 +104,7 @@ TEST_CASE("a producer that is killed at random and restarted loses, doubles and 
   REQUIRE(memory != MAP_FAILED);
   Shared& shared = *new (memory) Shared;
   make_ring<ProcessAtomics>(shared.ring, capacity);
-  // The consumer's own mapping, at another address: the ring contains positions, no pointers.
+  // The consumer maps the memory at another address, because the ring must contain positions and no pointers.
   void* consumer_memory = mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
   REQUIRE(consumer_memory != MAP_FAILED);
   Shared& consumer_view = *static_cast<Shared*>(consumer_memory);

@@ -14,16 +14,17 @@
 
 namespace ringfence::link {
 
-/// The progress of one thread of a test, for the watchdog. Written by that thread only.
+/// The progress of one thread of a test, for the watchdog. Only that thread calls the member functions.
 class alignas(cache_line_pair_bytes) ThreadProgress {
  public:
   explicit ThreadProgress(std::string name) : name_(std::move(name)) {}
 
-  /// The thread has made progress.
+  /// Call it when the thread has made progress.
   void note_progress() noexcept { steps_.fetch_add(1, std::memory_order_relaxed); }
-  /// The thread is about to wait for `what`, a string literal; null if it continues.
+  /// Call it before the thread waits for `what`, a string literal, and with null when it continues. Does not count as
+  /// progress.
   void set_waiting_for(const char* what) noexcept { waits_for_.store(what, std::memory_order_relaxed); }
-  /// The thread is done.
+  /// Call it when the thread is done. Counts as progress.
   void set_done() noexcept {
     note_progress();
     done_.store(true, std::memory_order_relaxed);
@@ -39,7 +40,8 @@ class alignas(cache_line_pair_bytes) ThreadProgress {
 };
 
 /// Ends a test that hangs. If none of its threads makes progress for `timeout`, it prints what each thread waits for
-/// and how many steps it has done, and ends the process with exit code 1: single threads cannot be ended.
+/// and how many steps it has done, and ends the process with exit code 1, because a single thread cannot be ended. It
+/// compares the progress once per `timeout`, in a thread of its own. The destructor ends the observation.
 class Watchdog {
  public:
   explicit Watchdog(std::string test, std::chrono::milliseconds timeout = std::chrono::seconds(60));
@@ -47,7 +49,7 @@ class Watchdog {
   Watchdog& operator=(const Watchdog&) = delete;
   ~Watchdog();
 
-  /// Registers a thread; the result lives as long as the watchdog.
+  /// Registers a thread of the test. Any thread may call it. The result lives as long as the watchdog.
   ThreadProgress& add_thread(std::string name);
 
  private:

@@ -12,7 +12,7 @@
 namespace ringfence::link {
 namespace {
 
-/// Two threads that wait for each other. Neither ever rings.
+/// Two threads wait for each other, and neither rings the other's doorbell.
 [[noreturn]] void hang() {
   Watchdog watchdog("two threads that wait for each other", std::chrono::milliseconds(300));
   Doorbell first, second;

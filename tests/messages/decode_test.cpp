@@ -15,8 +15,8 @@
 namespace ringfence::messages {
 namespace {
 
-/// The record sizes of the protocol, independent of the implementation: the fixed part, and whether a model state
-/// follows.
+/// The size of a record of the protocol: its fixed part, and whether a model state follows. The table has one entry for
+/// each message type, in order, and is independent of messages::record_bytes.
 struct RecordSize {
   std::size_t fixed;
   bool with_state;
@@ -214,7 +214,7 @@ TEST_CASE("no random bytes make the decoder read beyond a message") {
       byte = static_cast<std::byte>(random());
     }
     if (round % 2 == 0) {
-      // Half of the messages are valid ones with a few flipped bits, so that the later checks are reached too.
+      // Half of the messages are valid ones with up to three flipped bits, so that the later checks are reached too.
       const auto type = static_cast<std::uint16_t>(1 + random() % 16);
       bytes = message_of(type, state_bytes, size_of(type, state_bytes) == 0 ? 0 : random() % 6);
       for (std::uint64_t flips = random() % 4; flips > 0; --flips) {

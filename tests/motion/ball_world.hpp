@@ -12,10 +12,12 @@
 
 namespace ringfence::test {
 
-/// A world of unit balls that a motion model moves. Each frame computes S(k) from S(k-1) and C(k-1), then C(k). Finds
-/// contacts by brute force within grid cells; shares no code with the engine except the model under test.
+/// A world of balls of radius 1 m that a motion model moves. Each frame computes S(k) from S(k-1) and C(k-1), then
+/// C(k). Finds contacts by brute force among the balls of neighbouring grid cells. Balls with equal centres have no
+/// contact. Shares no code with the engine except the model under test. Threads: one at a time.
 class BallWorld {
  public:
+  /// `model` outlives the world.
   explicit BallWorld(const MotionModel& model) : model_(model) {}
 
   void add(ObjectNumber number, Category category, const Vec3d& position) {
@@ -29,7 +31,7 @@ class BallWorld {
     states_.push_back(std::move(state));
   }
 
-  /// Advances one frame. Moves `batch` objects at a time, in the order of the table or backwards.
+  /// Advances one frame. Passes `batch` objects (1 to 64) at a time to the model, in the order of add() or backwards.
   void advance(std::size_t batch = 64, bool backwards = false) {
     std::vector<std::size_t> order(specs_.size());
     for (std::size_t i = 0; i < order.size(); ++i) order[i] = backwards ? order.size() - 1 - i : i;
@@ -66,8 +68,11 @@ class BallWorld {
   }
 
   const std::vector<ObjectSpec>& objects() const { return specs_; }
+  /// C(k), ordered by (a, b).
   const std::vector<Contact>& contacts() const { return contacts_; }
+  /// Number of objects whose pose changed in the last frame.
   std::size_t moved() const { return moved_; }
+  /// Number of frames so far.
   std::uint64_t frame() const { return frame_; }
 
  private:

@@ -13,7 +13,7 @@
 namespace ringfence::motion {
 namespace {
 
-/// A world of balls of radius 1 that fill 6 % of the volume.
+/// The configuration for a world in which `objects` balls of radius 1 m fill 6 % of the volume.
 SteeringConfig config_for(std::uint32_t objects, std::uint64_t seed = 1) {
   SteeringConfig config;
   const double side = std::cbrt(objects * 4.18879 / 0.06);
@@ -73,7 +73,7 @@ TEST_CASE("another seed gives other positions") {
 TEST_CASE("4000 balls settle at 1600 to 3500 contacts a frame, at most 16 for each ball") {
   const Steering model(config_for(4000));
   test::BallWorld world = filled_world(model, 4000, 3);
-  for (int frame = 0; frame < 180; ++frame) world.advance();  // all objects start at once, so many meet at once
+  for (int frame = 0; frame < 180; ++frame) world.advance();  // all objects start together, so many meet at first
   double sum = 0;
   for (int frame = 0; frame < 80; ++frame) {
     world.advance();
@@ -112,7 +112,7 @@ TEST_CASE("objects cluster around targets and disperse again") {
       largest[target] = std::max(largest[target], near_target(target));
     }
   }
-  int clustering_targets = 0;  // an even distribution has 13 objects in such a ball
+  int clustering_targets = 0;  // an even distribution has 13 objects within 6 m of a target
   for (std::size_t target = 0; target < 20; ++target)
     clustering_targets += smallest[target] <= 15 && largest[target] >= 30;
   CHECK(clustering_targets >= 10);
@@ -176,7 +176,7 @@ TEST_CASE("non-active objects that overlap push each other apart and come to res
     world.add(1, Category::non_active, {20, 20, 20});
     world.add(2, Category::non_active, {20 + gap, 20.1, 20});
     world.add(3, Category::non_active, {20, 20.4, 20 + gap});
-    world.advance();  // computes the contacts
+    world.advance();  // finds the first contacts
     if (gap < 1.8) {
       world.advance();
       CHECK(world.moved() > 0);

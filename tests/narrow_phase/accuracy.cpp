@@ -1,5 +1,5 @@
-// Compares the narrow phase with the reference in double precision on many pairs of all kinds, and prints how many
-// results are wrong. tools/check-accuracy runs it with millions of pairs, the tests with a small part of them.
+// Compares the narrow phase with the reference in double precision on many pairs of all kinds except support functions,
+// and prints how many results are wrong. tools/check-accuracy runs it with millions of pairs, the tests with fewer.
 #include <algorithm>
 #include <atomic>
 #include <charconv>
@@ -20,11 +20,12 @@ namespace ringfence::narrow_phase_test {
 namespace {
 
 constexpr ShapeKind kinds[] = {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh};
-/// Pairs per world. The bodies of a world share its hulls and meshes, so each world brings new ones.
+/// Number of pairs in a world. The bodies of a world share its hulls and meshes; each world has other ones.
 constexpr std::size_t world_pairs = 4000, mesh_world_pairs = 500;
-/// Limit for the triangles of a mesh: the reference tests every one.
+/// Maximum number of triangles of a mesh. It is small because the reference tests every triangle.
 constexpr int max_triangles = 80;
 
+/// The first four are numbers of pairs for each pair of kinds.
 struct Options {
   std::uint64_t random = 1'000'000, degenerate = 100'000, mesh_random = 1'000'000, mesh_degenerate = 100'000, seed = 1;
   unsigned threads = std::max(1u, std::thread::hardware_concurrency());
@@ -32,9 +33,9 @@ struct Options {
 
 struct Tally {
   std::uint64_t pairs = 0, contacts = 0;
-  std::uint64_t wrong = 0;        ///< by more than 10^-4 of the smaller object's size
-  std::uint64_t badly_wrong = 0;  ///< by more than 10^-3
-  std::string text;               ///< describes the first few
+  std::uint64_t wrong = 0;        ///< by more than 10^-4 of the smaller object's bounding radius
+  std::uint64_t badly_wrong = 0;  ///< of them, by more than 10^-3
+  std::string text;               ///< describes some of the wrong results
 
   void add(const Tally& other) {
     pairs += other.pairs;
@@ -45,7 +46,7 @@ struct Tally {
   }
 };
 
-/// One world: pairs of two kinds. Every other world swaps a and b.
+/// A world to test: `count` pairs of kinds `p` and `q`. If `seed` is odd, a and b are swapped.
 struct Task {
   ShapeKind p, q;
   bool degenerate;

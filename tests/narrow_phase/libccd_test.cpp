@@ -12,7 +12,7 @@
 namespace ringfence::narrow_phase_test {
 namespace {
 
-/// A placed convex shape for libccd, from its description: uses nothing that the kernels prepare.
+/// A placed convex shape for libccd. It uses only the description of the shape, nothing that the kernels prepare.
 struct Placed {
   const ShapeDescription& shape;
   geometry::RotationD rotation;
@@ -42,8 +42,8 @@ void support(const void* object, const ccd_vec3_t* direction, ccd_vec3_t* out) {
   ccdVec3Set(out, p.x, p.y, p.z);
 }
 
-/// The depth along the direction that libccd's GJK and EPA find; none if they find the two apart. libccd's own depth is
-/// not used, because on curved surfaces it is too small.
+/// The depth along the direction that GJK and EPA of libccd find; empty if they find no contact. The depth that libccd
+/// returns is not used, because it is too small on curved surfaces.
 std::optional<double> depth_by_libccd(const Placed& a, const Placed& b) {
   ccd_t ccd;
   CCD_INIT(&ccd);
@@ -80,15 +80,15 @@ TEST_CASE("libccd agrees on contact and depth for every pair of convex kinds") {
         const Placed placed_b{world.shapes().description(b.shape), geometry::rotation_exact(b.pose.orientation),
                               b.pose.position - a.pose.position};
         const std::optional<double> libccd_depth = depth_by_libccd(placed_a, placed_b);
-        // libccd's decision is iterative: closer to touching than this, either decision is possible.
+        // libccd decides by iteration: if the depth is not larger than this, either decision is possible.
         const double tolerance = 1e-3 * double{std::min(world.shapes().row(a.shape).bounding_radius,  //
                                                         world.shapes().row(b.shape).bounding_radius)};
         different += libccd_depth.value_or(-1) > tolerance && depth[i] < 0;
         different += depth[i] > tolerance && !libccd_depth;
         if (!libccd_depth || depth[i] < 0) continue;
         ++touching;
-        // Our depth is the least of all directions, so it is never more than along their direction, which in most cases
-        // is the least too.
+        // Our depth is the least of all directions, so it is never larger than the depth along libccd's direction. In
+        // most cases the two are equal.
         deeper += depth[i] > *libccd_depth + 0.1 * tolerance;
         same += std::abs(depth[i] - *libccd_depth) < 10 * tolerance;
       }

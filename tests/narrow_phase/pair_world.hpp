@@ -16,13 +16,15 @@
 
 namespace ringfence::narrow_phase_test {
 
-/// Pairs of objects that are close to each other, as input of the narrow phase and of the reference.
+/// Pairs of objects that are close to each other, as input of the narrow phase and of the reference. `table` and
+/// `reference` have the same shapes under the same numbers.
 struct PairWorld {
   std::unique_ptr<geometry::ShapeTable> table = std::make_unique<geometry::ShapeTable>();
   reference::Shapes reference;
   std::vector<narrow_phase::Body> bodies;
   std::vector<geometry::CandidatePair> pairs;
 
+  /// Adds a shape and a body with it. Returns the index of the body.
   std::uint32_t add(const ShapeDescription& shape, const Pose& pose) {
     const ShapeNumber number = table->add(shape);
     reference.add(shape);
@@ -48,14 +50,17 @@ struct PairWorld {
 /// Random shapes and poses: ordinary ones, and those that are hard for kernels.
 ///
 /// Call at most one function per full expression, or call within braces: otherwise the compiler chooses the order of
-/// the calls, and a pair that was found with one compiler cannot be reproduced with another.
+/// the calls, and a pair that was found with one compiler cannot be reproduced with another. Lengths are in metres.
 class RandomSource {
  public:
   explicit RandomSource(std::uint64_t seed) : random_(seed) {}
 
   double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
+  /// Uniform in the logarithm. Precondition: 0 < low <= high.
   double logarithmic(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
+  /// 0 to n - 1.
   int below(int n) { return std::uniform_int_distribution<int>(0, n - 1)(random_); }
+  /// A unit vector.
   Vec3d direction() {
     for (;;) {
       const Vec3d v{uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)};
@@ -90,7 +95,7 @@ class RandomSource {
             static_cast<float>(w / length)};
   }
 
-  /// Ordinary sizes: within a factor of ten.
+  /// A sphere, box, capsule or hull (for any other kind) of ordinary size: lengths are within about a factor of ten.
   ShapeDescription ordinary(ShapeKind kind) {
     if (kind == ShapeKind::sphere) return Sphere{size(0.3, 1.5)};
     if (kind == ShapeKind::box) return Box{{size(0.2, 1.2), size(0.2, 1.2), size(0.2, 1.2)}};
@@ -105,23 +110,24 @@ class RandomSource {
     return hull;
   }
 
-  /// From millimetres to kilometres, plates, needles and rods, round numbers.
+  /// A sphere, box or capsule (for any other kind) with lengths of about 1 mm to 1 km. Some are plates,
+  /// needles or rods, and some have equal lengths.
   ShapeDescription degenerate(ShapeKind kind) {
     const double scale = logarithmic(0.03, 30);
     const auto length = [&] { return static_cast<float>(scale * (below(3) == 0 ? 1.0 : logarithmic(0.033, 33))); };
     if (kind == ShapeKind::sphere) return Sphere{length()};
     if (kind == ShapeKind::box) {
       Box box{{length(), length(), length()}};
+      // A plate of one millimetre: the shape table accepts nothing thinner.
       if (below(4) == 0) box.half_extents.z = 0.0005f;
       if (below(4) == 0) box.half_extents.y = box.half_extents.x;
-      // The shape table accepts nothing thinner than one millimetre.
       return box;
     }
     return Capsule{length(), below(6) == 0 ? 0.0f : length()};
   }
 
-  /// An orientation that is special relative to `other`: equal, rotated by 90 degrees, or different from these by less
-  /// than rounding shows.
+  /// An orientation that is special relative to `other`: equal or rotated by 90 degrees, and in most cases then tilted
+  /// by 10^-8 to 10^-2 rad.
   Quat special_orientation(const Quat& other) {
     const double h = std::sqrt(0.5);
     static constexpr double tilts[] = {0, 0, 0, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
@@ -146,20 +152,23 @@ class RandomSource {
   std::mt19937_64 random_;
 };
 
-/// `count` pairs of two kinds, a of kind `p`, about half in contact, around `origin`.
+/// `count` pairs of two kinds, a of kind `p`, about half in contact. a is within 100 m of `origin` (metres). The result
+/// depends only on the arguments.
 PairWorld ordinary_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin = {});
 
-/// `count` pairs of two kinds that are hard cases: coinciding centres, nested, touching within rounding, parallel,
-/// crossing, plates of one millimetre, sizes that differ by a factor of 1000.
+/// The same with hard cases, a at `origin`: equal centres, nested, touching within rounding, parallel, crossing,
+/// plates of one millimetre, sizes that differ by a factor of 1000. Precondition: `p` and `q` are sphere, box or
+/// capsule.
 PairWorld degenerate_pairs(ShapeKind p, ShapeKind q, std::size_t count, std::uint64_t seed, const Vec3d& origin = {});
 
-/// Errors in the contacts of `pairs` according to the reference: their number, and a text with at most `most` of them,
-/// one per line. `relative` is the tolerance as part of the smaller bounding radius.
+/// The result of check_contacts().
 struct CheckResult {
-  std::size_t wrong = 0;
-  std::size_t contacts = 0;
-  std::string text;
+  std::size_t wrong = 0;     ///< number of errors
+  std::size_t contacts = 0;  ///< number of checked contacts
+  std::string text;          ///< describes the first errors, with the two objects of each
 };
+/// Compares the contacts of `pairs` with the reference. PairContact::pair is an index into `pairs`. `relative` is the
+/// tolerance as a fraction of the smaller bounding radius. The text describes at most `most` wrong pairs.
 CheckResult check_contacts(const PairWorld& world, std::span<const geometry::CandidatePair> pairs,
                            std::span<const narrow_phase::PairContact> contacts, double relative = 1e-4,
                            std::size_t most = 3);

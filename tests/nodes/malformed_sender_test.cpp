@@ -87,7 +87,7 @@ struct MalformedMessage {
   std::string what;
   Status reason;
   std::function<Bytes(const Scene&)> make;
-  bool afterwards = false;  ///< sent after the user's own last state of the frame, otherwise before
+  bool afterwards = false;  ///< whether it is sent after the user's last valid message of the frame, or before it
 };
 
 std::vector<MalformedMessage> malformed_messages() {
@@ -346,7 +346,7 @@ TEST_CASE("messages beyond a user node's quota are ignored, and no other frame c
     std::vector<Outcome> expected;
     for (const bool flooding : {false, true}) {
       if (flooding) {
-        // Room for the correct states, which come first here, and a little more.
+        // The quota has room for the correct states, which come first here, and a little more.
         (by_bytes ? config.quotas.bytes : config.quotas.updates) = by_bytes ? 600 : 5;
       }
       Scene scene(config);
@@ -358,7 +358,7 @@ TEST_CASE("messages beyond a user node's quota are ignored, and no other frame c
         Bytes first = instead.back();
         last.last = 0;
         std::memcpy(first.data(), &last, sizeof last);
-        // The flood repeats the correct poses, so only records beyond the quota could have an effect.
+        // Up to the quota the flood repeats the correct poses, so only records beyond it could have an effect.
         std::vector<Bytes> all{first};
         for (int i = 0; i < 4000; ++i) all.push_back(i < 2 ? first : flood);
         all.push_back(instead.back());

@@ -1,5 +1,5 @@
-// The three roles stepped by hand: which messages are sent where and when, which role hosts which object, and which
-// hosts are notified of which contact.
+// Steps the three roles by hand and checks which messages are sent where and when, which role hosts which object, and
+// which hosts are notified of which contact.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -17,8 +17,8 @@
 namespace ringfence::nodes::test {
 namespace {
 
-/// Jumps to a position computed from number and frame: near and far, exactly onto cell borders, out of bounds; now and
-/// then the object is absent.
+/// In about half of the frames an object jumps to a position that depends on its number and the frame: near or far,
+/// exactly on a border between cells, or out of bounds.
 class JumpingModel : public MotionModel {
  public:
   std::size_t state_bytes() const noexcept override { return 16; }
@@ -80,7 +80,8 @@ void in_all_configs(const MotionModel* model, Test test) {
   }
 }
 
-/// Small and large spheres (one spans the world), one avatar per user, some static objects.
+/// Spawns small spheres and large ones, which span several cells: one avatar per user, some static and some active
+/// objects.
 std::vector<ObjectId> populate(TestHarness& harness, std::mt19937_64& random, std::size_t objects, std::size_t users) {
   const ShapeNumber small = harness.add_shape(Sphere{2.5f});
   const ShapeNumber large = harness.add_shape(Sphere{20.0f});
@@ -103,7 +104,8 @@ std::vector<ObjectId> populate(TestHarness& harness, std::mt19937_64& random, st
 
 using Pairs = std::set<std::pair<ObjectNumber, ObjectNumber>>;
 
-/// Contacts of spheres by brute force; `unsure` are those within rounding error of touching.
+/// Finds the contacts of spheres by brute force. `unsure` gets the pairs that are closer to touching than 10^-4 m, a
+/// limit for rounding errors, and `sure` the other contacts.
 void brute_force(const TestHarness& harness, Pairs& sure, Pairs& unsure) {
   const ObjectTable& table = harness.table();
   for (std::uint32_t p = 0; p < table.slots(); ++p) {
@@ -138,7 +140,7 @@ void check_contacts(const TestHarness& harness) {
     const std::pair key{contact.a, contact.b};
     REQUIRE(found.insert(key).second);
     REQUIRE((sure.count(key) != 0 || unsure.count(key) != 0));
-    // A contact carries the poses at which it was determined.
+    // A contact has the poses at which it was determined.
     REQUIRE(harness.server().pose(harness.table().find(contact.a)) == contact.pose_a);
     REQUIRE(harness.server().pose(harness.table().find(contact.b)) == contact.pose_b);
   }
@@ -238,9 +240,9 @@ void check_protocol(const TestHarness& harness, const HarnessConfig& config, std
   }
 }
 
-/// Requires that every host receives exactly the contacts of its objects that it did not find itself (user nodes: ended
-/// ones too), in order and with both poses, and the phases of those that it found. Returns the number of contacts that
-/// nodes read from their peers' lists.
+/// Requires that every host receives exactly the contacts of its objects that it did not find itself, in order and with
+/// both poses, and the phases of those that it found. User nodes also receive ended contacts. Returns the number of
+/// contacts that nodes read from the lists of other nodes.
 std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& config, std::size_t users,
                             const std::map<ObjectNumber, Endpoint>& hosts_of_ended) {
   const auto host = [&](ObjectNumber number) {
@@ -268,7 +270,7 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
         }
       }
     }
-    // Of contacts that it found itself a node receives the phase only.
+    // A node receives only the phase of a contact that it found itself.
     const auto end =
         last_of(harness.log(), [&](const LoggedMessage& seen) { return seen.type() == MessageType::narrow_done; });
     std::vector<messages::CollisionRecord> found;
@@ -298,7 +300,7 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
           expected.erase(own);
         }
       }
-      // From the server, or from the lists of its peers.
+      // The node has these contacts from the server or from the lists of the other nodes.
       const auto known = harness.host(to.number()).contacts(harness.last());
       REQUIRE((node_contacts.nodes_exchange_contacts ? notified.empty() : node_contacts.taken == 0));
       notified.assign(known.begin(), known.end());
@@ -401,7 +403,7 @@ TEST_CASE("an object that is destroyed in the frame after it crossed a border is
     void move(std::uint64_t frame, std::span<const MotionInput> inputs,
               std::span<MotionOutput> outputs) const override {
       for (std::size_t i = 0; i < inputs.size(); ++i) {
-        // Frame 1: from the first cell to the last, across all regions between.
+        // In frame 1 the object jumps from the first cell to the last, across all regions between.
         outputs[i].pose.position.x = frame < 1 ? 1 : 63;
       }
     }

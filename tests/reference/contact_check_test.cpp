@@ -90,7 +90,7 @@ TEST_CASE("the reference accepts its own contacts and rejects those moved out of
       c = *exact;
       c.normal = {-c.normal.x, -c.normal.y, -c.normal.z};
       const auto reversed = pair.explain(&c);
-      // The reverse is accepted only where b can leave in the opposite direction by the same depth.
+      // The reversed normal is right only if b can also leave in the opposite direction by the same depth.
       const bool as_cheap = reversed.empty();
       CHECK((as_cheap || reversed.find("wrong normal") != std::string::npos || reversed.find("wrong point") == 0));
     }

@@ -66,7 +66,7 @@ TEST_CASE("orientation is exact where double arithmetic is not") {
 }
 
 TEST_CASE("the sign of an orientation follows the order of the points") {
-  for (const std::uint64_t seed : {51u, 2051u}) {  // 2051: a sum whose largest components cancel on the way
+  for (const std::uint64_t seed : {51u, 2051u}) {  // with 2051 the largest components of a sum cancel
     CAPTURE(seed);
     Random random(seed);
     for (int i = 0; i < 2000; ++i) {

@@ -153,7 +153,7 @@ TEST_CASE("phases follow from the contacts of two frames") {
   Frame frame = crowd(44, 60);
   const auto before = frame.contacts;
   REQUIRE(before.size() > 4);
-  // The first pair ends, the last one is new.
+  // The first pair ends, and the last pair begins.
   const std::vector<Contact> was(before.begin(), before.end() - 1);
   std::vector<Contact> now(before.begin() + 1, before.end());
   for (auto& c : now) c.phase = Phase::persist;

@@ -12,19 +12,24 @@ namespace ringfence::reference_test {
 
 using reference::Vector;
 
-/// Random shapes, poses and placements for tests: ordinary ones and those on which geometry code tends to fail.
+/// Random shapes, directions and orientations for tests: ordinary ones and those on which geometry code tends to fail.
+/// Lengths are in metres. In one build, equal seeds give equal sequences. Threads: one at a time.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
 
+  /// Uniform in [low, high).
   double uniform(double low, double high) {
     return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
   }
+  /// 0 to n - 1.
   std::size_t below(std::size_t n) { return static_cast<std::size_t>(engine_() % n); }
+  /// True with probability 1 / n.
   bool one_in(std::size_t n) { return below(n) == 0; }
-  /// Distributed evenly over the magnitudes.
+  /// Uniform in the logarithm, from `low` to `high`. Precondition: both are positive.
   double size(double low, double high) { return low * std::pow(high / low, uniform(0, 1)); }
 
+  /// A unit vector.
   Vector direction() {
     for (;;) {
       const Vector v{uniform(-1, 1), uniform(-1, 1), uniform(-1, 1)};
@@ -39,7 +44,7 @@ class Random {
     return {static_cast<float>(axis.x * std::sin(half)), static_cast<float>(axis.y * std::sin(half)),
             static_cast<float>(axis.z * std::sin(half)), static_cast<float>(std::cos(half))};
   }
-  /// Rotations by 90 degrees about an axis: parallel faces and edges.
+  /// An orientation that maps axes to axes, so that faces and edges of two boxes are parallel.
   Quat square_orientation() {
     const float h = 0.70710678f;
     const Quat all[] = {{0, 0, 0, 1}, {1, 0, 0, 0}, {0, 1, 0, 0},  {h, 0, 0, h},
@@ -57,7 +62,7 @@ class Random {
   Box box(double size) {
     return {vec3f({size * uniform(0.3, 0.7), size * uniform(0.3, 0.7), size * uniform(0.3, 0.7)})};
   }
-  /// Points on an ellipsoid.
+  /// A hull of points on an ellipsoid with semi-axes of `size` / 2 to `size`.
   ConvexHull hull(double size, std::size_t points) {
     const Vector scale{size * uniform(0.5, 1), size * uniform(0.5, 1), size * uniform(0.5, 1)};
     ConvexHull out;
@@ -67,7 +72,8 @@ class Random {
     }
     return out;
   }
-  /// Many points in one plane, duplicate points, points inside, plates, needles, prisms, an origin far outside.
+  /// A hull that is hard for geometry code: many points in one plane, duplicate points, points inside, a plate, a
+  /// needle, a prism, or an origin far outside.
   ConvexHull degenerate_hull(double size) {
     ConvexHull out;
     Vector scale{size, size, size};
@@ -106,12 +112,13 @@ class Random {
     out.points.push_back(out.points.front());
     return out;
   }
+  /// A box in which each side has `size` or a thousandth of it as half extent.
   Box degenerate_box(double size) {
     const auto thin = [&] { return one_in(2) ? size : size * 1e-3; };
     return {vec3f({thin(), thin(), thin()})};
   }
 
-  /// A closed bumpy sphere, or separate triangles.
+  /// Either a closed sphere of varying radius with 4 * rings^2 triangles, or rings^2 separate triangles.
   TriangleMesh mesh(double size, int rings) {
     TriangleMesh out;
     if (one_in(2)) {
@@ -142,7 +149,7 @@ class Random {
     return out;
   }
 
-  /// Any convex shape that is given by numbers; one in four is degenerate.
+  /// A sphere, capsule, box or hull. One in four boxes and hulls is degenerate.
   ShapeDescription convex(double size) {
     const bool degenerate = one_in(4);
     switch (below(4)) {
@@ -161,7 +168,7 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-/// The pose after a rigid motion.
+/// `pose` after the rigid motion `motion`: a rotation about the origin of the world, then a translation.
 inline Pose moved(const Pose& pose, const Pose& motion) {
   const auto turn = reference::rotation_of(motion.orientation);
   const Quat &p = motion.orientation, &q = pose.orientation;

@@ -52,7 +52,7 @@ TEST_CASE("pairs with a known separation") {
   CHECK(distance(upright, at(0, 0, 0), upright, at(3, 0, 0)) == near(2));
   CHECK(distance(upright, at(0, 0, 0), upright, at(0, 0, 2.8)) == near(-0.2));
   CHECK(distance(upright, at(0, 0, 0), upright, at(0.6, 0, 0, quarter_turn_x)) == near(-0.4));
-  // One inside the other, axes aligned: the least translation is sideways.
+  // The two overlap along a common axis: the least translation is sideways.
   CHECK(distance(upright, at(0, 0, 0), upright, at(0, 0, 0.5)) == near(-1));
 
   const Box crate{{1, 2, 3}};
@@ -61,7 +61,7 @@ TEST_CASE("pairs with a known separation") {
   CHECK(distance(crate, at(0, 0, 0), ball, at(2, 3, 4)) == near(std::sqrt(3.0) - 1));
   CHECK(distance(crate, at(0, 0, 0), ball, at(0.5, 0, 0)) == near(-1.5));
   CHECK(distance(crate, at(0, 0, 0), ball, at(1.9, 0, 0)) == near(-0.1));
-  // Edge on edge: a box rotated by 45 degrees has its edge at √2 from its centre.
+  // An edge against a face: a cube rotated by 45 degrees has its edge at √2 from its centre.
   const Box cube{{1, 1, 1}};
   CHECK(distance(cube, at(0, 0, 0, eighth_turn_z), cube, at(2.5, 0, 0)) == near(1.5 - std::sqrt(2.0)));
 
@@ -100,13 +100,13 @@ TEST_CASE("degenerate pairs have their exact separation") {
   CHECK(distance(Box{{100, 100, 100}}, at(0, 0, 0), Sphere{0.1f}, at(99.5, 0, 0)) == near(-0.6));
   CHECK(distance(cube_hull(1), at(0, 0, 0), cube_hull(1), at(0, 0, 0)) == near(-2));
   CHECK(distance(cube_hull(100), at(0, 0, 0), cube_hull(0.1f), at(3, 2, 1)) == near(-97.1));
-  // A plate of 1 mm across another one, and a plate inside a plate.
+  // Two plates of 1 mm almost coincide; then one stands on edge across the other.
   const Box plate{{1, 1, 0.0005f}};
   CHECK(distance(plate, at(0, 0, 0), plate, at(0, 0, 0.0004)) == doctest::Approx(-0.0006).epsilon(1e-6));
   CHECK(distance(plate, at(0, 0, 0), plate, at(0, 0, 0.5, quarter_turn_x)) == doctest::Approx(-0.5005).epsilon(1e-6));
   // Sizes of 1000 : 1.
   CHECK(distance(Box{{1000, 1000, 1000}}, at(0, 0, 0), Box{{1, 1, 1}}, at(1000.5, 900, -900)) == near(-0.5));
-  // Coplanar triangles have a contact without depth; side by side they have a distance.
+  // Coplanar triangles that overlap have a contact of depth 0; those that do not have a distance.
   const TriangleMesh t = triangle({0, 0, 0}, {1, 0, 0}, {0, 1, 0});
   CHECK(std::abs(distance(t, at(0, 0, 0), t, at(0.1, 0.1, 0))) < 1e-12);
   CHECK(distance(t, at(0, 0, 0), t, at(1, 1, 0)) == near(h));
@@ -120,7 +120,8 @@ TEST_CASE("a mesh is a surface: an object entirely inside does not touch it") {
                    2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 3, 7, 1, 7, 5};
   CHECK(distance(shell, at(0, 0, 0), Sphere{1}, at(2, 3, 4)) == doctest::Approx(5));
   CHECK(distance(shell, at(0, 0, 0), Sphere{1}, at(2, 3, 9.5)) == doctest::Approx(-0.5));
-  // The shell touches itself only; moved along a diagonal, each of two faces reaches half a metre past another.
+  // Two equal shells in one place touch with depth 0. After a move along a diagonal, faces of one reach half a metre
+  // past faces of the other.
   CHECK(std::abs(distance(shell, at(0, 0, 0), shell, at(0, 0, 0))) < 1e-12);
   CHECK(distance(shell, at(0, 0, 0), shell, at(0.5, 0.5, 0)) == doctest::Approx(-0.5));
 }
@@ -170,8 +171,8 @@ TEST_CASE("rigid motion and swapping a and b do not change the distance") {
 
 namespace {
 
-/// The widest gap (or least overlap) over very many directions, refined around the best one. Uses support points only.
-/// Never larger than the true distance.
+/// The widest gap (or least overlap, as a negative number) over very many directions, refined around the best twelve.
+/// Uses support points only. Never larger than the true distance.
 double densely_searched(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b) {
   const Placement b_in_a = relative(pose_a, pose_b);
   const auto gap = [&](const Vector& n) {
@@ -232,7 +233,8 @@ TEST_CASE("no direction separates better than the result, and a dense search com
     ++all;
     within += searched >= d - 1e-5 * reach;
   }
-  // A search can end in a corner of a piecewise smooth function. The proof is the bound above, and core_test.
+  // The search can end in a corner of a piecewise smooth function, so it does not always come close. The upper bound in
+  // the loop holds for all pairs; core_test.cpp checks the methods themselves.
   CHECK(within > all * 9 / 10);
 }
 

@@ -19,7 +19,8 @@ struct Crowd {
   std::vector<std::array<std::uint32_t, 3>> points;
 };
 
-/// Adds `count` boxes of side `extent`, at random positions from `at` to `at` + `spread` on each axis.
+/// Adds `count` boxes of side `extent`, with lower corners from `at` to `at` + `spread` on each axis, in fixed-point
+/// steps.
 void add_crowd(Crowd& crowd, std::size_t count, std::uint32_t at, std::uint32_t spread, std::uint32_t extent,
                std::mt19937_64& random) {
   for (std::size_t i = 0; i < count; ++i) {
@@ -44,7 +45,7 @@ void weigh(Balance& balance, const Crowd& crowd) {
   }
 }
 
-/// `each` milliseconds for each object.
+/// The cost of each node in milliseconds, if an object costs `each`.
 std::vector<double> costs_of(const RegionMap& map, const Crowd& crowd, double each = 0.001) {
   std::vector<double> costs(map.nodes(), 0.0);
   for (const auto& point : crowd.points) costs[map.owner_at(point.data())] += each;
@@ -118,7 +119,7 @@ TEST_CASE("the map does not change if the load is even, or if the gain is less t
   run_frames(balance, map, crowd, 200);
   CHECK(imbalance_of(costs_of(map, crowd)) < 1.1);
   CHECK(run_frames(balance, map, crowd, 200) == 0);
-  // The same skew, with nodes that are expensive and nodes that are cheap.
+  // The same skew, first with objects that cost little, then with objects that cost much.
   add_crowd(crowd, 8000, 0x20000000, 1u << 26, 1u << 20, random);
   RegionMap cheap = map;
   Balance other(grid, {}, 0);

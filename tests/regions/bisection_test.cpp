@@ -89,7 +89,8 @@ TEST_CASE("1 to 1024 nodes divide 4096 cells evenly, in regions as compact as st
     const double share = static_cast<double>(grid.cells()) / nodes;
     for (const Region& region : regions) {
       REQUIRE(std::abs(static_cast<double>(region.cells) - share) <= 1.0);
-      // A step adds at most one layer of cells on each side of the box that the share would fill.
+      // The box of a region has at most the volume of a cube with this side. Twice the side of a cube of `share` cells
+      // allows for boxes that are not cubes; the steps of the cuts add one layer of cells on each side.
       const double side = std::pow(share, 1.0 / 3.0) * 2 + 2;
       REQUIRE(static_cast<double>(region.box_cells()) <= side * side * side);
     }

@@ -127,7 +127,7 @@ Bounds random_bounds(std::mt19937_64& random, unsigned size_bits) {
   for (int axis = 0; axis < 3; ++axis) {
     std::uint64_t lower = random() % (std::uint64_t{1} << 32);
     if (random() % 4 == 0) {
-      lower &= ~((std::uint64_t{1} << 22) - 1);  // on a cell boundary
+      lower &= ~((std::uint64_t{1} << 22) - 1);  // on a boundary of the finest cells
     }
     const std::uint64_t size = random() % (std::uint64_t{1} << size_bits);
     bounds.lower[axis] = static_cast<std::uint32_t>(lower);

@@ -12,12 +12,12 @@ namespace ringfence::test {
 
 /// Exit code and output of a run of the program.
 struct ProgramResult {
-  int code = -1;
+  int code = -1;    ///< -1: it could not be started, or a signal ended it
   std::string out;  ///< standard output and standard error, as selected by `redirect`
 };
 
 /// Runs the program with `arguments` in a shell and waits for it. By default `out` includes standard error.
-/// `environment` is NAME=VALUE or empty.
+/// `environment` is NAME=VALUE or empty. The texts are parts of a shell command, so they need the quotes of the shell.
 inline ProgramResult ringfence(const std::string& arguments, const std::string& redirect = "2>&1",
                                const std::string& environment = "") {
   const std::string command = environment + " " + RINGFENCE_PROGRAM + " " + arguments + " " + redirect;
@@ -32,7 +32,7 @@ inline ProgramResult ringfence(const std::string& arguments, const std::string& 
   return result;
 }
 
-/// Creates an empty folder and removes it with its content in the destructor.
+/// Creates an empty folder in the folder for temporary files. The destructor removes it with its content.
 class TemporaryFolder {
  public:
   TemporaryFolder() {
@@ -42,13 +42,14 @@ class TemporaryFolder {
   ~TemporaryFolder() { std::filesystem::remove_all(path_); }
   TemporaryFolder(const TemporaryFolder&) = delete;
   TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  /// The path of `file` in the folder.
   std::string operator/(const std::string& file) const { return (path_ / file).string(); }
 
  private:
   std::filesystem::path path_;
 };
 
-/// The digest in a report; empty if there is none.
+/// The digest in a report, 16 hexadecimal digits; empty if there is none.
 inline std::string digest_in(const std::string& report) {
   const std::size_t at = report.find("digest      ");
   return at == std::string::npos ? std::string() : report.substr(at + 12, 16);

@@ -7,7 +7,7 @@
 namespace ringfence::worlds {
 namespace {
 
-/// One object that a ReplayModel moves, as its host would.
+/// One object that a ReplayModel moves: its input, and its state after each move. Calls the model as a host does.
 struct ReplayResult {
   MotionInput input;
   std::uint64_t state = 0;

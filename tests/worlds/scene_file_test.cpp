@@ -215,7 +215,7 @@ TEST_CASE("a scene of more than 64 nested levels is refused at any depth") {
   CHECK(parse_error(std::string(300'000, '['))
             .starts_with("s.json:1:65: arrays and objects are nested more than 64 deep"));
   CHECK(parse_error(nested("{\"a\":", "}", 300'000)).find("nested more than 64 deep") != std::string::npos);
-  // 64 levels are accepted, so the error is the type of the value.
+  // 64 levels are accepted, so the error message is about the type of the value.
   CHECK(parse_error(nested("[", "]", 64)).starts_with("s.json:1: format: found [[[["));
   // Brackets in strings do not count, not even after an escaped quote.
   CHECK(parse_error("{\"format\": \"\\\"" + std::string(100, '[') + "\"}")

@@ -12,9 +12,9 @@ namespace {
 
 using std::numbers::pi;
 
-constexpr double nautical_mile = 1852;
-constexpr double foot = 0.3048;
-constexpr double earth_radius = 6'371'008.8;  // mean
+constexpr double nautical_mile = 1852;        // metres
+constexpr double foot = 0.3048;               // metres
+constexpr double earth_radius = 6'371'008.8;  // metres, mean
 constexpr std::uint64_t frame_ms = 10'000;
 constexpr std::uint64_t day_ms = 86'400'000;
 constexpr double altitude_step = 25;  // feet; transponders report multiples of it
@@ -51,8 +51,9 @@ class Projection {
   double longitude_, n_ = 1, f_ = 1, rho_middle_ = 0;
 };
 
-/// The separation minima as a prism. Its height is 1000 ft less half an altitude step, so that aircraft exactly 1000 ft
-/// apart do not touch.
+/// The prism around an aircraft: two prisms touch if the aircraft are closer than the required separation of 5 nautical
+/// miles horizontally and 1000 ft vertically. The height is 1000 ft less half an altitude step, so that the prisms of
+/// aircraft exactly 1000 ft apart do not touch.
 worlds::NamedShape separation_prism() {
   const double radius = 2.5 * nautical_mile / std::cos(pi / prism_sides);
   const double half_height = (1000 - altitude_step / 2) / 2 * foot;

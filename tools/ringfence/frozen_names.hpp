@@ -17,10 +17,11 @@ std::string word_of(NodeStage stage);
 /// The stage that `word` names: a word of word_of, or its frozen name. Empty if there is none.
 std::optional<NodeStage> find_stage(std::string_view word);
 
-/// All words that find_stage accepts, for messages; a frozen name follows its current word in brackets.
+/// All words that find_stage accepts, for messages; a frozen name follows its current word in parentheses.
 std::string list_stage_words();
 
-/// Key of a step of the critical path under `path_ms` in the JSON report.
+/// Key of a step of the critical path under `path_ms` in the JSON report: its frozen name, or its name in the code.
+/// Returns a string literal.
 const char* path_key(const PathReport::Step& step);
 
 /// Keys of the JSON report and the status file.
@@ -29,11 +30,11 @@ namespace keys {
 inline constexpr const char* requested_broad_phase = "broad_phase_asked";
 inline constexpr const char* received_parcels = "taken_parcels";
 inline constexpr const char* received_bytes = "taken_bytes";
-/// A node joined: time from its first announcement to its assignment.
+/// For a node that joined: time from its first announcement to its assignment.
 inline constexpr const char* waiting_ms = "waited_ms";
-/// A node joined: time from its assignment to its first parcel of a frame.
+/// For a node that joined: time from its assignment to its first parcel of a frame.
 inline constexpr const char* first_parcel_ms = "spoke_ms";
-/// A node left: time from its request to leave to its last hand-over.
+/// For a node that left: time from its request to leave to the end of its last hand-over.
 inline constexpr const char* leave_request_ms = "asked_ms";
 }  // namespace keys
 

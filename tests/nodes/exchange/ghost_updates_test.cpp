@@ -54,7 +54,7 @@ TEST_CASE("ghost updates reach exactly the nodes that they were added for") {
   }
 }
 
-/// The first object does not move; the second follows a table of positions.
+/// Object 2 moves along x by a table with one position for each frame. The others do not move.
 class VisitingModel : public MotionModel {
  public:
   explicit VisitingModel(std::vector<double> places) : places_(std::move(places)) {}
@@ -108,9 +108,9 @@ TEST_CASE("a node receives objects near the border, crossing it and leaving it f
     const bool touch = places[frame] >= 31.5 && places[frame] <= 35.5;
     CHECK(harness.contacts().size() == (touch ? 1 : 0));
     const std::size_t by_server = notified_by_server(harness);
-    // In the first frame the server sends the resting object, which no host reports; later the hosts send everything.
+    // In the first frame the server sends the resting object, because no host reports it. Later it sends nothing.
     CHECK(by_server == (frame == 0 ? 1 : 0));
-    // Updates while the object touches the other's region, and one removal afterwards.
+    // The host sends an update while the object touches the other node's region, and one removal after that.
     const auto touches_other = [&](std::size_t f) { return places[f] >= 31 && places[f] <= 33; };
     const bool updates = frame > 0 && (touches_other(frame) || touches_other(frame - 1) ||
                                        (places[frame - 1] < 32) != (places[frame] < 32));
@@ -128,7 +128,7 @@ TEST_CASE(
   spec.shape = harness.add_shape(Sphere{1});
   spec.pose.position = {3, 40, 8};
   harness.spawn(spec);
-  harness.spawn(spec);  // number 2, the moving one
+  harness.spawn(spec);  // object 2, which moves
   // Two touching objects at every border between cells, and one that never moves.
   for (const double border : {16.0, 32.0, 48.0}) {
     for (const double side : {-0.8, 0.8}) {
@@ -141,7 +141,7 @@ TEST_CASE(
   harness.spawn(spec);
   const std::map<std::size_t, std::uint32_t> resizes = {{2, 4}, {5, 3}, {8, 1}, {11, 4}, {14, 2}};
   const geometry::Bounds fixed = harness.shapes().bounds(spec.shape, spec.pose, harness.space());
-  std::uint32_t epoch = 1;  // of the map of the frame before
+  std::uint32_t epoch = 1;  // epoch of the map of the frame before
   std::size_t maps = 0;
   for (std::size_t frame = 0; frame < places.size(); ++frame) {
     CAPTURE(frame);

@@ -186,7 +186,7 @@ TEST_CASE("the model gets exactly the begin and persist contacts of each hosted 
       for (const auto& [key, contact] : known) host.add_contact(frame, contact);
       const std::size_t received = known.size();
       if (frame % 2 == 1) {
-        // Late contacts in any order, some already known, some twice.
+        // Late contacts come in any order. Some are already known, and some come twice.
         std::vector<Contact> some;
         for (int i = 0; i < 60; ++i) {
           const auto a = static_cast<ObjectNumber>(1 + random() % 199);
@@ -214,7 +214,7 @@ TEST_CASE("the model gets exactly the begin and persist contacts of each hosted 
         REQUIRE((keys(model.received_contacts[number]) == expected));
         REQUIRE(model.user_data[number] == number * std::uint64_t{1000});
       }
-      // The received contacts stay readable, ended ones too.
+      // The received contacts, ended ones too, stay readable.
       REQUIRE(host.contacts(frame).size() == received);
     }
   }
@@ -407,7 +407,7 @@ TEST_CASE("exactly the objects with changed pose, presence or state, placed or s
   host.begin_contacts(1);
   host.move(1);
   CHECK(host.changed().empty());
-  CHECK(hosted(host, 2).object.flags == 0);  // refused outputs leave absence unchanged too
+  CHECK(hosted(host, 2).object.flags == 0);  // an absent object stays absent without an output
 }
 
 TEST_CASE("a steered object stands at its steered pose for one frame, whatever the model computes") {

@@ -23,7 +23,7 @@ std::uint64_t word_of(const Key& key) { return base::PairSort::key(key.first, ke
 
 Key key_of(std::uint64_t word) { return {static_cast<ObjectNumber>(word >> 32), static_cast<ObjectNumber>(word)}; }
 
-/// Rows with a different position each, and another one in each frame; numbers ascend by slot.
+/// The rows of a frame. Each slot has its own position, which is different in each frame. Numbers ascend by slot.
 std::vector<ObjectRow> rows_of(std::uint64_t frame, bool large_numbers) {
   std::vector<ObjectRow> rows(slots);
   for (std::uint32_t slot = 0; slot < slots; ++slot) {
@@ -37,7 +37,7 @@ std::vector<ObjectRow> rows_of(std::uint64_t frame, bool large_numbers) {
 struct ExpectedContact {
   Contact contact;
   std::uint32_t slot_a = 0, slot_b = 0;
-  std::size_t finder = 0;  ///< owner of the pair, counted among all nodes that ever existed
+  std::size_t finder = 0;  ///< number of the node that owns the pair in the frame
 };
 using ExpectedContacts = std::map<Key, ExpectedContact>;
 
@@ -46,10 +46,10 @@ struct Node {
   std::unique_ptr<NodeContacts> shared;            ///< null: the node sends messages
   std::vector<Contact> contacts;                   ///< in the order of the list
   std::vector<narrow_phase::PairContact> touches;  ///< in the order of detection
-  std::vector<narrow_phase::Body> bodies;          ///< all bodies, in an order of their own
+  std::vector<narrow_phase::Body> bodies;          ///< of all slots, in random order
   OutputMergeScratch scratch;
 
-  /// `before` and `now`: all contacts of the two frames, of all nodes.
+  /// The node finds the contacts `own`. `before` and `now` are the contacts of all nodes in the two frames.
   void find(std::uint64_t frame, const std::vector<const ExpectedContact*>& own, const std::vector<ObjectRow>& rows,
             const ExpectedContacts& before, const ExpectedContacts& now, std::mt19937_64& random) {
     std::vector<std::uint32_t> places = shuffled(own.size(), random);
@@ -81,7 +81,8 @@ struct Node {
     shared->contacts = random() % 2 == 0 ? contacts.data() : nullptr;
     shared->touches = touches.data();
     shared->bodies = bodies.data();
-    // Contacts that another node had or has are at a border; of the others the node knows only some to be its own.
+    // If the pair is in contact in the other frame, another node may have found it there. If not, the node knows in
+    // most cases that no other node found it.
     const auto is_alone = [&](const ExpectedContacts& others, std::uint64_t key) {
       return others.count(key_of(key)) == 0 && random() % 4 != 0;
     };
@@ -109,7 +110,7 @@ struct Node {
 
 bool same(const Contact& p, const Contact& q) { return std::memcmp(&p, &q, sizeof p) == 0; }
 
-/// A world without objects: it produces only the input of the ledger.
+/// Produces the input of a ledger frame by frame and checks its output. There is no world and there are no roles.
 class LedgerTest {
  public:
   enum class Form { sending, sharing, mixed };
@@ -126,7 +127,7 @@ class LedgerTest {
     std::vector<std::vector<const ExpectedContact*>> runs(nodes_.size());
     for (const auto& [key, truth] : now_) {
       runs[truth.finder].push_back(&truth);
-      // Two nodes own the pair, as after a bug elsewhere.
+      // Two nodes find the pair, as after a bug elsewhere.
       if (duplicates_allowed && random_() % 16 == 0) {
         runs[(truth.finder + 1) % nodes_.size()].push_back(&truth);
         ++surplus_;
@@ -163,12 +164,12 @@ class LedgerTest {
     if (random_() % 5 == 0) join();
     if (random_() % 7 == 0 && nodes_.size() > 1) leave(random_() % nodes_.size());
     if (random_() % 9 == 0 && nodes_.back()->shared != nullptr) {
-      // A new node in its place, without contacts of the frame before.
+      // A new node takes its place. It has no contacts of the frame before.
       nodes_.back()->shared = std::make_unique<NodeContacts>();
     }
   }
 
-  /// The stopped threads continue; at a random later time their memory is freed.
+  /// The stopped threads continue and end. Then their memory is freed, or at random only by a later call.
   void continue_stopped() {
     for (Node* node : stopped_) {
       node->write();
@@ -181,8 +182,8 @@ class LedgerTest {
 
   bool duplicates_allowed = false;
   bool stops = false;             ///< the threads of lost nodes may stop while they write
-  std::size_t written_again = 0;  ///< frames in which the lists were written again because of that
-  std::size_t waits = 0;          ///< for a lost node that was writing
+  std::size_t written_again = 0;  ///< frames in which the lists were written again because a thread stopped
+  std::size_t waits = 0;          ///< how often the ledger waited for a lost node that was writing
   std::size_t by_nodes = 0;       ///< frames in which ended contacts were read from the nodes instead of searched
 
  private:
@@ -197,7 +198,7 @@ class LedgerTest {
     if (nodes_.empty()) join();
   }
 
-  // Most contacts persist, and most of these at the same node.
+  // Most contacts persist, and the same node finds most of these again.
   void choose_contacts() {
     now_.clear();
     surplus_ = 0;
@@ -300,7 +301,7 @@ class LedgerTest {
       }
     }
     REQUIRE(e == all.size());
-    // The contacts that concern users are among all ended contacts.
+    // The list has the ended contacts that concern users, or all ended contacts.
     const auto notices = ledger_.ended_notices(false);
     std::size_t k = 0;
     for (const ContactNotice& one : notices) {
@@ -311,7 +312,7 @@ class LedgerTest {
     by_nodes += notices.size() < e ? 1 : 0;
   }
 
-  // Each node writes its slice, or is lost: before it enters the gate, inside, or after it has left.
+  // Each node writes its slice or is lost: before it enters the gate, while it is inside, or after it has left.
   std::vector<std::size_t> write() {
     std::vector<std::size_t> lost, late;
     for (NodeNumber node = 0; node < nodes_.size(); ++node) {
@@ -345,7 +346,7 @@ class LedgerTest {
     return lost;
   }
 
-  // The threads of late nodes have stopped, so all nodes are lost.
+  // The threads of late nodes have stopped while writing. The test loses all nodes, and the ledger writes again.
   void write_again(std::vector<std::size_t>& lost, const std::vector<std::size_t>& late) {
     for (NodeNumber node = 0; node < nodes_.size(); ++node) {
       if (!std::binary_search(lost.begin(), lost.end(), node)) {
