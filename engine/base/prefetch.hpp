@@ -16,7 +16,8 @@ inline void prefetch_for_read(const void* address) noexcept {
 }
 
 /// The same for a write that follows soon: the line is loaded in exclusive state, so that the store need not wait until
-/// other cores have given it up. Every x86-64 processor accepts the instruction; some ignore it.
+/// other cores have given it up. Every x86-64 processor accepts the instruction; some ignore it. For memory that only
+/// this core uses, prefetch_for_read() costs less.
 inline void prefetch_for_write(const void* address) noexcept {
 #if defined(__x86_64__)
   asm volatile("prefetchw %0" : : "m"(*static_cast<const char*>(address)));

@@ -137,8 +137,8 @@ inline void sort(RowGrid& grid, std::uint32_t bucket) {
   for_each_run(grid, bucket, [&](std::uint32_t first, std::uint32_t last) {
     for (std::uint32_t k = first; k < last; ++k) {
       if (k % 8 == 0) {
-        base::prefetch_for_write(codes_ahead);
-        base::prefetch_for_write(entries_ahead);
+        base::prefetch_for_read(codes_ahead);
+        base::prefetch_for_read(entries_ahead);
         codes_ahead += 8;
         entries_ahead += 8;
       }
