@@ -41,7 +41,7 @@ FrameTraffic count_frame(std::uint32_t objects, std::uint32_t nodes) {
     node_traffic.positions = positions / report.nodes.size();
     node_traffic.pairs = node.candidates;
     node_traffic.collisions = node.contacts;
-    node_traffic.confirms = (node.contacts + 63) / 64;
+    node_traffic.changes = (report.began + report.ended) / report.nodes.size();
   }
   return traffic;
 }

@@ -12,7 +12,7 @@ struct NodeTraffic {
   std::size_t positions = 0;   ///< position_update
   std::size_t pairs = 0;       ///< pairs
   std::size_t collisions = 0;  ///< collision
-  std::size_t confirms = 0;    ///< confirm: 64 contacts each
+  std::size_t changes = 0;     ///< change
 };
 
 /// The messages between the server and its CD nodes in one frame of a simulated world.

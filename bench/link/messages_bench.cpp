@@ -100,8 +100,8 @@ constexpr Step steps[] = {{MessageType::frame_begin, true, none},
                           {MessageType::position_update, true, &NodeTraffic::positions},
                           {MessageType::pairs, true, &NodeTraffic::pairs},
                           {MessageType::collision, false, &NodeTraffic::collisions},
+                          {MessageType::change, false, &NodeTraffic::changes},
                           {MessageType::narrow_done, false, none},
-                          {MessageType::confirm, true, &NodeTraffic::confirms},
                           {MessageType::frame_end, true, none},
                           {MessageType::frame_done, false, none}};
 

@@ -12,8 +12,9 @@ Traffic traffic_of(MessageType type) noexcept {
     case MessageType::pairs:
       return Traffic::m2;
     case MessageType::collision:
+    case MessageType::change:
       return Traffic::m3;
-    case MessageType::confirm:
+    case MessageType::correct:
     case MessageType::notify:
       return Traffic::m4;
     case MessageType::hand_over:
@@ -26,12 +27,11 @@ Traffic traffic_of(MessageType type) noexcept {
 }
 
 const char* name_of(MessageType type) noexcept {
-  constexpr const char* names[message_types] = {"none",        "adopt",        "drop",        "place",
-                                                "frame_begin", "state_update", "node_state",  "position_update",
-                                                "pairs",       "collision",    "narrow_done", "notify",
-                                                "region_map",  "frame_end",    "hand_over",   "frame_done",
-                                                "refused",     "kinds",        "confirm",     "lost",
-                                                "probe",       "probe_reply",  "published",   "read_publications"};
+  constexpr const char* names[message_types] = {
+      "none",    "adopt",     "drop",        "place",  "frame_begin", "state_update", "node_state", "position_update",
+      "pairs",   "collision", "narrow_done", "notify", "region_map",  "frame_end",    "hand_over",  "frame_done",
+      "refused", "kinds",     "correct",     "lost",   "probe",       "probe_reply",  "published",  "read_publications",
+      "change"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }
@@ -67,8 +67,10 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
       return sizeof(NarrowDoneRecord);
     case MessageType::notify:
       return sizeof(Contact);
-    case MessageType::confirm:
-      return sizeof(ConfirmRecord);
+    case MessageType::change:
+      return sizeof(ChangeRecord);
+    case MessageType::correct:
+      return sizeof(CorrectRecord);
     case MessageType::region_map:
       return sizeof(OwnerRecord);
     case MessageType::frame_end:

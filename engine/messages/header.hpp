@@ -29,9 +29,11 @@ enum class MessageType : std::uint16_t {
   pairs = 8,            ///< M2: PairRecord of each candidate that the node owns (broad phase on the server only)
   // CD nodes to server.
   collision = 9,     ///< M3: CollisionRecord of each pair in contact, ordered by (a, b)
+  change = 24,       ///< M3: ChangeRecord of each contact that began or ended at the sender
   narrow_done = 10,  ///< NarrowDoneRecord: the node has tested all pairs that it owns
   // Server to hosts, after the narrow phase.
-  confirm = 18,  ///< M4, to CD nodes that host objects: a ConfirmRecord for every 64 contacts that the receiver found
+  /// M4, to CD nodes: a CorrectRecord for each contact that the receiver reported as begun and that persists.
+  correct = 18,
   /// M4: a Contact for each other contact of the objects that the receiver hosts, ordered by (a, b). User nodes also
   /// receive the ended contacts.
   notify = 11,
@@ -55,7 +57,7 @@ enum class MessageType : std::uint16_t {
   read_publications = 23,  ///< no records: all publications of this frame can be read
 };
 /// One more than the largest message type.
-inline constexpr std::uint16_t message_types = 24;
+inline constexpr std::uint16_t message_types = 25;
 
 /// The kind of traffic as which a message is counted.
 Traffic traffic_of(MessageType type) noexcept;

@@ -78,10 +78,22 @@ struct CollisionRecord {
   Vec3d point;
 };
 
-/// M4: the phases of 64 contacts that the receiver found. Record w is about contacts 64 w to 64 w + 63 of the
-/// receiver's M3: if bit i is set, contact 64 w + i persists, else it begins.
-struct ConfirmRecord {
-  std::uint64_t persists = 0;
+/// M3: a contact that the sender found in this frame and not in the frame before, or the other way round.
+struct ChangeRecord {
+  std::uint64_t key = 0;       ///< number of a in the upper 32 bits, number of b in the lower
+  std::uint32_t position = 0;  ///< where the contact began: its position in the sender's run of `collision`; else 0
+  std::uint32_t flags = 0;     ///< bits of ChangeFlag
+};
+
+enum ChangeFlag : std::uint32_t {
+  change_ended = 1,      ///< not found any more; without this flag the contact was not found in the frame before
+  change_at_border = 2,  ///< another node may have found the contact in the other of the two frames
+};
+
+/// M4: a contact that the receiver reported as begun. Another node found it in the frame before, so it persists.
+struct CorrectRecord {
+  std::uint32_t position = 0;  ///< in the receiver's run of `collision`
+  std::uint32_t reserved = 0;
 };
 
 /// Ends the narrow phase of a node in a frame.
@@ -171,7 +183,7 @@ static_assert(sizeof(StateRecord) == 56);
 static_assert(sizeof(NodeStateRecord) == 80);
 static_assert(sizeof(PositionRecord) == 88);
 static_assert(sizeof(PairRecord) == 8);
-static_assert(sizeof(CollisionRecord) == 48 && sizeof(ConfirmRecord) == 8);
+static_assert(sizeof(CollisionRecord) == 48 && sizeof(ChangeRecord) == 16 && sizeof(CorrectRecord) == 8);
 static_assert(sizeof(NarrowDoneRecord) == 32);
 static_assert(sizeof(HandOverRecord) == 72);
 static_assert(sizeof(DropRecord) == 16);

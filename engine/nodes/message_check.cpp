@@ -76,6 +76,10 @@ bool is_valid(const Contact& contact, const MessageLimits&) noexcept {
          is_valid(contact.pose_a) && is_valid(contact.pose_b);
 }
 
+bool is_valid(const messages::ChangeRecord& record, const MessageLimits&) noexcept {
+  return (record.flags & ~std::uint32_t{messages::change_ended | messages::change_at_border}) == 0;
+}
+
 bool is_valid(const messages::KindRecord& record, const MessageLimits&) noexcept {
   return record.first < shape_kinds && record.second < shape_kinds;
 }
@@ -114,6 +118,8 @@ bool is_valid(const MessageView& message, const MessageLimits& limits) noexcept 
       return are_valid<messages::PairRecord>(message, limits);
     case MessageType::collision:
       return are_valid<messages::CollisionRecord>(message, limits);
+    case MessageType::change:
+      return are_valid<messages::ChangeRecord>(message, limits);
     case MessageType::notify:
       return are_valid<Contact>(message, limits);
     case MessageType::kinds:
@@ -129,7 +135,7 @@ bool is_valid(const MessageView& message, const MessageLimits& limits) noexcept 
     case MessageType::region_map:
     case MessageType::state_update:
     case MessageType::frame_begin:
-    case MessageType::confirm:
+    case MessageType::correct:
     case MessageType::refused:
     case MessageType::probe:
     case MessageType::probe_reply:

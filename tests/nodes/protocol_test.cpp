@@ -194,10 +194,10 @@ void check_protocol(const TestHarness& harness, const HarnessConfig& config, std
   const std::vector<LoggedMessage>& log = harness.log();
   for (NodeNumber node = 0; node < config.nodes; ++node) {
     check_order(log, Endpoint::server(), Endpoint::node(node),
-                {drop, adopt, place, notify, frame_begin, position_update, pairs, confirm, notify, frame_end});
+                {drop, adopt, place, notify, frame_begin, position_update, pairs, correct, notify, frame_end});
     check_order(log, Endpoint::node(node), Endpoint::server(),
                 config.shares_memory ? std::vector{node_state, published, narrow_done, kinds, frame_done}
-                                     : std::vector{node_state, collision, narrow_done, kinds, frame_done});
+                                     : std::vector{node_state, collision, change, narrow_done, kinds, frame_done});
     for (NodeNumber peer = 0; peer < config.nodes; ++peer) {
       check_order(log, Endpoint::node(node), Endpoint::node(peer), {hand_over});
     }
@@ -274,15 +274,20 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
     const auto end =
         last_of(harness.log(), [&](const LoggedMessage& seen) { return seen.type() == MessageType::narrow_done; });
     std::vector<messages::CollisionRecord> found;
-    std::vector<std::uint64_t> confirmed;
+    std::set<std::uint32_t> begun;
     std::vector<Contact> notified;
     for (std::size_t at = 0; at < harness.log().size(); ++at) {
       const LoggedMessage& seen = harness.log()[at];
       for (std::size_t k = 0; k < seen.header.count; ++k) {
         if (seen.from == to && seen.type() == MessageType::collision) {
           found.push_back(seen.record<messages::CollisionRecord>(k));
-        } else if (seen.to == to && seen.type() == MessageType::confirm) {
-          confirmed.push_back(seen.record<messages::ConfirmRecord>(k).persists);
+        } else if (seen.from == to && seen.type() == MessageType::change) {
+          const auto change = seen.record<messages::ChangeRecord>(k);
+          if ((change.flags & messages::change_ended) == 0) {
+            begun.insert(change.position);
+          }
+        } else if (seen.to == to && seen.type() == MessageType::correct) {
+          REQUIRE(begun.erase(seen.record<messages::CorrectRecord>(k).position) == 1);
         } else if (seen.to == to && seen.type() == MessageType::notify && static_cast<std::ptrdiff_t>(at) > end) {
           notified.push_back(seen.record<Contact>(k));
         }
@@ -306,16 +311,14 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
       notified.assign(known.begin(), known.end());
       taken += node_contacts.taken;
     }
-    const bool confirms = hosting_node && !config.shares_memory;
-    REQUIRE(confirmed.size() == (confirms ? (found.size() + 63) / 64 : 0));
-    for (std::size_t i = 0; confirms && i < found.size(); ++i) {
+    for (std::size_t i = 0; hosting_node && i < found.size(); ++i) {
       const auto number = [&](std::uint32_t slot) { return harness.table().row(slot).object.number; };
       const auto own = expected.find({number(found[i].slot_a), number(found[i].slot_b)});
       if (own == expected.end()) {
         continue;  // found for other hosts
       }
       const Contact& contact = own->second;
-      REQUIRE((contact.phase == Phase::persist) == ((confirmed[i / 64] >> (i % 64) & 1) != 0));
+      REQUIRE((contact.phase == Phase::begin) == begun.contains(static_cast<std::uint32_t>(i)));
       REQUIRE(std::memcmp(&contact.depth, &found[i].depth, sizeof(float)) == 0);
       REQUIRE(std::memcmp(&contact.normal, &found[i].normal, sizeof(Vec3f)) == 0);
       REQUIRE(std::memcmp(&contact.point, &found[i].point, sizeof(Vec3d)) == 0);

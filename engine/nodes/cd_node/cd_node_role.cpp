@@ -105,7 +105,6 @@ void CdNodeRole::begin(std::uint64_t frame) {
   positions_received_ = contacts_received_ = frame_end_received_ = false;
   pairs_received_ = setup_.placement == Placement::region;
   hand_overs_received_ = 0;
-  words_confirmed_ = 0;
   new_map_.clear();
   discard_tests();
   std::fill(hand_overs_received_from_.begin(), hand_overs_received_from_.end(), 0);

@@ -100,6 +100,7 @@ class CdNodeRole {
   bool is_loss_expected(const messages::MessageView& message) const noexcept;
   bool is_map_expected(const messages::MessageView& message) const;
   bool knows_pairs(const messages::MessageView& message) const noexcept;
+  bool knows_contacts(const messages::MessageView& message) const noexcept;
   void receive(const messages::MessageView& message);
   void begin(std::uint64_t frame);
   bool shares_states() const noexcept;
@@ -120,7 +121,7 @@ class CdNodeRole {
   void apply_position(const messages::PositionRecord& record, bool gone);
   void apply_ghost(const messages::PositionRecord& record, bool gone);
   void receive_pairs(const messages::MessageView& message);
-  void receive_confirmed(const messages::MessageView& message);
+  void receive_corrections(const messages::MessageView& message);
   void receive_contacts(const messages::MessageView& message);
   void receive_owners(const messages::MessageView& message);
   void receive_lost(const messages::LostRecord& record);
@@ -146,6 +147,8 @@ class CdNodeRole {
   void list_leaving_objects();
   bool advance();
   bool send_collisions();
+  bool send_changes();
+  messages::ChangeRecord change(std::size_t i) const noexcept;
   bool send_hand_overs();
   bool send_kinds();
   bool send_frame_done();
@@ -207,13 +210,12 @@ class CdNodeRole {
   OutputMergeScratch output_merge_scratch_;
   std::vector<std::uint64_t> stamps_;  ///< by node: see regions::for_each_owner
   std::uint64_t stamp_ = 0;
-  std::size_t words_confirmed_ = 0;
   bool map_is_new_ = false;                                 ///< received in this frame
   std::vector<std::uint32_t> new_map_;                      ///< entries of the new map received so far
   std::vector<std::vector<ObjectNumber>> leaving_numbers_;  ///< by next host
 
   messages::RunWriter states_run_, collisions_run_;
-  messages::RunSender published_run_, done_run_, kinds_run_, frame_done_run_, here_run_;
+  messages::RunSender published_run_, change_run_, done_run_, kinds_run_, frame_done_run_, here_run_;
   std::vector<messages::RunSender> hand_over_runs_;
   messages::TrafficCounts traffic_{};
   messages::NodeFrameStats frame_stats_;

@@ -33,8 +33,8 @@ void CdNodeRole::list_contacts() {
       list_notified_hosts(static_cast<std::uint32_t>(i));
     }
   }
-  if (node_contacts_ != &own_contacts_) {
-    compare_contacts();
+  compare_contacts();
+  if (notifies_others) {
     node_contacts.for_peers.finish(static_cast<NodeNumber>(setup_.peers.size()));
   }
 }
@@ -86,13 +86,13 @@ void CdNodeRole::list_notified_hosts(std::uint32_t position) {
 // Sets the phases of own contacts, writes a slice of the output lists, and reads the other nodes' contacts of hosted
 // objects.
 void CdNodeRole::finish_contacts() {
+  if (keeps_contacts()) {
+    confirm_begins();
+  }
   if (node_contacts_ == &own_contacts_) {
     return;
   }
   NodeContacts& node_contacts = *node_contacts_;
-  if (keeps_contacts()) {
-    confirm_begins();
-  }
   if (!node_contacts.gate.enter()) {
     return;  // this node is lost, and the shared memory may already belong to the next frame
   }

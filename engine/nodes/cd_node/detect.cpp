@@ -93,6 +93,10 @@ void CdNodeRole::detect() {
   list_contacts();
   next_hit_ = 0;
   collisions_run_.start();
+  change_run_.stop();
+  if (const std::size_t changes = node_contacts_->beginning.size() + node_contacts_->ending.size(); changes != 0) {
+    change_run_.start(changes);
+  }
   done_run_.start(1);
 }
 
@@ -141,12 +145,39 @@ bool CdNodeRole::send_collisions() {
     new (where) messages::CollisionRecord{found.slot_a, found.slot_b, touch.depth, touch.normal,
                                           own_contacts_.point(static_cast<std::uint32_t>(next_hit_))};
   }
-  return (shared || collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_)) &&
+  return (shared ||
+          (collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), traffic_) && send_changes())) &&
          done_run_.pump(out, head(MessageType::narrow_done, Endpoint::server()), sizeof(messages::NarrowDoneRecord),
                         traffic_, [&](std::size_t, std::byte* where) {
                           const messages::NarrowDoneRecord record{candidates_, tested_, hits_.size(), failed_supports_};
                           std::memcpy(where, &record, sizeof record);
                         });
+}
+
+bool CdNodeRole::send_changes() {
+  return change_run_.pump(*setup_.server.out, head(MessageType::change, Endpoint::server()),
+                          sizeof(messages::ChangeRecord), traffic_, [&](std::size_t i, std::byte* where) {
+                            const messages::ChangeRecord record = change(i);
+                            std::memcpy(where, &record, sizeof record);
+                          });
+}
+
+// First the contacts that began, then those that ended.
+messages::ChangeRecord CdNodeRole::change(std::size_t i) const noexcept {
+  const NodeContacts& node_contacts = *node_contacts_;
+  if (i >= node_contacts.beginning.size()) {
+    const std::uint64_t key = node_contacts.ending[i - node_contacts.beginning.size()];
+    const auto border = node_contacts.border_ending.span();
+    const bool at_border = std::binary_search(border.begin(), border.end(), key);
+    return {key, 0, messages::change_ended | (at_border ? messages::change_at_border : 0u)};
+  }
+  const std::uint32_t position = node_contacts.beginning[i];
+  const auto border = node_contacts.border_beginning.span();
+  const auto at =
+      std::lower_bound(border.begin(), border.end(), position,
+                       [](const BorderContact& contact, std::uint32_t to) { return contact.position < to; });
+  const bool at_border = at != border.end() && at->position == position;
+  return {node_contacts.keys[position], position, at_border ? messages::change_at_border : 0u};
 }
 
 bool CdNodeRole::send_kinds() {

@@ -30,7 +30,17 @@ bool CdNodeRole::is_acceptable(const MessageView& message) const {
   const MessageLimits limits{static_cast<std::uint32_t>(setup_.peers.size()),
                              static_cast<std::uint32_t>(setup_.shapes->size()), setup_.max_slots};
   return is_expected(message) && is_valid(message, limits) &&
-         (message.type() != MessageType::pairs || knows_pairs(message));
+         (message.type() != MessageType::pairs || knows_pairs(message)) &&
+         (message.type() != MessageType::correct || knows_contacts(message));
+}
+
+bool CdNodeRole::knows_contacts(const MessageView& message) const noexcept {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    if (message.record<messages::CorrectRecord>(i).position >= node_contacts_->begun.size()) {
+      return false;
+    }
+  }
+  return true;
 }
 
 // Whether this node knows all objects of the pairs, and each pair has the object with the lower number first.
@@ -69,7 +79,7 @@ bool CdNodeRole::is_expected(const MessageView& message) const {
       return (stage_ == Stage::moving || stage_ == Stage::gathering) && !positions_received_;
     case MessageType::pairs:
       return stage_ == Stage::gathering && positions_received_ && !pairs_received_;
-    case MessageType::confirm:
+    case MessageType::correct:
       return stage_ == Stage::ending && !contacts_received_;
     case MessageType::notify:
       return stage_ == Stage::waiting || (stage_ == Stage::ending && !contacts_received_);
@@ -156,8 +166,8 @@ void CdNodeRole::receive(const MessageView& message) {
       return receive_positions(message);
     case MessageType::pairs:
       return receive_pairs(message);
-    case MessageType::confirm:
-      return receive_confirmed(message);
+    case MessageType::correct:
+      return receive_corrections(message);
     case MessageType::notify:
       return receive_contacts(message);
     case MessageType::region_map:
@@ -235,9 +245,9 @@ void CdNodeRole::receive_contacts(const MessageView& message) {
   contacts_received_ |= message.last() && !late;
 }
 
-void CdNodeRole::receive_confirmed(const MessageView& message) {
+void CdNodeRole::receive_corrections(const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
-    host_.confirm(frame_, words_confirmed_++, message.record<messages::ConfirmRecord>(i).persists);
+    own_contacts_.begun[message.record<messages::CorrectRecord>(i).position] = 0;
   }
 }
 

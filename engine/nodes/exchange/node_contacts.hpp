@@ -52,7 +52,7 @@ struct BorderContact {
 };
 
 /// Contacts of one CD node in one frame, in memory shared by all roles of a process. They replace the messages
-/// `collision`, `confirm` and, between nodes, `notify`.
+/// `collision`, `change`, `correct` and, between nodes, `notify`.
 ///
 /// A node lists its contacts by (a, b) and compares them with those of the frame before. A pair that is in one list
 /// only has begun or ended, or has moved from or to another node. It cannot have moved if one of its two objects

@@ -166,7 +166,7 @@ Contact& Host::add_own_contact(std::uint64_t frame) {
   constexpr std::ptrdiff_t lines_ahead = 1024;
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead);
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64);
-  contact.phase = Phase::persist;  // right for 95 %; confirm() and confirm_begin() correct the others
+  contact.phase = Phase::persist;  // true of 95 %; confirm_begin() corrects the others
   contact.reserved = 0;
   return contact;
 }
@@ -181,23 +181,15 @@ void Host::reserve_contacts(std::size_t contacts) {
   contact_order_.reserve(2 * contacts);
 }
 
-void Host::confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept {
-  ContactList& list = lists_[frame & 1];
-  for (std::uint64_t begins = ~persists; begins != 0; begins &= begins - 1) {
-    const std::size_t i = 64 * word + static_cast<std::size_t>(std::countr_zero(begins));
-    if (i >= list.own_order.size()) {
-      return;
-    }
-    list.contacts[list.own_order[i].contact].phase = Phase::begin;
+// Adds the late contacts to those of the frame. They are rare (the host of an object has changed at the cut), so all
+// contacts are simply sorted again.
+Host::KnownContacts Host::gather_contacts(std::uint64_t frame) {
+  if (!given_.contacts.empty()) {
+    return std::exchange(given_, {});
   }
-}
-
-// Adds the late contacts to those of the frame. They are rare (a user node came or left), so all contacts are simply
-// sorted again.
-const Host::ContactList& Host::gather_contacts(std::uint64_t frame) {
   const ContactList& known = lists_[(frame - 1) & 1];
   if (late_.contacts.empty()) {
-    return known;
+    return {known.contacts.span(), known.keys.span(), known.own_order.span()};
   }
   auto& all = late_.contacts;
   for (const Contact& contact : known.contacts) {
@@ -211,26 +203,26 @@ const Host::ContactList& Host::gather_contacts(std::uint64_t frame) {
   for (const Contact& contact : all) {
     late_.keys.push_back(contact.phase == Phase::end ? 0 : key(contact));
   }
-  return late_;
+  return {late_.contacts.span(), late_.keys.span(), {}};
 }
 
 // Merges own and received contacts in order of (a, b), and drops those without a hosted object. Most are own contacts,
 // so an inner loop handles the own contacts before the next received one.
-void Host::find_hosted(const ContactList& list) {
-  const std::uint64_t* const keys = list.keys.data();
-  const std::size_t own_end = list.own_order.size();
-  const std::size_t end = list.keys.size();
+void Host::find_hosted(const KnownContacts& known) {
+  const std::uint64_t* const keys = known.keys.data();
+  const std::size_t own_end = known.own_order.size();
+  const std::size_t end = known.keys.size();
   hosted_contacts_.resize(end);
   HostedContact* out = hosted_contacts_.data();
-  const auto add = [&](std::uint64_t key, const HostedContact& known) {
-    const std::uint32_t a = find(static_cast<ObjectNumber>(key >> 32), known.a);
-    const std::uint32_t b = find(static_cast<ObjectNumber>(key), known.b);
-    *out = {known.contact, a, b};
+  const auto add = [&](std::uint64_t key, const HostedContact& was) {
+    const std::uint32_t a = find(static_cast<ObjectNumber>(key >> 32), was.a);
+    const std::uint32_t b = find(static_cast<ObjectNumber>(key), was.b);
+    *out = {was.contact, a, b};
     out += (a & b) != base::NumberIndex::none ? 1 : 0;
   };
-  const auto prefetch = [&](std::size_t i, const HostedContact& known) {
-    prefetch_number(static_cast<ObjectNumber>(keys[i] >> 32), known.a);
-    prefetch_number(static_cast<ObjectNumber>(keys[i]), known.b);
+  const auto prefetch = [&](std::size_t i, const HostedContact& was) {
+    prefetch_number(static_cast<ObjectNumber>(keys[i] >> 32), was.a);
+    prefetch_number(static_cast<ObjectNumber>(keys[i]), was.b);
   };
   constexpr HostedContact nothing_known{0, base::NumberIndex::none, base::NumberIndex::none};
   constexpr std::size_t ahead = 16;
@@ -246,9 +238,9 @@ void Host::find_hosted(const ContactList& list) {
     const std::uint64_t until = received < end ? keys[received] : ~std::uint64_t{0};
     for (; own < own_end && keys[own] < until; ++own) {
       if (own + ahead < own_end) {
-        prefetch(own + ahead, list.own_order[own + ahead]);
+        prefetch(own + ahead, known.own_order[own + ahead]);
       }
-      add(keys[own], list.own_order[own]);
+      add(keys[own], known.own_order[own]);
     }
     if (received < end) {
       add(keys[received], {static_cast<std::uint32_t>(received), base::NumberIndex::none, base::NumberIndex::none});
@@ -259,10 +251,10 @@ void Host::find_hosted(const ContactList& list) {
 
 // Stable counting sort of the contacts by hosted object; the contacts of one object stay in order of (a, b). Objects
 // that are not hosted are counted in an extra first entry: none + 1 is 0.
-void Host::sort_contacts(const ContactList& list) {
+void Host::sort_contacts(const KnownContacts& known) {
   static_assert(base::NumberIndex::none + 1 == 0);
   const std::size_t objects = hosted_.size();
-  find_hosted(list);
+  find_hosted(known);
   contact_begin_.assign(objects + 2, 0);
   std::uint32_t* const next = contact_begin_.data() + 1;
   for (const HostedContact& hosted : hosted_contacts_) {
@@ -285,7 +277,7 @@ void Host::sort_contacts(const ContactList& list) {
     put(hosted.a, hosted.contact);
     put(hosted.b, hosted.contact);
   }
-  known_contacts_ = list.contacts.data();
+  known_contacts_ = known.contacts.data();
 }
 
 void Host::move(std::uint64_t frame) {
@@ -310,7 +302,7 @@ void Host::begin_move(std::uint64_t frame) {
   changed_.clear();
   refusals_ = {};
   list_all_ = std::exchange(list_all_next_, false);
-  if (uses_contacts_) {
+  if (uses_contacts_ && !hosted_.empty()) {
     sort_contacts(gather_contacts(frame));
   }
 }

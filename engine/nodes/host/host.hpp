@@ -117,9 +117,6 @@ class Host {
     list.keys.push_back(key);
     list.own_order.push_back({contact, a, b});
   }
-  /// Sets the phases of 64 own contacts. Bit i of `persists` belongs to own contact 64 * word + i in order of (a, b): 1
-  /// if the contact persists, 0 if it begins.
-  void confirm(std::uint64_t frame, std::size_t word, std::uint64_t persists) noexcept;
   /// Sets the phase of an own contact to begin. `contact` is its position in the order of add_own_contact().
   void confirm_begin(std::uint64_t frame, std::uint32_t contact) noexcept {
     lists_[frame & 1].contacts[contact].phase = Phase::begin;
@@ -136,6 +133,11 @@ class Host {
   /// contacts may come in any order and more than once.
   void add_late_contact(const Contact& contact) { late_.add(contact); }
   void add_late_contacts(const messages::MessageView& message);
+  /// The next move reads C(frame - 1) in these lists instead of those that the other functions fill: all contacts in
+  /// order of (a, b), parallel to their base::PairSort::key. They do not change until that move is done.
+  void read_contacts(std::span<const Contact> contacts, std::span<const std::uint64_t> keys) noexcept {
+    given_ = {contacts, keys, {}};
+  }
   /// The contacts of C(frame) that the role received. They are overwritten two frames later.
   std::span<const Contact> contacts(std::uint64_t frame) const noexcept {
     return lists_[frame & 1].contacts.span().subspan(lists_[frame & 1].own);
@@ -176,8 +178,15 @@ class Host {
     void clear() noexcept;
   };
 
-  const ContactList& gather_contacts(std::uint64_t frame);
-  void find_hosted(const ContactList& list);
+  /// The contacts that a move reads.
+  struct KnownContacts {
+    std::span<const Contact> contacts;
+    std::span<const std::uint64_t> keys;       ///< as in ContactList
+    std::span<const HostedContact> own_order;  ///< as in ContactList
+  };
+
+  KnownContacts gather_contacts(std::uint64_t frame);
+  void find_hosted(const KnownContacts& known);
   /// As find(), but tries the index `was` first.
   std::uint32_t find(ObjectNumber number, std::uint32_t was) const noexcept {
     return was < numbers_.size() && numbers_[was] == number ? was : index_.find(number);
@@ -190,7 +199,7 @@ class Host {
       index_.prefetch(number);
     }
   }
-  void sort_contacts(const ContactList& list);
+  void sort_contacts(const KnownContacts& known);
   void move_batches(std::size_t first, std::size_t end);
   void collect_changed(std::size_t first, std::size_t end);
   void move_batch(std::size_t first, std::size_t count);
@@ -215,6 +224,7 @@ class Host {
   base::NumberIndex index_;
   ContactList lists_[2];  ///< by parity of the frame
   ContactList late_;
+  KnownContacts given_;                       ///< see read_contacts(); empty: none
   const Contact* known_contacts_ = nullptr;   ///< C(k-1) while moving
   std::vector<std::uint32_t> contact_begin_;  ///< by hosted object: where its contacts begin in contact_order_
   base::FlatList<std::uint32_t> contact_order_;

@@ -38,7 +38,6 @@ ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(no
   scratch_.reserve(contacts);
   notices_.reserve(contacts);
   node_contacts_.reserve(nodes);
-  compared_.reserve(nodes);
   endings_.reserve(nodes);
   for (Edition& edition : editions_) {
     edition.live.reserve(contacts);
@@ -48,6 +47,19 @@ ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(no
 
 void ContactLedger::resize(std::size_t nodes) { runs_.resize(nodes); }
 
+void ContactLedger::renumber(std::span<const NodeNumber> numbers) {
+  std::vector<Run> runs;
+  for (std::size_t node = 0; node < numbers.size() && node < runs_.size(); ++node) {
+    if (numbers[node] != no_node) {
+      runs.push_back(std::move(runs_[node]));
+    }
+  }
+  runs_ = std::move(runs);
+  for (Found& found : now().found) {
+    found.by = found.by < numbers.size() ? numbers[found.by] : no_node;
+  }
+}
+
 void ContactLedger::begin(std::uint64_t frame) {
   frame_ = frame;
   if (std::exchange(written_again_, false) && !abandoned_.empty()) {
@@ -55,7 +67,9 @@ void ContactLedger::begin(std::uint64_t frame) {
   }
   for (Run& run : runs_) {
     run.shared = nullptr;
+    run.complete = false;
     run.own->start(frame);
+    run.own->for_peers.finish(static_cast<NodeNumber>(runs_.size()));
     run.contacts.clear();
   }
   now().resize(0);
@@ -81,15 +95,51 @@ bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& re
   return true;
 }
 
-void ContactLedger::compare() {
-  gather_node_contacts();
-  by_nodes_ = nodes_have_compared();
-  by_nodes_ ? compare_borders() : compare_all();
-  list_persisting();
-  compared_.clear();
-  for (const Run& run : runs_) {
-    compared_.push_back(run.shared);
+bool ContactLedger::receive(NodeNumber node, const messages::ChangeRecord& record) {
+  Run& run = runs_[node];
+  NodeContacts& own = *run.own;
+  const bool at_border = (record.flags & messages::change_at_border) != 0;
+  if ((record.flags & messages::change_ended) != 0) {
+    const List& old = before();
+    const bool ordered = own.ending.empty() || own.ending.back() <= record.key;
+    const auto at =
+        static_cast<std::size_t>(std::lower_bound(old.keys.begin(), old.keys.end(), record.key) - old.keys.begin());
+    if (!ordered || at == old.keys.size() || old.keys[at] != record.key) {
+      return false;
+    }
+    own.ending.push_back(record.key);
+    if (at_border) {
+      own.border_ending.push_back(record.key);
+    }
+    return true;
   }
+  const bool ordered = own.beginning.empty() || own.beginning.back() < record.position;
+  if (!ordered || record.position >= own.keys.size() || own.keys[record.position] != record.key) {
+    return false;
+  }
+  own.beginning.push_back(record.position);
+  if (at_border) {
+    own.border_beginning.push_back({record.key, record.position});
+  }
+  return true;
+}
+
+void ContactLedger::end_run(NodeNumber node) {
+  Run& run = runs_[node];
+  run.complete = true;
+  run.own->contacts = run.contacts.data();
+  run.own->begun.resize(run.own->keys.size());
+  std::fill(run.own->begun.begin(), run.own->begun.end(), std::uint8_t{0});
+  for (const std::uint32_t position : run.own->beginning) {
+    run.own->begun[position] = 1;
+  }
+}
+
+void ContactLedger::resolve_phases() {
+  gather_node_contacts();
+  list_endings();
+  end_absent();
+  match_borders();
 }
 
 void ContactLedger::gather_node_contacts() {
@@ -97,9 +147,6 @@ void ContactLedger::gather_node_contacts() {
   node_contacts_.clear();
   for (Run& run : runs_) {
     NodeContacts& node_contacts = run.node_contacts();
-    if (run.shared == nullptr) {
-      node_contacts.contacts = run.contacts.data();
-    }
     node_contacts_.push_back(&node_contacts);
     base::prefetch_for_read(node_contacts.border_beginning.data());
     base::prefetch_for_read(node_contacts.border_beginning.end());
@@ -108,21 +155,10 @@ void ContactLedger::gather_node_contacts() {
   }
 }
 
-// Whether the nodes' lists of the frame before together are exactly the contacts of that frame, without duplicates.
-bool ContactLedger::nodes_have_compared() const noexcept {
-  return duplicates_ == 0 && std::equal(runs_.begin(), runs_.end(), compared_.begin(), compared_.end(),
-                                        [&](const Run& run, const NodeContacts* compared) {
-                                          return run.shared != nullptr && run.shared == compared &&
-                                                 run.shared->frame_before == frame_ - 1;
-                                        });
-}
-
-// A pair that ended at one node and began at another has moved between them, and persists.
-void ContactLedger::compare_borders() {
+void ContactLedger::list_endings() {
   order_.start(node_contacts_);
   ending_order_.clear();
   endings_.clear();
-  passed_.clear();
   began_ = ends_ = 0;
   for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
     const NodeContacts& node_contacts = *node_contacts_[node];
@@ -136,6 +172,35 @@ void ContactLedger::compare_borders() {
     began_ += node_contacts.beginning.size();
     ends_ += node_contacts.ending.size();
   }
+}
+
+// No node reports the end of the contacts of an absent one.
+void ContactLedger::end_absent() {
+  absent_.clear();
+  const auto complete = [](const Run& run) { return run.complete; };
+  const auto continues = [this](const Run& run) { return run.complete && run.joined < frame_; };
+  const auto before_count = std::exchange(participants_, std::count_if(runs_.begin(), runs_.end(), complete));
+  if (std::count_if(runs_.begin(), runs_.end(), continues) == before_count) {
+    return;
+  }
+  const auto is_absent = [&](NodeNumber node) { return node >= runs_.size() || !continues(runs_[node]); };
+  const List& old = before();
+  for (std::size_t i = 0; i < old.keys.size(); ++i) {
+    if (is_absent(old.found[i].by)) {
+      absent_.push_back(old.keys[i]);
+      ending_order_.add(old.keys[i]);
+    }
+  }
+  endings_.push_back(absent_.span());
+  ends_ += absent_.size();
+}
+
+// A pair that ended at one node and began at another has moved between them, and persists.
+void ContactLedger::match_borders() {
+  passed_.clear();
+  for (Run& run : runs_) {
+    run.corrections.clear();
+  }
   order_.sort();
   ending_order_.sort();
   std::size_t next = 0;
@@ -148,60 +213,15 @@ void ContactLedger::compare_borders() {
       passed_.push_back(key);
     }
     for (; next < order_.size() && order_.key(next) == key; ++next) {
-      node_contacts_[order_.node(next)]->begun[order_.position(next)] = 0;
+      const NodeNumber node = order_.node(next);
+      node_contacts_[node]->begun[order_.position(next)] = 0;
+      if (runs_[node].shared == nullptr) {
+        runs_[node].corrections.push_back(order_.position(next));
+      }
       --began_;
     }
   }
   ends_ -= passed_.size();
-}
-
-void ContactLedger::compare_all() {
-  order_.start(node_contacts_);
-  for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
-    NodeContacts& node_contacts = *node_contacts_[node];
-    node_contacts.begun.resize(node_contacts.keys.size());
-    for (std::uint32_t i = 0; i < node_contacts.keys.size(); ++i) {
-      order_.add(node, i);
-    }
-  }
-  order_.sort();
-  const List& old = before();
-  std::size_t next = 0;
-  std::uint64_t last = 0;
-  began_ = 0;
-  gone_.clear();
-  passed_.clear();
-  for (std::size_t i = 0; i < order_.size(); ++i) {
-    const std::uint64_t key = order_.key(i);
-    for (; next < old.keys.size() && old.keys[next] < key; ++next) {
-      if (old.keys[next] != last) {
-        gone_.push_back(old.keys[next]);
-      }
-    }
-    const bool begins = next == old.keys.size() || old.keys[next] != key;
-    node_contacts_[order_.node(i)]->begun[order_.position(i)] = begins ? 1 : 0;
-    began_ += begins && key != last ? 1 : 0;
-    last = key;
-  }
-  for (; next < old.keys.size(); ++next) {
-    if (old.keys[next] != last) {
-      gone_.push_back(old.keys[next]);
-    }
-  }
-  ends_ = gone_.size();
-  endings_.assign(1, gone_.span());
-}
-
-void ContactLedger::list_persisting() {
-  for (Run& run : runs_) {
-    const NodeContacts& node_contacts = run.node_contacts();
-    run.persists.assign(run.shared != nullptr ? 0 : (node_contacts.keys.size() + 63) / 64, 0);
-    if (run.shared == nullptr) {
-      for (std::size_t i = 0; i < node_contacts.keys.size(); ++i) {
-        run.persists[i / 64] |= std::uint64_t{node_contacts.begun[i] == 0} << (i % 64);
-      }
-    }
-  }
 }
 
 void ContactLedger::share_out() {
@@ -253,7 +273,7 @@ void ContactLedger::write_again() {
   old.runs = std::exchange(runs_, std::vector<Run>(runs_.size()));
   old.node_contacts = std::exchange(node_contacts_, {});
   old.endings = std::exchange(endings_, {});
-  old.gone = std::exchange(gone_, {});
+  old.absent = std::exchange(absent_, {});
   old.passed = std::exchange(passed_, {});
   old.now = std::exchange(editions_[frame_ & 1], {});
   List& list = now();
@@ -288,20 +308,16 @@ bool ContactLedger::complete() {
   return true;
 }
 
-// A duplicate's phase may be wrong (begin instead of persist), so it is computed again.
 void ContactLedger::drop_duplicates() {
   List& list = now();
-  const auto keys = output_merge_->keys_before;
   std::size_t kept = 0;
   began_ = 0;
   for (std::size_t i = 0; i < list.keys.size(); ++i) {
     if (kept == 0 || list.keys[i] != list.keys[kept - 1]) {
-      const bool persists = std::binary_search(keys.begin(), keys.end(), list.keys[i]);
-      began_ += persists ? 0 : 1;
       list.contacts[kept] = list.contacts[i];
-      list.contacts[kept].phase = persists ? Phase::persist : Phase::begin;
       list.keys[kept] = list.keys[i];
       list.found[kept] = list.found[i];
+      began_ += list.contacts[kept].phase == Phase::begin ? 1 : 0;
       ++kept;
     }
   }
@@ -356,27 +372,29 @@ void ContactLedger::list_user_notices() {
 
 std::span<const ContactNotice> ContactLedger::ended_notices(bool all) {
   ended_notices_.clear();
-  std::size_t old = 0;
-  if (!by_nodes_) {
-    for (const std::uint64_t key : gone_) {
-      list_ended_notice(key, old);
-    }
-    return ended_notices_.span();
-  }
   ending_order_.clear();
-  for (const NodeContacts* node_contacts : node_contacts_) {
-    for (const std::uint64_t key : all ? node_contacts->ending.span() : std::span<const std::uint64_t>{}) {
-      ending_order_.add(key);
+  if (all) {
+    for (const std::span<const std::uint64_t> endings : endings_) {
+      for (const std::uint64_t key : endings) {
+        ending_order_.add(key);
+      }
     }
-    for (const UserContact& contact :
-         all ? std::span<const UserContact>{} : node_contacts->user_contacts_ending.span()) {
-      ending_order_.add(contact.key);
+  } else {
+    for (const NodeContacts* node_contacts : node_contacts_) {
+      for (const UserContact& contact : node_contacts->user_contacts_ending) {
+        ending_order_.add(contact.key);
+      }
+    }
+    for (const std::uint64_t key : absent_) {
+      ending_order_.add(key);
     }
   }
   ending_order_.sort();
+  std::size_t old = 0;
   for (std::size_t i = 0; i < ending_order_.size(); ++i) {
-    if (!std::binary_search(passed_.begin(), passed_.end(), ending_order_.key_at(i))) {
-      list_ended_notice(ending_order_.key_at(i), old);
+    const std::uint64_t key = ending_order_.key_at(i);
+    if (!std::binary_search(passed_.begin(), passed_.end(), key)) {
+      list_ended_notice(key, old);
     }
   }
   return ended_notices_.span();

@@ -39,18 +39,17 @@ struct ContactNotice {
   }
 };
 
-/// The server's record of contacts. It collects the contacts that the CD nodes found and compares them with those of
-/// the frame before: this determines which contacts began, persist or ended. The output lists are then written in order
-/// of (a, b).
+/// The server's record of contacts: collects what the CD nodes found, resolves which contacts began, persist or ended,
+/// and has the output lists written in order of (a, b).
 ///
-/// A node either shares its contacts, in the memory of NodeContacts, or sends them in messages. A node that shares them
-/// compares its contacts itself. Then the ledger compares only contacts at borders, and the nodes write the output
-/// lists. The ledger compares all contacts if the nodes' comparisons are incomplete: when a node sends messages or is
-/// in its first frame, when a node has left or was lost since the frame before, or when two nodes found the same pair
-/// in the frame before. It writes the lists itself if no node shares contacts.
+/// Phases. Each node compares its own contacts with those that it found in the frame before (NodeContacts::compare). A
+/// contact that began at one node and ended at another has moved between them and persists. Only contacts *at a border*
+/// can do that: those for which the node cannot exclude it. So the ledger intersects the border contacts that began
+/// with those that ended, and corrects the phases of the result. For a node of the frame before that takes no part in
+/// this frame (it was lost or has left) all its contacts of the frame before end at a border.
 ///
-/// Order of calls in a frame: begin(), receive(), compare(), share_out(), complete(). Two frames are kept, by parity:
-/// the last one stays readable while the next is made.
+/// Output. The nodes that share memory write the lists, a slice each; without such a node the ledger writes them. Two
+/// frames are kept, by parity: the last one stays readable while the next is made.
 ///
 /// Threads: belongs to the server role; the facade may call const functions for the last frame. Memory: grows to the
 /// largest frame.
@@ -61,28 +60,41 @@ class ContactLedger {
 
   /// Sets the number of nodes from the next begin() on.
   void resize(std::size_t nodes);
+  /// `node` takes part from that frame on: what another node found under its number does not count as its own.
+  void join(NodeNumber node, std::uint64_t frame) noexcept { runs_[node].joined = frame; }
+  /// Between frames: `numbers` has the new number of every node by its old one, or no_node.
+  void renumber(std::span<const NodeNumber> numbers);
+  static constexpr NodeNumber no_node = 0xffffffffu;
   /// Clears C(frame) and everything received.
   void begin(std::uint64_t frame);
   /// Adds a contact that `node` sent in a message. Its numbers and poses are those of its two slots in `rows`. A node
   /// sends its contacts in order of (a, b): returns false and adds nothing if (a, b) is below the pair that the node
   /// sent before, if a slot is not in `rows`, or if a is not below b.
   bool receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows);
-  /// Adds all contacts of a node that shares them. `node_contacts` outlives the frame.
+  /// Adds the next change that `node` sent, after all its contacts. Those that began come in the order of their
+  /// positions, those that ended in the order of their keys. Returns false and adds nothing if the record is out of
+  /// order or names a contact that the node has not sent, or that was not in the frame before.
+  bool receive(NodeNumber node, const messages::ChangeRecord& record);
+  /// Adds all contacts and changes of a node with shared contacts.
   void receive(NodeNumber node, NodeContacts& node_contacts) noexcept {
     runs_[node].shared = &node_contacts;
+    runs_[node].complete = true;
     node_contacts.prefetch_summary();
   }
-  /// Number of contacts of `node`.
+  /// All contacts and changes of a node that sends them have been received.
+  void end_run(NodeNumber node);
   std::size_t received(NodeNumber node) const noexcept { return runs_[node].node_contacts().keys.size(); }
-  /// Whether all nodes share their contacts, and all have been received.
+  /// Whether all nodes that take part share their contacts.
   bool all_share() const noexcept {
-    return std::all_of(runs_.begin(), runs_.end(), [](const Run& run) { return run.shared != nullptr; });
+    return std::none_of(runs_.begin(), runs_.end(),
+                        [](const Run& run) { return run.complete && run.shared == nullptr; });
   }
 
-  /// Determines which contacts began and ended. All contacts must have been received.
-  void compare();
-  /// After compare(): opens the gates of the nodes that share contacts, which then write the output lists. If no node
-  /// shares contacts, this call writes them.
+  /// Determines which contacts began and ended. All contacts must have been received. If two nodes found one pair,
+  /// which only a bug can cause, its phase may be wrong in this frame and in the next.
+  void resolve_phases();
+  /// After resolve_phases(): opens the gates of the nodes that share contacts, which then write the output lists. If no
+  /// node shares contacts, this call writes them.
   void share_out();
   /// After share_out(), when a node is lost: writes its slice, unless the node has already started to write it.
   void lose(NodeNumber node);
@@ -97,15 +109,15 @@ class ContactLedger {
   /// After complete(): number of duplicates, which were dropped. It is 0 unless a bug made two nodes own one pair.
   std::uint64_t duplicates() const noexcept { return duplicates_; }
 
-  /// After compare(): the contacts that concern user nodes, or all contacts if `all`, in order of (a, b), each pair
-  /// once. Valid until the next call, and at most until the nodes begin the next frame.
+  /// After resolve_phases(): the contacts that concern user nodes, or `all` contacts, in order of (a, b). Valid until
+  /// the nodes begin the next frame. Precondition: `all`, or all nodes share.
   std::span<const ContactNotice> notices(bool all);
-  /// After compare(): the same for ended contacts, with the geometry and poses of the frame before. If the ledger
-  /// compared all contacts, the result is always all ended contacts.
+  /// After resolve_phases(): the same for ended contacts, with the geometry and poses of the last contact. Without
+  /// `all`, contacts of nodes that are gone are listed whether or not they concern users.
   std::span<const ContactNotice> ended_notices(bool all);
-  /// After compare(): which of the contacts that `node` sent persist. Bit i of word w is 1 if contact 64 w + i of its
-  /// list persists. Empty for a node that shares its contacts.
-  std::span<const std::uint64_t> persists(NodeNumber node) const noexcept { return runs_[node].persists; }
+  /// After resolve_phases(): positions of the contacts that `node` sent as begun and that persist; empty for a node
+  /// that shares its contacts.
+  std::span<const std::uint32_t> corrections(NodeNumber node) const noexcept { return runs_[node].corrections; }
 
   /// Begin and persist contacts of the current frame or of the one before, in order of (a, b); parallel to keys() and
   /// found(). For the current frame only after complete().
@@ -124,9 +136,9 @@ class ContactLedger {
   std::span<const std::uint64_t> ended_keys(std::uint64_t frame) const noexcept {
     return editions_[frame & 1].ended.keys.span();
   }
-  /// After compare(): number of contacts, duplicates included.
+  /// After resolve_phases(): number of contacts, duplicates included.
   std::size_t size() const noexcept { return size_; }
-  /// After compare(): number of ended contacts.
+  /// After resolve_phases(): number of ended contacts.
   std::size_t ends() const noexcept { return ends_; }
   /// After complete(): number of contacts that began.
   std::uint64_t began() const noexcept { return began_; }
@@ -149,7 +161,9 @@ class ContactLedger {
     NodeContacts* shared = nullptr;
     std::unique_ptr<NodeContacts> own = std::make_unique<NodeContacts>();  ///< of a node that sends messages
     base::FlatList<Contact> contacts;                                      ///< of `own`, in its order
-    std::vector<std::uint64_t> persists;
+    std::vector<std::uint32_t> corrections;
+    std::uint64_t joined = 0;  ///< the node's first frame
+    bool complete = false;     ///< everything was received in this frame
 
     NodeContacts& node_contacts() const noexcept { return shared != nullptr ? *shared : *own; }
   };
@@ -159,7 +173,7 @@ class ContactLedger {
     std::unique_ptr<OutputMerge> output_merge;
     std::vector<NodeContacts*> node_contacts;
     std::vector<std::span<const std::uint64_t>> endings;
-    base::FlatList<std::uint64_t> gone, passed;
+    base::FlatList<std::uint64_t> absent, passed;
     std::vector<Run> runs;
     Edition now, before;
   };
@@ -168,29 +182,27 @@ class ContactLedger {
   List& ended() noexcept { return editions_[frame_ & 1].ended; }
   const List& before() const noexcept { return editions_[(frame_ - 1) & 1].live; }
   void gather_node_contacts();
-  bool nodes_have_compared() const noexcept;
-  void compare_borders();
-  void compare_all();
-  void list_persisting();
+  void list_endings();
+  void end_absent();
+  void match_borders();
   void list_user_notices();
   void list_ended_notice(std::uint64_t key, std::size_t& old);
   void drop_duplicates();
 
   std::vector<Run> runs_;                     ///< by node
   std::vector<NodeContacts*> node_contacts_;  ///< of this frame, by node
-  std::vector<NodeContacts*> compared_;  ///< sources of the contacts of the frame before; null: the node sent messages
   NodeContactOrder order_;
   base::PairSort ending_order_;
-  base::FlatList<std::uint64_t> gone_;  ///< keys that ended, ascending; unused if the nodes compared
-  /// If the nodes compared: keys that ended at one node and that another node found, ascending. These contacts persist.
-  base::FlatList<std::uint64_t> passed_;
+  /// Keys of the frame before whose nodes take no part in this frame, ascending.
+  base::FlatList<std::uint64_t> absent_;
+  base::FlatList<std::uint64_t> passed_;  ///< keys that ended at one node and were found by another, ascending
   std::vector<std::span<const std::uint64_t>> endings_;                          ///< OutputMerge::endings
   std::unique_ptr<OutputMerge> output_merge_ = std::make_unique<OutputMerge>();  ///< nodes hold its address
   OutputMergeScratch scratch_;
   std::vector<Abandoned> abandoned_;
-  bool written_again_ = false;  ///< write_again() was called in this frame
+  bool written_again_ = false;       ///< in this frame
+  std::ptrdiff_t participants_ = 0;  ///< number of nodes that took part in the last frame
   base::FlatList<ContactNotice> notices_, ended_notices_;
-  bool by_nodes_ = false;  ///< the nodes compared in this frame; otherwise the ledger
   std::size_t size_ = 0;
   std::size_t ends_ = 0;
   std::uint64_t began_ = 0;

@@ -10,7 +10,7 @@ using messages::Endpoint;
 
 void ServerRole::collect() {
   spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
-  ledger_.compare();
+  ledger_.resolve_phases();
   ledger_.share_out();
   FrameReport& frame = report();
   frame.contacts = ledger_.size();
@@ -18,9 +18,7 @@ void ServerRole::collect() {
   spend(ringfence::Stage::collect, telemetry::now_ns());
   change_map();
   next_hosts();
-  // Nodes know the next hosts, unless the map has changed since they listed their contacts.
-  nodes_exchange_contacts_ =
-      setup_.deployment == Deployment::user_collision && !map_changed_ && !rescan_hosts_ && ledger_.all_share();
+  nodes_exchange_contacts_ = setup_.deployment == Deployment::user_collision && ledger_.all_share();
   if (!nodes_exchange_contacts_) {
     list_notices();
   }
@@ -30,8 +28,8 @@ void ServerRole::collect() {
   });
 }
 
-// A node that found the contact itself gets only its phase bit: see ContactLedger::persists and NodeContacts::begun.
-// Nodes are not notified of ended contacts, because models do not use them.
+// Not listed for the node that found the contact. Nodes are not notified of ended contacts, because models do not use
+// them. The server, as a host, reads the output lists.
 void ServerRole::list_notice(std::uint32_t notice, const Found& found) {
   const bool ended = (notice & PeerSession::ended) != 0;
   const Endpoint first = objects_.host(found.a);
@@ -42,10 +40,6 @@ void ServerRole::list_notice(std::uint32_t notice, const Found& found) {
     }
     if (PeerSession* session = session_of(host)) {
       session->notices.push_back(notice);
-    } else if (host.is_server()) {
-      Contact contact;
-      write_notice(notice, reinterpret_cast<std::byte*>(&contact));
-      host_.add_contact(frame_, contact);
     }
   };
   notify_host(first);
@@ -78,12 +72,13 @@ void ServerRole::list_notices() {
 }
 
 void ServerRole::start_notifying(PeerSession& session) {
-  const bool confirms = session.self.is_node() && setup_.deployment == Deployment::user_collision;
   if (session.connection.node_contacts != nullptr) {
     session.connection.node_contacts->nodes_exchange_contacts = nodes_exchange_contacts_;
     session.connection.node_contacts->hosts_exchange_objects = map_changed_ && hosts_exchange_objects_;
   }
-  session.confirm_run.start(confirms ? ledger_.persists(session.self.number()).size() : 0);
+  if (session.self.is_node() && !ledger_.corrections(session.self.number()).empty()) {
+    session.correct_run.start(ledger_.corrections(session.self.number()).size());
+  }
   session.notice_run.start(session.notices.size());
   session.end_run.start(1);
   session.map_run.start(map_.table().size());
@@ -118,7 +113,7 @@ void ServerRole::count_contacts() {
         node_contacts != nullptr && !session.lost) {
       count_shared(Traffic::m2, ghosts_exchanged_ ? node_contacts->ghost_updates.size() : 0,
                    sizeof(messages::PositionRecord));
-      count_shared(Traffic::m4, (node_contacts->keys.size() + 63) / 64, sizeof(messages::ConfirmRecord));
+
       count_shared(Traffic::m4, node_contacts->taken, sizeof(Contact));
     }
   }

@@ -22,17 +22,16 @@ void ServerRole::cut() {
   users_changed_ = false;
   start_report();
   apply_requests();
-  restore_objects();
-  const auto changes = hosting_.settle(objects_, map_, connected_, users_changed_);
-  for (const HostChange& change : changes) {
+  rehost_recovered();
+  for (const HostChange& change : hosting_.settle(objects_, map_, connected_, users_changed_)) {
     rehost(change);
   }
-  list_late_contacts(changes);
+  send_known_contacts();
   report().nodes.resize(nodes_.size());
   order_relay();
   leaving_slots_.clear();
   ledger_.begin(frame_);
-  host_.begin_contacts(frame_);
+  host_.read_contacts(ledger_.contacts(frame_ - 1), ledger_.keys(frame_ - 1));
   all_nodes([&](PeerSession& node) {
     start(node);
     return true;
@@ -161,6 +160,7 @@ void ServerRole::add_node(const Request& request) {
   node_connections_.push_back(request.connection);
   dispatch_.resize(nodes_.size());
   ledger_.resize(nodes_.size());
+  ledger_.join(session.self.number(), frame_);
 }
 
 // Nodes that are no longer in the map handed everything over at the end of the frame before.
@@ -256,39 +256,45 @@ void ServerRole::rehost(const HostChange& change) {
   }
   if (change.from != Endpoint::none()) {
     ++report().handed_over;
-    objects_.marks(change.slot) |= host_changed_mark;
+    note_host_change(change.slot);
   }
 }
 
-// The new hosts need the contacts of the frame before. Rare: users came or left. One pass over the contacts, however
-// many objects changed hosts.
-void ServerRole::list_late_contacts(std::span<const HostChange> changes) {
-  const auto changed = [&](std::uint32_t slot) { return (objects_.marks(slot) & host_changed_mark) != 0; };
-  if (std::none_of(changes.begin(), changes.end(), [&](const HostChange& change) { return changed(change.slot); })) {
+void ServerRole::note_host_change(std::uint32_t slot) {
+  objects_.marks(slot) |= host_changed_mark;
+  host_changes_.push_back(slot);
+}
+
+// New hosts need the contacts of the frame before. Rare: users came or left, the map has changed, or a node was lost.
+// One pass over the contacts, however many objects changed hosts. The server reads the output lists when it moves its
+// own.
+void ServerRole::send_known_contacts() {
+  if (host_changes_.empty()) {
     return;
   }
-  const auto contacts = ledger_.contacts(frame_ - 1);
-  const auto found = ledger_.found(frame_ - 1);
-  const auto add_late = [&](Endpoint host, const Contact& contact) {
+  const auto changed = [&](std::uint32_t slot) { return (objects_.marks(slot) & host_changed_mark) != 0; };
+  const auto send = [&](Endpoint host, const Contact& contact) {
     if (PeerSession* session = session_of(host)) {
       session->late_contacts.push_back(contact);
-    } else if (host.is_server()) {
-      host_.add_late_contact(contact);
     }
   };
+  const auto contacts = ledger_.contacts(frame_ - 1);
+  const auto found = ledger_.found(frame_ - 1);
   for (std::size_t i = 0; i < found.size(); ++i) {
-    const bool a = changed(found[i].a);
-    const bool b = changed(found[i].b);
-    if (a) {
-      add_late(objects_.host(found[i].a), contacts[i]);
+    const Endpoint first = objects_.host(found[i].a);
+    const Endpoint second = objects_.host(found[i].b);
+    const bool to_first = changed(found[i].a);
+    if (to_first) {
+      send(first, contacts[i]);
     }
-    if (b && !(a && objects_.host(found[i].a) == objects_.host(found[i].b))) {
-      add_late(objects_.host(found[i].b), contacts[i]);
+    if (changed(found[i].b) && !(to_first && first == second)) {
+      send(second, contacts[i]);
     }
   }
-  for (const HostChange& change : changes) {
-    objects_.marks(change.slot) &= static_cast<ObjectMarks>(~host_changed_mark);
+  for (const std::uint32_t slot : host_changes_) {
+    objects_.marks(slot) &= static_cast<ObjectMarks>(~host_changed_mark);
   }
+  host_changes_.clear();
 }
 
 PeerSession* ServerRole::session_of(Endpoint endpoint) noexcept {

@@ -10,6 +10,7 @@
 // server gives every recovered object, with its contacts, to the node whose region contains it.
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "nodes/server/server_role.hpp"
 #include "telemetry/clock.hpp"
@@ -130,13 +131,7 @@ void ServerRole::recover_objects(NodeNumber node) {
       recovery_host_.adopt(objects_.hand_over(slot), objects_.state(slot));
     }
   }
-  recovery_host_.begin_contacts(frame_ - 1);
-  for (const Contact& contact : ledger_.contacts(frame_ - 1)) {
-    if (recovery_host_.find(contact.a) != base::NumberIndex::none ||
-        recovery_host_.find(contact.b) != base::NumberIndex::none) {
-      recovery_host_.add_contact(frame_ - 1, contact);
-    }
-  }
+  recovery_host_.read_contacts(ledger_.contacts(frame_ - 1), ledger_.keys(frame_ - 1));
   recovery_host_.move(frame_);
   apply_moves(recovery_host_);
 }
@@ -231,6 +226,7 @@ bool ServerRole::connect_fallback() {
   session.last_received_ns = telemetry::now_ns();
   session.begin_run.start(0);
   order_relay(session);
+  ledger_.join(fallback_for_, frame_);
   node_connections_[fallback_for_] = session.connection;
   fallback_for_ = no_node;
   return true;
@@ -272,45 +268,27 @@ void ServerRole::renumber_nodes() {
     }
   }
   dispatch_.resize(left);
-  ledger_.resize(left);
+  ledger_.renumber(alive_);
   resize_to_ = std::min(resize_to_, left);
   update_scope_ = Dispatch::UpdateScope::all_objects;
   rescan_hosts_ = map_precedes_frame_ = true;
 }
 
-// At the cut: gives every recovered object to the node whose region contains it, with its contacts of the frame before.
-void ServerRole::restore_objects() {
-  if (!recovered_) {
+// At the cut: gives every object that the server holds for a lost node to the node whose region contains it.
+void ServerRole::rehost_recovered() {
+  if (!std::exchange(recovered_, false)) {
     return;
   }
-  const auto is_recovered = [&](std::uint32_t slot) {
-    return objects_.alive(slot) && (objects_.marks(slot) & recovered_mark) != 0;
-  };
   for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
-    if (is_recovered(slot)) {
+    if (objects_.alive(slot) && (objects_.marks(slot) & recovered_mark) != 0) {
       const NodeNumber node = hosting_.node_at(objects_.row(slot).pose.position, map_);
       objects_.set_host(slot, Endpoint::node(node));
       nodes_[node].adoptions.push_back(slot);
+      note_host_change(slot);
       ++report().handed_over;
     }
-  }
-  const auto contacts = ledger_.contacts(frame_ - 1);
-  const auto found = ledger_.found(frame_ - 1);
-  for (std::size_t i = 0; i < contacts.size(); ++i) {
-    const Endpoint first = objects_.host(found[i].a);
-    const Endpoint second = objects_.host(found[i].b);
-    const bool to_first = is_recovered(found[i].a);
-    if (to_first) {
-      nodes_[first.number()].late_contacts.push_back(contacts[i]);
-    }
-    if (is_recovered(found[i].b) && !(to_first && first == second)) {
-      nodes_[second.number()].late_contacts.push_back(contacts[i]);
-    }
-  }
-  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
     objects_.marks(slot) &= static_cast<ObjectMarks>(~recovered_mark);
   }
-  recovered_ = false;
 }
 
 // Refuses the messages of a lost node. Returns whether there were any.

@@ -22,6 +22,12 @@ void ServerRole::next_hosts() {
       follow_host(slot, hosting_.node_at(objects_.row(slot).pose.position, map_));
     }
   };
+  if (map_changed_) {
+    // The nodes listed contacts for the next hosts by the map before. Objects that leave by that map may stay by the new.
+    for (const std::uint32_t slot : leaving_slots_) {
+      note_host_change(slot);
+    }
+  }
   if (map_changed_ && hosts_exchange_objects_) {
     for (const PeerSession& session : nodes_) {
       follow_all_hosted(session);
@@ -43,6 +49,9 @@ void ServerRole::follow_host(std::uint32_t slot, NodeNumber next) {
   const NodeNumber host = objects_.host(slot).number();
   if (host != next) {
     hand_overs_.push_back({slot, host, next});
+    if (map_changed_) {
+      note_host_change(slot);
+    }
     objects_.set_host(slot, Endpoint::node(next));
     objects_.marks(slot) |= shared_mark;  // the old host knows it, too
     ++nodes_[next].hand_overs;
@@ -82,12 +91,13 @@ bool ServerRole::notify(PeerSession& session) {
   if (node && map_changed_ && !send_map(session, session.map_run)) {
     return false;
   }
-  if (node && setup_.deployment == Deployment::user_collision && session.connection.node_contacts == nullptr &&
-      !session.confirm_run.pump(out, head(MessageType::confirm, session.self), sizeof(messages::ConfirmRecord), counts,
-                                [&](std::size_t i, std::byte* where) {
-                                  const messages::ConfirmRecord record{ledger_.persists(session.self.number())[i]};
-                                  std::memcpy(where, &record, sizeof record);
-                                })) {
+  if (!session.correct_run.done() &&
+      !session.correct_run.pump(
+          out, head(MessageType::correct, session.self), sizeof(messages::CorrectRecord), counts,
+          [&](std::size_t i, std::byte* where) {
+            const messages::CorrectRecord record{ledger_.corrections(session.self.number())[i], 0};
+            std::memcpy(where, &record, sizeof record);
+          })) {
     return false;
   }
   const bool sent =

@@ -32,7 +32,7 @@ struct PeerSession {
 
   messages::RunSender drop_run, adopt_run, place_run, late_run, refused_run, begin_run;
   messages::RunSender read_publications_run;  ///< to be sent when everything is published
-  messages::RunSender map_run, confirm_run, notice_run, end_run;
+  messages::RunSender map_run, correct_run, notice_run, end_run;
   messages::RunSender lost_run, new_map_run, probe_run;
   std::vector<messages::LostRecord> losses;  ///< to be sent at once
 

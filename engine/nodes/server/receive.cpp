@@ -84,6 +84,7 @@ bool ServerRole::is_acceptable(const PeerSession& node, const MessageView& messa
       }
       break;
     case MessageType::collision:
+    case MessageType::change:
     case MessageType::narrow_done:
       if (node.narrow_done_received || (stage_ != Stage::dispatching && stage_ != Stage::colliding)) {
         return false;
@@ -100,7 +101,8 @@ bool ServerRole::is_acceptable(const PeerSession& node, const MessageView& messa
 void ServerRole::receive(PeerSession& session, const MessageView& message) {
   add(report().traffic, message.header());
   const bool node = session.self.is_node();
-  const bool tests = message.type() == MessageType::collision || message.type() == MessageType::narrow_done;
+  const bool tests = message.type() == MessageType::collision || message.type() == MessageType::change ||
+                     message.type() == MessageType::narrow_done;
   if (node && tests && message.header().epoch != map_.epoch()) {
     return;  // found before a loss was known; the node will find it again
   }
@@ -115,6 +117,8 @@ void ServerRole::receive(PeerSession& session, const MessageView& message) {
       return node ? receive_node_states(session, message) : refuse(session, Status::bad_message);
     case MessageType::collision:
       return node ? receive_collisions(session, message) : refuse(session, Status::bad_message);
+    case MessageType::change:
+      return node ? receive_changes(session, message) : refuse(session, Status::bad_message);
     case MessageType::narrow_done:
       return node && message.count() == 1 ? receive_narrow_done(session, message)
                                           : refuse(session, Status::bad_message);
@@ -253,6 +257,14 @@ void ServerRole::receive_collisions(PeerSession& session, const MessageView& mes
   }
 }
 
+void ServerRole::receive_changes(PeerSession& session, const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    if (!ledger_.receive(session.self.number(), message.record<messages::ChangeRecord>(i))) {
+      return refuse(session, Status::bad_message);
+    }
+  }
+}
+
 // A node's results count only as a whole: when it reports the number of tested pairs, and all its contacts are here.
 void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NarrowDoneRecord>(0);
@@ -266,6 +278,8 @@ void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& me
   if (NodeContacts* const node_contacts = session.connection.node_contacts) {
     ledger_.receive(session.self.number(), *node_contacts);
     count_shared(Traffic::m3, node_contacts->keys.size(), sizeof(messages::CollisionRecord));
+  } else {
+    ledger_.end_run(session.self.number());
   }
   if (ledger_.received(session.self.number()) == record.contacts) {
     report().accepted += record.tested;

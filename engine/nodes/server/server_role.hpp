@@ -149,7 +149,8 @@ class ServerRole {
   void add_node(const Request& request);
   void retire_nodes();
   void rehost(const HostChange& change);
-  void list_late_contacts(std::span<const HostChange> changes);
+  void note_host_change(std::uint32_t slot);
+  void send_known_contacts();
   PeerSession* session_of(messages::Endpoint endpoint) noexcept;
   void start(PeerSession& session);
   void start_users();
@@ -166,6 +167,7 @@ class ServerRole {
   void receive_node_states(PeerSession& session, const messages::MessageView& message);
   void note_notified(std::uint32_t slot, const geometry::Bounds& bounds, bool shared);
   void receive_collisions(PeerSession& session, const messages::MessageView& message);
+  void receive_changes(PeerSession& session, const messages::MessageView& message);
   void receive_narrow_done(PeerSession& session, const messages::MessageView& message);
   void receive_kinds(const messages::MessageView& message);
   void receive_frame_done(PeerSession& session, const messages::MessageView& message);
@@ -192,7 +194,7 @@ class ServerRole {
   void detect_again();
   bool connect_fallback();
   void renumber_nodes();
-  void restore_objects();
+  void rehost_recovered();
 
   // Region maps.
   /// State of the planning of a new region map.
@@ -330,6 +332,8 @@ class ServerRole {
     NodeNumber from, to;
   };
   std::vector<HandOver> hand_overs_;  ///< of this frame
+  /// Objects whose hosts do not have their contacts of the last frame: with host_changed_mark.
+  std::vector<std::uint32_t> host_changes_;
   Host recovery_host_;                ///< moves objects that lost nodes had not reported
   std::vector<std::uint32_t> table_;  ///< of the map under construction
   std::vector<NodeNumber> alive_;

@@ -13,6 +13,7 @@
 
 #include <doctest/doctest.h>
 
+#include "base/pair_sort.hpp"
 #include "messages/run.hpp"
 
 namespace ringfence::nodes {
@@ -249,8 +250,6 @@ TEST_CASE(
         contact = own[key];
         contact.phase = guess;
       }
-      std::vector<std::uint64_t> persists((own.size() + 63) / 64, 0);
-      std::size_t i = 0;
       for (const auto& [key, contact] : own) {
         const auto at = static_cast<std::uint32_t>(std::find(found.begin(), found.end(), key) - found.begin());
         const auto likely_place = [&](ObjectNumber number) {  // an index that is right, missing, or of another object
@@ -261,10 +260,8 @@ TEST_CASE(
         };
         host.order_own_contact(frame, std::uint64_t{key.first} << 32 | key.second, at, likely_place(key.first),
                                likely_place(key.second));
-        persists[i / 64] |= std::uint64_t{contact.phase == Phase::persist} << (i % 64);
-        ++i;
+        if (contact.phase == Phase::begin) host.confirm_begin(frame, at);
       }
-      for (std::size_t word = 0; word < persists.size(); ++word) host.confirm(frame, word, persists[word]);
       for (const auto& [key, contact] : received) host.add_contact(frame, contact);
       REQUIRE(host.contacts(frame).size() == received.size());
       host.begin_contacts(frame + 1);
@@ -286,6 +283,25 @@ TEST_CASE(
       }
     }
   }
+}
+
+TEST_CASE("the model gets the contacts of given lists instead of the host's own, for one frame") {
+  RecordingModel model(16);
+  Host host(&model, 4);
+  adopt(host, 5);
+  host.begin_contacts(0);
+  host.add_contact(0, contact_of(2, 5));
+  const std::vector<Contact> given = {contact_of(1, 5), contact_of(5, 9), contact_of(6, 7)};
+  std::vector<std::uint64_t> given_keys;
+  for (const Contact& contact : given) given_keys.push_back(base::PairSort::key(contact.a, contact.b));
+  host.read_contacts(given, given_keys);
+  host.begin_contacts(1);
+  host.add_contact(1, contact_of(3, 5));
+  host.move(1);
+  CHECK((keys(model.received_contacts[5]) == Keys{{1, 5}, {5, 9}}));
+  host.begin_contacts(2);
+  host.move(2);
+  CHECK((keys(model.received_contacts[5]) == Keys{{3, 5}}));
 }
 
 TEST_CASE("late contacts count for one frame only") {
