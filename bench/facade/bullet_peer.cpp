@@ -14,7 +14,7 @@ class Bullet final : public FrameTester {
     }
     for (std::size_t i = 0; i < world.objects(); ++i) {
       auto object = std::make_unique<btCollisionObject>();
-      object->setCollisionShape(shapes_[world.scene.objects[i].shape].get());
+      object->setCollisionShape(shapes_[world.scene.objects[i].shape.number()].get());
       object->setWorldTransform(bullet_transform(world.frames[0][i]));
       object->setUserIndex(static_cast<int>(i + 1));
       world_.addCollisionObject(object.get());

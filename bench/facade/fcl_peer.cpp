@@ -19,7 +19,7 @@ class Fcl final : public FrameTester {
     }
     for (std::size_t i = 0; i < world.objects(); ++i) {
       fcl::CollisionObjectd& object =
-          objects_.emplace_back(geometries_[world.scene.objects[i].shape], fcl_transform(world.frames[0][i]));
+          objects_.emplace_back(geometries_[world.scene.objects[i].shape.number()], fcl_transform(world.frames[0][i]));
       object.setUserData(reinterpret_cast<void*>(i + 1));
       registered_.push_back(&object);
     }

@@ -9,7 +9,7 @@ Crowd::Crowd(const RecordedWorld& world)
       present_(world.objects(), 1),
       resting_(world.objects(), 0) {
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
-    bodies_[i].shape = world.scene.objects[i].shape;
+    bodies_[i].shape = world.scene.objects[i].shape.number();
     bodies_[i].number = static_cast<ObjectNumber>(i + 1);
   }
   place(world.frames[0], 0, bodies_.size());

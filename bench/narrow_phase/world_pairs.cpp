@@ -24,7 +24,7 @@ WorldPairs::Frame frame_of(const bench::RecordedWorld& world, const std::vector<
   WorldPairs::Frame frame;
   std::vector<geometry::Bounds> bounds;
   for (std::size_t i = 0; i < world.objects(); ++i) {
-    frame.bodies.push_back({poses[i], world.scene.objects[i].shape, static_cast<ObjectNumber>(i + 1)});
+    frame.bodies.push_back({poses[i], world.scene.objects[i].shape.number(), static_cast<ObjectNumber>(i + 1)});
     bounds.push_back(world.shapes->bounds(frame.bodies[i].shape, poses[i], world.space));
   }
   broad_phase::SweepAndPrune sweep(world.objects(), 0);

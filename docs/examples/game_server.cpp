@@ -23,7 +23,7 @@ using ringfence::ObjectId;
 using ringfence::Phase;
 using ringfence::Pose;
 using ringfence::Status;
-using ringfence::UserNumber;
+using ringfence::UserId;
 using ringfence::Vec3d;
 
 constexpr double side = 40;   // of the arena, metres
@@ -129,21 +129,23 @@ class GameServer {
   }
 
   void join(Vec3d at) {
-    const UserNumber user = world_.connect().user;
+    const UserId user = world_.connect().user;
     Player player;
     player.pose.position = at;
     // The World passes user_data to the motion model, and World::object returns it.
-    player.avatar =
-        world_
-            .spawn(
-                {.shape = person_, .category = Category::avatar, .user = user, .user_data = user, .pose = player.pose})
-            .id;
+    player.avatar = world_
+                        .spawn({.shape = person_,
+                                .category = Category::avatar,
+                                .user = user,
+                                .user_data = user.number(),
+                                .pose = player.pose})
+                        .id;
     players_[user] = player;
   }
 
-  void leave(UserNumber user) {
+  void leave(UserId user) {
     world_.disconnect(user);  // also destroys the avatar
-    std::printf("player %u leaves: %d bumps\n", user, players_[user].bumps);
+    std::printf("player %u leaves: %d bumps\n", user.number(), players_[user].bumps);
     players_.erase(user);
   }
 
@@ -164,17 +166,17 @@ class GameServer {
   // [frame]
 
   /// A user tries to move the avatar of another user. The World refuses the call.
-  void cheat(UserNumber cheater, UserNumber victim) {
+  void cheat(UserId cheater, UserId victim) {
     const Status status = world_.move(cheater, players_[victim].avatar, {});
-    std::printf("player %u moves player %u: %s\n", cheater, victim, name_of(status));
+    std::printf("player %u moves player %u: %s\n", cheater.number(), victim.number(), name_of(status));
   }
 
   void print() const {
     const ringfence::FrameReport& report = world_.report();
     for (const auto& [user, player] : players_) {
       const Vec3d p = world_.object(player.avatar).spec.pose.position;
-      std::printf("player %u: %d bumps, stands at (%.2f, %.2f), saw %zu players\n", user, player.bumps, p.x, p.y,
-                  player.seen);
+      std::printf("player %u: %d bumps, stands at (%.2f, %.2f), saw %zu players\n", user.number(), player.bumps, p.x,
+                  p.y, player.seen);
     }
     std::printf("frame %" PRIu64 ": %" PRIu64 " objects, %" PRIu64 " candidates, %" PRIu64 " contacts\n", report.frame,
                 report.objects, report.candidates, report.contacts);
@@ -185,8 +187,8 @@ class GameServer {
   /// Reads the players' inputs. This example has no network: each player turns from time to time.
   void read_inputs() {
     for (auto& [user, player] : players_) {
-      if ((world_.frames() + 13 * user) % 40 == 0) {
-        player.walks_to = (player.walks_to + 1 + static_cast<int>(user % 2)) % 4;
+      if ((world_.frames() + 13 * user.number()) % 40 == 0) {
+        player.walks_to = (player.walks_to + 1 + static_cast<int>(user.number() % 2)) % 4;
       }
     }
   }
@@ -199,7 +201,7 @@ class GameServer {
   }
 
   // [answer]
-  void answer(UserNumber user, Player& player) {
+  void answer(UserId user, Player& player) {
     const ringfence::ObjectNumber self = player.avatar.number();
     for (const Contact& contact : world_.collisions_of(user)) {
       // In user domain deployment a user node hosts more than its avatar.
@@ -224,8 +226,8 @@ class GameServer {
   // [answer]
 
   ringfence::World world_;
-  ringfence::ShapeNumber person_ = 0;
-  std::map<UserNumber, Player> players_;
+  ringfence::ShapeId person_;
+  std::map<UserId, Player> players_;
   ringfence::Digest digest_;
 };
 
@@ -266,13 +268,13 @@ int main(int argc, char** argv) {
   server.join({20, 20, 0.9});
   for (int frame = 0; frame < frames; ++frame) {
     if (frame == 100) {
-      server.leave(1);
+      server.leave(UserId(1));
     }
     if (frame == 150) {
       server.join({30, 12, 0.9});
     }
     if (frame == 200) {
-      server.cheat(0, 2);
+      server.cheat(UserId(0), UserId(2));
     }
     server.frame();
   }

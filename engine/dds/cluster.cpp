@@ -20,7 +20,7 @@ ClusterReport ClusterNodes::report() const {
     const ParcelChannel::Counters counters = node->parcel_channel->counters();
     MemberReport& member = report.members.emplace_back();
     member.name = node->name;
-    member.number = node->number;
+    member.node = NodeId(node->number);
     member.sent_parcels = counters.sent_parcels;
     member.sent_bytes = counters.sent_bytes;
     member.received_parcels = counters.received_parcels;

@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "dds/description.hpp"
 #include "dds/domain.hpp"
 #include "dds/parcel_channel.hpp"

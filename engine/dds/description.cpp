@@ -189,7 +189,7 @@ std::vector<std::byte> pack_shape(const ShapeDescription& shape) {
 }
 
 ShapeDescription unpack_shape(std::span<const std::byte> bytes, ShapeNumber shape,
-                              const std::function<std::shared_ptr<const SupportFunction>(ShapeNumber)>& support) {
+                              const std::function<std::shared_ptr<const SupportFunction>(ShapeId)>& support) {
   Unpacking unpacking(bytes, shape);
   ShapeDescription description;
   switch (static_cast<ShapeKind>(unpacking.take<std::uint64_t>())) {
@@ -213,7 +213,7 @@ ShapeDescription unpack_shape(std::span<const std::byte> bytes, ShapeNumber shap
       break;
     }
     case ShapeKind::support: {
-      SupportShape function{support ? support(shape) : nullptr};
+      SupportShape function{support ? support(ShapeId(shape)) : nullptr};
       if (function.function == nullptr) {
         throw Error("shape " + std::to_string(shape) +
                     " is a support function, which is not sent: supply it with NodeServiceConfig::support");

@@ -8,6 +8,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "dds/wire.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
@@ -56,6 +57,6 @@ std::vector<std::byte> pack_shape(const ShapeDescription& shape);
 /// Restores a shape from the bytes of pack_shape(). `support` returns the support function of shape number `shape`;
 /// throws Error if one is needed and `support` is null or returns null. ShapeTable::add checks sizes and coordinates.
 ShapeDescription unpack_shape(std::span<const std::byte> bytes, ShapeNumber shape,
-                              const std::function<std::shared_ptr<const SupportFunction>(ShapeNumber)>& support);
+                              const std::function<std::shared_ptr<const SupportFunction>(ShapeId)>& support);
 
 }  // namespace ringfence::dds

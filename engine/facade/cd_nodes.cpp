@@ -293,7 +293,7 @@ void World::Implementation::retire_nodes() {
   const NodeNumber in_map = server->map().nodes();
   std::size_t count = 0;
   for (NodeNumber node = 0; node < in_map; ++node) {
-    const bool lost = std::find(last.lost.begin(), last.lost.end(), node) != last.lost.end();
+    const bool lost = std::find(last.lost.begin(), last.lost.end(), NodeId(node)) != last.lost.end();
     count += (!lost || node == fallback_number) && !server->has_left(node) ? 1 : 0;
   }
   // If all nodes of the map are lost, the server keeps the first of the others.

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "facade/contact_index.hpp"
 #include "facade/duplex_channel.hpp"
 #include "facade/registry.hpp"
@@ -133,7 +134,7 @@ struct World::Implementation {
   bool can_fail(const Fault& fault) const noexcept;
   Status check_spec(const ObjectSpec& spec) const noexcept;
   /// Whether the object is an avatar of the user.
-  Status check_own(UserNumber user, ObjectId object) const noexcept;
+  Status check_own(UserId user, ObjectId object) const noexcept;
   /// Whether the object exists and may be placed and removed.
   Status check_movable(ObjectId object) const noexcept;
   bool is_connected(UserNumber user) const noexcept { return std::binary_search(users.begin(), users.end(), user); }

@@ -214,13 +214,13 @@ void World::Implementation::log_losses() const {
     log(LogLevel::error, "the thread of a lost CD node has stopped while it was reading memory of the others" + frame +
                              ": all CD nodes are lost with it, and new ones replace them");
   }
-  for (const NodeNumber node : report.lost) {
-    log(LogLevel::error, "CD node " + std::to_string(node) + " stopped answering" + frame +
+  for (const NodeId node : report.lost) {
+    log(LogLevel::error, "CD node " + std::to_string(node.number()) + " stopped answering" + frame +
                              ": other nodes take over its regions, pairs and objects; " +
                              std::to_string(node_roles.size()) + " left");
   }
-  for (const UserNumber user : report.late) {
-    log(LogLevel::warning, "user node " + std::to_string(user) + " missed its deadline" + frame +
+  for (const UserId user : report.late) {
+    log(LogLevel::warning, "user node " + std::to_string(user.number()) + " missed its deadline" + frame +
                                ": its objects did not move, and it is disconnected at the next cut");
   }
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/number_index.hpp"
+#include "base/numbers.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/object.hpp"
 
@@ -19,7 +20,7 @@ class Registry {
   struct Entry {
     ObjectId id;
     Category category = Category::active;
-    UserNumber user = no_user;
+    UserNumber user = no_user_number;
     bool ending = false;  ///< destroyed, but its number stays in use until the next cut
   };
 
@@ -51,7 +52,7 @@ class Registry {
     }
     index_.set(number, static_cast<std::uint32_t>(entries_.size()));
     entries_.push_back({ObjectId::of(number, generation_), category, user, false});
-    if (user != no_user) {
+    if (user != no_user_number) {
       avatars_.resize(std::max<std::size_t>(avatars_.size(), user + 1));
       ++avatars_[user];
     }
@@ -103,7 +104,7 @@ class Registry {
   void end(Entry& entry) {
     entry.ending = true;
     ended_.push_back(entry.id.number());
-    if (entry.user != no_user) {
+    if (entry.user != no_user_number) {
       --avatars_[entry.user];
     }
   }

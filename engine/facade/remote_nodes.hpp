@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "facade/steppable.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/doorbell.hpp"

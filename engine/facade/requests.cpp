@@ -14,7 +14,7 @@ using facade::Steppable;
 using facade::Worker;
 using nodes::Request;
 
-ShapeNumber World::add_shape(const ShapeDescription& description) {
+ShapeId World::add_shape(const ShapeDescription& description) {
   const base::DefaultFloatingPoint floating_point;
   if (implementation_->frame_is_running()) {
     throw Error("add_shape: a frame is running; register shapes before begin_frame or after finish_frame");
@@ -35,10 +35,10 @@ ShapeNumber World::add_shape(const ShapeDescription& description) {
                                    std::to_string(mesh.triangles().size()) + " are kept");
     }
   }
-  return shape;
+  return ShapeId(shape);
 }
 
-Connected World::connect(UserNumber user) try {
+Connected World::connect(UserId wanted) try {
   Implementation& w = *implementation_;
   if (w.halt.is_set()) {
     return {Status::out_of_memory, no_user};
@@ -49,7 +49,8 @@ Connected World::connect(UserNumber user) try {
     };
     return w.is_connected(number) || holds(w.leaving) || holds(w.cut_leaving);
   };
-  if (user == no_user) {
+  UserNumber user = wanted.number();
+  if (wanted == no_user) {
     user = 0;
     while (taken(user)) {
       ++user;
@@ -66,13 +67,14 @@ Connected World::connect(UserNumber user) try {
   request.kind = Request::Kind::connect;
   request.user = user;
   w.requests.push_back(request);
-  return {Status::ok, user};
+  return {Status::ok, UserId(user)};
 } catch (const std::bad_alloc&) {
   return {implementation_->stop_frames(), no_user};
 }
 
-Status World::disconnect(UserNumber user) try {
+Status World::disconnect(UserId id) try {
   Implementation& w = *implementation_;
+  const UserNumber user = id.number();
   if (w.halt.is_set()) {
     return Status::out_of_memory;
   }
@@ -113,7 +115,7 @@ Spawned World::spawn(const ObjectSpec& spec) try {
     return {w.refuse(status), {}};
   }
   request.spec.number = number;
-  request.object = w.registry.add(number, spec.category, spec.user);
+  request.object = w.registry.add(number, spec.category, spec.user.number());
   w.requests.push_back(request);
   return {Status::ok, request.object};
 } catch (const std::bad_alloc&) {
@@ -138,18 +140,18 @@ Status World::destroy(ObjectId object) try {
   return implementation_->stop_frames();
 }
 
-Status World::Implementation::check_own(UserNumber user, ObjectId object) const noexcept {
-  if (!is_connected(user)) {
+Status World::Implementation::check_own(UserId user, ObjectId object) const noexcept {
+  if (!is_connected(user.number())) {
     return Status::unknown_user;
   }
   const facade::Registry::Entry* entry = registry.find(object);
   if (entry == nullptr) {
     return Status::stale_object;
   }
-  return entry->user == user ? Status::ok : Status::not_host;
+  return entry->user == user.number() ? Status::ok : Status::not_host;
 }
 
-Status World::destroy(UserNumber user, ObjectId object) {
+Status World::destroy(UserId user, ObjectId object) {
   if (implementation_->halt.is_set()) {
     return Status::out_of_memory;
   }
@@ -157,7 +159,7 @@ Status World::destroy(UserNumber user, ObjectId object) {
   return status == Status::ok ? destroy(object) : implementation_->refuse(status);
 }
 
-Status World::move(UserNumber user, ObjectId object, const Pose& pose) try {
+Status World::move(UserId user, ObjectId object, const Pose& pose) try {
   const base::DefaultFloatingPoint floating_point;
   Implementation& w = *implementation_;
   if (w.halt.is_set()) {
@@ -170,7 +172,7 @@ Status World::move(UserNumber user, ObjectId object, const Pose& pose) try {
   if (const Status status = nodes::make_valid(valid); status != Status::ok) {
     return w.refuse(status);
   }
-  w.pending_moves.push_back({user, object.number(), valid});
+  w.pending_moves.push_back({user.number(), object.number(), valid});
   return Status::ok;
 } catch (const std::bad_alloc&) {
   return implementation_->stop_frames();
@@ -251,12 +253,13 @@ bool World::Implementation::can_fail(const Fault& fault) const noexcept {
     return false;
   }
   if (fault.user != no_user) {
-    const auto user = user_nodes.find(fault.user);
+    const auto user = user_nodes.find(fault.user.number());
     return user != user_nodes.end() && !user->second->late &&
            (fault.stage == NodeStage::model || fault.stage == NodeStage::publication);
   }
-  return fault.node < node_roles.size() && node_roles[fault.node] != nullptr &&
-         (node_workers[fault.node] != nullptr || static_cast<std::size_t>(fault.stage) < boundary_stage_count);
+  const NodeNumber node = fault.node.number();
+  return node < node_roles.size() && node_roles[node] != nullptr &&
+         (node_workers[node] != nullptr || static_cast<std::size_t>(fault.stage) < boundary_stage_count);
 }
 
 Status World::inject(const Fault& fault) try {
@@ -272,15 +275,15 @@ Status World::inject(const Fault& fault) try {
     return w.refuse(Status::bad_number);
   }
   if (fault.user != no_user) {
-    facade::User& user = *w.user_nodes.at(fault.user);
+    facade::User& user = *w.user_nodes.at(fault.user.number());
     w.user_threads[user.thread]->worker->assign({});
     user.role->fail(fault);
     w.assign_users();
     return Status::ok;
   }
   // The node's thread must not step the role meanwhile.
-  nodes::CdNodeRole& role = *w.node_roles[fault.node];
-  if (Worker* worker = w.node_workers[fault.node].get()) {
+  nodes::CdNodeRole& role = *w.node_roles[fault.node.number()];
+  if (Worker* worker = w.node_workers[fault.node.number()].get()) {
     worker->assign({});
     role.fail(fault);
     worker->assign({Steppable::of(role)});

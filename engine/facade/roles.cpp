@@ -278,9 +278,9 @@ void World::Implementation::forget_users() {
 // Called when a frame is complete. Late user nodes are not stepped any more, so none of them reads publications of the
 // next frame. Those whose model has not returned were removed from their threads within the frame.
 void World::Implementation::part_with_late_users() {
-  for (const UserNumber number : report.late) {
-    user_nodes.at(number)->late = true;
-    publications.users[number] = {};
+  for (const UserId user : report.late) {
+    user_nodes.at(user.number())->late = true;
+    publications.users[user.number()] = {};
   }
   if (!report.late.empty()) {
     assign_users();

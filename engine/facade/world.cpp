@@ -14,7 +14,7 @@ using telemetry::StepClock;
 using telemetry::to_ms;
 
 Status World::Implementation::check_spec(const ObjectSpec& spec) const noexcept {
-  if (spec.shape >= shapes.size()) {
+  if (spec.shape.number() >= shapes.size()) {
     return Status::unknown_shape;
   }
   const std::size_t layers = std::max<std::size_t>(1, config.layers.names.size());
@@ -26,13 +26,13 @@ Status World::Implementation::check_spec(const ObjectSpec& spec) const noexcept 
       avatar != (spec.user != no_user)) {
     return Status::bad_category;
   }
-  if (avatar && !is_connected(spec.user)) {
+  if (avatar && !is_connected(spec.user.number())) {
     return Status::unknown_user;
   }
   if (spec.number != 0 && registry.in_use(spec.number)) {
     return Status::number_in_use;
   }
-  if (avatar && config.quotas.avatars != 0 && registry.avatars(spec.user) >= config.quotas.avatars) {
+  if (avatar && config.quotas.avatars != 0 && registry.avatars(spec.user.number()) >= config.quotas.avatars) {
     return Status::over_quota;
   }
   return registry.live() >= config.limits.objects ? Status::over_capacity : Status::ok;
@@ -87,7 +87,7 @@ void World::Implementation::gather_timeline() {
 // Whether the node that had this number in the last frame is lost, and no fallback node took its number.
 bool World::Implementation::is_lost(NodeNumber node) const noexcept {
   return (node != fallback_number || server->has_abandoned_nodes()) &&
-         std::find(report.lost.begin(), report.lost.end(), node) != report.lost.end();
+         std::find(report.lost.begin(), report.lost.end(), NodeId(node)) != report.lost.end();
 }
 
 void World::Implementation::log_growth() {
@@ -195,8 +195,8 @@ Status World::finish_frame() try {
   w.retire_lost_nodes();
   w.free_retired_nodes();
   w.retire_nodes();
-  for (const UserNumber user : w.report.late) {
-    if (w.is_connected(user)) {
+  for (const UserId user : w.report.late) {
+    if (w.is_connected(user.number())) {
       disconnect(user);
     }
   }
@@ -220,9 +220,9 @@ std::span<const Contact> World::ended() const noexcept {
   return w.frames == 0 ? std::span<const Contact>{} : w.server->ledger().ended(w.frames - 1);
 }
 
-std::span<const Contact> World::collisions_of(UserNumber user) const noexcept {
+std::span<const Contact> World::collisions_of(UserId user) const noexcept {
   const Implementation& w = *implementation_;
-  const auto at = w.user_nodes.find(user);
+  const auto at = w.user_nodes.find(user.number());
   return w.frames == 0 || at == w.user_nodes.end() || at->second->late ? std::span<const Contact>{}
                                                                        : at->second->role->contacts(w.frames - 1);
 }
@@ -239,9 +239,9 @@ ObjectContacts World::collisions_of(ObjectId object) const {
   return {contacts().data(), w.contact_index.of(object.number())};
 }
 
-std::span<const std::span<const SeenState>> World::seen_by(UserNumber user) const noexcept {
+std::span<const std::span<const SeenState>> World::seen_by(UserId user) const noexcept {
   const Implementation& w = *implementation_;
-  const auto at = w.user_nodes.find(user);
+  const auto at = w.user_nodes.find(user.number());
   if (w.frames == 0 || at == w.user_nodes.end() || at->second->late) {
     return {};
   }
@@ -257,11 +257,11 @@ ObjectView view_of(const nodes::ServerRole& server, std::uint32_t slot) {
   ObjectView view;
   view.id = ObjectId::of(row.object.number, row.object.generation);
   view.spec = {row.object.number,
-               row.shape,
+               ShapeId(row.shape),
                static_cast<Category>(row.category),
                static_cast<std::uint8_t>(row.layer),
                (row.object.flags & messages::flag_present) != 0,
-               origin.user,
+               UserId(origin.user),
                origin.user_data,
                server.pose(slot)};
   return view;
@@ -300,8 +300,8 @@ std::vector<ObjectView> World::objects() const {
 
 ObjectId World::find(ObjectNumber number) const noexcept { return implementation_->registry.find(number); }
 
-const ShapeDescription& World::shape(ShapeNumber shape) const noexcept {
-  return implementation_->shapes.description(shape);
+const ShapeDescription& World::shape(ShapeId shape) const noexcept {
+  return implementation_->shapes.description(shape.number());
 }
 
 std::size_t World::shape_count() const noexcept { return implementation_->shapes.size(); }

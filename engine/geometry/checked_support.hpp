@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "ringfence/ids.hpp"
+#include "base/numbers.hpp"
 #include "ringfence/shape.hpp"
 
 namespace ringfence::geometry {

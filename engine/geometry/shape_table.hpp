@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
 #include "geometry/checked_support.hpp"
 #include "geometry/growing_array.hpp"
 #include "geometry/hull.hpp"
 #include "geometry/mesh.hpp"
-#include "ringfence/ids.hpp"
 #include "ringfence/shape.hpp"
 
 namespace ringfence::geometry {

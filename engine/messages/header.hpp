@@ -7,8 +7,8 @@
 #include <span>
 #include <type_traits>
 
+#include "base/numbers.hpp"
 #include "ringfence/frame_report.hpp"
-#include "ringfence/ids.hpp"
 #include "ringfence/status.hpp"
 
 namespace ringfence::messages {

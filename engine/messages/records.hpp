@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/frame_report.hpp"

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 
+#include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
 #include "geometry/shape_table.hpp"
 #include "ringfence/frame_report.hpp"

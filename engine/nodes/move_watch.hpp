@@ -3,7 +3,7 @@
 #include <atomic>
 #include <cstdint>
 
-#include "ringfence/ids.hpp"
+#include "base/numbers.hpp"
 
 namespace ringfence::nodes {
 

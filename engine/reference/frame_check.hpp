@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "reference/contact_check.hpp"
 #include "reference/shapes.hpp"
 #include "ringfence/contact.hpp"

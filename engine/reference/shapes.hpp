@@ -6,9 +6,9 @@
 #include <span>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "reference/core.hpp"
 #include "reference/vector.hpp"
-#include "ringfence/ids.hpp"
 #include "ringfence/shape.hpp"
 
 namespace ringfence::reference {

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
 #include "regions/bisection.hpp"
 #include "regions/refinement.hpp"

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "regions/bisection.hpp"
 #include "regions/region_map.hpp"
 

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
-#include "ringfence/ids.hpp"
 
 namespace ringfence::regions {
 

@@ -10,7 +10,7 @@
 
 namespace ringfence::worlds {
 
-void configure_for(WorldConfig& config, const Scene& scene, UserNumber users) {
+void configure_for(WorldConfig& config, const Scene& scene, std::uint32_t users) {
   config.bounds_min = scene.bounds_min;
   config.bounds_max = scene.bounds_max;
   config.layers = scene.layers;
@@ -22,8 +22,8 @@ void configure_for(WorldConfig& config, const Scene& scene, UserNumber users) {
   config.capacities.users = std::max<std::size_t>(config.capacities.users, users);
 }
 
-void load_into(World& world, const Scene& scene, UserNumber users) {
-  std::vector<ShapeNumber> shapes;
+void load_into(World& world, const Scene& scene, std::uint32_t users) {
+  std::vector<ShapeId> shapes;
   for (const NamedShape& shape : scene.shapes) {
     try {
       shapes.push_back(world.add_shape(shape.description));
@@ -31,12 +31,12 @@ void load_into(World& world, const Scene& scene, UserNumber users) {
       throw Error(fmt::format("shape \"{}\": {}", shape.name, error.what()));
     }
   }
-  for (UserNumber user = 0; user < users; ++user) {
-    const Connected connected = world.connect(user);
+  for (std::uint32_t user = 0; user < users; ++user) {
+    const Connected connected = world.connect(UserId(user));
     if (connected.status != Status::ok) throw Error(fmt::format("user {}: {}", user, name_of(connected.status)));
   }
   for (ObjectSpec object : scene.objects) {
-    object.shape = shapes[object.shape];
+    object.shape = shapes[object.shape.number()];
     const Spawned spawned = world.spawn(object);
     if (spawned.status != Status::ok) throw Error(fmt::format("object {}: {}", object.number, name_of(spawned.status)));
   }

@@ -99,7 +99,7 @@ ShapeDescription make_shape(ShapeKind kind, std::uint64_t seed, std::uint32_t in
 struct ShapeLibrary {
   std::vector<NamedShape> shapes;
   std::vector<double> volumes;
-  std::array<ShapeNumber, shape_kinds> first{};
+  std::array<std::uint32_t, shape_kinds> first{};
   std::array<std::uint32_t, shape_kinds> count{};
 };
 
@@ -110,7 +110,7 @@ ShapeLibrary make_library(const std::vector<ShapeKind>& cycle, std::uint64_t see
        {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh}) {
     if (std::find(cycle.begin(), cycle.end(), kind) == cycle.end()) continue;
     const auto k = static_cast<std::size_t>(kind);
-    library.first[k] = static_cast<ShapeNumber>(library.shapes.size());
+    library.first[k] = static_cast<std::uint32_t>(library.shapes.size());
     library.count[k] = kind == ShapeKind::sphere ? 1 : shapes_per_kind;
     for (std::uint32_t i = 0; i < library.count[k]; ++i) {
       ShapeDescription shape = make_shape(kind, seed, i);
@@ -258,15 +258,15 @@ PaperWorld make_paper_world(const PaperWorldOptions& options) {
     // Two consecutive objects have the same kind of shape, so active and non-active objects have the same mix of kinds.
     const auto kind = static_cast<std::size_t>(cycle[i / 2 % cycle.size()]);
     Draws draws(options.seed, shape_picks, object.number);
-    object.shape = library.first[kind] + motion::uniform_below(library.count[kind], draws.word());
+    object.shape = ShapeId(library.first[kind] + motion::uniform_below(library.count[kind], draws.word()));
     if (i < options.users) {
       object.category = Category::avatar;
-      object.user = i;
+      object.user = UserId(i);
     } else {
       object.category = i % 2 == 0 ? Category::active : Category::non_active;
     }
-    volume += library.volumes[object.shape];
-    radii.push_back(cube_root(library.volumes[object.shape] / sphere_volume));
+    volume += library.volumes[object.shape.number()];
+    radii.push_back(cube_root(library.volumes[object.shape.number()] / sphere_volume));
     world.scene.objects.push_back(object);
   }
 

@@ -4,10 +4,10 @@
 
 namespace ringfence::worlds {
 
-UserNumber users_of(const Scene& scene) {
-  UserNumber users = 0;
+std::uint32_t users_of(const Scene& scene) {
+  std::uint32_t users = 0;
   for (const ObjectSpec& object : scene.objects) {
-    if (object.category == Category::avatar) users = std::max(users, object.user + 1);
+    if (object.category == Category::avatar) users = std::max(users, object.user.number() + 1);
   }
   return users;
 }

@@ -29,6 +29,6 @@ struct Scene {
 };
 
 /// Number of user nodes that the avatars of the scene need: the highest user number plus 1, or 0 without avatars.
-UserNumber users_of(const Scene& scene);
+std::uint32_t users_of(const Scene& scene);
 
 }  // namespace ringfence::worlds

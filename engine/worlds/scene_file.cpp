@@ -131,12 +131,12 @@ class SceneReader {
       } catch (const Error& error) {
         value.fail(error.what());
       }
-      shape_numbers_.emplace(shape.name, static_cast<ShapeNumber>(scene_.shapes.size()));
+      shape_numbers_.emplace(shape.name, ShapeId(static_cast<std::uint32_t>(scene_.shapes.size())));
       scene_.shapes.push_back(std::move(shape));
     }
   }
 
-  ShapeNumber shape_of(const JsonValue& name) const {
+  ShapeId shape_of(const JsonValue& name) const {
     const auto found = shape_numbers_.find(name.text());
     if (found == shape_numbers_.end()) {
       name.fail(fmt::format("unknown shape \"{}\"; expected one of the {} in \"shapes\"", name.text(),
@@ -159,7 +159,7 @@ class SceneReader {
     spec.shape = shape_of(object.field("shape"));
     spec.category = category_of(object.field("category"));
     if (spec.category == Category::avatar) {
-      spec.user = static_cast<UserNumber>(object.field("user").unsigned_integer(0, max_users - 1));
+      spec.user = UserId(static_cast<std::uint32_t>(object.field("user").unsigned_integer(0, max_users - 1)));
     } else if (object.has("user")) {
       object.field("user").fail("only an avatar has a user; remove the field or make the object an avatar");
     }
@@ -187,7 +187,7 @@ class SceneReader {
   std::filesystem::path folder_;
   const MeshLoader& loader_;
   Scene scene_;
-  std::unordered_map<std::string, ShapeNumber> shape_numbers_;
+  std::unordered_map<std::string, ShapeId> shape_numbers_;
 };
 
 // Floats are formatted as doubles: the reader parses doubles, and the shortest text of a double restores it exactly.
@@ -227,8 +227,8 @@ struct ShapeText {
 
 std::string text_of(const Scene& scene, const ObjectSpec& object) {
   std::string text = fmt::format(R"({{"id": {}, "shape": {}, "category": "{}")", object.number,
-                                 quoted(scene.shapes[object.shape].name), name_of(object.category));
-  if (object.category == Category::avatar) text += fmt::format(R"(, "user": {})", object.user);
+                                 quoted(scene.shapes[object.shape.number()].name), name_of(object.category));
+  if (object.category == Category::avatar) text += fmt::format(R"(, "user": {})", object.user.number());
   if (!scene.layers.names.empty()) text += fmt::format(R"(, "layer": {})", quoted(scene.layers.names[object.layer]));
   if (object.present) text += fmt::format(R"(, "position": {})", text_of(object.pose.position));
   const Quat& q = object.pose.orientation;

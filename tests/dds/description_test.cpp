@@ -246,8 +246,8 @@ TEST_CASE("a support function is not sent: the node supplies its own, or the Wor
   const auto function = std::make_shared<Point>();
   const auto bytes = pack_shape(SupportShape{function});
   CHECK(fails(bytes));
-  const ShapeDescription shape = unpack_shape(bytes, 3, [&](ShapeNumber number) {
-    CHECK(number == 3);
+  const ShapeDescription shape = unpack_shape(bytes, 3, [&](ShapeId number) {
+    CHECK(number == ShapeId(3));
     return function;
   });
   CHECK(std::get<SupportShape>(shape).function == function);

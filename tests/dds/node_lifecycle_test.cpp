@@ -245,7 +245,7 @@ TEST_CASE(
 
 TEST_CASE("shapes and objects that are added while nodes join reach all of them") {
   const auto add = [](World& world, std::uint32_t i) {
-    const ShapeNumber shape = world.add_shape(Box{{0.5f + 0.125f * static_cast<float>(i), 0.5f, 1.0f}});
+    const ShapeId shape = world.add_shape(Box{{0.5f + 0.125f * static_cast<float>(i), 0.5f, 1.0f}});
     const double at = 4.0 + i;
     CHECK(world.spawn({.shape = shape, .category = Category::active, .pose = {{at, 8, 8}, {0, 0, 0, 1}}}).status ==
           Status::ok);

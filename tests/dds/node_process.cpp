@@ -48,7 +48,7 @@ int main(int argc, char** argv) {
     if (times > 1) return std::make_shared<SlowModel>(side, times);
     return std::make_shared<test::BouncingModel>(side);
   };
-  config.support = [](ShapeNumber) { return test::gapped_ellipsoid(); };
+  config.support = [](ShapeId) { return test::gapped_ellipsoid(); };
   // The results of the service must not depend on the floating-point environment.
   const test::CallerEnvironment environment(test::Caller::rounding_up);
   dds::NodeService service(std::move(config));

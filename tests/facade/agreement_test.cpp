@@ -56,7 +56,7 @@ void check_counts(const FrameReport& report) {
 // Spawns pairs in contact. Some coordinates of their positions, contact points and normals are subnormal as double or
 // as float: an environment with flush-to-zero replaces such numbers by 0.
 void spawn_subnormal(World& world, Caller caller) {
-  const ShapeNumber ball = call_from(caller, [&] { return world.add_shape(Sphere{0.5f}); });
+  const ShapeId ball = call_from(caller, [&] { return world.add_shape(Sphere{0.5f}); });
   const double far = side + 3;
   const double places[][2] = {{3e-310, 3e-310}, {-1e-40, 1e-40}, {1e-42, 3e-308}};
   for (std::size_t i = 0; i < std::size(places); ++i) {

@@ -140,7 +140,7 @@ Status run_frames(World& world, std::size_t spawns) {
   const auto spawn = [&](std::size_t i) {
     ObjectSpec spec;
     spec.category = i % 3 == 0 ? Category::avatar : Category::active;
-    spec.user = spec.category == Category::avatar ? static_cast<UserNumber>(i % 2) : no_user;
+    spec.user = spec.category == Category::avatar ? UserId(static_cast<std::uint32_t>(i % 2)) : no_user;
     const double x = static_cast<double>(i % 7) * 0.9;
     spec.pose.position = {x, static_cast<double>(i / 7 % 6), side / 2};
     return world.spawn(spec).status;
@@ -198,7 +198,7 @@ TEST_CASE("a failed allocation in a call or a frame returns out_of_memory, and t
           CHECK(world.advance() == Status::out_of_memory);
           CHECK(world.spawn({}).status == Status::out_of_memory);
           CHECK(world.connect().status == Status::out_of_memory);
-          CHECK(world.disconnect(0) == Status::out_of_memory);
+          CHECK(world.disconnect(UserId(0)) == Status::out_of_memory);
           CHECK(world.resize(1) == Status::out_of_memory);
           CHECK_THROWS_AS(world.add_shape(Sphere{1}), Error);
         }

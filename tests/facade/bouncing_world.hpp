@@ -81,7 +81,7 @@ inline void populate(World& world, std::size_t objects, std::size_t users, doubl
   const auto add = [&](const ShapeDescription& shape) {
     return call_from(caller, [&] { return world.add_shape(shape); });
   };
-  const std::vector<ShapeNumber> shapes = {add(Sphere{0.7f}), add(Box{{0.6f, 0.8f, 0.5f}}), add(Capsule{0.4f, 0.6f})};
+  const std::vector<ShapeId> shapes = {add(Sphere{0.7f}), add(Box{{0.6f, 0.8f, 0.5f}}), add(Capsule{0.4f, 0.6f})};
   for (std::size_t user = 0; user < users; ++user) {
     call_from(caller, [&] { return world.connect(); });
   }
@@ -97,7 +97,7 @@ inline void populate(World& world, std::size_t objects, std::size_t users, doubl
     spec.pose.position = {uniform() * side, uniform() * side, uniform() * side};
     if (i < users) {
       spec.category = Category::avatar;
-      spec.user = static_cast<UserNumber>(i);
+      spec.user = UserId(static_cast<std::uint32_t>(i));
     } else if (i % 17 == 0) {
       spec.category = Category::fixed;
     } else {

@@ -31,8 +31,8 @@ TEST_CASE("frames of a world without objects, with or without users, are empty")
     CHECK(world.contacts().empty());
     CHECK(world.frames() == 0);
     CHECK(world.objects().empty());
-    CHECK(world.collisions_of(UserNumber{0}).empty());
-    CHECK(world.seen_by(0).empty());
+    CHECK(world.collisions_of(UserId(0)).empty());
+    CHECK(world.seen_by(UserId(0)).empty());
     for (int frame = 0; frame < 3; ++frame) advance(world);
     for (int user = 0; user < 5; ++user) world.connect();
     for (int frame = 0; frame < 3; ++frame) advance(world);
@@ -44,7 +44,7 @@ TEST_CASE("frames of a world without objects, with or without users, are empty")
 TEST_CASE("a single object is in no contact") {
   in_all_worlds({}, {0u, 3u}, [](const WorldConfig& config) {
     World world(config);
-    const ShapeNumber ball = world.add_shape(Sphere{500});
+    const ShapeId ball = world.add_shape(Sphere{500});
     const ObjectId id = world.spawn({.shape = ball}).id;
     for (int frame = 0; frame < 3; ++frame) advance(world);
     CHECK(world.report().candidates == 0);
@@ -61,7 +61,7 @@ TEST_CASE("objects that all stand on one point are each in contact with every ot
       World world(config);
       std::size_t count = 0;
       for (const ShapeDescription& shape : all_shapes()) {
-        const ShapeNumber number = world.add_shape(shape);
+        const ShapeId number = world.add_shape(shape);
         for (int i = 0; i < 10; ++i, ++count) world.spawn({.shape = number, .pose = {point, {}}});
       }
       for (int frame = 0; frame < 2; ++frame) {
@@ -103,7 +103,7 @@ TEST_CASE("a world without extent holds objects like any other") {
 void check_resized(const WorldConfig& base, std::size_t objects, std::size_t contacts, const Vec3d& point) {
   in_all_worlds(base, {0u, 1u, 4u}, [&](const WorldConfig& config) {
     World world(config);
-    const ShapeNumber ball = world.add_shape(Sphere{1});
+    const ShapeId ball = world.add_shape(Sphere{1});
     for (std::size_t i = 0; i < objects; ++i) world.spawn({.shape = ball, .pose = {point, {}}});
     for (int frame = 0; frame < 10; ++frame) {
       if (frame == 1) REQUIRE(world.resize(7) == Status::ok);
@@ -137,7 +137,7 @@ TEST_CASE("more nodes than cells are refused when the world is made, and as many
   CHECK_THROWS_WITH_AS(World{config}, doctest::Contains("3 nodes cannot share 2 cells"), Error);
   config.nodes = 2;
   World world(config);
-  const ShapeNumber ball = world.add_shape(Sphere{1});
+  const ShapeId ball = world.add_shape(Sphere{1});
   for (int i = 0; i < 20; ++i) world.spawn({.shape = ball, .pose = {{50, 41.0 + i, 50}, {}}});
   advance(world);
   CHECK(world.contacts().size() == 19 + 18);  // neighbours, and those that touch the next but one
@@ -155,8 +155,8 @@ TEST_CASE("far outside the bounds contacts are the same as inside, and coordinat
       for (const ShapeDescription& shape : all_shapes()) world.add_shape(shape);
       // The same group twice, at the origin and far from it.
       for (const double x : {0.0, far}) {
-        for (ShapeNumber shape = 0; shape < world.shape_count(); ++shape) {
-          world.spawn({.shape = shape, .pose = {{x + 0.5 * shape, 5, 5}, {}}});
+        for (std::uint32_t shape = 0; shape < world.shape_count(); ++shape) {
+          world.spawn({.shape = ShapeId(shape), .pose = {{x + 0.5 * shape, 5, 5}, {}}});
         }
       }
       advance(world);
@@ -180,9 +180,9 @@ TEST_CASE("far outside the bounds contacts are the same as inside, and coordinat
       World world(config);
       std::size_t together = 0;
       for (const ShapeDescription& shape : all_shapes()) {
-        const ShapeNumber number = world.add_shape(shape);
+        const ShapeId number = world.add_shape(shape);
         for (const double x : {far, far / 4, -far, -far / 4}) {
-          world.spawn({.shape = number, .pose = {{x, static_cast<double>(number) * far / 8, far}, {}}});
+          world.spawn({.shape = number, .pose = {{x, number.number() * far / 8, far}, {}}});
         }
         world.spawn({.shape = number, .pose = {{far, far, far}, {}}});
         ++together;
@@ -192,7 +192,7 @@ TEST_CASE("far outside the bounds contacts are the same as inside, and coordinat
     });
   }
   World world(base);
-  const ShapeNumber ball = world.add_shape(Sphere{1});
+  const ShapeId ball = world.add_shape(Sphere{1});
   for (const double beyond : {1.001 * farthest_coordinate, -1e30, 1e308}) {
     CHECK(world.spawn({.shape = ball, .pose = {{0, 0, beyond}, {}}}).status == Status::not_finite);
   }
@@ -210,7 +210,7 @@ TEST_CASE("layers collide as in the matrix, in both directions") {
   };
   in_all_worlds(base, {0u, 3u}, [&](const WorldConfig& config) {
     World world(config);
-    const ShapeNumber ball = world.add_shape(Sphere{1});
+    const ShapeId ball = world.add_shape(Sphere{1});
     std::map<ObjectNumber, std::uint8_t> layers;
     for (int i = 0; i < 12; ++i) {
       const auto layer = static_cast<std::uint8_t>(i % 4);
@@ -248,14 +248,14 @@ TEST_CASE("the model gets each object that can move once per frame, with its use
     const auto model = std::make_shared<RecordingModel>();
     config.motion = model;
     World world(config);
-    const ShapeNumber ball = world.add_shape(Sphere{1});
+    const ShapeId ball = world.add_shape(Sphere{1});
     for (int user = 0; user < 3; ++user) world.connect();
     std::uint64_t movable = 0;
     std::vector<ObjectId> fixed;
     for (ObjectNumber number = 1; number <= 200; ++number) {
       ObjectSpec spec{.number = number, .shape = ball};
       spec.category = static_cast<Category>(number % 4);
-      if (spec.category == Category::avatar) spec.user = number % 3;
+      if (spec.category == Category::avatar) spec.user = UserId(number % 3);
       spec.user_data = number * std::uint64_t{0x100000001};
       spec.pose.position = {static_cast<double>(number % 20) * 5, static_cast<double>(number / 20) * 1.5, 0};
       const ObjectId id = world.spawn(spec).id;
@@ -314,13 +314,13 @@ TEST_CASE("if the model throws or returns invalid poses, only those objects do n
   in_all_worlds({}, {0u, 1u, 3u}, [&](WorldConfig config) {
     config.motion = std::make_shared<FailingModel>();
     World world(config);
-    const ShapeNumber ball = world.add_shape(Sphere{1});
+    const ShapeId ball = world.add_shape(Sphere{1});
     for (int user = 0; user < 3; ++user) world.connect();
     std::map<ObjectNumber, double> x;
     for (ObjectNumber number = 1; number <= 150; ++number) {
       ObjectSpec spec{.number = number, .shape = ball};
       spec.category = number % 10 == 0 ? Category::avatar : Category::active;
-      spec.user = number % 10 == 0 ? number % 3 : no_user;
+      spec.user = number % 10 == 0 ? UserId(number % 3) : no_user;
       spec.pose.position = {static_cast<double>(number % 15) * 6, static_cast<double>(number / 15) * 6, 0};
       x[number] = spec.pose.position.x;
       world.spawn(spec);
@@ -353,8 +353,8 @@ TEST_CASE("if the model throws or returns invalid poses, only those objects do n
 TEST_CASE("an absent object is in no contact until it gets a pose") {
   in_all_worlds({}, {0u, 2u}, [&](const WorldConfig& config) {
     World world(config);
-    const ShapeNumber ball = world.add_shape(Sphere{1});
-    const UserNumber user = world.connect().user;
+    const ShapeId ball = world.add_shape(Sphere{1});
+    const UserId user = world.connect().user;
     world.spawn({.shape = ball, .pose = {{1, 0, 0}, {}}});
     const ObjectId absent = world.spawn({.shape = ball, .present = false}).id;
     const ObjectId avatar =

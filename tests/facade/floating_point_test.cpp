@@ -125,7 +125,7 @@ TEST_CASE("the caller's environment is as it was after each call, whether it ret
       unchanged("add_shape that throws", [&] { CHECK_THROWS_AS(world->add_shape(Sphere{-1}), Error); });
       unchanged("add_shape of a function that throws",
                 [&] { CHECK_THROWS_AS(world->add_shape(SupportShape{std::make_shared<Throwing>()}), Error); });
-      UserNumber user = no_user;
+      UserId user = no_user;
       unchanged("connect", [&] { user = world->connect().user; });
       ObjectId object, avatar;
       unchanged("spawn", [&] { object = world->spawn(spec).id; });
@@ -148,7 +148,7 @@ TEST_CASE("the caller's environment is as it was after each call, whether it ret
       }
       unchanged("resize", [&] { world->resize(1 + nodes); });
       unchanged("advance", [&] { CHECK(world->advance() == Status::ok); });
-      unchanged("inject", [&] { world->inject({.node = 0, .frame = 1000}); });
+      unchanged("inject", [&] { world->inject({.node = NodeId(0), .frame = 1000}); });
       unchanged("remove", [&] { CHECK(world->remove(object) == Status::ok); });
       unchanged("destroy", [&] { CHECK(world->destroy(object) == Status::ok); });
       unchanged("disconnect", [&] { CHECK(world->disconnect(user) == Status::ok); });

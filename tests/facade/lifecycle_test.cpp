@@ -180,8 +180,8 @@ TEST_CASE("destroyed, removed and disconnected objects end their contacts in the
   in_all_worlds({}, {0u, 2u}, [&](WorldConfig config) {
     config.interest = 0;
     World world(config);
-    const ShapeNumber ball = world.add_shape(Sphere{1});
-    const UserNumber user = world.connect().user;
+    const ShapeId ball = world.add_shape(Sphere{1});
+    const UserId user = world.connect().user;
     // Three pairs apart from each other; one object of each pair disappears, the other stays.
     std::vector<ObjectId> first, second;
     for (int i = 0; i < 4; ++i) {

@@ -61,15 +61,15 @@ struct Row {
       add();
     }
   }
-  void add(UserNumber number = no_user) {
-    const UserNumber user = world.connect(number).user;
+  void add(UserId number = no_user) {
+    const UserId user = world.connect(number).user;
     const double x = 10 + 1.5 * static_cast<double>(avatars.size());
     avatars.push_back(
         world.spawn({.shape = ball, .category = Category::avatar, .user = user, .pose = {{x, 10, 10}, {}}}).id);
     REQUIRE(avatars.back());
   }
   World& world;
-  ShapeNumber ball;
+  ShapeId ball;
   std::vector<ObjectId> avatars;
 };
 
@@ -98,29 +98,29 @@ TEST_CASE("a user node whose model does not return affects neither the frames no
     for (std::uint64_t frame = 0; frame < stall_frame; ++frame) {
       advance(world);
     }
-    REQUIRE(world.collisions_of(1).size() == 2);
+    REQUIRE(world.collisions_of(UserId(1)).size() == 2);
     REQUIRE(world.advance() == Status::ok);
-    CHECK(world.report().late == std::vector<UserNumber>{1});
+    CHECK(world.report().late == std::vector<UserId>{UserId(1)});
     CHECK(refused(world, Status::late) == 1);
     CHECK(world.contacts().size() == 3);  // with the old pose of the late avatar
-    CHECK(world.collisions_of(0).size() == 1);
-    CHECK(world.collisions_of(2).size() == 2);
-    CHECK(world.collisions_of(3).size() == 1);
-    CHECK(world.collisions_of(1).empty());
-    CHECK(world.seen_by(1).empty());
-    CHECK(!world.seen_by(0).empty());
+    CHECK(world.collisions_of(UserId(0)).size() == 1);
+    CHECK(world.collisions_of(UserId(2)).size() == 2);
+    CHECK(world.collisions_of(UserId(3)).size() == 1);
+    CHECK(world.collisions_of(UserId(1)).empty());
+    CHECK(world.seen_by(UserId(1)).empty());
+    CHECK(!world.seen_by(UserId(0)).empty());
     // Its thread is still inside the model.
-    row.add(700);
-    REQUIRE(world.move(0, row.avatars[0], {{30, 10, 10}, {}}) == Status::ok);
+    row.add(UserId(700));
+    REQUIRE(world.move(UserId(0), row.avatars[0], {{30, 10, 10}, {}}) == Status::ok);
     advance(world);
     CHECK(world.report().late.empty());
     CHECK(world.object(row.avatars[0]).spec.pose.position.x == 30);
     CHECK(world.object(row.avatars[1]).id == ObjectId{});
     CHECK(world.contacts().size() == 2);
     CHECK(world.ended().size() == 2);
-    CHECK(world.collisions_of(1).empty());
-    CHECK(world.collisions_of(700).size() == 1);
-    REQUIRE(world.connect(1).status == Status::ok);
+    CHECK(world.collisions_of(UserId(1)).empty());
+    CHECK(world.collisions_of(UserId(700)).size() == 1);
+    REQUIRE(world.connect(UserId(1)).status == Status::ok);
     for (int frame = 0; frame < 4; ++frame) {
       advance(world);
     }
@@ -146,11 +146,11 @@ TEST_CASE("user nodes of one thread that stall in the same frame are late one af
     advance(world);
   }
   REQUIRE(world.advance() == Status::ok);
-  std::vector<UserNumber> late = world.report().late;
+  std::vector<UserId> late = world.report().late;
   std::sort(late.begin(), late.end());
-  CHECK(late == std::vector<UserNumber>{0, 2, 3});
-  CHECK(world.collisions_of(1).size() == 2);
-  CHECK(world.collisions_of(4).size() == 1);
+  CHECK(late == std::vector<UserId>{UserId(0), UserId(2), UserId(3)});
+  CHECK(world.collisions_of(UserId(1)).size() == 2);
+  CHECK(world.collisions_of(UserId(4)).size() == 1);
   advance(world);
   CHECK(world.contacts().empty());
   CHECK(world.ended().size() == 4);
@@ -172,15 +172,15 @@ TEST_CASE("a user node that a fault stops inside its model or its publication is
     Fault fault;
     fault.frame = world.frames();
     fault.stage = stage;
-    fault.user = 1;
+    fault.user = UserId(1);
     REQUIRE(world.inject(fault) == Status::ok);
     REQUIRE(world.advance() == Status::ok);
-    CHECK(world.report().late == std::vector<UserNumber>{1});
+    CHECK(world.report().late == std::vector<UserId>{UserId(1)});
     CHECK(refused(world, Status::late) == 1);
     CHECK(world.contacts().size() == 2);  // with the old pose of the late avatar
-    CHECK(world.collisions_of(0).size() == 1);
-    CHECK(world.collisions_of(1).empty());
-    CHECK(world.collisions_of(2).size() == 1);
+    CHECK(world.collisions_of(UserId(0)).size() == 1);
+    CHECK(world.collisions_of(UserId(1)).empty());
+    CHECK(world.collisions_of(UserId(2)).size() == 1);
     // Its thread is still stopped, so another fault cannot be injected.
     ++fault.frame;
     CHECK(world.inject(fault) == Status::bad_number);
@@ -188,7 +188,7 @@ TEST_CASE("a user node that a fault stops inside its model or its publication is
     CHECK(world.report().late.empty());
     CHECK(world.contacts().empty());
     CHECK(world.ended().size() == 2);
-    REQUIRE(world.connect(1).status == Status::ok);
+    REQUIRE(world.connect(UserId(1)).status == Status::ok);
     advance(world);
     if (stage == NodeStage::model) {
       CHECK(world.release_faults() == 1);
@@ -257,8 +257,8 @@ TEST_CASE("shapes can be added while a lost node still reads one") {
       Barrier& barrier;
       ~Opening() { barrier.open(); }
     } opening{barrier};
-    const ShapeNumber slow = world.add_shape(SupportShape{ball});
-    const ShapeNumber box = world.add_shape(Box{{1, 1, 1}});
+    const ShapeId slow = world.add_shape(SupportShape{ball});
+    const ShapeId box = world.add_shape(Box{{1, 1, 1}});
     for (int i = 0; i < 8; ++i) {
       const double x = 12.5 * i;
       REQUIRE(world.spawn({.shape = i == 0 ? slow : box, .pose = {{x, 10, 10}, {}}}).status == Status::ok);
@@ -296,7 +296,7 @@ TEST_CASE("the timeline has the tracks of the nodes of its frame, and none of a 
     Barrier& barrier;
     ~Opening() { barrier.open(); }
   } opening{barrier};
-  const ShapeNumber ball = world.add_shape(Sphere{1});
+  const ShapeId ball = world.add_shape(Sphere{1});
   REQUIRE(world.connect().status == Status::ok);
   for (int i = 0; i < 8; ++i) {
     REQUIRE(world.spawn({.shape = ball, .pose = {{12.5 * i, 10, 10}, {}}}).status == Status::ok);
@@ -309,7 +309,7 @@ TEST_CASE("the timeline has the tracks of the nodes of its frame, and none of a 
       with_spans.insert(span.track);
     }
     for (std::uint32_t node = 0; node < nodes; ++node) {
-      const bool lost = std::count(world.report().lost.begin(), world.report().lost.end(), node) != 0;
+      const bool lost = std::count(world.report().lost.begin(), world.report().lost.end(), NodeId(node)) != 0;
       CAPTURE(node);
       REQUIRE(with_spans.contains(1 + node) == !lost);
     }

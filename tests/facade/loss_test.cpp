@@ -50,7 +50,7 @@ LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
       fault.frame = static_cast<std::uint64_t>(frame);
       // On a busy machine, nodes that the test did not stop can be lost too. Then the node of the fault may not exist.
       if (world.inject(fault) != Status::ok) {
-        fault.node = 0;
+        fault.node = NodeId(0);
         const Status status = world.inject(fault);
         // A node that the server's thread steps, because all others were lost, cannot stop within a step.
         const bool inside = static_cast<std::size_t>(fault.stage) >= boundary_stage_count;
@@ -97,8 +97,9 @@ TEST_CASE("nodes that stop at any stage, one after another until none is left, c
       config.deadlines.node_ms = deadline_ms;
       std::multimap<int, Fault> faults;
       for (std::size_t stage = 0; stage < boundary_stage_count; ++stage) {
-        faults.insert({static_cast<int>(3 * stage + 2),
-                       {static_cast<NodeNumber>((stage * 3) % (7 - stage)), 0, static_cast<NodeStage>(stage), 0}});
+        faults.insert(
+            {static_cast<int>(3 * stage + 2),
+             {NodeId(static_cast<std::uint32_t>((stage * 3) % (7 - stage))), 0, static_cast<NodeStage>(stage), 0}});
       }
       const LossRun ran = run(config, faults);
       CHECK(ran.digest == expected());
@@ -116,8 +117,8 @@ LossRun run_stopped_inside(WorldConfig config, NodeStage stage, double stall_ms,
   std::multimap<int, Fault> faults;
   const int frames_apart = stage == NodeStage::hand_over ? 1 : 5;
   for (int frame = 3; frame <= 13; frame += frames_apart) {
-    faults.insert({frame, {0, 0, stage, stall_ms, no_user, passes}});
-    faults.insert({frame, {1, 0, stage, stall_ms, no_user, passes}});
+    faults.insert({frame, {NodeId(0), 0, stage, stall_ms, no_user, passes}});
+    faults.insert({frame, {NodeId(1), 0, stage, stall_ms, no_user, passes}});
   }
   return run(config, faults);
 }
@@ -179,9 +180,9 @@ TEST_CASE("a World can be destroyed while roles are stopped, even without deadli
     World world(config);
     populate(world, 100, 4, side);
     REQUIRE(world.advance() == Status::ok);
-    REQUIRE(world.inject({1, 1, stage, 0}) == Status::ok);
+    REQUIRE(world.inject({NodeId(1), 1, stage, 0}) == Status::ok);
     if (stage == NodeStage::model || stage == NodeStage::publication) {
-      REQUIRE(world.inject({0, 1, stage, 0, 2}) == Status::ok);
+      REQUIRE(world.inject({NodeId(0), 1, stage, 0, UserId(2)}) == Status::ok);
     }
     REQUIRE(world.begin_frame() == Status::ok);
   }
@@ -198,7 +199,7 @@ TEST_CASE("a role that is stopped without a deadline continues when it is releas
   std::uint64_t frame = 1;
   for (const NodeStage stage : {NodeStage::moving, NodeStage::ending, NodeStage::model, NodeStage::publication}) {
     CAPTURE(name_of(stage));
-    REQUIRE(world.inject({1, frame, stage, 0}) == Status::ok);
+    REQUIRE(world.inject({NodeId(1), frame, stage, 0}) == Status::ok);
     REQUIRE(world.begin_frame() == Status::ok);
     world.release_faults();
     REQUIRE(world.finish_frame() == Status::ok);
@@ -214,10 +215,11 @@ TEST_CASE("nodes that are lost in the same frame, also all of them, change no co
     config.nodes = 3;
     config.deadlines.node_ms = deadline_ms;
     CAPTURE(name_of(stage));
-    const LossRun two = run(config, {{5, {0, 0, stage, 0}}, {5, {2, 0, NodeStage::gathering, 0}}});
+    const LossRun two = run(config, {{5, {NodeId(0), 0, stage, 0}}, {5, {NodeId(2), 0, NodeStage::gathering, 0}}});
     CHECK(two.digest == expected());
     CHECK(two.lost >= 2);
-    const LossRun all = run(config, {{5, {0, 0, stage, 0}}, {5, {1, 0, stage, 0}}, {5, {2, 0, stage, 0}}});
+    const LossRun all =
+        run(config, {{5, {NodeId(0), 0, stage, 0}}, {5, {NodeId(1), 0, stage, 0}}, {5, {NodeId(2), 0, stage, 0}}});
     CHECK(all.digest == expected());
     CHECK(all.lost >= 3);
     CHECK(all.nodes == 1);
@@ -229,7 +231,8 @@ TEST_CASE("messages of a lost node that wakes up are refused as late") {
   config.nodes = 3;
   config.deadlines.node_ms = deadline_ms;
   // Another node is lost later in the same frame, so that the first one wakes before the frame ends.
-  const LossRun ran = run(config, {{5, {1, 0, NodeStage::moving, 4 * deadline_ms}}, {5, {2, 0, NodeStage::ending, 0}}});
+  const LossRun ran =
+      run(config, {{5, {NodeId(1), 0, NodeStage::moving, 4 * deadline_ms}}, {5, {NodeId(2), 0, NodeStage::ending, 0}}});
   CHECK(ran.digest == expected());
   CHECK(ran.lost >= 2);
 }
@@ -238,11 +241,11 @@ TEST_CASE("a lost node that wakes up in a later frame does not change memory tha
   WorldConfig config;
   config.nodes = 4;
   config.deadlines.node_ms = deadline_ms;
-  for (const NodeNumber first : {0u, 3u}) {
+  for (const std::uint32_t first : {0u, 3u}) {
     CAPTURE(first);
     // A later loss keeps the world running until the first node wakes.
-    const LossRun ran =
-        run(config, {{5, {first, 0, NodeStage::ending, 2 * deadline_ms}}, {8, {1, 0, NodeStage::colliding, 0}}});
+    const LossRun ran = run(config, {{5, {NodeId(first), 0, NodeStage::ending, 2 * deadline_ms}},
+                                     {8, {NodeId(1), 0, NodeStage::colliding, 0}}});
     CHECK(ran.digest == expected());
     CHECK(ran.lost >= 2);
   }
@@ -253,10 +256,10 @@ TEST_CASE("losses and resizes in any order change no contact") {
   config.nodes = 4;
   config.deadlines.node_ms = deadline_ms;
   const LossRun ran = run(config,
-                          {{3, {1, 0, NodeStage::colliding, 0}},  // while two nodes join
-                           {8, {4, 0, NodeStage::ending, 0}},     // the last number, while two nodes are to leave
-                           {12, {0, 0, NodeStage::moving, 0}},
-                           {16, {0, 0, NodeStage::reporting, 0}}},
+                          {{3, {NodeId(1), 0, NodeStage::colliding, 0}},  // while two nodes join
+                           {8, {NodeId(4), 0, NodeStage::ending, 0}},  // the last number, while two nodes are to leave
+                           {12, {NodeId(0), 0, NodeStage::moving, 0}},
+                           {16, {NodeId(0), 0, NodeStage::reporting, 0}}},
                           {{3, 6}, {8, 3}, {13, 5}, {17, 1}, {20, 4}});
   CHECK(ran.digest == expected());
   CHECK(ran.lost >= 3);
@@ -275,8 +278,8 @@ TEST_CASE(
         config.nodes = 5;
         config.deadlines.node_ms = deadline_ms;
         std::multimap<int, Fault> faults;
-        for (NodeNumber node = 0; node < staying; ++node) {
-          faults.insert({4, {node, 0, stage, 0}});
+        for (std::uint32_t node = 0; node < staying; ++node) {
+          faults.insert({4, {NodeId(node), 0, stage, 0}});
         }
         const LossRun ran = run(config, faults, {{4, staying}, {5, next}, {8, 4}});
         CHECK(ran.digest == expected());
@@ -321,10 +324,10 @@ TEST_CASE("a user node that misses its deadline is disconnected, its contacts en
   config.motion = model;
   config.deadlines.user_ms = 10 * deadline_ms;  // the other user must meet it even on a busy machine
   World world(config);
-  const ShapeNumber ball = world.add_shape(Sphere{1});
-  const UserNumber first = world.connect().user;
-  const UserNumber second = world.connect().user;
-  const auto avatar = [&](UserNumber user, double x) {
+  const ShapeId ball = world.add_shape(Sphere{1});
+  const UserId first = world.connect().user;
+  const UserId second = world.connect().user;
+  const auto avatar = [&](UserId user, double x) {
     return world.spawn({.shape = ball, .category = Category::avatar, .user = user, .pose = {{x, 0, 0}, {}}}).id;
   };
   const ObjectId one = avatar(first, 10);
@@ -334,7 +337,7 @@ TEST_CASE("a user node that misses its deadline is disconnected, its contacts en
     REQUIRE(world.contacts().size() == 1);
   }
   REQUIRE(world.advance() == Status::ok);  // the frame completes without the stalled user
-  CHECK(world.report().late == std::vector<UserNumber>{second});
+  CHECK(world.report().late == std::vector<UserId>{second});
   CHECK(world.report().refused[static_cast<std::size_t>(Status::late)] == 1);
   CHECK(world.contacts().size() == 1);  // the late user's avatar is at its old pose
   CHECK(world.collisions_of(first).size() == 1);
@@ -355,22 +358,22 @@ TEST_CASE("an impossible fault is refused") {
   WorldConfig config;
   config.nodes = 2;
   World world(config);
-  CHECK(world.inject({2, 0, NodeStage::moving, 0}) == Status::bad_number);
-  CHECK(world.inject({0, 0, NodeStage::moving, -1}) == Status::bad_number);
-  CHECK(world.inject({0, 0, static_cast<NodeStage>(node_stage_count), 0}) == Status::bad_number);
-  CHECK(world.inject({0, 0, NodeStage::model, 0, 0}) == Status::bad_number);  // unknown user
-  REQUIRE(world.connect(0).status == Status::ok);
+  CHECK(world.inject({NodeId(2), 0, NodeStage::moving, 0}) == Status::bad_number);
+  CHECK(world.inject({NodeId(0), 0, NodeStage::moving, -1}) == Status::bad_number);
+  CHECK(world.inject({NodeId(0), 0, static_cast<NodeStage>(node_stage_count), 0}) == Status::bad_number);
+  CHECK(world.inject({NodeId(0), 0, NodeStage::model, 0, UserId(0)}) == Status::bad_number);  // unknown user
+  REQUIRE(world.connect(UserId(0)).status == Status::ok);
   CHECK(world.advance() == Status::ok);
-  CHECK(world.inject({0, 5, NodeStage::kernel, 0, 0}) == Status::bad_number);
-  CHECK(world.inject({0, 5, NodeStage::moving, 0, 0}) == Status::bad_number);
-  CHECK(world.inject({0, 5, NodeStage::publication, 0, 0}) == Status::ok);
-  CHECK(world.inject({0, 0, NodeStage::moving, 0}) == Status::bad_number);
+  CHECK(world.inject({NodeId(0), 5, NodeStage::kernel, 0, UserId(0)}) == Status::bad_number);
+  CHECK(world.inject({NodeId(0), 5, NodeStage::moving, 0, UserId(0)}) == Status::bad_number);
+  CHECK(world.inject({NodeId(0), 5, NodeStage::publication, 0, UserId(0)}) == Status::ok);
+  CHECK(world.inject({NodeId(0), 0, NodeStage::moving, 0}) == Status::bad_number);
   CHECK(world.begin_frame() == Status::ok);
-  CHECK(world.inject({0, 5, NodeStage::moving, 0}) == Status::out_of_order);
+  CHECK(world.inject({NodeId(0), 5, NodeStage::moving, 0}) == Status::out_of_order);
   CHECK(world.finish_frame() == Status::ok);
   config.nodes = 0;
   World alone(config);
-  CHECK(alone.inject({0, 0, NodeStage::moving, 0}) == Status::bad_number);
+  CHECK(alone.inject({NodeId(0), 0, NodeStage::moving, 0}) == Status::bad_number);
 }
 
 }  // namespace

@@ -23,13 +23,14 @@ TEST_CASE("in every deployment and placement the contacts and phases of random r
     World world(config);
     Script script(world, seed, side);
     reference::Shapes shapes;
-    for (ShapeNumber shape = 0; shape < world.shape_count(); ++shape) shapes.add(world.shape(shape));
+    for (std::uint32_t shape = 0; shape < world.shape_count(); ++shape) shapes.add(world.shape(ShapeId(shape)));
     std::vector<Contact> before;
     for (std::uint64_t frame = 0; frame < 40; ++frame) {
       advance(world);
       std::vector<reference::FrameObject> objects;
       for (const ObjectView& view : world.objects()) {
-        objects.push_back({view.spec.number, view.spec.shape, view.spec.layer, view.spec.present, view.spec.pose});
+        objects.push_back(
+            {view.spec.number, view.spec.shape.number(), view.spec.layer, view.spec.present, view.spec.pose});
       }
       for (const auto& difference : reference::check_frame(frame, shapes, objects, {}, world.contacts())) {
         FAIL_CHECK(difference.text);

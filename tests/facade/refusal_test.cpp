@@ -31,8 +31,8 @@ struct Scene {
   }
   static Pose at(double x) { return {{x, 50, 50}, {}}; }
   World world;
-  ShapeNumber ball = 0;
-  UserNumber alice = 0, bob = 0;
+  ShapeId ball;
+  UserId alice, bob;
   ObjectId avatar, other, active, fixed, gone;
 };
 
@@ -108,17 +108,17 @@ TEST_CASE("every refused call returns its reason, is counted in the next report,
       CHECK(w.spawn({.shape = s.ball, .pose = bad_long}).status == Status::not_unit);
     });
     expect(s, Status::unknown_user, 7, [&] {
-      CHECK(w.move(3, s.avatar, ok) == Status::unknown_user);
+      CHECK(w.move(UserId(3), s.avatar, ok) == Status::unknown_user);
       CHECK(w.move(no_user, s.avatar, ok) == Status::unknown_user);
-      CHECK(w.destroy(3, s.avatar) == Status::unknown_user);
+      CHECK(w.destroy(UserId(3), s.avatar) == Status::unknown_user);
       CHECK(w.destroy(no_user, s.active) == Status::unknown_user);
-      CHECK(w.disconnect(3) == Status::unknown_user);
+      CHECK(w.disconnect(UserId(3)) == Status::unknown_user);
       CHECK(w.disconnect(no_user) == Status::unknown_user);
-      CHECK(w.spawn({.shape = s.ball, .category = Category::avatar, .user = 3}).status == Status::unknown_user);
+      CHECK(w.spawn({.shape = s.ball, .category = Category::avatar, .user = UserId(3)}).status == Status::unknown_user);
     });
     expect(s, Status::unknown_shape, 2, [&] {
-      CHECK(w.spawn({.shape = s.ball + 1}).status == Status::unknown_shape);
-      CHECK(w.spawn({.shape = 0xffffffffu}).status == Status::unknown_shape);
+      CHECK(w.spawn({.shape = ShapeId(s.ball.number() + 1)}).status == Status::unknown_shape);
+      CHECK(w.spawn({.shape = ShapeId(0xffffffffu)}).status == Status::unknown_shape);
     });
     expect(s, Status::unknown_layer, 2, [&] {
       CHECK(w.spawn({.shape = s.ball, .layer = 2}).status == Status::unknown_layer);
@@ -139,8 +139,8 @@ TEST_CASE("every refused call returns its reason, is counted in the next report,
       CHECK(w.spawn({.shape = s.ball, .category = static_cast<Category>(9)}).status == Status::bad_category);
     });
     expect(s, Status::over_capacity, 2, [&] {
-      CHECK(w.connect(4).status == Status::over_capacity);
-      CHECK(w.connect(0x7fffffffu).status == Status::over_capacity);
+      CHECK(w.connect(UserId(4)).status == Status::over_capacity);
+      CHECK(w.connect(UserId(0x7fffffffu)).status == Status::over_capacity);
     });
     expect(s, Status::out_of_order, 1, [&] { CHECK(w.finish_frame() == Status::out_of_order); });
 
@@ -158,7 +158,7 @@ TEST_CASE("every refused call returns its reason, is counted in the next report,
 
 TEST_CASE("an object number is in use until the frame that ends its object is complete") {
   World world({});
-  const ShapeNumber ball = world.add_shape(Sphere{1});
+  const ShapeId ball = world.add_shape(Sphere{1});
   const ObjectId first = world.spawn({.number = 5, .shape = ball}).id;
   advance(world);
   CHECK(world.destroy(first) == Status::ok);
@@ -180,22 +180,22 @@ TEST_CASE("an object number is in use until the frame that ends its object is co
 TEST_CASE("a user number is in use until the frame that disconnects its user node is complete") {
   in_all_worlds({}, {0u, 1u}, [&](const WorldConfig& config) {
     World world(config);
-    CHECK(world.connect(3).user == 3);
-    CHECK(world.connect().user == 0);
+    CHECK(world.connect(UserId(3)).user == UserId(3));
+    CHECK(world.connect().user == UserId(0));
     advance(world);
-    CHECK(world.disconnect(3) == Status::ok);
-    CHECK(world.disconnect(3) == Status::unknown_user);
-    CHECK(world.connect(3).status == Status::number_in_use);
+    CHECK(world.disconnect(UserId(3)) == Status::ok);
+    CHECK(world.disconnect(UserId(3)) == Status::unknown_user);
+    CHECK(world.connect(UserId(3)).status == Status::number_in_use);
     REQUIRE(world.begin_frame() == Status::ok);
-    CHECK(world.connect(3).status == Status::number_in_use);
-    CHECK(world.connect().user == 1);
+    CHECK(world.connect(UserId(3)).status == Status::number_in_use);
+    CHECK(world.connect().user == UserId(1));
     REQUIRE(world.finish_frame() == Status::ok);
-    CHECK(world.connect(3).status == Status::ok);
+    CHECK(world.connect(UserId(3)).status == Status::ok);
     // A user can connect and disconnect without a frame in between.
-    CHECK(world.connect(9).status == Status::ok);
-    CHECK(world.disconnect(9) == Status::ok);
+    CHECK(world.connect(UserId(9)).status == Status::ok);
+    CHECK(world.disconnect(UserId(9)) == Status::ok);
     advance(world);
-    CHECK(world.connect(9).status == Status::ok);
+    CHECK(world.connect(UserId(9)).status == Status::ok);
     advance(world);
   });
 }
@@ -205,7 +205,7 @@ TEST_CASE("objects beyond the configured limit are refused, and there is room ag
   config.capacities.objects = 2;
   config.limits.objects = 3;
   World world(config);
-  const ShapeNumber ball = world.add_shape(Sphere{1});
+  const ShapeId ball = world.add_shape(Sphere{1});
   std::vector<ObjectId> ids;
   for (int i = 0; i < 3; ++i) ids.push_back(world.spawn({.shape = ball}).id);
   CHECK(world.spawn({.shape = ball}).status == Status::over_capacity);
@@ -260,7 +260,7 @@ TEST_CASE("an invalid configuration is refused with the name of the field and it
 
 TEST_CASE("an invalid shape is refused with a reason, and earlier shapes stay registered") {
   World world({});
-  const ShapeNumber ball = world.add_shape(Sphere{1});
+  const ShapeId ball = world.add_shape(Sphere{1});
   const ShapeDescription bad[] = {
       Sphere{0},   Sphere{-1}, Box{{1, 0, 1}}, Capsule{0, 1}, ConvexHull{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}}},
       ConvexHull{}};
@@ -269,7 +269,7 @@ TEST_CASE("an invalid shape is refused with a reason, and earlier shapes stay re
   }
   CHECK(world.shape_count() == 1);
   CHECK(std::get<Sphere>(world.shape(ball)).radius == 1);
-  CHECK(world.add_shape(Box{{1, 1, 1}}) == 1);
+  CHECK(world.add_shape(Box{{1, 1, 1}}) == ShapeId(1));
 }
 
 }  // namespace

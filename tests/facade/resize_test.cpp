@@ -238,7 +238,7 @@ TEST_CASE("when a node is lost before others join and one of them gets no thread
   World world(config);
   populate(world, 200, 4, side);
   REQUIRE(world.advance() == Status::ok);
-  REQUIRE(world.inject({1, 1, NodeStage::moving, 0}) == Status::ok);
+  REQUIRE(world.inject({NodeId(1), 1, NodeStage::moving, 0}) == Status::ok);
   REQUIRE(world.begin_frame() == Status::ok);
   REQUIRE(world.resize(4) == Status::ok);  // three nodes exist at this time
   REQUIRE(world.finish_frame() == Status::ok);

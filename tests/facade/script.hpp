@@ -74,13 +74,13 @@ class Script {
   }
 
   std::size_t live() const { return live_.size(); }
-  const std::vector<UserNumber>& users() const { return users_; }
+  const std::vector<UserId>& users() const { return users_; }
 
  private:
   struct Live {
     ObjectId id;
     Category category;
-    UserNumber user;
+    UserId user;
   };
 
   double uniform(double low, double high) {
@@ -101,7 +101,7 @@ class Script {
     users_.insert(std::lower_bound(users_.begin(), users_.end(), connected.user), connected.user);
   }
   void disconnect(std::size_t at) {
-    const UserNumber user = users_[at];
+    const UserId user = users_[at];
     REQUIRE(call_from(caller_, [&] { return world_.disconnect(user); }) == Status::ok);
     users_.erase(users_.begin() + static_cast<std::ptrdiff_t>(at));
     std::erase_if(live_, [&](const Live& object) { return object.user == user; });
@@ -131,8 +131,8 @@ class Script {
   std::mt19937_64 random_;
   double side_;
   Caller caller_;
-  std::vector<ShapeNumber> shapes_;
-  std::vector<UserNumber> users_;
+  std::vector<ShapeId> shapes_;
+  std::vector<UserId> users_;
   std::vector<Live> live_;
 };
 

@@ -28,7 +28,7 @@ struct Run {
   std::uint64_t handed_over = 0;
 };
 
-constexpr UserNumber users = 8;
+constexpr std::uint32_t users = 8;
 
 worlds::PaperWorldOptions options_of(ShapeSetting shapes) {
   worlds::PaperWorldOptions options;

@@ -41,7 +41,7 @@ std::size_t lines_with(const std::vector<std::string>& log, const std::string& t
 }
 
 /// `count` of the shape among the others of populate(), where they keep touching.
-void spawn_among(World& world, ShapeNumber shape, int count) {
+void spawn_among(World& world, ShapeId shape, int count) {
   for (int i = 0; i < count; ++i) {
     ObjectSpec spec;
     spec.shape = shape;
@@ -145,8 +145,8 @@ TEST_CASE(
       World world(config);
       populate(world, 20, 2, side);
       auto function = std::make_shared<Breakable>();
-      const ShapeNumber shape = world.add_shape(SupportShape{function});
-      REQUIRE(shape == 3);
+      const ShapeId shape = world.add_shape(SupportShape{function});
+      REQUIRE(shape == ShapeId(3));
       spawn_among(world, shape, 40);
       const auto contacts_of_shape = [&] {
         std::size_t count = 0;
@@ -206,7 +206,7 @@ TEST_CASE("a support function that throws in two nodes at the same time ends nei
   config.balance = false;
   World world(config);
   auto function = std::make_shared<ThrowsInTwo>();
-  const ShapeNumber shape = world.add_shape(SupportShape{function});
+  const ShapeId shape = world.add_shape(SupportShape{function});
   // Pairs in all eight corners, so that each node hosts some and has some to test, slowly pushed apart.
   for (int corner = 0; corner < 8; ++corner) {
     for (const double offset : {0.0, 0.5}) {
@@ -262,7 +262,7 @@ TEST_CASE("a support function that fails while it is registered is refused with 
   CHECK(refusal(broken) == "support shape: its function threw: no centre");
   CHECK(world.shape_count() == 0);
   broken->channel = Breakable::DuplexChannel::whole;
-  CHECK(world.add_shape(SupportShape{broken}) == 0);
+  CHECK(world.add_shape(SupportShape{broken}) == ShapeId(0));
   advance(world);
 }
 

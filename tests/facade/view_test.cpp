@@ -50,16 +50,16 @@ TEST_CASE("a user node receives exactly the contacts, ended ones too, of the obj
     std::map<ObjectNumber, ObjectSpec> specs;  // includes objects that have just ended
     for (int frame = 0; frame < 40; ++frame) {
       CAPTURE(frame);
-      const std::vector<UserNumber> users = script.users();
+      const std::vector<UserId> users = script.users();
       for (const ObjectView& view : world.objects()) specs[view.spec.number] = view.spec;
       advance(world);
       for (const ObjectView& view : world.objects()) specs[view.spec.number] = view.spec;
       const auto all = all_contacts(world);
-      const auto avatar_of = [&](const Contact& contact, UserNumber user) {
+      const auto avatar_of = [&](const Contact& contact, UserId user) {
         return specs.at(contact.a).user == user || specs.at(contact.b).user == user;
       };
       std::map<Key, int> receivers;
-      for (const UserNumber user : users) {
+      for (const UserId user : users) {
         CAPTURE(user);
         std::size_t of_avatars = 0;
         const Contact* before = nullptr;
@@ -84,7 +84,7 @@ TEST_CASE("a user node receives exactly the contacts, ended ones too, of the obj
           const bool both_static =
               specs.at(key.first).category == Category::fixed && specs.at(key.second).category == Category::fixed;
           const auto gone = [&](ObjectNumber number) {
-            const UserNumber user = specs.at(number).user;
+            const UserId user = specs.at(number).user;
             return user != no_user && !std::binary_search(users.begin(), users.end(), user);
           };
           if (both_static || gone(key.first) || gone(key.second)) continue;
@@ -92,7 +92,7 @@ TEST_CASE("a user node receives exactly the contacts, ended ones too, of the obj
           REQUIRE(receivers[key] <= 2);
         }
       }
-      CHECK(world.collisions_of(UserNumber{60000}).empty());
+      CHECK(world.collisions_of(UserId(60000)).empty());
       script.make_requests();
     }
   });
@@ -132,7 +132,7 @@ TEST_CASE("a user node sees all others within its interest at their current pose
       Script script(world, seed, side);
       for (int frame = 0; frame < 20; ++frame) {
         CAPTURE(frame);
-        const std::vector<UserNumber> users = script.users();
+        const std::vector<UserId> users = script.users();
         advance(world);
         require_views(world, users);
         script.make_requests();
@@ -147,17 +147,17 @@ TEST_CASE("without interest a user node reads no other states") {
     populate(world, 60, 3, side);
     for (int frame = 0; frame < 3; ++frame) {
       advance(world);
-      for (UserNumber user = 0; user < 3; ++user) CHECK(world.seen_by(user).empty());
+      for (std::uint32_t user = 0; user < 3; ++user) CHECK(world.seen_by(UserId(user)).empty());
     }
   });
 }
 
 /// A copy of everything that may be read while the next frame is running.
 struct FrameResults {
-  explicit FrameResults(const World& world, const std::vector<UserNumber>& users, const std::vector<ObjectId>& ids) {
+  explicit FrameResults(const World& world, const std::vector<UserId>& users, const std::vector<ObjectId>& ids) {
     contacts.assign(world.contacts().begin(), world.contacts().end());
     ended.assign(world.ended().begin(), world.ended().end());
-    for (const UserNumber user : users) {
+    for (const UserId user : users) {
       contacts.insert(contacts.end(), world.collisions_of(user).begin(), world.collisions_of(user).end());
       for (const auto run : world.seen_by(user)) seen.insert(seen.end(), run.begin(), run.end());
     }
@@ -191,7 +191,7 @@ TEST_CASE("while a frame is running the results of the one before can be read an
       CAPTURE(frame);
       std::vector<ObjectId> ids;
       for (const ObjectView& view : world.objects()) ids.push_back(view.id);
-      const std::vector<UserNumber> users = script.users();
+      const std::vector<UserId> users = script.users();
       const FrameResults before(world, users, ids);
       REQUIRE(world.begin_frame() == Status::ok);
       for (int again = 0; again < 3; ++again) REQUIRE((FrameResults(world, users, ids) == before));
@@ -208,13 +208,14 @@ TEST_CASE("publications of removed CD nodes can be read until the next frame is 
   config.deadlines.node_ms = 60;
   World world(config);
   populate(world, 300, 6, side);
-  const std::vector<UserNumber> users = first_users(6);
+  const std::vector<UserId> users = first_users(6);
   for (int frame = 0; frame < 16; ++frame) {
     CAPTURE(frame);
     if (frame == 3) REQUIRE(world.resize(7) == Status::ok);
-    if (frame == 6) REQUIRE(world.inject({2, world.frames(), NodeStage::reporting, 0}) == Status::ok);
+    if (frame == 6) REQUIRE(world.inject({NodeId(2), world.frames(), NodeStage::reporting, 0}) == Status::ok);
     if (frame == 9)
-      REQUIRE(world.inject({0, world.frames(), NodeStage::moving, 150}) == Status::ok);  // its thread ends later
+      REQUIRE(world.inject({NodeId(0), world.frames(), NodeStage::moving, 150}) ==
+              Status::ok);  // its thread ends later
     if (frame == 13) REQUIRE(world.resize(1) == Status::ok);
     REQUIRE(world.advance() == Status::ok);
     require_views(world, users);
@@ -231,8 +232,8 @@ TEST_CASE("publications of removed CD nodes can be read until the next frame is 
 TEST_CASE("requests made while a frame is running belong to the next frame") {
   in_all_worlds({}, {0u, 2u}, [&](const WorldConfig& config) {
     World world(config);
-    const ShapeNumber ball = world.add_shape(Sphere{1});
-    const UserNumber user = world.connect().user;
+    const ShapeId ball = world.add_shape(Sphere{1});
+    const UserId user = world.connect().user;
     const ObjectId avatar = world.spawn({.shape = ball, .category = Category::avatar, .user = user}).id;
     const ObjectId old = world.spawn({.shape = ball, .pose = {{50, 0, 0}, {}}}).id;
     advance(world);
@@ -262,8 +263,8 @@ TEST_CASE("the last move before a frame counts, a later remove cancels it, and t
   in_all_worlds(config_of(0), {0u, 2u}, [&](WorldConfig config) {
     config.motion = nullptr;
     World world(config);
-    const ShapeNumber ball = world.add_shape(Sphere{1});
-    const UserNumber user = world.connect().user;
+    const ShapeId ball = world.add_shape(Sphere{1});
+    const UserId user = world.connect().user;
     const ObjectId avatar = world.spawn({.shape = ball, .category = Category::avatar, .user = user}).id;
     for (const double x : {1.0, 2.0, 3.0}) CHECK(world.move(user, avatar, {{x, 0, 0}, {}}) == Status::ok);
     advance(world);

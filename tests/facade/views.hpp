@@ -20,12 +20,12 @@ inline double distance(const Vec3d& p, const Vec3d& q) {
 /// Requires that in the last frame each of `users` read the state of every present, non-static object of others within
 /// its interest, once and with the current pose, and no state of its own or of static objects. Also requires that the
 /// relayed states were counted. Precondition: at least one frame was run, and no frame is running.
-inline void require_views(const World& world, const std::vector<UserNumber>& users) {
+inline void require_views(const World& world, const std::vector<UserId>& users) {
   const WorldConfig& config = world.config();
   std::map<ObjectNumber, ObjectView> objects;
   for (const ObjectView& view : world.objects()) objects[view.spec.number] = view;
-  std::map<ObjectNumber, std::set<UserNumber>> unseen;
-  for (const UserNumber user : users) {
+  std::map<ObjectNumber, std::set<UserId>> unseen;
+  for (const UserId user : users) {
     CAPTURE(user);
     std::set<ObjectNumber> seen;
     for (const auto run : world.seen_by(user)) {
@@ -56,7 +56,7 @@ inline void require_views(const World& world, const std::vector<UserNumber>& use
   }
   for (const auto& entry : unseen) {
     const ObjectNumber number = entry.first;
-    const std::set<UserNumber>& who = entry.second;
+    const std::set<UserId>& who = entry.second;
     CAPTURE(number);
     // In deployment `user` a user node hosts some objects without a user, and does not read their states. No other
     // reason is valid.
@@ -75,9 +75,9 @@ inline void require_views(const World& world, const std::vector<UserNumber>& use
 }
 
 /// The user numbers 0 to `count` - 1, for worlds in which no user leaves.
-inline std::vector<UserNumber> first_users(UserNumber count) {
-  std::vector<UserNumber> users;
-  while (users.size() < count) users.push_back(static_cast<UserNumber>(users.size()));
+inline std::vector<UserId> first_users(std::uint32_t count) {
+  std::vector<UserId> users;
+  for (std::uint32_t user = 0; user < count; ++user) users.emplace_back(user);
   return users;
 }
 

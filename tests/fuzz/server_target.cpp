@@ -73,7 +73,7 @@ struct Scene {
           config.delivery_bytes = std::size_t{1} << 15;
           return config;
         }()) {
-    const ShapeNumber ball = harness.add_shape(Sphere{radius});
+    const ShapeId ball = harness.add_shape(Sphere{radius});
     for (UserNumber user = 0; user < 3; ++user) {
       harness.connect(user);
     }
@@ -82,7 +82,7 @@ struct Scene {
       spec.shape = ball;
       spec.pose.position = start_of(i);
       spec.category = i < 6 ? Category::avatar : i == 11 ? Category::fixed : Category::active;
-      spec.user = i < 6 ? static_cast<UserNumber>(i % 3) : no_user;
+      spec.user = i < 6 ? UserId(static_cast<std::uint32_t>(i % 3)) : no_user;
       harness.spawn(spec);
     }
   }

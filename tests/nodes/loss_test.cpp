@@ -20,7 +20,7 @@ const WanderingModel wandering;
 
 void populate(TestHarness& harness) {
   std::mt19937 random(3);
-  const ShapeNumber ball = harness.add_shape(Sphere{6});
+  const ShapeId ball = harness.add_shape(Sphere{6});
   harness.connect(0);
   harness.connect(1);
   for (std::size_t i = 0; i < objects; ++i) {
@@ -29,7 +29,7 @@ void populate(TestHarness& harness) {
     spec.pose.position = {static_cast<double>(random() % 60), static_cast<double>(random() % 60),
                           static_cast<double>(random() % 60)};
     spec.category = i < 2 ? Category::avatar : i == 49 ? Category::fixed : Category::active;
-    spec.user = i < 2 ? static_cast<UserNumber>(i) : no_user;
+    spec.user = i < 2 ? UserId(static_cast<std::uint32_t>(i)) : no_user;
     harness.spawn(spec);
   }
 }

@@ -34,7 +34,7 @@ HarnessConfig config_of(Placement placement) {
 
 void populate(TestHarness& harness) {
   std::mt19937 random(5);
-  const ShapeNumber ball = harness.add_shape(Sphere{6});
+  const ShapeId ball = harness.add_shape(Sphere{6});
   for (std::size_t i = 0; i < 60; ++i) {
     ObjectSpec spec;
     spec.shape = ball;

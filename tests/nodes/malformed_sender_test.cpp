@@ -40,14 +40,14 @@ struct Scene {
           return config;
         }()) {}
   explicit Scene(const HarnessConfig& config) : harness(config) {
-    const ShapeNumber ball = harness.add_shape(Sphere{2});
+    const ShapeId ball = harness.add_shape(Sphere{2});
     for (UserNumber user = 0; user < 3; ++user) harness.connect(user);
     for (ObjectNumber i = 0; i < 40; ++i) {
       ObjectSpec spec;
       spec.shape = ball;
       spec.pose.position = {20 + static_cast<double>(i % 7) * 3, 20 + static_cast<double>(i / 7) * 3, 30};
       spec.category = i < 6 ? Category::avatar : i == 39 ? Category::fixed : Category::active;
-      spec.user = i < 6 ? i % 3 : no_user;
+      spec.user = i < 6 ? UserId(i % 3) : no_user;
       ids.push_back(harness.spawn(spec));
     }
   }
@@ -333,7 +333,7 @@ TEST_CASE("a user node that sends without end misses its deadline like a silent 
     if (flooding) scene.harness.from(sender).forge(state_of(scene.ref(0), {{1, 1, 1}, {}}, 1));
   };
   scene.harness.frame();
-  CHECK(scene.harness.report().late == std::vector<UserNumber>{sender});
+  CHECK(scene.harness.report().late == std::vector<UserId>{UserId(sender)});
   CHECK(scene.harness.report().refused[static_cast<std::size_t>(Status::not_host)] > 0);
 }
 

@@ -164,13 +164,14 @@ class Run {
   }
   double radius_of(std::uint32_t slot) const {
     const ShapeNumber shape = harness_.table().row(slot).shape;
-    return radii_[static_cast<std::size_t>(std::find(std::begin(shapes_), std::end(shapes_), shape) - shapes_)];
+    return radii_[static_cast<std::size_t>(std::find(std::begin(shapes_), std::end(shapes_), ShapeId(shape)) -
+                                           shapes_)];
   }
 
   TestHarness harness_;
   std::mt19937_64 random_;
   double radii_[3] = {};
-  ShapeNumber shapes_[3] = {};
+  ShapeId shapes_[3] = {};
   std::vector<ObjectId> objects_;  ///< those that can move
   int spawned_ = 0;
   Vec3d crowd_;

@@ -83,8 +83,8 @@ void in_all_configs(const MotionModel* model, Test test) {
 /// Spawns small spheres and large ones, which span several cells: one avatar per user, some static and some active
 /// objects.
 std::vector<ObjectId> populate(TestHarness& harness, std::mt19937_64& random, std::size_t objects, std::size_t users) {
-  const ShapeNumber small = harness.add_shape(Sphere{2.5f});
-  const ShapeNumber large = harness.add_shape(Sphere{20.0f});
+  const ShapeId small = harness.add_shape(Sphere{2.5f});
+  const ShapeId large = harness.add_shape(Sphere{20.0f});
   for (UserNumber user = 0; user < users; ++user) {
     harness.connect(user);
   }
@@ -95,7 +95,7 @@ std::vector<ObjectId> populate(TestHarness& harness, std::mt19937_64& random, st
     spec.pose.position = JumpingModel::spot(random);
     spec.category = i < users ? Category::avatar : i % 7 == 6 ? Category::fixed : Category::active;
     if (spec.category == Category::avatar) {
-      spec.user = static_cast<UserNumber>(i);
+      spec.user = UserId(static_cast<std::uint32_t>(i));
     }
     ids.push_back(harness.spawn(spec));
   }
@@ -419,7 +419,7 @@ TEST_CASE("an object that is destroyed in the frame after it crossed a border is
   for (const int destroyed_before : {1, 2, 3}) {
     CAPTURE(destroyed_before);
     TestHarness harness(config);
-    const ShapeNumber ball = harness.add_shape(Sphere{1});
+    const ShapeId ball = harness.add_shape(Sphere{1});
     ObjectSpec spec;
     spec.shape = ball;
     spec.pose.position = {1, 1, 1};
@@ -449,8 +449,8 @@ TEST_CASE("an object that spans all regions collides once with each of its neigh
     config.nodes = 16;
     config.grid = {{2, 2, 2}};
     TestHarness harness(config);
-    const ShapeNumber ball = harness.add_shape(Sphere{1});
-    const ShapeNumber globe = harness.add_shape(Sphere{60});
+    const ShapeId ball = harness.add_shape(Sphere{1});
+    const ShapeId globe = harness.add_shape(Sphere{60});
     ObjectSpec spec;
     spec.shape = globe;
     spec.pose.position = {32, 32, 32};
@@ -503,7 +503,7 @@ TEST_CASE("when a user node leaves, its objects go to other hosts with their sta
     config.deployment = deployment;
     config.model = &model;
     TestHarness harness(config);
-    const ShapeNumber ball = harness.add_shape(Sphere{2});
+    const ShapeId ball = harness.add_shape(Sphere{2});
     for (UserNumber user = 0; user < 4; ++user) {
       harness.connect(user);
     }

@@ -81,9 +81,9 @@ class Script {
   void connect(UserNumber user) {
     harness_.connect(user);
     connected_[user] = true;
-    spawn(Category::avatar, user);
+    spawn(Category::avatar, UserId(user));
   }
-  void spawn(Category category, UserNumber user) {
+  void spawn(Category category, UserId user) {
     ObjectSpec spec;
     spec.shape = shapes_[random_() % 4 == 0 ? 1 : 0];
     spec.category = category;
@@ -103,7 +103,7 @@ class Script {
 
   TestHarness& harness_;
   std::mt19937_64 random_;
-  ShapeNumber shapes_[2] = {};
+  ShapeId shapes_[2] = {};
   std::vector<ObjectId> objects_;  ///< that can move, except avatars
   bool connected_[3] = {};
   std::set<ObjectNumber> requested_;  ///< numbers that have been requested but may not be in the table yet

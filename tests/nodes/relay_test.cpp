@@ -122,7 +122,7 @@ class RelayRun {
       spec.shape = ball_;
       spec.pose = pose();
       spec.category = Category::avatar;
-      spec.user = user;
+      spec.user = UserId(user);
       harness.spawn(spec);
     }
   }
@@ -150,7 +150,7 @@ class RelayRun {
   Deployment deployment() const { return harness.config().deployment; }
 
   std::mt19937_64 random_;
-  ShapeNumber ball_ = 0;
+  ShapeId ball_;
   std::vector<ObjectId> ids_;
   bool is_connected_[3] = {true, true, true};
 };

@@ -294,8 +294,8 @@ void TestHarness::frame(const std::optional<RandomOrder>& random_order) {
       node.stopped_role = std::move(node.role);
     }
   }
-  for (const NodeNumber number : report().lost) {
-    Node& node = nodes_[active_[number]];
+  for (const NodeId lost : report().lost) {
+    Node& node = nodes_[active_[lost.number()]];
     if (node.role != nullptr && server_->has_abandoned_nodes()) {
       node.stopped_role = std::move(node.role);  // lost because another node stopped inside a gate
     }

@@ -92,7 +92,7 @@ class TestHarness {
  public:
   explicit TestHarness(const HarnessConfig& config);
 
-  ShapeNumber add_shape(const ShapeDescription& shape) { return shapes_.add(shape); }
+  ShapeId add_shape(const ShapeDescription& shape) { return ShapeId(shapes_.add(shape)); }
   // For the next cut.
   void connect(UserNumber user);
   void disconnect(UserNumber user);

@@ -22,7 +22,7 @@ double volume_of(const Scene& scene) {
   geometry::ShapeTable table;
   for (const NamedShape& shape : scene.shapes) table.add(shape.description);
   double volume = 0;
-  for (const ObjectSpec& object : scene.objects) volume += table.volume(object.shape);
+  for (const ObjectSpec& object : scene.objects) volume += table.volume(object.shape.number());
   return volume;
 }
 
@@ -50,7 +50,7 @@ TEST_CASE("there is one avatar per user; half of the other objects are active an
   PaperWorldOptions options;
   const Scene scene = make_paper_world(options).scene;
   std::array<int, 4> categories{};
-  std::set<UserNumber> users;
+  std::set<UserId> users;
   std::set<ObjectNumber> numbers;
   for (const ObjectSpec& object : scene.objects) {
     ++categories[static_cast<std::size_t>(object.category)];
@@ -72,7 +72,7 @@ TEST_CASE("mixed shapes are 1/6 spheres, 1/6 capsules, 1/3 boxes and 1/3 hulls i
   std::array<std::array<int, 4>, 2> kinds{};
   for (const ObjectSpec& object : scene.objects) {
     if (object.category == Category::avatar) continue;
-    ++kinds[object.category == Category::active][scene.shapes[object.shape].description.index()];
+    ++kinds[object.category == Category::active][scene.shapes[object.shape.number()].description.index()];
   }
   for (const auto& of_category : kinds) {
     CHECK(std::abs(of_category[static_cast<std::size_t>(ShapeKind::sphere)] - 492) < 20);
@@ -135,7 +135,7 @@ TEST_CASE("the generated world has the recorded hash") {
     mix(object.pose.position.y);
     mix(object.pose.position.z);
     mix(double{object.pose.orientation.w});
-    mix(object.shape);
+    mix(object.shape.number());
   }
   CHECK(hash == 11777902483206191724u);
 }
@@ -159,9 +159,10 @@ TEST_CASE("objects start within the bounds, with few contacts and few deep ones"
         const ObjectSpec& q = scene.objects[j];
         const double x = p.pose.position.x - q.pose.position.x, y = p.pose.position.y - q.pose.position.y,
                      z = p.pose.position.z - q.pose.position.z;
-        const double reach = shapes[p.shape].bounding_radius + shapes[q.shape].bounding_radius;
+        const double reach = shapes[p.shape.number()].bounding_radius + shapes[q.shape.number()].bounding_radius;
         if (x * x + y * y + z * z > reach * reach) continue;
-        const auto contact = reference::exact_contact(shapes[p.shape], p.pose, shapes[q.shape], q.pose);
+        const auto contact =
+            reference::exact_contact(shapes[p.shape.number()], p.pose, shapes[q.shape.number()], q.pose);
         contacts += contact.has_value();
         deep += contact && contact->depth > 0.8f;
       }

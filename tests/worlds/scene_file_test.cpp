@@ -89,11 +89,11 @@ TEST_CASE("each field of a scene file is read") {
   REQUIRE(scene.objects.size() == 3);
   CHECK(scene.objects[0].number == 7);
   CHECK(scene.objects[0].category == Category::avatar);
-  CHECK(scene.objects[0].user == 0);
+  CHECK(scene.objects[0].user == UserId(0));
   CHECK(scene.objects[0].pose.position == Vec3d{1, 2, 3});
   CHECK(scene.objects[1].category == Category::fixed);
   CHECK(scene.objects[1].layer == 1);
-  CHECK(scene.objects[1].shape == 3);
+  CHECK(scene.objects[1].shape == ShapeId(3));
   CHECK(scene.objects[2].category == Category::non_active);
   CHECK(!scene.objects[2].present);
   CHECK(scene.objects[2].layer == 0);

@@ -26,13 +26,16 @@ bool read_number(std::string_view& at, Number& number) {
 
 Fault parse_fault(std::string_view item) {
   Fault fault;
+  std::uint32_t number = 0;
   std::string_view rest = item;
   bool has_numbers = read_number(rest, fault.frame);
   if (has_numbers && rest.starts_with('u')) {
     rest.remove_prefix(1);
-    has_numbers = read_number(rest, fault.user);
+    has_numbers = read_number(rest, number);
+    fault.user = UserId(number);
   } else {
-    has_numbers = has_numbers && read_number(rest, fault.node);
+    has_numbers = has_numbers && read_number(rest, number);
+    fault.node = NodeId(number);
   }
   if (has_numbers) {
     if (const std::optional<NodeStage> stage = find_stage(rest)) {
@@ -82,8 +85,8 @@ void inject_faults(const std::vector<Fault>& faults, std::uint32_t frame, std::u
     if (const Status status = world.inject(fault); status != Status::ok) {
       const bool user = fault.user != no_user;
       throw Error(fmt::format("--fail: {} {} in frame {} was refused ({}); expected a {} that exists in that frame{}",
-                              user ? "user node" : "node", user ? fault.user : fault.node, frame, name_of(status),
-                              user ? "user node" : "node", user ? ", and model or publication" : ""));
+                              user ? "user node" : "node", user ? fault.user.number() : fault.node.number(), frame,
+                              name_of(status), user ? "user node" : "node", user ? ", and model or publication" : ""));
     }
   }
 }

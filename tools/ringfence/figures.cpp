@@ -55,8 +55,8 @@ void Figures::add(const FrameReport& report, std::span<const Contact> frame_cont
   users_cpu_ms += report.users_cpu_ms;
   for (const auto& [name, step] : PathReport::all()) path.*step += report.path.*step;
   critical_ms += report.path.critical_ms();
-  for (const NodeNumber node : report.lost) losses.push_back({frames() - 1, false, node, report.frame_ms});
-  for (const UserNumber user : report.late) losses.push_back({frames() - 1, true, user, report.frame_ms});
+  for (const NodeId node : report.lost) losses.push_back({frames() - 1, false, node.number(), report.frame_ms});
+  for (const UserId user : report.late) losses.push_back({frames() - 1, true, user.number(), report.frame_ms});
   map_changes += map_epoch_ == 0 ? 0 : report.map_epoch - map_epoch_;
   map_epoch_ = report.map_epoch;
   const auto add_values = [&](Imbalance& imbalance, auto value) {

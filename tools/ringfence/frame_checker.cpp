@@ -41,11 +41,11 @@ void FrameChecker::check_frame(std::uint64_t frame) {
   check_counters();
   if (!brute_force_) return;
   for (std::size_t shape = shapes_.size(); shape < world_.shape_count(); ++shape) {
-    shapes_.add(world_.shape(static_cast<ShapeNumber>(shape)));
+    shapes_.add(world_.shape(ShapeId(static_cast<std::uint32_t>(shape))));
   }
   std::vector<reference::FrameObject> objects;
   for (const ObjectView& view : world_.objects()) {
-    objects.push_back({view.spec.number, view.spec.shape, view.spec.layer, view.spec.present, view.spec.pose});
+    objects.push_back({view.spec.number, view.spec.shape.number(), view.spec.layer, view.spec.present, view.spec.pose});
   }
   print_differences(reference::check_frame(frame, shapes_, objects, layer_masks_, world_.contacts()));
   print_differences(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));

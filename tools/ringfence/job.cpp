@@ -110,7 +110,7 @@ Job make_job(const ReplayOptions& options) {
   job.output = options.output;
   job.frames = options.frames;
 
-  const UserNumber needed = worlds::users_of(job.scene);
+  const std::uint32_t needed = worlds::users_of(job.scene);
   if (job.service.users_given && job.service.users < needed) {
     throw Error(
         fmt::format("--users: found {}; expected at least {}, which {} has", job.service.users, needed, options.scene));

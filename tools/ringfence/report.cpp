@@ -162,7 +162,7 @@ void print_cluster(std::FILE* out, const dds::ClusterReport& cluster) {
   for (std::size_t i = 0; i < std::min(cluster.members.size(), max_nodes_shown); ++i) {
     const dds::MemberReport& member = cluster.members[i];
     const auto mb = [](std::uint64_t bytes) { return static_cast<double>(bytes) * 1e-6; };
-    fmt::print(out, "  {:<4}{:<21} {:>8.2f} {:>9.2f} {:>10.2f} {:>11.3f} {:>8.3f}\n", member.number, member.name,
+    fmt::print(out, "  {:<4}{:<21} {:>8.2f} {:>9.2f} {:>10.2f} {:>11.3f} {:>8.3f}\n", member.node.number(), member.name,
                mb(member.sent_bytes), mb(member.received_bytes), mb(member.retransmitted_bytes), member.answer_ms_mean,
                member.answer_ms_max);
   }
@@ -322,7 +322,7 @@ Json cluster_json(const dds::ClusterReport& cluster) {
   for (const dds::MemberChange& change : cluster.changes) changes.push_back(change_json(change));
   for (const dds::MemberReport& member : cluster.members) {
     members.push_back({{"name", member.name},
-                       {"number", member.number},
+                       {"number", member.node.number()},
                        {"sent_parcels", member.sent_parcels},
                        {"sent_bytes", member.sent_bytes},
                        {keys::received_parcels, member.received_parcels},

@@ -52,7 +52,7 @@ Soak::Soak(World& world, const worlds::Scene& scene, std::uint64_t seed) : world
     live_.push_back({world.find(object.number), object.category, object.user});
     if (object.category != Category::fixed) shapes_.push_back(object.shape);
   }
-  for (UserNumber user = 0; user < worlds::users_of(scene); ++user) users_.push_back(user);
+  for (std::uint32_t user = 0; user < worlds::users_of(scene); ++user) users_.emplace_back(user);
 }
 
 void Soak::make_requests() {
@@ -97,7 +97,7 @@ bool Soak::check_report(const FrameReport& report) {
   counts_.lost += report.lost.size();
   lost_last_ = !report.lost.empty();
   counts_.late += report.late.size();
-  std::for_each(report.late.begin(), report.late.end(), [this](UserNumber user) { remove_user(user); });
+  std::for_each(report.late.begin(), report.late.end(), [this](UserId user) { remove_user(user); });
   counts_.failures += passed ? 0 : 1;
   return passed;
 }
@@ -109,7 +109,7 @@ Pose Soak::random_pose() {
   return {{between(low.x, high.x), between(low.y, high.y), between(low.z, high.z)}, {}};
 }
 
-void Soak::spawn(UserNumber user) {
+void Soak::spawn(UserId user) {
   if (shapes_.empty()) return;
   ObjectSpec spec;
   spec.shape = shapes_[random_() % shapes_.size()];
@@ -131,7 +131,7 @@ void Soak::destroy() {
   ++counts_.destroyed;
 }
 
-void Soak::remove_user(UserNumber user) {
+void Soak::remove_user(UserId user) {
   std::erase_if(live_, [user](const Live& object) { return object.user == user; });
   std::erase(users_, user);
 }
@@ -152,7 +152,7 @@ void Soak::change_users() {
     }
   }
   if (one_in(40) && users_.size() > 1) {
-    const UserNumber user = users_[random_() % users_.size()];
+    const UserId user = users_[random_() % users_.size()];
     if (world_.disconnect(user) == Status::ok) {
       remove_user(user);
       ++counts_.disconnected;
@@ -187,7 +187,7 @@ void Soak::resize() {
 
 void Soak::stop_node() {
   Fault fault;
-  fault.node = static_cast<NodeNumber>(random_() % world_.nodes());
+  fault.node = NodeId(static_cast<std::uint32_t>(random_() % world_.nodes()));
   fault.frame = world_.frames();
   fault.stage = static_cast<NodeStage>(random_() % node_stage_count);
   fault.stall_ms = one_in(2) ? 0 : 2 * world_.config().deadlines.node_ms;
@@ -227,9 +227,9 @@ void Soak::make_invalid_calls() {
     expect(world_.destroy(ObjectId{}), Status::stale_object);
     if (destroyed_id_) expect(world_.place(destroyed_id_, {}), Status::stale_object);
     if (object.category != Category::fixed) expect(world_.place(object.id, not_finite_pose), Status::not_finite);
-    const UserNumber user = users_[random_() % users_.size()];
+    const UserId user = users_[random_() % users_.size()];
     if (object.user != user) expect(world_.move(user, object.id, {}), Status::not_host);
-    expect(world_.spawn({.shape = 0xffffff}).status, Status::unknown_shape);
+    expect(world_.spawn({.shape = ShapeId(0xffffff)}).status, Status::unknown_shape);
     expect(world_.resize(0), Status::bad_number);
   }
 }

@@ -37,12 +37,12 @@ class Soak {
   struct Live {
     ObjectId id;
     Category category;
-    UserNumber user;
+    UserId user;
   };
 
   bool one_in(std::uint32_t n) { return random_() % n == 0; }
   Pose random_pose();
-  void spawn(UserNumber user);
+  void spawn(UserId user);
   void destroy();
   void change_users();
   void change_nodes();
@@ -50,7 +50,7 @@ class Soak {
   void stop_node();
   void stop_user();
   void add_shape();
-  void remove_user(UserNumber user);
+  void remove_user(UserId user);
   void inject(const Fault& fault);
   void make_invalid_calls();
   void expect(Status got, Status reason);
@@ -59,9 +59,9 @@ class Soak {
   const worlds::Scene& scene_;
   std::mt19937_64 random_;
   std::vector<Live> live_;
-  std::vector<UserNumber> users_;
-  std::vector<ShapeNumber> shapes_;  ///< of the scene's movable objects
-  ObjectId destroyed_id_;            ///< of a destroyed object; invalid if there is none yet
+  std::vector<UserId> users_;
+  std::vector<ShapeId> shapes_;  ///< of the scene's movable objects
+  ObjectId destroyed_id_;        ///< of a destroyed object; invalid if there is none yet
   std::array<std::uint64_t, status_count> expected_{};
   bool lost_last_ = false;               ///< a node was lost in the last frame
   bool thread_failure_pending_ = false;  ///< an injected failure to create a thread has not occurred yet

@@ -42,8 +42,8 @@ struct NetworkConfig {
 
 /// Traffic between the World and one node process, counted by the World.
 struct MemberReport {
-  std::string name;       ///< host:process, or NodeServiceConfig::name
-  NodeNumber number = 0;  ///< its node number from the last frame on
+  std::string name;  ///< host:process, or NodeServiceConfig::name
+  NodeId node;       ///< its node number from the last frame on
   std::uint64_t sent_parcels = 0, sent_bytes = 0;
   std::uint64_t received_parcels = 0, received_bytes = 0;
   std::uint64_t retransmitted_bytes = 0;  ///< by Cyclone DDS, to this node
@@ -116,7 +116,7 @@ class Cluster {
 /// The model must compute the same states as the World's own.
 using ModelMaker = std::function<std::shared_ptr<const MotionModel>(std::span<const std::byte> setup)>;
 /// Returns the support function that the World registered under that shape number.
-using SupportMaker = std::function<std::shared_ptr<const SupportFunction>(ShapeNumber)>;
+using SupportMaker = std::function<std::shared_ptr<const SupportFunction>(ShapeId)>;
 
 /// Configuration of a node process.
 struct NodeServiceConfig {

@@ -37,12 +37,12 @@ constexpr const char* name_of(NodeStage stage) noexcept {
 /// A fault to inject, to test failover; see World::inject. A role that does not reach the point in that frame does not
 /// stop.
 struct Fault {
-  NodeNumber node = 0;      ///< the CD node that stops; ignored if `user` is set
+  NodeId node;              ///< the CD node that stops; ignored if `user` is set
   std::uint64_t frame = 0;  ///< number of the frame, from 0, as in FrameReport::frame
   NodeStage stage = NodeStage::moving;
-  double stall_ms = 0;        ///< how long the role does nothing, milliseconds; 0: until World::release_faults
-  UserNumber user = no_user;  ///< if set, this user node stops, not a CD node; `stage` is model or publication
-  std::uint32_t passes = 0;   ///< how often the role passes the point in that frame before it stops
+  double stall_ms = 0;       ///< how long the role does nothing, milliseconds; 0: until World::release_faults
+  UserId user = no_user;     ///< if set, this user node stops, not a CD node; `stage` is model or publication
+  std::uint32_t passes = 0;  ///< how often the role passes the point in that frame before it stops
 };
 
 }  // namespace ringfence

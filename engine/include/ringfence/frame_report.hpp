@@ -197,8 +197,8 @@ struct FrameReport {
   PathReport path;
   /// CD nodes lost in this frame, by their numbers in this frame. Other nodes did their work. From the next frame on,
   /// the remaining nodes are numbered from 0 again, in the same order.
-  std::vector<NodeNumber> lost;
-  std::vector<UserNumber> late;   ///< user nodes that missed a deadline; they are disconnected at the next cut
+  std::vector<NodeId> lost;
+  std::vector<UserId> late;       ///< user nodes that missed a deadline; they are disconnected at the next cut
   std::vector<NodeReport> nodes;  ///< by number in this frame
   std::vector<KindReport> kinds;  ///< pairs of kinds that had candidates
   /// Empty unless WorldConfig::timeline is set. Contains no spans of lost nodes and remote nodes.

@@ -7,7 +7,8 @@ namespace ringfence {
 
 /// Number of an object in scenes, files, digests and contacts: 1 to 2^32 - 1, unique among live objects.
 ///
-/// It orders every pair (a < b) and keys the object's random stream.
+/// It orders every pair (a < b) and keys the object's random stream. It is a plain number, so no call takes it in place
+/// of an id.
 using ObjectNumber = std::uint32_t;
 
 /// Handle of a live object: its number and the generation of its spawn. The value 0 is null.
@@ -26,15 +27,45 @@ struct ObjectId {
   constexpr auto operator<=>(const ObjectId&) const noexcept = default;
 };
 
-/// Number of a user node, chosen by the caller that connects it: 0 to Limits::users - 1.
-using UserNumber = std::uint32_t;
+/// Id of a user node: its number, chosen by the caller that connects it, 0 to Limits::users - 1. The default is
+/// no_user.
+class UserId {
+ public:
+  constexpr UserId() noexcept = default;
+  constexpr explicit UserId(std::uint32_t number) noexcept : number_(number) {}
+  constexpr std::uint32_t number() const noexcept { return number_; }
+  /// Whether it is not no_user.
+  constexpr explicit operator bool() const noexcept { return number_ != 0xffffffffu; }
+  constexpr auto operator<=>(const UserId&) const noexcept = default;
+
+ private:
+  std::uint32_t number_ = 0xffffffffu;
+};
 /// No user node.
-inline constexpr UserNumber no_user = 0xffffffffu;
+inline constexpr UserId no_user{};
 
-/// Number of a CD node: 0 to nodes - 1.
-using NodeNumber = std::uint32_t;
+/// Id of a CD node: its number, 0 to nodes - 1.
+class NodeId {
+ public:
+  constexpr NodeId() noexcept = default;
+  constexpr explicit NodeId(std::uint32_t number) noexcept : number_(number) {}
+  constexpr std::uint32_t number() const noexcept { return number_; }
+  constexpr auto operator<=>(const NodeId&) const noexcept = default;
 
-/// Number of a registered shape: the order of registration, from 0.
-using ShapeNumber = std::uint32_t;
+ private:
+  std::uint32_t number_ = 0;
+};
+
+/// Id of a registered shape: its number in the order of registration, from 0.
+class ShapeId {
+ public:
+  constexpr ShapeId() noexcept = default;
+  constexpr explicit ShapeId(std::uint32_t number) noexcept : number_(number) {}
+  constexpr std::uint32_t number() const noexcept { return number_; }
+  constexpr auto operator<=>(const ShapeId&) const noexcept = default;
+
+ private:
+  std::uint32_t number_ = 0;
+};
 
 }  // namespace ringfence

@@ -26,7 +26,7 @@ class ObjectContacts {
 /// One hosted object as the model receives it. All fields are the same in every deployment.
 struct MotionInput {
   ObjectNumber number = 0;
-  ShapeNumber shape = 0;
+  ShapeId shape;
   Category category = Category::active;
   bool present = true;
   std::uint64_t user_data = 0;

@@ -25,11 +25,11 @@ constexpr const char* name_of(Category category) noexcept {
 /// Description of an object at its spawn.
 struct ObjectSpec {
   ObjectNumber number = 0;  ///< 0: the next free number is assigned
-  ShapeNumber shape = 0;
+  ShapeId shape;
   Category category = Category::active;
-  std::uint8_t layer = 0;     ///< index into WorldConfig::layers
-  bool present = true;        ///< false: absent (in no contact) until it is given a pose
-  UserNumber user = no_user;  ///< the hosting user node: required for avatars, no_user for all others
+  std::uint8_t layer = 0;  ///< index into WorldConfig::layers
+  bool present = true;     ///< false: absent (in no contact) until it is given a pose
+  UserId user = no_user;   ///< the hosting user node: required for avatars, no_user for all others
   std::uint64_t user_data = 0;
   Pose pose{};
 };

@@ -25,7 +25,7 @@ struct Spawned {
 };
 struct Connected {
   Status status = Status::ok;
-  UserNumber user = no_user;
+  UserId user = no_user;
 };
 
 /// State of an object after the last frame.
@@ -68,12 +68,12 @@ class World {
 
   /// Registers a shape for use by any number of objects. Throws Error with the reason. Not allowed while a frame is
   /// running.
-  ShapeNumber add_shape(const ShapeDescription& description);
+  ShapeId add_shape(const ShapeDescription& description);
 
   /// Connects a user node from the next frame on. With `user` no_user the lowest free number is assigned.
-  Connected connect(UserNumber user = no_user);
+  Connected connect(UserId user = no_user);
   /// Disconnects a user node at the next cut; its avatars are destroyed, and other hosts take over what else it hosts.
-  Status disconnect(UserNumber user);
+  Status disconnect(UserId user);
 
   /// Creates an object from the next frame on; the model's first move starts at `spec.pose`. Its id is valid at once,
   /// also for move, place and destroy.
@@ -81,11 +81,11 @@ class World {
   /// Destroys an object at the next cut; its contacts end in that frame.
   Status destroy(ObjectId object);
   /// As `destroy`, on behalf of a user node: refused (not_host) unless the object is an avatar of that user.
-  Status destroy(UserNumber user, ObjectId object);
+  Status destroy(UserId user, ObjectId object);
 
   /// Direct control by the user: in the next frame the avatar stands at `pose`, whatever the motion model computes.
   /// Refused (not_host) unless the object is an avatar of `user`. The last call before a frame counts.
-  Status move(UserNumber user, ObjectId object, const Pose& pose);
+  Status move(UserId user, ObjectId object, const Pose& pose);
   /// Sets the pose of any object but a static one at the next cut (a teleport, a door, a lift); an absent object
   /// becomes present. Its host continues from there. If the same frame also has a World::move of the object, that pose
   /// counts, whichever call came first.
@@ -131,13 +131,13 @@ class World {
   std::span<const Contact> ended() const noexcept;
   /// Contacts that the user node received (M4): those of the objects that it hosts, ended ones too, in order of (a, b).
   /// Empty if it was late in the last frame (FrameReport::late) or is not connected.
-  std::span<const Contact> collisions_of(UserNumber user) const noexcept;
+  std::span<const Contact> collisions_of(UserId user) const noexcept;
   /// Begin and persist contacts of one object, in order of (a, b). The first call after a frame builds an index.
   ObjectContacts collisions_of(ObjectId object) const;
   /// States of other objects near the user node's avatars in the last frame, as spans of the publications: all objects
   /// within WorldConfig::interest of an avatar, and others in the same cells. Static objects are not included. Empty if
   /// the user node was late in the last frame or is not connected.
-  std::span<const std::span<const SeenState>> seen_by(UserNumber user) const noexcept;
+  std::span<const std::span<const SeenState>> seen_by(UserId user) const noexcept;
 
   /// The object as it stood after the last frame; `id` is null if the id is stale, the object not yet in the world, or
   /// a frame is running.
@@ -148,7 +148,7 @@ class World {
   /// Id of the live object with that number; null if there is none.
   ObjectId find(ObjectNumber number) const noexcept;
   /// The description of a registered shape. Precondition: shape < shape_count().
-  const ShapeDescription& shape(ShapeNumber shape) const noexcept;
+  const ShapeDescription& shape(ShapeId shape) const noexcept;
   std::size_t shape_count() const noexcept;
 
   /// Results and cost of the last frame.

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/numbers.hpp"
 #include "base/pair_sort.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
 #include "geometry/bounds.hpp"

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/numbers.hpp"
 #include "base/prefetch.hpp"
 #include "geometry/bounds.hpp"
 #include "messages/records.hpp"

@@ -4,11 +4,11 @@
 #include <cstdint>
 
 #include "base/flat_list.hpp"
+#include "base/numbers.hpp"
 #include "base/prefetch.hpp"
 #include "messages/records.hpp"
 #include "nodes/exchange/peer_lists.hpp"
 #include "nodes/exchange/read_gate.hpp"
-#include "ringfence/ids.hpp"
 
 namespace ringfence::nodes {
 

@@ -5,9 +5,9 @@
 #include <span>
 
 #include "base/flat_list.hpp"
+#include "base/numbers.hpp"
 #include "base/pair_sort.hpp"
 #include "nodes/exchange/node_contacts.hpp"
-#include "ringfence/ids.hpp"
 
 namespace ringfence::nodes {
 

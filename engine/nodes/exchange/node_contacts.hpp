@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/numbers.hpp"
 #include "base/prefetch.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/exchange/ghost_updates.hpp"
@@ -15,7 +16,6 @@
 #include "nodes/exchange/peer_lists.hpp"
 #include "nodes/exchange/read_gate.hpp"
 #include "ringfence/contact.hpp"
-#include "ringfence/ids.hpp"
 
 namespace ringfence::nodes {
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
-#include "ringfence/ids.hpp"
+#include "base/numbers.hpp"
 
 namespace ringfence::nodes {
 

@@ -397,7 +397,7 @@ bool Host::call_model(std::size_t first, std::size_t count) {
     const Hosted& hosted = hosted_[first + i];
     const bool present = (hosted.object.flags & flag_present) != 0;
     inputs_[i] = {hosted.object.number,
-                  hosted.shape,
+                  ShapeId(hosted.shape),
                   static_cast<Category>(hosted.category),
                   present,
                   hosted.user_data,

@@ -8,6 +8,7 @@
 
 #include "base/flat_list.hpp"
 #include "base/number_index.hpp"
+#include "base/numbers.hpp"
 #include "base/prefetch.hpp"
 #include "link/publication.hpp"
 #include "messages/header.hpp"

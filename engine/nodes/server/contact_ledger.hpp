@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/numbers.hpp"
 #include "base/pair_sort.hpp"
 #include "messages/records.hpp"
 #include "nodes/exchange/node_contact_order.hpp"
@@ -15,7 +16,6 @@
 #include "nodes/exchange/output_merge.hpp"
 #include "nodes/server/object_table.hpp"
 #include "ringfence/contact.hpp"
-#include "ringfence/ids.hpp"
 
 namespace ringfence::nodes {
 

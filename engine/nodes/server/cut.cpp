@@ -186,7 +186,7 @@ void ServerRole::disconnect(UserNumber user) {
 
 void ServerRole::spawn(const Request& request) {
   const std::uint32_t slot = objects_.add(request.object, request.spec);
-  objects_.bounds(slot) = setup_.shapes->bounds(request.spec.shape, request.spec.pose, *setup_.space);
+  objects_.bounds(slot) = setup_.shapes->bounds(request.spec.shape.number(), request.spec.pose, *setup_.space);
   if (setup_.model == nullptr) {
     return;
   }

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
 #include "messages/run.hpp"
 #include "nodes/role.hpp"

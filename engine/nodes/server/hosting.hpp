@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
 #include "nodes/server/object_table.hpp"
 #include "regions/region_map.hpp"

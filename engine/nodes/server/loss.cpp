@@ -31,7 +31,7 @@ bool ServerRole::lose(NodeNumber node) {
   session.lost = true;
   close_ghost_gates();
   node_connections_[node] = {};
-  report().lost.push_back(node);
+  report().lost.emplace_back(node);
   const bool again = !contacts_are_final();
   bool any_left = false;
   for (PeerSession& other : nodes_) {
@@ -87,7 +87,7 @@ void ServerRole::reassign_cells() {
   std::size_t passed = 0;
   for (std::uint32_t& entry : table_) {
     if (orphan(entry)) {
-      entry = alive_.empty() ? report().lost.back() : alive_[passed * alive_.size() / orphans];
+      entry = alive_.empty() ? report().lost.back().number() : alive_[passed * alive_.size() / orphans];
       ++passed;
     }
   }
@@ -389,7 +389,7 @@ bool ServerRole::is_overdue(const PeerSession& user, std::uint64_t now) const no
 
 void ServerRole::count_late(PeerSession& user) {
   user.lost = true;
-  report().late.push_back(user.self.number());
+  report().late.emplace_back(user.self.number());
   refuse(Status::late);
 }
 

@@ -63,11 +63,11 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   ObjectRow& row = rows_[slot];
   row.object = {slot, id.generation(), id.number(), spec.present ? messages::flag_present : 0u};
   row.pose = spec.pose;
-  row.shape = spec.shape;
+  row.shape = spec.shape.number();
   row.layer = spec.layer;
   layers_[slot] = static_cast<std::uint8_t>(spec.layer);
   row.category = static_cast<std::uint16_t>(spec.category);
-  origins_[slot] = {spec.user_data, spec.user};
+  origins_[slot] = {spec.user_data, spec.user.number()};
   numbers_[slot] = id.number();
   marks_[slot] = alive_mark;
   hosts_[slot] = messages::Endpoint::none();

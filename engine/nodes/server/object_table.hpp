@@ -7,6 +7,7 @@
 
 #include "base/flat_list.hpp"
 #include "base/number_index.hpp"
+#include "base/numbers.hpp"
 #include "base/prefetch.hpp"
 #include "geometry/bounds.hpp"
 #include "messages/header.hpp"
@@ -29,7 +30,7 @@ static_assert(sizeof(ObjectRow) == 64);
 /// Data of an object that is read only when its host changes or on request.
 struct ObjectOrigin {
   std::uint64_t user_data = 0;
-  UserNumber user = no_user;  ///< owner of an avatar
+  UserNumber user = no_user_number;  ///< owner of an avatar
 };
 
 /// State bits of an object.

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "base/numbers.hpp"
 #include "nodes/role.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/object.hpp"
@@ -13,11 +14,11 @@ struct Request {
   enum class Kind : std::uint8_t { connect, disconnect, spawn, destroy, place, remove, add_node, retire_node, resize };
 
   Kind kind = Kind::spawn;
-  ObjectId object;            ///< spawn, destroy, place, remove
-  ObjectSpec spec;            ///< spawn; place: its pose
-  UserNumber user = no_user;  ///< connect, disconnect
-  Connection connection;      ///< connect, add_node
-  std::uint32_t nodes = 0;    ///< resize: number of CD nodes from the next frame on; retire_node: the node that leaves
+  ObjectId object;                   ///< spawn, destroy, place, remove
+  ObjectSpec spec;                   ///< spawn; place: its pose
+  UserNumber user = no_user_number;  ///< connect, disconnect
+  Connection connection;             ///< connect, add_node
+  std::uint32_t nodes = 0;  ///< resize: number of CD nodes from the next frame on; retire_node: the node that leaves
 };
 
 }  // namespace ringfence::nodes

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "geometry/shape_table.hpp"
 #include "messages/run.hpp"
 #include "nodes/exchange/publications.hpp"

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "messages/run.hpp"
 #include "nodes/exchange/publications.hpp"
 #include "nodes/fault_point.hpp"

@@ -140,7 +140,7 @@ TEST_CASE(
   spec.pose.position = {40, 20, 8};
   harness.spawn(spec);
   const std::map<std::size_t, std::uint32_t> resizes = {{2, 4}, {5, 3}, {8, 1}, {11, 4}, {14, 2}};
-  const geometry::Bounds fixed = harness.shapes().bounds(spec.shape, spec.pose, harness.space());
+  const geometry::Bounds fixed = harness.shapes().bounds(spec.shape.number(), spec.pose, harness.space());
   std::uint32_t epoch = 1;  // epoch of the map of the frame before
   std::size_t maps = 0;
   for (std::size_t frame = 0; frame < places.size(); ++frame) {

@@ -25,7 +25,7 @@ struct Cut {
       spec.category = Category::fixed;
     } else if (kind < 3 && !users.empty()) {
       spec.category = Category::avatar;
-      spec.user = users[random() % users.size()];
+      spec.user = UserId(users[random() % users.size()]);
     } else {
       spec.category = kind % 2 == 0 ? Category::active : Category::non_active;
     }
