@@ -28,7 +28,7 @@ RecordedWorld record_world(worlds::ShapeSetting shapes, std::uint32_t objects, s
   recorded.shapes = std::make_unique<geometry::ShapeTable>();
   for (const worlds::NamedShape& shape : recorded.scene.shapes) recorded.shapes->add(shape.description);
   for (std::size_t frame = 0; frame < settling + frames; ++frame) {
-    world.advance();
+    require_ok(world.advance());
     if (frame < settling) continue;
     std::vector<Pose>& poses = recorded.frames.emplace_back();
     for (const ObjectView& object : world.objects()) poses.push_back(object.spec.pose);

@@ -9,6 +9,8 @@
 #include "geometry/bounds.hpp"
 #include "geometry/shape_table.hpp"
 #include "ringfence/contact.hpp"
+#include "ringfence/error.hpp"
+#include "ringfence/status.hpp"
 #include "worlds/paper_world.hpp"
 
 namespace ringfence::bench {
@@ -33,6 +35,11 @@ struct RecordedWorld {
 
 /// Records `frames` frames (at least 2), after some frames in which the crowds form.
 RecordedWorld record_world(worlds::ShapeSetting shapes, std::uint32_t objects, std::size_t frames);
+
+/// Throws Error unless a call of World was accepted: a benchmark must not time frames that were refused.
+inline void require_ok(Status status) {
+  if (status != Status::ok) throw Error(std::string("World refused a call: ") + name_of(status));
+}
 
 /// An implementation of a whole frame: poses in, broad phase, exact narrow phase, all contacts out.
 class FrameTester {

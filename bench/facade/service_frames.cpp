@@ -47,7 +47,7 @@ class Service final : public FrameTester {
   }
   void run(const std::vector<Pose>& poses) override {
     motion_->set_poses(poses.data());
-    world_.advance();
+    require_ok(world_.advance());
   }
   std::size_t contacts() const override { return world_.contacts().size(); }
   std::vector<std::uint64_t> touching() const override { return keys_of(world_); }
@@ -67,12 +67,12 @@ class Placed final : public FrameTester {
           return config;
         }()) {
     worlds::load_into(world_, recorded.scene, 0);
-    world_.advance();
+    require_ok(world_.advance());
     for (const ObjectView& object : world_.objects()) ids_.push_back(object.id);
   }
   void run(const std::vector<Pose>& poses) override {
-    for (std::size_t i = 0; i < ids_.size(); ++i) world_.place(ids_[i], poses[i]);
-    world_.advance();
+    for (std::size_t i = 0; i < ids_.size(); ++i) require_ok(world_.place(ids_[i], poses[i]));
+    require_ok(world_.advance());
   }
   std::size_t contacts() const override { return world_.contacts().size(); }
   std::vector<std::uint64_t> touching() const override { return keys_of(world_); }

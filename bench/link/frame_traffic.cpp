@@ -25,7 +25,9 @@ FrameTraffic count_frame(std::uint32_t objects, std::uint32_t nodes) {
   worlds::configure_for(config, paper.scene, 0);
   World world(config);
   worlds::load_into(world, paper.scene, 0);
-  for (int frame = 0; frame < settling_frames; ++frame) world.advance();
+  for (int frame = 0; frame < settling_frames; ++frame) {
+    if (const Status status = world.advance(); status != Status::ok) throw Error(name_of(status));
+  }
 
   const FrameReport& report = world.report();
   FrameTraffic traffic;

@@ -40,6 +40,14 @@ ringfence::TriangleMesh rock() {
 }
 // [rock]
 
+/// Ends the program if the World has refused a call that it should accept.
+void require_ok(Status status) {
+  if (status != Status::ok) {
+    std::fprintf(stderr, "game_server: the World refused a call: %s\n", name_of(status));
+    std::exit(1);
+  }
+}
+
 /// The translation in metres by which a contact pushes `self`, one of its two objects: `share` times the depth.
 Vec3d push_of(const Contact& contact, ringfence::ObjectNumber self, double share) {
   const double length = (contact.a == self ? -share : share) * double{contact.depth};
@@ -78,8 +86,8 @@ class ArenaMotion final : public ringfence::MotionModel {
       State s;
       std::memcpy(&s, in.state, sizeof s);
       Vec3d& p = outputs[i].pose.position;
-      for (std::size_t c = 0; c < in.contacts.size(); ++c) {
-        const Vec3d push = push_of(in.contacts[c], in.number, 0.5);
+      for (const Contact& contact : in.contacts) {
+        const Vec3d push = push_of(contact, in.number, 0.5);
         p.x += push.x;
         p.y += push.y;
         if (s.velocity.x * push.x + s.velocity.y * push.y < 0) {
@@ -116,15 +124,16 @@ class GameServer {
     person_ = world_.add_shape(ringfence::Capsule{0.3f, 0.6f});
 
     // Layer 0, the things, collides only with itself. Layer 1, the ground, collides with nothing.
-    world_.spawn({.shape = floor, .category = Category::fixed, .layer = 1, .pose = {{side / 2, side / 2, -0.5}, {}}});
-    world_.spawn({.shape = world_.add_shape(rock()), .category = Category::fixed, .pose = {{12, 19, 0}, {}}});
+    const auto add = [&](const ringfence::ObjectSpec& spec) { require_ok(world_.spawn(spec).status); };
+    add({.shape = floor, .category = Category::fixed, .layer = 1, .pose = {{side / 2, side / 2, -0.5}, {}}});
+    add({.shape = world_.add_shape(rock()), .category = Category::fixed, .pose = {{12, 19, 0}, {}}});
     for (int i = 0; i < 60; ++i) {
       const Vec3d at{2 + (i * 7) % 36 + 0.25, 2 + (i * 11) % 37 + 0.25, 0.5};
-      world_.spawn({.shape = crate, .category = Category::non_active, .pose = {at, {}}});
+      add({.shape = crate, .category = Category::non_active, .pose = {at, {}}});
     }
     for (int i = 0; i < 40; ++i) {
       const Vec3d at{3.0 + (i * 13) % 34, 3.0 + (i * 5) % 34, 0.9};
-      world_.spawn({.shape = drone, .category = Category::active, .pose = {at, {}}});
+      add({.shape = drone, .category = Category::active, .pose = {at, {}}});
     }
   }
 
@@ -133,18 +142,18 @@ class GameServer {
     Player player;
     player.pose.position = at;
     // The World passes user_data to the motion model, and World::object returns it.
-    player.avatar = world_
-                        .spawn({.shape = person_,
-                                .category = Category::avatar,
-                                .user = user,
-                                .user_data = user.number(),
-                                .pose = player.pose})
-                        .id;
+    const ringfence::Spawned spawned = world_.spawn({.shape = person_,
+                                                     .category = Category::avatar,
+                                                     .user = user,
+                                                     .user_data = user.number(),
+                                                     .pose = player.pose});
+    require_ok(spawned.status);
+    player.avatar = spawned.id;
     players_[user] = player;
   }
 
   void leave(UserId user) {
-    world_.disconnect(user);  // also destroys the avatar
+    require_ok(world_.disconnect(user));  // also destroys the avatar
     std::printf("player %u leaves: %d bumps\n", user.number(), players_[user].bumps);
     players_.erase(user);
   }
@@ -153,11 +162,11 @@ class GameServer {
   void frame() {
     for (auto& [user, player] : players_) {
       walk(player);
-      world_.move(user, player.avatar, player.pose);
+      require_ok(world_.move(user, player.avatar, player.pose));
     }
-    world_.begin_frame();
+    require_ok(world_.begin_frame());
     read_inputs();  // other work of the server, while the frame runs
-    world_.finish_frame();
+    require_ok(world_.finish_frame());
     for (auto& [user, player] : players_) {
       answer(user, player);
     }

@@ -267,7 +267,7 @@ void World::Implementation::grow_nodes() {
   }
   // resize() has created the threads, but more are missing if nodes were lost since then.
   if (threaded() && !prepare_nodes(resize_to)) {
-    refuse(Status::no_thread);
+    (void)refuse(Status::no_thread);  // counted; resize() has returned
     resize_to = 0;
     return;
   }

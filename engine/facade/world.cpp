@@ -116,11 +116,24 @@ World::World(WorldConfig config) {
   implementation_ = std::make_unique<Implementation>(std::move(config));
 }
 
+World::World(World&& other) noexcept = default;
+
+World& World::operator=(World&& other) noexcept {
+  if (this != &other) {
+    { const World ended(std::move(*this)); }
+    implementation_ = std::move(other.implementation_);
+  }
+  return *this;
+}
+
 World::~World() {
+  if (implementation_ == nullptr) {
+    return;  // moved from
+  }
   const base::DefaultFloatingPoint floating_point;
   release_faults();
   if (implementation_->frame_is_running() && !implementation_->halt.is_set()) {
-    finish_frame();
+    (void)finish_frame();  // its results are not read
   }
 }
 
@@ -197,7 +210,7 @@ Status World::finish_frame() try {
   w.retire_nodes();
   for (const UserId user : w.report.late) {
     if (w.is_connected(user.number())) {
-      disconnect(user);
+      (void)disconnect(user);  // is connected
     }
   }
   w.log_losses();

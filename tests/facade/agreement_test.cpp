@@ -65,10 +65,10 @@ void spawn_subnormal(World& world, Caller caller) {
     spec.shape = ball;
     spec.category = Category::fixed;
     spec.pose.position = {places[i][0], y, far};
-    call_from(caller, [&] { return world.spawn(spec); });
+    REQUIRE(call_from(caller, [&] { return world.spawn(spec); }).status == Status::ok);
     spec.category = Category::non_active;
     spec.pose.position = {places[i][1], y, far + 0.75};
-    call_from(caller, [&] { return world.spawn(spec); });
+    REQUIRE(call_from(caller, [&] { return world.spawn(spec); }).status == Status::ok);
   }
 }
 

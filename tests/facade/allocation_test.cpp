@@ -104,7 +104,7 @@ TEST_CASE("in steady state a frame does not allocate, in any deployment and plac
     const ObjectId avatar = world.find(1);
     std::uint64_t handed_over = 0;
     const auto frame = [&] {
-      world.move(0, avatar, {{side / 2, side / 2, side / 2}, {}});
+      REQUIRE(world.move(UserId(0), avatar, {{side / 2, side / 2, side / 2}, {}}) == Status::ok);
       REQUIRE(world.begin_frame() == Status::ok);
       REQUIRE(world.finish_frame() == Status::ok);
       handed_over += world.report().handed_over;
@@ -147,13 +147,13 @@ Status run_frames(World& world, std::size_t spawns) {
   };
   Status status = Status::ok;
   const auto is_ok = [&](Status returned) { return (status = returned) == Status::ok; };
-  if (!is_ok(world.connect(0).status) || !is_ok(world.connect(1).status)) return status;
+  if (!is_ok(world.connect(UserId(0)).status) || !is_ok(world.connect(UserId(1)).status)) return status;
   for (std::size_t i = 0; i < spawns; ++i) {
     if (!is_ok(spawn(i))) return status;
   }
   if (!is_ok(world.advance())) return status;
   if (world.config().nodes > 0 && !is_ok(world.resize(2))) return status;
-  if (!is_ok(world.disconnect(1)) || !is_ok(world.advance())) return status;
+  if (!is_ok(world.disconnect(UserId(1))) || !is_ok(world.advance())) return status;
   if (world.config().nodes > 0 && !is_ok(world.resize(1))) return status;
   for (int frame = 0; frame < 2; ++frame) {
     if (!is_ok(world.advance())) return status;

@@ -74,6 +74,13 @@ class BouncingModel : public MotionModel {
   double side_;
 };
 
+/// Throws Error, which fails a test, unless a call was accepted.
+inline void require_ok(Status status) {
+  if (status != Status::ok) {
+    throw Error(name_of(status));
+  }
+}
+
 /// Spheres, boxes and capsules at pseudo-random positions in a cube of `side`: one avatar per user, the others
 /// alternately active and non-active, every seventeenth static. Makes the calls as `caller`; the
 /// values do not depend on it.
@@ -83,7 +90,7 @@ inline void populate(World& world, std::size_t objects, std::size_t users, doubl
   };
   const std::vector<ShapeId> shapes = {add(Sphere{0.7f}), add(Box{{0.6f, 0.8f, 0.5f}}), add(Capsule{0.4f, 0.6f})};
   for (std::size_t user = 0; user < users; ++user) {
-    call_from(caller, [&] { return world.connect(); });
+    require_ok(call_from(caller, [&] { return world.connect(); }).status);
   }
   std::uint64_t h = 12345;
   const auto uniform = [&] {
@@ -103,7 +110,7 @@ inline void populate(World& world, std::size_t objects, std::size_t users, doubl
     } else {
       spec.category = i % 2 == 0 ? Category::active : Category::non_active;
     }
-    call_from(caller, [&] { return world.spawn(spec); });
+    require_ok(call_from(caller, [&] { return world.spawn(spec); }).status);
   }
 }
 

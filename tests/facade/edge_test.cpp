@@ -34,7 +34,7 @@ TEST_CASE("frames of a world without objects, with or without users, are empty")
     CHECK(world.collisions_of(UserId(0)).empty());
     CHECK(world.seen_by(UserId(0)).empty());
     for (int frame = 0; frame < 3; ++frame) advance(world);
-    for (int user = 0; user < 5; ++user) world.connect();
+    for (int user = 0; user < 5; ++user) REQUIRE(world.connect().status == Status::ok);
     for (int frame = 0; frame < 3; ++frame) advance(world);
     CHECK(world.report().objects == 0);
     CHECK(world.frames() == 6);
@@ -62,7 +62,8 @@ TEST_CASE("objects that all stand on one point are each in contact with every ot
       std::size_t count = 0;
       for (const ShapeDescription& shape : all_shapes()) {
         const ShapeId number = world.add_shape(shape);
-        for (int i = 0; i < 10; ++i, ++count) world.spawn({.shape = number, .pose = {point, {}}});
+        for (int i = 0; i < 10; ++i, ++count)
+          REQUIRE(world.spawn({.shape = number, .pose = {point, {}}}).status == Status::ok);
       }
       for (int frame = 0; frame < 2; ++frame) {
         advance(world);
@@ -104,7 +105,8 @@ void check_resized(const WorldConfig& base, std::size_t objects, std::size_t con
   in_all_worlds(base, {0u, 1u, 4u}, [&](const WorldConfig& config) {
     World world(config);
     const ShapeId ball = world.add_shape(Sphere{1});
-    for (std::size_t i = 0; i < objects; ++i) world.spawn({.shape = ball, .pose = {point, {}}});
+    for (std::size_t i = 0; i < objects; ++i)
+      REQUIRE(world.spawn({.shape = ball, .pose = {point, {}}}).status == Status::ok);
     for (int frame = 0; frame < 10; ++frame) {
       if (frame == 1) REQUIRE(world.resize(7) == Status::ok);
       if (frame == 2) REQUIRE(world.resize(0) == Status::bad_number);
@@ -138,7 +140,8 @@ TEST_CASE("more nodes than cells are refused when the world is made, and as many
   config.nodes = 2;
   World world(config);
   const ShapeId ball = world.add_shape(Sphere{1});
-  for (int i = 0; i < 20; ++i) world.spawn({.shape = ball, .pose = {{50, 41.0 + i, 50}, {}}});
+  for (int i = 0; i < 20; ++i)
+    REQUIRE(world.spawn({.shape = ball, .pose = {{50, 41.0 + i, 50}, {}}}).status == Status::ok);
   advance(world);
   CHECK(world.contacts().size() == 19 + 18);  // neighbours, and those that touch the next but one
   CHECK(world.resize(3) == Status::bad_number);
@@ -156,7 +159,7 @@ TEST_CASE("far outside the bounds contacts are the same as inside, and coordinat
       // The same group twice, at the origin and far from it.
       for (const double x : {0.0, far}) {
         for (std::uint32_t shape = 0; shape < world.shape_count(); ++shape) {
-          world.spawn({.shape = ShapeId(shape), .pose = {{x + 0.5 * shape, 5, 5}, {}}});
+          REQUIRE(world.spawn({.shape = ShapeId(shape), .pose = {{x + 0.5 * shape, 5, 5}, {}}}).status == Status::ok);
         }
       }
       advance(world);
@@ -182,9 +185,10 @@ TEST_CASE("far outside the bounds contacts are the same as inside, and coordinat
       for (const ShapeDescription& shape : all_shapes()) {
         const ShapeId number = world.add_shape(shape);
         for (const double x : {far, far / 4, -far, -far / 4}) {
-          world.spawn({.shape = number, .pose = {{x, number.number() * far / 8, far}, {}}});
+          REQUIRE(world.spawn({.shape = number, .pose = {{x, number.number() * far / 8, far}, {}}}).status ==
+                  Status::ok);
         }
-        world.spawn({.shape = number, .pose = {{far, far, far}, {}}});
+        REQUIRE(world.spawn({.shape = number, .pose = {{far, far, far}, {}}}).status == Status::ok);
         ++together;
       }
       advance(world);
@@ -249,7 +253,7 @@ TEST_CASE("the model gets each object that can move once per frame, with its use
     config.motion = model;
     World world(config);
     const ShapeId ball = world.add_shape(Sphere{1});
-    for (int user = 0; user < 3; ++user) world.connect();
+    for (int user = 0; user < 3; ++user) REQUIRE(world.connect().status == Status::ok);
     std::uint64_t movable = 0;
     std::vector<ObjectId> fixed;
     for (ObjectNumber number = 1; number <= 200; ++number) {
@@ -315,7 +319,7 @@ TEST_CASE("if the model throws or returns invalid poses, only those objects do n
     config.motion = std::make_shared<FailingModel>();
     World world(config);
     const ShapeId ball = world.add_shape(Sphere{1});
-    for (int user = 0; user < 3; ++user) world.connect();
+    for (int user = 0; user < 3; ++user) REQUIRE(world.connect().status == Status::ok);
     std::map<ObjectNumber, double> x;
     for (ObjectNumber number = 1; number <= 150; ++number) {
       ObjectSpec spec{.number = number, .shape = ball};
@@ -323,7 +327,7 @@ TEST_CASE("if the model throws or returns invalid poses, only those objects do n
       spec.user = number % 10 == 0 ? UserId(number % 3) : no_user;
       spec.pose.position = {static_cast<double>(number % 15) * 6, static_cast<double>(number / 15) * 6, 0};
       x[number] = spec.pose.position.x;
-      world.spawn(spec);
+      REQUIRE(world.spawn(spec).status == Status::ok);
     }
     Digest digest;
     for (std::uint64_t frame = 0; frame < 9; ++frame) {
@@ -355,7 +359,7 @@ TEST_CASE("an absent object is in no contact until it gets a pose") {
     World world(config);
     const ShapeId ball = world.add_shape(Sphere{1});
     const UserId user = world.connect().user;
-    world.spawn({.shape = ball, .pose = {{1, 0, 0}, {}}});
+    REQUIRE(world.spawn({.shape = ball, .pose = {{1, 0, 0}, {}}}).status == Status::ok);
     const ObjectId absent = world.spawn({.shape = ball, .present = false}).id;
     const ObjectId avatar =
         world.spawn({.shape = ball, .category = Category::avatar, .present = false, .user = user}).id;

@@ -82,9 +82,9 @@ TEST_CASE("motion models and support functions run in the default environment, f
         spec.shape = call_from(caller, [&] { return world->add_shape(ellipsoid); });
         spec.pose.position = {3, 3, 3};
         for (int frame = 0; frame < 6; ++frame) {
-          call_from(caller, [&] { return world->spawn(spec); });
+          REQUIRE(call_from(caller, [&] { return world->spawn(spec); }).status == Status::ok);
           // More nodes are more threads, made from within a call.
-          if (frame == 3 && nodes > 0) call_from(caller, [&] { return world->resize(4); });
+          if (frame == 3 && nodes > 0) REQUIRE(call_from(caller, [&] { return world->resize(4); }) == Status::ok);
           REQUIRE(call_from(caller, [&] { return world->advance(); }) == Status::ok);
         }
         CHECK(model.calls > 20);
@@ -146,9 +146,11 @@ TEST_CASE("the caller's environment is as it was after each call, whether it ret
           CHECK(world->objects().size() == 2);
         });
       }
-      unchanged("resize", [&] { world->resize(1 + nodes); });
+      unchanged("resize", [&] { CHECK(world->resize(1 + nodes) == Status::ok); });
       unchanged("advance", [&] { CHECK(world->advance() == Status::ok); });
-      unchanged("inject", [&] { world->inject({.node = NodeId(0), .frame = 1000}); });
+      unchanged("inject", [&] {
+        CHECK(world->inject({.node = NodeId(0), .frame = 1000}) == (nodes == 0 ? Status::bad_number : Status::ok));
+      });
       unchanged("remove", [&] { CHECK(world->remove(object) == Status::ok); });
       unchanged("destroy", [&] { CHECK(world->destroy(object) == Status::ok); });
       unchanged("disconnect", [&] { CHECK(world->disconnect(user) == Status::ok); });

@@ -3,6 +3,8 @@
 #include <concepts>
 #include <cstdint>
 #include <type_traits>
+#include <unordered_map>
+#include <unordered_set>
 
 #include <doctest/doctest.h>
 
@@ -13,19 +15,33 @@ using namespace ringfence;
 namespace {
 
 template <class Argument>
-concept finds_collisions = requires(const World& world, Argument argument) { world.collisions_of(argument); };
+concept finds_collisions = requires(const World& world, Argument argument) {
+  world.collisions_of(argument);
+};
 template <class Argument>
-concept finds_views = requires(const World& world, Argument argument) { world.seen_by(argument); };
+concept finds_views = requires(const World& world, Argument argument) {
+  world.seen_by(argument);
+};
 template <class User, class Object>
-concept moves = requires(World& world, User user, Object object) { world.move(user, object, Pose{}); };
+concept moves = requires(World& world, User user, Object object) {
+  world.move(user, object, Pose{});
+};
 template <class Argument>
-concept destroys = requires(World& world, Argument argument) { world.destroy(argument); };
+concept destroys = requires(World& world, Argument argument) {
+  world.destroy(argument);
+};
 template <class Argument>
-concept describes_shape = requires(const World& world, Argument argument) { world.shape(argument); };
+concept describes_shape = requires(const World& world, Argument argument) {
+  world.shape(argument);
+};
 template <class Argument>
-concept is_shape_of_spec = requires(ObjectSpec& spec, Argument argument) { spec.shape = argument; };
+concept is_shape_of_spec = requires(ObjectSpec& spec, Argument argument) {
+  spec.shape = argument;
+};
 template <class Argument>
-concept is_node_of_fault = requires(Fault& fault, Argument argument) { fault.node = argument; };
+concept is_node_of_fault = requires(Fault& fault, Argument argument) {
+  fault.node = argument;
+};
 
 // The number of an object must not be taken for that of a user node.
 static_assert(finds_collisions<ObjectId> && finds_collisions<UserId>);
@@ -61,4 +77,19 @@ TEST_CASE("the default user is no user; the default node and the default shape a
   CHECK(UserId(0));
   CHECK(NodeId() == NodeId(0));
   CHECK(ShapeId() == ShapeId(0));
+}
+
+TEST_CASE_TEMPLATE("ids are keys of unordered containers", Id, UserId, NodeId, ShapeId) {
+  std::unordered_set<Id> ids;
+  for (std::uint32_t number = 0; number < 100; ++number) ids.insert(Id(number % 50));
+  CHECK(ids.size() == 50);
+  CHECK(ids.contains(Id(49)));
+  CHECK_FALSE(ids.contains(Id(50)));
+}
+
+TEST_CASE("two generations of the same number are different keys of an unordered container") {
+  std::unordered_map<ObjectId, int> objects = {{ObjectId::of(7, 1), 1}, {ObjectId::of(7, 2), 2}};
+  CHECK(objects.at(ObjectId::of(7, 1)) == 1);
+  CHECK(objects.at(ObjectId::of(7, 2)) == 2);
+  CHECK_FALSE(objects.contains(ObjectId::of(7, 3)));
 }

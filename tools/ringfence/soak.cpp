@@ -35,7 +35,9 @@ std::uint64_t allocated_bytes() {
 std::uint64_t allocated_with(World& world, FrameChecker& checker, std::uint32_t nodes, std::uint64_t& frames) {
   world.release_faults();
   // An injected failure to create a thread occurs once.
-  if (nodes != 0 && world.resize(nodes) == Status::no_thread) world.resize(nodes);
+  Status status = nodes == 0 ? Status::ok : world.resize(nodes);
+  if (status == Status::no_thread) status = world.resize(nodes);
+  if (status != Status::ok) throw Error(fmt::format("--soak: resize returned {}", name_of(status)));
   for (int i = 0; i < 4; ++i) {
     advance(world, ++frames);
     checker.skip_frame();

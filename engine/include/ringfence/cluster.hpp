@@ -67,6 +67,12 @@ struct MemberChange {
   double after_ms = 0;
 };
 
+/// "joined", "left", "lost".
+constexpr const char* name_of(MemberChange::Kind kind) noexcept {
+  constexpr const char* names[] = {"joined", "left", "lost"};
+  return names[static_cast<std::size_t>(kind)];
+}
+
 /// Membership and traffic of the whole cluster.
 struct ClusterReport {
   static constexpr std::size_t max_changes = 256;
@@ -135,6 +141,11 @@ enum class ExitReason : std::uint8_t {
   abandoned,  ///< the World disappeared without releasing the node (only with NodeServiceConfig::once)
   refused,    ///< node and World are incompatible, or the World sent invalid data (only with NodeServiceConfig::once)
 };
+/// "drained", "dismissed", "abandoned", "refused".
+constexpr const char* name_of(ExitReason reason) noexcept {
+  constexpr const char* names[] = {"drained", "dismissed", "abandoned", "refused"};
+  return names[static_cast<std::size_t>(reason)];
+}
 
 /// A CD node process: joins a domain, waits for a World and serves its frames.
 ///

@@ -64,6 +64,11 @@ struct LayerMatrix {
 };
 
 enum class LogLevel : std::uint8_t { debug, info, warning, error };
+/// "debug", "info", "warning", "error".
+constexpr const char* name_of(LogLevel level) noexcept {
+  constexpr const char* names[] = {"debug", "info", "warning", "error"};
+  return names[static_cast<std::size_t>(level)];
+}
 /// Receives one line of the log, without a newline. It is called on the thread that calls World or on the server's
 /// thread, never on the thread of a CD node, and never concurrently. The line is valid during the call.
 using LogHook = std::function<void(LogLevel, std::string_view)>;

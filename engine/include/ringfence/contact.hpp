@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <type_traits>
 
@@ -15,6 +16,11 @@ enum class Phase : std::uint32_t {
   /// No longer in contact, or one of the two objects is gone; geometry and poses are those of the last contact.
   end = 2,
 };
+/// "begin", "persist", "end".
+constexpr const char* name_of(Phase phase) noexcept {
+  constexpr const char* names[] = {"begin", "persist", "end"};
+  return names[static_cast<std::size_t>(phase)];
+}
 
 /// Two objects whose shapes overlap or touch, with what a collision response needs. The same layout in the API and in
 /// messages.

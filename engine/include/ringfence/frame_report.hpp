@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -72,6 +73,11 @@ struct KindReport {
 /// report, and those that the server and the CD nodes publish for the user nodes. `control` is everything else.
 enum class Traffic : std::uint8_t { m1, m2, m3, m4, m5, state, control };
 inline constexpr std::size_t traffic_count = 7;
+/// Name of a kind of traffic in reports: "m1" to "m5", "state", "control".
+constexpr const char* name_of(Traffic traffic) noexcept {
+  constexpr const char* names[] = {"m1", "m2", "m3", "m4", "m5", "state", "control"};
+  return names[static_cast<std::size_t>(traffic)];
+}
 /// Traffic of one kind in one frame. What roles read in shared memory instead of messages counts like these messages.
 struct TrafficReport {
   std::uint64_t messages = 0;

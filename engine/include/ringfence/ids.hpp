@@ -1,7 +1,9 @@
 #pragma once
 
 #include <compare>
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 
 namespace ringfence {
 
@@ -69,3 +71,21 @@ class ShapeId {
 };
 
 }  // namespace ringfence
+
+/// Hashes, so that ids can be keys of unordered containers.
+template <>
+struct std::hash<ringfence::ObjectId> {
+  std::size_t operator()(ringfence::ObjectId id) const noexcept { return std::hash<std::uint64_t>()(id.value); }
+};
+template <>
+struct std::hash<ringfence::UserId> {
+  std::size_t operator()(ringfence::UserId id) const noexcept { return std::hash<std::uint32_t>()(id.number()); }
+};
+template <>
+struct std::hash<ringfence::NodeId> {
+  std::size_t operator()(ringfence::NodeId id) const noexcept { return std::hash<std::uint32_t>()(id.number()); }
+};
+template <>
+struct std::hash<ringfence::ShapeId> {
+  std::size_t operator()(ringfence::ShapeId id) const noexcept { return std::hash<std::uint32_t>()(id.number()); }
+};

@@ -4,24 +4,12 @@
 #include <cstdint>
 #include <span>
 
-#include "ringfence/contact.hpp"
+#include "ringfence/ids.hpp"
 #include "ringfence/object.hpp"
+#include "ringfence/object_contacts.hpp"
+#include "ringfence/pose.hpp"
 
 namespace ringfence {
-
-/// Begin and persist contacts of one object in the frame before, in order of (a, b).
-class ObjectContacts {
- public:
-  ObjectContacts() = default;
-  ObjectContacts(const Contact* all, std::span<const std::uint32_t> indices) noexcept : all_(all), indices_(indices) {}
-  std::size_t size() const noexcept { return indices_.size(); }
-  bool empty() const noexcept { return indices_.empty(); }
-  const Contact& operator[](std::size_t i) const noexcept { return all_[indices_[i]]; }
-
- private:
-  const Contact* all_ = nullptr;
-  std::span<const std::uint32_t> indices_;
-};
 
 /// One hosted object as the model receives it. All fields are the same in every deployment.
 struct MotionInput {
@@ -32,7 +20,7 @@ struct MotionInput {
   std::uint64_t user_data = 0;
   Pose pose;                         ///< S(k-1)
   const std::byte* state = nullptr;  ///< the model's own part of S(k-1): state_bytes() of plain data, 8-byte aligned
-  ObjectContacts contacts;           ///< C(k-1), if the model uses_contacts()
+  ObjectContacts contacts;           ///< begin and persist contacts of C(k-1), if the model uses_contacts()
 };
 
 /// The model's result for one object. Initialised to "does not move": pose, presence and state unchanged.

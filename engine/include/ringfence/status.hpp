@@ -6,7 +6,8 @@
 namespace ringfence {
 
 /// Result of a call that may be refused, and the reason for which a message or record is refused.
-/// FrameReport::refused counts refusals by reason.
+/// FrameReport::refused counts refusals by reason. A caller that ignores a result on purpose says so with (void).
+enum class [[nodiscard]] Status : std::uint8_t;
 enum class Status : std::uint8_t {
   ok,             ///< done
   stale_object,   ///< the id is null or names an object that was destroyed

@@ -12,6 +12,7 @@
 #include "ringfence/frame_report.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/object.hpp"
+#include "ringfence/object_contacts.hpp"
 #include "ringfence/seen_state.hpp"
 #include "ringfence/shape.hpp"
 #include "ringfence/status.hpp"
@@ -19,11 +20,11 @@
 namespace ringfence {
 
 /// Result of a call that spawns an object or connects a user node.
-struct Spawned {
+struct [[nodiscard]] Spawned {
   Status status = Status::ok;
   ObjectId id;  ///< null unless status is ok
 };
-struct Connected {
+struct [[nodiscard]] Connected {
   Status status = Status::ok;
   UserId user = no_user;
 };
@@ -60,9 +61,15 @@ struct ObjectView {
 class World {
  public:
   explicit World(WorldConfig config);
+  /// Waits for a frame that is running, and ends the threads.
   ~World();
   World(const World&) = delete;
   World& operator=(const World&) = delete;
+  /// Moves the World with all its objects, also while a frame is running; spans, references and ids that it has
+  /// returned stay valid. `other` may then only be destroyed or assigned to.
+  World(World&& other) noexcept;
+  /// The same; first ends this World, as its destructor does.
+  World& operator=(World&& other) noexcept;
 
   const WorldConfig& config() const noexcept;
 
