@@ -80,7 +80,7 @@ class ArenaMotion final : public ringfence::MotionModel {
             std::span<ringfence::MotionOutput> outputs) const override {
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       const ringfence::MotionInput& in = inputs[i];
-      if (!in.present || in.category == Category::avatar) {
+      if (!in.enabled || in.category == Category::avatar) {
         continue;  // without an output the object does not move
       }
       State s;

@@ -135,7 +135,7 @@ struct World::Implementation {
   Status check_spec(const ObjectSpec& spec) const noexcept;
   /// Whether the object is an avatar of the user.
   Status check_own(UserId user, ObjectId object) const noexcept;
-  /// Whether the object exists and may be placed and removed.
+  /// Whether the object exists and may be placed, enabled and disabled.
   Status check_movable(ObjectId object) const noexcept;
   bool is_connected(UserNumber user) const noexcept { return std::binary_search(users.begin(), users.end(), user); }
   bool step_inline();

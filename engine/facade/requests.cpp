@@ -208,7 +208,7 @@ Status World::place(ObjectId object, const Pose& pose) try {
   return implementation_->stop_frames();
 }
 
-Status World::remove(ObjectId object) try {
+Status World::set_enabled(ObjectId object, bool enabled) try {
   Implementation& w = *implementation_;
   if (w.halt.is_set()) {
     return Status::out_of_memory;
@@ -216,11 +216,13 @@ Status World::remove(ObjectId object) try {
   if (const Status status = w.check_movable(object); status != Status::ok) {
     return w.refuse(status);
   }
-  // A move before the removal no longer counts.
-  std::erase_if(w.pending_moves, [&](const auto& pending_move) { return pending_move.number == object.number(); });
+  if (!enabled) {
+    std::erase_if(w.pending_moves, [&](const auto& pending_move) { return pending_move.number == object.number(); });
+  }
   Request request;
-  request.kind = Request::Kind::remove;
+  request.kind = Request::Kind::set_enabled;
   request.object = object;
+  request.spec.enabled = enabled;
   w.requests.push_back(request);
   return Status::ok;
 } catch (const std::bad_alloc&) {

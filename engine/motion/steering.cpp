@@ -208,7 +208,7 @@ void Steering::move(std::uint64_t frame, std::span<const MotionInput> inputs, st
   const Vec3d& high = config_.bounds_max;
   for (std::size_t i = 0; i < inputs.size(); ++i) {
     const MotionInput& input = inputs[i];
-    if (!input.present || input.category == Category::fixed) {
+    if (!input.enabled || input.category == Category::fixed) {
       continue;
     }
     State state;

@@ -255,11 +255,11 @@ class BinaryReader {
                            format_quaternion(pose.orientation)));
       }
     }
-    const bool same = present == object.present &&
+    const bool same = present == object.enabled &&
                       (!present || std::bit_cast<PoseBits>(pose) == std::bit_cast<PoseBits>(object.pose));
     if (same) return;
     if (object.category == Category::fixed) refuse(0, "is static but moves; expected its pose in the scene");
-    object.present = present;
+    object.enabled = present;
     if (present) object.pose = pose;
     motion_.rows.push_back({frame, object.number, present, present ? pose : Pose{}});
   }

@@ -40,7 +40,7 @@ void ReplayModel::move(std::uint64_t frame, std::span<const MotionInput> inputs,
     while (cursor.next < rows_.size() && rows_[cursor.next].object == inputs[i].number &&
            rows_[cursor.next].frame <= frame) {
       const MotionRow& row = rows_[cursor.next];
-      outputs[i].present = row.present;
+      outputs[i].enabled = row.present;
       if (row.present) outputs[i].pose = row.pose;
       ++cursor.next;
     }

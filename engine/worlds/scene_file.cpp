@@ -164,8 +164,8 @@ class SceneReader {
       object.field("user").fail("only an avatar has a user; remove the field or make the object an avatar");
     }
     if (object.has("layer")) spec.layer = layer_of(object.field("layer"));
-    spec.present = object.has("position");
-    if (spec.present) spec.pose.position = object.field("position").vector();
+    spec.enabled = object.has("position");
+    if (spec.enabled) spec.pose.position = object.field("position").vector();
     if (object.has("orientation")) spec.pose.orientation = object.field("orientation").orientation();
     return spec;
   }
@@ -230,7 +230,7 @@ std::string text_of(const Scene& scene, const ObjectSpec& object) {
                                  quoted(scene.shapes[object.shape.number()].name), name_of(object.category));
   if (object.category == Category::avatar) text += fmt::format(R"(, "user": {})", object.user.number());
   if (!scene.layers.names.empty()) text += fmt::format(R"(, "layer": {})", quoted(scene.layers.names[object.layer]));
-  if (object.present) text += fmt::format(R"(, "position": {})", text_of(object.pose.position));
+  if (object.enabled) text += fmt::format(R"(, "position": {})", text_of(object.pose.position));
   const Quat& q = object.pose.orientation;
   if (!(q == Quat{})) {
     text += fmt::format(R"(, "orientation": [{},{},{},{}])", text_of(q.x), text_of(q.y), text_of(q.z), text_of(q.w));

@@ -40,7 +40,7 @@ class BouncingModel : public MotionModel {
   void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       const MotionInput& in = inputs[i];
-      if (!in.present) {
+      if (!in.enabled) {
         continue;
       }
       State s;

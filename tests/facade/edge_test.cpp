@@ -354,25 +354,77 @@ TEST_CASE("if the model throws or returns invalid poses, only those objects do n
   });
 }
 
-TEST_CASE("an absent object is in no contact until it gets a pose") {
+TEST_CASE("a disabled object is in no contact until it gets a pose") {
   in_all_worlds({}, {0u, 2u}, [&](const WorldConfig& config) {
     World world(config);
     const ShapeId ball = world.add_shape(Sphere{1});
     const UserId user = world.connect().user;
     REQUIRE(world.spawn({.shape = ball, .pose = {{1, 0, 0}, {}}}).status == Status::ok);
-    const ObjectId absent = world.spawn({.shape = ball, .present = false}).id;
+    const ObjectId disabled = world.spawn({.shape = ball, .enabled = false}).id;
     const ObjectId avatar =
-        world.spawn({.shape = ball, .category = Category::avatar, .present = false, .user = user}).id;
+        world.spawn({.shape = ball, .category = Category::avatar, .enabled = false, .user = user}).id;
     advance(world);
     CHECK(world.contacts().empty());
     CHECK(world.report().objects == 3);
-    CHECK_FALSE(world.object(absent).spec.present);
-    CHECK(world.place(absent, {}) == Status::ok);
+    CHECK_FALSE(world.object(disabled).spec.enabled);
+    CHECK(world.place(disabled, {}) == Status::ok);
     advance(world);
     CHECK(world.contacts().size() == 1);
     CHECK(world.move(user, avatar, {}) == Status::ok);
     advance(world);
     CHECK(world.contacts().size() == 3);
+  });
+}
+
+/// Moves each object by its state, which counts the moves of an enabled object.
+class CountingModel final : public MotionModel {
+ public:
+  std::size_t state_bytes() const noexcept override { return sizeof(std::uint64_t); }
+  void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (std::size_t i = 0; i < inputs.size(); ++i) {
+      if (!inputs[i].enabled) continue;
+      std::uint64_t moves = 0;
+      std::memcpy(&moves, inputs[i].state, sizeof moves);
+      outputs[i].pose.position.y += static_cast<double>(++moves);
+      std::memcpy(outputs[i].state, &moves, sizeof moves);
+    }
+  }
+};
+
+TEST_CASE("an object that is disabled and enabled again keeps its pose and its model's state") {
+  WorldConfig base;
+  base.motion = std::make_shared<CountingModel>();
+  in_all_worlds(base, {0u, 2u}, [&](const WorldConfig& config) {
+    World world(config);
+    const ShapeId ball = world.add_shape(Sphere{1});
+    const ObjectId still = world.spawn({.shape = ball, .category = Category::fixed, .pose = {{0, 3, 0}, {}}}).id;
+    const ObjectId object = world.spawn({.shape = ball}).id;
+    REQUIRE(still);
+    const auto y = [&] { return world.object(object).spec.pose.position.y; };
+    advance(world);
+    advance(world);
+    CHECK(y() == 3);
+    CHECK(world.contacts().size() == 1);
+    CHECK(world.set_enabled(object, false) == Status::ok);
+    advance(world);
+    CHECK(world.contacts().empty());
+    CHECK(world.ended().size() == 1);
+    advance(world);
+    CHECK(y() == 3);
+    // The last call before a frame counts.
+    CHECK(world.set_enabled(object, true) == Status::ok);
+    CHECK(world.set_enabled(object, false) == Status::ok);
+    advance(world);
+    CHECK_FALSE(world.object(object).spec.enabled);
+    CHECK(world.set_enabled(object, false) == Status::ok);
+    CHECK(world.set_enabled(object, true) == Status::ok);
+    advance(world);
+    CHECK(world.object(object).spec.enabled);
+    CHECK(y() == 3 + 3);
+    // Enabling an enabled object changes nothing.
+    CHECK(world.set_enabled(object, true) == Status::ok);
+    advance(world);
+    CHECK(y() == 3 + 3 + 4);
   });
 }
 

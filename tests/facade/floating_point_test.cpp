@@ -151,7 +151,7 @@ TEST_CASE("the caller's environment is as it was after each call, whether it ret
       unchanged("inject", [&] {
         CHECK(world->inject({.node = NodeId(0), .frame = 1000}) == (nodes == 0 ? Status::bad_number : Status::ok));
       });
-      unchanged("remove", [&] { CHECK(world->remove(object) == Status::ok); });
+      unchanged("set_enabled", [&] { CHECK(world->set_enabled(object, false) == Status::ok); });
       unchanged("destroy", [&] { CHECK(world->destroy(object) == Status::ok); });
       unchanged("disconnect", [&] { CHECK(world->disconnect(user) == Status::ok); });
       unchanged("begin_frame", [&] { CHECK(world->begin_frame() == Status::ok); });

@@ -77,7 +77,7 @@ TEST_CASE("every refused call returns its reason, is counted in the next report,
       CHECK(w.destroy(s.alice, s.gone) == Status::stale_object);
       CHECK(w.move(s.alice, s.gone, ok) == Status::stale_object);
       CHECK(w.place(s.gone, ok) == Status::stale_object);
-      CHECK(w.remove(s.gone) == Status::stale_object);
+      CHECK(w.set_enabled(s.gone, true) == Status::stale_object);
       CHECK(w.destroy(ObjectId{}) == Status::stale_object);
       CHECK(w.place(ObjectId{}, ok) == Status::stale_object);
       // Right number, wrong generation; right generation, wrong number.
@@ -132,7 +132,7 @@ TEST_CASE("every refused call returns its reason, is counted in the next report,
     });
     expect(s, Status::bad_category, 6, [&] {
       CHECK(w.place(s.fixed, ok) == Status::bad_category);
-      CHECK(w.remove(s.fixed) == Status::bad_category);
+      CHECK(w.set_enabled(s.fixed, false) == Status::bad_category);
       CHECK(w.spawn({.shape = s.ball, .category = Category::avatar}).status == Status::bad_category);
       CHECK(w.spawn({.shape = s.ball, .category = Category::active, .user = s.alice}).status == Status::bad_category);
       CHECK(w.spawn({.shape = s.ball, .category = Category::fixed, .user = s.alice}).status == Status::bad_category);

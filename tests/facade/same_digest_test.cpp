@@ -85,11 +85,11 @@ TEST_CASE("placement, node count, resizing, balancing and keep_resting change no
 }
 
 TEST_CASE(
-    "automatic placement is server for one node with its own thread and region otherwise, and config() returns it") {
+    "the default placement is server for one node with its own thread and region otherwise, and config() returns it") {
   for (const std::uint32_t nodes : {0u, 1u, 2u, 5u}) {
     WorldConfig config;
     config.nodes = nodes;
-    config.placement = Placement::automatic;
+    CHECK(config.placement == Placement::automatic);
     CHECK(World(config).config().placement == (nodes == 1 ? Placement::server : Placement::region));
   }
 }

@@ -16,9 +16,9 @@
 
 namespace ringfence::test {
 
-/// Random requests to a world: users connect and disconnect; objects are spawned, destroyed, placed, removed and moved.
-/// Every world with the same seed gets the same calls in the same order, so all must return and end the same.
-/// The calls are made as `caller`.
+/// Random requests to a world: users connect and disconnect; objects are spawned, destroyed, placed, enabled, disabled
+/// and moved. Every world with the same seed gets the same calls in the same order, so all must return and end the
+/// same. The calls are made as `caller`.
 class Script {
  public:
   Script(World& world, unsigned seed, double side, Caller caller = Caller::usual)
@@ -56,9 +56,11 @@ class Script {
       const Live& object = live_[random_() % live_.size()];
       if (object.category == Category::fixed) continue;
       switch (random_() % 4) {
-        case 0:
-          REQUIRE(call_from(caller_, [&] { return world_.remove(object.id); }) == Status::ok);
+        case 0: {
+          const bool enabled = random_() % 3 == 0;
+          REQUIRE(call_from(caller_, [&] { return world_.set_enabled(object.id, enabled); }) == Status::ok);
           break;
+        }
         case 1:
           if (object.category == Category::avatar) {
             const Pose there = pose();
@@ -109,7 +111,7 @@ class Script {
   void spawn() {
     ObjectSpec spec;
     spec.shape = shapes_[random_() % shapes_.size()];
-    spec.present = random_() % 12 != 0;
+    spec.enabled = random_() % 12 != 0;
     spec.user_data = random_();
     spec.pose = pose();
     const std::uint64_t kind = random_() % 10;
@@ -147,7 +149,7 @@ inline std::uint64_t fingerprint(const World& world) {
   for (const ObjectView& view : world.objects()) {
     add(&view.id, sizeof view.id);
     add(&view.spec.pose, sizeof view.spec.pose);
-    add(&view.spec.present, sizeof view.spec.present);
+    add(&view.spec.enabled, sizeof view.spec.enabled);
   }
   for (const Contact& contact : world.ended()) add(&contact, sizeof contact);
   for (const Contact& contact : world.contacts()) add(&contact, sizeof contact);

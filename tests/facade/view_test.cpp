@@ -270,13 +270,13 @@ TEST_CASE("the last move before a frame counts, a later remove cancels it, and t
     advance(world);
     CHECK(world.object(avatar).spec.pose.position.x == 3);
     CHECK(world.move(user, avatar, {{4, 0, 0}, {}}) == Status::ok);
-    CHECK(world.remove(avatar) == Status::ok);
+    CHECK(world.set_enabled(avatar, false) == Status::ok);
     advance(world);
-    CHECK_FALSE(world.object(avatar).spec.present);
-    CHECK(world.remove(avatar) == Status::ok);
+    CHECK_FALSE(world.object(avatar).spec.enabled);
+    CHECK(world.set_enabled(avatar, false) == Status::ok);
     CHECK(world.move(user, avatar, {{5, 0, 0}, {}}) == Status::ok);
     advance(world);
-    CHECK(world.object(avatar).spec.present);
+    CHECK(world.object(avatar).spec.enabled);
     CHECK(world.object(avatar).spec.pose.position.x == 5);
     // A quaternion within 10^-3 of unit length is normalised.
     CHECK(world.move(user, avatar, {{5, 0, 0}, {0, 0, 0, 1.0005f}}) == Status::ok);

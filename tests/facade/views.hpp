@@ -36,21 +36,21 @@ inline void require_views(const World& world, const std::vector<UserId>& users) 
         REQUIRE(at != objects.end());
         const ObjectSpec& spec = at->second.spec;
         REQUIRE(spec.pose == state.pose);
-        REQUIRE(spec.present);
+        REQUIRE(spec.enabled);
         REQUIRE(spec.category != Category::fixed);
         REQUIRE(spec.user != user);
       }
     }
     std::vector<Vec3d> eyes;
     for (const auto& [number, view] : objects) {
-      if (view.spec.user == user && view.spec.present) eyes.push_back(view.spec.pose.position);
+      if (view.spec.user == user && view.spec.enabled) eyes.push_back(view.spec.pose.position);
     }
     for (const auto& [number, view] : objects) {
       const ObjectSpec& spec = view.spec;
       const bool near = std::any_of(eyes.begin(), eyes.end(), [&](const Vec3d& eye) {
         return distance(eye, spec.pose.position) <= config.interest * (1 - 1e-9);
       });
-      const bool other = spec.present && spec.category != Category::fixed && spec.user != user;
+      const bool other = spec.enabled && spec.category != Category::fixed && spec.user != user;
       if (other && near && seen.count(number) == 0) unseen[number].insert(user);
     }
   }
@@ -67,7 +67,7 @@ inline void require_views(const World& world, const std::vector<UserId>& users) 
   const bool relays = config.deployment != Deployment::user && config.interest > 0 && !users.empty();
   const auto relayed = std::count_if(objects.begin(), objects.end(), [](const auto& entry) {
     const ObjectSpec& spec = entry.second.spec;
-    return spec.present && (spec.category == Category::active || spec.category == Category::non_active);
+    return spec.enabled && (spec.category == Category::active || spec.category == Category::non_active);
   });
   // The count can be larger: it also includes the states that CD nodes send to the server.
   REQUIRE((!relays || world.report().traffic[static_cast<std::size_t>(Traffic::state)].records >=

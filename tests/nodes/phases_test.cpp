@@ -26,7 +26,7 @@ class DriftingModel : public MotionModel {
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       const std::uint64_t number = inputs[i].number;
-      outputs[i].present = number % 11 != 5 || (frame + number) % 9 > 1;
+      outputs[i].enabled = number % 11 != 5 || (frame + number) % 9 > 1;
       if ((frame / 4 + number) % 6 == 0) {
         continue;
       }

@@ -26,7 +26,7 @@ class VanishingModel : public WanderingModel {
     WanderingModel::move(frame, inputs, outputs);
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       if (inputs[i].number % 7 == 3 && inputs[i].category != Category::avatar) {
-        outputs[i].present = (frame + inputs[i].number) % 5 > 1;
+        outputs[i].enabled = (frame + inputs[i].number) % 5 > 1;
       }
     }
   }

@@ -29,7 +29,7 @@ class RovingModel : public MotionModel {
       for (double* x : {&p.x, &p.y, &p.z}) {
         *x = *x < 0 ? 0 : *x > 64 ? 64 : *x;
       }
-      outputs[i].present = inputs[i].category == Category::avatar || number % 5 != 0 || (frame + number) % 4 != 0;
+      outputs[i].enabled = inputs[i].category == Category::avatar || number % 5 != 0 || (frame + number) % 4 != 0;
     }
   }
 };
@@ -112,7 +112,7 @@ class RelayRun {
     spec.pose = pose();
     const auto kind = random_() % 8;
     spec.category = kind == 0 ? Category::fixed : kind < 4 ? Category::non_active : Category::active;
-    spec.present = random_() % 9 != 0;
+    spec.enabled = random_() % 9 != 0;
     ids_.push_back(harness.spawn(spec));
   }
   void connect(UserNumber user) {

@@ -43,7 +43,7 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         if (live.count(spec.number) != 0) {
           continue;
         }
-        spec.present = random() % 3 != 0;
+        spec.enabled = random() % 3 != 0;
         spec.layer = static_cast<std::uint8_t>(random() % 32);
         spec.user_data = random();
         spec.pose.position.x = static_cast<double>(random() % 1000);
@@ -83,8 +83,8 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
       }
       for (auto& [number, model] : live) {
         if (random() % 4 == 0) {
-          model.spec.present = random() % 2 == 0;
-          table.row(model.slot).object.flags = model.spec.present ? messages::flag_present : 0u;
+          model.spec.enabled = random() % 2 == 0;
+          table.row(model.slot).object.flags = model.spec.enabled ? messages::flag_present : 0u;
           if (random() % 2 == 0) {
             table.mark_moved_host_only(model.slot);
             touched.insert(model.slot);
@@ -122,12 +122,12 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         REQUIRE(table.hand_over(model.slot).user_data == model.spec.user_data);
         REQUIRE(row.layer == model.spec.layer);
         REQUIRE(table.layers()[row.object.slot] == model.spec.layer);
-        REQUIRE((table.present()[model.slot] != 0) == model.spec.present);
+        REQUIRE((table.present()[model.slot] != 0) == model.spec.enabled);
         REQUIRE((table.resting()[model.slot] == 0) == (touched.count(model.slot) != 0));
         for (std::size_t k = 0; k < state_bytes; ++k) {
           REQUIRE(table.state(model.slot)[k] == std::byte{model.mark});
         }
-        present += model.spec.present ? 1 : 0;
+        present += model.spec.enabled ? 1 : 0;
       }
       REQUIRE(static_cast<std::size_t>(std::count(table.present().begin(), table.present().end(), 1)) == present);
     }

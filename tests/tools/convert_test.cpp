@@ -52,7 +52,7 @@ TEST_CASE("a short gap is interpolated linearly, and in a long gap the object is
            " ";
   }
   CHECK(a == "2@0 3@1 4@2 5@3 6- 9@4 10- ");
-  for (const ObjectSpec& object : world.scene.objects) CHECK(!object.present);
+  for (const ObjectSpec& object : world.scene.objects) CHECK(!object.enabled);
 }
 
 TEST_CASE("copies of a trace lie side by side with increasing delays and unchanged distances") {

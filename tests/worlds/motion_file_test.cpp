@@ -29,7 +29,7 @@ Scene three_objects() {
     ObjectSpec object;
     object.number = number;
     object.category = number == 8 ? Category::fixed : Category::active;
-    object.present = number != 9;
+    object.enabled = number != 9;
     object.pose.position = {static_cast<double>(number), 0, 0};
     scene.objects.push_back(object);
   }

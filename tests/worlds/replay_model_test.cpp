@@ -14,7 +14,7 @@ struct ReplayResult {
 
   ReplayResult(const ReplayModel& model, ObjectNumber number, bool present) {
     input.number = number;
-    input.present = present;
+    input.enabled = present;
     ObjectSpec spec;
     spec.number = number;
     model.start(spec, reinterpret_cast<std::byte*>(&state));
@@ -22,10 +22,10 @@ struct ReplayResult {
   void move(const ReplayModel& model, std::uint64_t frame) {
     const std::uint64_t before = state;
     input.state = reinterpret_cast<const std::byte*>(&before);
-    MotionOutput output{input.pose, input.present, reinterpret_cast<std::byte*>(&state)};
+    MotionOutput output{input.pose, input.enabled, reinterpret_cast<std::byte*>(&state)};
     model.move(frame, {&input, 1}, {&output, 1});
     input.pose = output.pose;
-    input.present = output.present;
+    input.enabled = output.enabled;
   }
 };
 
@@ -46,8 +46,8 @@ TEST_CASE("an object takes the pose of each of its rows in the row's frame and k
     three.move(model, frame);
     five.move(model, frame);
     CHECK(three.input.pose.position.x == x3[frame]);
-    CHECK(five.input.present == present5[frame]);
-    if (five.input.present) CHECK(five.input.pose.position.x == (frame < 6 ? 50 : 51));
+    CHECK(five.input.enabled == present5[frame]);
+    if (five.input.enabled) CHECK(five.input.pose.position.x == (frame < 6 ? 50 : 51));
   }
 }
 
@@ -69,8 +69,8 @@ TEST_CASE("an object without rows keeps its pose") {
     last.move(model, frame);
   }
   CHECK(four.input.pose == Pose{});
-  CHECK(four.input.present);
-  CHECK(!last.input.present);
+  CHECK(four.input.enabled);
+  CHECK(!last.input.enabled);
 }
 
 }  // namespace ringfence::worlds

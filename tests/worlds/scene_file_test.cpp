@@ -72,7 +72,7 @@ void check_same(const Scene& p, const Scene& q) {
     REQUIRE(a.category == b.category);
     REQUIRE(a.user == b.user);
     REQUIRE(a.layer == b.layer);
-    REQUIRE(a.present == b.present);
+    REQUIRE(a.enabled == b.enabled);
     REQUIRE(a.pose == b.pose);
   }
 }
@@ -95,7 +95,7 @@ TEST_CASE("each field of a scene file is read") {
   CHECK(scene.objects[1].layer == 1);
   CHECK(scene.objects[1].shape == ShapeId(3));
   CHECK(scene.objects[2].category == Category::non_active);
-  CHECK(!scene.objects[2].present);
+  CHECK(!scene.objects[2].enabled);
   CHECK(scene.objects[2].layer == 0);
   CHECK(users_of(scene) == 1);
 }

@@ -45,7 +45,7 @@ void FrameChecker::check_frame(std::uint64_t frame) {
   }
   std::vector<reference::FrameObject> objects;
   for (const ObjectView& view : world_.objects()) {
-    objects.push_back({view.spec.number, view.spec.shape.number(), view.spec.layer, view.spec.present, view.spec.pose});
+    objects.push_back({view.spec.number, view.spec.shape.number(), view.spec.layer, view.spec.enabled, view.spec.pose});
   }
   print_differences(reference::check_frame(frame, shapes_, objects, layer_masks_, world_.contacts()));
   print_differences(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));

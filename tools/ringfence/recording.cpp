@@ -40,7 +40,7 @@ Recording::Recording(const std::string& prefix, const worlds::Scene& scene, cons
     objects_.push_back(world.find(object.number));
     const ObjectView view = world.object(objects_.back());
     if (!view.id) continue;  // before the first frame the loaded pose holds
-    object.present = view.spec.present;
+    object.enabled = view.spec.enabled;
     object.pose = view.spec.pose;
   }
   write_meshes(prefix, start);
@@ -53,7 +53,7 @@ void Recording::add_frame(const World& world) {
   poses_.clear();
   for (const ObjectId object : objects_) {
     const ObjectView view = world.object(object);
-    poses_.push_back(view.spec.present ? view.spec.pose : Pose{{not_a_number, not_a_number, not_a_number}, {}});
+    poses_.push_back(view.spec.enabled ? view.spec.pose : Pose{{not_a_number, not_a_number, not_a_number}, {}});
   }
   try {
     motion_->add_frame(poses_);

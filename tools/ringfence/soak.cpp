@@ -64,9 +64,12 @@ void Soak::make_requests() {
   for (std::uint64_t n = random_() % 4; n > 0 && !live_.empty(); --n) {
     const Live& object = live_[random_() % live_.size()];
     if (object.category == Category::fixed) continue;
-    const bool remove = one_in(4);
-    if ((remove ? world_.remove(object.id) : world_.place(object.id, random_pose())) == Status::ok) {
-      ++(remove ? counts_.removed : counts_.placed);
+    if (one_in(4)) {
+      counts_.disabled += world_.set_enabled(object.id, false) == Status::ok ? 1 : 0;
+    } else if (one_in(4)) {
+      counts_.enabled += world_.set_enabled(object.id, true) == Status::ok ? 1 : 0;
+    } else {
+      counts_.placed += world_.place(object.id, random_pose()) == Status::ok ? 1 : 0;
     }
   }
   change_users();
@@ -283,8 +286,8 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   const Soak::Counts& n = soak.counts();
   fmt::print("{}\nsoak        {:.1f} minutes, {} frames, {} contacts; the slowest frame took {:.1f} ms\n", longer.title,
              minutes, frames, contacts, slowest_ms);
-  fmt::print("objects     {} spawned, {} destroyed, {} placed, {} removed; {} at the end\n", n.spawned, n.destroyed,
-             n.placed, n.removed, world.report().objects);
+  fmt::print("objects     {} spawned, {} destroyed, {} placed, {} disabled, {} enabled; {} at the end\n", n.spawned,
+             n.destroyed, n.placed, n.disabled, n.enabled, world.report().objects);
   fmt::print("user nodes  {} connected, {} disconnected, {} late; {} shapes registered\n", n.connected, n.disconnected,
              n.late, n.shapes);
   fmt::print("CD nodes    {} resizes, {} failures injected, {} nodes lost; {} at the end\n", n.resizes, n.faults,

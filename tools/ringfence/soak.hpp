@@ -11,10 +11,10 @@
 
 namespace ringfence::tools {
 
-/// Makes random requests to a world: objects are spawned, destroyed, placed and removed; shapes are registered; users
-/// connect, disconnect and stop; CD nodes join, leave and stop between and inside stages; threads cannot be created;
-/// and invalid calls are made. Checks in every frame that each candidate is accepted exactly once and that each refusal
-/// is counted under its reason. One thread.
+/// Makes random requests to a world: objects are spawned, destroyed, placed, disabled and enabled; shapes are
+/// registered; users connect, disconnect and stop; CD nodes join, leave and stop between and inside stages; threads
+/// cannot be created; and invalid calls are made. Checks in every frame that each candidate is accepted exactly once
+/// and that each refusal is counted under its reason. One thread.
 class Soak {
  public:
   /// Precondition: `scene` is loaded into `world`, and one frame has run. Both must outlive the soak.
@@ -26,7 +26,7 @@ class Soak {
   bool check_report(const FrameReport& report);
 
   struct Counts {
-    std::uint64_t spawned = 0, destroyed = 0, placed = 0, removed = 0;
+    std::uint64_t spawned = 0, destroyed = 0, placed = 0, disabled = 0, enabled = 0;
     std::uint64_t connected = 0, disconnected = 0, late = 0, shapes = 0;
     std::uint64_t resizes = 0, faults = 0, lost = 0, released = 0, without_thread = 0, refused = 0;
     std::uint64_t failures = 0;  ///< frames and calls in which a check failed

@@ -91,7 +91,7 @@ TraceWorld make_trace_world(const Trace& trace, std::uint32_t copies) {
       ObjectSpec object;
       object.number = ++number;
       object.category = Category::active;
-      object.present = false;
+      object.enabled = false;
       world.scene.objects.push_back(object);
       const std::uint32_t late = copy * copy_delay % max_copy_delay;
       add_rows(trace, samples, number, late, column * width, row * depth, world.motion.rows);

@@ -127,7 +127,7 @@ struct WorldConfig {
   std::uint32_t nodes = 1;
   std::uint32_t user_threads = 1;  ///< threads that run the user nodes, 1 to 256; ignored with nodes = 0
   Deployment deployment = Deployment::user_collision;
-  Placement placement = Placement::server;
+  Placement placement = Placement::automatic;
   /// Number of region cells on each axis as a base-2 logarithm, 0 to 10; all 0: the World chooses.
   std::uint32_t cells_log2[3] = {0, 0, 0};
   /// Metres around its avatars within which a user node reads the states of other objects, >= 0; 0: it reads none.

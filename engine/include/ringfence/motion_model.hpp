@@ -16,17 +16,17 @@ struct MotionInput {
   ObjectNumber number = 0;
   ShapeId shape;
   Category category = Category::active;
-  bool present = true;
+  bool enabled = true;  ///< false: in no contact, and no user node sees it
   std::uint64_t user_data = 0;
   Pose pose;                         ///< S(k-1)
   const std::byte* state = nullptr;  ///< the model's own part of S(k-1): state_bytes() of plain data, 8-byte aligned
   ObjectContacts contacts;           ///< begin and persist contacts of C(k-1), if the model uses_contacts()
 };
 
-/// The model's result for one object. Initialised to "does not move": pose, presence and state unchanged.
+/// The model's result for one object. Initialised to "does not move": pose, enabled and state unchanged.
 struct MotionOutput {
   Pose pose;  ///< finite, orientation within 10^-3 of unit length; otherwise refused and the object does not move
-  bool present = true;
+  bool enabled = true;
   std::byte* state = nullptr;  ///< state_bytes() bytes, to be overwritten
 };
 

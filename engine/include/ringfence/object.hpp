@@ -29,7 +29,7 @@ struct ObjectSpec {
   ShapeId shape;
   Category category = Category::active;
   std::uint8_t layer = 0;  ///< index into WorldConfig::layers
-  bool present = true;     ///< false: absent (in no contact) until it is given a pose
+  bool enabled = true;     ///< false: in no contact, and no user node sees it until World::set_enabled, place or move
   UserId user = no_user;   ///< the hosting user node: required for avatars, no_user for all others
   std::uint64_t user_data = 0;
   Pose pose{};

@@ -32,7 +32,7 @@ struct [[nodiscard]] Connected {
 /// State of an object after the last frame.
 struct ObjectView {
   ObjectId id;
-  ObjectSpec spec;  ///< `pose` and `present` are the current ones
+  ObjectSpec spec;  ///< `pose` and `enabled` are the current ones
 };
 
 /// The collision service: a server, CD nodes and user nodes behind one object.
@@ -93,20 +93,22 @@ class World {
   /// Direct control by the user: in the next frame the avatar stands at `pose`, whatever the motion model computes.
   /// Refused (not_host) unless the object is an avatar of `user`. The last call before a frame counts.
   Status move(UserId user, ObjectId object, const Pose& pose);
-  /// Sets the pose of any object but a static one at the next cut (a teleport, a door, a lift); an absent object
-  /// becomes present. Its host continues from there. If the same frame also has a World::move of the object, that pose
+  /// Sets the pose of any object but a static one at the next cut (a teleport, a door, a lift); a disabled object
+  /// becomes enabled. Its host continues from there. If the same frame also has a World::move of the object, that pose
   /// counts, whichever call came first.
   Status place(ObjectId object, const Pose& pose);
-  /// Makes the object absent, that is without contacts, from the next frame until it is placed or moved again.
-  Status remove(ObjectId object);
+  /// Disables or enables an object, except a static one, at the next cut. A disabled object is in no contact, is seen
+  /// by no user node, and keeps its pose and its model's state; its contacts end in that frame. `place` and `move`
+  /// enable it too. Calls of World::move that precede a call with false do not count.
+  Status set_enabled(ObjectId object, bool enabled);
 
   /// Changes the number of CD nodes. New nodes join in the next frame; at its end regions and hosted objects are handed
   /// over, and the nodes that leave are removed. No frame is lost and no contact changes. The last call before a frame
   /// counts. Creates the threads of the new nodes; if the system has none, the call is refused with no_thread, a log
   /// line says what to do, and the number of nodes stays. Refused with bad_number unless `nodes` is 1 to 1024 and at
-  /// most the number of cells; with remote nodes, which join on their own, also if it exceeds the present number.
+  /// most the number of cells; with remote nodes, which join on their own, also if it exceeds the current number.
   Status resize(std::uint32_t nodes);
-  /// CD nodes that took part in the last frame; before the first frame, the present number.
+  /// CD nodes that took part in the last frame; before the first frame, the current number.
   std::uint32_t nodes() const noexcept;
 
   /// Makes a CD node or a user node stop at a point of a future frame, to test failover. Without

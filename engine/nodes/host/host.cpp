@@ -432,7 +432,7 @@ void Host::accept(std::size_t first, std::size_t count) {
 
 bool Host::accept(std::size_t i, const MotionOutput& output, const std::byte* next) {
   Hosted& hosted = hosted_[i];
-  const std::uint32_t flags = (output.present ? flag_present : 0u) | (hosted.object.flags & flag_host_owned);
+  const std::uint32_t flags = (output.enabled ? flag_present : 0u) | (hosted.object.flags & flag_host_owned);
   const bool moved = !(output.pose == hosted.pose);  // a pose with NaN counts as moved and is refused
   if (moved) {
     Pose pose = output.pose;

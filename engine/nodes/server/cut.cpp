@@ -122,7 +122,7 @@ void ServerRole::apply(const Request& request) {
       return;
     case Request::Kind::destroy:
     case Request::Kind::place:
-    case Request::Kind::remove:
+    case Request::Kind::set_enabled:
       break;
   }
   const std::uint32_t slot = objects_.find(request.object.number());
@@ -134,7 +134,7 @@ void ServerRole::apply(const Request& request) {
   } else if (request.kind == Request::Kind::place) {
     place(slot, request.spec.pose, true);
   } else {
-    place(slot, pose(slot), false);
+    place(slot, pose(slot), request.spec.enabled);
   }
 }
 

@@ -61,7 +61,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
     std::fill_n(state(slot), state_bytes_, std::byte{0});
   }
   ObjectRow& row = rows_[slot];
-  row.object = {slot, id.generation(), id.number(), spec.present ? messages::flag_present : 0u};
+  row.object = {slot, id.generation(), id.number(), spec.enabled ? messages::flag_present : 0u};
   row.pose = spec.pose;
   row.shape = spec.shape.number();
   row.layer = spec.layer;

@@ -26,7 +26,7 @@ class RecordingModel : public MotionModel {
     bool throws = false;
     bool pose_set = false;
     Pose pose;
-    bool present = true;
+    bool enabled = true;
     bool state_set = false;
     std::uint64_t state[2] = {};
   };
@@ -53,7 +53,7 @@ class RecordingModel : public MotionModel {
       }
       // Output written before the exception must have no effect.
       if (at->second.pose_set || at->second.throws) outputs[i].pose = at->second.pose;
-      outputs[i].present = at->second.present;
+      outputs[i].enabled = at->second.enabled;
       if (at->second.state_set || at->second.throws) std::memcpy(outputs[i].state, at->second.state, bytes_);
       if (at->second.throws) throw std::runtime_error("as configured");
     }
@@ -333,7 +333,7 @@ TEST_CASE("objects for which the model throws keep pose, presence and state and 
       output.pose.position = {static_cast<double>(number), 50, 3};
       output.state[0] = number + 1;
       output.throws = seed == 4 || random() % (seed == 3 ? 2 : 20) == 0;
-      output.present = !output.throws;
+      output.enabled = !output.throws;
       if (output.throws) throwing.insert(number);
       model.outputs_by_number[number] = output;
     }
@@ -372,7 +372,7 @@ TEST_CASE("a model output that is not finite or not unit is refused by reason an
     output.state[0] = 99;
     if (number <= std::size(bad)) {
       output.pose = bad[number - 1];
-      output.present = false;
+      output.enabled = false;
     } else {
       output.pose.position = {7, 7, 7};
     }
@@ -402,7 +402,7 @@ TEST_CASE("exactly the objects with changed pose, presence or state, placed or s
   output.pose.position.y = 10;
   model.outputs_by_number[1] = output;
   output = {};
-  output.present = false;
+  output.enabled = false;
   model.outputs_by_number[2] = output;
   output = {};
   output.state_set = true;
