@@ -137,8 +137,8 @@ void ClusterNodes::open(const WorldParameters& terms) {
   std::copy(terms.layer_masks.begin(), terms.layer_masks.end(), record.layer_masks);
   record.state_bytes = config.motion == nullptr ? 0 : static_cast<std::uint32_t>(config.motion->state_bytes());
   record.has_model = config.motion == nullptr ? 0 : 1;
-  record.keep_resting = config.keep_resting ? 1 : 0;
-  record.remember_axes = config.remember_axes ? 1 : 0;
+  record.keep_resting = config.tuning.keep_resting ? 1 : 0;
+  record.remember_axes = config.tuning.remember_axes ? 1 : 0;
   record.hosts = config.deployment == Deployment::user_collision ? 1 : 0;
   constexpr std::size_t max_objects = std::size_t{1} << 31;
   record.max_objects = static_cast<std::uint32_t>(std::clamp<std::size_t>(config.limits.objects, 1, max_objects));

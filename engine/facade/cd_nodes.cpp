@@ -91,12 +91,12 @@ std::unique_ptr<nodes::CdNodeRole> World::Implementation::make_role(NodeNumber n
   setup.model = config.motion.get();
   setup.placement = config.placement;
   setup.layer_masks = layer_masks;
-  setup.keep_resting = config.keep_resting;
+  setup.keep_resting = config.tuning.keep_resting;
   setup.hosts = config.deployment == Deployment::user_collision;
   setup.shares_thread = !threaded() || node_workers[node] == nullptr;
   node_tracks[node] = config.timeline ? std::make_unique<telemetry::Track>() : nullptr;
   setup.track = node_tracks[node].get();
-  setup.remember_axes = config.remember_axes;
+  setup.remember_axes = config.tuning.remember_axes;
   setup.may_be_lost = threaded() && config.deadlines.node_ms > 0;
   // Without a publication the server publishes the states for the users.
   setup.keeps_host_owned_states = config.interest <= 0 || node_channels[node]->publication != nullptr;

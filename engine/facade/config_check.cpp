@@ -68,8 +68,8 @@ void check(const WorldConfig& config) {
           "nodes is 0 with remote_nodes; at least 1 remote node must join");
   require(config.user_threads >= 1 && config.user_threads <= 256,
           "user_threads is " + std::to_string(config.user_threads) + "; 1 to 256");
-  for (const std::uint32_t bits : config.cells_log2) {
-    require(bits <= 10, "cells_log2 holds " + std::to_string(bits) + "; 0 to 10 on each axis");
+  for (const std::uint32_t bits : config.tuning.cells_log2) {
+    require(bits <= 10, "tuning.cells_log2 holds " + std::to_string(bits) + "; 0 to 10 on each axis");
   }
   require(std::isfinite(config.interest) && config.interest >= 0,
           "interest is " + std::to_string(config.interest) + "; metres, 0 or more");
@@ -84,8 +84,8 @@ void check(const WorldConfig& config) {
   check_deadline("node_ms", config.deadlines.node_ms);
   check_deadline("user_ms", config.deadlines.user_ms);
   check_layers(config.layers);
-  if (config.ring_bytes != 0) {
-    link::Channel::check(config.ring_bytes, "WorldConfig::ring_bytes (--ring-bytes)");
+  if (config.tuning.ring_bytes != 0) {
+    link::Channel::check(config.tuning.ring_bytes, "WorldConfig::tuning.ring_bytes (--ring-bytes)");
   }
   if (config.motion != nullptr) {
     require(config.motion->state_bytes() <= max_motion_state,

@@ -89,7 +89,7 @@ struct World::Implementation {
   bool threaded() const noexcept { return config.nodes > 0; }
   bool frame_is_running() const noexcept { return begun != frames; }
   std::size_t ring_bytes(std::size_t by_role) const noexcept {
-    return config.ring_bytes != 0 ? config.ring_bytes : by_role;
+    return config.tuning.ring_bytes != 0 ? config.tuning.ring_bytes : by_role;
   }
   link::Doorbell* server_bell() noexcept { return threaded() ? &server_worker->bell() : nullptr; }
 

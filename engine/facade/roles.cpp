@@ -22,7 +22,7 @@ constexpr std::size_t user_ring = std::size_t{1} << 16;
 constexpr std::size_t max_interest_cells = std::size_t{1} << 15;
 
 regions::CellGrid region_grid(const WorldConfig& config, const geometry::FixedSpace& space) {
-  const std::uint32_t* given = config.cells_log2;
+  const std::uint32_t* given = config.tuning.cells_log2;
   if (given[0] != 0 || given[1] != 0 || given[2] != 0) {
     return {{given[0], given[1], given[2]}};
   }
@@ -102,7 +102,7 @@ void World::Implementation::build_server() {
   setup.deployment = config.deployment;
   setup.placement = config.placement;
   setup.layer_masks = layer_masks;
-  setup.keep_resting = config.keep_resting;
+  setup.keep_resting = config.tuning.keep_resting;
   setup.capacities = config.capacities;
   setup.interest = config.interest;
   setup.balance = config.balance;

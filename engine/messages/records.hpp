@@ -6,9 +6,9 @@
 #include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
 #include "ringfence/contact.hpp"
-#include "ringfence/frame_report.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/pose.hpp"
+#include "ringfence/profile.hpp"
 
 namespace ringfence::messages {
 

@@ -8,9 +8,9 @@
 #include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
 #include "geometry/shape_table.hpp"
-#include "ringfence/frame_report.hpp"
 #include "ringfence/ids.hpp"
 #include "ringfence/pose.hpp"
+#include "ringfence/profile.hpp"
 
 namespace ringfence::narrow_phase {
 

@@ -32,7 +32,7 @@ CellGrid CellGrid::choose(const double extents[3], std::size_t cells) {
 RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(nodes) {
   if (nodes == 0 || nodes > grid.cells()) {
     throw Error("regions: " + std::to_string(nodes) + " nodes cannot share " + std::to_string(grid.cells()) +
-                " cells; raise WorldConfig::cells_log2 or lower WorldConfig::nodes");
+                " cells; raise WorldConfig::tuning.cells_log2 or lower WorldConfig::nodes");
   }
   Bisection bisection(grid);
   const auto owners = bisection.split(nodes, std::span<const double>{});

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "ringfence/frame_report.hpp"
+#include "ringfence/profile.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::telemetry {

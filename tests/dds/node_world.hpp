@@ -108,7 +108,7 @@ class NodeWorld {
     for (std::uint32_t node = 0; node < nodes; ++node) start_node();
     WorldConfig config = config_of(deployment, placement);
     config.nodes = nodes;
-    config.cells_log2[0] = along_x;
+    config.tuning.cells_log2[0] = along_x;
     config.remote_nodes = cluster_->remote_nodes();
     world_ = std::make_unique<World>(std::move(config));
     populate(*world_, objects, users, side);

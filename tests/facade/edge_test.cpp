@@ -134,7 +134,7 @@ TEST_CASE(
 
 TEST_CASE("more nodes than cells are refused when the world is made, and as many as cells work") {
   WorldConfig config;
-  config.cells_log2[1] = 1;
+  config.tuning.cells_log2[1] = 1;
   config.nodes = 3;
   CHECK_THROWS_WITH_AS(World{config}, doctest::Contains("3 nodes cannot share 2 cells"), Error);
   config.nodes = 2;

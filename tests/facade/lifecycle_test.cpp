@@ -86,7 +86,7 @@ TEST_CASE("the smallest rings give the same results") {
   WorldConfig config = config_of();
   config.nodes = 0;
   const LifecycleRun expected = live(config, seed, 30);
-  config.ring_bytes = 4096;
+  config.tuning.ring_bytes = 4096;
   in_all_worlds(config, {0u, 2u, 5u},
                 [&](const WorldConfig& other) { CHECK(live(other, seed, 30).digest == expected.digest); });
 }

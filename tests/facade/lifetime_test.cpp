@@ -237,8 +237,8 @@ class TremblingModel : public MotionModel {
 WorldConfig config_with_node_deadline() {
   WorldConfig config;
   config.nodes = 3;
-  config.cells_log2[0] = 2;
-  config.cells_log2[1] = config.cells_log2[2] = 1;
+  config.tuning.cells_log2[0] = 2;
+  config.tuning.cells_log2[1] = config.tuning.cells_log2[2] = 1;
   config.timeline = true;
   config.deadlines.node_ms = 100;
   return config;

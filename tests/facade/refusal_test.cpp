@@ -233,18 +233,18 @@ TEST_CASE("an invalid configuration is refused with the name of the field and it
   throws("bounds", [](WorldConfig& c) { c.bounds_max.z = std::numeric_limits<double>::infinity(); });
   throws("nodes", [](WorldConfig& c) { c.nodes = 1025; });
   throws("nodes", [](WorldConfig& c) {
-    c.cells_log2[0] = 1;
+    c.tuning.cells_log2[0] = 1;
     c.nodes = 3;
   });
   throws("user_threads", [](WorldConfig& c) { c.user_threads = 0; });
   throws("user_threads", [](WorldConfig& c) { c.user_threads = 257; });
-  throws("cells_log2", [](WorldConfig& c) { c.cells_log2[1] = 11; });
+  throws("cells_log2", [](WorldConfig& c) { c.tuning.cells_log2[1] = 11; });
   throws("interest", [](WorldConfig& c) { c.interest = -1; });
   throws("interest", [&](WorldConfig& c) { c.interest = nan; });
   throws("capacities.objects", [](WorldConfig& c) { c.capacities.objects = 0; });
   throws("capacities.users", [](WorldConfig& c) { c.capacities.users = c.limits.users + 1; });
-  throws("ring_bytes", [](WorldConfig& c) { c.ring_bytes = 5000; });
-  throws("ring_bytes", [](WorldConfig& c) { c.ring_bytes = 2048; });
+  throws("ring_bytes", [](WorldConfig& c) { c.tuning.ring_bytes = 5000; });
+  throws("ring_bytes", [](WorldConfig& c) { c.tuning.ring_bytes = 2048; });
   throws("layers", [](WorldConfig& c) { c.layers.names.resize(33, "x"); });
   throws("layers", [](WorldConfig& c) { c.layers.collide = {{0, 0}}; });
   throws("layers", [](WorldConfig& c) {

@@ -85,7 +85,7 @@ TEST_CASE("nodes that join and leave a running world change no contact, and ever
 TEST_CASE("resizing to 0, beyond the limit or beyond the number of cells is refused and counted") {
   WorldConfig config;
   config.nodes = 0;
-  config.cells_log2[0] = 2;
+  config.tuning.cells_log2[0] = 2;
   World world(config);
   CHECK(world.nodes() == 1);  // one works, in the calling thread
   CHECK(world.resize(0) == Status::bad_number);
@@ -110,7 +110,7 @@ Corner run_corner(bool balance, Placement placement, std::uint32_t cells_log2) {
   config.nodes = 8;
   config.placement = placement;
   config.balance = balance;
-  config.cells_log2[0] = config.cells_log2[1] = config.cells_log2[2] = cells_log2;
+  config.tuning.cells_log2[0] = config.tuning.cells_log2[1] = config.tuning.cells_log2[2] = cells_log2;
   config.motion = std::make_shared<BouncingModel>(side);
   World world(config);
   populate(world, 600, 2, side);
@@ -158,7 +158,7 @@ std::vector<std::uint64_t> run_by_pairs(std::uint32_t user_threads, bool pairs_a
   config.placement = Placement::region;
   config.balance_by = BalanceBy::pairs;
   config.timeline = pairs_are_expensive;  // makes pairs more expensive
-  config.remember_axes = !pairs_are_expensive;
+  config.tuning.remember_axes = !pairs_are_expensive;
   config.motion = std::make_shared<BouncingModel>(side);
   World world(config);
   populate(world, 500, 3, side);

@@ -73,7 +73,7 @@ TEST_CASE("placement, node count, resizing, balancing and keep_resting change no
           config.nodes = nodes;
           config.placement = placement;
           config.balance = balance;
-          config.keep_resting = keep_resting;
+          config.tuning.keep_resting = keep_resting;
           const Run other = run(config, schedules[schedule], caller);
           CHECK(other.digest == expected.digest);
           changed += schedule == 0 && other.epoch > 1 ? 1 : 0;

@@ -97,9 +97,9 @@ TEST_CASE("a whole run has one digest whether separating axes are remembered or 
     for (const std::uint32_t nodes : {0u, 1u, 3u}) {
       CAPTURE(nodes);
       WorldConfig config = config_of(Placement::server, nodes);
-      config.remember_axes = false;
+      config.tuning.remember_axes = false;
       const Run without = run(paper, config, 60);
-      config.remember_axes = true;
+      config.tuning.remember_axes = true;
       const Run with = run(paper, config, 60);
       CHECK(with.digest == without.digest);
       CHECK(without.ended_early == 0);

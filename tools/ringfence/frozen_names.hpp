@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "ringfence/fault.hpp"
-#include "ringfence/frame_report.hpp"
+#include "ringfence/profile.hpp"
 
 /// Names that users have in scripts and files, and that differ from the names in the code. They never change: options
 /// accept them, and JSON reports have them as keys. No other file of the program contains them.

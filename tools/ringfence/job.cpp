@@ -56,11 +56,11 @@ WorldConfig world_config(const Job& job) {
   config.deployment = job.service.deployment;
   config.placement = job.service.placement;
   config.interest = job.service.interest;
-  config.ring_bytes = job.service.ring_bytes;
+  config.tuning.ring_bytes = job.service.ring_bytes;
   config.balance = job.service.balance;
   config.balance_by = job.service.balance_by;
   config.deadlines = job.service.deadlines;
-  config.keep_resting = job.service.keep_resting;
+  config.tuning.keep_resting = job.service.keep_resting;
   config.pin = job.service.pin;
   config.timeline = !job.output.trace.empty();
   config.motion = job.model;

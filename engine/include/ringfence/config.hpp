@@ -11,6 +11,7 @@
 
 #include "ringfence/motion_model.hpp"
 #include "ringfence/pose.hpp"
+#include "ringfence/tuning.hpp"
 
 namespace ringfence {
 
@@ -128,28 +129,19 @@ struct WorldConfig {
   std::uint32_t user_threads = 1;  ///< threads that run the user nodes, 1 to 256; ignored with nodes = 0
   Deployment deployment = Deployment::user_collision;
   Placement placement = Placement::automatic;
-  /// Number of region cells on each axis as a base-2 logarithm, 0 to 10; all 0: the World chooses.
-  std::uint32_t cells_log2[3] = {0, 0, 0};
   /// Metres around its avatars within which a user node reads the states of other objects, >= 0; 0: it reads none.
   double interest = 25;
   Capacities capacities;
   Limits limits;
   Deadlines deadlines;
   Quotas quotas;
-  /// Size in bytes of every ring except those to and from remote nodes: a power of two, 4096 to 2^30. 0: the World
-  /// chooses by role.
-  std::size_t ring_bytes = 0;
   /// Whether regions follow the load: the map changes at the end of a frame when the nodes' costs are unequal.
   bool balance = true;
   BalanceBy balance_by = BalanceBy::cpu_time;
-  /// Whether the broad phase keeps objects that do not move in a separate structure. Affects cost only; false is meant
-  /// for comparison.
-  bool keep_resting = true;
   /// Whether each thread of the World is pinned to a hardware thread. If there are too few, threads share them.
   bool pin = false;
   bool timeline = false;  ///< whether FrameReport::timeline is filled with what each thread did and when
-  /// Whether CD nodes remember the axes that separated hulls in earlier frames. Affects cost only.
-  bool remember_axes = true;
+  Tuning tuning;          ///< settings for measurements
   LayerMatrix layers;
   std::shared_ptr<const MotionModel> motion;  ///< null: objects move only by World::move and World::place
   LogHook log;                                ///< null: nothing is logged
