@@ -23,6 +23,7 @@
 #include "link/publication.hpp"
 #include "nodes/cd_node/cd_node_role.hpp"
 #include "nodes/fault_point.hpp"
+#include "nodes/host/frame_inputs.hpp"
 #include "nodes/move_watch.hpp"
 #include "nodes/server/server_role.hpp"
 #include "nodes/user/user_role.hpp"
@@ -172,7 +173,12 @@ struct World::Implementation {
     ObjectNumber number;
     Pose pose;
   };
-  std::vector<PendingMove> pending_moves;             ///< for the next frame
+  std::vector<PendingMove> pending_moves;  ///< for the next frame
+  struct PendingInput {
+    UserNumber user = no_user_number;
+    nodes::ObjectInput input;
+  };
+  std::vector<PendingInput> pending_inputs;           ///< for the next frame
   std::vector<UserNumber> users;                      ///< connected, or connecting at the next cut; ascending
   std::vector<UserNumber> leaving;                    ///< disconnected; their numbers are in use until the next cut
   std::vector<UserNumber> cut_leaving;                ///< those that the cut of the running frame disconnects

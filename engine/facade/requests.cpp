@@ -85,6 +85,7 @@ Status World::disconnect(UserId id) try {
   w.leaving.push_back(user);
   w.registry.end_avatars(user);
   std::erase_if(w.pending_moves, [&](const auto& pending_move) { return pending_move.user == user; });
+  std::erase_if(w.pending_inputs, [&](const auto& pending_input) { return pending_input.user == user; });
   Request request;
   request.kind = Request::Kind::disconnect;
   request.user = user;
@@ -173,6 +174,27 @@ Status World::move(UserId user, ObjectId object, const Pose& pose) try {
     return w.refuse(status);
   }
   w.pending_moves.push_back({user.number(), object.number(), valid});
+  return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
+}
+
+Status World::input(UserId user, ObjectId object, std::span<const std::byte> bytes) try {
+  Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return Status::out_of_memory;
+  }
+  if (const Status status = w.check_own(user, object); status != Status::ok) {
+    return w.refuse(status);
+  }
+  if (bytes.size() > max_input_bytes) {
+    return w.refuse(Status::bad_message);
+  }
+  auto& pending = w.pending_inputs.emplace_back();
+  pending.user = user.number();
+  pending.input.number = object.number();
+  pending.input.size = static_cast<std::uint8_t>(bytes.size());
+  std::copy(bytes.begin(), bytes.end(), pending.input.bytes.begin());
   return Status::ok;
 } catch (const std::bad_alloc&) {
   return implementation_->stop_frames();

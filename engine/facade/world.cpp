@@ -168,6 +168,10 @@ Status World::begin_frame() try {
     w.user_nodes.at(pending_move.user)->role->steer(pending_move.number, pending_move.pose);
   }
   w.pending_moves.clear();
+  for (const auto& pending_input : w.pending_inputs) {
+    w.user_nodes.at(pending_input.user)->role->give_input(pending_input.input);
+  }
+  w.pending_inputs.clear();
   w.order.users_overdue.store(false, std::memory_order_relaxed);  // may remain set from the frame before
   ++w.begun;
   w.order.ordered.store(w.begun, std::memory_order_release);

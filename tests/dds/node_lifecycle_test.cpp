@@ -277,4 +277,30 @@ TEST_CASE("shapes and objects that are added while nodes join reach all of them"
   CHECK(found.value() == expected.value());
 }
 
+TEST_CASE("inputs of users have the same effect with nodes in other processes, also when one of them is killed") {
+  WorldConfig config = NodeWorld::config_of(Deployment::user_collision, Placement::region);
+  config.nodes = 0;
+  World alone(std::move(config));
+  test::populate(alone, NodeWorld::objects, NodeWorld::users, NodeWorld::side);
+  NodeWorld nodes(Deployment::user_collision, Placement::region, 2);
+  std::mt19937_64 random(12);
+  Digest expected, found;
+  for (int frame = 0; frame < 30; ++frame) {
+    if (frame == 15) nodes.process(1).signal(SIGKILL);
+    for (std::uint32_t user = 0; user < NodeWorld::users; ++user) {
+      const std::byte bytes[3] = {static_cast<std::byte>(random()), static_cast<std::byte>(random())};
+      for (World* world : {&alone, &nodes.world()}) {
+        // populate() gives user i the avatar with number i + 1.
+        REQUIRE(world->input(UserId(user), world->find(user + 1), bytes) == Status::ok);
+      }
+    }
+    REQUIRE(alone.advance() == Status::ok);
+    REQUIRE(nodes.world().advance() == Status::ok);
+    expected.add_frame(alone.contacts());
+    found.add_frame(nodes.world().contacts());
+  }
+  CHECK(found.value() == expected.value());
+  CHECK_FALSE(found.value() == NodeWorld::expected(30));  // the inputs have an effect
+}
+
 }  // namespace ringfence

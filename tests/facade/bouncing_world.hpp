@@ -58,6 +58,10 @@ class BouncingModel : public MotionModel {
         }
         ++s.hits;
       }
+      // The first three bytes of an input are a push in centimetres.
+      for (std::size_t k = 0; k < 3 && k < in.input.size(); ++k) {
+        p[k] += 0.01 * static_cast<std::int8_t>(in.input[k]);
+      }
       for (int k = 0; k < 3; ++k) {
         p[k] += 0.25 * s.velocity[k];
         // Slightly beyond the bounds: the outer regions extend to infinity.

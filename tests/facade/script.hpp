@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <random>
+#include <span>
 #include <vector>
 
 #include "base/caller_environment.hpp"
@@ -16,9 +18,9 @@
 
 namespace ringfence::test {
 
-/// Random requests to a world: users connect and disconnect; objects are spawned, destroyed, placed, enabled, disabled
-/// and moved. Every world with the same seed gets the same calls in the same order, so all must return and end the
-/// same. The calls are made as `caller`.
+/// Random requests to a world: users connect, disconnect and steer; objects are spawned, destroyed, placed, enabled,
+/// disabled and moved. Every world with the same seed gets the same calls in the same order, so all must return and end
+/// the same. The calls are made as `caller`.
 class Script {
  public:
   Script(World& world, unsigned seed, double side, Caller caller = Caller::usual)
@@ -55,6 +57,7 @@ class Script {
     for (std::uint64_t n = random_() % 8; n > 0; --n) {
       const Live& object = live_[random_() % live_.size()];
       if (object.category == Category::fixed) continue;
+      if (object.category == Category::avatar) steer(object);
       switch (random_() % 4) {
         case 0: {
           const bool enabled = random_() % 3 == 0;
@@ -96,6 +99,12 @@ class Script {
     const double half = uniform(0, 1);
     pose.orientation = {static_cast<float>(half), 0, 0, static_cast<float>(std::sqrt(1 - half * half))};
     return pose;
+  }
+  void steer(const Live& avatar) {
+    std::byte bytes[max_input_bytes];
+    for (std::byte& byte : bytes) byte = static_cast<std::byte>(random_());
+    const std::span input(bytes, random_() % (max_input_bytes + 1));
+    REQUIRE(call_from(caller_, [&] { return world_.input(avatar.user, avatar.id, input); }) == Status::ok);
   }
   void connect() {
     const Connected connected = call_from(caller_, [&] { return world_.connect(); });

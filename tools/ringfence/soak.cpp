@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstddef>
+#include <iterator>
 #include <limits>
 #include <optional>
+#include <span>
 #include <string>
 
 #include <fmt/format.h>
@@ -64,6 +67,7 @@ void Soak::make_requests() {
   for (std::uint64_t n = random_() % 4; n > 0 && !live_.empty(); --n) {
     const Live& object = live_[random_() % live_.size()];
     if (object.category == Category::fixed) continue;
+    if (object.category == Category::avatar) give_input(object);
     if (one_in(4)) {
       counts_.disabled += world_.set_enabled(object.id, false) == Status::ok ? 1 : 0;
     } else if (one_in(4)) {
@@ -125,6 +129,13 @@ void Soak::spawn(UserId user) {
   if (spawned.status != Status::ok) throw Error(fmt::format("--soak: spawn returned {}", name_of(spawned.status)));
   live_.push_back({spawned.id, spec.category, user});
   ++counts_.spawned;
+}
+
+void Soak::give_input(const Live& avatar) {
+  std::byte bytes[max_input_bytes];
+  std::generate(std::begin(bytes), std::end(bytes), [this] { return static_cast<std::byte>(random_()); });
+  const std::span input(bytes, random_() % (max_input_bytes + 1));
+  counts_.inputs += world_.input(avatar.user, avatar.id, input) == Status::ok ? 1 : 0;
 }
 
 void Soak::destroy() {
@@ -234,6 +245,7 @@ void Soak::make_invalid_calls() {
     if (object.category != Category::fixed) expect(world_.place(object.id, not_finite_pose), Status::not_finite);
     const UserId user = users_[random_() % users_.size()];
     if (object.user != user) expect(world_.move(user, object.id, {}), Status::not_host);
+    if (object.user != user) expect(world_.input(user, object.id, {}), Status::not_host);
     expect(world_.spawn({.shape = ShapeId(0xffffff)}).status, Status::unknown_shape);
     expect(world_.resize(0), Status::bad_number);
   }
@@ -288,8 +300,8 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
              minutes, frames, contacts, slowest_ms);
   fmt::print("objects     {} spawned, {} destroyed, {} placed, {} disabled, {} enabled; {} at the end\n", n.spawned,
              n.destroyed, n.placed, n.disabled, n.enabled, world.report().objects);
-  fmt::print("user nodes  {} connected, {} disconnected, {} late; {} shapes registered\n", n.connected, n.disconnected,
-             n.late, n.shapes);
+  fmt::print("user nodes  {} connected, {} disconnected, {} late, {} inputs; {} shapes registered\n", n.connected,
+             n.disconnected, n.late, n.inputs, n.shapes);
   fmt::print("CD nodes    {} resizes, {} failures injected, {} nodes lost; {} at the end\n", n.resizes, n.faults,
              n.lost, world.nodes());
   fmt::print("stopped     {} nodes released inside a stage; {} times no thread for a new node\n", n.released,

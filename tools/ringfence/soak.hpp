@@ -11,7 +11,7 @@
 
 namespace ringfence::tools {
 
-/// Makes random requests to a world: objects are spawned, destroyed, placed, disabled and enabled; shapes are
+/// Makes random requests to a world: objects are spawned, destroyed, placed, disabled, enabled and steered; shapes are
 /// registered; users connect, disconnect and stop; CD nodes join, leave and stop between and inside stages; threads
 /// cannot be created; and invalid calls are made. Checks in every frame that each candidate is accepted exactly once
 /// and that each refusal is counted under its reason. One thread.
@@ -27,7 +27,7 @@ class Soak {
 
   struct Counts {
     std::uint64_t spawned = 0, destroyed = 0, placed = 0, disabled = 0, enabled = 0;
-    std::uint64_t connected = 0, disconnected = 0, late = 0, shapes = 0;
+    std::uint64_t connected = 0, disconnected = 0, late = 0, inputs = 0, shapes = 0;
     std::uint64_t resizes = 0, faults = 0, lost = 0, released = 0, without_thread = 0, refused = 0;
     std::uint64_t failures = 0;  ///< frames and calls in which a check failed
   };
@@ -43,6 +43,7 @@ class Soak {
   bool one_in(std::uint32_t n) { return random_() % n == 0; }
   Pose random_pose();
   void spawn(UserId user);
+  void give_input(const Live& avatar);
   void destroy();
   void change_users();
   void change_nodes();

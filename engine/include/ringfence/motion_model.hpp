@@ -11,6 +11,9 @@
 
 namespace ringfence {
 
+/// Largest input of an object for one frame, bytes; see World::input.
+inline constexpr std::size_t max_input_bytes = 32;
+
 /// One hosted object as the model receives it. All fields are the same in every deployment.
 struct MotionInput {
   ObjectNumber number = 0;
@@ -21,6 +24,7 @@ struct MotionInput {
   Pose pose;                         ///< S(k-1)
   const std::byte* state = nullptr;  ///< the model's own part of S(k-1): state_bytes() of plain data, 8-byte aligned
   ObjectContacts contacts;           ///< begin and persist contacts of C(k-1), if the model uses_contacts()
+  std::span<const std::byte> input;  ///< of World::input for this frame; empty if there is none; lives during the call
 };
 
 /// The model's result for one object. Initialised to "does not move": pose, enabled and state unchanged.
@@ -33,10 +37,10 @@ struct MotionOutput {
 /// Moves hosted objects and responds to their contacts. Supplied by the embedder; examples are the paper's steering and
 /// the replay of recordings.
 ///
-/// `move` computes S(k) from the frame number, the object's number, its S(k-1) and its C(k-1), and from nothing else
-/// that can differ between calls. This makes all deployments compute the same states. It is called in batches,
-/// concurrently, by all threads that host objects, for avatars too (an explicit World::move replaces the avatar's pose
-/// for that frame).
+/// `move` computes S(k) from the frame number, the object's number, its S(k-1), its C(k-1) and its input for frame k,
+/// and from nothing else that can differ between calls. This makes all deployments compute the same states. It is
+/// called in batches, concurrently, by all threads that host objects, for avatars too (an explicit World::move replaces
+/// the avatar's pose for that frame).
 ///
 /// An exception is caught: the objects for which the model throws do not move in that frame and are reported. The model
 /// must not call World.

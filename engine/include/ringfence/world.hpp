@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -93,6 +94,11 @@ class World {
   /// Direct control by the user: in the next frame the avatar stands at `pose`, whatever the motion model computes.
   /// Refused (not_host) unless the object is an avatar of `user`. The last call before a frame counts.
   Status move(UserId user, ObjectId object, const Pose& pose);
+  /// Passes what the user wants an avatar to do, such as keys or a direction, to the motion model: it receives `bytes`
+  /// as MotionInput::input of that avatar in the next frame, and only in that one. So clients steer without setting the
+  /// pose. The bytes are copied. The last call before a frame counts; an empty span withdraws the call before. Refused:
+  /// not_host unless the object is an avatar of `user`; bad_message for more than max_input_bytes (32).
+  Status input(UserId user, ObjectId object, std::span<const std::byte> bytes);
   /// Sets the pose of any object but a static one at the next cut (a teleport, a door, a lift); a disabled object
   /// becomes enabled. Its host continues from there. If the same frame also has a World::move of the object, that pose
   /// counts, whichever call came first.

@@ -292,7 +292,7 @@ void Host::move(std::uint64_t frame) {
     }
   }
   steered_.clear();
-  late_.clear();
+  end_move();
   collect_changed(0, hosted_.size());
 }
 
@@ -305,13 +305,21 @@ void Host::begin_move(std::uint64_t frame) {
   if (uses_contacts_ && !hosted_.empty()) {
     sort_contacts(gather_contacts(frame));
   }
+  if (!frame_inputs_.empty()) {
+    frame_inputs_.find_objects(index_);
+  }
+}
+
+void Host::end_move() noexcept {
+  late_.clear();
+  frame_inputs_.clear();
 }
 
 bool Host::move_next() {
   assert(steered_.empty());
   changed_.clear();
   if (next_moved_ == hosted_.size()) {
-    late_.clear();
+    end_move();
     return false;
   }
   const std::size_t end = std::min(next_moved_ + batch, hosted_.size());
@@ -403,8 +411,12 @@ bool Host::call_model(std::size_t first, std::size_t count) {
                   hosted.user_data,
                   hosted.pose,
                   state(first + i),
-                  ObjectContacts(known_contacts_, contacts_of(first + i))};
+                  ObjectContacts(known_contacts_, contacts_of(first + i)),
+                  {}};
     outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_};
+  }
+  if (!frame_inputs_.empty()) {
+    frame_inputs_.set(first, std::span(inputs_, count));
   }
   if (fault_ != nullptr) {
     fault_->pass(NodeStage::model, frame_);

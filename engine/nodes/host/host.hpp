@@ -14,6 +14,7 @@
 #include "messages/header.hpp"
 #include "messages/records.hpp"
 #include "nodes/fault_point.hpp"
+#include "nodes/host/frame_inputs.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/motion_model.hpp"
 #include "ringfence/object.hpp"
@@ -102,6 +103,9 @@ class Host {
   bool apply(const messages::MessageView& message);
   /// In the next move() the object takes `pose` and is present, whatever the model computes. Applies to one frame.
   void steer(ObjectNumber number, const Pose& pose);
+
+  /// In the next move, and only in that, the model receives the input of the object, if it is hosted then.
+  void give_input(const ObjectInput& input) { frame_inputs_.add(input); }
 
   /// Clears C(frame); the add functions below fill it. C(frame - 1) stays readable, also for other threads.
   void begin_contacts(std::uint64_t frame) noexcept { lists_[frame & 1].clear(); }
@@ -201,6 +205,7 @@ class Host {
     }
   }
   void sort_contacts(const KnownContacts& known);
+  void end_move() noexcept;
   void move_batches(std::size_t first, std::size_t end);
   void collect_changed(std::size_t first, std::size_t end);
   void move_batch(std::size_t first, std::size_t count);
@@ -235,6 +240,7 @@ class Host {
     Pose pose;
   };
   std::vector<Steered> steered_;
+  FrameInputs frame_inputs_;
   base::FlatList<std::uint32_t> changed_;
   base::FlatList<std::uint8_t> differs_;
   std::uint64_t frame_ = 0;     ///< frame being moved

@@ -60,6 +60,10 @@ class UserRole {
   /// Sets the pose of an avatar in the next frame, whatever the model computes. The facade calls it between frames.
   void steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
 
+  /// Passes an input of an avatar to the motion model in the next frame; the last input of an avatar counts. The facade
+  /// calls it between frames.
+  void give_input(const ObjectInput& input) { host_.give_input(input); }
+
   /// Injects a fault: the role stops before it calls the motion model, or before it publishes. Call it between frames,
   /// while no thread steps the role. The last call counts.
   void fail(const Fault& fault) noexcept { fault_.set(fault); }
