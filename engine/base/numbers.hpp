@@ -11,7 +11,7 @@ using UserNumber = std::uint32_t;
 /// No user node: no_user.number().
 inline constexpr UserNumber no_user_number = 0xffffffffu;
 
-/// Number of a CD node: NodeId::number().
+/// Number of a CD node: its slot, or NodeId::number() where the name says id.
 using NodeNumber = std::uint32_t;
 
 /// Number of a registered shape: ShapeId::number().

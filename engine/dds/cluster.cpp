@@ -13,14 +13,14 @@ ClusterReport ClusterNodes::report() const {
   const std::lock_guard lock(mutex_);
   ClusterReport report = totals_;
   report.stale_parcels = stale_parcels_.load(std::memory_order_relaxed);
-  for (const auto& node : assigned_by_number_) {
+  for (const auto& node : assigned_by_slot_) {
     if (node == nullptr) {
       continue;
     }
     const ParcelChannel::Counters counters = node->parcel_channel->counters();
     MemberReport& member = report.members.emplace_back();
     member.name = node->name;
-    member.node = NodeId(node->number);
+    member.node = NodeId(node->id);
     member.sent_parcels = counters.sent_parcels;
     member.sent_bytes = counters.sent_bytes;
     member.received_parcels = counters.received_parcels;

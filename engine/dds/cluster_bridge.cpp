@@ -18,11 +18,11 @@ using nodes::Step;
 bool ClusterNodes::report_losses() {
   bool any = false;
   losses_ = false;
-  for (const auto& node : assigned_by_number_) {
+  for (const auto& node : assigned_by_slot_) {
     if (node == nullptr || node->lost || !(node->broken || node->gone.load(std::memory_order_acquire))) {
       continue;
     }
-    if (server_->lose(node->number)) {
+    if (server_->lose(node->slot)) {
       node->lost = any = true;
       node->lost_ns = telemetry::now_ns();
     } else {
@@ -42,7 +42,7 @@ Step ClusterNodes::step() {
   if (losses_) {
     progressed |= report_losses();
   }
-  for (const auto& node : assigned_by_number_) {
+  for (const auto& node : assigned_by_slot_) {
     if (node != nullptr && node->parcel_channel->has_held() && !node->lost) {
       auto show = [&](ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
         return deliver(*node, kind, offset, bytes);
@@ -57,7 +57,7 @@ Step ClusterNodes::step() {
       }
     });
   }
-  for (const auto& node : assigned_by_number_) {
+  for (const auto& node : assigned_by_slot_) {
     if (node != nullptr && !node->lost) {
       progressed |= carry(*node);
     }
@@ -107,11 +107,11 @@ bool ClusterNodes::is_hand_over(const Node& from, const messages::Header& header
                                 std::span<const std::byte> message) const noexcept {
   const std::size_t state_bytes = (std::size_t{terms_record_.state_bytes} + 7) / 8 * 8;
   messages::MessageView view;
-  return header.source == Endpoint::node(from.number).value && header.destination != header.source &&
-         Endpoint{header.destination}.number() < assigned_by_number_.size() &&
+  return header.source == Endpoint::node(from.slot).value && header.destination != header.source &&
+         Endpoint{header.destination}.number() < assigned_by_slot_.size() &&
          messages::decode(message, state_bytes, view) == Status::ok &&
          view.type() == messages::MessageType::hand_over &&
-         nodes::is_valid(view, {.nodes = static_cast<std::uint32_t>(assigned_by_number_.size()),
+         nodes::is_valid(view, {.nodes = static_cast<std::uint32_t>(assigned_by_slot_.size()),
                                 .shapes = shapes_,
                                 .slots = static_cast<std::uint32_t>(server_->objects().slots())});
 }
@@ -130,7 +130,7 @@ bool ClusterNodes::deliver_message(Node& from, std::span<const std::byte> messag
       from.broken = losses_ = true;
       return true;
     }
-    if (Node* other = assigned_by_number_[to.number()].get()) {
+    if (Node* other = assigned_by_slot_[to.number()].get()) {
       return other->lost || other->parcel_channel->add(message);
     }
     const auto peer =
@@ -142,7 +142,7 @@ bool ClusterNodes::deliver_message(Node& from, std::span<const std::byte> messag
 
 void ClusterNodes::publish(Node& node) {
   node.server.out->publish();
-  for (const auto& [number, connection] : node.peers) {
+  for (const auto& [slot, connection] : node.peers) {
     connection.out->publish();
   }
 }

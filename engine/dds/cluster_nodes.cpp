@@ -162,7 +162,7 @@ void ClusterNodes::add_shape(ShapeNumber shape, const ShapeDescription& descript
     throw Error("shape " + std::to_string(shape) + " could not be sent to the nodes; check that the network is up");
   }
   shapes_ = shape + 1;
-  for (const auto& node : assigned_by_number_) {
+  for (const auto& node : assigned_by_slot_) {
     if (node != nullptr) {
       node->parcel_channel->set_shapes(shapes_);
     }
@@ -310,44 +310,44 @@ void ClusterNodes::assign(nodes::ServerRole& server, std::span<const NodeAssignm
                           const regions::RegionMap& map) {
   const std::lock_guard lock(mutex_);
   server_ = &server;
-  const auto old = std::exchange(assigned_by_number_, {});
-  assigned_by_number_.resize(assignments.size());
+  const auto old = std::exchange(assigned_by_slot_, {});
+  assigned_by_slot_.resize(assignments.size());
   assigned_by_incarnation_.clear();
-  for (std::size_t number = 0; number < assignments.size(); ++number) {
-    if (assignments[number].member != local_member) {
-      assigned_by_number_[number] = nodes_.at(assignments[number].member);
-      assigned_by_incarnation_[assignments[number].member] = assigned_by_number_[number].get();
+  for (std::size_t slot = 0; slot < assignments.size(); ++slot) {
+    if (assignments[slot].member != local_member) {
+      assigned_by_slot_[slot] = nodes_.at(assignments[slot].member);
+      assigned_by_incarnation_[assignments[slot].member] = assigned_by_slot_[slot].get();
     }
   }
   for (const auto& node : old) {
     if (node != nullptr && assigned_by_incarnation_.count(node->incarnation) == 0) {
-      node->broken |= server.is_broken(node->number);
+      node->broken |= server.is_broken(node->slot);
       dismiss(*node);
     }
   }
   const auto is_new = [](const auto& node) { return node != nullptr && !node->assigned; };
-  if (published_map_epoch_ != map.epoch() &&
-      std::any_of(assigned_by_number_.begin(), assigned_by_number_.end(), is_new)) {
+  if (published_map_epoch_ != map.epoch() && std::any_of(assigned_by_slot_.begin(), assigned_by_slot_.end(), is_new)) {
     write_pieces(pieces_.get(), world_, PieceKind::regions, 0, map.epoch(), std::as_bytes(map.table()));
     published_map_epoch_ = map.epoch();
   }
-  for (std::size_t number = 0; number < assignments.size(); ++number) {
-    Node* node = assigned_by_number_[number].get();
+  for (std::size_t slot = 0; slot < assignments.size(); ++slot) {
+    Node* node = assigned_by_slot_[slot].get();
     if (node == nullptr) {
       continue;
     }
-    node->number = static_cast<NodeNumber>(number);
-    node->server = assignments[number].server;
+    node->slot = static_cast<NodeNumber>(slot);
+    node->id = assignments[slot].id;
+    node->server = assignments[slot].server;
     node->peers.clear();
-    for (std::size_t peer = 0; peer < assignments[number].peers.size(); ++peer) {
-      if (assignments[number].peers[peer].out != nullptr) {
-        node->peers.emplace_back(static_cast<NodeNumber>(peer), assignments[number].peers[peer]);
+    for (std::size_t peer = 0; peer < assignments[slot].peers.size(); ++peer) {
+      if (assignments[slot].peers[peer].out != nullptr) {
+        node->peers.emplace_back(static_cast<NodeNumber>(peer), assignments[slot].peers[peer]);
       }
     }
-    const AssignmentRecord assignment_record{node->number,
+    const AssignmentRecord assignment_record{node->slot,
                                              static_cast<std::uint32_t>(assignments.size()),
-                                             assignments[number].objects,
-                                             assignments[number].pairs,
+                                             assignments[slot].objects,
+                                             assignments[slot].pairs,
                                              map.epoch(),
                                              map.nodes(),
                                              static_cast<std::uint32_t>(map.table().size()),
@@ -356,7 +356,7 @@ void ClusterNodes::assign(nodes::ServerRole& server, std::span<const NodeAssignm
       node->assigned = true;
       node->assigned_ns = node->last_parcel_ns = telemetry::now_ns();
       ++totals_.joined;
-      log(LogLevel::info, "node " + node->name + " joins as number " + std::to_string(number));
+      log(LogLevel::info, "node " + node->name + " joins as CD node " + std::to_string(node->id));
     }
     node->parcel_channel->set_shapes(shapes_);
     node->parcel_channel->enqueue(ParcelKind::assign, std::as_bytes(std::span(&assignment_record, 1)));
@@ -369,7 +369,7 @@ void ClusterNodes::close() noexcept {
   try {
     const std::lock_guard lock(mutex_);
     server_bell_.store(nullptr, std::memory_order_release);
-    assigned_by_number_.clear();
+    assigned_by_slot_.clear();
     assigned_by_incarnation_.clear();
     TermsSample sample{};
     sample.world = world_;

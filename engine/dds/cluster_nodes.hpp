@@ -69,9 +69,10 @@ class ClusterNodes final : public RemoteNodes {
     // Valid while `parcel_channel` is set.
     Entity writer;
     std::unique_ptr<ParcelChannel> parcel_channel;
-    NodeNumber number = 0;
+    NodeNumber slot = 0;
+    NodeNumber id = 0;
     nodes::Connection server;
-    /// Its ends of the connections with the nodes in this process, with their numbers. Nearly always empty.
+    /// Its ends of the connections with the nodes in this process, with their slots. Nearly always empty.
     std::vector<std::pair<NodeNumber, nodes::Connection>> peers;
     bool lost = false;    ///< its loss was reported to the server
     bool broken = false;  ///< a parcel is missing, or a message breaks the protocol
@@ -121,7 +122,7 @@ class ClusterNodes final : public RemoteNodes {
 
   // Set between frames by the World's thread, used in a frame by the bridge.
   nodes::ServerRole* server_ = nullptr;
-  std::vector<std::shared_ptr<Node>> assigned_by_number_;  ///< by number; null for those in this process
+  std::vector<std::shared_ptr<Node>> assigned_by_slot_;  ///< null: the slot is free, or its node is in this process
   std::unordered_map<std::uint64_t, Node*> assigned_by_incarnation_;
   std::uint32_t shapes_ = 0;
   std::uint32_t published_map_epoch_ = 0;

@@ -47,12 +47,12 @@ enum class PieceKind : std::uint32_t {
 
 /// Assignment of a node from the next frame on.
 struct AssignmentRecord {
-  std::uint32_t number = 0;     ///< the node's number, below `count`
-  std::uint32_t count = 0;      ///< number of nodes of the World
+  std::uint32_t number = 0;     ///< the node's slot, below `count`
+  std::uint32_t count = 0;      ///< all slots in use are below this number
   std::uint64_t objects = 0;    ///< number of objects to reserve for
   std::uint64_t pairs = 0;      ///< number of pairs to reserve for
   std::uint32_t epoch = 0;      ///< of the current map
-  std::uint32_t map_nodes = 0;  ///< number of nodes in that map
+  std::uint32_t map_nodes = 0;  ///< all owners in that map are below this number
   std::uint32_t map_words = 0;  ///< size of its table
   std::uint32_t is_new = 0;     ///< 1: the node was not assigned before
 };

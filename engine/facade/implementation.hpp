@@ -4,17 +4,16 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "base/numbers.hpp"
 #include "facade/contact_index.hpp"
 #include "facade/duplex_channel.hpp"
+#include "facade/node_pool.hpp"
 #include "facade/registry.hpp"
 #include "facade/remote_nodes.hpp"
 #include "facade/worker.hpp"
@@ -41,15 +40,6 @@ inline constexpr std::size_t server_node_ring = std::size_t{1} << 20;
 /// Size of a ring between the server, or a CD node of this process, and a remote node, bytes. It is smaller, so that
 /// the network carries the first messages while the server writes the next.
 inline constexpr std::size_t remote_node_ring = std::size_t{1} << 16;
-
-/// A CD node that was lost or has left. Its thread may still run, so everything that the thread may access is kept
-/// until it has ended.
-struct RetiredNode {
-  std::unique_ptr<DuplexChannel> channel;
-  std::unique_ptr<telemetry::Track> track;  ///< null without WorldConfig::timeline
-  std::unique_ptr<nodes::CdNodeRole> role;
-  std::unique_ptr<Worker> worker;  ///< dismissed; null if the server's thread stepped the role
-};
 
 /// A thread that steps user nodes, with what it uses for all of them.
 struct UserThread {
@@ -80,7 +70,8 @@ struct User {
 
 /// The state of a World: requests for the next frame, the roles with their channels and threads, and the tables that
 /// answer calls. Member functions of Implementation: roles.cpp (server, user nodes, threads), cd_nodes.cpp (CD nodes)
-/// and losses.cpp (lost nodes). Member functions of World: requests.cpp (calls that make requests) and world.cpp.
+/// and losses.cpp (lost nodes and late user nodes). Member functions of World: requests.cpp (calls that make requests)
+/// and world.cpp.
 ///
 /// Threads: used by the thread that calls World. If roles have threads of their own, that thread accesses a role only
 /// while no frame is running, or after it has taken the role from its thread.
@@ -97,26 +88,23 @@ struct World::Implementation {
   void build_server();
   [[nodiscard]] bool start_worker(facade::Worker& worker, std::chrono::nanoseconds tick = {});
   void must_start(facade::Worker& worker, std::chrono::nanoseconds tick = {});
+  [[noreturn]] void throw_no_thread() const;
   void end_threads() noexcept;
   bool prepare_nodes(std::uint32_t count);
-  void share_memory(facade::DuplexChannel& channel, std::uint32_t count);
-  nodes::Connection add_node(const regions::RegionMap& map, std::uint32_t count,
-                             RemoteNodes::MemberId member = RemoteNodes::local_member);
-  std::vector<nodes::Connection> peers_of(NodeNumber node);
+  facade::NodePoolSetup pool_setup();
+  facade::PoolChannel connect_to_server(const facade::PoolNode& node, std::size_t count);
+  facade::PoolChannel connect_nodes(const facade::PoolNode& first, const facade::PoolNode& second, std::size_t count);
+  link::Doorbell* bell_of(const facade::PoolNode& node) noexcept;
+  nodes::Request join_request(const facade::PoolNode& node) const;
+  void request_partition(std::span<const NodeNumber> leavers);
   void assign_remote_nodes();
   std::vector<facade::Steppable> server_thread_roles();
-  std::unique_ptr<nodes::CdNodeRole> make_role(NodeNumber node, std::uint32_t count, const regions::RegionMap& map);
-  link::Doorbell* node_bell(NodeNumber node) noexcept;
-  void connect_peers();
+  void connect_pool();
   void add_arrivals();
-  void grow_nodes();
-  void retire_nodes();
+  void resize_nodes();
   bool await_frame();
   void fallback();
-  void retire(NodeNumber node);
-  void retire_lost_nodes();
-  void free_retired_nodes();
-  void keep_publication(facade::DuplexChannel& channel);
+  void remove_gone_nodes();
   void log_losses() const;
   void list_inline_roles();
   void connect_users();
@@ -151,7 +139,8 @@ struct World::Implementation {
   void log_support_failures();
   void gather_user_times();
   void gather_timeline();
-  bool is_lost(NodeNumber node) const noexcept;
+  /// Whether the node with that id was lost in the last frame.
+  bool is_lost(NodeNumber id) const noexcept;
 
   WorldConfig config;
   geometry::ShapeTable shapes;
@@ -187,7 +176,8 @@ struct World::Implementation {
   std::uint64_t frames = 0;                           ///< number of frames completed
   FrameReport report;                                 ///< of the last frame
   telemetry::Track server_track;
-  std::uint32_t resize_to = 0;  ///< number of nodes from the frame after the next on; 0: no change
+  std::uint32_t resize_to = 0;    ///< number of nodes from the frame after the next on; 0: no change
+  std::uint32_t resizing_to = 0;  ///< number of nodes from the frame after this one on; 0: no change
   std::optional<std::uint32_t> threads_until_failure;  ///< for tests: number of threads created before one fails
   bool growth_logged = false;
   bool failures_logged = false;  ///< of support functions in other processes
@@ -199,26 +189,13 @@ struct World::Implementation {
   // channels and each other's doorbells. Then the roles are freed, and then the channels, which are declared before
   // them.
   std::unique_ptr<facade::Worker> server_worker;
-  /// Null for a node that the server's thread steps, and for remote nodes.
-  std::vector<std::unique_ptr<facade::Worker>> node_workers;
-  std::vector<std::unique_ptr<facade::Worker>> next_workers;   ///< of nodes that join the next frame
-  std::vector<std::unique_ptr<telemetry::Track>> node_tracks;  ///< null for remote nodes
   std::vector<std::unique_ptr<facade::UserThread>> user_threads;
   std::uint64_t user_threads_watched_ns = 0;  ///< time of the last check of the user threads
-  std::vector<std::unique_ptr<facade::DuplexChannel>> node_channels;
-  std::map<std::pair<NodeNumber, NodeNumber>, std::unique_ptr<facade::DuplexChannel>>
-      peer_channels;  ///< lower number first
   std::map<UserNumber, std::unique_ptr<facade::User>> user_nodes;
-  std::vector<std::unique_ptr<facade::User>> parted_users;     ///< disconnected; freed when no thread steps them
-  std::vector<std::unique_ptr<facade::User>> stalled_users;    ///< disconnected; freed when their threads have ended
-  std::vector<std::unique_ptr<nodes::CdNodeRole>> node_roles;  ///< null for remote nodes
-  std::vector<RemoteNodes::MemberId> node_members;             ///< local_member for nodes in this process
+  std::vector<std::unique_ptr<facade::User>> parted_users;   ///< disconnected; freed when no thread steps them
+  std::vector<std::unique_ptr<facade::User>> stalled_users;  ///< disconnected; freed when their threads have ended
+  facade::NodePool pool;
   std::unique_ptr<nodes::ServerRole> server;
-  std::vector<facade::RetiredNode> retired_nodes;
-  std::vector<std::unique_ptr<facade::DuplexChannel>> retired_channels;  ///< between lost nodes and other nodes
-  /// Publications of nodes that are gone: readable until the next frame is complete.
-  std::vector<std::unique_ptr<nodes::NodePublication>> departed_publications;
-  std::optional<NodeNumber> fallback_number;    ///< number of the fallback node, if one was added in the last frame
   std::vector<facade::Steppable> inline_roles;  ///< with nodes = 0: all roles, stepped by the calling thread
 
   struct ThreadStopper {

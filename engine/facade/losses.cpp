@@ -8,13 +8,9 @@
 
 namespace ringfence {
 
-using facade::DuplexChannel;
-using facade::RetiredNode;
 using facade::Steppable;
 using facade::User;
 using facade::UserThread;
-using nodes::Connection;
-using nodes::Request;
 
 // Returns true when the frame is complete, false if memory ran out.
 bool World::Implementation::await_frame() {
@@ -93,119 +89,43 @@ void World::Implementation::abandon(std::size_t thread) {
   user_threads[thread]->worker->assign(std::move(roles));
 }
 
-// The last node was lost within a frame: creates a role with the same number, stepped by the server's thread.
+// The last node was lost within a frame: a role that the server's thread steps takes its slot.
 void World::Implementation::fallback() {
-  const NodeNumber node = order.fallback_for;
   server_worker->assign({Steppable::of(*server)});  // without the bridge: all remote nodes are lost
-  retire(node);
-  const auto count = static_cast<std::uint32_t>(node_roles.size());
-  node_channels[node] =
-      std::make_unique<DuplexChannel>(ring_bytes(facade::server_node_ring), server_bell(), server_bell());
-  share_memory(*node_channels[node], count);
-  node_roles[node] = make_role(node, count, server->map());
-  node_roles[node]->assign(node, std::vector<Connection>(count));
-  node_members[node] = RemoteNodes::local_member;
-  server_worker->assign({Steppable::of(*server), Steppable::of(*node_roles[node])});
-  fallback_number = node;
-  order.fallback = node_channels[node]->first();
+  const facade::PoolNode& node = pool.replace(order.fallback_slot, server->map());
+  server_worker->assign({Steppable::of(*server), Steppable::of(*node.role)});
+  order.fallback_id = node.id;
+  order.fallback = node.server.first;
   order.fallback_ready.store(true, std::memory_order_release);
   server_bell()->ring();
 }
 
-void World::Implementation::retire(NodeNumber node) {
-  retired_nodes.reserve(retired_nodes.size() + 1);  // so that nothing throws after the thread is dismissed
-  if (node_workers[node] != nullptr) {
-    node_workers[node]->dismiss();
-  }
-  retired_nodes.push_back({std::move(node_channels[node]), std::move(node_tracks[node]), std::move(node_roles[node]),
-                           std::move(node_workers[node])});
-}
-
-// Frees retired nodes when all their threads have ended: until then one may still write to a channel of another.
-void World::Implementation::free_retired_nodes() {
-  const auto is_quiet = [](const RetiredNode& retired_node) {
-    return retired_node.worker == nullptr || retired_node.worker->has_ended();
-  };
-  if (!retired_nodes.empty() && std::all_of(retired_nodes.begin(), retired_nodes.end(), is_quiet)) {
-    for (RetiredNode& retired_node : retired_nodes) {
-      retired_node.worker.reset();
-      keep_publication(*retired_node.channel);
+// Called when a frame is complete.
+void World::Implementation::remove_gone_nodes() {
+  std::vector<NodeNumber> gone;
+  pool.each([&](const facade::PoolNode& node) {
+    if (is_lost(node.id) || server->has_left(node.slot)) {
+      gone.push_back(node.slot);
     }
-    retired_nodes.clear();
-    retired_channels.clear();
-    server->free_abandoned();
-  }
-}
-
-void World::Implementation::keep_publication(DuplexChannel& channel) {
-  if (channel.publication != nullptr) {
-    departed_publications.push_back(std::move(channel.publication));
-  }
-}
-
-// Called when a frame is complete. Renumbers the remaining nodes in order, as the server does at its next cut.
-void World::Implementation::retire_lost_nodes() {
-  std::vector<NodeNumber> lost;
-  for (NodeNumber node = 0; node < node_roles.size(); ++node) {
-    if (is_lost(node) || server->has_left(node)) {
-      lost.push_back(node);
-    }
-  }
-  if (lost.empty()) {
-    if (fallback_number && config.remote_nodes != nullptr) {
-      connect_peers();  // the last remote node is lost
-    }
+  });
+  if (gone.empty() && report.lost.empty()) {
     return;
   }
-  std::sort(lost.rbegin(), lost.rend());
-  // Nothing is allocated while channels are moved: a channel must outlive the threads that may use it.
-  retired_channels.reserve(retired_channels.size() + peer_channels.size());
-  decltype(peer_channels) left;
-  while (!peer_channels.empty()) {
-    auto entry = peer_channels.extract(peer_channels.begin());
-    auto& [first, second] = entry.key();
-    const auto is_lost = [&](NodeNumber node) { return std::find(lost.begin(), lost.end(), node) != lost.end(); };
-    const auto number = [&](NodeNumber node) {
-      const auto below = std::count_if(lost.begin(), lost.end(), [&](NodeNumber other) { return other < node; });
-      return node - static_cast<NodeNumber>(below);
-    };
-    if (is_lost(first) || is_lost(second)) {
-      retired_channels.push_back(std::move(entry.mapped()));
-    } else {
-      entry.key() = {number(first), number(second)};
-      left.insert(left.end(), std::move(entry));
-    }
+  const auto before = static_cast<std::uint32_t>(pool.size());
+  if (threaded()) {
+    server_worker->assign({});
   }
-  peer_channels = std::move(left);
-  for (const NodeNumber node : lost) {
-    if (node_workers[node] == nullptr) {
-      server_worker->assign({Steppable::of(*server)});
-    }
-    retire(node);
-    const auto at = static_cast<std::ptrdiff_t>(node);
-    node_channels.erase(node_channels.begin() + at);
-    node_roles.erase(node_roles.begin() + at);
-    node_workers.erase(node_workers.begin() + at);
-    node_tracks.erase(node_tracks.begin() + at);
-    node_members.erase(node_members.begin() + at);
+  pool.remove(gone);
+  const auto left = static_cast<std::uint32_t>(pool.size());
+  if (!report.lost.empty() && resize_to == 0 && config.remote_nodes == nullptr && server->has_abandoned_nodes()) {
+    resize_to = before;
+  } else if (!report.lost.empty() && resize_to == 0 && resizing_to < left) {
+    resize_to = resizing_to;  // in the frame of a loss no node leaves
   }
-  if (server->has_abandoned_nodes() && config.remote_nodes == nullptr && resize_to == 0) {
-    resize_to = static_cast<std::uint32_t>(node_roles.size() + lost.size());
+  if (left == 0) {
+    requests.insert(requests.begin(), join_request(pool.add(server->map(), 1, false)));
   }
-  if (node_roles.empty()) {
-    node_workers.push_back(nullptr);
-    node_tracks.push_back(nullptr);
-    node_members.push_back(RemoteNodes::local_member);
-    node_channels.push_back(
-        std::make_unique<DuplexChannel>(ring_bytes(facade::server_node_ring), server_bell(), server_bell()));
-    share_memory(*node_channels.back(), 1);
-    node_roles.push_back(make_role(0, 1, server->map()));
-    Request request;
-    request.kind = Request::Kind::add_node;
-    request.connection = node_channels[0]->first();
-    requests.insert(requests.begin(), request);
-  }
-  connect_peers();
+  connect_pool();
 }
 
 void World::Implementation::log_losses() const {
@@ -216,8 +136,8 @@ void World::Implementation::log_losses() const {
   }
   for (const NodeId node : report.lost) {
     log(LogLevel::error, "CD node " + std::to_string(node.number()) + " stopped answering" + frame +
-                             ": other nodes take over its regions, pairs and objects; " +
-                             std::to_string(node_roles.size()) + " left");
+                             ": other nodes take over its regions, pairs and objects; " + std::to_string(pool.size()) +
+                             " left");
   }
   for (const UserId user : report.late) {
     log(LogLevel::warning, "user node " + std::to_string(user.number()) + " missed its deadline" + frame +

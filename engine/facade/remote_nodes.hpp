@@ -35,7 +35,7 @@ class RemoteNodes {
  public:
   /// A node process; never reused.
   using MemberId = std::uint64_t;
-  static constexpr MemberId local_member = 0;  ///< in a NodeAssignment: the node's role is in this process
+  static constexpr MemberId local_member = 0;  ///< in a NodeAssignment: none, or the node's role is in this process
 
   /// What every node needs to know of the world besides shapes and regions. The pointers outlive the bridge.
   struct WorldParameters {
@@ -45,11 +45,12 @@ class RemoteNodes {
     link::Doorbell* server_bell = nullptr;  ///< to be rung when the bridge has work
   };
 
-  /// Assignment of one node number from the next frame on.
+  /// Assignment of one slot from the next frame on.
   struct NodeAssignment {
     MemberId member = local_member;
+    NodeNumber id = 0;                     ///< of the node
     nodes::Connection server;              ///< the node's end of its connection with the server; empty for local_member
-    std::vector<nodes::Connection> peers;  ///< the node's ends of its connections with nodes in this process, by number
+    std::vector<nodes::Connection> peers;  ///< the node's ends of its connections with nodes in this process, by slot
     std::size_t objects = 0;               ///< the node reserves for this many objects
     std::size_t pairs = 0;
   };
@@ -66,7 +67,7 @@ class RemoteNodes {
   virtual std::vector<MemberId> arrivals() = 0;
   /// Whether an assigned node has asked to leave.
   virtual bool is_leaving(MemberId member) = 0;
-  /// Sets the assigned nodes, by number, under `map`; nodes that are no longer among them are dismissed. Precondition:
+  /// Sets the assigned nodes, by slot, under `map`; nodes that are no longer among them are dismissed. Precondition:
   /// no thread steps the bridge.
   virtual void assign(nodes::ServerRole& server, std::span<const NodeAssignment> assignments,
                       const regions::RegionMap& map) = 0;

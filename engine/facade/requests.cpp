@@ -256,7 +256,7 @@ Status World::resize(std::uint32_t nodes) try {
   if (w.halt.is_set()) {
     return Status::out_of_memory;
   }
-  const std::size_t most = w.config.remote_nodes != nullptr ? w.node_roles.size() : facade::max_nodes;
+  const std::size_t most = w.config.remote_nodes != nullptr ? w.pool.size() : facade::max_nodes;
   if (nodes == 0 || nodes > most || nodes > w.server->map().grid().cells()) {
     return w.refuse(Status::bad_number);
   }
@@ -281,9 +281,9 @@ bool World::Implementation::can_fail(const Fault& fault) const noexcept {
     return user != user_nodes.end() && !user->second->late &&
            (fault.stage == NodeStage::model || fault.stage == NodeStage::publication);
   }
-  const NodeNumber node = fault.node.number();
-  return node < node_roles.size() && node_roles[node] != nullptr &&
-         (node_workers[node] != nullptr || static_cast<std::size_t>(fault.stage) < boundary_stage_count);
+  const facade::PoolNode* node = pool.find(fault.node.number());
+  return node != nullptr && node->role != nullptr &&
+         (node->worker != nullptr || static_cast<std::size_t>(fault.stage) < boundary_stage_count);
 }
 
 Status World::inject(const Fault& fault) try {
@@ -306,8 +306,9 @@ Status World::inject(const Fault& fault) try {
     return Status::ok;
   }
   // The node's thread must not step the role meanwhile.
-  nodes::CdNodeRole& role = *w.node_roles[fault.node.number()];
-  if (Worker* worker = w.node_workers[fault.node.number()].get()) {
+  const facade::PoolNode& node = *w.pool.find(fault.node.number());
+  nodes::CdNodeRole& role = *node.role;
+  if (Worker* worker = node.worker.get()) {
     worker->assign({});
     role.fail(fault);
     worker->assign({Steppable::of(role)});
@@ -328,11 +329,7 @@ void World::fail_thread_creation(std::uint32_t succeed_first) noexcept {
 std::uint32_t World::release_faults() noexcept {
   Implementation& w = *implementation_;
   const std::uint32_t stopped = w.faults.release();
-  for (const auto& worker : w.node_workers) {
-    if (worker != nullptr) {
-      worker->bell().ring();
-    }
-  }
+  w.pool.each_worker([](Worker& worker) { worker.bell().ring(); });
   return stopped;
 }
 

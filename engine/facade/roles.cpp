@@ -81,9 +81,9 @@ World::Implementation::Implementation(WorldConfig given)
       space(config.bounds_min, config.bounds_max),
       layer_masks(masks_of(config.layers)),
       registry(config.capacities.objects),
-      halt(threaded() ? &caller_bell : nullptr) {
-  publications.grid = interest_grid(config, space);
-  publications.space = &space;
+      publications{interest_grid(config, space), &space, {}, {}, {}},
+      halt(threaded() ? &caller_bell : nullptr),
+      pool(pool_setup()) {
   relay = std::make_unique<link::Publication>(publications.grid.cells(), config.capacities.objects);
   publications.server.publication = relay.get();
   publications.users.reserve(config.capacities.users);
@@ -123,11 +123,15 @@ void World::Implementation::build_server() {
     config.remote_nodes->open({&config, setup.layer_masks, {log2[0], log2[1], log2[2]}, server_bell()});
     members = config.remote_nodes->wait_for_nodes(map.nodes());
   }
+  const bool own_thread = threaded() && config.remote_nodes == nullptr;
+  if (own_thread && !pool.prepare_threads(map.nodes())) {
+    throw_no_thread();
+  }
   for (const RemoteNodes::MemberId member : members) {
-    setup.nodes.push_back(add_node(map, map.nodes(), member));
+    setup.nodes.push_back(pool.add(map, map.nodes(), own_thread, member).server.first);
   }
   server = std::make_unique<nodes::ServerRole>(setup, map);
-  connect_peers();
+  connect_pool();
   for (std::uint32_t thread = 0; thread < (threaded() ? config.user_threads : 1); ++thread) {
     user_threads.push_back(make_user_thread());
   }
@@ -162,13 +166,16 @@ bool World::Implementation::start_worker(Worker& worker, std::chrono::nanosecond
   return true;
 }
 
-// Throws Error if the system has no thread.
 void World::Implementation::must_start(Worker& worker, std::chrono::nanoseconds tick) {
   if (!start_worker(worker, tick)) {
-    throw Error("WorldConfig: the system has no thread for one of " + std::to_string(config.nodes) + " CD nodes, " +
-                std::to_string(config.user_threads) +
-                " user threads and the server; ask for fewer, or raise the limit on threads (ulimit -u, pids.max)");
+    throw_no_thread();
   }
+}
+
+void World::Implementation::throw_no_thread() const {
+  throw Error("WorldConfig: the system has no thread for one of " + std::to_string(config.nodes) + " CD nodes, " +
+              std::to_string(config.user_threads) +
+              " user threads and the server; ask for fewer, or raise the limit on threads (ulimit -u, pids.max)");
 }
 
 // All threads end before any is freed: until then each may ring the doorbell of any other.
@@ -183,15 +190,7 @@ void World::Implementation::end_threads() noexcept {
     for (const auto& user : stalled_users) {
       visit(user->abandoned->worker.get());
     }
-    for (const auto& worker : node_workers) {
-      visit(worker.get());
-    }
-    for (const auto& worker : next_workers) {
-      visit(worker.get());
-    }
-    for (const facade::RetiredNode& retired_node : retired_nodes) {
-      visit(retired_node.worker.get());
-    }
+    pool.each_worker([&](Worker& worker) { visit(&worker); });
     visit(server_worker.get());
   };
   each_worker([](Worker* worker) {
@@ -212,9 +211,7 @@ void World::Implementation::list_inline_roles() {
     return;
   }
   inline_roles.push_back(Steppable::of(*server));
-  for (auto& role : node_roles) {
-    inline_roles.push_back(Steppable::of(*role));
-  }
+  pool.each([&](facade::PoolNode& node) { inline_roles.push_back(Steppable::of(*node.role)); });
   for (auto& [number, user] : user_nodes) {
     inline_roles.push_back(Steppable::of(*user->role));
   }

@@ -75,19 +75,15 @@ void World::Implementation::gather_timeline() {
     ++index;
   };
   gather(&server_track);
-  for (NodeNumber node = 0; node < node_tracks.size(); ++node) {
-    // The thread of a lost node may still write its track.
-    gather(is_lost(node) ? nullptr : node_tracks[node].get());
-  }
+  // The thread of a lost node may still write its track.
+  pool.each([&](const facade::PoolNode& node) { gather(is_lost(node.id) ? nullptr : node.track.get()); });
   for (const auto& thread : user_threads) {
     gather(&thread->track);
   }
 }
 
-// Whether the node that had this number in the last frame is lost, and no fallback node took its number.
-bool World::Implementation::is_lost(NodeNumber node) const noexcept {
-  return (node != fallback_number || server->has_abandoned_nodes()) &&
-         std::find(report.lost.begin(), report.lost.end(), NodeId(node)) != report.lost.end();
+bool World::Implementation::is_lost(NodeNumber id) const noexcept {
+  return std::find(report.lost.begin(), report.lost.end(), NodeId(id)) != report.lost.end();
 }
 
 void World::Implementation::log_growth() {
@@ -141,7 +137,7 @@ const WorldConfig& World::config() const noexcept { return implementation_->conf
 
 std::uint32_t World::nodes() const noexcept {
   const Implementation& w = *implementation_;
-  return static_cast<std::uint32_t>(w.frames == 0 ? w.node_roles.size() : w.report.nodes.size());
+  return static_cast<std::uint32_t>(w.frames == 0 ? w.pool.size() : w.report.nodes.size());
 }
 
 Status World::advance() {
@@ -158,12 +154,11 @@ Status World::begin_frame() try {
   if (w.frame_is_running()) {
     return w.refuse(Status::out_of_order);
   }
-  w.fallback_number.reset();
   w.registry.cut();
   w.cut_leaving.swap(w.leaving);
   w.order.requests.swap(w.requests);
   w.connect_users();
-  w.grow_nodes();
+  w.resize_nodes();
   for (const auto& pending_move : w.pending_moves) {
     w.user_nodes.at(pending_move.user)->role->steer(pending_move.number, pending_move.pose);
   }
@@ -199,7 +194,6 @@ Status World::finish_frame() try {
   w.order.requests.clear();
   w.registry.forget_cut();
   w.forget_users();
-  w.departed_publications.clear();
 
   w.report = w.server->report(w.frames - 1);
   for (std::size_t reason = 0; reason < status_count; ++reason) {
@@ -209,9 +203,10 @@ Status World::finish_frame() try {
   w.gather_user_times();
   w.gather_timeline();
   w.free_stalled_users();
-  w.retire_lost_nodes();
-  w.free_retired_nodes();
-  w.retire_nodes();
+  w.remove_gone_nodes();
+  if (w.pool.free_retired()) {
+    w.server->free_abandoned();
+  }
   for (const UserId user : w.report.late) {
     if (w.is_connected(user.number())) {
       (void)disconnect(user);  // is connected

@@ -1,19 +1,23 @@
 #include "regions/balance.hpp"
 
 #include <algorithm>
-#include <numeric>
 
 namespace ringfence::regions {
 
 namespace {
 
-double max_over_mean(std::span<const double> values) {
-  const double sum = std::accumulate(values.begin(), values.end(), 0.0);
-  if (values.empty() || sum <= 0) {
-    return 1;
+template <class Values, class Value>
+double max_over_mean(const Values& values, Value value) {
+  double sum = 0;
+  double most = 0;
+  for (const auto& each : values) {
+    sum += value(each);
+    most = std::max(most, value(each));
   }
-  return *std::max_element(values.begin(), values.end()) * static_cast<double>(values.size()) / sum;
+  return sum <= 0 ? 1 : most * static_cast<double>(values.size()) / sum;
 }
+
+double ms_of(const NodeCost& cost) noexcept { return cost.ms; }
 
 }  // namespace
 
@@ -23,23 +27,26 @@ Balance::Balance(const CellGrid& grid, const BalanceConfig& config, std::size_t 
   costs_.reserve(max_nodes);
   reference_costs_.reserve(max_nodes);
   node_weights_.reserve(max_nodes);
+  scales_.reserve(max_nodes);
   weights_.reserve(weights);
   owners_.reserve(weights);
 }
 
-void Balance::add_frame(std::span<const double> costs) {
-  if (costs.size() != costs_.size() || frames_ >= config_.window) {
-    costs_.assign(costs.size(), 0.0);
+void Balance::add_frame(std::span<const NodeCost> costs) {
+  const auto same_node = [](const NodeCost& p, const NodeCost& q) { return p.node == q.node; };
+  if (frames_ >= config_.window || !std::equal(costs.begin(), costs.end(), costs_.begin(), costs_.end(), same_node)) {
+    costs_.assign(costs.begin(), costs.end());
     frames_ = 0;
-  }
-  for (std::size_t node = 0; node < costs.size(); ++node) {
-    costs_[node] += costs[node];
+  } else {
+    for (std::size_t i = 0; i < costs.size(); ++i) {
+      costs_[i].ms += costs[i].ms;
+    }
   }
   ++frames_;
   ++frames_since_weights_;
 }
 
-double Balance::imbalance() const noexcept { return max_over_mean(costs_); }
+double Balance::imbalance() const noexcept { return max_over_mean(costs_, ms_of); }
 
 bool Balance::needs_new_map() const noexcept {
   return frames_ == config_.window && frames_since_weights_ >= config_.min_interval && imbalance() > config_.tolerance;
@@ -60,6 +67,7 @@ void Balance::add_object_size(const geometry::Bounds& bounds) {
   }
 }
 
+// Only if all owners of weights were measured.
 void Balance::scale_by_cost(const RegionMap& map) {
   node_weights_.assign(map.nodes(), 0.0);
   owners_.resize(weights_.size());
@@ -67,19 +75,25 @@ void Balance::scale_by_cost(const RegionMap& map) {
     owners_[i] = map.owner_at(weights_[i].point);
     node_weights_[owners_[i]] += static_cast<double>(weights_[i].weight);
   }
-  for (std::size_t node = 0; node < node_weights_.size(); ++node) {
-    const bool known = node_weights_[node] > 0 && reference_costs_[node] > 0;
-    node_weights_[node] = known ? reference_costs_[node] / node_weights_[node] : 1.0;
+  constexpr double unknown = 0;
+  scales_.assign(map.nodes(), unknown);
+  for (const NodeCost& cost : reference_costs_) {
+    if (cost.node < map.nodes()) {
+      scales_[cost.node] = node_weights_[cost.node] > 0 && cost.ms > 0 ? cost.ms / node_weights_[cost.node] : 1.0;
+    }
+  }
+  for (std::size_t node = 0; node < scales_.size(); ++node) {
+    if (node_weights_[node] > 0 && scales_[node] == unknown) {
+      return;
+    }
   }
   for (std::size_t i = 0; i < weights_.size(); ++i) {
-    weights_[i].weight = static_cast<float>(static_cast<double>(weights_[i].weight) * node_weights_[owners_[i]]);
+    weights_[i].weight = static_cast<float>(static_cast<double>(weights_[i].weight) * scales_[owners_[i]]);
   }
 }
 
 void Balance::refine(const RegionMap& map, std::uint32_t nodes) {
-  if (reference_costs_.size() == map.nodes()) {
-    scale_by_cost(map);
-  }
+  scale_by_cost(map);
   double total = 0;
   for (const Weight& each : weights_) {
     total += static_cast<double>(each.weight);
@@ -93,35 +107,48 @@ void Balance::refine(const RegionMap& map, std::uint32_t nodes) {
   refinement_.refine(weights_, total / nodes / config_.grain, smallest);
 }
 
-bool Balance::pays_off(const RegionMap& map, std::span<const NodeNumber> owners, std::size_t resent) {
-  node_weights_.assign(map.nodes(), 0.0);
+// Bisection numbers the nodes from 0; node_weights_ and leaf_owners_ are set for these numbers and for `nodes`.
+void Balance::split(std::span<const NodeNumber> nodes) {
   const auto leaves = refinement_.leaves();
+  const auto parts = bisection_.split(static_cast<std::uint32_t>(nodes.size()), leaves);
+  node_weights_.assign(nodes.size(), 0.0);
+  leaf_owners_.resize(leaves.size());
   for (std::size_t leaf = 0; leaf < leaves.size(); ++leaf) {
-    node_weights_[owners[leaf]] += leaves[leaf].weight;
+    node_weights_[parts[leaf]] += leaves[leaf].weight;
+    leaf_owners_[leaf] = nodes[parts[leaf]];
   }
-  const double gain = max_over_mean(reference_costs_) - max_over_mean(node_weights_);
+}
+
+bool Balance::pays_off(const RegionMap& map, std::size_t nodes, std::size_t resent) {
+  const double gain =
+      max_over_mean(reference_costs_, ms_of) - max_over_mean(node_weights_, [](double weight) { return weight; });
   if (gain < config_.gain) {
     return false;
   }
-  proposed_.assign(refinement_.table(owners), map.nodes(), map.epoch() + 1);
+  proposed_.assign(refinement_.table(leaf_owners_), map.nodes(), map.epoch() + 1);
   const auto stays = [&](const Weight& each) { return map.owner_at(each.point) == proposed_.owner_at(each.point); };
   const auto objects = std::span<const Weight>(weights_).first(objects_);
   const auto moved = objects_ - static_cast<std::size_t>(std::count_if(objects.begin(), objects.end(), stays));
   const double cost = static_cast<double>(objects_) * config_.per_object_ms +
                       static_cast<double>(resent) * config_.resend_ms +
                       static_cast<double>(moved) * config_.hand_over_ms;
-  const double mean =
-      std::accumulate(reference_costs_.begin(), reference_costs_.end(), 0.0) / config_.window / map.nodes();
+  double sum = 0;
+  for (const NodeCost& reference : reference_costs_) {
+    sum += reference.ms;
+  }
+  const double mean = sum / config_.window / static_cast<double>(nodes);
   return gain * mean * config_.horizon > cost;
 }
 
-std::span<const std::uint32_t> Balance::propose(const RegionMap& map, std::size_t resent) {
-  const auto owners = bisection_.split(map.nodes(), refinement_.leaves());
-  return pays_off(map, owners, resent) ? proposed_.table() : std::span<const std::uint32_t>{};
+std::span<const std::uint32_t> Balance::propose(const RegionMap& map, std::span<const NodeNumber> nodes,
+                                                std::size_t resent) {
+  split(nodes);
+  return pays_off(map, nodes.size(), resent) ? proposed_.table() : std::span<const std::uint32_t>{};
 }
 
-std::span<const std::uint32_t> Balance::partition_for(std::uint32_t nodes) {
-  return refinement_.table(bisection_.split(nodes, refinement_.leaves()));
+std::span<const std::uint32_t> Balance::partition_for(std::span<const NodeNumber> nodes) {
+  split(nodes);
+  return refinement_.table(leaf_owners_);
 }
 
 }  // namespace ringfence::regions

@@ -28,6 +28,12 @@ struct BalanceConfig {
   double grain = 16;  ///< cells heavier than 1/grain of the mean weight of a node are cut
 };
 
+/// Cost of one node in one frame.
+struct NodeCost {
+  NodeNumber node = 0;  ///< an owner in the region map
+  double ms = 0;
+};
+
 /// Measures the cost of each node and proposes a map with equal costs.
 ///
 /// Each object and each contact has a weight at its position. The weights in a region are multiplied by the measured
@@ -46,9 +52,8 @@ class Balance {
   /// Reserves memory for `weights` weights. More may be added, at the cost of an allocation.
   Balance(const CellGrid& grid, const BalanceConfig& config, std::size_t weights);
 
-  /// Adds the costs of one frame, in milliseconds, one value for each node. Another number of nodes starts a new
-  /// window.
-  void add_frame(std::span<const double> costs);
+  /// Adds the costs of one frame, of all nodes, by ascending node. Other nodes than before start a new window.
+  void add_frame(std::span<const NodeCost> costs);
   /// Whether the window is complete, the minimum interval has passed and the imbalance exceeds the tolerance. Then call
   /// begin_weights(), add all weights, and call refine() and propose().
   bool needs_new_map() const noexcept;
@@ -69,12 +74,12 @@ class Balance {
   /// Cuts the cells that are too heavy for `nodes` nodes. Call it after all weights are added. `map` is the map under
   /// which the reference costs were measured.
   void refine(const RegionMap& map, std::uint32_t nodes);
-  /// After refine(), for the nodes of `map`: the table of a better map, or empty if no change pays off. `resent` is the
+  /// After refine(): the table of a better map for `nodes` (ascending), or empty if no change pays off. `resent` is the
   /// number of objects that the server would send again. Valid until the next propose().
-  std::span<const std::uint32_t> propose(const RegionMap& map, std::size_t resent);
-  /// After refine(): a table for `nodes` nodes (1 to the number of cells), whatever the cost of the change. Valid until
-  /// the next refine(), propose() or partition_for().
-  std::span<const std::uint32_t> partition_for(std::uint32_t nodes);
+  std::span<const std::uint32_t> propose(const RegionMap& map, std::span<const NodeNumber> nodes, std::size_t resent);
+  /// After refine(): a table for `nodes` (ascending; 1 to the number of cells), whatever the cost of the change. Valid
+  /// until the next refine(), propose() or partition_for().
+  std::span<const std::uint32_t> partition_for(std::span<const NodeNumber> nodes);
 
  private:
   // Moving and sweeping an object costs about half as much as finding a contact.
@@ -85,19 +90,22 @@ class Balance {
     weights_.push_back({{point[0], point[1], point[2]}, weight});
   }
   void scale_by_cost(const RegionMap& map);
-  bool pays_off(const RegionMap& map, std::span<const NodeNumber> owners, std::size_t resent);
+  void split(std::span<const NodeNumber> nodes);
+  bool pays_off(const RegionMap& map, std::size_t nodes, std::size_t resent);
 
   BalanceConfig config_;
-  std::vector<double> costs_;            ///< by node, summed over the window so far
-  std::vector<double> reference_costs_;  ///< costs_ at the last begin_weights()
-  std::uint32_t frames_ = 0;             ///< frames in the window so far
+  std::vector<NodeCost> costs_;            ///< summed over the window so far
+  std::vector<NodeCost> reference_costs_;  ///< costs_ at the last begin_weights()
+  std::uint32_t frames_ = 0;               ///< frames in the window so far
   std::uint32_t frames_since_weights_ = 0;
   std::vector<Weight> weights_;
-  std::vector<NodeNumber> owners_;    ///< node of each weight
-  std::size_t objects_ = 0;           ///< number of objects in weights_; they come first
-  std::size_t sized_objects_ = 0;     ///< number of objects in extents_
-  std::uint64_t extents_[3] = {};     ///< sum of their sizes on each axis, fixed-point steps
-  std::vector<double> node_weights_;  ///< by node; scratch
+  std::vector<NodeNumber> owners_;       ///< node of each weight
+  std::size_t objects_ = 0;              ///< number of objects in weights_; they come first
+  std::size_t sized_objects_ = 0;        ///< number of objects in extents_
+  std::uint64_t extents_[3] = {};        ///< sum of their sizes on each axis, fixed-point steps
+  std::vector<double> node_weights_;     ///< by node; scratch
+  std::vector<double> scales_;           ///< by node: measured cost per weight; scratch
+  std::vector<NodeNumber> leaf_owners_;  ///< result of split()
   Refinement refinement_;
   Bisection bisection_;
   RegionMap proposed_;

@@ -38,6 +38,16 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
   const auto owners = bisection.split(nodes, std::span<const double>{});
   table_.assign(owners.begin(), owners.end());
   find_uniform_boxes();
+  find_sole_owner();
+}
+
+void RegionMap::find_sole_owner() noexcept {
+  sole_owner_ = many_owners;
+  const auto first = std::find_if_not(table_.begin(), table_.end(), is_cut);
+  if (first != table_.end() &&
+      std::all_of(first, table_.end(), [&](std::uint32_t entry) { return is_cut(entry) || entry == *first; })) {
+    sole_owner_ = *first;
+  }
 }
 
 // A box that spans a set of axes is two neighbouring boxes that span all of these axes but the last.
@@ -224,6 +234,7 @@ void RegionMap::assign(std::span<const std::uint32_t> table, std::uint32_t nodes
   assert(table.size() >= grid_.cells() && (table.size() - grid_.cells()) % 2 == 0);
   table_.assign(table.begin(), table.end());
   find_uniform_boxes();
+  find_sole_owner();
   nodes_ = nodes;
   epoch_ = epoch;
 }

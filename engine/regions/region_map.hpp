@@ -85,8 +85,9 @@ enum class Coverage : std::uint8_t { none, part, all };
 /// States which CD node owns which cell. The region of a node is the set of its cells and parts of cells: a cell that
 /// is too heavy for one node is cut in half, and the halves again, as often as needed.
 ///
-/// The table has one entry for each cell: its owner's number, or cut_entry() if the cell is cut. Then follow two
-/// entries for each cut: its lower and its upper half, in the same format.
+/// The table has one entry for each cell: its owner, or cut_entry() if the cell is cut. Then follow two entries for
+/// each cut: its lower and its upper half, in the same format. An owner is a node's slot, below nodes(); some slots may
+/// own nothing.
 ///
 /// Ownership is a pure function of bounds and this map, so the server and all nodes, on any machine, agree without
 /// communication. Threads: immutable except for assign(); each role has its own copy. Memory: 5 bytes a cell and 8 a
@@ -105,7 +106,11 @@ class RegionMap {
   RegionMap(CellGrid grid, std::uint32_t nodes);
 
   const CellGrid& grid() const noexcept { return grid_; }
+  /// All owners are below this number.
   std::uint32_t nodes() const noexcept { return nodes_; }
+  /// The node that owns all cells; `many_owners` if there is more than one.
+  NodeNumber sole_owner() const noexcept { return sole_owner_; }
+  static constexpr NodeNumber many_owners = 0xffffffffu;
   /// Serial number of the map; it increases with each change. All contacts of a frame are found under one epoch.
   std::uint32_t epoch() const noexcept { return epoch_; }
   std::span<const std::uint32_t> table() const noexcept { return table_; }
@@ -151,8 +156,8 @@ class RegionMap {
 
   /// How much of the space within the bounds `node` owns.
   Coverage coverage(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
-    if (nodes_ == 1) {
-      return node == 0 ? Coverage::all : Coverage::none;
+    if (sole_owner_ != many_owners) {
+      return node == sole_owner_ ? Coverage::all : Coverage::none;
     }
     const CellBox box = grid_.cells_of(bounds);
     if (const std::uint32_t cell = grid_.index(box.lower[0], box.lower[1], box.lower[2]); is_uniform(box, cell)) {
@@ -199,6 +204,7 @@ class RegionMap {
     return (x | y | z) <= 1 && (uniform_boxes_[cell] >> (x | y << 1 | z << 2) & 1) != 0;
   }
   void find_uniform_boxes();
+  void find_sole_owner() noexcept;
   Coverage coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept;
   static std::size_t axis_of(std::uint32_t entry) noexcept { return entry >> 29 & 3u; }
   NodeNumber owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept;
@@ -234,6 +240,7 @@ class RegionMap {
   CellGrid grid_;
   std::uint32_t nodes_;
   std::uint32_t epoch_ = 1;
+  NodeNumber sole_owner_ = many_owners;
   std::vector<std::uint32_t> table_;
   /// One byte for each cell. Bit x + 2y + 4z, where x, y and z are 0 or 1, is set if no cell of a box is cut and one
   /// node owns them all. The box reaches from this cell to the cell that is x, y and z cells further on the three axes.

@@ -309,7 +309,8 @@ TEST_CASE("the timeline has the tracks of the nodes of its frame, and none of a 
       with_spans.insert(span.track);
     }
     for (std::uint32_t node = 0; node < nodes; ++node) {
-      const bool lost = std::count(world.report().lost.begin(), world.report().lost.end(), NodeId(node)) != 0;
+      const NodeId id = world.report().nodes[node].id;
+      const bool lost = std::count(world.report().lost.begin(), world.report().lost.end(), id) != 0;
       CAPTURE(node);
       REQUIRE(with_spans.contains(1 + node) == !lost);
     }

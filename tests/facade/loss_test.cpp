@@ -1,8 +1,11 @@
 // What happens to a world when CD nodes are lost or a user node is late.
+#include <algorithm>
 #include <atomic>
+#include <initializer_list>
 #include <map>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <string_view>
 #include <thread>
 #include <vector>
@@ -30,6 +33,22 @@ struct LossRun {
   std::uint32_t stopped = 0;  ///< roles that are still stopped within a step at the end
 };
 
+/// Ids of the nodes before the next frame, unless nodes have left in the last one. `next_id` is the id of the next
+/// node.
+std::vector<std::uint32_t> ids_of(const World& world, std::uint32_t next_id) {
+  std::vector<std::uint32_t> ids;
+  for (std::uint32_t id = 0; world.frames() == 0 && id < world.nodes(); ++id) {
+    ids.push_back(id);
+  }
+  const FrameReport& report = world.report();
+  for (const NodeReport& node : report.nodes) {
+    if (std::count(report.lost.begin(), report.lost.end(), node.id) == 0) {
+      ids.push_back(node.id.number());
+    }
+  }
+  return ids.empty() ? std::vector<std::uint32_t>{next_id} : ids;
+}
+
 /// Runs a world for `frames` frames. `faults` and `resizes` (numbers of CD nodes) are sorted by their frame.
 LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
             const std::map<int, std::uint32_t>& resizes = {}) {
@@ -42,20 +61,20 @@ LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
   World world(config);
   populate(world, 200, 4, side);
   Digest digest;
+  std::uint32_t next_id = 0;
   for (int frame = 0; frame < frames; ++frame) {
     CAPTURE(frame);
     const auto [first, last] = faults.equal_range(frame);
     for (auto at = first; at != last; ++at) {
       Fault fault = at->second;
       fault.frame = static_cast<std::uint64_t>(frame);
-      // On a busy machine, nodes that the test did not stop can be lost too. Then the node of the fault may not exist.
-      if (world.inject(fault) != Status::ok) {
-        fault.node = NodeId(0);
-        const Status status = world.inject(fault);
-        // A node that the server's thread steps, because all others were lost, cannot stop within a step.
-        const bool inside = static_cast<std::size_t>(fault.stage) >= boundary_stage_count;
-        REQUIRE((status == Status::ok || (inside && status == Status::bad_number)));
-      }
+      // Faults name nodes by their position. On a busy machine more nodes may be lost than were stopped by the test.
+      const std::vector<std::uint32_t> ids = ids_of(world, next_id);
+      fault.node = NodeId(ids[fault.node.number() < ids.size() ? fault.node.number() : 0]);
+      const Status status = world.inject(fault);
+      // A node that the server's thread steps, because all others were lost, cannot stop within a step.
+      const bool inside = static_cast<std::size_t>(fault.stage) >= boundary_stage_count;
+      REQUIRE((status == Status::ok || (inside && status == Status::bad_number)));
     }
     if (const auto at = resizes.find(frame); at != resizes.end()) {
       REQUIRE(world.resize(at->second) == Status::ok);
@@ -63,6 +82,9 @@ LossRun run(WorldConfig config, const std::multimap<int, Fault>& faults,
     REQUIRE(world.advance() == Status::ok);
     const FrameReport& report = world.report();
     REQUIRE(report.accepted == report.candidates);
+    for (const NodeReport& node : report.nodes) {
+      next_id = std::max(next_id, node.id.number() + 1);
+    }
     require_views(world, first_users(4));
     ran.lost += report.lost.size();
     ran.nodes = world.nodes();
@@ -265,7 +287,6 @@ TEST_CASE("losses and resizes in any order change no contact") {
   CHECK(ran.lost >= 3);
 }
 
-// The server and World decide independently which nodes are gone, and must give the others the same new numbers.
 TEST_CASE(
     "when all remaining nodes are lost while the others leave, the first leaving node stays, and the world can grow") {
   for (const std::uint32_t staying : {1u, 2u}) {
@@ -291,6 +312,130 @@ TEST_CASE(
       }
     }
   }
+}
+
+/// A world in which nodes are lost at will, beside one with a single thread, whose contacts it must have.
+struct SlotWorld {
+  explicit SlotWorld(std::uint32_t nodes, Placement placement = Placement::region) {
+    WorldConfig config;
+    config.placement = placement;
+    config.bounds_max = {side, side, side};
+    config.motion = std::make_shared<BouncingModel>(side);
+    config.nodes = 0;
+    alone.emplace(config);
+    config.nodes = nodes;
+    config.deadlines.node_ms = 4 * deadline_ms;  // exactly the stopped nodes are lost
+    world.emplace(config);
+    populate(*alone, 200, 4, side);
+    populate(*world, 200, 4, side);
+  }
+  void lose(std::initializer_list<std::uint32_t> ids, NodeStage stage) {
+    for (const std::uint32_t id : ids) {
+      REQUIRE(world->inject({NodeId(id), world->frames(), stage, 0}) == Status::ok);
+    }
+    advance();
+    REQUIRE(world->report().lost.size() == ids.size());
+    for (const std::uint32_t id : ids) {
+      REQUIRE(std::count(world->report().lost.begin(), world->report().lost.end(), NodeId(id)) == 1);
+    }
+  }
+  void advance() {
+    REQUIRE(alone->advance() == Status::ok);
+    REQUIRE(world->advance() == Status::ok);
+    Digest expected, found;
+    expected.add_frame(alone->contacts());
+    found.add_frame(world->contacts());
+    REQUIRE(found.value() == expected.value());
+    const FrameReport& report = world->report();
+    REQUIRE(report.accepted == report.candidates);
+    std::uint64_t tested = 0;
+    for (const NodeReport& node : report.nodes) tested += node.tested;
+    REQUIRE(tested == report.candidates);
+  }
+  std::vector<std::uint32_t> ids() const {
+    std::vector<std::uint32_t> all;
+    for (const NodeReport& node : world->report().nodes) all.push_back(node.id.number());
+    return all;
+  }
+  std::optional<World> alone, world;
+};
+
+using Ids = std::vector<std::uint32_t>;
+
+TEST_CASE("a node keeps its id when others are lost, and a later node takes the place but not the id of a lost one") {
+  for (const NodeStage stage : {NodeStage::moving, NodeStage::colliding, NodeStage::ending, NodeStage::reporting}) {
+    CAPTURE(name_of(stage));
+    SlotWorld slots(4);
+    slots.advance();
+    CHECK(slots.ids() == Ids{0, 1, 2, 3});
+    slots.lose({1}, stage);
+    CHECK(slots.ids() == Ids{0, 1, 2, 3});  // it is a node of this frame
+    slots.advance();
+    CHECK(slots.ids() == Ids{0, 2, 3});
+    REQUIRE(slots.world->resize(5) == Status::ok);
+    slots.advance();
+    CHECK(slots.ids() == Ids{0, 4, 2, 3, 5});
+    slots.advance();
+    // The new nodes work, too.
+    for (const NodeReport& node : slots.world->report().nodes) CHECK(node.hosted > 0);
+    slots.lose({4}, stage);
+    slots.advance();
+    CHECK(slots.ids() == Ids{0, 2, 3, 5});
+    CHECK(slots.world->inject({NodeId(4), slots.world->frames(), stage, 0}) == Status::bad_number);
+  }
+}
+
+TEST_CASE("a smaller world keeps the oldest nodes, wherever they stand") {
+  for (const Placement placement : {Placement::server, Placement::region}) {
+    CAPTURE(name_of(placement));
+    SlotWorld slots(4, placement);
+    slots.advance();
+    slots.lose({0, 2}, NodeStage::moving);
+    REQUIRE(slots.world->resize(4) == Status::ok);
+    slots.advance();
+    CHECK(slots.ids() == Ids{4, 1, 5, 3});
+    REQUIRE(slots.world->resize(2) == Status::ok);
+    slots.advance();
+    CHECK(slots.ids() == Ids{4, 1, 5, 3});  // they hand everything over
+    slots.advance();
+    CHECK(slots.ids() == Ids{1, 3});
+    REQUIRE(slots.world->resize(1) == Status::ok);
+    slots.advance();
+    slots.advance();
+    CHECK(slots.ids() == Ids{1});  // alone, but not in the first place
+    for (int frame = 0; frame < 3; ++frame) {
+      slots.advance();
+      CHECK(slots.world->report().nodes[0].tested == slots.world->report().candidates);
+    }
+    REQUIRE(slots.world->resize(3) == Status::ok);
+    slots.advance();
+    slots.advance();
+    CHECK(slots.ids() == Ids{6, 1, 7});
+  }
+}
+
+TEST_CASE("if a node is lost in the frame in which others are to leave, these leave in the next one") {
+  SlotWorld slots(5);
+  slots.advance();
+  REQUIRE(slots.world->resize(2) == Status::ok);
+  slots.lose({0}, NodeStage::colliding);
+  slots.advance();
+  CHECK(slots.ids() == Ids{1, 2, 3, 4});
+  slots.advance();
+  CHECK(slots.ids() == Ids{1, 2});
+}
+
+TEST_CASE("a fallback node has an id of its own, and its place is that of the last node") {
+  SlotWorld slots(2);
+  slots.advance();
+  slots.lose({0}, NodeStage::moving);
+  slots.lose({1}, NodeStage::colliding);
+  CHECK(slots.ids() == Ids{2});
+  slots.advance();
+  CHECK(slots.ids() == Ids{2});
+  REQUIRE(slots.world->resize(2) == Status::ok);
+  slots.advance();
+  CHECK(slots.ids() == Ids{3, 2});
 }
 
 TEST_CASE("a deadline that no node misses changes nothing") {

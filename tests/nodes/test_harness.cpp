@@ -60,154 +60,182 @@ TestHarness::TestHarness(const HarnessConfig& config)
   setup.capacities = {16, 16, 16, 4};
   setup.interest = config.interest;
   setup.max_relayed_nodes = 0;
+  setup.balance_by = BalanceBy::pairs;  // every run has the same maps
   setup.quotas = config.quotas;
   setup.user_deadline_ns = config.user_deadline_ns;
   setup.node_deadline_ns = config.node_deadline_ns;
-  for (NodeNumber node = 0; node < config.nodes; ++node) {
-    active_.push_back(node);
-    setup.nodes.push_back(add_node(node));
+  pool_.emplace(pool_setup());
+  for (std::uint32_t node = 0; node < config.nodes; ++node) {
+    setup.nodes.push_back(pool_->add(map_, config.nodes, false).server.first);
   }
-  connect_peers();
+  pool_->connect();
   server_.emplace(setup, map_);
 }
 
-Connection TestHarness::add_node(NodeNumber number) {
-  Node& node = nodes_.emplace_back();
-  node.in = std::make_unique<TappedChannel>(config_.ring_bytes, config_.delivery_bytes, Endpoint::server(),
-                                            Endpoint::node(number));
-  node.out = std::make_unique<TappedChannel>(config_.ring_bytes, config_.delivery_bytes, Endpoint::node(number),
-                                             Endpoint::server());
-  CdNodeSetup own;
-  own.node = number;
-  own.shapes = &shapes_;
-  own.space = &space_;
-  own.model = config_.model;
-  own.placement = config_.placement;
-  own.layer_masks.fill(~0u);
-  if (config_.shares_memory) {
-    node.node_contacts = std::make_unique<NodeContacts>();
-    if (config_.deployment == Deployment::user_collision && config_.interest > 0) {
-      if (config_.all_publish || number % 2 == 0) {
-        node.publication = std::make_unique<NodePublication>(config_.grid, 16);
-      } else {
-        own.keeps_host_owned_states = false;
-      }
-    }
-  }
-  own.interest_grid = config_.grid;
-  own.server = {&node.out->sender(), &node.in->receiver(), node.node_contacts.get(), node.publication.get()};
-  own.peers.resize(std::max<std::size_t>(config_.nodes, number + 1));
-  node.role = std::make_unique<CdNodeRole>(own, server_ ? server_->map() : map_);
-  return {&node.in->sender(), &node.out->receiver(), node.node_contacts.get(), node.publication.get()};
+struct TestHarness::ServerChannel {
+  TappedChannel to_node, from_node;
+  NodeContacts node_contacts;
+  std::optional<NodePublication> publication;
+};
+
+facade::NodePoolSetup TestHarness::pool_setup() {
+  facade::NodePoolSetup setup;
+  setup.role.shapes = &shapes_;
+  setup.role.space = &space_;
+  setup.role.model = config_.model;
+  setup.role.placement = config_.placement;
+  setup.role.layer_masks.fill(~0u);
+  setup.role.interest_grid = config_.grid;
+  setup.needs_publications =
+      config_.shares_memory && config_.deployment == Deployment::user_collision && config_.interest > 0;
+  setup.connect_to_server = [this](const facade::PoolNode& node, std::size_t) { return connect_to_server(node); };
+  setup.connect = [this](const facade::PoolNode& first, const facade::PoolNode& second, std::size_t) {
+    return connect_nodes(first, second);
+  };
+  return setup;
 }
 
-// Gives every node its connections to the others, by their current numbers.
-void TestHarness::connect_peers() {
-  for (NodeNumber p = 0; p < active_.size(); ++p) {
-    std::vector<Connection> peers(active_.size());
-    for (NodeNumber q = 0; q < active_.size(); ++q) {
-      if (p == q) {
-        continue;
-      }
-      for (const auto& [from, to] : {std::pair(p, q), std::pair(q, p)}) {
-        auto& channel = peers_[{active_[from], active_[to]}];
-        if (channel == nullptr) {
-          channel = std::make_unique<TappedChannel>(config_.ring_bytes, config_.delivery_bytes, Endpoint::node(from),
-                                                    Endpoint::node(to));
-        }
-      }
-      peers[q] = {&peers_[{active_[p], active_[q]}]->sender(), &peers_[{active_[q], active_[p]}]->receiver(),
-                  nodes_[active_[q]].node_contacts.get()};
-    }
-    nodes_[active_[p]].role->assign(p, peers);
+facade::PoolChannel TestHarness::connect_to_server(const facade::PoolNode& node) {
+  controls_.resize(node.id + 1);
+  const Endpoint self = Endpoint::node(node.slot);
+  const std::size_t ring = config_.ring_bytes, delivery = config_.delivery_bytes;
+  auto channel = std::shared_ptr<ServerChannel>(new ServerChannel{
+      {ring, delivery, Endpoint::server(), self}, {ring, delivery, self, Endpoint::server()}, {}, {}});
+  NodeContacts* const node_contacts = config_.shares_memory ? &channel->node_contacts : nullptr;
+  if (config_.shares_memory && config_.deployment == Deployment::user_collision && config_.interest > 0 &&
+      (config_.all_publish || node.slot % 2 == 0)) {
+    channel->publication.emplace(config_.grid, 16);
   }
+  NodePublication* const publication = channel->publication ? &*channel->publication : nullptr;
+  return {{&channel->to_node.sender(), &channel->from_node.receiver(), node_contacts, publication},
+          {&channel->from_node.sender(), &channel->to_node.receiver(), node_contacts, publication},
+          channel};
 }
 
-void TestHarness::kill(NodeNumber node, std::size_t messages) { nodes_[active_[node]].messages = messages; }
+facade::PoolChannel TestHarness::connect_nodes(const facade::PoolNode& first, const facade::PoolNode& second) {
+  const auto tap = [&](const facade::PoolNode& from, const facade::PoolNode& to) {
+    return peers_[{from.id, to.id}] = std::make_shared<TappedChannel>(
+               config_.ring_bytes, config_.delivery_bytes, Endpoint::node(from.slot), Endpoint::node(to.slot));
+  };
+  const auto forward = tap(first, second), backward = tap(second, first);
+  return {{&forward->sender(), &backward->receiver()}, {&backward->sender(), &forward->receiver()}, {}};
+}
 
-void TestHarness::stop_inside(NodeNumber node, GateOf gate) {
-  Node& stopping = nodes_[active_[node]];
-  stopping.stops_inside =
-      gate == GateOf::ghost_updates ? &stopping.node_contacts->ghost_updates.gate : &stopping.node_contacts->gate;
+TestHarness::ServerChannel& TestHarness::channel_of(const facade::PoolNode& node) {
+  return *static_cast<ServerChannel*>(node.server.owner.get());
+}
+
+facade::PoolNode& TestHarness::node_at(std::size_t node) const {
+  facade::PoolNode* found = nullptr;
+  pool_->each([&](facade::PoolNode& each) { found = node-- == 0 ? &each : found; });
+  REQUIRE(found != nullptr);
+  return *found;
+}
+
+// Also those that are gone: the pool keeps them because free_retired() is never called.
+std::vector<facade::PoolNode*> TestHarness::all_nodes() const {
+  std::vector<facade::PoolNode*> all;
+  for (const auto& node : pool_->retired()) {
+    all.push_back(node.get());
+  }
+  pool_->each([&](facade::PoolNode& node) { all.push_back(&node); });
+  return all;
+}
+
+void TestHarness::kill(std::size_t node, std::size_t messages) { control(node_at(node)).messages = messages; }
+
+void TestHarness::stop_inside(std::size_t node, GateOf gate) {
+  const facade::PoolNode& stopping = node_at(node);
+  NodeContacts& node_contacts = channel_of(stopping).node_contacts;
+  control(stopping).stops_inside =
+      gate == GateOf::ghost_updates ? &node_contacts.ghost_updates.gate : &node_contacts.gate;
 }
 
 // Passes messages between a node and the server until the node stops.
-bool TestHarness::pass(Node& node) {
+bool TestHarness::pass(const facade::PoolNode& node) {
   const std::size_t before = log_.size();
-  const bool from_node = node.out->pass(tamper_nodes, log_);
-  const bool delivered = node.in->pass({}, log_);
-  if (node.messages != ~std::size_t{0}) {
-    node.messages -= std::min(node.messages, log_.size() - before);
+  const bool from_node = channel_of(node).from_node.pass(tamper_nodes, log_);
+  const bool delivered = channel_of(node).to_node.pass({}, log_);
+  std::size_t& messages = control(node).messages;
+  if (messages != ~std::size_t{0}) {
+    messages -= std::min(messages, log_.size() - before);
   }
   return from_node || delivered;
 }
 
-bool TestHarness::lose(NodeNumber number, bool still_runs) {
-  if (!server_->lose(number)) {
+bool TestHarness::lose(const facade::PoolNode& node, bool still_runs) {
+  if (!server_->lose(node.slot)) {
     return false;  // it has not begun the frame
   }
-  Node& node = nodes_[active_[number]];
-  node.stopped_role = std::move(node.role);
-  node.still_runs = still_runs;
+  control(node).stopped = true;
+  control(node).still_runs = still_runs;
   return true;
 }
 
 // Nothing progresses because of the stopped nodes; reports the first of them as lost.
 void TestHarness::report_stopped_nodes() {
-  for (NodeNumber number = 0; number < active_.size(); ++number) {
-    Node& node = nodes_[active_[number]];
-    if (node.role != nullptr && node.messages == 0) {
-      lose(number, false);
-      return;
-    }
+  const facade::PoolNode* stopped = nullptr;
+  pool_->each([&](const facade::PoolNode& node) {
+    stopped = stopped == nullptr && !control(node).stopped && control(node).messages == 0 ? &node : stopped;
+  });
+  if (stopped != nullptr) {
+    lose(*stopped, false);
+    return;
   }
   // Only a node that has stopped inside a gate may make the frame wait, until its deadline.
-  REQUIRE(std::any_of(nodes_.begin(), nodes_.end(), [](const Node& node) { return node.stops_inside != nullptr; }));
+  REQUIRE(std::any_of(controls_.begin(), controls_.end(),
+                      [](const Control& control) { return control.stops_inside != nullptr; }));
   REQUIRE(std::chrono::steady_clock::now() - frame_began_ < std::chrono::seconds(20));
 }
 
+void TestHarness::request_join(facade::PoolNode& node, std::vector<Request>::iterator where) {
+  Request request;
+  request.kind = Request::Kind::add_node;
+  request.node = node.slot;
+  request.node_id = node.id;
+  request.connection = node.server.first;
+  requests_.insert(where, request);
+}
+
 // As World does when a frame begins.
-void TestHarness::grow() {
+void TestHarness::resize_nodes() {
   if (resize_to_ == 0) {
     return;
   }
   Request request;
-  request.kind = Request::Kind::add_node;
-  while (active_.size() < resize_to_) {
-    const auto number = static_cast<NodeNumber>(active_.size());
-    active_.push_back(nodes_.size());
-    request.connection = add_node(number);
+  request.kind = Request::Kind::retire_node;
+  for (const NodeNumber slot : pool_->youngest(pool_->size() - std::min<std::size_t>(pool_->size(), resize_to_))) {
+    request.node = slot;
     requests_.push_back(request);
   }
-  connect_peers();
-  request.kind = Request::Kind::resize;
-  request.nodes = std::exchange(resize_to_, 0u);
+  while (pool_->size() < resize_to_) {
+    request_join(pool_->add(server_->map(), resize_to_, false), requests_.end());
+  }
+  pool_->connect();
+  request.kind = Request::Kind::partition;
   requests_.push_back(request);
+  resize_to_ = 0;
 }
 
-// The frame is over: renumbers the remaining nodes in order, as the server does at its next cut.
-void TestHarness::retire_lost() {
-  const auto in_map = static_cast<std::ptrdiff_t>(std::min<std::size_t>(server_->map().nodes(), active_.size()));
-  const auto is_active = [&](std::size_t node) { return nodes_[node].role != nullptr; };
-  const auto left = static_cast<std::size_t>(std::count_if(active_.begin(), active_.begin() + in_map, is_active));
-  std::erase_if(active_, [&](std::size_t node) { return !is_active(node); });
-  if (active_.empty()) {
-    Request request;
-    request.kind = Request::Kind::add_node;
-    active_.push_back(nodes_.size());
-    request.connection = add_node(0);
-    requests_.insert(requests_.begin(), request);
+// As World does when a frame is complete.
+void TestHarness::remove_gone_nodes() {
+  const std::vector<NodeId>& lost = report().lost;
+  std::vector<NodeNumber> gone;
+  pool_->each([&](const facade::PoolNode& node) {
+    if (std::count(lost.begin(), lost.end(), NodeId(node.id)) != 0 || server_->has_left(node.slot)) {
+      control(node).stopped = true;
+      control(node).stops_inside = nullptr;
+      gone.push_back(node.slot);
+    }
+  });
+  if (gone.empty() && lost.empty()) {
+    return;
   }
-  retire(std::max<std::size_t>(left, 1));
-  connect_peers();
-}
-
-// Nodes that are no longer in the map have handed everything over.
-void TestHarness::retire(std::size_t left) {
-  while (active_.size() > left) {
-    nodes_[active_.back()].role = nullptr;
-    active_.pop_back();
+  pool_->remove(gone);
+  if (pool_->size() == 0) {
+    request_join(pool_->add(server_->map(), 1, false), requests_.begin());
   }
+  pool_->connect();
 }
 
 void TestHarness::connect(UserNumber number) {
@@ -271,7 +299,7 @@ void TestHarness::place(ObjectId id, const Pose& pose) {
 
 void TestHarness::frame(const std::optional<RandomOrder>& random_order) {
   log_.clear();
-  grow();
+  resize_nodes();
   order_.requests.swap(requests_);
   requests_.clear();
   frame_began_ = std::chrono::steady_clock::now();
@@ -288,22 +316,7 @@ void TestHarness::frame(const std::optional<RandomOrder>& random_order) {
       quiet = 0;
     }
   }
-  for (NodeNumber number = 0; number < active_.size(); ++number) {
-    Node& node = nodes_[active_[number]];
-    if (server_->is_broken(number) && node.role != nullptr) {
-      node.stopped_role = std::move(node.role);
-    }
-  }
-  for (const NodeId lost : report().lost) {
-    Node& node = nodes_[active_[lost.number()]];
-    if (node.role != nullptr && server_->has_abandoned_nodes()) {
-      node.stopped_role = std::move(node.role);  // lost because another node stopped inside a gate
-    }
-    node.stops_inside = nullptr;
-  }
-  if (!report().lost.empty() || server_->map().nodes() < active_.size()) {
-    retire_lost();
-  }
+  remove_gone_nodes();
   for (const UserNumber number : leaving_) {
     publications_.users[number] = {};
     users_.erase(number);
@@ -311,12 +324,12 @@ void TestHarness::frame(const std::optional<RandomOrder>& random_order) {
   leaving_.clear();
 }
 
-// Adds the fallback node for the last node.
+// Puts a fallback node in the place of the last node.
 void TestHarness::fallback() {
   if (order_.fallback_wanted.exchange(false)) {
-    active_[order_.fallback_for] = nodes_.size();
-    order_.fallback = add_node(order_.fallback_for);
-    nodes_.back().role->assign(order_.fallback_for, std::vector<Connection>(active_.size()));
+    const facade::PoolNode& node = pool_->replace(order_.fallback_slot, server_->map());
+    order_.fallback_id = node.id;
+    order_.fallback = node.server.first;
     order_.fallback_ready.store(true);
   }
 }
@@ -327,22 +340,20 @@ bool TestHarness::step_in_order() {
   }
   bool progressed = server_->step() == Step::progressed;
   fallback();
-  for (const std::size_t number : active_) {
-    Node& node = nodes_[number];
-    if (node.stops_inside != nullptr && node.role != nullptr && node.stops_inside->enter()) {
-      node.messages = 0;
+  pool_->each([&](const facade::PoolNode& node) {
+    Control& own = control(node);
+    if (own.stops_inside != nullptr && !own.stopped && own.stops_inside->enter()) {
+      own.messages = 0;
     }
-  }
-  for (const std::size_t node : active_) {
-    CdNodeRole* role = nodes_[node].role.get();
-    progressed |= role != nullptr && nodes_[node].messages != 0 && role->step() == Step::progressed;
-  }
+  });
+  pool_->each([&](const facade::PoolNode& node) {
+    const Control& own = control(node);
+    progressed |= !own.stopped && own.messages != 0 && node.role->step() == Step::progressed;
+  });
   for (auto& [number, user] : users_) {
     progressed |= user.role->step() == Step::progressed;
   }
-  for (const std::size_t node : active_) {
-    progressed |= pass(nodes_[node]);
-  }
+  pool_->each([&](const facade::PoolNode& node) { progressed |= pass(node); });
   for (auto& [ends, channel] : peers_) {
     progressed |= is_stepped(ends.second) && channel->pass({}, log_);
   }
@@ -358,76 +369,75 @@ bool TestHarness::step_in_order() {
 void TestHarness::step_in_random_order(const RandomOrder& random_order) {
   std::mt19937_64& random = *random_order.random;
   const auto one_in = [&](std::uint64_t n) { return random() % n == 0; };
-  for (Node& node : nodes_) {
+  for (Control& node : controls_) {
     node.period = std::array{1u, 1u, 2u, 8u, 30u}[random() % 5];
     node.still_runs &= !one_in(3);
   }
   const std::uint64_t server_period = 1 + random() % 4;
   const std::uint64_t until_loss = 1 + random() % 60;
   const std::array<unsigned, 6> channel_periods{1, 1, 1, 3, 10, one_in(3) ? 60u : 1u};
-  const auto draw_period = [&](const std::unique_ptr<TappedChannel>& channel) {
-    if (channel != nullptr) channel->period = channel_periods[random() % channel_periods.size()];
+  const auto draw_period = [&](TappedChannel& channel) {
+    channel.period = channel_periods[random() % channel_periods.size()];
   };
-  for (Node& node : nodes_) {
-    draw_period(node.in);
-    draw_period(node.out);
+  for (const facade::PoolNode* node : all_nodes()) {
+    draw_period(channel_of(*node).to_node);
+    draw_period(channel_of(*node).from_node);
   }
   for (auto& [ends, channel] : peers_) {
-    draw_period(channel);
+    draw_period(*channel);
   }
   std::size_t losses = random_order.losses;
   bool may_lose = !random_order.late;
   std::size_t log_position = 0;  // position in the log
   // The fallback node is not lost in the same frame: it runs on the server's thread.
-  const std::size_t known = nodes_.size();
+  const std::size_t known = controls_.size();
   for (int round = 0; round < 400 && order_.completed.load() != order_.ordered.load(); ++round) {
     if (one_in(server_period)) {
       server_->step();
     }
     fallback();
-    for (Node& node : nodes_) {
-      CdNodeRole* const role = node.role != nullptr ? node.role.get()
-                               : node.still_runs    ? node.stopped_role.get()
-                                                    : nullptr;
-      if (role != nullptr && node.period != 0 && one_in(node.period)) {
-        role->step();
+    const std::vector<facade::PoolNode*> all = all_nodes();
+    for (const facade::PoolNode* node : all) {
+      const unsigned period = control(*node).period;
+      if (is_stepped(node->id) && period != 0 && one_in(period)) {
+        node->role->step();
       }
     }
     for (auto& [number, user] : users_) {
       if (one_in(2)) user.role->step();
     }
-    const auto pass = [&](const std::unique_ptr<TappedChannel>& channel) {
-      if (channel != nullptr && one_in(channel->period)) channel->pass({}, log_, 1 + random() % 4);
+    const auto pass = [&](TappedChannel& channel) {
+      if (one_in(channel.period)) channel.pass({}, log_, 1 + random() % 4);
     };
-    for (std::size_t node = 0; node < nodes_.size(); ++node) {
-      if (is_stepped(node)) pass(nodes_[node].in);
-      pass(nodes_[node].out);
+    for (const facade::PoolNode* node : all) {
+      if (is_stepped(node->id)) pass(channel_of(*node).to_node);
+      pass(channel_of(*node).from_node);
     }
     for (auto& [ends, channel] : peers_) {
-      if (is_stepped(ends.second)) pass(channel);
+      if (is_stepped(ends.second)) pass(*channel);
     }
     for (auto& [number, user] : users_) {
-      pass(user.out);
-      pass(user.in);
+      pass(*user.out);
+      pass(*user.in);
     }
-    const auto number = static_cast<NodeNumber>(random() % active_.size());
-    const bool is_active = active_[number] < known && nodes_[active_[number]].role != nullptr;
+    const facade::PoolNode& node = node_at(random() % pool_->size());
+    const bool may_be_lost = node.id < known && !control(node).stopped;
     for (; !may_lose && log_position < log_.size(); ++log_position) {
       may_lose = log_[log_position].type() == MessageType::frame_end;
     }
-    if (losses > 0 && may_lose && is_active && one_in(until_loss)) {
-      losses -= lose(number, !one_in(3)) ? 1 : 0;
+    if (losses > 0 && may_lose && may_be_lost && one_in(until_loss)) {
+      losses -= lose(node, !one_in(3)) ? 1 : 0;
     }
   }
 }
 
 std::vector<Endpoint> TestHarness::hosts_of(ObjectNumber number) const {
   std::vector<Endpoint> hosts;
-  for (NodeNumber node = 0; node < active_.size(); ++node) {
-    if (nodes_[active_[node]].role->host().find(number) != base::NumberIndex::none) {
-      hosts.push_back(Endpoint::node(node));
+  pool_->each([&](const facade::PoolNode& node) {
+    if (node.role->host().find(number) != base::NumberIndex::none) {
+      hosts.push_back(Endpoint::node(node.slot));
     }
-  }
+  });
   for (const auto& [user, own] : users_) {
     if (own.role->host().find(number) != base::NumberIndex::none) {
       hosts.push_back(Endpoint::user(user));
@@ -467,9 +477,7 @@ void TestHarness::require_one_host_each() const {
     }
   }
   std::size_t held = 0;
-  for (const std::size_t node : active_) {
-    held += nodes_[node].role->host().size();
-  }
+  pool_->each([&](const facade::PoolNode& node) { held += node.role->host().size(); });
   for (const auto& [user, own] : users_) {
     held += own.role->host().size();
   }

@@ -3,7 +3,6 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -13,6 +12,7 @@
 #include <span>
 #include <vector>
 
+#include "facade/node_pool.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/channel.hpp"
 #include "link/publication.hpp"
@@ -101,16 +101,18 @@ class TestHarness {
   void place(ObjectId id, const Pose& pose);
   UserRole& user(UserNumber number) { return *users_.at(number).role; }
 
-  /// The CD node of that number (among the active ones) stops after `messages` more messages to or from it in the next
-  /// frame; when the frame makes no progress any more, the server is informed of the loss.
-  void kill(NodeNumber node, std::size_t messages);
-  /// The CD node with that number stops inside a read gate in the next frame and is lost.
+  // CD nodes are counted from 0, by ascending slot: without losses that is the slot.
+  /// The node stops after `messages` more messages to or from it in the next frame; when the frame makes no progress
+  /// any more, the server is informed of the loss.
+  void kill(std::size_t node, std::size_t messages);
+  /// The node stops inside a read gate in the next frame and is lost.
   enum class GateOf { ghost_updates, lists };
-  void stop_inside(NodeNumber node, GateOf gate);
+  void stop_inside(std::size_t node, GateOf gate);
   /// Number of CD nodes from the frame after the next on, like World::resize.
   void resize(std::uint32_t nodes) { resize_to_ = nodes; }
-  /// Number of active CD nodes.
-  std::size_t nodes() const { return active_.size(); }
+  /// Number of CD nodes.
+  std::size_t nodes() const { return pool_->size(); }
+  const facade::NodePool& pool() const { return *pool_; }
 
   /// Runs one frame; log() then holds its messages in causal order.
   void frame() { frame({}); }
@@ -122,8 +124,8 @@ class TestHarness {
   const ServerRole& server() const { return *server_; }
   const ObjectTable& table() const { return server_->objects(); }
   /// The node's shared contacts; null without shares_memory.
-  const NodeContacts* node_contacts(NodeNumber node) const { return nodes_[active_[node]].node_contacts.get(); }
-  const Host& host(NodeNumber node) const { return nodes_[active_[node]].role->host(); }
+  const NodeContacts* node_contacts(std::size_t node) const { return node_at(node).server.first.node_contacts; }
+  const Host& host(std::size_t node) const { return node_at(node).role->host(); }
   const FrameReport& report() const { return server_->report(last()); }
   std::span<const Contact> contacts() const { return server_->ledger().contacts(last()); }
   std::span<const Contact> ended() const { return server_->ledger().ended(last()); }
@@ -150,31 +152,35 @@ class TestHarness {
   TappedChannel& from(UserNumber user) { return *users_.at(user).out; }
 
  private:
-  struct Node;
-  Connection add_node(NodeNumber number);
-  void connect_peers();
-  void grow();
-  void retire_lost();
-  void retire(std::size_t left);
-  bool step_in_order();
-  void step_in_random_order(const RandomOrder& random_order);
-  void fallback();
-  bool pass(Node& node);
-  bool is_stepped(std::size_t node) const { return nodes_[node].role != nullptr || nodes_[node].still_runs; }
-  bool lose(NodeNumber number, bool still_runs);
-  void report_stopped_nodes();
-
-  struct Node {
-    std::unique_ptr<TappedChannel> in, out;  ///< to the node, from the node
-    std::unique_ptr<NodeContacts> node_contacts;
-    std::unique_ptr<NodePublication> publication;
-    std::unique_ptr<CdNodeRole> role;
-    std::unique_ptr<CdNodeRole> stopped_role;  ///< a stopped role; its memory stays valid
-    bool still_runs = false;                   ///< although it is lost
+  /// The channel between the server and a CD node.
+  struct ServerChannel;
+  /// What the test does with a CD node.
+  struct Control {
+    bool stopped = false;                    ///< it is lost or has left, so it is not stepped
+    bool still_runs = false;                 ///< it is stepped although it is lost
     unsigned period = 1;                     ///< in random order it is stepped once in this many rounds; 0: never again
     std::size_t messages = ~std::size_t{0};  ///< number of messages until it stops
     ReadGate* stops_inside = nullptr;        ///< the node stops when it has entered this gate
   };
+
+  facade::NodePoolSetup pool_setup();
+  facade::PoolChannel connect_to_server(const facade::PoolNode& node);
+  facade::PoolChannel connect_nodes(const facade::PoolNode& first, const facade::PoolNode& second);
+  facade::PoolNode& node_at(std::size_t node) const;
+  std::vector<facade::PoolNode*> all_nodes() const;
+  static ServerChannel& channel_of(const facade::PoolNode& node);
+  Control& control(const facade::PoolNode& node) { return controls_[node.id]; }
+  bool is_stepped(NodeNumber id) const { return !controls_[id].stopped || controls_[id].still_runs; }
+  void request_join(facade::PoolNode& node, std::vector<Request>::iterator where);
+  void resize_nodes();
+  void remove_gone_nodes();
+  bool step_in_order();
+  void step_in_random_order(const RandomOrder& random_order);
+  void fallback();
+  bool pass(const facade::PoolNode& node);
+  bool lose(const facade::PoolNode& node, bool still_runs);
+  void report_stopped_nodes();
+
   struct User {
     std::unique_ptr<TappedChannel> in, out;  ///< to the user, from the user
     std::unique_ptr<link::Publication> publication;
@@ -189,9 +195,9 @@ class TestHarness {
   link::Publication relay_;
   FrameOrder order_;
   std::vector<Request> requests_;
-  std::vector<Node> nodes_;          ///< all that ever existed
-  std::vector<std::size_t> active_;  ///< indices into nodes_, by number
-  std::map<std::pair<std::size_t, std::size_t>, std::unique_ptr<TappedChannel>> peers_;  ///< by indices into nodes_
+  std::vector<Control> controls_;                                                      ///< by id
+  std::map<std::pair<NodeNumber, NodeNumber>, std::shared_ptr<TappedChannel>> peers_;  ///< by ids: from, to
+  std::optional<facade::NodePool> pool_;
   std::optional<ServerRole> server_;
   std::map<UserNumber, User> users_;
   std::set<UserNumber> leaving_;

@@ -219,6 +219,35 @@ TEST_CASE("bounds in the interior of a region are covered by its node only") {
   });
 }
 
+TEST_CASE("a node that owns all cells covers all bounds, whatever its slot") {
+  const CellGrid grid{{2, 1, 2}};
+  std::mt19937_64 random(35);
+  for (const NodeNumber owner : {0u, 1u, 4u}) {
+    CAPTURE(owner);
+    RegionMap map(grid, 5);
+    CHECK(map.sole_owner() == RegionMap::many_owners);
+    std::vector<std::uint32_t> table(grid.cells(), owner);
+    for (const bool cut : {false, true}) {
+      if (cut) {
+        table[3] = RegionMap::cut_entry(1, 0);
+        table.insert(table.end(), {owner, owner});
+      }
+      map.assign(table, 5, map.epoch() + 1);
+      CHECK(map.sole_owner() == owner);
+      for (int round = 0; round < 40; ++round) {
+        const Bounds bounds = random_bounds(random, 32);
+        for (NodeNumber node = 0; node < 5; ++node) {
+          REQUIRE(map.coverage(bounds, node) == (node == owner ? Coverage::all : Coverage::none));
+        }
+        REQUIRE(map.pair_owner(bounds, bounds) == owner);
+      }
+    }
+    table.back() = (owner + 1) % 5;
+    map.assign(table, 5, map.epoch() + 1);
+    CHECK(map.sole_owner() == RegionMap::many_owners);
+  }
+}
+
 TEST_CASE("the interior of a region that is a box is the whole region") {
   for (const NodeNumber nodes : {1u, 2u, 4u, 8u, 16u}) {
     CAPTURE(nodes);

@@ -25,14 +25,14 @@ TEST_CASE("injected failures of nodes do not change the digest, and the report l
   const auto expected = nlohmann::json::parse(worlds::read_text(folder / "still.json"));
   CHECK(expected["lost"].empty());
   const ProgramResult failed =
-      test::ringfence(std::string(world) + "--nodes 3 --fail 4:2:colliding,9:0:moving --fail 15:0:ending " + "--json " +
+      test::ringfence(std::string(world) + "--nodes 3 --fail 4:2:colliding,9:0:moving --fail 15:1:ending " + "--json " +
                       (folder / "failed.json"));
   REQUIRE_MESSAGE(failed.code == 0, failed.out);
   const auto report = nlohmann::json::parse(worlds::read_text(folder / "failed.json"));
   CHECK(report["digest"] == expected["digest"]);
   CHECK(report["check"]["differences"] == 0);
   REQUIRE(report["lost"].size() == 3);
-  const int frames[] = {4, 9, 15}, nodes[] = {2, 0, 0};
+  const int frames[] = {4, 9, 15}, nodes[] = {2, 0, 1};
   for (std::size_t i = 0; i < 3; ++i) {
     CHECK(report["lost"][i]["frame"] == frames[i]);
     CHECK(report["lost"][i]["node"] == nodes[i]);
@@ -48,7 +48,7 @@ TEST_CASE("nodes that fail inside a stage do not change the digest") {
   REQUIRE(still.code == 0);
   const auto expected = nlohmann::json::parse(worlds::read_text(folder / "still.json"));
   const ProgramResult failed = test::ringfence(
-      std::string(world) + "--nodes 5 --fail 3:2:model,6:1:kernel,9:0:publication,12:1:hand-over --json " +
+      std::string(world) + "--nodes 5 --fail 3:2:model,6:1:kernel,9:0:publication,12:3:hand-over --json " +
       (folder / "failed.json"));
   REQUIRE_MESSAGE(failed.code == 0, failed.out);
   const auto report = nlohmann::json::parse(worlds::read_text(folder / "failed.json"));

@@ -11,6 +11,7 @@ TEST_CASE("percentiles are measured times, selected by nearest rank") {
     report.frame_ms = i;
     report.tested = 3;
     report.nodes.resize(2);
+    report.nodes[1].id = NodeId(1);
     report.nodes[1].busy_ms = 2 * i;
     figures.add(report, {});
   }
@@ -21,6 +22,23 @@ TEST_CASE("percentiles are measured times, selected by nearest rank") {
   CHECK(figures.tested == 600);
   CHECK(figures.nodes()[0].busy_ms == 0);
   CHECK(figures.nodes()[1].busy_ms == doctest::Approx(201));
+}
+
+TEST_CASE("statistics of a node are its own, also if its slot is another node's later") {
+  Figures figures;
+  FrameReport report;
+  report.nodes.resize(2);
+  report.nodes[0] = {.id = NodeId(0), .tested = 10};
+  report.nodes[1] = {.id = NodeId(1), .tested = 6};
+  figures.add(report, {});
+  report.nodes[0] = {.id = NodeId(2), .tested = 4};  // node 0 is lost
+  figures.add(report, {});
+  REQUIRE(figures.nodes().size() == 3);
+  const double tested[] = {5, 6, 2};
+  for (std::uint32_t id = 0; id < 3; ++id) {
+    CHECK(figures.nodes()[id].id == id);
+    CHECK(figures.nodes()[id].tested == doctest::Approx(tested[id]));
+  }
 }
 
 TEST_CASE("statistics of the narrow phase are summed by pair of kinds and sorted by kind") {

@@ -28,6 +28,16 @@ void add_to(std::vector<KindReport>& totals, const KindReport& kind) {
   for (std::size_t i = 0; i < cost_buckets; ++i) at->cost[i] += kind.cost[i];
 }
 
+NodeFigures& totals_of(std::vector<NodeFigures>& totals, std::uint32_t id) {
+  auto at = std::lower_bound(totals.begin(), totals.end(), id,
+                             [](const NodeFigures& node, std::uint32_t wanted) { return node.id < wanted; });
+  if (at == totals.end() || at->id != id) {
+    at = totals.emplace(at);
+    at->id = id;
+  }
+  return *at;
+}
+
 }  // namespace
 
 void Figures::add(const FrameReport& report, std::span<const Contact> frame_contacts) {
@@ -67,10 +77,8 @@ void Figures::add(const FrameReport& report, std::span<const Contact> frame_cont
   add_values(cpu_imbalance, [](const NodeReport& node) { return node.cpu_ms; });
   add_values(tested_imbalance, [](const NodeReport& node) { return static_cast<double>(node.tested); });
   for (const KindReport& kind : report.kinds) add_to(kinds_, kind);
-  if (node_totals_.size() < report.nodes.size()) node_totals_.resize(report.nodes.size());
-  for (std::size_t i = 0; i < report.nodes.size(); ++i) {
-    const NodeReport& node = report.nodes[i];
-    NodeFigures& total = node_totals_[i];
+  for (const NodeReport& node : report.nodes) {
+    NodeFigures& total = totals_of(node_totals_, node.id.number());
     total.busy_ms += node.busy_ms;
     total.cpu_ms += node.cpu_ms;
     total.wait_ms += node.wait_ms;

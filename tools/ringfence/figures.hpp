@@ -20,6 +20,7 @@ struct Spread {
 
 /// Means per counted frame of one CD node.
 struct NodeFigures {
+  std::uint32_t id = 0;  ///< NodeReport::id
   double busy_ms = 0, cpu_ms = 0, wait_ms = 0, move_ms = 0, broad_phase_ms = 0, narrow_phase_ms = 0;
   double candidates = 0, tested = 0, contacts = 0, hosted = 0, handed_over = 0;
 };
@@ -33,6 +34,7 @@ class Figures {
   std::uint64_t digest() const noexcept { return digest_.value(); }
   Spread frame_ms() const;
   double stage_ms(Stage stage) const noexcept { return mean(stage_ms_[static_cast<std::size_t>(stage)]); }
+  /// Of each node that worked in a counted frame, by id.
   std::vector<NodeFigures> nodes() const;
   /// Totals over the counted frames, sorted by the kinds of the pair.
   const std::vector<KindReport>& kinds() const noexcept { return kinds_; }
@@ -58,7 +60,7 @@ class Figures {
   struct Loss {
     std::uint64_t frame = 0;  ///< counted from 0 after the warm-up
     bool user = false;        ///< true: a user node that missed its deadline; false: a CD node
-    std::uint32_t node = 0;   ///< its number in that frame
+    std::uint32_t node = 0;   ///< its id
     double frame_ms = 0;      ///< duration of the frame in which it was lost
   };
   std::vector<Loss> losses;
@@ -70,7 +72,7 @@ class Figures {
   std::array<double, stage_count> stage_ms_{};
   std::array<TrafficReport, traffic_count> traffic_{};
   std::array<std::uint64_t, status_count> refused_{};
-  std::vector<NodeFigures> node_totals_;
+  std::vector<NodeFigures> node_totals_;  ///< by id
   std::vector<double> values_;
   std::uint32_t map_epoch_ = 0;
   std::vector<KindReport> kinds_;

@@ -6,8 +6,7 @@
 namespace ringfence::tools {
 namespace {
 
-// Track numbers determine the order in the viewer. User tracks start above the maximum number of nodes, which may join
-// and leave.
+// Track numbers determine the order in the viewer. Nodes come by id, so a node keeps its track.
 constexpr std::uint32_t first_user_track = 10'000, frame_track = 1'000'000;
 
 std::unique_ptr<OutputFile> open(const std::string& path) {
@@ -91,11 +90,18 @@ void FrameOutputs::add_spans(std::uint64_t frame, const World& world) {
       name_track(first_user_track + thread, fmt::format("users {}", thread));
     }
   }
-  const std::uint32_t nodes = world.nodes();
-  for (; nodes_named_ < nodes; ++nodes_named_) name_track(1 + nodes_named_, fmt::format("node {}", nodes_named_));
+  const std::vector<NodeReport>& nodes = world.report().nodes;
+  for (const NodeReport& node : nodes) {
+    if (node.id.number() >= nodes_named_) name_track(1 + node.id.number(), fmt::format("node {}", node.id.number()));
+  }
+  for (const NodeReport& node : nodes) nodes_named_ = std::max(nodes_named_, node.id.number() + 1);
   add(frame_track, fmt::format("frame {}", frame), begin, end);
+  const auto count = static_cast<std::uint32_t>(nodes.size());
   for (const TimelineSpan& span : spans) {
-    const std::uint32_t track = span.track <= nodes ? span.track : first_user_track + (span.track - nodes - 1);
+    const std::uint32_t position = span.track - 1;  // among the nodes, then among the user threads
+    const std::uint32_t track = span.track == 0    ? 0
+                                : position < count ? 1 + nodes[position].id.number()
+                                                   : first_user_track + position - count;
     add(track, span.name, span.begin_ns, span.end_ns);
   }
 }

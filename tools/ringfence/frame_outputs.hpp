@@ -28,8 +28,8 @@ class FrameOutputs {
   std::unique_ptr<OutputFile> collisions_, frames_, trace_;
   bool first_span_ = true;
   bool tracks_named_ = false;
-  std::uint32_t nodes_named_ = 0;
-  std::uint64_t epoch_ns_ = 0;  ///< time 0 of the trace, on the monotonic clock
+  std::uint32_t nodes_named_ = 0;  ///< the tracks of all nodes with lower ids have names
+  std::uint64_t epoch_ns_ = 0;     ///< time 0 of the trace, on the monotonic clock
 };
 
 }  // namespace ringfence::tools

@@ -89,9 +89,9 @@ void print_nodes(std::FILE* out, const Figures& figures) {
   for (const NodeFigures& node : nodes) all += node.tested;
   for (std::size_t i = 0; i < std::min(nodes.size(), max_nodes_shown); ++i) {
     const NodeFigures& node = nodes[i];
-    fmt::print(out, "{:<6} {:>9.3f} {:>9.3f} {:>9.3f} {:>10.3f} {:>12.3f} {:>14.3f} {:>9.0f} {:>8}\n", i, node.busy_ms,
-               node.wait_ms, node.cpu_ms, node.move_ms, node.broad_phase_ms, node.narrow_phase_ms, node.tested,
-               percent(share(node.tested, all)));
+    fmt::print(out, "{:<6} {:>9.3f} {:>9.3f} {:>9.3f} {:>10.3f} {:>12.3f} {:>14.3f} {:>9.0f} {:>8}\n", node.id,
+               node.busy_ms, node.wait_ms, node.cpu_ms, node.move_ms, node.broad_phase_ms, node.narrow_phase_ms,
+               node.tested, percent(share(node.tested, all)));
   }
   if (nodes.size() > max_nodes_shown) {
     fmt::print(out, "{} more in the JSON report (--json FILE)\n", nodes.size() - max_nodes_shown);

@@ -62,8 +62,9 @@ void print_nodes(std::FILE* out, const Figures& figures) {
   for (const NodeFigures& node : nodes) all_tested += node.tested;
   for (std::size_t i = 0; i < std::min(nodes.size(), max_nodes_shown); ++i) {
     const NodeFigures& node = nodes[i];
-    fmt::print(out, "  {:<5} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.0f} {:>5.1f} % {:>8.0f}\n", i, node.busy_ms, node.cpu_ms,
-               node.wait_ms, node.tested, all_tested > 0 ? 100 * node.tested / all_tested : 0.0, node.hosted);
+    fmt::print(out, "  {:<5} {:>8.3f} {:>8.3f} {:>8.3f} {:>8.0f} {:>5.1f} % {:>8.0f}\n", node.id, node.busy_ms,
+               node.cpu_ms, node.wait_ms, node.tested, all_tested > 0 ? 100 * node.tested / all_tested : 0.0,
+               node.hosted);
   }
   if (nodes.size() > max_nodes_shown) {
     fmt::print(out, "  {} more in the JSON report (--json FILE)\n", nodes.size() - max_nodes_shown);
@@ -208,7 +209,8 @@ Json resizes_of(const ResizeSchedule& resize_schedule) {
 Json nodes_of(const Figures& figures) {
   Json nodes = Json::array();
   for (const NodeFigures& node : figures.nodes()) {
-    nodes.push_back({{"busy_ms", node.busy_ms},
+    nodes.push_back({{"id", node.id},
+                     {"busy_ms", node.busy_ms},
                      {"cpu_ms", node.cpu_ms},
                      {"wait_ms", node.wait_ms},
                      {"tested", node.tested},

@@ -202,8 +202,9 @@ void Soak::resize() {
 }
 
 void Soak::stop_node() {
+  const std::vector<NodeReport>& nodes = world_.report().nodes;
   Fault fault;
-  fault.node = NodeId(static_cast<std::uint32_t>(random_() % world_.nodes()));
+  fault.node = nodes[random_() % nodes.size()].id;
   fault.frame = world_.frames();
   fault.stage = static_cast<NodeStage>(random_() % node_stage_count);
   fault.stall_ms = one_in(2) ? 0 : 2 * world_.config().deadlines.node_ms;

@@ -43,7 +43,7 @@ struct NetworkConfig {
 /// Traffic between the World and one node process, counted by the World.
 struct MemberReport {
   std::string name;  ///< host:process, or NodeServiceConfig::name
-  NodeId node;       ///< its node number from the last frame on
+  NodeId node;       ///< its id as a CD node
   std::uint64_t sent_parcels = 0, sent_bytes = 0;
   std::uint64_t received_parcels = 0, received_bytes = 0;
   std::uint64_t retransmitted_bytes = 0;  ///< by Cyclone DDS, to this node
@@ -77,7 +77,7 @@ constexpr const char* name_of(MemberChange::Kind kind) noexcept {
 struct ClusterReport {
   static constexpr std::size_t max_changes = 256;
 
-  std::vector<MemberReport> members;  ///< nodes that are part of the World, by node number
+  std::vector<MemberReport> members;  ///< nodes that are part of the World, in the order of FrameReport::nodes
   std::vector<MemberChange> changes;  ///< the last `max_changes`, oldest first
   std::uint64_t joined = 0, left = 0, lost = 0, refused = 0;
   std::uint64_t stale_parcels = 0;  ///< refused: sent before a loss was known, or by a process that is not assigned

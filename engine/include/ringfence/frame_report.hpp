@@ -30,6 +30,7 @@ constexpr const char* name_of(Stage stage) noexcept {
 
 /// Work of one CD node in one frame. Times in milliseconds.
 struct NodeReport {
+  NodeId id;                     ///< of the node; see FrameReport::nodes
   double busy_ms = 0;            ///< wall time in which the role made progress
   double cpu_ms = 0;             ///< CPU time of the node's thread; the same as busy_ms if the node has no own thread
   double wait_ms = 0;            ///< FrameReport::frame_ms minus busy_ms
@@ -88,11 +89,13 @@ struct FrameReport {
   double users_cpu_ms = 0;         ///< CPU time of all user threads together; 0 with nodes = 0
   double slowest_user_cpu_ms = 0;  ///< CPU time of the user thread that used most; 0 with nodes = 0
   PathReport path;
-  /// CD nodes lost in this frame, by their numbers in this frame. Other nodes did their work. From the next frame on,
-  /// the remaining nodes are numbered from 0 again, in the same order.
+  /// Ids of the CD nodes lost in this frame. Other nodes did their work.
   std::vector<NodeId> lost;
-  std::vector<UserId> late;       ///< user nodes that missed a deadline; they are disconnected at the next cut
-  std::vector<NodeReport> nodes;  ///< by number in this frame
+  std::vector<UserId> late;  ///< user nodes that missed a deadline; they are disconnected at the next cut
+  /// The CD nodes of this frame. A node keeps its id and its place in the order as long as it exists; an id is never
+  /// used again. The first nodes have the ids 0, 1 and so on, in order; a later node may stand where a node was that is
+  /// gone. If a fallback node did the work of the last node, it stands in its place.
+  std::vector<NodeReport> nodes;
   std::vector<KindReport> kinds;  ///< pairs of kinds that had candidates
   /// Empty unless WorldConfig::timeline is set. Contains no spans of lost nodes and remote nodes.
   std::vector<TimelineSpan> timeline;

@@ -46,7 +46,7 @@ class UserId {
 /// No user node.
 inline constexpr UserId no_user{};
 
-/// Id of a CD node: its number, 0 to nodes - 1.
+/// Id of a CD node: the first nodes have the numbers 0 to nodes - 1, and no number is used again.
 class NodeId {
  public:
   constexpr NodeId() noexcept = default;

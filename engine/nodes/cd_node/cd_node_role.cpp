@@ -132,7 +132,7 @@ void CdNodeRole::begin(std::uint64_t frame) {
 
 // Whether the current map makes this node the host of objects at `position`.
 bool CdNodeRole::is_in_own_region(const Vec3d& position) const noexcept {
-  if (map_.nodes() == 1) {
+  if (map_.sole_owner() == setup_.node) {
     return true;
   }
   std::uint32_t point[3];

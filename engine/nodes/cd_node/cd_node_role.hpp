@@ -33,7 +33,7 @@ namespace ringfence::nodes {
 
 /// Configuration of a CD node. The pointers outlive the role.
 struct CdNodeSetup {
-  NodeNumber node = 0;
+  NodeNumber node = 0;  ///< its slot
   const geometry::ShapeTable* shapes = nullptr;
   const geometry::FixedSpace* space = nullptr;
   const MotionModel* model = nullptr;  ///< null: nothing moves by itself
@@ -56,7 +56,7 @@ struct CdNodeSetup {
   /// Object slots are below this number. Checked if the server is in another process.
   std::uint32_t max_slots = std::numeric_limits<std::uint32_t>::max();
   Connection server;
-  std::vector<Connection> peers;  ///< by node number; the node's own entry is empty
+  std::vector<Connection> peers;  ///< by slot; the node's own entry and those of free slots are empty
 };
 
 /// A collision detection node. It owns regions and tests the candidate pairs assigned to it, each once. In
@@ -74,7 +74,8 @@ class CdNodeRole {
 
   Step step();
 
-  /// Sets the node's number and its connections to the other nodes. Between frames, while no thread steps the role.
+  /// Sets the node's slot and its connections to the other nodes, by slot. Between frames, while no thread steps the
+  /// role.
   void assign(NodeNumber node, const std::vector<Connection>& peers);
 
   CdNodeRole(const CdNodeRole&) = delete;

@@ -103,7 +103,7 @@ bool CdNodeRole::answer_probe() {
 // server takes over the hand-overs between the two nodes.
 void CdNodeRole::receive_lost(const messages::LostRecord& record) {
   if (stage_ == Stage::waiting && record.detect_again == 0) {
-    // This node is done, so no hand-over is pending between the two, and the number may already belong to another node.
+    // This node is done, so no hand-over is pending between the two, and the slot may already belong to another node.
     return;
   }
   lost_[record.node] = 1;

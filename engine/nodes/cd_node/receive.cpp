@@ -97,8 +97,7 @@ bool CdNodeRole::is_expected(const MessageView& message) const {
 }
 
 // A loss must be that of another node. If it requests that the frame is detected again, the contacts must not be final.
-// Other losses are ignored after this node has ended the frame, so they are not checked: their numbers may be those of
-// removed nodes.
+// Other losses are ignored after this node has ended the frame, so they are not checked: their slots may be free.
 bool CdNodeRole::is_loss_expected(const MessageView& message) const noexcept {
   for (std::size_t i = 0; i < message.count(); ++i) {
     const auto record = message.record<messages::LostRecord>(i);

@@ -24,17 +24,24 @@ constexpr std::size_t slices_per_map = 8;
 
 }  // namespace
 
+double ServerRole::cost_of(const NodeReport& node) const noexcept {
+  return setup_.balance_by == BalanceBy::pairs ? ms_per_pair * static_cast<double>(node.tested) : node.cpu_ms;
+}
+
 // At the end of a frame: decides whether planning of a new map starts.
 void ServerRole::compare_costs() {
-  if (!setup_.balance || map_.nodes() == 1) {
+  if (!setup_.balance) {
     return;
   }
   costs_.clear();
-  for (const NodeReport& node : reports_[(frame_ + 1) & 1].nodes) {
-    const bool by_pairs = setup_.balance_by == BalanceBy::pairs;
-    costs_.push_back(by_pairs ? ms_per_pair * static_cast<double>(node.tested) : node.cpu_ms);
+  const bool all_known = all_nodes([&](const PeerSession& node) {
+    costs_.push_back({node.self.number(), node.cost_ms});
+    return node.cost_ms != PeerSession::no_cost;
+  });
+  if (costs_.size() < 2) {
+    return;
   }
-  if (costs_.size() == map_.nodes()) {
+  if (all_known) {
     balance_.add_frame(costs_);
   }
   if (map_plan_.pass == MapPlan::Pass::none && balance_.needs_new_map()) {
@@ -45,18 +52,21 @@ void ServerRole::compare_costs() {
 // At the end of a frame: adopts a new map for the next frame, if one is due.
 void ServerRole::change_map() {
   if (!report().lost.empty()) {
-    return;  // the next cut makes a new map
+    // The next cut makes a new map. The facade decides again which nodes leave.
+    for (PeerSession& session : nodes_) {
+      session.leaving = false;
+    }
+    return;
   }
-  if (resize_to_ != 0) {
-    std::uint32_t nodes = std::exchange(resize_to_, 0u);
+  if (std::exchange(partition_due_, false)) {
     begin_weights();
     weigh(~std::size_t{0});
-    const auto table = partition_for(nodes);
+    const auto table = partition();
     map_plan_ = {};
-    return adopt_map(table, nodes);
+    return adopt_map(table);
   }
   if (map_plan_.pass == MapPlan::Pass::planned && is_for_current_map(map_plan_)) {
-    adopt_map(map_plan_.table, map_.nodes());
+    adopt_map(map_plan_.table);
   }
   if (map_plan_.pass == MapPlan::Pass::planned) {
     map_plan_ = {};
@@ -64,8 +74,8 @@ void ServerRole::change_map() {
   compare_costs();
 }
 
-void ServerRole::adopt_map(std::span<const std::uint32_t> table, std::uint32_t nodes) {
-  map_.assign(table, nodes, map_.epoch() + 1);
+void ServerRole::adopt_map(std::span<const std::uint32_t> table) {
+  map_.assign(table, static_cast<std::uint32_t>(nodes_.size()), map_.epoch() + 1);
   map_changed_ = true;
   hosts_exchange_objects_ = can_hosts_exchange_objects();
   if (hosts_exchange_objects_) {
@@ -80,8 +90,8 @@ void ServerRole::adopt_map(std::span<const std::uint32_t> table, std::uint32_t n
 bool ServerRole::can_hosts_exchange_objects() const noexcept {
   return setup_.placement == Placement::region && setup_.deployment == Deployment::user_collision &&
          std::all_of(nodes_.begin(), nodes_.end(), [&](const PeerSession& session) {
-           return session.connection.node_contacts != nullptr &&
-                  (setup_.interest <= 0 || session.connection.publication != nullptr);
+           return !session.connected || (session.connection.node_contacts != nullptr &&
+                                         (setup_.interest <= 0 || session.connection.publication != nullptr));
          });
 }
 
@@ -112,11 +122,11 @@ void ServerRole::plan_map() {
       break;
     }
     case Pass::refining:
-      balance_.refine(map_, map_.nodes());
+      balance_.refine(map_, static_cast<std::uint32_t>(remaining_nodes().size()));
       map_plan_.pass = Pass::sharing;
       break;
     case Pass::sharing:
-      map_plan_.table = balance_.propose(map_, can_hosts_exchange_objects() ? 0 : objects_.live());
+      map_plan_.table = balance_.propose(map_, remaining_nodes(), can_hosts_exchange_objects() ? 0 : objects_.live());
       map_plan_.pass = map_plan_.table.empty() ? Pass::none : Pass::planned;
       break;
     case Pass::none:
@@ -127,14 +137,14 @@ void ServerRole::plan_map() {
 }
 
 bool ServerRole::is_for_current_map(const MapPlan& drawing) const noexcept {
-  return drawing.epoch == map_.epoch() && drawing.nodes == nodes_.size();
+  return drawing.epoch == map_.epoch() && drawing.slots == nodes_.size();
 }
 
 void ServerRole::begin_weights() {
   map_plan_ = {};
   map_plan_.pass = MapPlan::Pass::weighing;
   map_plan_.epoch = map_.epoch();
-  map_plan_.nodes = nodes_.size();
+  map_plan_.slots = nodes_.size();
   balance_.begin_weights();
 }
 
@@ -146,7 +156,7 @@ bool ServerRole::is_hosted_here(Endpoint host) const noexcept {
 // of the frame before. An object that changes its place meanwhile may count twice or not at all. Returns whether
 // everything has been weighed.
 bool ServerRole::weigh(std::size_t most) {
-  const std::size_t parts = map_plan_.nodes + 2;
+  const std::size_t parts = map_plan_.slots + 2;
   while (most > 0 && map_plan_.part < parts) {
     const std::size_t size = weigh_part(map_plan_.part, 0, 0);
     const std::size_t first = std::min(map_plan_.next, size);
@@ -169,7 +179,7 @@ std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::siz
     setup_.space->point(position, point);
     balance_.add_object_weight(point);
   };
-  if (part < map_plan_.nodes) {
+  if (part < map_plan_.slots) {
     const Endpoint node = Endpoint::node(static_cast<NodeNumber>(part));
     if (!is_hosted_here(node)) {
       return 0;
@@ -182,7 +192,7 @@ std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::siz
     }
     return host.size();
   }
-  if (part == map_plan_.nodes) {
+  if (part == map_plan_.slots) {
     for (auto slot = static_cast<std::uint32_t>(first); slot < end; ++slot) {
       if (objects_.present()[slot] != 0) {
         balance_.add_object_size(objects_.bounds()[slot]);
@@ -201,34 +211,31 @@ std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::siz
   return contacts.size();
 }
 
-// Partitions by the weights. Nodes that leave get nothing, whatever their numbers; all nodes keep their numbers until
-// the next cut.
-std::span<const std::uint32_t> ServerRole::partition_for(std::uint32_t& nodes) {
-  alive_.clear();
-  for (const PeerSession& session : nodes_) {
-    if (!session.leaving) {
-      alive_.push_back(session.self.number());
-    }
-  }
-  if (alive_.empty() || alive_.size() == nodes_.size()) {
-    for (PeerSession& session : nodes_) {
-      session.leaving = false;  // no node would remain to hand over to
-    }
-    balance_.refine(map_, nodes);
-    return balance_.partition_for(nodes);
-  }
-  const auto stay = static_cast<std::uint32_t>(alive_.size());
-  balance_.refine(map_, stay);
-  const auto table = balance_.partition_for(stay);
-  table_.assign(table.begin(), table.end());
-  for (std::uint32_t& entry : table_) {
-    entry = regions::RegionMap::is_cut(entry) ? entry : alive_[entry];
-  }
+// Divides the cells by the weights among the nodes that stay; the others hand everything over in this frame. If all
+// would leave, all stay, because no node would remain to hand over to.
+std::span<const std::uint32_t> ServerRole::partition() {
+  const std::span<const NodeNumber> remaining = remaining_nodes();
+  const bool all_leave = nodes_[remaining.front()].leaving;
   for (PeerSession& session : nodes_) {
-    session.left = session.leaving;
+    session.left = session.leaving && !all_leave;
+    session.leaving = false;
   }
-  nodes = static_cast<std::uint32_t>(nodes_.size());
-  return table_;
+  balance_.refine(map_, static_cast<std::uint32_t>(remaining.size()));
+  return balance_.partition_for(remaining);
+}
+
+// At the end of a frame: if all nodes that stay were lost after the cells were divided among them, one of those that
+// leave stays.
+void ServerRole::keep_last_node() noexcept {
+  const auto is_there = [](const PeerSession& session) { return session.connected && !session.lost; };
+  if (std::any_of(nodes_.begin(), nodes_.end(),
+                  [&](const PeerSession& session) { return is_there(session) && !session.left; })) {
+    return;
+  }
+  const auto first = std::find_if(nodes_.begin(), nodes_.end(), is_there);
+  if (first != nodes_.end()) {
+    first->left = false;
+  }
 }
 
 }  // namespace ringfence::nodes

@@ -47,19 +47,6 @@ ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(no
 
 void ContactLedger::resize(std::size_t nodes) { runs_.resize(nodes); }
 
-void ContactLedger::renumber(std::span<const NodeNumber> numbers) {
-  std::vector<Run> runs;
-  for (std::size_t node = 0; node < numbers.size() && node < runs_.size(); ++node) {
-    if (numbers[node] != no_node) {
-      runs.push_back(std::move(runs_[node]));
-    }
-  }
-  runs_ = std::move(runs);
-  for (Found& found : now().found) {
-    found.by = found.by < numbers.size() ? numbers[found.by] : no_node;
-  }
-}
-
 void ContactLedger::begin(std::uint64_t frame) {
   frame_ = frame;
   if (std::exchange(written_again_, false) && !abandoned_.empty()) {

@@ -58,13 +58,10 @@ class ContactLedger {
   /// Reserves memory for `contacts` contacts a frame. More may be added, at the cost of an allocation.
   ContactLedger(std::size_t nodes, std::size_t contacts);
 
-  /// Sets the number of nodes from the next begin() on.
+  /// Sets the number of node slots from the next begin() on. A slot may have no node: then nothing is received from it.
   void resize(std::size_t nodes);
-  /// `node` takes part from that frame on: what another node found under its number does not count as its own.
+  /// A node takes the slot and takes part from that frame on: what another node found in this slot is not its own.
   void join(NodeNumber node, std::uint64_t frame) noexcept { runs_[node].joined = frame; }
-  /// Between frames: `numbers` has the new number of every node by its old one, or no_node.
-  void renumber(std::span<const NodeNumber> numbers);
-  static constexpr NodeNumber no_node = 0xffffffffu;
   /// Clears C(frame) and everything received.
   void begin(std::uint64_t frame);
   /// Adds a contact that `node` sent in a message. Its numbers and poses are those of its two slots in `rows`. A node

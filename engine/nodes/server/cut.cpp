@@ -16,18 +16,20 @@ void ServerRole::cut() {
   begin_ns_ = mark_ns_ = telemetry::now_ns();
   cpu_begin_ns_ = cpu_mark_ns_ = telemetry::thread_cpu_ns();
   ingest_ns_ = 0;
-  renumber_nodes();
-  retire_nodes();
+  const bool any_lost = free_slots();
   objects_.settle();
   users_changed_ = false;
   start_report();
   apply_requests();
+  if (any_lost) {
+    replace_lost_nodes();
+  }
+  list_nodes();
   rehost_recovered();
   for (const HostChange& change : hosting_.settle(objects_, map_, connected_, users_changed_)) {
     rehost(change);
   }
   send_known_contacts();
-  report().nodes.resize(nodes_.size());
   order_relay();
   leaving_slots_.clear();
   ledger_.begin(frame_);
@@ -115,10 +117,10 @@ void ServerRole::apply(const Request& request) {
     case Request::Kind::add_node:
       return add_node(request);
     case Request::Kind::retire_node:
-      nodes_[request.nodes].leaving = true;
+      nodes_[request.node].leaving = true;
       return;
-    case Request::Kind::resize:
-      resize_to_ = request.nodes;
+    case Request::Kind::partition:
+      partition_due_ = true;
       return;
     case Request::Kind::destroy:
     case Request::Kind::place:
@@ -151,26 +153,41 @@ void ServerRole::connect(const Request& request) {
   users_changed_ = true;
 }
 
-// A new node works from its first frame on, though its region is empty until the map changes at the end of that frame.
-void ServerRole::add_node(const Request& request) {
-  PeerSession& session = nodes_.emplace_back();
-  session.self = Endpoint::node(static_cast<NodeNumber>(nodes_.size() - 1));
-  session.connection = request.connection;
-  session.connected = true;
-  node_connections_.push_back(request.connection);
-  dispatch_.resize(nodes_.size());
-  ledger_.resize(nodes_.size());
-  ledger_.join(session.self.number(), frame_);
+// Returns whether a node was lost in the frame before.
+bool ServerRole::free_slots() {
+  bool any_lost = false;
+  for (PeerSession& session : nodes_) {
+    if (session.lost || session.left) {
+      any_lost |= session.lost;
+      node_connections_[session.self.number()] = {};
+      session = {};
+    }
+  }
+  std::size_t slots = nodes_.size();
+  while (slots > 0 && !nodes_[slots - 1].connected) {
+    --slots;
+  }
+  set_slots(slots);
+  return any_lost;
 }
 
-// Nodes that are no longer in the map handed everything over at the end of the frame before.
-void ServerRole::retire_nodes() {
-  if (nodes_.size() > map_.nodes()) {
-    nodes_.resize(map_.nodes());
-    node_connections_.resize(map_.nodes());
-    dispatch_.resize(map_.nodes());
-    ledger_.resize(map_.nodes());
-  }
+void ServerRole::set_slots(std::size_t slots) {
+  nodes_.resize(slots);
+  node_connections_.resize(slots);
+  dispatch_.resize(slots);
+  ledger_.resize(slots);
+}
+
+// A new node works from its first frame on, though its region is empty until the map changes at the end of that frame.
+void ServerRole::add_node(const Request& request) {
+  set_slots(std::max<std::size_t>(nodes_.size(), request.node + 1));
+  PeerSession& session = nodes_[request.node];
+  session.self = Endpoint::node(request.node);
+  session.id = request.node_id;
+  session.connection = request.connection;
+  session.connected = true;
+  node_connections_[request.node] = request.connection;
+  ledger_.join(request.node, frame_);
 }
 
 void ServerRole::disconnect(UserNumber user) {

@@ -24,11 +24,11 @@ Dispatch::Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Pl
   }
 }
 
-void Dispatch::resize(std::size_t nodes) {
-  updates_.resize(nodes);
-  update_runs_.resize(nodes);
-  pair_runs_.resize(nodes, messages::RunWriter(pair_message));
-  stamps_.resize(nodes, 0);
+void Dispatch::resize(std::size_t slots) {
+  updates_.resize(slots);
+  update_runs_.resize(slots);
+  pair_runs_.resize(slots, messages::RunWriter(pair_message));
+  stamps_.resize(slots, 0);
 }
 
 void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map, UpdateScope scope) {
@@ -179,7 +179,7 @@ bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& object
   constexpr std::size_t pairs_per_batch = 4096;
   const auto bounds = objects.bounds();
   const auto numbers = objects.numbers();
-  const bool alone = map.nodes() == 1;
+  const NodeNumber sole_owner = map.sole_owner();
   head.type = MessageType::pairs;
   if (!sweeping_) {
     sweeping_ = true;
@@ -189,7 +189,8 @@ bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& object
   for (; !found_.empty(); found_ = sweep_.next(pairs_per_batch)) {
     for (std::size_t i = 0; i < found_.size(); ++i) {
       const geometry::CandidatePair pair = found_[i];
-      const NodeNumber owner = alone ? 0 : map.pair_owner(bounds[pair.a], bounds[pair.b]);
+      const NodeNumber owner =
+          sole_owner != regions::RegionMap::many_owners ? sole_owner : map.pair_owner(bounds[pair.a], bounds[pair.b]);
       head.destination = Endpoint::node(owner);
       std::byte* where = pair_runs_[owner].add(*nodes[owner].out, head, sizeof(messages::PairRecord), counts);
       if (where == nullptr) {
@@ -206,7 +207,7 @@ bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& object
   bool all = true;
   for (NodeNumber node = 0; node < nodes.size(); ++node) {
     if (nodes[node].out == nullptr) {
-      continue;  // the node is lost and owns nothing
+      continue;  // no node: it owns nothing
     }
     head.destination = Endpoint::node(node);
     all &= pair_runs_[node].finish(*nodes[node].out, head, sizeof(messages::PairRecord), counts);

@@ -26,8 +26,8 @@ class Dispatch {
   Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Placement placement,
            const std::array<std::uint32_t, 32>& layer_masks, bool keep_resting);
 
-  /// Sets the number of nodes. Between frames.
-  void resize(std::size_t nodes);
+  /// Sets the number of node slots. Between frames.
+  void resize(std::size_t slots);
 
   /// Which objects are sent.
   enum class UpdateScope : std::uint8_t {

@@ -6,7 +6,7 @@
 // map. The new epoch invalidates the results found under the old map.
 //
 // If a node is lost after the contacts are known, only its objects have to be recovered: the server becomes the host of
-// all objects that the node hosts, hands over or receives. At the next cut the remaining nodes are renumbered, and the
+// all objects that the node hosts, hands over or receives. At the next cut the slots of lost nodes become free, and the
 // server gives every recovered object, with its contacts, to the node whose region contains it.
 #include <algorithm>
 #include <cstring>
@@ -25,17 +25,17 @@ bool ServerRole::lose(NodeNumber node) {
     return false;
   }
   PeerSession& session = nodes_[node];
-  if (session.lost) {
+  if (!session.connected || session.lost) {
     return true;
   }
   session.lost = true;
   close_ghost_gates();
   node_connections_[node] = {};
-  report().lost.emplace_back(node);
+  report().lost.emplace_back(session.id);
   const bool again = !contacts_are_final();
   bool any_left = false;
   for (PeerSession& other : nodes_) {
-    if (!other.lost) {
+    if (other.connected && !other.lost) {
       any_left = true;
       other.losses.push_back({node, again ? 1u : 0u, 0});
       other.lost_run.start(other.losses.size());
@@ -47,12 +47,12 @@ bool ServerRole::lose(NodeNumber node) {
     cancel_hand_overs(node);
     return true;
   }
+  fallback_slot_ = any_left ? no_node : node;
   reassign_cells();
   recover_objects(node);
   detect_again();
   if (!any_left) {
-    fallback_for_ = node;
-    setup_.order->fallback_for = node;
+    setup_.order->fallback_slot = node;
     setup_.order->fallback_wanted.store(true, std::memory_order_release);
     if (setup_.order->caller != nullptr) {
       setup_.order->caller->ring();
@@ -72,29 +72,41 @@ void ServerRole::lose_broken_nodes() {
   }
 }
 
-// Gives the cells of lost nodes to the remaining nodes. Each node gets consecutive cells, so that its region consists
-// of few pieces. If no node is left, the fallback node gets all cells.
-void ServerRole::reassign_cells() {
-  alive_.clear();
-  for (const PeerSession& session : nodes_) {
-    if (!session.lost) {
-      alive_.push_back(session.self.number());
+// Those of the nodes that are not lost which also stay; if none stays, those that leave.
+std::span<const NodeNumber> ServerRole::remaining_nodes() {
+  remaining_.clear();
+  for (const bool leaving : {false, true}) {
+    for (const PeerSession& session : nodes_) {
+      if (session.connected && !session.lost && session.leaving == leaving) {
+        remaining_.push_back(session.self.number());
+      }
+    }
+    if (!remaining_.empty()) {
+      break;
     }
   }
+  return remaining_;
+}
+
+// Cells of nodes that are gone go to the remaining ones, in consecutive runs, so that a region becomes few pieces. If
+// no node is left, the fallback node gets all cells.
+void ServerRole::reassign_cells() {
+  const std::span<const NodeNumber> remaining =
+      fallback_slot_ != no_node ? std::span<const NodeNumber>(&fallback_slot_, 1) : remaining_nodes();
   table_.assign(map_.table().begin(), map_.table().end());
-  const auto orphan = [&](std::uint32_t entry) { return !regions::RegionMap::is_cut(entry) && nodes_[entry].lost; };
-  const auto orphans = static_cast<std::size_t>(std::count_if(table_.begin(), table_.end(), orphan));
+  const auto is_orphan = [&](std::uint32_t entry) {
+    return !regions::RegionMap::is_cut(entry) &&
+           (entry >= nodes_.size() || !nodes_[entry].connected || nodes_[entry].lost);
+  };
+  const auto orphans = static_cast<std::size_t>(std::count_if(table_.begin(), table_.end(), is_orphan));
   std::size_t passed = 0;
   for (std::uint32_t& entry : table_) {
-    if (orphan(entry)) {
-      entry = alive_.empty() ? report().lost.back().number() : alive_[passed * alive_.size() / orphans];
+    if (is_orphan(entry)) {
+      entry = remaining[passed * remaining.size() / orphans];
       ++passed;
     }
   }
   map_.assign(table_, static_cast<std::uint32_t>(nodes_.size()), map_.epoch() + 1);
-  if (resize_to_ >= nodes_.size()) {
-    resize_to_ = 0;  // the new map already includes the nodes that join in this frame
-  }
 }
 
 // Stores the host-owned states of a lost node. Its thread may still run, but it no longer writes the states of `frame`.
@@ -144,7 +156,7 @@ void ServerRole::detect_again() {
   FrameReport& frame = report();
   frame.candidates = frame.tested = frame.accepted = frame.failed_supports = 0;
   for (NodeReport& node : frame.nodes) {
-    node = {};
+    node = {.id = node.id};
   }
   for (PeerSession& session : nodes_) {
     session.narrow_done_received = false;
@@ -179,15 +191,11 @@ void ServerRole::cancel_hand_overs(NodeNumber node) {
 }
 
 bool ServerRole::send_losses() {
-  if (fallback_for_ != no_node && !connect_fallback()) {
+  if (fallback_slot_ != no_node && !connect_fallback()) {
     return false;
   }
-  bool all = true;
-  for (PeerSession& session : nodes_) {
-    all &= session.lost || send_losses(session);
-  }
-  losses_pending_ = !all;
-  return all;
+  losses_pending_ = !all_nodes([&](PeerSession& session) { return send_losses(session); });
+  return !losses_pending_;
 }
 
 bool ServerRole::send_losses(PeerSession& session) {
@@ -218,58 +226,28 @@ bool ServerRole::connect_fallback() {
     return false;
   }
   order.fallback_ready.store(false, std::memory_order_relaxed);
-  PeerSession& session = nodes_[fallback_for_];
+  const NodeNumber slot = std::exchange(fallback_slot_, no_node);
+  PeerSession& session = nodes_[slot];
+  const std::size_t in_report = session.in_report;
   session = {};
-  session.self = Endpoint::node(fallback_for_);
+  session.self = Endpoint::node(slot);
+  session.id = order.fallback_id;
+  session.in_report = in_report;
+  report().nodes[in_report] = {.id = NodeId(session.id)};
   session.connection = order.fallback;
   session.connected = true;
   session.last_received_ns = telemetry::now_ns();
   session.begin_run.start(0);
   order_relay(session);
-  ledger_.join(fallback_for_, frame_);
-  node_connections_[fallback_for_] = session.connection;
-  fallback_for_ = no_node;
+  ledger_.join(slot, frame_);
+  node_connections_[slot] = session.connection;
   return true;
 }
 
-// At the cut: renumbers the remaining nodes from 0, in order, as the facade does.
-void ServerRole::renumber_nodes() {
-  const auto is_gone = [](const PeerSession& session) { return session.lost || session.left; };
-  if (std::none_of(nodes_.begin(), nodes_.end(), is_gone)) {
-    return;
-  }
-  alive_.assign(nodes_.size(), no_node);  // new numbers by old ones
-  NodeNumber left = 0;
-  std::uint32_t in_map = 0;
-  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
-    if (!is_gone(nodes_[node])) {
-      alive_[node] = left++;
-      in_map += node < map_.nodes() ? 1 : 0;
-    }
-  }
-  table_.assign(map_.table().begin(), map_.table().end());
-  for (std::size_t i = 0; i < table_.size(); ++i) {
-    if (!regions::RegionMap::is_cut(table_[i])) {
-      const NodeNumber number = alive_[table_[i]];
-      table_[i] = number != no_node ? number : static_cast<NodeNumber>(i * in_map / table_.size());
-    }
-  }
-  map_.assign(table_, std::max(1u, in_map), map_.epoch() + 1);
-  std::erase_if(nodes_, is_gone);
-  node_connections_.clear();
-  for (NodeNumber node = 0; node < left; ++node) {
-    nodes_[node].self = Endpoint::node(node);
-    node_connections_.push_back(nodes_[node].connection);
-  }
-  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
-    const Endpoint host = objects_.host(slot);
-    if (host.is_node()) {
-      objects_.set_host(slot, Endpoint::node(alive_[host.number()]));
-    }
-  }
-  dispatch_.resize(left);
-  ledger_.renumber(alive_);
-  resize_to_ = std::min(resize_to_, left);
+// At the cut: what lost nodes owned goes to the others. Objects may have changed their hosts since the lost nodes'
+// cells were reassigned within the frame, so the nodes receive the map and all objects again in any case.
+void ServerRole::replace_lost_nodes() {
+  reassign_cells();
   update_scope_ = Dispatch::UpdateScope::all_objects;
   rescan_hosts_ = map_precedes_frame_ = true;
 }
@@ -312,7 +290,7 @@ bool ServerRole::check_deadlines() {
   const std::uint64_t now = telemetry::now_ns();
   bool changed = false;
   for (PeerSession& session : nodes_) {
-    changed |= setup_.node_deadline_ns != 0 && !session.lost && check_node_deadline(session, now);
+    changed |= setup_.node_deadline_ns != 0 && session.connected && !session.lost && check_node_deadline(session, now);
   }
   changed |= setup_.node_deadline_ns != 0 && watch_gates(now);
   return (setup_.user_deadline_ns != 0 && watch_users(now)) || changed;
@@ -332,9 +310,7 @@ bool ServerRole::watch_gates(std::uint64_t now) {
     return false;
   }
   nodes_abandoned_ = true;
-  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
-    lose(node);
-  }
+  all_nodes([&](const PeerSession& session) { return lose(session.self.number()); });
   ledger_.write_again();
   return true;
 }

@@ -23,14 +23,17 @@ void ServerRole::next_hosts() {
     }
   };
   if (map_changed_) {
-    // The nodes listed contacts for the next hosts by the map before. Objects that leave by that map may stay by the new.
+    // The nodes listed contacts for the next hosts by the map before. Objects that leave by that map may stay by the
+    // new.
     for (const std::uint32_t slot : leaving_slots_) {
       note_host_change(slot);
     }
   }
   if (map_changed_ && hosts_exchange_objects_) {
     for (const PeerSession& session : nodes_) {
-      follow_all_hosted(session);
+      if (session.connected) {
+        follow_all_hosted(session);
+      }
     }
   } else if (map_changed_ || rescan_hosts_) {
     for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {

@@ -13,12 +13,13 @@ namespace ringfence::nodes {
 /// The server's state for one connected role: its connection, what is to be sent to it, and what was received from it.
 struct PeerSession {
   messages::Endpoint self;
+  NodeNumber id = 0;  ///< CD nodes: never used by another node, unlike the slot in `self`
   Connection connection;
-  bool connected = false;
-  bool lost = false;     ///< lost in this frame: nothing more is sent to it or accepted from it
-  bool broken = false;   ///< in another process, and has broken the protocol: lost at the end of this step
-  bool leaving = false;  ///< must hand everything over at the end of a frame
-  bool left = false;     ///< has handed everything over; removed at the next cut
+  bool connected = false;  ///< false: nothing else is valid; of a CD node: the slot is free
+  bool lost = false;       ///< lost in this frame: nothing more is sent to it or accepted from it
+  bool broken = false;     ///< in another process, and has broken the protocol: lost at the end of this step
+  bool leaving = false;    ///< must hand everything over at the end of this frame
+  bool left = false;       ///< hands everything over in this frame; its slot is free at the next cut
 
   // To be sent before a frame: objects by slot, contacts of the frame before.
   std::vector<std::uint32_t> drops, adoptions, placements;
@@ -43,6 +44,10 @@ struct PeerSession {
   std::uint64_t notified_ns = 0;  ///< time when its contacts were sent; 0: not yet
   double started_ms = 0;          ///< PathReport::start_nodes_ms at that time
   double notified_ms = 0;         ///< PathReport::notify_ms at that time
+
+  std::size_t in_report = 0;  ///< CD nodes: position in FrameReport::nodes of this frame
+  double cost_ms = no_cost;   ///< CD nodes: cost of the last complete frame, for balance
+  static constexpr double no_cost = -1;
 
   // Received in this frame.
   std::size_t received_bytes = 0;

@@ -25,9 +25,9 @@ bool ServerRole::drain(PeerSession& session) {
     } else if (session.self.is_user() && is_over_quota(session, bytes)) {
       refuse(session, Status::over_quota);
     } else if (messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
-               ((message.header().source == session.self.value && message.header().frame == frame_) ||
-                (session.self.is_node() && message.type() == MessageType::probe_reply))) {
-      // A probe reply may be one frame late, and from before the sender was renumbered.
+               message.header().source == session.self.value &&
+               (message.header().frame == frame_ || message.type() == MessageType::probe_reply)) {
+      // A probe reply may be one frame late.
       receive(session, message);
     } else {
       refuse(session, Status::bad_message);
@@ -268,7 +268,7 @@ void ServerRole::receive_changes(PeerSession& session, const MessageView& messag
 // A node's results count only as a whole: when it reports the number of tested pairs, and all its contacts are here.
 void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NarrowDoneRecord>(0);
-  NodeReport& node = report().nodes[session.self.number()];
+  NodeReport& node = report().nodes[session.in_report];
   node.candidates = record.candidates;
   node.tested = record.tested;
   node.contacts = record.contacts;
@@ -325,13 +325,14 @@ void ServerRole::receive_frame_done(PeerSession& session, const MessageView& mes
   frame.refused[static_cast<std::size_t>(Status::not_finite)] += record.not_finite;
   frame.refused[static_cast<std::size_t>(Status::not_unit)] += record.not_unit;
   if (session.self.is_node()) {
-    NodeReport& node = frame.nodes[session.self.number()];
+    NodeReport& node = frame.nodes[session.in_report];
     node.busy_ms = telemetry::to_ms(record.busy_ns);
     node.cpu_ms = telemetry::to_ms(record.cpu_ns);
     node.move_ms = telemetry::to_ms(record.move_ns);
     node.broad_phase_ms = telemetry::to_ms(record.broad_phase_ns);
     node.narrow_phase_ms = telemetry::to_ms(record.narrow_phase_ns);
     charge_path(session, record);
+    session.cost_ms = cost_of(node);
     node.hosted = record.hosted;
     if (record.host_owned_changes != 0) {
       host_owned_moved_ += static_cast<std::int64_t>(record.host_owned_changes);

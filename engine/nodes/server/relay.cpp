@@ -21,7 +21,7 @@ bool ServerRole::relays() const noexcept {
 // longer than the server needs to publish all states, so the server's publication costs the frame nothing.
 void ServerRole::order_relay() {
   nodes_publish_ = relays() && setup_.deployment == Deployment::user_collision &&
-                   (setup_.placement == Placement::region || nodes_.size() > setup_.max_relayed_nodes);
+                   (setup_.placement == Placement::region || report().nodes.size() > setup_.max_relayed_nodes);
   for (PeerSession& node : nodes_) {
     order_relay(node);
   }
@@ -49,8 +49,9 @@ void ServerRole::publish() {
   Published& relay = setup_.publications->server;
   relay.any[frame_ & 1] = false;
   const bool all_published =
-      nodes_publish_ && !recovered_ &&
-      std::all_of(nodes_.begin(), nodes_.end(), [&](const PeerSession& node) { return publishes(node.self); });
+      nodes_publish_ && !recovered_ && std::all_of(nodes_.begin(), nodes_.end(), [&](const PeerSession& node) {
+        return !node.connected || publishes(node.self);
+      });
   if (!relays() || all_published) {
     relay_is_known_ = false;
     return;

@@ -14,12 +14,23 @@ void ServerRole::start_report() {
   FrameReport& frame = report();
   std::vector<NodeReport> nodes = std::move(frame.nodes);
   std::vector<KindReport> kinds = std::move(frame.kinds);
+  nodes.clear();
   kinds.clear();
-  std::fill(nodes.begin(), nodes.end(), NodeReport{});
   frame = {};
   frame.nodes = std::move(nodes);
   frame.kinds = std::move(kinds);
   frame.frame = frame_;
+}
+
+// By ascending slot.
+void ServerRole::list_nodes() {
+  FrameReport& frame = report();
+  for (PeerSession& session : nodes_) {
+    if (session.connected) {
+      session.in_report = frame.nodes.size();
+      frame.nodes.emplace_back().id = NodeId(session.id);
+    }
+  }
 }
 
 // Charges the time since the last call to a stage of the report, except the part that ingest took.

@@ -18,17 +18,18 @@ struct Request {
     destroy,
     place,
     set_enabled,
-    add_node,
-    retire_node,
-    resize
+    add_node,     ///< a CD node takes a free slot
+    retire_node,  ///< the CD node hands everything over at the end of the frame
+    partition     ///< at the end of the frame all cells are divided again among the CD nodes that stay
   };
 
   Kind kind = Kind::spawn;
   ObjectId object;                   ///< spawn, destroy, place, set_enabled
   ObjectSpec spec;                   ///< spawn; place: its pose; set_enabled: whether it is enabled
   UserNumber user = no_user_number;  ///< connect, disconnect
-  Connection connection;             ///< connect, add_node
-  std::uint32_t nodes = 0;  ///< resize: number of CD nodes from the next frame on; retire_node: the node that leaves
+  Connection connection;      ///< connect, add_node
+  NodeNumber node = 0;        ///< add_node, retire_node: its slot
+  NodeNumber node_id = 0;     ///< add_node
 };
 
 }  // namespace ringfence::nodes

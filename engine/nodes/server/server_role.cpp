@@ -27,6 +27,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
   for (NodeNumber node = 0; node < nodes_.size(); ++node) {
     PeerSession& session = nodes_[node];
     session.self = Endpoint::node(node);
+    session.id = node;
     session.connection = setup.nodes[node];
     session.connected = true;
     session.notices.reserve(std::min(setup.capacities.contacts, 2 * setup.capacities.contacts / nodes_.size() + 64));
@@ -352,6 +353,7 @@ bool ServerRole::advance_stage() {
 
 void ServerRole::finish() {
   count_contacts();
+  keep_last_node();
   const std::uint64_t now = telemetry::now_ns();
   spend(ringfence::Stage::notify, now);
   spend_cpu(&PathReport::finish_ms);

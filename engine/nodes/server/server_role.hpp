@@ -32,12 +32,12 @@ struct FrameOrder {
   std::vector<Request> requests;          ///< for the cut; read by the server while the frame is running
   std::atomic<std::uint64_t> ordered{0};  ///< number of frames ordered; a release store publishes `requests`
   std::atomic<std::uint64_t> completed{0};
-  // The last CD node is lost and its work is not done: the server asks the facade for a fallback node with the same
-  // number.
+  // The last CD node is lost and its work is not done: the server asks the facade for a fallback node in the same slot.
   std::atomic<bool> fallback_wanted{false};
   std::atomic<bool> fallback_ready{false};
-  NodeNumber fallback_for = 0;  ///< valid while wanted
-  Connection fallback;          ///< the server's end of its connection; valid when ready
+  NodeNumber fallback_slot = 0;  ///< valid while wanted
+  NodeNumber fallback_id = 0;    ///< valid when ready
+  Connection fallback;           ///< the server's end of its connection; valid when ready
   // If user nodes have not reported their moves after half of their deadline, the facade checks their threads. If two
   // checks find a thread in the same move, that user node is late, and the facade moves the others to a new thread.
   std::atomic<bool> users_overdue{false};
@@ -77,7 +77,7 @@ struct ServerSetup {
   /// in time is late.
   std::uint64_t user_deadline_ns = 0;
   telemetry::Track* track = nullptr;  ///< null: no timeline
-  std::vector<Connection> nodes;
+  std::vector<Connection> nodes;      ///< of the first nodes; the id of each is its slot
 };
 
 /// The collision detection server: one per world. It cuts the stream of requests into frames, receives the objects'
@@ -89,6 +89,9 @@ struct ServerSetup {
 ///   (collect before it), notifying_users, closing.
 /// Nodes come first: the server starts and notifies the users while the nodes already work.
 ///
+/// A CD node has a slot from the cut at which it joins to the cut after it was lost or has left. Then the slot is free,
+/// and another node may take it. The region map, messages and all arrays by node use slots; reports use ids.
+///
 /// Threads: one thread at a time steps it. Never blocks, never throws; does not allocate in steady state.
 class ServerRole {
  public:
@@ -96,19 +99,20 @@ class ServerRole {
 
   Step step();
 
-  /// Marks a CD node as lost: it missed its deadline (detected by the role itself), or its link was closed. Other nodes
-  /// take over its regions, its objects and its pairs of the frame; see nodes/server/loss.cpp. Called by the thread
-  /// that steps the role. Returns false and does nothing while no frame is running; call it again within the next
-  /// frame.
+  /// Marks the CD node in a slot as lost: it missed its deadline (detected by the role itself), or its link was closed.
+  /// Other nodes take over its regions, its objects and its pairs of the frame; see nodes/server/loss.cpp. Called by
+  /// the thread that steps the role. Returns false and does nothing while no frame is running; call it again within the
+  /// next frame.
   bool lose(NodeNumber node);
 
-  /// Whether the CD node with that number in the last frame was lost in it because it broke the protocol. Call between
-  /// frames.
+  /// Whether the CD node that was in the slot in the last frame was lost in it because it broke the protocol. Call
+  /// between frames.
   bool is_broken(NodeNumber node) const noexcept { return node < nodes_.size() && nodes_[node].broken; }
 
   // Between frames, for the facade.
-  /// Whether the CD node has handed everything over, as Request::retire_node asked, and is removed at the next cut.
-  bool has_left(NodeNumber node) const noexcept { return nodes_[node].left; }
+  /// Whether the CD node in the slot has handed everything over, as Request::retire_node asked, so that the slot is
+  /// free at the next cut. If a node is lost in the same frame, the request may have no effect.
+  bool has_left(NodeNumber node) const noexcept { return node < nodes_.size() && nodes_[node].left; }
   const regions::RegionMap& map() const noexcept { return map_; }
   /// Poses and states of host-owned objects (host_owned_mark) may be of an earlier frame: see pose().
   const ObjectTable& objects() const noexcept { return objects_; }
@@ -148,7 +152,9 @@ class ServerRole {
   void release_from_host(std::uint32_t slot);
   void place(std::uint32_t slot, const Pose& pose, bool present);
   void add_node(const Request& request);
-  void retire_nodes();
+  bool free_slots();
+  void set_slots(std::size_t slots);
+  void list_nodes();
   void rehost(const HostChange& change);
   void note_host_change(std::uint32_t slot);
   void send_known_contacts();
@@ -194,7 +200,7 @@ class ServerRole {
   void cancel_hand_overs(NodeNumber node);
   void detect_again();
   bool connect_fallback();
-  void renumber_nodes();
+  void replace_lost_nodes();
   void rehost_recovered();
 
   // Region maps.
@@ -203,13 +209,15 @@ class ServerRole {
     enum class Pass : std::uint8_t { none, weighing, refining, sharing, planned };
     Pass pass = Pass::none;
     std::uint32_t epoch = 0;               ///< of the map to be replaced
-    std::size_t nodes = 0;                 ///< number of nodes in it
+    std::size_t slots = 0;                 ///< of nodes, at that time
     std::size_t part = 0, next = 0;        ///< next objects or contacts to weigh
     std::span<const std::uint32_t> table;  ///< the new map
   };
   void compare_costs();
   void change_map();
-  void adopt_map(std::span<const std::uint32_t> table, std::uint32_t nodes);
+  void adopt_map(std::span<const std::uint32_t> table);
+  double cost_of(const NodeReport& node) const noexcept;
+  void keep_last_node() noexcept;
   bool can_hosts_exchange_objects() const noexcept;
   void note_renotified() noexcept;
   void plan_map();
@@ -218,7 +226,8 @@ class ServerRole {
   bool weigh(std::size_t most);
   std::size_t weigh_part(std::size_t part, std::size_t first, std::size_t end);
   bool is_hosted_here(messages::Endpoint host) const noexcept;
-  std::span<const std::uint32_t> partition_for(std::uint32_t& nodes);
+  std::span<const std::uint32_t> partition();
+  std::span<const NodeNumber> remaining_nodes();
 
   // Stages.
   bool advance();
@@ -256,13 +265,13 @@ class ServerRole {
   bool notify(PeerSession& session);
   bool send_map(PeerSession& session, messages::RunSender& run);
   void finish();
-  // Calls `done` for every peer of a kind that is not lost (users: if connected), also after one has returned false.
+  // Calls `done` for every connected peer of a kind that is not lost, also after one has returned false.
   // Returns whether all returned true.
   template <class Done>
   bool all_nodes(Done done) {
     bool all = true;
     for (PeerSession& session : nodes_) {
-      all &= session.lost || done(session);
+      all &= !session.connected || session.lost || done(session);
     }
     return all;
   }
@@ -294,10 +303,10 @@ class ServerRole {
   ServerSetup setup_;
   regions::RegionMap map_;
   regions::Balance balance_;
-  std::vector<double> costs_;  ///< of the nodes in the frame before
+  std::vector<regions::NodeCost> costs_;  ///< of the nodes in the frame before
   MapPlan map_plan_;
-  std::uint32_t resize_to_ = 0;  ///< number of nodes from the next frame on; 0: no change
-  bool map_changed_ = false;     ///< nodes receive a new map at the end of this frame
+  bool partition_due_ = false;  ///< at the end of this frame, or of the first one without a loss
+  bool map_changed_ = false;    ///< nodes receive a new map at the end of this frame
   /// Of this frame; more than `changes` after a change of the map.
   Dispatch::UpdateScope update_scope_ = Dispatch::UpdateScope::changes;
   /// Nodes send each other what they host under the map that begins with the next frame.
@@ -310,11 +319,11 @@ class ServerRole {
   ContactLedger ledger_;
   std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
   bool nodes_exchange_contacts_ = false;  ///< nodes read the contacts that concern them from each other in this frame
-  std::vector<PeerSession> nodes_;
-  std::vector<PeerSession> users_;  ///< by user number
+  std::vector<PeerSession> nodes_;        ///< by slot; a free slot is not connected
+  std::vector<PeerSession> users_;        ///< by user number
   std::vector<UserNumber> connected_;
-  std::vector<UserNumber> awaited_users_;  ///< those from which the frame still needs a message
-  std::vector<Connection> node_connections_;
+  std::vector<UserNumber> awaited_users_;     ///< those from which the frame still needs a message
+  std::vector<Connection> node_connections_;  ///< by slot; empty if it is free or its node is lost
   std::vector<PositionedSpawn> spawn_order_;
   base::FlatList<std::uint32_t> relay_cells_;  ///< by slot: cell in the server's publication, or not_relayed
   bool nodes_publish_ = false;                 ///< CD nodes publish what they host in this frame, if they can
@@ -335,10 +344,10 @@ class ServerRole {
   std::vector<HandOver> hand_overs_;  ///< of this frame
   /// Objects whose hosts do not have their contacts of the last frame: with host_changed_mark.
   std::vector<std::uint32_t> host_changes_;
-  Host recovery_host_;                ///< moves objects that lost nodes had not reported
-  std::vector<std::uint32_t> table_;  ///< of the map under construction
-  std::vector<NodeNumber> alive_;
-  NodeNumber fallback_for_ = no_node;  ///< waiting for a fallback node with this number
+  Host recovery_host_;                  ///< moves objects that lost nodes had not reported
+  std::vector<std::uint32_t> table_;    ///< of the map under construction
+  std::vector<NodeNumber> remaining_;   ///< result of remaining_nodes()
+  NodeNumber fallback_slot_ = no_node;  ///< waiting for a fallback node in this slot
   bool losses_pending_ = false;
   bool any_broken_ = false;       ///< a node that is not lost yet has broken the protocol
   bool nodes_abandoned_ = false;  ///< in this frame; see watch_gates

@@ -46,6 +46,7 @@ struct Node {
   std::unique_ptr<NodeContacts> lists = std::make_unique<NodeContacts>();
   bool shares = false;                             ///< the ledger reads `lists`; otherwise the node sends messages
   bool joined = false;                             ///< the ledger knows the node
+  bool free = false;                               ///< the slot has no node
   std::vector<Contact> contacts;                   ///< in the order of the list
   std::vector<narrow_phase::PairContact> touches;  ///< in the order of detection
   std::vector<narrow_phase::Body> bodies;          ///< of all slots, in random order
@@ -125,7 +126,7 @@ class LedgerTest {
     choose_contacts();
     ledger_.resize(nodes_.size());
     for (NodeNumber node = 0; node < nodes_.size(); ++node) {
-      if (!std::exchange(nodes_[node]->joined, true)) ledger_.join(node, frame_);
+      if (!nodes_[node]->free && !std::exchange(nodes_[node]->joined, true)) ledger_.join(node, frame_);
     }
     ledger_.begin(frame_);
     const auto rows = rows_of(frame_, large_numbers_);
@@ -134,11 +135,12 @@ class LedgerTest {
       runs[truth.finder].push_back(&truth);
       // Two nodes find the pair, as after a bug elsewhere.
       if (duplicates_allowed && random_() % 16 == 0) {
-        runs[(truth.finder + 1) % nodes_.size()].push_back(&truth);
+        runs[node_from(truth.finder + 1)].push_back(&truth);
         ++surplus_;
       }
     }
     for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      if (nodes_[node]->free) continue;
       nodes_[node]->find(frame_, runs[node], rows, before_, now_, random_);
       if (nodes_[node]->shares) {
         ledger_.receive(node, *nodes_[node]->lists);
@@ -163,9 +165,8 @@ class LedgerTest {
     if (random_() % 5 == 0) join();
     if (random_() % 7 == 0 && nodes_.size() > 1) leave(random_() % nodes_.size());
     if (random_() % 9 == 0) {
-      // A new node takes the number of another. It has no contacts of the frame before.
-      gone_.push_back(std::move(nodes_.back()));
-      nodes_.pop_back();
+      // A new node takes the slot of another. It has no contacts of the frame before.
+      leave(random_() % nodes_.size());
       join();
     }
   }
@@ -189,17 +190,24 @@ class LedgerTest {
 
  private:
   void join() {
-    nodes_.push_back(std::make_unique<Node>());
-    nodes_.back()->shares = form_ == Form::sharing || (form_ == Form::mixed && random_() % 2 == 0);
+    auto slot = std::find_if(nodes_.begin(), nodes_.end(), [](const auto& node) { return node->free; });
+    slot = slot != nodes_.end() ? slot : nodes_.insert(slot, nullptr);
+    *slot = std::make_unique<Node>();
+    (*slot)->shares = form_ == Form::sharing || (form_ == Form::mixed && random_() % 2 == 0);
+  }
+  /// The first slot from this one on, in a circle, that has a node.
+  std::size_t node_from(std::size_t slot) const {
+    while (nodes_[slot % nodes_.size()]->free) ++slot;
+    return slot % nodes_.size();
   }
   void leave(std::size_t node) {
-    std::vector<NodeNumber> numbers;
-    for (std::size_t old = 0; old < nodes_.size(); ++old) {
-      numbers.push_back(old == node ? ContactLedger::no_node : static_cast<NodeNumber>(old - (old > node ? 1 : 0)));
+    if (node >= nodes_.size() || nodes_[node]->free) {
+      return;
     }
-    ledger_.renumber(numbers);
     gone_.push_back(std::move(nodes_[node]));
-    nodes_.erase(nodes_.begin() + static_cast<std::ptrdiff_t>(node));
+    nodes_[node] = std::make_unique<Node>();
+    nodes_[node]->free = true;
+    while (!nodes_.empty() && nodes_.back()->free) nodes_.pop_back();
     if (nodes_.empty()) join();
   }
   NodeContacts* shared_of(std::size_t node) const { return nodes_[node]->shares ? nodes_[node]->lists.get() : nullptr; }
@@ -251,7 +259,7 @@ class LedgerTest {
     const auto add = [&](std::uint32_t slot_a, std::uint32_t slot_b, std::size_t finder) {
       const Key key{rows[slot_a].object.number, rows[slot_b].object.number};
       ExpectedContact& truth = now_[key];
-      truth = {{}, slot_a, slot_b, finder % nodes_.size()};
+      truth = {{}, slot_a, slot_b, node_from(finder % nodes_.size())};
       truth.contact.a = key.first;
       truth.contact.b = key.second;
       truth.contact.depth = static_cast<float>(random_() % 1000);
