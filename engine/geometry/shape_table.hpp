@@ -14,22 +14,10 @@
 #include "geometry/growing_array.hpp"
 #include "geometry/hull.hpp"
 #include "geometry/mesh.hpp"
+#include "geometry/shape_view.hpp"
 #include "ringfence/shape.hpp"
 
 namespace ringfence::geometry {
-
-/// The data of a shape that a kernel needs, without indirection: 32 bytes, read by gather.
-struct ShapeRow {
-  /// In metres. Sphere: radius, 0, 0; box: the three half extents; capsule: radius, half height, 0; hull: its centroid;
-  /// others: 0.
-  float size[3] = {};
-  float bounding_radius = 0;  ///< of a ball around the shape's origin that contains the shape
-  ShapeKind kind = ShapeKind::sphere;
-  std::uint8_t reserved[3] = {};
-  std::uint32_t index_in_kind = 0;  ///< index among the hulls, meshes or support functions
-  std::uint32_t reserved2[2] = {};
-};
-static_assert(sizeof(ShapeRow) == 32);
 
 /// A shape at a pose.
 struct PlacedShape {
@@ -61,6 +49,8 @@ class ShapeTable {
   const Hull& hull(std::uint32_t index_in_kind) const noexcept { return *hulls_[index_in_kind]; }
   const Mesh& mesh(std::uint32_t index_in_kind) const noexcept { return *meshes_[index_in_kind]; }
   const CheckedSupport& support(std::uint32_t index_in_kind) const noexcept { return *supports_[index_in_kind]; }
+  /// The shapes that exist now, as kernels read them. Valid as long as the table.
+  ShapeView view() const noexcept { return {rows_.data(), hulls_.data(), meshes_.data(), supports_.data()}; }
   /// The shape as it was registered, for writing scenes and for the reference implementation. Only for the thread that
   /// adds.
   const ShapeDescription& description(ShapeNumber shape) const noexcept { return descriptions_[shape]; }

@@ -47,7 +47,7 @@ class GatherTimer {
 /// pair's a.
 struct KernelInput {
   std::span<const Body> bodies;
-  const geometry::ShapeTable& shapes;
+  geometry::ShapeView shapes;
   std::span<const KernelPair> pairs;
   /// True if the sizes of the two shapes differ so much that rounding to float would be visible relative to the smaller
   /// one (ShapeTag::needs_double in narrow_phase.cpp). The kernel then computes everything in double, also positions

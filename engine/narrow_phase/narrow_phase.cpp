@@ -10,6 +10,7 @@
 #include "base/buffer.hpp"
 #include "base/prefetch.hpp"
 #include "narrow_phase/kernel.hpp"
+#include "narrow_phase/shape_tag.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::narrow_phase {
@@ -23,65 +24,6 @@ constexpr std::size_t chunk_pairs = 4096;
 /// The bodies of a pair are prefetched this many pairs in advance. In a large world they are accessed in an order that
 /// the hardware cannot predict. Saves 8 to 10 ns per pair with 64,000 objects.
 constexpr std::size_t prefetch_distance = 24;
-
-/// Up to a ratio of sizes of 2^5, rounding to float (about 10^-7 of the larger size) is far below 10^-4 of the smaller
-/// size.
-constexpr int float_octaves = 5;
-
-/// The properties of a shape by which pairs are sorted, in one word: its kind, and its sizes as two sets of octaves.
-/// One set holds all octaves up to the bounding radius, the other all octaves too large for float next to the least
-/// size. A pair needs double if the two sets, each united over both shapes, have a common octave: a few operations, no
-/// branch.
-class ShapeTag {
- public:
-  ShapeTag(ShapeKind kind, float large, float small) noexcept {
-    const std::uint64_t up_to = (std::uint64_t{2} << octave(large)) - 1;
-    const std::uint64_t too_large = (all << (octave(small) + float_octaves + 1)) & all;
-    word_ = static_cast<std::uint64_t>(kind) << (2 * octaves) | too_large << octaves | up_to;
-  }
-
-  /// Whether all of these shapes have one kind and no pair of them needs double.
-  static bool uniform(std::span<const ShapeTag> tags) noexcept {
-    std::uint64_t sizes = 0;
-    for (const ShapeTag& tag : tags) {
-      if (tag.kind() != tags.front().kind()) return false;
-      sizes |= tag.word_;
-    }
-    return (sizes & sizes >> octaves & all) == 0;
-  }
-
-  std::size_t kind() const noexcept { return word_ >> (2 * octaves); }
-  static bool needs_double(ShapeTag a, ShapeTag b) noexcept {
-    const std::uint64_t both = a.word_ | b.word_;
-    return (both & both >> octaves & all) != 0;
-  }
-
- private:
-  static constexpr int octaves = 30;  ///< 2^-10 to 2^20 metres: all permitted sizes
-  static constexpr std::uint64_t all = (std::uint64_t{1} << octaves) - 1;
-
-  static int octave(float size) noexcept {
-    int power = 0;
-    std::frexp(size, &power);
-    return std::clamp(power + 9, 0, octaves - 1);
-  }
-
-  std::uint64_t word_;
-};
-
-float least_size(const geometry::ShapeRow& row) noexcept {
-  switch (row.kind) {
-    case ShapeKind::sphere:
-    case ShapeKind::capsule:
-      return row.size[0];
-    case ShapeKind::box:
-      return std::min({row.size[0], row.size[1], row.size[2]});
-    default:
-      return row.bounding_radius;
-  }
-}
-
-ShapeTag tag_of(const geometry::ShapeRow& row) noexcept { return {row.kind, row.bounding_radius, least_size(row)}; }
 
 /// The sort key of a pair: its two kinds (21 unordered pairs of kinds), whether it is computed in double, and for pairs
 /// with a hull some bits of the hull's number, so that pairs with the same hull are adjacent and find it in the
@@ -272,7 +214,7 @@ PairContact* NarrowPhase::Implementation::test_key(std::span<const Body> bodies,
   const Kernel kernel = kernel_of(kinds.first, kinds.second);
   std::size_t& until = until_timed[index_of(kinds.first)][index_of(kinds.second)];
   const Sampling sampling = sampling_of(kinds);
-  KernelInput input{bodies, shapes, pairs, (key & key_in_double) != 0};
+  KernelInput input{bodies, shapes.view(), pairs, (key & key_in_double) != 0};
   input.memory = memory.get();
   PairContact* end = out;
   // Tests whole blocks before the timed one, so that timing does not leave vectors partly filled.

@@ -25,7 +25,7 @@ static_assert(static_cast<std::size_t>(ShapeKind::support) + 1 == shape_kinds);
 static_assert(static_cast<std::size_t>(Stage::notify) + 1 == stage_count);
 static_assert(static_cast<std::size_t>(Traffic::control) + 1 == traffic_count);
 static_assert(static_cast<std::size_t>(NodeStage::publication) + 1 == node_stage_count);
-static_assert(static_cast<std::size_t>(Status::no_thread) + 1 == status_count);
+static_assert(static_cast<std::size_t>(Status::support_failed) + 1 == status_count);
 
 }  // namespace
 

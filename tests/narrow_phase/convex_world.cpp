@@ -198,7 +198,7 @@ std::vector<narrow_phase::PairContact> run_kernel(const PairWorld& world,
   narrow_phase::PairContact* end = contacts.data();
   narrow_phase::KindCounters counters;
   for (const bool in_double : {false, true}) {
-    end = kernel({world.bodies, *world.table, sorted[in_double], in_double}, end, counters);
+    end = kernel({world.bodies, world.table->view(), sorted[in_double], in_double}, end, counters);
   }
   contacts.resize(static_cast<std::size_t>(end - contacts.data()));
   return contacts;

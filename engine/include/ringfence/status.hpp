@@ -28,8 +28,10 @@ enum class Status : std::uint8_t {
   over_quota,     ///< exceeds a user node's quota; raise it in WorldConfig::quotas
   out_of_memory,  ///< an allocation failed in a frame or a call: the World runs no more frames; see World
   no_thread,      ///< the system cannot create the thread of a CD node: the number of CD nodes stays the same
+  /// `collide` and `distance` only: a support function threw, or returned an invalid point.
+  support_failed,
 };
-inline constexpr std::size_t status_count = 19;
+inline constexpr std::size_t status_count = 20;
 
 /// Name of a status in reports: "ok", "stale_object", ...
 constexpr const char* name_of(Status status) noexcept {
@@ -51,7 +53,8 @@ constexpr const char* name_of(Status status) noexcept {
                                    "model_failed",
                                    "over_quota",
                                    "out_of_memory",
-                                   "no_thread"};
+                                   "no_thread",
+                                   "support_failed"};
   return names[static_cast<std::size_t>(status)];
 }
 

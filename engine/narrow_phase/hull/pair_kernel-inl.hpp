@@ -20,7 +20,7 @@ namespace ringfence::narrow_phase::HWY_NAMESPACE {
 class HullSource {
  public:
   static constexpr ShapeKind kind = ShapeKind::hull;
-  HWY_INLINE HullSource(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row)
+  HWY_INLINE HullSource(const geometry::ShapeView& shapes, const geometry::ShapeRow& row)
       : hull_(shapes.hull(row.index_in_kind)) {}
   /// The support along a direction; the vertex is determined on demand.
   template <class T>
@@ -51,7 +51,7 @@ class HullSource {
 class BoxSource {
  public:
   static constexpr ShapeKind kind = ShapeKind::box;
-  HWY_INLINE BoxSource(const geometry::ShapeTable&, const geometry::ShapeRow& row) : size_(row.size) {}
+  HWY_INLINE BoxSource(const geometry::ShapeView&, const geometry::ShapeRow& row) : size_(row.size) {}
   template <class T>
   class Support {
    public:

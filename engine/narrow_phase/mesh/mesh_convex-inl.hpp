@@ -45,7 +45,7 @@ struct BallInMesh {
   Vec3d centre;
   double radius;
 
-  static BallInMesh of(const geometry::ShapeTable&, const geometry::ShapeRow& row, const MeshFrame& frame) {
+  static BallInMesh of(const geometry::ShapeView&, const geometry::ShapeRow& row, const MeshFrame& frame) {
     return {frame.position, double{row.size[0]}};
   }
 
@@ -94,7 +94,7 @@ struct BoxInMesh {
   geometry::RotationD rotation;
   double half[3];
 
-  static BoxInMesh of(const geometry::ShapeTable&, const geometry::ShapeRow& row, const MeshFrame& frame) {
+  static BoxInMesh of(const geometry::ShapeView&, const geometry::ShapeRow& row, const MeshFrame& frame) {
     return {frame.position, frame.rotation, {double{row.size[0]}, double{row.size[1]}, double{row.size[2]}}};
   }
 
@@ -173,7 +173,7 @@ struct CapsuleInMesh {
   double radius;
   BoxInMesh bounding_box;
 
-  static CapsuleInMesh of(const geometry::ShapeTable&, const geometry::ShapeRow& row, const MeshFrame& frame) {
+  static CapsuleInMesh of(const geometry::ShapeView&, const geometry::ShapeRow& row, const MeshFrame& frame) {
     const double radius = double{row.size[0]}, half_height = double{row.size[1]};
     const Vec3d up = Vec3d{frame.rotation.m[0][2], frame.rotation.m[1][2], frame.rotation.m[2][2]} * half_height;
     return {{frame.position - up, frame.position + up},
@@ -234,7 +234,7 @@ struct SupportInMesh {
   BoxInMesh bounding_box;
   double bounding_radius;
 
-  static SupportInMesh of(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
+  static SupportInMesh of(const geometry::ShapeView& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
     const geometry::CheckedSupport& f = shapes.support(row.index_in_kind);
     const Vec3d high{double{f.support({1, 0, 0}).x}, double{f.support({0, 1, 0}).y}, double{f.support({0, 0, 1}).z}};
     const Vec3d low{double{f.support({-1, 0, 0}).x}, double{f.support({0, -1, 0}).y}, double{f.support({0, 0, -1}).z}};

@@ -47,7 +47,7 @@ struct HullInMesh {
     bounding_box.rotation = rotation;
   }
 
-  static HullInMesh of(const geometry::ShapeTable& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
+  static HullInMesh of(const geometry::ShapeView& shapes, const geometry::ShapeRow& row, const MeshFrame& frame) {
     return {shapes.hull(row.index_in_kind), frame.position, frame.rotation};
   }
 

@@ -154,7 +154,7 @@ struct Gathered {
 
   HWY_INLINE void fill(const KernelInput& input, const KernelPair* pairs) {
     const Body* bodies = input.bodies.data();
-    const geometry::ShapeRow* rows = input.shapes.rows().data();
+    const geometry::ShapeRow* rows = input.shapes.rows();
     fill_lanes(bodies, rows, pairs, std::make_index_sequence<N>());
   }
 

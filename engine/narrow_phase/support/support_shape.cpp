@@ -75,7 +75,7 @@ struct Convex {
   }
 };
 
-Convex place(const geometry::ShapeTable& shapes, const Body& body, Vec3d position) {
+Convex place(const geometry::ShapeView& shapes, const Body& body, Vec3d position) {
   const geometry::ShapeRow& row = shapes.row(body.shape);
   Convex convex{&row, nullptr, nullptr, geometry::rotation_exact(body.pose.orientation), position};
   if (row.kind == ShapeKind::hull) convex.hull = &shapes.hull(row.index_in_kind);
