@@ -1,5 +1,6 @@
 #include "worlds/motion_file.hpp"
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cerrno>
@@ -22,8 +23,9 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "binary motion is little-endian; poses are copied as bytes");
 
 constexpr std::string_view header = "frame,object,x,y,z,qx,qy,qz,qw";
+constexpr std::string_view header_with_jump = "frame,object,x,y,z,qx,qy,qz,qw,jump";
 constexpr std::string_view magic = "RFMOTION";
-constexpr std::size_t fields = 9;
+constexpr std::size_t fields = 9;  ///< without `jump`
 constexpr std::uint32_t max_frames = 100'000'000;
 
 struct BinaryHeader {
@@ -80,8 +82,11 @@ class CsvReader {
 
   Motion read() {
     const std::optional<std::string_view> first = next_line();
-    if (!first || *first != header)
-      fail(fmt::format("found \"{}\"; expected the header \"{}\"", first.value_or(""), header));
+    has_jump_ = first && *first == header_with_jump;
+    if (!first || (*first != header && !has_jump_)) {
+      fail(fmt::format("found \"{}\"; expected the header \"{}\", with or without \",jump\" at the end",
+                       first.value_or(""), header));
+    }
     while (const std::optional<std::string_view> line = next_line()) {
       read_row(*line);
     }
@@ -105,17 +110,20 @@ class CsvReader {
     return line;
   }
 
-  std::array<std::string_view, fields> split(std::string_view line) const {
-    std::array<std::string_view, fields> parts;
+  std::array<std::string_view, fields + 1> split(std::string_view line) const {
+    std::array<std::string_view, fields + 1> parts;
+    const std::size_t expected = has_jump_ ? fields + 1 : fields;
     std::size_t count = 0;
     for (std::size_t at = 0; at <= line.size();) {
       std::size_t end = line.find(',', at);
       if (end == std::string_view::npos) end = line.size();
-      if (count < fields) parts[count] = line.substr(at, end - at);
+      if (count < expected) parts[count] = line.substr(at, end - at);
       ++count;
       at = end + 1;
     }
-    if (count != fields) fail(fmt::format("found {} fields; expected {}: {}", count, fields, header));
+    if (count != expected) {
+      fail(fmt::format("found {} fields; expected {}: {}", count, expected, has_jump_ ? header_with_jump : header));
+    }
     return parts;
   }
 
@@ -159,7 +167,13 @@ class CsvReader {
                          format_quaternion(row.pose.orientation)));
       }
     }
+    if (has_jump_) row.jump = read_jump(parts[fields]);
     motion_.rows.push_back(row);
+  }
+
+  bool read_jump(std::string_view text) const {
+    if (text != "0" && text != "1") fail(fmt::format("jump: found \"{}\"; expected 0 or 1", text));
+    return text == "1";
   }
 
   void check_object(const MotionRow& row) {
@@ -179,6 +193,7 @@ class CsvReader {
   ObjectIndex objects_;
   std::size_t at_ = 0;
   std::size_t line_ = 0;
+  bool has_jump_ = false;  ///< the file has the column `jump`
   Motion motion_;
 };
 
@@ -261,7 +276,7 @@ class BinaryReader {
     if (object.category == Category::fixed) refuse(0, "is static but moves; expected its pose in the scene");
     object.enabled = present;
     if (present) object.pose = pose;
-    motion_.rows.push_back({frame, object.number, present, present ? pose : Pose{}});
+    motion_.rows.push_back({frame, object.number, present, false, present ? pose : Pose{}});
   }
 
   std::string_view bytes_;
@@ -282,17 +297,20 @@ Motion read_motion(const std::filesystem::path& file, const Scene& scene) {
 }
 
 std::string format_motion_csv(const Motion& motion) {
-  std::string text(header);
+  const bool has_jump = std::any_of(motion.rows.begin(), motion.rows.end(), [](const auto& row) { return row.jump; });
+  std::string text(has_jump ? header_with_jump : header);
   text += '\n';
   const auto out = std::back_inserter(text);
   for (const MotionRow& row : motion.rows) {
     const Vec3d& p = row.pose.position;
     const Quat& q = row.pose.orientation;
     if (row.present) {
-      fmt::format_to(out, "{},{},{},{},{},{},{},{},{}\n", row.frame, row.object, p.x, p.y, p.z, q.x, q.y, q.z, q.w);
+      fmt::format_to(out, "{},{},{},{},{},{},{},{},{}", row.frame, row.object, p.x, p.y, p.z, q.x, q.y, q.z, q.w);
     } else {
-      fmt::format_to(out, "{},{},,,,,,,\n", row.frame, row.object);
+      fmt::format_to(out, "{},{},,,,,,,", row.frame, row.object);
     }
+    if (has_jump) text += row.jump ? ",1" : ",0";
+    text += '\n';
   }
   return text;
 }

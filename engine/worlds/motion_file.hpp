@@ -19,6 +19,7 @@ struct MotionRow {
   std::uint32_t frame = 0;
   ObjectNumber object = 0;
   bool present = true;  ///< false: the object is absent from this frame until its next row
+  bool jump = false;    ///< the object was placed at the pose: it did not move there from the pose before
   Pose pose;            ///< valid if present
   bool operator==(const MotionRow&) const noexcept = default;
 };
@@ -35,17 +36,19 @@ struct Motion {
 ///
 /// Throws InputError that names the file and the line (CSV) or byte offset (binary) for:
 /// - a wrong header, field count or file size; an object count that differs from the scene;
-/// - a number that is not finite; a quaternion whose length differs from 1 by more than 10^-3;
+/// - a number that is not finite; a quaternion whose length differs from 1 by more than 10^-3; a jump other than 0 or
+/// 1;
 /// - frames in descending order; two rows of an object in one frame;
 /// - an object that the scene does not have, or that is static.
 ///
-/// Binary motion has every object in every frame. The result has a row only where a pose or presence changes.
+/// Binary motion has every object in every frame, and no jumps. The result has a row only where a pose or presence
+/// changes.
 Motion read_motion(const std::filesystem::path& file, const Scene& scene);
 
 /// Parses motion from memory. `name` is the file name in messages.
 Motion parse_motion(std::string_view bytes, const std::string& name, const Scene& scene);
 
-/// Formats motion as CSV. Every number reads back with the same bits.
+/// Formats motion as CSV, with the column `jump` if a row is a jump. Every row reads back with the same bits.
 std::string format_motion_csv(const Motion& motion);
 void write_motion_csv(const std::filesystem::path& file, const Motion& motion);
 

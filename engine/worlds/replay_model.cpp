@@ -41,6 +41,7 @@ void ReplayModel::move(std::uint64_t frame, std::span<const MotionInput> inputs,
            rows_[cursor.next].frame <= frame) {
       const MotionRow& row = rows_[cursor.next];
       outputs[i].enabled = row.present;
+      outputs[i].jump |= row.jump;
       if (row.present) outputs[i].pose = row.pose;
       ++cursor.next;
     }

@@ -10,7 +10,7 @@
 namespace ringfence::worlds {
 
 /// Motion model that replays recorded movement. In frame k an object takes the pose of its row for frame k; without
-/// such a row it keeps its pose. Contacts have no effect.
+/// such a row it keeps its pose. A row that is a jump sets MotionOutput::jump. Contacts have no effect.
 ///
 /// The state of an object is the index of its next row, so `move` finds a row in constant time. Immutable: may be used
 /// by any number of threads.

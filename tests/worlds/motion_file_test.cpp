@@ -20,6 +20,7 @@ namespace {
 using test::error_message_of;
 
 const std::string header = "frame,object,x,y,z,qx,qy,qz,qw\n";
+const std::string header_with_jump = "frame,object,x,y,z,qx,qy,qz,qw,jump\n";
 
 /// Three objects: 7 and 9 may move, 8 is static, 9 is absent at the start.
 Scene three_objects() {
@@ -72,40 +73,84 @@ TEST_CASE("a CSV row sets a pose, and a row without a pose makes the object abse
       parse_motion(header + "0,7,1,2,3,0,0,0,1\r\n2,7,,,,,,,\n2,9,-0.5,1e3,2,1,0,0,0", "m", three_objects());
   CHECK(motion.frames == 3);
   REQUIRE(motion.rows.size() == 3);
-  CHECK(motion.rows[0] == MotionRow{0, 7, true, {{1, 2, 3}, {}}});
-  CHECK(motion.rows[1] == MotionRow{2, 7, false, {}});
-  CHECK(motion.rows[2] == MotionRow{2, 9, true, {{-0.5, 1000, 2}, {1, 0, 0, 0}}});
+  CHECK(motion.rows[0] == MotionRow{0, 7, true, false, {{1, 2, 3}, {}}});
+  CHECK(motion.rows[1] == MotionRow{2, 7, false, false, {}});
+  CHECK(motion.rows[2] == MotionRow{2, 9, true, false, {{-0.5, 1000, 2}, {1, 0, 0, 0}}});
   CHECK(parse_motion(header, "m", three_objects()).frames == 0);
 }
 
-TEST_CASE("motion written as CSV reads back with the same bits") {
+TEST_CASE("motion written as CSV reads back with the same bits, with jumps and without") {
   const std::uint64_t seed = 17;
   CAPTURE(seed);
-  Motion motion;
-  motion.frames = 2000;
-  motion::Draws draws(seed, 1, 1);
-  for (std::uint32_t frame = 0; frame < 2000; ++frame) {
-    const auto wide = [&] {
-      for (;;) {
-        const auto value = std::bit_cast<double>(std::uint64_t{draws.word()} << 32 | draws.word());
-        if (std::isfinite(value)) return value;
-      }
-    };
-    const double x = wide(), y = wide(), z = wide();
-    Quat q{draws.unit(), draws.unit(), draws.unit(), draws.unit() + 0.1f};
-    const float inverse = 1 / std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
-    q = {q.x * inverse, q.y * inverse, q.z * inverse, q.w * inverse};
-    motion.rows.push_back({frame, frame % 2 == 0 ? 7u : 9u, frame % 7 != 0, {}});
-    if (motion.rows.back().present) motion.rows.back().pose = {{x, y, z}, q};
+  const bool both[] = {false, true};
+  for (const bool jumps : both) {
+    CAPTURE(jumps);
+    Motion motion;
+    motion.frames = 2000;
+    motion::Draws draws(seed, 1, 1);
+    for (std::uint32_t frame = 0; frame < 2000; ++frame) {
+      const auto wide = [&] {
+        for (;;) {
+          const auto value = std::bit_cast<double>(std::uint64_t{draws.word()} << 32 | draws.word());
+          if (std::isfinite(value)) return value;
+        }
+      };
+      const double x = wide(), y = wide(), z = wide();
+      Quat q{draws.unit(), draws.unit(), draws.unit(), draws.unit() + 0.1f};
+      const float inverse = 1 / std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
+      q = {q.x * inverse, q.y * inverse, q.z * inverse, q.w * inverse};
+      motion.rows.push_back({frame, frame % 2 == 0 ? 7u : 9u, frame % 7 != 0, jumps && frame % 5 == 0, {}});
+      if (motion.rows.back().present) motion.rows.back().pose = {{x, y, z}, q};
+    }
+    const Motion again = parse_motion(format_motion_csv(motion), "m", three_objects());
+    CHECK(again.frames == motion.frames);
+    REQUIRE(again.rows.size() == motion.rows.size());
+    for (std::size_t i = 0; i < again.rows.size(); ++i) REQUIRE(again.rows[i] == motion.rows[i]);
   }
-  const Motion again = parse_motion(format_motion_csv(motion), "m", three_objects());
-  CHECK(again.frames == motion.frames);
-  REQUIRE(again.rows.size() == motion.rows.size());
-  for (std::size_t i = 0; i < again.rows.size(); ++i) REQUIRE(again.rows[i] == motion.rows[i]);
+}
+
+TEST_CASE("the last column of a CSV file may say which rows are jumps") {
+  const Motion motion =
+      parse_motion(header_with_jump + "0,7,1,2,3,0,0,0,1,0\r\n1,7,4,5,6,0,0,0,1,1\n2,7,,,,,,,,0\n3,7,1,2,3,0,0,0,1,1",
+                   "m", three_objects());
+  REQUIRE(motion.rows.size() == 4);
+  CHECK(motion.rows[0] == MotionRow{0, 7, true, false, {{1, 2, 3}, {}}});
+  CHECK(motion.rows[1] == MotionRow{1, 7, true, true, {{4, 5, 6}, {}}});
+  CHECK(motion.rows[2] == MotionRow{2, 7, false, false, {}});
+  CHECK(motion.rows[3].jump);
+}
+
+TEST_CASE("the column jump is written only where a row is a jump") {
+  Motion motion;
+  motion.frames = 2;
+  motion.rows = {{0, 7, true, false, {}}, {1, 7, false, false, {}}};
+  CHECK(format_motion_csv(motion) == header + "0,7,0,0,0,0,0,0,1\n1,7,,,,,,,\n");
+  motion.rows[0].jump = true;
+  CHECK(format_motion_csv(motion) == header_with_jump + "0,7,0,0,0,0,0,0,1,1\n1,7,,,,,,,,0\n");
+}
+
+TEST_CASE("each error in the column jump is reported with line, field, found value and expectation") {
+  struct Case {
+    const char *rows, *message;
+  };
+  const Case cases[] = {
+      {"0,7,1,2,3,0,0,0,1\n", "m.csv:2: found 9 fields; expected 10: frame,object,x,y,z,qx,qy,qz,qw,jump"},
+      {"0,7,1,2,3,0,0,0,1,0,\n", "m.csv:2: found 11 fields; expected 10: frame,object,x,y,z,qx,qy,qz,qw,jump"},
+      {"0,7,1,2,3,0,0,0,1,\n", "m.csv:2: jump: found \"\"; expected 0 or 1"},
+      {"0,7,1,2,3,0,0,0,1,0\n1,7,1,2,3,0,0,0,1,2\n", "m.csv:3: jump: found \"2\"; expected 0 or 1"},
+      {"0,7,1,2,3,0,0,0,1,true\n", "m.csv:2: jump: found \"true\"; expected 0 or 1"},
+      {"0,7,1,2,3,0,0,0,1, 1\n", "m.csv:2: jump: found \" 1\"; expected 0 or 1"},
+      {"0,7,,,,,,,,x\n", "m.csv:2: jump: found \"x\"; expected 0 or 1"},
+  };
+  for (const Case& each : cases) {
+    const std::string text = header_with_jump + each.rows;
+    CHECK(error_message_of([&] { parse_motion(text, "m.csv", three_objects()); }) == each.message);
+  }
 }
 
 TEST_CASE("each error in CSV motion is reported with line, field, found value and expectation") {
-  const std::string csv_header_message = "expected the header \"frame,object,x,y,z,qx,qy,qz,qw\"";
+  const std::string csv_header_message =
+      "expected the header \"frame,object,x,y,z,qx,qy,qz,qw\", with or without \",jump\" at the end";
   CHECK(error_message_of([] { parse_motion("", "m.csv", three_objects()); }) ==
         "m.csv:0: found \"\"; " + csv_header_message);
   CHECK(error_message_of([] { parse_motion("frame,object\n", "m.csv", three_objects()); }) ==
@@ -142,8 +187,8 @@ TEST_CASE("binary motion is read as one row per change") {
   const Motion motion = parse_motion(binary_motion(), "m.bin", three_objects());
   CHECK(motion.frames == 2);
   REQUIRE(motion.rows.size() == 2);
-  CHECK(motion.rows[0] == MotionRow{1, 7, true, {{7, 1, 0}, {}}});
-  CHECK(motion.rows[1] == MotionRow{1, 9, true, {{9, 9, 9}, {0, 1, 0, 0}}});
+  CHECK(motion.rows[0] == MotionRow{1, 7, true, false, {{7, 1, 0}, {}}});
+  CHECK(motion.rows[1] == MotionRow{1, 9, true, false, {{9, 9, 9}, {0, 1, 0, 0}}});
 }
 
 TEST_CASE("each error in binary motion is reported with byte offset, found value and expectation") {

@@ -11,6 +11,7 @@ namespace {
 struct ReplayResult {
   MotionInput input;
   std::uint64_t state = 0;
+  bool jumped = false;  ///< in the last frame
 
   ReplayResult(const ReplayModel& model, ObjectNumber number, bool present) {
     input.number = number;
@@ -22,16 +23,19 @@ struct ReplayResult {
   void move(const ReplayModel& model, std::uint64_t frame) {
     const std::uint64_t before = state;
     input.state = reinterpret_cast<const std::byte*>(&before);
-    MotionOutput output{input.pose, input.enabled, reinterpret_cast<std::byte*>(&state)};
+    MotionOutput output{input.pose, input.enabled, reinterpret_cast<std::byte*>(&state), false};
     model.move(frame, {&input, 1}, {&output, 1});
     input.pose = output.pose;
     input.enabled = output.enabled;
+    jumped = output.jump;
   }
 };
 
-MotionRow at(std::uint32_t frame, ObjectNumber object, double x) { return {frame, object, true, {{x, 0, 0}, {}}}; }
+MotionRow at(std::uint32_t frame, ObjectNumber object, double x) {
+  return {frame, object, true, false, {{x, 0, 0}, {}}};
+}
 
-const Motion motion{7, {at(0, 3, 1), at(0, 5, 50), at(2, 3, 2), {3, 5, false, {}}, at(6, 3, 3), at(6, 5, 51)}};
+const Motion motion{7, {at(0, 3, 1), at(0, 5, 50), at(2, 3, 2), {3, 5, false, false, {}}, at(6, 3, 3), at(6, 5, 51)}};
 
 }  // namespace
 
@@ -59,6 +63,23 @@ TEST_CASE("an object that was not moved in some frames takes its latest pose") {
   CHECK(three.input.pose.position.x == 2);
   three.move(model, 6);
   CHECK(three.input.pose.position.x == 3);
+}
+
+TEST_CASE("a row that is a jump is one in the model's output, in its frame only") {
+  Motion jumping = motion;
+  for (MotionRow& row : jumping.rows) row.jump = row.frame == 2;
+  const ReplayModel model(jumping);
+  ReplayResult three(model, 3, true), late(model, 3, true), five(model, 5, false);
+  for (std::uint64_t frame = 0; frame < 8; ++frame) {
+    CAPTURE(frame);
+    three.move(model, frame);
+    five.move(model, frame);
+    CHECK(three.jumped == (frame == 2));
+    CHECK(!five.jumped);
+  }
+  // An object that was not moved in some frames has jumped in one of them.
+  late.move(model, 6);
+  CHECK(late.jumped);
 }
 
 TEST_CASE("an object without rows keeps its pose") {

@@ -23,7 +23,7 @@ struct Head {
 struct PackedRow {
   std::uint32_t frame;
   std::uint32_t object;
-  std::uint64_t present;
+  std::uint32_t present, jump;
   Pose pose;
 };
 static_assert(sizeof(PackedRow) == 56 && std::is_trivially_copyable_v<PackedRow>);
@@ -48,7 +48,7 @@ std::vector<std::byte> pack_motion(const worlds::Motion& motion) {
   std::vector<PackedRow> rows;
   rows.reserve(motion.rows.size());
   for (const worlds::MotionRow& row : motion.rows) {
-    rows.push_back({row.frame, row.object, row.present ? 1u : 0u, row.pose});
+    rows.push_back({row.frame, row.object, row.present ? 1u : 0u, row.jump ? 1u : 0u, row.pose});
   }
   return pack(Kind::replay, std::span<const PackedRow>(rows));
 }
@@ -70,7 +70,7 @@ std::shared_ptr<const MotionModel> unpack_motion(std::span<const std::byte> byte
     for (std::size_t i = 0; i < head.count; ++i) {
       PackedRow row;
       std::memcpy(&row, body.data() + i * sizeof row, sizeof row);
-      motion.rows.push_back({row.frame, row.object, row.present != 0, row.pose});
+      motion.rows.push_back({row.frame, row.object, row.present != 0, row.jump != 0, row.pose});
     }
     return std::make_shared<worlds::ReplayModel>(motion);
   }

@@ -44,6 +44,7 @@ void add_rows(const Trace& trace, const std::vector<Sample>& samples, ObjectNumb
         {frame + late,
          object,
          true,
+         false,
          {{rounded(p.x + east, trace.step), rounded(p.y + north, trace.step), rounded(p.z, trace.step)}, {}}});
   };
   for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -52,7 +53,7 @@ void add_rows(const Trace& trace, const std::vector<Sample>& samples, ObjectNumb
     if (i + 1 == samples.size()) break;
     const Sample& next = samples[i + 1];
     if (next.frame - current.frame > trace.longest_gap) {
-      rows.push_back({current.frame + 1 + late, object, false, {}});
+      rows.push_back({current.frame + 1 + late, object, false, false, {}});
       continue;
     }
     for (std::uint32_t frame = current.frame + 1; frame < next.frame; ++frame) {
@@ -61,7 +62,7 @@ void add_rows(const Trace& trace, const std::vector<Sample>& samples, ObjectNumb
       add(frame, {p.x + share * (q.x - p.x), p.y + share * (q.y - p.y), p.z + share * (q.z - p.z)});
     }
   }
-  rows.push_back({samples.back().frame + 1 + late, object, false, {}});
+  rows.push_back({samples.back().frame + 1 + late, object, false, false, {}});
 }
 
 }  // namespace

@@ -27,11 +27,15 @@ struct MotionInput {
   std::span<const std::byte> input;  ///< of World::input for this frame; empty if there is none; lives during the call
 };
 
-/// The model's result for one object. Initialised to "does not move": pose, enabled and state unchanged.
+/// The model's result for one object. Initialised to "does not move": pose, enabled and state unchanged, no jump.
 struct MotionOutput {
   Pose pose;  ///< finite, orientation within 10^-3 of unit length; otherwise refused and the object does not move
   bool enabled = true;
   std::byte* state = nullptr;  ///< state_bytes() bytes, to be overwritten
+  /// The object is placed at `pose`: it does not move there from its pose before. Contacts do not depend on it: they
+  /// are those of the poses at the end of the frame. For tests along the way between two frames, which do not exist
+  /// yet.
+  bool jump = false;
 };
 
 /// Moves hosted objects and responds to their contacts. Supplied by the embedder; examples are the paper's steering and

@@ -413,7 +413,7 @@ bool Host::call_model(std::size_t first, std::size_t count) {
                   state(first + i),
                   ObjectContacts(known_contacts_, contacts_of(first + i)),
                   {}};
-    outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_};
+    outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_, false};
   }
   if (!frame_inputs_.empty()) {
     frame_inputs_.set(first, std::span(inputs_, count));
