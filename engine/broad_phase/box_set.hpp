@@ -23,7 +23,7 @@ class BoxSet {
 
   /// Replaces the content of the set by the boxes of `slots`, whose order is overwritten. The boxes are staged but not
   /// yet sorted: the sweep sorts bucket by bucket, so that it finds the sorted boxes in the cache. `layers` (by slot)
-  /// and `masks` are as in RowGrid; both are null where all layers collide.
+  /// is as in Kernels::stage and `masks` as in RowGrid; null where all layers collide.
   void build(const Kernels& kernels, std::span<const geometry::Bounds> bounds, const std::uint8_t* layers,
              const std::uint32_t* masks, std::span<std::uint32_t> slots);
   void clear() noexcept { levels_ = 0; }

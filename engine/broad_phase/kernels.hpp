@@ -24,8 +24,8 @@ struct Kernels {
                                const std::uint8_t* in_resting_set, std::uint32_t* moving, std::uint32_t* leaving);
 
   /// Puts the boxes of `slots` that are within the grid's size limit into its buckets. Writes the other slots to
-  /// `larger` (which may be `slots` itself) and returns their number. `layers` (by slot) is read only if the grid has
-  /// layer masks.
+  /// `larger` (which may be `slots` itself) and returns their number. `layers` (by slot, see SweepAndPrune::find) may
+  /// be null if the grid has no layer masks and nothing is static.
   std::size_t (*stage)(RowGrid& grid, const geometry::Bounds* bounds, const std::uint8_t* layers,
                        const std::uint32_t* slots, std::size_t count, std::uint32_t* larger);
 

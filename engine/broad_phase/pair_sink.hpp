@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "base/buffer.hpp"
 #include "geometry/bounds.hpp"
@@ -29,7 +30,8 @@ struct PairSink {
   base::Buffer<std::uint32_t> crossing;     ///< positions of the boxes of the current block that reach into other rows
   base::Buffer<Window> windows;             ///< of the current block: windows in other rows, and those that wrap around
   base::Buffer<geometry::CandidatePair> pairs;
-  std::size_t count = 0;  ///< number of pairs found
+  std::size_t count = 0;                  ///< number of pairs found
+  std::span<const std::uint32_t> groups;  ///< by slot: 0, or the group of the object; empty where no object has one
 
   /// Boxes per block. The exact tests run after each block. A block has enough boxes that their memory accesses overlap
   /// in time, and few enough that they stay in the cache.
@@ -46,6 +48,18 @@ struct PairSink {
     box_indices.reserve(hits);
     crossing.reserve(block);
     windows.reserve(7 * block);  // a box has up to two in each of three other rows and one in its own, if rows wrap
+  }
+
+  /// Removes the pairs of two objects of one group from [first, last) and returns the new end.
+  geometry::CandidatePair* drop_same_group(geometry::CandidatePair* first,
+                                           geometry::CandidatePair* last) const noexcept {
+    geometry::CandidatePair* to = first;
+    for (; first != last; ++first) {
+      const geometry::CandidatePair pair = *first;
+      *to = pair;
+      to += groups[pair.a] == 0 || groups[pair.a] != groups[pair.b];
+    }
+    return to;
   }
 
   /// Makes room for `more` pairs after the first `count` and returns where they start. The caller writes them and adds

@@ -11,15 +11,18 @@ namespace ringfence::broad_phase {
 
 /// A box in the layout that the sweep reads: one aligned load for each corner.
 ///
-/// `slot` and `guard` use the fourth lane of the exact test (slot of one <= guard of the other). This allows a box to
-/// be removed in place, see `RowGrid::remove`.
+/// `label` and `guard` use the fourth lane of the exact test (label of one <= guard of the other), which so leaves out
+/// pairs of two static objects at no cost. It also allows a box to be removed in place, see `RowGrid::remove`.
 struct alignas(32) GridBox {
   std::uint32_t lower[3];
-  std::uint32_t slot;  ///< index in the caller's table
+  std::uint32_t label;  ///< index in the caller's table; of a static object with `fixed_bit`
   std::uint32_t upper[3];
   std::uint32_t guard;
 
-  static constexpr std::uint32_t present = 0xfffffffe;
+  static constexpr std::uint32_t fixed_bit = 0x80000000;
+  static constexpr std::uint32_t guard_of_fixed = fixed_bit - 1;  ///< at least every label but those of static objects
+  static constexpr std::uint32_t guard_of_others = 0xfffffffe;    ///< at least every label
+  std::uint32_t slot() const noexcept { return label & ~fixed_bit; }
 };
 static_assert(sizeof(GridBox) == 32);
 
@@ -88,7 +91,7 @@ struct RowGrid {
   /// Removes the box at a sorted position: from now on it overlaps nothing.
   void remove(std::uint32_t position) noexcept {
     GridBox& box = boxes[entries[position].box];
-    box.slot = 0xffffffff;
+    box.label = 0xffffffff;
     box.guard = 0;
   }
 };

@@ -13,6 +13,7 @@
 #include <cstring>
 
 #include "base/prefetch.hpp"
+#include "broad_phase/layers.hpp"
 #include "broad_phase/row_grid.hpp"
 #include "broad_phase/vectors-inl.hpp"
 #include "geometry/bounds.hpp"
@@ -75,8 +76,8 @@ HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, std::uint32_t
                                         GridBox& to) {
   std::memcpy(to.lower, b.lower, sizeof to.lower);
   std::memcpy(to.upper, b.upper, sizeof to.upper);
-  to.slot = slot;
-  to.guard = GridBox::present;
+  to.label = slot;
+  to.guard = GridBox::guard_of_others;
   return limit.contains(b);
 }
 
@@ -105,7 +106,7 @@ HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, std::uint32_t
                                         GridBox& to) {
   const Corner d;
   const auto lower = limit.with_fourth(hn::LoadU(d, b.lower), slot);
-  const auto upper = limit.with_fourth(hn::Shuffle0321(hn::LoadU(d, b.lower + 2)), GridBox::present);
+  const auto upper = limit.with_fourth(hn::Shuffle0321(hn::LoadU(d, b.lower + 2)), GridBox::guard_of_others);
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX2
   // One store instead of four.
   const hn::FixedTag<std::uint32_t, 8> both;
@@ -119,7 +120,8 @@ HWY_INLINE std::uint32_t copy_if_within(const geometry::Bounds& b, std::uint32_t
 
 #endif
 
-template <bool layered>
+// `typed`: `layers` is not null. `layered`: the grid has layer masks.
+template <bool typed, bool layered>
 std::size_t stage_where(RowGrid& grid, const geometry::Bounds* bounds, const std::uint8_t* layers,
                         const std::uint32_t* slots, std::size_t count, std::uint32_t* larger) {
   const RowLayout& rows = grid.layout;
@@ -141,10 +143,15 @@ std::size_t stage_where(RowGrid& grid, const geometry::Bounds* bounds, const std
     base::prefetch_for_read(boxes + at + 6);
     base::prefetch_for_read(keys + at + 16);
     keys[at] = key;
-    if constexpr (layered) staged_layers[at] = layers[slot];
+    if constexpr (layered) staged_layers[at] = layers[slot] & layer_number;
     if (HWY_UNLIKELY(!copy_if_within(b, slot, limit, boxes[at]))) {
       *refused++ = slot;
       return;
+    }
+    if constexpr (typed) {
+      const bool fixed = (layers[slot] & fixed_object) != 0;
+      boxes[at].label = slot | (fixed ? GridBox::fixed_bit : 0);
+      boxes[at].guard = fixed ? GridBox::guard_of_fixed : GridBox::guard_of_others;
     }
     next = at + 1;
     if (HWY_UNLIKELY((next & (RowGrid::chunk - 1)) == 0)) next = grid.add_chunk(at / RowGrid::chunk);
@@ -162,8 +169,9 @@ std::size_t stage_where(RowGrid& grid, const geometry::Bounds* bounds, const std
 
 inline std::size_t stage(RowGrid& grid, const geometry::Bounds* bounds, const std::uint8_t* layers,
                          const std::uint32_t* slots, std::size_t count, std::uint32_t* larger) {
-  return grid.layer_masks == nullptr ? stage_where<false>(grid, bounds, layers, slots, count, larger)
-                                     : stage_where<true>(grid, bounds, layers, slots, count, larger);
+  if (layers == nullptr) return stage_where<false, false>(grid, bounds, layers, slots, count, larger);
+  return grid.layer_masks == nullptr ? stage_where<true, false>(grid, bounds, layers, slots, count, larger)
+                                     : stage_where<true, true>(grid, bounds, layers, slots, count, larger);
 }
 
 }  // namespace ringfence::broad_phase::HWY_NAMESPACE

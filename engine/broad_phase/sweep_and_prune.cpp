@@ -21,6 +21,12 @@ struct Task {
 };
 constexpr std::size_t max_tasks = max_levels * (max_levels + 1) / 2 + max_levels * max_levels;
 
+bool any_fixed(std::span<const std::uint8_t> layers) noexcept {
+  std::uint8_t bits = 0;
+  for (const std::uint8_t layer : layers) bits |= layer;
+  return (bits & fixed_object) != 0;
+}
+
 // Where a box of the resting set is stored.
 struct RestingLocation {
   std::uint32_t position;
@@ -184,13 +190,17 @@ struct SweepAndPrune::Implementation {
     const auto grids = resting.grids();
     for (std::uint32_t g = 0; g < grids.size(); ++g)
       for (std::uint32_t p = 0; p < grids[g].count; ++p)
-        location[grids[g].boxes[grids[g].entries[p].box].slot] = {p, g};
+        location[grids[g].boxes[grids[g].entries[p].box].slot()] = {p, g};
   }
 
   void begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
-             std::span<const std::uint8_t> resting_flags, std::span<const std::uint8_t> layers) {
+             std::span<const std::uint8_t> resting_flags, std::span<const std::uint8_t> layers,
+             std::span<const std::uint32_t> groups) {
     assert(bounds.size() == present.size() && bounds.size() == resting_flags.size());
     assert(!layered || layers.size() == bounds.size());
+    assert(groups.empty() || groups.size() == bounds.size());
+    sink.groups = groups;
+    const std::uint8_t* const types = layered || any_fixed(layers) ? layers.data() : nullptr;
     if (bounds.size() != slots) resize(bounds.size());
     const auto classify_slots = [&] {
       return kernels.classify_slots(present, resting_flags, in_resting_set.data(), moving_slots.data(),
@@ -215,9 +225,9 @@ struct SweepAndPrune::Implementation {
       resting.clear();
       removed = rebuild_debt = 0;
     } else if (rebuild_debt >= at_rest && rebuild_debt != 0) {
-      rebuild_resting(bounds, resting_flags, layers.data(), moving_count);
+      rebuild_resting(bounds, resting_flags, types, moving_count);
     }
-    moving.build(kernels, bounds, layers.data(), mask_data(), {moving_slots.data(), moving_count});
+    moving.build(kernels, bounds, types, mask_data(), {moving_slots.data(), moving_count});
     start_tasks();
     add_tasks_within(moving);
     for (RowGrid& m : moving.grids())
@@ -236,16 +246,18 @@ SweepAndPrune& SweepAndPrune::operator=(SweepAndPrune&&) noexcept = default;
 std::span<const geometry::CandidatePair> SweepAndPrune::find(std::span<const geometry::Bounds> bounds,
                                                              std::span<const std::uint8_t> present,
                                                              std::span<const std::uint8_t> resting,
-                                                             std::span<const std::uint8_t> layers) {
-  begin(bounds, present, resting, layers);
+                                                             std::span<const std::uint8_t> layers,
+                                                             std::span<const std::uint32_t> groups) {
+  begin(bounds, present, resting, layers, groups);
   while (implementation_->step()) {
   }
   return {implementation_->sink.pairs.data(), implementation_->sink.count};
 }
 
 void SweepAndPrune::begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
-                          std::span<const std::uint8_t> resting, std::span<const std::uint8_t> layers) {
-  implementation_->begin(bounds, present, resting, layers);
+                          std::span<const std::uint8_t> resting, std::span<const std::uint8_t> layers,
+                          std::span<const std::uint32_t> groups) {
+  implementation_->begin(bounds, present, resting, layers, groups);
 }
 
 std::span<const geometry::CandidatePair> SweepAndPrune::next(std::size_t most) {

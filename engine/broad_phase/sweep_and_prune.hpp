@@ -1,21 +1,14 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
 
+#include "broad_phase/layers.hpp"
 #include "geometry/bounds.hpp"
 
 namespace ringfence::broad_phase {
-
-using LayerMasks = std::array<std::uint32_t, 32>;
-constexpr LayerMasks all_layers_collide() noexcept {
-  LayerMasks masks{};
-  masks.fill(~std::uint32_t{0});
-  return masks;
-}
 
 /// Finds every candidate pair of a frame, each exactly once.
 ///
@@ -55,12 +48,17 @@ class SweepAndPrune {
   /// Returns all pairs i, j with touch(bounds[i], bounds[j]) among the slots whose present[] is non-zero. The order of
   /// the pairs, and of i and j in a pair, is not specified; pairs that are close in space are mostly close in the list.
   ///
-  /// `layers[i]`, below 32, is the layer of slot i. Pairs whose layers do not collide are left out. The span may be
-  /// empty where all layers collide.
+  /// `layers[i]` is the layer of slot i, below 32, with `fixed_object` if its object is static. Pairs whose layers do
+  /// not collide and pairs of two static objects are left out. The span may be empty where all layers collide and
+  /// nothing is static.
   ///
-  /// `resting[i]` is non-zero where bounds[i], present[i] and layers[i] have not changed since the last call. The sweep
-  /// may rely on it; all zeros are always correct. The spans have equal size, below 2^32 - 1, which may differ from
-  /// call to call. Precondition: lower <= upper on each axis. The result is valid until the next call of any member.
+  /// `groups[i]` is the group of slot i; pairs of one group other than 0 are left out. The span may be empty where all
+  /// groups are 0.
+  ///
+  /// `resting[i]` is non-zero where bounds[i], present[i], layers[i] and groups[i] have not changed since the last
+  /// call. The sweep may rely on it; all zeros are always correct. The spans have equal size, below 2^31, which may
+  /// differ from call to call. Precondition: lower <= upper on each axis. The result is valid until the next call of
+  /// any member.
   ///
   /// A separate set of resting boxes is used from the point where two thirds of the boxes rest until less than half of
   /// them do. A box that comes to rest costs as much as before for some frames: the set is rebuilt when the work that a
@@ -68,12 +66,15 @@ class SweepAndPrune {
   std::span<const geometry::CandidatePair> find(std::span<const geometry::Bounds> bounds,
                                                 std::span<const std::uint8_t> present,
                                                 std::span<const std::uint8_t> resting,
-                                                std::span<const std::uint8_t> layers = {});
+                                                std::span<const std::uint8_t> layers = {},
+                                                std::span<const std::uint32_t> groups = {});
 
   /// The same in portions, so that pairs can be processed while the sweep continues: call begin(), then next() until it
-  /// returns an empty span. The arguments are as in find() and are not read after begin() has returned.
+  /// returns an empty span. The arguments are as in find(). `groups` is read until then; the others are not read after
+  /// begin() has returned.
   void begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
-             std::span<const std::uint8_t> resting, std::span<const std::uint8_t> layers = {});
+             std::span<const std::uint8_t> resting, std::span<const std::uint8_t> layers = {},
+             std::span<const std::uint32_t> groups = {});
 
   /// Returns the next pairs: `most` (>= 1) of them, fewer only at the end, none when there are no more. The result is
   /// valid until the next call of any member. Another begin() or find() abandons the sweep.

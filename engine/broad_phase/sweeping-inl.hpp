@@ -52,9 +52,10 @@ inline HWY_NOINLINE void test_hits(const RowGrid& a, const RowGrid& b, std::size
     for (std::size_t k = 0; k < count; ++k) {
       const GridBox& p = a_boxes[static_cast<std::uint32_t>(box_indices[k])];
       const GridBox& q = b_boxes[box_indices[k] >> 32];
-      *to = {p.slot, q.slot};
+      *to = {p.slot(), q.slot()};
       to += overlap(p, q);
     }
+    if (HWY_UNLIKELY(!sink.groups.empty())) to = sink.drop_same_group(first, to);
     sink.count += static_cast<std::size_t>(to - first);
     count = left;
   }

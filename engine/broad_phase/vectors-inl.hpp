@@ -69,8 +69,8 @@ HWY_INLINE std::uint32_t compare_codes(Columns in, SearchKey search_key, std::ui
 
 HWY_INLINE bool overlap(const GridBox& p, const GridBox& q) {
   return (p.lower[0] <= q.upper[0]) & (q.lower[0] <= p.upper[0]) & (p.lower[1] <= q.upper[1]) &
-         (q.lower[1] <= p.upper[1]) & (p.lower[2] <= q.upper[2]) & (q.lower[2] <= p.upper[2]) & (p.slot <= q.guard) &
-         (q.slot <= p.guard);
+         (q.lower[1] <= p.upper[1]) & (p.lower[2] <= q.upper[2]) & (q.lower[2] <= p.upper[2]) & (p.label <= q.guard) &
+         (q.label <= p.guard);
 }
 
 HWY_INLINE std::uint64_t mask_of_nonzero(const std::uint8_t* bytes) {

@@ -272,6 +272,7 @@ ObjectView view_of(const nodes::ServerRole& server, std::uint32_t slot) {
                ShapeId(row.shape),
                static_cast<Category>(row.category),
                static_cast<std::uint8_t>(row.layer),
+               server.objects().group(slot),
                (row.object.flags & messages::flag_present) != 0,
                UserId(origin.user),
                origin.user_data,

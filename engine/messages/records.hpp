@@ -61,6 +61,8 @@ struct PositionRecord {
   geometry::Bounds bounds;
   ShapeNumber shape = 0;
   std::uint32_t layer = 0;  ///< 0 to 31
+  std::uint32_t group = 0;
+  std::uint32_t reserved = 0;
 };
 
 /// M2: a candidate pair, by the slots of its objects. `a` has the lower object number.
@@ -114,6 +116,8 @@ struct HandOverRecord {
   ShapeNumber shape = 0;
   std::uint16_t layer = 0;     ///< 0 to 31
   std::uint16_t category = 0;  ///< value of Category
+  std::uint32_t group = 0;
+  std::uint32_t reserved = 0;
 };
 
 /// The receiver no longer hosts this object.
@@ -182,11 +186,11 @@ struct RefusedRecord {
 static_assert(sizeof(ObjectRef) == 16);
 static_assert(sizeof(StateRecord) == 56);
 static_assert(sizeof(NodeStateRecord) == 80);
-static_assert(sizeof(PositionRecord) == 88);
+static_assert(sizeof(PositionRecord) == 96);
 static_assert(sizeof(PairRecord) == 8);
 static_assert(sizeof(CollisionRecord) == 48 && sizeof(ChangeRecord) == 16 && sizeof(CorrectRecord) == 8);
 static_assert(sizeof(NarrowDoneRecord) == 32);
-static_assert(sizeof(HandOverRecord) == 72);
+static_assert(sizeof(HandOverRecord) == 80);
 static_assert(sizeof(DropRecord) == 16);
 static_assert(sizeof(PlaceRecord) == 56);
 static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 8 && sizeof(RefusedRecord) == 8);

@@ -55,8 +55,12 @@ class FrameCheck {
     return std::string("(") + name_of(shape_of(pair.a).kind) + ", " + name_of(shape_of(pair.b).kind) + ") ";
   }
 
-  bool collide(std::uint8_t p, std::uint8_t q) const {
-    return layer_masks_.empty() || (layer_masks_[p] >> q & 1u) != 0;
+  /// Why two present objects are never in contact; null if they may be.
+  const char* exclusion_of(const FrameObject& p, const FrameObject& q) const {
+    if (!layer_masks_.empty() && (layer_masks_[p.layer] >> q.layer & 1u) == 0) return "their layers do not collide";
+    if (p.fixed && q.fixed) return "both are static";
+    if (p.group != 0 && p.group == q.group) return "they are of one group";
+    return nullptr;
   }
 
   /// Checks everything in the contacts except the geometry. A contact that does not name a valid pair is not checked
@@ -79,8 +83,8 @@ class FrameCheck {
       const ObjectPair pair{a->second, b->second};
       if (!p.present || !q.present) {
         report(c.a, c.b, kinds(pair) + "extra: one of the two is absent");
-      } else if (!collide(p.layer, q.layer)) {
-        report(c.a, c.b, kinds(pair) + "extra: their layers do not collide");
+      } else if (const char* const exclusion = exclusion_of(p, q)) {
+        report(c.a, c.b, kinds(pair) + "extra: " + exclusion);
       } else {
         if (!(c.pose_a == p.pose && c.pose_b == q.pose)) report(c.a, c.b, kinds(pair) + "has the wrong poses");
         claimed_.push_back(&c);
@@ -121,7 +125,7 @@ class FrameCheck {
     }
   }
 
-  /// All pairs of present objects whose layers collide and whose boxes touch. Found by a sweep along x.
+  /// All pairs of present objects that may be in contact and whose boxes touch. Found by a sweep along x.
   std::vector<ObjectPair> candidate_pairs() const {
     // Coordinates are relative to the first object, so that no precision is lost far from the origin.
     std::vector<Extents> boxes(objects_.size());
@@ -153,7 +157,7 @@ class FrameCheck {
         if (q.lower.x > p.upper.x) break;
         if (q.lower.y > p.upper.y || p.lower.y > q.upper.y || q.lower.z > p.upper.z || p.lower.z > q.upper.z) continue;
         const FrameObject &a = objects_[order[i]], &b = objects_[order[j]];
-        if (!collide(a.layer, b.layer)) continue;
+        if (exclusion_of(a, b) != nullptr) continue;
         out.push_back(a.number < b.number ? ObjectPair{order[i], order[j]} : ObjectPair{order[j], order[i]});
       }
     }

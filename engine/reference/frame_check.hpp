@@ -22,6 +22,8 @@ struct FrameObject {
   std::uint8_t layer = 0;
   bool present = true;
   Pose pose;
+  bool fixed = false;       ///< a static object: two of them are never in contact
+  std::uint32_t group = 0;  ///< objects of one group other than 0 are never in contact
 };
 
 /// One error in a frame, with the object numbers of its pair. a < b, unless the error is that a contact has a >= b.

@@ -153,7 +153,7 @@ class SceneReader {
   }
 
   ObjectSpec read_object(const JsonValue& object) const {
-    object.expect_object({"id", "shape", "category", "user", "layer", "position", "orientation"});
+    object.expect_object({"id", "shape", "category", "user", "layer", "group", "position", "orientation"});
     ObjectSpec spec;
     spec.number = static_cast<ObjectNumber>(object.field("id").unsigned_integer(1, 0xffffffffu));
     spec.shape = shape_of(object.field("shape"));
@@ -164,6 +164,9 @@ class SceneReader {
       object.field("user").fail("only an avatar has a user; remove the field or make the object an avatar");
     }
     if (object.has("layer")) spec.layer = layer_of(object.field("layer"));
+    if (object.has("group")) {
+      spec.group = static_cast<std::uint32_t>(object.field("group").unsigned_integer(0, 0xffffffffu));
+    }
     spec.enabled = object.has("position");
     if (spec.enabled) spec.pose.position = object.field("position").vector();
     if (object.has("orientation")) spec.pose.orientation = object.field("orientation").orientation();
@@ -230,6 +233,7 @@ std::string text_of(const Scene& scene, const ObjectSpec& object) {
                                  quoted(scene.shapes[object.shape.number()].name), name_of(object.category));
   if (object.category == Category::avatar) text += fmt::format(R"(, "user": {})", object.user.number());
   if (!scene.layers.names.empty()) text += fmt::format(R"(, "layer": {})", quoted(scene.layers.names[object.layer]));
+  if (object.group != 0) text += fmt::format(R"(, "group": {})", object.group);
   if (object.enabled) text += fmt::format(R"(, "position": {})", text_of(object.pose.position));
   const Quat& q = object.pose.orientation;
   if (!(q == Quat{})) {

@@ -105,6 +105,7 @@ inline void populate(World& world, std::size_t objects, std::size_t users, doubl
     ObjectSpec spec;
     spec.shape = shapes[i % shapes.size()];
     spec.user_data = i;
+    spec.group = i % 6 == 5 ? static_cast<std::uint32_t>(1 + i % 4) : 0;
     spec.pose.position = {uniform() * side, uniform() * side, uniform() * side};
     if (i < users) {
       spec.category = Category::avatar;

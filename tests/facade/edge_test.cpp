@@ -261,7 +261,7 @@ TEST_CASE("the model gets each object that can move once per frame, with its use
       spec.category = static_cast<Category>(number % 4);
       if (spec.category == Category::avatar) spec.user = UserId(number % 3);
       spec.user_data = number * std::uint64_t{0x100000001};
-      spec.pose.position = {static_cast<double>(number % 20) * 5, static_cast<double>(number / 20) * 1.5, 0};
+      spec.pose.position = {static_cast<double>(number % 20) * 1.5, static_cast<double>(number / 20) * 5, 0};
       const ObjectId id = world.spawn(spec).id;
       movable += spec.category != Category::fixed ? 1 : 0;
       if (spec.category == Category::fixed) fixed.push_back(id);

@@ -122,6 +122,7 @@ class Script {
     spec.shape = shapes_[random_() % shapes_.size()];
     spec.enabled = random_() % 12 != 0;
     spec.user_data = random_();
+    spec.group = spec.user_data % 4 == 0 ? static_cast<std::uint32_t>(1 + spec.user_data / 4 % 5) : 0;
     spec.pose = pose();
     const std::uint64_t kind = random_() % 10;
     spec.category = kind == 0 ? Category::fixed : kind < 6 ? Category::active : Category::non_active;

@@ -114,7 +114,8 @@ void brute_force(const TestHarness& harness, Pairs& sure, Pairs& unsure) {
       const ObjectRow& b = table.row(q);
       const bool present =
           table.alive(p) && table.alive(q) && (a.object.flags & b.object.flags & messages::flag_present) != 0;
-      if (!present || a.object.number >= b.object.number) {
+      const auto fixed = static_cast<std::uint16_t>(Category::fixed);
+      if (!present || a.object.number >= b.object.number || (a.category == fixed && b.category == fixed)) {
         continue;
       }
       const auto radius = [&](const ObjectRow& row) {

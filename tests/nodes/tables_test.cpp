@@ -118,10 +118,13 @@ TEST_CASE("an object table keeps every live object by number and slot, and reuse
         REQUIRE(table.alive(model.slot));
         REQUIRE(table.origin(model.slot).user_data == model.spec.user_data);
         REQUIRE(table.numbers()[model.slot] == number);
-        REQUIRE(table.layers()[model.slot] == model.spec.layer);
+        REQUIRE((table.layers()[model.slot] & broad_phase::layer_number) == model.spec.layer);
+        const bool fixed = model.spec.category == Category::fixed;
+        REQUIRE(((table.layers()[model.slot] & broad_phase::fixed_object) != 0) == fixed);
+        REQUIRE(table.group(model.slot) == model.spec.group);
+        REQUIRE(table.hand_over(model.slot).group == model.spec.group);
         REQUIRE(table.hand_over(model.slot).user_data == model.spec.user_data);
         REQUIRE(row.layer == model.spec.layer);
-        REQUIRE(table.layers()[row.object.slot] == model.spec.layer);
         REQUIRE((table.present()[model.slot] != 0) == model.spec.enabled);
         REQUIRE((table.resting()[model.slot] == 0) == (touched.count(model.slot) != 0));
         for (std::size_t k = 0; k < state_bytes; ++k) {
@@ -154,6 +157,7 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
     record.bounds.lower[0] = static_cast<std::uint32_t>(random());
     record.shape = static_cast<ShapeNumber>(random() % 7);
     record.layer = static_cast<std::uint32_t>(random() % 32);
+    record.group = static_cast<std::uint32_t>(random() % 5);
     return record;
   };
   for (int round = 0; round < 20000; ++round) {
@@ -166,8 +170,10 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
         const messages::PositionRecord record = draw();
         // The index of the last set(): still right, gone, or of another object now.
         const auto was = places.try_emplace(record.object.slot, RegionObjects::none).first;
-        was->second = known.set(record.object, record.pose, record.bounds, record.shape, record.layer,
-                                static_cast<NextHost>(record.layer % 4), record.layer % 3 == 0, was->second);
+        was->second = known.set(
+            record.object, record.pose, record.bounds, record.shape,
+            [&] { return PairFilter::of(record.layer, record.group % 2 == 1, record.group); },
+            static_cast<NextHost>(record.layer % 4), record.layer % 3 == 0, was->second);
         REQUIRE(known.find(record.object.slot) == was->second);
         REQUIRE(known.find(record.object.slot, static_cast<std::uint32_t>(random() % 300)) == was->second);
         model[record.object.slot] = record;
@@ -219,7 +225,10 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
       REQUIRE(known.bodies()[i].shape == at->second.shape);
       REQUIRE(known.bodies()[i].pose == at->second.pose);
       REQUIRE(known.bounds()[i] == at->second.bounds);
-      REQUIRE(known.layers()[i] == at->second.layer);
+      const unsigned fixed = at->second.group % 2 == 1 ? broad_phase::fixed_object : 0;
+      REQUIRE(known.layers()[i] == (at->second.layer | fixed));
+      if (!known.groups().empty()) REQUIRE(known.groups()[i] == at->second.group);
+      REQUIRE((at->second.group == 0 || !known.groups().empty()));
       REQUIRE(known.next_host(i) == static_cast<NextHost>(at->second.layer % 4));
       REQUIRE(known.inner(i) == (at->second.layer % 3 == 0));
       REQUIRE(known.was_inner(i) == (inner.count(slot) != 0));

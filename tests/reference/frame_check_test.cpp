@@ -128,7 +128,7 @@ TEST_CASE("every other error in a contact is reported once") {
   expect_one(frame, unknown_object, "names an unknown object");
 }
 
-TEST_CASE("a contact between absent objects, objects whose layers do not collide, or distant objects is extra") {
+TEST_CASE("a contact between absent, static, grouped or distant objects, or of layers that do not collide, is extra") {
   Frame frame;
   frame.shapes.add(Sphere{1});
   frame.masks = {0b01, 0b10};
@@ -144,6 +144,14 @@ TEST_CASE("a contact between absent objects, objects whose layers do not collide
   frame.objects[1].layer = 1;
   expect_one(frame, c, "extra: their layers do not collide");
   frame.objects[1].layer = 0;
+  frame.objects[0].fixed = frame.objects[1].fixed = true;
+  expect_one(frame, c, "extra: both are static");
+  frame.objects[1].fixed = false;
+  CHECK(frame.check().empty());
+  frame.objects[0].group = frame.objects[1].group = 4'000'000'000;
+  expect_one(frame, c, "extra: they are of one group");
+  frame.objects[1].group = 1;
+  CHECK(frame.check().empty());
   frame.objects[1].pose.position.x = 50;
   frame.contacts[0].pose_b = frame.objects[1].pose;
   expect_one(frame, c, "frame 12: pair 1-2 (sphere, sphere) extra: the two are 48 m apart");

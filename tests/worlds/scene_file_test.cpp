@@ -28,7 +28,7 @@ std::string example() {
  "objects": [
   {"id": 7, "shape": "ball", "category": "avatar", "user": 0, "layer": "solid",
    "position": [1,2,3], "orientation": [0,0,0,1]},
-  {"id": 9, "shape": "rock", "category": "static", "layer": "ghost", "position": [4,5,6]},
+  {"id": 9, "shape": "rock", "category": "static", "layer": "ghost", "group": 4000000000, "position": [4,5,6]},
   {"id": 8, "shape": "person", "category": "non-active"}]}
 )";
 }
@@ -72,6 +72,7 @@ void check_same(const Scene& p, const Scene& q) {
     REQUIRE(a.category == b.category);
     REQUIRE(a.user == b.user);
     REQUIRE(a.layer == b.layer);
+    REQUIRE(a.group == b.group);
     REQUIRE(a.enabled == b.enabled);
     REQUIRE(a.pose == b.pose);
   }
@@ -93,6 +94,8 @@ TEST_CASE("each field of a scene file is read") {
   CHECK(scene.objects[0].pose.position == Vec3d{1, 2, 3});
   CHECK(scene.objects[1].category == Category::fixed);
   CHECK(scene.objects[1].layer == 1);
+  CHECK(scene.objects[1].group == 4'000'000'000);
+  CHECK(scene.objects[2].group == 0);
   CHECK(scene.objects[1].shape == ShapeId(3));
   CHECK(scene.objects[2].category == Category::non_active);
   CHECK(!scene.objects[2].enabled);
@@ -165,9 +168,11 @@ TEST_CASE("each error in a scene is reported with line, field, found value and e
        "s.json:10: objects[0].user: found 70000; expected a whole number from 0 to 65535"},
       {"\"layer\": \"ghost\"", "\"layer\": \"air\"",
        "s.json:12: objects[1].layer: found \"air\"; expected one of the layers solid, ghost"},
+      {"\"group\": 4000000000", "\"group\": 4294967296",
+       "s.json:12: objects[1].group: found 4294967296; expected a whole number from 0 to 4294967295"},
       {"\"position\": [1,2,3]", "\"positon\": [1,2,3]",
-       "s.json:10: objects[0]: unknown field \"positon\"; expected id, shape, category, user, layer, position, "
-       "orientation"},
+       "s.json:10: objects[0]: unknown field \"positon\"; expected id, shape, category, user, layer, group, "
+       "position, orientation"},
       {"\"position\": [1,2,3]", "\"position\": [1,null,3]",
        "s.json:11: objects[0].position: found [1,null,3]; expected three numbers [x, y, z]"},
       {"[0,0,0,1]}", "[0,0,0,0]}",

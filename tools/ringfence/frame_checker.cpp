@@ -45,7 +45,9 @@ void FrameChecker::check_frame(std::uint64_t frame) {
   }
   std::vector<reference::FrameObject> objects;
   for (const ObjectView& view : world_.objects()) {
-    objects.push_back({view.spec.number, view.spec.shape.number(), view.spec.layer, view.spec.enabled, view.spec.pose});
+    const ObjectSpec& spec = view.spec;
+    objects.push_back(
+        {spec.number, spec.shape.number(), spec.layer, spec.enabled, spec.pose, spec.category == Category::fixed, spec.group});
   }
   print_differences(reference::check_frame(frame, shapes_, objects, layer_masks_, world_.contacts()));
   print_differences(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));

@@ -14,7 +14,7 @@ enum class Category : std::uint8_t {
   avatar,      ///< under a user's direct control; always hosted by that user node
   active,      ///< moved by programmed logic; hosted by a user node, the server or a CD node
   non_active,  ///< moves only when a contact moves it; hosted like an active object
-  fixed,       ///< `static` in files: terrain, walls; never moves, has no response and no host
+  fixed,       ///< `static` in files: terrain, walls; never moves, has no host, touches no other static object
 };
 
 /// Name of a category in scene files: "avatar", "active", "non-active", "static".
@@ -29,8 +29,10 @@ struct ObjectSpec {
   ShapeId shape;
   Category category = Category::active;
   std::uint8_t layer = 0;  ///< index into WorldConfig::layers
-  bool enabled = true;     ///< false: in no contact, and no user node sees it until World::set_enabled, place or move
-  UserId user = no_user;   ///< the hosting user node: required for avatars, no_user for all others
+  /// Objects of one group do not collide with each other, such as the parts of a vehicle; 0: no group.
+  std::uint32_t group = 0;
+  bool enabled = true;    ///< false: in no contact, and no user node sees it until World::set_enabled, place or move
+  UserId user = no_user;  ///< the hosting user node: required for avatars, no_user for all others
   std::uint64_t user_data = 0;
   Pose pose{};
 };

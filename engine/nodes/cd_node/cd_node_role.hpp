@@ -117,7 +117,7 @@ class CdNodeRole {
   std::uint32_t relay_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
   void publish();
   bool send_published();
-  void add_ghost_updates(const Hosted& object, const geometry::Bounds& bounds, bool staying, std::uint32_t was);
+  void add_ghost_updates(std::uint32_t hosted, const geometry::Bounds& bounds, bool staying, std::uint32_t was);
   void receive_ghosts();
   void receive_positions(const messages::MessageView& message);
   void apply_position(const messages::PositionRecord& record, bool gone);

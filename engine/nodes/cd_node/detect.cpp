@@ -20,7 +20,8 @@ void CdNodeRole::sweep() {
   const auto numbers = region_objects_.numbers();
   {
     SpanTimer time(setup_.track, "broad phase", frame_stats_.broad_phase_ns);
-    sweep_.begin(bounds, region_objects_.present(), region_objects_.resting(), region_objects_.layers());
+    sweep_.begin(bounds, region_objects_.present(), region_objects_.resting(), region_objects_.layers(),
+                 region_objects_.groups());
   }
   bool more = true;
   while (more) {

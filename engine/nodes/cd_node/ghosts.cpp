@@ -9,8 +9,9 @@ namespace ringfence::nodes {
 
 // For a hosted object with host-owned state, before its entry in RegionObjects is replaced. `staying`: this node
 // remains the host. `was`: index of the entry, or RegionObjects::none.
-void CdNodeRole::add_ghost_updates(const Hosted& object, const geometry::Bounds& bounds, bool staying,
+void CdNodeRole::add_ghost_updates(std::uint32_t hosted, const geometry::Bounds& bounds, bool staying,
                                    std::uint32_t was) {
+  const Hosted& object = host_[hosted];
   GhostUpdates& ghost_updates = node_contacts_->ghost_updates;
   ++stamp_;
   bool added = false;
@@ -21,7 +22,7 @@ void CdNodeRole::add_ghost_updates(const Hosted& object, const geometry::Bounds&
     if (!added) {
       messages::ObjectRef update = object.object;
       update.flags = messages::flag_present | (staying ? messages::flag_keeps_host : 0u);
-      ghost_updates.add({update, object.pose, bounds, object.shape, object.layer});
+      ghost_updates.add({update, object.pose, bounds, object.shape, object.layer, host_.group(hosted), 0});
       added = true;
     }
     ghost_updates.add_receiver(peer, gone);

@@ -89,6 +89,7 @@ void CdNodeRole::note_cells() {
 void CdNodeRole::rest(std::size_t i) {
   const std::uint32_t hosted = changed_[i];
   const Hosted& object = host_[hosted];
+  const auto filter = [&] { return PairFilter::of(object.layer, false, host_.group(hosted)); };  // hosted: not static
   const geometry::Bounds& bounds = changed_bounds_[i];
   const std::uint32_t was = region_objects_.find(object.object.slot, host_.place_in_list(hosted));
   bool inner = was != RegionObjects::none && region_objects_.inner(was);
@@ -96,11 +97,11 @@ void CdNodeRole::rest(std::size_t i) {
     const regions::Coverage coverage = cover_of(bounds);
     inner = coverage == regions::Coverage::all;
     if (!inner) {
-      add_ghost_updates(object, bounds, true, was);
+      add_ghost_updates(hosted, bounds, true, was);
     }
     if (coverage != regions::Coverage::none) {
-      host_.set_place_in_list(hosted, region_objects_.set(object.object, object.pose, bounds, object.shape,
-                                                          object.layer, NextHost::self, inner, was, hosted));
+      host_.set_place_in_list(hosted, region_objects_.set(object.object, object.pose, bounds, object.shape, filter,
+                                                          NextHost::self, inner, was, hosted));
     }
   }
   reports_change_[i] = (object.object.flags & messages::flag_host_owned) != 0;
@@ -117,6 +118,7 @@ regions::Coverage CdNodeRole::cover_of(const geometry::Bounds& bounds) const noe
 void CdNodeRole::place(std::size_t i) {
   const std::uint32_t hosted = changed_[i];
   const Hosted& object = host_[hosted];
+  const auto filter = [&] { return PairFilter::of(object.layer, false, host_.group(hosted)); };  // hosted: not static
   const geometry::Bounds& bounds = changed_bounds_[i];
   const std::uint32_t* const point = changed_points_[i].at;
   const bool present = (object.object.flags & messages::flag_present) != 0;
@@ -130,10 +132,10 @@ void CdNodeRole::place(std::size_t i) {
   const bool staying = next == setup_.node;
   const std::uint32_t was = region_objects_.find(object.object.slot, host_.place_in_list(hosted));
   if (was_host_owned && !(inner && (was == RegionObjects::none || region_objects_.inner(was)))) {
-    add_ghost_updates(object, bounds, staying, was);
+    add_ghost_updates(hosted, bounds, staying, was);
   }
   if (coverage != regions::Coverage::none) {
-    const std::uint32_t known = region_objects_.set(object.object, object.pose, bounds, object.shape, object.layer,
+    const std::uint32_t known = region_objects_.set(object.object, object.pose, bounds, object.shape, filter,
                                                     staying ? NextHost::self : NextHost::node, inner, was, hosted);
     host_.set_place_in_list(hosted, known);
   } else {

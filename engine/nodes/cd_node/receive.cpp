@@ -202,7 +202,10 @@ void CdNodeRole::apply_position(const messages::PositionRecord& record, bool gon
   }
   const NextHost next = next_host(record);
   const bool inner = next == NextHost::self && map_.coverage(record.bounds, setup_.node) == regions::Coverage::all;
-  region_objects_.set(record.object, record.pose, record.bounds, record.shape, record.layer, next, inner);
+  const auto filter = [&] {
+    return PairFilter::of(record.layer, (record.object.flags & messages::flag_fixed) != 0, record.group);
+  };
+  region_objects_.set(record.object, record.pose, record.bounds, record.shape, filter, next, inner);
 }
 
 // If flag_keeps_host is set, the sender of the update hosts the object in the next frame too. The sender has the same
@@ -211,7 +214,8 @@ void CdNodeRole::apply_ghost(const messages::PositionRecord& record, bool gone) 
   if (gone || (record.object.flags & messages::flag_keeps_host) == 0) {
     return apply_position(record, gone);
   }
-  region_objects_.set(record.object, record.pose, record.bounds, record.shape, record.layer, NextHost::node, false);
+  const auto filter = [&] { return PairFilter::of(record.layer, false, record.group); };  // hosted: not static
+  region_objects_.set(record.object, record.pose, record.bounds, record.shape, filter, NextHost::node, false);
 }
 
 NextHost CdNodeRole::next_host(const messages::PositionRecord& record) const noexcept {

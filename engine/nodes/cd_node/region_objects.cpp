@@ -15,6 +15,7 @@ RegionObjects::RegionObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps)
   layers_.reserve(objects);
   if (sweeps_) {
     bounds_.reserve(objects);
+    groups_.reserve(objects);
     resting_.reserve(objects);
     present_.reserve(objects);
   }
@@ -35,10 +36,19 @@ std::uint32_t RegionObjects::add(std::uint32_t slot) {
   layers_.push_back(0);
   if (sweeps_) {
     bounds_.add();
+    groups_.push_back(0);
     resting_.push_back(0);
     present_.push_back(1);
   }
   return i;
+}
+
+void RegionObjects::set_filter(std::uint32_t i, PairFilter filter) {
+  layers_[i] = filter.layer;
+  if (sweeps_) {
+    groups_[i] = filter.group;
+    has_groups_ |= filter.group != 0;
+  }
 }
 
 void RegionObjects::remove(std::uint32_t slot) {
@@ -57,6 +67,7 @@ void RegionObjects::remove(std::uint32_t slot) {
     layers_[i] = layers_[last];
     if (sweeps_) {
       bounds_[i] = bounds_[last];
+      groups_[i] = groups_[last];
       resting_[i] = 0;
     }
     index_[slots_[i]] = i;
@@ -70,6 +81,7 @@ void RegionObjects::remove(std::uint32_t slot) {
   layers_.pop_back();
   if (sweeps_) {
     bounds_.pop_back();
+    groups_.pop_back();
     resting_.pop_back();
     present_.pop_back();
   }
@@ -84,6 +96,7 @@ void RegionObjects::clear() noexcept {
   bodies_.clear();
   bounds_.clear();
   layers_.clear();
+  groups_.clear();
   numbers_.clear();
   hosted_.clear();
   marks_.clear();

@@ -9,6 +9,7 @@
 #include "base/flat_list.hpp"
 #include "base/numbers.hpp"
 #include "base/prefetch.hpp"
+#include "broad_phase/layers.hpp"
 #include "geometry/bounds.hpp"
 #include "messages/records.hpp"
 #include "narrow_phase/narrow_phase.hpp"
@@ -21,6 +22,16 @@ enum class NextHost : std::uint8_t {
   node,  ///< another CD node: in user/collision deployment the owner of the cell that contains the object's position
   user,  ///< a user node
   none,  ///< the object does not move
+};
+
+/// What decides beside the bounds whether two objects are a candidate pair; see SweepAndPrune::find.
+struct PairFilter {
+  std::uint8_t layer = 0;  ///< with broad_phase::fixed_object for a static object
+  std::uint32_t group = 0;
+
+  static constexpr PairFilter of(std::uint32_t layer, bool fixed, std::uint32_t group) noexcept {
+    return {static_cast<std::uint8_t>(layer | (fixed ? broad_phase::fixed_object : 0u)), group};
+  }
 };
 
 /// The objects that overlap a CD node's region, as last received, packed for its sweep and narrow phase.
@@ -45,8 +56,10 @@ class RegionObjects {
 
   /// Adds an object or replaces its values, and returns its index. `inner`: the bounds touch only this node's region.
   /// `was`: expected index, as in find(). `hosted`: the object's index in the node's Host, if it is hosted there.
+  /// `filter()` returns the object's PairFilter; it is called only for an object that is new here.
+  template <class Filter>
   std::uint32_t set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
-                    ShapeNumber shape, std::uint32_t layer, NextHost next, bool inner, std::uint32_t was = none,
+                    ShapeNumber shape, const Filter& filter, NextHost next, bool inner, std::uint32_t was = none,
                     std::uint32_t hosted = none) {
     std::uint32_t i = find(object.slot, was);
     if (i == none) [[unlikely]] {
@@ -54,7 +67,7 @@ class RegionObjects {
     }
     if (bodies_[i].number != object.number) [[unlikely]] {  // otherwise the constant fields are already set
       numbers_[i] = object.number;
-      layers_[i] = static_cast<std::uint8_t>(layer);
+      set_filter(i, filter());
     }
     bodies_[i] = {pose, shape, object.number};
     marks_[i] = static_cast<std::uint8_t>((inner ? inner_mark : 0) | static_cast<unsigned>(next));
@@ -107,7 +120,12 @@ class RegionObjects {
   void note_inner() noexcept { std::copy(marks_.begin(), marks_.end(), marks_before_.begin()); }
   /// Number of each object; packed more densely than in bodies().
   std::span<const ObjectNumber> numbers() const noexcept { return numbers_.span(); }
+  /// PairFilter::layer of each object.
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
+  /// PairFilter::group of each object; empty as long as no object has had one.
+  std::span<const std::uint32_t> groups() const noexcept {
+    return has_groups_ ? std::span<const std::uint32_t>(groups_) : std::span<const std::uint32_t>();
+  }
 
   /// One byte per object: 1 if it has not changed since the last call of settle().
   std::span<const std::uint8_t> resting() const noexcept { return resting_; }
@@ -117,6 +135,7 @@ class RegionObjects {
 
  private:
   std::uint32_t add(std::uint32_t slot);
+  void set_filter(std::uint32_t i, PairFilter filter);
 
   bool sweeps_;
   std::vector<std::uint32_t> index_;  ///< by slot
@@ -124,6 +143,8 @@ class RegionObjects {
   base::FlatList<narrow_phase::Body> bodies_;
   base::FlatList<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> layers_;
+  std::vector<std::uint32_t> groups_;
+  bool has_groups_ = false;  ///< an object had a group
   base::FlatList<ObjectNumber> numbers_;
   base::FlatList<std::uint32_t> hosted_;
   std::vector<std::uint8_t> marks_;  ///< NextHost, and inner_mark

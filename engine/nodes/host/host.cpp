@@ -28,6 +28,7 @@ Host::Host(const MotionModel* model, std::size_t objects, FaultPoint* fault)
   touched_.reserve(objects);
   cells_.reserve(objects);
   places_in_list_.reserve(objects);
+  groups_.reserve(objects);
   changed_.reserve(objects);
   differs_.reserve(objects);
   contact_begin_.reserve(objects + 2);
@@ -46,6 +47,7 @@ void Host::adopt(const messages::HandOverRecord& record, const std::byte* state)
   touched_.push_back(0);
   cells_.push_back(unplaced);
   places_in_list_.push_back(base::NumberIndex::none);
+  groups_.push_back(record.group);
 }
 
 void Host::drop(ObjectNumber number) {
@@ -61,6 +63,7 @@ void Host::drop(ObjectNumber number) {
     touched_[i] = touched_[last];
     cells_[i] = cells_[last];
     places_in_list_[i] = places_in_list_[last];
+    groups_[i] = groups_[last];
     std::copy_n(states_.data() + last * state_bytes_, state_bytes_, states_.data() + i * state_bytes_);
     index_.set(hosted_[i].object.number, i);
   }
@@ -69,6 +72,7 @@ void Host::drop(ObjectNumber number) {
   touched_.pop_back();
   cells_.pop_back();
   places_in_list_.pop_back();
+  groups_.pop_back();
   states_.resize(last * state_bytes_);
 }
 
@@ -91,7 +95,7 @@ void Host::prefetch_leaver(ObjectNumber number) const noexcept {
 
 messages::HandOverRecord Host::hand_over(std::size_t i) const noexcept {
   const Hosted& hosted = hosted_[i];
-  return {hosted.object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category};
+  return {hosted.object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category, groups_[i], 0};
 }
 
 bool Host::place(ObjectNumber number, const Pose& pose, bool present) {

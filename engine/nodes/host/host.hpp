@@ -74,6 +74,9 @@ class Host {
   std::uint32_t place_in_list(std::size_t i) const noexcept { return places_in_list_[i]; }
   void set_place_in_list(std::size_t i, std::uint32_t place) noexcept { places_in_list_[i] = place; }
 
+  /// ObjectSpec::group of hosted object i.
+  std::uint32_t group(std::size_t i) const noexcept { return groups_[i]; }
+
   /// Takes over an object with its whole state, and replaces an object of the same number. `state` points to
   /// state_bytes() bytes. The protocol hands an object over once, and the server's message comes after that of any
   /// peer, so the last record is right.
@@ -227,6 +230,7 @@ class Host {
   bool list_all_ = false;  ///< list_all() applies to this move
   base::FlatList<std::uint32_t> cells_;
   base::FlatList<std::uint32_t> places_in_list_;
+  base::FlatList<std::uint32_t> groups_;
   base::NumberIndex index_;
   ContactList lists_[2];  ///< by parity of the frame
   ContactList late_;

@@ -153,7 +153,8 @@ bool Dispatch::pump_updates(NodeNumber node, Connection& connection, const Objec
           objects.prefetch_position(updates[i + ahead] & ~gone);
         }
         const ObjectRow& row = objects.row(slot);
-        messages::PositionRecord record{row.object, row.pose, objects.bounds()[slot], row.shape, row.layer};
+        messages::PositionRecord record{row.object,          row.pose, objects.bounds()[slot], row.shape, row.layer,
+                                        objects.group(slot), 0};
         if ((updates[i] & gone) != 0) {
           record.object.flags |= messages::flag_left_region;
         }
@@ -183,7 +184,7 @@ bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& object
   head.type = MessageType::pairs;
   if (!sweeping_) {
     sweeping_ = true;
-    sweep_.begin(bounds, objects.present(), objects.resting(), objects.layers());
+    sweep_.begin(bounds, objects.present(), objects.resting(), objects.layers(), objects.groups());
     found_ = sweep_.next(pairs_per_batch);
   }
   for (; !found_.empty(); found_ = sweep_.next(pairs_per_batch)) {

@@ -16,6 +16,7 @@ ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_b
   present_.reserve(objects);
   resting_.reserve(objects);
   layers_.reserve(objects);
+  groups_.reserve(objects);
   states_.reserve(objects * state_bytes);
   free_.reserve(objects);
   ended_.reserve(objects);
@@ -25,7 +26,7 @@ ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_b
 
 messages::HandOverRecord ObjectTable::hand_over(std::uint32_t slot) const noexcept {
   const ObjectRow& row = rows_[slot];
-  return {row.object, row.pose, origins_[slot].user_data, row.shape, row.layer, row.category};
+  return {row.object, row.pose, origins_[slot].user_data, row.shape, row.layer, row.category, groups_[slot], 0};
 }
 
 std::uint32_t ObjectTable::find(const messages::ObjectRef& object) const noexcept {
@@ -53,6 +54,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
     present_.push_back(0);
     resting_.push_back(1);
     layers_.push_back(0);
+    groups_.push_back(0);
     states_.resize(states_.size() + state_bytes_);
     std::fill_n(state(slot), state_bytes_, std::byte{0});
   } else {
@@ -65,7 +67,10 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   row.pose = spec.pose;
   row.shape = spec.shape.number();
   row.layer = spec.layer;
-  layers_[slot] = static_cast<std::uint8_t>(spec.layer);
+  layers_[slot] = static_cast<std::uint8_t>(
+      spec.layer | (spec.category == Category::fixed ? broad_phase::fixed_object : std::uint8_t{0}));
+  groups_[slot] = spec.group;
+  has_groups_ |= spec.group != 0;
   row.category = static_cast<std::uint16_t>(spec.category);
   origins_[slot] = {spec.user_data, spec.user.number()};
   numbers_[slot] = id.number();

@@ -9,6 +9,7 @@
 #include "base/number_index.hpp"
 #include "base/numbers.hpp"
 #include "base/prefetch.hpp"
+#include "broad_phase/layers.hpp"
 #include "geometry/bounds.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
@@ -87,8 +88,15 @@ class ObjectTable {
   std::span<const std::uint8_t> present() const noexcept { return present_; }
   /// One byte per slot: whether bounds and presence are as in the frame before.
   std::span<const std::uint8_t> resting() const noexcept { return resting_; }
-  /// One byte per slot: the layer of its object. When it changes, the slot is not resting.
+  /// One byte per slot: the layer of its object, with broad_phase::fixed_object if it is static. When it changes, the
+  /// slot is not resting.
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
+  /// The group of a slot's object; 0: none.
+  std::uint32_t group(std::uint32_t slot) const noexcept { return groups_[slot]; }
+  /// The groups of all slots; empty as long as no object has had one.
+  std::span<const std::uint32_t> groups() const noexcept {
+    return has_groups_ ? std::span<const std::uint32_t>(groups_) : std::span<const std::uint32_t>();
+  }
   std::byte* state(std::uint32_t slot) noexcept { return states_.data() + slot * state_bytes_; }
   std::size_t state_bytes() const noexcept { return state_bytes_; }
   /// The hand-over record for a new host, without the model's state.
@@ -161,6 +169,8 @@ class ObjectTable {
   std::vector<ObjectOrigin> origins_;
   std::vector<ObjectNumber> numbers_;
   std::vector<std::uint8_t> layers_;
+  std::vector<std::uint32_t> groups_;
+  bool has_groups_ = false;  ///< an object had a group
   std::vector<ObjectMarks> marks_;
   std::vector<messages::Endpoint> hosts_;
   base::FlatList<regions::CellBox> notified_cells_;

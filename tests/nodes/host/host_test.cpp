@@ -75,6 +75,7 @@ messages::HandOverRecord record_of(ObjectNumber number) {
   record.shape = number % 5;
   record.layer = static_cast<std::uint16_t>(number % 3);
   record.category = static_cast<std::uint16_t>(Category::active);
+  record.group = number * 11;
   return record;
 }
 
