@@ -44,10 +44,26 @@ TEST_CASE("every enumeration of the public API has a name for each value") {
   CHECK(names<NodeStage>(node_stage_count) == Names{"moving", "gathering", "colliding", "ending", "handing_over",
                                                     "settling", "reporting", "model", "kernel", "gate", "hand_over",
                                                     "publication"});
-  CHECK(names<Status>(status_count) == Names{"ok", "stale_object", "not_host", "not_finite", "not_unit", "unknown_user",
-                                             "unknown_shape", "unknown_layer", "number_in_use", "bad_number",
-                                             "over_capacity", "bad_message", "out_of_order", "bad_category", "late",
-                                             "model_failed", "over_quota", "out_of_memory", "no_thread"});
+  CHECK(names<Status>(status_count) == Names{"ok",
+                                             "stale_object",
+                                             "not_host",
+                                             "not_finite",
+                                             "not_unit",
+                                             "unknown_user",
+                                             "unknown_shape",
+                                             "unknown_layer",
+                                             "number_in_use",
+                                             "bad_number",
+                                             "over_capacity",
+                                             "bad_message",
+                                             "out_of_order",
+                                             "bad_category",
+                                             "late",
+                                             "model_failed",
+                                             "over_quota",
+                                             "out_of_memory",
+                                             "no_thread",
+                                             "support_failed"});
   CHECK(names<dds::MemberChange::Kind>(3) == Names{"joined", "left", "lost"});
   CHECK(names<dds::ExitReason>(4) == Names{"drained", "dismissed", "abandoned", "refused"});
 }
