@@ -46,8 +46,8 @@ void FrameChecker::check_frame(std::uint64_t frame) {
   std::vector<reference::FrameObject> objects;
   for (const ObjectView& view : world_.objects()) {
     const ObjectSpec& spec = view.spec;
-    objects.push_back(
-        {spec.number, spec.shape.number(), spec.layer, spec.enabled, spec.pose, spec.category == Category::fixed, spec.group});
+    objects.push_back({spec.number, spec.shape.number(), spec.layer, spec.enabled, spec.pose,
+                       spec.category == Category::fixed, spec.group});
   }
   print_differences(reference::check_frame(frame, shapes_, objects, layer_masks_, world_.contacts()));
   print_differences(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));

@@ -21,8 +21,8 @@ struct ObjectInput {
 
 /// The inputs of one frame of the objects that a role hosts.
 ///
-/// Threads: belongs to its role. Memory: grows to the most inputs of one frame. Cost: nothing in a frame without inputs;
-/// else one search per batch, and one comparison per input.
+/// Threads: belongs to its role. Memory: grows to the most inputs of one frame. Cost: nothing in a frame without
+/// inputs; else one search per batch, and one comparison per input.
 class FrameInputs {
  public:
   bool empty() const noexcept { return inputs_.empty(); }

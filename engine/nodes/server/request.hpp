@@ -27,9 +27,9 @@ struct Request {
   ObjectId object;                   ///< spawn, destroy, place, set_enabled
   ObjectSpec spec;                   ///< spawn; place: its pose; set_enabled: whether it is enabled
   UserNumber user = no_user_number;  ///< connect, disconnect
-  Connection connection;      ///< connect, add_node
-  NodeNumber node = 0;        ///< add_node, retire_node: its slot
-  NodeNumber node_id = 0;     ///< add_node
+  Connection connection;             ///< connect, add_node
+  NodeNumber node = 0;               ///< add_node, retire_node: its slot
+  NodeNumber node_id = 0;            ///< add_node
 };
 
 }  // namespace ringfence::nodes
