@@ -16,9 +16,9 @@ void ServerRole::collect() {
   frame.contacts = ledger_.size();
   frame.ended = ledger_.ends();
   spend(ringfence::Stage::collect, telemetry::now_ns());
+  nodes_exchange_contacts_ = setup_.deployment == Deployment::user_collision && ledger_.all_share();
   change_map();
   next_hosts();
-  nodes_exchange_contacts_ = setup_.deployment == Deployment::user_collision && ledger_.all_share();
   if (!nodes_exchange_contacts_) {
     list_notices();
   }

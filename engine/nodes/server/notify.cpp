@@ -22,7 +22,7 @@ void ServerRole::next_hosts() {
       follow_host(slot, hosting_.node_at(objects_.row(slot).pose.position, map_));
     }
   };
-  if (map_changed_) {
+  if (map_changed_ && nodes_exchange_contacts_) {
     // The nodes listed contacts for the next hosts by the map before. Objects that leave by that map may stay by the
     // new.
     for (const std::uint32_t slot : leaving_slots_) {
@@ -52,7 +52,7 @@ void ServerRole::follow_host(std::uint32_t slot, NodeNumber next) {
   const NodeNumber host = objects_.host(slot).number();
   if (host != next) {
     hand_overs_.push_back({slot, host, next});
-    if (map_changed_) {
+    if (map_changed_ && nodes_exchange_contacts_) {
       note_host_change(slot);
     }
     objects_.set_host(slot, Endpoint::node(next));
