@@ -17,7 +17,7 @@ using nodes::Request;
 
 namespace {
 
-PoolChannel pool_channel(std::shared_ptr<DuplexChannel> channel) {
+PoolChannel pool_channel(const std::shared_ptr<DuplexChannel>& channel) {
   return {channel->first(), channel->second(), channel};
 }
 
