@@ -69,7 +69,7 @@ PoolChannel World::Implementation::connect_to_server(const PoolNode& node, std::
     channel->publication = std::make_unique<nodes::NodePublication>(
         publications.grid, facade::NodePool::share_of(config.capacities.objects, count));
   }
-  return pool_channel(std::move(channel));
+  return pool_channel(channel);
 }
 
 PoolChannel World::Implementation::connect_nodes(const PoolNode& first, const PoolNode& second, std::size_t count) {
