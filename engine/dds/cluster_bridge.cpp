@@ -93,6 +93,9 @@ void ClusterNodes::receive_parcel(const ParcelSample& parcel) {
 }
 
 bool ClusterNodes::deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes) {
+  if (kind == ParcelKind::peer_failed) {
+    note_peer_failure(from, bytes);
+  }
   if (kind != ParcelKind::messages) {
     return true;
   }
@@ -102,13 +105,27 @@ bool ClusterNodes::deliver(Node& from, ParcelKind kind, std::size_t& offset, std
   return all;
 }
 
-// Messages between two nodes do not pass the server role, which checks all others.
+// Without the link the frame could not end, and the World cannot know which of the two is the cause. So the first
+// report counts, and the node that it names is lost.
+void ClusterNodes::note_peer_failure(Node& from, std::span<const std::byte> bytes) {
+  PeerFailureRecord failure;
+  if (bytes.size() != sizeof failure) {
+    from.broken = losses_ = true;
+    return;
+  }
+  std::memcpy(&failure, bytes.data(), sizeof failure);
+  const auto peer = assigned_by_incarnation_.find(failure.incarnation);
+  if (peer != assigned_by_incarnation_.end() && !peer->second->lost) {
+    peer->second->broken = losses_ = true;
+  }
+}
+
+// The server role checks the messages that it receives; nodes in this process rely on this check.
 bool ClusterNodes::is_hand_over(const Node& from, const messages::Header& header,
                                 std::span<const std::byte> message) const noexcept {
   const std::size_t state_bytes = (std::size_t{terms_record_.state_bytes} + 7) / 8 * 8;
   messages::MessageView view;
-  return header.source == Endpoint::node(from.slot).value && header.destination != header.source &&
-         Endpoint{header.destination}.number() < assigned_by_slot_.size() &&
+  return header.source == Endpoint::node(from.slot).value &&
          messages::decode(message, state_bytes, view) == Status::ok &&
          view.type() == messages::MessageType::hand_over &&
          nodes::is_valid(view, {.nodes = static_cast<std::uint32_t>(assigned_by_slot_.size()),
@@ -124,20 +141,16 @@ bool ClusterNodes::deliver_message(Node& from, std::span<const std::byte> messag
   }
   std::memcpy(&header, message.data(), sizeof header);
   const Endpoint to{header.destination};
-  link::Sender* out = from.server.out;
-  if (to.is_node()) {
-    if (!is_hand_over(from, header, message)) {
-      from.broken = losses_ = true;
-      return true;
-    }
-    if (Node* other = assigned_by_slot_[to.number()].get()) {
-      return other->lost || other->parcel_channel->add(message);
-    }
-    const auto peer =
-        std::find_if(from.peers.begin(), from.peers.end(), [&](const auto& each) { return each.first == to.number(); });
-    out = peer == from.peers.end() ? nullptr : peer->second.out;
+  if (!to.is_node()) {
+    return copy_to_ring(message, *from.server.out);
   }
-  return out == nullptr || copy_to_ring(message, *out);
+  const auto peer =
+      std::find_if(from.peers.begin(), from.peers.end(), [&](const auto& each) { return each.first == to.number(); });
+  if (peer == from.peers.end() || !is_hand_over(from, header, message)) {
+    from.broken = losses_ = true;  // messages to other node processes do not come here
+    return true;
+  }
+  return copy_to_ring(message, *peer->second.out);
 }
 
 void ClusterNodes::publish(Node& node) {

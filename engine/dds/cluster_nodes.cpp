@@ -46,6 +46,7 @@ ClusterNodes::ClusterNodes(ClusterConfig config)
   terms_ = domain_.writer(Topic::terms, liveliness_qos(lease), name);
   pieces_ = domain_.writer(Topic::piece, piece_qos, own);
   up_ = domain_.reader(Topic::up, parcel_qos, own);
+  listeners_ = domain_.reader(Topic::listener, piece_qos, own);
   presence_ = domain_.reader(Topic::presence, liveliness_qos(lease), name);
   Domain::set_hook(up_, parcel_hook_);
   Domain::set_hook(presence_, presence_hook_);
@@ -56,6 +57,7 @@ ClusterNodes::ClusterNodes(ClusterConfig config)
 
 ClusterNodes::~ClusterNodes() {
   presence_.reset();
+  listeners_.reset();
   up_.reset();
 }
 
@@ -79,35 +81,61 @@ void ClusterNodes::note_presence() {
   if (!presence_waits_.exchange(false, std::memory_order_acquire)) {
     return;
   }
-  take_all<PresenceSample>(presence_, [&](const PresenceSample& sample, const dds_sample_info_t& info) {
-    const bool alive = info.instance_state == DDS_IST_ALIVE;
-    auto found = nodes_.find(sample.incarnation);
-    if (found == nodes_.end()) {
-      if (!alive || !info.valid_data || is_of_another_world(sample)) {
-        return;
-      }
-      found = nodes_.emplace(sample.incarnation, std::make_shared<Node>()).first;
-      found->second->incarnation = sample.incarnation;
-      found->second->seen_ns = telemetry::now_ns();
+  take_all<PresenceSample>(
+      presence_, [&](const PresenceSample& sample, const dds_sample_info_t& info) { note_presence(sample, info); });
+}
+
+void ClusterNodes::note_presence(const PresenceSample& sample, const dds_sample_info_t& info) {
+  const bool alive = info.instance_state == DDS_IST_ALIVE;
+  const bool is_new = nodes_.count(sample.incarnation) == 0;
+  if (is_new && (!alive || !info.valid_data || is_of_another_world(sample))) {
+    return;
+  }
+  if (is_new) {
+    const auto added = std::make_shared<Node>();
+    added->incarnation = sample.incarnation;
+    added->seen_ns = telemetry::now_ns();
+    nodes_.emplace(sample.incarnation, added);
+  }
+  Node& node = *nodes_.at(sample.incarnation);
+  if (info.valid_data) {
+    std::uint8_t order[4];
+    write_byte_order(order);
+    node.name = limit(sample.name);
+    node.fits =
+        sample.version == wire_version && std::equal(order, order + 4, sample.order) && sample.layout == fingerprint();
+    node.reason = limit(sample.reason);
+    node.state.store(static_cast<NodeState>(sample.state), std::memory_order_relaxed);
+    if (node.asked_to_leave_ns == 0 && node.state.load(std::memory_order_relaxed) == NodeState::leaving) {
+      node.asked_to_leave_ns = telemetry::now_ns();
     }
-    Node& node = *found->second;
-    if (info.valid_data) {
-      std::uint8_t order[4];
-      write_byte_order(order);
-      node.name = limit(sample.name);
-      node.fits = sample.version == wire_version && std::equal(order, order + 4, sample.order) &&
-                  sample.layout == fingerprint();
-      node.reason = limit(sample.reason);
-      node.state.store(static_cast<NodeState>(sample.state), std::memory_order_relaxed);
-      if (node.asked_to_leave_ns == 0 && node.state.load(std::memory_order_relaxed) == NodeState::leaving) {
-        node.asked_to_leave_ns = telemetry::now_ns();
-      }
-    }
-    if (!alive) {
-      node.gone.store(true, std::memory_order_release);
-      member_is_gone_.store(true, std::memory_order_release);
+  }
+  if (!alive) {
+    node.gone.store(true, std::memory_order_release);
+    member_is_gone_.store(true, std::memory_order_release);
+  }
+}
+
+void ClusterNodes::note_listeners() {
+  take_all<ListenerSample>(listeners_, [&](const ListenerSample& sample, const dds_sample_info_t& info) {
+    if (info.instance_state != DDS_IST_ALIVE) {
+      listening_.erase(sample.incarnation);
+    } else if (info.valid_data && sample.port <= 0xffff) {
+      listening_[sample.incarnation] = {{0, sample.port}, info.publication_handle};
     }
   });
+}
+
+LinkAddress ClusterNodes::address_of(std::uint64_t incarnation) {
+  const auto found = listening_.find(incarnation);
+  if (found == listening_.end()) {
+    return {};
+  }
+  Listening& listening = found->second;
+  if (listening.address.host == 0) {
+    listening.address.host = domain_.host_of(listeners_, listening.publication);
+  }
+  return listening.address;
 }
 
 void ClusterNodes::ring_server() {
@@ -216,12 +244,13 @@ void ClusterNodes::update_membership() {
 std::vector<RemoteNodes::MemberId> ClusterNodes::arrivals() {
   const std::lock_guard lock(mutex_);
   note_presence();
+  note_listeners();
   update_membership();
   std::vector<MemberId> ready;
   for (const auto& [incarnation, node] : nodes_) {
     const bool gone = node->gone.load(std::memory_order_acquire);
     if (node->fits && !gone && !node->assigned && !node->dismissed && node->state.load() == NodeState::ready &&
-        is_reachable(*node)) {
+        is_reachable(*node) && address_of(incarnation).is_known()) {
       ready.push_back(incarnation);
     }
   }
@@ -245,7 +274,7 @@ std::vector<RemoteNodes::MemberId> ClusterNodes::wait_for_nodes(std::uint32_t no
           " ms: start `ringfence node --domain " + std::to_string(domain()) +
           (network.world.empty() ? "" : " --world " + network.world) + "` on machines of the network of " +
           (network.interface.empty() ? "the interface that Cyclone DDS chose (--interface)" : network.interface) +
-          ", with --peers and this machine's address where multicast does not pass; UDP ports " +
+          ", with --peers and this machine's address where multicast does not pass; UDP and TCP ports " +
           std::to_string(7400 + 250 * domain()) + " and the 249 above must be open");
     }
     std::unique_lock lock(mutex_);
@@ -344,25 +373,40 @@ void ClusterNodes::assign(nodes::ServerRole& server, std::span<const NodeAssignm
         node->peers.emplace_back(static_cast<NodeNumber>(peer), assignments[slot].peers[peer]);
       }
     }
-    const AssignmentRecord assignment_record{node->slot,
-                                             static_cast<std::uint32_t>(assignments.size()),
-                                             assignments[slot].objects,
-                                             assignments[slot].pairs,
-                                             map.epoch(),
-                                             map.nodes(),
-                                             static_cast<std::uint32_t>(map.table().size()),
-                                             node->assigned ? 0u : 1u};
-    if (!node->assigned) {
-      node->assigned = true;
-      node->assigned_ns = node->last_parcel_ns = telemetry::now_ns();
-      ++totals_.joined;
-      log(LogLevel::info, "node " + node->name + " joins as CD node " + std::to_string(node->id));
-    }
+    const AssignmentRecord record{node->slot,
+                                  static_cast<std::uint32_t>(assignments.size()),
+                                  assignments[slot].objects,
+                                  assignments[slot].pairs,
+                                  map.epoch(),
+                                  map.nodes(),
+                                  static_cast<std::uint32_t>(map.table().size()),
+                                  0};
+    note_assignment(*node);
     node->parcel_channel->set_shapes(shapes_);
-    node->parcel_channel->enqueue(ParcelKind::assign, std::as_bytes(std::span(&assignment_record, 1)));
+    node->parcel_channel->enqueue(ParcelKind::assign, pack_assignment(record, peers_of(slot)));
     node->parcel_channel->flush();
   }
   losses_ = true;  // nodes may have gone meanwhile
+}
+
+void ClusterNodes::note_assignment(Node& node) {
+  if (std::exchange(node.assigned, true)) {
+    return;
+  }
+  node.assigned_ns = node.last_parcel_ns = telemetry::now_ns();
+  ++totals_.joined;
+  log(LogLevel::info, "node " + node.name + " joins as CD node " + std::to_string(node.id));
+}
+
+// The nodes that the node in that slot reaches by links.
+std::vector<PeerRecord> ClusterNodes::peers_of(std::size_t slot) {
+  std::vector<PeerRecord> peers(assigned_by_slot_.size());
+  for (std::size_t peer = 0; peer < peers.size(); ++peer) {
+    if (peer != slot && assigned_by_slot_[peer] != nullptr) {
+      peers[peer] = {assigned_by_slot_[peer]->incarnation, address_of(assigned_by_slot_[peer]->incarnation)};
+    }
+  }
+  return peers;
 }
 
 void ClusterNodes::close() noexcept {

@@ -26,9 +26,9 @@ namespace ringfence::dds {
 /// of the network.
 ///
 /// Nodes announce themselves by Presence. Changes of membership take effect when the World asks for them between
-/// frames; only a loss is reported to the server within the frame. Messages between two remote nodes pass through this
-/// object. So n nodes need 2n one-way channels instead of n x n, and the last messages of a lost node are refused in
-/// one place.
+/// frames; only a loss is reported to the server within the frame. Messages between two node processes do not pass
+/// through this object: each node is assigned with the addresses of the others. If a node reports that it cannot
+/// exchange messages with another one, the other one is lost.
 ///
 /// Threads, call order and failures: see RemoteNodes.
 class ClusterNodes final : public RemoteNodes {
@@ -88,6 +88,11 @@ class ClusterNodes final : public RemoteNodes {
 
   bool publish_terms();
   void note_presence();
+  void note_presence(const PresenceSample& sample, const dds_sample_info_t& info);
+  void note_listeners();
+  LinkAddress address_of(std::uint64_t incarnation);
+  std::vector<PeerRecord> peers_of(std::size_t slot);
+  void note_assignment(Node& node);
   bool is_of_another_world(const PresenceSample& sample) const noexcept;
   static std::string describe_refusal(const Node& node);
   static bool is_reachable(const Node& node);
@@ -98,6 +103,7 @@ class ClusterNodes final : public RemoteNodes {
   void receive_parcel(const ParcelSample& parcel);
   bool deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes);
   bool deliver_message(Node& from, std::span<const std::byte> message);
+  void note_peer_failure(Node& from, std::span<const std::byte> bytes);
   bool is_hand_over(const Node& from, const messages::Header& header,
                     std::span<const std::byte> message) const noexcept;
   bool carry(Node& node);
@@ -119,6 +125,12 @@ class ClusterNodes final : public RemoteNodes {
   mutable std::mutex mutex_;
   std::condition_variable noted_;
   std::map<std::uint64_t, std::shared_ptr<Node>> nodes_;  ///< by incarnation
+  /// Where a node listens for links of other nodes; its host is known when DDS has discovered its participant.
+  struct Listening {
+    LinkAddress address;
+    dds_instance_handle_t publication;  ///< of the writer of its Listener
+  };
+  std::map<std::uint64_t, Listening> listening_;  ///< by incarnation
 
   // Set between frames by the World's thread, used in a frame by the bridge.
   nodes::ServerRole* server_ = nullptr;
@@ -137,6 +149,7 @@ class ClusterNodes final : public RemoteNodes {
   Entity terms_;
   Entity pieces_;
   Entity up_;
+  Entity listeners_;
 };
 
 }  // namespace ringfence::dds

@@ -131,9 +131,17 @@ WorldTermsRecord unpack_terms(std::span<const std::byte> bytes) {
   return terms;
 }
 
-AssignmentRecord unpack_assignment(std::span<const std::byte> bytes, const WorldTermsRecord& terms) {
+std::vector<std::byte> pack_assignment(const AssignmentRecord& record, std::span<const PeerRecord> peers) {
+  std::vector<std::byte> bytes(sizeof record + peers.size_bytes());
+  std::memcpy(bytes.data(), &record, sizeof record);
+  std::memcpy(bytes.data() + sizeof record, peers.data(), peers.size_bytes());
+  return bytes;
+}
+
+Assignment unpack_assignment(std::span<const std::byte> bytes, const WorldTermsRecord& terms) {
   constexpr const char* where = "the assignment by the World";
-  const auto assignment = copy_of<AssignmentRecord>(where, bytes);
+  const auto assignment =
+      copy_of<AssignmentRecord>(where, bytes.first(std::min(bytes.size(), sizeof(AssignmentRecord))));
   require(where, assignment.count >= 1 && assignment.count <= facade::max_nodes,
           std::to_string(assignment.count) + " nodes; expected 1 to " + std::to_string(facade::max_nodes));
   require(where, assignment.number < assignment.count,
@@ -149,8 +157,17 @@ AssignmentRecord unpack_assignment(std::span<const std::byte> bytes, const World
   require(
       where, assignment.map_words >= grid.cells() && assignment.map_words <= regions::RegionMap::max_entries(grid),
       "a map of " + std::to_string(assignment.map_words) + " entries for " + std::to_string(grid.cells()) + " cells");
-  require(where, assignment.is_new <= 1, "a flag is " + std::to_string(assignment.is_new) + "; expected 0 or 1");
-  return assignment;
+  const std::span<const std::byte> rest = bytes.subspan(sizeof assignment);
+  require(where, rest.size() == std::size_t{assignment.count} * sizeof(PeerRecord),
+          std::to_string(rest.size()) + " bytes of peers; expected " + std::to_string(assignment.count) + " records");
+  std::vector<PeerRecord> peers(assignment.count);
+  std::memcpy(peers.data(), rest.data(), rest.size());
+  for (const PeerRecord& peer : peers) {
+    require(where, peer.address.port <= 0xffff, "a peer's port is " + std::to_string(peer.address.port));
+    require(where, (peer.incarnation != 0) == peer.address.is_known(), "a peer has only an incarnation or an address");
+  }
+  require(where, peers[assignment.number].incarnation == 0, "the node is its own peer");
+  return {assignment, std::move(peers)};
 }
 
 regions::RegionMap unpack_regions(std::span<const std::byte> bytes, const WorldTermsRecord& terms,

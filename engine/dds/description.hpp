@@ -45,8 +45,15 @@ WorldTermsRecord unpack_terms(std::span<const std::byte> bytes);
 inline regions::CellGrid grid_of(const WorldTermsRecord& terms) noexcept {
   return {{terms.cells_log2[0], terms.cells_log2[1], terms.cells_log2[2]}};
 }
+/// A Parcel of kind `assign`.
+struct Assignment {
+  AssignmentRecord record;
+  std::vector<PeerRecord> peers;  ///< by slot
+};
+/// Serialises an assignment.
+std::vector<std::byte> pack_assignment(const AssignmentRecord& record, std::span<const PeerRecord> peers);
 /// Decodes the bytes of a Parcel of kind `assign`.
-AssignmentRecord unpack_assignment(std::span<const std::byte> bytes, const WorldTermsRecord& terms);
+Assignment unpack_assignment(std::span<const std::byte> bytes, const WorldTermsRecord& terms);
 /// Decodes the bytes of a complete Piece of kind `regions`: the region map that `assignment` names.
 regions::RegionMap unpack_regions(std::span<const std::byte> bytes, const WorldTermsRecord& terms,
                                   const AssignmentRecord& assignment);

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <mutex>
 #include <random>
+#include <string_view>
 #include <utility>
 
 #include <arpa/inet.h>
@@ -208,6 +209,20 @@ class LogLines {
   std::chrono::steady_clock::time_point taken_;
 };
 
+/// The first unicast address in a list like "udp/239.255.0.1:7401@2,udp/192.0.2.7:41234@2"; 0 if there is none.
+std::uint32_t unicast_host(std::string_view list) {
+  constexpr std::string_view prefix = "udp/";
+  for (std::size_t at = list.find(prefix); at != std::string_view::npos; at = list.find(prefix, at)) {
+    at += prefix.size();
+    const std::string text(list.substr(at, list.find(':', at) - at));
+    in_addr address{};
+    if (::inet_pton(AF_INET, text.c_str(), &address) == 1 && !IN_MULTICAST(ntohl(address.s_addr))) {
+      return ntohl(address.s_addr);
+    }
+  }
+  return 0;
+}
+
 void call_data_hook(void* hook) { static_cast<const Domain::Hook*>(hook)->data(); }
 void call_others_hook(void* hook) { static_cast<const Domain::Hook*>(hook)->others(); }
 
@@ -240,7 +255,8 @@ constexpr std::array<TopicKind, topic_count> topic_kinds = {{{&ringfence_wire_Pr
                                                              {&ringfence_wire_Terms_desc, "ringfence_terms"},
                                                              {&ringfence_wire_Piece_desc, "ringfence_piece"},
                                                              {&ringfence_wire_Parcel_desc, "ringfence_up"},
-                                                             {&ringfence_wire_Parcel_desc, "ringfence_down"}}};
+                                                             {&ringfence_wire_Parcel_desc, "ringfence_down"},
+                                                             {&ringfence_wire_Listener_desc, "ringfence_listener"}}};
 constexpr std::size_t index_of(Topic topic) noexcept { return static_cast<std::size_t>(topic); }
 
 }  // namespace
@@ -304,6 +320,8 @@ Domain::Domain(const NetworkConfig& network, Side side) {
   };
   std::transform(topic_kinds.begin(), topic_kinds.end(), topics_.begin(), make_topic);
   pulse_topic_ = make_topic({&ringfence_wire_Pulse_desc, "ringfence_pulse"});
+  participants_ = Entity(dds_create_reader(participant_.get(), DDS_BUILTIN_TOPIC_DCPSPARTICIPANT, nullptr, nullptr),
+                         "a reader of participants");
 }
 
 void Domain::join(const NetworkConfig& network, Side side, std::uint32_t index) {
@@ -339,6 +357,31 @@ Entity Domain::writer(Topic topic, const TopicQos& topic_qos, const std::string&
   const dds_entity_t made = dds_create_writer(participant_.get(), topics_[index_of(topic)].get(), qos, nullptr);
   dds_delete_qos(qos);
   return {made, topic_kinds[index_of(topic)].name};
+}
+
+std::uint32_t Domain::host_of(const Entity& reader, dds_instance_handle_t publication) const {
+  dds_builtintopic_endpoint_t* const writer = dds_get_matched_publication_data(reader.get(), publication);
+  if (writer == nullptr) {
+    return 0;
+  }
+  dds_builtintopic_participant_t key{};
+  key.key = writer->participant_key;
+  dds_builtintopic_free_endpoint(writer);
+  const dds_instance_handle_t participant = dds_lookup_instance(participants_.get(), &key);
+  void* samples[1] = {};
+  dds_sample_info_t info[1];
+  if (participant == DDS_HANDLE_NIL || dds_read_instance(participants_.get(), samples, info, 1, 1, participant) <= 0) {
+    return 0;
+  }
+  std::uint32_t host = 0;
+  char* addresses = nullptr;
+  const auto* const found = static_cast<const dds_builtintopic_participant_t*>(samples[0]);
+  if (info[0].valid_data && dds_qget_prop(found->qos, "__NetworkAddresses", &addresses)) {
+    host = unicast_host(addresses);
+    dds_free(addresses);
+  }
+  dds_return_loan(participants_.get(), samples, 1);
+  return host;
 }
 
 void Domain::set_hook(const Entity& entity, const Hook& hook) {

@@ -50,8 +50,9 @@ enum class Topic : std::uint8_t {
   piece,
   up,    ///< parcels from nodes
   down,  ///< parcels to a node, in the partition of its incarnation
+  listener,
 };
-inline constexpr std::size_t topic_count = 5;
+inline constexpr std::size_t topic_count = 6;
 
 /// A process's membership in a DDS domain: one participant, with the topics of wire.idl.
 ///
@@ -86,6 +87,10 @@ class Domain {
   /// entity.
   static void set_hook(const Entity& entity, const Hook& hook);
 
+  /// The IPv4 address from which a matched writer sends, in the machine's byte order; 0 if it is not known (yet).
+  /// `publication` is dds_sample_info_t::publication_handle of one of its samples.
+  std::uint32_t host_of(const Entity& reader, dds_instance_handle_t publication) const;
+
   /// Sends liveliness messages often enough for writers with that lease.
   void start_heartbeat(double lease_ms);
 
@@ -105,6 +110,7 @@ class Domain {
   Entity pulse_;
   std::array<Entity, topic_count> topics_;
   Entity pulse_topic_;
+  Entity participants_;  ///< reader of the participants that DDS has discovered
 };
 
 /// Quality of service of the topics.

@@ -102,7 +102,8 @@ class NodeService::Implementation {
   // Whether a step may find work; evaluated many times per frame.
   bool has_work() const noexcept {
     return parcels_wait_.load(std::memory_order_relaxed) || control_waits_.load(std::memory_order_relaxed) ||
-           drains_.load(std::memory_order_relaxed) != drains_seen_;
+           drains_.load(std::memory_order_relaxed) != drains_seen_ ||
+           (session_ != nullptr && session_->has_link_events());
   }
 
   // Called by the receiving threads of Cyclone DDS.
@@ -226,7 +227,8 @@ class NodeService::Implementation {
 
   void begin_session() {
     assignment_logged_ = false;
-    session_ = std::make_unique<NodeSession>(domain_, *world_, presence_.get(), up_.get(), config_.name, parcel_hook_);
+    session_ = std::make_unique<NodeSession>(domain_, *world_, presence_.get(), up_.get(), config_.name, parcel_hook_,
+                                             [this] { bell_.ring(); });
   }
 
   void end_session() {

@@ -16,6 +16,10 @@ namespace {
 
 constexpr std::size_t ring_bytes = std::size_t{1} << 16;
 
+/// TCP ports for the links of nodes: the upper half of the ports of a DDS domain, of which DDS uses UDP only.
+constexpr std::uint32_t first_link_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 125; }
+constexpr std::uint32_t last_link_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 249; }
+
 Vec3d corner(const double (&values)[3]) noexcept { return {values[0], values[1], values[2]}; }
 
 }  // namespace
@@ -64,15 +68,20 @@ void JoinedWorld::add(const PieceSample& piece) {
 }
 
 NodeSession::NodeSession(Domain& domain, JoinedWorld& world, dds_entity_t presence, dds_entity_t up,
-                         const std::string& name, const Domain::Hook& hook)
+                         const std::string& name, const Domain::Hook& hook, std::function<void()> wake)
     : world_(world),
       incarnation_(random_incarnation()),
       name_(name),
       presence_(presence),
       down_(domain.reader(Topic::down, parcel_qos, partition_of(incarnation_))),
+      listener_(domain.writer(Topic::listener, piece_qos, partition_of_world(world.number()))),
       parcel_channel_(up, incarnation_),
+      links_(incarnation_, first_link_port(domain.number()), last_link_port(domain.number()), world.terms().lease_ms,
+             std::move(wake)),
       channel_(ring_bytes, nullptr, nullptr) {
   Domain::set_hook(down_, hook);
+  const ListenerSample listener{incarnation_, links_.port()};
+  dds_write(listener_.get(), &listener);
   publish_state(NodeState::joining);
 }
 
@@ -134,13 +143,69 @@ bool NodeSession::step(bool parcels_wait) {
   if (role_ == nullptr) {
     return progressed;
   }
+  progressed |= receive_from_peers();
   progressed |= role_->step() == Step::progressed;
   check_messages();
   const std::uint64_t before = parcel_channel_.sent();
-  parcel_channel_.gather(*channel_.first().in);
+  send();
+  return progressed || parcel_channel_.sent() != before;
+}
+
+// Sends what the role has written: messages for other node processes over the links, all others to the World.
+void NodeSession::send() {
+  link::Receiver& written = *channel_.first().in;
+  bool any = false;
+  while (parcel_channel_.has_room()) {
+    const std::span<const std::byte> message = written.next();
+    if (message.empty()) {
+      break;
+    }
+    any = true;
+    messages::Header header;
+    std::memcpy(&header, message.data(), sizeof header);
+    const messages::Endpoint to{header.destination};
+    if (to.is_node() && links_.reaches(to.number())) {
+      links_.add(to.number(), message);
+    } else {
+      parcel_channel_.add(message);
+    }
+  }
+  if (any) {
+    written.release();
+  }
   parcel_channel_.flush();
   parcel_channel_.acknowledge();
-  return progressed || parcel_channel_.sent() != before;
+  links_.flush();
+}
+
+bool NodeSession::receive_from_peers() {
+  const bool any = links_.receive(
+      [this](NodeNumber slot, std::span<const std::byte> message) { return deliver_from_peer(slot, message); });
+  channel_.first().out->publish();
+  links_.take_failures([this](const PeerRecord& peer) {
+    const PeerFailureRecord failure{peer.incarnation};
+    parcel_channel_.enqueue(ParcelKind::peer_failed, std::as_bytes(std::span(&failure, 1)));
+  });
+  return any;
+}
+
+// The World decides who is lost if a node sends invalid messages to another.
+bool NodeSession::deliver_from_peer(NodeNumber slot, std::span<const std::byte> message) {
+  if (!is_from_peer(slot, message)) {
+    links_.fail(slot);
+    return true;
+  }
+  return copy_to_ring(message, *channel_.first().out);
+}
+
+bool NodeSession::is_from_peer(NodeNumber slot, std::span<const std::byte> message) const noexcept {
+  messages::MessageView view;
+  nodes::MessageLimits limits = limits_;
+  limits.shapes = static_cast<std::uint32_t>(world_.shapes().size());
+  return messages::decode(message, role_->host().state_bytes(), view) == Status::ok &&
+         view.header().source == messages::Endpoint::node(slot).value &&
+         view.header().destination == messages::Endpoint::node(slot_).value &&
+         view.type() == messages::MessageType::hand_over && nodes::is_valid(view, limits);
 }
 
 bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset,
@@ -165,30 +230,12 @@ void NodeSession::check_messages() const {
 }
 
 // Called between frames: the role is idle and its rings are empty.
-bool NodeSession::assign(const AssignmentRecord& assignment_record) {
+bool NodeSession::assign(const Assignment& assignment) {
+  const AssignmentRecord& record = assignment.record;
   if (role_ == nullptr) {
-    const auto* table = world_.regions(assignment_record.epoch);
-    if (table == nullptr || table->size() != std::size_t{assignment_record.map_words} * sizeof(std::uint32_t)) {
-      return false;  // the map is on its way
+    if (!make_role(record)) {
+      return false;
     }
-    const WorldTermsRecord& terms = world_.terms();
-    nodes::CdNodeSetup setup;
-    setup.node = assignment_record.number;
-    setup.shapes = &world_.shapes();
-    setup.space = &world_.space();
-    setup.model = world_.model();
-    setup.placement = static_cast<Placement>(terms.placement);
-    std::copy(std::begin(terms.layer_masks), std::end(terms.layer_masks), setup.layer_masks.begin());
-    setup.hosts = terms.hosts != 0;
-    setup.keep_resting = terms.keep_resting != 0;
-    setup.remember_axes = terms.remember_axes != 0;
-    setup.objects = assignment_record.objects;
-    setup.pairs = assignment_record.pairs;
-    setup.server = channel_.second();
-    // A removed object keeps its slot for one frame, so there may be twice as many slots as objects.
-    setup.max_slots =
-        static_cast<std::uint32_t>(std::min<std::uint64_t>(2 * std::uint64_t{terms.max_objects}, 0xffffffffu));
-    role_ = std::make_unique<nodes::CdNodeRole>(setup, unpack_regions(*table, terms, assignment_record));
   } else {
     while (role_->step() == Step::progressed) {
     }
@@ -197,11 +244,41 @@ bool NodeSession::assign(const AssignmentRecord& assignment_record) {
       throw Error("the World assigned the node again within a frame");
     }
   }
+  slot_ = record.number;
+  limits_.nodes = record.count;
+  links_.assign(assignment.peers);
   // Messages from peers arrive through the server connection, which the role reads anyway.
-  std::vector<nodes::Connection> connections(assignment_record.count,
-                                             nodes::Connection{channel_.second().out, nullptr});
-  connections[assignment_record.number] = {};
-  role_->assign(assignment_record.number, connections);
+  std::vector<nodes::Connection> connections(record.count, nodes::Connection{channel_.second().out, nullptr});
+  connections[record.number] = {};
+  role_->assign(record.number, connections);
+  return true;
+}
+
+// Returns false if the region map has not arrived yet.
+bool NodeSession::make_role(const AssignmentRecord& record) {
+  const auto* table = world_.regions(record.epoch);
+  if (table == nullptr || table->size() != std::size_t{record.map_words} * sizeof(std::uint32_t)) {
+    return false;
+  }
+  const WorldTermsRecord& terms = world_.terms();
+  nodes::CdNodeSetup setup;
+  setup.node = record.number;
+  setup.shapes = &world_.shapes();
+  setup.space = &world_.space();
+  setup.model = world_.model();
+  setup.placement = static_cast<Placement>(terms.placement);
+  std::copy(std::begin(terms.layer_masks), std::end(terms.layer_masks), setup.layer_masks.begin());
+  setup.hosts = terms.hosts != 0;
+  setup.keep_resting = terms.keep_resting != 0;
+  setup.remember_axes = terms.remember_axes != 0;
+  setup.objects = record.objects;
+  setup.pairs = record.pairs;
+  setup.server = channel_.second();
+  // A removed object keeps its slot for one frame, so there may be twice as many slots as objects.
+  setup.max_slots =
+      static_cast<std::uint32_t>(std::min<std::uint64_t>(2 * std::uint64_t{terms.max_objects}, 0xffffffffu));
+  limits_.slots = setup.max_slots;
+  role_ = std::make_unique<nodes::CdNodeRole>(setup, unpack_regions(*table, terms, record));
   return true;
 }
 

@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -10,11 +11,13 @@
 #include "dds/description.hpp"
 #include "dds/domain.hpp"
 #include "dds/parcel_channel.hpp"
+#include "dds/peer_links.hpp"
 #include "dds/piece_assembler.hpp"
 #include "facade/duplex_channel.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/doorbell.hpp"
 #include "nodes/cd_node/cd_node_role.hpp"
+#include "nodes/message_check.hpp"
 #include "ringfence/cluster.hpp"
 
 namespace ringfence::dds {
@@ -64,20 +67,24 @@ void write_presence(dds_entity_t writer, std::uint64_t incarnation, std::uint64_
 ///
 /// The node's role runs in the thread that moves messages between its rings and the parcels, so a message passes no
 /// other thread between the network and the role. The role has one connection for the server and all other nodes,
-/// because every message names its source and destination; so the cost does not grow with the number of nodes.
+/// because every message names its source and destination; so the cost does not grow with the number of nodes. Messages
+/// for other node processes go over direct links, all others to the process of the World.
 ///
 /// Threads: one, except for the hooks.
 class NodeSession {
  public:
-  /// `hook` is called when a parcel has arrived and when a matched peer has come or gone; it outlives the session.
+  /// `hook` is called when a parcel has arrived and when a matched peer has come or gone, and `wake` when a link of
+  /// another node has events; `hook` outlives the session.
   NodeSession(Domain& domain, JoinedWorld& world, dds_entity_t presence, dds_entity_t up, const std::string& name,
-              const Domain::Hook& hook);
+              const Domain::Hook& hook, std::function<void()> wake);
   ~NodeSession();
   NodeSession(const NodeSession&) = delete;
   NodeSession& operator=(const NodeSession&) = delete;
 
   /// Announces that the node is ready when it is. `up_matched`: the World receives this node's parcels.
   void announce_when_ready(bool up_matched);
+  /// Whether a link has events that the next step() processes. Any thread may call it.
+  bool has_link_events() const noexcept { return links_.has_events(); }
   /// Does what can be done now; returns whether that was anything. Throws Error if the World breaks the protocol.
   bool step(bool parcels_wait);
   /// Starts to leave; true if there is nothing to hand over.
@@ -92,7 +99,12 @@ class NodeSession {
  private:
   void publish_state(NodeState state);
   bool deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes);
-  bool assign(const AssignmentRecord& assignment_record);
+  bool assign(const Assignment& assignment);
+  bool make_role(const AssignmentRecord& record);
+  bool receive_from_peers();
+  bool deliver_from_peer(NodeNumber slot, std::span<const std::byte> message);
+  bool is_from_peer(NodeNumber slot, std::span<const std::byte> message) const noexcept;
+  void send();
   void check_messages() const;
 
   JoinedWorld& world_;
@@ -100,10 +112,14 @@ class NodeSession {
   std::string name_;
   dds_entity_t presence_;
   Entity down_;
+  Entity listener_;
   ParcelChannel parcel_channel_;
+  PeerLinks links_;
   NodeState state_ = NodeState::joining;
   facade::DuplexChannel channel_;
   std::unique_ptr<nodes::CdNodeRole> role_;
+  NodeNumber slot_ = 0;
+  nodes::MessageLimits limits_;
   bool over_ = false;
 };
 

@@ -11,13 +11,17 @@ ParcelChannel::ParcelChannel(dds_entity_t writer, std::uint64_t incarnation)
   batch_.reserve(std::size_t{1} << 17);
 }
 
-bool ParcelChannel::gather(link::Receiver& in) {
-  // A message that next() has returned must be taken, so there must be room before the call. A node's rings have 64
-  // KiB, so their messages have at most half of that.
+// A node's rings have 64 KiB, so their messages have at most half of that.
+bool ParcelChannel::has_room() {
   constexpr std::size_t full = max_bytes - 32'768 - sizeof(Packing);
+  return (batch_.size() <= full || flush()) && (queued_.empty() || flush());
+}
+
+// A message that next() has returned must be taken, so there must be room before the call.
+bool ParcelChannel::gather(link::Receiver& in) {
   bool any = false;
   bool more = true;
-  while (more && (batch_.size() <= full || flush()) && (queued_.empty() || flush())) {
+  while (more && has_room()) {
     const auto message = in.next();
     more = !message.empty();
     if (more) {

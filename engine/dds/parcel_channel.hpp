@@ -60,6 +60,8 @@ class ParcelChannel {
   void set_shapes(std::uint32_t shapes) noexcept { shapes_.store(shapes, std::memory_order_relaxed); }
 
   // Sending.
+  /// Whether the longest message of a node's ring could be collected now. Writes what was collected if necessary.
+  bool has_room();
   /// Takes messages from `in` and collects them. Returns false if the channel is full before `in` is empty.
   bool gather(link::Receiver& in);
   /// Collects one message. Returns false and adds nothing if the channel is full.

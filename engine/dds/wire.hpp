@@ -19,6 +19,7 @@ using PresenceSample = ringfence_wire_Presence;
 using TermsSample = ringfence_wire_Terms;
 using PieceSample = ringfence_wire_Piece;
 using ParcelSample = ringfence_wire_Parcel;
+using ListenerSample = ringfence_wire_Listener;
 
 /// State of a node in its Presence.
 enum class NodeState : std::uint32_t {
@@ -31,11 +32,19 @@ enum class NodeState : std::uint32_t {
 /// Kind of a Parcel.
 enum class ParcelKind : std::uint32_t {
   messages,          ///< whole messages; see Packing
-  assign,            ///< World to node, before a frame: AssignmentRecord
+  assign,            ///< World to node, before a frame: AssignmentRecord, then a PeerRecord for each slot
   dismissed,         ///< World to node: the node is no longer assigned; it announces itself again or ends
   taken,             ///< only an acknowledgement, Parcel::taken; not numbered
   assignment_query,  ///< node to World: asks whether it is still assigned; if not, the reply is `dismissed`; not
                      ///< numbered
+  peer_failed,       ///< node to World: PeerFailureRecord
+};
+
+/// Where a node listens for links of other nodes: an IPv4 address and a TCP port, both in the machine's byte order.
+struct LinkAddress {
+  std::uint32_t host = 0;  ///< 0: unknown
+  std::uint32_t port = 0;  ///< 0: unknown
+  constexpr bool is_known() const noexcept { return host != 0 && port != 0; }
 };
 
 /// Kind of a Piece.
@@ -54,9 +63,23 @@ struct AssignmentRecord {
   std::uint32_t epoch = 0;      ///< of the current map
   std::uint32_t map_nodes = 0;  ///< all owners in that map are below this number
   std::uint32_t map_words = 0;  ///< size of its table
-  std::uint32_t is_new = 0;     ///< 1: the node was not assigned before
+  std::uint32_t reserved = 0;
 };
 static_assert(sizeof(AssignmentRecord) == 40 && std::is_trivially_copyable_v<AssignmentRecord>);
+
+/// The node in one slot, as the others reach it. All fields are 0 for a free slot, the receiver's own slot, and a node
+/// in the process of the World.
+struct PeerRecord {
+  std::uint64_t incarnation = 0;
+  LinkAddress address;
+};
+static_assert(sizeof(PeerRecord) == 16 && std::is_trivially_copyable_v<PeerRecord>);
+
+/// The sender cannot exchange messages with another node: the link is closed, the node does not respond, or it breaks
+/// the protocol.
+struct PeerFailureRecord {
+  std::uint64_t incarnation = 0;  ///< of the other node
+};
 
 /// Version of this protocol between processes. Messages have a version of their own.
 inline constexpr std::uint32_t wire_version = 1;
@@ -88,6 +111,8 @@ constexpr std::uint64_t record_layout_hash() noexcept {
                                  sizeof(RefusedRecord),
                                  sizeof(Contact),
                                  sizeof(AssignmentRecord),
+                                 sizeof(PeerRecord),
+                                 sizeof(PeerFailureRecord),
                                  max_motion_state}) {
     hash = (hash ^ size) * 0x100000001b3u;
   }

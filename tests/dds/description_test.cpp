@@ -76,6 +76,8 @@ AssignmentRecord some_assignment() {
   return assignment;
 }
 
+std::vector<dds::PeerRecord> some_peers() { return {{7, {0x7f000001, 7525}}, {}, {9, {0x7f000001, 7526}}}; }
+
 }  // namespace
 
 TEST_CASE("a shape that is packed, unpacked and packed again has the same bytes") {
@@ -133,7 +135,7 @@ TEST_CASE("terms, assignments and region maps with invalid numbers are refused, 
   const auto assignment = [](void (*change)(AssignmentRecord&)) {
     AssignmentRecord changed = some_assignment();
     change(changed);
-    return reason([&] { dds::unpack_assignment(bytes_of(changed), some_terms()); });
+    return reason([&] { dds::unpack_assignment(dds::pack_assignment(changed, some_peers()), some_terms()); });
   };
   CHECK(assignment([](auto&) {}).empty());
   CHECK(assignment([](auto& changed) { changed.number = 3; }).find("number 3 of 3 nodes") != std::string::npos);
@@ -142,6 +144,17 @@ TEST_CASE("terms, assignments and region maps with invalid numbers are refused, 
   CHECK(assignment([](auto& changed) { changed.objects = ~std::uint64_t{0}; }).find("to reserve") != std::string::npos);
   CHECK(assignment([](auto& changed) { changed.map_nodes = 0; }).find("a map of 0 nodes") != std::string::npos);
   CHECK(assignment([](auto& changed) { changed.map_words = 31; }).find("31 entries for 32 cells") != std::string::npos);
+
+  const auto peers = [](void (*change)(std::vector<dds::PeerRecord>&)) {
+    std::vector<dds::PeerRecord> changed = some_peers();
+    change(changed);
+    return reason([&] { dds::unpack_assignment(dds::pack_assignment(some_assignment(), changed), some_terms()); });
+  };
+  CHECK(peers([](auto&) {}).empty());
+  CHECK(peers([](auto& changed) { changed.pop_back(); }).find("32 bytes of peers; expected 3") != std::string::npos);
+  CHECK(peers([](auto& changed) { changed[0].address.port = 65536; }).find("port is 65536") != std::string::npos);
+  CHECK(peers([](auto& changed) { changed[0].address.host = 0; }).find("an incarnation or an") != std::string::npos);
+  CHECK(peers([](auto& changed) { changed[1] = changed[0]; }).find("its own peer") != std::string::npos);
 
   const auto map = [](std::vector<std::uint32_t> table) {
     AssignmentRecord assigned = some_assignment();
@@ -190,9 +203,10 @@ TEST_CASE("terms, an assignment, a map or a shape with any changed byte is refus
                                      {terms.bounds_max[0], terms.bounds_max[1], terms.bounds_max[2]});
     CHECK(dds::grid_of(terms).cells() <= std::size_t{1} << 30);
   });
-  mutate(copy_of(bytes_of(some_assignment())), [](std::span<const std::byte> bytes) {
-    const AssignmentRecord assignment = dds::unpack_assignment(bytes, some_terms());
-    CHECK(assignment.number < assignment.count);
+  mutate(dds::pack_assignment(some_assignment(), some_peers()), [](std::span<const std::byte> bytes) {
+    const dds::Assignment assignment = dds::unpack_assignment(bytes, some_terms());
+    CHECK(assignment.record.number < assignment.record.count);
+    CHECK(assignment.peers.size() == assignment.record.count);
   });
   std::vector<std::uint32_t> table(32, 1);
   table[5] = regions::RegionMap::cut_entry(1, 0);

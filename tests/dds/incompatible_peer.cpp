@@ -37,7 +37,7 @@ int main(int argc, char** argv) {
   const auto difference = static_cast<test::Difference>(std::atoi(argv[2]));
   const auto compatible = sample;
   test::make_incompatible(sample, difference);
-  // Receives the parcels of a World, which assigns a node only if it finds this reader.
+  // A World assigns a node only if it can send parcels to it, and knows where it listens for links.
   sample.incarnation = 4;
   const dds::Entity down = domain.reader(dds::Topic::down, dds::parcel_qos, dds::partition_of(4));
   if (dds_write(writer.get(), &sample) != DDS_RETCODE_OK) return 3;
@@ -47,6 +47,11 @@ int main(int argc, char** argv) {
     sample.incarnation = 6;
     compatible_down = domain.reader(dds::Topic::down, dds::parcel_qos, dds::partition_of(6));
     if (dds_write(writer.get(), &sample) != DDS_RETCODE_OK) return 3;
+  }
+  const dds::Entity listener = domain.writer(dds::Topic::listener, dds::piece_qos, dds::partition_of_world(world));
+  for (const std::uint64_t incarnation : {4u, 6u}) {
+    const dds::ListenerSample listening{incarnation, 7525};
+    if (dds_write(listener.get(), &listening) != DDS_RETCODE_OK) return 3;
   }
   for (;;) pause();
 }

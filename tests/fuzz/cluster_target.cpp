@@ -33,7 +33,7 @@ void read_terms(Bytes bytes) {
 }
 
 void read_assignment(Bytes bytes) {
-  const dds::AssignmentRecord assignment = dds::unpack_assignment(bytes, some_terms());
+  const dds::AssignmentRecord assignment = dds::unpack_assignment(bytes, some_terms()).record;
   require(assignment.number < assignment.count && assignment.count <= 1024);
 }
 

@@ -97,6 +97,7 @@ class CdNodeRole {
 
   bool receive_from(Connection& connection);
   bool receive_from_peers();
+  bool is_late(const messages::MessageView& message) const noexcept;
   bool is_acceptable(const messages::MessageView& message) const;
   bool is_expected(const messages::MessageView& message) const;
   bool is_loss_expected(const messages::MessageView& message) const noexcept;

@@ -17,6 +17,9 @@ bool CdNodeRole::receive_from(Connection& connection) {
   return drain(
       *connection.in, host_.state_bytes(),
       [&](const MessageView& message) {
+        if (from_other_process && is_late(message)) [[unlikely]] {
+          return;
+        }
         if (from_other_process && !is_acceptable(message)) [[unlikely]] {
           ++invalid_messages_;
         } else {
@@ -24,6 +27,13 @@ bool CdNodeRole::receive_from(Connection& connection) {
         }
       },
       [this] { ++invalid_messages_; });
+}
+
+// Whether the message comes from another node that was lost: such a node may still send in this frame or in later ones.
+bool CdNodeRole::is_late(const MessageView& message) const noexcept {
+  const Endpoint source{message.header().source};
+  return source.is_node() &&
+         (message.header().frame != frame_ || (source.number() < lost_.size() && lost_[source.number()] != 0));
 }
 
 bool CdNodeRole::is_acceptable(const MessageView& message) const {
