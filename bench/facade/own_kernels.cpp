@@ -1,5 +1,7 @@
 #include "facade/own_kernels.hpp"
 
+#include "geometry/vector.hpp"
+
 namespace ringfence::bench {
 
 Crowd::Crowd(const RecordedWorld& world)
@@ -34,8 +36,8 @@ void PairTester::test(std::span<const narrow_phase::Body> bodies, std::span<cons
     contact.point = {a.pose.position.x + static_cast<double>(found.point.x),
                      a.pose.position.y + static_cast<double>(found.point.y),
                      a.pose.position.z + static_cast<double>(found.point.z)};
-    contact.pose_a = a.pose;
-    contact.pose_b = b.pose;
+    contact.arm_a = to_float(contact.point - a.pose.position);
+    contact.arm_b = to_float(contact.point - b.pose.position);
   }
 }
 

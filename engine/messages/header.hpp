@@ -65,7 +65,7 @@ Traffic traffic_of(MessageType type) noexcept;
 const char* name_of(MessageType type) noexcept;
 
 /// Value of Header::version; messages with another version are refused.
-inline constexpr std::uint16_t protocol_version = 1;
+inline constexpr std::uint16_t protocol_version = 2;
 
 /// The sender or receiver of a message: the server, a CD node or a user node.
 struct Endpoint {

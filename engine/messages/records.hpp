@@ -63,6 +63,7 @@ struct PositionRecord {
   std::uint32_t layer = 0;  ///< 0 to 31
   std::uint32_t group = 0;
   std::uint32_t reserved = 0;
+  std::uint64_t user_data = 0;
 };
 
 /// M2: a candidate pair, by the slots of its objects. `a` has the lower object number.
@@ -186,7 +187,7 @@ struct RefusedRecord {
 static_assert(sizeof(ObjectRef) == 16);
 static_assert(sizeof(StateRecord) == 56);
 static_assert(sizeof(NodeStateRecord) == 80);
-static_assert(sizeof(PositionRecord) == 96);
+static_assert(sizeof(PositionRecord) == 104);
 static_assert(sizeof(PairRecord) == 8);
 static_assert(sizeof(CollisionRecord) == 48 && sizeof(ChangeRecord) == 16 && sizeof(CorrectRecord) == 8);
 static_assert(sizeof(NarrowDoneRecord) == 32);

@@ -58,8 +58,7 @@ Response respond(const MotionInput& input, float slop, Vec3f& velocity) {
     const Vec3f away = is_a ? -contact.normal : contact.normal;
     const float excess = contact.depth - slop;
     if (excess > 0) {
-      const Vec3d& centre = is_a ? contact.pose_a.position : contact.pose_b.position;
-      const Vec3f lever = to_float(contact.point - centre);
+      const Vec3f& lever = is_a ? contact.arm_a : contact.arm_b;
       response.push = response.push + away * excess;
       response.turn = response.turn + cross(lever, away) * excess;
     }

@@ -73,7 +73,7 @@ bool is_valid(const messages::CollisionRecord& record, const MessageLimits& limi
 bool is_valid(const Contact& contact, const MessageLimits&) noexcept {
   return contact.a != 0 && contact.a < contact.b && static_cast<std::uint32_t>(contact.phase) <= 2 &&
          std::isfinite(contact.depth) && is_finite(contact.normal) && is_finite(contact.point) &&
-         is_valid(contact.pose_a) && is_valid(contact.pose_b);
+         is_finite(contact.arm_a) && is_finite(contact.arm_b);
 }
 
 bool is_valid(const messages::ChangeRecord& record, const MessageLimits&) noexcept {

@@ -31,6 +31,11 @@ PrimitiveContact contact_of(const Core& a, const Core& b, const Placement& b_in_
 
 }  // namespace
 
+Vec3f arm(const Vec3d& point, const Pose& pose) {
+  const Vector d = Vector(point) - Vector(pose.position);
+  return {static_cast<float>(d.x), static_cast<float>(d.y), static_cast<float>(d.z)};
+}
+
 std::optional<Contact> exact_contact(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b,
                                      const Pose& pose_b) {
   const Placement b_in_a = relative(pose_a, pose_b);
@@ -49,8 +54,8 @@ std::optional<Contact> exact_contact(const PreparedShape& a, const Pose& pose_a,
   out.depth = static_cast<float>(depth);
   out.normal = {static_cast<float>(n.x), static_cast<float>(n.y), static_cast<float>(n.z)};
   out.point = turn * deepest->point + Vector(pose_a.position);
-  out.pose_a = pose_a;
-  out.pose_b = pose_b;
+  out.arm_a = arm(out.point, pose_a);
+  out.arm_b = arm(out.point, pose_b);
   return out;
 }
 

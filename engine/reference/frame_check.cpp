@@ -9,6 +9,7 @@
 
 #include "base/floating_point.hpp"
 #include "base/task_context.hpp"
+#include "reference/exact_contact.hpp"
 
 namespace ringfence::reference {
 namespace {
@@ -63,6 +64,18 @@ class FrameCheck {
     return nullptr;
   }
 
+  /// What is wrong in the fields of a contact that follow from its point and from the two objects; null if nothing is.
+  static const char* wrong_record(const Contact& c, const FrameObject& p, const FrameObject& q) {
+    if (c.object_a() != ObjectId::of(p.number, p.generation) || c.object_b() != ObjectId::of(q.number, q.generation)) {
+      return "the wrong ids";
+    }
+    if (c.user_data_a != p.user_data || c.user_data_b != q.user_data) return "the wrong user data";
+    if (c.layer_a != p.layer || c.layer_b != q.layer) return "the wrong layers";
+    if (!(c.arm_a == arm(c.point, p.pose) && c.arm_b == arm(c.point, q.pose))) return "the wrong arms";
+    if (c.toi != 1 || c.child_a != 0 || c.child_b != 0 || c.flags != 0) return "reserved fields that are set";
+    return nullptr;
+  }
+
   /// Checks everything in the contacts except the geometry. A contact that does not name a valid pair is not checked
   /// further.
   void check_records() {
@@ -86,7 +99,7 @@ class FrameCheck {
       } else if (const char* const exclusion = exclusion_of(p, q)) {
         report(c.a, c.b, kinds(pair) + "extra: " + exclusion);
       } else {
-        if (!(c.pose_a == p.pose && c.pose_b == q.pose)) report(c.a, c.b, kinds(pair) + "has the wrong poses");
+        if (const char* const wrong = wrong_record(c, p, q)) report(c.a, c.b, kinds(pair) + "has " + wrong);
         claimed_.push_back(&c);
       }
     }
@@ -210,7 +223,9 @@ std::vector<Difference> check_phases(std::uint64_t frame, std::span<const Contac
     if (first == last) {
       report(c, "is no longer in contact, but has no end record");
     } else if (!(first->depth == c.depth && first->normal == c.normal && first->point == c.point &&
-                 first->pose_a == c.pose_a && first->pose_b == c.pose_b)) {
+                 first->arm_a == c.arm_a && first->arm_b == c.arm_b && first->object_a() == c.object_a() &&
+                 first->object_b() == c.object_b() && first->user_data_a == c.user_data_a &&
+                 first->user_data_b == c.user_data_b && first->layer_a == c.layer_a && first->layer_b == c.layer_b)) {
       report(c, "has an end record that differs from its last contact");
     }
   }

@@ -24,6 +24,8 @@ struct FrameObject {
   Pose pose;
   bool fixed = false;       ///< a static object: two of them are never in contact
   std::uint32_t group = 0;  ///< objects of one group other than 0 are never in contact
+  std::uint32_t generation = 0;
+  std::uint64_t user_data = 0;
 };
 
 /// One error in a frame, with the object numbers of its pair. a < b, unless the error is that a contact has a >= b.
@@ -34,9 +36,9 @@ struct Difference {
 };
 
 /// Compares the contacts of a frame with those that the exact test finds. Returns one Difference for each error, sorted
-/// by pair: a contact is missing, extra, listed twice, out of order, has a >= b, names an unknown object, has wrong
-/// poses or the phase end, or is wrong in itself (see describe_error). Returns at most `max_differences`, those of the
-/// lowest pairs.
+/// by pair: a contact is missing, extra, listed twice, out of order, has a >= b, names an unknown object, has the wrong
+/// ids, user data, layers, arms or reserved fields, or the phase end, or is wrong in itself (see describe_error).
+/// Returns at most `max_differences`, those of the lowest pairs.
 ///
 /// `objects` may be in any order and have distinct numbers, with shapes in `shapes`. Bit j of `layer_masks[i]` says
 /// whether layers i and j collide; if `layer_masks` is empty, all layers collide. `contacts` are all begin and persist
@@ -51,7 +53,7 @@ std::vector<Difference> check_frame(std::uint64_t frame, const Shapes& shapes, s
 
 /// Checks the phases of a frame. A contact in `now` must have the phase begin if its pair is not in `before`, the
 /// contacts of the previous frame, and otherwise persist. `ended` must contain each pair that is no longer in contact,
-/// once, with the phase end and the geometry and poses of the previous frame. Returns one Difference for each error,
+/// once, with the phase end and all else as in the previous frame. Returns one Difference for each error,
 /// not sorted.
 ///
 /// Precondition: `before` and `now` are in order of (a, b); `ended` may be in any order. May be called from any thread.

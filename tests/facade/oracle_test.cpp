@@ -30,7 +30,8 @@ TEST_CASE("in every deployment and placement the contacts and phases of random r
       std::vector<reference::FrameObject> objects;
       for (const ObjectView& view : world.objects()) {
         objects.push_back({view.spec.number, view.spec.shape.number(), view.spec.layer, view.spec.enabled,
-                           view.spec.pose, view.spec.category == Category::fixed, view.spec.group});
+                           view.spec.pose, view.spec.category == Category::fixed, view.spec.group, view.id.generation(),
+                           view.spec.user_data});
       }
       for (const auto& difference : reference::check_frame(frame, shapes, objects, {}, world.contacts())) {
         FAIL_CHECK(difference.text);

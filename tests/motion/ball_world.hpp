@@ -121,8 +121,12 @@ class BallWorld {
     contact.normal = {static_cast<float>(x / distance), static_cast<float>(y / distance),
                       static_cast<float>(z / distance)};
     contact.point = {(p.x + q.x) / 2, (p.y + q.y) / 2, (p.z + q.z) / 2};
-    contact.pose_a = a.pose;
-    contact.pose_b = b.pose;
+    const auto arm = [&](const Vec3d& from) {
+      return Vec3f{static_cast<float>(contact.point.x - from.x), static_cast<float>(contact.point.y - from.y),
+                   static_cast<float>(contact.point.z - from.z)};
+    };
+    contact.arm_a = arm(p);
+    contact.arm_b = arm(q);
     contacts_.push_back(contact);
   }
 

@@ -158,6 +158,8 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
     record.shape = static_cast<ShapeNumber>(random() % 7);
     record.layer = static_cast<std::uint32_t>(random() % 32);
     record.group = static_cast<std::uint32_t>(random() % 5);
+    record.object.generation = static_cast<std::uint32_t>(random());
+    record.user_data = random();
     return record;
   };
   for (int round = 0; round < 20000; ++round) {
@@ -171,8 +173,7 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
         // The index of the last set(): still right, gone, or of another object now.
         const auto was = places.try_emplace(record.object.slot, RegionObjects::none).first;
         was->second = known.set(
-            record.object, record.pose, record.bounds, record.shape,
-            [&] { return PairFilter::of(record.layer, record.group % 2 == 1, record.group); },
+            record, record.bounds, [&] { return PairFilter::of(record.layer, record.group % 2 == 1, record.group); },
             static_cast<NextHost>(record.layer % 4), record.layer % 3 == 0, was->second);
         REQUIRE(known.find(record.object.slot) == was->second);
         REQUIRE(known.find(record.object.slot, static_cast<std::uint32_t>(random() % 300)) == was->second);
@@ -223,6 +224,9 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
       REQUIRE(known.slot(i) == slot);
       REQUIRE(known.bodies()[i].number == at->second.object.number);
       REQUIRE(known.bodies()[i].shape == at->second.shape);
+      REQUIRE(known.bodies()[i].generation == at->second.object.generation);
+      REQUIRE(known.bodies()[i].layer == at->second.layer);
+      REQUIRE(known.bodies()[i].user_data == at->second.user_data);
       REQUIRE(known.bodies()[i].pose == at->second.pose);
       REQUIRE(known.bounds()[i] == at->second.bounds);
       const unsigned fixed = at->second.group % 2 == 1 ? broad_phase::fixed_object : 0;

@@ -31,6 +31,9 @@ struct Frame {
         if (!masks.empty() && !(masks[p.layer] >> q.layer & 1u)) continue;
         if (auto c = exact_contact(shapes[p.shape], p.pose, shapes[q.shape], q.pose)) {
           c->a = p.number, c->b = q.number;
+          c->layer_a = p.layer, c->layer_b = q.layer;
+          c->generation_a = p.generation, c->generation_b = q.generation;
+          c->user_data_a = p.user_data, c->user_data_b = q.user_data;
           contacts.push_back(*c);
         }
       }
@@ -54,6 +57,8 @@ Frame crowd(std::uint64_t seed, std::size_t objects, Vector centre = {}) {
     o.shape = static_cast<ShapeNumber>(random.below(out.shapes.size()));
     o.layer = static_cast<std::uint8_t>(random.one_in(5) ? 1 : 0);
     o.present = !random.one_in(20);
+    o.generation = static_cast<std::uint32_t>(i + 100);
+    o.user_data = i * 0x100000001u;
     o.pose = {centre + Vector{random.uniform(0, side), random.uniform(0, side), random.uniform(0, side)},
               random.orientation()};
     out.objects.push_back(o);
@@ -114,9 +119,17 @@ TEST_CASE("every other error in a contact is reported once") {
   frame.contacts[middle].depth += 0.01f;
   expect_one(frame, all[middle], "wrong depth");
 
-  frame.contacts = all;
-  frame.contacts[middle].pose_b.position.x += 1e-9;
-  expect_one(frame, all[middle], "wrong poses");
+  const auto expect_wrong = [&](const char* text, auto change) {
+    frame.contacts = all;
+    change(frame.contacts[middle]);
+    expect_one(frame, all[middle], text);
+  };
+  expect_wrong("wrong arms", [](Contact& c) { c.arm_b.x = std::nextafter(c.arm_b.x, 1e9f); });
+  expect_wrong("wrong ids", [](Contact& c) { ++c.generation_a; });
+  expect_wrong("wrong user data", [](Contact& c) { ++c.user_data_b; });
+  expect_wrong("wrong layers", [](Contact& c) { ++c.layer_a; });
+  expect_wrong("reserved fields", [](Contact& c) { c.toi = 0.5f; });
+  expect_wrong("reserved fields", [](Contact& c) { c.child_b = 1; });
 
   frame.contacts = all;
   Contact unknown_object = all[middle];
@@ -153,7 +166,7 @@ TEST_CASE("a contact between absent, static, grouped or distant objects, or of l
   frame.objects[1].group = 1;
   CHECK(frame.check().empty());
   frame.objects[1].pose.position.x = 50;
-  frame.contacts[0].pose_b = frame.objects[1].pose;
+  frame.contacts[0].arm_b = arm(frame.contacts[0].point, frame.objects[1].pose);
   expect_one(frame, c, "frame 12: pair 1-2 (sphere, sphere) extra: the two are 48 m apart");
 }
 

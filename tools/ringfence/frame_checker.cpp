@@ -47,7 +47,7 @@ void FrameChecker::check_frame(std::uint64_t frame) {
   for (const ObjectView& view : world_.objects()) {
     const ObjectSpec& spec = view.spec;
     objects.push_back({spec.number, spec.shape.number(), spec.layer, spec.enabled, spec.pose,
-                       spec.category == Category::fixed, spec.group});
+                       spec.category == Category::fixed, spec.group, view.id.generation(), spec.user_data});
   }
   print_differences(reference::check_frame(frame, shapes_, objects, layer_masks_, world_.contacts()));
   print_differences(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));

@@ -22,7 +22,8 @@ void CdNodeRole::add_ghost_updates(std::uint32_t hosted, const geometry::Bounds&
     if (!added) {
       messages::ObjectRef update = object.object;
       update.flags = messages::flag_present | (staying ? messages::flag_keeps_host : 0u);
-      ghost_updates.add({update, object.pose, bounds, object.shape, object.layer, host_.group(hosted), 0});
+      ghost_updates.add(
+          {update, object.pose, bounds, object.shape, object.layer, host_.group(hosted), 0, object.user_data});
       added = true;
     }
     ghost_updates.add_receiver(peer, gone);

@@ -100,8 +100,7 @@ void CdNodeRole::rest(std::size_t i) {
       add_ghost_updates(hosted, bounds, true, was);
     }
     if (coverage != regions::Coverage::none) {
-      host_.set_place_in_list(hosted, region_objects_.set(object.object, object.pose, bounds, object.shape, filter,
-                                                          NextHost::self, inner, was, hosted));
+      host_.set_place_in_list(hosted, region_objects_.set(object, bounds, filter, NextHost::self, inner, was, hosted));
     }
   }
   reports_change_[i] = (object.object.flags & messages::flag_host_owned) != 0;
@@ -135,8 +134,8 @@ void CdNodeRole::place(std::size_t i) {
     add_ghost_updates(hosted, bounds, staying, was);
   }
   if (coverage != regions::Coverage::none) {
-    const std::uint32_t known = region_objects_.set(object.object, object.pose, bounds, object.shape, filter,
-                                                    staying ? NextHost::self : NextHost::node, inner, was, hosted);
+    const std::uint32_t known =
+        region_objects_.set(object, bounds, filter, staying ? NextHost::self : NextHost::node, inner, was, hosted);
     host_.set_place_in_list(hosted, known);
   } else {
     region_objects_.remove(object.object.slot);

@@ -215,7 +215,7 @@ void CdNodeRole::apply_position(const messages::PositionRecord& record, bool gon
   const auto filter = [&] {
     return PairFilter::of(record.layer, (record.object.flags & messages::flag_fixed) != 0, record.group);
   };
-  region_objects_.set(record.object, record.pose, record.bounds, record.shape, filter, next, inner);
+  region_objects_.set(record, record.bounds, filter, next, inner);
 }
 
 // If flag_keeps_host is set, the sender of the update hosts the object in the next frame too. The sender has the same
@@ -225,7 +225,7 @@ void CdNodeRole::apply_ghost(const messages::PositionRecord& record, bool gone) 
     return apply_position(record, gone);
   }
   const auto filter = [&] { return PairFilter::of(record.layer, false, record.group); };  // hosted: not static
-  region_objects_.set(record.object, record.pose, record.bounds, record.shape, filter, NextHost::node, false);
+  region_objects_.set(record, record.bounds, filter, NextHost::node, false);
 }
 
 NextHost CdNodeRole::next_host(const messages::PositionRecord& record) const noexcept {

@@ -54,13 +54,14 @@ class RegionObjects {
     return was < slots_.size() && slots_[was] == slot ? was : find(slot);
   }
 
-  /// Adds an object or replaces its values, and returns its index. `inner`: the bounds touch only this node's region.
-  /// `was`: expected index, as in find(). `hosted`: the object's index in the node's Host, if it is hosted there.
+  /// Adds an object or replaces its values, and returns its index. `values`: a Hosted or a PositionRecord. `inner`: the
+  /// bounds touch only this node's region. `was`: expected index, as in find(). `hosted`: the object's index in the
+  /// node's Host, if it is hosted there.
   /// `filter()` returns the object's PairFilter; it is called only for an object that is new here.
-  template <class Filter>
-  std::uint32_t set(const messages::ObjectRef& object, const Pose& pose, const geometry::Bounds& bounds,
-                    ShapeNumber shape, const Filter& filter, NextHost next, bool inner, std::uint32_t was = none,
-                    std::uint32_t hosted = none) {
+  template <class Values, class Filter>
+  std::uint32_t set(const Values& values, const geometry::Bounds& bounds, const Filter& filter, NextHost next,
+                    bool inner, std::uint32_t was = none, std::uint32_t hosted = none) {
+    const messages::ObjectRef& object = values.object;
     std::uint32_t i = find(object.slot, was);
     if (i == none) [[unlikely]] {
       i = add(object.slot);
@@ -69,7 +70,7 @@ class RegionObjects {
       numbers_[i] = object.number;
       set_filter(i, filter());
     }
-    bodies_[i] = {pose, shape, object.number};
+    bodies_[i] = {values.pose, values.shape, object.number, object.generation, values.layer, values.user_data};
     marks_[i] = static_cast<std::uint8_t>((inner ? inner_mark : 0) | static_cast<unsigned>(next));
     hosted_[i] = hosted;
     if (sweeps_) {
@@ -91,7 +92,6 @@ class RegionObjects {
       base::prefetch_for_write(&marks_[i]);
       base::prefetch_for_write(&hosted_[i]);
       base::prefetch_for_write(&bodies_[i]);
-      base::prefetch_for_write(reinterpret_cast<const std::byte*>(&bodies_[i] + 1) - 1);
       if (sweeps_) {
         base::prefetch_for_write(&bounds_[i]);
         base::prefetch_for_write(reinterpret_cast<const std::byte*>(&bounds_[i] + 1) - 1);

@@ -10,6 +10,7 @@
 #include "base/flat_list.hpp"
 #include "base/numbers.hpp"
 #include "base/prefetch.hpp"
+#include "geometry/vector.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/exchange/ghost_updates.hpp"
 #include "nodes/exchange/host_owned_states.hpp"
@@ -61,7 +62,7 @@ struct BorderContact {
 /// reads from the other nodes' contacts those that concern the objects that it hosts. So the server's work is
 /// proportional to the contacts that change at borders and to those of avatars.
 ///
-/// A contact has 136 bytes, most of them the poses of two bodies that the node holds anyway. So it is assembled only
+/// A contact has 120 bytes, half of them values of two bodies that the node holds anyway. So it is assembled only
 /// where it is read: by the node's own motion model, or in the embedder's list.
 ///
 /// Threads: one writer at a time, ordered by messages. The node writes its part before `narrow_done` and does not
@@ -155,10 +156,18 @@ struct NodeContacts {
     to.phase = phase;
     to.depth = touch.depth;
     to.normal = touch.normal;
-    to.reserved = 0;
+    to.toi = 1;
     to.point = in_world(touch, a);
-    to.pose_a = a.pose;
-    to.pose_b = b.pose;
+    to.arm_a = to_float(to.point - a.pose.position);
+    to.arm_b = to_float(to.point - b.pose.position);
+    to.generation_a = a.generation;
+    to.generation_b = b.generation;
+    to.user_data_a = a.user_data;
+    to.user_data_b = b.user_data;
+    to.child_a = to.child_b = 0;
+    to.layer_a = static_cast<std::uint16_t>(a.layer);
+    to.layer_b = static_cast<std::uint16_t>(b.layer);
+    to.flags = 0;
   }
   /// Contact::point of the contact at that position.
   Vec3d point(std::uint32_t position) const noexcept {
@@ -172,8 +181,8 @@ struct NodeContacts {
       return;
     }
     base::prefetch_for_read(&touches[one.touch]);
-    base::prefetch_object(bodies[one.body_a]);
-    base::prefetch_object(bodies[one.body_b]);
+    base::prefetch_for_read(&bodies[one.body_a]);
+    base::prefetch_for_read(&bodies[one.body_b]);
   }
   /// Prefetches what ContactLedger::compare_borders() reads first.
   void prefetch_summary() const noexcept {

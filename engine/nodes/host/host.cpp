@@ -171,7 +171,6 @@ Contact& Host::add_own_contact(std::uint64_t frame) {
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead);
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64);
   contact.phase = Phase::persist;  // true of 95 %; confirm_begin() corrects the others
-  contact.reserved = 0;
   return contact;
 }
 
@@ -375,8 +374,8 @@ void Host::move_batch(std::size_t first, std::size_t count) {
   }
 }
 
-// Objects do not stay in the cache from frame to frame, and the contacts of an object are scattered. Only depth, normal
-// and point of a contact are prefetched; with the two poses there would be half as many lines more.
+// Objects do not stay in the cache from frame to frame, and the contacts of an object are scattered. Only the geometry
+// of a contact is prefetched.
 void Host::prefetch(std::size_t i) const noexcept {
   if (i >= hosted_.size()) {
     return;
@@ -388,7 +387,7 @@ void Host::prefetch(std::size_t i) const noexcept {
   for (const std::uint32_t c : contacts_of(i)) {
     const auto* contact = reinterpret_cast<const std::byte*>(&known_contacts_[c]);
     base::prefetch_for_read(contact);
-    base::prefetch_for_read(contact + offsetof(Contact, pose_a) - 1);
+    base::prefetch_for_read(contact + offsetof(Contact, generation_a) - 1);
   }
 }
 

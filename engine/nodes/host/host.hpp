@@ -114,7 +114,7 @@ class Host {
   void begin_contacts(std::uint64_t frame) noexcept { lists_[frame & 1].clear(); }
   /// Adds a contact of C(frame) that the role found itself, whether or not it hosts one of the two objects. In any
   /// order, but before any add_contact(). The caller writes all fields of the result except `phase`, which is set to
-  /// persist, and `reserved`. The reference is valid until the next contact is added.
+  /// persist. The reference is valid until the next contact is added.
   Contact& add_own_contact(std::uint64_t frame);
   /// Call it after the last own contact was added, once for each own contact in order of (a, b). `contact` is its
   /// position in the order of add_own_contact(), and `key` is base::PairSort::key of its two numbers. `a` and `b` are

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/prefetch.hpp"
+#include "geometry/vector.hpp"
 
 namespace ringfence::nodes {
 namespace {
@@ -63,7 +64,8 @@ void ContactLedger::begin(std::uint64_t frame) {
   ended().resize(0);
 }
 
-bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows) {
+bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows,
+                            std::span<const ObjectOrigin> origins) {
   Run& run = runs_[node];
   if (record.slot_a >= rows.size() || record.slot_b >= rows.size()) {
     return false;
@@ -77,8 +79,20 @@ bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& re
   }
   keys.push_back(key);
   run.own->found.push_back({record.slot_a, record.slot_b});
-  run.contacts.push_back(
-      {a.object.number, b.object.number, Phase::persist, record.depth, record.normal, 0, record.point, a.pose, b.pose});
+  run.contacts.push_back({.a = a.object.number,
+                          .b = b.object.number,
+                          .phase = Phase::persist,
+                          .depth = record.depth,
+                          .normal = record.normal,
+                          .point = record.point,
+                          .arm_a = to_float(record.point - a.pose.position),
+                          .arm_b = to_float(record.point - b.pose.position),
+                          .generation_a = a.object.generation,
+                          .generation_b = b.object.generation,
+                          .user_data_a = origins[record.slot_a].user_data,
+                          .user_data_b = origins[record.slot_b].user_data,
+                          .layer_a = a.layer,
+                          .layer_b = b.layer});
   return true;
 }
 

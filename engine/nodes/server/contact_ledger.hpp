@@ -64,10 +64,11 @@ class ContactLedger {
   void join(NodeNumber node, std::uint64_t frame) noexcept { runs_[node].joined = frame; }
   /// Clears C(frame) and everything received.
   void begin(std::uint64_t frame);
-  /// Adds a contact that `node` sent in a message. Its numbers and poses are those of its two slots in `rows`. A node
-  /// sends its contacts in order of (a, b): returns false and adds nothing if (a, b) is below the pair that the node
-  /// sent before, if a slot is not in `rows`, or if a is not below b.
-  bool receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows);
+  /// Adds a contact that `node` sent in a message, between the objects of its two slots in `rows` and `origins`, which
+  /// are parallel. A node sends its contacts in order of (a, b): returns false and adds nothing if (a, b) is below the
+  /// pair that the node sent before, if a slot is not in `rows`, or if a is not below b.
+  bool receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows,
+               std::span<const ObjectOrigin> origins);
   /// Adds the next change that `node` sent, after all its contacts. Those that began come in the order of their
   /// positions, those that ended in the order of their keys. Returns false and adds nothing if the record is out of
   /// order or names a contact that the node has not sent, or that was not in the frame before.

@@ -153,8 +153,9 @@ bool Dispatch::pump_updates(NodeNumber node, Connection& connection, const Objec
           objects.prefetch_position(updates[i + ahead] & ~gone);
         }
         const ObjectRow& row = objects.row(slot);
-        messages::PositionRecord record{row.object,          row.pose, objects.bounds()[slot], row.shape, row.layer,
-                                        objects.group(slot), 0};
+        messages::PositionRecord record{
+            row.object,          row.pose, objects.bounds()[slot],        row.shape, row.layer,
+            objects.group(slot), 0,        objects.origin(slot).user_data};
         if ((updates[i] & gone) != 0) {
           record.object.flags |= messages::flag_left_region;
         }

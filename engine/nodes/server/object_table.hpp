@@ -68,6 +68,7 @@ class ObjectTable {
   std::span<const ObjectRow> rows() const noexcept { return rows_.span(); }
   ObjectOrigin& origin(std::uint32_t slot) noexcept { return origins_[slot]; }
   const ObjectOrigin& origin(std::uint32_t slot) const noexcept { return origins_[slot]; }
+  std::span<const ObjectOrigin> origins() const noexcept { return origins_; }
   std::span<const ObjectNumber> numbers() const noexcept { return numbers_; }
   bool alive(std::uint32_t slot) const noexcept { return (marks_[slot] & alive_mark) != 0; }
   /// ObjectMark bits; the table itself maintains alive_mark and moved_mark.
@@ -141,6 +142,7 @@ class ObjectTable {
   /// Prefetches what a position record reads.
   void prefetch_position(std::uint32_t slot) const noexcept {
     base::prefetch_for_read(&rows_[slot]);
+    base::prefetch_for_read(&origins_[slot]);
     base::prefetch_for_read(&bounds_[slot]);
   }
 

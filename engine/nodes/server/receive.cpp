@@ -248,10 +248,12 @@ void ServerRole::receive_collisions(PeerSession& session, const MessageView& mes
       const auto& soon = message.view<messages::CollisionRecord>(i + ahead);
       base::prefetch_for_read(&objects_.row(soon.slot_a));
       base::prefetch_for_read(&objects_.row(soon.slot_b));
+      base::prefetch_for_read(objects_.origins().data() + soon.slot_a);
+      base::prefetch_for_read(objects_.origins().data() + soon.slot_b);
     }
     const auto& record = message.view<messages::CollisionRecord>(i);
     const bool present = objects_.present()[record.slot_a] != 0 && objects_.present()[record.slot_b] != 0;
-    if (!present || !ledger_.receive(session.self.number(), record, objects_.rows())) {
+    if (!present || !ledger_.receive(session.self.number(), record, objects_.rows(), objects_.origins())) {
       return refuse(session, Status::bad_message);
     }
   }

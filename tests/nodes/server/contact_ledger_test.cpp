@@ -28,9 +28,17 @@ std::vector<ObjectRow> rows_of(std::uint64_t frame, bool large_numbers) {
   std::vector<ObjectRow> rows(slots);
   for (std::uint32_t slot = 0; slot < slots; ++slot) {
     rows[slot].object.number = large_numbers ? 0xfffffff0u - 97'000'001u * (slots - slot) : slot + 1;
+    rows[slot].object.generation = 3 * slot + 1;
+    rows[slot].layer = static_cast<std::uint16_t>(slot % 32);
     rows[slot].pose.position = {static_cast<double>(slot), static_cast<double>(frame), 0};
   }
   return rows;
+}
+
+std::vector<ObjectOrigin> origins_of(const std::vector<ObjectRow>& rows) {
+  std::vector<ObjectOrigin> origins(rows.size());
+  for (std::size_t slot = 0; slot < rows.size(); ++slot) origins[slot].user_data = ~std::uint64_t{slot};
+  return origins;
 }
 
 /// An expected contact of a frame; its phase is computed by the test.
@@ -59,14 +67,16 @@ struct Node {
     const std::vector<std::uint32_t> body_of = shuffled(rows.size(), random);
     bodies.resize(rows.size());
     for (std::size_t slot = 0; slot < rows.size(); ++slot) {
-      bodies[body_of[slot]] = {rows[slot].pose, 0, rows[slot].object.number};
+      bodies[body_of[slot]] = {rows[slot].pose,          0,
+                               rows[slot].object.number, rows[slot].object.generation,
+                               rows[slot].layer,         origins_of(rows)[slot].user_data};
     }
     contacts.resize(own.size());
     touches.resize(own.size());
     lists->start(frame);
     for (std::uint32_t i = 0; i < own.size(); ++i) {
       const Contact& contact = contacts[i] = own[i]->contact;
-      const Vec3d& origin = contact.pose_a.position;
+      const Vec3d& origin = rows[own[i]->slot_a].pose.position;
       const auto part = [](double point, double from) { return static_cast<float>(point - from); };
       touches[places[i]] = {
           0,
@@ -221,7 +231,7 @@ class LedgerTest {
       record.depth = truth->contact.depth;
       record.normal = truth->contact.normal;
       record.point = truth->contact.point;
-      REQUIRE(ledger_.receive(node, record, rows));
+      REQUIRE(ledger_.receive(node, record, rows, origins_of(rows)));
     }
     const NodeContacts& lists = *nodes_[node]->lists;
     const auto flags = [](std::uint32_t ended, bool at_border) {
@@ -266,8 +276,15 @@ class LedgerTest {
       truth.contact.normal = {truth.contact.depth, 1, 2};
       truth.contact.point = {1.0 * slot_a, 2.0 * slot_b, 3};
       truth.contact.phase = Phase::end;  // a phase that the ledger must correct
-      truth.contact.pose_a = rows[slot_a].pose;
-      truth.contact.pose_b = rows[slot_b].pose;
+      const auto arm = [&](std::uint32_t slot) { return to_float(truth.contact.point - rows[slot].pose.position); };
+      truth.contact.arm_a = arm(slot_a);
+      truth.contact.arm_b = arm(slot_b);
+      truth.contact.generation_a = rows[slot_a].object.generation;
+      truth.contact.generation_b = rows[slot_b].object.generation;
+      truth.contact.user_data_a = origins_of(rows)[slot_a].user_data;
+      truth.contact.user_data_b = origins_of(rows)[slot_b].user_data;
+      truth.contact.layer_a = rows[slot_a].layer;
+      truth.contact.layer_b = rows[slot_b].layer;
     };
     if (frame_ % 11 != 10) {
       for (const auto& [key, truth] : before_) {
