@@ -25,16 +25,16 @@ constexpr std::size_t slices_per_map = 8;
 }  // namespace
 
 double ServerRole::cost_of(const NodeReport& node) const noexcept {
-  return setup_.balance_by == BalanceBy::pairs ? ms_per_pair * static_cast<double>(node.tested) : node.cpu_ms;
+  return state_.setup.balance_by == BalanceBy::pairs ? ms_per_pair * static_cast<double>(node.tested) : node.cpu_ms;
 }
 
 // At the end of a frame: decides whether planning of a new map starts.
 void ServerRole::compare_costs() {
-  if (!setup_.balance) {
+  if (!state_.setup.balance) {
     return;
   }
   costs_.clear();
-  const bool all_known = all_nodes([&](const PeerSession& node) {
+  const bool all_known = state_.all_nodes([&](const PeerSession& node) {
     costs_.push_back({node.self.number(), node.cost_ms});
     return node.cost_ms != PeerSession::no_cost;
   });
@@ -51,9 +51,9 @@ void ServerRole::compare_costs() {
 
 // At the end of a frame: adopts a new map for the next frame, if one is due.
 void ServerRole::change_map() {
-  if (!report().lost.empty()) {
+  if (!state_.report().lost.empty()) {
     // The next cut makes a new map. The facade decides again which nodes leave.
-    for (PeerSession& session : nodes_) {
+    for (PeerSession& session : state_.nodes) {
       session.leaving = false;
     }
     return;
@@ -75,10 +75,10 @@ void ServerRole::change_map() {
 }
 
 void ServerRole::adopt_map(std::span<const std::uint32_t> table) {
-  map_.assign(table, static_cast<std::uint32_t>(nodes_.size()), map_.epoch() + 1);
-  map_changed_ = true;
-  hosts_exchange_objects_ = can_hosts_exchange_objects();
-  if (hosts_exchange_objects_) {
+  state_.map.assign(table, static_cast<std::uint32_t>(state_.nodes.size()), state_.map.epoch() + 1);
+  state_.map_change.at_end = true;
+  state_.map_change.hosts_exchange_objects = can_hosts_exchange_objects();
+  if (state_.map_change.hosts_exchange_objects) {
     note_renotified();
   } else {
     refresh_objects();
@@ -88,19 +88,19 @@ void ServerRole::adopt_map(std::span<const std::uint32_t> table) {
 // Whether, under a new map, every node can send the others what it hosts, including resting objects, instead of the
 // server.
 bool ServerRole::can_hosts_exchange_objects() const noexcept {
-  return setup_.placement == Placement::region && setup_.deployment == Deployment::user_collision &&
-         std::all_of(nodes_.begin(), nodes_.end(), [&](const PeerSession& session) {
+  return state_.setup.placement == Placement::region && state_.setup.deployment == Deployment::user_collision &&
+         std::all_of(state_.nodes.begin(), state_.nodes.end(), [&](const PeerSession& session) {
            return !session.connected || (session.connection.node_contacts != nullptr &&
-                                         (setup_.interest <= 0 || session.connection.publication != nullptr));
+                                         (state_.setup.interest <= 0 || session.connection.publication != nullptr));
          });
 }
 
 // For objects that are not host-owned the server sends updates when they next move. Then it must know which nodes
 // received them now: those whose regions the bounds touch.
 void ServerRole::note_renotified() noexcept {
-  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
-    if (objects_.host(slot).is_node() && (objects_.marks(slot) & host_owned_mark) == 0) {
-      note_notified(slot, objects_.bounds(slot), true);
+  for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
+    if (state_.objects.host(slot).is_node() && (state_.objects.marks(slot) & host_owned_mark) == 0) {
+      note_notified(slot, state_.objects.bounds(slot), true);
     }
   }
 }
@@ -117,16 +117,19 @@ void ServerRole::plan_map() {
   }
   switch (map_plan_.pass) {
     case Pass::weighing: {
-      const std::size_t all = objects_.slots() + ledger_.contacts(frame_ - 1).size();
+      const std::size_t all = state_.objects.slots() + state_.ledger.contacts(state_.frame - 1).size();
       map_plan_.pass = weigh(std::max(min_slice, all / slices_per_map)) ? Pass::refining : Pass::weighing;
       break;
     }
     case Pass::refining:
-      balance_.refine(map_, static_cast<std::uint32_t>(remaining_nodes().size()));
+      state_.list_remaining_nodes(remaining_);
+      balance_.refine(state_.map, static_cast<std::uint32_t>(remaining_.size()));
       map_plan_.pass = Pass::sharing;
       break;
     case Pass::sharing:
-      map_plan_.table = balance_.propose(map_, remaining_nodes(), can_hosts_exchange_objects() ? 0 : objects_.live());
+      state_.list_remaining_nodes(remaining_);
+      map_plan_.table =
+          balance_.propose(state_.map, remaining_, can_hosts_exchange_objects() ? 0 : state_.objects.live());
       map_plan_.pass = map_plan_.table.empty() ? Pass::none : Pass::planned;
       break;
     case Pass::none:
@@ -137,19 +140,20 @@ void ServerRole::plan_map() {
 }
 
 bool ServerRole::is_for_current_map(const MapPlan& drawing) const noexcept {
-  return drawing.epoch == map_.epoch() && drawing.slots == nodes_.size();
+  return drawing.epoch == state_.map.epoch() && drawing.slots == state_.nodes.size();
 }
 
 void ServerRole::begin_weights() {
   map_plan_ = {};
   map_plan_.pass = MapPlan::Pass::weighing;
-  map_plan_.epoch = map_.epoch();
-  map_plan_.slots = nodes_.size();
+  map_plan_.epoch = state_.map.epoch();
+  map_plan_.slots = state_.nodes.size();
   balance_.begin_weights();
 }
 
 bool ServerRole::is_hosted_here(Endpoint host) const noexcept {
-  return host.is_node() && !nodes_[host.number()].lost && nodes_[host.number()].connection.node_contacts != nullptr;
+  return host.is_node() && !state_.nodes[host.number()].lost &&
+         state_.nodes[host.number()].connection.node_contacts != nullptr;
 }
 
 // Weighs part by part: the objects of each node of this process, in its Host; all other objects, by slot; the contacts
@@ -176,7 +180,7 @@ bool ServerRole::weigh(std::size_t most) {
 std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::size_t end) {
   std::uint32_t point[3];
   const auto add_object_weight = [&](const Vec3d& position) {
-    setup_.space->point(position, point);
+    state_.setup.space->point(position, point);
     balance_.add_object_weight(point);
   };
   if (part < map_plan_.slots) {
@@ -184,7 +188,7 @@ std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::siz
     if (!is_hosted_here(node)) {
       return 0;
     }
-    const Host& host = *nodes_[part].connection.node_contacts->host;
+    const Host& host = *state_.nodes[part].connection.node_contacts->host;
     for (std::size_t i = first; i < end; ++i) {
       if ((host[i].object.flags & messages::flag_present) != 0) {
         add_object_weight(host[i].pose.position);
@@ -194,18 +198,18 @@ std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::siz
   }
   if (part == map_plan_.slots) {
     for (auto slot = static_cast<std::uint32_t>(first); slot < end; ++slot) {
-      if (objects_.present()[slot] != 0) {
-        balance_.add_object_size(objects_.bounds()[slot]);
-        if (!is_hosted_here(objects_.host(slot))) {
-          add_object_weight(objects_.row(slot).pose.position);
+      if (state_.objects.present()[slot] != 0) {
+        balance_.add_object_size(state_.objects.bounds()[slot]);
+        if (!is_hosted_here(state_.objects.host(slot))) {
+          add_object_weight(state_.objects.row(slot).pose.position);
         }
       }
     }
-    return objects_.slots();
+    return state_.objects.slots();
   }
-  const auto contacts = ledger_.contacts(frame_ - 1);
+  const auto contacts = state_.ledger.contacts(state_.frame - 1);
   for (std::size_t i = first; i < end; ++i) {
-    setup_.space->point(contacts[i].point, point);
+    state_.setup.space->point(contacts[i].point, point);
     balance_.add_contact_weight(point);
   }
   return contacts.size();
@@ -214,26 +218,26 @@ std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::siz
 // Divides the cells by the weights among the nodes that stay; the others hand everything over in this frame. If all
 // would leave, all stay, because no node would remain to hand over to.
 std::span<const std::uint32_t> ServerRole::partition() {
-  const std::span<const NodeNumber> remaining = remaining_nodes();
-  const bool all_leave = nodes_[remaining.front()].leaving;
-  for (PeerSession& session : nodes_) {
+  state_.list_remaining_nodes(remaining_);
+  const bool all_leave = state_.nodes[remaining_.front()].leaving;
+  for (PeerSession& session : state_.nodes) {
     session.left = session.leaving && !all_leave;
     session.leaving = false;
   }
-  balance_.refine(map_, static_cast<std::uint32_t>(remaining.size()));
-  return balance_.partition_for(remaining);
+  balance_.refine(state_.map, static_cast<std::uint32_t>(remaining_.size()));
+  return balance_.partition_for(remaining_);
 }
 
 // At the end of a frame: if all nodes that stay were lost after the cells were divided among them, one of those that
 // leave stays.
 void ServerRole::keep_last_node() noexcept {
   const auto is_there = [](const PeerSession& session) { return session.connected && !session.lost; };
-  if (std::any_of(nodes_.begin(), nodes_.end(),
+  if (std::any_of(state_.nodes.begin(), state_.nodes.end(),
                   [&](const PeerSession& session) { return is_there(session) && !session.left; })) {
     return;
   }
-  const auto first = std::find_if(nodes_.begin(), nodes_.end(), is_there);
-  if (first != nodes_.end()) {
+  const auto first = std::find_if(state_.nodes.begin(), state_.nodes.end(), is_there);
+  if (first != state_.nodes.end()) {
     first->left = false;
   }
 }

@@ -9,20 +9,20 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 
 void ServerRole::collect() {
-  spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
-  ledger_.resolve_phases();
-  ledger_.share_out();
-  FrameReport& frame = report();
-  frame.contacts = ledger_.size();
-  frame.ended = ledger_.ends();
-  spend(ringfence::Stage::collect, telemetry::now_ns());
-  nodes_exchange_contacts_ = setup_.deployment == Deployment::user_collision && ledger_.all_share();
+  spend(Stage::narrow_phase, telemetry::now_ns());
+  state_.ledger.resolve_phases();
+  state_.ledger.share_out();
+  FrameReport& frame = state_.report();
+  frame.contacts = state_.ledger.size();
+  frame.ended = state_.ledger.ends();
+  spend(Stage::collect, telemetry::now_ns());
+  nodes_exchange_contacts_ = state_.setup.deployment == Deployment::user_collision && state_.ledger.all_share();
   change_map();
   next_hosts();
   if (!nodes_exchange_contacts_) {
     list_notices();
   }
-  all_nodes([&](PeerSession& node) {
+  state_.all_nodes([&](PeerSession& node) {
     start_notifying(node);
     return true;
   });
@@ -31,15 +31,15 @@ void ServerRole::collect() {
 // Not listed for the node that found the contact. Nodes are not notified of ended contacts, because models do not use
 // them. The server, as a host, reads the output lists.
 void ServerRole::list_notice(std::uint32_t notice, const Found& found) {
-  const bool ended = (notice & PeerSession::ended) != 0;
-  const Endpoint first = objects_.host(found.a);
-  const Endpoint second = objects_.host(found.b);
+  const bool ended = (notice & PeerSession::Closing::ended) != 0;
+  const Endpoint first = state_.objects.host(found.a);
+  const Endpoint second = state_.objects.host(found.b);
   const auto notify_host = [&](Endpoint host) {
     if (host.is_node() && (ended || nodes_exchange_contacts_ || host == Endpoint::node(found.by))) {
       return;
     }
-    if (PeerSession* session = session_of(host)) {
-      session->notices.push_back(notice);
+    if (PeerSession* session = state_.session_of(host)) {
+      session->closing.notices.push_back(notice);
     }
   };
   notify_host(first);
@@ -50,18 +50,20 @@ void ServerRole::list_notice(std::uint32_t notice, const Found& found) {
 
 void ServerRole::write_notice(std::uint32_t notice, std::byte* where) const noexcept {
   Contact contact;
-  ((notice & PeerSession::ended) != 0 ? ended_notices_[notice & ~PeerSession::ended] : notices_[notice]).write(contact);
+  ((notice & PeerSession::Closing::ended) != 0 ? ended_notices_[notice & ~PeerSession::Closing::ended]
+                                               : notices_[notice])
+      .write(contact);
   std::memcpy(where, &contact, sizeof contact);
 }
 
 // Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order, too.
 void ServerRole::list_notices() {
-  notices_ = ledger_.notices(!nodes_exchange_contacts_);
-  ended_notices_ = ledger_.ended_notices(!nodes_exchange_contacts_);
+  notices_ = state_.ledger.notices(!nodes_exchange_contacts_);
+  ended_notices_ = state_.ledger.ended_notices(!nodes_exchange_contacts_);
   std::uint32_t next_ended = 0;
   const auto list_ended = [&](std::uint64_t key) {
     for (; next_ended < ended_notices_.size() && ended_notices_[next_ended].key < key; ++next_ended) {
-      list_notice(next_ended | PeerSession::ended, ended_notices_[next_ended].found);
+      list_notice(next_ended | PeerSession::Closing::ended, ended_notices_[next_ended].found);
     }
   };
   for (std::uint32_t i = 0; i < notices_.size(); ++i) {
@@ -74,14 +76,15 @@ void ServerRole::list_notices() {
 void ServerRole::start_notifying(PeerSession& session) {
   if (session.connection.node_contacts != nullptr) {
     session.connection.node_contacts->nodes_exchange_contacts = nodes_exchange_contacts_;
-    session.connection.node_contacts->hosts_exchange_objects = map_changed_ && hosts_exchange_objects_;
+    session.connection.node_contacts->hosts_exchange_objects =
+        state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
   }
-  if (session.self.is_node() && !ledger_.corrections(session.self.number()).empty()) {
-    session.correct_run.start(ledger_.corrections(session.self.number()).size());
+  if (session.self.is_node() && !state_.ledger.corrections(session.self.number()).empty()) {
+    session.closing.correct_run.start(state_.ledger.corrections(session.self.number()).size());
   }
-  session.notice_run.start(session.notices.size());
-  session.end_run.start(1);
-  session.map_run.start(map_.table().size());
+  session.closing.notice_run.start(session.closing.notices.size());
+  session.closing.end_run.start(1);
+  session.closing.map_run.start(state_.map.table().size());
 }
 
 // If the server does not notify nodes, the notices for users are listed here, while the nodes end.
@@ -90,25 +93,25 @@ void ServerRole::start_notifying_users() {
     list_notices();
   }
   users_are_notified_ = false;
-  awaited_users_.clear();
-  all_users([&](PeerSession& user) {
+  state_.awaited_users.clear();
+  state_.all_users([&](PeerSession& user) {
     start_notifying(user);
-    awaited_users_.push_back(user.self.number());
+    state_.awaited_users.push_back(user.self.number());
     return true;
   });
 }
 
 // The frame is complete. What nodes exchanged through shared memory counts like the messages that it replaces.
 void ServerRole::count_contacts() {
-  FrameReport& frame = report();
+  FrameReport& frame = state_.report();
   // Makes accepted differ from tested, so that a duplicate is visible in the report.
-  frame.accepted += ledger_.duplicates();
-  frame.contacts -= ledger_.duplicates();
-  frame.began = ledger_.began();
-  if (setup_.deployment != Deployment::user_collision) {
+  frame.accepted += state_.ledger.duplicates();
+  frame.contacts -= state_.ledger.duplicates();
+  frame.began = state_.ledger.began();
+  if (state_.setup.deployment != Deployment::user_collision) {
     return;
   }
-  for (const PeerSession& session : nodes_) {
+  for (const PeerSession& session : state_.nodes) {
     if (const NodeContacts* node_contacts = session.connection.node_contacts;
         node_contacts != nullptr && !session.lost) {
       count_shared(Traffic::m2, ghosts_exchanged_ ? node_contacts->ghost_updates.size() : 0,

@@ -12,12 +12,12 @@ using messages::Endpoint;
 using messages::MessageType;
 
 void ServerRole::cut() {
-  frame_ = frames_++;
-  begin_ns_ = mark_ns_ = telemetry::now_ns();
+  state_.frame = frames_++;
+  state_.begin_ns = mark_ns_ = telemetry::now_ns();
   cpu_begin_ns_ = cpu_mark_ns_ = telemetry::thread_cpu_ns();
   ingest_ns_ = 0;
   const bool any_lost = free_slots();
-  objects_.settle();
+  state_.objects.settle();
   users_changed_ = false;
   start_report();
   apply_requests();
@@ -26,56 +26,56 @@ void ServerRole::cut() {
   }
   list_nodes();
   rehost_recovered();
-  for (const HostChange& change : hosting_.settle(objects_, map_, connected_, users_changed_)) {
+  for (const HostChange& change : hosting_.settle(state_.objects, state_.map, state_.connected, users_changed_)) {
     rehost(change);
   }
   send_known_contacts();
   order_relay();
-  leaving_slots_.clear();
-  ledger_.begin(frame_);
-  host_.read_contacts(ledger_.contacts(frame_ - 1), ledger_.keys(frame_ - 1));
-  all_nodes([&](PeerSession& node) {
+  state_.leaving_slots.clear();
+  state_.ledger.begin(state_.frame);
+  state_.host.read_contacts(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
+  state_.all_nodes([&](PeerSession& node) {
     start(node);
     return true;
   });
-  hand_overs_.clear();
+  state_.hand_overs.clear();
   host_owned_moved_ = 0;
   losses_pending_ = relays_are_final_ = nodes_abandoned_ = false;
   gates_watched_ns_ = 0;
-  stage_ = Stage::starting_nodes;
+  state_.stage = FrameStage::starting_nodes;
 }
 
 // Prepares the messages to send before the frame, and resets what is received in it.
 void ServerRole::start(PeerSession& session) {
-  session.drop_run.start(session.drops.size());
-  session.adopt_run.start(session.adoptions.size());
-  session.place_run.start(session.placements.size());
-  session.late_run.start(session.late_contacts.size());
-  session.refusals.swap(session.new_refusals);
-  session.new_refusals.clear();
-  session.refused_run.start(session.refusals.size());
-  session.begin_run.start(0);
-  if (map_precedes_frame_) {
-    session.new_map_run.start(map_.table().size());
+  session.opening.drop_run.start(session.opening.drops.size());
+  session.opening.adopt_run.start(session.opening.adoptions.size());
+  session.opening.place_run.start(session.opening.placements.size());
+  session.opening.contact_run.start(session.opening.contacts.size());
+  session.opening.refusals.swap(session.received.refusals);
+  session.received.refusals.clear();
+  session.opening.refused_run.start(session.opening.refusals.size());
+  session.opening.begin_run.start(0);
+  if (state_.map_change.precedes_frame) {
+    session.loss.map_run.start(state_.map.table().size());
   }
-  session.hand_overs = 0;
-  session.states_received = session.published_received = session.narrow_done_received = session.frame_done_received =
+  session.closing.hand_overs = 0;
+  session.received.states = session.received.published = session.received.narrow_done = session.received.frame_done =
       false;
-  session.received_bytes = session.received_updates = 0;
-  session.last_received_ns = begin_ns_;
-  session.probed_ns = session.started_ns = session.notified_ns = 0;
-  session.notices.clear();
+  session.received.bytes = session.received.updates = 0;
+  session.last_received_ns = state_.begin_ns;
+  session.probed_ns = session.started.ns = session.notified.ns = 0;
+  session.closing.notices.clear();
 }
 
 // Called while the nodes move.
 void ServerRole::start_users() {
-  awaited_users_.clear();
-  if (setup_.user_deadline_ns != 0) {
+  state_.awaited_users.clear();
+  if (state_.setup.user_deadline_ns != 0) {
     moves_watched_ns_ = telemetry::now_ns();
   }
-  all_users([&](PeerSession& user) {
+  state_.all_users([&](PeerSession& user) {
     start(user);
-    awaited_users_.push_back(user.self.number());
+    state_.awaited_users.push_back(user.self.number());
     return true;
   });
 }
@@ -83,7 +83,7 @@ void ServerRole::start_users() {
 // In the order of the calls, except for consecutive spawns: those fill the tables in the order of their positions.
 void ServerRole::apply_requests() {
   constexpr std::size_t ahead = 8;  // placed objects are at random slots
-  const std::span<const Request> requests = setup_.order->requests;
+  const std::span<const Request> requests = state_.setup.order->requests;
   for (std::size_t begin = 0; begin < requests.size();) {
     std::size_t end = begin;
     while (end < requests.size() && requests[end].kind == Request::Kind::spawn) {
@@ -91,19 +91,19 @@ void ServerRole::apply_requests() {
     }
     if (end - begin > 1) {
       const auto spawns = requests.subspan(begin, end - begin);
-      for (const PositionedSpawn& placed : order_by_position(spawns, *setup_.space, spawn_order_)) {
+      for (const PositionedSpawn& placed : order_by_position(spawns, *state_.setup.space, spawn_order_)) {
         spawn(spawns[placed.position]);
       }
       begin = end;
     } else {
       if (begin + ahead < requests.size()) {
-        objects_.prefetch(objects_.find(requests[begin + ahead].object.number()));
+        state_.objects.prefetch(state_.objects.find(requests[begin + ahead].object.number()));
       }
       apply(requests[begin]);
       ++begin;
     }
   }
-  objects_.order_moved();
+  state_.objects.order_moved();
 }
 
 void ServerRole::apply(const Request& request) {
@@ -117,7 +117,7 @@ void ServerRole::apply(const Request& request) {
     case Request::Kind::add_node:
       return add_node(request);
     case Request::Kind::retire_node:
-      nodes_[request.node].leaving = true;
+      state_.nodes[request.node].leaving = true;
       return;
     case Request::Kind::partition:
       partition_due_ = true;
@@ -127,8 +127,8 @@ void ServerRole::apply(const Request& request) {
     case Request::Kind::set_enabled:
       break;
   }
-  const std::uint32_t slot = objects_.find(request.object.number());
-  if (slot == base::NumberIndex::none || objects_.row(slot).object.generation != request.object.generation()) {
+  const std::uint32_t slot = state_.objects.find(request.object.number());
+  if (slot == base::NumberIndex::none || state_.objects.row(slot).object.generation != request.object.generation()) {
     return;
   }
   if (request.kind == Request::Kind::destroy) {
@@ -141,30 +141,30 @@ void ServerRole::apply(const Request& request) {
 }
 
 void ServerRole::connect(const Request& request) {
-  if (request.user >= users_.size()) {
-    users_.resize(request.user + 1);
+  if (request.user >= state_.users.size()) {
+    state_.users.resize(request.user + 1);
   }
-  PeerSession& session = users_[request.user];
+  PeerSession& session = state_.users[request.user];
   session = {};
   session.self = Endpoint::user(request.user);
   session.connection = request.connection;
   session.connected = true;
-  connected_.insert(std::lower_bound(connected_.begin(), connected_.end(), request.user), request.user);
+  state_.connected.insert(std::lower_bound(state_.connected.begin(), state_.connected.end(), request.user),
+                          request.user);
   users_changed_ = true;
 }
 
 // Returns whether a node was lost in the frame before.
 bool ServerRole::free_slots() {
   bool any_lost = false;
-  for (PeerSession& session : nodes_) {
+  for (PeerSession& session : state_.nodes) {
     if (session.lost || session.left) {
       any_lost |= session.lost;
-      node_connections_[session.self.number()] = {};
       session = {};
     }
   }
-  std::size_t slots = nodes_.size();
-  while (slots > 0 && !nodes_[slots - 1].connected) {
+  std::size_t slots = state_.nodes.size();
+  while (slots > 0 && !state_.nodes[slots - 1].connected) {
     --slots;
   }
   set_slots(slots);
@@ -172,134 +172,128 @@ bool ServerRole::free_slots() {
 }
 
 void ServerRole::set_slots(std::size_t slots) {
-  nodes_.resize(slots);
-  node_connections_.resize(slots);
+  state_.nodes.resize(slots);
   dispatch_.resize(slots);
-  ledger_.resize(slots);
+  state_.ledger.resize(slots);
 }
 
 // A new node works from its first frame on, though its region is empty until the map changes at the end of that frame.
 void ServerRole::add_node(const Request& request) {
-  set_slots(std::max<std::size_t>(nodes_.size(), request.node + 1));
-  PeerSession& session = nodes_[request.node];
+  set_slots(std::max<std::size_t>(state_.nodes.size(), request.node + 1));
+  PeerSession& session = state_.nodes[request.node];
   session.self = Endpoint::node(request.node);
   session.id = request.node_id;
   session.connection = request.connection;
   session.connected = true;
-  node_connections_[request.node] = request.connection;
-  ledger_.join(request.node, frame_);
+  state_.ledger.join(request.node, state_.frame);
 }
 
 void ServerRole::disconnect(UserNumber user) {
-  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
-    if (objects_.alive(slot) && objects_.origin(slot).user == user) {
+  for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
+    if (state_.objects.alive(slot) && state_.objects.origin(slot).user == user) {
       end_object(slot);
     }
   }
-  users_[user].connected = false;
-  connected_.erase(std::lower_bound(connected_.begin(), connected_.end(), user));
+  state_.users[user].connected = false;
+  state_.connected.erase(std::lower_bound(state_.connected.begin(), state_.connected.end(), user));
   users_changed_ = true;
 }
 
 void ServerRole::spawn(const Request& request) {
-  const std::uint32_t slot = objects_.add(request.object, request.spec);
-  objects_.bounds(slot) = setup_.shapes->bounds(request.spec.shape.number(), request.spec.pose, *setup_.space);
-  if (setup_.model == nullptr) {
+  const std::uint32_t slot = state_.objects.add(request.object, request.spec);
+  state_.objects.bounds(slot) =
+      state_.setup.shapes->bounds(request.spec.shape.number(), request.spec.pose, *state_.setup.space);
+  if (state_.setup.model == nullptr) {
     return;
   }
   try {
-    setup_.model->start(request.spec, objects_.state(slot));
+    state_.setup.model->start(request.spec, state_.objects.state(slot));
   } catch (...) {
-    std::fill_n(objects_.state(slot), objects_.state_bytes(), std::byte{0});
-    refuse(Status::model_failed);
+    std::fill_n(state_.objects.state(slot), state_.objects.state_bytes(), std::byte{0});
+    state_.refuse(Status::model_failed);
   }
 }
 
 void ServerRole::end_object(std::uint32_t slot) {
   release_from_host(slot);
-  const Endpoint host = objects_.host(slot);
-  if (PeerSession* session = session_of(host)) {
-    session->drops.push_back(slot);
+  const Endpoint host = state_.objects.host(slot);
+  if (PeerSession* session = state_.session_of(host)) {
+    session->opening.drops.push_back(slot);
   } else if (host.is_server()) {
-    host_.drop(objects_.row(slot).object.number);
+    state_.host.drop(state_.objects.row(slot).object.number);
   }
-  objects_.end(slot);
+  state_.objects.end(slot);
 }
 
 // From now on the server sends updates of the object. If its host goes on, the place message clears the host-owned flag
 // there.
 void ServerRole::release_from_host(std::uint32_t slot) {
-  if ((objects_.marks(slot) & host_owned_mark) == 0) {
+  if ((state_.objects.marks(slot) & host_owned_mark) == 0) {
     return;
   }
-  const Host& host = *nodes_[objects_.host(slot).number()].connection.node_contacts->host;
-  const std::uint32_t at = host.find(objects_.row(slot).object.number);
-  ObjectRow& row = objects_.row(slot);
+  const Host& host = *state_.nodes[state_.objects.host(slot).number()].connection.node_contacts->host;
+  const std::uint32_t at = host.find(state_.objects.row(slot).object.number);
+  ObjectRow& row = state_.objects.row(slot);
   row.pose = host[at].pose;
-  std::copy_n(host.state(at), objects_.state_bytes(), objects_.state(slot));
-  objects_.marks(slot) = static_cast<ObjectMarks>(objects_.marks(slot) & ~host_owned_mark);
-  note_notified(slot, setup_.shapes->bounds(row.shape, row.pose, *setup_.space), true);
+  std::copy_n(host.state(at), state_.objects.state_bytes(), state_.objects.state(slot));
+  state_.objects.marks(slot) = static_cast<ObjectMarks>(state_.objects.marks(slot) & ~host_owned_mark);
+  note_notified(slot, state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space), true);
 }
 
 void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {
   release_from_host(slot);
-  ObjectRow& row = objects_.row(slot);
+  ObjectRow& row = state_.objects.row(slot);
   row.pose = pose;
   row.object.flags = present ? messages::flag_present : 0u;
-  objects_.mark_moved(slot);
-  const Endpoint host = objects_.host(slot);
-  if (host.is_server() && host_.place(row.object.number, pose, present)) {
+  state_.objects.mark_moved(slot);
+  const Endpoint host = state_.objects.host(slot);
+  if (host.is_server() && state_.host.place(row.object.number, pose, present)) {
     return;  // the bounds are set when it has moved
   }
-  objects_.bounds(slot) = setup_.shapes->bounds(row.shape, pose, *setup_.space);
-  if (PeerSession* session = session_of(host)) {
-    session->placements.push_back(slot);
+  state_.objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, pose, *state_.setup.space);
+  if (PeerSession* session = state_.session_of(host)) {
+    session->opening.placements.push_back(slot);
   }
 }
 
 void ServerRole::rehost(const HostChange& change) {
-  const ObjectRow& row = objects_.row(change.slot);
-  if (PeerSession* from = session_of(change.from)) {
-    from->drops.push_back(change.slot);
+  const ObjectRow& row = state_.objects.row(change.slot);
+  if (PeerSession* from = state_.session_of(change.from)) {
+    from->opening.drops.push_back(change.slot);
   } else if (change.from.is_server()) {
-    host_.drop(row.object.number);
+    state_.host.drop(row.object.number);
     // The object may have been placed at this cut, and the next host reports only objects that it moves.
-    objects_.bounds(change.slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
+    state_.objects.bounds(change.slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
   }
-  if (PeerSession* to = session_of(change.to)) {
-    to->adoptions.push_back(change.slot);
+  if (PeerSession* to = state_.session_of(change.to)) {
+    to->opening.adoptions.push_back(change.slot);
   } else if (change.to.is_server()) {
-    host_.adopt(objects_.hand_over(change.slot), objects_.state(change.slot));
+    state_.host.adopt(state_.objects.hand_over(change.slot), state_.objects.state(change.slot));
   }
   if (change.from != Endpoint::none()) {
-    ++report().handed_over;
-    note_host_change(change.slot);
+    ++state_.report().handed_over;
+    state_.note_host_change(change.slot);
   }
-}
-
-void ServerRole::note_host_change(std::uint32_t slot) {
-  objects_.marks(slot) |= host_changed_mark;
-  host_changes_.push_back(slot);
 }
 
 // New hosts need the contacts of the frame before. Rare: users came or left, the map has changed, or a node was lost.
 // One pass over the contacts, however many objects changed hosts. The server reads the output lists when it moves its
 // own.
 void ServerRole::send_known_contacts() {
-  if (host_changes_.empty()) {
+  if (state_.host_changes.empty()) {
     return;
   }
-  const auto changed = [&](std::uint32_t slot) { return (objects_.marks(slot) & host_changed_mark) != 0; };
+  const auto changed = [&](std::uint32_t slot) { return (state_.objects.marks(slot) & host_changed_mark) != 0; };
   const auto send = [&](Endpoint host, const Contact& contact) {
-    if (PeerSession* session = session_of(host)) {
-      session->late_contacts.push_back(contact);
+    if (PeerSession* session = state_.session_of(host)) {
+      session->opening.contacts.push_back(contact);
     }
   };
-  const auto contacts = ledger_.contacts(frame_ - 1);
-  const auto found = ledger_.found(frame_ - 1);
+  const auto contacts = state_.ledger.contacts(state_.frame - 1);
+  const auto found = state_.ledger.found(state_.frame - 1);
   for (std::size_t i = 0; i < found.size(); ++i) {
-    const Endpoint first = objects_.host(found[i].a);
-    const Endpoint second = objects_.host(found[i].b);
+    const Endpoint first = state_.objects.host(found[i].a);
+    const Endpoint second = state_.objects.host(found[i].b);
     const bool to_first = changed(found[i].a);
     if (to_first) {
       send(first, contacts[i]);
@@ -308,68 +302,58 @@ void ServerRole::send_known_contacts() {
       send(second, contacts[i]);
     }
   }
-  for (const std::uint32_t slot : host_changes_) {
-    objects_.marks(slot) &= static_cast<ObjectMarks>(~host_changed_mark);
+  for (const std::uint32_t slot : state_.host_changes) {
+    state_.objects.marks(slot) &= static_cast<ObjectMarks>(~host_changed_mark);
   }
-  host_changes_.clear();
-}
-
-PeerSession* ServerRole::session_of(Endpoint endpoint) noexcept {
-  if (endpoint == Endpoint::none()) {
-    return nullptr;
-  }
-  if (endpoint.is_node()) {
-    return &nodes_[endpoint.number()];
-  }
-  if (endpoint.is_user() && users_[endpoint.number()].connected) {
-    return &users_[endpoint.number()];
-  }
-  return nullptr;
+  state_.host_changes.clear();
 }
 
 // Changes first, then frame_begin: a host that receives it knows what it hosts.
 bool ServerRole::open(PeerSession& session) {
   link::Sender& out = *session.connection.out;
-  auto& counts = report().traffic;
-  const std::size_t state_bytes = objects_.state_bytes();
+  auto& counts = state_.report().traffic;
+  const std::size_t state_bytes = state_.objects.state_bytes();
   const auto send = [&](messages::RunSender& run, auto& list, MessageType type, auto fill) {
     if (list.empty()) {
       return true;
     }
-    if (!run.pump(out, head(type, session.self), messages::record_bytes(type, state_bytes), counts, fill)) {
+    if (!run.pump(out, state_.head(type, session.self), messages::record_bytes(type, state_bytes), counts, fill)) {
       return false;
     }
     list.clear();
     return true;
   };
-  const bool map_sent = !map_precedes_frame_ || session.self.is_user() || send_map(session, session.new_map_run);
-  const bool sent =
-      map_sent &&
-      send(session.drop_run, session.drops, MessageType::drop,
-           [&](std::size_t i, std::byte* where) {
-             const messages::DropRecord record{objects_.row(session.drops[i]).object};
-             std::memcpy(where, &record, sizeof record);
-           }) &&
-      send(session.adopt_run, session.adoptions, MessageType::adopt,
-           [&](std::size_t i, std::byte* where) {
-             const std::uint32_t slot = session.adoptions[i];
-             const messages::HandOverRecord record = objects_.hand_over(slot);
-             std::memcpy(where, &record, sizeof record);
-             std::copy_n(objects_.state(slot), state_bytes, where + sizeof record);
-           }) &&
-      send(session.place_run, session.placements, MessageType::place,
-           [&](std::size_t i, std::byte* where) {
-             const ObjectRow& row = objects_.row(session.placements[i]);
-             const messages::PlaceRecord record{row.object, row.pose};
-             std::memcpy(where, &record, sizeof record);
-           }) &&
-      send(session.late_run, session.late_contacts, MessageType::notify,
-           [&](std::size_t i, std::byte* where) { std::memcpy(where, &session.late_contacts[i], sizeof(Contact)); }) &&
-      send(session.refused_run, session.refusals, MessageType::refused, [&](std::size_t i, std::byte* where) {
-        std::memcpy(where, &session.refusals[i], sizeof(messages::RefusedRecord));
-      });
-  return sent && session.begin_run.pump(out, head(MessageType::frame_begin, session.self), 0, counts,
-                                        [](std::size_t, std::byte*) {});
+  const bool map_sent =
+      !state_.map_change.precedes_frame || session.self.is_user() || state_.send_map(session, session.loss.map_run);
+  const bool sent = map_sent &&
+                    send(session.opening.drop_run, session.opening.drops, MessageType::drop,
+                         [&](std::size_t i, std::byte* where) {
+                           const messages::DropRecord record{state_.objects.row(session.opening.drops[i]).object};
+                           std::memcpy(where, &record, sizeof record);
+                         }) &&
+                    send(session.opening.adopt_run, session.opening.adoptions, MessageType::adopt,
+                         [&](std::size_t i, std::byte* where) {
+                           const std::uint32_t slot = session.opening.adoptions[i];
+                           const messages::HandOverRecord record = state_.objects.hand_over(slot);
+                           std::memcpy(where, &record, sizeof record);
+                           std::copy_n(state_.objects.state(slot), state_bytes, where + sizeof record);
+                         }) &&
+                    send(session.opening.place_run, session.opening.placements, MessageType::place,
+                         [&](std::size_t i, std::byte* where) {
+                           const ObjectRow& row = state_.objects.row(session.opening.placements[i]);
+                           const messages::PlaceRecord record{row.object, row.pose};
+                           std::memcpy(where, &record, sizeof record);
+                         }) &&
+                    send(session.opening.contact_run, session.opening.contacts, MessageType::notify,
+                         [&](std::size_t i, std::byte* where) {
+                           std::memcpy(where, &session.opening.contacts[i], sizeof(Contact));
+                         }) &&
+                    send(session.opening.refused_run, session.opening.refusals, MessageType::refused,
+                         [&](std::size_t i, std::byte* where) {
+                           std::memcpy(where, &session.opening.refusals[i], sizeof(messages::RefusedRecord));
+                         });
+  return sent && session.opening.begin_run.pump(out, state_.head(MessageType::frame_begin, session.self), 0, counts,
+                                                [](std::size_t, std::byte*) {});
 }
 
 }  // namespace ringfence::nodes

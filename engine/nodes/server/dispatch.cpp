@@ -15,6 +15,7 @@ Dispatch::Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Pl
     : placement_(placement),
       sweep_(placement == Placement::server ? objects : 0, placement == Placement::server ? pairs : 0, layer_masks,
              keep_resting),
+      links_(nodes),
       updates_(nodes),
       update_runs_(nodes),
       pair_runs_(nodes, messages::RunWriter(pair_message)),
@@ -25,6 +26,7 @@ Dispatch::Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Pl
 }
 
 void Dispatch::resize(std::size_t slots) {
+  links_.resize(slots);
   updates_.resize(slots);
   update_runs_.resize(slots);
   pair_runs_.resize(slots, messages::RunWriter(pair_message));
@@ -114,8 +116,9 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
                                    (shared ? shared_mark : 0));
 }
 
-void Dispatch::start() {
+void Dispatch::start(std::span<const PeerSession> nodes) {
   for (std::size_t node = 0; node < updates_.size(); ++node) {
+    links_[node] = nodes[node].is_active() ? nodes[node].connection.out : nullptr;
     update_runs_[node].start(updates_[node].size());
     pair_runs_[node].start();
   }
@@ -125,29 +128,29 @@ void Dispatch::start() {
   sweep_ns_ = 0;
 }
 
-bool Dispatch::pump(std::span<Connection> nodes, const ObjectTable& objects, const regions::RegionMap& map,
-                    const messages::RunHeader& head, messages::TrafficCounts& counts) {
+bool Dispatch::pump(const ObjectTable& objects, const regions::RegionMap& map, const messages::RunHeader& head,
+                    messages::TrafficCounts& counts) {
   bool all = true;
-  for (NodeNumber node = 0; node < nodes.size(); ++node) {
-    all &= nodes[node].out == nullptr || pump_updates(node, nodes[node], objects, head, counts);
+  for (NodeNumber node = 0; node < links_.size(); ++node) {
+    all &= links_[node] == nullptr || pump_updates(node, objects, head, counts);
   }
   if (!all || placement_ == Placement::region) {
     return all;
   }
   const std::uint64_t begin_ns = telemetry::now_ns();
-  all = pump_pairs(nodes, objects, map, head, counts);
+  all = pump_pairs(objects, map, head, counts);
   sweep_ns_ += telemetry::now_ns() - begin_ns;
   return all;
 }
 
-bool Dispatch::pump_updates(NodeNumber node, Connection& connection, const ObjectTable& objects,
-                            messages::RunHeader head, messages::TrafficCounts& counts) {
+bool Dispatch::pump_updates(NodeNumber node, const ObjectTable& objects, messages::RunHeader head,
+                            messages::TrafficCounts& counts) {
   head.destination = Endpoint::node(node);
   head.type = MessageType::position_update;
   const auto& updates = updates_[node];
   constexpr std::size_t ahead = 8;
   return update_runs_[node].pump(
-      *connection.out, head, sizeof(messages::PositionRecord), counts, [&](std::size_t i, std::byte* where) {
+      *links_[node], head, sizeof(messages::PositionRecord), counts, [&](std::size_t i, std::byte* where) {
         const std::uint32_t slot = updates[i] & ~gone;
         if (i + ahead < updates.size()) {
           objects.prefetch_position(updates[i + ahead] & ~gone);
@@ -168,16 +171,15 @@ bool Dispatch::pump_updates(NodeNumber node, Connection& connection, const Objec
       });
 }
 
-void Dispatch::flush(NodeNumber node, Connection& connection, messages::RunHeader head,
-                     messages::TrafficCounts& counts) {
+void Dispatch::flush(NodeNumber node, messages::RunHeader head, messages::TrafficCounts& counts) {
   head.destination = Endpoint::node(node);
   head.type = MessageType::pairs;
-  pair_runs_[node].flush(*connection.out, head, sizeof(messages::PairRecord), counts);
+  pair_runs_[node].flush(*links_[node], head, sizeof(messages::PairRecord), counts);
 }
 
 // Sends pairs while the sweep continues, so that nodes test the first pairs while the server finds the last.
-bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& objects, const regions::RegionMap& map,
-                          messages::RunHeader head, messages::TrafficCounts& counts) {
+bool Dispatch::pump_pairs(const ObjectTable& objects, const regions::RegionMap& map, messages::RunHeader head,
+                          messages::TrafficCounts& counts) {
   constexpr std::size_t pairs_per_batch = 4096;
   const auto bounds = objects.bounds();
   const auto numbers = objects.numbers();
@@ -194,7 +196,7 @@ bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& object
       const NodeNumber owner =
           sole_owner != regions::RegionMap::many_owners ? sole_owner : map.pair_owner(bounds[pair.a], bounds[pair.b]);
       head.destination = Endpoint::node(owner);
-      std::byte* where = pair_runs_[owner].add(*nodes[owner].out, head, sizeof(messages::PairRecord), counts);
+      std::byte* where = pair_runs_[owner].add(*links_[owner], head, sizeof(messages::PairRecord), counts);
       if (where == nullptr) {
         found_ = found_.subspan(i);
         return false;
@@ -207,12 +209,12 @@ bool Dispatch::pump_pairs(std::span<Connection> nodes, const ObjectTable& object
     }
   }
   bool all = true;
-  for (NodeNumber node = 0; node < nodes.size(); ++node) {
-    if (nodes[node].out == nullptr) {
+  for (NodeNumber node = 0; node < links_.size(); ++node) {
+    if (links_[node] == nullptr) {
       continue;  // no node: it owns nothing
     }
     head.destination = Endpoint::node(node);
-    all &= pair_runs_[node].finish(*nodes[node].out, head, sizeof(messages::PairRecord), counts);
+    all &= pair_runs_[node].finish(*links_[node], head, sizeof(messages::PairRecord), counts);
   }
   return all;
 }

@@ -9,8 +9,8 @@
 #include "base/numbers.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
 #include "messages/run.hpp"
-#include "nodes/role.hpp"
 #include "nodes/server/object_table.hpp"
+#include "nodes/server/peer_session.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
 
@@ -37,15 +37,16 @@ class Dispatch {
   };
   /// Lists the updates of each node.
   void list_updates(ObjectTable& objects, const regions::RegionMap& map, UpdateScope scope);
-  /// Starts sending the listed updates.
-  void start();
+  /// Starts sending the listed updates to the active nodes. They stay active until the last pump(), or start() is
+  /// called again.
+  void start(std::span<const PeerSession> nodes);
   /// Sends as much as the rings take; true when everything is sent. With Placement::server it then sweeps all objects
   /// and sends each candidate to its owner as it is found; a full ring interrupts the sweep. Objects and map must not
   /// change between start() and the final pump().
-  bool pump(std::span<Connection> nodes, const ObjectTable& objects, const regions::RegionMap& map,
-            const messages::RunHeader& head, messages::TrafficCounts& counts);
+  bool pump(const ObjectTable& objects, const regions::RegionMap& map, const messages::RunHeader& head,
+            messages::TrafficCounts& counts);
   /// Sends the unfinished message of pairs for `node`, so that another message may follow.
-  void flush(NodeNumber node, Connection& connection, messages::RunHeader head, messages::TrafficCounts& counts);
+  void flush(NodeNumber node, messages::RunHeader head, messages::TrafficCounts& counts);
 
   /// Number of candidates sent. Only with Placement::server.
   std::size_t candidates() const noexcept { return candidates_; }
@@ -58,13 +59,14 @@ class Dispatch {
   static constexpr std::size_t pair_message = std::size_t{1} << 14;
 
   void list_update(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot, bool all_objects);
-  bool pump_updates(NodeNumber node, Connection& connection, const ObjectTable& objects, messages::RunHeader head,
+  bool pump_updates(NodeNumber node, const ObjectTable& objects, messages::RunHeader head,
                     messages::TrafficCounts& counts);
-  bool pump_pairs(std::span<Connection> nodes, const ObjectTable& objects, const regions::RegionMap& map,
-                  messages::RunHeader head, messages::TrafficCounts& counts);
+  bool pump_pairs(const ObjectTable& objects, const regions::RegionMap& map, messages::RunHeader head,
+                  messages::TrafficCounts& counts);
 
   Placement placement_;
   broad_phase::SweepAndPrune sweep_;
+  std::vector<link::Sender*> links_;                 ///< by node; null: no active node in the slot
   std::vector<std::vector<std::uint32_t>> updates_;  ///< by node: slots, with the bit `gone`
   std::vector<messages::RunSender> update_runs_;
   std::vector<messages::RunWriter> pair_runs_;

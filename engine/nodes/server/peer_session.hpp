@@ -12,6 +12,48 @@ namespace ringfence::nodes {
 
 /// The server's state for one connected role: its connection, what is to be sent to it, and what was received from it.
 struct PeerSession {
+  /// Sent before a frame: changes of what it hosts, then `frame_begin`.
+  struct Opening {
+    std::vector<std::uint32_t> drops, adoptions, placements;  ///< objects by slot
+    std::vector<Contact> contacts;                            ///< of the frame before, for adopted objects
+    std::vector<messages::RefusedRecord> refusals;            ///< its refused records of the frame before
+    messages::RunSender drop_run, adopt_run, place_run, contact_run, refused_run, begin_run;
+  };
+
+  /// Sent after the narrow phase.
+  struct Closing {
+    /// Positions in ContactLedger::notices(), or with the bit `ended` in ended_notices().
+    std::vector<std::uint32_t> notices;
+    static constexpr std::uint32_t ended = 0x80000000u;
+    std::uint64_t hand_overs = 0;               ///< number of hand-overs it will receive (CD nodes)
+    messages::RunSender read_publications_run;  ///< may be sent earlier: when everything is published
+    messages::RunSender map_run, correct_run, notice_run, end_run;
+  };
+
+  /// Sent at once when another node is lost.
+  struct Loss {
+    std::vector<messages::LostRecord> records;
+    messages::RunSender lost_run, map_run;
+  };
+
+  /// Received in this frame.
+  struct Received {
+    static constexpr std::size_t max_refusals = 64;  ///< listed per frame; all are counted
+    std::size_t bytes = 0;
+    std::size_t updates = 0;
+    bool states = false;  ///< the last message with states; so for the other messages
+    bool published = false;
+    bool narrow_done = false;
+    bool frame_done = false;
+    std::vector<messages::RefusedRecord> refusals;
+  };
+
+  /// When a step of the frame was done for this node, for PathReport.
+  struct Reached {
+    std::uint64_t ns = 0;  ///< 0: not yet
+    double ms = 0;         ///< CPU time of the server's step until then
+  };
+
   messages::Endpoint self;
   NodeNumber id = 0;  ///< CD nodes: never used by another node, unlike the slot in `self`
   Connection connection;
@@ -21,43 +63,23 @@ struct PeerSession {
   bool leaving = false;    ///< must hand everything over at the end of this frame
   bool left = false;       ///< hands everything over in this frame; its slot is free at the next cut
 
-  // To be sent before a frame: objects by slot, contacts of the frame before.
-  std::vector<std::uint32_t> drops, adoptions, placements;
-  std::vector<Contact> late_contacts;
-  std::vector<messages::RefusedRecord> refusals;  ///< its refused records of the frame before
-  // To be sent after the narrow phase: positions in ContactLedger::notices(), or with the bit `ended` in
-  // ended_notices().
-  std::vector<std::uint32_t> notices;
-  std::uint64_t hand_overs = 0;  ///< number of hand-overs it will receive (CD nodes)
-  static constexpr std::uint32_t ended = 0x80000000u;
-
-  messages::RunSender drop_run, adopt_run, place_run, late_run, refused_run, begin_run;
-  messages::RunSender read_publications_run;  ///< to be sent when everything is published
-  messages::RunSender map_run, correct_run, notice_run, end_run;
-  messages::RunSender lost_run, new_map_run, probe_run;
-  std::vector<messages::LostRecord> losses;  ///< to be sent at once
+  Opening opening;
+  Closing closing;
+  Loss loss;
+  Received received;
 
   std::uint64_t last_received_ns = 0;  ///< time of the last message from it
   std::uint64_t probed_ns = 0;         ///< time of the last probe; 0: a message has arrived since
+  messages::RunSender probe_run;
 
-  std::uint64_t started_ns = 0;   ///< time when all messages that start its frame were sent; 0: not yet
-  std::uint64_t notified_ns = 0;  ///< time when its contacts were sent; 0: not yet
-  double started_ms = 0;          ///< PathReport::start_nodes_ms at that time
-  double notified_ms = 0;         ///< PathReport::notify_ms at that time
+  Reached started;   ///< all messages that start its frame were sent
+  Reached notified;  ///< its contacts were sent
 
   std::size_t in_report = 0;  ///< CD nodes: position in FrameReport::nodes of this frame
   double cost_ms = no_cost;   ///< CD nodes: cost of the last complete frame, for balance
   static constexpr double no_cost = -1;
 
-  // Received in this frame.
-  std::size_t received_bytes = 0;
-  std::size_t received_updates = 0;
-  bool states_received = false;
-  bool published_received = false;
-  bool narrow_done_received = false;
-  bool frame_done_received = false;
-  static constexpr std::size_t max_refusals = 64;  ///< reported per frame; all are counted
-  std::vector<messages::RefusedRecord> new_refusals;
+  bool is_active() const noexcept { return connected && !lost; }
 };
 
 }  // namespace ringfence::nodes

@@ -21,12 +21,12 @@ bool ServerRole::drain(PeerSession& session) {
     taken += session.self.is_user() ? bytes.size() : 0;
     MessageView message;
     if (session.broken) [[unlikely]] {
-      refuse(Status::late);
+      state_.refuse(Status::late);
     } else if (session.self.is_user() && is_over_quota(session, bytes)) {
       refuse(session, Status::over_quota);
-    } else if (messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
+    } else if (messages::decode(bytes, state_.objects.state_bytes(), message) == Status::ok &&
                message.header().source == session.self.value &&
-               (message.header().frame == frame_ || message.type() == MessageType::probe_reply)) {
+               (message.header().frame == state_.frame || message.type() == MessageType::probe_reply)) {
       // A probe reply may be one frame late.
       receive(session, message);
     } else {
@@ -36,7 +36,7 @@ bool ServerRole::drain(PeerSession& session) {
   }
   if (any) {
     session.connection.in->release();
-    if (setup_.node_deadline_ns != 0) {
+    if (state_.setup.node_deadline_ns != 0) {
       session.last_received_ns = telemetry::now_ns();
       session.probed_ns = 0;
     }
@@ -47,17 +47,17 @@ bool ServerRole::drain(PeerSession& session) {
 // Whether the message exceeds its sender's quota and is ignored. The end of the states and frame_done count
 // nevertheless: otherwise the frame would wait for them.
 bool ServerRole::is_over_quota(PeerSession& session, std::span<const std::byte> bytes) {
-  session.received_bytes += bytes.size();
-  if (setup_.quotas.bytes == 0 || session.received_bytes <= setup_.quotas.bytes) {
+  session.received.bytes += bytes.size();
+  if (state_.setup.quotas.bytes == 0 || session.received.bytes <= state_.setup.quotas.bytes) {
     return false;
   }
   MessageView message;
-  const bool valid = messages::decode(bytes, objects_.state_bytes(), message) == Status::ok &&
-                     message.header().source == session.self.value && message.header().frame == frame_;
+  const bool valid = messages::decode(bytes, state_.objects.state_bytes(), message) == Status::ok &&
+                     message.header().source == session.self.value && message.header().frame == state_.frame;
   if (valid && message.type() == MessageType::frame_done) {
     return false;
   }
-  session.states_received |= valid && message.type() == MessageType::state_update && message.last();
+  session.received.states |= valid && message.type() == MessageType::state_update && message.last();
   return true;
 }
 
@@ -65,12 +65,12 @@ bool ServerRole::is_over_quota(PeerSession& session, std::span<const std::byte> 
 // server send as many. A CD node of another process that breaks the protocol becomes lost, because its contacts of the
 // frame cannot be trusted.
 void ServerRole::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
-  refuse(reason);
+  state_.refuse(reason);
   if (sender.self.is_node() && sender.connection.node_contacts == nullptr && reason == Status::bad_message) {
     sender.broken = any_broken_ = true;
   }
-  if (sender.self.is_user() && sender.new_refusals.size() < PeerSession::max_refusals) {
-    sender.new_refusals.push_back({number, static_cast<std::uint32_t>(reason)});
+  if (sender.self.is_user() && sender.received.refusals.size() < PeerSession::Received::max_refusals) {
+    sender.received.refusals.push_back({number, static_cast<std::uint32_t>(reason)});
   }
 }
 
@@ -79,31 +79,32 @@ void ServerRole::refuse(PeerSession& sender, Status reason, ObjectNumber number)
 bool ServerRole::is_acceptable(const PeerSession& node, const MessageView& message) const noexcept {
   switch (message.type()) {
     case MessageType::node_state:
-      if (node.states_received || stage_ > Stage::moving) {
+      if (node.received.states || state_.stage > FrameStage::moving) {
         return false;
       }
       break;
     case MessageType::collision:
     case MessageType::change:
     case MessageType::narrow_done:
-      if (node.narrow_done_received || (stage_ != Stage::dispatching && stage_ != Stage::colliding)) {
+      if (node.received.narrow_done ||
+          (state_.stage != FrameStage::dispatching && state_.stage != FrameStage::colliding)) {
         return false;
       }
       break;
     default:
       break;
   }
-  return is_valid(message, {.nodes = static_cast<std::uint32_t>(nodes_.size()),
-                            .shapes = static_cast<std::uint32_t>(setup_.shapes->size()),
-                            .slots = static_cast<std::uint32_t>(objects_.slots())});
+  return is_valid(message, {.nodes = static_cast<std::uint32_t>(state_.nodes.size()),
+                            .shapes = static_cast<std::uint32_t>(state_.setup.shapes->size()),
+                            .slots = static_cast<std::uint32_t>(state_.objects.slots())});
 }
 
 void ServerRole::receive(PeerSession& session, const MessageView& message) {
-  add(report().traffic, message.header());
+  add(state_.report().traffic, message.header());
   const bool node = session.self.is_node();
   const bool tests = message.type() == MessageType::collision || message.type() == MessageType::change ||
                      message.type() == MessageType::narrow_done;
-  if (node && tests && message.header().epoch != map_.epoch()) {
+  if (node && tests && message.header().epoch != state_.map.epoch()) {
     return;  // found before a loss was known; the node will find it again
   }
   if (node && session.connection.node_contacts == nullptr && !is_acceptable(session, message)) {
@@ -112,7 +113,7 @@ void ServerRole::receive(PeerSession& session, const MessageView& message) {
   switch (message.type()) {
     case MessageType::state_update:
       // Poses are final after a host's last state message: a later state would reach some nodes and not others.
-      return node || session.states_received ? refuse(session, Status::bad_message) : receive_states(session, message);
+      return node || session.received.states ? refuse(session, Status::bad_message) : receive_states(session, message);
     case MessageType::node_state:
       return node ? receive_node_states(session, message) : refuse(session, Status::bad_message);
     case MessageType::collision:
@@ -123,14 +124,15 @@ void ServerRole::receive(PeerSession& session, const MessageView& message) {
       return node && message.count() == 1 ? receive_narrow_done(session, message)
                                           : refuse(session, Status::bad_message);
     case MessageType::published:
-      return node ? void(session.published_received = true) : refuse(session, Status::bad_message);
+      return node ? void(session.received.published = true) : refuse(session, Status::bad_message);
     case MessageType::probe_reply:
       return node ? void() : refuse(session, Status::bad_message);
     case MessageType::kinds:
       return node ? receive_kinds(message) : refuse(session, Status::bad_message);
     case MessageType::frame_done:
       // Accepted once, and only after the contacts that it acknowledges have been sent.
-      return message.count() == 1 && !session.frame_done_received && contacts_are_final() && session.notice_run.done()
+      return message.count() == 1 && !session.received.frame_done && state_.contacts_are_final() &&
+                     session.closing.notice_run.done()
                  ? receive_frame_done(session, message)
                  : refuse(session, Status::bad_message);
     default:
@@ -143,17 +145,17 @@ void ServerRole::receive_states(PeerSession& session, const MessageView& message
   const std::uint64_t start = telemetry::now_ns();
   for (std::size_t i = 0; i < message.count(); ++i) {
     auto record = message.record<messages::StateRecord>(i);
-    if (setup_.quotas.updates != 0 && ++session.received_updates > setup_.quotas.updates) {
+    if (state_.setup.quotas.updates != 0 && ++session.received.updates > state_.setup.quotas.updates) {
       refuse(session, Status::over_quota, record.object.number);
       continue;
     }
-    const std::uint32_t slot = objects_.find(record.object);
+    const std::uint32_t slot = state_.objects.find(record.object);
     if (slot == base::NumberIndex::none) {
       refuse(session, Status::stale_object, record.object.number);
       continue;
     }
-    ObjectRow& row = objects_.row(slot);
-    if (objects_.host(slot) != session.self) {
+    ObjectRow& row = state_.objects.row(slot);
+    if (state_.objects.host(slot) != session.self) {
       refuse(session, Status::not_host, record.object.number);
       continue;
     }
@@ -163,40 +165,40 @@ void ServerRole::receive_states(PeerSession& session, const MessageView& message
     }
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
-    objects_.bounds(slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
-    std::copy_n(message.state<messages::StateRecord>(i), objects_.state_bytes(), objects_.state(slot));
-    objects_.mark_moved(slot);
+    state_.objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
+    std::copy_n(message.state<messages::StateRecord>(i), state_.objects.state_bytes(), state_.objects.state(slot));
+    state_.objects.mark_moved(slot);
   }
-  session.states_received |= message.last();
+  session.received.states |= message.last();
   ingest_ns_ += telemetry::now_ns() - start;
 }
 
 void ServerRole::receive_node_states(PeerSession& session, const MessageView& message) {
   const std::uint64_t start = telemetry::now_ns();
   constexpr std::size_t ahead = 12;
-  const bool sweeps = setup_.placement == Placement::server;
+  const bool sweeps = state_.setup.placement == Placement::server;
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
       const auto& soon = message.view<messages::ObjectRef>(i + ahead);
-      objects_.prefetch(soon.slot, sweeps || (soon.flags & messages::flag_interior) == 0);
+      state_.objects.prefetch(soon.slot, sweeps || (soon.flags & messages::flag_interior) == 0);
     }
     if (i + 2 * ahead < message.count()) {
       base::prefetch_for_read(message.at(i + 2 * ahead));
       base::prefetch_for_read(message.at(i + 2 * ahead) + 64);
     }
     const auto& record = message.view<messages::NodeStateRecord>(i);
-    const std::uint32_t slot = objects_.find(record.object);
-    if (slot == base::NumberIndex::none || objects_.host(slot) != session.self) {
+    const std::uint32_t slot = state_.objects.find(record.object);
+    if (slot == base::NumberIndex::none || state_.objects.host(slot) != session.self) {
       refuse(session, slot == base::NumberIndex::none ? Status::stale_object : Status::not_host, record.object.number);
       continue;
     }
-    ObjectRow& row = objects_.row(slot);
+    ObjectRow& row = state_.objects.row(slot);
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
     // An object outside its own bounds may leave the only node that knows it; then the notified nodes must be recorded.
     constexpr std::uint32_t at_home = messages::flag_interior | messages::flag_keeps_host;
     const bool inner = (record.object.flags & at_home) == at_home;
-    ObjectMarks& marks = objects_.marks(slot);
+    ObjectMarks& marks = state_.objects.marks(slot);
     const bool was_host_owned = (marks & host_owned_mark) != 0;
     const bool host_owned =
         (record.object.flags & messages::flag_host_owned) != 0 && session.connection.node_contacts != nullptr;
@@ -205,38 +207,38 @@ void ServerRole::receive_node_states(PeerSession& session, const MessageView& me
     // Counted as moved, but it has not.
     host_owned_moved_ -= (record.object.flags & messages::flag_at_rest) != 0 ? 1 : 0;
     if ((record.object.flags & messages::flag_keeps_host) == 0) {
-      leaving_slots_.push_back(slot);
+      state_.leaving_slots.push_back(slot);
     }
-    std::copy_n(message.state<messages::NodeStateRecord>(i), objects_.state_bytes(), objects_.state(slot));
+    std::copy_n(message.state<messages::NodeStateRecord>(i), state_.objects.state_bytes(), state_.objects.state(slot));
     if (was_host_owned) {
       note_notified(slot, record.bounds, !inner);
-      objects_.mark_moved_host_only(slot);
+      state_.objects.mark_moved_host_only(slot);
       continue;
     }
     const bool host_alone = inner && (marks & shared_mark) == 0;  // only the host needs to know the object
     if (sweeps || !host_alone || session.connection.node_contacts != nullptr) {
-      objects_.bounds(slot) = record.bounds;
+      state_.objects.bounds(slot) = record.bounds;
     } else {
       bounds_are_stale_ = true;  // saves a cache line per state; the bounds are computed from the pose when needed
     }
     if (host_alone) {
       marks |= notified_mark;
-      objects_.mark_moved_host_only(slot);
+      state_.objects.mark_moved_host_only(slot);
     } else {
-      objects_.mark_moved(slot);
+      state_.objects.mark_moved(slot);
     }
   }
-  session.states_received |= message.last();
+  session.received.states |= message.last();
   ingest_ns_ += telemetry::now_ns() - start;
 }
 
 // The host has sent the object to the nodes whose regions these bounds touch; without `shared` they touch only the
 // host's.
 void ServerRole::note_notified(std::uint32_t slot, const geometry::Bounds& bounds, bool shared) {
-  const bool present = (objects_.row(slot).object.flags & messages::flag_present) != 0;
-  objects_.bounds(slot) = objects_.notified_bounds(slot) = bounds;
-  objects_.notified_cells(slot) = map_.grid().cells_of(bounds);
-  ObjectMarks& marks = objects_.marks(slot);
+  const bool present = (state_.objects.row(slot).object.flags & messages::flag_present) != 0;
+  state_.objects.bounds(slot) = state_.objects.notified_bounds(slot) = bounds;
+  state_.objects.notified_cells(slot) = state_.map.grid().cells_of(bounds);
+  ObjectMarks& marks = state_.objects.marks(slot);
   marks = static_cast<ObjectMarks>((marks & ~(notified_mark | shared_mark)) | (present ? notified_mark : 0) |
                                    (shared ? shared_mark : 0));
 }
@@ -246,14 +248,15 @@ void ServerRole::receive_collisions(PeerSession& session, const MessageView& mes
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
       const auto& soon = message.view<messages::CollisionRecord>(i + ahead);
-      base::prefetch_for_read(&objects_.row(soon.slot_a));
-      base::prefetch_for_read(&objects_.row(soon.slot_b));
-      base::prefetch_for_read(objects_.origins().data() + soon.slot_a);
-      base::prefetch_for_read(objects_.origins().data() + soon.slot_b);
+      base::prefetch_for_read(&state_.objects.row(soon.slot_a));
+      base::prefetch_for_read(&state_.objects.row(soon.slot_b));
+      base::prefetch_for_read(state_.objects.origins().data() + soon.slot_a);
+      base::prefetch_for_read(state_.objects.origins().data() + soon.slot_b);
     }
     const auto& record = message.view<messages::CollisionRecord>(i);
-    const bool present = objects_.present()[record.slot_a] != 0 && objects_.present()[record.slot_b] != 0;
-    if (!present || !ledger_.receive(session.self.number(), record, objects_.rows(), objects_.origins())) {
+    const bool present = state_.objects.present()[record.slot_a] != 0 && state_.objects.present()[record.slot_b] != 0;
+    if (!present ||
+        !state_.ledger.receive(session.self.number(), record, state_.objects.rows(), state_.objects.origins())) {
       return refuse(session, Status::bad_message);
     }
   }
@@ -261,7 +264,7 @@ void ServerRole::receive_collisions(PeerSession& session, const MessageView& mes
 
 void ServerRole::receive_changes(PeerSession& session, const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
-    if (!ledger_.receive(session.self.number(), message.record<messages::ChangeRecord>(i))) {
+    if (!state_.ledger.receive(session.self.number(), message.record<messages::ChangeRecord>(i))) {
       return refuse(session, Status::bad_message);
     }
   }
@@ -270,32 +273,32 @@ void ServerRole::receive_changes(PeerSession& session, const MessageView& messag
 // A node's results count only as a whole: when it reports the number of tested pairs, and all its contacts are here.
 void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NarrowDoneRecord>(0);
-  NodeReport& node = report().nodes[session.in_report];
+  NodeReport& node = state_.report().nodes[session.in_report];
   node.candidates = record.candidates;
   node.tested = record.tested;
   node.contacts = record.contacts;
   node.failed_supports = record.failed_supports;
-  report().failed_supports += record.failed_supports;
-  report().tested += record.tested;
+  state_.report().failed_supports += record.failed_supports;
+  state_.report().tested += record.tested;
   if (NodeContacts* const node_contacts = session.connection.node_contacts) {
-    ledger_.receive(session.self.number(), *node_contacts);
+    state_.ledger.receive(session.self.number(), *node_contacts);
     count_shared(Traffic::m3, node_contacts->keys.size(), sizeof(messages::CollisionRecord));
   } else {
-    ledger_.end_run(session.self.number());
+    state_.ledger.end_run(session.self.number());
   }
-  if (ledger_.received(session.self.number()) == record.contacts) {
-    report().accepted += record.tested;
+  if (state_.ledger.received(session.self.number()) == record.contacts) {
+    state_.report().accepted += record.tested;
   } else {
     refuse(session, Status::bad_message);
   }
-  if (setup_.placement == Placement::region) {
-    report().candidates += record.candidates;
+  if (state_.setup.placement == Placement::region) {
+    state_.report().candidates += record.candidates;
   }
-  session.narrow_done_received = true;
+  session.received.narrow_done = true;
 }
 
 void ServerRole::receive_kinds(const MessageView& message) {
-  auto& kinds = report().kinds;
+  auto& kinds = state_.report().kinds;
   for (std::size_t i = 0; i < message.count(); ++i) {
     const auto record = message.record<messages::KindRecord>(i);
     const auto first = static_cast<ShapeKind>(record.first);
@@ -322,7 +325,7 @@ void ServerRole::receive_kinds(const MessageView& message) {
 
 void ServerRole::receive_frame_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NodeFrameStats>(0);
-  FrameReport& frame = report();
+  FrameReport& frame = state_.report();
   frame.refused[static_cast<std::size_t>(Status::model_failed)] += record.model_failed;
   frame.refused[static_cast<std::size_t>(Status::not_finite)] += record.not_finite;
   frame.refused[static_cast<std::size_t>(Status::not_unit)] += record.not_unit;
@@ -339,7 +342,7 @@ void ServerRole::receive_frame_done(PeerSession& session, const MessageView& mes
     if (record.host_owned_changes != 0) {
       host_owned_moved_ += static_cast<std::int64_t>(record.host_owned_changes);
       count_shared(Traffic::state, record.host_owned_changes,
-                   sizeof(messages::NodeStateRecord) + objects_.state_bytes());
+                   sizeof(messages::NodeStateRecord) + state_.objects.state_bytes());
     }
     node.handed_over = record.handed_over;
     TrafficReport& m5 = frame.traffic[static_cast<std::size_t>(Traffic::m5)];
@@ -352,7 +355,7 @@ void ServerRole::receive_frame_done(PeerSession& session, const MessageView& mes
     m1.records += record.published;
     m1.bytes += record.published * sizeof(link::PublishedState);
   }
-  session.frame_done_received = true;
+  session.received.frame_done = true;
 }
 
 }  // namespace ringfence::nodes

@@ -14,15 +14,16 @@ using messages::Endpoint;
 using messages::MessageType;
 
 bool ServerRole::relays() const noexcept {
-  return setup_.interest > 0 && !connected_.empty() && setup_.deployment != Deployment::user;
+  return state_.setup.interest > 0 && !state_.connected.empty() && state_.setup.deployment != Deployment::user;
 }
 
 // With placement region, nodes do not report most states, so they publish themselves. Otherwise few nodes test for
 // longer than the server needs to publish all states, so the server's publication costs the frame nothing.
 void ServerRole::order_relay() {
-  nodes_publish_ = relays() && setup_.deployment == Deployment::user_collision &&
-                   (setup_.placement == Placement::region || report().nodes.size() > setup_.max_relayed_nodes);
-  for (PeerSession& node : nodes_) {
+  nodes_publish_ =
+      relays() && state_.setup.deployment == Deployment::user_collision &&
+      (state_.setup.placement == Placement::region || state_.report().nodes.size() > state_.setup.max_relayed_nodes);
+  for (PeerSession& node : state_.nodes) {
     order_relay(node);
   }
 }
@@ -35,7 +36,7 @@ void ServerRole::order_relay(PeerSession& node) {
 }
 
 bool ServerRole::publishes(Endpoint host) const noexcept {
-  return nodes_publish_ && host.is_node() && nodes_[host.number()].connection.publication != nullptr;
+  return nodes_publish_ && host.is_node() && state_.nodes[host.number()].connection.publication != nullptr;
 }
 
 // Publishes what no other role publishes: everything, or the objects of nodes in other processes and of lost nodes.
@@ -46,55 +47,55 @@ void ServerRole::publish() {
     relay_is_known_ = false;  // reclaimed objects have moved since
     return;
   }
-  Published& relay = setup_.publications->server;
-  relay.any[frame_ & 1] = false;
-  const bool all_published =
-      nodes_publish_ && !recovered_ && std::all_of(nodes_.begin(), nodes_.end(), [&](const PeerSession& node) {
-        return !node.connected || publishes(node.self);
-      });
+  Published& relay = state_.setup.publications->server;
+  relay.any[state_.frame & 1] = false;
+  const bool all_published = nodes_publish_ && !recovered_ &&
+                             std::all_of(state_.nodes.begin(), state_.nodes.end(), [&](const PeerSession& node) {
+                               return !node.connected || publishes(node.self);
+                             });
   if (!relays() || all_published) {
     relay_is_known_ = false;
     return;
   }
   update_relay();
   link::Publication& publication = *relay.publication;
-  publication.begin(frame_);
-  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
-    if (relay_cells_[slot] != not_relayed && !publishes(objects_.host(slot))) {
+  publication.begin(state_.frame);
+  for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
+    if (relay_cells_[slot] != not_relayed && !publishes(state_.objects.host(slot))) {
       publication.add_index(relay_cells_[slot], slot);
     }
   }
-  publication.publish_indexed([&](std::uint32_t slot) { base::prefetch_for_read(&objects_.row(slot)); },
+  publication.publish_indexed([&](std::uint32_t slot) { base::prefetch_for_read(&state_.objects.row(slot)); },
                               [&](std::uint32_t slot) {
-                                const ObjectRow& row = objects_.row(slot);
+                                const ObjectRow& row = state_.objects.row(slot);
                                 return link::PublishedState{row.object.number, 0, row.pose};
                               });
   // Computing the exact range here would cost more than readers lose by searching everywhere.
-  relay.cell_range[frame_ & 1] = setup_.publications->grid.all();
-  relay.any[frame_ & 1] = !publication.states(frame_).empty();
+  relay.cell_range[state_.frame & 1] = state_.setup.publications->grid.all();
+  relay.any[state_.frame & 1] = !publication.states(state_.frame).empty();
 }
 
 // Updates the cell of every published object; objects that have not moved keep theirs.
 void ServerRole::update_relay() {
   const auto update = [&](std::uint32_t slot) {
-    const ObjectRow& row = objects_.row(slot);
+    const ObjectRow& row = state_.objects.row(slot);
     const auto category = static_cast<Category>(row.category);
     const bool relayed =
-        objects_.present()[slot] != 0 && (category == Category::active || category == Category::non_active);
+        state_.objects.present()[slot] != 0 && (category == Category::active || category == Category::non_active);
     std::uint32_t point[3];
-    setup_.space->point(row.pose.position, point);
-    relay_cells_[slot] = relayed ? setup_.publications->grid.cell_of(point) : not_relayed;
+    state_.setup.space->point(row.pose.position, point);
+    relay_cells_[slot] = relayed ? state_.setup.publications->grid.cell_of(point) : not_relayed;
   };
   const std::size_t known = std::exchange(relay_is_known_, true) ? relay_cells_.size() : 0;
-  relay_cells_.resize(objects_.slots());
-  for (auto slot = static_cast<std::uint32_t>(known); slot < objects_.slots(); ++slot) {
+  relay_cells_.resize(state_.objects.slots());
+  for (auto slot = static_cast<std::uint32_t>(known); slot < state_.objects.slots(); ++slot) {
     update(slot);
   }
   constexpr std::size_t ahead = 8;
-  const auto moved = objects_.moved();
+  const auto moved = state_.objects.moved();
   for (std::size_t i = 0; i < moved.size(); ++i) {
     if (i + ahead < moved.size()) {
-      base::prefetch_for_read(&objects_.row(moved[i + ahead]));
+      base::prefetch_for_read(&state_.objects.row(moved[i + ahead]));
     }
     if (moved[i] < known) {
       update(moved[i]);
@@ -103,51 +104,52 @@ void ServerRole::update_relay() {
 }
 
 bool ServerRole::all_published() noexcept {
-  return all_nodes([&](const PeerSession& node) { return node.published_received || !publishes(node.self); });
+  return state_.all_nodes([&](const PeerSession& node) { return node.received.published || !publishes(node.self); });
 }
 
 // All states are in publications that do not change any more in this frame, so user nodes may read while nodes test. If
 // a user's ring is full, the message is sent together with its contacts: the server does not wait here.
 void ServerRole::allow_reading() {
-  spend(ringfence::Stage::narrow_phase, telemetry::now_ns());
+  spend(Stage::narrow_phase, telemetry::now_ns());
   list_relays();
   relays_are_final_ = true;
-  if (setup_.interest > 0) {
-    all_users([&](PeerSession& user) {
-      user.read_publications_run.start(0);
+  if (state_.setup.interest > 0) {
+    state_.all_users([&](PeerSession& user) {
+      user.closing.read_publications_run.start(0);
       send_read_publications(user);
       return true;
     });
   }
   spend_cpu(&PathReport::publish_ms);
-  spend(ringfence::Stage::notify, telemetry::now_ns());
+  spend(Stage::notify, telemetry::now_ns());
 }
 
 bool ServerRole::send_read_publications(PeerSession& user) {
-  return user.read_publications_run.pump(*user.connection.out, head(MessageType::read_publications, user.self), 0,
-                                         report().traffic, [](std::size_t, std::byte*) {});
+  return user.closing.read_publications_run.pump(*user.connection.out,
+                                                 state_.head(MessageType::read_publications, user.self), 0,
+                                                 state_.report().traffic, [](std::size_t, std::byte*) {});
 }
 
 // Lists the valid publications; a later loss no longer changes who publishes what.
 void ServerRole::list_relays() {
-  auto& relays_of_frame = setup_.publications->relays[frame_ & 1];
+  auto& relays_of_frame = state_.setup.publications->relays[state_.frame & 1];
   relays_of_frame.clear();
   if (!relays()) {
     return;
   }
-  TrafficReport& traffic = report().traffic[static_cast<std::size_t>(Traffic::state)];
+  TrafficReport& traffic = state_.report().traffic[static_cast<std::size_t>(Traffic::state)];
   const auto add_relay = [&](const Published& relay) {
-    if (!relay.any[frame_ & 1]) {
+    if (!relay.any[state_.frame & 1]) {
       return;
     }
     relays_of_frame.push_back(&relay);
-    const std::size_t states = relay.publication->states(frame_).size();
+    const std::size_t states = relay.publication->states(state_.frame).size();
     ++traffic.messages;
     traffic.records += states;
     traffic.bytes += states * sizeof(link::PublishedState);
   };
-  add_relay(setup_.publications->server);
-  for (const PeerSession& node : nodes_) {
+  add_relay(state_.setup.publications->server);
+  for (const PeerSession& node : state_.nodes) {
     if (!node.lost && publishes(node.self)) {
       add_relay(node.connection.publication->published);
     }

@@ -11,7 +11,7 @@ namespace ringfence::nodes {
 using messages::MessageType;
 
 void ServerRole::start_report() {
-  FrameReport& frame = report();
+  FrameReport& frame = state_.report();
   std::vector<NodeReport> nodes = std::move(frame.nodes);
   std::vector<KindReport> kinds = std::move(frame.kinds);
   nodes.clear();
@@ -19,13 +19,13 @@ void ServerRole::start_report() {
   frame = {};
   frame.nodes = std::move(nodes);
   frame.kinds = std::move(kinds);
-  frame.frame = frame_;
+  frame.frame = state_.frame;
 }
 
 // By ascending slot.
 void ServerRole::list_nodes() {
-  FrameReport& frame = report();
-  for (PeerSession& session : nodes_) {
+  FrameReport& frame = state_.report();
+  for (PeerSession& session : state_.nodes) {
     if (session.connected) {
       session.in_report = frame.nodes.size();
       frame.nodes.emplace_back().id = NodeId(session.id);
@@ -34,13 +34,13 @@ void ServerRole::list_nodes() {
 }
 
 // Charges the time since the last call to a stage of the report, except the part that ingest took.
-void ServerRole::spend(ringfence::Stage stage, std::uint64_t now) noexcept {
+void ServerRole::spend(Stage stage, std::uint64_t now) noexcept {
   const std::uint64_t passed = now - mark_ns_;
   const std::uint64_t ingest = std::min(ingest_ns_, passed);
-  report().stage_ms[static_cast<std::size_t>(stage)] += telemetry::to_ms(passed - ingest);
-  report().stage_ms[static_cast<std::size_t>(ringfence::Stage::ingest)] += telemetry::to_ms(ingest);
-  if (setup_.track != nullptr) {
-    setup_.track->add(name_of(stage), mark_ns_, now);
+  state_.report().stage_ms[static_cast<std::size_t>(stage)] += telemetry::to_ms(passed - ingest);
+  state_.report().stage_ms[static_cast<std::size_t>(Stage::ingest)] += telemetry::to_ms(ingest);
+  if (state_.setup.track != nullptr) {
+    state_.setup.track->add(name_of(stage), mark_ns_, now);
   }
   mark_ns_ = now;
   ingest_ns_ = 0;
@@ -48,28 +48,28 @@ void ServerRole::spend(ringfence::Stage stage, std::uint64_t now) noexcept {
 
 void ServerRole::spend_cpu(double PathReport::*step) noexcept {
   const std::uint64_t now = telemetry::thread_cpu_ns();
-  report().path.*step += telemetry::to_ms(now - cpu_mark_ns_);
+  state_.report().path.*step += telemetry::to_ms(now - cpu_mark_ns_);
   cpu_mark_ns_ = now;
 }
 
 // Sets the time if it is not set yet.
-bool ServerRole::note_first(std::uint64_t& when_ns) noexcept {
-  when_ns = when_ns != 0 ? when_ns : telemetry::now_ns();
+bool ServerRole::note_first(PeerSession::Reached& reached) noexcept {
+  reached.ns = reached.ns != 0 ? reached.ns : telemetry::now_ns();
   return true;
 }
 
 // For a step in which nodes are notified one after another: estimates its cost up to the notification of each.
-void ServerRole::charge_notified(double step_ms, std::uint64_t begin_ns, std::uint64_t PeerSession::*reached_ns,
-                                 double PeerSession::*reached_ms) noexcept {
+void ServerRole::charge_notified(double step_ms, std::uint64_t begin_ns,
+                                 PeerSession::Reached PeerSession::*reached) noexcept {
   const double passed = static_cast<double>(telemetry::now_ns() - begin_ns);
-  for (PeerSession& node : nodes_) {
-    const double until = static_cast<double>(node.*reached_ns - begin_ns);
-    node.*reached_ms = node.lost || passed <= 0 ? step_ms : step_ms * until / passed;
+  for (PeerSession& node : state_.nodes) {
+    const double until = static_cast<double>((node.*reached).ns - begin_ns);
+    (node.*reached).ms = node.lost || passed <= 0 ? step_ms : step_ms * until / passed;
   }
 }
 
 void ServerRole::charge_path(const PeerSession& node, const messages::NodeFrameStats& stats) noexcept {
-  PathReport& path = report().path;
+  PathReport& path = state_.report().path;
   const auto raise = [](double& most, double ms) { most = std::max(most, ms); };
   const double move_ms = telemetry::to_ms(stats.move_cpu_ns);
   const double publish_ms = telemetry::to_ms(stats.publish_cpu_ns);
@@ -79,9 +79,9 @@ void ServerRole::charge_path(const PeerSession& node, const messages::NodeFrameS
   raise(path.node_publish_ms, publish_ms);
   raise(path.node_detect_ms, detect_ms);
   raise(path.node_end_ms, end_ms);
-  raise(path.nodes_moved_ms, node.started_ms + move_ms);
+  raise(path.nodes_moved_ms, node.started.ms + move_ms);
   raise(path.nodes_tested_ms, std::max(path.dispatch_ms, publish_ms) + detect_ms);
-  raise(path.nodes_ended_ms, node.notified_ms + end_ms);
+  raise(path.nodes_ended_ms, node.notified.ms + end_ms);
 }
 
 void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& header) noexcept {
@@ -93,7 +93,7 @@ void ServerRole::add(messages::TrafficCounts& counts, const messages::Header& he
 
 // Data that is read in shared memory counts like the message that it replaces.
 void ServerRole::count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept {
-  TrafficReport& traffic = report().traffic[static_cast<std::size_t>(kind)];
+  TrafficReport& traffic = state_.report().traffic[static_cast<std::size_t>(kind)];
   ++traffic.messages;
   traffic.records += records;
   traffic.bytes += records * bytes_each;

@@ -12,49 +12,26 @@ using messages::Endpoint;
 using messages::MessageType;
 
 ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
-    : setup_(setup),
-      map_(map),
+    : state_(setup, map),
       balance_(map.grid(), {}, setup.capacities.objects + setup.capacities.contacts),
-      objects_(setup.capacities.objects, setup.model == nullptr ? 0 : (setup.model->state_bytes() + 7) / 8 * 8),
-      host_(setup.model, setup.deployment == Deployment::user_server ? setup.capacities.objects : 0),
       hosting_(setup.deployment, *setup.space),
       dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
                 setup.layer_masks, setup.keep_resting),
-      ledger_(setup.nodes.size(), setup.capacities.contacts),
-      nodes_(setup.nodes.size()),
-      node_connections_(setup.nodes),
       recovery_host_(setup.model, 0) {
-  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
-    PeerSession& session = nodes_[node];
-    session.self = Endpoint::node(node);
-    session.id = node;
-    session.connection = setup.nodes[node];
-    session.connected = true;
-    session.notices.reserve(std::min(setup.capacities.contacts, 2 * setup.capacities.contacts / nodes_.size() + 64));
-  }
-  users_.reserve(setup.capacities.users);
-  leaving_slots_.reserve(setup.capacities.objects);
   relay_cells_.reserve(setup.capacities.objects);
   spawn_order_.reserve(setup.capacities.objects);
-  hand_overs_.reserve(setup.capacities.objects);
-  connected_.reserve(setup.capacities.users);
-  awaited_users_.reserve(setup.capacities.users);
-}
-
-messages::RunHeader ServerRole::head(MessageType type, Endpoint to) const noexcept {
-  return {type, Endpoint::server(), to, frame_, map_.epoch()};
 }
 
 Step ServerRole::step() {
   bool progressed = false;
-  if (stage_ == Stage::waiting) {
-    if (setup_.order->ordered.load(std::memory_order_acquire) == frames_) {
+  if (state_.stage == FrameStage::waiting) {
+    if (state_.setup.order->ordered.load(std::memory_order_acquire) == frames_) {
       return Step::idle;
     }
     cut();
     progressed = true;
   }
-  all_nodes([&](PeerSession& node) {
+  state_.all_nodes([&](PeerSession& node) {
     progressed |= is_awaited(node) && drain(node);
     return true;
   });
@@ -62,8 +39,8 @@ Step ServerRole::step() {
   if (any_broken_) [[unlikely]] {
     lose_broken_nodes();
   }
-  if (!report().lost.empty()) {
-    for (PeerSession& session : nodes_) {
+  if (!state_.report().lost.empty()) {
+    for (PeerSession& session : state_.nodes) {
       progressed |= session.lost && drain_lost(session);
     }
   }
@@ -75,28 +52,29 @@ Step ServerRole::step() {
   if (advanced || check_deadlines() || progressed) {
     return Step::progressed;
   }
-  const bool sending = stage_ == Stage::starting_nodes || stage_ == Stage::starting_users ||
-                       stage_ == Stage::dispatching || stage_ == Stage::notifying || stage_ == Stage::notifying_users;
+  const bool sending = state_.stage == FrameStage::starting_nodes || state_.stage == FrameStage::starting_users ||
+                       state_.stage == FrameStage::dispatching || state_.stage == FrameStage::notifying ||
+                       state_.stage == FrameStage::notifying_users;
   return sending ? Step::blocked : Step::idle;
 }
 
 // Whether the frame waits for a message of the node.
 bool ServerRole::is_awaited(const PeerSession& node) const noexcept {
-  switch (stage_) {
-    case Stage::waiting:
+  switch (state_.stage) {
+    case FrameStage::waiting:
       return false;
-    case Stage::starting_nodes:
-    case Stage::starting_users:
-    case Stage::moving:
-      return !node.states_received || node.probed_ns != 0;
-    case Stage::dispatching:
-    case Stage::colliding:
-    case Stage::notifying:
-      return !node.narrow_done_received || node.probed_ns != 0;
-    case Stage::notifying_users:
+    case FrameStage::starting_nodes:
+    case FrameStage::starting_users:
+    case FrameStage::moving:
+      return !node.received.states || node.probed_ns != 0;
+    case FrameStage::dispatching:
+    case FrameStage::colliding:
+    case FrameStage::notifying:
+      return !node.received.narrow_done || node.probed_ns != 0;
+    case FrameStage::notifying_users:
       return node.probed_ns != 0;
-    case Stage::closing:
-      return !node.frame_done_received || node.probed_ns != 0;
+    case FrameStage::closing:
+      return !node.received.frame_done || node.probed_ns != 0;
   }
   return true;
 }
@@ -106,15 +84,15 @@ bool ServerRole::is_awaited(const PeerSession& node) const noexcept {
 bool ServerRole::receive_from_users() {
   constexpr std::size_t ahead = 4;
   bool any = false;
-  for (std::size_t i = 0; i < awaited_users_.size();) {
-    if (i + ahead < awaited_users_.size()) {
-      users_[awaited_users_[i + ahead]].connection.in->prefetch();
+  for (std::size_t i = 0; i < state_.awaited_users.size();) {
+    if (i + ahead < state_.awaited_users.size()) {
+      state_.users[state_.awaited_users[i + ahead]].connection.in->prefetch();
     }
-    PeerSession& user = users_[awaited_users_[i]];
+    PeerSession& user = state_.users[state_.awaited_users[i]];
     any |= !user.lost && drain(user);
-    if (user.lost || (contacts_are_final() ? user.frame_done_received : user.states_received)) {
-      awaited_users_[i] = awaited_users_.back();
-      awaited_users_.pop_back();
+    if (user.lost || (state_.contacts_are_final() ? user.received.frame_done : user.received.states)) {
+      state_.awaited_users[i] = state_.awaited_users.back();
+      state_.awaited_users.pop_back();
     } else {
       ++i;
     }
@@ -124,8 +102,8 @@ bool ServerRole::receive_from_users() {
 
 // In user/server deployment the server is a host; otherwise it hosts only objects without another host.
 void ServerRole::move_hosted() {
-  host_.move(frame_);
-  apply_moves(host_);
+  state_.host.move(state_.frame);
+  apply_moves(state_.host);
 }
 
 void ServerRole::apply_moves(Host& host) {
@@ -133,58 +111,58 @@ void ServerRole::apply_moves(Host& host) {
   const auto changed = host.changed();
   for (std::size_t i = 0; i < changed.size(); ++i) {
     if (i + ahead < changed.size()) {
-      objects_.prefetch(host[changed[i + ahead]].object.slot);
+      state_.objects.prefetch(host[changed[i + ahead]].object.slot);
     }
     const std::uint32_t hosted = changed[i];
     const Hosted& object = host[hosted];
-    ObjectRow& row = objects_.row(object.object.slot);
+    ObjectRow& row = state_.objects.row(object.object.slot);
     row.pose = object.pose;
     row.object.flags = object.object.flags;
-    objects_.bounds(object.object.slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
-    if (objects_.state_bytes() != 0) {
-      std::memcpy(objects_.state(object.object.slot), host.state(hosted), objects_.state_bytes());
+    state_.objects.bounds(object.object.slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
+    if (state_.objects.state_bytes() != 0) {
+      std::memcpy(state_.objects.state(object.object.slot), host.state(hosted), state_.objects.state_bytes());
     }
-    objects_.mark_moved(object.object.slot);
+    state_.objects.mark_moved(object.object.slot);
   }
   const HostRefusals& refusals = host.refusals();
-  report().refused[static_cast<std::size_t>(Status::model_failed)] += refusals.model_failed;
-  report().refused[static_cast<std::size_t>(Status::not_finite)] += refusals.not_finite;
-  report().refused[static_cast<std::size_t>(Status::not_unit)] += refusals.not_unit;
+  state_.report().refused[static_cast<std::size_t>(Status::model_failed)] += refusals.model_failed;
+  state_.report().refused[static_cast<std::size_t>(Status::not_finite)] += refusals.not_finite;
+  state_.report().refused[static_cast<std::size_t>(Status::not_unit)] += refusals.not_unit;
 }
 
 const Pose& ServerRole::pose(std::uint32_t slot) const noexcept {
-  const ObjectRow& row = objects_.row(slot);
-  if ((objects_.marks(slot) & host_owned_mark) == 0) {
+  const ObjectRow& row = state_.objects.row(slot);
+  if ((state_.objects.marks(slot) & host_owned_mark) == 0) {
     return row.pose;
   }
-  const Host& host = *nodes_[objects_.host(slot).number()].connection.node_contacts->host;
+  const Host& host = *state_.nodes[state_.objects.host(slot).number()].connection.node_contacts->host;
   return host[host.find(row.object.number)].pose;
 }
 
 // Stores the host-owned state of an object in `frame`, unless the state was reported or stored since.
 void ServerRole::store_state(const PeerSession& session, std::uint64_t frame, const messages::ObjectRef& object,
                              const Pose& pose, const std::byte* state) {
-  const std::uint32_t slot = objects_.find(object);
-  if (slot == base::NumberIndex::none || objects_.host(slot) != session.self) {
+  const std::uint32_t slot = state_.objects.find(object);
+  if (slot == base::NumberIndex::none || state_.objects.host(slot) != session.self) {
     return;
   }
-  ObjectMarks& marks = objects_.marks(slot);
+  ObjectMarks& marks = state_.objects.marks(slot);
   if ((marks & (host_owned_mark | reported_mark)) != host_owned_mark) {
     return;
   }
-  objects_.row(slot).pose = pose;
-  std::copy_n(state, objects_.state_bytes(), objects_.state(slot));
+  state_.objects.row(slot).pose = pose;
+  std::copy_n(state, state_.objects.state_bytes(), state_.objects.state(slot));
   bounds_are_stale_ = true;
-  if (frame == frame_) {
+  if (frame == state_.frame) {
     marks |= reported_mark;
-    objects_.mark_moved_host_only(slot);
+    state_.objects.mark_moved_host_only(slot);
     host_owned_moved_ -= session.lost ? 0 : 1;  // the node will report the number of states it kept
   }
 }
 
 // Brings all rows, states and bounds to this frame. The nodes have moved and wait.
 void ServerRole::refresh_objects() {
-  for (const PeerSession& session : nodes_) {
+  for (const PeerSession& session : state_.nodes) {
     if (session.lost || session.connection.node_contacts == nullptr) {
       continue;
     }
@@ -192,39 +170,39 @@ void ServerRole::refresh_objects() {
     for (std::size_t i = 0; i < host.size(); ++i) {
       const Hosted& object = host[i];
       if ((object.object.flags & messages::flag_host_owned) != 0) {
-        store_state(session, frame_, object.object, object.pose, host.state(i));
+        store_state(session, state_.frame, object.object, object.pose, host.state(i));
       }
     }
   }
   if (!std::exchange(bounds_are_stale_, false)) {
     return;
   }
-  for (std::uint32_t slot = 0; slot < objects_.slots(); ++slot) {
-    if (objects_.present()[slot] != 0) {
-      const ObjectRow& row = objects_.row(slot);
-      objects_.bounds(slot) = setup_.shapes->bounds(row.shape, row.pose, *setup_.space);
+  for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
+    if (state_.objects.present()[slot] != 0) {
+      const ObjectRow& row = state_.objects.row(slot);
+      state_.objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
     }
   }
 }
 
 void ServerRole::detect() {
-  spend(ringfence::Stage::move, telemetry::now_ns());
-  const bool all_objects = update_scope_ == Dispatch::UpdateScope::all_objects;
+  spend(Stage::move, telemetry::now_ns());
+  const bool all_objects = state_.map_change.updates == Dispatch::UpdateScope::all_objects;
   if (all_objects) {
     refresh_objects();
   }
-  dispatch_.list_updates(objects_, map_, update_scope_);
-  ghosts_exchanged_ = !all_objects && setup_.placement == Placement::region;
+  dispatch_.list_updates(state_.objects, state_.map, state_.map_change.updates);
+  ghosts_exchanged_ = !all_objects && state_.setup.placement == Placement::region;
   if (ghosts_exchanged_) {
     open_ghost_gates();
   }
-  update_scope_ = Dispatch::UpdateScope::changes;
-  dispatch_.start();
+  state_.map_change.updates = Dispatch::UpdateScope::changes;
+  dispatch_.start(state_.nodes);
 }
 
 // Before the last position is sent: nodes that have received it enter their gates.
 void ServerRole::open_ghost_gates() {
-  for (const PeerSession& session : nodes_) {
+  for (const PeerSession& session : state_.nodes) {
     if (session.connection.node_contacts != nullptr) {
       session.connection.node_contacts->ghost_updates.gate.admit();
     }
@@ -233,7 +211,7 @@ void ServerRole::open_ghost_gates() {
 
 // A node is lost: ghost updates are no longer read in this frame, by no node, because all objects are sent again.
 void ServerRole::close_ghost_gates() noexcept {
-  for (const PeerSession& session : nodes_) {
+  for (const PeerSession& session : state_.nodes) {
     if (session.connection.node_contacts != nullptr) {
       session.connection.node_contacts->ghost_updates.gate.bar();
     }
@@ -241,13 +219,13 @@ void ServerRole::close_ghost_gates() noexcept {
 }
 
 bool ServerRole::all_nodes_done() noexcept {
-  return all_nodes([](const PeerSession& node) { return node.frame_done_received; });
+  return state_.all_nodes([](const PeerSession& node) { return node.received.frame_done; });
 }
 
 // Whether no lost node is inside its gate: otherwise peers must not begin the next frame. Abandoned nodes have no
 // peers.
 bool ServerRole::ghost_gates_are_left() const noexcept {
-  return nodes_abandoned_ || std::none_of(nodes_.begin(), nodes_.end(), [](const PeerSession& session) {
+  return nodes_abandoned_ || std::none_of(state_.nodes.begin(), state_.nodes.end(), [](const PeerSession& session) {
            return session.lost && session.connection.node_contacts != nullptr &&
                   session.connection.node_contacts->ghost_updates.gate.is_inside();
          });
@@ -257,92 +235,93 @@ bool ServerRole::ghost_gates_are_left() const noexcept {
 bool ServerRole::advance() { return (!losses_pending_ || send_losses()) && advance_stage(); }
 
 bool ServerRole::advance_stage() {
-  switch (stage_) {
-    case Stage::waiting:
+  switch (state_.stage) {
+    case FrameStage::waiting:
       return false;
-    case Stage::starting_nodes:
-      if (!all_nodes([&](PeerSession& node) { return open(node) && note_first(node.started_ns); })) {
+    case FrameStage::starting_nodes:
+      if (!state_.all_nodes([&](PeerSession& node) { return open(node) && note_first(node.started); })) {
         return false;
       }
       spend_cpu(&PathReport::start_nodes_ms);
-      charge_notified(report().path.start_nodes_ms, begin_ns_, &PeerSession::started_ns, &PeerSession::started_ms);
+      charge_notified(state_.report().path.start_nodes_ms, state_.begin_ns, &PeerSession::started);
       start_users();
-      stage_ = Stage::starting_users;
+      state_.stage = FrameStage::starting_users;
       return true;
-    case Stage::starting_users:
-      if (!all_users([&](PeerSession& user) { return open(user); })) {
+    case FrameStage::starting_users:
+      if (!state_.all_users([&](PeerSession& user) { return open(user); })) {
         return false;
       }
       spend_cpu(&PathReport::start_users_ms);
       move_hosted();
-      stage_ = Stage::moving;
+      state_.stage = FrameStage::moving;
       return true;
-    case Stage::moving:
-      if (!all_nodes([](const PeerSession& node) { return node.states_received; }) || !awaited_users_.empty()) {
+    case FrameStage::moving:
+      if (!state_.all_nodes([](const PeerSession& node) { return node.received.states; }) ||
+          !state_.awaited_users.empty()) {
         return false;
       }
       spend_cpu(&PathReport::ingest_ms);
       detect();
-      stage_ = Stage::dispatching;
+      state_.stage = FrameStage::dispatching;
       return true;
-    case Stage::dispatching:
-      if (!dispatch_.pump(node_connections_, objects_, map_, head(MessageType::pairs, Endpoint::none()),
-                          report().traffic)) {
+    case FrameStage::dispatching:
+      if (!dispatch_.pump(state_.objects, state_.map, state_.head(MessageType::pairs, Endpoint::none()),
+                          state_.report().traffic)) {
         return false;
       }
-      if (setup_.placement == Placement::server) {
-        report().candidates = dispatch_.candidates();
+      if (state_.setup.placement == Placement::server) {
+        state_.report().candidates = dispatch_.candidates();
       }
       // Sweeping and sending alternate; the report separates them.
-      spend(ringfence::Stage::broad_phase, mark_ns_ + dispatch_.sweep_ns());
-      spend(ringfence::Stage::dispatch, telemetry::now_ns());
+      spend(Stage::broad_phase, mark_ns_ + dispatch_.sweep_ns());
+      spend(Stage::dispatch, telemetry::now_ns());
       spend_cpu(&PathReport::dispatch_ms);
       // Poses are final, so states can be published while the nodes test.
       publish();
       spend_cpu(&PathReport::publish_ms);
-      spend(ringfence::Stage::notify, telemetry::now_ns());
-      stage_ = Stage::colliding;
+      spend(Stage::notify, telemetry::now_ns());
+      state_.stage = FrameStage::colliding;
       return true;
-    case Stage::colliding:
+    case FrameStage::colliding:
       if (!relays_are_final_ && all_published()) {
         allow_reading();
         plan_map();
       }
-      if (!all_nodes([](const PeerSession& node) { return node.narrow_done_received; })) {
+      if (!state_.all_nodes([](const PeerSession& node) { return node.received.narrow_done; })) {
         return false;
       }
       spend_cpu(&PathReport::receive_contacts_ms);
       collect();
       spend_cpu(&PathReport::collect_ms);
-      notify_ns_ = mark_ns_;
-      stage_ = Stage::notifying;
+      state_.notify_ns = mark_ns_;
+      state_.stage = FrameStage::notifying;
       return true;
-    case Stage::notifying:
-      if (!all_nodes([&](PeerSession& node) { return notify(node) && note_first(node.notified_ns); })) {
+    case FrameStage::notifying:
+      if (!state_.all_nodes([&](PeerSession& node) { return notify(node) && note_first(node.notified); })) {
         return false;
       }
       spend_cpu(&PathReport::notify_ms);
-      charge_notified(report().path.notify_ms, notify_ns_, &PeerSession::notified_ns, &PeerSession::notified_ms);
+      charge_notified(state_.report().path.notify_ms, state_.notify_ns, &PeerSession::notified);
       start_notifying_users();
-      stage_ = Stage::notifying_users;
+      state_.stage = FrameStage::notifying_users;
       return true;
-    case Stage::notifying_users:
+    case FrameStage::notifying_users:
       // Users before nodes, since nodes need longer to end.
       if (!users_are_notified_) {
         users_are_notified_ = true;
-        for (const UserNumber user : awaited_users_) {
-          users_are_notified_ &= notify(users_[user]);
+        for (const UserNumber user : state_.awaited_users) {
+          users_are_notified_ &= notify(state_.users[user]);
         }
         spend_cpu(&PathReport::notify_users_ms);
       }
-      if (!awaited_users_.empty()) {
+      if (!state_.awaited_users.empty()) {
         return false;
       }
       spend_cpu(&PathReport::receive_user_acks_ms);
-      stage_ = Stage::closing;
+      state_.stage = FrameStage::closing;
       return true;
-    case Stage::closing:
-      if (!all_nodes_done() || !ghost_gates_are_left() || !ledger_.complete()) {
+    case FrameStage::closing:
+      if (!all_nodes_done() || !ghost_gates_are_left() || !state_.ledger.complete()) {
         return false;
       }
       finish();
@@ -355,28 +334,30 @@ void ServerRole::finish() {
   count_contacts();
   keep_last_node();
   const std::uint64_t now = telemetry::now_ns();
-  spend(ringfence::Stage::notify, now);
+  spend(Stage::notify, now);
   spend_cpu(&PathReport::finish_ms);
-  FrameReport& frame = report();
-  frame.objects = objects_.live();
-  frame.map_epoch = map_.epoch();
-  frame.moved = static_cast<std::uint64_t>(static_cast<std::int64_t>(objects_.moved().size()) + host_owned_moved_);
-  frame.frame_ms = telemetry::to_ms(now - begin_ns_);
+  FrameReport& frame = state_.report();
+  frame.objects = state_.objects.live();
+  frame.map_epoch = state_.map.epoch();
+  frame.moved =
+      static_cast<std::uint64_t>(static_cast<std::int64_t>(state_.objects.moved().size()) + host_owned_moved_);
+  frame.frame_ms = telemetry::to_ms(now - state_.begin_ns);
   frame.server_cpu_ms = telemetry::to_ms(telemetry::thread_cpu_ns() - cpu_begin_ns_);
   for (NodeReport& node : frame.nodes) {
     node.wait_ms = std::max(0.0, frame.frame_ms - node.busy_ms);
   }
-  frame.grown = (objects_.slots() > setup_.capacities.objects ? 1u : 0u) +
-                (frame.candidates > setup_.capacities.pairs ? 1u : 0u) +
-                (frame.contacts > setup_.capacities.contacts ? 1u : 0u);
-  if (map_changed_) {
-    update_scope_ = hosts_exchange_objects_ ? Dispatch::UpdateScope::not_hosted : Dispatch::UpdateScope::all_objects;
+  frame.grown = (state_.objects.slots() > state_.setup.capacities.objects ? 1u : 0u) +
+                (frame.candidates > state_.setup.capacities.pairs ? 1u : 0u) +
+                (frame.contacts > state_.setup.capacities.contacts ? 1u : 0u);
+  if (state_.map_change.at_end) {
+    state_.map_change.updates = state_.map_change.hosts_exchange_objects ? Dispatch::UpdateScope::not_hosted
+                                                                         : Dispatch::UpdateScope::all_objects;
   }
-  map_changed_ = rescan_hosts_ = map_precedes_frame_ = false;
-  stage_ = Stage::waiting;
-  setup_.order->completed.store(frames_, std::memory_order_release);
-  if (setup_.order->caller != nullptr) {
-    setup_.order->caller->ring();
+  state_.map_change.at_end = state_.map_change.rescan_hosts = state_.map_change.precedes_frame = false;
+  state_.stage = FrameStage::waiting;
+  state_.setup.order->completed.store(frames_, std::memory_order_release);
+  if (state_.setup.order->caller != nullptr) {
+    state_.setup.order->caller->ring();
   }
 }
 

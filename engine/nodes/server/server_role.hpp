@@ -1,84 +1,17 @@
 #pragma once
 
-#include <array>
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
-#include "base/numbers.hpp"
-#include "geometry/shape_table.hpp"
-#include "messages/run.hpp"
-#include "nodes/exchange/publications.hpp"
-#include "nodes/host/host.hpp"
-#include "nodes/server/contact_ledger.hpp"
 #include "nodes/server/dispatch.hpp"
 #include "nodes/server/hosting.hpp"
-#include "nodes/server/object_table.hpp"
-#include "nodes/server/peer_session.hpp"
-#include "nodes/server/request.hpp"
+#include "nodes/server/server_state.hpp"
 #include "nodes/server/spawn_order.hpp"
 #include "regions/balance.hpp"
-#include "regions/region_map.hpp"
-#include "ringfence/config.hpp"
-#include "ringfence/frame_report.hpp"
-#include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
-
-/// Control of the server's frames by the facade: starts a frame and learns of its completion. One frame at a time.
-struct FrameOrder {
-  std::vector<Request> requests;          ///< for the cut; read by the server while the frame is running
-  std::atomic<std::uint64_t> ordered{0};  ///< number of frames ordered; a release store publishes `requests`
-  std::atomic<std::uint64_t> completed{0};
-  // The last CD node is lost and its work is not done: the server asks the facade for a fallback node in the same slot.
-  std::atomic<bool> fallback_wanted{false};
-  std::atomic<bool> fallback_ready{false};
-  NodeNumber fallback_slot = 0;  ///< valid while wanted
-  NodeNumber fallback_id = 0;    ///< valid when ready
-  Connection fallback;           ///< the server's end of its connection; valid when ready
-  // If user nodes have not reported their moves after half of their deadline, the facade checks their threads. If two
-  // checks find a thread in the same move, that user node is late, and the facade moves the others to a new thread.
-  std::atomic<bool> users_overdue{false};
-  std::atomic<bool> users_moved{false};   ///< the next two lists are valid; reset when the server has read them
-  std::vector<UserNumber> stalled_users;  ///< user nodes that are late
-  /// A user node that another thread steps from now on.
-  struct MovedUser {
-    UserNumber user;
-    link::Doorbell* bell;  ///< of its new thread
-  };
-  std::vector<MovedUser> moved_users;
-  link::Doorbell* caller = nullptr;  ///< rung when a frame is complete; null if the caller steps the server itself
-};
-
-/// Configuration of the server. The pointers outlive the role.
-struct ServerSetup {
-  const geometry::ShapeTable* shapes = nullptr;
-  const geometry::FixedSpace* space = nullptr;
-  const MotionModel* model = nullptr;
-  Publications* publications = nullptr;
-  FrameOrder* order = nullptr;
-  Deployment deployment = Deployment::user_collision;
-  Placement placement = Placement::server;
-  std::array<std::uint32_t, 32> layer_masks{};
-  bool keep_resting = true;  ///< see WorldConfig
-  Capacities capacities;
-  double interest = 0;
-  /// With more CD nodes, the nodes publish the states of what they host instead of the server.
-  std::size_t max_relayed_nodes = 4;
-  bool balance = true;  ///< regions follow the load
-  BalanceBy balance_by = BalanceBy::cpu_time;
-  Quotas quotas;
-  /// A CD node that is silent for this long in a frame, and does not answer a probe, is lost; 0: no deadline.
-  std::uint64_t node_deadline_ns = 0;
-  /// Time a user node has to report its moves, and again to acknowledge its contacts; 0: no deadline. If there is a
-  /// FrameOrder::caller, the facade finds out whose move takes too long; otherwise each user node that has not reported
-  /// in time is late.
-  std::uint64_t user_deadline_ns = 0;
-  telemetry::Track* track = nullptr;  ///< null: no timeline
-  std::vector<Connection> nodes;      ///< of the first nodes; the id of each is its slot
-};
 
 /// The collision detection server: one per world. It cuts the stream of requests into frames, receives the objects'
 /// states, sweeps (broad phase), assigns pairs to CD nodes, collects their contacts, and notifies the hosts of the
@@ -107,39 +40,28 @@ class ServerRole {
 
   /// Whether the CD node that was in the slot in the last frame was lost in it because it broke the protocol. Call
   /// between frames.
-  bool is_broken(NodeNumber node) const noexcept { return node < nodes_.size() && nodes_[node].broken; }
+  bool is_broken(NodeNumber node) const noexcept { return node < state_.nodes.size() && state_.nodes[node].broken; }
 
   // Between frames, for the facade.
   /// Whether the CD node in the slot has handed everything over, as Request::retire_node asked, so that the slot is
   /// free at the next cut. If a node is lost in the same frame, the request may have no effect.
-  bool has_left(NodeNumber node) const noexcept { return node < nodes_.size() && nodes_[node].left; }
-  const regions::RegionMap& map() const noexcept { return map_; }
+  bool has_left(NodeNumber node) const noexcept { return node < state_.nodes.size() && state_.nodes[node].left; }
+  const regions::RegionMap& map() const noexcept { return state_.map; }
   /// Poses and states of host-owned objects (host_owned_mark) may be of an earlier frame: see pose().
-  const ObjectTable& objects() const noexcept { return objects_; }
+  const ObjectTable& objects() const noexcept { return state_.objects; }
   /// Pose of the live object in that slot after the last frame.
   const Pose& pose(std::uint32_t slot) const noexcept;
   // For the last frame; unchanged while the next one is running.
-  const ContactLedger& ledger() const noexcept { return ledger_; }
+  const ContactLedger& ledger() const noexcept { return state_.ledger; }
   /// Whether all nodes of the last frame were lost because the thread of one had stopped inside a read gate.
   bool has_abandoned_nodes() const noexcept { return nodes_abandoned_; }
   /// Precondition: the threads of all lost nodes have ended.
-  void free_abandoned() noexcept { ledger_.free_abandoned(); }
-  const FrameReport& report(std::uint64_t frame) const noexcept { return reports_[frame & 1]; }
+  void free_abandoned() noexcept { state_.ledger.free_abandoned(); }
+  const FrameReport& report(std::uint64_t frame) const noexcept { return state_.reports[frame & 1]; }
 
  private:
   static constexpr NodeNumber no_node = 0xffffffffu;
   static constexpr std::uint32_t not_relayed = 0xffffffffu;
-  enum class Stage : std::uint8_t {
-    waiting,
-    starting_nodes,
-    starting_users,
-    moving,
-    dispatching,
-    colliding,
-    notifying,
-    notifying_users,
-    closing
-  };
 
   // Cut.
   void cut();
@@ -156,9 +78,7 @@ class ServerRole {
   void set_slots(std::size_t slots);
   void list_nodes();
   void rehost(const HostChange& change);
-  void note_host_change(std::uint32_t slot);
   void send_known_contacts();
-  PeerSession* session_of(messages::Endpoint endpoint) noexcept;
   void start(PeerSession& session);
   void start_users();
   bool open(PeerSession& session);
@@ -178,7 +98,6 @@ class ServerRole {
   void receive_narrow_done(PeerSession& session, const messages::MessageView& message);
   void receive_kinds(const messages::MessageView& message);
   void receive_frame_done(PeerSession& session, const messages::MessageView& message);
-  void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
   void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
 
   // Loss of nodes.
@@ -227,7 +146,6 @@ class ServerRole {
   std::size_t weigh_part(std::size_t part, std::size_t first, std::size_t end);
   bool is_hosted_here(messages::Endpoint host) const noexcept;
   std::span<const std::uint32_t> partition();
-  std::span<const NodeNumber> remaining_nodes();
 
   // Stages.
   bool advance();
@@ -263,111 +181,56 @@ class ServerRole {
   bool send_read_publications(PeerSession& user);
   void list_relays();
   bool notify(PeerSession& session);
-  bool send_map(PeerSession& session, messages::RunSender& run);
   void finish();
-  // Calls `done` for every connected peer of a kind that is not lost, also after one has returned false.
-  // Returns whether all returned true.
-  template <class Done>
-  bool all_nodes(Done done) {
-    bool all = true;
-    for (PeerSession& session : nodes_) {
-      all &= !session.connected || session.lost || done(session);
-    }
-    return all;
-  }
-  template <class Done>
-  bool all_users(Done done) {
-    bool all = true;
-    for (const UserNumber user : connected_) {
-      all &= users_[user].lost || done(users_[user]);
-    }
-    return all;
-  }
-  /// Whether the contacts of the frame are known, so that a loss no longer changes them.
-  bool contacts_are_final() const noexcept { return stage_ >= Stage::notifying; }
 
   // Report.
   void start_report();
-  void spend(ringfence::Stage stage, std::uint64_t now) noexcept;
+  void spend(Stage stage, std::uint64_t now) noexcept;
   void spend_cpu(double PathReport::*step) noexcept;
   void charge_path(const PeerSession& node, const messages::NodeFrameStats& stats) noexcept;
-  static bool note_first(std::uint64_t& when_ns) noexcept;
-  void charge_notified(double step_ms, std::uint64_t begin_ns, std::uint64_t PeerSession::*reached_ns,
-                       double PeerSession::*reached_ms) noexcept;
+  static bool note_first(PeerSession::Reached& reached) noexcept;
+  void charge_notified(double step_ms, std::uint64_t begin_ns, PeerSession::Reached PeerSession::*reached) noexcept;
   void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
   static void add(messages::TrafficCounts& counts, const messages::Header& header) noexcept;
-  FrameReport& report() noexcept { return reports_[frame_ & 1]; }
 
-  messages::RunHeader head(messages::MessageType type, messages::Endpoint to) const noexcept;
-
-  ServerSetup setup_;
-  regions::RegionMap map_;
+  ServerState state_;
   regions::Balance balance_;
   std::vector<regions::NodeCost> costs_;  ///< of the nodes in the frame before
   MapPlan map_plan_;
-  bool partition_due_ = false;  ///< at the end of this frame, or of the first one without a loss
-  bool map_changed_ = false;    ///< nodes receive a new map at the end of this frame
-  /// Of this frame; more than `changes` after a change of the map.
-  Dispatch::UpdateScope update_scope_ = Dispatch::UpdateScope::changes;
-  /// Nodes send each other what they host under the map that begins with the next frame.
-  bool hosts_exchange_objects_ = false;
+  bool partition_due_ = false;     ///< at the end of this frame, or of the first one without a loss
   bool ghosts_exchanged_ = false;  ///< nodes exchange ghost updates in this frame
-  ObjectTable objects_;
-  Host host_;
   Hosting hosting_;
   Dispatch dispatch_;
-  ContactLedger ledger_;
   std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
   bool nodes_exchange_contacts_ = false;  ///< nodes read the contacts that concern them from each other in this frame
-  std::vector<PeerSession> nodes_;        ///< by slot; a free slot is not connected
-  std::vector<PeerSession> users_;        ///< by user number
-  std::vector<UserNumber> connected_;
-  std::vector<UserNumber> awaited_users_;     ///< those from which the frame still needs a message
-  std::vector<Connection> node_connections_;  ///< by slot; empty if it is free or its node is lost
   std::vector<PositionedSpawn> spawn_order_;
   base::FlatList<std::uint32_t> relay_cells_;  ///< by slot: cell in the server's publication, or not_relayed
   bool nodes_publish_ = false;                 ///< CD nodes publish what they host in this frame, if they can
   bool relay_is_known_ = false;                ///< relay_cells_ are valid except for objects that moved in this frame
   bool relays_are_final_ = false;              ///< user nodes may read: the publications of this frame no longer change
-  std::vector<std::uint32_t> leaving_slots_;   ///< slots whose hosts reported another next host in this frame
   bool users_changed_ = false;
   bool users_are_notified_ = false;  ///< all users have been sent their contacts of this frame
   bool bounds_are_stale_ = false;    ///< bounds of present objects that only their hosts know are outdated
-  /// Objects that moved in this frame and are not in objects_.moved(), minus those there that did not move.
+  /// Objects that moved in this frame and are not in ObjectTable::moved(), minus those there that did not move.
   std::int64_t host_owned_moved_ = 0;
 
-  /// An object that another CD node hosts from the next frame on.
-  struct HandOver {
-    std::uint32_t slot;
-    NodeNumber from, to;
-  };
-  std::vector<HandOver> hand_overs_;  ///< of this frame
-  /// Objects whose hosts do not have their contacts of the last frame: with host_changed_mark.
-  std::vector<std::uint32_t> host_changes_;
   Host recovery_host_;                  ///< moves objects that lost nodes had not reported
   std::vector<std::uint32_t> table_;    ///< of the map under construction
-  std::vector<NodeNumber> remaining_;   ///< result of remaining_nodes()
+  std::vector<NodeNumber> remaining_;   ///< ServerState::list_remaining_nodes()
   NodeNumber fallback_slot_ = no_node;  ///< waiting for a fallback node in this slot
   bool losses_pending_ = false;
   bool any_broken_ = false;       ///< a node that is not lost yet has broken the protocol
   bool nodes_abandoned_ = false;  ///< in this frame; see watch_gates
   /// Since when the frame waits for lost nodes to leave their gates; 0: it does not wait.
   std::uint64_t gates_watched_ns_ = 0;
-  bool recovered_ = false;           ///< the server holds objects of lost nodes until the next cut
-  bool map_precedes_frame_ = false;  ///< nodes receive the map before this frame begins
-  bool rescan_hosts_ = false;        ///< the map changed within this frame or before it
+  bool recovered_ = false;  ///< the server holds objects of lost nodes until the next cut
 
-  Stage stage_ = Stage::waiting;
-  std::uint64_t frames_ = 0;  ///< frames begun
-  std::uint64_t frame_ = 0;
-  std::uint64_t mark_ns_ = 0;    ///< time up to which stages have been charged
-  std::uint64_t ingest_ns_ = 0;  ///< ingest time within the current stage
-  std::uint64_t begin_ns_ = 0;
-  std::uint64_t notify_ns_ = 0;         ///< start of the notification of hosts
+  std::uint64_t frames_ = 0;            ///< frames begun
+  std::uint64_t mark_ns_ = 0;           ///< time up to which stages have been charged
+  std::uint64_t ingest_ns_ = 0;         ///< ingest time within the current stage
   std::uint64_t moves_watched_ns_ = 0;  ///< when user nodes began to move, or the facade last checked their threads
   std::uint64_t cpu_begin_ns_ = 0;
   std::uint64_t cpu_mark_ns_ = 0;  ///< CPU time up to which the path has been charged
-  FrameReport reports_[2];
 };
 
 }  // namespace ringfence::nodes

@@ -1,0 +1,80 @@
+#include "nodes/server/server_state.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+ServerState::ServerState(const ServerSetup& initial, const regions::RegionMap& first_map)
+    : setup(initial),
+      map(first_map),
+      objects(setup.capacities.objects, setup.model == nullptr ? 0 : (setup.model->state_bytes() + 7) / 8 * 8),
+      host(setup.model, setup.deployment == Deployment::user_server ? setup.capacities.objects : 0),
+      ledger(setup.nodes.size(), setup.capacities.contacts),
+      nodes(setup.nodes.size()) {
+  for (NodeNumber node = 0; node < nodes.size(); ++node) {
+    PeerSession& session = nodes[node];
+    session.self = Endpoint::node(node);
+    session.id = node;
+    session.connection = setup.nodes[node];
+    session.connected = true;
+    session.closing.notices.reserve(
+        std::min(setup.capacities.contacts, 2 * setup.capacities.contacts / nodes.size() + 64));
+  }
+  users.reserve(setup.capacities.users);
+  connected.reserve(setup.capacities.users);
+  awaited_users.reserve(setup.capacities.users);
+  leaving_slots.reserve(setup.capacities.objects);
+  hand_overs.reserve(setup.capacities.objects);
+}
+
+PeerSession* ServerState::session_of(Endpoint endpoint) noexcept {
+  if (endpoint == Endpoint::none()) {
+    return nullptr;
+  }
+  if (endpoint.is_node()) {
+    return &nodes[endpoint.number()];
+  }
+  if (endpoint.is_user() && users[endpoint.number()].connected) {
+    return &users[endpoint.number()];
+  }
+  return nullptr;
+}
+
+void ServerState::list_remaining_nodes(std::vector<NodeNumber>& remaining) const {
+  remaining.clear();
+  for (const bool leaving : {false, true}) {
+    for (const PeerSession& session : nodes) {
+      if (session.is_active() && session.leaving == leaving) {
+        remaining.push_back(session.self.number());
+      }
+    }
+    if (!remaining.empty()) {
+      break;
+    }
+  }
+}
+
+NodeNumber ServerState::owner_at(const Vec3d& position) const noexcept {
+  std::uint32_t point[3];
+  setup.space->point(position, point);
+  return map.owner_at(point);
+}
+
+void ServerState::note_host_change(std::uint32_t slot) {
+  objects.marks(slot) |= host_changed_mark;
+  host_changes.push_back(slot);
+}
+
+bool ServerState::send_map(PeerSession& session, messages::RunSender& run) {
+  return run.pump(*session.connection.out, head(MessageType::region_map, session.self), sizeof(messages::OwnerRecord),
+                  report().traffic, [&](std::size_t i, std::byte* where) {
+                    const messages::OwnerRecord record{map.table()[i], 0};
+                    std::memcpy(where, &record, sizeof record);
+                  });
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,122 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "base/numbers.hpp"
+#include "messages/run.hpp"
+#include "nodes/host/host.hpp"
+#include "nodes/server/contact_ledger.hpp"
+#include "nodes/server/dispatch.hpp"
+#include "nodes/server/object_table.hpp"
+#include "nodes/server/peer_session.hpp"
+#include "nodes/server/server_setup.hpp"
+#include "regions/region_map.hpp"
+#include "ringfence/frame_report.hpp"
+
+namespace ringfence::nodes {
+
+/// The stages of a frame, in order; see ServerRole.
+enum class FrameStage : std::uint8_t {
+  waiting,
+  starting_nodes,
+  starting_users,
+  moving,
+  dispatching,
+  colliding,
+  notifying,
+  notifying_users,
+  closing
+};
+
+/// What a new region map requires in the frame.
+struct MapChange {
+  bool at_end = false;          ///< nodes receive a new map at the end of this frame
+  bool precedes_frame = false;  ///< nodes receive the map before this frame begins
+  bool rescan_hosts = false;    ///< the map changed within this frame or before it: every object may change its host
+  /// Nodes send each other what they host under the map that begins with the next frame.
+  bool hosts_exchange_objects = false;
+  /// Of this frame; more than `changes` after a change of the map.
+  Dispatch::UpdateScope updates = Dispatch::UpdateScope::changes;
+};
+
+/// An object that another CD node hosts from the next frame on.
+struct HandOver {
+  std::uint32_t slot;
+  NodeNumber from, to;
+};
+
+/// The data that the parts of the server share. Each part changes it in its own steps of the frame; `stage` says where
+/// the frame is, and ServerRole and Failover change it.
+///
+/// Threads: belongs to the server role. Parts hold a reference, so it must not move.
+struct ServerState {
+  /// The id of each node of the setup is its slot.
+  ServerState(const ServerSetup& initial, const regions::RegionMap& first_map);
+  ServerState(const ServerState&) = delete;
+  ServerState& operator=(const ServerState&) = delete;
+
+  const ServerSetup setup;
+  regions::RegionMap map;
+  MapChange map_change;
+  ObjectTable objects;
+  Host host;  ///< objects that the server hosts
+  ContactLedger ledger;
+  std::vector<PeerSession> nodes;            ///< by slot; a free slot is not connected
+  std::vector<PeerSession> users;            ///< by user number
+  std::vector<UserNumber> connected;         ///< users, ascending
+  std::vector<UserNumber> awaited_users;     ///< those from which the frame still needs a message
+  std::vector<std::uint32_t> leaving_slots;  ///< slots whose hosts reported another next host in this frame
+  std::vector<HandOver> hand_overs;          ///< of this frame
+  /// Objects whose hosts do not have their contacts of the last frame: with host_changed_mark.
+  std::vector<std::uint32_t> host_changes;
+  FrameStage stage = FrameStage::waiting;
+  std::uint64_t frame = 0;
+  std::uint64_t begin_ns = 0;   ///< start of the frame
+  std::uint64_t notify_ns = 0;  ///< start of the notification of hosts
+  FrameReport reports[2];       ///< by parity of the frame
+
+  // Both call `done` for every connected peer of a kind that is not lost, also after one has returned false. They
+  // return whether all returned true.
+  template <class Done>
+  bool all_nodes(Done done) {
+    bool all = true;
+    for (PeerSession& session : nodes) {
+      all &= !session.is_active() || done(session);
+    }
+    return all;
+  }
+  template <class Done>
+  bool all_users(Done done) {
+    bool all = true;
+    for (const UserNumber user : connected) {
+      all &= users[user].lost || done(users[user]);
+    }
+    return all;
+  }
+  /// The session of a CD node or a connected user node; null for any other endpoint.
+  PeerSession* session_of(messages::Endpoint endpoint) noexcept;
+  /// Whether the contacts of the frame are known, so that a loss no longer changes them.
+  bool contacts_are_final() const noexcept { return stage >= FrameStage::notifying; }
+  /// Lists the active nodes that also stay, ascending; if none stays, those that leave.
+  void list_remaining_nodes(std::vector<NodeNumber>& remaining) const;
+  /// The CD node whose region contains the position.
+  NodeNumber owner_at(const Vec3d& position) const noexcept;
+  void note_host_change(std::uint32_t slot);
+
+  FrameReport& report() noexcept { return reports[frame & 1]; }
+  /// Counts a refused message or record.
+  void refuse(Status reason) noexcept { ++report().refused[static_cast<std::size_t>(reason)]; }
+  messages::RunHeader head(messages::MessageType type, messages::Endpoint to) const noexcept {
+    return {type, messages::Endpoint::server(), to, frame, map.epoch()};
+  }
+  /// Sends as much of the region map as the ring takes; true when all is sent.
+  bool send_map(PeerSession& session, messages::RunSender& run);
+  /// The same for a run without records.
+  bool send_empty(PeerSession& session, messages::RunSender& run, messages::MessageType type) {
+    return run.pump(*session.connection.out, head(type, session.self), 0, report().traffic,
+                    [](std::size_t, std::byte*) {});
+  }
+};
+
+}  // namespace ringfence::nodes
