@@ -136,7 +136,7 @@ void ServerRole::plan_map() {
     case Pass::planned:
       break;
   }
-  spend_cpu(&PathReport::plan_map_ms);
+  statistics_.charge_cpu(&PathReport::plan_map_ms);
 }
 
 bool ServerRole::is_for_current_map(const MapPlan& drawing) const noexcept {

@@ -9,13 +9,13 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 
 void ServerRole::collect() {
-  spend(Stage::narrow_phase, telemetry::now_ns());
+  statistics_.charge(Stage::narrow_phase);
   state_.ledger.resolve_phases();
   state_.ledger.share_out();
   FrameReport& frame = state_.report();
   frame.contacts = state_.ledger.size();
   frame.ended = state_.ledger.ends();
-  spend(Stage::collect, telemetry::now_ns());
+  statistics_.charge(Stage::collect);
   nodes_exchange_contacts_ = state_.setup.deployment == Deployment::user_collision && state_.ledger.all_share();
   change_map();
   next_hosts();
@@ -114,10 +114,10 @@ void ServerRole::count_contacts() {
   for (const PeerSession& session : state_.nodes) {
     if (const NodeContacts* node_contacts = session.connection.node_contacts;
         node_contacts != nullptr && !session.lost) {
-      count_shared(Traffic::m2, ghosts_exchanged_ ? node_contacts->ghost_updates.size() : 0,
-                   sizeof(messages::PositionRecord));
+      statistics_.count_shared(Traffic::m2, ghosts_exchanged_ ? node_contacts->ghost_updates.size() : 0,
+                               sizeof(messages::PositionRecord));
 
-      count_shared(Traffic::m4, node_contacts->taken, sizeof(Contact));
+      statistics_.count_shared(Traffic::m4, node_contacts->taken, sizeof(Contact));
     }
   }
 }

@@ -13,18 +13,15 @@ using messages::MessageType;
 
 void ServerRole::cut() {
   state_.frame = frames_++;
-  state_.begin_ns = mark_ns_ = telemetry::now_ns();
-  cpu_begin_ns_ = cpu_mark_ns_ = telemetry::thread_cpu_ns();
-  ingest_ns_ = 0;
+  statistics_.begin();
   const bool any_lost = free_slots();
   state_.objects.settle();
   users_changed_ = false;
-  start_report();
   apply_requests();
   if (any_lost) {
     replace_lost_nodes();
   }
-  list_nodes();
+  statistics_.list_nodes();
   rehost_recovered();
   for (const HostChange& change : hosting_.settle(state_.objects, state_.map, state_.connected, users_changed_)) {
     rehost(change);

@@ -140,11 +140,7 @@ void ServerRole::detect_again() {
     state_.stage = FrameStage::moving;
   }
   state_.ledger.begin(state_.frame);
-  FrameReport& frame = state_.report();
-  frame.candidates = frame.tested = frame.accepted = frame.failed_supports = 0;
-  for (NodeReport& node : frame.nodes) {
-    node = {.id = node.id};
-  }
+  statistics_.forget_results();
   for (PeerSession& session : state_.nodes) {
     session.received.narrow_done = false;
     session.loss.map_run.start(state_.map.table().size());

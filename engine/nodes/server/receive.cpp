@@ -100,7 +100,7 @@ bool ServerRole::is_acceptable(const PeerSession& node, const MessageView& messa
 }
 
 void ServerRole::receive(PeerSession& session, const MessageView& message) {
-  add(state_.report().traffic, message.header());
+  statistics_.count(message.header());
   const bool node = session.self.is_node();
   const bool tests = message.type() == MessageType::collision || message.type() == MessageType::change ||
                      message.type() == MessageType::narrow_done;
@@ -128,7 +128,7 @@ void ServerRole::receive(PeerSession& session, const MessageView& message) {
     case MessageType::probe_reply:
       return node ? void() : refuse(session, Status::bad_message);
     case MessageType::kinds:
-      return node ? receive_kinds(message) : refuse(session, Status::bad_message);
+      return node ? statistics_.add_kinds(message) : refuse(session, Status::bad_message);
     case MessageType::frame_done:
       // Accepted once, and only after the contacts that it acknowledges have been sent.
       return message.count() == 1 && !session.received.frame_done && state_.contacts_are_final() &&
@@ -170,7 +170,7 @@ void ServerRole::receive_states(PeerSession& session, const MessageView& message
     state_.objects.mark_moved(slot);
   }
   session.received.states |= message.last();
-  ingest_ns_ += telemetry::now_ns() - start;
+  statistics_.add_ingest(telemetry::now_ns() - start);
 }
 
 void ServerRole::receive_node_states(PeerSession& session, const MessageView& message) {
@@ -229,7 +229,7 @@ void ServerRole::receive_node_states(PeerSession& session, const MessageView& me
     }
   }
   session.received.states |= message.last();
-  ingest_ns_ += telemetry::now_ns() - start;
+  statistics_.add_ingest(telemetry::now_ns() - start);
 }
 
 // The host has sent the object to the nodes whose regions these bounds touch; without `shared` they touch only the
@@ -273,16 +273,10 @@ void ServerRole::receive_changes(PeerSession& session, const MessageView& messag
 // A node's results count only as a whole: when it reports the number of tested pairs, and all its contacts are here.
 void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NarrowDoneRecord>(0);
-  NodeReport& node = state_.report().nodes[session.in_report];
-  node.candidates = record.candidates;
-  node.tested = record.tested;
-  node.contacts = record.contacts;
-  node.failed_supports = record.failed_supports;
-  state_.report().failed_supports += record.failed_supports;
-  state_.report().tested += record.tested;
+  statistics_.add(session, record);
   if (NodeContacts* const node_contacts = session.connection.node_contacts) {
     state_.ledger.receive(session.self.number(), *node_contacts);
-    count_shared(Traffic::m3, node_contacts->keys.size(), sizeof(messages::CollisionRecord));
+    statistics_.count_shared(Traffic::m3, node_contacts->keys.size(), sizeof(messages::CollisionRecord));
   } else {
     state_.ledger.end_run(session.self.number());
   }
@@ -291,69 +285,15 @@ void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& me
   } else {
     refuse(session, Status::bad_message);
   }
-  if (state_.setup.placement == Placement::region) {
-    state_.report().candidates += record.candidates;
-  }
   session.received.narrow_done = true;
-}
-
-void ServerRole::receive_kinds(const MessageView& message) {
-  auto& kinds = state_.report().kinds;
-  for (std::size_t i = 0; i < message.count(); ++i) {
-    const auto record = message.record<messages::KindRecord>(i);
-    const auto first = static_cast<ShapeKind>(record.first);
-    const auto second = static_cast<ShapeKind>(record.second);
-    auto at = std::find_if(kinds.begin(), kinds.end(),
-                           [&](const KindReport& kind) { return kind.first == first && kind.second == second; });
-    if (at == kinds.end()) {
-      at = kinds.emplace(kinds.end());
-      at->first = first;
-      at->second = second;
-    }
-    at->candidates += record.candidates;
-    at->hits += record.hits;
-    at->lanes += record.lanes;
-    at->lanes_filled += record.lanes_filled;
-    at->iterations += record.iterations;
-    at->ended_early += record.ended_early;
-    at->timed += record.timed;
-    at->nanoseconds += record.nanoseconds;
-    at->gather_nanoseconds += record.gather_nanoseconds;
-    for (std::size_t k = 0; k < cost_buckets; ++k) at->cost[k] += record.cost[k];
-  }
 }
 
 void ServerRole::receive_frame_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NodeFrameStats>(0);
-  FrameReport& frame = state_.report();
-  frame.refused[static_cast<std::size_t>(Status::model_failed)] += record.model_failed;
-  frame.refused[static_cast<std::size_t>(Status::not_finite)] += record.not_finite;
-  frame.refused[static_cast<std::size_t>(Status::not_unit)] += record.not_unit;
+  statistics_.add(session, record);
   if (session.self.is_node()) {
-    NodeReport& node = frame.nodes[session.in_report];
-    node.busy_ms = telemetry::to_ms(record.busy_ns);
-    node.cpu_ms = telemetry::to_ms(record.cpu_ns);
-    node.move_ms = telemetry::to_ms(record.move_ns);
-    node.broad_phase_ms = telemetry::to_ms(record.broad_phase_ns);
-    node.narrow_phase_ms = telemetry::to_ms(record.narrow_phase_ns);
-    charge_path(session, record);
-    session.cost_ms = cost_of(node);
-    node.hosted = record.hosted;
-    if (record.host_owned_changes != 0) {
-      host_owned_moved_ += static_cast<std::int64_t>(record.host_owned_changes);
-      count_shared(Traffic::state, record.host_owned_changes,
-                   sizeof(messages::NodeStateRecord) + state_.objects.state_bytes());
-    }
-    node.handed_over = record.handed_over;
-    TrafficReport& m5 = frame.traffic[static_cast<std::size_t>(Traffic::m5)];
-    m5.messages += record.m5_messages;
-    m5.records += record.handed_over;
-    m5.bytes += record.m5_bytes;
-  } else {
-    // Every user node also sends its states to the others, once: the publication.
-    TrafficReport& m1 = frame.traffic[static_cast<std::size_t>(Traffic::m1)];
-    m1.records += record.published;
-    m1.bytes += record.published * sizeof(link::PublishedState);
+    session.cost_ms = cost_of(state_.report().nodes[session.in_report]);
+    host_owned_moved_ += static_cast<std::int64_t>(record.host_owned_changes);
   }
   session.received.frame_done = true;
 }

@@ -110,7 +110,7 @@ bool ServerRole::all_published() noexcept {
 // All states are in publications that do not change any more in this frame, so user nodes may read while nodes test. If
 // a user's ring is full, the message is sent together with its contacts: the server does not wait here.
 void ServerRole::allow_reading() {
-  spend(Stage::narrow_phase, telemetry::now_ns());
+  statistics_.charge(Stage::narrow_phase);
   list_relays();
   relays_are_final_ = true;
   if (state_.setup.interest > 0) {
@@ -120,8 +120,8 @@ void ServerRole::allow_reading() {
       return true;
     });
   }
-  spend_cpu(&PathReport::publish_ms);
-  spend(Stage::notify, telemetry::now_ns());
+  statistics_.charge_cpu(&PathReport::publish_ms);
+  statistics_.charge(Stage::notify);
 }
 
 bool ServerRole::send_read_publications(PeerSession& user) {

@@ -13,6 +13,7 @@ using messages::MessageType;
 
 ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
     : state_(setup, map),
+      statistics_(state_),
       balance_(map.grid(), {}, setup.capacities.objects + setup.capacities.contacts),
       hosting_(setup.deployment, *setup.space),
       dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
@@ -186,7 +187,7 @@ void ServerRole::refresh_objects() {
 }
 
 void ServerRole::detect() {
-  spend(Stage::move, telemetry::now_ns());
+  statistics_.charge(Stage::move);
   const bool all_objects = state_.map_change.updates == Dispatch::UpdateScope::all_objects;
   if (all_objects) {
     refresh_objects();
@@ -239,11 +240,11 @@ bool ServerRole::advance_stage() {
     case FrameStage::waiting:
       return false;
     case FrameStage::starting_nodes:
-      if (!state_.all_nodes([&](PeerSession& node) { return open(node) && note_first(node.started); })) {
+      if (!state_.all_nodes([&](PeerSession& node) { return open(node) && Statistics::note_reached(node.started); })) {
         return false;
       }
-      spend_cpu(&PathReport::start_nodes_ms);
-      charge_notified(state_.report().path.start_nodes_ms, state_.begin_ns, &PeerSession::started);
+      statistics_.charge_cpu(&PathReport::start_nodes_ms);
+      statistics_.charge_reached(state_.report().path.start_nodes_ms, state_.begin_ns, &PeerSession::started);
       start_users();
       state_.stage = FrameStage::starting_users;
       return true;
@@ -251,7 +252,7 @@ bool ServerRole::advance_stage() {
       if (!state_.all_users([&](PeerSession& user) { return open(user); })) {
         return false;
       }
-      spend_cpu(&PathReport::start_users_ms);
+      statistics_.charge_cpu(&PathReport::start_users_ms);
       move_hosted();
       state_.stage = FrameStage::moving;
       return true;
@@ -260,7 +261,7 @@ bool ServerRole::advance_stage() {
           !state_.awaited_users.empty()) {
         return false;
       }
-      spend_cpu(&PathReport::ingest_ms);
+      statistics_.charge_cpu(&PathReport::ingest_ms);
       detect();
       state_.stage = FrameStage::dispatching;
       return true;
@@ -273,13 +274,13 @@ bool ServerRole::advance_stage() {
         state_.report().candidates = dispatch_.candidates();
       }
       // Sweeping and sending alternate; the report separates them.
-      spend(Stage::broad_phase, mark_ns_ + dispatch_.sweep_ns());
-      spend(Stage::dispatch, telemetry::now_ns());
-      spend_cpu(&PathReport::dispatch_ms);
+      statistics_.charge_part(Stage::broad_phase, dispatch_.sweep_ns());
+      statistics_.charge(Stage::dispatch);
+      statistics_.charge_cpu(&PathReport::dispatch_ms);
       // Poses are final, so states can be published while the nodes test.
       publish();
-      spend_cpu(&PathReport::publish_ms);
-      spend(Stage::notify, telemetry::now_ns());
+      statistics_.charge_cpu(&PathReport::publish_ms);
+      statistics_.charge(Stage::notify);
       state_.stage = FrameStage::colliding;
       return true;
     case FrameStage::colliding:
@@ -290,18 +291,19 @@ bool ServerRole::advance_stage() {
       if (!state_.all_nodes([](const PeerSession& node) { return node.received.narrow_done; })) {
         return false;
       }
-      spend_cpu(&PathReport::receive_contacts_ms);
+      statistics_.charge_cpu(&PathReport::receive_contacts_ms);
       collect();
-      spend_cpu(&PathReport::collect_ms);
-      state_.notify_ns = mark_ns_;
+      statistics_.charge_cpu(&PathReport::collect_ms);
+      state_.notify_ns = statistics_.mark_ns();
       state_.stage = FrameStage::notifying;
       return true;
     case FrameStage::notifying:
-      if (!state_.all_nodes([&](PeerSession& node) { return notify(node) && note_first(node.notified); })) {
+      if (!state_.all_nodes(
+              [&](PeerSession& node) { return notify(node) && Statistics::note_reached(node.notified); })) {
         return false;
       }
-      spend_cpu(&PathReport::notify_ms);
-      charge_notified(state_.report().path.notify_ms, state_.notify_ns, &PeerSession::notified);
+      statistics_.charge_cpu(&PathReport::notify_ms);
+      statistics_.charge_reached(state_.report().path.notify_ms, state_.notify_ns, &PeerSession::notified);
       start_notifying_users();
       state_.stage = FrameStage::notifying_users;
       return true;
@@ -312,12 +314,12 @@ bool ServerRole::advance_stage() {
         for (const UserNumber user : state_.awaited_users) {
           users_are_notified_ &= notify(state_.users[user]);
         }
-        spend_cpu(&PathReport::notify_users_ms);
+        statistics_.charge_cpu(&PathReport::notify_users_ms);
       }
       if (!state_.awaited_users.empty()) {
         return false;
       }
-      spend_cpu(&PathReport::receive_user_acks_ms);
+      statistics_.charge_cpu(&PathReport::receive_user_acks_ms);
       state_.stage = FrameStage::closing;
       return true;
     case FrameStage::closing:
@@ -333,22 +335,8 @@ bool ServerRole::advance_stage() {
 void ServerRole::finish() {
   count_contacts();
   keep_last_node();
-  const std::uint64_t now = telemetry::now_ns();
-  spend(Stage::notify, now);
-  spend_cpu(&PathReport::finish_ms);
-  FrameReport& frame = state_.report();
-  frame.objects = state_.objects.live();
-  frame.map_epoch = state_.map.epoch();
-  frame.moved =
-      static_cast<std::uint64_t>(static_cast<std::int64_t>(state_.objects.moved().size()) + host_owned_moved_);
-  frame.frame_ms = telemetry::to_ms(now - state_.begin_ns);
-  frame.server_cpu_ms = telemetry::to_ms(telemetry::thread_cpu_ns() - cpu_begin_ns_);
-  for (NodeReport& node : frame.nodes) {
-    node.wait_ms = std::max(0.0, frame.frame_ms - node.busy_ms);
-  }
-  frame.grown = (state_.objects.slots() > state_.setup.capacities.objects ? 1u : 0u) +
-                (frame.candidates > state_.setup.capacities.pairs ? 1u : 0u) +
-                (frame.contacts > state_.setup.capacities.contacts ? 1u : 0u);
+  statistics_.finish(
+      static_cast<std::uint64_t>(static_cast<std::int64_t>(state_.objects.moved().size()) + host_owned_moved_));
   if (state_.map_change.at_end) {
     state_.map_change.updates = state_.map_change.hosts_exchange_objects ? Dispatch::UpdateScope::not_hosted
                                                                          : Dispatch::UpdateScope::all_objects;

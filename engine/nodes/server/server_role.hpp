@@ -9,6 +9,7 @@
 #include "nodes/server/hosting.hpp"
 #include "nodes/server/server_state.hpp"
 #include "nodes/server/spawn_order.hpp"
+#include "nodes/server/statistics.hpp"
 #include "regions/balance.hpp"
 
 namespace ringfence::nodes {
@@ -96,7 +97,6 @@ class ServerRole {
   void receive_collisions(PeerSession& session, const messages::MessageView& message);
   void receive_changes(PeerSession& session, const messages::MessageView& message);
   void receive_narrow_done(PeerSession& session, const messages::MessageView& message);
-  void receive_kinds(const messages::MessageView& message);
   void receive_frame_done(PeerSession& session, const messages::MessageView& message);
   void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
 
@@ -183,17 +183,8 @@ class ServerRole {
   bool notify(PeerSession& session);
   void finish();
 
-  // Report.
-  void start_report();
-  void spend(Stage stage, std::uint64_t now) noexcept;
-  void spend_cpu(double PathReport::*step) noexcept;
-  void charge_path(const PeerSession& node, const messages::NodeFrameStats& stats) noexcept;
-  static bool note_first(PeerSession::Reached& reached) noexcept;
-  void charge_notified(double step_ms, std::uint64_t begin_ns, PeerSession::Reached PeerSession::*reached) noexcept;
-  void count_shared(Traffic kind, std::size_t records, std::size_t bytes_each) noexcept;
-  static void add(messages::TrafficCounts& counts, const messages::Header& header) noexcept;
-
   ServerState state_;
+  Statistics statistics_;
   regions::Balance balance_;
   std::vector<regions::NodeCost> costs_;  ///< of the nodes in the frame before
   MapPlan map_plan_;
@@ -226,11 +217,7 @@ class ServerRole {
   bool recovered_ = false;  ///< the server holds objects of lost nodes until the next cut
 
   std::uint64_t frames_ = 0;            ///< frames begun
-  std::uint64_t mark_ns_ = 0;           ///< time up to which stages have been charged
-  std::uint64_t ingest_ns_ = 0;         ///< ingest time within the current stage
   std::uint64_t moves_watched_ns_ = 0;  ///< when user nodes began to move, or the facade last checked their threads
-  std::uint64_t cpu_begin_ns_ = 0;
-  std::uint64_t cpu_mark_ns_ = 0;  ///< CPU time up to which the path has been charged
 };
 
 }  // namespace ringfence::nodes

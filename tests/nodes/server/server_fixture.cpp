@@ -1,0 +1,104 @@
+#include "nodes/server/server_fixture.hpp"
+
+#include <algorithm>
+
+#include <doctest/doctest.h>
+
+namespace ringfence::nodes::test {
+
+ServerFixture::ServerFixture(const FixtureConfig& config) : config_(config), relay_(grid_.cells(), 16) {
+  shapes_.add(Sphere{0.5f});
+  publications_.grid = grid_;
+  publications_.space = &space_;
+  publications_.server.publication = &relay_;
+  ServerSetup setup;
+  setup.shapes = &shapes_;
+  setup.space = &space_;
+  setup.model = config.model;
+  setup.publications = &publications_;
+  setup.order = &order_;
+  setup.deployment = config.deployment;
+  setup.placement = config.placement;
+  setup.layer_masks.fill(~0u);
+  setup.capacities = {16, 16, 16, 4};
+  setup.interest = config.interest;
+  setup.max_relayed_nodes = 0;
+  setup.balance_by = BalanceBy::pairs;
+  setup.quotas = config.quotas;
+  setup.node_deadline_ns = config.node_deadline_ns;
+  setup.user_deadline_ns = config.user_deadline_ns;
+  for (NodeNumber node = 0; node < config.nodes; ++node) {
+    setup.nodes.push_back(connection(Endpoint::node(node)));
+  }
+  state_ = std::make_unique<ServerState>(setup, regions::RegionMap(grid_, config.nodes));
+  state_->frame = 1;
+  state_->report().frame = 1;
+  for (PeerSession& session : state_->nodes) {
+    session.in_report = state_->report().nodes.size();
+    state_->report().nodes.emplace_back().id = NodeId(session.id);
+  }
+  state_->ledger.begin(1);
+}
+
+Connection ServerFixture::connection(Endpoint peer) {
+  const std::unique_ptr<Peer>& made = peers_[peer.value] = std::make_unique<Peer>();
+  const bool shares = config_.shares_memory && peer.is_node();
+  made->node_contacts.host = &made->host;
+  made->node_contacts.host_states.reserve(16, 0);
+  made->publication = std::make_unique<NodePublication>(grid_, 16);
+  return {&made->to_peer.sender(), &made->from_peer.receiver(), shares ? &made->node_contacts : nullptr,
+          shares && config_.interest > 0 ? made->publication.get() : nullptr};
+}
+
+void ServerFixture::connect(UserNumber user) {
+  state_->users.resize(std::max<std::size_t>(state_->users.size(), user + 1));
+  PeerSession& session = state_->users[user];
+  session = {};
+  session.self = Endpoint::user(user);
+  session.connection = connection(session.self);
+  session.connected = true;
+  state_->connected.insert(std::lower_bound(state_->connected.begin(), state_->connected.end(), user), user);
+}
+
+std::uint32_t ServerFixture::add(const Vec3d& position, Endpoint host, Category category, UserNumber user) {
+  ObjectSpec spec;
+  spec.number = ++numbers_;
+  spec.shape = ShapeId(0);
+  spec.pose.position = position;
+  spec.category = category;
+  spec.user = UserId(user);
+  ObjectTable& objects = state_->objects;
+  const std::uint32_t slot = objects.add(ObjectId::of(spec.number, 1), spec);
+  objects.bounds(slot) = shapes_.bounds(0, spec.pose, space_);
+  objects.set_host(slot, host);
+  if (host.is_node() && config_.shares_memory) {
+    this->host(host.number()).adopt(objects.hand_over(slot), objects.state(slot));
+  }
+  return slot;
+}
+
+std::vector<SentMessage> ServerFixture::sent_to(Endpoint peer) {
+  std::vector<SentMessage> sent;
+  link::Receiver& receiver = peers_.at(peer.value)->to_peer.receiver();
+  for (auto bytes = receiver.next(); !bytes.empty(); bytes = receiver.next()) {
+    SentMessage& message = sent.emplace_back();
+    message.bytes.assign(bytes.begin(), bytes.end());
+    std::memcpy(&message.header, bytes.data(), sizeof message.header);
+  }
+  receiver.release();
+  return sent;
+}
+
+void ServerFixture::send(Endpoint from, MessageType type, std::size_t record_bytes, std::size_t count,
+                         std::span<const std::byte> records) {
+  const messages::RunHeader head{type, from, Endpoint::server(), state_->frame, state_->map.epoch()};
+  link::Sender& sender = peers_.at(from.value)->from_peer.sender();
+  const std::span<std::byte> room = sender.claim(sizeof(messages::Header) + records.size());
+  REQUIRE(!room.empty());
+  messages::write_header(room.data(), head, record_bytes, count, true, count);
+  std::copy(records.begin(), records.end(), room.begin() + sizeof(messages::Header));
+  sender.commit(room.size());
+  sender.publish();
+}
+
+}  // namespace ringfence::nodes::test
