@@ -77,22 +77,12 @@ void ServerRole::change_map() {
 void ServerRole::adopt_map(std::span<const std::uint32_t> table) {
   state_.map.assign(table, static_cast<std::uint32_t>(state_.nodes.size()), state_.map.epoch() + 1);
   state_.map_change.at_end = true;
-  state_.map_change.hosts_exchange_objects = can_hosts_exchange_objects();
+  state_.map_change.hosts_exchange_objects = shared_.can_exchange_objects();
   if (state_.map_change.hosts_exchange_objects) {
     note_renotified();
   } else {
-    refresh_objects();
+    states_.store_all();
   }
-}
-
-// Whether, under a new map, every node can send the others what it hosts, including resting objects, instead of the
-// server.
-bool ServerRole::can_hosts_exchange_objects() const noexcept {
-  return state_.setup.placement == Placement::region && state_.setup.deployment == Deployment::user_collision &&
-         std::all_of(state_.nodes.begin(), state_.nodes.end(), [&](const PeerSession& session) {
-           return !session.connected || (session.connection.node_contacts != nullptr &&
-                                         (state_.setup.interest <= 0 || session.connection.publication != nullptr));
-         });
 }
 
 // For objects that are not host-owned the server sends updates when they next move. Then it must know which nodes
@@ -100,7 +90,7 @@ bool ServerRole::can_hosts_exchange_objects() const noexcept {
 void ServerRole::note_renotified() noexcept {
   for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
     if (state_.objects.host(slot).is_node() && (state_.objects.marks(slot) & host_owned_mark) == 0) {
-      note_notified(slot, state_.objects.bounds(slot), true);
+      state_.objects.note_notified(slot, state_.objects.bounds(slot), state_.map.grid(), true);
     }
   }
 }
@@ -129,7 +119,7 @@ void ServerRole::plan_map() {
     case Pass::sharing:
       state_.list_remaining_nodes(remaining_);
       map_plan_.table =
-          balance_.propose(state_.map, remaining_, can_hosts_exchange_objects() ? 0 : state_.objects.live());
+          balance_.propose(state_.map, remaining_, shared_.can_exchange_objects() ? 0 : state_.objects.live());
       map_plan_.pass = map_plan_.table.empty() ? Pass::none : Pass::planned;
       break;
     case Pass::none:
@@ -152,8 +142,7 @@ void ServerRole::begin_weights() {
 }
 
 bool ServerRole::is_hosted_here(Endpoint host) const noexcept {
-  return host.is_node() && !state_.nodes[host.number()].lost &&
-         state_.nodes[host.number()].connection.node_contacts != nullptr;
+  return host.is_node() && !state_.nodes[host.number()].lost && SharedNodes::is_shared(state_.nodes[host.number()]);
 }
 
 // Weighs part by part: the objects of each node of this process, in its Host; all other objects, by slot; the contacts
@@ -188,7 +177,7 @@ std::size_t ServerRole::weigh_part(std::size_t part, std::size_t first, std::siz
     if (!is_hosted_here(node)) {
       return 0;
     }
-    const Host& host = *state_.nodes[part].connection.node_contacts->host;
+    const Host& host = *SharedNodes::host_of(state_.nodes[part]);
     for (std::size_t i = first; i < end; ++i) {
       if ((host[i].object.flags & messages::flag_present) != 0) {
         add_object_weight(host[i].pose.position);

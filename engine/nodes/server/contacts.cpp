@@ -74,11 +74,8 @@ void ServerRole::list_notices() {
 }
 
 void ServerRole::start_notifying(PeerSession& session) {
-  if (session.connection.node_contacts != nullptr) {
-    session.connection.node_contacts->nodes_exchange_contacts = nodes_exchange_contacts_;
-    session.connection.node_contacts->hosts_exchange_objects =
-        state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
-  }
+  SharedNodes::set_exchange(session, nodes_exchange_contacts_,
+                            state_.map_change.at_end && state_.map_change.hosts_exchange_objects);
   if (session.self.is_node() && !state_.ledger.corrections(session.self.number()).empty()) {
     session.closing.correct_run.start(state_.ledger.corrections(session.self.number()).size());
   }
@@ -108,18 +105,7 @@ void ServerRole::count_contacts() {
   frame.accepted += state_.ledger.duplicates();
   frame.contacts -= state_.ledger.duplicates();
   frame.began = state_.ledger.began();
-  if (state_.setup.deployment != Deployment::user_collision) {
-    return;
-  }
-  for (const PeerSession& session : state_.nodes) {
-    if (const NodeContacts* node_contacts = session.connection.node_contacts;
-        node_contacts != nullptr && !session.lost) {
-      statistics_.count_shared(Traffic::m2, ghosts_exchanged_ ? node_contacts->ghost_updates.size() : 0,
-                               sizeof(messages::PositionRecord));
-
-      statistics_.count_shared(Traffic::m4, node_contacts->taken, sizeof(Contact));
-    }
-  }
+  shared_.count_reads(statistics_);
 }
 
 }  // namespace ringfence::nodes

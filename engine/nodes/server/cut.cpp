@@ -27,7 +27,7 @@ void ServerRole::cut() {
     rehost(change);
   }
   send_known_contacts();
-  order_relay();
+  relay_.begin();
   state_.leaving_slots.clear();
   state_.ledger.begin(state_.frame);
   state_.host.read_contacts(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
@@ -36,8 +36,8 @@ void ServerRole::cut() {
     return true;
   });
   state_.hand_overs.clear();
-  host_owned_moved_ = 0;
-  losses_pending_ = relays_are_final_ = nodes_abandoned_ = false;
+  states_.begin();
+  losses_pending_ = nodes_abandoned_ = false;
   gates_watched_ns_ = 0;
   state_.stage = FrameStage::starting_nodes;
 }
@@ -133,7 +133,7 @@ void ServerRole::apply(const Request& request) {
   } else if (request.kind == Request::Kind::place) {
     place(slot, request.spec.pose, true);
   } else {
-    place(slot, pose(slot), request.spec.enabled);
+    place(slot, states_.pose(slot), request.spec.enabled);
   }
 }
 
@@ -198,8 +198,7 @@ void ServerRole::disconnect(UserNumber user) {
 
 void ServerRole::spawn(const Request& request) {
   const std::uint32_t slot = state_.objects.add(request.object, request.spec);
-  state_.objects.bounds(slot) =
-      state_.setup.shapes->bounds(request.spec.shape.number(), request.spec.pose, *state_.setup.space);
+  states_.set_bounds(slot);
   if (state_.setup.model == nullptr) {
     return;
   }
@@ -212,7 +211,7 @@ void ServerRole::spawn(const Request& request) {
 }
 
 void ServerRole::end_object(std::uint32_t slot) {
-  release_from_host(slot);
+  states_.end_host_owned(slot);
   const Endpoint host = state_.objects.host(slot);
   if (PeerSession* session = state_.session_of(host)) {
     session->opening.drops.push_back(slot);
@@ -222,23 +221,8 @@ void ServerRole::end_object(std::uint32_t slot) {
   state_.objects.end(slot);
 }
 
-// From now on the server sends updates of the object. If its host goes on, the place message clears the host-owned flag
-// there.
-void ServerRole::release_from_host(std::uint32_t slot) {
-  if ((state_.objects.marks(slot) & host_owned_mark) == 0) {
-    return;
-  }
-  const Host& host = *state_.nodes[state_.objects.host(slot).number()].connection.node_contacts->host;
-  const std::uint32_t at = host.find(state_.objects.row(slot).object.number);
-  ObjectRow& row = state_.objects.row(slot);
-  row.pose = host[at].pose;
-  std::copy_n(host.state(at), state_.objects.state_bytes(), state_.objects.state(slot));
-  state_.objects.marks(slot) = static_cast<ObjectMarks>(state_.objects.marks(slot) & ~host_owned_mark);
-  note_notified(slot, state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space), true);
-}
-
 void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {
-  release_from_host(slot);
+  states_.end_host_owned(slot);
   ObjectRow& row = state_.objects.row(slot);
   row.pose = pose;
   row.object.flags = present ? messages::flag_present : 0u;
@@ -247,7 +231,7 @@ void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {
   if (host.is_server() && state_.host.place(row.object.number, pose, present)) {
     return;  // the bounds are set when it has moved
   }
-  state_.objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, pose, *state_.setup.space);
+  states_.set_bounds(slot);
   if (PeerSession* session = state_.session_of(host)) {
     session->opening.placements.push_back(slot);
   }
@@ -260,7 +244,7 @@ void ServerRole::rehost(const HostChange& change) {
   } else if (change.from.is_server()) {
     state_.host.drop(row.object.number);
     // The object may have been placed at this cut, and the next host reports only objects that it moves.
-    state_.objects.bounds(change.slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
+    states_.set_bounds(change.slot);
   }
   if (PeerSession* to = state_.session_of(change.to)) {
     to->opening.adoptions.push_back(change.slot);

@@ -29,7 +29,7 @@ bool ServerRole::lose(NodeNumber node) {
     return true;
   }
   session.lost = true;
-  close_ghost_gates();
+  shared_.close_ghost_gates();
   state_.report().lost.emplace_back(session.id);
   const bool again = !state_.contacts_are_final();
   bool any_left = false;
@@ -95,19 +95,6 @@ void ServerRole::reassign_cells() {
   state_.map.assign(table_, static_cast<std::uint32_t>(state_.nodes.size()), state_.map.epoch() + 1);
 }
 
-// Stores the host-owned states of a lost node. Its thread may still run, but it no longer writes the states of `frame`.
-void ServerRole::read_host_owned(NodeNumber node, std::uint64_t frame) {
-  const PeerSession& session = state_.nodes[node];
-  if (session.connection.node_contacts == nullptr) {
-    return;
-  }
-  const HostOwnedStates& kept_states = session.connection.node_contacts->host_states;
-  const std::span<const HostOwnedState> states = kept_states.of(frame);
-  for (std::size_t i = 0; i < states.size(); ++i) {
-    store_state(session, frame, states[i].object, states[i].pose, kept_states.state(frame, i));
-  }
-}
-
 void ServerRole::reclaim(std::uint32_t slot) {
   state_.objects.set_host(slot, Endpoint::server());
   state_.objects.marks(slot) =
@@ -120,7 +107,7 @@ void ServerRole::recover_objects(NodeNumber node) {
   while (recovery_host_.size() != 0) {
     recovery_host_.drop(recovery_host_[0].object.number);
   }
-  read_host_owned(node, state_.frame - 1);
+  states_.store_kept(state_.nodes[node], state_.frame - 1);
   for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
     if (!state_.objects.alive(slot) || state_.objects.host(slot) != gone) {
       continue;
@@ -132,7 +119,7 @@ void ServerRole::recover_objects(NodeNumber node) {
   }
   recovery_host_.read_contacts(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
   recovery_host_.move(state_.frame);
-  apply_moves(recovery_host_);
+  states_.apply_moves(recovery_host_);
 }
 
 void ServerRole::detect_again() {
@@ -152,7 +139,7 @@ void ServerRole::detect_again() {
 // Called when the contacts are known. A hand-over from the lost node may or may not arrive. In both cases its receiver
 // drops the object at the next cut, and the server then hands the object over.
 void ServerRole::cancel_hand_overs(NodeNumber node) {
-  read_host_owned(node, state_.frame);
+  states_.store_kept(state_.nodes[node], state_.frame);
   for (const HandOver& change : state_.hand_overs) {
     PeerSession& to = state_.nodes[change.to];
     if (change.from != node || to.lost) {
@@ -223,7 +210,7 @@ bool ServerRole::connect_fallback() {
   session.connected = true;
   session.last_received_ns = telemetry::now_ns();
   session.opening.begin_run.start(0);
-  order_relay(session);
+  relay_.order(session);
   state_.ledger.join(slot, state_.frame);
   return true;
 }

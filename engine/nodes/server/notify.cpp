@@ -65,12 +65,12 @@ void ServerRole::follow_host(std::uint32_t slot, NodeNumber next) {
 // Goes through the objects that the node hosts; the node waits meanwhile. Host-owned states of objects that change
 // hosts are stored here: if the next host were lost, no other role would have them.
 void ServerRole::follow_all_hosted(const PeerSession& session) {
-  const Host& host = *session.connection.node_contacts->host;
+  const Host& host = *SharedNodes::host_of(session);
   for (std::size_t i = 0; i < host.size(); ++i) {
     const Hosted& hosted = host[i];
     const NodeNumber next = hosting_.node_at(hosted.pose.position, state_.map);
     if (next != session.self.number()) {
-      store_state(session, state_.frame, hosted.object, hosted.pose, host.state(i));
+      states_.store(session, state_.frame, hosted.object, hosted.pose, host.state(i));
       follow_host(hosted.object.slot, next);
     }
   }
@@ -80,7 +80,7 @@ bool ServerRole::notify(PeerSession& session) {
   link::Sender& out = *session.connection.out;
   auto& counts = state_.report().traffic;
   const bool node = session.self.is_node();
-  if (!send_read_publications(session)) {
+  if (!relay_.send_read_publications(session)) {
     return false;
   }
   if (node && state_.map_change.at_end && !state_.send_map(session, session.closing.map_run)) {

@@ -118,6 +118,15 @@ void ObjectTable::mark_moved_host_only(std::uint32_t slot) {
   }
 }
 
+void ObjectTable::note_notified(std::uint32_t slot, const geometry::Bounds& bounds, const regions::CellGrid& grid,
+                                bool shared) {
+  const bool present = (rows_[slot].object.flags & messages::flag_present) != 0;
+  const ObjectMarks marks = marks_[slot] & static_cast<ObjectMarks>(~(notified_mark | shared_mark));
+  marks_[slot] = static_cast<ObjectMarks>(marks | (present ? notified_mark : 0) | (shared ? shared_mark : 0));
+  notified_cells_[slot] = grid.cells_of(bounds);
+  bounds_[slot] = notified_bounds_[slot] = bounds;
+}
+
 void ObjectTable::order_moved() {
   if (moved_.size() * 8 < slots()) {
     return;

@@ -160,6 +160,9 @@ class ObjectTable {
   /// Sorts moved() by slot if there are enough entries that a pass in memory order is cheaper. Precondition: no
   /// mark_moved_host_only() in this frame.
   void order_moved();
+  /// The nodes whose regions these bounds touch have received the object from its host; without `shared` only the host
+  /// knows it. Sets its bounds.
+  void note_notified(std::uint32_t slot, const geometry::Bounds& bounds, const regions::CellGrid& grid, bool shared);
   /// Slots that moved, appeared or ended in this frame, each once.
   std::span<const std::uint32_t> moved() const noexcept { return moved_; }
   /// Those of moved() that nodes other than the host may need.

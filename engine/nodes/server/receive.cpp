@@ -66,7 +66,7 @@ bool ServerRole::is_over_quota(PeerSession& session, std::span<const std::byte> 
 // frame cannot be trusted.
 void ServerRole::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
   state_.refuse(reason);
-  if (sender.self.is_node() && sender.connection.node_contacts == nullptr && reason == Status::bad_message) {
+  if (sender.self.is_node() && !SharedNodes::is_shared(sender) && reason == Status::bad_message) {
     sender.broken = any_broken_ = true;
   }
   if (sender.self.is_user() && sender.received.refusals.size() < PeerSession::Received::max_refusals) {
@@ -107,7 +107,7 @@ void ServerRole::receive(PeerSession& session, const MessageView& message) {
   if (node && tests && message.header().epoch != state_.map.epoch()) {
     return;  // found before a loss was known; the node will find it again
   }
-  if (node && session.connection.node_contacts == nullptr && !is_acceptable(session, message)) {
+  if (node && !SharedNodes::is_shared(session) && !is_acceptable(session, message)) {
     return refuse(session, Status::bad_message);
   }
   switch (message.type()) {
@@ -177,70 +177,61 @@ void ServerRole::receive_node_states(PeerSession& session, const MessageView& me
   const std::uint64_t start = telemetry::now_ns();
   constexpr std::size_t ahead = 12;
   const bool sweeps = state_.setup.placement == Placement::server;
+  const bool shares = SharedNodes::is_shared(session);
+  ObjectTable& objects = state_.objects;
+  const regions::CellGrid& grid = state_.map.grid();
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
       const auto& soon = message.view<messages::ObjectRef>(i + ahead);
-      state_.objects.prefetch(soon.slot, sweeps || (soon.flags & messages::flag_interior) == 0);
+      objects.prefetch(soon.slot, sweeps || (soon.flags & messages::flag_interior) == 0);
     }
     if (i + 2 * ahead < message.count()) {
       base::prefetch_for_read(message.at(i + 2 * ahead));
       base::prefetch_for_read(message.at(i + 2 * ahead) + 64);
     }
     const auto& record = message.view<messages::NodeStateRecord>(i);
-    const std::uint32_t slot = state_.objects.find(record.object);
-    if (slot == base::NumberIndex::none || state_.objects.host(slot) != session.self) {
+    const std::uint32_t slot = objects.find(record.object);
+    if (slot == base::NumberIndex::none || objects.host(slot) != session.self) {
       refuse(session, slot == base::NumberIndex::none ? Status::stale_object : Status::not_host, record.object.number);
       continue;
     }
-    ObjectRow& row = state_.objects.row(slot);
+    ObjectRow& row = objects.row(slot);
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
     // An object outside its own bounds may leave the only node that knows it; then the notified nodes must be recorded.
     constexpr std::uint32_t at_home = messages::flag_interior | messages::flag_keeps_host;
     const bool inner = (record.object.flags & at_home) == at_home;
-    ObjectMarks& marks = state_.objects.marks(slot);
+    ObjectMarks& marks = objects.marks(slot);
     const bool was_host_owned = (marks & host_owned_mark) != 0;
-    const bool host_owned =
-        (record.object.flags & messages::flag_host_owned) != 0 && session.connection.node_contacts != nullptr;
+    const bool host_owned = (record.object.flags & messages::flag_host_owned) != 0 && shares;
     marks = static_cast<ObjectMarks>((marks & ~host_owned_mark) | reported_mark | (inner ? inner_mark : 0) |
                                      (host_owned ? host_owned_mark : 0));
     // Counted as moved, but it has not.
-    host_owned_moved_ -= (record.object.flags & messages::flag_at_rest) != 0 ? 1 : 0;
+    states_.add_moved((record.object.flags & messages::flag_at_rest) != 0 ? -1 : 0);
     if ((record.object.flags & messages::flag_keeps_host) == 0) {
       state_.leaving_slots.push_back(slot);
     }
-    std::copy_n(message.state<messages::NodeStateRecord>(i), state_.objects.state_bytes(), state_.objects.state(slot));
+    std::copy_n(message.state<messages::NodeStateRecord>(i), objects.state_bytes(), objects.state(slot));
     if (was_host_owned) {
-      note_notified(slot, record.bounds, !inner);
-      state_.objects.mark_moved_host_only(slot);
+      objects.note_notified(slot, record.bounds, grid, !inner);
+      objects.mark_moved_host_only(slot);
       continue;
     }
     const bool host_alone = inner && (marks & shared_mark) == 0;  // only the host needs to know the object
-    if (sweeps || !host_alone || session.connection.node_contacts != nullptr) {
-      state_.objects.bounds(slot) = record.bounds;
+    if (sweeps || !host_alone || shares) {
+      objects.bounds(slot) = record.bounds;
     } else {
-      bounds_are_stale_ = true;  // saves a cache line per state; the bounds are computed from the pose when needed
+      states_.note_stale_bounds();  // saves a cache line per state; the bounds are computed from the pose when needed
     }
     if (host_alone) {
       marks |= notified_mark;
-      state_.objects.mark_moved_host_only(slot);
+      objects.mark_moved_host_only(slot);
     } else {
-      state_.objects.mark_moved(slot);
+      objects.mark_moved(slot);
     }
   }
   session.received.states |= message.last();
   statistics_.add_ingest(telemetry::now_ns() - start);
-}
-
-// The host has sent the object to the nodes whose regions these bounds touch; without `shared` they touch only the
-// host's.
-void ServerRole::note_notified(std::uint32_t slot, const geometry::Bounds& bounds, bool shared) {
-  const bool present = (state_.objects.row(slot).object.flags & messages::flag_present) != 0;
-  state_.objects.bounds(slot) = state_.objects.notified_bounds(slot) = bounds;
-  state_.objects.notified_cells(slot) = state_.map.grid().cells_of(bounds);
-  ObjectMarks& marks = state_.objects.marks(slot);
-  marks = static_cast<ObjectMarks>((marks & ~(notified_mark | shared_mark)) | (present ? notified_mark : 0) |
-                                   (shared ? shared_mark : 0));
 }
 
 void ServerRole::receive_collisions(PeerSession& session, const MessageView& message) {
@@ -274,10 +265,7 @@ void ServerRole::receive_changes(PeerSession& session, const MessageView& messag
 void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NarrowDoneRecord>(0);
   statistics_.add(session, record);
-  if (NodeContacts* const node_contacts = session.connection.node_contacts) {
-    state_.ledger.receive(session.self.number(), *node_contacts);
-    statistics_.count_shared(Traffic::m3, node_contacts->keys.size(), sizeof(messages::CollisionRecord));
-  } else {
+  if (!shared_.receive_contacts(session, statistics_)) {
     state_.ledger.end_run(session.self.number());
   }
   if (state_.ledger.received(session.self.number()) == record.contacts) {
@@ -293,7 +281,7 @@ void ServerRole::receive_frame_done(PeerSession& session, const MessageView& mes
   statistics_.add(session, record);
   if (session.self.is_node()) {
     session.cost_ms = cost_of(state_.report().nodes[session.in_report]);
-    host_owned_moved_ += static_cast<std::int64_t>(record.host_owned_changes);
+    states_.add_moved(static_cast<std::int64_t>(record.host_owned_changes));
   }
   session.received.frame_done = true;
 }

@@ -14,12 +14,14 @@ using messages::MessageType;
 ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
     : state_(setup, map),
       statistics_(state_),
+      shared_(state_),
+      states_(state_),
+      relay_(state_),
       balance_(map.grid(), {}, setup.capacities.objects + setup.capacities.contacts),
       hosting_(setup.deployment, *setup.space),
       dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
                 setup.layer_masks, setup.keep_resting),
       recovery_host_(setup.model, 0) {
-  relay_cells_.reserve(setup.capacities.objects);
   spawn_order_.reserve(setup.capacities.objects);
 }
 
@@ -101,135 +103,20 @@ bool ServerRole::receive_from_users() {
   return any;
 }
 
-// In user/server deployment the server is a host; otherwise it hosts only objects without another host.
-void ServerRole::move_hosted() {
-  state_.host.move(state_.frame);
-  apply_moves(state_.host);
-}
-
-void ServerRole::apply_moves(Host& host) {
-  constexpr std::size_t ahead = 6;
-  const auto changed = host.changed();
-  for (std::size_t i = 0; i < changed.size(); ++i) {
-    if (i + ahead < changed.size()) {
-      state_.objects.prefetch(host[changed[i + ahead]].object.slot);
-    }
-    const std::uint32_t hosted = changed[i];
-    const Hosted& object = host[hosted];
-    ObjectRow& row = state_.objects.row(object.object.slot);
-    row.pose = object.pose;
-    row.object.flags = object.object.flags;
-    state_.objects.bounds(object.object.slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
-    if (state_.objects.state_bytes() != 0) {
-      std::memcpy(state_.objects.state(object.object.slot), host.state(hosted), state_.objects.state_bytes());
-    }
-    state_.objects.mark_moved(object.object.slot);
-  }
-  const HostRefusals& refusals = host.refusals();
-  state_.report().refused[static_cast<std::size_t>(Status::model_failed)] += refusals.model_failed;
-  state_.report().refused[static_cast<std::size_t>(Status::not_finite)] += refusals.not_finite;
-  state_.report().refused[static_cast<std::size_t>(Status::not_unit)] += refusals.not_unit;
-}
-
-const Pose& ServerRole::pose(std::uint32_t slot) const noexcept {
-  const ObjectRow& row = state_.objects.row(slot);
-  if ((state_.objects.marks(slot) & host_owned_mark) == 0) {
-    return row.pose;
-  }
-  const Host& host = *state_.nodes[state_.objects.host(slot).number()].connection.node_contacts->host;
-  return host[host.find(row.object.number)].pose;
-}
-
-// Stores the host-owned state of an object in `frame`, unless the state was reported or stored since.
-void ServerRole::store_state(const PeerSession& session, std::uint64_t frame, const messages::ObjectRef& object,
-                             const Pose& pose, const std::byte* state) {
-  const std::uint32_t slot = state_.objects.find(object);
-  if (slot == base::NumberIndex::none || state_.objects.host(slot) != session.self) {
-    return;
-  }
-  ObjectMarks& marks = state_.objects.marks(slot);
-  if ((marks & (host_owned_mark | reported_mark)) != host_owned_mark) {
-    return;
-  }
-  state_.objects.row(slot).pose = pose;
-  std::copy_n(state, state_.objects.state_bytes(), state_.objects.state(slot));
-  bounds_are_stale_ = true;
-  if (frame == state_.frame) {
-    marks |= reported_mark;
-    state_.objects.mark_moved_host_only(slot);
-    host_owned_moved_ -= session.lost ? 0 : 1;  // the node will report the number of states it kept
-  }
-}
-
-// Brings all rows, states and bounds to this frame. The nodes have moved and wait.
-void ServerRole::refresh_objects() {
-  for (const PeerSession& session : state_.nodes) {
-    if (session.lost || session.connection.node_contacts == nullptr) {
-      continue;
-    }
-    const Host& host = *session.connection.node_contacts->host;
-    for (std::size_t i = 0; i < host.size(); ++i) {
-      const Hosted& object = host[i];
-      if ((object.object.flags & messages::flag_host_owned) != 0) {
-        store_state(session, state_.frame, object.object, object.pose, host.state(i));
-      }
-    }
-  }
-  if (!std::exchange(bounds_are_stale_, false)) {
-    return;
-  }
-  for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
-    if (state_.objects.present()[slot] != 0) {
-      const ObjectRow& row = state_.objects.row(slot);
-      state_.objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
-    }
-  }
-}
-
 void ServerRole::detect() {
   statistics_.charge(Stage::move);
   const bool all_objects = state_.map_change.updates == Dispatch::UpdateScope::all_objects;
   if (all_objects) {
-    refresh_objects();
+    states_.store_all();
   }
   dispatch_.list_updates(state_.objects, state_.map, state_.map_change.updates);
-  ghosts_exchanged_ = !all_objects && state_.setup.placement == Placement::region;
-  if (ghosts_exchanged_) {
-    open_ghost_gates();
-  }
+  shared_.begin_ghosts(!all_objects && state_.setup.placement == Placement::region);
   state_.map_change.updates = Dispatch::UpdateScope::changes;
   dispatch_.start(state_.nodes);
 }
 
-// Before the last position is sent: nodes that have received it enter their gates.
-void ServerRole::open_ghost_gates() {
-  for (const PeerSession& session : state_.nodes) {
-    if (session.connection.node_contacts != nullptr) {
-      session.connection.node_contacts->ghost_updates.gate.admit();
-    }
-  }
-}
-
-// A node is lost: ghost updates are no longer read in this frame, by no node, because all objects are sent again.
-void ServerRole::close_ghost_gates() noexcept {
-  for (const PeerSession& session : state_.nodes) {
-    if (session.connection.node_contacts != nullptr) {
-      session.connection.node_contacts->ghost_updates.gate.bar();
-    }
-  }
-}
-
 bool ServerRole::all_nodes_done() noexcept {
   return state_.all_nodes([](const PeerSession& node) { return node.received.frame_done; });
-}
-
-// Whether no lost node is inside its gate: otherwise peers must not begin the next frame. Abandoned nodes have no
-// peers.
-bool ServerRole::ghost_gates_are_left() const noexcept {
-  return nodes_abandoned_ || std::none_of(state_.nodes.begin(), state_.nodes.end(), [](const PeerSession& session) {
-           return session.lost && session.connection.node_contacts != nullptr &&
-                  session.connection.node_contacts->ghost_updates.gate.is_inside();
-         });
 }
 
 // Makes one transition of the frame; false if it has to wait.
@@ -253,7 +140,9 @@ bool ServerRole::advance_stage() {
         return false;
       }
       statistics_.charge_cpu(&PathReport::start_users_ms);
-      move_hosted();
+      // In user/server deployment the server is a host; otherwise it hosts only objects without another host.
+      state_.host.move(state_.frame);
+      states_.apply_moves(state_.host);
       state_.stage = FrameStage::moving;
       return true;
     case FrameStage::moving:
@@ -278,14 +167,17 @@ bool ServerRole::advance_stage() {
       statistics_.charge(Stage::dispatch);
       statistics_.charge_cpu(&PathReport::dispatch_ms);
       // Poses are final, so states can be published while the nodes test.
-      publish();
+      relay_.publish(recovered_);
       statistics_.charge_cpu(&PathReport::publish_ms);
       statistics_.charge(Stage::notify);
       state_.stage = FrameStage::colliding;
       return true;
     case FrameStage::colliding:
-      if (!relays_are_final_ && all_published()) {
-        allow_reading();
+      if (relay_.is_ready()) {
+        statistics_.charge(Stage::narrow_phase);
+        relay_.allow_reading();
+        statistics_.charge_cpu(&PathReport::publish_ms);
+        statistics_.charge(Stage::notify);
         plan_map();
       }
       if (!state_.all_nodes([](const PeerSession& node) { return node.received.narrow_done; })) {
@@ -323,7 +215,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::closing;
       return true;
     case FrameStage::closing:
-      if (!all_nodes_done() || !ghost_gates_are_left() || !state_.ledger.complete()) {
+      if (!all_nodes_done() || (shared_.is_reading_ghosts() && !nodes_abandoned_) || !state_.ledger.complete()) {
         return false;
       }
       finish();
@@ -335,8 +227,7 @@ bool ServerRole::advance_stage() {
 void ServerRole::finish() {
   count_contacts();
   keep_last_node();
-  statistics_.finish(
-      static_cast<std::uint64_t>(static_cast<std::int64_t>(state_.objects.moved().size()) + host_owned_moved_));
+  statistics_.finish(states_.moved());
   if (state_.map_change.at_end) {
     state_.map_change.updates = state_.map_change.hosts_exchange_objects ? Dispatch::UpdateScope::not_hosted
                                                                          : Dispatch::UpdateScope::all_objects;

@@ -7,8 +7,11 @@
 
 #include "nodes/server/dispatch.hpp"
 #include "nodes/server/hosting.hpp"
+#include "nodes/server/object_states.hpp"
 #include "nodes/server/server_state.hpp"
+#include "nodes/server/shared_nodes.hpp"
 #include "nodes/server/spawn_order.hpp"
+#include "nodes/server/state_relay.hpp"
 #include "nodes/server/statistics.hpp"
 #include "regions/balance.hpp"
 
@@ -51,7 +54,7 @@ class ServerRole {
   /// Poses and states of host-owned objects (host_owned_mark) may be of an earlier frame: see pose().
   const ObjectTable& objects() const noexcept { return state_.objects; }
   /// Pose of the live object in that slot after the last frame.
-  const Pose& pose(std::uint32_t slot) const noexcept;
+  const Pose& pose(std::uint32_t slot) const noexcept { return states_.pose(slot); }
   // For the last frame; unchanged while the next one is running.
   const ContactLedger& ledger() const noexcept { return state_.ledger; }
   /// Whether all nodes of the last frame were lost because the thread of one had stopped inside a read gate.
@@ -62,7 +65,6 @@ class ServerRole {
 
  private:
   static constexpr NodeNumber no_node = 0xffffffffu;
-  static constexpr std::uint32_t not_relayed = 0xffffffffu;
 
   // Cut.
   void cut();
@@ -72,7 +74,6 @@ class ServerRole {
   void disconnect(UserNumber user);
   void spawn(const Request& request);
   void end_object(std::uint32_t slot);
-  void release_from_host(std::uint32_t slot);
   void place(std::uint32_t slot, const Pose& pose, bool present);
   void add_node(const Request& request);
   bool free_slots();
@@ -93,7 +94,6 @@ class ServerRole {
   void receive(PeerSession& session, const messages::MessageView& message);
   void receive_states(PeerSession& session, const messages::MessageView& message);
   void receive_node_states(PeerSession& session, const messages::MessageView& message);
-  void note_notified(std::uint32_t slot, const geometry::Bounds& bounds, bool shared);
   void receive_collisions(PeerSession& session, const messages::MessageView& message);
   void receive_changes(PeerSession& session, const messages::MessageView& message);
   void receive_narrow_done(PeerSession& session, const messages::MessageView& message);
@@ -113,7 +113,6 @@ class ServerRole {
   bool send_losses();
   bool send_losses(PeerSession& session);
   void reassign_cells();
-  void read_host_owned(NodeNumber node, std::uint64_t frame);
   void reclaim(std::uint32_t slot);
   void recover_objects(NodeNumber node);
   void cancel_hand_overs(NodeNumber node);
@@ -137,7 +136,6 @@ class ServerRole {
   void adopt_map(std::span<const std::uint32_t> table);
   double cost_of(const NodeReport& node) const noexcept;
   void keep_last_node() noexcept;
-  bool can_hosts_exchange_objects() const noexcept;
   void note_renotified() noexcept;
   void plan_map();
   bool is_for_current_map(const MapPlan& drawing) const noexcept;
@@ -150,16 +148,8 @@ class ServerRole {
   // Stages.
   bool advance();
   bool advance_stage();
-  void apply_moves(Host& host);
-  void move_hosted();
   void detect();
-  void open_ghost_gates();
-  void close_ghost_gates() noexcept;
-  bool ghost_gates_are_left() const noexcept;
   bool all_nodes_done() noexcept;
-  void store_state(const PeerSession& session, std::uint64_t frame, const messages::ObjectRef& object, const Pose& pose,
-                   const std::byte* state);
-  void refresh_objects();
   void collect();
   void list_notices();
   void start_notifying(PeerSession& session);
@@ -170,41 +160,25 @@ class ServerRole {
   void next_hosts();
   void follow_host(std::uint32_t slot, NodeNumber next);
   void follow_all_hosted(const PeerSession& session);
-  bool relays() const noexcept;
-  void order_relay();
-  void order_relay(PeerSession& node);
-  bool publishes(messages::Endpoint host) const noexcept;
-  void publish();
-  void update_relay();
-  bool all_published() noexcept;
-  void allow_reading();
-  bool send_read_publications(PeerSession& user);
-  void list_relays();
   bool notify(PeerSession& session);
   void finish();
 
   ServerState state_;
   Statistics statistics_;
+  SharedNodes shared_;
+  ObjectStates states_;
+  StateRelay relay_;
   regions::Balance balance_;
   std::vector<regions::NodeCost> costs_;  ///< of the nodes in the frame before
   MapPlan map_plan_;
-  bool partition_due_ = false;     ///< at the end of this frame, or of the first one without a loss
-  bool ghosts_exchanged_ = false;  ///< nodes exchange ghost updates in this frame
+  bool partition_due_ = false;  ///< at the end of this frame, or of the first one without a loss
   Hosting hosting_;
   Dispatch dispatch_;
   std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
   bool nodes_exchange_contacts_ = false;  ///< nodes read the contacts that concern them from each other in this frame
   std::vector<PositionedSpawn> spawn_order_;
-  base::FlatList<std::uint32_t> relay_cells_;  ///< by slot: cell in the server's publication, or not_relayed
-  bool nodes_publish_ = false;                 ///< CD nodes publish what they host in this frame, if they can
-  bool relay_is_known_ = false;                ///< relay_cells_ are valid except for objects that moved in this frame
-  bool relays_are_final_ = false;              ///< user nodes may read: the publications of this frame no longer change
   bool users_changed_ = false;
-  bool users_are_notified_ = false;  ///< all users have been sent their contacts of this frame
-  bool bounds_are_stale_ = false;    ///< bounds of present objects that only their hosts know are outdated
-  /// Objects that moved in this frame and are not in ObjectTable::moved(), minus those there that did not move.
-  std::int64_t host_owned_moved_ = 0;
-
+  bool users_are_notified_ = false;     ///< all users have been sent their contacts of this frame
   Host recovery_host_;                  ///< moves objects that lost nodes had not reported
   std::vector<std::uint32_t> table_;    ///< of the map under construction
   std::vector<NodeNumber> remaining_;   ///< ServerState::list_remaining_nodes()

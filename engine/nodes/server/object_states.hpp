@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "nodes/server/server_state.hpp"
+
+namespace ringfence::nodes {
+
+/// The states S(k) of all objects for the server: in its table, or for host-owned objects in the memory of their hosts,
+/// from which they are stored in the table when the server needs them.
+///
+/// Threads: belongs to the server role; between frames the facade may call pose().
+class ObjectStates {
+ public:
+  explicit ObjectStates(ServerState& state) noexcept : state_(state) {}
+
+  /// At the cut.
+  void begin() noexcept { host_owned_moved_ = 0; }
+
+  /// Pose of the live object in that slot after the last frame, wherever it is stored. Between frames.
+  const Pose& pose(std::uint32_t slot) const noexcept;
+  /// Sets the bounds of an object from its pose in the table.
+  void set_bounds(std::uint32_t slot) noexcept;
+  /// Between frames: from now on the server sends updates of the object. If its host goes on, the place message clears
+  /// the host-owned flag there.
+  void end_host_owned(std::uint32_t slot);
+  /// Stores the states that a host of the server has just moved, and counts those that it refused.
+  void apply_moves(Host& host);
+
+  // While the nodes wait, or are lost.
+  /// Stores the host-owned state of an object in `frame`, unless the state was reported or stored since. `node` is the
+  /// object's host; otherwise nothing is stored.
+  void store(const PeerSession& node, std::uint64_t frame, const messages::ObjectRef& object, const Pose& pose,
+             const std::byte* state);
+  /// Stores all states of this frame and the bounds of all objects.
+  void store_all();
+  /// Stores the host-owned states of a lost node. Its thread may still run, but it no longer writes the states of
+  /// `frame`.
+  void store_kept(const PeerSession& node, std::uint64_t frame);
+
+  /// The bounds of some objects in the table are not those of their poses.
+  void note_stale_bounds() noexcept { bounds_are_stale_ = true; }
+  /// Host-owned objects that moved in this frame and that the table does not list as moved; negative for listed objects
+  /// that did not move.
+  void add_moved(std::int64_t objects) noexcept { host_owned_moved_ += objects; }
+  /// Number of objects that moved in this frame.
+  std::uint64_t moved() const noexcept {
+    return static_cast<std::uint64_t>(static_cast<std::int64_t>(state_.objects.moved().size()) + host_owned_moved_);
+  }
+
+ private:
+  ServerState& state_;
+  bool bounds_are_stale_ = false;  ///< bounds of present objects that only their hosts know are outdated
+  std::int64_t host_owned_moved_ = 0;
+};
+
+}  // namespace ringfence::nodes

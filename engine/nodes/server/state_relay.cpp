@@ -1,0 +1,145 @@
+#include "nodes/server/state_relay.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/prefetch.hpp"
+#include "nodes/server/shared_nodes.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+
+StateRelay::StateRelay(ServerState& state) : state_(state) { cells_.reserve(state.setup.capacities.objects); }
+
+bool StateRelay::is_needed() const noexcept {
+  return state_.setup.interest > 0 && !state_.connected.empty() && state_.setup.deployment != Deployment::user;
+}
+
+// With placement region, nodes do not report most states, so they publish themselves. Otherwise few nodes test for
+// longer than the server needs to publish all states, so the server's publication costs the frame nothing.
+void StateRelay::begin() {
+  is_final_ = false;
+  nodes_publish_ =
+      is_needed() && state_.setup.deployment == Deployment::user_collision &&
+      (state_.setup.placement == Placement::region || state_.report().nodes.size() > state_.setup.max_relayed_nodes);
+  for (PeerSession& node : state_.nodes) {
+    order(node);
+  }
+}
+
+void StateRelay::order(PeerSession& node) const noexcept { SharedNodes::order_publication(node, nodes_publish_); }
+
+bool StateRelay::publishes(Endpoint host) const noexcept {
+  return nodes_publish_ && host.is_node() && SharedNodes::can_publish(state_.nodes[host.number()]);
+}
+
+void StateRelay::publish(bool holds_lost_objects) {
+  if (is_final_) {
+    cells_are_known_ = false;  // reclaimed objects have moved since
+    return;
+  }
+  Published& relay = state_.setup.publications->server;
+  relay.any[state_.frame & 1] = false;
+  const bool all_published = nodes_publish_ && !holds_lost_objects &&
+                             std::all_of(state_.nodes.begin(), state_.nodes.end(), [&](const PeerSession& node) {
+                               return !node.connected || publishes(node.self);
+                             });
+  if (!is_needed() || all_published) {
+    cells_are_known_ = false;
+    return;
+  }
+  update_cells();
+  const ObjectTable& objects = state_.objects;
+  link::Publication& publication = *relay.publication;
+  publication.begin(state_.frame);
+  for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
+    if (cells_[slot] != not_relayed && !publishes(objects.host(slot))) {
+      publication.add_index(cells_[slot], slot);
+    }
+  }
+  publication.publish_indexed([&](std::uint32_t slot) { base::prefetch_for_read(&objects.row(slot)); },
+                              [&](std::uint32_t slot) {
+                                const ObjectRow& row = objects.row(slot);
+                                return link::PublishedState{row.object.number, 0, row.pose};
+                              });
+  // Computing the exact range here would cost more than readers lose by searching everywhere.
+  relay.cell_range[state_.frame & 1] = state_.setup.publications->grid.all();
+  relay.any[state_.frame & 1] = !publication.states(state_.frame).empty();
+}
+
+// Updates the cell of every published object; objects that have not moved keep theirs.
+void StateRelay::update_cells() {
+  const ObjectTable& objects = state_.objects;
+  const geometry::FixedSpace& space = *state_.setup.space;
+  const regions::CellGrid& grid = state_.setup.publications->grid;
+  const auto update = [&](std::uint32_t slot) {
+    const ObjectRow& row = objects.row(slot);
+    const auto category = static_cast<Category>(row.category);
+    const bool relayed =
+        objects.present()[slot] != 0 && (category == Category::active || category == Category::non_active);
+    std::uint32_t point[3];
+    space.point(row.pose.position, point);
+    cells_[slot] = relayed ? grid.cell_of(point) : not_relayed;
+  };
+  const std::size_t known = std::exchange(cells_are_known_, true) ? cells_.size() : 0;
+  cells_.resize(objects.slots());
+  for (auto slot = static_cast<std::uint32_t>(known); slot < objects.slots(); ++slot) {
+    update(slot);
+  }
+  constexpr std::size_t ahead = 8;
+  const auto moved = objects.moved();
+  for (std::size_t i = 0; i < moved.size(); ++i) {
+    if (i + ahead < moved.size()) {
+      base::prefetch_for_read(&objects.row(moved[i + ahead]));
+    }
+    if (moved[i] < known) {
+      update(moved[i]);
+    }
+  }
+}
+
+bool StateRelay::is_ready() noexcept {
+  return !is_final_ &&
+         state_.all_nodes([&](const PeerSession& node) { return node.received.published || !publishes(node.self); });
+}
+
+void StateRelay::allow_reading() {
+  list_publications();
+  is_final_ = true;
+  if (state_.setup.interest > 0) {
+    state_.all_users([&](PeerSession& user) {
+      user.closing.read_publications_run.start(0);
+      send_read_publications(user);
+      return true;
+    });
+  }
+}
+
+// Lists the valid publications; a later loss no longer changes who publishes what.
+void StateRelay::list_publications() {
+  auto& relays_of_frame = state_.setup.publications->relays[state_.frame & 1];
+  relays_of_frame.clear();
+  if (!is_needed()) {
+    return;
+  }
+  TrafficReport& traffic = state_.report().traffic[static_cast<std::size_t>(Traffic::state)];
+  const auto add_relay = [&](const Published& relay) {
+    if (!relay.any[state_.frame & 1]) {
+      return;
+    }
+    relays_of_frame.push_back(&relay);
+    const std::size_t states = relay.publication->states(state_.frame).size();
+    ++traffic.messages;
+    traffic.records += states;
+    traffic.bytes += states * sizeof(link::PublishedState);
+  };
+  add_relay(state_.setup.publications->server);
+  for (const PeerSession& node : state_.nodes) {
+    if (!node.lost && publishes(node.self)) {
+      add_relay(SharedNodes::published(node));
+    }
+  }
+}
+
+}  // namespace ringfence::nodes

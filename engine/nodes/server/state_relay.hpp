@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+
+#include "base/flat_list.hpp"
+#include "nodes/server/server_state.hpp"
+
+namespace ringfence::nodes {
+
+/// State relay: what user nodes read of the active and non-active objects. From their point of view the server hosts
+/// all of these; others publish most of them: in user deployment the user nodes, in user/collision deployment the CD
+/// nodes of this process, each the objects that it hosts. The server publishes the rest, and lists the valid
+/// publications.
+///
+/// Threads: belongs to the server role. Memory: 4 bytes a slot.
+class StateRelay {
+ public:
+  explicit StateRelay(ServerState& state);
+
+  /// At the cut, when the nodes of the frame are known: decides who publishes, and tells the nodes.
+  void begin();
+  /// Tells a node that joins within the frame.
+  void order(PeerSession& node) const noexcept;
+  /// When all poses are final: publishes what no other role publishes: everything, or the objects of nodes in other
+  /// processes and of lost nodes. `holds_lost_objects`: the server holds objects of lost nodes. Repeated in the same
+  /// frame after a loss, unless user nodes already read: then the lost node had published before, too, and its
+  /// publication holds S(k).
+  void publish(bool holds_lost_objects);
+  /// Whether every role has published, and user nodes have not been allowed to read.
+  bool is_ready() noexcept;
+  /// All states are in publications that do not change any more in this frame: lists them, and sends the users
+  /// `read_publications`, so that they read while the nodes test. If a user's ring is full, the message is sent
+  /// together with its contacts: the server does not wait here.
+  void allow_reading();
+  /// Continues sending `read_publications`; true when it is sent.
+  bool send_read_publications(PeerSession& user) {
+    return state_.send_empty(user, user.closing.read_publications_run, messages::MessageType::read_publications);
+  }
+
+ private:
+  static constexpr std::uint32_t not_relayed = 0xffffffffu;
+
+  bool is_needed() const noexcept;
+  bool publishes(messages::Endpoint host) const noexcept;
+  void update_cells();
+  void list_publications();
+
+  ServerState& state_;
+  base::FlatList<std::uint32_t> cells_;  ///< by slot: cell in the server's publication, or not_relayed
+  bool nodes_publish_ = false;           ///< CD nodes publish what they host in this frame, if they can
+  bool cells_are_known_ = false;         ///< cells_ are valid except for objects that moved in this frame
+  bool is_final_ = false;                ///< user nodes may read: the publications of this frame no longer change
+};
+
+}  // namespace ringfence::nodes
