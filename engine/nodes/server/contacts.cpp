@@ -17,7 +17,7 @@ void ServerRole::collect() {
   frame.ended = state_.ledger.ends();
   statistics_.charge(Stage::collect);
   nodes_exchange_contacts_ = state_.setup.deployment == Deployment::user_collision && state_.ledger.all_share();
-  change_map();
+  scheduler_.change_map();
   next_hosts();
   if (!nodes_exchange_contacts_) {
     list_notices();

@@ -117,7 +117,7 @@ void ServerRole::apply(const Request& request) {
       state_.nodes[request.node].leaving = true;
       return;
     case Request::Kind::partition:
-      partition_due_ = true;
+      scheduler_.request_partition();
       return;
     case Request::Kind::destroy:
     case Request::Kind::place:

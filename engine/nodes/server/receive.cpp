@@ -280,7 +280,7 @@ void ServerRole::receive_frame_done(PeerSession& session, const MessageView& mes
   const auto record = message.record<messages::NodeFrameStats>(0);
   statistics_.add(session, record);
   if (session.self.is_node()) {
-    session.cost_ms = cost_of(state_.report().nodes[session.in_report]);
+    session.cost_ms = MapScheduler::cost_of(state_.setup, state_.report().nodes[session.in_report]);
     states_.add_moved(static_cast<std::int64_t>(record.host_owned_changes));
   }
   session.received.frame_done = true;

@@ -17,7 +17,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       shared_(state_),
       states_(state_),
       relay_(state_),
-      balance_(map.grid(), {}, setup.capacities.objects + setup.capacities.contacts),
+      scheduler_(state_, states_, shared_),
       hosting_(setup.deployment, *setup.space),
       dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
                 setup.layer_masks, setup.keep_resting),
@@ -178,7 +178,9 @@ bool ServerRole::advance_stage() {
         relay_.allow_reading();
         statistics_.charge_cpu(&PathReport::publish_ms);
         statistics_.charge(Stage::notify);
-        plan_map();
+        if (scheduler_.plan()) {
+          statistics_.charge_cpu(&PathReport::plan_map_ms);
+        }
       }
       if (!state_.all_nodes([](const PeerSession& node) { return node.received.narrow_done; })) {
         return false;
@@ -226,7 +228,7 @@ bool ServerRole::advance_stage() {
 
 void ServerRole::finish() {
   count_contacts();
-  keep_last_node();
+  scheduler_.keep_last_node();
   statistics_.finish(states_.moved());
   if (state_.map_change.at_end) {
     state_.map_change.updates = state_.map_change.hosts_exchange_objects ? Dispatch::UpdateScope::not_hosted

@@ -7,13 +7,13 @@
 
 #include "nodes/server/dispatch.hpp"
 #include "nodes/server/hosting.hpp"
+#include "nodes/server/map_scheduler.hpp"
 #include "nodes/server/object_states.hpp"
 #include "nodes/server/server_state.hpp"
 #include "nodes/server/shared_nodes.hpp"
 #include "nodes/server/spawn_order.hpp"
 #include "nodes/server/state_relay.hpp"
 #include "nodes/server/statistics.hpp"
-#include "regions/balance.hpp"
 
 namespace ringfence::nodes {
 
@@ -121,30 +121,6 @@ class ServerRole {
   void replace_lost_nodes();
   void rehost_recovered();
 
-  // Region maps.
-  /// State of the planning of a new region map.
-  struct MapPlan {
-    enum class Pass : std::uint8_t { none, weighing, refining, sharing, planned };
-    Pass pass = Pass::none;
-    std::uint32_t epoch = 0;               ///< of the map to be replaced
-    std::size_t slots = 0;                 ///< of nodes, at that time
-    std::size_t part = 0, next = 0;        ///< next objects or contacts to weigh
-    std::span<const std::uint32_t> table;  ///< the new map
-  };
-  void compare_costs();
-  void change_map();
-  void adopt_map(std::span<const std::uint32_t> table);
-  double cost_of(const NodeReport& node) const noexcept;
-  void keep_last_node() noexcept;
-  void note_renotified() noexcept;
-  void plan_map();
-  bool is_for_current_map(const MapPlan& drawing) const noexcept;
-  void begin_weights();
-  bool weigh(std::size_t most);
-  std::size_t weigh_part(std::size_t part, std::size_t first, std::size_t end);
-  bool is_hosted_here(messages::Endpoint host) const noexcept;
-  std::span<const std::uint32_t> partition();
-
   // Stages.
   bool advance();
   bool advance_stage();
@@ -168,10 +144,7 @@ class ServerRole {
   SharedNodes shared_;
   ObjectStates states_;
   StateRelay relay_;
-  regions::Balance balance_;
-  std::vector<regions::NodeCost> costs_;  ///< of the nodes in the frame before
-  MapPlan map_plan_;
-  bool partition_due_ = false;  ///< at the end of this frame, or of the first one without a loss
+  MapScheduler scheduler_;
   Hosting hosting_;
   Dispatch dispatch_;
   std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
