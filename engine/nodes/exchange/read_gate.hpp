@@ -11,7 +11,7 @@ namespace ringfence::nodes {
 /// its gate before it reads data of others. The server bars the gates of lost nodes. If a lost node is already inside,
 /// the server waits until it leaves: about 100 us, because the node only copies and waits for nothing. If the thread of
 /// the node has stopped inside, the server gives up, after a deadline, all memory that this thread may access: see
-/// ServerRole.
+/// Deadlines.
 ///
 /// Threads: the server and the node.
 class ReadGate {

@@ -19,10 +19,10 @@ void ServerRole::cut() {
   users_changed_ = false;
   apply_requests();
   if (any_lost) {
-    replace_lost_nodes();
+    failover_.replace_lost_nodes();
   }
   statistics_.list_nodes();
-  rehost_recovered();
+  failover_.rehost_recovered();
   for (const HostChange& change : hosting_.settle(state_.objects, state_.map, state_.connected, users_changed_)) {
     rehost(change);
   }
@@ -37,8 +37,8 @@ void ServerRole::cut() {
   });
   state_.hand_overs.clear();
   states_.begin();
-  losses_pending_ = nodes_abandoned_ = false;
-  gates_watched_ns_ = 0;
+  failover_.begin();
+  deadlines_.begin();
   state_.stage = FrameStage::starting_nodes;
 }
 
@@ -68,7 +68,7 @@ void ServerRole::start(PeerSession& session) {
 void ServerRole::start_users() {
   state_.awaited_users.clear();
   if (state_.setup.user_deadline_ns != 0) {
-    moves_watched_ns_ = telemetry::now_ns();
+    deadlines_.begin_moves(telemetry::now_ns());
   }
   state_.all_users([&](PeerSession& user) {
     start(user);

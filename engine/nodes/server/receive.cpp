@@ -44,6 +44,19 @@ bool ServerRole::drain(PeerSession& session) {
   return any;
 }
 
+// Refuses the messages of a lost node. Returns whether there were any.
+bool ServerRole::drain_lost(PeerSession& session) {
+  bool any = false;
+  for (auto bytes = session.connection.in->next(); !bytes.empty(); bytes = session.connection.in->next()) {
+    state_.refuse(Status::late);
+    any = true;
+  }
+  if (any) {
+    session.connection.in->release();
+  }
+  return any;
+}
+
 // Whether the message exceeds its sender's quota and is ignored. The end of the states and frame_done count
 // nevertheless: otherwise the frame would wait for them.
 bool ServerRole::is_over_quota(PeerSession& session, std::span<const std::byte> bytes) {

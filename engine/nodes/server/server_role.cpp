@@ -21,7 +21,8 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       hosting_(setup.deployment, *setup.space),
       dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
                 setup.layer_masks, setup.keep_resting),
-      recovery_host_(setup.model, 0) {
+      failover_(state_, shared_, states_, relay_, statistics_),
+      deadlines_(state_, failover_, dispatch_) {
   spawn_order_.reserve(setup.capacities.objects);
 }
 
@@ -40,7 +41,8 @@ Step ServerRole::step() {
   });
   progressed |= receive_from_users();
   if (any_broken_) [[unlikely]] {
-    lose_broken_nodes();
+    any_broken_ = false;
+    failover_.lose_broken_nodes();
   }
   if (!state_.report().lost.empty()) {
     for (PeerSession& session : state_.nodes) {
@@ -52,13 +54,22 @@ Step ServerRole::step() {
     advanced = true;
   }
   // Receiving is not progress: a flooding sender must not postpone the deadline check.
-  if (advanced || check_deadlines() || progressed) {
+  if (advanced || (state_.stage != FrameStage::waiting && deadlines_.any() && deadlines_.check(telemetry::now_ns())) ||
+      progressed) {
     return Step::progressed;
   }
   const bool sending = state_.stage == FrameStage::starting_nodes || state_.stage == FrameStage::starting_users ||
                        state_.stage == FrameStage::dispatching || state_.stage == FrameStage::notifying ||
                        state_.stage == FrameStage::notifying_users;
   return sending ? Step::blocked : Step::idle;
+}
+
+bool ServerRole::lose(NodeNumber node) {
+  if (state_.stage == FrameStage::waiting) {
+    return false;
+  }
+  failover_.lose(node);
+  return true;
 }
 
 // Whether the frame waits for a message of the node.
@@ -115,12 +126,8 @@ void ServerRole::detect() {
   dispatch_.start(state_.nodes);
 }
 
-bool ServerRole::all_nodes_done() noexcept {
-  return state_.all_nodes([](const PeerSession& node) { return node.received.frame_done; });
-}
-
 // Makes one transition of the frame; false if it has to wait.
-bool ServerRole::advance() { return (!losses_pending_ || send_losses()) && advance_stage(); }
+bool ServerRole::advance() { return (!failover_.is_pending() || failover_.send()) && advance_stage(); }
 
 bool ServerRole::advance_stage() {
   switch (state_.stage) {
@@ -167,7 +174,7 @@ bool ServerRole::advance_stage() {
       statistics_.charge(Stage::dispatch);
       statistics_.charge_cpu(&PathReport::dispatch_ms);
       // Poses are final, so states can be published while the nodes test.
-      relay_.publish(recovered_);
+      relay_.publish(failover_.holds_objects());
       statistics_.charge_cpu(&PathReport::publish_ms);
       statistics_.charge(Stage::notify);
       state_.stage = FrameStage::colliding;
@@ -217,7 +224,8 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::closing;
       return true;
     case FrameStage::closing:
-      if (!all_nodes_done() || (shared_.is_reading_ghosts() && !nodes_abandoned_) || !state_.ledger.complete()) {
+      if (!state_.all_nodes_done() || (shared_.is_reading_ghosts() && !deadlines_.has_abandoned_nodes()) ||
+          !state_.ledger.complete()) {
         return false;
       }
       finish();

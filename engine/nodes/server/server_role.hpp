@@ -5,7 +5,9 @@
 #include <span>
 #include <vector>
 
+#include "nodes/server/deadlines.hpp"
 #include "nodes/server/dispatch.hpp"
+#include "nodes/server/failover.hpp"
 #include "nodes/server/hosting.hpp"
 #include "nodes/server/map_scheduler.hpp"
 #include "nodes/server/object_states.hpp"
@@ -37,7 +39,7 @@ class ServerRole {
   Step step();
 
   /// Marks the CD node in a slot as lost: it missed its deadline (detected by the role itself), or its link was closed.
-  /// Other nodes take over its regions, its objects and its pairs of the frame; see nodes/server/loss.cpp. Called by
+  /// Other nodes take over its regions, its objects and its pairs of the frame; see Failover. Called by
   /// the thread that steps the role. Returns false and does nothing while no frame is running; call it again within the
   /// next frame.
   bool lose(NodeNumber node);
@@ -58,14 +60,12 @@ class ServerRole {
   // For the last frame; unchanged while the next one is running.
   const ContactLedger& ledger() const noexcept { return state_.ledger; }
   /// Whether all nodes of the last frame were lost because the thread of one had stopped inside a read gate.
-  bool has_abandoned_nodes() const noexcept { return nodes_abandoned_; }
+  bool has_abandoned_nodes() const noexcept { return deadlines_.has_abandoned_nodes(); }
   /// Precondition: the threads of all lost nodes have ended.
   void free_abandoned() noexcept { state_.ledger.free_abandoned(); }
   const FrameReport& report(std::uint64_t frame) const noexcept { return state_.reports[frame & 1]; }
 
  private:
-  static constexpr NodeNumber no_node = 0xffffffffu;
-
   // Cut.
   void cut();
   void apply_requests();
@@ -100,32 +100,12 @@ class ServerRole {
   void receive_frame_done(PeerSession& session, const messages::MessageView& message);
   void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
 
-  // Loss of nodes.
-  void lose_broken_nodes();
-  bool check_deadlines();
-  bool check_node_deadline(PeerSession& session, std::uint64_t now);
-  bool watch_gates(std::uint64_t now);
-  bool watch_users(std::uint64_t now);
-  bool watch_moves(std::uint64_t now);
-  bool is_overdue(const PeerSession& user, std::uint64_t now) const noexcept;
-  void count_late(PeerSession& user);
   bool drain_lost(PeerSession& session);
-  bool send_losses();
-  bool send_losses(PeerSession& session);
-  void reassign_cells();
-  void reclaim(std::uint32_t slot);
-  void recover_objects(NodeNumber node);
-  void cancel_hand_overs(NodeNumber node);
-  void detect_again();
-  bool connect_fallback();
-  void replace_lost_nodes();
-  void rehost_recovered();
 
   // Stages.
   bool advance();
   bool advance_stage();
   void detect();
-  bool all_nodes_done() noexcept;
   void collect();
   void list_notices();
   void start_notifying(PeerSession& session);
@@ -147,24 +127,15 @@ class ServerRole {
   MapScheduler scheduler_;
   Hosting hosting_;
   Dispatch dispatch_;
+  Failover failover_;
+  Deadlines deadlines_;
   std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
   bool nodes_exchange_contacts_ = false;  ///< nodes read the contacts that concern them from each other in this frame
   std::vector<PositionedSpawn> spawn_order_;
   bool users_changed_ = false;
-  bool users_are_notified_ = false;     ///< all users have been sent their contacts of this frame
-  Host recovery_host_;                  ///< moves objects that lost nodes had not reported
-  std::vector<std::uint32_t> table_;    ///< of the map under construction
-  std::vector<NodeNumber> remaining_;   ///< ServerState::list_remaining_nodes()
-  NodeNumber fallback_slot_ = no_node;  ///< waiting for a fallback node in this slot
-  bool losses_pending_ = false;
-  bool any_broken_ = false;       ///< a node that is not lost yet has broken the protocol
-  bool nodes_abandoned_ = false;  ///< in this frame; see watch_gates
-  /// Since when the frame waits for lost nodes to leave their gates; 0: it does not wait.
-  std::uint64_t gates_watched_ns_ = 0;
-  bool recovered_ = false;  ///< the server holds objects of lost nodes until the next cut
-
-  std::uint64_t frames_ = 0;            ///< frames begun
-  std::uint64_t moves_watched_ns_ = 0;  ///< when user nodes began to move, or the facade last checked their threads
+  bool users_are_notified_ = false;  ///< all users have been sent their contacts of this frame
+  bool any_broken_ = false;          ///< a node that is not lost yet has broken the protocol
+  std::uint64_t frames_ = 0;         ///< frames begun
 };
 
 }  // namespace ringfence::nodes

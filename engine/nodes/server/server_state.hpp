@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -96,6 +97,12 @@ struct ServerState {
   }
   /// The session of a CD node or a connected user node; null for any other endpoint.
   PeerSession* session_of(messages::Endpoint endpoint) noexcept;
+  bool any_active_node() const noexcept {
+    return std::any_of(nodes.begin(), nodes.end(), [](const PeerSession& node) { return node.is_active(); });
+  }
+  bool all_nodes_done() noexcept {
+    return all_nodes([](const PeerSession& node) { return node.received.frame_done; });
+  }
   /// Whether the contacts of the frame are known, so that a loss no longer changes them.
   bool contacts_are_final() const noexcept { return stage >= FrameStage::notifying; }
   /// Lists the active nodes that also stay, ascending; if none stays, those that leave.
