@@ -18,6 +18,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       states_(state_),
       relay_(state_),
       scheduler_(state_, states_, shared_),
+      router_(state_, states_, shared_, relay_, statistics_),
       hosting_(setup.deployment, *setup.space),
       dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
                 setup.layer_masks, setup.keep_resting),
@@ -193,28 +194,29 @@ bool ServerRole::advance_stage() {
         return false;
       }
       statistics_.charge_cpu(&PathReport::receive_contacts_ms);
-      collect();
+      statistics_.charge(Stage::narrow_phase);
+      router_.resolve_phases();
+      statistics_.charge(Stage::collect);
+      scheduler_.change_map();
+      router_.assign_next_hosts();
+      router_.start_nodes();
       statistics_.charge_cpu(&PathReport::collect_ms);
       state_.notify_ns = statistics_.mark_ns();
       state_.stage = FrameStage::notifying;
       return true;
     case FrameStage::notifying:
       if (!state_.all_nodes(
-              [&](PeerSession& node) { return notify(node) && Statistics::note_reached(node.notified); })) {
+              [&](PeerSession& node) { return router_.notify(node) && Statistics::note_reached(node.notified); })) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::notify_ms);
       statistics_.charge_reached(state_.report().path.notify_ms, state_.notify_ns, &PeerSession::notified);
-      start_notifying_users();
+      router_.start_users();
       state_.stage = FrameStage::notifying_users;
       return true;
     case FrameStage::notifying_users:
       // Users before nodes, since nodes need longer to end.
-      if (!users_are_notified_) {
-        users_are_notified_ = true;
-        for (const UserNumber user : state_.awaited_users) {
-          users_are_notified_ &= notify(state_.users[user]);
-        }
+      if (router_.notify_users()) {
         statistics_.charge_cpu(&PathReport::notify_users_ms);
       }
       if (!state_.awaited_users.empty()) {
@@ -235,7 +237,7 @@ bool ServerRole::advance_stage() {
 }
 
 void ServerRole::finish() {
-  count_contacts();
+  router_.count_contacts();
   scheduler_.keep_last_node();
   statistics_.finish(states_.moved());
   if (state_.map_change.at_end) {

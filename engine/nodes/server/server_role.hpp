@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "nodes/server/contact_router.hpp"
 #include "nodes/server/deadlines.hpp"
 #include "nodes/server/dispatch.hpp"
 #include "nodes/server/failover.hpp"
@@ -106,17 +107,6 @@ class ServerRole {
   bool advance();
   bool advance_stage();
   void detect();
-  void collect();
-  void list_notices();
-  void start_notifying(PeerSession& session);
-  void start_notifying_users();
-  void list_notice(std::uint32_t notice, const Found& found);
-  void write_notice(std::uint32_t notice, std::byte* where) const noexcept;
-  void count_contacts();
-  void next_hosts();
-  void follow_host(std::uint32_t slot, NodeNumber next);
-  void follow_all_hosted(const PeerSession& session);
-  bool notify(PeerSession& session);
   void finish();
 
   ServerState state_;
@@ -125,17 +115,15 @@ class ServerRole {
   ObjectStates states_;
   StateRelay relay_;
   MapScheduler scheduler_;
+  ContactRouter router_;
   Hosting hosting_;
   Dispatch dispatch_;
   Failover failover_;
   Deadlines deadlines_;
-  std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
-  bool nodes_exchange_contacts_ = false;  ///< nodes read the contacts that concern them from each other in this frame
   std::vector<PositionedSpawn> spawn_order_;
   bool users_changed_ = false;
-  bool users_are_notified_ = false;  ///< all users have been sent their contacts of this frame
-  bool any_broken_ = false;          ///< a node that is not lost yet has broken the protocol
-  std::uint64_t frames_ = 0;         ///< frames begun
+  bool any_broken_ = false;   ///< a node that is not lost yet has broken the protocol
+  std::uint64_t frames_ = 0;  ///< frames begun
 };
 
 }  // namespace ringfence::nodes

@@ -31,19 +31,6 @@ ServerState::ServerState(const ServerSetup& initial, const regions::RegionMap& f
   hand_overs.reserve(setup.capacities.objects);
 }
 
-PeerSession* ServerState::session_of(Endpoint endpoint) noexcept {
-  if (endpoint == Endpoint::none()) {
-    return nullptr;
-  }
-  if (endpoint.is_node()) {
-    return &nodes[endpoint.number()];
-  }
-  if (endpoint.is_user() && users[endpoint.number()].connected) {
-    return &users[endpoint.number()];
-  }
-  return nullptr;
-}
-
 void ServerState::list_remaining_nodes(std::vector<NodeNumber>& remaining) const {
   remaining.clear();
   for (const bool leaving : {false, true}) {
@@ -58,12 +45,6 @@ void ServerState::list_remaining_nodes(std::vector<NodeNumber>& remaining) const
   }
 }
 
-NodeNumber ServerState::owner_at(const Vec3d& position) const noexcept {
-  std::uint32_t point[3];
-  setup.space->point(position, point);
-  return map.owner_at(point);
-}
-
 void ServerState::note_host_change(std::uint32_t slot) {
   objects.marks(slot) |= host_changed_mark;
   host_changes.push_back(slot);
@@ -72,7 +53,7 @@ void ServerState::note_host_change(std::uint32_t slot) {
 bool ServerState::send_map(PeerSession& session, messages::RunSender& run) {
   return run.pump(*session.connection.out, head(MessageType::region_map, session.self), sizeof(messages::OwnerRecord),
                   report().traffic, [&](std::size_t i, std::byte* where) {
-                    const messages::OwnerRecord record{map.table()[i], 0};
+                    const messages::OwnerRecord record{map.table()[i]};
                     std::memcpy(where, &record, sizeof record);
                   });
 }

@@ -96,7 +96,12 @@ struct ServerState {
     return all;
   }
   /// The session of a CD node or a connected user node; null for any other endpoint.
-  PeerSession* session_of(messages::Endpoint endpoint) noexcept;
+  PeerSession* session_of(messages::Endpoint endpoint) noexcept {
+    if (endpoint.is_node()) {
+      return &nodes[endpoint.number()];
+    }
+    return endpoint.is_user() && users[endpoint.number()].connected ? &users[endpoint.number()] : nullptr;
+  }
   bool any_active_node() const noexcept {
     return std::any_of(nodes.begin(), nodes.end(), [](const PeerSession& node) { return node.is_active(); });
   }
@@ -108,7 +113,11 @@ struct ServerState {
   /// Lists the active nodes that also stay, ascending; if none stays, those that leave.
   void list_remaining_nodes(std::vector<NodeNumber>& remaining) const;
   /// The CD node whose region contains the position.
-  NodeNumber owner_at(const Vec3d& position) const noexcept;
+  NodeNumber owner_at(const Vec3d& position) const noexcept {
+    std::uint32_t point[3];
+    setup.space->point(position, point);
+    return map.owner_at(point);
+  }
   void note_host_change(std::uint32_t slot);
 
   FrameReport& report() noexcept { return reports[frame & 1]; }

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "nodes/server/object_states.hpp"
+#include "nodes/server/server_state.hpp"
+#include "nodes/server/shared_nodes.hpp"
+#include "nodes/server/state_relay.hpp"
+#include "nodes/server/statistics.hpp"
+
+namespace ringfence::nodes {
+
+/// Routes the contacts of a frame: has their phases resolved and the output lists written (ContactLedger), determines
+/// the hosts of the next frame, and notifies hosts of their contacts (M4).
+///
+/// User nodes receive theirs from the server. CD nodes read theirs from each other where all share memory and host
+/// objects; otherwise the server sends them, too. The server, as a host, reads the output lists.
+///
+/// Threads: belongs to the server role. Memory: that of the lists in PeerSession.
+class ContactRouter {
+ public:
+  ContactRouter(ServerState& state, ObjectStates& states, SharedNodes& shared, StateRelay& relay,
+                Statistics& statistics) noexcept
+      : state_(state), states_(states), shared_(shared), relay_(relay), statistics_(statistics) {}
+
+  // In this order, when all nodes have tested their pairs.
+  /// Resolves phases and starts the output lists.
+  void resolve_phases();
+  /// After the region map of the next frame is known: the hosts of the next frame, and the number of hand-overs that
+  /// each node must expect. In user/collision deployment they follow the poses and the map. The nodes conclude the same
+  /// from their own data.
+  void assign_next_hosts();
+  /// Lists what notify() sends to the nodes.
+  void start_nodes();
+  /// Sends a peer what ends its frame: map, corrections, contacts, and to nodes the number of hand-overs. Sends as much
+  /// as the ring takes; true when all is sent.
+  bool notify(PeerSession& session);
+  /// Lists what notify() sends to the users, and awaits their acknowledgements. If the server does not notify nodes,
+  /// the contacts are listed here, while the nodes end.
+  void start_users();
+  /// Notifies the awaited users. Returns false if that was done before.
+  bool notify_users();
+  /// When the frame is complete: counts its contacts, and what nodes have read from each other.
+  void count_contacts();
+
+ private:
+  void follow(std::uint32_t slot, NodeNumber next);
+  void follow_all_hosted(const PeerSession& node);
+  void list_notices();
+  void list_notice(std::uint32_t notice, const Found& found);
+  void write_notice(std::uint32_t notice, std::byte* where) const noexcept;
+  void start(PeerSession& session);
+
+  ServerState& state_;
+  ObjectStates& states_;
+  SharedNodes& shared_;
+  StateRelay& relay_;
+  Statistics& statistics_;
+  std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
+  bool nodes_exchange_contacts_ = false;  ///< nodes read the contacts that concern them from each other in this frame
+  bool users_are_notified_ = false;       ///< all users have been sent their contacts of this frame
+};
+
+}  // namespace ringfence::nodes
