@@ -19,6 +19,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       relay_(state_),
       scheduler_(state_, states_, shared_),
       router_(state_, states_, shared_, relay_, statistics_),
+      ingest_(state_, states_, shared_, statistics_),
       hosting_(setup.deployment, *setup.space),
       dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
                 setup.layer_masks, setup.keep_resting),
@@ -36,19 +37,12 @@ Step ServerRole::step() {
     cut();
     progressed = true;
   }
-  state_.all_nodes([&](PeerSession& node) {
-    progressed |= is_awaited(node) && drain(node);
-    return true;
-  });
-  progressed |= receive_from_users();
-  if (any_broken_) [[unlikely]] {
-    any_broken_ = false;
+  progressed |= ingest_.receive();
+  if (ingest_.take_broken()) [[unlikely]] {
     failover_.lose_broken_nodes();
   }
   if (!state_.report().lost.empty()) {
-    for (PeerSession& session : state_.nodes) {
-      progressed |= session.lost && drain_lost(session);
-    }
+    progressed |= ingest_.refuse_lost();
   }
   bool advanced = false;
   while (advance()) {
@@ -71,48 +65,6 @@ bool ServerRole::lose(NodeNumber node) {
   }
   failover_.lose(node);
   return true;
-}
-
-// Whether the frame waits for a message of the node.
-bool ServerRole::is_awaited(const PeerSession& node) const noexcept {
-  switch (state_.stage) {
-    case FrameStage::waiting:
-      return false;
-    case FrameStage::starting_nodes:
-    case FrameStage::starting_users:
-    case FrameStage::moving:
-      return !node.received.states || node.probed_ns != 0;
-    case FrameStage::dispatching:
-    case FrameStage::colliding:
-    case FrameStage::notifying:
-      return !node.received.narrow_done || node.probed_ns != 0;
-    case FrameStage::notifying_users:
-      return node.probed_ns != 0;
-    case FrameStage::closing:
-      return !node.received.frame_done || node.probed_ns != 0;
-  }
-  return true;
-}
-
-// Of many user nodes most have nothing to send at most times, and polling a ring costs a cache miss. So only the rings
-// of awaited users are read; unexpected messages stay there until the user is awaited again.
-bool ServerRole::receive_from_users() {
-  constexpr std::size_t ahead = 4;
-  bool any = false;
-  for (std::size_t i = 0; i < state_.awaited_users.size();) {
-    if (i + ahead < state_.awaited_users.size()) {
-      state_.users[state_.awaited_users[i + ahead]].connection.in->prefetch();
-    }
-    PeerSession& user = state_.users[state_.awaited_users[i]];
-    any |= !user.lost && drain(user);
-    if (user.lost || (state_.contacts_are_final() ? user.received.frame_done : user.received.states)) {
-      state_.awaited_users[i] = state_.awaited_users.back();
-      state_.awaited_users.pop_back();
-    } else {
-      ++i;
-    }
-  }
-  return any;
 }
 
 void ServerRole::detect() {

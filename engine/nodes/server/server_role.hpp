@@ -10,6 +10,7 @@
 #include "nodes/server/dispatch.hpp"
 #include "nodes/server/failover.hpp"
 #include "nodes/server/hosting.hpp"
+#include "nodes/server/ingest.hpp"
 #include "nodes/server/map_scheduler.hpp"
 #include "nodes/server/object_states.hpp"
 #include "nodes/server/server_state.hpp"
@@ -86,23 +87,6 @@ class ServerRole {
   void start_users();
   bool open(PeerSession& session);
 
-  // Receiving.
-  bool is_awaited(const PeerSession& node) const noexcept;
-  bool receive_from_users();
-  bool drain(PeerSession& session);
-  bool is_over_quota(PeerSession& session, std::span<const std::byte> bytes);
-  bool is_acceptable(const PeerSession& node, const messages::MessageView& message) const noexcept;
-  void receive(PeerSession& session, const messages::MessageView& message);
-  void receive_states(PeerSession& session, const messages::MessageView& message);
-  void receive_node_states(PeerSession& session, const messages::MessageView& message);
-  void receive_collisions(PeerSession& session, const messages::MessageView& message);
-  void receive_changes(PeerSession& session, const messages::MessageView& message);
-  void receive_narrow_done(PeerSession& session, const messages::MessageView& message);
-  void receive_frame_done(PeerSession& session, const messages::MessageView& message);
-  void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
-
-  bool drain_lost(PeerSession& session);
-
   // Stages.
   bool advance();
   bool advance_stage();
@@ -116,13 +100,13 @@ class ServerRole {
   StateRelay relay_;
   MapScheduler scheduler_;
   ContactRouter router_;
+  Ingest ingest_;
   Hosting hosting_;
   Dispatch dispatch_;
   Failover failover_;
   Deadlines deadlines_;
   std::vector<PositionedSpawn> spawn_order_;
   bool users_changed_ = false;
-  bool any_broken_ = false;   ///< a node that is not lost yet has broken the protocol
   std::uint64_t frames_ = 0;  ///< frames begun
 };
 

@@ -1,9 +1,10 @@
-// Messages that the server receives from CD nodes and user nodes.
+#include "nodes/server/ingest.hpp"
+
 #include <algorithm>
 
 #include "base/prefetch.hpp"
 #include "nodes/message_check.hpp"
-#include "nodes/server/server_role.hpp"
+#include "nodes/server/map_scheduler.hpp"
 #include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
@@ -11,8 +12,60 @@ namespace ringfence::nodes {
 using messages::MessageType;
 using messages::MessageView;
 
+bool Ingest::receive() {
+  bool any = false;
+  state_.all_nodes([&](PeerSession& node) {
+    any |= is_awaited(node) && drain(node);
+    return true;
+  });
+  any |= receive_from_users();
+  return any;
+}
+
+// Whether the frame waits for a message of the node.
+bool Ingest::is_awaited(const PeerSession& node) const noexcept {
+  switch (state_.stage) {
+    case FrameStage::waiting:
+      return false;
+    case FrameStage::starting_nodes:
+    case FrameStage::starting_users:
+    case FrameStage::moving:
+      return !node.received.states || node.probed_ns != 0;
+    case FrameStage::dispatching:
+    case FrameStage::colliding:
+    case FrameStage::notifying:
+      return !node.received.narrow_done || node.probed_ns != 0;
+    case FrameStage::notifying_users:
+      return node.probed_ns != 0;
+    case FrameStage::closing:
+      return !node.received.frame_done || node.probed_ns != 0;
+  }
+  return true;
+}
+
+// Of many user nodes most have nothing to send at most times, and polling a ring costs a cache miss. So only the rings
+// of awaited users are read; unexpected messages stay there until the user is awaited again.
+bool Ingest::receive_from_users() {
+  constexpr std::size_t ahead = 4;
+  bool any = false;
+  for (std::size_t i = 0; i < state_.awaited_users.size();) {
+    if (i + ahead < state_.awaited_users.size()) {
+      state_.users[state_.awaited_users[i + ahead]].connection.in->prefetch();
+    }
+    PeerSession& user = state_.users[state_.awaited_users[i]];
+    any |= !user.lost && drain(user);
+    if (user.lost || (state_.contacts_are_final() ? user.received.frame_done : user.received.states)) {
+      state_.awaited_users[i] = state_.awaited_users.back();
+      state_.awaited_users.pop_back();
+    } else {
+      ++i;
+    }
+  }
+  return any;
+}
+
 // Reads the messages of a peer up to a limit for users: a flooding user must not keep the others waiting.
-bool ServerRole::drain(PeerSession& session) {
+bool Ingest::drain(PeerSession& session) {
   constexpr std::size_t max_bytes_at_once = 65536;
   bool any = false;
   std::size_t taken = 0;
@@ -44,22 +97,23 @@ bool ServerRole::drain(PeerSession& session) {
   return any;
 }
 
-// Refuses the messages of a lost node. Returns whether there were any.
-bool ServerRole::drain_lost(PeerSession& session) {
+bool Ingest::refuse_lost() {
   bool any = false;
-  for (auto bytes = session.connection.in->next(); !bytes.empty(); bytes = session.connection.in->next()) {
-    state_.refuse(Status::late);
-    any = true;
-  }
-  if (any) {
-    session.connection.in->release();
+  for (PeerSession& node : state_.nodes) {
+    if (node.lost && node.connection.in->has_message()) {
+      while (!node.connection.in->next().empty()) {
+        state_.refuse(Status::late);
+      }
+      node.connection.in->release();
+      any = true;
+    }
   }
   return any;
 }
 
 // Whether the message exceeds its sender's quota and is ignored. The end of the states and frame_done count
 // nevertheless: otherwise the frame would wait for them.
-bool ServerRole::is_over_quota(PeerSession& session, std::span<const std::byte> bytes) {
+bool Ingest::is_over_quota(PeerSession& session, std::span<const std::byte> bytes) {
   session.received.bytes += bytes.size();
   if (state_.setup.quotas.bytes == 0 || session.received.bytes <= state_.setup.quotas.bytes) {
     return false;
@@ -77,7 +131,7 @@ bool ServerRole::is_over_quota(PeerSession& session, std::span<const std::byte> 
 // Counts all refusals, and reports only the first ones: a user node that sends invalid messages must not make the
 // server send as many. A CD node of another process that breaks the protocol becomes lost, because its contacts of the
 // frame cannot be trusted.
-void ServerRole::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
+void Ingest::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
   state_.refuse(reason);
   if (sender.self.is_node() && !SharedNodes::is_shared(sender) && reason == Status::bad_message) {
     sender.broken = any_broken_ = true;
@@ -89,7 +143,7 @@ void ServerRole::refuse(PeerSession& sender, Status reason, ObjectNumber number)
 
 // Whether a CD node of another process may send this message now, and its records are valid. States are final after the
 // last one has arrived, and contacts after narrow_done: other roles read them from then on.
-bool ServerRole::is_acceptable(const PeerSession& node, const MessageView& message) const noexcept {
+bool Ingest::is_acceptable(const PeerSession& node, const MessageView& message) const noexcept {
   switch (message.type()) {
     case MessageType::node_state:
       if (node.received.states || state_.stage > FrameStage::moving) {
@@ -112,7 +166,32 @@ bool ServerRole::is_acceptable(const PeerSession& node, const MessageView& messa
                             .slots = static_cast<std::uint32_t>(state_.objects.slots())});
 }
 
-void ServerRole::receive(PeerSession& session, const MessageView& message) {
+// Whether the protocol allows a message of this type from the sender now.
+bool Ingest::may_send(const PeerSession& session, const MessageView& message) const noexcept {
+  const bool node = session.self.is_node();
+  switch (message.type()) {
+    case MessageType::state_update:
+      // Poses are final after a host's last state message: a later state would reach some nodes and not others.
+      return !node && !session.received.states;
+    case MessageType::node_state:
+    case MessageType::collision:
+    case MessageType::change:
+    case MessageType::published:
+    case MessageType::probe_reply:
+    case MessageType::kinds:
+      return node;
+    case MessageType::narrow_done:
+      return node && message.count() == 1;
+    case MessageType::frame_done:
+      // Accepted once, and only after the contacts that it acknowledges have been sent.
+      return message.count() == 1 && !session.received.frame_done && state_.contacts_are_final() &&
+             session.closing.notice_run.done();
+    default:
+      return false;
+  }
+}
+
+void Ingest::receive(PeerSession& session, const MessageView& message) {
   statistics_.count(message.header());
   const bool node = session.self.is_node();
   const bool tests = message.type() == MessageType::collision || message.type() == MessageType::change ||
@@ -120,55 +199,50 @@ void ServerRole::receive(PeerSession& session, const MessageView& message) {
   if (node && tests && message.header().epoch != state_.map.epoch()) {
     return;  // found before a loss was known; the node will find it again
   }
-  if (node && !SharedNodes::is_shared(session) && !is_acceptable(session, message)) {
+  const bool trusted = !node || SharedNodes::is_shared(session);
+  if (!may_send(session, message) || !(trusted || is_acceptable(session, message))) {
     return refuse(session, Status::bad_message);
   }
   switch (message.type()) {
     case MessageType::state_update:
-      // Poses are final after a host's last state message: a later state would reach some nodes and not others.
-      return node || session.received.states ? refuse(session, Status::bad_message) : receive_states(session, message);
+      return receive_states(session, message);
     case MessageType::node_state:
-      return node ? receive_node_states(session, message) : refuse(session, Status::bad_message);
+      return receive_node_states(session, message);
     case MessageType::collision:
-      return node ? receive_collisions(session, message) : refuse(session, Status::bad_message);
+      return receive_collisions(session, message);
     case MessageType::change:
-      return node ? receive_changes(session, message) : refuse(session, Status::bad_message);
+      return receive_changes(session, message);
     case MessageType::narrow_done:
-      return node && message.count() == 1 ? receive_narrow_done(session, message)
-                                          : refuse(session, Status::bad_message);
+      return receive_narrow_done(session, message);
     case MessageType::published:
-      return node ? void(session.received.published = true) : refuse(session, Status::bad_message);
-    case MessageType::probe_reply:
-      return node ? void() : refuse(session, Status::bad_message);
+      session.received.published = true;
+      return;
     case MessageType::kinds:
-      return node ? statistics_.add_kinds(message) : refuse(session, Status::bad_message);
+      return statistics_.add_kinds(message);
     case MessageType::frame_done:
-      // Accepted once, and only after the contacts that it acknowledges have been sent.
-      return message.count() == 1 && !session.received.frame_done && state_.contacts_are_final() &&
-                     session.closing.notice_run.done()
-                 ? receive_frame_done(session, message)
-                 : refuse(session, Status::bad_message);
+      return receive_frame_done(session, message);
     default:
-      return refuse(session, Status::bad_message);
+      return;  // a probe_reply has no content
   }
 }
 
 // M1. User nodes are not trusted: a state is accepted only if the user hosts the object and the pose is valid.
-void ServerRole::receive_states(PeerSession& session, const MessageView& message) {
+void Ingest::receive_states(PeerSession& session, const MessageView& message) {
   const std::uint64_t start = telemetry::now_ns();
+  ObjectTable& objects = state_.objects;
   for (std::size_t i = 0; i < message.count(); ++i) {
     auto record = message.record<messages::StateRecord>(i);
     if (state_.setup.quotas.updates != 0 && ++session.received.updates > state_.setup.quotas.updates) {
       refuse(session, Status::over_quota, record.object.number);
       continue;
     }
-    const std::uint32_t slot = state_.objects.find(record.object);
+    const std::uint32_t slot = objects.find(record.object);
     if (slot == base::NumberIndex::none) {
       refuse(session, Status::stale_object, record.object.number);
       continue;
     }
-    ObjectRow& row = state_.objects.row(slot);
-    if (state_.objects.host(slot) != session.self) {
+    ObjectRow& row = objects.row(slot);
+    if (objects.host(slot) != session.self) {
       refuse(session, Status::not_host, record.object.number);
       continue;
     }
@@ -178,15 +252,15 @@ void ServerRole::receive_states(PeerSession& session, const MessageView& message
     }
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
-    state_.objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
-    std::copy_n(message.state<messages::StateRecord>(i), state_.objects.state_bytes(), state_.objects.state(slot));
-    state_.objects.mark_moved(slot);
+    objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
+    std::copy_n(message.state<messages::StateRecord>(i), objects.state_bytes(), objects.state(slot));
+    objects.mark_moved(slot);
   }
   session.received.states |= message.last();
   statistics_.add_ingest(telemetry::now_ns() - start);
 }
 
-void ServerRole::receive_node_states(PeerSession& session, const MessageView& message) {
+void Ingest::receive_node_states(PeerSession& session, const MessageView& message) {
   const std::uint64_t start = telemetry::now_ns();
   constexpr std::size_t ahead = 12;
   const bool sweeps = state_.setup.placement == Placement::server;
@@ -247,26 +321,27 @@ void ServerRole::receive_node_states(PeerSession& session, const MessageView& me
   statistics_.add_ingest(telemetry::now_ns() - start);
 }
 
-void ServerRole::receive_collisions(PeerSession& session, const MessageView& message) {
+void Ingest::receive_collisions(PeerSession& session, const MessageView& message) {
+  const ObjectTable& objects = state_.objects;
+  ContactLedger& ledger = state_.ledger;
   constexpr std::size_t ahead = 8;  // 64,000 rows do not fit the second-level cache
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
       const auto& soon = message.view<messages::CollisionRecord>(i + ahead);
-      base::prefetch_for_read(&state_.objects.row(soon.slot_a));
-      base::prefetch_for_read(&state_.objects.row(soon.slot_b));
-      base::prefetch_for_read(state_.objects.origins().data() + soon.slot_a);
-      base::prefetch_for_read(state_.objects.origins().data() + soon.slot_b);
+      base::prefetch_for_read(&objects.row(soon.slot_a));
+      base::prefetch_for_read(&objects.row(soon.slot_b));
+      base::prefetch_for_read(objects.origins().data() + soon.slot_a);
+      base::prefetch_for_read(objects.origins().data() + soon.slot_b);
     }
     const auto& record = message.view<messages::CollisionRecord>(i);
-    const bool present = state_.objects.present()[record.slot_a] != 0 && state_.objects.present()[record.slot_b] != 0;
-    if (!present ||
-        !state_.ledger.receive(session.self.number(), record, state_.objects.rows(), state_.objects.origins())) {
+    const bool present = objects.present()[record.slot_a] != 0 && objects.present()[record.slot_b] != 0;
+    if (!present || !ledger.receive(session.self.number(), record, objects.rows(), objects.origins())) {
       return refuse(session, Status::bad_message);
     }
   }
 }
 
-void ServerRole::receive_changes(PeerSession& session, const MessageView& message) {
+void Ingest::receive_changes(PeerSession& session, const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (!state_.ledger.receive(session.self.number(), message.record<messages::ChangeRecord>(i))) {
       return refuse(session, Status::bad_message);
@@ -275,7 +350,7 @@ void ServerRole::receive_changes(PeerSession& session, const MessageView& messag
 }
 
 // A node's results count only as a whole: when it reports the number of tested pairs, and all its contacts are here.
-void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& message) {
+void Ingest::receive_narrow_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NarrowDoneRecord>(0);
   statistics_.add(session, record);
   if (!shared_.receive_contacts(session, statistics_)) {
@@ -289,7 +364,7 @@ void ServerRole::receive_narrow_done(PeerSession& session, const MessageView& me
   session.received.narrow_done = true;
 }
 
-void ServerRole::receive_frame_done(PeerSession& session, const MessageView& message) {
+void Ingest::receive_frame_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NodeFrameStats>(0);
   statistics_.add(session, record);
   if (session.self.is_node()) {
