@@ -1,84 +1,45 @@
-// The server's cut: applies the requests, assigns hosts, and sends every host its changes before its frame begins.
+#include "nodes/server/cut.hpp"
+
 #include <algorithm>
 #include <cstring>
 #include <utility>
-
-#include "nodes/server/server_role.hpp"
-#include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
 
 using messages::Endpoint;
 using messages::MessageType;
 
-void ServerRole::cut() {
-  state_.frame = frames_++;
-  statistics_.begin();
-  const bool any_lost = free_slots();
+Cut::Cut(ServerState& state, ObjectStates& states, MapScheduler& scheduler, Dispatch& dispatch)
+    : state_(state),
+      states_(states),
+      scheduler_(scheduler),
+      dispatch_(dispatch),
+      hosting_(state.setup.deployment, *state.setup.space) {
+  spawn_order_.reserve(state.setup.capacities.objects);
+}
+
+bool Cut::begin() {
   state_.objects.settle();
-  users_changed_ = false;
-  apply_requests();
-  if (any_lost) {
-    failover_.replace_lost_nodes();
-  }
-  statistics_.list_nodes();
-  failover_.rehost_recovered();
-  for (const HostChange& change : hosting_.settle(state_.objects, state_.map, state_.connected, users_changed_)) {
-    rehost(change);
-  }
-  send_known_contacts();
-  relay_.begin();
   state_.leaving_slots.clear();
-  state_.ledger.begin(state_.frame);
-  state_.host.read_contacts(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
-  state_.all_nodes([&](PeerSession& node) {
-    start(node);
-    return true;
-  });
   state_.hand_overs.clear();
-  states_.begin();
-  failover_.begin();
-  deadlines_.begin();
-  state_.stage = FrameStage::starting_nodes;
-}
-
-// Prepares the messages to send before the frame, and resets what is received in it.
-void ServerRole::start(PeerSession& session) {
-  session.opening.drop_run.start(session.opening.drops.size());
-  session.opening.adopt_run.start(session.opening.adoptions.size());
-  session.opening.place_run.start(session.opening.placements.size());
-  session.opening.contact_run.start(session.opening.contacts.size());
-  session.opening.refusals.swap(session.received.refusals);
-  session.received.refusals.clear();
-  session.opening.refused_run.start(session.opening.refusals.size());
-  session.opening.begin_run.start(0);
-  if (state_.map_change.precedes_frame) {
-    session.loss.map_run.start(state_.map.table().size());
+  users_changed_ = false;
+  bool any_lost = false;
+  for (PeerSession& session : state_.nodes) {
+    if (session.lost || session.left) {
+      any_lost |= session.lost;
+      session = {};
+    }
   }
-  session.closing.hand_overs = 0;
-  session.received.states = session.received.published = session.received.narrow_done = session.received.frame_done =
-      false;
-  session.received.bytes = session.received.updates = 0;
-  session.last_received_ns = state_.begin_ns;
-  session.probed_ns = session.started.ns = session.notified.ns = 0;
-  session.closing.notices.clear();
-}
-
-// Called while the nodes move.
-void ServerRole::start_users() {
-  state_.awaited_users.clear();
-  if (state_.setup.user_deadline_ns != 0) {
-    deadlines_.begin_moves(telemetry::now_ns());
+  std::size_t slots = state_.nodes.size();
+  while (slots > 0 && !state_.nodes[slots - 1].connected) {
+    --slots;
   }
-  state_.all_users([&](PeerSession& user) {
-    start(user);
-    state_.awaited_users.push_back(user.self.number());
-    return true;
-  });
+  set_slots(slots);
+  return any_lost;
 }
 
 // In the order of the calls, except for consecutive spawns: those fill the tables in the order of their positions.
-void ServerRole::apply_requests() {
+void Cut::apply_requests() {
   constexpr std::size_t ahead = 8;  // placed objects are at random slots
   const std::span<const Request> requests = state_.setup.order->requests;
   for (std::size_t begin = 0; begin < requests.size();) {
@@ -103,7 +64,7 @@ void ServerRole::apply_requests() {
   state_.objects.order_moved();
 }
 
-void ServerRole::apply(const Request& request) {
+void Cut::apply(const Request& request) {
   switch (request.kind) {
     case Request::Kind::connect:
       return connect(request);
@@ -137,7 +98,7 @@ void ServerRole::apply(const Request& request) {
   }
 }
 
-void ServerRole::connect(const Request& request) {
+void Cut::connect(const Request& request) {
   if (request.user >= state_.users.size()) {
     state_.users.resize(request.user + 1);
   }
@@ -151,31 +112,14 @@ void ServerRole::connect(const Request& request) {
   users_changed_ = true;
 }
 
-// Returns whether a node was lost in the frame before.
-bool ServerRole::free_slots() {
-  bool any_lost = false;
-  for (PeerSession& session : state_.nodes) {
-    if (session.lost || session.left) {
-      any_lost |= session.lost;
-      session = {};
-    }
-  }
-  std::size_t slots = state_.nodes.size();
-  while (slots > 0 && !state_.nodes[slots - 1].connected) {
-    --slots;
-  }
-  set_slots(slots);
-  return any_lost;
-}
-
-void ServerRole::set_slots(std::size_t slots) {
+void Cut::set_slots(std::size_t slots) {
   state_.nodes.resize(slots);
   dispatch_.resize(slots);
   state_.ledger.resize(slots);
 }
 
 // A new node works from its first frame on, though its region is empty until the map changes at the end of that frame.
-void ServerRole::add_node(const Request& request) {
+void Cut::add_node(const Request& request) {
   set_slots(std::max<std::size_t>(state_.nodes.size(), request.node + 1));
   PeerSession& session = state_.nodes[request.node];
   session.self = Endpoint::node(request.node);
@@ -185,7 +129,7 @@ void ServerRole::add_node(const Request& request) {
   state_.ledger.join(request.node, state_.frame);
 }
 
-void ServerRole::disconnect(UserNumber user) {
+void Cut::disconnect(UserNumber user) {
   for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
     if (state_.objects.alive(slot) && state_.objects.origin(slot).user == user) {
       end_object(slot);
@@ -196,7 +140,7 @@ void ServerRole::disconnect(UserNumber user) {
   users_changed_ = true;
 }
 
-void ServerRole::spawn(const Request& request) {
+void Cut::spawn(const Request& request) {
   const std::uint32_t slot = state_.objects.add(request.object, request.spec);
   states_.set_bounds(slot);
   if (state_.setup.model == nullptr) {
@@ -210,7 +154,7 @@ void ServerRole::spawn(const Request& request) {
   }
 }
 
-void ServerRole::end_object(std::uint32_t slot) {
+void Cut::end_object(std::uint32_t slot) {
   states_.end_host_owned(slot);
   const Endpoint host = state_.objects.host(slot);
   if (PeerSession* session = state_.session_of(host)) {
@@ -221,7 +165,7 @@ void ServerRole::end_object(std::uint32_t slot) {
   state_.objects.end(slot);
 }
 
-void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {
+void Cut::place(std::uint32_t slot, const Pose& pose, bool present) {
   states_.end_host_owned(slot);
   ObjectRow& row = state_.objects.row(slot);
   row.pose = pose;
@@ -237,7 +181,13 @@ void ServerRole::place(std::uint32_t slot, const Pose& pose, bool present) {
   }
 }
 
-void ServerRole::rehost(const HostChange& change) {
+void Cut::assign_hosts() {
+  for (const HostChange& change : hosting_.settle(state_.objects, state_.map, state_.connected, users_changed_)) {
+    rehost(change);
+  }
+}
+
+void Cut::rehost(const HostChange& change) {
   const ObjectRow& row = state_.objects.row(change.slot);
   if (PeerSession* from = state_.session_of(change.from)) {
     from->opening.drops.push_back(change.slot);
@@ -260,7 +210,7 @@ void ServerRole::rehost(const HostChange& change) {
 // New hosts need the contacts of the frame before. Rare: users came or left, the map has changed, or a node was lost.
 // One pass over the contacts, however many objects changed hosts. The server reads the output lists when it moves its
 // own.
-void ServerRole::send_known_contacts() {
+void Cut::list_known_contacts() {
   if (state_.host_changes.empty()) {
     return;
   }
@@ -289,52 +239,79 @@ void ServerRole::send_known_contacts() {
   state_.host_changes.clear();
 }
 
-// Changes first, then frame_begin: a host that receives it knows what it hosts.
-bool ServerRole::open(PeerSession& session) {
-  link::Sender& out = *session.connection.out;
-  auto& counts = state_.report().traffic;
-  const std::size_t state_bytes = state_.objects.state_bytes();
-  const auto send = [&](messages::RunSender& run, auto& list, MessageType type, auto fill) {
+void Cut::start_nodes() {
+  state_.all_nodes([&](PeerSession& node) {
+    start(node);
+    return true;
+  });
+}
+
+void Cut::start_users() {
+  state_.awaited_users.clear();
+  state_.all_users([&](PeerSession& user) {
+    start(user);
+    state_.awaited_users.push_back(user.self.number());
+    return true;
+  });
+}
+
+void Cut::start(PeerSession& session) {
+  PeerSession::Opening& opening = session.opening;
+  opening.refusals.swap(session.received.refusals);
+  session.received.refusals.clear();
+  opening.drop_run.start(opening.drops.size());
+  opening.adopt_run.start(opening.adoptions.size());
+  opening.place_run.start(opening.placements.size());
+  opening.contact_run.start(opening.contacts.size());
+  opening.refused_run.start(opening.refusals.size());
+  opening.begin_run.start(0);
+  if (state_.map_change.precedes_frame) {
+    session.loss.map_run.start(state_.map.table().size());
+  }
+  session.closing.notices.clear();
+  session.closing.hand_overs = 0;
+  session.received.begin();
+  session.last_received_ns = state_.begin_ns;
+  session.probed_ns = session.started.ns = session.notified.ns = 0;
+}
+
+bool Cut::open(PeerSession& session) {
+  PeerSession::Opening& opening = session.opening;
+  const ObjectTable& objects = state_.objects;
+  const std::size_t state_bytes = objects.state_bytes();
+  const auto send = [&](messages::RunSender& run, auto& list, MessageType type, auto write) {
     if (list.empty()) {
       return true;
     }
-    if (!run.pump(out, state_.head(type, session.self), messages::record_bytes(type, state_bytes), counts, fill)) {
+    if (!run.pump(*session.connection.out, state_.head(type, session.self), messages::record_bytes(type, state_bytes),
+                  state_.report().traffic, [&](std::size_t i, std::byte* where) { write(list[i], where); })) {
       return false;
     }
     list.clear();
     return true;
   };
-  const bool map_sent =
-      !state_.map_change.precedes_frame || session.self.is_user() || state_.send_map(session, session.loss.map_run);
-  const bool sent = map_sent &&
-                    send(session.opening.drop_run, session.opening.drops, MessageType::drop,
-                         [&](std::size_t i, std::byte* where) {
-                           const messages::DropRecord record{state_.objects.row(session.opening.drops[i]).object};
-                           std::memcpy(where, &record, sizeof record);
-                         }) &&
-                    send(session.opening.adopt_run, session.opening.adoptions, MessageType::adopt,
-                         [&](std::size_t i, std::byte* where) {
-                           const std::uint32_t slot = session.opening.adoptions[i];
-                           const messages::HandOverRecord record = state_.objects.hand_over(slot);
-                           std::memcpy(where, &record, sizeof record);
-                           std::copy_n(state_.objects.state(slot), state_bytes, where + sizeof record);
-                         }) &&
-                    send(session.opening.place_run, session.opening.placements, MessageType::place,
-                         [&](std::size_t i, std::byte* where) {
-                           const ObjectRow& row = state_.objects.row(session.opening.placements[i]);
-                           const messages::PlaceRecord record{row.object, row.pose};
-                           std::memcpy(where, &record, sizeof record);
-                         }) &&
-                    send(session.opening.contact_run, session.opening.contacts, MessageType::notify,
-                         [&](std::size_t i, std::byte* where) {
-                           std::memcpy(where, &session.opening.contacts[i], sizeof(Contact));
-                         }) &&
-                    send(session.opening.refused_run, session.opening.refusals, MessageType::refused,
-                         [&](std::size_t i, std::byte* where) {
-                           std::memcpy(where, &session.opening.refusals[i], sizeof(messages::RefusedRecord));
-                         });
-  return sent && session.opening.begin_run.pump(out, state_.head(MessageType::frame_begin, session.self), 0, counts,
-                                                [](std::size_t, std::byte*) {});
+  const auto write_drop = [&](std::uint32_t slot, std::byte* where) {
+    const messages::DropRecord record{objects.row(slot).object};
+    std::memcpy(where, &record, sizeof record);
+  };
+  const auto write_adoption = [&](std::uint32_t slot, std::byte* where) {
+    const messages::HandOverRecord record = objects.hand_over(slot);
+    std::memcpy(where, &record, sizeof record);
+    std::copy_n(state_.objects.state(slot), state_bytes, where + sizeof record);
+  };
+  const auto write_placement = [&](std::uint32_t slot, std::byte* where) {
+    const messages::PlaceRecord record{objects.row(slot).object, objects.row(slot).pose};
+    std::memcpy(where, &record, sizeof record);
+  };
+  const auto copy = [](const auto& record, std::byte* where) { std::memcpy(where, &record, sizeof record); };
+  const bool needs_map = state_.map_change.precedes_frame && session.self.is_node();
+  return (!needs_map || state_.send_map(session, session.loss.map_run)) &&
+         send(opening.drop_run, opening.drops, MessageType::drop, write_drop) &&
+         send(opening.adopt_run, opening.adoptions, MessageType::adopt, write_adoption) &&
+         send(opening.place_run, opening.placements, MessageType::place, write_placement) &&
+         send(opening.contact_run, opening.contacts, MessageType::notify, copy) &&
+         send(opening.refused_run, opening.refusals, MessageType::refused, copy) &&
+         state_.send_empty(session, opening.begin_run, MessageType::frame_begin);
 }
 
 }  // namespace ringfence::nodes

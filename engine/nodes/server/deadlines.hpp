@@ -22,9 +22,12 @@ class Deadlines {
   void begin() noexcept;
   /// User nodes begin to move, at `now` (telemetry time, ns).
   void begin_moves(std::uint64_t now) noexcept { moves_watched_ns_ = now; }
-  /// Whether there is any deadline.
-  bool any() const noexcept { return state_.setup.node_deadline_ns != 0 || state_.setup.user_deadline_ns != 0; }
-  /// Call it while a frame is running and makes no progress. Returns whether a node was lost or a user node was late.
+  /// Whether a frame is running and there are deadlines.
+  bool is_watching() const noexcept {
+    return state_.stage != FrameStage::waiting &&
+           (state_.setup.node_deadline_ns != 0 || state_.setup.user_deadline_ns != 0);
+  }
+  /// Call it if is_watching() and the frame makes no progress. Returns whether a node was lost or a user node was late.
   bool check(std::uint64_t now);
   /// Whether all nodes were lost in this frame because the thread of one has stopped inside a read gate.
   bool has_abandoned_nodes() const noexcept { return nodes_abandoned_; }

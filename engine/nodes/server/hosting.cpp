@@ -15,7 +15,7 @@ std::span<const HostChange> Hosting::settle(ObjectTable& objects, const regions:
                                             std::span<const UserNumber> users, bool users_changed) {
   changes_.clear();
   if (deployment_ == Deployment::user && users_changed && !users.empty()) {
-    share_out(objects, users);
+    even_out(objects, users);
     return changes_;
   }
   // Only an object that moved, appeared or lost its host at this cut can have no host. All such objects are in moved(),
@@ -53,7 +53,7 @@ std::span<const HostChange> Hosting::settle(ObjectTable& objects, const regions:
 // Gives all users equal shares, which differ by at most one object. The larger shares go to users that already host
 // more objects. Each user keeps as many of its objects as its share allows, and only the other objects change hosts. No
 // assignment of equal shares changes the hosts of fewer objects.
-void Hosting::share_out(ObjectTable& objects, std::span<const UserNumber> users) {
+void Hosting::even_out(ObjectTable& objects, std::span<const UserNumber> users) {
   const auto shared = [&](std::uint32_t slot) {
     const ObjectRow& row = objects.row(slot);
     return objects.alive(slot) && row.category != static_cast<std::uint16_t>(Category::fixed) &&

@@ -38,16 +38,14 @@ class Hosting {
   std::span<const HostChange> settle(ObjectTable& objects, const regions::RegionMap& map,
                                      std::span<const UserNumber> users, bool users_changed);
 
-  /// The CD node that hosts an object at this position.
+ private:
   NodeNumber node_at(const Vec3d& position, const regions::RegionMap& map) const noexcept {
     std::uint32_t point[3];
     space_.point(position, point);
     return map.owner_at(point);
   }
-
- private:
   void change(ObjectTable& objects, std::uint32_t slot, messages::Endpoint to);
-  void share_out(ObjectTable& objects, std::span<const UserNumber> users);
+  void even_out(ObjectTable& objects, std::span<const UserNumber> users);
   void set_shares(std::size_t total);
 
   Deployment deployment_;

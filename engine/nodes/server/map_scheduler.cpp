@@ -217,6 +217,16 @@ std::span<const std::uint32_t> MapScheduler::partition() {
   return balance_.partition_for(remaining_);
 }
 
+void MapScheduler::finish() noexcept {
+  keep_last_node();
+  MapChange& change = state_.map_change;
+  if (change.at_end) {
+    change.updates =
+        change.hosts_exchange_objects ? Dispatch::UpdateScope::not_hosted : Dispatch::UpdateScope::all_objects;
+  }
+  change.at_end = change.rescan_hosts = change.precedes_frame = false;
+}
+
 void MapScheduler::keep_last_node() noexcept {
   const auto is_active = [](const PeerSession& session) { return session.is_active(); };
   const auto stays = [](const PeerSession& session) { return session.is_active() && !session.left; };

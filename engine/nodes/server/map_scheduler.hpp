@@ -31,9 +31,9 @@ class MapScheduler {
   /// When the contacts of the frame are known: adopts a new map for the next frame, if one is due, and compares the
   /// costs of the nodes. Sets ServerState::map_change, PeerSession::left and PeerSession::leaving.
   void change_map();
-  /// At the end of a frame: if all nodes that stay were lost after the cells were divided among them, one of those that
-  /// leave stays.
-  void keep_last_node() noexcept;
+  /// At the end of a frame: sets ServerState::map_change for the next. If all nodes that stay were lost after the cells
+  /// were divided among them, one of those that leave stays.
+  void finish() noexcept;
   /// The cost of a node in a frame, in ms, by the measure that the setup names.
   static double cost_of(const ServerSetup& setup, const NodeReport& node) noexcept;
 
@@ -57,6 +57,7 @@ class MapScheduler {
   std::size_t weigh_part(std::size_t part, std::size_t first, std::size_t end);
   bool is_readable(messages::Endpoint host) const noexcept;
   std::span<const std::uint32_t> partition();
+  void keep_last_node() noexcept;
 
   ServerState& state_;
   ObjectStates& states_;

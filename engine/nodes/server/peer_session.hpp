@@ -46,6 +46,12 @@ struct PeerSession {
     bool narrow_done = false;
     bool frame_done = false;
     std::vector<messages::RefusedRecord> refusals;
+
+    /// For a new frame; keeps the refusals.
+    void begin() noexcept {
+      bytes = updates = 0;
+      states = published = narrow_done = frame_done = false;
+    }
   };
 
   /// When a step of the frame was done for this node, for PathReport.

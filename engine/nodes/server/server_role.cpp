@@ -1,9 +1,5 @@
 #include "nodes/server/server_role.hpp"
 
-#include <algorithm>
-#include <cstring>
-#include <utility>
-
 #include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
@@ -16,17 +12,15 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       statistics_(state_),
       shared_(state_),
       states_(state_),
-      relay_(state_),
-      scheduler_(state_, states_, shared_),
-      router_(state_, states_, shared_, relay_, statistics_),
-      ingest_(state_, states_, shared_, statistics_),
-      hosting_(setup.deployment, *setup.space),
       dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
                 setup.layer_masks, setup.keep_resting),
+      scheduler_(state_, states_, shared_),
+      cut_(state_, states_, scheduler_, dispatch_),
+      ingest_(state_, states_, shared_, statistics_),
+      relay_(state_),
+      router_(state_, states_, shared_, relay_, statistics_),
       failover_(state_, shared_, states_, relay_, statistics_),
-      deadlines_(state_, failover_, dispatch_) {
-  spawn_order_.reserve(setup.capacities.objects);
-}
+      deadlines_(state_, failover_, dispatch_) {}
 
 Step ServerRole::step() {
   bool progressed = false;
@@ -49,8 +43,7 @@ Step ServerRole::step() {
     advanced = true;
   }
   // Receiving is not progress: a flooding sender must not postpone the deadline check.
-  if (advanced || (state_.stage != FrameStage::waiting && deadlines_.any() && deadlines_.check(telemetry::now_ns())) ||
-      progressed) {
+  if (advanced || (deadlines_.is_watching() && deadlines_.check(telemetry::now_ns())) || progressed) {
     return Step::progressed;
   }
   const bool sending = state_.stage == FrameStage::starting_nodes || state_.stage == FrameStage::starting_users ||
@@ -65,6 +58,28 @@ bool ServerRole::lose(NodeNumber node) {
   }
   failover_.lose(node);
   return true;
+}
+
+void ServerRole::cut() {
+  state_.frame = frames_++;
+  statistics_.begin();
+  const bool any_lost = cut_.begin();
+  cut_.apply_requests();
+  if (any_lost) {
+    failover_.replace_lost_nodes();
+  }
+  statistics_.list_nodes();
+  failover_.rehost_recovered();
+  cut_.assign_hosts();
+  cut_.list_known_contacts();
+  relay_.begin();
+  state_.ledger.begin(state_.frame);
+  state_.host.read_contacts(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
+  states_.begin();
+  failover_.begin();
+  deadlines_.begin();
+  cut_.start_nodes();
+  state_.stage = FrameStage::starting_nodes;
 }
 
 void ServerRole::detect() {
@@ -87,16 +102,18 @@ bool ServerRole::advance_stage() {
     case FrameStage::waiting:
       return false;
     case FrameStage::starting_nodes:
-      if (!state_.all_nodes([&](PeerSession& node) { return open(node) && Statistics::note_reached(node.started); })) {
+      if (!state_.all_nodes(
+              [&](PeerSession& node) { return cut_.open(node) && Statistics::note_reached(node.started); })) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::start_nodes_ms);
       statistics_.charge_reached(state_.report().path.start_nodes_ms, state_.begin_ns, &PeerSession::started);
-      start_users();
+      cut_.start_users();
+      deadlines_.begin_moves(telemetry::now_ns());
       state_.stage = FrameStage::starting_users;
       return true;
     case FrameStage::starting_users:
-      if (!state_.all_users([&](PeerSession& user) { return open(user); })) {
+      if (!state_.all_users([&](PeerSession& user) { return cut_.open(user); })) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::start_users_ms);
@@ -190,13 +207,8 @@ bool ServerRole::advance_stage() {
 
 void ServerRole::finish() {
   router_.count_contacts();
-  scheduler_.keep_last_node();
+  scheduler_.finish();
   statistics_.finish(states_.moved());
-  if (state_.map_change.at_end) {
-    state_.map_change.updates = state_.map_change.hosts_exchange_objects ? Dispatch::UpdateScope::not_hosted
-                                                                         : Dispatch::UpdateScope::all_objects;
-  }
-  state_.map_change.at_end = state_.map_change.rescan_hosts = state_.map_change.precedes_frame = false;
   state_.stage = FrameStage::waiting;
   state_.setup.order->completed.store(frames_, std::memory_order_release);
   if (state_.setup.order->caller != nullptr) {

@@ -1,21 +1,17 @@
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
-#include <span>
-#include <vector>
 
 #include "nodes/server/contact_router.hpp"
+#include "nodes/server/cut.hpp"
 #include "nodes/server/deadlines.hpp"
 #include "nodes/server/dispatch.hpp"
 #include "nodes/server/failover.hpp"
-#include "nodes/server/hosting.hpp"
 #include "nodes/server/ingest.hpp"
 #include "nodes/server/map_scheduler.hpp"
 #include "nodes/server/object_states.hpp"
 #include "nodes/server/server_state.hpp"
 #include "nodes/server/shared_nodes.hpp"
-#include "nodes/server/spawn_order.hpp"
 #include "nodes/server/state_relay.hpp"
 #include "nodes/server/statistics.hpp"
 
@@ -25,10 +21,9 @@ namespace ringfence::nodes {
 /// states, sweeps (broad phase), assigns pairs to CD nodes, collects their contacts, and notifies the hosts of the
 /// objects. In user/server deployment it also hosts the active and non-active objects.
 ///
-/// The steps of a frame are those of docs/architecture.md, one stage each:
-///   cut, starting_nodes, starting_users, moving (ingest), dispatching (broad phase before it), colliding, notifying
-///   (collect before it), notifying_users, closing.
-/// Nodes come first: the server starts and notifies the users while the nodes already work.
+/// This class is the state machine of the frame: step() reads messages and makes the transitions of FrameStage, each of
+/// which calls the steps of the parts. The steps are those of docs/architecture.md. Nodes come first: the server starts
+/// and notifies the users while the nodes already work.
 ///
 /// A CD node has a slot from the cut at which it joins to the cut after it was lost or has left. Then the slot is free,
 /// and another node may take it. The region map, messages and all arrays by node use slots; reports use ids.
@@ -41,9 +36,9 @@ class ServerRole {
   Step step();
 
   /// Marks the CD node in a slot as lost: it missed its deadline (detected by the role itself), or its link was closed.
-  /// Other nodes take over its regions, its objects and its pairs of the frame; see Failover. Called by
-  /// the thread that steps the role. Returns false and does nothing while no frame is running; call it again within the
-  /// next frame.
+  /// Other nodes take over its regions, its objects and its pairs of the frame; see Failover. Called by the thread
+  /// that steps the role. Returns false and does nothing while no frame is running; call it again within the next
+  /// frame.
   bool lose(NodeNumber node);
 
   /// Whether the CD node that was in the slot in the last frame was lost in it because it broke the protocol. Call
@@ -68,45 +63,26 @@ class ServerRole {
   const FrameReport& report(std::uint64_t frame) const noexcept { return state_.reports[frame & 1]; }
 
  private:
-  // Cut.
   void cut();
-  void apply_requests();
-  void apply(const Request& request);
-  void connect(const Request& request);
-  void disconnect(UserNumber user);
-  void spawn(const Request& request);
-  void end_object(std::uint32_t slot);
-  void place(std::uint32_t slot, const Pose& pose, bool present);
-  void add_node(const Request& request);
-  bool free_slots();
-  void set_slots(std::size_t slots);
-  void list_nodes();
-  void rehost(const HostChange& change);
-  void send_known_contacts();
-  void start(PeerSession& session);
-  void start_users();
-  bool open(PeerSession& session);
-
-  // Stages.
   bool advance();
   bool advance_stage();
   void detect();
   void finish();
 
+  // What the parts share.
   ServerState state_;
   Statistics statistics_;
   SharedNodes shared_;
   ObjectStates states_;
-  StateRelay relay_;
-  MapScheduler scheduler_;
-  ContactRouter router_;
-  Ingest ingest_;
-  Hosting hosting_;
+  // The parts, in the order of a frame.
   Dispatch dispatch_;
+  MapScheduler scheduler_;
+  Cut cut_;
+  Ingest ingest_;
+  StateRelay relay_;
+  ContactRouter router_;
   Failover failover_;
   Deadlines deadlines_;
-  std::vector<PositionedSpawn> spawn_order_;
-  bool users_changed_ = false;
   std::uint64_t frames_ = 0;  ///< frames begun
 };
 

@@ -57,7 +57,7 @@ TEST_CASE("without deadlines nobody is lost or late") {
   Clock test({});
   test.fixture.connect(0);
   test.state().stage = FrameStage::moving;
-  CHECK(!test.deadlines.any());
+  CHECK(!test.deadlines.is_watching());
   CHECK(!test.deadlines.check(start + 1000 * deadline));
   CHECK(test.probes(0) == 0);
   CHECK(test.state().report().late.empty());

@@ -110,11 +110,11 @@ TEST_CASE("if every node that stays is lost, one that leaves stays") {
   Scheduler test({.nodes = 3});
   auto& nodes = test.state().nodes;
   nodes[1].left = nodes[2].left = true;
-  test.scheduler.keep_last_node();
+  test.scheduler.finish();
   CHECK(nodes[1].left);
   CHECK(nodes[2].left);
   nodes[0].lost = true;
-  test.scheduler.keep_last_node();
+  test.scheduler.finish();
   CHECK(!nodes[1].left);
   CHECK(nodes[2].left);
 }
