@@ -149,26 +149,30 @@ bool Dispatch::pump_updates(NodeNumber node, const ObjectTable& objects, message
   head.type = MessageType::position_update;
   const auto& updates = updates_[node];
   constexpr std::size_t ahead = 8;
-  return update_runs_[node].pump(
-      *links_[node], head, sizeof(messages::PositionRecord), counts, [&](std::size_t i, std::byte* where) {
-        const std::uint32_t slot = updates[i] & ~gone;
-        if (i + ahead < updates.size()) {
-          objects.prefetch_position(updates[i + ahead] & ~gone);
-        }
-        const ObjectRow& row = objects.row(slot);
-        messages::PositionRecord record{
-            row.object,          row.pose, objects.bounds()[slot],        row.shape, row.layer,
-            objects.group(slot), 0,        objects.origin(slot).user_data};
-        if ((updates[i] & gone) != 0) {
-          record.object.flags |= messages::flag_left_region;
-        }
-        if (row.category == static_cast<std::uint16_t>(Category::avatar)) {
-          record.object.flags |= messages::flag_avatar;
-        } else if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
-          record.object.flags |= messages::flag_fixed;
-        }
-        std::memcpy(where, &record, sizeof record);
-      });
+  return update_runs_[node].pump(*links_[node], head, sizeof(messages::PositionRecord), counts,
+                                 [&](std::size_t i, std::byte* where) {
+                                   const std::uint32_t slot = updates[i] & ~gone;
+                                   if (i + ahead < updates.size()) {
+                                     objects.prefetch_position(updates[i + ahead] & ~gone);
+                                   }
+                                   const ObjectRow& row = objects.row(slot);
+                                   messages::PositionRecord record{.object = row.object,
+                                                                   .pose = row.pose,
+                                                                   .bounds = objects.bounds()[slot],
+                                                                   .shape = row.shape,
+                                                                   .layer = row.layer,
+                                                                   .group = objects.group(slot),
+                                                                   .user_data = objects.origin(slot).user_data};
+                                   if ((updates[i] & gone) != 0) {
+                                     record.object.flags |= messages::flag_left_region;
+                                   }
+                                   if (row.category == static_cast<std::uint16_t>(Category::avatar)) {
+                                     record.object.flags |= messages::flag_avatar;
+                                   } else if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
+                                     record.object.flags |= messages::flag_fixed;
+                                   }
+                                   std::memcpy(where, &record, sizeof record);
+                                 });
 }
 
 void Dispatch::flush(NodeNumber node, messages::RunHeader head, messages::TrafficCounts& counts) {

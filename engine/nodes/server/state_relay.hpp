@@ -17,9 +17,9 @@ class StateRelay {
  public:
   explicit StateRelay(ServerState& state);
 
-  /// At the cut, when the nodes of the frame are known: decides who publishes, and tells the nodes.
+  /// At the cut, when the nodes of the frame are known: decides who publishes, and notifies the nodes.
   void begin();
-  /// Tells a node that joins within the frame.
+  /// Notifies a node that joins within the frame.
   void order(PeerSession& node) const noexcept;
   /// When all poses are final: publishes what no other role publishes: everything, or the objects of nodes in other
   /// processes and of lost nodes. `holds_lost_objects`: the server holds objects of lost nodes. Repeated in the same

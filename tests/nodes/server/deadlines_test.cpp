@@ -53,7 +53,7 @@ TEST_CASE("a silent node is probed once after half of its deadline, and lost aft
   CHECK(!test.state().nodes[1].lost);
 }
 
-TEST_CASE("without deadlines nobody is lost or late") {
+TEST_CASE("without deadlines no role is lost or late") {
   Clock test({});
   test.fixture.connect(0);
   test.state().stage = FrameStage::moving;

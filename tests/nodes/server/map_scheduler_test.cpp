@@ -63,7 +63,7 @@ TEST_CASE("a frame with a loss changes no map, and a partition waits for the fir
   test.scheduler.request_partition();
   test.scheduler.change_map();
   CHECK(test.state().map.epoch() == epoch);
-  CHECK(!test.state().nodes[1].leaving);  // whoever asked asks again
+  CHECK(!test.state().nodes[1].leaving);  // the facade decides again
   test.state().report().lost.clear();
   test.scheduler.change_map();
   CHECK(test.state().map.epoch() == epoch + 1);

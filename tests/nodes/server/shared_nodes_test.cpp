@@ -85,7 +85,7 @@ TEST_CASE("contacts in shared memory go to the ledger and count like messages") 
   CHECK(traffic(fixture, Traffic::m4).records == 5);
 }
 
-TEST_CASE("a node is told how it receives the contacts and objects of others, and whether to publish") {
+TEST_CASE("the server sets how a node receives the contacts and objects of others, and whether it publishes") {
   ServerFixture fixture({.placement = Placement::region, .shares_memory = true, .interest = 8});
   PeerSession& node = fixture.state().nodes[0];
   SharedNodes::set_exchange(node, true, false);
