@@ -265,7 +265,7 @@ bool UserRole::advance() {
       }
       enter(telemetry::StepClock::read_publications);
       {
-        telemetry::SpanTimer time(setup_.thread.track, "look around", frame_stats_.busy_ns);
+        telemetry::SpanTimer time(setup_.thread.track, "read publications", frame_stats_.busy_ns);
         read_others();
       }
       stage_ = Stage::awaiting_contacts;

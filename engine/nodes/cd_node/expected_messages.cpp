@@ -1,0 +1,113 @@
+#include "nodes/cd_node/expected_messages.hpp"
+
+#include "nodes/message_check.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+using messages::MessageView;
+
+bool ExpectedMessages::is_late(const MessageView& message) const noexcept {
+  const Endpoint source{message.header().source};
+  return source.is_node() && (message.header().frame != state_.frame || migration_.is_lost(source.number()));
+}
+
+bool ExpectedMessages::is_acceptable(const MessageView& message) const {
+  const MessageLimits limits{static_cast<std::uint32_t>(state_.setup.peers.size()),
+                             static_cast<std::uint32_t>(state_.setup.shapes->size()), state_.setup.max_slots};
+  return is_expected(message) && is_valid(message, limits) &&
+         (message.type() != MessageType::pairs || knows_pairs(message)) &&
+         (message.type() != MessageType::correct || knows_contacts(message));
+}
+
+bool ExpectedMessages::knows_contacts(const MessageView& message) const noexcept {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    if (message.record<messages::CorrectRecord>(i).position >= state_.contacts.begun.size()) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Whether this node knows all objects of the pairs, and each pair has the object with the lower number first.
+bool ExpectedMessages::knows_pairs(const MessageView& message) const noexcept {
+  const auto numbers = state_.objects.numbers();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto pair = message.record<messages::PairRecord>(i);
+    const std::uint32_t a = state_.objects.find(pair.a);
+    const std::uint32_t b = state_.objects.find(pair.b);
+    if (a == RegionObjects::none || b == RegionObjects::none || numbers[a] >= numbers[b]) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Whether the server, or a peer, may send this message at this stage of the frame. At another stage the message would
+// change arrays into which the stage holds indices: hosted objects, known objects, peers, or the region map.
+bool ExpectedMessages::is_expected(const MessageView& message) const {
+  const Endpoint source{message.header().source};
+  if (message.type() == MessageType::hand_over) {
+    const bool open = state_.stage == CdNodeStage::ending || state_.stage == CdNodeStage::handing_over ||
+                      state_.stage == CdNodeStage::settling;
+    return open && source.is_node() && source.number() != state_.setup.node;
+  }
+  if (!source.is_server()) {
+    return false;
+  }
+  switch (message.type()) {
+    case MessageType::adopt:
+    case MessageType::drop:
+    case MessageType::place:
+      return state_.stage == CdNodeStage::waiting;
+    case MessageType::frame_begin:
+      return state_.stage == CdNodeStage::waiting && state_.region.fits();
+    case MessageType::position_update:
+      return (state_.stage == CdNodeStage::moving || state_.stage == CdNodeStage::gathering) &&
+             !state_.received.positions;
+    case MessageType::pairs:
+      return state_.stage == CdNodeStage::gathering && state_.received.positions && !state_.received.pairs;
+    case MessageType::correct:
+      return state_.stage == CdNodeStage::ending && !state_.received.contacts;
+    case MessageType::notify:
+      return state_.stage == CdNodeStage::waiting || (state_.stage == CdNodeStage::ending && !state_.received.contacts);
+    case MessageType::frame_end:
+      return state_.stage == CdNodeStage::ending && !state_.received.frame_end;
+    case MessageType::region_map:
+      return is_map_expected(message);
+    case MessageType::lost:
+      return is_loss_expected(message);
+    case MessageType::probe:
+      return true;
+    default:
+      return false;
+  }
+}
+
+// A loss must be that of another node. If it requests that the frame is detected again, the contacts must not be final.
+// Other losses are ignored after this node has ended the frame, so they are not checked: their slots may be free.
+bool ExpectedMessages::is_loss_expected(const MessageView& message) const noexcept {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto record = message.record<messages::LostRecord>(i);
+    if (state_.stage == CdNodeStage::waiting && record.detect_again == 0) {
+      continue;
+    }
+    if (record.node >= state_.setup.peers.size() || record.node == state_.setup.node ||
+        (record.detect_again != 0 && state_.stage > CdNodeStage::ending)) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// A new map clears the known objects. So it must not arrive between the positions of a frame and the report of the
+// contacts: candidates, and contacts that are not sent yet, hold indices of known objects.
+bool ExpectedMessages::is_map_expected(const MessageView& message) const {
+  const bool open = state_.stage == CdNodeStage::waiting || state_.stage == CdNodeStage::moving ||
+                    state_.stage == CdNodeStage::ending ||
+                    (state_.stage == CdNodeStage::gathering && !state_.received.positions);
+  return open && state_.region.is_acceptable(message);
+}
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "geometry/bounds.hpp"
+#include "messages/run.hpp"
+#include "nodes/cd_node/halo_exchange.hpp"
+#include "nodes/cd_node/migration.hpp"
+#include "nodes/cd_node/node_state.hpp"
+
+namespace ringfence::nodes {
+
+/// Moves the objects that a CD node hosts, batch by batch, reports them to the server (`node_state`) and publishes them
+/// for the user nodes.
+///
+/// The changes of a batch are processed while they are in the cache: RegionObjects, HaloExchange and Migration receive
+/// them, and the server receives its share of them while the next batch is moved.
+///
+/// Only begin(), move(), place() and publish() use memory that the node shares with others.
+///
+/// Threads: belongs to the CD node. Allocates nothing in steady state.
+class Mover {
+ public:
+  /// All outlive the mover.
+  Mover(NodeState& state, HaloExchange& halo, Migration& migration);
+
+  /// Starts the move of NodeState::frame.
+  void begin();
+  /// Moves and reports. Returns false if the ring is full; then call it again.
+  bool move();
+  /// Whether all is moved and reported.
+  bool done() const noexcept { return states_run_.done(); }
+  /// Publishes the partial report, so that another message can be sent to the server.
+  void flush();
+  /// Publishes the hosted objects, if the server wants it, while it receives the states of the other nodes. The poses
+  /// are final, because they have been reported.
+  void publish();
+  /// Sends `published` after publish(). Returns whether nothing is left to send.
+  bool send_published() { return state_.send_empty(published_run_, messages::MessageType::published); }
+
+ private:
+  /// What was computed of a changed object.
+  struct Batch {
+    std::array<geometry::Bounds, Host::batch> bounds;
+    std::array<geometry::FixedPoint, Host::batch> points;  ///< positions
+    std::array<std::uint32_t, Host::batch> flags;          ///< ObjectFlag bits of the records
+    std::array<bool, Host::batch> reports;                 ///< whether the change is reported to the server
+  };
+
+  bool report_batch();
+  void bound_batch();
+  void place_batch();
+  void place(std::size_t i);
+  void rest(std::size_t i);
+  void write_report(std::size_t i, std::byte* where) const;
+  void note_cells();
+  std::uint32_t publication_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
+  std::size_t report_bytes() const noexcept;
+
+  NodeState& state_;
+  HaloExchange& halo_;
+  Migration& migration_;
+  std::span<const std::uint32_t> changed_;  ///< of the last batch: indices in Host
+  Batch batch_;                             ///< parallel to changed_
+  std::size_t next_ = 0;                    ///< next of changed_ to report
+  std::size_t unreported_ = 0;              ///< how many of them are still to be reported
+  bool publishes_ = false;                  ///< in this frame
+  messages::RunWriter states_run_;
+  messages::RunSender published_run_;
+};
+
+}  // namespace ringfence::nodes

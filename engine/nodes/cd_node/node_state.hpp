@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "messages/header.hpp"
+#include "messages/run.hpp"
+#include "nodes/cd_node/cd_node_setup.hpp"
+#include "nodes/cd_node/node_region.hpp"
+#include "nodes/cd_node/region_objects.hpp"
+#include "nodes/exchange/node_contacts.hpp"
+#include "nodes/fault_point.hpp"
+#include "nodes/host/host.hpp"
+
+namespace ringfence::nodes {
+
+/// The stages of a CD node's frame, in order; see CdNodeRole.
+enum class CdNodeStage : std::uint8_t {
+  waiting,
+  moving,
+  gathering,
+  colliding,
+  ending,
+  handing_over,
+  settling,
+  reporting
+};
+
+/// Which runs of the server have arrived completely in this frame.
+struct ReceivedRuns {
+  bool positions = false;
+  bool pairs = false;  ///< also true if the node sweeps its region itself
+  bool contacts = false;
+  bool frame_end = false;
+};
+
+/// The data that the parts of a CD node share. Each part changes it in its own steps of the frame; CdNodeRole changes
+/// `stage`.
+///
+/// Threads: belongs to the CD node. Parts hold a reference, so it must not move.
+struct NodeState {
+  NodeState(const CdNodeSetup& initial, const regions::RegionMap& map);
+  NodeState(const NodeState&) = delete;
+  NodeState& operator=(const NodeState&) = delete;
+
+  CdNodeSetup setup;
+  messages::Endpoint self;
+  NodeRegion region;
+  FaultPoint fault;
+  Host host;
+  RegionObjects objects;      ///< those that overlap the region
+  NodeContacts own_contacts;  ///< used if the server cannot read shared memory
+  NodeContacts& contacts;     ///< contacts and ghost updates of this node: own_contacts, or in shared memory
+  CdNodeStage stage = CdNodeStage::waiting;
+  ReceivedRuns received;
+  std::uint64_t frame = 0;
+  messages::TrafficCounts traffic{};
+  messages::NodeFrameStats stats;
+
+  /// Sets the node's slot and its connections to the other nodes, by slot. Between frames.
+  void assign(NodeNumber node, const std::vector<Connection>& peers);
+  /// Starts a frame: nothing has been received or found yet.
+  void begin(std::uint64_t new_frame) noexcept;
+  /// All that the detection reads arrives again: positions, and pairs if the server sends them.
+  void await_positions() noexcept;
+  /// Whether the node's model reads the contacts that the node finds.
+  bool keeps_contacts() const noexcept { return setup.hosts && host.uses_contacts(); }
+  messages::RunHeader head(messages::MessageType type, messages::Endpoint to) const noexcept {
+    return {type, self, to, frame, region.map().epoch()};
+  }
+  /// Sends a run without records to the server; true when it is sent.
+  bool send_empty(messages::RunSender& run, messages::MessageType type) {
+    return run.pump(*setup.server.out, head(type, messages::Endpoint::server()), 0, traffic,
+                    [](std::size_t, std::byte*) {});
+  }
+};
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,118 @@
+#include "nodes/cd_node/expected_messages.hpp"
+
+#include <map>
+#include <set>
+
+#include <doctest/doctest.h>
+
+#include "nodes/cd_node/node_fixture.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+using Stage = CdNodeStage;
+
+TEST_CASE("each message of the server is accepted in its stages of the frame only") {
+  NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
+  const Migration migration(fixture.state());
+  const ExpectedMessages expected(fixture.state(), migration);
+  fixture.know(1, {10, 10, 10});
+  fixture.know(2, {10.5, 10, 10});
+  fixture.state().await_positions();
+  fixture.state().own_contacts.begun.push_back(1);
+  const std::vector<messages::OwnerRecord> owners(64, messages::OwnerRecord{1, 0});
+  Contact contact;
+  contact.a = 1;
+  contact.b = 2;
+  messages::HandOverRecord hand_over;
+  hand_over.object = {3, 1, 3, messages::flag_present};
+  const std::map<std::string, std::pair<messages::MessageView, std::set<Stage>>> cases{
+      {"frame_begin", {fixture.message(MessageType::frame_begin), {Stage::waiting}}},
+      {"adopt", {fixture.message(MessageType::adopt, hand_over), {Stage::waiting}}},
+      {"position_update",
+       {fixture.message(MessageType::position_update, fixture.position(3, {10, 10, 10})),
+        {Stage::moving, Stage::gathering}}},
+      {"correct", {fixture.message(MessageType::correct, messages::CorrectRecord{0, 0}), {Stage::ending}}},
+      {"notify", {fixture.message(MessageType::notify, contact), {Stage::waiting, Stage::ending}}},
+      {"frame_end", {fixture.message(MessageType::frame_end, messages::FrameEndRecord{0}), {Stage::ending}}},
+      {"region_map",
+       {fixture.message(MessageType::region_map, std::span<const messages::OwnerRecord>(owners)),
+        {Stage::waiting, Stage::moving, Stage::gathering, Stage::ending}}},
+      {"hand_over",
+       {fixture.message(MessageType::hand_over, hand_over, Endpoint::node(1)),
+        {Stage::ending, Stage::handing_over, Stage::settling}}},
+  };
+  for (const auto& [name, one] : cases) {
+    for (int stage = 0; stage <= static_cast<int>(Stage::reporting); ++stage) {
+      CAPTURE(name);
+      CAPTURE(stage);
+      fixture.state().stage = static_cast<Stage>(stage);
+      CHECK(expected.is_acceptable(one.first) == (one.second.count(static_cast<Stage>(stage)) != 0));
+    }
+  }
+}
+
+TEST_CASE("pairs are accepted after the positions, of known objects, the lower number first") {
+  NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
+  const Migration migration(fixture.state());
+  const ExpectedMessages expected(fixture.state(), migration);
+  fixture.know(1, {10, 10, 10});
+  fixture.know(2, {10.5, 10, 10});
+  fixture.state().stage = Stage::gathering;
+  const auto pairs = [&](std::uint32_t a, std::uint32_t b) {
+    return fixture.message(MessageType::pairs, messages::PairRecord{a, b});
+  };
+  CHECK(expected.is_acceptable(pairs(1, 2)));
+  CHECK(!expected.is_acceptable(pairs(2, 1)));
+  CHECK(!expected.is_acceptable(pairs(1, 3)));
+  fixture.state().received.positions = false;
+  CHECK(!expected.is_acceptable(pairs(1, 2)));
+}
+
+TEST_CASE("a correction names a contact that the node has sent") {
+  NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
+  const Migration migration(fixture.state());
+  const ExpectedMessages expected(fixture.state(), migration);
+  fixture.state().stage = Stage::ending;
+  const auto correction = fixture.message(MessageType::correct, messages::CorrectRecord{0, 0});
+  CHECK(!expected.is_acceptable(correction));
+  fixture.state().own_contacts.begun.push_back(1);
+  CHECK(expected.is_acceptable(correction));
+}
+
+TEST_CASE("a loss is that of another node, and its frame can be detected again until its contacts are final") {
+  NodeFixture fixture;
+  const Migration migration(fixture.state());
+  const ExpectedMessages expected(fixture.state(), migration);
+  const auto lost = [&](std::uint32_t node, std::uint32_t again) {
+    return fixture.message(MessageType::lost, messages::LostRecord{node, again, 0});
+  };
+  fixture.state().stage = Stage::ending;
+  CHECK(expected.is_acceptable(lost(1, 0)));
+  CHECK(expected.is_acceptable(lost(1, 1)));
+  CHECK(!expected.is_acceptable(lost(0, 0)));
+  CHECK(!expected.is_acceptable(lost(2, 0)));
+  fixture.state().stage = Stage::handing_over;
+  CHECK(!expected.is_acceptable(lost(1, 1)));
+  CHECK(expected.is_acceptable(lost(1, 0)));
+}
+
+TEST_CASE("a message of a lost node, or of another frame, comes late") {
+  NodeFixture fixture;
+  Migration migration(fixture.state());
+  const ExpectedMessages expected(fixture.state(), migration);
+  messages::HandOverRecord record;
+  record.object = {3, 1, 3, messages::flag_present};
+  const auto message = fixture.message(MessageType::hand_over, record, Endpoint::node(1));
+  CHECK(!expected.is_late(message));
+  migration.lose({1, 1, 0});
+  CHECK(expected.is_late(message));
+  migration.begin();
+  CHECK(!expected.is_late(message));
+  fixture.state().frame = 2;
+  CHECK(expected.is_late(message));
+  CHECK(!expected.is_late(fixture.message(MessageType::probe)));
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test

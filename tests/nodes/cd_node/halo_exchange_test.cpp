@@ -1,0 +1,153 @@
+#include "nodes/cd_node/halo_exchange.hpp"
+
+#include <doctest/doctest.h>
+
+#include "nodes/cd_node/node_fixture.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+using messages::flag_present;
+
+std::vector<std::pair<ObjectNumber, bool>> updates_for(const NodeState& state, NodeNumber peer) {
+  base::FlatList<GhostUpdates::Update> list;
+  state.contacts.ghost_updates.list(peer, list);
+  std::vector<std::pair<ObjectNumber, bool>> numbers;
+  for (const GhostUpdates::Update& update : list) {
+    numbers.emplace_back(update.record->object.number, update.gone);
+  }
+  return numbers;
+}
+
+using Updates = std::vector<std::pair<ObjectNumber, bool>>;
+
+TEST_CASE("a hosted object is sent to the peer whose region its bounds touch, and to no other node") {
+  NodeFixture fixture;
+  HaloExchange halo(fixture.state());
+  halo.assign();
+  CHECK(halo.keeps_host_owned());
+  const std::uint32_t at_border = fixture.host(1, {31.8, 10, 10});
+  const std::uint32_t inside = fixture.host(2, {20, 10, 10});
+  halo.begin();
+  halo.add_updates(at_border, fixture.bounds({31.8, 10, 10}), true, RegionObjects::none);
+  halo.add_updates(inside, fixture.bounds({20, 10, 10}), true, RegionObjects::none);
+  halo.finish_updates();
+  CHECK(updates_for(fixture.state(), 1) == Updates{{1, false}});
+  CHECK(updates_for(fixture.state(), 0).empty());
+}
+
+TEST_CASE("a peer receives a removal when an object leaves its region") {
+  NodeFixture fixture;
+  HaloExchange halo(fixture.state());
+  halo.assign();
+  const std::uint32_t hosted = fixture.host(1, {28, 10, 10});
+  fixture.know(1, {31.8, 10, 10});
+  halo.begin();
+  halo.add_updates(hosted, fixture.bounds({28, 10, 10}), true, fixture.state().objects.find(1));
+  halo.finish_updates();
+  CHECK(updates_for(fixture.state(), 1) == Updates{{1, true}});
+}
+
+TEST_CASE("a node without shared memory, or with a peer without it, sends all states to the server") {
+  NodeFixture alone({.shares_memory = false});
+  HaloExchange without(alone.state());
+  without.assign();
+  CHECK(!without.shares_states());
+  CHECK(!without.keeps_host_owned());
+  NodeFixture fixture;
+  fixture.state().setup.peers[1].node_contacts = nullptr;
+  HaloExchange with(fixture.state());
+  with.assign();
+  CHECK(with.shares_states());
+  CHECK(!with.keeps_host_owned());
+}
+
+TEST_CASE("the updates of a peer are applied only while the gate admits the node") {
+  NodeFixture fixture;
+  const NodeState& state = fixture.state();
+  HaloExchange halo(fixture.state());
+  halo.assign();
+  GhostUpdates& updates = fixture.peer().ghost_updates;
+  updates.start(1);
+  updates.add(fixture.position(5, {32.2, 10, 10}, flag_present | messages::flag_keeps_host));
+  updates.add_receiver(0, false);
+  updates.finish(2);
+  halo.receive_updates();
+  CHECK(state.objects.size() == 0);
+  fixture.state().contacts.ghost_updates.gate.admit();
+  halo.receive_updates();
+  const std::uint32_t known = state.objects.find(5);
+  REQUIRE(known != RegionObjects::none);
+  CHECK(state.objects.next_host(known) == NextHost::node);
+  CHECK(!state.objects.inner(known));
+  CHECK(!fixture.state().contacts.ghost_updates.gate.is_inside());
+
+  updates.start(1);
+  updates.add(fixture.position(5, {36, 10, 10}));
+  updates.add_receiver(0, true);
+  updates.finish(2);
+  fixture.state().contacts.ghost_updates.gate.admit();
+  halo.receive_updates();
+  CHECK(state.objects.size() == 0);
+}
+
+TEST_CASE(
+    "an update that is handed over to this node makes it the next host, and updates of other frames are ignored") {
+  NodeFixture fixture;
+  const NodeState& state = fixture.state();
+  HaloExchange halo(fixture.state());
+  GhostUpdates& updates = fixture.peer().ghost_updates;
+  for (const std::uint64_t frame : {0u, 1u}) {
+    updates.start(frame);
+    updates.add(fixture.position(5, {31.8, 10, 10}));
+    updates.add_receiver(0, false);
+    updates.finish(2);
+    fixture.state().contacts.ghost_updates.gate.admit();
+    halo.receive_updates();
+    CHECK(state.objects.size() == frame);
+  }
+  CHECK(state.objects.next_host(state.objects.find(5)) == NextHost::self);
+}
+
+TEST_CASE("the next host of an object follows from its position and flags") {
+  NodeFixture fixture;
+  const RegionObjects& objects = fixture.state().objects;
+  fixture.know(1, {10, 10, 10}, flag_present | messages::flag_avatar);
+  fixture.know(2, {12, 10, 10}, flag_present | messages::flag_fixed);
+  fixture.know(3, {14, 10, 10});
+  fixture.know(4, {31.8, 10, 10});
+  fixture.know(5, {32.2, 10, 10});
+  const auto next_of = [&](std::uint32_t slot) { return objects.next_host(objects.find(slot)); };
+  CHECK(next_of(1) == NextHost::user);
+  CHECK(next_of(2) == NextHost::none);
+  CHECK(next_of(3) == NextHost::self);
+  CHECK(next_of(4) == NextHost::self);
+  CHECK(next_of(5) == NextHost::node);
+  CHECK(objects.inner(objects.find(3)));
+  CHECK(!objects.inner(objects.find(4)));
+  CHECK(fixture.state().received.positions);
+  fixture.know(3, {14, 10, 10}, messages::flag_left_region);
+  CHECK(objects.find(3) == RegionObjects::none);
+}
+
+TEST_CASE("after a new map nothing is known of the region, and hosts that exchange objects list all of them") {
+  NodeFixture fixture;
+  NodeState& state = fixture.state();
+  HaloExchange halo(state);
+  fixture.know(1, {10, 10, 10});
+  fixture.host(2, {10, 20, 10});
+  state.stage = CdNodeStage::ending;
+  state.contacts.hosts_exchange_objects = true;
+  const std::vector<messages::OwnerRecord> owners(64, messages::OwnerRecord{0, 0});
+  const std::span<const messages::OwnerRecord> all(owners);
+  halo.receive_map(fixture.message(MessageType::region_map, all.first(10), false));
+  CHECK(state.objects.size() == 1);
+  halo.receive_map(fixture.message(MessageType::region_map, all.subspan(10)));
+  CHECK(state.objects.size() == 0);
+  CHECK(state.region.contains({60, 10, 10}));
+  state.host.move(2);
+  CHECK(state.host.changed().size() == 1);
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test
