@@ -224,7 +224,7 @@ void CdNodeRole::detect_again() {
   state_.await_positions();
   detector_.discard();
   if (state_.stage != CdNodeStage::waiting) {
-    state_.host.begin_contacts(state_.frame);
+    state_.host.contacts().begin(state_.frame);
   }
   if (state_.stage == CdNodeStage::colliding || state_.stage == CdNodeStage::ending) {
     state_.stage = CdNodeStage::gathering;

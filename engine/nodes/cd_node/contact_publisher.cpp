@@ -36,8 +36,8 @@ void ContactPublisher::list() {
     contacts.keys[i] = order.key_at(i);
     contacts.found[i] = {objects.slot(hit.a), objects.slot(hit.b), hit.a, hit.b, touch};
     if (keeps) {
-      state_.host.order_own_contact(state_.frame, contacts.keys[i], touch, objects.hosted(hit.a),
-                                    objects.hosted(hit.b));
+      state_.host.contacts().order_own(state_.frame, contacts.keys[i], touch, objects.hosted(hit.a),
+                                       objects.hosted(hit.b));
     }
     if (notifies_others && (objects.next_host(hit.a) != NextHost::self || objects.next_host(hit.b) != NextHost::self)) {
       list_notified_hosts(static_cast<std::uint32_t>(i));
@@ -164,7 +164,7 @@ void ContactPublisher::receive_corrections(const messages::MessageView& message)
 void ContactPublisher::receive(const messages::MessageView& message) {
   // Between frames these are contacts of the last frame, for an object that was adopted.
   const bool late = state_.stage == CdNodeStage::waiting;
-  late ? state_.host.add_late_contacts(message) : state_.host.add_contacts(state_.frame, message);
+  late ? state_.host.contacts().add_late(message) : state_.host.contacts().add(state_.frame, message);
   state_.received.contacts |= message.last() && !late;
 }
 
@@ -201,10 +201,10 @@ void ContactPublisher::confirm_begins() {
     }
     i = static_cast<std::size_t>(static_cast<const std::uint8_t*>(next) - begun);
     begins.push_back(contacts.found[i].touch);
-    state_.host.prefetch_own_contact(state_.frame, begins.back());
+    state_.host.contacts().prefetch_own(state_.frame, begins.back());
   }
   for (const std::uint32_t touch : begins) {
-    state_.host.confirm_begin(state_.frame, touch);
+    state_.host.contacts().confirm_begin(state_.frame, touch);
   }
 }
 
@@ -228,7 +228,7 @@ void ContactPublisher::read_peer_contacts() {
   order.visit([&](std::uint64_t, NodeNumber peer, std::uint32_t position, Phase phase) {
     Contact contact;
     all[peer]->write(position, all[peer]->found[position], phase, contact);
-    state_.host.add_contact(state_.frame, contact);
+    state_.host.contacts().add(state_.frame, contact);
   });
   state_.contacts.taken = order.size();
 }

@@ -130,7 +130,7 @@ void Detector::add_hits(std::span<const narrow_phase::PairContact> found) {
     order_.add(numbers[pair.a], numbers[pair.b]);
     if (keeps) {
       NodeContacts::assemble(touch, bodies[pair.a], bodies[pair.b], Phase::persist,
-                             state_.host.add_own_contact(state_.frame));
+                             state_.host.contacts().add_own(state_.frame));
     }
   }
 }

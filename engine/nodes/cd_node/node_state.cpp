@@ -10,7 +10,7 @@ NodeState::NodeState(const CdNodeSetup& initial, const regions::RegionMap& map)
       host(initial.model, initial.objects, &fault),
       objects(initial.objects, initial.placement == Placement::region),
       contacts(initial.server.node_contacts != nullptr ? *initial.server.node_contacts : own_contacts) {
-  host.reserve_contacts(initial.objects);
+  host.contacts().reserve(initial.objects);
   contacts.host = &host;
 }
 
@@ -26,7 +26,7 @@ void NodeState::begin(std::uint64_t new_frame) noexcept {
   received = {};
   await_positions();
   region.discard_entries();
-  host.begin_contacts(frame);
+  host.contacts().begin(frame);
   stats = {};
 }
 

@@ -107,7 +107,7 @@ void Failover::recover_objects(NodeNumber node) {
       recovery_host_.adopt(state_.objects.hand_over(slot), state_.objects.state(slot));
     }
   }
-  recovery_host_.read_contacts(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
+  recovery_host_.contacts().read(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
   recovery_host_.move(state_.frame);
   states_.apply_moves(recovery_host_);
 }

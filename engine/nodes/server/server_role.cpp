@@ -74,7 +74,7 @@ void ServerRole::cut() {
   cut_.list_known_contacts();
   relay_.begin();
   state_.ledger.begin(state_.frame);
-  state_.host.read_contacts(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
+  state_.host.contacts().read(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
   states_.begin();
   failover_.begin();
   deadlines_.begin();

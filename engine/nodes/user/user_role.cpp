@@ -57,7 +57,7 @@ void UserRole::receive_contacts(const MessageView& message) {
   if (!late && stage_ == Stage::awaiting_contacts) {
     enter(telemetry::StepClock::end);
   }
-  late ? host_.add_late_contacts(message) : host_.add_contacts(frame_, message);
+  late ? host_.contacts().add_late(message) : host_.contacts().add(frame_, message);
   contacts_received_ |= message.last() && !late;
 }
 
@@ -68,7 +68,7 @@ void UserRole::begin(std::uint64_t frame) {
   frame_stats_ = {};
   enter(telemetry::StepClock::move);
   telemetry::SpanTimer time(setup_.thread.track, "move", frame_stats_.move_ns);
-  host_.begin_contacts(frame);
+  host_.contacts().begin(frame);
   for (const Steered& steered : steered_) {
     host_.steer(steered.number, steered.pose);
   }

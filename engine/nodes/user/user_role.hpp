@@ -70,7 +70,7 @@ class UserRole {
 
   /// Contacts that the node received in that frame (M4), in order of (a, b), including the ended ones. Valid until
   /// frame + 2 begins.
-  std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return host_.contacts(frame); }
+  std::span<const Contact> contacts(std::uint64_t frame) const noexcept { return host_.contacts().received(frame); }
   /// States of others near its avatars in that frame, as spans of their publications. Valid until frame + 2 begins, if
   /// the publications still exist.
   std::span<const std::span<const link::PublishedState>> seen(std::uint64_t frame) const noexcept {

@@ -132,7 +132,7 @@ TEST_CASE("the node reads the contacts of its objects from its peer if the gate 
     node.state.contacts.nodes_exchange_contacts = true;
     if (admitted) node.state.contacts.gate.admit();
     node.publisher.finish();
-    const auto received = node.state.host.contacts(1);
+    const auto received = node.state.host.contacts().received(1);
     REQUIRE(received.size() == (admitted ? 1 : 0));
     if (admitted) {
       CHECK(received[0].a == 7);
@@ -154,11 +154,11 @@ TEST_CASE("contacts of the server are of this frame, and between frames of the f
   contact.b = 9;
   node.state.stage = CdNodeStage::waiting;
   node.publisher.receive(fixture.message(MessageType::notify, contact));
-  CHECK(node.state.host.contacts(1).empty());
+  CHECK(node.state.host.contacts().received(1).empty());
   CHECK(!node.state.received.contacts);
   node.state.stage = CdNodeStage::ending;
   node.publisher.receive(fixture.message(MessageType::notify, contact));
-  CHECK(node.state.host.contacts(1).size() == 1);
+  CHECK(node.state.host.contacts().received(1).size() == 1);
   CHECK(node.state.received.contacts);
 }
 

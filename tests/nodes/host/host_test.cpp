@@ -15,6 +15,7 @@
 
 #include "base/pair_sort.hpp"
 #include "messages/run.hpp"
+#include "nodes/host/host_records.hpp"
 
 namespace ringfence::nodes {
 namespace {
@@ -66,18 +67,6 @@ class RecordingModel : public MotionModel {
   mutable std::uint64_t last_frame = 0;
   mutable std::size_t largest_batch = 0;
 };
-
-messages::HandOverRecord record_of(ObjectNumber number) {
-  messages::HandOverRecord record;
-  record.object = {number + 7, number * 3, number, messages::flag_present};
-  record.pose.position = {static_cast<double>(number), 2, 3};
-  record.user_data = number * std::uint64_t{1000};
-  record.shape = number % 5;
-  record.layer = static_cast<std::uint16_t>(number % 3);
-  record.category = static_cast<std::uint16_t>(Category::active);
-  record.group = number * 11;
-  return record;
-}
 
 struct State {
   std::uint64_t words[2];
@@ -131,38 +120,18 @@ TEST_CASE("a model that does not use contacts gets none, and one that does gets 
     Host host(model, 4);
     for (const ObjectNumber number : {1u, 2u, 3u}) host.adopt(record_of(number), nullptr);
     host.move(1);
-    host.begin_contacts(1);
+    host.contacts().begin(1);
     Contact contact;
     contact.a = 1;
     contact.b = 3;
-    host.add_contact(1, contact);
+    host.contacts().add(1, contact);
     host.move(2);
     const std::size_t expected = model == &with_contacts ? 1 : 0;
     CHECK(model->received_contacts.at(1).size() == expected);
     CHECK(model->received_contacts.at(2).empty());
     CHECK(model->received_contacts.at(3).size() == expected);
-    CHECK(host.contacts(1).size() == 1);
+    CHECK(host.contacts().received(1).size() == 1);
   }
-}
-
-TEST_CASE("an object that a host adopts twice is there once, in its last state") {
-  const RecordingModel model(16);
-  Host host(&model, 4);
-  const std::uint64_t first[2] = {1, 2}, second[2] = {3, 4};
-  host.adopt(record_of(5), reinterpret_cast<const std::byte*>(first));
-  host.adopt(record_of(6), reinterpret_cast<const std::byte*>(first));
-  messages::HandOverRecord again = record_of(5);
-  again.pose.position.x = 77;
-  host.adopt(again, reinterpret_cast<const std::byte*>(second));
-  REQUIRE(host.size() == 2);
-  const std::uint32_t at = host.find(5);
-  REQUIRE(at != base::NumberIndex::none);
-  CHECK(host[at].pose.position.x == 77);
-  CHECK(std::memcmp(host.state(at), second, sizeof second) == 0);
-  host.drop(5);
-  CHECK(host.size() == 1);
-  CHECK(host.find(5) == base::NumberIndex::none);
-  CHECK(host[host.find(6)].object.number == 6);
 }
 
 TEST_CASE("the model gets exactly the begin and persist contacts of each hosted object, in order of (a, b)") {
@@ -184,8 +153,8 @@ TEST_CASE("the model gets exactly the begin and persist contacts of each hosted 
         const Phase phase = random() % 4 == 0 ? Phase::end : random() % 2 == 0 ? Phase::begin : Phase::persist;
         known[{a, b}] = contact_of(a, b, phase);
       }
-      host.begin_contacts(frame);
-      for (const auto& [key, contact] : known) host.add_contact(frame, contact);
+      host.contacts().begin(frame);
+      for (const auto& [key, contact] : known) host.contacts().add(frame, contact);
       const std::size_t received = known.size();
       if (frame % 2 == 1) {
         // Late contacts come in any order. Some are already known, and some come twice.
@@ -199,9 +168,9 @@ TEST_CASE("the model gets exactly the begin and persist contacts of each hosted 
           if (random() % 3 == 0) some.push_back(late[{a, b}]);
         }
         std::shuffle(some.begin(), some.end(), random);
-        for (const Contact& contact : some) host.add_late_contact(contact);
+        for (const Contact& contact : some) host.contacts().add_late(contact);
       }
-      host.begin_contacts(frame + 1);
+      host.contacts().begin(frame + 1);
       host.move(frame + 1);
       CHECK(model.last_frame == frame + 1);
       CHECK(model.largest_batch == 64);
@@ -217,7 +186,7 @@ TEST_CASE("the model gets exactly the begin and persist contacts of each hosted 
         REQUIRE(model.user_data[number] == number * std::uint64_t{1000});
       }
       // The received contacts, ended ones too, stay readable.
-      REQUIRE(host.contacts(frame).size() == received);
+      REQUIRE(host.contacts().received(frame).size() == received);
     }
   }
 }
@@ -244,9 +213,9 @@ TEST_CASE(
       std::vector<std::pair<ObjectNumber, ObjectNumber>> found;
       for (const auto& [key, contact] : own) found.push_back(key);
       std::shuffle(found.begin(), found.end(), random);
-      host.begin_contacts(frame);
+      host.contacts().begin(frame);
       for (const auto& key : found) {
-        Contact& contact = host.add_own_contact(frame);
+        Contact& contact = host.contacts().add_own(frame);
         const Phase guess = contact.phase;
         contact = own[key];
         contact.phase = guess;
@@ -259,13 +228,13 @@ TEST_CASE(
                  : draw == 1 ? static_cast<std::uint32_t>(random() % 80)
                              : host.find(number);
         };
-        host.order_own_contact(frame, std::uint64_t{key.first} << 32 | key.second, at, likely_place(key.first),
-                               likely_place(key.second));
-        if (contact.phase == Phase::begin) host.confirm_begin(frame, at);
+        host.contacts().order_own(frame, std::uint64_t{key.first} << 32 | key.second, at, likely_place(key.first),
+                                  likely_place(key.second));
+        if (contact.phase == Phase::begin) host.contacts().confirm_begin(frame, at);
       }
-      for (const auto& [key, contact] : received) host.add_contact(frame, contact);
-      REQUIRE(host.contacts(frame).size() == received.size());
-      host.begin_contacts(frame + 1);
+      for (const auto& [key, contact] : received) host.contacts().add(frame, contact);
+      REQUIRE(host.contacts().received(frame).size() == received.size());
+      host.contacts().begin(frame + 1);
       host.move(frame + 1);
       received.insert(own.begin(), own.end());
       for (ObjectNumber number = 1; number <= 60; ++number) {
@@ -290,17 +259,17 @@ TEST_CASE("the model gets the contacts of given lists instead of the host's own,
   RecordingModel model(16);
   Host host(&model, 4);
   adopt(host, 5);
-  host.begin_contacts(0);
-  host.add_contact(0, contact_of(2, 5));
+  host.contacts().begin(0);
+  host.contacts().add(0, contact_of(2, 5));
   const std::vector<Contact> given = {contact_of(1, 5), contact_of(5, 9), contact_of(6, 7)};
   std::vector<std::uint64_t> given_keys;
   for (const Contact& contact : given) given_keys.push_back(base::PairSort::key(contact.a, contact.b));
-  host.read_contacts(given, given_keys);
-  host.begin_contacts(1);
-  host.add_contact(1, contact_of(3, 5));
+  host.contacts().read(given, given_keys);
+  host.contacts().begin(1);
+  host.contacts().add(1, contact_of(3, 5));
   host.move(1);
   CHECK((keys(model.received_contacts[5]) == Keys{{1, 5}, {5, 9}}));
-  host.begin_contacts(2);
+  host.contacts().begin(2);
   host.move(2);
   CHECK((keys(model.received_contacts[5]) == Keys{{3, 5}}));
 }
@@ -309,12 +278,12 @@ TEST_CASE("late contacts count for one frame only") {
   RecordingModel model(16);
   Host host(&model, 4);
   adopt(host, 5);
-  host.begin_contacts(0);
-  host.add_late_contact(contact_of(5, 9));
-  host.begin_contacts(1);
+  host.contacts().begin(0);
+  host.contacts().add_late(contact_of(5, 9));
+  host.contacts().begin(1);
   host.move(1);
   CHECK(model.received_contacts[5].size() == 1);
-  host.begin_contacts(2);
+  host.contacts().begin(2);
   host.move(2);
   CHECK(model.received_contacts[5].empty());
 }
@@ -338,7 +307,7 @@ TEST_CASE("objects for which the model throws keep pose, presence and state and 
       if (output.throws) throwing.insert(number);
       model.outputs_by_number[number] = output;
     }
-    host.begin_contacts(0);
+    host.contacts().begin(0);
     host.move(0);
     CHECK(host.refusals().model_failed == throwing.size());
     CHECK(host.refusals().not_finite == 0);
@@ -352,7 +321,7 @@ TEST_CASE("objects for which the model throws keep pose, presence and state and 
     CHECK(changed_numbers(host).size() == count - throwing.size());
     // The count is per frame.
     model.outputs_by_number.clear();
-    host.begin_contacts(1);
+    host.contacts().begin(1);
     host.move(1);
     CHECK(host.refusals().model_failed == 0);
   }
@@ -379,7 +348,7 @@ TEST_CASE("a model output that is not finite or not unit is refused by reason an
     }
     model.outputs_by_number[number] = output;
   }
-  host.begin_contacts(0);
+  host.contacts().begin(0);
   host.move(0);
   CHECK(host.refusals().not_finite == 4);
   CHECK(host.refusals().not_unit == 4);
@@ -414,14 +383,14 @@ TEST_CASE("exactly the objects with changed pose, presence or state, placed or s
   host.steer(5, {{3, 3, 3}, {}});
   host.steer(77, {});        // not hosted here
   host.place(78, {}, true);  // not hosted here
-  host.begin_contacts(0);
+  host.contacts().begin(0);
   host.move(0);
   CHECK((changed_numbers(host) == std::set<ObjectNumber>{1, 2, 3, 4, 5}));
   CHECK(model.poses[4].position.x == 1);  // the model continues from the placed pose
   CHECK(hosted(host, 5).pose.position.x == 3);
   CHECK(hosted(host, 2).object.flags == 0);
   model.outputs_by_number.clear();
-  host.begin_contacts(1);
+  host.contacts().begin(1);
   host.move(1);
   CHECK(host.changed().empty());
   CHECK(hosted(host, 2).object.flags == 0);  // an absent object stays absent without an output
@@ -436,72 +405,12 @@ TEST_CASE("a steered object stands at its steered pose for one frame, whatever t
   output.pose.position = {9, 9, 9};
   model.outputs_by_number[1] = output;
   host.steer(1, {{4, 4, 4}, {}});
-  host.begin_contacts(0);
+  host.contacts().begin(0);
   host.move(0);
   CHECK(hosted(host, 1).pose.position.x == 4);
-  host.begin_contacts(1);
+  host.contacts().begin(1);
   host.move(1);
   CHECK(hosted(host, 1).pose.position.x == 9);
-}
-
-TEST_CASE("adopting and dropping in any order keeps every object with its own state") {
-  for (const std::size_t bytes : {0u, 16u, 13u}) {
-    const unsigned seed = 40 + static_cast<unsigned>(bytes);
-    CAPTURE(seed);
-    std::mt19937_64 random(seed);
-    RecordingModel model(bytes);
-    Host host(&model, 2);
-    REQUIRE(host.state_bytes() == (bytes + 7) / 8 * 8);
-    std::map<ObjectNumber, std::vector<std::byte>> expected;
-    for (int round = 0; round < 6000; ++round) {
-      const auto number = static_cast<ObjectNumber>(1 + random() % 120);
-      if (expected.count(number) == 0 || random() % 4 == 0) {  // adopting an object that is hosted already replaces it
-        std::vector<std::byte> state(host.state_bytes());
-        for (std::byte& byte : state) byte = static_cast<std::byte>(random());
-        host.adopt(record_of(number), state.data());
-        expected[number] = state;
-      } else {
-        const messages::HandOverRecord record = host.hand_over(host.find(number));
-        const messages::HandOverRecord original = record_of(number);
-        REQUIRE(std::memcmp(&record, &original, sizeof record) == 0);
-        host.drop(number);
-        expected.erase(number);
-        REQUIRE(host.find(number) == base::NumberIndex::none);
-      }
-      host.drop(1000);  // never hosted
-      REQUIRE(host.size() == expected.size());
-      if (round % 50 == 0) {
-        for (const auto& [known, state] : expected) {
-          REQUIRE(hosted(host, known).user_data == known * std::uint64_t{1000});
-          REQUIRE(std::equal(state.begin(), state.end(), host.state(host.find(known))));
-        }
-      }
-    }
-  }
-}
-
-TEST_CASE("a hand-over is not applied as a message of the server") {
-  Host host(nullptr, 0);
-  const messages::HandOverRecord record = record_of(5);
-  std::vector<std::byte> bytes(sizeof(messages::Header) + sizeof record);
-  std::memcpy(bytes.data() + sizeof(messages::Header), &record, sizeof record);
-  for (const auto type : {messages::MessageType::hand_over, messages::MessageType::adopt}) {
-    const messages::RunHeader head{type, messages::Endpoint::node(1), messages::Endpoint::node(0), 0, 0};
-    messages::write_header(bytes.data(), head, sizeof record, 1, true, 1);
-    messages::MessageView message;
-    REQUIRE(messages::decode(bytes, 0, message) == Status::ok);
-    const bool by_server = type == messages::MessageType::adopt;
-    CHECK(host.apply(message) == by_server);
-    CHECK(host.size() == (by_server ? 1 : 0));
-  }
-  host.drop(5);
-  messages::write_header(
-      bytes.data(), {messages::MessageType::hand_over, messages::Endpoint::node(1), messages::Endpoint::node(0), 0, 0},
-      sizeof record, 1, true, 1);
-  messages::MessageView message;
-  REQUIRE(messages::decode(bytes, 0, message) == Status::ok);
-  host.adopt(message);
-  CHECK(hosted(host, 5).user_data == record.user_data);
 }
 
 TEST_CASE("without a model nothing moves by itself, but places and steers still count") {
@@ -510,7 +419,7 @@ TEST_CASE("without a model nothing moves by itself, but places and steers still 
   for (ObjectNumber number = 1; number <= 3; ++number) host.adopt(record_of(number), &none);
   host.place(1, {{5, 5, 5}, {}}, false);
   host.steer(2, {{6, 6, 6}, {}});
-  host.begin_contacts(0);
+  host.contacts().begin(0);
   host.move(0);
   CHECK((changed_numbers(host) == std::set<ObjectNumber>{1, 2}));
   CHECK(hosted(host, 1).object.flags == 0);

@@ -1,0 +1,103 @@
+#include "nodes/host/host_contacts.hpp"
+
+#include <array>
+#include <utility>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "base/pair_sort.hpp"
+#include "nodes/host/host_records.hpp"
+
+namespace ringfence::nodes {
+namespace {
+
+using Keys = std::vector<std::pair<ObjectNumber, ObjectNumber>>;
+
+Contact contact_of(ObjectNumber a, ObjectNumber b, Phase phase = Phase::persist) {
+  Contact contact;
+  contact.a = a;
+  contact.b = b;
+  contact.phase = phase;
+  return contact;
+}
+
+/// The contacts of a hosted object as a move reads them.
+Keys keys_of(const HostContacts& contacts, const HostedObjects& objects, ObjectNumber number) {
+  Keys keys;
+  for (const std::uint32_t at : contacts.of(objects.find(number))) {
+    keys.emplace_back(contacts.list()[at].a, contacts.list()[at].b);
+  }
+  return keys;
+}
+
+struct ThreeObjects {
+  ThreeObjects() {
+    for (const ObjectNumber number : {2u, 4u, 6u}) objects.adopt(record_of(number), nullptr);
+  }
+  HostedObjects objects{4, 0};
+  HostContacts contacts{4};
+};
+
+TEST_CASE("a move reads own and received contacts of the frame before by object, without those that ended") {
+  ThreeObjects host;
+  host.contacts.begin(1);
+  host.contacts.add_own(1) = contact_of(4, 6);
+  host.contacts.add_own(1) = contact_of(2, 9);
+  host.contacts.order_own(1, base::PairSort::key(2, 9), 1);
+  host.contacts.order_own(1, base::PairSort::key(4, 6), 0);
+  host.contacts.add(1, contact_of(1, 4));
+  host.contacts.add(1, contact_of(2, 3, Phase::end));
+  host.contacts.add(1, contact_of(2, 4));
+  host.contacts.begin(2);
+  host.contacts.begin_move(2, host.objects);
+  CHECK(keys_of(host.contacts, host.objects, 2) == Keys{{2, 4}, {2, 9}});
+  CHECK(keys_of(host.contacts, host.objects, 4) == Keys{{1, 4}, {2, 4}, {4, 6}});
+  CHECK(keys_of(host.contacts, host.objects, 6) == Keys{{4, 6}});
+  CHECK(host.contacts.received(1).size() == 3);
+  CHECK(host.contacts.received(2).empty());
+}
+
+TEST_CASE("an own contact persists until it is confirmed that it begins") {
+  ThreeObjects host;
+  host.contacts.begin(1);
+  CHECK(host.contacts.add_own(1).phase == Phase::persist);
+  host.contacts.add_own(1) = contact_of(2, 4);
+  host.contacts.confirm_begin(1, 1);
+  host.contacts.order_own(1, base::PairSort::key(2, 4), 1);
+  host.contacts.order_own(1, base::PairSort::key(2, 4), 0);
+  host.contacts.begin_move(2, host.objects);
+  CHECK(host.contacts.list()[0].phase == Phase::persist);
+  CHECK(host.contacts.list()[1].phase == Phase::begin);
+}
+
+TEST_CASE("late contacts join those of the frame, each once, until the move ends") {
+  ThreeObjects host;
+  host.contacts.begin(1);
+  host.contacts.add(1, contact_of(2, 6));
+  for (const auto& late : {contact_of(4, 6), contact_of(1, 6), contact_of(2, 6), contact_of(4, 6)}) {
+    host.contacts.add_late(late);
+  }
+  host.contacts.begin_move(2, host.objects);
+  CHECK(keys_of(host.contacts, host.objects, 6) == Keys{{1, 6}, {2, 6}, {4, 6}});
+  host.contacts.end_move();
+  host.contacts.begin_move(2, host.objects);
+  CHECK(keys_of(host.contacts, host.objects, 6) == Keys{{2, 6}});
+}
+
+TEST_CASE("given lists replace the contacts of one move") {
+  ThreeObjects host;
+  host.contacts.begin(1);
+  host.contacts.add(1, contact_of(2, 6));
+  const std::array<Contact, 1> given{contact_of(2, 4)};
+  const std::array<std::uint64_t, 1> keys{base::PairSort::key(2, 4)};
+  host.contacts.read(given, keys);
+  host.contacts.begin_move(2, host.objects);
+  CHECK(keys_of(host.contacts, host.objects, 2) == Keys{{2, 4}});
+  host.contacts.end_move();
+  host.contacts.begin_move(2, host.objects);
+  CHECK(keys_of(host.contacts, host.objects, 2) == Keys{{2, 6}});
+}
+
+}  // namespace
+}  // namespace ringfence::nodes
