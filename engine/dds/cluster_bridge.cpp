@@ -121,13 +121,12 @@ void ClusterNodes::note_peer_failure(Node& from, std::span<const std::byte> byte
 }
 
 // The server role checks the messages that it receives; nodes in this process rely on this check.
-bool ClusterNodes::is_hand_over(const Node& from, const messages::Header& header,
+bool ClusterNodes::is_from_node(const Node& from, const messages::Header& header,
                                 std::span<const std::byte> message) const noexcept {
   const std::size_t state_bytes = (std::size_t{terms_record_.state_bytes} + 7) / 8 * 8;
   messages::MessageView view;
   return header.source == Endpoint::node(from.slot).value &&
-         messages::decode(message, state_bytes, view) == Status::ok &&
-         view.type() == messages::MessageType::hand_over &&
+         messages::decode(message, state_bytes, view) == Status::ok && nodes::is_between_nodes(view.type()) &&
          nodes::is_valid(view, {.nodes = static_cast<std::uint32_t>(assigned_by_slot_.size()),
                                 .shapes = shapes_,
                                 .slots = static_cast<std::uint32_t>(server_->objects().slots())});
@@ -146,7 +145,7 @@ bool ClusterNodes::deliver_message(Node& from, std::span<const std::byte> messag
   }
   const auto peer =
       std::find_if(from.peers.begin(), from.peers.end(), [&](const auto& each) { return each.first == to.number(); });
-  if (peer == from.peers.end() || !is_hand_over(from, header, message)) {
+  if (peer == from.peers.end() || !is_from_node(from, header, message)) {
     from.broken = losses_ = true;  // messages to other node processes do not come here
     return true;
   }

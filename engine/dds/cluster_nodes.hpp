@@ -104,7 +104,7 @@ class ClusterNodes final : public RemoteNodes {
   bool deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes);
   bool deliver_message(Node& from, std::span<const std::byte> message);
   void note_peer_failure(Node& from, std::span<const std::byte> bytes);
-  bool is_hand_over(const Node& from, const messages::Header& header,
+  bool is_from_node(const Node& from, const messages::Header& header,
                     std::span<const std::byte> message) const noexcept;
   bool carry(Node& node);
   void publish(Node& node);

@@ -20,6 +20,16 @@ constexpr std::size_t ring_bytes = std::size_t{1} << 16;
 constexpr std::uint32_t first_link_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 125; }
 constexpr std::uint32_t last_link_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 249; }
 
+/// Whether a message comes from a CD node: one in the process of the World, which has no link.
+bool is_from_node(std::span<const std::byte> message) noexcept {
+  messages::Header header;
+  if (message.size() < sizeof header) {
+    return false;
+  }
+  std::memcpy(&header, message.data(), sizeof header);
+  return messages::Endpoint{header.source}.is_node();
+}
+
 Vec3d corner(const double (&values)[3]) noexcept { return {values[0], values[1], values[2]}; }
 
 }  // namespace
@@ -78,7 +88,8 @@ NodeSession::NodeSession(Domain& domain, JoinedWorld& world, dds_entity_t presen
       parcel_channel_(up, incarnation_),
       links_(incarnation_, first_link_port(domain.number()), last_link_port(domain.number()), world.terms().lease_ms,
              std::move(wake)),
-      channel_(ring_bytes, nullptr, nullptr) {
+      channel_(ring_bytes, nullptr, nullptr),
+      from_peers_(ring_bytes, nullptr, nullptr) {
   Domain::set_hook(down_, hook);
   const ListenerSample listener{incarnation_, links_.port()};
   dds_write(listener_.get(), &listener);
@@ -181,7 +192,7 @@ void NodeSession::send() {
 bool NodeSession::receive_from_peers() {
   const bool any = links_.receive(
       [this](NodeNumber slot, std::span<const std::byte> message) { return deliver_from_peer(slot, message); });
-  channel_.first().out->publish();
+  from_peers_.sender().publish();
   links_.take_failures([this](const PeerRecord& peer) {
     const PeerFailureRecord failure{peer.incarnation};
     parcel_channel_.enqueue(ParcelKind::peer_failed, std::as_bytes(std::span(&failure, 1)));
@@ -195,7 +206,7 @@ bool NodeSession::deliver_from_peer(NodeNumber slot, std::span<const std::byte> 
     links_.fail(slot);
     return true;
   }
-  return copy_to_ring(message, *channel_.first().out);
+  return copy_to_ring(message, from_peers_.sender());
 }
 
 bool NodeSession::is_from_peer(NodeNumber slot, std::span<const std::byte> message) const noexcept {
@@ -204,8 +215,8 @@ bool NodeSession::is_from_peer(NodeNumber slot, std::span<const std::byte> messa
   limits.shapes = static_cast<std::uint32_t>(world_.shapes().size());
   return messages::decode(message, role_->host().state_bytes(), view) == Status::ok &&
          view.header().source == messages::Endpoint::node(slot).value &&
-         view.header().destination == messages::Endpoint::node(slot_).value &&
-         view.type() == messages::MessageType::hand_over && nodes::is_valid(view, limits);
+         view.header().destination == messages::Endpoint::node(slot_).value && nodes::is_between_nodes(view.type()) &&
+         nodes::is_valid(view, limits);
 }
 
 bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset,
@@ -215,9 +226,11 @@ bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& of
   }
   if (kind == ParcelKind::messages) {
     const bool all = for_each_message(bytes, offset, [&](std::span<const std::byte> message) {
-      return role_ == nullptr || copy_to_ring(message, *channel_.first().out);
+      return role_ == nullptr ||
+             copy_to_ring(message, is_from_node(message) ? from_peers_.sender() : *channel_.first().out);
     });
     channel_.first().out->publish();
+    from_peers_.sender().publish();
     return all;
   }
   return kind != ParcelKind::assign || assign(unpack_assignment(bytes, world_.terms()));
@@ -247,8 +260,8 @@ bool NodeSession::assign(const Assignment& assignment) {
   slot_ = record.number;
   limits_.nodes = record.count;
   links_.assign(assignment.peers);
-  // Messages from peers arrive through the server connection, which the role reads anyway.
-  std::vector<nodes::Connection> connections(record.count, nodes::Connection{channel_.second().out, nullptr});
+  std::vector<nodes::Connection> connections(record.count,
+                                             nodes::Connection{channel_.second().out, &from_peers_.receiver()});
   connections[record.number] = {};
   role_->assign(record.number, connections);
   return true;

@@ -117,6 +117,7 @@ class NodeSession {
   PeerLinks links_;
   NodeState state_ = NodeState::joining;
   facade::DuplexChannel channel_;
+  link::Channel from_peers_;  ///< messages of other nodes; their order with those of the server does not matter
   std::unique_ptr<nodes::CdNodeRole> role_;
   NodeNumber slot_ = 0;
   nodes::MessageLimits limits_;

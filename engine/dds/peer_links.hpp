@@ -20,7 +20,7 @@ namespace ringfence::dds {
 /// through the process of the World.
 ///
 /// A link is a TCP connection for one direction. The sender opens it with its first message for that node, so only
-/// nodes that exchange messages have links. The World tells each node the incarnations and addresses of the others with
+/// nodes that exchange messages have links. The World sends each node the incarnations and addresses of the others with
 /// the assignment. A receiver takes messages only from links of assigned incarnations, so what a lost node sends later
 /// is refused.
 ///

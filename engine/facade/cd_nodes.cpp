@@ -57,15 +57,16 @@ link::Doorbell* World::Implementation::bell_of(const PoolNode& node) noexcept {
   return node.worker != nullptr ? &node.worker->bell() : server_bell();
 }
 
-// With a node of this process also the memory that it shares with the server, as one of `count` nodes.
+// If all nodes are in this process, also the memory that the node shares with the others, as one of `count` nodes.
 PoolChannel World::Implementation::connect_to_server(const PoolNode& node, std::size_t count) {
   const bool here = node.member == RemoteNodes::local_member;
   auto channel = std::make_shared<DuplexChannel>(here ? ring_bytes(server_node_ring) : remote_node_ring, server_bell(),
                                                  bell_of(node));
-  if (here) {
+  const bool shares = config.remote_nodes == nullptr;
+  if (shares) {
     channel->node_contacts = std::make_unique<nodes::NodeContacts>();
   }
-  if (here && config.deployment == Deployment::user_collision && config.interest > 0) {
+  if (shares && config.deployment == Deployment::user_collision && config.interest > 0) {
     channel->publication = std::make_unique<nodes::NodePublication>(
         publications.grid, facade::NodePool::share_of(config.capacities.objects, count));
   }

@@ -10,6 +10,7 @@ Traffic traffic_of(MessageType type) noexcept {
       return Traffic::m1;
     case MessageType::position_update:
     case MessageType::pairs:
+    case MessageType::ghost:
       return Traffic::m2;
     case MessageType::collision:
     case MessageType::change:
@@ -27,11 +28,14 @@ Traffic traffic_of(MessageType type) noexcept {
 }
 
 const char* name_of(MessageType type) noexcept {
-  constexpr const char* names[message_types] = {
-      "none",    "adopt",     "drop",        "place",  "frame_begin", "state_update", "node_state", "position_update",
-      "pairs",   "collision", "narrow_done", "notify", "region_map",  "frame_end",    "hand_over",  "frame_done",
-      "refused", "kinds",     "correct",     "lost",   "probe",       "probe_reply",  "published",  "read_publications",
-      "change"};
+  constexpr const char* names[message_types] = {"none",        "adopt",        "drop",         "place",
+                                                "frame_begin", "state_update", "node_state",   "position_update",
+                                                "pairs",       "collision",    "narrow_done",  "notify",
+                                                "region_map",  "frame_end",    "hand_over",    "frame_done",
+                                                "refused",     "kinds",        "correct",      "lost",
+                                                "probe",       "probe_reply",  "published",    "read_publications",
+                                                "change",      "ghost",        "ghost_counts", "contact_counts",
+                                                "ghosts_sent"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }
@@ -58,7 +62,13 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
     case MessageType::node_state:
       return sizeof(NodeStateRecord) + state_bytes;
     case MessageType::position_update:
+    case MessageType::ghost:
       return sizeof(PositionRecord);
+    case MessageType::ghost_counts:
+    case MessageType::contact_counts:
+      return sizeof(CountRecord);
+    case MessageType::ghosts_sent:
+      return sizeof(GhostsSentRecord);
     case MessageType::pairs:
       return sizeof(PairRecord);
     case MessageType::collision:

@@ -38,9 +38,17 @@ enum class MessageType : std::uint16_t {
   /// receive the ended contacts.
   notify = 11,
   region_map = 12,  ///< OwnerRecord of each table entry: a new region map
-  frame_end = 13,   ///< FrameEndRecord, to CD nodes: all contacts are sent; expect this number of hand-overs
-  // CD node to CD node.
+  frame_end = 13,   ///< FrameEndRecord, to CD nodes: phases are final; expect these numbers of records from nodes
+  // CD node to CD node. Between nodes of different processes these go directly. `notify` also: a Contact for each
+  // contact of an object that the receiver hosts in the next frame.
   hand_over = 14,  ///< M5: HandOverRecord + model state: the receiver hosts this object from the next frame on
+  /// M2: PositionRecord of each hosted object that moved into, within or out of the receiver's region.
+  ghost = 25,
+  // CD nodes to server: numbers of records for other nodes, so that the server can announce them to the receivers.
+  ghost_counts = 26,    ///< CountRecord of each receiver of `ghost`; before the end of node_state
+  contact_counts = 27,  ///< CountRecord of each receiver of `notify`; before narrow_done
+  // Server to CD nodes, before the end of position_update.
+  ghosts_sent = 28,  ///< GhostsSentRecord: expect this number of ghosts
   // CD nodes to server.
   kinds = 17,  ///< KindRecord of each pair of shape kinds that the node tested
   // All roles to server.
@@ -57,7 +65,7 @@ enum class MessageType : std::uint16_t {
   read_publications = 23,  ///< no records: all publications of this frame can be read
 };
 /// One more than the largest message type.
-inline constexpr std::uint16_t message_types = 25;
+inline constexpr std::uint16_t message_types = 29;
 
 /// The kind of traffic as which a message is counted.
 Traffic traffic_of(MessageType type) noexcept;

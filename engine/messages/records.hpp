@@ -72,14 +72,15 @@ struct PairRecord {
   std::uint32_t b = 0;
 };
 
-/// M3: a contact. The objects and their poses are those that the two slots have in this frame; they do not change
-/// between M2 and M3. `depth`, `normal` and `point` are as in Contact.
+/// M3: a contact. The objects are those that the two slots have in this frame; the server adds what does not change
+/// from frame to frame. The other fields are as in Contact.
 struct CollisionRecord {
   std::uint32_t slot_a = 0;  ///< of the object with the lower number
   std::uint32_t slot_b = 0;
   float depth = 0;
   Vec3f normal;
   Vec3d point;
+  Vec3f arm_a, arm_b;
 };
 
 /// M3: a contact that the sender found in this frame and not in the frame before, or the other way round.
@@ -138,9 +139,25 @@ struct OwnerRecord {
   std::uint32_t reserved = 0;
 };
 
-/// All contacts of the frame are sent.
+/// The number of records that the sender sends to another CD node in this frame.
+struct CountRecord {
+  std::uint32_t node = 0;   ///< the receiver
+  std::uint32_t count = 0;  ///< not 0
+};
+
+/// All hosts have moved.
+struct GhostsSentRecord {
+  std::uint64_t ghosts =
+      0;  ///< number of `ghost` records that the receiver gets in this frame, from all nodes together
+};
+
+/// The phases of all contacts of the frame are final.
 struct FrameEndRecord {
   std::uint64_t hand_overs = 0;  ///< number of hand-overs that the receiver gets in this frame, from all nodes together
+  std::uint64_t contacts = 0;    ///< the same for contacts (`notify`)
+  /// 1: with the new map that this frame has sent, nodes send each other all objects that they host.
+  std::uint32_t hosts_exchange_objects = 0;
+  std::uint32_t reserved = 0;
 };
 
 /// Statistics of a role for the frame that it has completed. Times in nanoseconds. User nodes leave most fields 0; see
@@ -176,6 +193,7 @@ struct LostRecord {
   /// Number of hand-overs that frame_end has announced and that do not count any more, because the lost node is their
   /// sender.
   std::uint64_t hand_overs = 0;
+  std::uint64_t contacts = 0;  ///< the same for contacts (`notify`)
 };
 
 /// A message or record of the receiver that the server refused. `number` is 0 for a whole message.
@@ -189,15 +207,16 @@ static_assert(sizeof(StateRecord) == 56);
 static_assert(sizeof(NodeStateRecord) == 80);
 static_assert(sizeof(PositionRecord) == 104);
 static_assert(sizeof(PairRecord) == 8);
-static_assert(sizeof(CollisionRecord) == 48 && sizeof(ChangeRecord) == 16 && sizeof(CorrectRecord) == 8);
+static_assert(sizeof(CollisionRecord) == 72 && sizeof(ChangeRecord) == 16 && sizeof(CorrectRecord) == 8);
 static_assert(sizeof(NarrowDoneRecord) == 32);
 static_assert(sizeof(HandOverRecord) == 80);
 static_assert(sizeof(DropRecord) == 16);
 static_assert(sizeof(PlaceRecord) == 56);
-static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 8 && sizeof(RefusedRecord) == 8);
+static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 24 && sizeof(RefusedRecord) == 8);
+static_assert(sizeof(CountRecord) == 8 && sizeof(GhostsSentRecord) == 8);
 static_assert(sizeof(KindRecord) == 240);
 static_assert(sizeof(NodeFrameStats) == 136);
-static_assert(sizeof(LostRecord) == 16);
+static_assert(sizeof(LostRecord) == 24);
 static_assert(std::is_trivially_copyable_v<CollisionRecord> && std::is_trivially_copyable_v<HandOverRecord>);
 
 }  // namespace ringfence::messages

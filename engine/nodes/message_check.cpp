@@ -32,18 +32,16 @@ bool is_valid(const messages::ObjectRef& object, const MessageLimits& limits) no
   return object.number != 0 && object.slot < limits.slots;
 }
 
-/// The host-owned flag is not allowed: a host sets it only while all nodes share memory, and clears it before that
-/// changes.
 bool is_valid(const messages::HandOverRecord& record, const MessageLimits& limits) noexcept {
-  return is_valid(record.object, limits) && (record.object.flags & ~std::uint32_t{messages::flag_present}) == 0 &&
-         is_valid(record.pose) && record.shape < limits.shapes && record.layer < layers &&
+  constexpr std::uint32_t allowed = messages::flag_present | messages::flag_host_owned;
+  return is_valid(record.object, limits) && (record.object.flags & ~allowed) == 0 && is_valid(record.pose) &&
+         record.shape < limits.shapes && record.layer < layers &&
          record.category <= static_cast<std::uint16_t>(Category::fixed);
 }
 
-/// A CD node of another process has no host-owned states.
 bool is_valid(const messages::NodeStateRecord& record, const MessageLimits& limits) noexcept {
-  constexpr std::uint32_t allowed =
-      messages::flag_present | messages::flag_interior | messages::flag_keeps_host | messages::flag_at_rest;
+  constexpr std::uint32_t allowed = messages::flag_present | messages::flag_interior | messages::flag_keeps_host |
+                                    messages::flag_at_rest | messages::flag_host_owned;
   return is_valid(record.object, limits) && (record.object.flags & ~allowed) == 0 && is_valid(record.pose) &&
          is_valid(record.bounds);
 }
@@ -67,7 +65,12 @@ bool is_valid(const messages::PairRecord& record, const MessageLimits& limits) n
 
 bool is_valid(const messages::CollisionRecord& record, const MessageLimits& limits) noexcept {
   return record.slot_a != record.slot_b && record.slot_a < limits.slots && record.slot_b < limits.slots &&
-         std::isfinite(record.depth) && is_finite(record.normal) && is_finite(record.point);
+         std::isfinite(record.depth) && is_finite(record.normal) && is_finite(record.point) &&
+         is_finite(record.arm_a) && is_finite(record.arm_b);
+}
+
+bool is_valid(const messages::CountRecord& record, const MessageLimits& limits) noexcept {
+  return record.node < limits.nodes && record.count != 0;
 }
 
 bool is_valid(const Contact& contact, const MessageLimits&) noexcept {
@@ -113,7 +116,11 @@ bool is_valid(const MessageView& message, const MessageLimits& limits) noexcept 
     case MessageType::node_state:
       return are_valid<messages::NodeStateRecord>(message, limits);
     case MessageType::position_update:
+    case MessageType::ghost:
       return are_valid<messages::PositionRecord>(message, limits);
+    case MessageType::ghost_counts:
+    case MessageType::contact_counts:
+      return are_valid<messages::CountRecord>(message, limits);
     case MessageType::pairs:
       return are_valid<messages::PairRecord>(message, limits);
     case MessageType::collision:
@@ -127,8 +134,10 @@ bool is_valid(const MessageView& message, const MessageLimits& limits) noexcept 
     case MessageType::lost:
       return are_valid<messages::LostRecord>(message, limits);
     case MessageType::narrow_done:
-    case MessageType::frame_end:
+    case MessageType::ghosts_sent:
       return message.count() == 1;
+    case MessageType::frame_end:
+      return message.count() == 1 && message.record<messages::FrameEndRecord>(0).hosts_exchange_objects <= 1;
     case MessageType::frame_done:
       return message.count() == 1 && message.record<messages::NodeFrameStats>(0).host_owned_changes == 0;
     // Other code checks these: the owners of a region map when it is complete, the states of user nodes one by one.

@@ -23,4 +23,10 @@ struct MessageLimits {
 /// Any thread may call it. Cost: a few nanoseconds a record.
 bool is_valid(const messages::MessageView& message, const MessageLimits& limits) noexcept;
 
+/// Whether CD nodes send each other messages of this type.
+constexpr bool is_between_nodes(messages::MessageType type) noexcept {
+  return type == messages::MessageType::hand_over || type == messages::MessageType::ghost ||
+         type == messages::MessageType::notify;
+}
+
 }  // namespace ringfence::nodes

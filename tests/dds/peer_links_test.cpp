@@ -130,7 +130,7 @@ TEST_CASE("a node that ends or does not listen is reported once, and what is sen
   group[1].links.add(0, message_of(8, 1));
   REQUIRE(group.run_until([&] { return group[0].received.size() == 2; }));
   group.end(1);
-  group[2].links.add(1, message_of(8, 1));  // connects where nobody listens any more
+  group[2].links.add(1, message_of(8, 1));  // connects where no node listens any more
   REQUIRE(group.run_until([&] { return !group[0].failures.empty() && !group[2].failures.empty(); }));
   group[0].links.add(1, message_of(8, 2));
   for (int step = 0; step < 10; ++step) {

@@ -129,7 +129,7 @@ TEST_CASE("nodes that are lost one after another, including the last and its rep
       const std::size_t lost = run_frames(harness, expected, [&](std::size_t frame) {
         if (frame >= 2 && frame < 6) harness.kill(static_cast<NodeNumber>(frame % harness.nodes()), messages);
       });
-      CHECK(lost >= (messages < 10 ? 4 : 2));
+      CHECK(lost >= (messages < 8 ? 4 : 2));
       CHECK(harness.nodes() == (lost < config.nodes ? config.nodes - lost : 1));
     }
   });

@@ -7,6 +7,7 @@
 #include <random>
 #include <set>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -198,12 +199,13 @@ void check_protocol(const TestHarness& harness, const HarnessConfig& config, std
   const std::vector<LoggedMessage>& log = harness.log();
   for (NodeNumber node = 0; node < config.nodes; ++node) {
     check_order(log, Endpoint::server(), Endpoint::node(node),
-                {drop, adopt, place, notify, frame_begin, position_update, pairs, correct, notify, frame_end});
+                {drop, adopt, place, notify, frame_begin, ghosts_sent, position_update, pairs, correct, frame_end});
     check_order(log, Endpoint::node(node), Endpoint::server(),
                 config.shares_memory ? std::vector{node_state, published, narrow_done, kinds, frame_done}
-                                     : std::vector{node_state, collision, change, narrow_done, kinds, frame_done});
+                                     : std::vector{node_state, ghost_counts, node_state, collision, change,
+                                                   contact_counts, narrow_done, kinds, frame_done});
     for (NodeNumber peer = 0; peer < config.nodes; ++peer) {
-      check_order(log, Endpoint::node(node), Endpoint::node(peer), {hand_over});
+      check_order(log, Endpoint::node(node), Endpoint::node(peer), {ghost, notify, hand_over});
     }
   }
   for (UserNumber user = 0; user < users; ++user) {
@@ -219,9 +221,14 @@ void check_protocol(const TestHarness& harness, const HarnessConfig& config, std
   REQUIRE(last_of(log, state) < first_of(log, m2));
   REQUIRE(first_of(log, is(narrow_done)) > first_of(log, m2));
   const auto m4 = [&](const LoggedMessage& seen) {
-    return seen.type() == notify && &seen > log.data() + last_of(log, m2);
+    return seen.type() == notify && seen.from.is_server() && &seen > log.data() + last_of(log, m2);
   };
+  const auto between_nodes = [&](const LoggedMessage& seen) { return seen.type() == notify && seen.from.is_node(); };
   REQUIRE(last_of(log, is(narrow_done)) < first_of(log, m4));
+  if (const auto direct = first_of(log, between_nodes); direct >= 0) {
+    REQUIRE(direct > first_of(log, is(frame_end)));
+    REQUIRE(direct > last_of(log, is(narrow_done)));
+  }
   REQUIRE(begin >= 0);
   // User nodes read only after everything is published.
   REQUIRE((first_of(log, is(read_publications)) >= 0) == (config.interest > 0 && users > 0));
@@ -309,9 +316,9 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
           expected.erase(own);
         }
       }
-      // The node has these contacts from the server or from the lists of the other nodes.
-      const auto known = harness.host(to.number()).contacts(harness.last());
-      REQUIRE((node_contacts.nodes_exchange_contacts ? notified.empty() : node_contacts.taken == 0));
+      // The node has these contacts from the lists of the other nodes.
+      const auto known = harness.host(to.number()).contacts().received(harness.last());
+      REQUIRE(notified.empty());
       notified.assign(known.begin(), known.end());
       taken += node_contacts.taken;
     }
@@ -329,6 +336,10 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
       expected.erase(own);
     }
     REQUIRE(notified.size() == expected.size());
+    if (hosting_node) {  // from several nodes
+      std::sort(notified.begin(), notified.end(),
+                [](const Contact& p, const Contact& q) { return std::tie(p.a, p.b) < std::tie(q.a, q.b); });
+    }
     std::size_t i = 0;
     for (const auto& [key, contact] : expected) {
       REQUIRE(std::memcmp(&contact, &notified[i++], sizeof contact) == 0);

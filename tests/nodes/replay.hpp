@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstring>
 #include <functional>
 #include <span>
 #include <vector>
@@ -27,12 +28,14 @@ inline std::vector<LoggedMessage> script_of(TestHarness& harness, std::size_t fr
   return script;
 }
 
-/// CD node 0 of a harness, alone, as in its own process: it receives all messages through one ring, and its messages
-/// are discarded.
+/// CD node 0 of a harness, alone, as in its own process: it receives all messages of the server through one ring and
+/// those of the other nodes through another, and its messages are discarded.
 class Replay {
  public:
   Replay(const HarnessConfig& config, const TestHarness& harness)
-      : to_(std::size_t{1} << 20, nullptr, nullptr), from_(std::size_t{1} << 20, nullptr, nullptr) {
+      : to_(std::size_t{1} << 20, nullptr, nullptr),
+        from_peers_(std::size_t{1} << 20, nullptr, nullptr),
+        from_(std::size_t{1} << 20, nullptr, nullptr) {
     CdNodeSetup setup;
     setup.shapes = &harness.shapes();
     setup.space = &harness.space();
@@ -43,18 +46,21 @@ class Replay {
     setup.server = {&from_.sender(), &to_.receiver()};
     const regions::RegionMap map(config.grid, config.nodes);
     role_.emplace(setup, map);
-    std::vector<Connection> peers(config.nodes, Connection{&from_.sender(), nullptr});
+    std::vector<Connection> peers(config.nodes, Connection{&from_.sender(), &from_peers_.receiver()});
     peers[0] = {};
     role_->assign(0, peers);
   }
 
   /// Sends it a message and steps it until it waits.
   void feed(std::span<const std::byte> message) {
-    const auto room = to_.sender().claim(message.size());
+    messages::Header header{};
+    std::memcpy(&header, message.data(), std::min(message.size(), sizeof header));
+    link::Sender& to = Endpoint{header.source}.is_node() ? from_peers_.sender() : to_.sender();
+    const auto room = to.claim(message.size());
     REQUIRE(room.size() == message.size());
     std::copy(message.begin(), message.end(), room.begin());
-    to_.sender().commit(message.size());
-    to_.sender().publish();
+    to.commit(message.size());
+    to.publish();
     while (role_->step() == Step::progressed) {
       discard();
     }
@@ -80,7 +86,7 @@ class Replay {
     from_.receiver().release();
   }
 
-  link::Channel to_, from_;
+  link::Channel to_, from_peers_, from_;
   std::optional<CdNodeRole> role_;
 };
 

@@ -84,6 +84,7 @@ facade::NodePoolSetup TestHarness::pool_setup() {
   setup.role.space = &space_;
   setup.role.model = config_.model;
   setup.role.placement = config_.placement;
+  setup.role.hosts = config_.deployment == Deployment::user_collision;
   setup.role.layer_masks.fill(~0u);
   setup.role.interest_grid = config_.grid;
   setup.needs_publications =

@@ -18,12 +18,13 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       mover_(state_, halo_, migration_),
       detector_(state_),
       publisher_(state_, detector_),
-      expected_(state_, migration_) {}
+      expected_(state_, halo_, migration_) {}
 
 void CdNodeRole::assign(NodeNumber node, const std::vector<Connection>& peers) {
   state_.assign(node, peers);
   halo_.assign();
   migration_.assign();
+  inbox_.assign(peers);
 }
 
 Step CdNodeRole::step() {
@@ -31,7 +32,7 @@ Step CdNodeRole::step() {
   if (state_.fault.is_stopped(step_start_)) [[unlikely]] {
     return Step::idle;
   }
-  bool progressed = receive_from(state_.setup.server);
+  bool progressed = receive_from_server();
   progressed |= receive_from_peers();
   progressed |= answer_probe();
   while (advance()) {
@@ -42,8 +43,9 @@ Step CdNodeRole::step() {
     return Step::progressed;
   }
   const CdNodeStage stage = state_.stage;
-  const bool sending = stage == CdNodeStage::moving || stage == CdNodeStage::colliding ||
-                       stage == CdNodeStage::handing_over || stage == CdNodeStage::reporting;
+  const bool sending = stage == CdNodeStage::moving || stage == CdNodeStage::gathering ||
+                       stage == CdNodeStage::colliding || stage == CdNodeStage::handing_over ||
+                       stage == CdNodeStage::reporting;
   return sending ? Step::blocked : Step::idle;
 }
 
@@ -70,10 +72,9 @@ bool CdNodeRole::advance() {
       state_.stage = CdNodeStage::gathering;
       return true;
     case CdNodeStage::gathering:
-      if (!state_.received.positions || !state_.received.pairs) {
+      if (!halo_.send_updates() || !state_.received.positions || !state_.received.pairs || !halo_.receive_updates()) {
         return false;
       }
-      halo_.receive_updates();
       detect();
       state_.stage = CdNodeStage::colliding;
       return true;
@@ -85,7 +86,7 @@ bool CdNodeRole::advance() {
       state_.stage = CdNodeStage::ending;
       return true;
     case CdNodeStage::ending:
-      if (!state_.received.contacts || !state_.received.frame_end) {
+      if (!state_.received.frame_end) {
         return false;
       }
       publisher_.finish();
@@ -93,15 +94,16 @@ bool CdNodeRole::advance() {
       state_.stage = CdNodeStage::handing_over;
       return true;
     case CdNodeStage::handing_over:
-      if (!migration_.send()) {
+      if (!publisher_.send_to_peers() || !migration_.send()) {
         return false;
       }
       state_.stage = CdNodeStage::settling;
       return true;
     case CdNodeStage::settling:
-      if (!migration_.is_complete()) {
+      if (!publisher_.is_complete() || !migration_.is_complete()) {
         return false;
       }
+      publisher_.add_received();
       frame_done_run_.start(1);
       state_.stage = CdNodeStage::reporting;
       return true;
@@ -139,17 +141,14 @@ bool CdNodeRole::stops_here() noexcept {
          state_.fault.stops_before(static_cast<NodeStage>(static_cast<int>(state_.stage) - 1), state_.frame);
 }
 
-// Receives all messages of a connection. Only messages from another process are checked; invalid ones are discarded and
-// counted. If there were any, the caller of step() ends the role.
-bool CdNodeRole::receive_from(Connection& connection) {
-  const bool from_other_process = connection.node_contacts == nullptr;
+// Only messages of a server in another process are checked; invalid ones are discarded and counted. If there were any,
+// the caller of step() ends the role.
+bool CdNodeRole::receive_from_server() {
+  const bool checks = !state_.shares_memory();
   return drain(
-      *connection.in, state_.host.state_bytes(),
+      *state_.setup.server.in, state_.host.state_bytes(),
       [&](const MessageView& message) {
-        if (from_other_process && expected_.is_late(message)) [[unlikely]] {
-          return;
-        }
-        if (from_other_process && !expected_.is_acceptable(message)) [[unlikely]] {
+        if (checks && !expected_.is_acceptable(message)) [[unlikely]] {
           ++invalid_messages_;
         } else {
           receive(message);
@@ -158,26 +157,41 @@ bool CdNodeRole::receive_from(Connection& connection) {
       [this] { ++invalid_messages_; });
 }
 
-// Peers hand over objects between frame_end and the last of the expected hand-overs, so their rings are read only then.
-// Polling the rings of all peers at every step would cost 1 % of the work of 16 nodes. A peer that hands over earlier
-// may have to wait for room in its ring, but nothing before frame_end depends on it.
+// The rings of the other nodes are read only while their messages are expected: polling all of them at every step would
+// cost 1 % of the work of 16 nodes. A node that sends earlier may have to wait for room in its ring, but nothing that
+// this node does before depends on it.
 bool CdNodeRole::receive_from_peers() {
-  if (!state_.received.frame_end || state_.stage == CdNodeStage::reporting || state_.stage == CdNodeStage::waiting) {
-    return false;
+  const bool ending =
+      state_.received.frame_end && state_.stage >= CdNodeStage::ending && state_.stage <= CdNodeStage::settling;
+  const bool gathering = state_.stage == CdNodeStage::gathering && state_.received.positions && halo_.expects_updates();
+  return (ending || gathering) &&
+         inbox_.read(
+             state_.host.state_bytes(), [this](const MessageView& message) { return judge(message); },
+             [this](const MessageView& message) { receive_from_peer(message); }, [this] { ++invalid_messages_; });
+}
+
+// Messages of nodes of the same process are not checked.
+PeerInbox::Verdict CdNodeRole::judge(const MessageView& message) noexcept {
+  if (!state_.shares_memory() && !expected_.is_from_peer(message)) [[unlikely]] {
+    ++invalid_messages_;
+    return PeerInbox::Verdict::drop;
   }
-  bool any = false;
-  for (Connection& peer : state_.setup.peers) {
-    if (peer.in != nullptr) {
-      any |= receive_from(peer);
-    }
+  return expected_.judge(message);
+}
+
+void CdNodeRole::receive_from_peer(const MessageView& message) {
+  switch (message.type()) {
+    case MessageType::ghost:
+      return halo_.receive(message);
+    case MessageType::notify:
+      return publisher_.receive(message);
+    default:
+      return migration_.receive(message);
   }
-  return any;
 }
 
 void CdNodeRole::receive(const MessageView& message) {
   switch (message.type()) {
-    case MessageType::hand_over:
-      return migration_.receive(message);
     case MessageType::frame_begin:
       return begin(message.header().frame);
     case MessageType::position_update:
@@ -187,7 +201,9 @@ void CdNodeRole::receive(const MessageView& message) {
     case MessageType::correct:
       return publisher_.receive_corrections(message);
     case MessageType::notify:
-      return publisher_.receive(message);
+      return publisher_.receive_late(message);
+    case MessageType::ghosts_sent:
+      return halo_.expect(message.record<messages::GhostsSentRecord>(0).ghosts);
     case MessageType::region_map:
       return halo_.receive_map(message);
     case MessageType::lost:
@@ -198,12 +214,19 @@ void CdNodeRole::receive(const MessageView& message) {
     case MessageType::probe:
       return probe_reply_run_.start(0);
     case MessageType::frame_end:
-      migration_.expect(message.record<messages::FrameEndRecord>(0).hand_overs);
-      state_.received.frame_end = true;
-      return;
+      return receive_end(message.record<messages::FrameEndRecord>(0));
     default:
       state_.host.apply(message);
   }
+}
+
+void CdNodeRole::receive_end(const messages::FrameEndRecord& record) {
+  migration_.expect(record.hand_overs);
+  publisher_.expect(record.contacts);
+  if (record.hosts_exchange_objects != 0) {
+    state_.host.list_all(true);
+  }
+  state_.received.frame_end = true;
 }
 
 // A peer is lost. Either the frame is detected again, under a map that follows; or its contacts are known, and the
@@ -214,6 +237,7 @@ void CdNodeRole::lose(const messages::LostRecord& record) {
     return;
   }
   migration_.lose(record);
+  publisher_.lose(record);
   if (record.detect_again != 0) {
     detect_again();
   }
@@ -222,6 +246,7 @@ void CdNodeRole::lose(const messages::LostRecord& record) {
 void CdNodeRole::detect_again() {
   state_.region.discard_entries();
   state_.await_positions();
+  halo_.discard();
   detector_.discard();
   if (state_.stage != CdNodeStage::waiting) {
     state_.host.contacts().begin(state_.frame);

@@ -14,6 +14,7 @@
 #include "nodes/cd_node/migration.hpp"
 #include "nodes/cd_node/mover.hpp"
 #include "nodes/cd_node/node_state.hpp"
+#include "nodes/cd_node/peer_inbox.hpp"
 #include "nodes/role.hpp"
 #include "ringfence/fault.hpp"
 
@@ -24,9 +25,10 @@ namespace ringfence::nodes {
 ///
 /// This class is the state machine of a frame; advance() lists its steps, and each part does those that its name says.
 /// A frame, in the order of its messages: frame_begin; move hosted objects batch by batch, report them to the server
-/// (node_state) and to the peers that share memory, publish them for user nodes (published); receive the other objects
-/// of its region (M2) and the pairs to test, or sweep for them, and test them as they arrive; send the contacts (M3);
-/// receive the contacts of hosted objects (M4); hand over objects that crossed a border (M5); frame_done.
+/// (node_state), publish them for user nodes (published), and send the other nodes what they need of them (ghost);
+/// receive the other objects of its region (M2) and the pairs to test, or sweep for them, and test them as they arrive;
+/// send the contacts (M3); receive the contacts of hosted objects from the other nodes (M4); hand over objects that
+/// crossed a border (M5); frame_done.
 ///
 /// Threads: one thread at a time steps it. Never blocks, never throws; does not allocate in steady state.
 class CdNodeRole {
@@ -54,9 +56,12 @@ class CdNodeRole {
   std::uint64_t invalid_messages() const noexcept { return invalid_messages_; }
 
  private:
-  bool receive_from(Connection& connection);
+  bool receive_from_server();
   bool receive_from_peers();
+  PeerInbox::Verdict judge(const messages::MessageView& message) noexcept;
+  void receive_from_peer(const messages::MessageView& message);
   void receive(const messages::MessageView& message);
+  void receive_end(const messages::FrameEndRecord& record);
   void begin(std::uint64_t frame);
   void lose(const messages::LostRecord& record);
   void detect_again();
@@ -73,6 +78,7 @@ class CdNodeRole {
   Mover mover_;
   Detector detector_;
   ContactPublisher publisher_;
+  PeerInbox inbox_;
   ExpectedMessages expected_;
   messages::RunSender probe_reply_run_, frame_done_run_;
   std::uint64_t invalid_messages_ = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "base/prefetch.hpp"
 
@@ -27,7 +28,7 @@ void ContactPublisher::list() {
   contacts.keys.resize(hits.size());
   contacts.found.resize(hits.size());
   const bool keeps = state_.keeps_contacts();
-  const bool notifies_others = state_.setup.hosts && is_shared();
+  const bool notifies_others = state_.setup.hosts;
   for (std::size_t i = 0; i < hits.size(); ++i) {
     base::prefetch_for_write(contacts.keys.data() + i + 32);
     base::prefetch_for_write(contacts.found.data() + i + 16);
@@ -44,9 +45,8 @@ void ContactPublisher::list() {
     }
   }
   compare();
-  if (notifies_others) {
-    contacts.for_peers.finish(static_cast<NodeNumber>(state_.setup.peers.size()));
-  }
+  contacts.for_peers.finish(static_cast<NodeNumber>(state_.setup.peers.size()));
+  list_counts();
   next_hit_ = 0;
   collisions_run_.start();
   change_run_.stop();
@@ -54,6 +54,23 @@ void ContactPublisher::list() {
     change_run_.start(changes);
   }
   done_run_.start(1);
+}
+
+// What arrived in this frame before is void, because the frame is detected again.
+void ContactPublisher::list_counts() {
+  peers_.assign(state_.setup.peers.size(), {});
+  received_.clear();
+  counts_.clear();
+  arrived_ = expected_ = 0;
+  counts_run_.stop();
+  for (NodeNumber to = 0; !state_.shares_memory() && to < peers_.size(); ++to) {
+    if (const std::size_t contacts = state_.contacts.for_peers.of(to).size(); contacts != 0) {
+      counts_.push_back({to, static_cast<std::uint32_t>(contacts)});
+    }
+  }
+  if (!counts_.empty()) {
+    counts_run_.start(counts_.size());
+  }
 }
 
 // A pair is tested where its two bounds overlap. So if the bounds of one object touch only this node's region, its
@@ -99,7 +116,8 @@ void ContactPublisher::list_notified_hosts(std::uint32_t position) {
 }
 
 bool ContactPublisher::send() {
-  return (is_shared() || (send_collisions() && send_changes())) &&
+  return (state_.shares_memory() || (send_collisions() && send_changes())) &&
+         state_.send_counts(counts_run_, MessageType::contact_counts, counts_) &&
          done_run_.pump(*state_.setup.server.out, state_.head(MessageType::narrow_done, Endpoint::server()),
                         sizeof(messages::NarrowDoneRecord), state_.traffic, [&](std::size_t, std::byte* where) {
                           const messages::NarrowDoneRecord record = detector_.totals();
@@ -118,8 +136,13 @@ bool ContactPublisher::send_collisions() {
     }
     const FoundContact& found = contacts.found[next_hit_];
     const narrow_phase::PairContact& touch = contacts.touches[found.touch];
-    new (where) messages::CollisionRecord{found.slot_a, found.slot_b, touch.depth, touch.normal,
-                                          contacts.point(static_cast<std::uint32_t>(next_hit_))};
+    new (where) messages::CollisionRecord{found.slot_a,
+                                          found.slot_b,
+                                          touch.depth,
+                                          touch.normal,
+                                          contacts.point(static_cast<std::uint32_t>(next_hit_)),
+                                          contacts.arm(found, found.body_a),
+                                          contacts.arm(found, found.body_b)};
   }
   return collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), state_.traffic);
 }
@@ -162,17 +185,60 @@ void ContactPublisher::receive_corrections(const messages::MessageView& message)
 }
 
 void ContactPublisher::receive(const messages::MessageView& message) {
-  // Between frames these are contacts of the last frame, for an object that was adopted.
-  const bool late = state_.stage == CdNodeStage::waiting;
-  late ? state_.host.contacts().add_late(message) : state_.host.contacts().add(state_.frame, message);
-  state_.received.contacts |= message.last() && !late;
+  arrived_ += message.count();
+  peers_[Endpoint{message.header().source}.number()].arrived += message.count();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    received_.push_back(message.record<Contact>(i));
+  }
+}
+
+void ContactPublisher::lose(const messages::LostRecord& record) noexcept {
+  if (record.detect_again == 0 && record.node < peers_.size()) {
+    expected_ -= record.contacts;
+    arrived_ -= std::exchange(peers_[record.node].arrived, 0);
+    peers_[record.node].run.stop();
+    peers_[record.node].lost = true;
+  }
+}
+
+bool ContactPublisher::send_to_peers() {
+  bool all = true;
+  for (NodeNumber to = 0; to < peers_.size(); ++to) {
+    if (peers_[to].run.done()) {
+      continue;
+    }
+    const auto positions = state_.contacts.for_peers.of(to);
+    all &= peers_[to].run.pump(*state_.setup.peers[to].out, state_.head(MessageType::notify, Endpoint::node(to)),
+                               sizeof(Contact), state_.traffic, [&](std::size_t i, std::byte* where) {
+                                 const NodeContacts& contacts = state_.contacts;
+                                 const std::uint32_t at = positions[i];
+                                 Contact contact;
+                                 contacts.write(at, contacts.found[at], contacts.phase(at), contact);
+                                 std::memcpy(where, &contact, sizeof contact);
+                               });
+  }
+  return all;
+}
+
+void ContactPublisher::add_received() {
+  const auto key = [](const Contact& contact) { return base::PairSort::key(contact.a, contact.b); };
+  std::sort(received_.begin(), received_.end(), [&](const Contact& p, const Contact& q) { return key(p) < key(q); });
+  for (const Contact& contact : received_) {
+    state_.host.contacts().add(state_.frame, contact);
+  }
+  received_.clear();
 }
 
 void ContactPublisher::finish() {
   if (state_.keeps_contacts()) {
     confirm_begins();
   }
-  if (!is_shared()) {
+  if (!state_.shares_memory()) {
+    for (const messages::CountRecord& to : counts_) {
+      if (!peers_[to.node].lost) {
+        peers_[to.node].run.start(to.count);
+      }
+    }
     return;
   }
   NodeContacts& contacts = state_.contacts;
@@ -181,7 +247,7 @@ void ContactPublisher::finish() {
   }
   state_.fault.pass(NodeStage::gate, state_.frame);
   contacts.duplicates = write_slice(*contacts.output_merge, contacts.share, scratch_);
-  if (state_.setup.hosts && contacts.nodes_exchange_contacts) {
+  if (state_.setup.hosts) {
     read_peer_contacts();
   }
   contacts.gate.leave();

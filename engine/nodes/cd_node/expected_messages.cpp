@@ -1,22 +1,41 @@
 #include "nodes/cd_node/expected_messages.hpp"
 
-#include "nodes/message_check.hpp"
-
 namespace ringfence::nodes {
 
 using messages::Endpoint;
 using messages::MessageType;
 using messages::MessageView;
 
-bool ExpectedMessages::is_late(const MessageView& message) const noexcept {
+PeerInbox::Verdict ExpectedMessages::judge(const MessageView& message) const noexcept {
+  using enum PeerInbox::Verdict;
+  const messages::Header& header = message.header();
+  const std::uint32_t epoch = state_.region.map().epoch();
+  if (header.frame < state_.frame || (header.frame == state_.frame && header.epoch < epoch) ||
+      migration_.is_lost(Endpoint{header.source}.number())) {
+    return drop;
+  }
+  if (header.frame > state_.frame || header.epoch > epoch) {
+    return wait;
+  }
+  if (message.type() == MessageType::ghost) {
+    return !state_.received.positions ? wait : halo_.expects_updates() ? take : drop;
+  }
+  return state_.received.frame_end && state_.stage >= CdNodeStage::ending ? take : wait;
+}
+
+MessageLimits ExpectedMessages::limits() const noexcept {
+  return {static_cast<std::uint32_t>(state_.setup.peers.size()),
+          static_cast<std::uint32_t>(state_.setup.shapes->size()), state_.setup.max_slots};
+}
+
+bool ExpectedMessages::is_from_peer(const MessageView& message) const noexcept {
   const Endpoint source{message.header().source};
-  return source.is_node() && (message.header().frame != state_.frame || migration_.is_lost(source.number()));
+  return source.is_node() && source.number() < state_.setup.peers.size() && source.number() != state_.setup.node &&
+         is_between_nodes(message.type()) && is_valid(message, limits());
 }
 
 bool ExpectedMessages::is_acceptable(const MessageView& message) const {
-  const MessageLimits limits{static_cast<std::uint32_t>(state_.setup.peers.size()),
-                             static_cast<std::uint32_t>(state_.setup.shapes->size()), state_.setup.max_slots};
-  return is_expected(message) && is_valid(message, limits) &&
+  return is_expected(message) && is_valid(message, limits()) &&
          (message.type() != MessageType::pairs || knows_pairs(message)) &&
          (message.type() != MessageType::correct || knows_contacts(message));
 }
@@ -44,22 +63,17 @@ bool ExpectedMessages::knows_pairs(const MessageView& message) const noexcept {
   return true;
 }
 
-// Whether the server, or a peer, may send this message at this stage of the frame. At another stage the message would
-// change arrays into which the stage holds indices: hosted objects, known objects, peers, or the region map.
+// Whether the server may send this message at this stage of the frame. At another stage the message would change arrays
+// into which the stage holds indices: hosted objects, known objects, peers, or the region map.
 bool ExpectedMessages::is_expected(const MessageView& message) const {
-  const Endpoint source{message.header().source};
-  if (message.type() == MessageType::hand_over) {
-    const bool open = state_.stage == CdNodeStage::ending || state_.stage == CdNodeStage::handing_over ||
-                      state_.stage == CdNodeStage::settling;
-    return open && source.is_node() && source.number() != state_.setup.node;
-  }
-  if (!source.is_server()) {
+  if (!Endpoint{message.header().source}.is_server()) {
     return false;
   }
   switch (message.type()) {
     case MessageType::adopt:
     case MessageType::drop:
     case MessageType::place:
+    case MessageType::notify:
       return state_.stage == CdNodeStage::waiting;
     case MessageType::frame_begin:
       return state_.stage == CdNodeStage::waiting && state_.region.fits();
@@ -68,10 +82,10 @@ bool ExpectedMessages::is_expected(const MessageView& message) const {
              !state_.received.positions;
     case MessageType::pairs:
       return state_.stage == CdNodeStage::gathering && state_.received.positions && !state_.received.pairs;
+    case MessageType::ghosts_sent:
+      return (state_.stage == CdNodeStage::moving || state_.stage == CdNodeStage::gathering) &&
+             !state_.received.positions;
     case MessageType::correct:
-      return state_.stage == CdNodeStage::ending && !state_.received.contacts;
-    case MessageType::notify:
-      return state_.stage == CdNodeStage::waiting || (state_.stage == CdNodeStage::ending && !state_.received.contacts);
     case MessageType::frame_end:
       return state_.stage == CdNodeStage::ending && !state_.received.frame_end;
     case MessageType::region_map:

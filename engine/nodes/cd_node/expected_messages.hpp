@@ -1,27 +1,35 @@
 #pragma once
 
 #include "messages/header.hpp"
+#include "nodes/cd_node/halo_exchange.hpp"
 #include "nodes/cd_node/migration.hpp"
 #include "nodes/cd_node/node_state.hpp"
+#include "nodes/cd_node/peer_inbox.hpp"
+#include "nodes/message_check.hpp"
 
 namespace ringfence::nodes {
 
-/// Decides which messages of other processes a CD node accepts: those that the protocol allows at this stage of the
-/// frame, and whose records name only what the node knows. Messages of the same process are not checked.
+/// Decides which messages a CD node accepts: from the server those that the protocol allows at this stage of the frame,
+/// and whose records name only what the node knows; from other nodes those of the present step. If server and node
+/// share a process, the server's messages are not checked.
 ///
 /// Threads: belongs to the CD node. Changes nothing; allocates only for the last part of a region map.
 class ExpectedMessages {
  public:
-  /// Both outlive this object.
-  ExpectedMessages(const NodeState& state, const Migration& migration) : state_(state), migration_(migration) {}
+  /// All outlive this object.
+  ExpectedMessages(const NodeState& state, const HaloExchange& halo, const Migration& migration)
+      : state_(state), halo_(halo), migration_(migration) {}
 
-  /// Whether the message comes from another node that was lost: such a node may still send in this frame or in later
-  /// ones. Such messages are ignored; they are no error.
-  bool is_late(const messages::MessageView& message) const noexcept;
-  /// Whether the protocol allows the message now. If not, its sender is faulty.
+  /// What to do with a message of another CD node. Messages of lost nodes, which may still send, and those of an
+  /// earlier epoch are dropped; messages for a later step, frame or epoch wait.
+  PeerInbox::Verdict judge(const messages::MessageView& message) const noexcept;
+  /// Whether another CD node may send such a message at all. If not, its sender is faulty.
+  bool is_from_peer(const messages::MessageView& message) const noexcept;
+  /// Whether the protocol allows a message of the server now. If not, the server is faulty.
   bool is_acceptable(const messages::MessageView& message) const;
 
  private:
+  MessageLimits limits() const noexcept;
   bool is_expected(const messages::MessageView& message) const;
   bool is_loss_expected(const messages::MessageView& message) const noexcept;
   bool is_map_expected(const messages::MessageView& message) const;
@@ -29,6 +37,7 @@ class ExpectedMessages {
   bool knows_contacts(const messages::MessageView& message) const noexcept;
 
   const NodeState& state_;
+  const HaloExchange& halo_;
   const Migration& migration_;
 };
 

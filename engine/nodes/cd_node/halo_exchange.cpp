@@ -1,6 +1,8 @@
 #include "nodes/cd_node/halo_exchange.hpp"
 
 #include <algorithm>
+#include <cstring>
+#include <utility>
 
 namespace ringfence::nodes {
 
@@ -15,9 +17,13 @@ HaloExchange::HaloExchange(NodeState& state) : state_(state) {
 void HaloExchange::assign() {
   const std::vector<Connection>& peers = state_.setup.peers;
   stamps_.assign(peers.size(), 0);
-  keeps_host_owned_ = shares_states() && std::all_of(peers.begin(), peers.end(), [](const Connection& peer) {
-                        return peer.out == nullptr || peer.node_contacts != nullptr;
-                      });
+  outgoing_.resize(peers.size());
+  counts_.reserve(peers.size());
+  keeps_host_owned_ = shares_states() || sends_messages();
+}
+
+bool HaloExchange::sends_messages() const noexcept {
+  return !state_.shares_memory() && state_.setup.placement == Placement::region && state_.setup.hosts;
 }
 
 bool HaloExchange::shares_states() const noexcept {
@@ -25,7 +31,19 @@ bool HaloExchange::shares_states() const noexcept {
          state_.setup.keeps_host_owned_states;
 }
 
-void HaloExchange::begin() { state_.contacts.ghost_updates.start(state_.frame); }
+void HaloExchange::begin() {
+  state_.contacts.ghost_updates.start(state_.frame);
+  finished_ = false;
+  discard();
+}
+
+void HaloExchange::discard() noexcept {
+  for (Outgoing& outgoing : outgoing_) {
+    outgoing.run.stop();
+  }
+  expected_ = unknown;
+  arrived_ = 0;
+}
 
 void HaloExchange::add_updates(std::uint32_t hosted, const geometry::Bounds& bounds, bool staying, std::uint32_t was) {
   const Hosted& object = state_.host[hosted];
@@ -62,14 +80,65 @@ void HaloExchange::add_updates(std::uint32_t hosted, const geometry::Bounds& bou
   regions::for_each_owner(map, bounds_before, stamps_, stamp_, [&](NodeNumber peer) { add_receiver(peer, true); });
 }
 
-void HaloExchange::finish_updates() {
-  state_.contacts.ghost_updates.finish(static_cast<NodeNumber>(state_.setup.peers.size()));
+bool HaloExchange::finish_updates() {
+  GhostUpdates& ghost_updates = state_.contacts.ghost_updates;
+  if (!std::exchange(finished_, true)) {
+    ghost_updates.finish(static_cast<NodeNumber>(state_.setup.peers.size()));
+    counts_.clear();
+    for (NodeNumber to = 0; sends_messages() && to < outgoing_.size(); ++to) {
+      base::FlatList<GhostUpdates::Update>& updates = outgoing_[to].updates;
+      updates.clear();
+      ghost_updates.list(to, updates);
+      if (!updates.empty()) {
+        outgoing_[to].run.start(updates.size());
+        counts_.push_back({to, static_cast<std::uint32_t>(updates.size())});
+      }
+    }
+    if (!counts_.empty()) {
+      counts_run_.start(counts_.size());
+    }
+  }
+  return state_.send_counts(counts_run_, messages::MessageType::ghost_counts, counts_);
 }
 
-void HaloExchange::receive_updates() {
-  if (!state_.contacts.ghost_updates.gate.enter()) {
-    return;
+bool HaloExchange::send_updates() {
+  bool all = true;
+  for (NodeNumber to = 0; to < outgoing_.size(); ++to) {
+    Outgoing& outgoing = outgoing_[to];
+    if (outgoing.run.done()) {
+      continue;
+    }
+    const messages::RunHeader head = state_.head(messages::MessageType::ghost, messages::Endpoint::node(to));
+    all &= outgoing.run.pump(*state_.setup.peers[to].out, head, sizeof(messages::PositionRecord), state_.traffic,
+                             [&](std::size_t i, std::byte* where) {
+                               messages::PositionRecord record = *outgoing.updates[i].record;
+                               record.object.flags |= outgoing.updates[i].gone ? messages::flag_left_region : 0u;
+                               std::memcpy(where, &record, sizeof record);
+                             });
   }
+  return all;
+}
+
+bool HaloExchange::receive_updates() {
+  if (sends_messages()) {
+    return expected_ != unknown && arrived_ >= expected_;
+  }
+  if (state_.shares_memory() && state_.contacts.ghost_updates.gate.enter()) {
+    read_updates();
+    state_.contacts.ghost_updates.gate.leave();
+  }
+  return true;
+}
+
+void HaloExchange::receive(const messages::MessageView& message) {
+  arrived_ += message.count();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto& record = message.view<messages::PositionRecord>(i);
+    apply_update(record, (record.object.flags & messages::flag_left_region) != 0);
+  }
+}
+
+void HaloExchange::read_updates() {
   state_.fault.pass(NodeStage::gate, state_.frame);
   received_.clear();
   for (const Connection& peer : state_.setup.peers) {
@@ -97,7 +166,6 @@ void HaloExchange::receive_updates() {
       apply_update(*update->record, update->gone);
     }
   }
-  state_.contacts.ghost_updates.gate.leave();
 }
 
 void HaloExchange::receive_positions(const messages::MessageView& message) {
@@ -143,7 +211,7 @@ NextHost HaloExchange::next_host(const messages::PositionRecord& record) const n
 void HaloExchange::receive_map(const messages::MessageView& message) {
   if (state_.region.receive(message)) {
     state_.objects.clear();
-    state_.host.list_all(state_.stage == CdNodeStage::ending && state_.contacts.hosts_exchange_objects);
+    state_.host.list_all(false);
   }
 }
 

@@ -41,8 +41,11 @@ bool Mover::move() {
   while (report_batch()) {
     if (!state_.host.move_next()) {
       state_.contacts.host_states.finish();
-      halo_.finish_updates();
-      return states_run_.finish(*state_.setup.server.out, state_.head(MessageType::node_state, Endpoint::server()),
+      if (halo_.reports_host_owned()) {
+        flush();  // another message follows
+      }
+      return halo_.finish_updates() &&
+             states_run_.finish(*state_.setup.server.out, state_.head(MessageType::node_state, Endpoint::server()),
                                 report_bytes(), state_.traffic);
     }
     changed_ = state_.host.changed();
@@ -160,7 +163,7 @@ void Mover::place(std::size_t i) {
   // If the position is within the bounds, the next host owns a cell that the bounds touch. So it receives a ghost
   // update too, and knows from the bounds which other nodes received one.
   const bool keeps = halo_.keeps_host_owned() && present && ((inner && staying) || within);
-  batch_.reports[i] = !keeps || !staying || !was_host_owned;
+  batch_.reports[i] = !keeps || !staying || !was_host_owned || halo_.reports_host_owned();
   state_.stats.host_owned_changes += batch_.reports[i] ? 0 : 1;
   if (!batch_.reports[i] && state_.setup.may_be_lost) {
     state_.contacts.host_states.add(state_.frame, object.object, object.pose, host.state(hosted));

@@ -2,9 +2,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
+#include <span>
 #include <vector>
 
 #include "messages/header.hpp"
+#include "messages/records.hpp"
 #include "messages/run.hpp"
 #include "nodes/cd_node/cd_node_setup.hpp"
 #include "nodes/cd_node/node_region.hpp"
@@ -31,7 +34,6 @@ enum class CdNodeStage : std::uint8_t {
 struct ReceivedRuns {
   bool positions = false;
   bool pairs = false;  ///< also true if the node sweeps its region itself
-  bool contacts = false;
   bool frame_end = false;
 };
 
@@ -64,10 +66,18 @@ struct NodeState {
   void begin(std::uint64_t new_frame) noexcept;
   /// All that the detection reads arrives again: positions, and pairs if the server sends them.
   void await_positions() noexcept;
+  /// Whether all roles of the world share memory. If not, nodes send each other messages.
+  bool shares_memory() const noexcept { return setup.server.node_contacts != nullptr; }
   /// Whether the node's model reads the contacts that the node finds.
   bool keeps_contacts() const noexcept { return setup.hosts && host.uses_contacts(); }
   messages::RunHeader head(messages::MessageType type, messages::Endpoint to) const noexcept {
     return {type, self, to, frame, region.map().epoch()};
+  }
+  /// Sends a run of counts to the server; true when it is sent, or not started.
+  bool send_counts(messages::RunSender& run, messages::MessageType type,
+                   std::span<const messages::CountRecord> counts) {
+    return run.pump(*setup.server.out, head(type, messages::Endpoint::server()), sizeof(messages::CountRecord), traffic,
+                    [&](std::size_t i, std::byte* where) { std::memcpy(where, &counts[i], sizeof counts[i]); });
   }
   /// Sends a run without records to the server; true when it is sent.
   bool send_empty(messages::RunSender& run, messages::MessageType type) {

@@ -104,10 +104,6 @@ struct NodeContacts {
   // Written by the server. On its own cache lines: other nodes read the fields above while this node writes here.
   alignas(64) const OutputMerge* output_merge = nullptr;  ///< the output lists of which the node writes a slice
   std::uint32_t share = 0;                                ///< number of the slice
-  /// Nodes read the contacts that concern them from for_peers; otherwise the server sends them.
-  bool nodes_exchange_contacts = false;
-  /// With the map sent in this frame: nodes send each other all objects that they host.
-  bool hosts_exchange_objects = false;
   ReadGate gate;  ///< for the contacts of other nodes; opened before `frame_end`
 
   // Written by the node before `frame_done`.
@@ -173,6 +169,10 @@ struct NodeContacts {
   Vec3d point(std::uint32_t position) const noexcept {
     const FoundContact& one = found[position];
     return contacts != nullptr ? contacts[position].point : in_world(touches[one.touch], bodies[one.body_a]);
+  }
+  /// Contact::arm_a or arm_b of a contact, for its object at `body`. Precondition: `contacts` is null.
+  Vec3f arm(const FoundContact& one, std::uint32_t body) const noexcept {
+    return to_float(in_world(touches[one.touch], bodies[one.body_a]) - bodies[body].pose.position);
   }
   /// Prefetches what write() reads.
   void prefetch(std::uint32_t position, const FoundContact& one) const noexcept {

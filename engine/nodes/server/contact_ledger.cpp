@@ -19,6 +19,10 @@ const std::uint64_t* search_from(const std::uint64_t* first, const std::uint64_t
   return std::lower_bound(first, first + std::min(stride + 1, end - first), key);
 }
 
+bool is_avatar(const ObjectRow& object) noexcept {
+  return object.category == static_cast<std::uint16_t>(Category::avatar);
+}
+
 }  // namespace
 
 void ContactLedger::List::reserve(std::size_t size) {
@@ -77,6 +81,10 @@ bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& re
   if (a.object.number >= b.object.number || (keys.size() != 0 && key < keys[keys.size() - 1])) {
     return false;
   }
+  if (is_avatar(a) || is_avatar(b)) {
+    const auto position = static_cast<std::uint32_t>(keys.size());
+    run.own->user_contacts.push_back({key, position, {record.slot_a, record.slot_b}});
+  }
   keys.push_back(key);
   run.own->found.push_back({record.slot_a, record.slot_b});
   run.contacts.push_back({.a = a.object.number,
@@ -85,8 +93,8 @@ bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& re
                           .depth = record.depth,
                           .normal = record.normal,
                           .point = record.point,
-                          .arm_a = to_float(record.point - a.pose.position),
-                          .arm_b = to_float(record.point - b.pose.position),
+                          .arm_a = record.arm_a,
+                          .arm_b = record.arm_b,
                           .generation_a = a.object.generation,
                           .generation_b = b.object.generation,
                           .user_data_a = origins[record.slot_a].user_data,
@@ -96,7 +104,7 @@ bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& re
   return true;
 }
 
-bool ContactLedger::receive(NodeNumber node, const messages::ChangeRecord& record) {
+bool ContactLedger::receive(NodeNumber node, const messages::ChangeRecord& record, std::span<const ObjectRow> rows) {
   Run& run = runs_[node];
   NodeContacts& own = *run.own;
   const bool at_border = (record.flags & messages::change_at_border) != 0;
@@ -107,6 +115,9 @@ bool ContactLedger::receive(NodeNumber node, const messages::ChangeRecord& recor
         static_cast<std::size_t>(std::lower_bound(old.keys.begin(), old.keys.end(), record.key) - old.keys.begin());
     if (!ordered || at == old.keys.size() || old.keys[at] != record.key) {
       return false;
+    }
+    if (is_avatar(rows[old.found[at].a]) || is_avatar(rows[old.found[at].b])) {
+      own.user_contacts_ending.push_back({record.key, 0, {old.found[at].a, old.found[at].b}});
     }
     own.ending.push_back(record.key);
     if (at_border) {

@@ -72,7 +72,7 @@ class ContactLedger {
   /// Adds the next change that `node` sent, after all its contacts. Those that began come in the order of their
   /// positions, those that ended in the order of their keys. Returns false and adds nothing if the record is out of
   /// order or names a contact that the node has not sent, or that was not in the frame before.
-  bool receive(NodeNumber node, const messages::ChangeRecord& record);
+  bool receive(NodeNumber node, const messages::ChangeRecord& record, std::span<const ObjectRow> rows);
   /// Adds all contacts and changes of a node with shared contacts.
   void receive(NodeNumber node, NodeContacts& node_contacts) noexcept {
     runs_[node].shared = &node_contacts;
@@ -82,12 +82,6 @@ class ContactLedger {
   /// All contacts and changes of a node that sends them have been received.
   void end_run(NodeNumber node);
   std::size_t received(NodeNumber node) const noexcept { return runs_[node].node_contacts().keys.size(); }
-  /// Whether all nodes that take part share their contacts.
-  bool all_share() const noexcept {
-    return std::none_of(runs_.begin(), runs_.end(),
-                        [](const Run& run) { return run.complete && run.shared == nullptr; });
-  }
-
   /// Determines which contacts began and ended. All contacts must have been received. If two nodes found one pair,
   /// which only a bug can cause, its phase may be wrong in this frame and in the next.
   void resolve_phases();
@@ -108,7 +102,7 @@ class ContactLedger {
   std::uint64_t duplicates() const noexcept { return duplicates_; }
 
   /// After resolve_phases(): the contacts that concern user nodes, or `all` contacts, in order of (a, b). Valid until
-  /// the nodes begin the next frame. Precondition: `all`, or all nodes share.
+  /// the nodes begin the next frame.
   std::span<const ContactNotice> notices(bool all);
   /// After resolve_phases(): the same for ended contacts, with the geometry and poses of the last contact. Without
   /// `all`, contacts of nodes that are gone are listed whether or not they concern users.

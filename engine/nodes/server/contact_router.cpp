@@ -14,11 +14,10 @@ void ContactRouter::resolve_phases() {
   ledger.share_out();
   state_.report().contacts = ledger.size();
   state_.report().ended = ledger.ends();
-  nodes_exchange_contacts_ = state_.setup.deployment == Deployment::user_collision && ledger.all_share();
 }
 
 void ContactRouter::assign_next_hosts() {
-  if (state_.setup.deployment != Deployment::user_collision) {
+  if (!state_.nodes_host()) {
     return;
   }
   ObjectTable& objects = state_.objects;
@@ -27,7 +26,7 @@ void ContactRouter::assign_next_hosts() {
       follow(slot, state_.owner_at(objects.row(slot).pose.position));
     }
   };
-  if (state_.map_change.at_end && nodes_exchange_contacts_) {
+  if (state_.map_change.at_end) {
     // The nodes listed contacts for the next hosts by the map before. Objects that leave by that map may stay by the
     // new.
     for (const std::uint32_t slot : state_.leaving_slots) {
@@ -35,11 +34,7 @@ void ContactRouter::assign_next_hosts() {
     }
   }
   if (state_.map_change.at_end && state_.map_change.hosts_exchange_objects) {
-    for (const PeerSession& node : state_.nodes) {
-      if (node.connected) {
-        follow_all_hosted(node);
-      }
-    }
+    follow_all_hosted(follow_position);
   } else if (state_.map_change.at_end || state_.map_change.rescan_hosts) {
     for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
       follow_position(slot);
@@ -58,7 +53,7 @@ void ContactRouter::follow(std::uint32_t slot, NodeNumber next) {
   const NodeNumber host = state_.objects.host(slot).number();
   if (host != next) {
     state_.hand_overs.push_back({slot, host, next});
-    if (state_.map_change.at_end && nodes_exchange_contacts_) {
+    if (state_.map_change.at_end) {
       state_.note_host_change(slot);
     }
     state_.objects.set_host(slot, Endpoint::node(next));
@@ -68,10 +63,23 @@ void ContactRouter::follow(std::uint32_t slot, NodeNumber next) {
   }
 }
 
-// The node waits meanwhile. Host-owned states of objects that change hosts are stored here: if the next host were lost,
-// no other role would have them.
-void ContactRouter::follow_all_hosted(const PeerSession& node) {
-  const Host& host = *SharedNodes::host_of(node);
+// The nodes wait meanwhile. Host-owned states of objects that change hosts are stored here: if the next host were lost,
+// no other role would have them. Nodes of other processes have reported theirs.
+template <class FollowPosition>
+void ContactRouter::follow_all_hosted(FollowPosition follow_position) {
+  bool all_shared = true;
+  for (const PeerSession& node : state_.nodes) {
+    if (node.connected && SharedNodes::is_shared(node)) {
+      follow_hosted(node, *SharedNodes::host_of(node));
+    }
+    all_shared &= !node.connected || SharedNodes::is_shared(node);
+  }
+  for (std::uint32_t slot = 0; !all_shared && slot < state_.objects.slots(); ++slot) {
+    follow_position(slot);
+  }
+}
+
+void ContactRouter::follow_hosted(const PeerSession& node, const Host& host) {
   for (std::size_t i = 0; i < host.size(); ++i) {
     const Hosted& hosted = host[i];
     const NodeNumber next = state_.owner_at(hosted.pose.position);
@@ -83,9 +91,6 @@ void ContactRouter::follow_all_hosted(const PeerSession& node) {
 }
 
 void ContactRouter::start_nodes() {
-  if (!nodes_exchange_contacts_) {
-    list_notices();
-  }
   state_.all_nodes([&](PeerSession& node) {
     const std::size_t corrections = state_.ledger.corrections(node.self.number()).size();
     if (corrections != 0) {
@@ -97,9 +102,7 @@ void ContactRouter::start_nodes() {
 }
 
 void ContactRouter::start_users() {
-  if (nodes_exchange_contacts_) {
-    list_notices();
-  }
+  list_notices();
   users_are_notified_ = false;
   state_.awaited_users.clear();
   state_.all_users([&](PeerSession& user) {
@@ -110,8 +113,6 @@ void ContactRouter::start_users() {
 }
 
 void ContactRouter::start(PeerSession& session) {
-  SharedNodes::set_exchange(session, nodes_exchange_contacts_,
-                            state_.map_change.at_end && state_.map_change.hosts_exchange_objects);
   session.closing.notice_run.start(session.closing.notices.size());
   session.closing.end_run.start(1);
   session.closing.map_run.start(state_.map.table().size());
@@ -119,8 +120,8 @@ void ContactRouter::start(PeerSession& session) {
 
 // Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order, too.
 void ContactRouter::list_notices() {
-  notices_ = state_.ledger.notices(!nodes_exchange_contacts_);
-  ended_notices_ = state_.ledger.ended_notices(!nodes_exchange_contacts_);
+  notices_ = state_.ledger.notices(!state_.nodes_host());
+  ended_notices_ = state_.ledger.ended_notices(!state_.nodes_host());
   std::uint32_t next_ended = 0;
   const auto list_ended = [&](std::uint64_t key) {
     for (; next_ended < ended_notices_.size() && ended_notices_[next_ended].key < key; ++next_ended) {
@@ -134,17 +135,12 @@ void ContactRouter::list_notices() {
   list_ended(~std::uint64_t{0});
 }
 
-// Not listed for the node that found the contact. Nodes are not notified of ended contacts, because models do not use
-// them.
+// CD nodes receive their contacts from each other.
 void ContactRouter::list_notice(std::uint32_t notice, const Found& found) {
-  const bool ended = (notice & PeerSession::Closing::ended) != 0;
   const Endpoint first = state_.objects.host(found.a);
   const Endpoint second = state_.objects.host(found.b);
   const auto notify_host = [&](Endpoint host) {
-    if (host.is_node() && (ended || nodes_exchange_contacts_ || host == Endpoint::node(found.by))) {
-      return;
-    }
-    if (PeerSession* session = state_.session_of(host)) {
+    if (PeerSession* session = host.is_user() ? state_.session_of(host) : nullptr) {
       session->closing.notices.push_back(notice);
     }
   };
@@ -177,12 +173,14 @@ bool ContactRouter::notify(PeerSession& session) {
     std::memcpy(where, &record, sizeof record);
   };
   const auto write_end = [&](std::size_t, std::byte* where) {
-    const messages::FrameEndRecord record{closing.hand_overs};
+    const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
+    const messages::FrameEndRecord record{closing.hand_overs, state_.direct_contacts.to(session.self.number()),
+                                          exchange ? 1u : 0u, 0};
     std::memcpy(where, &record, sizeof record);
   };
   return send(closing.correct_run, MessageType::correct, sizeof(messages::CorrectRecord), write_correction) &&
-         send(closing.notice_run, MessageType::notify, sizeof(Contact),
-              [&](std::size_t i, std::byte* where) { write_notice(closing.notices[i], where); }) &&
+         (node || send(closing.notice_run, MessageType::notify, sizeof(Contact),
+                       [&](std::size_t i, std::byte* where) { write_notice(closing.notices[i], where); })) &&
          (!node || send(closing.end_run, MessageType::frame_end, sizeof(messages::FrameEndRecord), write_end));
 }
 

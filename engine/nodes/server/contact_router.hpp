@@ -15,8 +15,7 @@ namespace ringfence::nodes {
 /// Routes the contacts of a frame: has their phases resolved and the output lists written (ContactLedger), determines
 /// the hosts of the next frame, and notifies hosts of their contacts (M4).
 ///
-/// User nodes receive theirs from the server. CD nodes read theirs from each other where all share memory and host
-/// objects; otherwise the server sends them, too. The server, as a host, reads the output lists.
+/// User nodes receive theirs from the server, CD nodes from each other. The server, as a host, reads the output lists.
 ///
 /// Threads: belongs to the server role. Memory: that of the lists in PeerSession.
 class ContactRouter {
@@ -32,13 +31,12 @@ class ContactRouter {
   /// each node must expect. In user/collision deployment they follow the poses and the map. The nodes conclude the same
   /// from their own data.
   void assign_next_hosts();
-  /// Lists what notify() sends to the nodes.
+  /// Starts what notify() sends to the nodes.
   void start_nodes();
-  /// Sends a peer what ends its frame: map, corrections, contacts, and to nodes the number of hand-overs. Sends as much
-  /// as the ring takes; true when all is sent.
+  /// Sends a peer what ends its frame: to nodes map, corrections, and what they get from each other; to users contacts.
+  /// Sends as much as the ring takes; true when all is sent.
   bool notify(PeerSession& session);
-  /// Lists what notify() sends to the users, and awaits their acknowledgements. If the server does not notify nodes,
-  /// the contacts are listed here, while the nodes end.
+  /// Lists what notify() sends to the users, and awaits their acknowledgements.
   void start_users();
   /// Notifies the awaited users. Returns false if that was done before.
   bool notify_users();
@@ -47,7 +45,9 @@ class ContactRouter {
 
  private:
   void follow(std::uint32_t slot, NodeNumber next);
-  void follow_all_hosted(const PeerSession& node);
+  template <class FollowPosition>
+  void follow_all_hosted(FollowPosition follow_position);
+  void follow_hosted(const PeerSession& node, const Host& host);
   void list_notices();
   void list_notice(std::uint32_t notice, const Found& found);
   void write_notice(std::uint32_t notice, std::byte* where) const noexcept;
@@ -59,8 +59,7 @@ class ContactRouter {
   StateRelay& relay_;
   Statistics& statistics_;
   std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
-  bool nodes_exchange_contacts_ = false;  ///< nodes read the contacts that concern them from each other in this frame
-  bool users_are_notified_ = false;       ///< all users have been sent their contacts of this frame
+  bool users_are_notified_ = false;                         ///< all users have been sent their contacts of this frame
 };
 
 }  // namespace ringfence::nodes

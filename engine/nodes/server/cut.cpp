@@ -211,10 +211,15 @@ void Cut::rehost(const HostChange& change) {
 // One pass over the contacts, however many objects changed hosts. The server reads the output lists when it moves its
 // own.
 void Cut::list_known_contacts() {
-  if (state_.host_changes.empty()) {
+  std::vector<NodeNumber>& lost = state_.lost_finders;
+  if (state_.host_changes.empty() && lost.empty()) {
     return;
   }
-  const auto changed = [&](std::uint32_t slot) { return (state_.objects.marks(slot) & host_changed_mark) != 0; };
+  // Whether the host of the slot's object may not have a contact that this node found.
+  const auto misses = [&](std::uint32_t slot, NodeNumber finder) {
+    return (state_.objects.marks(slot) & host_changed_mark) != 0 ||
+           (std::find(lost.begin(), lost.end(), finder) != lost.end() && state_.objects.host(slot).is_node());
+  };
   const auto send = [&](Endpoint host, const Contact& contact) {
     if (PeerSession* session = state_.session_of(host)) {
       session->opening.contacts.push_back(contact);
@@ -225,11 +230,11 @@ void Cut::list_known_contacts() {
   for (std::size_t i = 0; i < found.size(); ++i) {
     const Endpoint first = state_.objects.host(found[i].a);
     const Endpoint second = state_.objects.host(found[i].b);
-    const bool to_first = changed(found[i].a);
+    const bool to_first = misses(found[i].a, found[i].by);
     if (to_first) {
       send(first, contacts[i]);
     }
-    if (changed(found[i].b) && !(to_first && first == second)) {
+    if (misses(found[i].b, found[i].by) && !(to_first && first == second)) {
       send(second, contacts[i]);
     }
   }
@@ -237,6 +242,7 @@ void Cut::list_known_contacts() {
     state_.objects.marks(slot) &= static_cast<ObjectMarks>(~host_changed_mark);
   }
   state_.host_changes.clear();
+  lost.clear();
 }
 
 void Cut::start_nodes() {

@@ -31,6 +31,7 @@ void Failover::lose(NodeNumber node) {
   announce(node, !state_.contacts_are_final());
   if (state_.contacts_are_final()) {
     state_.ledger.lose(node);
+    cancel_contacts(node);
     cancel_hand_overs(node);
     return;
   }
@@ -54,7 +55,7 @@ void Failover::lose_broken_nodes() {
 
 void Failover::announce(NodeNumber node, bool detect_again) {
   state_.all_nodes([&](PeerSession& other) {
-    other.loss.records.push_back({node, detect_again ? 1u : 0u, 0});
+    other.loss.records.push_back({node, detect_again ? 1u : 0u, 0, 0});
     other.loss.lost_run.start(other.loss.records.size());
     return true;
   });
@@ -117,6 +118,8 @@ void Failover::detect_again() {
     state_.stage = FrameStage::moving;
   }
   state_.ledger.begin(state_.frame);
+  state_.direct_ghosts.start(state_.nodes.size());
+  state_.direct_contacts.start(state_.nodes.size());
   statistics_.forget_results();
   for (PeerSession& session : state_.nodes) {
     session.received.narrow_done = false;
@@ -124,6 +127,20 @@ void Failover::detect_again() {
   }
   state_.map_change.updates = Dispatch::UpdateScope::all_objects;
   state_.map_change.rescan_hosts = true;
+}
+
+// Called when the contacts are known. What the lost node has not sent to others, these get at the next cut.
+void Failover::cancel_contacts(NodeNumber node) {
+  state_.all_nodes([&](PeerSession& other) {
+    if (other.closing.end_run.done()) {
+      other.loss.records.back().contacts = state_.direct_contacts.between(node, other.self.number());
+    }
+    return true;
+  });
+  state_.direct_contacts.remove(node);
+  if (!SharedNodes::is_shared(state_.nodes[node])) {
+    state_.lost_finders.push_back(node);
+  }
 }
 
 // Called when the contacts are known. A hand-over from the lost node may or may not arrive. In both cases its receiver

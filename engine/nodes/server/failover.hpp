@@ -57,6 +57,7 @@ class Failover {
   void reclaim(std::uint32_t slot);
   void recover_objects(NodeNumber node);
   void detect_again();
+  void cancel_contacts(NodeNumber node);
   void cancel_hand_overs(NodeNumber node);
   void request_fallback();
   bool connect_fallback();

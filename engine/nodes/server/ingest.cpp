@@ -12,6 +12,17 @@ namespace ringfence::nodes {
 using messages::MessageType;
 using messages::MessageView;
 
+namespace {
+
+/// Whether messages of this type hold results of a region map. If a node is lost, they are void: all nodes find them
+/// again with the next map.
+bool belongs_to_map(MessageType type) noexcept {
+  return type == MessageType::collision || type == MessageType::change || type == MessageType::contact_counts ||
+         type == MessageType::narrow_done;
+}
+
+}  // namespace
+
 bool Ingest::receive() {
   bool any = false;
   state_.all_nodes([&](PeerSession& node) {
@@ -146,12 +157,14 @@ void Ingest::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
 bool Ingest::is_acceptable(const PeerSession& node, const MessageView& message) const noexcept {
   switch (message.type()) {
     case MessageType::node_state:
+    case MessageType::ghost_counts:
       if (node.received.states || state_.stage > FrameStage::moving) {
         return false;
       }
       break;
     case MessageType::collision:
     case MessageType::change:
+    case MessageType::contact_counts:
     case MessageType::narrow_done:
       if (node.received.narrow_done ||
           (state_.stage != FrameStage::dispatching && state_.stage != FrameStage::colliding)) {
@@ -179,13 +192,15 @@ bool Ingest::may_send(const PeerSession& session, const MessageView& message) co
     case MessageType::published:
     case MessageType::probe_reply:
     case MessageType::kinds:
+    case MessageType::ghost_counts:
+    case MessageType::contact_counts:
       return node;
     case MessageType::narrow_done:
       return node && message.count() == 1;
     case MessageType::frame_done:
       // Accepted once, and only after the contacts that it acknowledges have been sent.
       return message.count() == 1 && !session.received.frame_done && state_.contacts_are_final() &&
-             session.closing.notice_run.done();
+             (node ? session.closing.end_run : session.closing.notice_run).done();
     default:
       return false;
   }
@@ -194,9 +209,7 @@ bool Ingest::may_send(const PeerSession& session, const MessageView& message) co
 void Ingest::receive(PeerSession& session, const MessageView& message) {
   statistics_.count(message.header());
   const bool node = session.self.is_node();
-  const bool tests = message.type() == MessageType::collision || message.type() == MessageType::change ||
-                     message.type() == MessageType::narrow_done;
-  if (node && tests && message.header().epoch != state_.map.epoch()) {
+  if (node && belongs_to_map(message.type()) && message.header().epoch != state_.map.epoch()) {
     return;  // found before a loss was known; the node will find it again
   }
   const bool trusted = !node || SharedNodes::is_shared(session);
@@ -214,6 +227,10 @@ void Ingest::receive(PeerSession& session, const MessageView& message) {
       return receive_changes(session, message);
     case MessageType::narrow_done:
       return receive_narrow_done(session, message);
+    case MessageType::ghost_counts:
+      return receive_counts(session, message, state_.direct_ghosts);
+    case MessageType::contact_counts:
+      return receive_counts(session, message, state_.direct_contacts);
     case MessageType::published:
       session.received.published = true;
       return;
@@ -223,6 +240,12 @@ void Ingest::receive(PeerSession& session, const MessageView& message) {
       return receive_frame_done(session, message);
     default:
       return;  // a probe_reply has no content
+  }
+}
+
+void Ingest::receive_counts(PeerSession& session, const MessageView& message, DirectRecords& direct) {
+  if (!direct.add(session.self.number(), message)) {
+    refuse(session, Status::bad_message);
   }
 }
 
@@ -264,7 +287,6 @@ void Ingest::receive_node_states(PeerSession& session, const MessageView& messag
   const std::uint64_t start = telemetry::now_ns();
   constexpr std::size_t ahead = 12;
   const bool sweeps = state_.setup.placement == Placement::server;
-  const bool shares = SharedNodes::is_shared(session);
   ObjectTable& objects = state_.objects;
   const regions::CellGrid& grid = state_.map.grid();
   for (std::size_t i = 0; i < message.count(); ++i) {
@@ -290,7 +312,7 @@ void Ingest::receive_node_states(PeerSession& session, const MessageView& messag
     const bool inner = (record.object.flags & at_home) == at_home;
     ObjectMarks& marks = objects.marks(slot);
     const bool was_host_owned = (marks & host_owned_mark) != 0;
-    const bool host_owned = (record.object.flags & messages::flag_host_owned) != 0 && shares;
+    const bool host_owned = (record.object.flags & messages::flag_host_owned) != 0 && state_.hosts_send_ghosts();
     marks = static_cast<ObjectMarks>((marks & ~host_owned_mark) | reported_mark | (inner ? inner_mark : 0) |
                                      (host_owned ? host_owned_mark : 0));
     // Counted as moved, but it has not.
@@ -299,17 +321,18 @@ void Ingest::receive_node_states(PeerSession& session, const MessageView& messag
       state_.leaving_slots.push_back(slot);
     }
     std::copy_n(message.state<messages::NodeStateRecord>(i), objects.state_bytes(), objects.state(slot));
+    if (was_host_owned && host_owned) {  // only a replica: its host has sent the object to the other nodes
+      states_.note_stale_bounds();
+      objects.mark_moved_host_only(slot);
+      continue;
+    }
     if (was_host_owned) {
       objects.note_notified(slot, record.bounds, grid, !inner);
       objects.mark_moved_host_only(slot);
       continue;
     }
     const bool host_alone = inner && (marks & shared_mark) == 0;  // only the host needs to know the object
-    if (sweeps || !host_alone || shares) {
-      objects.bounds(slot) = record.bounds;
-    } else {
-      states_.note_stale_bounds();  // saves a cache line per state; the bounds are computed from the pose when needed
-    }
+    objects.bounds(slot) = record.bounds;
     if (host_alone) {
       marks |= notified_mark;
       objects.mark_moved_host_only(slot);
@@ -343,7 +366,8 @@ void Ingest::receive_collisions(PeerSession& session, const MessageView& message
 
 void Ingest::receive_changes(PeerSession& session, const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
-    if (!state_.ledger.receive(session.self.number(), message.record<messages::ChangeRecord>(i))) {
+    if (!state_.ledger.receive(session.self.number(), message.record<messages::ChangeRecord>(i),
+                               state_.objects.rows())) {
       return refuse(session, Status::bad_message);
     }
   }

@@ -9,11 +9,14 @@ namespace ringfence::nodes {
 
 const Pose& ObjectStates::pose(std::uint32_t slot) const noexcept {
   const ObjectRow& row = state_.objects.row(slot);
-  if ((state_.objects.marks(slot) & host_owned_mark) == 0) {
-    return row.pose;
-  }
-  const Host& host = *SharedNodes::host_of(state_.nodes[state_.objects.host(slot).number()]);
-  return host[host.find(row.object.number)].pose;
+  const Host* const host = owner(slot);
+  return host == nullptr ? row.pose : (*host)[host->find(row.object.number)].pose;
+}
+
+// Who has the current state of the object in shared memory; null if the server's own copy is current.
+const Host* ObjectStates::owner(std::uint32_t slot) const noexcept {
+  const bool host_owned = (state_.objects.marks(slot) & host_owned_mark) != 0;
+  return host_owned ? SharedNodes::host_of(state_.nodes[state_.objects.host(slot).number()]) : nullptr;
 }
 
 void ObjectStates::set_bounds(std::uint32_t slot) noexcept {
@@ -26,10 +29,11 @@ void ObjectStates::end_host_owned(std::uint32_t slot) {
   if ((objects.marks(slot) & host_owned_mark) == 0) {
     return;
   }
-  const Host& host = *SharedNodes::host_of(state_.nodes[objects.host(slot).number()]);
-  const std::uint32_t at = host.find(objects.row(slot).object.number);
-  objects.row(slot).pose = host[at].pose;
-  std::copy_n(host.state(at), objects.state_bytes(), objects.state(slot));
+  if (const Host* const host = owner(slot)) {
+    const std::uint32_t at = host->find(objects.row(slot).object.number);
+    objects.row(slot).pose = (*host)[at].pose;
+    std::copy_n(host->state(at), objects.state_bytes(), objects.state(slot));
+  }
   objects.marks(slot) = static_cast<ObjectMarks>(objects.marks(slot) & ~host_owned_mark);
   set_bounds(slot);
   objects.note_notified(slot, objects.bounds(slot), state_.map.grid(), true);

@@ -50,6 +50,7 @@ class ObjectStates {
   }
 
  private:
+  const Host* owner(std::uint32_t slot) const noexcept;
   ServerState& state_;
   bool bounds_are_stale_ = false;  ///< bounds of present objects that only their hosts know are outdated
   std::int64_t host_owned_moved_ = 0;

@@ -26,6 +26,7 @@ struct PeerSession {
     std::vector<std::uint32_t> notices;
     static constexpr std::uint32_t ended = 0x80000000u;
     std::uint64_t hand_overs = 0;               ///< number of hand-overs it will receive (CD nodes)
+    messages::RunSender ghosts_run;             ///< earlier: before its positions
     messages::RunSender read_publications_run;  ///< may be sent earlier: when everything is published
     messages::RunSender map_run, correct_run, notice_run, end_run;
   };

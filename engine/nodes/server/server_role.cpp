@@ -74,6 +74,8 @@ void ServerRole::cut() {
   cut_.list_known_contacts();
   relay_.begin();
   state_.ledger.begin(state_.frame);
+  state_.direct_ghosts.start(state_.nodes.size());
+  state_.direct_contacts.start(state_.nodes.size());
   state_.host.contacts().read(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
   states_.begin();
   failover_.begin();
@@ -132,7 +134,8 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::dispatching;
       return true;
     case FrameStage::dispatching:
-      if (!dispatch_.pump(state_.objects, state_.map, state_.head(MessageType::pairs, Endpoint::none()),
+      if (!state_.all_nodes([&](PeerSession& node) { return shared_.send_ghosts(node); }) ||
+          !dispatch_.pump(state_.objects, state_.map, state_.head(MessageType::pairs, Endpoint::none()),
                           state_.report().traffic)) {
         return false;
       }

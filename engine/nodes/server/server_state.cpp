@@ -21,9 +21,9 @@ ServerState::ServerState(const ServerSetup& initial, const regions::RegionMap& f
     session.id = node;
     session.connection = setup.nodes[node];
     session.connected = true;
-    session.closing.notices.reserve(
-        std::min(setup.capacities.contacts, 2 * setup.capacities.contacts / nodes.size() + 64));
   }
+  direct_ghosts.start(nodes.size());
+  direct_contacts.start(nodes.size());
   users.reserve(setup.capacities.users);
   connected.reserve(setup.capacities.users);
   awaited_users.reserve(setup.capacities.users);

@@ -8,6 +8,7 @@
 #include "messages/run.hpp"
 #include "nodes/host/host.hpp"
 #include "nodes/server/contact_ledger.hpp"
+#include "nodes/server/direct_records.hpp"
 #include "nodes/server/dispatch.hpp"
 #include "nodes/server/object_table.hpp"
 #include "nodes/server/peer_session.hpp"
@@ -69,6 +70,12 @@ struct ServerState {
   std::vector<UserNumber> awaited_users;     ///< those from which the frame still needs a message
   std::vector<std::uint32_t> leaving_slots;  ///< slots whose hosts reported another next host in this frame
   std::vector<HandOver> hand_overs;          ///< of this frame
+  // What nodes of other processes send directly to each other in this frame.
+  DirectRecords direct_ghosts;
+  DirectRecords direct_contacts;
+  /// Slots of nodes that were lost in the frame before when the contacts were final: other nodes may not have received
+  /// the contacts that these found.
+  std::vector<NodeNumber> lost_finders;
   /// Objects whose hosts do not have their contacts of the last frame: with host_changed_mark.
   std::vector<std::uint32_t> host_changes;
   FrameStage stage = FrameStage::waiting;
@@ -110,6 +117,10 @@ struct ServerState {
   }
   /// Whether the contacts of the frame are known, so that a loss no longer changes them.
   bool contacts_are_final() const noexcept { return stage >= FrameStage::notifying; }
+  /// Whether CD nodes host objects, so that they receive contacts from each other.
+  bool nodes_host() const noexcept { return setup.deployment == Deployment::user_collision; }
+  /// Whether hosts send the other nodes what these need for their sweeps.
+  bool hosts_send_ghosts() const noexcept { return nodes_host() && setup.placement == Placement::region; }
   /// Lists the active nodes that also stay, ascending; if none stays, those that leave.
   void list_remaining_nodes(std::vector<NodeNumber>& remaining) const;
   /// The CD node whose region contains the position.

@@ -35,6 +35,9 @@ class SharedNodes {
 
   /// Before the last position of the frame is sent: nodes that have received it exchange ghost updates, or not.
   void begin_ghosts(bool exchanged) noexcept;
+  /// Announces to a node of another process how many ghost updates it gets. Returns true when that is sent, or not
+  /// needed.
+  bool send_ghosts(PeerSession& node);
   /// A node is lost: ghost updates are no longer read in this frame, by no node, because all objects are sent again.
   void close_ghost_gates() noexcept;
   /// Whether a lost node still reads ghost updates. Then no other node may begin the next frame.
@@ -43,9 +46,7 @@ class SharedNodes {
   /// After `narrow_done` of a node: passes its shared contacts to the ledger. Returns false if it has sent them
   /// instead.
   bool receive_contacts(PeerSession& node, Statistics& statistics);
-  /// Before `frame_end`: how the node receives the contacts and the objects of others.
-  static void set_exchange(PeerSession& node, bool contacts, bool objects) noexcept;
-  /// At the end of the frame: what nodes have read from each other counts like the messages that it replaces.
+  /// At the end of the frame: counts what nodes have sent each other, or read from each other in shared memory.
   void count_reads(Statistics& statistics) const noexcept;
 
   /// Before the node's frame begins: whether its publication is read in this frame.

@@ -129,7 +129,6 @@ TEST_CASE("the node reads the contacts of its objects from its peer if the gate 
     merge.keys = keys.data();
     merge.found = finders.data();
     node.state.contacts.output_merge = &merge;
-    node.state.contacts.nodes_exchange_contacts = true;
     if (admitted) node.state.contacts.gate.admit();
     node.publisher.finish();
     const auto received = node.state.host.contacts().received(1);
@@ -145,21 +144,44 @@ TEST_CASE("the node reads the contacts of its objects from its peer if the gate 
   }
 }
 
-TEST_CASE("contacts of the server are of this frame, and between frames of the frame before") {
+Contact contact_of(ObjectNumber a, ObjectNumber b) {
+  Contact contact;
+  contact.a = a;
+  contact.b = b;
+  return contact;
+}
+
+TEST_CASE("contacts of the server are of the frame before; those of other nodes are of this frame, and are sorted") {
   NodeFixture fixture({.shares_memory = false});
   Publishing node(fixture);
   node.list(1);
-  Contact contact;
-  contact.a = 7;
-  contact.b = 9;
-  node.state.stage = CdNodeStage::waiting;
-  node.publisher.receive(fixture.message(MessageType::notify, contact));
+  node.publisher.receive_late(fixture.message(MessageType::notify, contact_of(7, 9)));
   CHECK(node.state.host.contacts().received(1).empty());
-  CHECK(!node.state.received.contacts);
-  node.state.stage = CdNodeStage::ending;
-  node.publisher.receive(fixture.message(MessageType::notify, contact));
+  node.publisher.expect(3);
+  const Contact some[] = {contact_of(8, 9), contact_of(3, 4)};
+  node.publisher.receive(fixture.message(MessageType::notify, std::span<const Contact>(some), true, Endpoint::node(1)));
+  CHECK(!node.publisher.is_complete());
+  node.publisher.receive(fixture.message(MessageType::notify, contact_of(3, 5), Endpoint::node(1)));
+  CHECK(node.publisher.is_complete());
+  node.publisher.add_received();
+  const auto received = node.state.host.contacts().received(1);
+  REQUIRE(received.size() == 3);
+  CHECK(received[0].b == 4);
+  CHECK(received[1].b == 5);
+  CHECK(received[2].a == 8);
+}
+
+TEST_CASE("contacts of a lost node are not awaited, but those that it has sent count") {
+  NodeFixture fixture({.shares_memory = false});
+  Publishing node(fixture);
+  node.list(1);
+  node.publisher.expect(3);
+  node.publisher.receive(fixture.message(MessageType::notify, contact_of(3, 5), Endpoint::node(1)));
+  CHECK(!node.publisher.is_complete());
+  node.publisher.lose({1, 0, 0, 3});
+  CHECK(node.publisher.is_complete());
+  node.publisher.add_received();
   CHECK(node.state.host.contacts().received(1).size() == 1);
-  CHECK(node.state.received.contacts);
 }
 
 }  // namespace

@@ -14,8 +14,9 @@ using Stage = CdNodeStage;
 
 TEST_CASE("each message of the server is accepted in its stages of the frame only") {
   NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
+  const HaloExchange halo(fixture.state());
   const Migration migration(fixture.state());
-  const ExpectedMessages expected(fixture.state(), migration);
+  const ExpectedMessages expected(fixture.state(), halo, migration);
   fixture.know(1, {10, 10, 10});
   fixture.know(2, {10.5, 10, 10});
   fixture.state().await_positions();
@@ -33,14 +34,14 @@ TEST_CASE("each message of the server is accepted in its stages of the frame onl
        {fixture.message(MessageType::position_update, fixture.position(3, {10, 10, 10})),
         {Stage::moving, Stage::gathering}}},
       {"correct", {fixture.message(MessageType::correct, messages::CorrectRecord{0, 0}), {Stage::ending}}},
-      {"notify", {fixture.message(MessageType::notify, contact), {Stage::waiting, Stage::ending}}},
-      {"frame_end", {fixture.message(MessageType::frame_end, messages::FrameEndRecord{0}), {Stage::ending}}},
+      {"notify", {fixture.message(MessageType::notify, contact), {Stage::waiting}}},
+      {"ghosts_sent",
+       {fixture.message(MessageType::ghosts_sent, messages::GhostsSentRecord{}), {Stage::moving, Stage::gathering}}},
+      {"frame_end", {fixture.message(MessageType::frame_end, messages::FrameEndRecord{}), {Stage::ending}}},
       {"region_map",
        {fixture.message(MessageType::region_map, std::span<const messages::OwnerRecord>(owners)),
         {Stage::waiting, Stage::moving, Stage::gathering, Stage::ending}}},
-      {"hand_over",
-       {fixture.message(MessageType::hand_over, hand_over, Endpoint::node(1)),
-        {Stage::ending, Stage::handing_over, Stage::settling}}},
+      {"a message of another node", {fixture.message(MessageType::hand_over, hand_over, Endpoint::node(1)), {}}},
   };
   for (const auto& [name, one] : cases) {
     for (int stage = 0; stage <= static_cast<int>(Stage::reporting); ++stage) {
@@ -54,8 +55,9 @@ TEST_CASE("each message of the server is accepted in its stages of the frame onl
 
 TEST_CASE("pairs are accepted after the positions, of known objects, the lower number first") {
   NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
+  const HaloExchange halo(fixture.state());
   const Migration migration(fixture.state());
-  const ExpectedMessages expected(fixture.state(), migration);
+  const ExpectedMessages expected(fixture.state(), halo, migration);
   fixture.know(1, {10, 10, 10});
   fixture.know(2, {10.5, 10, 10});
   fixture.state().stage = Stage::gathering;
@@ -71,8 +73,9 @@ TEST_CASE("pairs are accepted after the positions, of known objects, the lower n
 
 TEST_CASE("a correction names a contact that the node has sent") {
   NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
+  const HaloExchange halo(fixture.state());
   const Migration migration(fixture.state());
-  const ExpectedMessages expected(fixture.state(), migration);
+  const ExpectedMessages expected(fixture.state(), halo, migration);
   fixture.state().stage = Stage::ending;
   const auto correction = fixture.message(MessageType::correct, messages::CorrectRecord{0, 0});
   CHECK(!expected.is_acceptable(correction));
@@ -82,10 +85,11 @@ TEST_CASE("a correction names a contact that the node has sent") {
 
 TEST_CASE("a loss is that of another node, and its frame can be detected again until its contacts are final") {
   NodeFixture fixture;
+  const HaloExchange halo(fixture.state());
   const Migration migration(fixture.state());
-  const ExpectedMessages expected(fixture.state(), migration);
+  const ExpectedMessages expected(fixture.state(), halo, migration);
   const auto lost = [&](std::uint32_t node, std::uint32_t again) {
-    return fixture.message(MessageType::lost, messages::LostRecord{node, again, 0});
+    return fixture.message(MessageType::lost, messages::LostRecord{node, again, 0, 0});
   };
   fixture.state().stage = Stage::ending;
   CHECK(expected.is_acceptable(lost(1, 0)));
@@ -97,21 +101,38 @@ TEST_CASE("a loss is that of another node, and its frame can be detected again u
   CHECK(expected.is_acceptable(lost(1, 0)));
 }
 
-TEST_CASE("a message of a lost node, or of another frame, comes late") {
-  NodeFixture fixture;
-  Migration migration(fixture.state());
-  const ExpectedMessages expected(fixture.state(), migration);
+TEST_CASE(
+    "a message of another node waits for its frame and step; those of lost nodes and earlier frames are dropped") {
+  using Verdict = PeerInbox::Verdict;
+  NodeFixture fixture({.shares_memory = false});
+  NodeState& state = fixture.state();
+  HaloExchange halo(state);
+  Migration migration(state);
+  const ExpectedMessages expected(state, halo, migration);
   messages::HandOverRecord record;
   record.object = {3, 1, 3, messages::flag_present};
-  const auto message = fixture.message(MessageType::hand_over, record, Endpoint::node(1));
-  CHECK(!expected.is_late(message));
-  migration.lose({1, 1, 0});
-  CHECK(expected.is_late(message));
+  const auto hand_over = fixture.message(MessageType::hand_over, record, Endpoint::node(1));
+  const auto ghost = fixture.message(MessageType::ghost, fixture.position(4, {32, 10, 10}), Endpoint::node(1));
+  state.stage = Stage::gathering;
+  CHECK(expected.judge(hand_over) == Verdict::wait);
+  CHECK(expected.judge(ghost) == Verdict::wait);  // positions have not arrived
+  state.received.positions = true;
+  CHECK(expected.judge(ghost) == Verdict::drop);  // none were announced
+  halo.expect(1);
+  CHECK(expected.judge(ghost) == Verdict::take);
+  halo.receive(ghost);
+  CHECK(expected.judge(ghost) == Verdict::drop);
+  state.stage = Stage::ending;
+  CHECK(expected.judge(hand_over) == Verdict::wait);
+  state.received.frame_end = true;
+  CHECK(expected.judge(hand_over) == Verdict::take);
+  migration.lose({1, 0, 0, 0});
+  CHECK(expected.judge(hand_over) == Verdict::drop);
   migration.begin();
-  CHECK(!expected.is_late(message));
-  fixture.state().frame = 2;
-  CHECK(expected.is_late(message));
-  CHECK(!expected.is_late(fixture.message(MessageType::probe)));
+  state.frame = 2;
+  CHECK(expected.judge(hand_over) == Verdict::drop);
+  state.frame = 0;
+  CHECK(expected.judge(hand_over) == Verdict::wait);
 }
 
 }  // namespace

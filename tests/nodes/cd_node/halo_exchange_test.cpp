@@ -48,18 +48,56 @@ TEST_CASE("a peer receives a removal when an object leaves its region") {
   CHECK(updates_for(fixture.state(), 1) == Updates{{1, true}});
 }
 
-TEST_CASE("a node without shared memory, or with a peer without it, sends all states to the server") {
-  NodeFixture alone({.shares_memory = false});
-  HaloExchange without(alone.state());
-  without.assign();
-  CHECK(!without.shares_states());
-  CHECK(!without.keeps_host_owned());
-  NodeFixture fixture;
-  fixture.state().setup.peers[1].node_contacts = nullptr;
-  HaloExchange with(fixture.state());
-  with.assign();
-  CHECK(with.shares_states());
-  CHECK(!with.keeps_host_owned());
+TEST_CASE(
+    "without shared memory a node sends its updates to the other node, and their number and states to the server") {
+  NodeFixture fixture({.shares_memory = false});
+  HaloExchange halo(fixture.state());
+  halo.assign();
+  CHECK(!halo.shares_states());
+  CHECK(halo.keeps_host_owned());
+  CHECK(halo.reports_host_owned());
+  const std::uint32_t staying = fixture.host(1, {31.8, 10, 10});
+  const std::uint32_t leaving = fixture.host(2, {28, 10, 10});
+  fixture.know(2, {31.8, 10, 10});
+  halo.begin();
+  halo.add_updates(staying, fixture.bounds({31.8, 10, 10}), true, RegionObjects::none);
+  halo.add_updates(leaving, fixture.bounds({28, 10, 10}), true, fixture.state().objects.find(2));
+  CHECK(halo.finish_updates());
+  CHECK(halo.finish_updates());  // once
+  CHECK(halo.send_updates());
+  const auto counts = fixture.sent_to_server();
+  REQUIRE(counts.size() == 1);
+  CHECK(counts[0].type() == MessageType::ghost_counts);
+  CHECK(counts[0].record<messages::CountRecord>(0).node == 1);
+  CHECK(counts[0].record<messages::CountRecord>(0).count == 2);
+  const auto sent = fixture.sent_to_peer();
+  REQUIRE(sent.size() == 1);
+  CHECK(sent[0].type() == MessageType::ghost);
+  REQUIRE(sent[0].header.count == 2);
+  CHECK((sent[0].record<messages::PositionRecord>(0).object.flags & messages::flag_left_region) == 0);
+  CHECK(sent[0].record<messages::PositionRecord>(1).object.number == 2);
+  CHECK((sent[0].record<messages::PositionRecord>(1).object.flags & messages::flag_left_region) != 0);
+}
+
+TEST_CASE("updates that arrive as messages are complete when as many as announced have been applied") {
+  NodeFixture fixture({.shares_memory = false});
+  const NodeState& state = fixture.state();
+  HaloExchange halo(fixture.state());
+  halo.assign();
+  halo.begin();
+  CHECK(!halo.receive_updates());  // not announced
+  halo.expect(2);
+  const auto keeps = flag_present | messages::flag_keeps_host;
+  halo.receive(fixture.message(MessageType::ghost, fixture.position(5, {32.2, 10, 10}, keeps), Endpoint::node(1)));
+  CHECK(!halo.receive_updates());
+  REQUIRE(state.objects.find(5) != RegionObjects::none);
+  CHECK(state.objects.next_host(state.objects.find(5)) == NextHost::node);
+  const auto left = messages::flag_left_region;
+  halo.receive(fixture.message(MessageType::ghost, fixture.position(5, {36, 10, 10}, left), Endpoint::node(1)));
+  CHECK(halo.receive_updates());
+  CHECK(state.objects.size() == 0);
+  halo.discard();  // the frame is detected again
+  CHECK(!halo.receive_updates());
 }
 
 TEST_CASE("the updates of a peer are applied only while the gate admits the node") {
@@ -137,7 +175,6 @@ TEST_CASE("after a new map nothing is known of the region, and hosts that exchan
   fixture.know(1, {10, 10, 10});
   fixture.host(2, {10, 20, 10});
   state.stage = CdNodeStage::ending;
-  state.contacts.hosts_exchange_objects = true;
   const std::vector<messages::OwnerRecord> owners(64, messages::OwnerRecord{0, 0});
   const std::span<const messages::OwnerRecord> all(owners);
   halo.receive_map(fixture.message(MessageType::region_map, all.first(10), false));
@@ -145,6 +182,7 @@ TEST_CASE("after a new map nothing is known of the region, and hosts that exchan
   halo.receive_map(fixture.message(MessageType::region_map, all.subspan(10)));
   CHECK(state.objects.size() == 0);
   CHECK(state.region.contains({60, 10, 10}));
+  state.host.list_all(true);  // as frame_end requests
   state.host.move(2);
   CHECK(state.host.changed().size() == 1);
 }

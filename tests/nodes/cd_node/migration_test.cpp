@@ -74,7 +74,7 @@ TEST_CASE("nothing is exchanged with a lost peer any more") {
   node.migration.expect(2);
   node.migration.receive(hand_over(fixture, 5));
   CHECK(!node.migration.is_lost(1));
-  node.migration.lose({1, 0, 2});
+  node.migration.lose({1, 0, 2, 0});
   CHECK(node.migration.is_lost(1));
   CHECK(node.migration.is_complete());
   node.migration.receive(hand_over(fixture, 6));
@@ -94,7 +94,7 @@ TEST_CASE("objects that wait for a ring are dropped if their next host is lost")
   node.migration.add(3, 1);
   node.migration.list();
   node.state.stage = CdNodeStage::handing_over;
-  node.migration.lose({1, 0, 0});
+  node.migration.lose({1, 0, 0, 0});
   CHECK(node.migration.send());
   CHECK(fixture.sent_to_peer().empty());
   CHECK(node.state.host.size() == 0);
@@ -104,7 +104,7 @@ TEST_CASE("a loss that has the frame detected again keeps the hand-overs") {
   NodeFixture fixture;
   Migrating node(fixture);
   node.migration.expect(1);
-  node.migration.lose({1, 1, 1});
+  node.migration.lose({1, 1, 1, 0});
   CHECK(node.migration.is_lost(1));
   CHECK(!node.migration.is_complete());
 }

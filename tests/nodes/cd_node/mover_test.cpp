@@ -47,7 +47,8 @@ TEST_CASE("a moved object is in the node's region and in its report, with the bo
   CHECK(sent[0].object.number == 3);
   CHECK(sent[0].pose.position.x == 11);
   CHECK(sent[0].bounds == fixture.bounds({11, 10, 10}));
-  CHECK(sent[0].object.flags == (messages::flag_present | messages::flag_interior | messages::flag_keeps_host));
+  CHECK(sent[0].object.flags ==
+        (messages::flag_present | messages::flag_interior | messages::flag_keeps_host | messages::flag_host_owned));
   const std::uint32_t known = moving.state.objects.find(3);
   REQUIRE(known != RegionObjects::none);
   CHECK(moving.state.objects.inner(known));
@@ -62,7 +63,7 @@ TEST_CASE("an object that crosses the border is handed over") {
   moving.run(1);
   const auto sent = reports(fixture);
   REQUIRE(sent.size() == 1);
-  CHECK(sent[0].object.flags == messages::flag_present);
+  CHECK(sent[0].object.flags == (messages::flag_present | messages::flag_host_owned));
   const std::uint32_t known = moving.state.objects.find(3);  // its bounds still touch the region
   REQUIRE(known != RegionObjects::none);
   CHECK(moving.state.objects.next_host(known) == NextHost::node);

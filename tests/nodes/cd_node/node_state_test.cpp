@@ -11,13 +11,12 @@ TEST_CASE("at the start of a frame nothing has arrived; a node that sweeps waits
   for (const Placement placement : {Placement::server, Placement::region}) {
     NodeFixture fixture({.placement = placement});
     NodeState& state = fixture.state();
-    state.received = {true, true, true, true};
+    state.received = {true, true, true};
     state.stats.handed_over = 3;
     state.begin(2);
     CHECK(state.frame == 2);
     CHECK(!state.received.positions);
     CHECK(state.received.pairs == (placement == Placement::region));
-    CHECK(!state.received.contacts);
     CHECK(!state.received.frame_end);
     CHECK(state.stats.handed_over == 0);
   }

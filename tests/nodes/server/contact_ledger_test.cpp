@@ -23,6 +23,9 @@ std::uint64_t word_of(const Key& key) { return base::PairSort::key(key.first, ke
 
 Key key_of(std::uint64_t word) { return {static_cast<ObjectNumber>(word >> 32), static_cast<ObjectNumber>(word)}; }
 
+/// Whether a slot has an avatar, so that its contacts concern a user node.
+bool is_avatar(std::uint32_t slot) { return slot % 11 == 0; }
+
 /// The rows of a frame. Each slot has its own position, which is different in each frame. Numbers ascend by slot.
 std::vector<ObjectRow> rows_of(std::uint64_t frame, bool large_numbers) {
   std::vector<ObjectRow> rows(slots);
@@ -30,6 +33,7 @@ std::vector<ObjectRow> rows_of(std::uint64_t frame, bool large_numbers) {
     rows[slot].object.number = large_numbers ? 0xfffffff0u - 97'000'001u * (slots - slot) : slot + 1;
     rows[slot].object.generation = 3 * slot + 1;
     rows[slot].layer = static_cast<std::uint16_t>(slot % 32);
+    rows[slot].category = static_cast<std::uint16_t>(is_avatar(slot) ? Category::avatar : Category::active);
     rows[slot].pose.position = {static_cast<double>(slot), static_cast<double>(frame), 0};
   }
   return rows;
@@ -86,7 +90,7 @@ struct Node {
       lists->keys.push_back(word_of({contact.a, contact.b}));
       lists->found.push_back(
           {own[i]->slot_a, own[i]->slot_b, body_of[own[i]->slot_a], body_of[own[i]->slot_b], places[i]});
-      if (random() % 4 == 0) {
+      if (is_avatar(own[i]->slot_a) || is_avatar(own[i]->slot_b)) {
         lists->user_contacts.push_back({lists->keys[i], i, lists->found[i]});
       }
     }
@@ -231,6 +235,8 @@ class LedgerTest {
       record.depth = truth->contact.depth;
       record.normal = truth->contact.normal;
       record.point = truth->contact.point;
+      record.arm_a = truth->contact.arm_a;
+      record.arm_b = truth->contact.arm_b;
       REQUIRE(ledger_.receive(node, record, rows, origins_of(rows)));
     }
     const NodeContacts& lists = *nodes_[node]->lists;
@@ -240,19 +246,19 @@ class LedgerTest {
     for (const std::uint32_t position : lists.beginning) {
       const bool at_border = std::any_of(lists.border_beginning.begin(), lists.border_beginning.end(),
                                          [&](const BorderContact& one) { return one.position == position; });
-      REQUIRE(ledger_.receive(node, messages::ChangeRecord{lists.keys[position], position, flags(0, at_border)}));
+      REQUIRE(ledger_.receive(node, {lists.keys[position], position, flags(0, at_border)}, rows));
     }
     const auto border = lists.border_ending.span();
     for (const std::uint64_t key : lists.ending) {
       const bool at_border = std::find(border.begin(), border.end(), key) != border.end();
-      REQUIRE(ledger_.receive(node, messages::ChangeRecord{key, 0, flags(messages::change_ended, at_border)}));
+      REQUIRE(ledger_.receive(node, {key, 0, flags(messages::change_ended, at_border)}, rows));
     }
-    check_refused_changes(node, lists);
+    check_refused_changes(node, lists, rows);
     ledger_.end_run(node);
   }
 
-  void check_refused_changes(NodeNumber node, const NodeContacts& lists) {
-    const auto refuses = [&](const messages::ChangeRecord& record) { return !ledger_.receive(node, record); };
+  void check_refused_changes(NodeNumber node, const NodeContacts& lists, const std::vector<ObjectRow>& rows) {
+    const auto refuses = [&](const messages::ChangeRecord& record) { return !ledger_.receive(node, record, rows); };
     const auto count = static_cast<std::uint32_t>(lists.keys.size());
     REQUIRE(refuses({1, count, 0}));
     REQUIRE((count == 0 || refuses({lists.keys[0] + 1, 0, 0})));
@@ -341,12 +347,10 @@ class LedgerTest {
     }
     std::sort(user_contacts.begin(), user_contacts.end());
     user_contacts.erase(std::unique(user_contacts.begin(), user_contacts.end()), user_contacts.end());
-    if (ledger_.all_share()) {
-      const auto notices = ledger_.notices(false);
-      REQUIRE(notices.size() == user_contacts.size());
-      for (std::size_t k = 0; k < notices.size(); ++k) {
-        REQUIRE(notices[k].key == user_contacts[k]);
-      }
+    const auto notices = ledger_.notices(false);
+    REQUIRE(notices.size() == user_contacts.size());
+    for (std::size_t k = 0; k < notices.size(); ++k) {
+      REQUIRE(notices[k].key == user_contacts[k]);
     }
     user_contacts_before_ = std::move(user_contacts);
   }
@@ -378,15 +382,13 @@ class LedgerTest {
     }
     REQUIRE(e == all.size());
     // The list has at least the ended contacts that concern users.
-    if (ledger_.all_share()) {
-      const auto notices = ledger_.ended_notices(false);
-      std::size_t k = 0;
-      for (const ContactNotice& one : notices) {
-        k += k < user_contacts.size() && one.key == user_contacts[k] ? 1 : 0;
-      }
-      REQUIRE(k == user_contacts.size());
-      for_users_only += notices.size() < e ? 1 : 0;
+    const auto notices = ledger_.ended_notices(false);
+    std::size_t k = 0;
+    for (const ContactNotice& one : notices) {
+      k += k < user_contacts.size() && one.key == user_contacts[k] ? 1 : 0;
     }
+    REQUIRE(k == user_contacts.size());
+    for_users_only += notices.size() < e ? 1 : 0;
   }
 
   // Each node writes its slice or is lost: before it enters the gate, while it is inside, or after it has left.

@@ -1,5 +1,8 @@
 #include "nodes/server/contact_router.hpp"
 
+#include <array>
+#include <cstring>
+
 #include <doctest/doctest.h>
 
 #include "nodes/server/server_fixture.hpp"
@@ -23,7 +26,7 @@ struct Router {
     messages::ChangeRecord record;
     record.key = base::PairSort::key(objects().row(a).object.number, objects().row(b).object.number);
     record.flags = messages::change_ended;
-    REQUIRE(state().ledger.receive(node, record));
+    REQUIRE(state().ledger.receive(node, record, objects().rows()));
   }
   /// All nodes have tested their pairs: routes the contacts and notifies all peers.
   void route() {
@@ -59,7 +62,7 @@ struct Router {
   ContactRouter router{fixture.state(), states, shared, relay, statistics};
 };
 
-TEST_CASE("a contact goes to the hosts of its two objects, but not to the node that found it") {
+TEST_CASE("a contact goes from the server to the user node that hosts one of its objects, and to no CD node") {
   Router test;
   test.fixture.connect(0);
   test.fixture.connect(1);
@@ -70,9 +73,7 @@ TEST_CASE("a contact goes to the hosts of its two objects, but not to the node t
   test.find(0, first, second);
   test.route();
   CHECK(test.notified(Endpoint::node(0)).empty());
-  const auto to_second = test.notified(Endpoint::node(1));
-  REQUIRE(to_second.size() == 1);
-  CHECK(to_second[0].b == test.objects().row(second).object.number);
+  CHECK(test.notified(Endpoint::node(1)).empty());
   const auto to_user = test.notified(Endpoint::user(0));
   REQUIRE(to_user.size() == 1);
   CHECK(to_user[0].a == test.objects().row(avatar).object.number);
@@ -124,6 +125,23 @@ TEST_CASE("an object that left its region is handed over to the node that owns i
   REQUIRE(others.size() == 1);
   CHECK(others[0].type() == MessageType::frame_end);
   CHECK(others[0].record<messages::FrameEndRecord>(0).hand_overs == 1);
+}
+
+TEST_CASE("the end of the frame announces what other nodes send directly") {
+  Router test;
+  const messages::CountRecord count{1, 17};
+  alignas(8) std::array<std::byte, sizeof(messages::Header) + sizeof count> bytes;
+  messages::write_header(bytes.data(), {MessageType::contact_counts, Endpoint::node(0), Endpoint::server(), 1, 1},
+                         sizeof count, 1, true, 1);
+  std::memcpy(bytes.data() + sizeof(messages::Header), &count, sizeof count);
+  messages::MessageView view;
+  REQUIRE(messages::decode(bytes, 0, view) == Status::ok);
+  REQUIRE(test.state().direct_contacts.add(0, view));
+  test.route();
+  std::vector<SentMessage> others;
+  test.notified(Endpoint::node(1), &others);
+  REQUIRE(others.size() == 1);
+  CHECK(others[0].record<messages::FrameEndRecord>(0).contacts == 17);
 }
 
 TEST_CASE("under a new map every object may change its host, and nodes receive the map before the end of the frame") {

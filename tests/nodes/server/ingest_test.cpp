@@ -163,11 +163,11 @@ TEST_CASE("the end of a frame is accepted once, after the contacts were sent") {
   messages::NodeFrameStats stats;
   stats.hosted = 4;
   stats.host_owned_changes = 3;
-  test.state().nodes[0].closing.notice_run.start(1);
+  test.state().nodes[0].closing.end_run.start(1);
   test.fixture.send(Endpoint::node(0), MessageType::frame_done, stats);
   test.ingest.receive();
   CHECK(!test.state().nodes[0].received.frame_done);
-  test.state().nodes[0].closing.notice_run.stop();
+  test.state().nodes[0].closing.end_run.stop();
   test.fixture.send(Endpoint::node(0), MessageType::frame_done, stats);
   test.ingest.receive();
   CHECK(test.state().nodes[0].received.frame_done);

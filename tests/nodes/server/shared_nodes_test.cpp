@@ -1,5 +1,8 @@
 #include "nodes/server/shared_nodes.hpp"
 
+#include <array>
+#include <cstring>
+
 #include <doctest/doctest.h>
 
 #include "nodes/server/server_fixture.hpp"
@@ -13,15 +16,13 @@ const TrafficReport& traffic(ServerFixture& fixture, Traffic kind) {
   return fixture.state().report().traffic[static_cast<std::size_t>(kind)];
 }
 
-TEST_CASE("nodes send each other their objects under a new map only if all connected ones share memory") {
-  ServerFixture fixture(sharing);
-  const SharedNodes shared(fixture.state());
-  CHECK(shared.can_exchange_objects());
-  fixture.state().nodes[1].connection.node_contacts = nullptr;
-  CHECK(!shared.can_exchange_objects());
-  fixture.state().nodes[1].connected = false;
-  CHECK(shared.can_exchange_objects());
-
+TEST_CASE("nodes that sweep send each other their objects under a new map, unless the server must publish these") {
+  for (const bool shares_memory : {true, false}) {
+    ServerFixture sweeping({.placement = Placement::region, .shares_memory = shares_memory});
+    CHECK(SharedNodes(sweeping.state()).can_exchange_objects());
+    ServerFixture tested({.placement = Placement::server, .shares_memory = shares_memory});
+    CHECK(!SharedNodes(tested.state()).can_exchange_objects());
+  }
   ServerFixture with_users({.placement = Placement::region, .shares_memory = true, .interest = 8});
   const SharedNodes publishing(with_users.state());
   CHECK(publishing.can_exchange_objects());
@@ -38,14 +39,13 @@ TEST_CASE("a node of another process shares no memory") {
   CHECK(SharedNodes::host_of(node) == nullptr);
   CHECK(SharedNodes::kept_states(node) == nullptr);
   CHECK(!SharedNodes::can_publish(node));
-  SharedNodes::set_exchange(node, true, true);
   SharedNodes::order_publication(node, true);
   shared.begin_ghosts(true);
   shared.close_ghost_gates();
   CHECK(!shared.is_reading_ghosts());
   CHECK(!shared.receive_contacts(node, statistics));
   shared.count_reads(statistics);
-  CHECK(traffic(fixture, Traffic::m2).messages == 0);
+  CHECK(traffic(fixture, Traffic::m2).records == 0);
 }
 
 TEST_CASE("a lost node that reads ghost updates holds the next frame back until it leaves its gate") {
@@ -85,15 +85,32 @@ TEST_CASE("contacts in shared memory go to the ledger and count like messages") 
   CHECK(traffic(fixture, Traffic::m4).records == 5);
 }
 
-TEST_CASE("the server sets how a node receives the contacts and objects of others, and whether it publishes") {
+TEST_CASE("a node of another process is sent the number of ghosts that other nodes send it, or none") {
+  for (const bool exchanged : {true, false}) {
+    ServerFixture fixture({.placement = Placement::region});
+    SharedNodes shared(fixture.state());
+    alignas(8) std::array<std::byte, sizeof(messages::Header) + sizeof(messages::CountRecord)> bytes;
+    const messages::CountRecord count{1, 9};
+    messages::write_header(bytes.data(), {MessageType::ghost_counts, Endpoint::node(0), Endpoint::server(), 1, 1},
+                           sizeof count, 1, true, 1);
+    std::memcpy(bytes.data() + sizeof(messages::Header), &count, sizeof count);
+    messages::MessageView view;
+    REQUIRE(messages::decode(bytes, 0, view) == Status::ok);
+    REQUIRE(fixture.state().direct_ghosts.add(0, view));
+    shared.begin_ghosts(exchanged);
+    for (NodeNumber node = 0; node < 2; ++node) {
+      CHECK(shared.send_ghosts(fixture.state().nodes[node]));
+      CHECK(shared.send_ghosts(fixture.state().nodes[node]));  // once
+      const auto sent = fixture.sent_to(Endpoint::node(node));
+      REQUIRE(sent.size() == 1);
+      CHECK(sent[0].record<messages::GhostsSentRecord>(0).ghosts == (exchanged && node == 1 ? 9 : 0));
+    }
+  }
+}
+
+TEST_CASE("the server sets whether a node publishes") {
   ServerFixture fixture({.placement = Placement::region, .shares_memory = true, .interest = 8});
   PeerSession& node = fixture.state().nodes[0];
-  SharedNodes::set_exchange(node, true, false);
-  CHECK(fixture.node_contacts(0).nodes_exchange_contacts);
-  CHECK(!fixture.node_contacts(0).hosts_exchange_objects);
-  SharedNodes::set_exchange(node, false, true);
-  CHECK(!fixture.node_contacts(0).nodes_exchange_contacts);
-  CHECK(fixture.node_contacts(0).hosts_exchange_objects);
   SharedNodes::order_publication(node, true);
   CHECK(fixture.publication(0).wanted);
   CHECK(&SharedNodes::published(node) == &fixture.publication(0).published);

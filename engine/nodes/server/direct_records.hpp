@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/numbers.hpp"
+#include "messages/header.hpp"
+#include "messages/records.hpp"
+
+namespace ringfence::nodes {
+
+/// The numbers of records of one kind that CD nodes send directly to each other in a frame, as the senders report them.
+/// The server announces to each receiver how many it will get.
+///
+/// Threads: belongs to the server role. Memory: four bytes per pair of slots.
+class DirectRecords {
+ public:
+  /// Sets the number of slots and clears everything.
+  void start(std::size_t slots) { counts_.assign(slots * slots, 0), slots_ = slots; }
+  /// Adds the counts of one sender. Returns false and adds nothing if a record names no other slot, or a slot twice.
+  bool add(NodeNumber sender, const messages::MessageView& message);
+  /// Records for that receiver, from all senders.
+  std::uint64_t to(NodeNumber receiver) const noexcept;
+  std::uint32_t between(NodeNumber sender, NodeNumber receiver) const noexcept {
+    return counts_[sender * slots_ + receiver];
+  }
+  /// The sender is lost after it was announced: its records do not count any more.
+  void remove(NodeNumber sender) noexcept;
+
+ private:
+  std::size_t slots_ = 0;
+  std::vector<std::uint32_t> counts_;  ///< by sender, then by receiver
+};
+
+}  // namespace ringfence::nodes
