@@ -103,7 +103,7 @@ bool is_valid(std::span<const std::byte> bytes, std::size_t state_bytes) {
   const auto last = field<std::uint16_t>(bytes, 6);
   const auto count = field<std::uint32_t>(bytes, 28);
   const auto complete = field<std::uint32_t>(bytes, 32);
-  if (version != 1 || type == 0 || type >= message_types || last > 1 || record_size != size_of(type, state_bytes)) {
+  if (version != 2 || type == 0 || type >= message_types || last > 1 || record_size != size_of(type, state_bytes)) {
     return false;
   }
   if (record_size == 0) {
