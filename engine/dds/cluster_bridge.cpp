@@ -95,6 +95,8 @@ void ClusterNodes::receive_parcel(const ParcelSample& parcel) {
 bool ClusterNodes::deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes) {
   if (kind == ParcelKind::peer_failed) {
     note_peer_failure(from, bytes);
+  } else if (kind == ParcelKind::model_failed) {
+    note_model_failure(from, bytes);
   }
   if (kind != ParcelKind::messages) {
     return true;
@@ -118,6 +120,18 @@ void ClusterNodes::note_peer_failure(Node& from, std::span<const std::byte> byte
   if (peer != assigned_by_incarnation_.end() && !peer->second->lost) {
     peer->second->broken = losses_ = true;
   }
+}
+
+// A node sends at most max_model_failures in a frame.
+void ClusterNodes::note_model_failure(Node& from, std::span<const std::byte> bytes) {
+  ModelFailureRecord record;
+  const std::lock_guard lock(mutex_);
+  if (bytes.size() != sizeof record || model_failures_.size() >= max_model_failures * assigned_by_slot_.size()) {
+    from.broken = losses_ = true;
+    return;
+  }
+  std::memcpy(&record, bytes.data(), sizeof record);
+  model_failures_.push_back({ObjectId{record.object}, {record.text, strnlen(record.text, sizeof record.text)}});
 }
 
 // The server role checks the messages that it receives; nodes in this process rely on this check.

@@ -186,7 +186,10 @@ bool ClusterNodes::publish_terms() {
 }
 
 void ClusterNodes::add_shape(ShapeNumber shape, const ShapeDescription& description) {
-  if (!write_pieces(pieces_.get(), world_, PieceKind::shape, shape, 0, pack_shape(description))) {
+  const std::vector<std::byte> bytes = pack_shape(description);
+  shape_parts_.resize(shape + std::size_t{1});
+  shape_parts_[shape] = static_cast<std::uint32_t>(piece_parts(bytes.size()));
+  if (!write_pieces(pieces_.get(), world_, PieceKind::shape, shape, 0, bytes)) {
     throw Error("shape " + std::to_string(shape) + " could not be sent to the nodes; check that the network is up");
   }
   shapes_ = shape + 1;
@@ -195,6 +198,19 @@ void ClusterNodes::add_shape(ShapeNumber shape, const ShapeDescription& descript
       node->parcel_channel->set_shapes(shapes_);
     }
   }
+}
+
+// A node that does not receive it keeps the shape in vain.
+void ClusterNodes::remove_shape(ShapeNumber shape) {
+  if (!write_pieces(pieces_.get(), world_, PieceKind::shape, shape, removed_shape_epoch, {})) {
+    log(LogLevel::warning, "the removal of shape " + std::to_string(shape) + " could not be sent to the nodes");
+  }
+  dispose_pieces(pieces_.get(), world_, PieceKind::shape, shape, 1, shape_parts_[shape]);
+}
+
+std::vector<ModelFailure> ClusterNodes::take_model_failures() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(model_failures_, {});
 }
 
 // Whether the process may still exist behind a broken link: when the link is back, it must learn that it is not

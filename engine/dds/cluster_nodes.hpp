@@ -43,6 +43,8 @@ class ClusterNodes final : public RemoteNodes {
 
   void open(const WorldParameters& terms) override;
   void add_shape(ShapeNumber shape, const ShapeDescription& description) override;
+  void remove_shape(ShapeNumber shape) override;
+  std::vector<ModelFailure> take_model_failures() override;
   std::vector<MemberId> wait_for_nodes(std::uint32_t nodes) override;
   std::vector<MemberId> arrivals() override;
   bool is_leaving(MemberId member) override;
@@ -104,6 +106,7 @@ class ClusterNodes final : public RemoteNodes {
   bool deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes);
   bool deliver_message(Node& from, std::span<const std::byte> message);
   void note_peer_failure(Node& from, std::span<const std::byte> bytes);
+  void note_model_failure(Node& from, std::span<const std::byte> bytes);
   bool is_from_node(const Node& from, const messages::Header& header,
                     std::span<const std::byte> message) const noexcept;
   bool carry(Node& node);
@@ -137,6 +140,8 @@ class ClusterNodes final : public RemoteNodes {
   std::vector<std::shared_ptr<Node>> assigned_by_slot_;  ///< null: the slot is free, or its node is in this process
   std::unordered_map<std::uint64_t, Node*> assigned_by_incarnation_;
   std::uint32_t shapes_ = 0;
+  std::vector<std::uint32_t> shape_parts_;    ///< by shape: number of pieces
+  std::vector<ModelFailure> model_failures_;  ///< since the last take_model_failures(); under mutex_
   std::uint32_t published_map_epoch_ = 0;
   bool losses_ = false;  ///< there may be losses that were not reported to the server
   ClusterReport totals_;

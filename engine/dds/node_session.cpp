@@ -54,6 +54,9 @@ void JoinedWorld::make_model(std::span<const std::byte> setup) {
 
 void JoinedWorld::add(const PieceSample& piece) {
   if (static_cast<PieceKind>(piece.kind) == PieceKind::shape && piece.number < shapes_.size()) {
+    if (piece.epoch == removed_shape_epoch) {
+      remove_shape(piece.number);
+    }
     return;
   }
   assembler_.add(piece);
@@ -69,11 +72,23 @@ void JoinedWorld::add(const PieceSample& piece) {
   for (;;) {
     const auto number = static_cast<ShapeNumber>(shapes_.size());
     const auto* bytes = assembler_.find(PieceKind::shape, number, 0);
-    if (bytes == nullptr) {
+    if (bytes != nullptr) {
+      shapes_.add(unpack_shape(*bytes, number, config_.support));
+    } else if (assembler_.find(PieceKind::shape, number, removed_shape_epoch) != nullptr) {
+      shapes_.add(Sphere{1});  // takes the number
+      remove_shape(number);
+    } else {
       return;
     }
-    shapes_.add(unpack_shape(*bytes, number, config_.support));
     assembler_.drop(PieceKind::shape, number);
+  }
+}
+
+// The World has completed the frame in which the last object with the shape ended, and so has this node.
+void JoinedWorld::remove_shape(ShapeNumber shape) {
+  if (shapes_.has(shape)) {
+    shapes_.remove(shape);
+    shapes_.free_removed();
   }
 }
 
@@ -157,9 +172,24 @@ bool NodeSession::step(bool parcels_wait) {
   progressed |= receive_from_peers();
   progressed |= role_->step() == Step::progressed;
   check_messages();
+  send_model_failures();
   const std::uint64_t before = parcel_channel_.sent();
   send();
   return progressed || parcel_channel_.sent() != before;
+}
+
+// Between frames the last message of the frame is written, but not sent: the failures go before it.
+void NodeSession::send_model_failures() {
+  const nodes::Host& host = role_->host();
+  if (!role_->is_between_frames() || host.failures().span().empty() ||
+      std::exchange(failures_frame_, host.frame()) == host.frame()) {
+    return;
+  }
+  for (const ModelFailure& failure : host.failures().span()) {
+    ModelFailureRecord record{failure.object.value};
+    std::copy_n(failure.text.begin(), std::min(failure.text.size(), sizeof record.text), record.text);
+    parcel_channel_.enqueue(ParcelKind::model_failed, std::as_bytes(std::span(&record, 1)));
+  }
 }
 
 // Sends what the role has written: messages for other node processes over the links, all others to the World.

@@ -48,6 +48,7 @@ class JoinedWorld {
 
  private:
   void make_model(std::span<const std::byte> setup);
+  void remove_shape(ShapeNumber shape);
 
   std::uint64_t number_;
   WorldTermsRecord terms_;
@@ -106,6 +107,7 @@ class NodeSession {
   bool is_from_peer(NodeNumber slot, std::span<const std::byte> message) const noexcept;
   void send();
   void check_messages() const;
+  void send_model_failures();
 
   JoinedWorld& world_;
   std::uint64_t incarnation_;
@@ -121,6 +123,7 @@ class NodeSession {
   std::unique_ptr<nodes::CdNodeRole> role_;
   NodeNumber slot_ = 0;
   nodes::MessageLimits limits_;
+  std::uint64_t failures_frame_ = ~std::uint64_t{0};  ///< for which the failures of the model were sent
   bool over_ = false;
 };
 

@@ -25,9 +25,21 @@ void check(const PieceSample& piece) {
 
 }  // namespace
 
+std::size_t piece_parts(std::size_t bytes) noexcept {
+  return std::max<std::size_t>(1, (bytes + piece_bytes - 1) / piece_bytes);
+}
+
+void dispose_pieces(dds_entity_t writer, std::uint64_t world, PieceKind kind, std::uint32_t number, std::uint32_t first,
+                    std::uint32_t end) noexcept {
+  for (std::uint32_t part = first; part < end; ++part) {
+    const PieceSample piece{world, static_cast<std::uint32_t>(kind), number, part, end, 0, {}};
+    dds_dispose(writer, &piece);
+  }
+}
+
 bool write_pieces(dds_entity_t writer, std::uint64_t world, PieceKind kind, std::uint32_t number, std::uint32_t epoch,
                   std::span<const std::byte> bytes) {
-  const std::size_t parts = std::max<std::size_t>(1, (bytes.size() + piece_bytes - 1) / piece_bytes);
+  const std::size_t parts = piece_parts(bytes.size());
   for (std::size_t part = 0; part < parts; ++part) {
     const auto slice = bytes.subspan(part * piece_bytes, std::min(piece_bytes, bytes.size() - part * piece_bytes));
     const PieceSample piece{world,

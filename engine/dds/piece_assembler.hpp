@@ -16,6 +16,12 @@ namespace ringfence::dds {
 bool write_pieces(dds_entity_t writer, std::uint64_t world, PieceKind kind, std::uint32_t number, std::uint32_t epoch,
                   std::span<const std::byte> bytes);
 
+/// Number of pieces of so many bytes.
+std::size_t piece_parts(std::size_t bytes) noexcept;
+/// Disposes the pieces from part `first` to part `end` - 1 of something that was replaced by less.
+void dispose_pieces(dds_entity_t writer, std::uint64_t world, PieceKind kind, std::uint32_t number, std::uint32_t first,
+                    std::uint32_t end) noexcept;
+
 /// Reassembles pieces. Threads: one.
 class PieceAssembler {
  public:

@@ -10,6 +10,7 @@
 #include "messages/header.hpp"
 #include "messages/records.hpp"
 #include "ringfence/contact.hpp"
+#include "ringfence/frame_report.hpp"
 #include "ringfence/motion_model.hpp"
 #include "wire.h"
 
@@ -38,6 +39,7 @@ enum class ParcelKind : std::uint32_t {
   assignment_query,  ///< node to World: asks whether it is still assigned; if not, the reply is `dismissed`; not
                      ///< numbered
   peer_failed,       ///< node to World: PeerFailureRecord
+  model_failed,      ///< node to World, at the end of a frame: ModelFailureRecord
 };
 
 /// Where a node listens for links of other nodes: an IPv4 address and a TCP port, both in the machine's byte order.
@@ -49,7 +51,7 @@ struct LinkAddress {
 
 /// Kind of a Piece.
 enum class PieceKind : std::uint32_t {
-  shape,    ///< `number` is the ShapeNumber
+  shape,    ///< `number` is the ShapeNumber; removed with `epoch` removed_shape_epoch
   regions,  ///< the region map's table, with its `epoch`
   setup,    ///< ClusterConfig::setup
 };
@@ -80,6 +82,16 @@ static_assert(sizeof(PeerRecord) == 16 && std::is_trivially_copyable_v<PeerRecor
 struct PeerFailureRecord {
   std::uint64_t incarnation = 0;  ///< of the other node
 };
+
+/// The motion model threw for an object; see ModelFailure.
+struct ModelFailureRecord {
+  std::uint64_t object = 0;  ///< ObjectId::value
+  char text[max_model_failure_text] = {};
+};
+static_assert(sizeof(ModelFailureRecord) == 8 + max_model_failure_text);
+
+/// Epoch of the empty Piece that replaces a removed shape.
+inline constexpr std::uint32_t removed_shape_epoch = 1;
 
 /// Version of this protocol between processes. Messages have a version of their own.
 inline constexpr std::uint32_t wire_version = 1;
@@ -113,6 +125,7 @@ constexpr std::uint64_t record_layout_hash() noexcept {
                                  sizeof(AssignmentRecord),
                                  sizeof(PeerRecord),
                                  sizeof(PeerFailureRecord),
+                                 sizeof(ModelFailureRecord),
                                  max_motion_state}) {
     hash = (hash ^ size) * 0x100000001b3u;
   }

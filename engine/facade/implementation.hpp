@@ -124,6 +124,13 @@ struct World::Implementation {
   Status check_spec(const ObjectSpec& spec) const noexcept;
   /// Whether the object is an avatar of the user.
   Status check_own(UserId user, ObjectId object) const noexcept;
+  Status check_layer(std::uint8_t layer) const noexcept {
+    return layer < std::max<std::size_t>(1, config.layers.names.size()) ? Status::ok : Status::unknown_layer;
+  }
+  /// Requests a change of an object unless the status is a refusal, or the object does not exist.
+  Status request_change(nodes::Request::Kind kind, ObjectId object, Status status, const ObjectSpec& spec);
+  /// The slot of a live object that is in the world, or base::NumberIndex::none; none while a frame is running.
+  std::uint32_t slot_of(ObjectId object) const noexcept;
   /// Whether the object exists and may be placed, enabled and disabled.
   Status check_movable(ObjectId object) const noexcept;
   bool is_connected(UserNumber user) const noexcept { return std::binary_search(users.begin(), users.end(), user); }
@@ -137,6 +144,7 @@ struct World::Implementation {
   }
   void log_growth();
   void log_support_failures();
+  void gather_model_failures();
   void gather_user_times();
   void gather_timeline();
   /// Whether the node with that id was lost in the last frame.
@@ -157,6 +165,7 @@ struct World::Implementation {
   nodes::FaultRelease faults;
 
   std::vector<nodes::Request> requests;  ///< for the next cut
+  std::vector<std::byte> states;         ///< of their set_state requests
   struct PendingMove {
     UserNumber user;
     ObjectNumber number;
@@ -180,6 +189,7 @@ struct World::Implementation {
   std::uint32_t resizing_to = 0;  ///< number of nodes from the frame after this one on; 0: no change
   std::optional<std::uint32_t> threads_until_failure;  ///< for tests: number of threads created before one fails
   bool growth_logged = false;
+  std::uint32_t model_failures_logged = 0;
   bool failures_logged = false;  ///< of support functions in other processes
   bool halt_logged = false;
   mutable facade::ContactIndex contact_index;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "base/number_index.hpp"
@@ -21,7 +22,8 @@ class Registry {
     ObjectId id;
     Category category = Category::active;
     UserNumber user = no_user_number;
-    bool ending = false;  ///< destroyed, but its number stays in use until the next cut
+    ShapeNumber shape = 0;  ///< from the next cut on
+    bool ending = false;    ///< destroyed, but its number stays in use until the next cut
   };
 
   explicit Registry(std::size_t objects) : index_(objects) { entries_.reserve(objects); }
@@ -46,12 +48,13 @@ class Registry {
   }
 
   /// Precondition: the number is not 0 and not in use.
-  ObjectId add(ObjectNumber number, Category category, UserNumber user) {
+  ObjectId add(ObjectNumber number, Category category, UserNumber user, ShapeNumber shape) {
     if (++generation_ == 0) {
       generation_ = 1;
     }
     index_.set(number, static_cast<std::uint32_t>(entries_.size()));
-    entries_.push_back({ObjectId::of(number, generation_), category, user, false});
+    entries_.push_back({ObjectId::of(number, generation_), category, user, shape, false});
+    use(shape);
     if (user != no_user_number) {
       avatars_.resize(std::max<std::size_t>(avatars_.size(), user + 1));
       ++avatars_[user];
@@ -70,6 +73,15 @@ class Registry {
     return at == base::NumberIndex::none || entries_[at].ending ? ObjectId{} : entries_[at].id;
   }
 
+  /// Changes the shape of an object from the next cut on. Precondition: find(id) is not null.
+  void set_shape(ObjectId id, ShapeNumber shape) {
+    Entry& entry = entries_[index_.find(id.number())];
+    released_shapes_.push_back(std::exchange(entry.shape, shape));
+    use(shape);
+  }
+  /// Whether an object has the shape, or will have it at the next cut.
+  bool uses(ShapeNumber shape) const noexcept { return shape < shape_uses_.size() && shape_uses_[shape] != 0; }
+
   /// Makes the id stale. The number is free when the frame that applies the end is complete. Precondition: find(id) is
   /// not null.
   void end(ObjectId id) { end(entries_[index_.find(id.number())]); }
@@ -85,11 +97,14 @@ class Registry {
   void cut() {
     cut_.swap(ended_);
     ended_.clear();
+    cut_shapes_.swap(released_shapes_);
+    released_shapes_.clear();
   }
   /// The frame is complete: the numbers that its cut ended may be reused.
   void forget_cut() {
     for (const ObjectNumber number : cut_) {
       const std::uint32_t at = index_.find(number);
+      --shape_uses_[entries_[at].shape];
       index_.erase(number);
       if (at + 1 != entries_.size()) {
         entries_[at] = entries_.back();
@@ -98,9 +113,17 @@ class Registry {
       entries_.pop_back();
     }
     cut_.clear();
+    for (const ShapeNumber shape : cut_shapes_) {
+      --shape_uses_[shape];
+    }
+    cut_shapes_.clear();
   }
 
  private:
+  void use(ShapeNumber shape) {
+    shape_uses_.resize(std::max<std::size_t>(shape_uses_.size(), shape + std::size_t{1}));
+    ++shape_uses_[shape];
+  }
   void end(Entry& entry) {
     entry.ending = true;
     ended_.push_back(entry.id.number());
@@ -111,9 +134,12 @@ class Registry {
 
   base::NumberIndex index_;
   std::vector<Entry> entries_;
-  std::vector<std::uint32_t> avatars_;  ///< alive, by user
-  std::vector<ObjectNumber> ended_;     ///< since the last cut
-  std::vector<ObjectNumber> cut_;       ///< by the cut of the running frame
+  std::vector<std::uint32_t> avatars_;        ///< alive, by user
+  std::vector<ObjectNumber> ended_;           ///< since the last cut
+  std::vector<ObjectNumber> cut_;             ///< by the cut of the running frame
+  std::vector<std::uint32_t> shape_uses_;     ///< by shape: of objects, and of the next two lists
+  std::vector<ShapeNumber> released_shapes_;  ///< by set_shape() since the last cut
+  std::vector<ShapeNumber> cut_shapes_;       ///< at the cut of the running frame
   ObjectNumber last_number_ = 0;
   std::uint32_t generation_ = 0;
 };

@@ -12,6 +12,7 @@
 #include "nodes/role.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/config.hpp"
+#include "ringfence/frame_report.hpp"
 
 namespace ringfence {
 
@@ -61,6 +62,10 @@ class RemoteNodes {
   virtual void open(const WorldParameters& terms) = 0;
   /// Sends a shape to the nodes, before any message that refers to it.
   virtual void add_shape(ShapeNumber shape, const ShapeDescription& description) = 0;
+  /// Removes a shape at the nodes, also at those that join later. No object has it any more.
+  virtual void remove_shape(ShapeNumber shape) = 0;
+  /// Failures of the motion model that nodes have reported since the last call.
+  virtual std::vector<ModelFailure> take_model_failures() = 0;
   /// Waits until `nodes` nodes are ready and returns them. Throws Error with advice if they do not come.
   virtual std::vector<MemberId> wait_for_nodes(std::uint32_t nodes) = 0;
   /// Nodes that are ready and not assigned.

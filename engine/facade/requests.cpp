@@ -38,6 +38,29 @@ ShapeId World::add_shape(const ShapeDescription& description) {
   return ShapeId(shape);
 }
 
+Status World::remove_shape(ShapeId shape) try {
+  Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return Status::out_of_memory;
+  }
+  if (w.frame_is_running()) {
+    return w.refuse(Status::out_of_order);
+  }
+  if (!w.shapes.has(shape.number())) {
+    return w.refuse(Status::unknown_shape);
+  }
+  if (w.registry.uses(shape.number())) {
+    return w.refuse(Status::shape_in_use);
+  }
+  w.shapes.remove(shape.number());
+  if (w.config.remote_nodes != nullptr) {
+    w.config.remote_nodes->remove_shape(shape.number());
+  }
+  return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
+}
+
 Connected World::connect(UserId wanted) try {
   Implementation& w = *implementation_;
   if (w.halt.is_set()) {
@@ -116,7 +139,7 @@ Spawned World::spawn(const ObjectSpec& spec) try {
     return {w.refuse(status), {}};
   }
   request.spec.number = number;
-  request.object = w.registry.add(number, spec.category, spec.user.number());
+  request.object = w.registry.add(number, spec.category, spec.user.number(), spec.shape.number());
   w.requests.push_back(request);
   return {Status::ok, request.object};
 } catch (const std::bad_alloc&) {
@@ -247,6 +270,78 @@ Status World::set_enabled(ObjectId object, bool enabled) try {
   request.spec.enabled = enabled;
   w.requests.push_back(request);
   return Status::ok;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
+}
+
+Status World::Implementation::request_change(Request::Kind kind, ObjectId object, Status status,
+                                             const ObjectSpec& spec) try {
+  if (halt.is_set()) {
+    return Status::out_of_memory;
+  }
+  if (registry.find(object) == nullptr) {
+    status = Status::stale_object;
+  }
+  if (status != Status::ok) {
+    return refuse(status);
+  }
+  Request request;
+  request.kind = kind;
+  request.object = object;
+  request.spec = spec;
+  requests.push_back(request);
+  return Status::ok;
+} catch (const std::bad_alloc&) {
+  return stop_frames();
+}
+
+Status World::set_group(ObjectId object, std::uint32_t group) {
+  ObjectSpec spec;
+  spec.group = group;
+  return implementation_->request_change(Request::Kind::set_group, object, Status::ok, spec);
+}
+
+Status World::set_layer(ObjectId object, std::uint8_t layer) {
+  Implementation& w = *implementation_;
+  ObjectSpec spec;
+  spec.layer = layer;
+  return w.request_change(Request::Kind::set_layer, object, w.check_layer(layer), spec);
+}
+
+Status World::set_shape(ObjectId object, ShapeId shape) try {
+  Implementation& w = *implementation_;
+  const Status known = w.shapes.has(shape.number()) ? Status::ok : Status::unknown_shape;
+  ObjectSpec spec;
+  spec.shape = shape;
+  const Status status = w.request_change(Request::Kind::set_shape, object, known, spec);
+  if (status == Status::ok) {
+    w.registry.set_shape(object, shape.number());
+  }
+  return status;
+} catch (const std::bad_alloc&) {
+  return implementation_->stop_frames();
+}
+
+Status World::set_state(ObjectId object, std::span<const std::byte> bytes) try {
+  Implementation& w = *implementation_;
+  if (w.halt.is_set()) {
+    return Status::out_of_memory;
+  }
+  const std::size_t size = w.config.motion == nullptr ? 0 : w.config.motion->state_bytes();
+  Status status = w.check_movable(object);
+  if (status == Status::ok && bytes.size() != size) {
+    status = Status::bad_message;
+  }
+  if (status == Status::ok && size == 0) {
+    return Status::ok;
+  }
+  const std::size_t at = w.states.size();
+  status = w.request_change(Request::Kind::set_state, object, status, {});
+  if (status == Status::ok) {
+    w.requests.back().state = static_cast<std::uint32_t>(at);
+    w.states.insert(w.states.end(), bytes.begin(), bytes.end());
+  }
+  return status;
 } catch (const std::bad_alloc&) {
   return implementation_->stop_frames();
 }

@@ -14,12 +14,11 @@ using telemetry::StepClock;
 using telemetry::to_ms;
 
 Status World::Implementation::check_spec(const ObjectSpec& spec) const noexcept {
-  if (spec.shape.number() >= shapes.size()) {
+  if (!shapes.has(spec.shape.number())) {
     return Status::unknown_shape;
   }
-  const std::size_t layers = std::max<std::size_t>(1, config.layers.names.size());
-  if (spec.layer >= layers) {
-    return Status::unknown_layer;
+  if (const Status status = check_layer(spec.layer); status != Status::ok) {
+    return status;
   }
   const bool avatar = spec.category == Category::avatar;
   if (static_cast<std::size_t>(spec.category) > static_cast<std::size_t>(Category::fixed) ||
@@ -107,6 +106,38 @@ void World::Implementation::log_support_failures() {
   }
 }
 
+// The roles wait. Those whose threads may still run, because they are lost or late, are left out.
+void World::Implementation::gather_model_failures() {
+  std::vector<ModelFailure> remote;
+  if (config.remote_nodes != nullptr) {
+    remote = config.remote_nodes->take_model_failures();
+  }
+  if (report.refused[static_cast<std::size_t>(Status::model_failed)] == 0) {
+    return;
+  }
+  nodes::ModelFailures all = server->model_failures();
+  pool.each([&](const facade::PoolNode& node) {
+    if (node.role != nullptr && !is_lost(node.id)) {
+      all.add(node.role->host().failures().span());
+    }
+  });
+  for (const auto& [number, user] : user_nodes) {
+    if (!user->late) {
+      all.add(user->role->host().failures().span());
+    }
+  }
+  all.add(remote);
+  report.model_failures.assign(all.span().begin(), all.span().end());
+  constexpr std::uint32_t max_logged = 100;
+  for (const ModelFailure& failure : report.model_failures) {
+    if (model_failures_logged < max_logged) {
+      log(LogLevel::warning, "frame " + std::to_string(report.frame) + ": the motion model threw for object " +
+                                 std::to_string(failure.object.number()) + ": " + failure.text +
+                                 (++model_failures_logged == max_logged ? "; further failures are not logged" : ""));
+    }
+  }
+}
+
 World::World(WorldConfig config) {
   const base::DefaultFloatingPoint floating_point;
   implementation_ = std::make_unique<Implementation>(std::move(config));
@@ -157,6 +188,7 @@ Status World::begin_frame() try {
   w.registry.cut();
   w.cut_leaving.swap(w.leaving);
   w.order.requests.swap(w.requests);
+  w.order.states.swap(w.states);
   w.connect_users();
   w.resize_nodes();
   for (const auto& pending_move : w.pending_moves) {
@@ -192,6 +224,7 @@ Status World::finish_frame() try {
   }
   ++w.frames;
   w.order.requests.clear();
+  w.order.states.clear();
   w.registry.forget_cut();
   w.forget_users();
 
@@ -200,12 +233,14 @@ Status World::finish_frame() try {
     w.report.refused[reason] += std::exchange(w.refused[reason], 0);
   }
   w.part_with_late_users();
+  w.gather_model_failures();
   w.gather_user_times();
   w.gather_timeline();
   w.free_stalled_users();
   w.remove_gone_nodes();
   if (w.pool.free_retired()) {
     w.server->free_abandoned();
+    w.shapes.free_removed();
   }
   for (const UserId user : w.report.late) {
     if (w.is_connected(user.number())) {
@@ -282,15 +317,28 @@ ObjectView view_of(const nodes::ServerRole& server, std::uint32_t slot) {
 
 }  // namespace
 
-ObjectView World::object(ObjectId object) const noexcept {
-  const Implementation& w = *implementation_;
-  if (w.frame_is_running() || w.registry.find(object) == nullptr) {
-    return {};
+std::uint32_t World::Implementation::slot_of(ObjectId object) const noexcept {
+  if (frame_is_running() || registry.find(object) == nullptr) {
+    return base::NumberIndex::none;
   }
-  const nodes::ObjectTable& table = w.server->objects();
+  const nodes::ObjectTable& table = server->objects();
   const std::uint32_t slot = table.find(object.number());
   const bool there = slot != base::NumberIndex::none && table.row(slot).object.generation == object.generation();
-  return there ? view_of(*w.server, slot) : ObjectView{};
+  return there ? slot : base::NumberIndex::none;
+}
+
+ObjectView World::object(ObjectId object) const noexcept {
+  const std::uint32_t slot = implementation_->slot_of(object);
+  return slot == base::NumberIndex::none ? ObjectView{} : view_of(*implementation_->server, slot);
+}
+
+std::span<const std::byte> World::state(ObjectId object) const noexcept {
+  const Implementation& w = *implementation_;
+  const std::uint32_t slot = w.config.motion == nullptr ? base::NumberIndex::none : w.slot_of(object);
+  if (slot == base::NumberIndex::none) {
+    return {};
+  }
+  return {w.server->state(slot), w.config.motion->state_bytes()};
 }
 
 std::vector<ObjectView> World::objects() const {
@@ -316,6 +364,8 @@ ObjectId World::find(ObjectNumber number) const noexcept { return implementation
 const ShapeDescription& World::shape(ShapeId shape) const noexcept {
   return implementation_->shapes.description(shape.number());
 }
+
+bool World::has_shape(ShapeId shape) const noexcept { return implementation_->shapes.has(shape.number()); }
 
 std::size_t World::shape_count() const noexcept { return implementation_->shapes.size(); }
 

@@ -17,7 +17,8 @@ namespace ringfence::geometry {
 /// array, because a reader may still use it; all old blocks together are smaller than the current one. So a reference
 /// to a value is valid as long as the array, and reading is as fast as with a vector.
 ///
-/// Threads: push_back by one thread at a time; all other functions from any thread.
+/// Threads: push_back by one thread at a time; replace by that thread, while no other reads; all other functions from
+/// any thread.
 template <class T>
 class GrowingArray {
  public:
@@ -47,6 +48,9 @@ class GrowingArray {
     // Pairs with the load in size.
     size_.store(size + 1, std::memory_order_release);
   }
+
+  /// Precondition: i < size().
+  void replace(std::size_t i, const T& value) noexcept { blocks_.back()[i] = value; }
 
  private:
   std::vector<std::unique_ptr<T[]>> blocks_;  ///< the last is the current one

@@ -17,6 +17,7 @@ namespace {
 constexpr double min_thickness = 1e-3;
 constexpr double max_coordinate = 1e6;
 constexpr double pi = 3.14159265358979323846;
+constexpr float ball_of_removed = 0.5e-3f;  // radius of what stands for a removed shape
 
 std::string to_text(double value) {
   char text[32];
@@ -138,7 +139,8 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
            .bounding_radius = hull.bounding_radius(),
            .kind = ShapeKind::hull,
            .index_in_kind = static_cast<std::uint32_t>(hulls_.size())};
-    hulls_.push_back(&owned_hulls_.emplace_back(std::move(hull)));
+    owned_hulls_.push_back(std::make_unique<const Hull>(std::move(hull)));
+    hulls_.push_back(owned_hulls_.back().get());
   } else if (const auto* triangles = std::get_if<TriangleMesh>(&description)) {
     for (std::size_t i = 0; i < triangles->vertices.size(); ++i) {
       check_coordinate("mesh vertex", i, triangles->vertices[i]);
@@ -159,14 +161,34 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
     supports_.push_back(owned_supports_.back().get());
   }
   descriptions_.push_back(description);
-  hull_of_.push_back(row.kind == ShapeKind::hull ? &owned_hulls_.back() : nullptr);
+  removed_.push_back(false);
+  hull_of_.push_back(row.kind == ShapeKind::hull ? owned_hulls_.back().get() : nullptr);
   rows_.push_back(row);
   return static_cast<ShapeNumber>(rows_.size() - 1);
+}
+
+void ShapeTable::remove(ShapeNumber shape) {
+  to_be_freed_.push_back(shape);
+  removed_[shape] = true;
+  descriptions_[shape] = Sphere{ball_of_removed};
+}
+
+void ShapeTable::free_removed() {
+  for (const ShapeNumber shape : to_be_freed_) {
+    const ShapeRow row = rows_[shape];
+    rows_.replace(shape, row_of(Sphere{ball_of_removed}));
+    hull_of_.replace(shape, nullptr);
+    if (row.kind == ShapeKind::hull) owned_hulls_[row.index_in_kind].reset();
+    if (row.kind == ShapeKind::mesh) owned_meshes_[row.index_in_kind].reset();
+    if (row.kind == ShapeKind::support) owned_supports_[row.index_in_kind].reset();
+  }
+  to_be_freed_.clear();
 }
 
 std::vector<std::string> ShapeTable::take_support_failures() const {
   std::vector<std::string> out;
   for (const auto& support : owned_supports_) {
+    if (support == nullptr) continue;
     if (auto failure = support->take_first_failure()) out.push_back(std::move(*failure));
   }
   return out;

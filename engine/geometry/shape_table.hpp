@@ -28,8 +28,8 @@ struct PlacedShape {
 /// The shapes of a world: each is prepared once, then immutable and shared read-only by all threads.
 ///
 /// Threads: one thread adds at a time. Others may meanwhile read the shapes that are there, as the thread of a lost CD
-/// node does. Memory: everything that is returned by reference or pointer keeps its address and value as long as the
-/// table exists; `rows` contains the shapes that exist when it is called.
+/// node does. Memory: everything that is returned by reference or pointer keeps its address and value until the shape
+/// is freed, or as long as the table exists; `rows` contains the shapes that exist when it is called.
 class ShapeTable {
  public:
   ShapeTable();
@@ -43,6 +43,14 @@ class ShapeTable {
   /// it throws.
   ShapeNumber add(const ShapeDescription& description);
 
+  /// Removes a shape; its number is not used again. What kernels read of it stays until free_removed(); then a ball of
+  /// 0.5 mm is in its place, so a message that still names the shape does no harm. Precondition: has(shape).
+  void remove(ShapeNumber shape);
+  /// Frees the removed shapes. Precondition: no other thread reads the table meanwhile, and no object has the shapes.
+  void free_removed();
+  /// Whether the shape was added and not removed. Only for the thread that adds.
+  bool has(ShapeNumber shape) const noexcept { return shape < removed_.size() && !removed_[shape]; }
+  /// One more than the number of the last shape, removed or not.
   std::size_t size() const noexcept { return rows_.size(); }
   std::span<const ShapeRow> rows() const noexcept { return rows_.span(); }
   const ShapeRow& row(ShapeNumber shape) const noexcept { return rows_[shape]; }
@@ -51,8 +59,8 @@ class ShapeTable {
   const CheckedSupport& support(std::uint32_t index_in_kind) const noexcept { return *supports_[index_in_kind]; }
   /// The shapes that exist now, as kernels read them. Valid as long as the table.
   ShapeView view() const noexcept { return {rows_.data(), hulls_.data(), meshes_.data(), supports_.data()}; }
-  /// The shape as it was registered, for writing scenes and for the reference implementation. Only for the thread that
-  /// adds.
+  /// The shape as it was registered, for writing scenes and for the reference implementation; a ball once it is
+  /// removed. Only for the thread that adds.
   const ShapeDescription& description(ShapeNumber shape) const noexcept { return descriptions_[shape]; }
 
   /// Which support functions failed since the last call, and why: of each shape the first time only. For the log. From
@@ -82,7 +90,9 @@ class ShapeTable {
   GrowingArray<const CheckedSupport*> supports_;
   // Accessed only by the thread that adds.
   std::deque<ShapeDescription> descriptions_;
-  std::deque<Hull> owned_hulls_;
+  std::vector<bool> removed_;             ///< by shape number
+  std::vector<ShapeNumber> to_be_freed_;  ///< removed
+  std::vector<std::unique_ptr<const Hull>> owned_hulls_;
   std::vector<std::unique_ptr<const Mesh>> owned_meshes_;
   std::vector<std::unique_ptr<const CheckedSupport>> owned_supports_;
 };

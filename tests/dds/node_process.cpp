@@ -46,6 +46,7 @@ int main(int argc, char** argv) {
     double side = 0;
     std::memcpy(&side, setup.data(), sizeof side);
     if (times > 1) return std::make_shared<SlowModel>(side, times);
+    if (side < 0) return std::make_shared<test::ThrowingModel>(-side);
     return std::make_shared<test::BouncingModel>(side);
   };
   config.support = [](ShapeId) { return test::gapped_ellipsoid(); };

@@ -93,20 +93,24 @@ class NodeWorld {
   static constexpr std::size_t users = 4;
   static constexpr double side = 16;
 
+  enum class Model : std::uint8_t { bouncing, throwing };
+
   /// `along_x`: number of cells along x as a power of two; 0: default.
   NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, ProcessPlacement place = {},
-            std::uint32_t along_x = 0)
+            std::uint32_t along_x = 0, Model model = Model::bouncing)
       : place_(std::move(place)) {
+    const double model_side = model == Model::bouncing ? side : -side;
     dds::ClusterConfig cluster;
     cluster.network.domain = dds::NetworkConfig::any_domain;
     cluster.network.interface = place_.interface;
     cluster.network.lease_ms = lease_ms;
-    cluster.setup.resize(sizeof side);
-    std::memcpy(cluster.setup.data(), &side, sizeof side);
+    cluster.setup.resize(sizeof model_side);
+    std::memcpy(cluster.setup.data(), &model_side, sizeof model_side);
     cluster.log = [this](LogLevel, std::string_view line) { log_.emplace_back(line); };
     cluster_ = std::make_unique<dds::Cluster>(std::move(cluster));
     for (std::uint32_t node = 0; node < nodes; ++node) start_node();
     WorldConfig config = config_of(deployment, placement);
+    if (model == Model::throwing) config.motion = std::make_shared<ThrowingModel>(side);
     config.nodes = nodes;
     config.tuning.cells_log2[0] = along_x;
     config.remote_nodes = cluster_->remote_nodes();

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstring>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "base/caller_environment.hpp"
@@ -76,6 +77,18 @@ class BouncingModel : public MotionModel {
 
  private:
   double side_;
+};
+
+/// The same, but it throws for some objects in some frames.
+class ThrowingModel : public BouncingModel {
+ public:
+  using BouncingModel::BouncingModel;
+  void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
+    for (const MotionInput& in : inputs) {
+      if (in.number % 10 == frame % 4) throw Error("no move for " + std::to_string(in.number));
+    }
+    BouncingModel::move(frame, inputs, outputs);
+  }
 };
 
 /// Throws Error, which fails a test, unless a call was accepted.

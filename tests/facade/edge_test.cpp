@@ -299,7 +299,7 @@ class FailingModel : public MotionModel {
       outputs[i].state[0] = static_cast<std::byte>(std::to_integer<int>(inputs[i].state[0]) + 1);
       switch (kind(inputs[i].number, frame)) {
         case 0:
-          throw std::runtime_error("move");
+          throw std::runtime_error("move " + std::to_string(inputs[i].number) + std::string(300, '.'));
         case 1:
           outputs[i].pose.position.y = std::nan("");
           break;
@@ -317,6 +317,8 @@ TEST_CASE("if the model throws or returns invalid poses, only those objects do n
   std::uint64_t expected = 0;
   in_all_worlds({}, {0u, 1u, 3u}, [&](WorldConfig config) {
     config.motion = std::make_shared<FailingModel>();
+    std::vector<std::string> logged;
+    config.log = [&](LogLevel, std::string_view line) { logged.emplace_back(line); };
     World world(config);
     const ShapeId ball = world.add_shape(Sphere{1});
     for (int user = 0; user < 3; ++user) REQUIRE(world.connect().status == Status::ok);
@@ -345,12 +347,26 @@ TEST_CASE("if the model throws or returns invalid poses, only those objects do n
         REQUIRE(world.object(world.find(number)).spec.pose.position.x == at);
       }
       REQUIRE(refused(world, Status::model_failed) == kinds[0] + (frame == 0 ? 1 : 0));
+      REQUIRE(world.report().model_failures.size() ==
+              std::min<std::uint64_t>(max_model_failures, refused(world, Status::model_failed)));
+      ObjectNumber next = 1;
+      for (const ModelFailure& failure : world.report().model_failures) {
+        while (frame == 0 ? next != 13 : FailingModel::kind(next, frame) != 0) ++next;
+        REQUIRE(failure.object == world.find(next));
+        const std::string text = "move " + std::to_string(next) + std::string(300, '.');
+        REQUIRE(failure.text == (frame == 0 ? "start" : text.substr(0, max_model_failure_text)));
+        ++next;
+      }
       REQUIRE(refused(world, Status::not_finite) == kinds[1]);
       REQUIRE(refused(world, Status::not_unit) == kinds[2]);
       digest.add_frame(world.contacts());
     }
     expected = expected == 0 ? digest.value() : expected;
     CHECK(digest.value() == expected);
+    REQUIRE(logged.size() >= 2);
+    CHECK(logged.size() <= 100);
+    CHECK(logged[0] == "frame 0: the motion model threw for object 13: start");
+    CHECK(logged[1].find("frame 2: the motion model threw for object") == 0);
   });
 }
 

@@ -16,6 +16,8 @@ TEST_CASE("in every deployment and placement the contacts and phases of random r
   WorldConfig base;
   base.bounds_max = {side, side, side};
   base.interest = 3;
+  base.layers.names = {"solid", "ghost", "wall"};
+  base.layers.collide = {{0, 0}, {0, 2}, {1, 2}};
   base.motion = std::make_shared<BouncingModel>(side);
   unsigned seed = 900;
   in_all_worlds(base, {0u, 3u}, [&](const WorldConfig& config) {
@@ -24,6 +26,8 @@ TEST_CASE("in every deployment and placement the contacts and phases of random r
     Script script(world, seed, side);
     reference::Shapes shapes;
     for (std::uint32_t shape = 0; shape < world.shape_count(); ++shape) shapes.add(world.shape(ShapeId(shape)));
+    std::vector<std::uint32_t> masks;
+    for (std::uint8_t layer = 0; layer < 3; ++layer) masks.push_back(config.layers.mask(layer));
     std::vector<Contact> before;
     for (std::uint64_t frame = 0; frame < 40; ++frame) {
       advance(world);
@@ -33,7 +37,7 @@ TEST_CASE("in every deployment and placement the contacts and phases of random r
                            view.spec.pose, view.spec.category == Category::fixed, view.spec.group, view.id.generation(),
                            view.spec.user_data});
       }
-      for (const auto& difference : reference::check_frame(frame, shapes, objects, {}, world.contacts())) {
+      for (const auto& difference : reference::check_frame(frame, shapes, objects, masks, world.contacts())) {
         FAIL_CHECK(difference.text);
       }
       for (const auto& difference : reference::check_phases(frame, before, world.contacts(), world.ended())) {

@@ -19,10 +19,16 @@
 namespace ringfence::test {
 
 /// Random requests to a world: users connect, disconnect and steer; objects are spawned, destroyed, placed, enabled,
-/// disabled and moved. Every world with the same seed gets the same calls in the same order, so all must return and end
-/// the same. The calls are made as `caller`.
+/// disabled, moved and changed. Every world with the same seed gets the same calls in the same order, so all must
+/// return and end the same. The calls are made as `caller`.
 class Script {
  public:
+  struct Live {
+    ObjectId id;
+    Category category;
+    UserId user;
+  };
+
   Script(World& world, unsigned seed, double side, Caller caller = Caller::usual)
       : world_(world), random_(seed), side_(side), caller_(caller) {
     const auto add = [&](const ShapeDescription& shape) {
@@ -76,18 +82,36 @@ class Script {
           REQUIRE(call_from(caller_, [&] { return world_.place(object.id, there); }) == Status::ok);
       }
     }
+    for (std::uint64_t n = random_() % 8; n > 0; --n) change(live_[random_() % live_.size()]);
+  }
+
+  /// A change of group, layer, shape or model state of any object.
+  void change(const Live& object) {
+    const std::uint64_t draw = random_();
+    const Status status = call_from(caller_, [&] {
+      switch (draw % 4) {
+        case 0:
+          return world_.set_group(object.id, static_cast<std::uint32_t>(draw / 4 % 4));
+        case 1:
+          return world_.set_layer(object.id, static_cast<std::uint8_t>(draw / 4 % layers_));
+        case 2:
+          return world_.set_shape(object.id, shapes_[draw / 4 % shapes_.size()]);
+        default: {
+          const std::span<const std::byte> state = world_.state(object.id);
+          std::vector<std::byte> turned(state.begin(), state.end());
+          if (turned.size() < 24 || object.category == Category::fixed) return Status::ok;
+          std::rotate(turned.begin(), turned.begin() + 8, turned.begin() + 24);  // the velocity of BouncingModel
+          return world_.set_state(object.id, turned);
+        }
+      }
+    });
+    REQUIRE(status == Status::ok);
   }
 
   std::size_t live() const { return live_.size(); }
   const std::vector<UserId>& users() const { return users_; }
 
  private:
-  struct Live {
-    ObjectId id;
-    Category category;
-    UserId user;
-  };
-
   double uniform(double low, double high) {
     return low + (high - low) * (static_cast<double>(random_() >> 11) * 0x1p-53);
   }
@@ -143,6 +167,7 @@ class Script {
   std::mt19937_64 random_;
   double side_;
   Caller caller_;
+  std::size_t layers_ = std::max<std::size_t>(1, world_.config().layers.names.size());
   std::vector<ShapeId> shapes_;
   std::vector<UserId> users_;
   std::vector<Live> live_;
@@ -160,6 +185,10 @@ inline std::uint64_t fingerprint(const World& world) {
     add(&view.id, sizeof view.id);
     add(&view.spec.pose, sizeof view.spec.pose);
     add(&view.spec.enabled, sizeof view.spec.enabled);
+    const std::uint32_t kind[] = {view.spec.shape.number(), view.spec.layer, view.spec.group};
+    add(kind, sizeof kind);
+    const std::span<const std::byte> state = world.state(view.id);
+    add(state.data(), state.size());
   }
   for (const Contact& contact : world.ended()) add(&contact, sizeof contact);
   for (const Contact& contact : world.contacts()) add(&contact, sizeof contact);

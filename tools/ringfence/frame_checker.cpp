@@ -41,7 +41,8 @@ void FrameChecker::check_frame(std::uint64_t frame) {
   check_counters();
   if (!brute_force_) return;
   for (std::size_t shape = shapes_.size(); shape < world_.shape_count(); ++shape) {
-    shapes_.add(world_.shape(ShapeId(static_cast<std::uint32_t>(shape))));
+    const ShapeId id(static_cast<std::uint32_t>(shape));
+    shapes_.add(world_.has_shape(id) ? world_.shape(id) : ShapeDescription(Sphere{1}));  // no object has a removed one
   }
   std::vector<reference::FrameObject> objects;
   for (const ObjectView& view : world_.objects()) {

@@ -76,8 +76,10 @@ void Soak::make_requests() {
       counts_.placed += world_.place(object.id, random_pose()) == Status::ok ? 1 : 0;
     }
   }
+  for (std::uint64_t n = random_() % 4; n > 0 && !live_.empty(); --n) change(live_[random_() % live_.size()]);
   change_users();
   change_nodes();
+  if (retired_shape_ || one_in(50)) remove_shape();
   if (one_in(25) || (lost_last_ && one_in(2))) add_shape();
   if (one_in(3)) make_invalid_calls();
 }
@@ -150,6 +152,45 @@ void Soak::destroy() {
 void Soak::remove_user(UserId user) {
   std::erase_if(live_, [user](const Live& object) { return object.user == user; });
   std::erase(users_, user);
+}
+
+void Soak::change(const Live& object) {
+  const std::uint64_t draw = random_();
+  const std::span<const std::byte> state = world_.state(object.id);
+  const std::size_t layers = std::max<std::size_t>(1, world_.config().layers.names.size());
+  Status status = Status::ok;
+  if (draw % 4 == 0) status = world_.set_group(object.id, static_cast<std::uint32_t>(draw / 4 % 3));
+  if (draw % 4 == 1) status = world_.set_layer(object.id, static_cast<std::uint8_t>(draw / 4 % layers));
+  if (draw % 4 == 2 && !shapes_.empty()) status = world_.set_shape(object.id, shapes_[draw / 4 % shapes_.size()]);
+  if (draw % 4 == 3 && !state.empty() && object.category != Category::fixed) {
+    status = world_.set_state(object.id, std::vector<std::byte>(state.begin(), state.end()));
+  }
+  counts_.changed += status == Status::ok ? 1 : 0;
+  counts_.failures += status == Status::ok ? 0 : 1;
+}
+
+// All objects get another shape, then the shape is removed. It is refused as long as an object has it, also one that is
+// not in the world yet.
+void Soak::remove_shape() {
+  if (!retired_shape_) {
+    const ShapeId shape = shapes_.empty() ? ShapeId() : shapes_[random_() % shapes_.size()];
+    if (std::count(shapes_.begin(), shapes_.end(), shape) == std::ssize(shapes_)) return;  // the only one
+    retired_shape_ = shape;
+    std::erase(shapes_, shape);
+  }
+  for (const Live& object : live_) {
+    const ObjectView view = world_.object(object.id);
+    if (!view.id || view.spec.shape != *retired_shape_) continue;
+    counts_.failures += world_.set_shape(object.id, shapes_[random_() % shapes_.size()]) == Status::ok ? 0 : 1;
+  }
+  const Status status = world_.remove_shape(*retired_shape_);
+  if (status == Status::shape_in_use) {
+    ++expected_[static_cast<std::size_t>(status)];
+    return;
+  }
+  counts_.failures += status == Status::ok ? 0 : 1;
+  ++counts_.shapes_removed;
+  retired_shape_.reset();
 }
 
 // Also called while lost nodes still run and read the earlier shapes.
@@ -299,10 +340,10 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   const Soak::Counts& n = soak.counts();
   fmt::print("{}\nsoak        {:.1f} minutes, {} frames, {} contacts; the slowest frame took {:.1f} ms\n", longer.title,
              minutes, frames, contacts, slowest_ms);
-  fmt::print("objects     {} spawned, {} destroyed, {} placed, {} disabled, {} enabled; {} at the end\n", n.spawned,
-             n.destroyed, n.placed, n.disabled, n.enabled, world.report().objects);
-  fmt::print("user nodes  {} connected, {} disconnected, {} late, {} inputs; {} shapes registered\n", n.connected,
-             n.disconnected, n.late, n.inputs, n.shapes);
+  fmt::print("objects     {} spawned, {} destroyed, {} placed, {} disabled, {} enabled, {} changed; {} at the end\n",
+             n.spawned, n.destroyed, n.placed, n.disabled, n.enabled, n.changed, world.report().objects);
+  fmt::print("user nodes  {} connected, {} disconnected, {} late, {} inputs; {} shapes registered, {} removed\n",
+             n.connected, n.disconnected, n.late, n.inputs, n.shapes, n.shapes_removed);
   fmt::print("CD nodes    {} resizes, {} failures injected, {} nodes lost; {} at the end\n", n.resizes, n.faults,
              n.lost, world.nodes());
   fmt::print("stopped     {} nodes released inside a stage; {} times no thread for a new node\n", n.released,

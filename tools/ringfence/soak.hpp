@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <random>
 #include <vector>
 
@@ -12,9 +13,9 @@
 namespace ringfence::tools {
 
 /// Makes random requests to a world: objects are spawned, destroyed, placed, disabled, enabled and steered; shapes are
-/// registered; users connect, disconnect and stop; CD nodes join, leave and stop between and inside stages; threads
-/// cannot be created; and invalid calls are made. Checks in every frame that each candidate is accepted exactly once
-/// and that each refusal is counted under its reason. One thread.
+/// registered and removed; objects are changed; users connect, disconnect and stop; CD nodes join, leave and stop
+/// between and inside stages; threads cannot be created; and invalid calls are made. Checks in every frame that each
+/// candidate is accepted exactly once and that each refusal is counted under its reason. One thread.
 class Soak {
  public:
   /// Precondition: `scene` is loaded into `world`, and one frame has run. Both must outlive the soak.
@@ -26,8 +27,8 @@ class Soak {
   bool check_report(const FrameReport& report);
 
   struct Counts {
-    std::uint64_t spawned = 0, destroyed = 0, placed = 0, disabled = 0, enabled = 0;
-    std::uint64_t connected = 0, disconnected = 0, late = 0, inputs = 0, shapes = 0;
+    std::uint64_t spawned = 0, destroyed = 0, placed = 0, disabled = 0, enabled = 0, changed = 0;
+    std::uint64_t connected = 0, disconnected = 0, late = 0, inputs = 0, shapes = 0, shapes_removed = 0;
     std::uint64_t resizes = 0, faults = 0, lost = 0, released = 0, without_thread = 0, refused = 0;
     std::uint64_t failures = 0;  ///< frames and calls in which a check failed
   };
@@ -50,6 +51,8 @@ class Soak {
   void resize();
   void stop_node();
   void stop_user();
+  void change(const Live& object);
+  void remove_shape();
   void add_shape();
   void remove_user(UserId user);
   void inject(const Fault& fault);
@@ -61,8 +64,9 @@ class Soak {
   std::mt19937_64 random_;
   std::vector<Live> live_;
   std::vector<UserId> users_;
-  std::vector<ShapeId> shapes_;  ///< of the scene's movable objects
-  ObjectId destroyed_id_;        ///< of a destroyed object; invalid if there is none yet
+  std::vector<ShapeId> shapes_;           ///< of the scene's movable objects
+  std::optional<ShapeId> retired_shape_;  ///< to be removed
+  ObjectId destroyed_id_;                 ///< of a destroyed object; invalid if there is none yet
   std::array<std::uint64_t, status_count> expected_{};
   bool lost_last_ = false;               ///< a node was lost in the last frame
   bool thread_failure_pending_ = false;  ///< an injected failure to create a thread has not occurred yet

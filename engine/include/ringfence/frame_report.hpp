@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "ringfence/ids.hpp"
@@ -61,6 +62,15 @@ struct TrafficReport {
   std::uint64_t bytes = 0;
 };
 
+/// An object for which the motion model threw, in `move` or `start`, and what it threw.
+struct ModelFailure {
+  ObjectId object;
+  /// std::exception::what(), at most max_model_failure_text bytes; another text if it threw anything else.
+  std::string text;
+};
+inline constexpr std::size_t max_model_failures = 16;  ///< in one report
+inline constexpr std::size_t max_model_failure_text = 200;
+
 /// Results and cost of one frame. Times in milliseconds; wall time unless the name contains `cpu`.
 struct FrameReport {
   std::uint64_t frame = 0;                     ///< number of the frame, from 0
@@ -91,6 +101,8 @@ struct FrameReport {
   PathReport path;
   /// Ids of the CD nodes lost in this frame. Other nodes did their work.
   std::vector<NodeId> lost;
+  /// Why Status::model_failed was counted: of the first max_model_failures objects in order of number.
+  std::vector<ModelFailure> model_failures;
   std::vector<UserId> late;  ///< user nodes that missed a deadline; they are disconnected at the next cut
   /// The CD nodes of this frame. A node keeps its id and its place in the order as long as it exists; an id is never
   /// used again. The first nodes have the ids 0, 1 and so on, in order; a later node may stand where a node was that is

@@ -30,8 +30,9 @@ enum class Status : std::uint8_t {
   no_thread,      ///< the system cannot create the thread of a CD node: the number of CD nodes stays the same
   /// `collide` and `distance` only: a support function threw, or returned an invalid point.
   support_failed,
+  shape_in_use,  ///< remove_shape: an object has the shape, or a request for the next frame names it
 };
-inline constexpr std::size_t status_count = 20;
+inline constexpr std::size_t status_count = 21;
 
 /// Name of a status in reports: "ok", "stale_object", ...
 constexpr const char* name_of(Status status) noexcept {
@@ -54,7 +55,8 @@ constexpr const char* name_of(Status status) noexcept {
                                    "over_quota",
                                    "out_of_memory",
                                    "no_thread",
-                                   "support_failed"};
+                                   "support_failed",
+                                   "shape_in_use"};
   return names[static_cast<std::size_t>(status)];
 }
 

@@ -77,6 +77,11 @@ class World {
   /// Registers a shape for use by any number of objects. Throws Error with the reason. Not allowed while a frame is
   /// running.
   ShapeId add_shape(const ShapeDescription& description);
+  /// Removes a shape and frees its memory, at the latest when the threads of lost CD nodes have ended. Its number is
+  /// not used again. Refused: unknown_shape if it is not registered or was removed; shape_in_use while an object has it
+  /// or a request for the next frame names it (a destroyed object has it until the frame that ends it is complete);
+  /// out_of_order while a frame is running.
+  Status remove_shape(ShapeId shape);
 
   /// Connects a user node from the next frame on. With `user` no_user the lowest free number is assigned.
   Connected connect(UserId user = no_user);
@@ -107,6 +112,19 @@ class World {
   /// by no user node, and keeps its pose and its model's state; its contacts end in that frame. `place` and `move`
   /// enable it too. Calls of World::move that precede a call with false do not count.
   Status set_enabled(ObjectId object, bool enabled);
+
+  // Changes of an object, static ones too, at the next cut. They apply in the order of the calls. Contacts that the new
+  // value does not allow end in that frame; those that it allows begin, and all others persist.
+  /// Changes ObjectSpec::group.
+  Status set_group(ObjectId object, std::uint32_t group);
+  /// Changes ObjectSpec::layer. Refused with unknown_layer if it is not in WorldConfig::layers.
+  Status set_layer(ObjectId object, std::uint8_t layer);
+  /// Changes ObjectSpec::shape; pose and model state stay. Refused with unknown_shape if it is not registered.
+  Status set_shape(ObjectId object, ShapeId shape);
+  /// Replaces the motion model's state of an object: the model receives it in the next frame as part of S(k-1). `bytes`
+  /// are copied. Refused: bad_message unless they are exactly MotionModel::state_bytes() (0 without a model);
+  /// bad_category for a static object, which no model moves.
+  Status set_state(ObjectId object, std::span<const std::byte> bytes);
 
   /// Changes the number of CD nodes. New nodes join in the next frame; at its end regions and hosted objects are handed
   /// over, and the nodes that leave are removed. No frame is lost and no contact changes. The last call before a frame
@@ -157,13 +175,19 @@ class World {
   /// The object as it stood after the last frame; `id` is null if the id is stale, the object not yet in the world, or
   /// a frame is running.
   ObjectView object(ObjectId object) const noexcept;
+  /// The motion model's state of the object after the last frame: MotionModel::state_bytes() bytes, valid until the
+  /// next begin_frame. Empty where object() returns a null id, and without a model.
+  std::span<const std::byte> state(ObjectId object) const noexcept;
   /// All objects of the world, in order of number; empty while a frame is running. Copies, meant for checks, saves and
   /// debugging.
   std::vector<ObjectView> objects() const;
   /// Id of the live object with that number; null if there is none.
   ObjectId find(ObjectNumber number) const noexcept;
-  /// The description of a registered shape. Precondition: shape < shape_count().
+  /// The description of a registered shape. Precondition: has_shape(shape). Valid until the shape is removed.
   const ShapeDescription& shape(ShapeId shape) const noexcept;
+  /// Whether the shape was registered and not removed.
+  bool has_shape(ShapeId shape) const noexcept;
+  /// Number of shapes that were registered, removed ones too: one more than the number of the last.
   std::size_t shape_count() const noexcept;
 
   /// Results and cost of the last frame.

@@ -192,6 +192,9 @@ void CdNodeRole::receive_from_peer(const MessageView& message) {
 
 void CdNodeRole::receive(const MessageView& message) {
   switch (message.type()) {
+    case MessageType::adopt:
+      halo_.renew_filters(message);
+      return state_.host.adopt(message);
     case MessageType::frame_begin:
       return begin(message.header().frame);
     case MessageType::position_update:

@@ -187,7 +187,17 @@ void HaloExchange::apply_position(const messages::PositionRecord& record, bool g
   const auto filter = [&] {
     return PairFilter::of(record.layer, (record.object.flags & messages::flag_fixed) != 0, record.group);
   };
-  state_.objects.set(record, record.bounds, filter, next, inner);
+  state_.objects.set_filter(state_.objects.set(record, record.bounds, filter, next, inner), filter());
+}
+
+void HaloExchange::renew_filters(const messages::MessageView& adoptions) {
+  for (std::size_t i = 0; i < adoptions.count(); ++i) {
+    const auto record = adoptions.record<messages::HandOverRecord>(i);
+    const std::uint32_t known = state_.objects.find(record.object.slot);
+    if (known != RegionObjects::none && state_.objects.numbers()[known] == record.object.number) {
+      state_.objects.set_filter(known, PairFilter::of(record.layer, false, record.group));  // hosted: not static
+    }
+  }
 }
 
 // If flag_keeps_host is set, the sender of the update hosts the object in the next frame too. The sender has the same

@@ -61,6 +61,9 @@ class HaloExchange {
   void receive(const messages::MessageView& message);
   /// All positions of the frame arrive again, from the server: forgets the updates to be sent and received.
   void discard() noexcept;
+  /// Before the node adopts objects again that have changed at the cut: their layers and groups apply from now on. The
+  /// other nodes receive the positions of such objects from the server.
+  void renew_filters(const messages::MessageView& adoptions);
   /// Applies a `position_update` message of the server.
   void receive_positions(const messages::MessageView& message);
   /// Adds a `region_map` message. After its last part, every object of the region arrives again.

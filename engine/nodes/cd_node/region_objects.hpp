@@ -57,7 +57,7 @@ class RegionObjects {
   /// Adds an object or replaces its values, and returns its index. `values`: a Hosted or a PositionRecord. `inner`: the
   /// bounds touch only this node's region. `was`: expected index, as in find(). `hosted`: the object's index in the
   /// node's Host, if it is hosted there.
-  /// `filter()` returns the object's PairFilter; it is called only for an object that is new here.
+  /// `filter()` returns the object's PairFilter; it is called only for an object that is new here: see set_filter().
   template <class Values, class Filter>
   std::uint32_t set(const Values& values, const geometry::Bounds& bounds, const Filter& filter, NextHost next,
                     bool inner, std::uint32_t was = none, std::uint32_t hosted = none) {
@@ -79,6 +79,8 @@ class RegionObjects {
     }
     return i;
   }
+  /// Replaces the PairFilter of the object with that index.
+  void set_filter(std::uint32_t i, PairFilter filter);
   /// Prefetches what find() reads for that slot.
   void prefetch_index(std::uint32_t slot) const noexcept {
     if (slot < index_.size()) {
@@ -135,7 +137,6 @@ class RegionObjects {
 
  private:
   std::uint32_t add(std::uint32_t slot);
-  void set_filter(std::uint32_t i, PairFilter filter);
 
   bool sweeps_;
   std::vector<std::uint32_t> index_;  ///< by slot

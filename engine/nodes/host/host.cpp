@@ -50,6 +50,7 @@ void Host::begin_move(std::uint64_t frame) {
   next_moved_ = 0;
   changed_.clear();
   refusals_ = {};
+  failures_.clear();
   list_all_ = std::exchange(list_all_next_, false);
   if (uses_contacts_ && !hosted_.empty()) {
     contacts_.begin_move(frame, *this);
@@ -165,6 +166,10 @@ bool Host::call_model(std::size_t first, std::size_t count) {
   try {
     model_->move(frame_, std::span<const MotionInput>(inputs_, count), std::span<MotionOutput>(outputs_, count));
   } catch (...) {
+    if (count == 1) {
+      const messages::ObjectRef& object = hosted_[first].object;
+      failures_.add_current(ObjectId::of(object.number, object.generation));
+    }
     return false;
   }
   return true;

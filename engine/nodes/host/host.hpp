@@ -11,6 +11,7 @@
 #include "nodes/host/frame_inputs.hpp"
 #include "nodes/host/host_contacts.hpp"
 #include "nodes/host/hosted_objects.hpp"
+#include "nodes/host/model_failures.hpp"
 #include "ringfence/motion_model.hpp"
 #include "ringfence/status.hpp"
 
@@ -59,6 +60,10 @@ class Host : public HostedObjects {
   /// Parallel to changed(), one byte each: whether the object differs.
   std::span<const std::uint8_t> differs() const noexcept { return differs_.span(); }
   const HostRefusals& refusals() const noexcept { return refusals_; }
+  /// The frame of the last move.
+  std::uint64_t frame() const noexcept { return frame_; }
+  /// Why the model threw in the last move.
+  const ModelFailures& failures() const noexcept { return failures_; }
 
  private:
   void end_move() noexcept;
@@ -90,6 +95,7 @@ class Host : public HostedObjects {
   std::uint64_t frame_ = 0;     ///< frame being moved
   std::size_t next_moved_ = 0;  ///< first object of the next move_next()
   HostRefusals refusals_;
+  ModelFailures failures_;
   MotionInput inputs_[batch];
   MotionOutput outputs_[batch];
   std::vector<std::byte> scratch_;

@@ -83,6 +83,10 @@ void Cut::apply(const Request& request) {
     case Request::Kind::destroy:
     case Request::Kind::place:
     case Request::Kind::set_enabled:
+    case Request::Kind::set_group:
+    case Request::Kind::set_layer:
+    case Request::Kind::set_shape:
+    case Request::Kind::set_state:
       break;
   }
   const std::uint32_t slot = state_.objects.find(request.object.number());
@@ -93,8 +97,10 @@ void Cut::apply(const Request& request) {
     end_object(slot);
   } else if (request.kind == Request::Kind::place) {
     place(slot, request.spec.pose, true);
-  } else {
+  } else if (request.kind == Request::Kind::set_enabled) {
     place(slot, states_.pose(slot), request.spec.enabled);
+  } else {
+    change(slot, request);
   }
 }
 
@@ -150,6 +156,7 @@ void Cut::spawn(const Request& request) {
     state_.setup.model->start(request.spec, state_.objects.state(slot));
   } catch (...) {
     std::fill_n(state_.objects.state(slot), state_.objects.state_bytes(), std::byte{0});
+    state_.model_failures.add_current(request.object);
     state_.refuse(Status::model_failed);
   }
 }
@@ -185,6 +192,43 @@ void Cut::assign_hosts() {
   for (const HostChange& change : hosting_.settle(state_.objects, state_.map, state_.connected, users_changed_)) {
     rehost(change);
   }
+  list_changed();
+}
+
+void Cut::change(std::uint32_t slot, const Request& request) {
+  states_.end_host_owned(slot);
+  ObjectTable& objects = state_.objects;
+  if (request.kind == Request::Kind::set_group) {
+    objects.set_group(slot, request.spec.group);
+  } else if (request.kind == Request::Kind::set_layer) {
+    objects.set_layer(slot, request.spec.layer);
+  } else if (request.kind == Request::Kind::set_shape) {
+    objects.set_shape(slot, request.spec.shape.number());
+  } else {
+    std::copy_n(state_.setup.order->states.data() + request.state, state_.setup.model->state_bytes(),
+                objects.state(slot));
+  }
+  objects.mark_moved(slot);
+  changed_slots_.push_back(slot);
+}
+
+// The host of a changed object adopts it again, and the other nodes receive it as after a placement.
+void Cut::list_changed() {
+  std::sort(changed_slots_.begin(), changed_slots_.end());
+  changed_slots_.erase(std::unique(changed_slots_.begin(), changed_slots_.end()), changed_slots_.end());
+  for (const std::uint32_t slot : changed_slots_) {
+    if (!state_.objects.alive(slot)) {
+      continue;
+    }
+    states_.set_bounds(slot);
+    const Endpoint host = state_.objects.host(slot);
+    if (PeerSession* const session = state_.session_of(host)) {
+      session->opening.adoptions.push_back(slot);
+    } else if (host.is_server()) {
+      state_.host.adopt(state_.objects.hand_over(slot), state_.objects.state(slot));
+    }
+  }
+  changed_slots_.clear();
 }
 
 void Cut::rehost(const HostChange& change) {

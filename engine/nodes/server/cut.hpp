@@ -46,6 +46,8 @@ class Cut {
   void place(std::uint32_t slot, const Pose& pose, bool present);
   void add_node(const Request& request);
   void set_slots(std::size_t slots);
+  void change(std::uint32_t slot, const Request& request);
+  void list_changed();
   void rehost(const HostChange& change);
   void start(PeerSession& session);
 
@@ -55,6 +57,7 @@ class Cut {
   Dispatch& dispatch_;
   Hosting hosting_;
   std::vector<PositionedSpawn> spawn_order_;  ///< scratch
+  std::vector<std::uint32_t> changed_slots_;  ///< at this cut, by set_group and the like
   bool users_changed_ = false;                ///< users came or left at this cut
 };
 

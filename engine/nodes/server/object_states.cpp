@@ -19,6 +19,11 @@ const Host* ObjectStates::owner(std::uint32_t slot) const noexcept {
   return host_owned ? SharedNodes::host_of(state_.nodes[state_.objects.host(slot).number()]) : nullptr;
 }
 
+const std::byte* ObjectStates::state(std::uint32_t slot) const noexcept {
+  const Host* const host = owner(slot);
+  return host == nullptr ? state_.objects.state(slot) : host->state(host->find(state_.objects.row(slot).object.number));
+}
+
 void ObjectStates::set_bounds(std::uint32_t slot) noexcept {
   const ObjectRow& row = state_.objects.row(slot);
   state_.objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
@@ -56,6 +61,7 @@ void ObjectStates::apply_moves(Host& host) {
     std::copy_n(host.state(changed[i]), objects.state_bytes(), objects.state(slot));
     objects.mark_moved(slot);
   }
+  state_.model_failures.add(host.failures().span());
   const HostRefusals& refusals = host.refusals();
   auto& refused = state_.report().refused;
   refused[static_cast<std::size_t>(Status::model_failed)] += refusals.model_failed;

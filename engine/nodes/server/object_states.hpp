@@ -20,6 +20,8 @@ class ObjectStates {
 
   /// Pose of the live object in that slot after the last frame, wherever it is stored. Between frames.
   const Pose& pose(std::uint32_t slot) const noexcept;
+  /// The model's state of the same object.
+  const std::byte* state(std::uint32_t slot) const noexcept;
   /// Sets the bounds of an object from its pose in the table.
   void set_bounds(std::uint32_t slot) noexcept;
   /// Between frames: from now on the server sends updates of the object. If its host goes on, the place message clears

@@ -66,12 +66,9 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   row.object = {slot, id.generation(), id.number(), spec.enabled ? messages::flag_present : 0u};
   row.pose = spec.pose;
   row.shape = spec.shape.number();
-  row.layer = spec.layer;
-  layers_[slot] = static_cast<std::uint8_t>(
-      spec.layer | (spec.category == Category::fixed ? broad_phase::fixed_object : std::uint8_t{0}));
-  groups_[slot] = spec.group;
-  has_groups_ |= spec.group != 0;
   row.category = static_cast<std::uint16_t>(spec.category);
+  set_layer(slot, spec.layer);
+  set_group(slot, spec.group);
   origins_[slot] = {spec.user_data, spec.user.number()};
   numbers_[slot] = id.number();
   marks_[slot] = alive_mark;
@@ -79,6 +76,18 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   index_.set(id.number(), slot);
   mark_moved(slot);
   return slot;
+}
+
+void ObjectTable::set_group(std::uint32_t slot, std::uint32_t group) noexcept {
+  groups_[slot] = group;
+  has_groups_ |= group != 0;
+}
+
+void ObjectTable::set_layer(std::uint32_t slot, std::uint8_t layer) noexcept {
+  ObjectRow& row = rows_[slot];
+  row.layer = layer;
+  const bool fixed = row.category == static_cast<std::uint16_t>(Category::fixed);
+  layers_[slot] = static_cast<std::uint8_t>(layer | (fixed ? broad_phase::fixed_object : std::uint8_t{0}));
 }
 
 void ObjectTable::end(std::uint32_t slot) {

@@ -99,6 +99,7 @@ class ObjectTable {
     return has_groups_ ? std::span<const std::uint32_t>(groups_) : std::span<const std::uint32_t>();
   }
   std::byte* state(std::uint32_t slot) noexcept { return states_.data() + slot * state_bytes_; }
+  const std::byte* state(std::uint32_t slot) const noexcept { return states_.data() + slot * state_bytes_; }
   std::size_t state_bytes() const noexcept { return state_bytes_; }
   /// The hand-over record for a new host, without the model's state.
   messages::HandOverRecord hand_over(std::uint32_t slot) const noexcept;
@@ -148,6 +149,10 @@ class ObjectTable {
 
   /// Adds an object and returns its slot; its model state is zero, its bounds are not set.
   std::uint32_t add(ObjectId id, const ObjectSpec& spec);
+  /// Change an object from this frame on. Its bounds are not set.
+  void set_group(std::uint32_t slot, std::uint32_t group) noexcept;
+  void set_layer(std::uint32_t slot, std::uint8_t layer) noexcept;
+  void set_shape(std::uint32_t slot, ShapeNumber shape) noexcept { rows_[slot].shape = shape; }
   /// Ends an object; its slot keeps its row until the next settle().
   void end(std::uint32_t slot);
   /// Ends the frame's bookkeeping: moved() becomes empty, and slots that ended before this frame may be reused.

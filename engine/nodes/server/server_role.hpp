@@ -54,6 +54,10 @@ class ServerRole {
   const ObjectTable& objects() const noexcept { return state_.objects; }
   /// Pose of the live object in that slot after the last frame.
   const Pose& pose(std::uint32_t slot) const noexcept { return states_.pose(slot); }
+  /// The model's state of the same: ObjectTable::state_bytes() bytes, valid until the next frame.
+  const std::byte* state(std::uint32_t slot) const noexcept { return states_.state(slot); }
+  /// Why the model threw in the last frame, for objects that were spawned or that the server moved.
+  const ModelFailures& model_failures() const noexcept { return state_.model_failures; }
   // For the last frame; unchanged while the next one is running.
   const ContactLedger& ledger() const noexcept { return state_.ledger; }
   /// Whether all nodes of the last frame were lost because the thread of one had stopped inside a read gate.

@@ -21,6 +21,7 @@ namespace ringfence::nodes {
 /// Control of the server's frames by the facade: starts a frame and learns of its completion. One frame at a time.
 struct FrameOrder {
   std::vector<Request> requests;          ///< for the cut; read by the server while the frame is running
+  std::vector<std::byte> states;          ///< of their set_state requests, one after the other
   std::atomic<std::uint64_t> ordered{0};  ///< number of frames ordered; a release store publishes `requests`
   std::atomic<std::uint64_t> completed{0};
   // The last CD node is lost and its work is not done: the server asks the facade for a fallback node in the same slot.

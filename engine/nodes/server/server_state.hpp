@@ -80,9 +80,10 @@ struct ServerState {
   std::vector<std::uint32_t> host_changes;
   FrameStage stage = FrameStage::waiting;
   std::uint64_t frame = 0;
-  std::uint64_t begin_ns = 0;   ///< start of the frame
-  std::uint64_t notify_ns = 0;  ///< start of the notification of hosts
-  FrameReport reports[2];       ///< by parity of the frame
+  std::uint64_t begin_ns = 0;    ///< start of the frame
+  std::uint64_t notify_ns = 0;   ///< start of the notification of hosts
+  FrameReport reports[2];        ///< by parity of the frame
+  ModelFailures model_failures;  ///< of the frame, for objects that were spawned or that the server moved
 
   // Both call `done` for every connected peer of a kind that is not lost, also after one has returned false. They
   // return whether all returned true.

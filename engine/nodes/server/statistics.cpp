@@ -21,6 +21,7 @@ void Statistics::begin() {
   frame.nodes = std::move(nodes);
   frame.kinds = std::move(kinds);
   frame.frame = state_.frame;
+  state_.model_failures.clear();
 }
 
 void Statistics::list_nodes() {
