@@ -12,6 +12,7 @@
 #include "mesh_file.hpp"
 #include "motion_setup.hpp"
 #include "node_processes.hpp"
+#include "picture/picture_file.hpp"
 #include "profile.hpp"
 #include "progress.hpp"
 #include "recording.hpp"
@@ -135,6 +136,8 @@ int run_job(const Job& job) {
   FrameOutputs outputs(job.output);
   std::optional<OutputFile> json;
   if (!job.output.json.empty()) json.emplace(job.output.json);
+  std::optional<PictureFile> picture;
+  if (!job.output.picture.empty()) picture.emplace(job.output.picture, job.output.picture_colors);
   WorldConfig config = world_config(job);
   std::optional<NodeProcesses> node_processes;
   if (job.service.link.kind == LinkKind::dds) {
@@ -171,6 +174,7 @@ int run_job(const Job& job) {
   if (node_processes) figures.cluster = node_processes->report();
   recording.finish();
   outputs.finish();
+  if (picture) picture->write(world);
   if (json) {
     write_json_report(*json, job, figures, resize_schedule, checker);
     json->close();

@@ -13,6 +13,7 @@
 
 #include "exit_code.hpp"
 #include "option_checks.hpp"
+#include "picture/picture_file.hpp"
 #include "scale_options.hpp"
 
 namespace ringfence::tools {
@@ -48,6 +49,11 @@ std::string check_ring_bytes(std::string& text) {
   return right ? std::string() : fmt::format("found {}; expected 0 or a power of two from 4096 to 1073741824", text);
 }
 
+std::string check_picture(std::string& path) {
+  return PictureFile::is_supported(path) ? std::string()
+                                         : fmt::format("found {}; expected a name that ends in .svg or .png", path);
+}
+
 }  // namespace
 
 CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service for multiplayer worlds", "ringfence") {
@@ -67,7 +73,8 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
                  "instead of --frames: make random requests and faults for this time, and check every frame")
       ->check(between(0.001, 100'000.0))
       ->type_name("MINUTES")
-      ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail", "--status", "--link");
+      ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail", "--status", "--picture",
+                 "--link");
 
   CLI::App& replay = *app_.add_subcommand("replay", "run a recorded world");
   replay.add_option("--scene", command_line_.replay.scene, "scene file, JSON")->required()->type_name("FILE");
@@ -279,6 +286,12 @@ void CommandLineParser::add_output(CLI::App& command, OutputOptions& output) {
       ->type_name("FILE");
   command.add_option("--trace", output.trace, "write a timeline in Chrome trace format, for Perfetto")
       ->type_name("FILE");
+  command.add_option("--picture", output.picture, "draw the last frame from above; the name ends in .svg or .png")
+      ->check(CLI::Validator(check_picture, ""))
+      ->type_name("FILE");
+  add_choice(command, "--picture-colors", output.picture_colors,
+             {PictureColors::automatic, PictureColors::light, PictureColors::dark},
+             "colours of the picture; auto: those that the reader prefers, in PNG light");
   command.add_flag("--quiet", output.quiet, "show no progress line");
 }
 

@@ -8,6 +8,7 @@
 
 #include "faults.hpp"
 #include "link_options.hpp"
+#include "picture/palette.hpp"
 #include "resize.hpp"
 #include "ringfence/config.hpp"
 #include "worlds/paper_world.hpp"
@@ -47,6 +48,8 @@ struct OutputOptions {
   std::string json;
   std::string frames_csv;
   std::string trace;
+  std::string picture;
+  PictureColors picture_colors = PictureColors::automatic;
   bool quiet = false;
   std::string status;  ///< rewritten once a second
 };
