@@ -53,11 +53,15 @@ install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}
 if(TARGET ringfence_program)
   add_dependencies(installed ringfence_program)
   install(TARGETS ringfence_program RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT program)
-  # The build of the program generates both from its help.
-  install(FILES ${PROJECT_BINARY_DIR}/tools/ringfence.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1
-    COMPONENT program OPTIONAL)
-  install(FILES ${PROJECT_BINARY_DIR}/tools/ringfence.bash RENAME ringfence
-    DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT program OPTIONAL)
+  # The target ringfence_help generates both from the help of the program.
+  if(TARGET ringfence_help)
+    add_dependencies(installed ringfence_help)
+    get_property(man_page GLOBAL PROPERTY ringfence_man_page)
+    get_property(bash_completion GLOBAL PROPERTY ringfence_bash_completion)
+    install(FILES ${man_page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 RENAME ringfence.1 COMPONENT program)
+    install(FILES ${bash_completion} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
+      RENAME ringfence COMPONENT program)
+  endif()
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/data/air DESTINATION ${CMAKE_INSTALL_DATADIR}/ringfence
     COMPONENT program)
   install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/ringfence

@@ -11,8 +11,8 @@ bool PictureFile::is_supported(const std::string& path) { return path.ends_with(
 PictureFile::PictureFile(const std::string& path, PictureColors colors)
     : file_(path), colors_(colors), png_(path.ends_with(".png")) {}
 
-void PictureFile::write(const World& world) {
-  const Drawing drawing = draw_world(world);
+void PictureFile::write(const World& world, const std::string& contact) {
+  const Drawing drawing = draw_world(world, contact);
   file_.write(png_ ? to_png(drawing, colors_) : to_svg(drawing, colors_));
   file_.close();
 }

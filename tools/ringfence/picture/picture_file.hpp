@@ -18,8 +18,9 @@ class PictureFile {
   /// Precondition: is_supported(path).
   PictureFile(const std::string& path, PictureColors colors);
 
-  /// Draws the world and closes the file. Throws IncompleteError if that fails.
-  void write(const World& world);
+  /// Draws the world and closes the file. `contact` is what the legend calls the mark of a contact. Throws
+  /// IncompleteError if that fails.
+  void write(const World& world, const std::string& contact = "contact point");
 
  private:
   OutputFile file_;
