@@ -117,6 +117,7 @@ Json config_of(const Job& job, const Figures& figures) {
                  {"link", name_of(job.service.link.kind)},
                  {"lease_ms", job.service.link.network.lease_ms},
                  {"warmup", job.frames.warmup},
+                 {"frames", job.frames.frames},
                  {"objects", job.scene.objects.size()}};
   if (const worlds::PaperWorldOptions* world = job.world) {
     config["shapes"] = name_of(world->shapes);
@@ -251,6 +252,7 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
   report["config"] = config_of(job, figures);
   report["machine"] = machine_json();
   report["frames"] = figures.frames();
+  report["ended_by"] = figures.ended_by ? Json(figures.ended_by) : Json(nullptr);
   report["digest"] = fmt::format("{:016x}", figures.digest());
   report["frame_ms"] = {{"mean", frame.mean}, {"p50", frame.p50}, {"p99", frame.p99}, {"max", frame.max}};
   for (std::size_t i = 0; i < stage_count; ++i) {
@@ -346,18 +348,24 @@ Json cluster_json(const dds::ClusterReport& cluster) {
 
 Json machine_json() {
   const Machine machine = this_machine();
-  return {{"cpu", machine.cpu},
-          {"cores", machine.cores},
-          {"system", machine.system},
-          {"compiler", machine.compiler},
-          {"build", machine.build}};
+  return {{"cpu", machine.cpu},       {"cores", machine.cores},       {"usable_cores", machine.usable_cores},
+          {"system", machine.system}, {"compiler", machine.compiler}, {"build", machine.build}};
+}
+
+std::string counted_frames(const Job& job, const Figures& figures) {
+  if (figures.ended_by == nullptr) {
+    return fmt::format("{} frames counted after {} of warm-up", figures.frames(), job.frames.warmup);
+  }
+  if (figures.frames() == 0) return fmt::format("no frame counted: ended by {} before the first", figures.ended_by);
+  return fmt::format("{} of {} frames counted after {} of warm-up: ended by {}", figures.frames(), job.frames.frames,
+                     job.frames.warmup, figures.ended_by);
 }
 
 void print_report(std::FILE* out, const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
                   const FrameChecker& checker) {
   const Spread frame = figures.frame_ms();
   fmt::print(out, "{}\n{}\n", job.title, service_of(job.service, figures));
-  fmt::print(out, "{} frames counted after {} of warm-up\n\n", figures.frames(), job.frames.warmup);
+  fmt::print(out, "{}\n\n", counted_frames(job, figures));
   fmt::print(out, "frame       mean {:.3f} ms   p50 {:.3f}   p99 {:.3f}   max {:.3f}\n", frame.mean, frame.p50,
              frame.p99, frame.max);
   print_stages(out, figures, frame.mean);

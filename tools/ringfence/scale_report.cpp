@@ -190,6 +190,10 @@ void print_scale(std::FILE* out, const ScaleOptions& options, const ScaleResult&
   print_head(out, options, result);
   print_rows(out, result.rows);
   for (const ClusterResult& cluster : result.clusters) print_cluster(out, cluster);
+  if (result.ended_by != nullptr) {
+    fmt::print(out, "ended by {}: the table has the runs that were complete, without models and plots\n",
+               result.ended_by);
+  }
 }
 
 void write_scale_json(OutputFile& out, const ScaleOptions& options, const ScaleResult& result) {
@@ -204,6 +208,7 @@ void write_scale_json(OutputFile& out, const ScaleOptions& options, const ScaleR
                     {"frames", base.frames.frames},
                     {"warmup", base.frames.warmup}};
   json["machine"] = machine_json();
+  json["ended_by"] = result.ended_by ? Json(result.ended_by) : Json(nullptr);
   json["empty_frame_messages_ms"] = result.hops_ms;
   json["runs"] = Json::array();
   for (const ScaleRow& row : result.rows) json["runs"].push_back(row_json(row));
