@@ -101,6 +101,11 @@ void print_check(std::FILE* out, const FrameChecker& checker) {
   }
 }
 
+/// What the report calls contacts: the label of the scene, if it has one.
+std::string contact_label(const Job& job) {
+  return job.scene.contact_label.empty() ? "contacts" : job.scene.contact_label;
+}
+
 Json config_of(const Job& job, const Figures& figures) {
   Json config = {{"deployment", name_of(job.service.deployment)},
                  {"broad_phase", name_of(figures.placement)},
@@ -179,14 +184,14 @@ Json losses_of(const Figures& figures) {
   return losses;
 }
 
-void print_resizes(std::FILE* out, const ResizeSchedule& resize_schedule) {
+void print_resizes(std::FILE* out, const Job& job, const ResizeSchedule& resize_schedule) {
   for (const ResizeFigures& resize : resize_schedule.figures()) {
     fmt::print(
         out,
         "resize      frame {}: {} to {} nodes, {} objects handed over; frame {:.3f} ms, next {:.3f}, before {:.3f}, "
-        "after {:.3f}; contacts {:.0f}, next {:.0f}, before {:.1f}\n",
+        "after {:.3f}; {} {:.0f}, next {:.0f}, before {:.1f}\n",
         resize.frame, resize.from, resize.to, resize.handed_over, resize.frame_ms.at, resize.frame_ms.next,
-        resize.frame_ms.before, resize.frame_ms.after, resize.contacts.at, resize.contacts.next,
+        resize.frame_ms.before, resize.frame_ms.after, contact_label(job), resize.contacts.at, resize.contacts.next,
         resize.contacts.before);
   }
 }
@@ -260,7 +265,8 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
   }
   report["pairs"] = {{"candidate", figures.candidates}, {"tested", figures.tested}, {"accepted", figures.accepted}};
   report["failed_supports"] = figures.failed_supports;
-  report["contacts"] = {{"total", figures.contacts},
+  report["contacts"] = {{"label", contact_label(job)},
+                        {"total", figures.contacts},
                         {"mean", figures.mean(static_cast<double>(figures.contacts))},
                         {"began", figures.began},
                         {"ended", figures.ended}};
@@ -372,13 +378,13 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   fmt::print(out, "pairs       {:.1f} candidates per frame, {:.1f} tested; {} in total\n",
              figures.mean(static_cast<double>(figures.candidates)), figures.mean(static_cast<double>(figures.tested)),
              figures.tested);
-  fmt::print(out, "contacts    {:.1f} per frame, {} in total\n", figures.mean(static_cast<double>(figures.contacts)),
-             figures.contacts);
+  fmt::print(out, "{:<11} {:.1f} per frame, {} in total\n", contact_label(job),
+             figures.mean(static_cast<double>(figures.contacts)), figures.contacts);
   fmt::print(out, "moved       {:.1f} objects per frame, {:.2f} handed over\n",
              figures.mean(static_cast<double>(figures.moved)), figures.mean(static_cast<double>(figures.handed_over)));
   print_nodes(out, figures);
   print_imbalance(out, figures);
-  print_resizes(out, resize_schedule);
+  print_resizes(out, job, resize_schedule);
   print_losses(out, figures);
   if (figures.cluster) print_cluster(out, *figures.cluster);
   print_traffic(out, figures);
