@@ -91,7 +91,7 @@ void add_service(CLI::App& command, ServiceOptions& service) {
              "which nodes host objects other than avatars");
   command.add_option("--nodes", service.nodes, "number of CD nodes; 0: everything runs in one thread")
       ->check(between(0u, 1024u))
-      ->capture_default_str()
+      ->default_str("usable cores less 1, at least 1")
       ->type_name("N");
   add_choice(command, "--broad-phase", service.placement, {Placement::server, Placement::region, Placement::automatic},
              "where the broad phase runs");
