@@ -14,8 +14,8 @@
 
 namespace ringfence::test {
 
-/// A run of the program that the test can signal. Standard output is a pipe, so that the program waits where nobody
-/// reads it; standard error goes to a file.
+/// A run of the program that the test can signal. Standard output is a pipe, so that the program waits until the
+/// test reads it; standard error goes to a file.
 class RunningProgram {
  public:
   RunningProgram(std::vector<std::string> arguments, const std::string& error_file) {

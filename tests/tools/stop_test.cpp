@@ -104,7 +104,7 @@ TEST_CASE("the second signal ends a run at once") {
   REQUIRE(!run.read_some().empty());
   run.signal(SIGTERM);
   run.signal(SIGINT);
-  // The run cannot end by itself, because nobody reads its output.
+  // The run cannot end by itself, because its output is not read.
   const int code = run.wait();
   CHECK((code == -SIGTERM || code == -SIGINT));
 }
