@@ -1,5 +1,5 @@
-// Checks that a program can link the library for CD nodes in other processes: the World's side joins a DDS domain of this
-// machine.
+// Checks that a program can link the library for CD nodes in other processes: the World's side joins a DDS domain of
+// this machine.
 
 #include <cstdio>
 
