@@ -8,6 +8,7 @@
 
 #include "broad_phase/box_worlds.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
+#include "item_reporter.hpp"
 
 // Benchmarks broad/<world>/<n>/<impl>: all pairs of a frame, one thread. Before the timing, the pairs of every peer are
 // compared with ours in each frame of the world, by their number and by a hash that does not depend on the order.
@@ -126,6 +127,5 @@ int main(int argc, char** argv) {
           run(state, world, boxes, implementation);
         })->Unit(benchmark::kMillisecond);
       }
-  benchmark::RunSpecifiedBenchmarks();
-  benchmark::Shutdown();
+  return run_benchmarks();
 }

@@ -16,6 +16,7 @@
 #include "dds/parcel_channel.hpp"
 #include "dds/star.hpp"
 #include "facade/duplex_channel.hpp"
+#include "item_reporter.hpp"
 #include "link/doorbell.hpp"
 
 namespace ringfence::bench {
@@ -191,3 +192,9 @@ BENCHMARK(star)
 
 }  // namespace
 }  // namespace ringfence::bench
+
+int main(int argc, char** argv) {
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
+  return ringfence::bench::run_benchmarks();
+}

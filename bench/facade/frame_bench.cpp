@@ -8,6 +8,7 @@
 
 #include "facade/recorded_world.hpp"
 #include "facade/service_frames.hpp"
+#include "item_reporter.hpp"
 #include "telemetry/clock.hpp"
 
 // Benchmarks frame/<shapes>/<n>/<impl>: a whole frame from poses to contacts, with recorded motion of the paper's
@@ -140,6 +141,5 @@ int main(int argc, char** argv) {
       }
     }
   }
-  benchmark::RunSpecifiedBenchmarks();
-  benchmark::Shutdown();
+  return run_benchmarks();
 }

@@ -1,5 +1,6 @@
 #include <benchmark/benchmark.h>
 
+#include "item_reporter.hpp"
 #include "link/benches.hpp"
 
 int main(int count, char** arguments) {
@@ -9,6 +10,5 @@ int main(int count, char** arguments) {
   ringfence::bench::register_messages();
   benchmark::Initialize(&count, arguments);
   if (benchmark::ReportUnrecognizedArguments(count, arguments)) return 2;
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
+  return ringfence::bench::run_benchmarks();
 }

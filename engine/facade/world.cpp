@@ -171,6 +171,17 @@ std::uint32_t World::nodes() const noexcept {
   return static_cast<std::uint32_t>(w.frames == 0 ? w.pool.size() : w.report.nodes.size());
 }
 
+std::optional<NodeId> World::node_at(const Vec3d& position) const noexcept {
+  const Implementation& w = *implementation_;
+  if (w.frame_is_running()) {
+    return {};
+  }
+  std::uint32_t point[3];
+  w.space.point(position, point);
+  const facade::PoolNode* node = w.pool.at(w.server->map().owner_at(point));
+  return node == nullptr ? std::optional<NodeId>() : NodeId(node->id);
+}
+
 Status World::advance() {
   const Status status = begin_frame();
   return status == Status::ok ? finish_frame() : status;

@@ -23,7 +23,8 @@ struct NamedShape {
 struct Scene {
   Vec3d bounds_min{0, 0, 0};
   Vec3d bounds_max{100, 100, 100};
-  LayerMatrix layers;  ///< without names: one layer, in which all objects collide
+  std::string contact_label;  ///< what a contact means in this world, for reports ("loss of separation"); often empty
+  LayerMatrix layers;         ///< without names: one layer, in which all objects collide
   std::vector<NamedShape> shapes;
   std::vector<ObjectSpec> objects;
 };

@@ -18,6 +18,7 @@ namespace {
 
 constexpr std::uint64_t max_users = 65'536;
 constexpr std::size_t max_layers = 32;
+constexpr std::size_t max_label_bytes = 40;
 
 /// Reads the parts of a scene in dependency order: objects refer to shapes and layers.
 class SceneReader {
@@ -26,9 +27,10 @@ class SceneReader {
       : root_(document), folder_(folder), loader_(loader) {}
 
   Scene read() {
-    root_.expect_object({"format", "version", "bounds", "layers", "shapes", "objects"});
+    root_.expect_object({"format", "version", "contact_label", "bounds", "layers", "shapes", "objects"});
     if (root_.field("format").text() != "ringfence-scene") root_.field("format").fail_unexpected("\"ringfence-scene\"");
     root_.field("version").unsigned_integer(1, 1);
+    if (root_.has("contact_label")) read_contact_label(root_.field("contact_label"));
     read_bounds(root_.field("bounds"));
     if (root_.has("layers")) read_layers(root_.field("layers"));
     read_shapes(root_.field("shapes"));
@@ -37,6 +39,17 @@ class SceneReader {
   }
 
  private:
+  /// Control characters are refused, since reports go to terminals.
+  void read_contact_label(const JsonValue& label) {
+    const std::string text = label.text();
+    const bool printable =
+        std::none_of(text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; });
+    if (text.empty() || text.size() > max_label_bytes || !printable) {
+      label.fail_unexpected(fmt::format("1 to {} bytes without control characters", max_label_bytes));
+    }
+    scene_.contact_label = text;
+  }
+
   void read_bounds(const JsonValue& bounds) {
     bounds.expect_object({"min", "max"});
     const Vec3d low = bounds.field("min").vector(), high = bounds.field("max").vector();
@@ -263,6 +276,7 @@ Scene read_scene(const std::filesystem::path& file, const MeshLoader& loader) {
 
 std::string format_scene(const Scene& scene) {
   std::string text = "{\"format\": \"ringfence-scene\", \"version\": 1,\n";
+  if (!scene.contact_label.empty()) text += fmt::format(" \"contact_label\": {},\n", quoted(scene.contact_label));
   text +=
       fmt::format(" \"bounds\": {{\"min\": {}, \"max\": {}}},\n", text_of(scene.bounds_min), text_of(scene.bounds_max));
   if (!scene.layers.names.empty()) text += fmt::format(" \"layers\": {},\n", text_of(scene.layers));

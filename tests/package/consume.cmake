@@ -1,17 +1,9 @@
 # Builds the consumer by one method (find_package, pkg_config or add_subdirectory) and runs it.
-# Arguments: method, source_dir, build_dir, work_dir, compiler, version.
+# Arguments: method, source_dir, build_dir, work_dir, compiler, version, dds (whether the library for CD nodes in other
+# processes was built).
 
 cmake_minimum_required(VERSION 3.25)
-
-function(run)
-  execute_process(COMMAND ${ARGN} RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE output)
-  if(result)
-    list(JOIN ARGN " " command)
-    message("${output}")
-    message(FATAL_ERROR "${result} from: ${command}")
-  endif()
-  set(output "${output}" PARENT_SCOPE)
-endfunction()
+include(${CMAKE_CURRENT_LIST_DIR}/run.cmake)
 
 # Options with which the library is compiled must not appear in the consumer's compile commands.
 function(expect_no_leak commands)
@@ -26,6 +18,7 @@ file(REMOVE_RECURSE ${work_dir})
 set(prefix ${work_dir}/prefix)
 if(method STREQUAL "add_subdirectory")
   set(headers ${source_dir}/engine/include)
+  set(dds OFF)
 else()
   # Install to one path and use it from another: the package must be relocatable.
   run(${CMAKE_COMMAND} --install ${build_dir} --prefix ${work_dir}/first --component development)
@@ -50,6 +43,11 @@ if(method STREQUAL "pkg_config")
   run(sh -c "${compiler} -std=c++20 -Wall -Wextra -Wconversion -Werror consumer/main.cpp \
     $(pkg-config --cflags --libs ringfence) -o consumer/consumer" WORKING_DIRECTORY ${work_dir})
   run(${work_dir}/consumer/consumer)
+  if(dds)
+    run(sh -c "${compiler} -std=c++20 consumer/cluster.cpp \
+      $(pkg-config --cflags --libs ringfence-dds) -o consumer/cluster" WORKING_DIRECTORY ${work_dir})
+    run(${work_dir}/consumer/cluster)
+  endif()
   return()
 endif()
 
@@ -73,4 +71,7 @@ if(method STREQUAL "add_subdirectory")
 else()
   run(ninja -C ${work_dir}/build)
   run(${work_dir}/build/consumer)
+  if(dds)
+    run(${work_dir}/build/cluster)
+  endif()
 endif()

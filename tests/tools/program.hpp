@@ -16,11 +16,8 @@ struct ProgramResult {
   std::string out;  ///< standard output and standard error, as selected by `redirect`
 };
 
-/// Runs the program with `arguments` in a shell and waits for it. By default `out` includes standard error.
-/// `environment` is NAME=VALUE or empty. The texts are parts of a shell command, so they need the quotes of the shell.
-inline ProgramResult ringfence(const std::string& arguments, const std::string& redirect = "2>&1",
-                               const std::string& environment = "") {
-  const std::string command = environment + " " + RINGFENCE_PROGRAM + " " + arguments + " " + redirect;
+/// Runs a shell command and waits for it. `out` is its standard output.
+inline ProgramResult run_shell(const std::string& command) {
   ProgramResult result;
   std::FILE* pipe = popen(command.c_str(), "r");
   if (!pipe) return result;
@@ -30,6 +27,13 @@ inline ProgramResult ringfence(const std::string& arguments, const std::string& 
   const int status = pclose(pipe);
   if (WIFEXITED(status)) result.code = WEXITSTATUS(status);
   return result;
+}
+
+/// Runs the program with `arguments` in a shell and waits for it. By default `out` includes standard error.
+/// `environment` is NAME=VALUE or empty. The texts are parts of a shell command, so they need the quotes of the shell.
+inline ProgramResult ringfence(const std::string& arguments, const std::string& redirect = "2>&1",
+                               const std::string& environment = "") {
+  return run_shell(environment + " " + RINGFENCE_PROGRAM + " " + arguments + " " + redirect);
 }
 
 /// Creates an empty folder in the folder for temporary files. The destructor removes it with its content.

@@ -1,5 +1,9 @@
 #include <algorithm>
+#include <map>
+#include <numeric>
+#include <set>
 #include <string>
+#include <vector>
 
 #include <doctest/doctest.h>
 #include <nlohmann/json.hpp>
@@ -51,6 +55,23 @@ TEST_CASE("the recorded air traffic replays, agrees with brute force and has con
   CHECK(report["frames"] == 300);
   CHECK(report["contacts"]["total"] >= 20);
   CHECK(report["check"]["differences"] == 0);
+  CHECK(report["contacts"]["label"] == "loss of separation");
+  CHECK(result.out.find("\nloss of separation 0.2 per frame, 55 in total\n") != std::string::npos);
+}
+
+TEST_CASE(
+    "contacts have the label of the scene in the report of a replay, also of a recording, and else their own name") {
+  const TemporaryFolder folder;
+  const std::string prefix = folder / "walk", files = "replay --scene " + prefix + ".json --motion " + prefix + ".bin";
+  REQUIRE(test::ringfence("record --objects 200 --users 5 --frames 3 --warmup 0 --out " + prefix).code == 0);
+  CHECK(test::ringfence(files).out.find("\ncontacts    ") != std::string::npos);
+  std::string scene = worlds::read_text(prefix + ".json");
+  scene.insert(1, "\"contact_label\": \"bump\", ");
+  worlds::write_text(prefix + ".json", scene);
+  const std::string report = test::ringfence(files + " --resize 1:2").out;
+  CHECK(report.find("\nbump        ") != std::string::npos);
+  CHECK(report.find("; bump ") != std::string::npos);
+  CHECK(report.find("contacts") == std::string::npos);
 }
 
 TEST_CASE("with contacts on standard output, the report goes to standard error") {
@@ -96,6 +117,41 @@ TEST_CASE("JSON report, frame table, timeline and contacts are complete and cons
   }
   CHECK(frames == 7);
   CHECK(spans > 7 * 4);
+}
+
+TEST_CASE("the timeline names its processes, and counts candidates, contacts and the load of each node in each frame") {
+  const TemporaryFolder folder;
+  REQUIRE(test::ringfence("run --objects 300 --users 10 --frames 5 --warmup 1 --nodes 2 --quiet --json " +
+                          (folder / "r.json") + " --trace " + (folder / "t.json"))
+              .code == 0);
+  std::set<std::string> processes, threads;
+  std::map<std::string, std::vector<double>> counters;
+  std::set<int> named, used;
+  const auto trace = nlohmann::json::parse(worlds::read_text(folder / "t.json"));
+  for (const auto& event : trace["traceEvents"]) {
+    used.insert(event["pid"].get<int>());
+    if (event["name"] == "process_name") {
+      processes.insert(event["args"]["name"].get<std::string>());
+      named.insert(event["pid"].get<int>());
+    }
+    if (event["name"] == "thread_name") threads.insert(event["args"]["name"].get<std::string>());
+    if (event["ph"] == "C") counters[event["name"]].push_back(event["args"]["value"].get<double>());
+  }
+  CHECK(processes == std::set<std::string>{"frames", "server", "CD nodes", "users"});
+  CHECK(threads == std::set<std::string>{"frames", "server", "node 0", "node 1", "users 0"});
+  CHECK(used == named);
+  const auto report = nlohmann::json::parse(worlds::read_text(folder / "r.json"));
+  const auto sum_of = [&counters](const std::string& name) {
+    const std::vector<double>& values = counters[name];
+    CHECK_MESSAGE(values.size() == 5, name);
+    return std::accumulate(values.begin(), values.end(), 0.0);
+  };
+  CHECK(sum_of("candidates") == report["pairs"]["candidate"]);
+  CHECK(sum_of("contacts") == report["contacts"]["total"]);
+  for (const int node : {0, 1}) {
+    const double mean = report["nodes"][node]["cpu_ms"];
+    CHECK(sum_of("load of node " + std::to_string(node) + ", CPU ms") == doctest::Approx(5 * mean));
+  }
 }
 
 }  // namespace ringfence

@@ -88,7 +88,24 @@ TEST_CASE("scale runs every combination, with the digests of run") {
   const ProgramResult result =
       test::ringfence(small_world + "--nodes 0,1,3 --broad-phase server,region,auto --json " + json + " --csv " + csv);
   REQUIRE_MESSAGE(result.code == 0, result.out);
-  CHECK(result.out.find("modelled") != std::string::npos);
+  const auto columns = [&result](const std::string& first) {
+    const std::size_t begin = result.out.rfind('\n', result.out.find(first)) + 1;
+    return result.out.substr(begin, result.out.find('\n', begin) - begin);
+  };
+  // Each name of a measured column has its kind below, right-aligned (frame ms: left-aligned).
+  const std::string names = columns("deployment     broad"), kinds = columns("wall time     ");
+  REQUIRE(names.size() == kinds.size());
+  CHECK(names.find("frame ms") == kinds.find("wall time"));
+  for (const auto& [name, kind] : std::vector<std::pair<std::string, std::string>>{{"server", "CPU"},
+                                                                                   {"node ", "CPU "},
+                                                                                   {"users", "CPU"},
+                                                                                   {"frame ", "modelled "},
+                                                                                   {"speedup", "modelled"},
+                                                                                   {"efficiency", "modelled"},
+                                                                                   {"serial", "modelled"}}) {
+    const std::size_t end = names.rfind(name) + name.size();
+    CHECK_MESSAGE(kinds.substr(end - kind.size(), kind.size()) == kind, name);
+  }
   CHECK(result.out.find('\r') == std::string::npos);  // no progress line without a terminal
 
   const auto report = nlohmann::json::parse(worlds::read_text(json));

@@ -1,4 +1,7 @@
+#include <algorithm>
+#include <sstream>
 #include <string>
+#include <vector>
 
 #include <doctest/doctest.h>
 
@@ -43,9 +46,68 @@ TEST_CASE("an unknown value of an option ends the program with 2 and a list of i
   check_refused("run --broad-phase none", "--broad-phase: found none; expected one of server, region, auto");
   check_refused("run --objects 10 --objects 20", "--objects: given 2 times; expected once");
   check_refused("run --shapes cone", "--shapes: found cone; expected one of sphere, box, capsule, hull, mixed, mesh");
-  check_refused("run --speed 3", "--speed");
-  check_refused("fly", "found fly; expected run, replay, record, scale, profile, convert or node");
-  check_refused("", "subcommand");
+  check_refused("convert walk in --out p", "KIND: found walk; expected one of air, crowd");
+}
+
+TEST_CASE("an unknown option ends the program with 2 and a message that names it first, and what may be meant") {
+  check_refused("run --node 2", "ringfence: --node: unknown option; did you mean --nodes?");
+  check_refused("run --ndoes=2 --quiet", "ringfence: --ndoes: unknown option; did you mean --nodes?");
+  check_refused("run --broad server", "ringfence: --broad: unknown option; did you mean --broad-phase?");
+  check_refused("run --velocity 3", "ringfence: --velocity: unknown option\n");
+  check_refused("run -x", "ringfence: -x: unknown option\n");
+  check_refused("replay --scen a --motion b", "ringfence: --scen: unknown option; did you mean --scene?");
+  check_refused("replay --scene a --motion b --objects 3",
+                "ringfence: --objects: not an option of replay; run, record, scale and profile have it");
+  check_refused("--nodes 2 run", "ringfence: --nodes: expected after the command\n");
+}
+
+TEST_CASE("an unknown command or argument ends the program with 2 and a message that names it first") {
+  check_refused("fly",
+                "ringfence: fly: unknown command; expected run, replay, record, scale, profile, node or convert");
+  check_refused("rnu", "ringfence: rnu: unknown command; did you mean run?");
+  check_refused("", "ringfence: found no command; expected run, replay, record, scale, profile, node or convert");
+  check_refused("run 12", "ringfence: 12: unexpected argument; options of run start with --");
+}
+
+TEST_CASE("an option without its value, or with one that excludes it, ends the program with 2") {
+  check_refused("run --nodes", "ringfence: --nodes: found no value; expected N\n");
+  check_refused("run --deployment", "--deployment: found no value; expected user, user-server or user-collision");
+  check_refused("run --soak 1 --json file", "ringfence: --json: not possible together with --soak");
+  check_refused("run --seed -1", "--seed: found -1; expected 0 to 18446744073709551615");
+  check_refused("node --config /nowhere", "--config: found /nowhere; expected a file that exists");
+}
+
+TEST_CASE("the help of every command lists each option under the heading of its group, and the exit codes") {
+  const std::vector<std::string> headings{
+      "World:", "Service:", "Nodes in other processes:", "Faults:", "Output:", "Help:"};
+  for (const char* command : {"run", "replay", "record", "scale", "profile", "node", "convert"}) {
+    CAPTURE(command);
+    const ProgramResult help = test::ringfence(std::string(command) + " --help");
+    CHECK(help.code == 0);
+    CHECK(help.out.find("\nExit codes:\n  0  done\n") != std::string::npos);
+    std::istringstream lines(help.out);
+    std::string heading, line;
+    std::size_t options = 0;
+    while (std::getline(lines, line)) {
+      if (line.ends_with(':') && !line.starts_with(' ')) heading = line;
+      if (line.starts_with("  -")) {
+        ++options;
+        CHECK_MESSAGE(std::find(headings.begin(), headings.end(), heading) != headings.end(), line);
+      }
+      CHECK_MESSAGE(line.size() <= 120, line);
+    }
+    CHECK(options > 3);
+  }
+  const std::string help = test::ringfence("run --help").out;
+  const auto group_of = [&help](const std::string& option) {
+    const std::size_t end = help.rfind(":\n", help.find("  " + option + " "));
+    const std::size_t begin = help.rfind('\n', end) + 1;
+    return help.substr(begin, end - begin);
+  };
+  CHECK(group_of("--objects") == "World");
+  CHECK(group_of("--nodes") == "Service");
+  CHECK(group_of("--fail") == "Faults");
+  CHECK(group_of("--json") == "Output");
 }
 
 TEST_CASE("--help lists the commands and options, and --version the version; both end with 0") {

@@ -54,6 +54,7 @@ bool same(const ShapeDescription& p, const ShapeDescription& q) {
 }
 
 void check_same(const Scene& p, const Scene& q) {
+  CHECK(p.contact_label == q.contact_label);
   CHECK(p.bounds_min == q.bounds_min);
   CHECK(p.bounds_max == q.bounds_max);
   CHECK(p.layers.names == q.layers.names);
@@ -240,6 +241,21 @@ TEST_CASE("a scene file without one of its bytes is either refused or read compl
     const std::string message = error_message_of([&] { objects = parse_scene(damaged, "s.json").objects.size(); });
     CHECK(objects == 3);
     if (!message.empty()) CHECK_MESSAGE(message.starts_with("s.json"), message);
+  }
+}
+
+TEST_CASE("a scene may say what a contact means, in 1 to 40 bytes without control characters") {
+  CHECK(parse_scene(example(), "s.json").contact_label.empty());
+  const auto labelled = [](const std::string& label) {
+    return replaced("\"version\": 1,", "\"version\": 1, \"contact_label\": \"" + label + "\",");
+  };
+  const Scene scene = parse_scene(labelled("loss of separation"), "s.json");
+  CHECK(scene.contact_label == "loss of separation");
+  check_same(scene, parse_scene(format_scene(scene), "again.json"));
+  CHECK(parse_scene(labelled(std::string(40, 'x')), "s.json").contact_label.size() == 40);
+  for (const std::string& wrong : {std::string(), std::string(41, 'x'), std::string("a\\u001b[2J")}) {
+    CHECK(parse_error(labelled(wrong)).find("contact_label: found") != std::string::npos);
+    CHECK(parse_error(labelled(wrong)).find("expected 1 to 40 bytes without control characters") != std::string::npos);
   }
 }
 

@@ -107,16 +107,25 @@ function(ringfence_test name)
   endforeach()
 endfunction()
 
-# ringfence_bench(NAME MODULES module... SOURCES file... [LINK target...])
-# Defines the benchmark program bench_NAME. The target `benchmarks` builds all of them.
+# ringfence_bench(NAME NAMES prefix... MODULES module... SOURCES file... [LINK target...])
+# Defines the benchmark program bench_NAME. The name of each of its benchmarks begins with one of NAMES, so that
+# tools/bench builds only the programs that it runs. The target `benchmarks` builds all of them.
 function(ringfence_bench name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;MODULES;LINK" ${ARGN})
-  add_executable(bench_${name} ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "" "" "NAMES;SOURCES;MODULES;LINK" ${ARGN})
+  add_executable(bench_${name} ${ARG_SOURCES} ${PROJECT_SOURCE_DIR}/bench/item_reporter.cpp)
+  string(JOIN " " prefixes ${ARG_NAMES})
+  set_property(GLOBAL APPEND PROPERTY ringfence_bench_programs "program bench_${name} ${prefixes}")
   ringfence_link_modules(bench_${name} ${ARG_MODULES})
-  target_link_libraries(bench_${name} PRIVATE benchmark::benchmark ${ARG_LINK})
+  target_link_libraries(bench_${name} PRIVATE benchmark::benchmark fmt::fmt ${ARG_LINK})
   target_include_directories(bench_${name} PRIVATE ${PROJECT_SOURCE_DIR}/bench)
   if(NOT TARGET benchmarks)
     add_custom_target(benchmarks)
   endif()
   add_dependencies(benchmarks bench_${name})
+endfunction()
+
+# ringfence_bench_lacks(NAME package...): notes that bench_NAME is built without what needs these packages.
+function(ringfence_bench_lacks name)
+  string(JOIN " " packages ${ARGN})
+  set_property(GLOBAL APPEND PROPERTY ringfence_bench_lacking "lacks bench_${name} ${packages}")
 endfunction()

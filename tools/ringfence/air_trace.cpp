@@ -117,6 +117,7 @@ Trace read_air(std::string_view text, const std::string& name, const std::string
 
   Trace trace;
   trace.shape = separation_prism();
+  trace.contact_label = "loss of separation";
   trace.longest_gap = 6;
   trace.step = 0.1;
   trace.margin = 10'000;

@@ -64,6 +64,7 @@ class Figures {
     double frame_ms = 0;      ///< duration of the frame in which it was lost
   };
   std::vector<Loss> losses;
+  const char* ended_by = nullptr;  ///< the signal that ended the run before all its frames; null if it is complete
   std::optional<dds::ClusterReport> cluster;  ///< after the last frame; only if CD nodes are processes
 
  private:

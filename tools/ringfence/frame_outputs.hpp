@@ -6,6 +6,7 @@
 #include "options.hpp"
 #include "output_file.hpp"
 #include "ringfence/world.hpp"
+#include "timeline_file.hpp"
 
 namespace ringfence::tools {
 
@@ -23,13 +24,9 @@ class FrameOutputs {
  private:
   void add_contacts(std::uint64_t frame, std::span<const Contact> contacts);
   void add_row(std::uint64_t frame, const FrameReport& report);
-  void add_spans(std::uint64_t frame, const World& world);
 
-  std::unique_ptr<OutputFile> collisions_, frames_, trace_;
-  bool first_span_ = true;
-  bool tracks_named_ = false;
-  std::uint32_t nodes_named_ = 0;  ///< the tracks of all nodes with lower ids have names
-  std::uint64_t epoch_ns_ = 0;     ///< time 0 of the trace, on the monotonic clock
+  std::unique_ptr<OutputFile> collisions_, frames_;
+  std::unique_ptr<TimelineFile> timeline_;
 };
 
 }  // namespace ringfence::tools

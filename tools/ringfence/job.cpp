@@ -12,12 +12,14 @@
 #include "mesh_file.hpp"
 #include "motion_setup.hpp"
 #include "node_processes.hpp"
+#include "picture/picture_file.hpp"
 #include "profile.hpp"
 #include "progress.hpp"
 #include "recording.hpp"
 #include "report.hpp"
 #include "ringfence/world.hpp"
 #include "status_line.hpp"
+#include "stop_signals.hpp"
 #include "worlds/load.hpp"
 #include "worlds/motion_file.hpp"
 #include "worlds/replay_model.hpp"
@@ -132,9 +134,12 @@ Job make_job(const ReplayOptions& options) {
 }
 
 int run_job(const Job& job) {
+  const StopSignals stop;
   FrameOutputs outputs(job.output);
   std::optional<OutputFile> json;
   if (!job.output.json.empty()) json.emplace(job.output.json);
+  std::optional<PictureFile> picture;
+  if (!job.output.picture.empty()) picture.emplace(job.output.picture, job.output.picture_colors);
   WorldConfig config = world_config(job);
   std::optional<NodeProcesses> node_processes;
   if (job.service.link.kind == LinkKind::dds) {
@@ -147,7 +152,7 @@ int run_job(const Job& job) {
   FrameChecker checker(world, job.output.check);
   Progress progress(job.output.quiet, std::uint64_t{job.frames.warmup} + job.frames.frames);
   StatusLine status(job, world, node_processes ? &*node_processes : nullptr, progress);
-  for (std::uint32_t frame = 0; frame < job.frames.warmup; ++frame) {
+  for (std::uint32_t frame = 0; frame < job.frames.warmup && !stop.received(); ++frame) {
     advance(world, frame);
     checker.skip_frame();
     status.step();
@@ -156,7 +161,7 @@ int run_job(const Job& job) {
   Figures figures;
   figures.placement = world.config().placement;
   ResizeSchedule resize_schedule(job.service.resizes, std::max(1u, job.service.nodes));
-  for (std::uint32_t frame = 0; frame < job.frames.frames; ++frame) {
+  for (std::uint32_t frame = 0; frame < job.frames.frames && !stop.received(); ++frame) {
     resize_schedule.before_frame(frame, world);
     inject_faults(job.service.faults, frame, std::uint64_t{job.frames.warmup} + frame, world);
     advance(world, std::uint64_t{job.frames.warmup} + frame);
@@ -167,10 +172,15 @@ int run_job(const Job& job) {
     checker.check_frame(frame);
     status.step();
   }
-  status.finish();
+  if (figures.frames() < job.frames.frames) figures.ended_by = stop.received();
+  status.finish(figures.ended_by);
   if (node_processes) figures.cluster = node_processes->report();
   recording.finish();
   outputs.finish();
+  if (picture) {
+    const std::string& contact = job.scene.contact_label;
+    picture->write(world, contact.empty() ? "contact point" : contact);
+  }
   if (json) {
     write_json_report(*json, job, figures, resize_schedule, checker);
     json->close();
@@ -182,7 +192,8 @@ int run_job(const Job& job) {
   } else {
     print_report(out, job, figures, resize_schedule, checker);
   }
-  return checker.passed() ? done : check_failed;
+  if (!checker.passed()) return check_failed;
+  return figures.ended_by == nullptr ? done : incomplete;
 }
 
 }  // namespace ringfence::tools

@@ -39,8 +39,9 @@ WorldConfig world_config(const Job& job);
 /// Advances `world` by one frame. `frame` is its number in messages. Throws IncompleteError if the world refuses.
 void advance(World& world, std::uint64_t frame);
 
-/// Runs all frames, writes all outputs and prints the report. Returns the exit code. Throws Error for invalid options,
-/// and IncompleteError if the run cannot be completed.
+/// Runs all frames, writes all outputs and prints the report. SIGINT and SIGTERM end the run after the frame that they
+/// arrive in; its outputs and report are complete for the frames before. Returns the exit code. Throws Error for
+/// invalid options, and IncompleteError if the run cannot be completed.
 int run_job(const Job& job);
 
 }  // namespace ringfence::tools

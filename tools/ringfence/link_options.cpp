@@ -1,6 +1,11 @@
 #include "link_options.hpp"
 
+#include <filesystem>
+
+#include <fmt/format.h>
+
 #include "option_checks.hpp"
+#include "option_groups.hpp"
 
 namespace ringfence::tools {
 namespace {
@@ -20,8 +25,9 @@ void add_network(CLI::App& command, dds::NetworkConfig& network) {
 }  // namespace
 
 void add_link(CLI::App& command, LinkOptions& link) {
+  command.option_defaults()->group(option_groups::processes);
   add_choice(command, "--link", link.kind, {LinkKind::rings, LinkKind::dds},
-             "transport between server and CD nodes; dds: the nodes are processes");
+             "transport between server and CD nodes, which are processes with dds");
   command
       .add_option("--wait-nodes", link.wait_nodes,
                   "with dds: wait for N nodes that are started elsewhere, instead of starting them")
@@ -49,6 +55,7 @@ void add_link(CLI::App& command, LinkOptions& link) {
 }
 
 void add_node(CLI::App& command, NodeOptions& node) {
+  command.option_defaults()->group(option_groups::service);
   command.add_option("--domain", node.network.domain, "DDS domain of the world")
       ->check(between(0u, 200u))
       ->capture_default_str()
@@ -59,8 +66,15 @@ void add_node(CLI::App& command, NodeOptions& node) {
   add_network(command, node.network);
   command.add_option("--name", node.name, "name in logs and reports; default: host:process")->type_name("NAME");
   command.add_flag("--once", node.once, "exit after the first world instead of waiting for the next");
+  // Without this check the parser ignores a file that does not exist.
+  const auto check_file = [](const std::string& file) {
+    return std::filesystem::exists(file) ? std::string() : fmt::format("found {}; expected a file that exists", file);
+  };
+  command.set_config("--config", "", "read options from a file of NAME=VALUE lines")
+      ->check(CLI::Validator(check_file, ""))
+      ->type_name("FILE");
+  command.option_defaults()->group(option_groups::output);
   command.add_flag("--quiet", node.quiet, "log warnings and errors only");
-  command.set_config("--config", "", "read options from a file of NAME=VALUE lines")->type_name("FILE");
 }
 
 }  // namespace ringfence::tools

@@ -1,6 +1,5 @@
 #include <exception>
 #include <new>
-#include <string_view>
 
 #include <fmt/format.h>
 
@@ -43,14 +42,6 @@ int run(const CommandLine& line) {
 }
 
 int run_guarded(int argc, char** argv) {
-  if (argc > 1 && argv[1][0] != '-') {
-    const std::string_view word = argv[1];
-    if (word != "run" && word != "replay" && word != "record" && word != "convert" && word != "scale" &&
-        word != "profile" && word != "node") {
-      fmt::print(stderr, "ringfence: found {}; expected run, replay, record, scale, profile, convert or node\n", word);
-      return usage_error;
-    }
-  }
   CommandLineParser parser;
   CommandLine line;
   try {

@@ -66,8 +66,14 @@ void NodeProcesses::start_node() {
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
+  // A process group of its own: Ctrl-C on the terminal ends the run, and the run ends its nodes.
+  posix_spawnattr_t attributes;
+  posix_spawnattr_init(&attributes);
+  posix_spawnattr_setpgroup(&attributes, 0);
+  posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
   pid_t process = 0;
-  const int error = posix_spawn(&process, "/proc/self/exe", nullptr, nullptr, arguments.data(), environ);
+  const int error = posix_spawn(&process, "/proc/self/exe", nullptr, &attributes, arguments.data(), environ);
+  posix_spawnattr_destroy(&attributes);
   if (error != 0) throw IncompleteError(fmt::format("cannot start a node process: {}", std::strerror(error)));
   processes_.push_back(process);
 }
@@ -89,6 +95,7 @@ int run_node(const NodeOptions& options) {
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
   const dds::ExitReason reason = service.run();
+  if (!options.quiet) fmt::print(stderr, "ringfence node {}: ended: {}\n", getpid(), name_of(reason));
   // If the network interface is gone, the threads of Cyclone DDS do not end. A second signal then ends the process.
   std::signal(SIGTERM, SIG_DFL);
   std::signal(SIGINT, SIG_DFL);

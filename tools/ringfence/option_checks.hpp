@@ -1,8 +1,10 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <map>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -15,7 +17,9 @@ template <class T>
 CLI::Validator between(T low, T high) {
   return {[low, high](std::string& text) {
             T value{};
-            const bool right = CLI::detail::lexical_cast(text, value) && value >= low && value <= high;
+            // The parser converts -1 to the largest unsigned number.
+            const bool negative = std::is_unsigned_v<T> && text.starts_with('-');
+            const bool right = !negative && CLI::detail::lexical_cast(text, value) && value >= low && value <= high;
             return right ? std::string() : fmt::format("found {}; expected {} to {}", text, low, high);
           },
           fmt::format("{} to {}", low, high)};
@@ -49,6 +53,19 @@ void add_choice(CLI::App& command, const char* option, Value& value, const Value
   };
   command.add_option_function<std::string>(option, read, fmt::format("{}: {}", help, words))
       ->default_str(name_of(value))
+      ->type_name("WORD");
+}
+
+/// Adds an option whose value is one of `words`, without a default.
+inline CLI::Option* add_word(CLI::App& command, const char* option, std::string& value,
+                             const std::vector<std::string>& words, const char* help) {
+  const auto read = [words, &value, option](const std::string& text) {
+    if (std::find(words.begin(), words.end(), text) == words.end()) {
+      throw CLI::ValidationError(option, fmt::format("found {}; expected one of {}", text, fmt::join(words, ", ")));
+    }
+    value = text;
+  };
+  return command.add_option_function<std::string>(option, read, fmt::format("{}: {}", help, fmt::join(words, ", ")))
       ->type_name("WORD");
 }
 

@@ -8,6 +8,7 @@
 
 #include "faults.hpp"
 #include "link_options.hpp"
+#include "picture/palette.hpp"
 #include "resize.hpp"
 #include "ringfence/config.hpp"
 #include "worlds/paper_world.hpp"
@@ -47,6 +48,8 @@ struct OutputOptions {
   std::string json;
   std::string frames_csv;
   std::string trace;
+  std::string picture;
+  PictureColors picture_colors = PictureColors::automatic;
   bool quiet = false;
   std::string status;  ///< rewritten once a second
 };
@@ -117,16 +120,17 @@ class CommandLineParser {
   CommandLine parse(int argc, char** argv);
   /// Prints what a ParseError stands for: help, version or an error message. Returns the exit code.
   int print_outcome(const CLI::ParseError& error);
+  /// The commands and their options, for texts that are generated from them. Lives as long as the parser.
+  const CLI::App& app() const noexcept { return app_; }
 
  private:
+  void add_run();
+  void add_replay();
+  void add_record();
+  void add_scale();
   void add_profile(ProfileOptions& options);
+  void add_convert(ConvertOptions& options);
   void resolve_profile(const CLI::App& command);
-  void add_frames(CLI::App& command, FrameOptions& frames, bool replay);
-  void add_service(CLI::App& command, ServiceOptions& service);
-  void add_users(CLI::App& command, ServiceOptions& service);
-  void add_world(CLI::App& command, worlds::PaperWorldOptions& world);
-  void add_population(CLI::App& command, worlds::PaperWorldOptions& world);
-  void add_output(CLI::App& command, OutputOptions& output);
 
   CLI::App app_;
   CommandLine command_line_;

@@ -8,7 +8,7 @@
 
 namespace ringfence::tools {
 
-/// A text file that is written during a run. It is opened before the first frame, so that an invalid path is reported
+/// A file that is written during a run. It is opened before the first frame, so that an invalid path is reported
 /// at once. Text is buffered and written in blocks of about 64 KiB.
 class OutputFile {
  public:
@@ -21,6 +21,11 @@ class OutputFile {
   template <class... Values>
   void print(fmt::format_string<Values...> format, Values&&... values) {
     fmt::format_to(std::back_inserter(text_), format, std::forward<Values>(values)...);
+    if (text_.size() >= block) flush();
+  }
+  /// Writes bytes as they are.
+  void write(std::string_view bytes) {
+    text_.append(bytes);
     if (text_.size() >= block) flush();
   }
   /// Writes the rest and closes the file. Throws IncompleteError if a write failed.

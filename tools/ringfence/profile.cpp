@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "report.hpp"
+
 namespace ringfence::tools {
 namespace {
 
@@ -125,9 +127,9 @@ std::vector<KindReport> by_cost(const Figures& figures) {
 void print_profile(std::FILE* out, const Job& job, const Figures& figures) {
   const Spread frame = figures.frame_ms();
   const double narrow = narrow_phase_ms(figures);
-  fmt::print(out, "{}\n{}, {} CD node{}, broad phase: {}; {} frames counted after {} of warm-up\n\n", job.title,
-             name_of(job.service.deployment), job.service.nodes, job.service.nodes == 1 ? "" : "s",
-             name_of(figures.placement), figures.frames(), job.frames.warmup);
+  fmt::print(out, "{}\n{}, {} CD node{}, broad phase: {}; {}\n\n", job.title, name_of(job.service.deployment),
+             job.service.nodes, job.service.nodes == 1 ? "" : "s", name_of(figures.placement),
+             counted_frames(job, figures));
   std::uint64_t timed = 0, candidates = 0;
   for (const KindReport& kind : figures.kinds()) {
     timed += kind.timed;

@@ -101,6 +101,11 @@ void print_check(std::FILE* out, const FrameChecker& checker) {
   }
 }
 
+/// What the report calls contacts: the label of the scene, if it has one.
+std::string contact_label(const Job& job) {
+  return job.scene.contact_label.empty() ? "contacts" : job.scene.contact_label;
+}
+
 Json config_of(const Job& job, const Figures& figures) {
   Json config = {{"deployment", name_of(job.service.deployment)},
                  {"broad_phase", name_of(figures.placement)},
@@ -117,6 +122,7 @@ Json config_of(const Job& job, const Figures& figures) {
                  {"link", name_of(job.service.link.kind)},
                  {"lease_ms", job.service.link.network.lease_ms},
                  {"warmup", job.frames.warmup},
+                 {"frames", job.frames.frames},
                  {"objects", job.scene.objects.size()}};
   if (const worlds::PaperWorldOptions* world = job.world) {
     config["shapes"] = name_of(world->shapes);
@@ -178,14 +184,14 @@ Json losses_of(const Figures& figures) {
   return losses;
 }
 
-void print_resizes(std::FILE* out, const ResizeSchedule& resize_schedule) {
+void print_resizes(std::FILE* out, const Job& job, const ResizeSchedule& resize_schedule) {
   for (const ResizeFigures& resize : resize_schedule.figures()) {
     fmt::print(
         out,
         "resize      frame {}: {} to {} nodes, {} objects handed over; frame {:.3f} ms, next {:.3f}, before {:.3f}, "
-        "after {:.3f}; contacts {:.0f}, next {:.0f}, before {:.1f}\n",
+        "after {:.3f}; {} {:.0f}, next {:.0f}, before {:.1f}\n",
         resize.frame, resize.from, resize.to, resize.handed_over, resize.frame_ms.at, resize.frame_ms.next,
-        resize.frame_ms.before, resize.frame_ms.after, resize.contacts.at, resize.contacts.next,
+        resize.frame_ms.before, resize.frame_ms.after, contact_label(job), resize.contacts.at, resize.contacts.next,
         resize.contacts.before);
   }
 }
@@ -251,6 +257,7 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
   report["config"] = config_of(job, figures);
   report["machine"] = machine_json();
   report["frames"] = figures.frames();
+  report["ended_by"] = figures.ended_by ? Json(figures.ended_by) : Json(nullptr);
   report["digest"] = fmt::format("{:016x}", figures.digest());
   report["frame_ms"] = {{"mean", frame.mean}, {"p50", frame.p50}, {"p99", frame.p99}, {"max", frame.max}};
   for (std::size_t i = 0; i < stage_count; ++i) {
@@ -258,7 +265,8 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
   }
   report["pairs"] = {{"candidate", figures.candidates}, {"tested", figures.tested}, {"accepted", figures.accepted}};
   report["failed_supports"] = figures.failed_supports;
-  report["contacts"] = {{"total", figures.contacts},
+  report["contacts"] = {{"label", contact_label(job)},
+                        {"total", figures.contacts},
                         {"mean", figures.mean(static_cast<double>(figures.contacts))},
                         {"began", figures.began},
                         {"ended", figures.ended}};
@@ -346,31 +354,37 @@ Json cluster_json(const dds::ClusterReport& cluster) {
 
 Json machine_json() {
   const Machine machine = this_machine();
-  return {{"cpu", machine.cpu},
-          {"cores", machine.cores},
-          {"system", machine.system},
-          {"compiler", machine.compiler},
-          {"build", machine.build}};
+  return {{"cpu", machine.cpu},       {"cores", machine.cores},       {"usable_cores", machine.usable_cores},
+          {"system", machine.system}, {"compiler", machine.compiler}, {"build", machine.build}};
+}
+
+std::string counted_frames(const Job& job, const Figures& figures) {
+  if (figures.ended_by == nullptr) {
+    return fmt::format("{} frames counted after {} of warm-up", figures.frames(), job.frames.warmup);
+  }
+  if (figures.frames() == 0) return fmt::format("no frame counted: ended by {} before the first", figures.ended_by);
+  return fmt::format("{} of {} frames counted after {} of warm-up: ended by {}", figures.frames(), job.frames.frames,
+                     job.frames.warmup, figures.ended_by);
 }
 
 void print_report(std::FILE* out, const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
                   const FrameChecker& checker) {
   const Spread frame = figures.frame_ms();
   fmt::print(out, "{}\n{}\n", job.title, service_of(job.service, figures));
-  fmt::print(out, "{} frames counted after {} of warm-up\n\n", figures.frames(), job.frames.warmup);
+  fmt::print(out, "{}\n\n", counted_frames(job, figures));
   fmt::print(out, "frame       mean {:.3f} ms   p50 {:.3f}   p99 {:.3f}   max {:.3f}\n", frame.mean, frame.p50,
              frame.p99, frame.max);
   print_stages(out, figures, frame.mean);
   fmt::print(out, "pairs       {:.1f} candidates per frame, {:.1f} tested; {} in total\n",
              figures.mean(static_cast<double>(figures.candidates)), figures.mean(static_cast<double>(figures.tested)),
              figures.tested);
-  fmt::print(out, "contacts    {:.1f} per frame, {} in total\n", figures.mean(static_cast<double>(figures.contacts)),
-             figures.contacts);
+  fmt::print(out, "{:<11} {:.1f} per frame, {} in total\n", contact_label(job),
+             figures.mean(static_cast<double>(figures.contacts)), figures.contacts);
   fmt::print(out, "moved       {:.1f} objects per frame, {:.2f} handed over\n",
              figures.mean(static_cast<double>(figures.moved)), figures.mean(static_cast<double>(figures.handed_over)));
   print_nodes(out, figures);
   print_imbalance(out, figures);
-  print_resizes(out, resize_schedule);
+  print_resizes(out, job, resize_schedule);
   print_losses(out, figures);
   if (figures.cluster) print_cluster(out, *figures.cluster);
   print_traffic(out, figures);

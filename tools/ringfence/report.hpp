@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdio>
+#include <string>
 
 #include <nlohmann/json.hpp>
 
@@ -22,6 +23,10 @@ constexpr const char* name_of_traffic(Traffic kind) {
 nlohmann::ordered_json machine_json();
 
 /// Prints the report of a run as text.
+/// How many frames were counted, and the signal if one has ended the run, for example "600 frames counted after 60 of
+/// warm-up".
+std::string counted_frames(const Job& job, const Figures& figures);
+
 void print_report(std::FILE* out, const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
                   const FrameChecker& checker);
 

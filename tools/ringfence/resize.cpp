@@ -75,6 +75,7 @@ std::vector<ResizeFigures> ResizeSchedule::figures() const {
   std::uint32_t nodes = nodes_;
   for (const Resize& resize : resizes_) {
     const std::size_t at = resize.frame;
+    if (at >= frames_.size()) break;  // the run ended before
     ResizeFigures figures{resize.frame, nodes, resize.nodes, {}, {}, frames_[at].handed_over};
     nodes = resize.nodes;
     const auto mean_around = [&](auto value) {

@@ -50,7 +50,7 @@ class ResizeSchedule {
   /// To be called after each counted frame.
   void add_frame(const FrameReport& report);
 
-  /// One entry per resize, sorted by frame.
+  /// One entry for each resize that was applied, sorted by frame.
   std::vector<ResizeFigures> figures() const;
 
  private:

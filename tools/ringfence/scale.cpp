@@ -13,6 +13,7 @@
 #include "plots.hpp"
 #include "progress.hpp"
 #include "scale_report.hpp"
+#include "stop_signals.hpp"
 
 namespace ringfence::tools {
 namespace {
@@ -47,7 +48,7 @@ std::vector<ScaleRow> rows_of(const ScaleOptions& options) {
 
 /// Measures the message latency of a frame in milliseconds: wake-ups and transfers through rings. It is the difference
 /// between wall time and CPU time of frames with one object.
-double measure_hops(const ScaleOptions& options) {
+double measure_hops(const ScaleOptions& options, const StopSignals& stop) {
   RunOptions empty = options.base;
   empty.world.objects = 1;
   empty.world.users = empty.service.users = 1;
@@ -55,11 +56,13 @@ double measure_hops(const ScaleOptions& options) {
   empty.service.user_threads = 1;
   empty.service.deployment = Deployment::user;
   empty.frames = {400, 100};
-  const ScaleSample sample = run_sample(make_job(empty), [] {});
-  return std::max(0.0, sample.wall_ms - sample.path_ms);
+  const auto sample = run_sample(make_job(empty), [&stop] { return stop.received() == nullptr; });
+  return sample ? std::max(0.0, sample->wall_ms - sample->path_ms) : 0;
 }
 
-void run_rows(const ScaleOptions& options, std::vector<ScaleRow>& rows) {
+/// Runs all combinations until a signal stops it. Removes the rows without a complete run. True if all runs are
+/// complete.
+bool run_rows(const ScaleOptions& options, const StopSignals& stop, std::vector<ScaleRow>& rows) {
   const std::uint64_t frames = std::uint64_t{options.base.frames.warmup} + options.base.frames.frames;
   std::uint64_t work = 0;
   for (const ScaleRow& row : rows) work += frames * row.objects * options.repeats;
@@ -78,9 +81,18 @@ void run_rows(const ScaleOptions& options, std::vector<ScaleRow>& rows) {
       job->service.nodes = row.nodes;
       progress.set_text(fmt::format("run {} of {}: {} objects, {}, {} nodes", repeat * rows.size() + i + 1,
                                     rows.size() * options.repeats, row.objects, name_of(row.deployment), row.nodes));
-      row.samples.push_back(run_sample(*job, [&] { progress.step(row.objects); }));
+      const auto sample = run_sample(*job, [&] {
+        progress.step(row.objects);
+        return stop.received() == nullptr;
+      });
+      if (!sample) {
+        std::erase_if(rows, [](const ScaleRow& each) { return each.samples.empty(); });
+        return false;
+      }
+      row.samples.push_back(*sample);
     }
   }
+  return true;
 }
 
 void check_users(const ScaleOptions& options) {
@@ -116,12 +128,15 @@ int scale(const ScaleOptions& options) {
   // that step would then include the context switch and cache misses. The model assumes a core for each thread, so
   // batch scheduling avoids such preemption.
   const link::ScopedBatchScheduling batch_scheduling;
+  const StopSignals stop;
   ScaleResult result;
   result.rows = rows_of(options);
-  result.hops_ms = measure_hops(options);
-  run_rows(options, result.rows);
-  summarise(result.rows, result.hops_ms, this_machine().cores);
-  for (const std::string& name : options.models) {
+  result.hops_ms = measure_hops(options, stop);
+  if (!run_rows(options, stop, result.rows)) result.ended_by = stop.received();
+  summarise(result.rows, result.hops_ms, usable_cores());
+  // Models and plots need all rows.
+  const bool complete = result.ended_by == nullptr;
+  for (const std::string& name : complete ? options.models : std::vector<std::string>()) {
     ClusterCosts costs = *find_cluster(name);
     replace_costs(costs, options.costs);
     costs = resolve_costs(std::move(costs), result.rows);
@@ -142,8 +157,9 @@ int scale(const ScaleOptions& options) {
     csv->close();
   }
   const bool right = passed(result.rows);
-  if (!options.plots.empty()) draw_plots(options.plots, result);
-  return right ? done : check_failed;
+  if (complete && !options.plots.empty()) draw_plots(options.plots, result);
+  if (!right) return check_failed;
+  return complete ? done : incomplete;
 }
 
 }  // namespace ringfence::tools

@@ -2,6 +2,7 @@
 
 #include "cluster_costs.hpp"
 #include "option_checks.hpp"
+#include "option_groups.hpp"
 
 namespace ringfence::tools {
 namespace {
@@ -17,18 +18,27 @@ void add_counts(CLI::App& command, const char* option, std::vector<std::uint32_t
 
 }  // namespace
 
-void add_scale_options(CLI::App& command, ScaleOptions& options) {
+void add_scale_world(CLI::App& command, ScaleOptions& options) {
+  command.option_defaults()->group(option_groups::world);
+  add_counts(command, "--objects", options.objects, 1, 10'000'000, "number of objects, avatars included");
+  command.add_option("--repeats", options.repeats, "runs of each combination, for medians and ranges")
+      ->check(between(1u, 1000u))
+      ->capture_default_str()
+      ->type_name("N");
+}
+
+void add_scale_service(CLI::App& command, ScaleOptions& options) {
+  command.option_defaults()->group(option_groups::service);
   add_choice_list(command, "--deployment", options.deployments,
                   {Deployment::user, Deployment::user_server, Deployment::user_collision},
                   "which nodes host objects other than avatars");
   add_choice_list(command, "--broad-phase", options.placements,
                   {Placement::server, Placement::region, Placement::automatic}, "where the broad phase runs");
   add_counts(command, "--nodes", options.nodes, 0, 1024, "number of CD nodes; 0: everything runs in one thread");
-  add_counts(command, "--objects", options.objects, 1, 10'000'000, "number of objects, avatars included");
-  command.add_option("--repeats", options.repeats, "runs of each combination, for medians and ranges")
-      ->check(between(1u, 1000u))
-      ->capture_default_str()
-      ->type_name("N");
+}
+
+void add_scale_output(CLI::App& command, ScaleOptions& options) {
+  command.option_defaults()->group(option_groups::output);
   command.add_option("--model", options.models, "also model frames of a cluster from the measured counts: 2004, today")
       ->delimiter(',')
       ->check([](const std::string& name) {

@@ -21,13 +21,20 @@ void print_head(std::FILE* out, const ScaleOptions& options, const ScaleResult& 
              name_of(options.base.world.shapes), options.base.world.seed, options.base.service.users,
              options.base.service.user_threads, options.base.service.user_threads == 1 ? "" : "s", options.repeats,
              options.repeats == 1 ? "" : "s", options.base.frames.frames, options.base.frames.warmup);
-  fmt::print(out, "{}, {} core{}, {}, {} build\n\n", machine.cpu, machine.cores, machine.cores == 1 ? "" : "s",
-             machine.compiler, machine.build);
+  const std::string usable = machine.usable_cores == machine.cores
+                                 ? ""
+                                 : fmt::format(", {} of them usable (CPU affinity)", machine.usable_cores);
+  fmt::print(out, "{}, {} core{}{}, {}, {} build\n\n", machine.cpu, machine.cores, machine.cores == 1 ? "" : "s",
+             usable, machine.compiler, machine.build);
   fmt::print(
       out,
-      "wall       frame time: median (minimum to maximum) of the runs; cannot decrease with more threads than cores\n"
-      "server, node, users   CPU time per frame of the server's thread, the busiest node and the busiest user thread\n"
-      "modelled   CPU time along the critical path of each frame plus {:.3f} ms, the message latency of an empty\n"
+      "The line below the names of the columns says what each column is:\n"
+      "wall time  measured on the clock: median (minimum to maximum) of the runs; cannot decrease with more threads "
+      "than\n"
+      "           usable cores\n"
+      "CPU        measured CPU time per frame of the server's thread, the busiest node and the busiest user thread\n"
+      "modelled   computed: CPU time along the critical path of each frame plus {:.3f} ms, the message latency of an "
+      "empty\n"
       "           frame: the frame time with a core for each thread\n"
       "w/m        wall / modelled, where there are enough cores to compare them\n"
       "speedup, efficiency, serial   of the modelled time relative to 1 node; serial: Karp-Flatt fraction\n\n",
@@ -35,9 +42,9 @@ void print_head(std::FILE* out, const ScaleOptions& options, const ScaleResult& 
 }
 
 std::string scaling_columns(const Scaling& scaling, std::uint32_t nodes) {
-  if (!scaling.known) return fmt::format("{:>8} {:>10} {:>7}", "-", "-", "-");
+  if (!scaling.known) return fmt::format("{:>8} {:>10} {:>8}", "-", "-", "-");
   const std::string serial = nodes > 1 ? fmt::format("{:.1f} %", 100 * scaling.serial_fraction) : "-";
-  return fmt::format("{:>7.2f}x {:>8.0f} % {:>7}", scaling.speedup, 100 * scaling.efficiency, serial);
+  return fmt::format("{:>7.2f}x {:>8.0f} % {:>8}", scaling.speedup, 100 * scaling.efficiency, serial);
 }
 
 void print_rows(std::FILE* out, const std::vector<ScaleRow>& rows) {
@@ -47,9 +54,11 @@ void print_rows(std::FILE* out, const std::vector<ScaleRow>& rows) {
       objects = row.objects;
       fmt::print(out, "{} objects: {:.0f} candidates and {:.0f} contacts per frame, digest {:016x}\n", row.objects,
                  row.counts().tested, row.counts().contacts, row.digest());
-      fmt::print(out, "  {:<14} {:<7} {:>5}  {:<26} {:>8} {:>8} {:>8} {:>9} {:>6} {:>8} {:>10} {:>7}\n", "deployment",
-                 "broad", "nodes", "wall ms", "server", "node", "users", "modelled", "w/m", "speedup", "efficiency",
-                 "serial");
+      constexpr auto columns = "  {:<14} {:<7} {:>5}  {:<26} {:>8} {:>8} {:>8} {:>9} {:>6} {:>8} {:>10} {:>8}\n";
+      fmt::print(out, columns, "deployment", "broad", "nodes", "frame ms", "server", "node", "users", "frame", "w/m",
+                 "speedup", "efficiency", "serial");
+      fmt::print(out, columns, "", "", "", "wall time", "CPU", "CPU", "CPU", "modelled", "both", "modelled", "modelled",
+                 "modelled");
     }
     const std::string wall = fmt::format("{:.3f} ({:.3f} to {:.3f})", row.wall.median, row.wall.min, row.wall.max);
     const std::string ratio =
@@ -68,6 +77,18 @@ void print_costs(std::FILE* out, const ClusterCosts& costs) {
   }
 }
 
+/// What each measure of a run is, by its key in the JSON report, which is also the beginning of its CSV columns.
+Json measures_json() {
+  return {{"wall_ms", "wall time"},
+          {"server_cpu_ms", "CPU time"},
+          {"busiest_node_cpu_ms", "CPU time"},
+          {"busiest_user_thread_cpu_ms", "CPU time"},
+          {"imbalance", "CPU time"},
+          {"modelled_ms", "modelled"},
+          {"modelled_scaling", "modelled"},
+          {"wall_scaling", "wall time"}};
+}
+
 /// Object counts in the table: the smallest and the largest. The JSON report has all.
 std::set<std::uint32_t> objects_shown(const ClusterResult& cluster) {
   std::set<std::uint32_t> all;
@@ -81,6 +102,8 @@ void print_cluster(std::FILE* out, const ClusterResult& cluster) {
                                  [](const ClusterPrediction& each) { return each.paper != nullptr; });
   fmt::print(out, "modelled cluster \"{}\": {}\n", cluster.costs.name, cluster.costs.title);
   print_costs(out, cluster.costs);
+  fmt::print(out, "  all times in milliseconds, modelled from these costs and the counts of the runs{}\n",
+             paper ? "; the last column: what the paper states" : "");
   const std::set<std::uint32_t> shown = objects_shown(cluster);
   const int digits = cluster.costs.name == "2004" ? 0 : 3;
   fmt::print(out,
@@ -190,6 +213,10 @@ void print_scale(std::FILE* out, const ScaleOptions& options, const ScaleResult&
   print_head(out, options, result);
   print_rows(out, result.rows);
   for (const ClusterResult& cluster : result.clusters) print_cluster(out, cluster);
+  if (result.ended_by != nullptr) {
+    fmt::print(out, "ended by {}: the table has the runs that were complete, without models and plots\n",
+               result.ended_by);
+  }
 }
 
 void write_scale_json(OutputFile& out, const ScaleOptions& options, const ScaleResult& result) {
@@ -204,7 +231,9 @@ void write_scale_json(OutputFile& out, const ScaleOptions& options, const ScaleR
                     {"frames", base.frames.frames},
                     {"warmup", base.frames.warmup}};
   json["machine"] = machine_json();
+  json["ended_by"] = result.ended_by ? Json(result.ended_by) : Json(nullptr);
   json["empty_frame_messages_ms"] = result.hops_ms;
+  json["measures"] = measures_json();
   json["runs"] = Json::array();
   for (const ScaleRow& row : result.rows) json["runs"].push_back(row_json(row));
   json["models"] = Json::array();

@@ -21,7 +21,8 @@ struct ClusterResult {
 struct ScaleResult {
   std::vector<ScaleRow> rows;
   double hops_ms = 0;  ///< message latency of a frame: wall time minus CPU time of a frame with one object
-  std::vector<ClusterResult> clusters;
+  std::vector<ClusterResult> clusters;  ///< empty if a signal ended the runs
+  const char* ended_by = nullptr;       ///< the signal that ended the runs; `rows` has what was complete before
 };
 
 /// Prints the tables of the report.

@@ -47,7 +47,8 @@ struct ScaleRow {
   }
 };
 
-/// Computes the summary of all rows. `hops_ms` is the message latency of an empty frame, `cores` the number of cores.
+/// Computes the summary of all rows. `hops_ms` is the message latency of an empty frame, `cores` the number of
+/// usable cores.
 void summarise(std::vector<ScaleRow>& rows, double hops_ms, unsigned cores);
 
 /// The row of the same world at `nodes` nodes; null if there is none.

@@ -70,14 +70,14 @@ double median(std::vector<double> values) {
   return (*middle + *std::max_element(values.begin(), middle)) / 2;
 }
 
-ScaleSample run_sample(const Job& job, const std::function<void()>& step) {
+std::optional<ScaleSample> run_sample(const Job& job, const std::function<bool()>& step) {
   World world(world_config(job));
   worlds::load_into(world, job.scene, job.service.users);
   FrameChecker checker(world, false);
   for (std::uint32_t frame = 0; frame < job.frames.warmup; ++frame) {
     advance(world, frame);
     checker.skip_frame();
-    step();
+    if (!step()) return {};
   }
   Figures figures;
   FrameSamples samples;
@@ -86,7 +86,7 @@ ScaleSample run_sample(const Job& job, const std::function<void()>& step) {
     figures.add(world.report(), world.contacts());
     samples.add(world.report(), job.service.nodes);
     checker.check_frame(frame);
-    step();
+    if (!step()) return {};
   }
   ScaleSample sample;
   sample.wall_ms = median(samples.wall);

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <functional>
+#include <optional>
 
 #include "job.hpp"
 #include "ringfence/frame_report.hpp"
@@ -44,8 +45,9 @@ struct ScaleSample {
   FrameCounts counts;
 };
 
-/// Runs all frames of `job`, warm-up included, and calls `step` after each. Throws Error and IncompleteError.
-ScaleSample run_sample(const Job& job, const std::function<void()>& step);
+/// Runs all frames of `job`, warm-up included, and calls `step` after each. If `step` returns false the run ends there,
+/// and there is no result. Throws Error and IncompleteError.
+std::optional<ScaleSample> run_sample(const Job& job, const std::function<bool()>& step);
 
 /// Median of `values`; 0 if there are none.
 double median(std::vector<double> values);

@@ -16,6 +16,7 @@
 #include "frame_checker.hpp"
 #include "progress.hpp"
 #include "ringfence/error.hpp"
+#include "stop_signals.hpp"
 #include "worlds/load.hpp"
 
 namespace ringfence::tools {
@@ -306,6 +307,7 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   checker.skip_frame();
   Soak soak(world, longer.scene, seed);
 
+  const StopSignals stop;
   using Clock = std::chrono::steady_clock;
   const Clock::time_point begin = Clock::now();
   const auto elapsed_share = [&] {
@@ -316,7 +318,7 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   std::uint64_t shown = 0, frames = 0, contacts = 0;
   std::optional<std::uint64_t> settled_bytes;  // 0 under sanitizers, which have their own allocator
   double slowest_ms = 0;
-  for (double share = 0; share < 1; share = elapsed_share()) {
+  for (double share = 0; share < 1 && !stop.received(); share = elapsed_share()) {
     if (!settled_bytes && share > 0.1) {
       settled_bytes = allocated_with(world, checker, longer.service.nodes, frames);
     }
@@ -334,12 +336,15 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   }
   progress.finish();
 
+  const double minutes_done = std::min(1.0, elapsed_share()) * minutes;
+  const char* const ended_by = minutes_done < minutes ? stop.received() : nullptr;
   const std::uint64_t bytes = allocated_with(world, checker, longer.service.nodes, frames);
   const std::uint64_t settled = settled_bytes.value_or(0);
   const bool memory_is_stable = settled == 0 || bytes < settled + settled / 4;
   const Soak::Counts& n = soak.counts();
-  fmt::print("{}\nsoak        {:.1f} minutes, {} frames, {} contacts; the slowest frame took {:.1f} ms\n", longer.title,
-             minutes, frames, contacts, slowest_ms);
+  fmt::print("{}\nsoak        {:.1f} minutes{}, {} frames, {} contacts; the slowest frame took {:.1f} ms\n",
+             longer.title, minutes_done, ended_by ? fmt::format(" of {:.1f}: ended by {}", minutes, ended_by) : "",
+             frames, contacts, slowest_ms);
   fmt::print("objects     {} spawned, {} destroyed, {} placed, {} disabled, {} enabled, {} changed; {} at the end\n",
              n.spawned, n.destroyed, n.placed, n.disabled, n.enabled, n.changed, world.report().objects);
   fmt::print("user nodes  {} connected, {} disconnected, {} late, {} inputs; {} shapes registered, {} removed\n",
@@ -359,7 +364,8 @@ int run_soak(const Job& job, double minutes, std::uint64_t seed) {
   fmt::print("{}\n", all_passed ? "all checks passed"
                                 : fmt::format("FAILED: {} frames or calls failed a check{}", n.failures,
                                               memory_is_stable ? "" : "; memory has grown by more than a quarter"));
-  return all_passed ? done : check_failed;
+  if (!all_passed) return check_failed;
+  return ended_by == nullptr ? done : incomplete;
 }
 
 }  // namespace ringfence::tools

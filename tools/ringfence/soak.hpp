@@ -75,7 +75,7 @@ class Soak {
 
 /// Runs a soak of the job's world for `minutes` and prints a summary. With --check compares one frame in 16 with brute
 /// force. Returns the exit code: check_failed if a check failed, or if allocated memory has grown by more than a
-/// quarter since a tenth of the time had passed.
+/// quarter since a tenth of the time had passed, else incomplete if SIGINT or SIGTERM ended the soak.
 int run_soak(const Job& job, double minutes, std::uint64_t seed);
 
 }  // namespace ringfence::tools

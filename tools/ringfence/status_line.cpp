@@ -29,7 +29,8 @@ void StatusLine::step() {
   update(false);
 }
 
-void StatusLine::finish() {
+void StatusLine::finish(const char* ended_by) {
+  ended_by_ = ended_by;
   progress_.finish();
   if (!job_.output.status.empty()) update(true);
 }
@@ -62,6 +63,7 @@ void StatusLine::write(bool last) const {
   nlohmann::ordered_json status = {{"frame", world_.frames()},
                                    {"frames", std::uint64_t{job_.frames.warmup} + job_.frames.frames},
                                    {"done", last},
+                                   {"ended_by", ended_by_ ? nlohmann::ordered_json(ended_by_) : nullptr},
                                    {"nodes", world_.nodes()},
                                    {"frame_ms", world_.report().frame_ms},
                                    {"contacts", world_.report().contacts},

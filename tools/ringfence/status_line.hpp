@@ -19,12 +19,14 @@ class StatusLine {
 
   /// To be called after each frame.
   void step();
-  /// Writes the final status and clears the line.
-  void finish();
+  /// Writes the final status and clears the line. `ended_by` is the signal that ended the run, or null.
+  void finish(const char* ended_by);
 
  private:
   void update(bool last);
   void write(bool last) const;
+
+  const char* ended_by_ = nullptr;
 
   const Job& job_;
   const World& world_;

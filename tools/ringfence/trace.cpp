@@ -78,6 +78,7 @@ TraceWorld make_trace_world(const Trace& trace, std::uint32_t copies) {
 
   TraceWorld world;
   world.scene.shapes.push_back(trace.shape);
+  world.scene.contact_label = trace.contact_label;
   world.scene.bounds_min = {std::floor(extents.low.x - margin), std::floor(extents.low.y - margin),
                             std::floor(extents.low.z - margin)};
   world.scene.bounds_max = {world.scene.bounds_min.x + columns * width + 1,

@@ -20,6 +20,7 @@ struct Sample {
 struct Trace {
   std::map<std::string, std::vector<Sample>> tracks;
   worlds::NamedShape shape;
+  std::string contact_label;      ///< Scene::contact_label
   std::uint32_t longest_gap = 1;  ///< frames between two samples; shorter gaps are interpolated linearly
   double step = 0.001;            ///< positions are rounded to multiples of this length, metres
   double margin = 1;              ///< of the world's bounds around the recorded positions, metres

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -134,6 +135,9 @@ class World {
   Status resize(std::uint32_t nodes);
   /// CD nodes that took part in the last frame; before the first frame, the current number.
   std::uint32_t nodes() const noexcept;
+  /// The CD node in whose region a position lies, by the region map of the next frame.
+  /// Empty while a frame is running. Precondition: finite.
+  std::optional<NodeId> node_at(const Vec3d& position) const noexcept;
 
   /// Makes a CD node or a user node stop at a point of a future frame, to test failover. Without
   /// WorldConfig::deadlines that frame waits until release_faults() is called, and a user node that stops delays all
