@@ -32,7 +32,7 @@ struct Motion {
 };
 
 /// Reads the movement of the objects of `scene` from a file. A file that begins with RFMOTION is binary; any other is
-/// CSV. docs/replay.md describes both formats.
+/// CSV. docs/formats.md describes both formats.
 ///
 /// Throws InputError that names the file and the line (CSV) or byte offset (binary) for:
 /// - a wrong header, field count or file size; an object count that differs from the scene;

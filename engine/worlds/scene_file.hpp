@@ -14,7 +14,7 @@ namespace ringfence::worlds {
 /// module does not depend on a mesh library. The program `ringfence` passes tools::read_mesh.
 using MeshLoader = std::function<TriangleMesh(const std::filesystem::path& file)>;
 
-/// Reads a scene in the JSON format of docs/replay.md (`"format": "ringfence-scene", "version": 1`).
+/// Reads a scene in the JSON format of docs/formats.md (`"format": "ringfence-scene", "version": 1`).
 ///
 /// Throws InputError whose message begins with FILE:LINE and names the field. Reasons: the file cannot be read or is
 /// not JSON; a field is missing or unknown; a number is not finite; a shape, layer or category is unknown; an object id
