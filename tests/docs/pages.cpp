@@ -16,17 +16,36 @@ std::string read_file(const std::filesystem::path& path) {
   return text.str();
 }
 
+namespace {
+
+/// Adds the Markdown files in `folder` and below whose paths `wanted` accepts.
+template <typename Wanted>
+void add_pages(std::vector<Page>& pages, const std::filesystem::path& folder, Wanted wanted) {
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(root / folder)) {
+    const std::string name = entry.path().lexically_relative(root).generic_string();
+    if (entry.path().extension() == ".md" && wanted(name)) {
+      pages.push_back({name, read_file(entry.path())});
+    }
+  }
+  std::sort(pages.begin(), pages.end(), [](const Page& p, const Page& q) { return p.name < q.name; });
+}
+
+bool is_history(const std::string& name) { return name.starts_with("docs/notes/") || name.starts_with("docs/data/"); }
+
+}  // namespace
+
 std::vector<Page> read_pages() {
   std::vector<Page> pages;
   for (const char* name : {"README.md", "CHANGELOG.md", "CONTRIBUTING.md"}) {
     pages.push_back({name, read_file(root / name)});
   }
-  for (const auto& entry : std::filesystem::directory_iterator(root / "docs")) {
-    if (entry.path().extension() == ".md") {
-      pages.push_back({"docs/" + entry.path().filename().string(), read_file(entry.path())});
-    }
-  }
-  std::sort(pages.begin(), pages.end(), [](const Page& p, const Page& q) { return p.name < q.name; });
+  add_pages(pages, "docs", [](const std::string& name) { return !is_history(name); });
+  return pages;
+}
+
+std::vector<Page> read_pages_and_notes() {
+  std::vector<Page> pages = read_pages();
+  add_pages(pages, "docs", is_history);
   return pages;
 }
 

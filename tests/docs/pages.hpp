@@ -16,8 +16,10 @@ struct Page {
   std::string text;
 };
 
-/// README.md, CHANGELOG.md, CONTRIBUTING.md and docs/*.md.
+/// README.md, CHANGELOG.md, CONTRIBUTING.md and the pages of docs/, without docs/notes and docs/data.
 std::vector<Page> read_pages();
+/// The same, and the pages of docs/notes and docs/data.
+std::vector<Page> read_pages_and_notes();
 /// Reads a file of the source tree; fails the test if it cannot.
 std::string read_file(const std::filesystem::path& path);
 

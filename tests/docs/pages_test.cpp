@@ -1,9 +1,13 @@
 // The files, tests and code examples that the pages of the documentation refer to exist.
 #include "docs/pages.hpp"
 
+#include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <regex>
+#include <set>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -29,22 +33,70 @@ std::string prose_of(const Page& page) {
   return prose;
 }
 
-TEST_CASE("every link of a page to a file has an existing target") {
-  const std::regex link(R"(\]\(([^)#]+)(#[^)]*)?\))");
-  int links = 0;
-  for (const Page& page : read_pages()) {
-    const std::string prose = prose_of(page);
-    for (const std::smatch& match : matches_of(prose, link)) {
-      const std::string target = match[1];
-      if (target.starts_with("http")) {
-        continue;
-      }
-      ++links;
-      const auto file = (root / page.name).parent_path() / target;
-      CHECK_MESSAGE(std::filesystem::exists(file), page.name << " links " << target << ", which does not exist");
+/// The anchor of a heading: lower case, spaces as hyphens, nothing but letters, digits, hyphens and underscores.
+std::string anchor_of(std::string_view heading) {
+  std::string anchor;
+  for (const char c : trimmed(heading)) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (std::isalnum(byte) || c == '-' || c == '_') {
+      anchor += static_cast<char>(std::tolower(byte));
+    } else if (c == ' ') {
+      anchor += '-';
     }
   }
-  CHECK(links > 10);
+  return anchor;
+}
+
+std::set<std::string> anchors_of(const std::string& prose) {
+  std::set<std::string> anchors;
+  for (const std::string& line : lines_of(prose)) {
+    if (line.starts_with("#")) {
+      anchors.insert(anchor_of(std::string_view(line).substr(line.find_first_not_of('#'))));
+    }
+  }
+  return anchors;
+}
+
+/// Checks a link of `page` to `target`, a path relative to the page with an anchor, or one of the two.
+void check_link(const Page& page, const std::string& target) {
+  const std::size_t hash = std::min(target.find('#'), target.size());
+  const std::string path = target.substr(0, hash);
+  const auto file = path.empty() ? root / page.name : (root / page.name).parent_path() / path;
+  if (!std::filesystem::exists(file)) {
+    FAIL_CHECK(page.name << " links " << target << ", which does not exist");
+  } else if (hash < target.size()) {
+    const std::set<std::string> anchors = anchors_of(prose_of({"", read_file(file)}));
+    CHECK_MESSAGE(anchors.contains(target.substr(hash + 1)),
+                  page.name << " links " << target << ", but that page has no such heading");
+  }
+}
+
+TEST_CASE("every link and picture of a page has an existing target, and every anchor an existing heading") {
+  const std::regex link(R"re(\]\(([^)]+)\)|(?:src|srcset|href)="([^"]+)")re");
+  int links = 0;
+  for (const Page& page : read_pages_and_notes()) {
+    const std::string prose = prose_of(page);
+    for (const std::smatch& match : matches_of(prose, link)) {
+      const std::string target = match[1].matched ? match[1] : match[2];
+      if (!target.starts_with("http")) {
+        ++links;
+        check_link(page, target);
+      }
+    }
+  }
+  CHECK(links > 100);
+}
+
+TEST_CASE("every page is linked from README and from the index of the documentation") {
+  for (const char* index : {"README.md", "docs/index.md"}) {
+    const std::string text = read_file(root / index);
+    for (const Page& page : read_pages()) {
+      const std::string name = page.name.substr(page.name.rfind('/') + 1);
+      if (page.name.starts_with("docs/") && name != "index.md") {
+        CHECK_MESSAGE(text.find(name + ")") != text.npos, index << " does not link " << page.name);
+      }
+    }
+  }
 }
 
 TEST_CASE("every file and folder that a page names exists") {
