@@ -1,4 +1,4 @@
-# Builds and installs the library alone, as docs/embedding.md shows, where the packages that only tools, tests and
+# Builds and installs the library alone, as docs/install.md shows, where the packages that only tools, tests and
 # benchmarks need cannot be found; then the consumer is built against it and runs.
 # Arguments: source_dir, build_dir, work_dir, compiler, version, build_type, werror.
 
