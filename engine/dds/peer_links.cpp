@@ -190,9 +190,12 @@ bool PeerLinks::read_hello(Incoming& link) {
   }
   Hello hello;
   std::memcpy(&hello, link.bytes.data(), sizeof hello);
+  if (hello.magic != Hello{}.magic || hello.receiver != incarnation_ || hello.sender == 0) {
+    return false;
+  }
   link.sender = hello.sender;
   link.taken = sizeof hello;
-  return hello.magic == Hello{}.magic && hello.receiver == incarnation_ && hello.sender != 0;
+  return true;
 }
 
 // Empty if the next message is not complete, or not valid.

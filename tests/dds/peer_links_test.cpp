@@ -163,6 +163,10 @@ TEST_CASE("a link that does not begin with a hello is closed, and invalid framin
   CHECK(sends(message_of(64, 3)));
   CHECK(group[0].failures.empty());
 
+  std::uint64_t for_another[4] = {0x52464c494e4b3031, 2, 9, 0};
+  CHECK(sends(std::as_bytes(std::span(for_another))));
+  CHECK(group[0].failures.empty());
+
   std::uint64_t hello[4] = {0x52464c494e4b3031, 2, 1, 0};  // then a message without bytes
   CHECK(sends(std::as_bytes(std::span(hello))));
   CHECK(group[0].failures == std::vector<std::uint64_t>{2});
