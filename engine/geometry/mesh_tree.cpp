@@ -6,11 +6,7 @@
 #include <limits>
 #include <numeric>
 
-#include <oneapi/tbb/blocked_range.h>
-#include <oneapi/tbb/parallel_for.h>
-#include <oneapi/tbb/parallel_invoke.h>
-
-#include "base/task_context.hpp"
+#include "base/parallel.hpp"
 #include "geometry/vector.hpp"
 
 namespace ringfence::geometry {
@@ -67,8 +63,7 @@ void sort_leaves(std::span<Entry> entries) {
                      });
     const std::span<Entry> front = entries.first(half), back = entries.subspan(half);
     if (entries.size() >= min_task_triangles) {
-      auto context = base::task_context();
-      oneapi::tbb::parallel_invoke([front] { sort_leaves(front); }, [back] { sort_leaves(back); }, context);
+      base::parallel_invoke([front] { sort_leaves(front); }, [back] { sort_leaves(back); });
       return;
     }
     sort_leaves(front);
@@ -109,17 +104,12 @@ constexpr std::size_t groups_of(std::size_t nodes) { return (nodes + fanout - 1)
 
 MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<std::uint32_t, 3>> triangles) {
   assert(!triangles.empty());
-  using Range = oneapi::tbb::blocked_range<std::size_t>;
   std::vector<Entry> order(triangles.size());
-  const auto enter = [&](const Range& range) {
-    for (std::size_t i = range.begin(); i != range.end(); ++i) {
-      const auto& t = triangles[i];
-      const Vec3f sum = vertices[t[0]] + vertices[t[1]] + vertices[t[2]];
-      order[i] = {{sum.x, sum.y, sum.z}, static_cast<std::uint32_t>(i)};
-    }
-  };
-  auto context = base::task_context();
-  oneapi::tbb::parallel_for(Range(0, order.size(), min_task_triangles), enter, context);
+  base::parallel_for(order.size(), min_task_triangles, [&](std::size_t i) {
+    const auto& t = triangles[i];
+    const Vec3f sum = vertices[t[0]] + vertices[t[1]] + vertices[t[2]];
+    order[i] = {{sum.x, sum.y, sum.z}, static_cast<std::uint32_t>(i)};
+  });
   sort_leaves(order);
 
   std::size_t groups = 0;
@@ -133,28 +123,25 @@ MeshTree::MeshTree(std::span<const Vec3f> vertices, std::span<const std::array<s
   boxes_.assign(groups, no_boxes());
 
   std::vector<Box> below(levels_[0].nodes);
-  const auto fill = [&](const Range& range) {
-    for (std::size_t leaf = range.begin(); leaf != range.end(); ++leaf) {
-      for (std::size_t lane = 0; lane < fanout; ++lane) {
-        const std::uint32_t number = order[std::min(leaf * fanout + lane, order.size() - 1)].triangle;
-        const auto& t = triangles[number];
-        TriangleGroup& to = leaves_[leaf];
-        for (std::size_t c = 0; c < 3; ++c) {
-          const Vec3f p = vertices[t[c]];
-          to.corner[c][0][lane] = p.x;
-          to.corner[c][1][lane] = p.y;
-          to.corner[c][2][lane] = p.z;
-          below[leaf].extend(p);
-        }
-        const Vec3f normal = unit_normal(vertices[t[0]], vertices[t[1]], vertices[t[2]]);
-        to.normal[0][lane] = normal.x;
-        to.normal[1][lane] = normal.y;
-        to.normal[2][lane] = normal.z;
-        to.index[lane] = number;
+  base::parallel_for(leaves_.size(), min_task_triangles / fanout, [&](std::size_t leaf) {
+    for (std::size_t lane = 0; lane < fanout; ++lane) {
+      const std::uint32_t number = order[std::min(leaf * fanout + lane, order.size() - 1)].triangle;
+      const auto& t = triangles[number];
+      TriangleGroup& to = leaves_[leaf];
+      for (std::size_t c = 0; c < 3; ++c) {
+        const Vec3f p = vertices[t[c]];
+        to.corner[c][0][lane] = p.x;
+        to.corner[c][1][lane] = p.y;
+        to.corner[c][2][lane] = p.z;
+        below[leaf].extend(p);
       }
+      const Vec3f normal = unit_normal(vertices[t[0]], vertices[t[1]], vertices[t[2]]);
+      to.normal[0][lane] = normal.x;
+      to.normal[1][lane] = normal.y;
+      to.normal[2][lane] = normal.z;
+      to.index[lane] = number;
     }
-  };
-  oneapi::tbb::parallel_for(Range(0, leaves_.size(), min_task_triangles / fanout), fill, context);
+  });
   for (const Level& level : levels_) {
     std::vector<Box> above(groups_of(level.nodes));
     for (std::size_t i = 0; i < level.nodes; ++i) {

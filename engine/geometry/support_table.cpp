@@ -5,9 +5,7 @@
 #include <cstddef>
 #include <limits>
 
-#include <oneapi/tbb/parallel_for.h>
-
-#include "base/task_context.hpp"
+#include "base/parallel.hpp"
 
 namespace ringfence::geometry {
 namespace {
@@ -31,13 +29,11 @@ Vec3d direction_of(std::size_t face, double u, double v) {
 }  // namespace
 
 SupportTable::SupportTable(const MeshTree& tree) : heights_(faces * side * side) {
-  const auto fill = [&](std::size_t i) {
+  base::parallel_for(heights_.size(), 1, [&](std::size_t i) {
     const std::size_t face = i / (side * side), row = i / side % side, column = i % side;
     const double height = tree.support(direction_of(face, coordinate(column), coordinate(row)));
     heights_[i] = std::nextafter(static_cast<float>(height), std::numeric_limits<float>::infinity());
-  };
-  auto context = base::task_context();
-  oneapi::tbb::parallel_for(std::size_t{0}, heights_.size(), fill, context);
+  });
 }
 
 double SupportTable::support_bound(Vec3d d) const noexcept {

@@ -5,10 +5,8 @@
 #include <unordered_map>
 #include <utility>
 
-#include <oneapi/tbb/parallel_for.h>
-
 #include "base/floating_point.hpp"
-#include "base/task_context.hpp"
+#include "base/parallel.hpp"
 #include "reference/exact_contact.hpp"
 
 namespace ringfence::reference {
@@ -130,8 +128,7 @@ class FrameCheck {
       wrong[i] = describe_error(shape_of(a), objects_[a].pose, shape_of(b), objects_[b].pose,
                                 claimed ? *found : nullptr, tolerance_);
     };
-    auto context = base::task_context();
-    oneapi::tbb::parallel_for(std::size_t{0}, pairs.size(), check, context);
+    base::parallel_for(pairs.size(), 1, check);
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const auto [a, b] = numbers(pairs[i]);
       if (!wrong[i].empty()) report(a, b, kinds(pairs[i]) + wrong[i]);
@@ -158,8 +155,7 @@ class FrameCheck {
       box.lower -= {width, width, width};
       box.upper += {width, width, width};
     };
-    auto context = base::task_context();
-    oneapi::tbb::parallel_for(std::size_t{0}, order.size(), bound, context);
+    base::parallel_for(order.size(), 1, bound);
     std::sort(order.begin(), order.end(), [&](auto p, auto q) { return boxes[p].lower.x < boxes[q].lower.x; });
 
     std::vector<ObjectPair> out;

@@ -9,7 +9,7 @@
 #include <oneapi/tbb/parallel_for.h>
 
 #include "base/caller_environment.hpp"
-#include "base/task_context.hpp"
+#include "base/parallel.hpp"
 
 namespace ringfence::base {
 namespace {
@@ -70,7 +70,8 @@ TEST_CASE("the caller's modes are back after the scope, after nested ones, and a
   }
 }
 
-TEST_CASE("oneTBB's tasks run in the scope's environment, also where the thread used oneTBB in another before") {
+TEST_CASE(
+    "the tasks of parallel_for run in the scope's environment, also where the thread used oneTBB in another before") {
   const std::uint64_t modes = floating_point_modes();
   for (const Caller caller : {Caller::flushing, Caller::rounding_up}) {
     CAPTURE(std::string(name_of(caller)));
@@ -80,10 +81,7 @@ TEST_CASE("oneTBB's tasks run in the scope's environment, also where the thread 
       const CallerEnvironment environment(caller);
       oneapi::tbb::parallel_for(std::size_t{0}, std::size_t{1}, [](std::size_t) {});
       const DefaultFloatingPoint scope;
-      auto context = task_context();
-      oneapi::tbb::parallel_for(
-          std::size_t{0}, std::size_t{1}, [&](std::size_t) { other += floating_point_modes() == modes ? 0 : 1; },
-          context);
+      parallel_for(1, 1, [&](std::size_t) { other += floating_point_modes() == modes ? 0 : 1; });
     }).join();
     CHECK(other == 0);
   }
