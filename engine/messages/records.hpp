@@ -77,10 +77,10 @@ struct PairRecord {
 struct CollisionRecord {
   std::uint32_t slot_a = 0;  ///< of the object with the lower number
   std::uint32_t slot_b = 0;
+  std::uint32_t reserved = 0;
   float depth = 0;
   Vec3f normal;
-  Vec3d point;
-  Vec3f arm_a, arm_b;
+  Vec3f point;  ///< relative to the position of a in this frame, world axes, metres
 };
 
 /// M3: a contact that the sender found in this frame and not in the frame before, or the other way round.
@@ -207,7 +207,7 @@ static_assert(sizeof(StateRecord) == 56);
 static_assert(sizeof(NodeStateRecord) == 80);
 static_assert(sizeof(PositionRecord) == 104);
 static_assert(sizeof(PairRecord) == 8);
-static_assert(sizeof(CollisionRecord) == 72 && sizeof(ChangeRecord) == 16 && sizeof(CorrectRecord) == 8);
+static_assert(sizeof(CollisionRecord) == 40 && sizeof(ChangeRecord) == 16 && sizeof(CorrectRecord) == 8);
 static_assert(sizeof(NarrowDoneRecord) == 32);
 static_assert(sizeof(HandOverRecord) == 80);
 static_assert(sizeof(DropRecord) == 16);

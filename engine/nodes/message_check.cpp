@@ -65,8 +65,7 @@ bool is_valid(const messages::PairRecord& record, const MessageLimits& limits) n
 
 bool is_valid(const messages::CollisionRecord& record, const MessageLimits& limits) noexcept {
   return record.slot_a != record.slot_b && record.slot_a < limits.slots && record.slot_b < limits.slots &&
-         std::isfinite(record.depth) && is_finite(record.normal) && is_finite(record.point) &&
-         is_finite(record.arm_a) && is_finite(record.arm_b);
+         std::isfinite(record.depth) && is_finite(record.normal) && is_finite(record.point);
 }
 
 bool is_valid(const messages::CountRecord& record, const MessageLimits& limits) noexcept {

@@ -121,7 +121,8 @@ std::vector<MalformedMessage> malformed_messages() {
       collision("an object with itself", [](auto& record) { record.slot_b = record.slot_a; }),
       collision("the higher number first", [](auto& record) { std::swap(record.slot_a, record.slot_b); }),
       collision("a depth that is not a number", [](auto& record) { record.depth = std::nanf(""); }),
-      collision("a point that is not finite", [](auto& record) { record.point.z = 1.0 / 0.0; }),
+      collision("a point that is not finite",
+                [](auto& record) { record.point.z = std::numeric_limits<float>::infinity(); }),
       state("a position that is not a number", [=](auto& record) { record.pose.position.x = nan; }),
       state("an orientation of length 0",
             [](auto& record) {

@@ -332,7 +332,9 @@ std::uint64_t check_notices(const TestHarness& harness, const HarnessConfig& con
       REQUIRE((contact.phase == Phase::begin) == begun.contains(static_cast<std::uint32_t>(i)));
       REQUIRE(std::memcmp(&contact.depth, &found[i].depth, sizeof(float)) == 0);
       REQUIRE(std::memcmp(&contact.normal, &found[i].normal, sizeof(Vec3f)) == 0);
-      REQUIRE(std::memcmp(&contact.point, &found[i].point, sizeof(Vec3d)) == 0);
+      const Vec3d origin = harness.table().row(found[i].slot_a).pose.position;
+      const Vec3d point = origin + to_double(found[i].point);
+      REQUIRE(std::memcmp(&contact.point, &point, sizeof(Vec3d)) == 0);
       expected.erase(own);
     }
     REQUIRE(notified.size() == expected.size());

@@ -22,7 +22,6 @@ void ContactPublisher::list() {
   const auto hits = detector_.hits();
   const base::PairSort& order = detector_.order();
   contacts.start(state_.frame);
-  contacts.contacts = nullptr;
   contacts.touches = detector_.touches().data();
   contacts.bodies = objects.bodies().data();
   contacts.keys.resize(hits.size());
@@ -136,13 +135,7 @@ bool ContactPublisher::send_collisions() {
     }
     const FoundContact& found = contacts.found[next_hit_];
     const narrow_phase::PairContact& touch = contacts.touches[found.touch];
-    new (where) messages::CollisionRecord{found.slot_a,
-                                          found.slot_b,
-                                          touch.depth,
-                                          touch.normal,
-                                          contacts.point(static_cast<std::uint32_t>(next_hit_)),
-                                          contacts.arm(found, found.body_a),
-                                          contacts.arm(found, found.body_b)};
+    new (where) messages::CollisionRecord{found.slot_a, found.slot_b, 0, touch.depth, touch.normal, touch.point};
   }
   return collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), state_.traffic);
 }
@@ -213,7 +206,7 @@ bool ContactPublisher::send_to_peers() {
                                  const NodeContacts& contacts = state_.contacts;
                                  const std::uint32_t at = positions[i];
                                  Contact contact;
-                                 contacts.write(at, contacts.found[at], contacts.phase(at), contact);
+                                 contacts.write(contacts.found[at], contacts.phase(at), contact);
                                  std::memcpy(where, &contact, sizeof contact);
                                });
   }
@@ -293,7 +286,7 @@ void ContactPublisher::read_peer_contacts() {
   order.sort();
   order.visit([&](std::uint64_t, NodeNumber peer, std::uint32_t position, Phase phase) {
     Contact contact;
-    all[peer]->write(position, all[peer]->found[position], phase, contact);
+    all[peer]->write(all[peer]->found[position], phase, contact);
     state_.host.contacts().add(state_.frame, contact);
   });
   state_.contacts.taken = order.size();

@@ -43,7 +43,7 @@ class NodeContactOrder {
     for (std::size_t i = 0; i < size(); ++i) {
       if (i + ahead < size()) {
         const Source& soon = sources_[place(i + ahead)];
-        node_contacts_[soon.node]->prefetch(soon.position, node_contacts_[soon.node]->found[soon.position]);
+        node_contacts_[soon.node]->prefetch(node_contacts_[soon.node]->found[soon.position]);
       }
       const Source& source = sources_[place(i)];
       each(key(i), source.node, source.position, node_contacts_[source.node]->phase(source.position));

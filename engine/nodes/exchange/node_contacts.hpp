@@ -14,6 +14,7 @@
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/exchange/ghost_updates.hpp"
 #include "nodes/exchange/host_owned_states.hpp"
+#include "nodes/exchange/object_row.hpp"
 #include "nodes/exchange/peer_lists.hpp"
 #include "nodes/exchange/read_gate.hpp"
 #include "ringfence/contact.hpp"
@@ -34,7 +35,7 @@ struct Found {
 struct FoundContact {
   std::uint32_t slot_a = 0;
   std::uint32_t slot_b = 0;
-  std::uint32_t body_a = 0;  ///< index into NodeContacts::bodies; unused if NodeContacts::contacts is set
+  std::uint32_t body_a = 0;  ///< index into NodeContacts::bodies; unused if NodeContacts::bodies is null
   std::uint32_t body_b = 0;
   std::uint32_t touch = 0;  ///< index into NodeContacts::touches
 };
@@ -78,9 +79,10 @@ struct NodeContacts {
   GhostUpdates ghost_updates;   ///< see GhostUpdates for its rules
   /// Read by all nodes.
   alignas(64) std::uint64_t frame = no_frame;          ///< the frame of the lists
-  const Contact* contacts = nullptr;                   ///< parallel to keys; null: assembled from the next two
   const narrow_phase::PairContact* touches = nullptr;  ///< in the order of detection
-  const narrow_phase::Body* bodies = nullptr;          ///< poses at the time of the tests
+  const narrow_phase::Body* bodies = nullptr;          ///< poses at the time of the tests; null: the next two
+  const ObjectRow* rows = nullptr;                     ///< by slot; of contacts that the server received as messages
+  const ObjectOrigin* origins = nullptr;               ///< by slot
   base::FlatList<FoundContact> found;                  ///< parallel to keys
   base::FlatList<std::uint8_t> begun;  ///< parallel to keys: 1 if the pair was not in contact in the frame before; set
                                        ///< by the node, corrected by the server
@@ -126,7 +128,7 @@ struct NodeContacts {
     const auto count = static_cast<std::uint32_t>(keys.size());
     for (std::uint32_t i = 0; i < count; ++i) {
       const std::uint32_t soon = std::min(i + ahead, count - 1);
-      prefetch(soon, found[soon]);
+      prefetch(found[soon]);
       each(keys[i], i, phase(i));
     }
   }
@@ -137,50 +139,28 @@ struct NodeContacts {
     to.phase = phase;
     std::memcpy(&to.depth, &from.depth, sizeof(Contact) - offsetof(Contact, depth));
   }
-  /// Writes the contact at that position, whose entry is `one`.
-  void write(std::uint32_t position, const FoundContact& one, Phase phase, Contact& to) const noexcept {
-    if (contacts != nullptr) {
-      copy(contacts[position], phase, to);
+  /// Writes a contact of `found`.
+  void write(const FoundContact& one, Phase phase, Contact& to) const noexcept {
+    if (bodies == nullptr) {
+      assemble(touches[one.touch], party(one.slot_a), party(one.slot_b), phase, to);
       return;
     }
     assemble(touches[one.touch], bodies[one.body_a], bodies[one.body_b], phase, to);
   }
   static void assemble(const narrow_phase::PairContact& touch, const narrow_phase::Body& a, const narrow_phase::Body& b,
                        Phase phase, Contact& to) noexcept {
-    to.a = a.number;
-    to.b = b.number;
-    to.phase = phase;
-    to.depth = touch.depth;
-    to.normal = touch.normal;
-    to.toi = 1;
-    to.point = in_world(touch, a);
-    to.arm_a = to_float(to.point - a.pose.position);
-    to.arm_b = to_float(to.point - b.pose.position);
-    to.generation_a = a.generation;
-    to.generation_b = b.generation;
-    to.user_data_a = a.user_data;
-    to.user_data_b = b.user_data;
-    to.child_a = to.child_b = 0;
-    to.layer_a = static_cast<std::uint16_t>(a.layer);
-    to.layer_b = static_cast<std::uint16_t>(b.layer);
-    to.flags = 0;
-  }
-  /// Contact::point of the contact at that position.
-  Vec3d point(std::uint32_t position) const noexcept {
-    const FoundContact& one = found[position];
-    return contacts != nullptr ? contacts[position].point : in_world(touches[one.touch], bodies[one.body_a]);
-  }
-  /// Contact::arm_a or arm_b of a contact, for its object at `body`. Precondition: `contacts` is null.
-  Vec3f arm(const FoundContact& one, std::uint32_t body) const noexcept {
-    return to_float(in_world(touches[one.touch], bodies[one.body_a]) - bodies[body].pose.position);
+    assemble(touch, party(a), party(b), phase, to);
   }
   /// Prefetches what write() reads.
-  void prefetch(std::uint32_t position, const FoundContact& one) const noexcept {
-    if (contacts != nullptr) {
-      base::prefetch_object(contacts[position]);
+  void prefetch(const FoundContact& one) const noexcept {
+    base::prefetch_for_read(&touches[one.touch]);
+    if (bodies == nullptr) {
+      base::prefetch_for_read(&rows[one.slot_a]);
+      base::prefetch_for_read(&rows[one.slot_b]);
+      base::prefetch_for_read(&origins[one.slot_a]);
+      base::prefetch_for_read(&origins[one.slot_b]);
       return;
     }
-    base::prefetch_for_read(&touches[one.touch]);
     base::prefetch_for_read(&bodies[one.body_a]);
     base::prefetch_for_read(&bodies[one.body_b]);
   }
@@ -194,8 +174,42 @@ struct NodeContacts {
 
  private:
   void compare_keys();
-  static Vec3d in_world(const narrow_phase::PairContact& touch, const narrow_phase::Body& a) noexcept {
-    const Vec3d& origin = a.pose.position;
+  /// What a contact states of one of its two objects.
+  struct Party {
+    ObjectNumber number;
+    std::uint32_t generation;
+    std::uint16_t layer;
+    std::uint64_t user_data;
+    const Vec3d& position;
+  };
+  static Party party(const narrow_phase::Body& body) noexcept {
+    return {body.number, body.generation, static_cast<std::uint16_t>(body.layer), body.user_data, body.pose.position};
+  }
+  Party party(std::uint32_t slot) const noexcept {
+    const ObjectRow& row = rows[slot];
+    return {row.object.number, row.object.generation, row.layer, origins[slot].user_data, row.pose.position};
+  }
+  static void assemble(const narrow_phase::PairContact& touch, const Party& a, const Party& b, Phase phase,
+                       Contact& to) noexcept {
+    to.a = a.number;
+    to.b = b.number;
+    to.phase = phase;
+    to.depth = touch.depth;
+    to.normal = touch.normal;
+    to.toi = 1;
+    to.point = in_world(touch, a.position);
+    to.arm_a = to_float(to.point - a.position);
+    to.arm_b = to_float(to.point - b.position);
+    to.generation_a = a.generation;
+    to.generation_b = b.generation;
+    to.user_data_a = a.user_data;
+    to.user_data_b = b.user_data;
+    to.child_a = to.child_b = 0;
+    to.layer_a = a.layer;
+    to.layer_b = b.layer;
+    to.flags = 0;
+  }
+  static Vec3d in_world(const narrow_phase::PairContact& touch, const Vec3d& origin) noexcept {
     return {origin.x + static_cast<double>(touch.point.x), origin.y + static_cast<double>(touch.point.y),
             origin.z + static_cast<double>(touch.point.z)};
   }

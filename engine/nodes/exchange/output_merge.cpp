@@ -92,7 +92,7 @@ std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, Ou
     prefetch_ahead(output_merge.contacts + at);
     base::prefetch_for_write(output_merge.keys + at + 16);
     base::prefetch_for_write(output_merge.found + at + 16);
-    node_contacts.write(position, found, phase, output_merge.contacts[at]);
+    node_contacts.write(found, phase, output_merge.contacts[at]);
     output_merge.keys[at] = key;
     output_merge.found[at] = {found.slot_a, found.slot_b, node};
     ++at;

@@ -62,7 +62,7 @@ void ContactLedger::begin(std::uint64_t frame) {
     run.complete = false;
     run.own->start(frame);
     run.own->for_peers.finish(static_cast<NodeNumber>(runs_.size()));
-    run.contacts.clear();
+    run.touches.clear();
   }
   now().resize(0);
   ended().resize(0);
@@ -81,26 +81,16 @@ bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& re
   if (a.object.number >= b.object.number || (keys.size() != 0 && key < keys[keys.size() - 1])) {
     return false;
   }
+  const auto position = static_cast<std::uint32_t>(keys.size());
+  const FoundContact found{record.slot_a, record.slot_b, 0, 0, position};
   if (is_avatar(a) || is_avatar(b)) {
-    const auto position = static_cast<std::uint32_t>(keys.size());
-    run.own->user_contacts.push_back({key, position, {record.slot_a, record.slot_b}});
+    run.own->user_contacts.push_back({key, position, found});
   }
   keys.push_back(key);
-  run.own->found.push_back({record.slot_a, record.slot_b});
-  run.contacts.push_back({.a = a.object.number,
-                          .b = b.object.number,
-                          .phase = Phase::persist,
-                          .depth = record.depth,
-                          .normal = record.normal,
-                          .point = record.point,
-                          .arm_a = record.arm_a,
-                          .arm_b = record.arm_b,
-                          .generation_a = a.object.generation,
-                          .generation_b = b.object.generation,
-                          .user_data_a = origins[record.slot_a].user_data,
-                          .user_data_b = origins[record.slot_b].user_data,
-                          .layer_a = a.layer,
-                          .layer_b = b.layer});
+  run.own->found.push_back(found);
+  run.touches.push_back({0, record.depth, record.normal, record.point});
+  run.own->rows = rows.data();
+  run.own->origins = origins.data();
   return true;
 }
 
@@ -139,7 +129,7 @@ bool ContactLedger::receive(NodeNumber node, const messages::ChangeRecord& recor
 void ContactLedger::end_run(NodeNumber node) {
   Run& run = runs_[node];
   run.complete = true;
-  run.own->contacts = run.contacts.data();
+  run.own->touches = run.touches.data();
   run.own->begun.resize(run.own->keys.size());
   std::fill(run.own->begun.begin(), run.own->begun.end(), std::uint8_t{0});
   for (const std::uint32_t position : run.own->beginning) {
@@ -353,8 +343,7 @@ std::span<const ContactNotice> ContactLedger::notices(bool all) {
   order_.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
     if (key != last) {
       const FoundContact& found = node_contacts_[node]->found[position];
-      notices_.push_back(
-          {key, node_contacts_[node], position, nullptr, found, {found.slot_a, found.slot_b, node}, phase});
+      notices_.push_back({key, node_contacts_[node], nullptr, found, {found.slot_a, found.slot_b, node}, phase});
     }
     last = key;
   });
@@ -366,10 +355,9 @@ void ContactLedger::list_user_notices() {
   for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
     const NodeContacts& node_contacts = *node_contacts_[node];
     for (const UserContact& contact : node_contacts.user_contacts) {
-      node_contacts.prefetch(contact.position, contact.found);
+      node_contacts.prefetch(contact.found);
       notices_.push_back({contact.key,
                           &node_contacts,
-                          contact.position,
                           nullptr,
                           contact.found,
                           {contact.found.slot_a, contact.found.slot_b, node},
@@ -416,7 +404,7 @@ void ContactLedger::list_ended_notice(std::uint64_t key, std::size_t& old) {
   const auto& keys = before().keys;
   const auto* const at = search_from(keys.begin() + old, keys.end(), key);
   old = static_cast<std::size_t>(at - keys.begin());
-  ended_notices_.push_back({key, nullptr, 0, &before().contacts[old], {}, before().found[old], Phase::end});
+  ended_notices_.push_back({key, nullptr, &before().contacts[old], {}, before().found[old], Phase::end});
 }
 
 }  // namespace ringfence::nodes

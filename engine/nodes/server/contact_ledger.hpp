@@ -23,7 +23,6 @@ namespace ringfence::nodes {
 struct ContactNotice {
   std::uint64_t key = 0;                        ///< base::PairSort::key of the pair
   const NodeContacts* node_contacts = nullptr;  ///< source of the contact; null if it ended
-  std::uint32_t position = 0;                   ///< index in NodeContacts::keys; unused if it ended
   const Contact* ended = nullptr;               ///< if it ended: the contact of the frame before; otherwise null
   FoundContact place;                           ///< its entry in NodeContacts::found; unused if it ended
   Found found;
@@ -32,7 +31,7 @@ struct ContactNotice {
   /// Writes the contact, with its phase, to `to`.
   void write(Contact& to) const noexcept {
     if (node_contacts != nullptr) {
-      node_contacts->write(position, place, phase, to);
+      node_contacts->write(place, phase, to);
     } else {
       NodeContacts::copy(*ended, phase, to);
     }
@@ -65,8 +64,9 @@ class ContactLedger {
   /// Clears C(frame) and everything received.
   void begin(std::uint64_t frame);
   /// Adds a contact that `node` sent in a message, between the objects of its two slots in `rows` and `origins`, which
-  /// are parallel. A node sends its contacts in order of (a, b): returns false and adds nothing if (a, b) is below the
-  /// pair that the node sent before, if a slot is not in `rows`, or if a is not below b.
+  /// are parallel and must not change before the next begin(): later calls read the poses there. A node sends its
+  /// contacts in order of (a, b): returns false and adds nothing if (a, b) is below the pair that the node sent before,
+  /// if a slot is not in `rows`, or if a is not below b.
   bool receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows,
                std::span<const ObjectOrigin> origins);
   /// Adds the next change that `node` sent, after all its contacts. Those that began come in the order of their
@@ -152,7 +152,7 @@ class ContactLedger {
   struct Run {
     NodeContacts* shared = nullptr;
     std::unique_ptr<NodeContacts> own = std::make_unique<NodeContacts>();  ///< of a node that sends messages
-    base::FlatList<Contact> contacts;                                      ///< of `own`, in its order
+    base::FlatList<narrow_phase::PairContact> touches;                     ///< of `own`, in its order
     std::vector<std::uint32_t> corrections;
     std::uint64_t joined = 0;  ///< the node's first frame
     bool complete = false;     ///< everything was received in this frame

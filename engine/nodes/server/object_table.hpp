@@ -13,26 +13,11 @@
 #include "geometry/bounds.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
+#include "nodes/exchange/object_row.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/object.hpp"
 
 namespace ringfence::nodes {
-
-/// Data of an object that the server reads each frame: one cache line.
-struct alignas(64) ObjectRow {
-  messages::ObjectRef object;  ///< flags: flag_present
-  Pose pose;
-  ShapeNumber shape = 0;
-  std::uint16_t layer = 0;
-  std::uint16_t category = 0;
-};
-static_assert(sizeof(ObjectRow) == 64);
-
-/// Data of an object that is read only when its host changes or on request.
-struct ObjectOrigin {
-  std::uint64_t user_data = 0;
-  UserNumber user = no_user_number;  ///< owner of an avatar
-};
 
 /// State bits of an object.
 using ObjectMarks = std::uint16_t;
