@@ -106,6 +106,7 @@ constexpr std::uint64_t record_layout_hash() noexcept {
                                  sizeof(ObjectRef),
                                  sizeof(StateRecord),
                                  sizeof(NodeStateRecord),
+                                 sizeof(ReplicaRecord),
                                  sizeof(PositionRecord),
                                  sizeof(PairRecord),
                                  sizeof(CollisionRecord),

@@ -21,6 +21,7 @@ Traffic traffic_of(MessageType type) noexcept {
     case MessageType::hand_over:
       return Traffic::m5;
     case MessageType::node_state:
+    case MessageType::replica:
       return Traffic::state;
     default:
       return Traffic::control;
@@ -35,7 +36,7 @@ const char* name_of(MessageType type) noexcept {
                                                 "refused",     "kinds",        "correct",      "lost",
                                                 "probe",       "probe_reply",  "published",    "read_publications",
                                                 "change",      "ghost",        "ghost_counts", "contact_counts",
-                                                "ghosts_sent"};
+                                                "ghosts_sent", "replica"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }
@@ -61,6 +62,8 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
       return sizeof(StateRecord) + state_bytes;
     case MessageType::node_state:
       return sizeof(NodeStateRecord) + state_bytes;
+    case MessageType::replica:
+      return sizeof(ReplicaRecord) + state_bytes;
     case MessageType::position_update:
     case MessageType::ghost:
       return sizeof(PositionRecord);

@@ -24,6 +24,9 @@ enum class MessageType : std::uint16_t {
   // Hosts to server.
   state_update = 5,  ///< M1, user node to server: StateRecord + model state of each object that changed
   node_state = 6,    ///< CD node to server: NodeStateRecord + model state of each object that changed
+  /// CD node to server, instead: ReplicaRecord + model state of each object whose state was and is host-owned, if the
+  /// two share no memory; before the end of node_state.
+  replica = 29,
   // Server to CD nodes.
   position_update = 7,  ///< M2: PositionRecord of each object that moved into, within or out of the node's region
   pairs = 8,            ///< M2: PairRecord of each candidate that the node owns (broad phase on the server only)
@@ -65,7 +68,7 @@ enum class MessageType : std::uint16_t {
   read_publications = 23,  ///< no records: all publications of this frame can be read
 };
 /// One more than the largest message type.
-inline constexpr std::uint16_t message_types = 29;
+inline constexpr std::uint16_t message_types = 30;
 
 /// The kind of traffic as which a message is counted.
 Traffic traffic_of(MessageType type) noexcept;

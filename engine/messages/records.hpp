@@ -54,6 +54,14 @@ struct NodeStateRecord {
   geometry::Bounds bounds;
 };
 
+/// The pose of a present object that the sending CD node hosts, with the host-owned state of this frame and of the
+/// frame before. The server keeps it for recovery and for user nodes. The model state follows.
+struct ReplicaRecord {
+  std::uint32_t slot = 0;
+  std::uint32_t generation = 0;
+  Pose pose;
+};
+
 /// M2: everything that a CD node needs to test an object. The pose and the bounds are those of this frame.
 struct PositionRecord {
   ObjectRef object;
@@ -204,7 +212,7 @@ struct RefusedRecord {
 
 static_assert(sizeof(ObjectRef) == 16);
 static_assert(sizeof(StateRecord) == 56);
-static_assert(sizeof(NodeStateRecord) == 80);
+static_assert(sizeof(NodeStateRecord) == 80 && sizeof(ReplicaRecord) == 48);
 static_assert(sizeof(PositionRecord) == 104);
 static_assert(sizeof(PairRecord) == 8);
 static_assert(sizeof(CollisionRecord) == 40 && sizeof(ChangeRecord) == 16 && sizeof(CorrectRecord) == 8);

@@ -46,6 +46,10 @@ bool is_valid(const messages::NodeStateRecord& record, const MessageLimits& limi
          is_valid(record.bounds);
 }
 
+bool is_valid(const messages::ReplicaRecord& record, const MessageLimits& limits) noexcept {
+  return record.slot < limits.slots && is_valid(record.pose);
+}
+
 bool is_valid(const messages::PositionRecord& record, const MessageLimits& limits) noexcept {
   return is_valid(record.object, limits) && is_valid(record.pose) && is_valid(record.bounds) &&
          record.shape < limits.shapes && record.layer < layers;
@@ -114,6 +118,8 @@ bool is_valid(const MessageView& message, const MessageLimits& limits) noexcept 
       return are_valid<messages::PlaceRecord>(message, limits);
     case MessageType::node_state:
       return are_valid<messages::NodeStateRecord>(message, limits);
+    case MessageType::replica:
+      return are_valid<messages::ReplicaRecord>(message, limits);
     case MessageType::position_update:
     case MessageType::ghost:
       return are_valid<messages::PositionRecord>(message, limits);

@@ -115,6 +115,9 @@ std::vector<MalformedMessage> malformed_messages() {
   const auto state = [](std::string what, std::function<void(NodeStateRecord&)> how) {
     return change<NodeStateRecord>(std::move(what), MessageType::node_state, std::move(how));
   };
+  const auto replica = [](std::string what, std::function<void(messages::ReplicaRecord&)> how) {
+    return change<messages::ReplicaRecord>(std::move(what), MessageType::replica, std::move(how));
+  };
   std::vector<MalformedMessage> all = {
       collision("the largest slot number", [](auto& record) { record.slot_a = no_slot; }),
       collision("a slot beyond the table", [](auto& record) { record.slot_b = 1000; }),
@@ -128,6 +131,9 @@ std::vector<MalformedMessage> malformed_messages() {
             [](auto& record) {
               record.pose.orientation = {0, 0, 0, 0};
             }),
+      replica("a replica whose position is not a number", [=](auto& record) { record.pose.position.y = nan; }),
+      replica("a replica of an object that has ended", [](auto& record) { ++record.generation; }),
+      replica("a replica of a slot beyond the table", [](auto& record) { record.slot = no_slot; }),
       state("bounds that are inside out", [](auto& record) { std::swap(record.bounds.lower, record.bounds.upper); }),
       change<messages::NarrowDoneRecord>("another number of contacts", MessageType::narrow_done,
                                          [](auto& record) { ++record.contacts; }),
@@ -191,6 +197,9 @@ TEST_CASE("a CD node in another process that breaks the protocol is lost, and no
   for (const Placement placement : {Placement::server, Placement::region}) {
     const auto expected = expected_contacts(placement);
     for (const MalformedMessage& malformed : malformed_messages()) {
+      if (malformed.type == MessageType::replica && placement == Placement::server) {
+        continue;  // the nodes send none
+      }
       CAPTURE(name_of(placement));
       CAPTURE(malformed.what);
       TestHarness harness(config_of(placement));

@@ -202,7 +202,7 @@ void check_protocol(const TestHarness& harness, const HarnessConfig& config, std
                 {drop, adopt, place, notify, frame_begin, ghosts_sent, position_update, pairs, correct, frame_end});
     check_order(log, Endpoint::node(node), Endpoint::server(),
                 config.shares_memory ? std::vector{node_state, published, narrow_done, kinds, frame_done}
-                                     : std::vector{node_state, ghost_counts, node_state, collision, change,
+                                     : std::vector{replica, node_state, ghost_counts, node_state, collision, change,
                                                    contact_counts, narrow_done, kinds, frame_done});
     for (NodeNumber peer = 0; peer < config.nodes; ++peer) {
       check_order(log, Endpoint::node(node), Endpoint::node(peer), {ghost, notify, hand_over});
@@ -214,7 +214,9 @@ void check_protocol(const TestHarness& harness, const HarnessConfig& config, std
     check_order(log, Endpoint::user(user), Endpoint::server(), {state_update, frame_done});
   }
   const auto is = [](MessageType type) { return [type](const LoggedMessage& seen) { return seen.type() == type; }; };
-  const auto state = [](const LoggedMessage& seen) { return seen.type() == state_update || seen.type() == node_state; };
+  const auto state = [](const LoggedMessage& seen) {
+    return seen.type() == state_update || seen.type() == node_state || seen.type() == replica;
+  };
   const auto m2 = [](const LoggedMessage& seen) { return seen.type() == position_update || seen.type() == pairs; };
   const auto begin = first_of(log, is(frame_begin));
   // Poses are final before nodes receive positions, and results are complete before any host is notified.

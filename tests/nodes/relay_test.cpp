@@ -140,7 +140,8 @@ class RelayRun {
   std::size_t reported() const {
     std::size_t count = 0;
     for (const LoggedMessage& message : harness.log()) {
-      count += message.type() == MessageType::node_state ? message.header.count : 0;
+      const bool states = message.type() == MessageType::node_state || message.type() == MessageType::replica;
+      count += states ? message.header.count : 0;
       if (message.type() == MessageType::frame_done && message.from.is_node()) {
         count += message.record<messages::NodeFrameStats>(0).host_owned_changes;
       }

@@ -35,8 +35,8 @@ class HaloExchange {
   bool shares_states() const noexcept;
   /// Whether objects are host-owned: their hosts, not the server, send their positions to the other nodes.
   bool keeps_host_owned() const noexcept { return keeps_host_owned_; }
-  /// Whether the server receives the states of host-owned objects too, as replicas.
-  bool reports_host_owned() const noexcept { return sends_messages(); }
+  /// Whether the server receives host-owned states as replicas, because it cannot read them.
+  bool replicates() const noexcept { return sends_messages(); }
 
   /// Starts the updates of a frame.
   void begin();

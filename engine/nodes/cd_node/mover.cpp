@@ -1,6 +1,6 @@
 #include "nodes/cd_node/mover.hpp"
 
-#include <cstring>
+#include <algorithm>
 #include <new>
 #include <utility>
 
@@ -23,8 +23,10 @@ Mover::Mover(NodeState& state, HaloExchange& halo, Migration& migration)
 
 void Mover::begin() {
   changed_ = {};
-  next_ = unreported_ = 0;
+  next_ = unreported_ = next_change_ = 0;
+  changes_.clear();
   states_run_.start();
+  replicas_run_.start();
   const NodePublication* const publication = state_.setup.server.publication;
   const bool published = std::exchange(publishes_, publication != nullptr && publication->wanted);
   if (publishes_ && !published) {
@@ -41,10 +43,7 @@ bool Mover::move() {
   while (report_batch()) {
     if (!state_.host.move_next()) {
       state_.contacts.host_states.finish();
-      if (halo_.reports_host_owned()) {
-        flush();  // another message follows
-      }
-      return halo_.finish_updates() &&
+      return report_changes() && halo_.finish_updates() &&
              states_run_.finish(*state_.setup.server.out, state_.head(MessageType::node_state, Endpoint::server()),
                                 report_bytes(), state_.traffic);
     }
@@ -56,21 +55,70 @@ bool Mover::move() {
   return false;
 }
 
-// Returns false if the ring is full.
+// Returns false if the ring is full. Messages of two types cannot be open at once. So if the server receives replicas,
+// which are most of the reports, the other changes wait until all objects have moved.
 bool Mover::report_batch() {
-  const messages::RunHeader to_server = state_.head(MessageType::node_state, Endpoint::server());
-  const std::size_t bytes = report_bytes();
+  const bool replicates = halo_.replicates();
   for (; unreported_ != 0; ++next_) {
-    if (!batch_.reports[next_]) {
+    const Report report = batch_.reports[next_];
+    if (report == Report::none) {
       continue;
     }
-    std::byte* where = states_run_.add(*state_.setup.server.out, to_server, bytes, state_.traffic);
-    if (where == nullptr) {
+    const std::uint32_t hosted = changed_[next_];
+    const std::uint32_t flags = batch_.flags[next_];
+    if (report == Report::state && replicates) {
+      changes_.push_back({hosted, flags, batch_.bounds[next_]});
+    } else if (!(report == Report::replica ? report_replica(hosted)
+                                           : report_state(hosted, flags, batch_.bounds[next_]))) {
       return false;
     }
-    write_report(next_, where);
     --unreported_;
   }
+  return true;
+}
+
+// The server does not send the object back: it sends a node every object in its region except those that the node
+// itself hosts and has reported. Returns false if the ring is full.
+bool Mover::report_state(std::uint32_t hosted, std::uint32_t flags, const geometry::Bounds& bounds) {
+  std::byte* const where =
+      states_run_.add(*state_.setup.server.out, state_.head(MessageType::node_state, Endpoint::server()),
+                      report_bytes(), state_.traffic);
+  if (where == nullptr) {
+    return false;
+  }
+  const Hosted& object = state_.host[hosted];
+  auto* record = new (where) messages::NodeStateRecord{object.object, object.pose, bounds};
+  record->object.flags = flags;
+  std::copy_n(state_.host.state(hosted), state_.host.state_bytes(), where + sizeof *record);
+  return true;
+}
+
+bool Mover::report_replica(std::uint32_t hosted) {
+  std::byte* const where =
+      replicas_run_.add(*state_.setup.server.out, state_.head(MessageType::replica, Endpoint::server()),
+                        sizeof(messages::ReplicaRecord) + state_.host.state_bytes(), state_.traffic);
+  if (where == nullptr) {
+    return false;
+  }
+  const Hosted& object = state_.host[hosted];
+  new (where) messages::ReplicaRecord{object.object.slot, object.object.generation, object.pose};
+  std::copy_n(state_.host.state(hosted), state_.host.state_bytes(), where + sizeof(messages::ReplicaRecord));
+  return true;
+}
+
+// Reports what had to wait for the last replica. Returns false if the ring is full.
+bool Mover::report_changes() {
+  if (!halo_.replicates()) {
+    return true;
+  }
+  flush_replicas();
+  for (; next_change_ < changes_.size(); ++next_change_) {
+    const Change& change = changes_[next_change_];
+    if (!report_state(change.hosted, change.flags, change.bounds)) {
+      return false;
+    }
+  }
+  flush();  // another message follows
   return true;
 }
 
@@ -79,8 +127,14 @@ std::size_t Mover::report_bytes() const noexcept {
 }
 
 void Mover::flush() {
+  flush_replicas();
   states_run_.flush(*state_.setup.server.out, state_.head(MessageType::node_state, Endpoint::server()), report_bytes(),
                     state_.traffic);
+}
+
+void Mover::flush_replicas() {
+  replicas_run_.flush(*state_.setup.server.out, state_.head(MessageType::replica, Endpoint::server()),
+                      sizeof(messages::ReplicaRecord) + state_.host.state_bytes(), state_.traffic);
 }
 
 void Mover::bound_batch() {
@@ -116,7 +170,7 @@ void Mover::place_batch() {
     } else {
       rest(i);
     }
-    unreported_ += batch_.reports[i] ? 1 : 0;
+    unreported_ += batch_.reports[i] != Report::none ? 1 : 0;
   }
 }
 
@@ -163,9 +217,10 @@ void Mover::place(std::size_t i) {
   // If the position is within the bounds, the next host owns a cell that the bounds touch. So it receives a ghost
   // update too, and knows from the bounds which other nodes received one.
   const bool keeps = halo_.keeps_host_owned() && present && ((inner && staying) || within);
-  batch_.reports[i] = !keeps || !staying || !was_host_owned || halo_.reports_host_owned();
-  state_.stats.host_owned_changes += batch_.reports[i] ? 0 : 1;
-  if (!batch_.reports[i] && state_.setup.may_be_lost) {
+  const bool host_owned = keeps && staying && was_host_owned;
+  batch_.reports[i] = !host_owned ? Report::state : halo_.replicates() ? Report::replica : Report::none;
+  state_.stats.host_owned_changes += batch_.reports[i] == Report::none ? 1 : 0;
+  if (batch_.reports[i] == Report::none && state_.setup.may_be_lost) {
     state_.contacts.host_states.add(state_.frame, object.object, object.pose, host.state(hosted));
   }
   batch_.flags[i] = (present ? messages::flag_present : 0u) | (inner ? messages::flag_interior : 0u) |
@@ -194,21 +249,11 @@ void Mover::rest(std::size_t i) {
       host.set_place_in_list(hosted, objects.set(object, bounds, filter, NextHost::self, inner, was, hosted));
     }
   }
-  batch_.reports[i] = (object.object.flags & messages::flag_host_owned) != 0;
+  const bool was_host_owned = (object.object.flags & messages::flag_host_owned) != 0;
+  batch_.reports[i] = was_host_owned ? Report::state : Report::none;
   batch_.flags[i] = messages::flag_present | messages::flag_keeps_host | messages::flag_at_rest |
                     (inner ? messages::flag_interior : 0u);
   host.set_host_owned(hosted, false);
-}
-
-// Writes the report of object i of the batch. The server does not send the object back: it sends a node every object in
-// its region except those that the node itself hosts and has reported.
-void Mover::write_report(std::size_t i, std::byte* where) const {
-  const Hosted& object = state_.host[changed_[i]];
-  auto* record = new (where) messages::NodeStateRecord{object.object, object.pose, batch_.bounds[i]};
-  record->object.flags = batch_.flags[i];
-  if (state_.host.state_bytes() != 0) {
-    std::memcpy(where + sizeof *record, state_.host.state(changed_[i]), state_.host.state_bytes());
-  }
 }
 
 void Mover::publish() {

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "geometry/bounds.hpp"
 #include "messages/run.hpp"
@@ -13,8 +14,8 @@
 
 namespace ringfence::nodes {
 
-/// Moves the objects that a CD node hosts, batch by batch, reports them to the server (`node_state`) and publishes them
-/// for the user nodes.
+/// Moves the objects that a CD node hosts, batch by batch, reports them to the server (`node_state`, `replica`) and
+/// publishes them for the user nodes.
 ///
 /// The changes of a batch are processed while they are in the cache: RegionObjects, HaloExchange and Migration receive
 /// them, and the server receives its share of them while the next batch is moved.
@@ -42,12 +43,19 @@ class Mover {
   bool send_published() { return state_.send_empty(published_run_, messages::MessageType::published); }
 
  private:
+  enum class Report : std::uint8_t { none, state, replica };
   /// What was computed of a changed object.
   struct Batch {
     std::array<geometry::Bounds, Host::batch> bounds;
     std::array<geometry::FixedPoint, Host::batch> points;  ///< positions
     std::array<std::uint32_t, Host::batch> flags;          ///< ObjectFlag bits of the records
-    std::array<bool, Host::batch> reports;                 ///< whether the change is reported to the server
+    std::array<Report, Host::batch> reports;               ///< what the server receives of the change
+  };
+  /// A change that is reported after the last replica.
+  struct Change {
+    std::uint32_t hosted;  ///< index in Host
+    std::uint32_t flags;
+    geometry::Bounds bounds;
   };
 
   bool report_batch();
@@ -55,7 +63,10 @@ class Mover {
   void place_batch();
   void place(std::size_t i);
   void rest(std::size_t i);
-  void write_report(std::size_t i, std::byte* where) const;
+  bool report_state(std::uint32_t hosted, std::uint32_t flags, const geometry::Bounds& bounds);
+  bool report_replica(std::uint32_t hosted);
+  bool report_changes();
+  void flush_replicas();
   void note_cells();
   std::uint32_t publication_cell(const Hosted& object, const std::uint32_t point[3]) const noexcept;
   std::size_t report_bytes() const noexcept;
@@ -67,8 +78,10 @@ class Mover {
   Batch batch_;                             ///< parallel to changed_
   std::size_t next_ = 0;                    ///< next of changed_ to report
   std::size_t unreported_ = 0;              ///< how many of them are still to be reported
+  std::vector<Change> changes_;             ///< of the frame, if the server receives replicas
+  std::size_t next_change_ = 0;             ///< next of them to report
   bool publishes_ = false;                  ///< in this frame
-  messages::RunWriter states_run_;
+  messages::RunWriter states_run_, replicas_run_;
   messages::RunSender published_run_;
 };
 

@@ -142,14 +142,14 @@ struct NodeContacts {
   /// Writes a contact of `found`.
   void write(const FoundContact& one, Phase phase, Contact& to) const noexcept {
     if (bodies == nullptr) {
-      assemble(touches[one.touch], party(one.slot_a), party(one.slot_b), phase, to);
+      assemble(touches[one.touch], side(one.slot_a), side(one.slot_b), phase, to);
       return;
     }
     assemble(touches[one.touch], bodies[one.body_a], bodies[one.body_b], phase, to);
   }
   static void assemble(const narrow_phase::PairContact& touch, const narrow_phase::Body& a, const narrow_phase::Body& b,
                        Phase phase, Contact& to) noexcept {
-    assemble(touch, party(a), party(b), phase, to);
+    assemble(touch, side(a), side(b), phase, to);
   }
   /// Prefetches what write() reads.
   void prefetch(const FoundContact& one) const noexcept {
@@ -175,21 +175,21 @@ struct NodeContacts {
  private:
   void compare_keys();
   /// What a contact states of one of its two objects.
-  struct Party {
+  struct Side {
     ObjectNumber number;
     std::uint32_t generation;
     std::uint16_t layer;
     std::uint64_t user_data;
     const Vec3d& position;
   };
-  static Party party(const narrow_phase::Body& body) noexcept {
+  static Side side(const narrow_phase::Body& body) noexcept {
     return {body.number, body.generation, static_cast<std::uint16_t>(body.layer), body.user_data, body.pose.position};
   }
-  Party party(std::uint32_t slot) const noexcept {
+  Side side(std::uint32_t slot) const noexcept {
     const ObjectRow& row = rows[slot];
     return {row.object.number, row.object.generation, row.layer, origins[slot].user_data, row.pose.position};
   }
-  static void assemble(const narrow_phase::PairContact& touch, const Party& a, const Party& b, Phase phase,
+  static void assemble(const narrow_phase::PairContact& touch, const Side& a, const Side& b, Phase phase,
                        Contact& to) noexcept {
     to.a = a.number;
     to.b = b.number;

@@ -157,6 +157,7 @@ void Ingest::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
 bool Ingest::is_acceptable(const PeerSession& node, const MessageView& message) const noexcept {
   switch (message.type()) {
     case MessageType::node_state:
+    case MessageType::replica:
     case MessageType::ghost_counts:
       if (node.received.states || state_.stage > FrameStage::moving) {
         return false;
@@ -187,6 +188,7 @@ bool Ingest::may_send(const PeerSession& session, const MessageView& message) co
       // Poses are final after a host's last state message: a later state would reach some nodes and not others.
       return !node && !session.received.states;
     case MessageType::node_state:
+    case MessageType::replica:
     case MessageType::collision:
     case MessageType::change:
     case MessageType::published:
@@ -221,6 +223,8 @@ void Ingest::receive(PeerSession& session, const MessageView& message) {
       return receive_states(session, message);
     case MessageType::node_state:
       return receive_node_states(session, message);
+    case MessageType::replica:
+      return receive_replicas(session, message);
     case MessageType::collision:
       return receive_collisions(session, message);
     case MessageType::change:
@@ -321,7 +325,7 @@ void Ingest::receive_node_states(PeerSession& session, const MessageView& messag
       state_.leaving_slots.push_back(slot);
     }
     std::copy_n(message.state<messages::NodeStateRecord>(i), objects.state_bytes(), objects.state(slot));
-    if (was_host_owned && host_owned) {  // only a replica: its host has sent the object to the other nodes
+    if (was_host_owned && host_owned) {  // its host has sent the object to the other nodes
       states_.note_stale_bounds();
       objects.mark_moved_host_only(slot);
       continue;
@@ -341,6 +345,31 @@ void Ingest::receive_node_states(PeerSession& session, const MessageView& messag
     }
   }
   session.received.states |= message.last();
+  statistics_.add_ingest(telemetry::now_ns() - start);
+}
+
+// The other nodes have received the object from its host.
+void Ingest::receive_replicas(PeerSession& node, const MessageView& message) {
+  const std::uint64_t start = telemetry::now_ns();
+  constexpr std::size_t ahead = 12;
+  ObjectTable& objects = state_.objects;
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    if (i + ahead < message.count()) {
+      objects.prefetch(message.view<messages::ReplicaRecord>(i + ahead).slot, false);
+    }
+    const auto& record = message.view<messages::ReplicaRecord>(i);
+    const std::uint32_t slot = record.slot;
+    const bool current = slot < objects.slots() && (objects.marks(slot) & host_owned_mark) != 0 &&
+                         objects.host(slot) == node.self && objects.row(slot).object.generation == record.generation;
+    if (!current) {
+      return refuse(node, Status::bad_message);
+    }
+    objects.row(slot).pose = record.pose;
+    objects.marks(slot) |= reported_mark;
+    std::copy_n(message.state<messages::ReplicaRecord>(i), objects.state_bytes(), objects.state(slot));
+    objects.mark_moved_host_only(slot);
+  }
+  states_.note_stale_bounds();
   statistics_.add_ingest(telemetry::now_ns() - start);
 }
 

@@ -41,6 +41,7 @@ class Ingest {
   void receive(PeerSession& session, const messages::MessageView& message);
   void receive_states(PeerSession& user, const messages::MessageView& message);
   void receive_node_states(PeerSession& node, const messages::MessageView& message);
+  void receive_replicas(PeerSession& node, const messages::MessageView& message);
   void receive_counts(PeerSession& session, const messages::MessageView& message, DirectRecords& direct);
   void receive_collisions(PeerSession& node, const messages::MessageView& message);
   void receive_changes(PeerSession& node, const messages::MessageView& message);

@@ -118,15 +118,6 @@ void ObjectTable::mark_moved(std::uint32_t slot) {
   mark_moved_host_only(slot);
 }
 
-void ObjectTable::mark_moved_host_only(std::uint32_t slot) {
-  present_[slot] = (rows_[slot].object.flags & messages::flag_present) != 0 ? 1 : 0;
-  resting_[slot] = 0;
-  if ((marks_[slot] & moved_mark) == 0) {
-    marks_[slot] |= moved_mark;
-    moved_.push_back(slot);
-  }
-}
-
 void ObjectTable::note_notified(std::uint32_t slot, const geometry::Bounds& bounds, const regions::CellGrid& grid,
                                 bool shared) {
   const bool present = (rows_[slot].object.flags & messages::flag_present) != 0;

@@ -146,7 +146,14 @@ class ObjectTable {
   /// Marks a change of pose or presence; updates present().
   void mark_moved(std::uint32_t slot);
   /// The same for a change of which only the host needs to know.
-  void mark_moved_host_only(std::uint32_t slot);
+  void mark_moved_host_only(std::uint32_t slot) {
+    present_[slot] = (rows_[slot].object.flags & messages::flag_present) != 0 ? 1 : 0;
+    resting_[slot] = 0;
+    if ((marks_[slot] & moved_mark) == 0) {
+      marks_[slot] |= moved_mark;
+      moved_.push_back(slot);
+    }
+  }
   /// Sorts moved() by slot if there are enough entries that a pass in memory order is cheaper. Precondition: no
   /// mark_moved_host_only() in this frame.
   void order_moved();

@@ -55,7 +55,7 @@ TEST_CASE(
   halo.assign();
   CHECK(!halo.shares_states());
   CHECK(halo.keeps_host_owned());
-  CHECK(halo.reports_host_owned());
+  CHECK(halo.replicates());
   const std::uint32_t staying = fixture.host(1, {31.8, 10, 10});
   const std::uint32_t leaving = fixture.host(2, {28, 10, 10});
   fixture.know(2, {31.8, 10, 10});

@@ -157,6 +157,37 @@ TEST_CASE("a node of another process that breaks the protocol is broken, one tha
   }
 }
 
+TEST_CASE("a replica of a host-owned object replaces its pose; any other one breaks the protocol") {
+  Receiver test({.placement = Placement::region});
+  const std::uint32_t owned = test.fixture.add({1, 1, 1}, Endpoint::node(0));
+  const std::uint32_t reported = test.fixture.add({5, 1, 1}, Endpoint::node(0));
+  const std::uint32_t foreign = test.fixture.add({60, 1, 1}, Endpoint::node(1));
+  test.objects().settle();
+  for (const std::uint32_t slot : {owned, foreign}) {
+    test.objects().marks(slot) |= host_owned_mark;
+  }
+  const auto send = [&](std::uint32_t slot, std::uint32_t generation) {
+    test.state().nodes[0].broken = false;
+    const messages::ReplicaRecord record{slot, generation, {{2, 1, 1}, {}}};
+    test.fixture.send(Endpoint::node(0), MessageType::replica, record);
+    CHECK(test.ingest.receive());
+  };
+  send(owned, test.objects().row(owned).object.generation);
+  CHECK(test.refused(Status::bad_message) == 0);
+  CHECK(test.objects().row(owned).pose.position.x == 2);
+  CHECK((test.objects().marks(owned) & reported_mark) != 0);
+  CHECK(test.objects().unnotified().empty());
+  CHECK(test.states.moved() == 1);
+  CHECK(!test.state().nodes[0].received.states);
+
+  send(owned, test.objects().row(owned).object.generation + 1);
+  send(reported, test.objects().row(reported).object.generation);
+  send(foreign, test.objects().row(foreign).object.generation);
+  CHECK(test.refused(Status::bad_message) == 3);
+  CHECK(test.objects().row(reported).pose.position.x == 5);
+  CHECK(test.objects().row(foreign).pose.position.x == 60);
+}
+
 TEST_CASE("the end of a frame is accepted once, after the contacts were sent") {
   Receiver test({.shares_memory = true});
   test.state().stage = FrameStage::closing;
