@@ -4,7 +4,7 @@
 #include "geometry/shape_table.hpp"
 #include "geometry/vector.hpp"
 #include "narrow_phase/query/shape_pair.hpp"
-#include "nodes/host/host.hpp"
+#include "nodes/host/valid_pose.hpp"
 
 namespace ringfence {
 

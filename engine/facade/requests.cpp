@@ -7,6 +7,7 @@
 #include "base/floating_point.hpp"
 #include "facade/config_check.hpp"
 #include "facade/implementation.hpp"
+#include "nodes/host/valid_pose.hpp"
 
 namespace ringfence {
 

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "nodes/host/host.hpp"
+#include "nodes/host/valid_pose.hpp"
 #include "ringfence/contact.hpp"
 #include "ringfence/object.hpp"
 #include "ringfence/shape.hpp"
@@ -20,10 +20,6 @@ constexpr std::uint32_t layers = 32;
 bool is_finite(const Vec3d& v) noexcept { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 bool is_finite(const Vec3f& v) noexcept { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
-/// Takes a copy, because make_valid may normalise it. The sender has already applied make_valid, so a valid pose is not
-/// changed.
-bool is_valid(Pose pose) noexcept { return make_valid(pose) == Status::ok; }
-
 bool is_valid(const geometry::Bounds& bounds) noexcept {
   return bounds.lower[0] <= bounds.upper[0] && bounds.lower[1] <= bounds.upper[1] && bounds.lower[2] <= bounds.upper[2];
 }
@@ -34,7 +30,7 @@ bool is_valid(const messages::ObjectRef& object, const MessageLimits& limits) no
 
 bool is_valid(const messages::HandOverRecord& record, const MessageLimits& limits) noexcept {
   constexpr std::uint32_t allowed = messages::flag_present | messages::flag_host_owned;
-  return is_valid(record.object, limits) && (record.object.flags & ~allowed) == 0 && is_valid(record.pose) &&
+  return is_valid(record.object, limits) && (record.object.flags & ~allowed) == 0 && is_valid_pose(record.pose) &&
          record.shape < limits.shapes && record.layer < layers &&
          record.category <= static_cast<std::uint16_t>(Category::fixed);
 }
@@ -42,21 +38,21 @@ bool is_valid(const messages::HandOverRecord& record, const MessageLimits& limit
 bool is_valid(const messages::NodeStateRecord& record, const MessageLimits& limits) noexcept {
   constexpr std::uint32_t allowed = messages::flag_present | messages::flag_interior | messages::flag_keeps_host |
                                     messages::flag_at_rest | messages::flag_host_owned;
-  return is_valid(record.object, limits) && (record.object.flags & ~allowed) == 0 && is_valid(record.pose) &&
+  return is_valid(record.object, limits) && (record.object.flags & ~allowed) == 0 && is_valid_pose(record.pose) &&
          is_valid(record.bounds);
 }
 
 bool is_valid(const messages::ReplicaRecord& record, const MessageLimits& limits) noexcept {
-  return record.slot < limits.slots && is_valid(record.pose);
+  return record.slot < limits.slots && is_valid_pose(record.pose);
 }
 
 bool is_valid(const messages::PositionRecord& record, const MessageLimits& limits) noexcept {
-  return is_valid(record.object, limits) && is_valid(record.pose) && is_valid(record.bounds) &&
+  return is_valid(record.object, limits) && is_valid_pose(record.pose) && is_valid(record.bounds) &&
          record.shape < limits.shapes && record.layer < layers;
 }
 
 bool is_valid(const messages::PlaceRecord& record, const MessageLimits& limits) noexcept {
-  return is_valid(record.object, limits) && is_valid(record.pose);
+  return is_valid(record.object, limits) && is_valid_pose(record.pose);
 }
 
 bool is_valid(const messages::DropRecord& record, const MessageLimits& limits) noexcept {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/prefetch.hpp"
+#include "nodes/host/valid_pose.hpp"
 
 namespace ringfence::nodes {
 
@@ -206,31 +207,6 @@ bool Host::accept(std::size_t i, const MotionOutput& output, const std::byte* ne
   }
   hosted.object.flags = flags;
   return true;
-}
-
-Status make_valid(Pose& pose) noexcept {
-  const Vec3d& p = pose.position;
-  Quat& q = pose.orientation;
-  const auto near = [](double x) { return std::abs(x) <= farthest_coordinate; };  // false for NaN
-  const bool finite = near(p.x) && near(p.y) && near(p.z) && std::isfinite(q.x) && std::isfinite(q.y) &&
-                      std::isfinite(q.z) && std::isfinite(q.w);
-  if (!finite) {
-    return Status::not_finite;
-  }
-  const double x = q.x, y = q.y, z = q.z, w = q.w;
-  const double square = x * x + y * y + z * z + w * w;
-  const double off = std::abs(square - 1.0);
-  if (!(off <= 2.001e-3)) {
-    return Status::not_unit;
-  }
-  // The squared norm of a unit quaternion rounded to four floats is within 2.4e-7 of 1, so such a quaternion is not
-  // changed.
-  if (off > 1e-6) {
-    const double length = std::sqrt(square);
-    q = {static_cast<float>(x / length), static_cast<float>(y / length), static_cast<float>(z / length),
-         static_cast<float>(w / length)};
-  }
-  return Status::ok;
 }
 
 }  // namespace ringfence::nodes

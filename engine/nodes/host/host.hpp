@@ -13,7 +13,6 @@
 #include "nodes/host/hosted_objects.hpp"
 #include "nodes/host/model_failures.hpp"
 #include "ringfence/motion_model.hpp"
-#include "ringfence/status.hpp"
 
 namespace ringfence::nodes {
 
@@ -100,11 +99,5 @@ class Host : public HostedObjects {
   MotionOutput outputs_[batch];
   std::vector<std::byte> scratch_;
 };
-
-/// Checks a pose, and normalises its orientation if its length differs from 1 by more than rounding. Returns ok,
-/// not_finite (also for a position beyond farthest_coordinate), or not_unit (the length differs from 1 by more than
-/// about 10^-3). Changes `pose` only if it returns ok. Idempotent: a second call accepts the pose and does not change
-/// it. Any thread may call it.
-Status make_valid(Pose& pose) noexcept;
 
 }  // namespace ringfence::nodes

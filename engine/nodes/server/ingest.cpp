@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/prefetch.hpp"
+#include "nodes/host/valid_pose.hpp"
 #include "nodes/message_check.hpp"
 #include "nodes/server/map_scheduler.hpp"
 #include "telemetry/clock.hpp"

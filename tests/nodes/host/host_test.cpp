@@ -16,6 +16,7 @@
 #include "base/pair_sort.hpp"
 #include "messages/run.hpp"
 #include "nodes/host/host_records.hpp"
+#include "nodes/host/valid_pose.hpp"
 
 namespace ringfence::nodes {
 namespace {

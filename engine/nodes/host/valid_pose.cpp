@@ -1,0 +1,25 @@
+#include "nodes/host/valid_pose.hpp"
+
+namespace ringfence::nodes {
+
+Status make_valid(Pose& pose) noexcept {
+  if (!is_valid_pose(pose)) {
+    const Quat& q = pose.orientation;
+    const bool finite = detail::is_near(pose.position) && std::isfinite(q.x) && std::isfinite(q.y) &&
+                        std::isfinite(q.z) && std::isfinite(q.w);
+    return finite ? Status::not_unit : Status::not_finite;
+  }
+  // The squared norm of a unit quaternion rounded to four floats is within 2.4e-7 of 1, so such a quaternion is not
+  // changed.
+  Quat& q = pose.orientation;
+  const double square = detail::squared_norm(q);
+  if (std::abs(square - 1.0) > 1e-6) {
+    const double length = std::sqrt(square);
+    const double x = q.x, y = q.y, z = q.z, w = q.w;
+    q = {static_cast<float>(x / length), static_cast<float>(y / length), static_cast<float>(z / length),
+         static_cast<float>(w / length)};
+  }
+  return Status::ok;
+}
+
+}  // namespace ringfence::nodes
