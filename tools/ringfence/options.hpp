@@ -24,7 +24,7 @@ struct FrameOptions {
 /// Configuration of the service. Common to run, replay, record and profile.
 struct ServiceOptions {
   Deployment deployment = Deployment::user_collision;
-  Placement placement = Placement::server;
+  Placement placement = Placement::automatic;
   std::uint32_t nodes = 1;
   std::vector<Resize> resizes;  ///< make_job checks and sorts them
   std::vector<Fault> faults;
