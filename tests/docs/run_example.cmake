@@ -1,4 +1,5 @@
-# Runs an example and compares its output with the block of a page that begins with the line "$ NAME" and ends with ```.
+# Runs an example and compares its output with the block of a page that begins with the line "$ NAME", or
+# "$ build/examples/NAME", and ends with ```.
 # Arguments: command (list), name, page.
 
 cmake_minimum_required(VERSION 3.25)
@@ -8,6 +9,7 @@ if(failed)
   message(FATAL_ERROR "${command}: ${failed}")
 endif()
 file(READ ${page} text)
+string(REPLACE "$ build/examples/" "$ " text "${text}")
 string(FIND "${text}" "$ ${name}\n" begin)
 if(begin EQUAL -1)
   message(FATAL_ERROR "${page} has no block that begins with \"$ ${name}\"")
