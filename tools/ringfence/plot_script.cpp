@@ -205,7 +205,7 @@ class Script {
         "graph4", 760, 460,
         fmt::format(
             "set title 'Graph 4: candidates and exact contacts'\nset key top left font ',10'\n"
-            "set xlabel 'objects'\nset ylabel 'pairs a frame'\nset xrange [0:*]\nset yrange [0:*]\n"
+            "set xlabel 'objects'\nset ylabel 'pairs per frame'\nset xrange [0:*]\nset yrange [0:*]\n"
             "set offsets 0,graph 0.1,graph 0.15,0\nplot {}, \\\n  {}, \\\n  {} using 1:2 with points pt 4 ps 1.4 lw 2 "
             "lc rgb 'black' title 'the paper, exact contacts at 4000 objects: over {:.0f}'\n"
             "set autoscale\nset offsets 0,0,0,0\nunset title\n",
@@ -234,7 +234,7 @@ class Script {
     figure("path" + suffix(placement), 1000, 480,
            fmt::format("set title 'Parts of the modelled frame: {}, {} objects, broad phase: {}'\n"
                        "set key outside right top font ',10'\nset logscale x 2\nset xlabel 'CD nodes'\n"
-                       "set ylabel 'ms a frame'\nplot [0.9:{}] [0:*] {}\n"
+                       "set ylabel 'ms per frame'\nplot [0.9:{}] [0:*] {}\n"
                        "unset logscale\nunset title\nset key inside\nset autoscale\n",
                        name_of(deployment), objects, name_of(placement), max_nodes * 1.15, joined(lines, separator)));
   }
