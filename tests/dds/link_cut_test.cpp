@@ -73,7 +73,7 @@ class TwoMachines {
 
 bool skipped(const TwoMachines& machines) {
   if (!machines.made()) {
-    MESSAGE("skipped: two network namespaces with a link between them cannot be made here; run as root");
+    MESSAGE("skipped: two network namespaces with a link between them cannot be made here; run as root, with iproute2");
   }
   return !machines.made();
 }
