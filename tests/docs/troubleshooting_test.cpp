@@ -1,5 +1,6 @@
-// The messages that docs/troubleshooting.md explains are those of the sources.
+// The messages that docs/troubleshooting.md explains are those of the sources, and it has every status.
 #include <algorithm>
+#include <cstddef>
 #include <filesystem>
 #include <regex>
 #include <string>
@@ -9,6 +10,7 @@
 #include <doctest/doctest.h>
 
 #include "docs/pages.hpp"
+#include "ringfence/status.hpp"
 
 namespace ringfence::docs {
 namespace {
@@ -49,6 +51,14 @@ TEST_CASE("every message on the page of troubleshooting is in the sources") {
     }
   }
   CHECK(parts > 60);
+}
+
+TEST_CASE("the page of troubleshooting has every status") {
+  const std::string page = read_file(root / "docs/troubleshooting.md");
+  for (std::size_t i = 1; i < status_count; ++i) {
+    const std::string name = name_of(static_cast<Status>(i));
+    CHECK_MESSAGE(page.find("`" + name + "`") != page.npos, name << " is missing");
+  }
 }
 
 }  // namespace
