@@ -128,7 +128,7 @@ void print_profile(std::FILE* out, const Job& job, const Figures& figures) {
   const Spread frame = figures.frame_ms();
   const double narrow = narrow_phase_ms(figures);
   fmt::print(out, "{}\n{}, {} CD node{}, broad phase: {}; {}\n\n", job.title, name_of(job.service.deployment),
-             job.service.nodes, job.service.nodes == 1 ? "" : "s", name_of(figures.placement),
+             job.service.nodes, job.service.nodes == 1 ? "" : "s", placement_of(job.service, figures),
              counted_frames(job, figures));
   std::uint64_t timed = 0, candidates = 0;
   for (const KindReport& kind : figures.kinds()) {

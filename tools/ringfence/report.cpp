@@ -28,13 +28,6 @@ std::string with_spaces(std::string text) {
   return text;
 }
 
-/// The requested placement and, if that is automatic, the placement that the world chose.
-std::string placement_of(const ServiceOptions& service, const Figures& figures) {
-  std::string requested = name_of(service.placement);
-  if (service.placement == figures.placement) return requested;
-  return fmt::format("{} ({})", requested, name_of(figures.placement));
-}
-
 std::string service_of(const ServiceOptions& service, const Figures& figures) {
   if (service.nodes == 0) {
     return fmt::format("{}, everything in one thread, {} users, broad phase: {}", name_of(service.deployment),
@@ -356,6 +349,12 @@ Json machine_json() {
   const Machine machine = this_machine();
   return {{"cpu", machine.cpu},       {"cores", machine.cores},       {"usable_cores", machine.usable_cores},
           {"system", machine.system}, {"compiler", machine.compiler}, {"build", machine.build}};
+}
+
+std::string placement_of(const ServiceOptions& service, const Figures& figures) {
+  std::string requested = name_of(service.placement);
+  if (service.placement == figures.placement) return requested;
+  return fmt::format("{} ({})", requested, name_of(figures.placement));
 }
 
 std::string counted_frames(const Job& job, const Figures& figures) {

@@ -22,11 +22,14 @@ constexpr const char* name_of_traffic(Traffic kind) {
 /// The value of `machine` in JSON reports.
 nlohmann::ordered_json machine_json();
 
-/// Prints the report of a run as text.
 /// How many frames were counted, and the signal if one has ended the run, for example "600 frames counted after 60 of
 /// warm-up".
 std::string counted_frames(const Job& job, const Figures& figures);
 
+/// The requested placement and, if that is automatic, the one that the World chose, for example "auto (region)".
+std::string placement_of(const ServiceOptions& service, const Figures& figures);
+
+/// Prints the report of a run as text.
 void print_report(std::FILE* out, const Job& job, const Figures& figures, const ResizeSchedule& resize_schedule,
                   const FrameChecker& checker);
 
