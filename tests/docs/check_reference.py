@@ -19,8 +19,8 @@ REPORTS = (f"run {RUN} --nodes 2 --resize 1:3 --check --json FILE", f"profile {R
            f"scale {SCALE} --model 2004 --json FILE",
            f"run {RUN} --status FILE")
 TABLES = (f"run {RUN} --frames-csv FILE", f"scale {SCALE} --csv FILE")
-# Keys whose names are values: names of statuses, costs, parts and kinds of traffic.
-OPEN = {"costs", "parts_ms", "refused", "traffic"}
+# Keys whose names are values: names of statuses, costs and parts.
+OPEN = {"costs", "parts_ms", "refused"}
 
 
 def read(page):
@@ -34,7 +34,7 @@ def names_of(page):
     names = {name for quoted in re.findall(r"`([^`\n]+)`", text) for name in re.findall(r"[a-z0-9_]+", quoted)}
     if "`move_ms` to `notify_ms`" in text:
         names |= {f"{stage}_ms" for stage in ("ingest", "broad_phase", "dispatch", "narrow_phase", "collect")}
-    return names | {f"m{i}_bytes" for i in range(1, 6)}
+    return names | {f"m{i}{of}" for i in range(1, 6) for of in ("", "_bytes")}
 
 
 def keys_of(value):
