@@ -193,11 +193,11 @@ Status World::move(UserId user, ObjectId object, const Pose& pose) try {
   if (const Status status = w.check_own(user, object); status != Status::ok) {
     return w.refuse(status);
   }
-  Pose valid = pose;
-  if (const Status status = nodes::make_valid(valid); status != Status::ok) {
+  if (const Status status = nodes::check_pose(pose); status != Status::ok) {
     return w.refuse(status);
   }
-  w.pending_moves.push_back({user.number(), object.number(), valid});
+  w.pending_moves.push_back({user.number(), object.number(), pose});
+  (void)nodes::make_valid(w.pending_moves.back().pose);  // normalises
   return Status::ok;
 } catch (const std::bad_alloc&) {
   return implementation_->stop_frames();

@@ -53,13 +53,10 @@ void Figures::add(const FrameReport& report, std::span<const Contact> frame_cont
   candidates += report.candidates;
   tested += report.tested;
   accepted += report.accepted;
-  failed_supports += report.failed_supports;
   contacts += report.contacts;
   began += report.began;
   ended += report.ended;
-  moved += report.moved;
-  handed_over += report.handed_over;
-  grown += report.grown;
+  for (const auto& [name, counter] : FrameReport::counters()) totals.*counter += report.*counter;
   objects = report.objects;
   server_cpu_ms += report.server_cpu_ms;
   users_cpu_ms += report.users_cpu_ms;

@@ -45,8 +45,7 @@ class Figures {
 
   /// Totals over the counted frames.
   std::uint64_t candidates = 0, tested = 0, accepted = 0, contacts = 0, began = 0, ended = 0;
-  std::uint64_t failed_supports = 0;  ///< pairs without a contact because a support function failed
-  std::uint64_t moved = 0, handed_over = 0, grown = 0;
+  FrameReport totals;                       ///< the fields of FrameReport::counters()
   std::uint64_t objects = 0;                ///< number of objects after the last frame
   Placement placement = Placement::server;  ///< where the broad phase ran
   std::uint64_t map_changes = 0;            ///< number of changes of the region map

@@ -75,9 +75,9 @@ void print_traffic(std::FILE* out, const Figures& figures) {
 }
 
 void print_failed_supports(std::FILE* out, const Figures& figures) {
-  if (figures.failed_supports == 0) return;
+  if (figures.totals.failed_supports == 0) return;
   fmt::print(out, "supports    a support function failed in {} pairs, which have no contact\n",
-             figures.failed_supports);
+             figures.totals.failed_supports);
 }
 
 void print_check(std::FILE* out, const FrameChecker& checker) {
@@ -257,7 +257,6 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
     report["stages_ms"][name_of(static_cast<Stage>(i))] = figures.stage_ms(static_cast<Stage>(i));
   }
   report["pairs"] = {{"candidate", figures.candidates}, {"tested", figures.tested}, {"accepted", figures.accepted}};
-  report["failed_supports"] = figures.failed_supports;
   report["contacts"] = {{"label", contact_label(job)},
                         {"total", figures.contacts},
                         {"mean", figures.mean(static_cast<double>(figures.contacts))},
@@ -274,9 +273,7 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
     report["traffic"][name_of_traffic(static_cast<Traffic>(i))] = {
         {"messages", traffic.messages}, {"records", traffic.records}, {"bytes", traffic.bytes}};
   }
-  report["moved"] = figures.moved;
-  report["handed_over"] = figures.handed_over;
-  report["grown"] = figures.grown;
+  for (const auto& [name, counter] : FrameReport::counters()) report[name] = figures.totals.*counter;
   report["server_cpu_ms"] = figures.mean(figures.server_cpu_ms);
   report["users_cpu_ms"] = figures.mean(figures.users_cpu_ms);
   if (job.service.nodes > 0) {
@@ -380,7 +377,8 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   fmt::print(out, "{:<11} {:.1f} per frame, {} in total\n", contact_label(job),
              figures.mean(static_cast<double>(figures.contacts)), figures.contacts);
   fmt::print(out, "moved       {:.1f} objects per frame, {:.2f} handed over\n",
-             figures.mean(static_cast<double>(figures.moved)), figures.mean(static_cast<double>(figures.handed_over)));
+             figures.mean(static_cast<double>(figures.totals.moved)),
+             figures.mean(static_cast<double>(figures.totals.handed_over)));
   print_nodes(out, figures);
   print_imbalance(out, figures);
   print_resizes(out, job, resize_schedule);

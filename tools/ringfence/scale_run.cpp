@@ -45,10 +45,10 @@ FrameCounts counts_of(const Job& job, const Figures& figures, double busiest_tes
   const Deployment deployment = job.service.deployment;
   counts.user_hosted = deployment == Deployment::user ? movable : avatars;
   (deployment == Deployment::user_server ? counts.server_hosted : counts.node_hosted) = movable - counts.user_hosted;
-  counts.moved = figures.mean(static_cast<double>(figures.moved));
+  counts.moved = figures.mean(static_cast<double>(figures.totals.moved));
   counts.tested = figures.mean(static_cast<double>(figures.tested));
   counts.contacts = figures.mean(static_cast<double>(figures.contacts));
-  counts.handed_over = figures.mean(static_cast<double>(figures.handed_over));
+  counts.handed_over = figures.mean(static_cast<double>(figures.totals.handed_over));
   counts.busiest_tested = figures.mean(busiest_tested);
   counts.publication_notices = job.service.interest > 0 ? counts.users : 0;
   for (std::size_t i = 0; i < traffic_count; ++i) {

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ringfence/ids.hpp"
@@ -89,6 +90,8 @@ struct FrameReport {
   std::uint64_t began = 0, ended = 0;    ///< contacts with phase begin, and with phase end
   std::uint64_t objects = 0, moved = 0;  ///< live objects, and objects that moved, appeared or ended
   std::uint64_t handed_over = 0;         ///< objects whose host changed
+  /// Positions of hosted objects that CD nodes gave other CD nodes, counted for each receiver.
+  std::uint64_t ghost_updates = 0;
   /// Epoch of the region map for the next frame; increases when regions are balanced or the number of nodes changes.
   std::uint32_t map_epoch = 1;
   std::array<std::uint64_t, status_count> refused{};   ///< refused calls, messages and records, by Status
@@ -111,6 +114,17 @@ struct FrameReport {
   std::vector<KindReport> kinds;  ///< pairs of kinds that had candidates
   /// Empty unless WorldConfig::timeline is set. Contains no spans of lost nodes and remote nodes.
   std::vector<TimelineSpan> timeline;
+
+  static constexpr std::size_t counter_count = 5;
+  using Counter = std::pair<const char*, std::uint64_t FrameReport::*>;
+  /// Fields whose sums over the frames of a run the program reports, with their JSON keys.
+  static constexpr std::array<Counter, counter_count> counters() noexcept {
+    return {{{"failed_supports", &FrameReport::failed_supports},
+             {"moved", &FrameReport::moved},
+             {"handed_over", &FrameReport::handed_over},
+             {"ghost_updates", &FrameReport::ghost_updates},
+             {"grown", &FrameReport::grown}}};
+  }
 };
 
 }  // namespace ringfence

@@ -2,12 +2,19 @@
 
 namespace ringfence::nodes {
 
+Status check_pose(const Pose& pose) noexcept {
+  if (is_valid_pose(pose)) {
+    return Status::ok;
+  }
+  const Quat& q = pose.orientation;
+  const bool finite = detail::is_near(pose.position) && std::isfinite(q.x) && std::isfinite(q.y) &&
+                      std::isfinite(q.z) && std::isfinite(q.w);
+  return finite ? Status::not_unit : Status::not_finite;
+}
+
 Status make_valid(Pose& pose) noexcept {
   if (!is_valid_pose(pose)) {
-    const Quat& q = pose.orientation;
-    const bool finite = detail::is_near(pose.position) && std::isfinite(q.x) && std::isfinite(q.y) &&
-                        std::isfinite(q.z) && std::isfinite(q.w);
-    return finite ? Status::not_unit : Status::not_finite;
+    return check_pose(pose);
   }
   // The squared norm of a unit quaternion rounded to four floats is within 2.4e-7 of 1, so such a quaternion is not
   // changed.

@@ -11,8 +11,8 @@ namespace detail {
 
 /// False for NaN.
 inline bool is_near(const Vec3d& p) noexcept {
-  return (std::abs(p.x) <= farthest_coordinate) & (std::abs(p.y) <= farthest_coordinate) &
-         (std::abs(p.z) <= farthest_coordinate);
+  return std::abs(p.x) <= farthest_coordinate && std::abs(p.y) <= farthest_coordinate &&
+         std::abs(p.z) <= farthest_coordinate;
 }
 inline double squared_norm(const Quat& q) noexcept {
   const double x = q.x, y = q.y, z = q.z, w = q.w;
@@ -25,8 +25,11 @@ inline double squared_norm(const Quat& q) noexcept {
 inline bool is_valid_pose(const Pose& pose) noexcept {
   // Also false for an orientation that is not finite.
   const bool is_unit = std::abs(detail::squared_norm(pose.orientation) - 1.0) <= 2.001e-3;
-  return detail::is_near(pose.position) & is_unit;
+  return is_unit && detail::is_near(pose.position);
 }
+
+/// The result that make_valid() would return. Any thread may call it.
+Status check_pose(const Pose& pose) noexcept;
 
 /// Checks a pose, and normalises its orientation if its length differs from 1 by more than rounding. Returns ok,
 /// not_finite (also for a position beyond farthest_coordinate), or not_unit (the length differs from 1 by more than

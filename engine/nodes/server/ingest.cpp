@@ -259,7 +259,7 @@ void Ingest::receive_states(PeerSession& session, const MessageView& message) {
   const std::uint64_t start = telemetry::now_ns();
   ObjectTable& objects = state_.objects;
   for (std::size_t i = 0; i < message.count(); ++i) {
-    auto record = message.record<messages::StateRecord>(i);
+    const auto& record = message.view<messages::StateRecord>(i);
     if (state_.setup.quotas.updates != 0 && ++session.received.updates > state_.setup.quotas.updates) {
       refuse(session, Status::over_quota, record.object.number);
       continue;
@@ -274,11 +274,12 @@ void Ingest::receive_states(PeerSession& session, const MessageView& message) {
       refuse(session, Status::not_host, record.object.number);
       continue;
     }
-    if (const Status status = make_valid(record.pose); status != Status::ok) {
+    if (const Status status = check_pose(record.pose); status != Status::ok) {
       refuse(session, status, record.object.number);
       continue;
     }
     row.pose = record.pose;
+    (void)make_valid(row.pose);  // normalises
     row.object.flags = record.object.flags & messages::flag_present;
     objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
     std::copy_n(message.state<messages::StateRecord>(i), objects.state_bytes(), objects.state(slot));

@@ -67,6 +67,7 @@ void SharedNodes::count_reads(Statistics& statistics) const noexcept {
     const NodeContacts* const contacts = node.connection.node_contacts;
     const NodeNumber slot = node.self.number();
     const std::uint64_t ghosts = contacts != nullptr ? contacts->ghost_updates.size() : state_.direct_ghosts.to(slot);
+    state_.report().ghost_updates += ghosts_exchanged_ ? ghosts : 0;
     statistics.count_shared(Traffic::m2, ghosts_exchanged_ ? ghosts : 0, sizeof(messages::PositionRecord));
     statistics.count_shared(Traffic::m4, contacts != nullptr ? contacts->taken : state_.direct_contacts.to(slot),
                             sizeof(Contact));

@@ -66,6 +66,23 @@ TEST_CASE("a lost node that reads ghost updates holds the next frame back until 
   CHECK(!shared.is_reading_ghosts());
 }
 
+TEST_CASE("ghost updates are counted in the frames in which nodes exchange them") {
+  for (const bool exchanged : {true, false}) {
+    ServerFixture fixture(sharing);
+    Statistics statistics(fixture.state());
+    SharedNodes shared(fixture.state());
+    GhostUpdates& updates = fixture.node_contacts(0).ghost_updates;
+    updates.start(1);
+    updates.add({});
+    updates.add_receiver(1, false);
+    updates.finish(2);
+    shared.begin_ghosts(exchanged);
+    shared.count_reads(statistics);
+    CHECK(fixture.state().report().ghost_updates == (exchanged ? 1 : 0));
+    CHECK(traffic(fixture, Traffic::m2).records == (exchanged ? 1 : 0));
+  }
+}
+
 TEST_CASE("contacts in shared memory go to the ledger and count like messages") {
   ServerFixture fixture(sharing);
   Statistics statistics(fixture.state());
