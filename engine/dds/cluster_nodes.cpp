@@ -200,7 +200,7 @@ void ClusterNodes::add_shape(ShapeNumber shape, const ShapeDescription& descript
   }
 }
 
-// A node that does not receive it keeps the shape in vain.
+// A node that does not receive it keeps the memory of the shape; nothing else depends on it.
 void ClusterNodes::remove_shape(ShapeNumber shape) {
   if (!write_pieces(pieces_.get(), world_, PieceKind::shape, shape, removed_shape_epoch, {})) {
     log(LogLevel::warning, "the removal of shape " + std::to_string(shape) + " could not be sent to the nodes");

@@ -29,9 +29,9 @@ enum ObjectFlag : std::uint32_t {
   /// node_state, and ghost updates in shared memory: the sender also hosts the object in the next frame, by the
   /// position of the object and the current map.
   flag_keeps_host = 8,
-  /// node_state, hand_over: from now on the state of the object is host-owned. The host does not send it to the server,
-  /// which reads it in shared memory when needed. The host sends ghost updates to the other nodes whose regions the
-  /// object touches.
+  /// node_state, hand_over: from now on the state of the object is host-owned. The server reads it in shared memory
+  /// when needed, or receives it as `replica`. The host sends ghost updates to the other nodes whose regions the object
+  /// touches.
   flag_host_owned = 16,
   flag_at_rest = 32,  ///< node_state: the state is unchanged; it is sent because it is no longer host-owned
   flag_avatar = 64,   ///< position_update: a user node hosts the object

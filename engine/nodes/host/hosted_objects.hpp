@@ -79,8 +79,8 @@ class HostedObjects {
   void adopt(const messages::HandOverRecord& record, const std::byte* state);
   /// Removes an object. The last object takes its index. Does nothing if the object is not hosted.
   void drop(ObjectNumber number);
-  /// Sets or clears flag_host_owned of hosted object i. While it is set, the object's states are not sent to the
-  /// server. place() and steer() clear it too.
+  /// Sets or clears flag_host_owned of hosted object i. While it is set, the server reads the object's states in shared
+  /// memory or receives them as `replica`. place() and steer() clear it too.
   void set_host_owned(std::size_t i, bool host_owned) noexcept {
     std::uint32_t& flags = hosted_[i].object.flags;
     flags = (flags & ~messages::flag_host_owned) | (host_owned ? messages::flag_host_owned : 0u);

@@ -104,7 +104,7 @@ class ContactLedger {
   /// After resolve_phases(): the contacts that concern user nodes, or `all` contacts, in order of (a, b). Valid until
   /// the nodes begin the next frame.
   std::span<const ContactNotice> notices(bool all);
-  /// After resolve_phases(): the same for ended contacts, with the geometry and poses of the last contact. Without
+  /// After resolve_phases(): the same for ended contacts, with the geometry of the last contact. Without
   /// `all`, contacts of nodes that are gone are listed whether or not they concern users.
   std::span<const ContactNotice> ended_notices(bool all);
   /// After resolve_phases(): positions of the contacts that `node` sent as begun and that persist; empty for a node
