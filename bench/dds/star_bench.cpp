@@ -1,6 +1,5 @@
 // One stage of a frame over loopback: a server sends messages to each of n processes and waits for all replies. The
-// path is that of the bridge and a node: ring, parcel, sample, and back.
-#include <atomic>
+// path is that of the bridge and a node: ring, parcel, link, and back.
 #include <chrono>
 #include <memory>
 #include <string>
@@ -12,7 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "dds/domain.hpp"
+#include "dds/link_events.hpp"
 #include "dds/parcel_channel.hpp"
 #include "dds/star.hpp"
 #include "facade/duplex_channel.hpp"
@@ -25,23 +24,15 @@ namespace {
 class Star {
  public:
   explicit Star(std::uint32_t nodes)
-      : hook_{[this] {
-                came_.store(true, std::memory_order_release);
-                bell_.ring();
-              },
-              [] {}},
-        domain_(network(), dds::Side::world),
-        up_(domain_.reader(dds::Topic::up, dds::parcel_qos, {})),
-        out_bytes_(bytes_out(nodes)),
-        back_bytes_(bytes_back(nodes)) {
-    dds::Domain::set_hook(up_, hook_);
+      : listener_(dds::LinkSocket::listen(1, 0)), out_bytes_(bytes_out(nodes)), back_bytes_(bytes_back(nodes)) {
+    if (!bell_.prepare_to_watch()) std::abort();
+    bell_.watch(events_.descriptor());
     for (std::uint32_t node = 0; node < nodes; ++node) {
-      auto& spoke = spokes_.emplace_back(std::make_unique<Spoke>(domain_, node + 1));
-      std::string arguments_text[] = {RINGFENCE_PEER, std::to_string(domain_.number()), std::to_string(node + 1),
-                                      std::to_string(nodes)};
-      char* arguments[] = {arguments_text[0].data(), arguments_text[1].data(), arguments_text[2].data(),
-                           arguments_text[3].data(), nullptr};
-      if (posix_spawn(&spoke->process, RINGFENCE_PEER, nullptr, nullptr, arguments, environ) != 0) std::abort();
+      std::string arguments_text[] = {RINGFENCE_PEER, std::to_string(listener_.port()), std::to_string(nodes)};
+      char* arguments[] = {arguments_text[0].data(), arguments_text[1].data(), arguments_text[2].data(), nullptr};
+      if (posix_spawn(&processes_.emplace_back(), RINGFENCE_PEER, nullptr, nullptr, arguments, environ) != 0) {
+        std::abort();
+      }
     }
   }
   ~Star() {
@@ -49,27 +40,23 @@ class Star {
       spoke->parcel_channel.enqueue(dds::ParcelKind::dismissed, {});
       spoke->parcel_channel.flush();
     }
-    for (const auto& spoke : spokes_) {
+    for (const pid_t process : processes_) {
       int status = 0;
-      for (int turn = 0; turn < 500 && waitpid(spoke->process, &status, WNOHANG) == 0; ++turn) usleep(10'000);
-      kill(spoke->process, SIGKILL);
+      for (int turn = 0; turn < 500 && waitpid(process, &status, WNOHANG) == 0; ++turn) usleep(10'000);
+      kill(process, SIGKILL);
     }
   }
 
   bool wait_for_nodes() {
-    for (int turn = 0; turn < 20'000; ++turn) {
-      bool all = true;
-      for (const auto& spoke : spokes_) {
-        dds_publication_matched_status_t matched{};
-        dds_get_publication_matched_status(spoke->writer.get(), &matched);
-        all &= matched.current_count > 0;
+    for (int turn = 0; turn < 20'000 && spokes_.size() < processes_.size(); ++turn) {
+      if (dds::LinkSocket socket = listener_.accept()) {
+        auto& spoke = spokes_.emplace_back(std::make_unique<Spoke>(std::move(socket)));
+        events_.add(spoke->parcel_channel.socket(), spokes_.size() - 1);
+      } else {
+        usleep(1000);
       }
-      dds_subscription_matched_status_t matched{};
-      dds_get_subscription_matched_status(up_.get(), &matched);
-      if (all && matched.current_count == spokes_.size()) return true;
-      usleep(1000);
     }
-    return false;
+    return spokes_.size() == processes_.size();
   }
 
   /// Runs one stage; false if a reply does not arrive.
@@ -92,7 +79,7 @@ class Star {
     const std::size_t awaited = spokes_.size() * back_bytes_;
     const bool all = bell_.wait_for(
         [&] {
-          if (came_.exchange(false, std::memory_order_acquire)) take();
+          events_.take([this](std::uint64_t spoke) { take(*spokes_[spoke]); });
           return received_bytes_ >= awaited;
         },
         std::chrono::seconds(5));
@@ -102,47 +89,33 @@ class Star {
 
  private:
   struct Spoke {
-    Spoke(dds::Domain& domain, std::uint64_t incarnation)
-        : writer(domain.writer(dds::Topic::down, dds::parcel_qos, dds::partition_of(incarnation))),
-          parcel_channel(writer.get(), incarnation),
-          channel(std::size_t{1} << 16, nullptr, nullptr) {}
-    dds::Entity writer;
+    explicit Spoke(dds::LinkSocket socket)
+        : parcel_channel(std::move(socket), {}, {}), channel(std::size_t{1} << 16, nullptr, nullptr) {}
     dds::ParcelChannel parcel_channel;
     facade::DuplexChannel channel;
-    pid_t process = 0;
   };
-
-  static dds::NetworkConfig network() {
-    dds::NetworkConfig network;
-    network.domain = dds::NetworkConfig::any_domain;
-    network.interface = "lo";
-    return network;
-  }
 
   void carry(Spoke& spoke) {
     spoke.parcel_channel.gather(*spoke.channel.second().in);
     spoke.parcel_channel.flush();
   }
 
-  void take() {
-    dds::take_all<dds::ParcelSample>(up_, [&](const dds::ParcelSample& parcel, const dds_sample_info_t& info) {
-      if (!info.valid_data) return;
-      auto show = [&](dds::ParcelKind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
-        return dds::for_each_message(bytes, offset, [&](std::span<const std::byte> message) {
-          benchmark::DoNotOptimize(message.data());
-          received_bytes_ += message.size();
-          return true;
-        });
-      };
-      spokes_[parcel.incarnation - 1]->parcel_channel.receive(parcel, show);
-    });
+  void take(Spoke& spoke) {
+    auto show = [&](dds::ParcelKind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
+      return dds::for_each_message(bytes, offset, [&](std::span<const std::byte> message) {
+        benchmark::DoNotOptimize(message.data());
+        received_bytes_ += message.size();
+        return true;
+      });
+    };
+    spoke.parcel_channel.note_events();
+    spoke.parcel_channel.receive(show);
   }
 
-  link::Doorbell bell_{link::SpinPolicy{20, 2}};
-  std::atomic<bool> came_{false};
-  dds::Domain::Hook hook_;
-  dds::Domain domain_;
-  dds::Entity up_;
+  link::Doorbell bell_;
+  dds::LinkSocket listener_;
+  dds::LinkEvents events_;
+  std::vector<pid_t> processes_;
   std::vector<std::unique_ptr<Spoke>> spokes_;
   std::size_t out_bytes_;
   std::size_t back_bytes_;

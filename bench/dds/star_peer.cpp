@@ -1,10 +1,10 @@
-// A node of the star: replies to each parcel. Arguments: domain, incarnation, number of nodes.
-#include <atomic>
+// A node of the star: replies when the bytes of a stage have arrived. Arguments: TCP port of the server, number of
+// nodes.
 #include <chrono>
 #include <cstdlib>
 #include <vector>
 
-#include "dds/domain.hpp"
+#include "dds/link_events.hpp"
 #include "dds/parcel_channel.hpp"
 #include "dds/star.hpp"
 #include "facade/duplex_channel.hpp"
@@ -13,28 +13,20 @@
 
 int main(int argc, char** argv) {
   using namespace ringfence;
-  if (argc != 4) return 2;
-  dds::NetworkConfig network;
-  network.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
-  network.interface = "lo";
-  const auto incarnation = static_cast<std::uint64_t>(std::atoll(argv[2]));
-  const auto nodes = static_cast<std::size_t>(std::atoi(argv[3]));
+  if (argc != 3) return 2;
+  constexpr std::uint32_t loopback = 0x7f000001;
+  const auto nodes = static_cast<std::size_t>(std::atoi(argv[2]));
   const std::size_t expected = bench::bytes_out(nodes);
   const std::size_t back = bench::bytes_back(nodes);
 
-  dds::Domain domain(network, dds::Side::node);
   const link::ScopedBatchScheduling batch_scheduling;
-  link::Doorbell bell(link::SpinPolicy{20, 2});
-  std::atomic<bool> came{false};
-  const dds::Domain::Hook hook{[&] {
-                                 came.store(true, std::memory_order_release);
-                                 bell.ring();
-                               },
-                               [] {}};
-  const dds::Entity up = domain.writer(dds::Topic::up, dds::parcel_qos, {});
-  const dds::Entity down = domain.reader(dds::Topic::down, dds::parcel_qos, dds::partition_of(incarnation));
-  dds::Domain::set_hook(down, hook);
-  dds::ParcelChannel parcel_channel(up.get(), incarnation);
+  dds::ParcelChannel parcel_channel(
+      dds::LinkSocket::connect({loopback, static_cast<std::uint32_t>(std::atoi(argv[1]))}), {}, {});
+  const dds::LinkEvents events;
+  events.add(parcel_channel.socket(), 0);
+  link::Doorbell bell;
+  if (!bell.prepare_to_watch()) return 3;
+  bell.watch(events.descriptor());
   facade::DuplexChannel channel(std::size_t{1} << 16, nullptr, nullptr);
   link::Sender& out = *channel.second().out;
   bool last = false;
@@ -60,13 +52,11 @@ int main(int argc, char** argv) {
     out.publish();
     return true;
   };
-  while (!last) {
-    const bool rung = bell.wait_for([&] { return came.load(std::memory_order_relaxed); }, std::chrono::seconds(20));
-    if (!rung) return 1;  // the server process is gone
-    came.exchange(false, std::memory_order_acquire);
-    dds::take_all<dds::ParcelSample>(down, [&](const dds::ParcelSample& parcel, const dds_sample_info_t& info) {
-      if (info.valid_data && !parcel_channel.receive(parcel, show)) last = true;
-    });
+  while (!last && !parcel_channel.is_broken()) {
+    const bool came = bell.wait_for([&] { return events.take([](std::uint64_t) {}); }, std::chrono::seconds(20));
+    if (!came) return 1;  // the server process is gone
+    parcel_channel.note_events();
+    parcel_channel.receive(show);
     parcel_channel.gather(*channel.first().in);
     parcel_channel.flush();
   }

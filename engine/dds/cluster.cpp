@@ -2,8 +2,6 @@
 #include <memory>
 #include <utility>
 
-#include <dds/ddsc/dds_statistics.h>
-
 #include "dds/cluster_nodes.hpp"
 #include "telemetry/clock.hpp"
 
@@ -30,12 +28,7 @@ ClusterReport ClusterNodes::report() const {
     member.answer_ms_mean =
         counters.answers == 0 ? 0 : telemetry::to_ms(counters.answer_ns) / static_cast<double>(counters.answers);
     member.answer_ms_max = telemetry::to_ms(counters.answer_ns_max);
-    if (dds_statistics* statistics = dds_create_statistics(node->writer.get())) {
-      if (const dds_stat_keyvalue* value = dds_lookup_statistic(statistics, "rexmit_bytes")) {
-        member.retransmitted_bytes = value->u.u64;
-      }
-      dds_delete_statistics(statistics);
-    }
+    member.retransmitted_bytes = counters.retransmitted_bytes;
   }
   return report;
 }

@@ -42,54 +42,43 @@ Step ClusterNodes::step() {
   if (losses_) {
     progressed |= report_losses();
   }
-  for (const auto& node : assigned_by_slot_) {
-    if (node != nullptr && node->parcel_channel->has_held() && !node->lost) {
-      auto show = [&](ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
-        return deliver(*node, kind, offset, bytes);
-      };
-      progressed |= node->parcel_channel->deliver_held(show);
+  events_.take([this](std::uint64_t incarnation) {
+    const auto found = assigned_by_incarnation_.find(incarnation);
+    if (found != assigned_by_incarnation_.end()) {
+      found->second->parcel_channel->note_events();
     }
-  }
-  if (parcels_wait_.exchange(false, std::memory_order_acquire)) {
-    progressed |= take_all<ParcelSample>(up_, [&](const ParcelSample& parcel, const dds_sample_info_t& info) {
-      if (info.valid_data) {
-        receive_parcel(parcel);
-      }
-    });
-  }
+  });
   for (const auto& node : assigned_by_slot_) {
-    if (node != nullptr && !node->lost) {
-      progressed |= carry(*node);
+    if (node != nullptr) {
+      progressed |= receive(*node);
+      progressed |= !node->lost && carry(*node);
     }
   }
   return progressed ? Step::progressed : Step::idle;
 }
 
-void ClusterNodes::receive_parcel(const ParcelSample& parcel) {
-  const auto found = assigned_by_incarnation_.find(parcel.incarnation);
-  if (found == assigned_by_incarnation_.end() || found->second->lost) {
-    // Sent before a loss was known, or by a process that does not know yet that it is not assigned.
-    stale_parcels_.fetch_add(1, std::memory_order_relaxed);
-    if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::assignment_query) {
-      const std::lock_guard lock(mutex_);
-      const auto sender = nodes_.find(parcel.incarnation);
-      if (sender != nodes_.end() && sender->second->parcel_channel != nullptr) {
-        sender->second->parcel_channel->send_unnumbered(ParcelKind::dismissed);
-      }
-    }
-    return;
-  }
-  Node& node = *found->second;
-  node.last_parcel_ns = telemetry::now_ns();
-  if (node.first_parcel_ns.load(std::memory_order_relaxed) == 0 && parcel.number != 0) {
-    node.first_parcel_ns.store(node.last_parcel_ns, std::memory_order_relaxed);
-  }
+// What a lost node still sends is counted and dropped.
+bool ClusterNodes::receive(Node& node) {
   auto show = [&](ParcelKind kind, std::uint32_t, std::size_t& offset, std::span<const std::byte> bytes) {
+    if (node.lost) {
+      stale_parcels_.fetch_add(1, std::memory_order_relaxed);
+      return true;
+    }
     return deliver(node, kind, offset, bytes);
   };
-  if (!node.parcel_channel->receive(parcel, show)) {
-    node.broken = losses_ = true;
+  const std::uint64_t before = node.parcel_channel->received();
+  const bool progressed = node.parcel_channel->receive(show);
+  if (node.parcel_channel->received() != before) {
+    node.last_parcel_ns = telemetry::now_ns();
+    if (node.first_parcel_ns.load(std::memory_order_relaxed) == 0) {
+      node.first_parcel_ns.store(node.last_parcel_ns, std::memory_order_relaxed);
+    }
   }
+  if (node.parcel_channel->is_broken() && !node.broken) {
+    node.broken = losses_ = true;
+    return true;
+  }
+  return progressed;
 }
 
 bool ClusterNodes::deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes) {
@@ -97,6 +86,8 @@ bool ClusterNodes::deliver(Node& from, ParcelKind kind, std::size_t& offset, std
     note_peer_failure(from, bytes);
   } else if (kind == ParcelKind::model_failed) {
     note_model_failure(from, bytes);
+  } else if (kind == ParcelKind::assignment_query) {
+    from.parcel_channel->enqueue(ParcelKind::assignment_reply, {});
   }
   if (kind != ParcelKind::messages) {
     return true;
@@ -182,7 +173,6 @@ bool ClusterNodes::carry(Node& node) {
     all = node.parcel_channel->gather(*node.peers[peer].second.in);
   }
   node.parcel_channel->flush();
-  node.parcel_channel->acknowledge();
   return node.parcel_channel->sent() != before;
 }
 

@@ -33,11 +33,6 @@ ClusterNodes::ClusterNodes(ClusterConfig config)
                        ring_server();
                      },
                      [] {}},
-      parcel_hook_{[this] {
-                     parcels_wait_.store(true, std::memory_order_release);
-                     ring_server();
-                   },
-                   [] {}},
       domain_(config_.network, Side::world) {
   const double lease = config_.network.lease_ms;
   domain_.start_heartbeat(lease);
@@ -45,10 +40,8 @@ ClusterNodes::ClusterNodes(ClusterConfig config)
   const std::string own = partition_of_world(world_);
   terms_ = domain_.writer(Topic::terms, liveliness_qos(lease), name);
   pieces_ = domain_.writer(Topic::piece, piece_qos, own);
-  up_ = domain_.reader(Topic::up, parcel_qos, own);
   listeners_ = domain_.reader(Topic::listener, piece_qos, own);
   presence_ = domain_.reader(Topic::presence, liveliness_qos(lease), name);
-  Domain::set_hook(up_, parcel_hook_);
   Domain::set_hook(presence_, presence_hook_);
   if (const std::string shortage = Domain::socket_buffer_shortage(config_.network); !shortage.empty()) {
     log(LogLevel::warning, shortage);
@@ -58,7 +51,6 @@ ClusterNodes::ClusterNodes(ClusterConfig config)
 ClusterNodes::~ClusterNodes() {
   presence_.reset();
   listeners_.reset();
-  up_.reset();
 }
 
 void ClusterNodes::log(LogLevel level, const std::string& line) const {
@@ -148,6 +140,12 @@ void ClusterNodes::open(const WorldParameters& terms) {
   if (server_bell_.load(std::memory_order_relaxed) != nullptr) {
     throw Error("A cluster serves one World; make another Cluster for another World");
   }
+  if (terms.server_bell != nullptr) {
+    if (!terms.server_bell->prepare_to_watch()) {
+      throw Error("the process cannot wait for links of nodes; raise the limit on open files (ulimit -n)");
+    }
+    terms.server_bell->watch(events_.descriptor());
+  }
   server_bell_.store(terms.server_bell, std::memory_order_release);
   const WorldConfig& config = *terms.config;
   WorldTermsRecord record;
@@ -213,12 +211,37 @@ std::vector<ModelFailure> ClusterNodes::take_model_failures() {
   return std::exchange(model_failures_, {});
 }
 
-// Whether the process may still exist behind a broken link: when the link is back, it must learn that it is not
-// assigned.
-bool ClusterNodes::is_reachable(const Node& node) {
-  dds_publication_matched_status_t matched{};
-  return node.writer && dds_get_publication_matched_status(node.writer.get(), &matched) == DDS_RETCODE_OK &&
-         matched.current_count > 0;
+// Whether the node can be assigned.
+bool ClusterNodes::is_ready(const Node& node) const noexcept {
+  return node.fits && !node.gone.load(std::memory_order_acquire) && !node.assigned && !node.dismissed &&
+         node.state.load(std::memory_order_relaxed) == NodeState::ready && node.parcel_channel != nullptr &&
+         !node.parcel_channel->is_broken();
+}
+
+// Opens the link to a node, and tries again if that fails: the node may not listen yet at the address that was
+// announced.
+void ClusterNodes::connect(Node& node) {
+  constexpr double pause_ms = 100;
+  if (node.parcel_channel != nullptr) {
+    node.parcel_channel->flush();
+    if (!node.parcel_channel->is_broken()) {
+      return;
+    }
+    node.parcel_channel.reset();
+  }
+  const LinkAddress address = address_of(node.incarnation);
+  const std::uint64_t now = telemetry::now_ns();
+  if (!address.is_known() || (node.connected_ns != 0 && ms_between(node.connected_ns, now) < pause_ms)) {
+    return;
+  }
+  node.connected_ns = now;
+  if (LinkSocket socket = LinkSocket::connect(address)) {
+    const LinkHello hello{.sender = world_, .receiver = node.incarnation};
+    node.parcel_channel =
+        std::make_unique<ParcelChannel>(std::move(socket), std::as_bytes(std::span(&hello, 1)), std::span<std::byte>());
+    events_.add(node.parcel_channel->socket(), node.incarnation);
+    node.parcel_channel->flush();
+  }
 }
 
 std::string ClusterNodes::describe_refusal(const Node& node) {
@@ -231,7 +254,7 @@ std::string ClusterNodes::describe_refusal(const Node& node) {
          "; install one release of ringfence on all machines";
 }
 
-// Creates channels for new nodes and erases those that are gone.
+// Opens links to new nodes and erases those that are gone.
 void ClusterNodes::update_membership() {
   for (const std::string& line : Domain::take_log_lines()) {
     log(LogLevel::warning, line);
@@ -240,7 +263,7 @@ void ClusterNodes::update_membership() {
     Node& node = *at->second;
     const NodeState state = node.state.load(std::memory_order_relaxed);
     note_join(node);
-    if (node.gone.load(std::memory_order_acquire) && !node.assigned && !is_reachable(node)) {
+    if (node.gone.load(std::memory_order_acquire) && !node.assigned) {
       at = nodes_.erase(at);
       continue;
     }
@@ -249,9 +272,8 @@ void ClusterNodes::update_membership() {
       ++totals_.refused;
       log(LogLevel::warning, "node " + node.name + " is refused: " + describe_refusal(node));
     }
-    if (node.fits && !node.writer) {
-      node.writer = domain_.writer(Topic::down, parcel_qos, partition_of(node.incarnation));
-      node.parcel_channel = std::make_unique<ParcelChannel>(node.writer.get(), node.incarnation);
+    if (node.fits && !node.assigned && !node.dismissed) {
+      connect(node);
     }
     ++at;
   }
@@ -264,9 +286,7 @@ std::vector<RemoteNodes::MemberId> ClusterNodes::arrivals() {
   update_membership();
   std::vector<MemberId> ready;
   for (const auto& [incarnation, node] : nodes_) {
-    const bool gone = node->gone.load(std::memory_order_acquire);
-    if (node->fits && !gone && !node->assigned && !node->dismissed && node->state.load() == NodeState::ready &&
-        is_reachable(*node) && address_of(incarnation).is_known()) {
+    if (is_ready(*node)) {
       ready.push_back(incarnation);
     }
   }
@@ -337,7 +357,7 @@ void ClusterNodes::dismiss(Node& node) {
     add_change(MemberChange::Kind::lost, node, noticed, ms_between(node.last_parcel_ns, noticed),
                ms_between(noticed, now));
     log(LogLevel::error, "node " + node.name + " is lost" +
-                             (node.broken ? ": its messages break the protocol, or are not complete" : ""));
+                             (node.broken ? ": its link has failed, or its messages break the protocol" : ""));
     // A node that has lost sight of the World sees it alive again only by a new sample of this writer, not by
     // heartbeats.
     publish_terms();
@@ -347,8 +367,10 @@ void ClusterNodes::dismiss(Node& node) {
     log(LogLevel::info, "node " + node.name + " leaves");
   }
   // Sent even if the process may be gone: if it still lives, the last thing it learns is that it is not assigned.
+  // Otherwise it learns that when it uses the link, which is closed.
   node.parcel_channel->enqueue(ParcelKind::dismissed, {});
   node.parcel_channel->flush();
+  node.parcel_channel.reset();
 }
 
 void ClusterNodes::assign(nodes::ServerRole& server, std::span<const NodeAssignment> assignments,

@@ -16,6 +16,7 @@
 #include "base/numbers.hpp"
 #include "dds/description.hpp"
 #include "dds/domain.hpp"
+#include "dds/link_events.hpp"
 #include "dds/parcel_channel.hpp"
 #include "facade/remote_nodes.hpp"
 #include "ringfence/cluster.hpp"
@@ -25,10 +26,10 @@ namespace ringfence::dds {
 /// The World's side of a cluster: membership, and the bridge between the rings of the server's process and the parcels
 /// of the network.
 ///
-/// Nodes announce themselves by Presence. Changes of membership take effect when the World asks for them between
-/// frames; only a loss is reported to the server within the frame. Messages between two node processes do not pass
-/// through this object: each node is assigned with the addresses of the others. If a node reports that it cannot
-/// exchange messages with another one, the other one is lost.
+/// Nodes announce themselves by Presence, and the World opens a link to each. Changes of membership take effect when
+/// the World asks for them between frames; only a loss is reported to the server within the frame. Messages between two
+/// node processes do not pass through this object: each node is assigned with the addresses of the others. If a node
+/// reports that it cannot exchange messages with another one, the other one is lost.
 ///
 /// Threads, call order and failures: see RemoteNodes.
 class ClusterNodes final : public RemoteNodes {
@@ -68,16 +69,15 @@ class ClusterNodes final : public RemoteNodes {
     bool refusal_logged = false;
     bool dismissed = false;  ///< was assigned before; it is not assigned again
     bool assigned = false;
-    // Valid while `parcel_channel` is set.
-    Entity writer;
-    std::unique_ptr<ParcelChannel> parcel_channel;
+    std::unique_ptr<ParcelChannel> parcel_channel;  ///< null: there is no link, or no longer
+    std::uint64_t connected_ns = 0;                 ///< time of the last attempt to open the link
     NodeNumber slot = 0;
     NodeNumber id = 0;
     nodes::Connection server;
     /// Its ends of the connections with the nodes in this process, with their slots. Nearly always empty.
     std::vector<std::pair<NodeNumber, nodes::Connection>> peers;
     bool lost = false;    ///< its loss was reported to the server
-    bool broken = false;  ///< a parcel is missing, or a message breaks the protocol
+    bool broken = false;  ///< its link has failed, or a message breaks the protocol
     // Times for ClusterReport::changes; 0: not yet.
     std::uint64_t seen_ns = 0;  ///< of its first announcement
     std::uint64_t asked_to_leave_ns = 0;
@@ -97,12 +97,13 @@ class ClusterNodes final : public RemoteNodes {
   void note_assignment(Node& node);
   bool is_of_another_world(const PresenceSample& sample) const noexcept;
   static std::string describe_refusal(const Node& node);
-  static bool is_reachable(const Node& node);
+  void connect(Node& node);
+  bool is_ready(const Node& node) const noexcept;
   void ring_server();
   void log(LogLevel level, const std::string& line) const;
   void update_membership();
   bool report_losses();
-  void receive_parcel(const ParcelSample& parcel);
+  bool receive(Node& node);
   bool deliver(Node& from, ParcelKind kind, std::size_t& offset, std::span<const std::byte> bytes);
   bool deliver_message(Node& from, std::span<const std::byte> message);
   void note_peer_failure(Node& from, std::span<const std::byte> bytes);
@@ -119,12 +120,11 @@ class ClusterNodes final : public RemoteNodes {
   std::uint64_t world_;
   WorldTermsRecord terms_record_;
   std::atomic<link::Doorbell*> server_bell_{nullptr};
-  std::atomic<bool> parcels_wait_{false};
   std::atomic<bool> presence_waits_{false};
   std::atomic<bool> member_is_gone_{false};
 
-  // Taken by the World's thread, and by the server's thread when a Presence has arrived or when a node that is not
-  // assigned asks about its assignment. Never taken by threads of Cyclone DDS.
+  // Taken by the World's thread, and by the server's thread when a Presence has arrived. Never taken by threads of
+  // Cyclone DDS.
   mutable std::mutex mutex_;
   std::condition_variable noted_;
   std::map<std::uint64_t, std::shared_ptr<Node>> nodes_;  ///< by incarnation
@@ -147,13 +147,12 @@ class ClusterNodes final : public RemoteNodes {
   ClusterReport totals_;
   std::atomic<std::uint64_t> stale_parcels_{0};
 
+  LinkEvents events_;  ///< of the links of all nodes; their tags are incarnations
   Domain::Hook presence_hook_;
-  Domain::Hook parcel_hook_;
   Domain domain_;
   Entity presence_;
   Entity terms_;
   Entity pieces_;
-  Entity up_;
   Entity listeners_;
 };
 

@@ -89,7 +89,7 @@ std::string general_settings(const NetworkConfig& network, bool multicast) {
   // Multicast is used for discovery only; data is always sent by unicast.
   general += tag("AllowMulticast", multicast ? "spdp" : "false");
   if (is_loopback(network.interface)) {
-    // A parcel fits one datagram, so it is lost only if a socket buffer is full.
+    // A piece fits one datagram, so it is lost only if a socket buffer is full.
     general +=
         tag("MaxMessageSize", "65000 B") + tag("FragmentSize", "64000 B") + tag("MaxRexmitMessageSize", "65000 B");
   }
@@ -125,7 +125,7 @@ std::string settings(const NetworkConfig& network, Side side, std::uint32_t doma
       // Linux keeps up to 212,992 bytes of the sender's buffer for each neighbour that it cannot resolve, as behind a
       // broken link. When the buffer is full, a send blocks, and with it the frame.
       "<SocketSendBufferSize min=\"default\" max=\"" + bytes + "\"/>" +
-      // Above the size of a window of parcels, so a channel is limited by its window before this (see ParcelChannel).
+      // A mesh has many pieces, which are written at once.
       tag("Watermarks",
           tag("WhcLow", "1 MB") + tag("WhcHigh", "32 MB") + tag("WhcHighInit", "32 MB") + tag("WhcAdaptive", "false")) +
       // Every heartbeat requests an answer, and every timed heartbeat wakes a thread. The period is the time after
@@ -230,7 +230,7 @@ dds_qos_t* make_qos(const TopicQos& topic_qos, const std::string& partition) {
   dds_qos_t* qos = dds_create_qos();
   dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, 0);
   dds_qset_durability(qos, topic_qos.durable ? DDS_DURABILITY_TRANSIENT_LOCAL : DDS_DURABILITY_VOLATILE);
-  dds_qset_history(qos, topic_qos.keep_all ? DDS_HISTORY_KEEP_ALL : DDS_HISTORY_KEEP_LAST, 1);
+  dds_qset_history(qos, DDS_HISTORY_KEEP_LAST, 1);
   if (topic_qos.durable) {
     dds_qset_durability_service(qos, 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED,
                                 DDS_LENGTH_UNLIMITED);
@@ -254,8 +254,6 @@ struct TopicKind {
 constexpr std::array<TopicKind, topic_count> topic_kinds = {{{&ringfence_wire_Presence_desc, "ringfence_presence"},
                                                              {&ringfence_wire_Terms_desc, "ringfence_terms"},
                                                              {&ringfence_wire_Piece_desc, "ringfence_piece"},
-                                                             {&ringfence_wire_Parcel_desc, "ringfence_up"},
-                                                             {&ringfence_wire_Parcel_desc, "ringfence_down"},
                                                              {&ringfence_wire_Listener_desc, "ringfence_listener"}}};
 constexpr std::size_t index_of(Topic topic) noexcept { return static_cast<std::size_t>(topic); }
 
@@ -334,7 +332,7 @@ void Domain::join(const NetworkConfig& network, Side side, std::uint32_t index) 
 // writes no data, has half the lease of the watched writers, so one message may be lost or late.
 void Domain::start_heartbeat(double lease_ms) {
   pulse_.reset();
-  dds_qos_t* qos = make_qos({false, false, lease_ms / 2}, {});
+  dds_qos_t* qos = make_qos({false, lease_ms / 2}, {});
   pulse_ = Entity(dds_create_writer(participant_.get(), pulse_topic_.get(), qos, nullptr), "a pulse");
   dds_delete_qos(qos);
 }
@@ -346,7 +344,7 @@ Domain::~Domain() {
 
 Entity Domain::reader(Topic topic, const TopicQos& topic_qos, const std::string& partition) {
   // The reader accepts any lease; the writer's own lease decides how long it may be silent.
-  dds_qos_t* qos = make_qos({topic_qos.durable, topic_qos.keep_all, 0}, partition);
+  dds_qos_t* qos = make_qos({topic_qos.durable, 0}, partition);
   const dds_entity_t made = dds_create_reader(participant_.get(), topics_[index_of(topic)].get(), qos, nullptr);
   dds_delete_qos(qos);
   return {made, topic_kinds[index_of(topic)].name};
@@ -404,7 +402,7 @@ std::vector<std::string> Domain::take_log_lines() { return LogLines::all().take(
 std::string Domain::socket_buffer_shortage(const NetworkConfig& network) {
   const std::string wanted = std::to_string(network.socket_bytes);
   std::string shortage;
-  for (const auto& [name, what] : {std::pair("rmem_max", "larger frames are retransmitted in parts"),
+  for (const auto& [name, what] : {std::pair("rmem_max", "large shapes are retransmitted in parts"),
                                    std::pair("wmem_max", "a broken link may delay the frame longer")}) {
     std::ifstream file(std::string("/proc/sys/net/core/") + name);
     std::size_t most = 0;
@@ -418,7 +416,6 @@ std::string Domain::socket_buffer_shortage(const NetworkConfig& network) {
   return shortage;
 }
 
-std::string partition_of(std::uint64_t incarnation) { return "node-" + std::to_string(incarnation); }
 std::string partition_of_world(std::uint64_t world) { return "world-" + std::to_string(world); }
 
 std::uint64_t random_incarnation() {

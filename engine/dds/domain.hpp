@@ -36,10 +36,9 @@ class Entity {
   dds_entity_t entity_ = 0;
 };
 
-/// Quality of service of one topic.
+/// Quality of service of one topic. A reader gets at least the last sample of each key.
 struct TopicQos {
   bool durable = false;  ///< the last sample of each key is kept for late joiners
-  bool keep_all = true;  ///< false: only the last sample of each key
   double lease_ms = 0;   ///< > 0: a writer that is silent for longer is not alive
 };
 
@@ -48,16 +47,14 @@ enum class Topic : std::uint8_t {
   presence,
   terms,
   piece,
-  up,    ///< parcels from nodes
-  down,  ///< parcels to a node, in the partition of its incarnation
   listener,
 };
-inline constexpr std::size_t topic_count = 6;
+inline constexpr std::size_t topic_count = 4;
 
 /// A process's membership in a DDS domain: one participant, with the topics of wire.idl.
 ///
 /// Presence and Terms are in the partition NetworkConfig::world, so Worlds and nodes with different names do not see
-/// each other. Pieces and parcels are in the partition of one World or of one node.
+/// each other. Pieces and listeners are in the partition of one World.
 ///
 /// Configured from NetworkConfig only, not from the environment. Writers never wait: a write that finds the cache of
 /// unacknowledged samples full returns DDS_RETCODE_TIMEOUT.
@@ -114,13 +111,10 @@ class Domain {
 };
 
 /// Quality of service of the topics.
-constexpr TopicQos liveliness_qos(double lease_ms) noexcept { return {true, false, lease_ms}; }
-inline constexpr TopicQos piece_qos{true, false, 0};
-inline constexpr TopicQos parcel_qos{false, true, 0};
+constexpr TopicQos liveliness_qos(double lease_ms) noexcept { return {true, lease_ms}; }
+inline constexpr TopicQos piece_qos{true, 0};
 
-/// The partition of one node, for the parcels that its World sends.
-std::string partition_of(std::uint64_t incarnation);
-/// The partition of one World, for its pieces and the parcels that its nodes send.
+/// The partition of one World, for its pieces and its nodes' listeners.
 std::string partition_of_world(std::uint64_t world);
 
 /// A random number that identifies a process.

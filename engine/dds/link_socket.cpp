@@ -1,13 +1,11 @@
 #include "dds/link_socket.hpp"
 
-#include <algorithm>
 #include <cerrno>
-#include <cmath>
 #include <cstring>
 #include <string>
 
+#include <linux/tcp.h>
 #include <netinet/in.h>
-#include <netinet/tcp.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -17,6 +15,7 @@ namespace ringfence::dds {
 namespace {
 
 constexpr int backlog = 1024;
+constexpr unsigned timeout_ms = 10'000;
 
 sockaddr_in socket_address(LinkAddress address) noexcept {
   sockaddr_in result{};
@@ -27,9 +26,10 @@ sockaddr_in socket_address(LinkAddress address) noexcept {
 }
 
 // Messages are collected before they are sent, so the system must not delay them further.
-void send_at_once(int socket) noexcept {
+void set_options(int socket) noexcept {
   const int on = 1;
   ::setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+  ::setsockopt(socket, IPPROTO_TCP, TCP_USER_TIMEOUT, &timeout_ms, sizeof timeout_ms);
 }
 
 bool bind_to(int socket, std::uint32_t port) noexcept {
@@ -53,14 +53,12 @@ LinkSocket LinkSocket::listen(std::uint32_t first_port, std::uint32_t last_port)
   return listener;
 }
 
-LinkSocket LinkSocket::connect(LinkAddress to, double timeout_ms) {
+LinkSocket LinkSocket::connect(LinkAddress to) {
   LinkSocket link(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!link) {
     return {};
   }
-  send_at_once(link.socket_);
-  const auto timeout = static_cast<unsigned>(std::ceil(timeout_ms));
-  ::setsockopt(link.socket_, IPPROTO_TCP, TCP_USER_TIMEOUT, &timeout, sizeof timeout);
+  set_options(link.socket_);
   const sockaddr_in address = socket_address(to);
   if (::connect(link.socket_, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0 &&
       errno != EINPROGRESS) {
@@ -70,7 +68,11 @@ LinkSocket LinkSocket::connect(LinkAddress to, double timeout_ms) {
 }
 
 LinkSocket LinkSocket::accept() const {
-  return LinkSocket(::accept4(socket_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  LinkSocket link(::accept4(socket_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  if (link) {
+    set_options(link.socket_);
+  }
+  return link;
 }
 
 std::uint32_t LinkSocket::port() const {
@@ -104,15 +106,19 @@ bool LinkSocket::is_closed() const noexcept {
   return got == 0 || (got < 0 && !is_blocked());
 }
 
-LinkSocket::Result LinkSocket::receive(std::vector<std::byte>& to, std::size_t most) const {
-  const std::size_t before = to.size();
-  to.resize(before + most);
-  const ssize_t got = ::recv(socket_, to.data() + before, most, 0);
-  to.resize(before + static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
-  if (got < 0) {
+LinkSocket::Result LinkSocket::receive(std::span<std::byte> room, std::size_t& got) const noexcept {
+  const ssize_t read = ::recv(socket_, room.data(), room.size(), 0);
+  got = read > 0 ? static_cast<std::size_t>(read) : 0;
+  if (read < 0) {
     return is_blocked() ? Result::would_block : Result::closed;
   }
-  return got == 0 ? Result::closed : Result::done;
+  return read == 0 && !room.empty() ? Result::closed : Result::done;
+}
+
+std::uint64_t LinkSocket::retransmitted_bytes() const noexcept {
+  tcp_info info{};
+  socklen_t size = sizeof info;
+  return ::getsockopt(socket_, IPPROTO_TCP, TCP_INFO, &info, &size) == 0 ? info.tcpi_bytes_retrans : 0;
 }
 
 }  // namespace ringfence::dds

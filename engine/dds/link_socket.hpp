@@ -4,13 +4,15 @@
 #include <cstdint>
 #include <span>
 #include <utility>
-#include <vector>
 
 #include "dds/wire.hpp"
 
 namespace ringfence::dds {
 
 /// A TCP socket that never blocks, closed with its owner. Movable, not copyable. Threads: one.
+///
+/// A connection closes if sent bytes are not acknowledged for 10 s, or a receiver does not read for that long: a
+/// process reads between the stages of a frame, and leases detect lost processes sooner.
 class LinkSocket {
  public:
   /// Result of an operation on a socket.
@@ -27,10 +29,9 @@ class LinkSocket {
   /// Listens on all interfaces, on the first free port from `first_port` to `last_port`; if there is none, on a port
   /// that the system chooses. Throws Error if that fails.
   static LinkSocket listen(std::uint32_t first_port, std::uint32_t last_port);
-  /// Starts to connect; what is sent meanwhile would block. An empty socket if that fails at once. If sent bytes are
-  /// not acknowledged for `timeout_ms`, the connection closes.
-  static LinkSocket connect(LinkAddress to, double timeout_ms);
-  /// The next connection that another node has opened; empty if there is none.
+  /// Starts to connect; what is sent meanwhile would block. An empty socket if that fails at once.
+  static LinkSocket connect(LinkAddress to);
+  /// The next connection that another process has opened; empty if there is none.
   LinkSocket accept() const;
 
   /// The port of a listening socket.
@@ -41,10 +42,12 @@ class LinkSocket {
 
   /// Sends as much as the system takes, and sets `sent` to the number of bytes.
   Result send(std::span<const std::byte> bytes, std::size_t& sent) const;
-  /// Appends what has arrived, up to `most` bytes. `done` if there may be more.
-  Result receive(std::vector<std::byte>& to, std::size_t most) const;
+  /// Writes what has arrived to `room`, and sets `got` to the number of bytes. `done` if there may be more.
+  Result receive(std::span<std::byte> room, std::size_t& got) const noexcept;
   /// Whether the other end has closed the connection, if it never sends anything.
   bool is_closed() const noexcept;
+  /// Bytes that the system has sent again so far.
+  std::uint64_t retransmitted_bytes() const noexcept;
 
  private:
   explicit LinkSocket(int socket) noexcept : socket_(socket) {}

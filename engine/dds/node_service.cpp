@@ -38,18 +38,13 @@ class NodeService::Implementation {
  public:
   explicit Implementation(NodeServiceConfig config)
       : config_(std::move(config)),
-        // Polls only briefly before it sleeps: on a machine with more nodes than cores, another process needs this
-        // core.
-        bell_(link::SpinPolicy{20, 2}),
         control_hook_{[this] { ring_control(); }, [this] { ring_control(); }},
-        parcel_hook_{[this] {
-                       parcels_wait_.store(true, std::memory_order_release);
-                       bell_.ring();
-                     },
-                     [this] { ring_control(); }},
         domain_(config_.network, Side::node) {
     if (config_.name.empty()) {
       config_.name = own_name();
+    }
+    if (!bell_.prepare_to_watch()) {
+      throw Error("the process cannot wait for links; raise the limit on open files (ulimit -n)");
     }
     read_terms();
     if (const std::string shortage = Domain::socket_buffer_shortage(config_.network); !shortage.empty()) {
@@ -62,16 +57,15 @@ class NodeService::Implementation {
     refusals_.clear();
     terms_.reset();
     pieces_.reset();
-    up_.reset();
   }
 
   ExitReason run() {
     const base::DefaultFloatingPoint floating_point;
     const link::ScopedBatchScheduling batch_scheduling;
-    // No bell rings when a congested network can send again, so pending parcels are also retried on a timer.
-    constexpr std::chrono::milliseconds tick(20);
+    constexpr std::chrono::milliseconds tick(20);  // at which a silent World is noticed
     log(LogLevel::info, "waits for a World in domain " + std::to_string(domain_.number()));
     while (!ending_) {
+      bell_.watch(session_ == nullptr ? -1 : session_->events_descriptor());
       bell_.wait_for([this] { return has_work(); }, tick);
       while (step() && !ending_) {
       }
@@ -100,10 +94,9 @@ class NodeService::Implementation {
   }
 
   // Whether a step may find work; evaluated many times per frame.
-  bool has_work() const noexcept {
-    return parcels_wait_.load(std::memory_order_relaxed) || control_waits_.load(std::memory_order_relaxed) ||
-           drains_.load(std::memory_order_relaxed) != drains_seen_ ||
-           (session_ != nullptr && session_->has_link_events());
+  bool has_work() noexcept {
+    return control_waits_.load(std::memory_order_relaxed) || drains_.load(std::memory_order_relaxed) != drains_seen_ ||
+           (session_ != nullptr && session_->take_events());
   }
 
   // Called by the receiving threads of Cyclone DDS.
@@ -129,24 +122,21 @@ class NodeService::Implementation {
       leave();
     }
     if (session_ != nullptr) {
-      const bool parcels = parcels_wait_.exchange(false, std::memory_order_acquire);
-      parcels_arrived_ |= parcels;
+      const std::uint64_t received = session_->received();
       try {
-        progressed = session_->step(parcels);
+        progressed = session_->step();
       } catch (const std::exception& error) {
         refuse(world_->number(), error.what());
         return true;
       }
+      parcels_arrived_ |= session_->received() != received;
       for (const std::string& failure : world_->shapes().take_support_failures()) {
         log(LogLevel::warning, failure + "; pairs for which it fails have no contact");
       }
       if (session_->is_assigned() && !std::exchange(assignment_logged_, true)) {
         log(LogLevel::info, "is assigned and serves the World");
       }
-      if (session_->is_over()) {
-        end_session();
-        progressed = true;
-      }
+      progressed |= session_->is_over() && end_session();
     }
     return progressed;
   }
@@ -179,9 +169,7 @@ class NodeService::Implementation {
       return;
     }
     if (session_ != nullptr) {
-      dds_publication_matched_status_t matched{};
-      dds_get_publication_matched_status(up_.get(), &matched);
-      session_->announce_when_ready(matched.current_count > 0);
+      session_->announce_when_ready();
     }
   }
 
@@ -196,10 +184,7 @@ class NodeService::Implementation {
       world_ = std::make_unique<JoinedWorld>(sample.world, terms, config_);
       domain_.start_heartbeat(terms.lease_ms);
       presence_ = domain_.writer(Topic::presence, liveliness_qos(terms.lease_ms), config_.network.world);
-      const std::string own = partition_of_world(sample.world);
-      up_ = domain_.writer(Topic::up, parcel_qos, own);
-      Domain::set_hook(up_, control_hook_);
-      pieces_ = domain_.reader(Topic::piece, piece_qos, own);
+      pieces_ = domain_.reader(Topic::piece, piece_qos, partition_of_world(sample.world));
       Domain::set_hook(pieces_, control_hook_);
     } catch (const std::exception& error) {
       refuse(sample.world, error.what());
@@ -227,17 +212,23 @@ class NodeService::Implementation {
 
   void begin_session() {
     assignment_logged_ = false;
-    session_ = std::make_unique<NodeSession>(domain_, *world_, presence_.get(), up_.get(), config_.name, parcel_hook_,
-                                             [this] { bell_.ring(); });
+    session_.reset();
+    session_ = std::make_unique<NodeSession>(
+        domain_, *world_, presence_.get(),
+        domain_.writer(Topic::listener, piece_qos, partition_of_world(world_->number())), config_.name);
   }
 
-  void end_session() {
+  // Returns false if the node has to wait: check_world() begins a session when the World is alive again.
+  bool end_session() {
     if (drains_.load(std::memory_order_acquire) != 0) {
       ending_ = ExitReason::drained;
-    } else if (!is_world_silent()) {
+    } else if (is_world_silent()) {
+      return false;
+    } else {
       log(LogLevel::info, "is no longer assigned and joins again");
       begin_session();
     }
+    return true;
   }
 
   // Leaves the World and sends it the reason. Then the node waits for other Worlds; with NodeServiceConfig::once it
@@ -272,7 +263,6 @@ class NodeService::Implementation {
   void leave_world() {
     session_.reset();
     presence_.reset();
-    up_.reset();
     pieces_.reset();
     world_.reset();
     silent_ = false;
@@ -348,13 +338,11 @@ class NodeService::Implementation {
   NodeServiceConfig config_;
   link::Doorbell bell_;
   std::atomic<bool> control_waits_{false};
-  std::atomic<bool> parcels_wait_{false};
   std::atomic<std::uint32_t> drains_{0};
   std::uint32_t drains_seen_ = 0;
   Domain::Hook control_hook_;
-  Domain::Hook parcel_hook_;
   Domain domain_;
-  Entity up_, terms_, pieces_, presence_;
+  Entity terms_, pieces_, presence_;
   std::deque<Refusal> refusals_;
   std::unique_ptr<JoinedWorld> world_;
   std::unique_ptr<NodeSession> session_;

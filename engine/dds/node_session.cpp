@@ -7,6 +7,7 @@
 #include "dds/release.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/error.hpp"
+#include "telemetry/clock.hpp"
 
 namespace ringfence::dds {
 
@@ -16,7 +17,7 @@ namespace {
 
 constexpr std::size_t ring_bytes = std::size_t{1} << 16;
 
-/// TCP ports for the links of nodes: the upper half of the ports of a DDS domain, of which DDS uses UDP only.
+/// TCP ports for the links of a node: the upper half of the ports of a DDS domain, of which DDS uses UDP only.
 constexpr std::uint32_t first_link_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 125; }
 constexpr std::uint32_t last_link_port(std::uint32_t domain) noexcept { return 7400 + 250 * domain + 249; }
 
@@ -92,20 +93,17 @@ void JoinedWorld::remove_shape(ShapeNumber shape) {
   }
 }
 
-NodeSession::NodeSession(Domain& domain, JoinedWorld& world, dds_entity_t presence, dds_entity_t up,
-                         const std::string& name, const Domain::Hook& hook, std::function<void()> wake)
+NodeSession::NodeSession(const Domain& domain, JoinedWorld& world, dds_entity_t presence, Entity listener_writer,
+                         const std::string& name)
     : world_(world),
       incarnation_(random_incarnation()),
       name_(name),
       presence_(presence),
-      down_(domain.reader(Topic::down, parcel_qos, partition_of(incarnation_))),
-      listener_(domain.writer(Topic::listener, piece_qos, partition_of_world(world.number()))),
-      parcel_channel_(up, incarnation_),
-      links_(incarnation_, first_link_port(domain.number()), last_link_port(domain.number()), world.terms().lease_ms,
-             std::move(wake)),
+      listener_(std::move(listener_writer)),
+      links_(incarnation_, world.number(), first_link_port(domain.number()), last_link_port(domain.number())),
       channel_(ring_bytes, nullptr, nullptr),
       from_peers_(ring_bytes, nullptr, nullptr) {
-  Domain::set_hook(down_, hook);
+  watch_peers(true);
   const ListenerSample listener{incarnation_, links_.port()};
   dds_write(listener_.get(), &listener);
   publish_state(NodeState::joining);
@@ -132,14 +130,16 @@ void NodeSession::publish_state(NodeState state) {
   write_presence(presence_, incarnation_, world_.number(), name_, state, own_release());
 }
 
-void NodeSession::announce_when_ready(bool up_matched) {
-  if (state_ != NodeState::joining || !up_matched || !world_.is_ready()) {
-    return;
-  }
-  dds_subscription_matched_status_t matched{};
-  if (dds_get_subscription_matched_status(down_.get(), &matched) == DDS_RETCODE_OK && matched.current_count > 0) {
+void NodeSession::announce_when_ready() {
+  if (state_ == NodeState::joining && channel_to_world_ && world_.is_ready()) {
     publish_state(NodeState::ready);
   }
+}
+
+void NodeSession::query_assignment() {
+  query_ns_ = telemetry::now_ns();
+  channel_to_world_->enqueue(ParcelKind::assignment_query, {});
+  channel_to_world_->flush();
 }
 
 bool NodeSession::leave() {
@@ -152,30 +152,73 @@ bool NodeSession::leave() {
   return false;
 }
 
-bool NodeSession::step(bool parcels_wait) {
-  auto deliver_one = [this](ParcelKind kind, std::uint32_t shapes, std::size_t& offset,
-                            std::span<const std::byte> bytes) { return deliver(kind, shapes, offset, bytes); };
-  bool progressed = parcel_channel_.has_held() && parcel_channel_.deliver_held(deliver_one);
-  if (parcels_wait) {
-    progressed |= take_all<ParcelSample>(down_, [&](const ParcelSample& parcel, const dds_sample_info_t& info) {
-      if (info.valid_data && parcel.incarnation == incarnation_) {
-        if (static_cast<ParcelKind>(parcel.kind) == ParcelKind::dismissed ||
-            !parcel_channel_.receive(parcel, deliver_one)) {
-          over_ = true;
-        }
-      }
-    });
+bool NodeSession::take_events() {
+  return events_.take([this](std::uint64_t tag) {
+    if (tag == world_.number()) {
+      channel_to_world_->note_events();
+    }
+  });
+}
+
+bool NodeSession::step() {
+  take_events();
+  if (!channel_to_world_) {
+    accept_world();
+    return false;
   }
-  if (role_ == nullptr) {
+  bool progressed = receive_parcels();
+  if (role_ == nullptr || over_) {
     return progressed;
   }
-  progressed |= receive_from_peers();
   progressed |= role_->step() == Step::progressed;
   check_messages();
   send_model_failures();
-  const std::uint64_t before = parcel_channel_.sent();
+  if (awaits_peers()) {
+    progressed |= receive_from_peers();
+  }
+  const std::uint64_t before = channel_to_world_->sent();
   send();
-  return progressed || parcel_channel_.sent() != before;
+  watch_peers(awaits_peers() || links_.has_unsent());
+  return progressed || channel_to_world_->sent() != before;
+}
+
+// The World opens the link when it knows where this node listens.
+void NodeSession::accept_world() {
+  links_.receive([](NodeNumber, std::span<const std::byte>) { return false; });
+  if (std::optional<PeerLinks::WorldLink> link = links_.take_world_link()) {
+    channel_to_world_.emplace(std::move(link->socket), std::span<const std::byte>(), link->bytes);
+    events_.add(channel_to_world_->socket(), world_.number());
+    watch_peers(false);
+    announce_when_ready();
+  }
+}
+
+bool NodeSession::receive_parcels() {
+  auto deliver_one = [this](ParcelKind kind, std::uint32_t shapes, std::size_t& offset,
+                            std::span<const std::byte> bytes) { return deliver(kind, shapes, offset, bytes); };
+  const std::uint64_t before = received();
+  const bool progressed = channel_to_world_->receive(deliver_one);
+  if (received() != before) {
+    query_ns_ = 0;
+  }
+  const bool is_unanswered =
+      query_ns_ != 0 && telemetry::to_ms(telemetry::now_ns() - query_ns_) > world_.terms().lease_ms;
+  over_ |= channel_to_world_->is_broken() || is_unanswered;
+  return progressed;
+}
+
+// Messages of other nodes are read only when the role awaits them, so they do not wake a node that waits for the World.
+bool NodeSession::awaits_peers() const noexcept { return role_->awaits_peers(); }
+
+void NodeSession::watch_peers(bool watched) {
+  if (std::exchange(peers_watched_, watched) == watched) {
+    return;
+  }
+  if (watched) {
+    events_.include(links_.events(), 0);
+  } else {
+    events_.exclude(links_.events());
+  }
 }
 
 // Between frames the last message of the frame is written, but not sent: the failures go before it.
@@ -188,7 +231,7 @@ void NodeSession::send_model_failures() {
   for (const ModelFailure& failure : host.failures().span()) {
     ModelFailureRecord record{failure.object.value};
     std::copy_n(failure.text.begin(), std::min(failure.text.size(), sizeof record.text), record.text);
-    parcel_channel_.enqueue(ParcelKind::model_failed, std::as_bytes(std::span(&record, 1)));
+    channel_to_world_->enqueue(ParcelKind::model_failed, std::as_bytes(std::span(&record, 1)));
   }
 }
 
@@ -196,7 +239,7 @@ void NodeSession::send_model_failures() {
 void NodeSession::send() {
   link::Receiver& written = *channel_.first().in;
   bool any = false;
-  while (parcel_channel_.has_room()) {
+  while (channel_to_world_->has_room()) {
     const std::span<const std::byte> message = written.next();
     if (message.empty()) {
       break;
@@ -208,26 +251,29 @@ void NodeSession::send() {
     if (to.is_node() && links_.reaches(to.number())) {
       links_.add(to.number(), message);
     } else {
-      parcel_channel_.add(message);
+      channel_to_world_->add(message);
     }
   }
   if (any) {
     written.release();
   }
-  parcel_channel_.flush();
-  parcel_channel_.acknowledge();
   links_.flush();
+  report_failed_peers();
+  channel_to_world_->flush();
 }
 
 bool NodeSession::receive_from_peers() {
   const bool any = links_.receive(
       [this](NodeNumber slot, std::span<const std::byte> message) { return deliver_from_peer(slot, message); });
   from_peers_.sender().publish();
+  return any;
+}
+
+void NodeSession::report_failed_peers() {
   links_.take_failures([this](const PeerRecord& peer) {
     const PeerFailureRecord failure{peer.incarnation};
-    parcel_channel_.enqueue(ParcelKind::peer_failed, std::as_bytes(std::span(&failure, 1)));
+    channel_to_world_->enqueue(ParcelKind::peer_failed, std::as_bytes(std::span(&failure, 1)));
   });
-  return any;
 }
 
 // The World decides who is lost if a node sends invalid messages to another.
@@ -263,6 +309,7 @@ bool NodeSession::deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& of
     from_peers_.sender().publish();
     return all;
   }
+  over_ |= kind == ParcelKind::dismissed;
   return kind != ParcelKind::assign || assign(unpack_assignment(bytes, world_.terms()));
 }
 

@@ -1,21 +1,20 @@
 #pragma once
 
-#include <atomic>
 #include <cstdint>
-#include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "dds/description.hpp"
 #include "dds/domain.hpp"
+#include "dds/link_events.hpp"
 #include "dds/parcel_channel.hpp"
 #include "dds/peer_links.hpp"
 #include "dds/piece_assembler.hpp"
 #include "facade/duplex_channel.hpp"
 #include "geometry/shape_table.hpp"
-#include "link/doorbell.hpp"
 #include "nodes/cd_node/cd_node_role.hpp"
 #include "nodes/message_check.hpp"
 #include "ringfence/cluster.hpp"
@@ -66,43 +65,50 @@ void write_presence(dds_entity_t writer, std::uint64_t incarnation, std::uint64_
 
 /// One membership of a node process in a World: from the announcement to the dismissal.
 ///
-/// The node's role runs in the thread that moves messages between its rings and the parcels, so a message passes no
-/// other thread between the network and the role. The role has one connection for the server and all other nodes,
-/// because every message names its source and destination; so the cost does not grow with the number of nodes. Messages
-/// for other node processes go over direct links, all others to the process of the World.
+/// The node's role runs in the thread that moves messages between its rings and the links, so a message passes no other
+/// thread between the network and the role. The role has one connection for the server and all other nodes, because
+/// every message names its source and destination; so the cost does not grow with the number of nodes. Messages for
+/// other node processes go over direct links, all others to the process of the World.
 ///
-/// Threads: one, except for the hooks.
+/// Threads: one.
 class NodeSession {
  public:
-  /// `hook` is called when a parcel has arrived and when a matched peer has come or gone, and `wake` when a link of
-  /// another node has events; `hook` outlives the session.
-  NodeSession(Domain& domain, JoinedWorld& world, dds_entity_t presence, dds_entity_t up, const std::string& name,
-              const Domain::Hook& hook, std::function<void()> wake);
+  NodeSession(const Domain& domain, JoinedWorld& world, dds_entity_t presence, Entity listener_writer,
+              const std::string& name);
   ~NodeSession();
   NodeSession(const NodeSession&) = delete;
   NodeSession& operator=(const NodeSession&) = delete;
 
-  /// Announces that the node is ready when it is. `up_matched`: the World receives this node's parcels.
-  void announce_when_ready(bool up_matched);
-  /// Whether a link has events that the next step() processes. Any thread may call it.
-  bool has_link_events() const noexcept { return links_.has_events(); }
+  /// Readable while step() may find work on a link.
+  int events_descriptor() const noexcept { return events_.descriptor(); }
+  /// Takes the events of the links; returns whether step() may find work.
+  bool take_events();
+  /// Announces that the node is ready when it is.
+  void announce_when_ready();
   /// Does what can be done now; returns whether that was anything. Throws Error if the World breaks the protocol.
-  bool step(bool parcels_wait);
+  bool step();
   /// Starts to leave; true if there is nothing to hand over.
   bool leave();
-  /// Asks the World whether this node is still assigned.
-  void query_assignment() { parcel_channel_.send_unnumbered(ParcelKind::assignment_query); }
+  /// Asks the World whether this node is still assigned. If no parcel arrives within a lease, the session is over.
+  void query_assignment();
 
   bool is_assigned() const noexcept { return role_ != nullptr; }
-  /// Whether it was dismissed, or a parcel is missing.
+  /// Whether the node was dismissed, or its link with the World has failed.
   bool is_over() const noexcept { return over_; }
+  /// Number of parcels received from the World.
+  std::uint64_t received() const noexcept { return channel_to_world_ ? channel_to_world_->received() : 0; }
 
  private:
   void publish_state(NodeState state);
+  void accept_world();
+  bool receive_parcels();
   bool deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes);
   bool assign(const Assignment& assignment);
   bool make_role(const AssignmentRecord& record);
+  bool awaits_peers() const noexcept;
+  void watch_peers(bool watched);
   bool receive_from_peers();
+  void report_failed_peers();
   bool deliver_from_peer(NodeNumber slot, std::span<const std::byte> message);
   bool is_from_peer(NodeNumber slot, std::span<const std::byte> message) const noexcept;
   void send();
@@ -113,10 +119,12 @@ class NodeSession {
   std::uint64_t incarnation_;
   std::string name_;
   dds_entity_t presence_;
-  Entity down_;
   Entity listener_;
-  ParcelChannel parcel_channel_;
   PeerLinks links_;
+  std::optional<ParcelChannel> channel_to_world_;  ///< from when the World has opened it
+  LinkEvents events_;                              ///< of the link with the World, and of `links_` while they matter
+  bool peers_watched_ = false;
+  std::uint64_t query_ns_ = 0;  ///< time of an assignment query without a reply; 0: none
   NodeState state_ = NodeState::joining;
   facade::DuplexChannel channel_;
   link::Channel from_peers_;  ///< messages of other nodes; their order with those of the server does not matter

@@ -5,118 +5,98 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <deque>
 #include <span>
 #include <vector>
 
-#include "dds/domain.hpp"
+#include "dds/link_socket.hpp"
+#include "dds/wire.hpp"
 #include "link/channel.hpp"
 
 namespace ringfence::dds {
 
-/// Header of each message in a parcel: 8 bytes. The message follows, padded to a multiple of 8. Its own header
-/// (messages::Header) names source and destination.
-struct Packing {
-  std::uint32_t bytes;  ///< of the message
-  std::uint32_t reserved;
-};
-static_assert(sizeof(Packing) == 8);
-
-/// One end of the connection between the World's process and a node process: parcels in both directions, in order and
-/// without loss.
+/// One end of the link between the World's process and a node process: parcels in both directions, in order and without
+/// loss, over TCP.
 ///
-/// Messages from rings are collected and written as one sample when the sender pauses or the next message might not
-/// fit. This makes one parcel per stage of the frame instead of one per message. The channel is full while `window`
-/// parcels are not acknowledged, or DDS takes no sample; then further messages stay in their ring. So a full channel
-/// acts like a full ring: no thread waits, no message is dropped, and the caches of DDS stay bounded. Every parcel
-/// acknowledges the parcels that its sender has processed. A receiver that has nothing to send acknowledges after half
-/// a window.
+/// Messages from rings are collected and sent as one parcel when the sender pauses or the next message might not fit.
+/// This makes one parcel per stage of the frame instead of one per message. The channel is full while the network does
+/// not take what was collected; then further messages stay in their ring. A receiver whose ring is full stops reading.
+/// So a full channel acts like a full ring: no thread waits, no message is dropped, and memory stays bounded.
 ///
-/// Threads: one at a time, except where a function states otherwise. Memory: 128 KiB, plus at most `window` received
-/// parcels that wait for room in a ring.
+/// Threads: one at a time, except where a function states otherwise. Memory: about 512 KiB.
 class ParcelChannel {
  public:
-  static constexpr std::uint64_t window = 32;
-  static constexpr std::size_t max_bytes = 60'000;  ///< of a parcel, so that it fits one datagram with its headers
+  static constexpr std::size_t max_bytes = 60'000;                      ///< of the contents of a parcel
+  static constexpr std::size_t max_unsent = std::size_t{1} << 18;       ///< above it the channel is full
+  static constexpr std::size_t largest_message = std::size_t{1} << 15;  ///< half of a node's ring
 
   struct Counters {
     std::uint64_t sent_parcels = 0, sent_bytes = 0;
     std::uint64_t received_parcels = 0, received_bytes = 0;
-    std::uint64_t refused_writes = 0;  ///< writes refused because the window was full or DDS could not take the sample
+    std::uint64_t refused_writes = 0;  ///< how often the network did not take all that was to be sent
     std::uint64_t answers = 0;         ///< replies: first parcels received after at least one parcel was sent
     std::uint64_t answer_ns = 0;       ///< sum over the replies of the time since the first parcel that it replies to
     std::uint64_t answer_ns_max = 0;
+    std::uint64_t retransmitted_bytes = 0;  ///< by TCP
   };
 
-  /// `incarnation` identifies the node in both directions. The writer outlives the channel.
-  ParcelChannel(dds_entity_t writer, std::uint64_t incarnation);
+  /// `hello` is sent before everything else; `received` are bytes that were read from the socket before.
+  ParcelChannel(LinkSocket socket, std::span<const std::byte> hello, std::span<const std::byte> received);
 
-  std::uint64_t incarnation() const noexcept { return incarnation_; }
+  const LinkSocket& socket() const noexcept { return socket_; }
+  /// Whether the other end has closed the link, does not respond, or has broken the format. Nothing more is sent or
+  /// received.
+  bool is_broken() const noexcept { return broken_; }
   /// May be called from any thread.
   Counters counters() const noexcept;
-  /// Number of numbered parcels sent.
-  std::uint64_t sent() const noexcept { return sent_; }
+  /// Number of parcels sent.
+  std::uint64_t sent() const noexcept { return sent_parcels_.value(); }
+  /// Number of parcels received and processed.
+  std::uint64_t received() const noexcept { return received_parcels_.value(); }
   /// Sets the number of shapes of the World, which later parcels carry. May be called from any thread.
   void set_shapes(std::uint32_t shapes) noexcept { shapes_.store(shapes, std::memory_order_relaxed); }
 
   // Sending.
-  /// Whether the longest message of a node's ring could be collected now. Writes what was collected if necessary.
-  bool has_room();
+  /// Whether the longest message of a node's ring could be collected now. Sends what was collected if necessary.
+  bool has_room() { return out_.size() <= max_unsent || (flush(), out_.size() <= max_unsent); }
   /// Takes messages from `in` and collects them. Returns false if the channel is full before `in` is empty.
   bool gather(link::Receiver& in);
-  /// Collects one message. Returns false and adds nothing if the channel is full.
-  bool add(std::span<const std::byte> message);
-  /// Writes what was collected and queued. Returns false if the channel is full; then the rest is kept.
-  bool flush();
-  /// Queues a control record as a parcel of its own. The parcel follows the messages that were collected before the
-  /// call and precedes those that are collected later.
+  /// Collects one message, after has_room().
+  void add(std::span<const std::byte> message);
+  /// Adds a control record as a parcel of its own, after the messages that were collected before.
   void enqueue(ParcelKind kind, std::span<const std::byte> bytes);
-  /// Sends an unnumbered parcel at once; it is lost if it cannot be written.
-  void send_unnumbered(ParcelKind kind);
-  bool has_to_send() const noexcept { return !batch_.empty() || !queued_.empty(); }
+  /// Sends what was collected. Returns false if the network does not take all of it; then the rest is kept.
+  bool flush();
+  bool has_to_send() const noexcept { return !out_.empty(); }
 
   // Receiving.
-  /// Processes the parcel's acknowledgement and passes its contents to `deliver(kind, shapes, offset, bytes)` without
-  /// copying. `deliver` advances `offset` past what it has processed. If it returns false, a copy of this parcel is
-  /// held, and so are all later parcels until deliver_held() has passed them on. Returns false if the channel is
-  /// broken: an earlier parcel is missing, the parcel is longer than max_bytes, or the sender exceeds the window.
+  /// The socket has events: the next receive() reads it.
+  void note_events() noexcept { readable_ = true; }
+  /// Reads what has arrived and passes each parcel to `deliver(kind, shapes, offset, bytes)`, without copying.
+  /// `deliver` advances `offset` past what it has processed. If it returns false, the rest of this parcel and all later
+  /// ones stay for the next call. Returns whether `deliver` has processed anything.
   template <class Deliver>
-  bool receive(const ParcelSample& parcel, Deliver& deliver);
-  /// Passes held parcels on, in order, until `deliver` returns false. Returns whether `deliver` has processed anything.
-  template <class Deliver>
-  bool deliver_held(Deliver& deliver);
-  bool has_held() const noexcept { return !held_.empty(); }
-  /// Sends an acknowledgement if half a window of processed parcels is not acknowledged yet.
-  void acknowledge();
+  bool receive(Deliver& deliver);
 
  private:
-  struct QueuedParcel {
-    ParcelKind kind;
-    std::vector<std::byte> bytes;
-  };
-  struct HeldParcel {
-    ParcelKind kind;
-    std::uint32_t shapes;
-    std::size_t offset;
-    std::vector<std::byte> bytes;
-  };
+  bool read();
+  bool next_parcel(ParcelHeader& header);
+  void begin_parcel(ParcelKind kind);
+  void end_parcel();
+  void fail() noexcept;
+  void count_received(std::size_t bytes) noexcept;
 
-  bool write(ParcelKind kind, std::span<const std::byte> bytes);
-  bool read_header(const ParcelSample& parcel);
-  void count_processed(std::size_t bytes) noexcept;
+  static constexpr std::size_t no_parcel = ~std::size_t{0};
 
-  dds_entity_t writer_;
-  std::uint64_t incarnation_;
+  LinkSocket socket_;
   std::atomic<std::uint32_t> shapes_{0};
-  std::vector<std::byte> batch_;
-  std::deque<QueuedParcel> queued_;
-  std::deque<HeldParcel> held_;
-  std::uint64_t sent_ = 0;               ///< numbered parcels
-  std::uint64_t sent_acknowledged_ = 0;  ///< of them, acknowledged by the other end
-  std::uint64_t received_ = 0;           ///< numbered parcels
-  std::uint64_t processed_ = 0;
-  std::uint64_t acknowledgement_sent_ = 0;  ///< number of processed parcels in the last acknowledgement sent
-  std::uint64_t unanswered_since_ns_ = 0;   ///< time of the first parcel sent after the last one received; 0: none
+  std::vector<std::byte> out_;       ///< not sent
+  std::size_t parcel_ = no_parcel;   ///< offset of the header of the parcel that is being collected, in `out_`
+  std::vector<std::byte> in_;        ///< of fixed size
+  std::size_t begin_ = 0, end_ = 0;  ///< of what is read and not processed, in `in_`
+  std::size_t offset_ = 0;           ///< of what is processed of the first parcel
+  bool readable_ = true;             ///< the socket may have more
+  bool broken_ = false;
+  std::uint64_t unanswered_since_ns_ = 0;  ///< time of the first parcel sent after the last one received; 0: none
 
   /// A counter that one thread changes, so a load and a store suffice. Any thread may read it.
   class Counter {
@@ -169,41 +149,22 @@ inline bool copy_to_ring(std::span<const std::byte> message, link::Sender& out) 
 }
 
 template <class Deliver>
-bool ParcelChannel::receive(const ParcelSample& parcel, Deliver& deliver) {
-  if (!read_header(parcel)) {
-    return false;
-  }
-  if (parcel.number == 0) {
-    return true;
-  }
-  const auto kind = static_cast<ParcelKind>(parcel.kind);
-  const auto bytes = bytes_of(parcel.bytes);
-  if (bytes.size() > max_bytes || held_.size() >= window) {
-    return false;
-  }
-  std::size_t offset = 0;
-  if (held_.empty() && deliver(kind, parcel.shapes, offset, bytes)) {
-    count_processed(bytes.size());
-  } else {
-    held_.push_back({kind, parcel.shapes, offset, {bytes.begin(), bytes.end()}});
-  }
-  return true;
-}
-
-template <class Deliver>
-bool ParcelChannel::deliver_held(Deliver& deliver) {
+bool ParcelChannel::receive(Deliver& deliver) {
   bool any = false;
-  while (!held_.empty()) {
-    HeldParcel& first = held_.front();
-    const std::size_t before = first.offset;
-    const bool done = deliver(first.kind, first.shapes, first.offset, std::span<const std::byte>(first.bytes));
-    any |= done || first.offset != before;
-    if (!done) {
-      break;
+  do {
+    ParcelHeader header;
+    while (next_parcel(header)) {
+      const std::size_t before = offset_;
+      const std::span<const std::byte> bytes(in_.data() + begin_ + sizeof header, header.bytes);
+      if (!deliver(static_cast<ParcelKind>(header.kind), header.shapes, offset_, bytes)) {
+        return any || offset_ != before;
+      }
+      any = true;
+      begin_ += sizeof header + header.bytes;
+      offset_ = 0;
+      count_received(header.bytes);
     }
-    count_processed(first.bytes.size());
-    held_.pop_front();
-  }
+  } while (read());
   return any;
 }
 

@@ -1,80 +1,16 @@
 #include "dds/peer_links.hpp"
 
 #include <algorithm>
-#include <cerrno>
 #include <cstring>
-#include <string>
-#include <system_error>
-#include <utility>
 
-#include <sys/epoll.h>
-#include <sys/eventfd.h>
-#include <unistd.h>
-
+#include "dds/parcel_channel.hpp"
 #include "facade/config_check.hpp"
-#include "ringfence/error.hpp"
 
 namespace ringfence::dds {
 
-namespace {
-
-constexpr std::size_t largest_message = std::size_t{1} << 15;  ///< half of a node's ring
-
-}  // namespace
-
-PeerLinks::PeerLinks(std::uint64_t incarnation, std::uint32_t first_port, std::uint32_t last_port, double timeout_ms,
-                     std::function<void()> wake)
-    : incarnation_(incarnation),
-      timeout_ms_(timeout_ms),
-      wake_(std::move(wake)),
-      listener_(LinkSocket::listen(first_port, last_port)),
-      events_set_(::epoll_create1(EPOLL_CLOEXEC)),
-      end_event_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
-  epoll_event end{};
-  end.events = EPOLLIN;
-  end.data.fd = end_event_;
-  if (events_set_ < 0 || end_event_ < 0 || ::epoll_ctl(events_set_, EPOLL_CTL_ADD, end_event_, &end) != 0) {
-    throw Error(std::string("a node cannot wait for links of other nodes: ") + std::strerror(errno));
-  }
-  watch(listener_);
-  try {
-    waiter_ = std::thread([this] { wait_for_events(); });
-  } catch (const std::system_error&) {
-    throw Error("the system has no thread for the links between nodes; raise the limit on threads (ulimit -u)");
-  }
-}
-
-PeerLinks::~PeerLinks() {
-  const std::uint64_t end = 1;
-  while (::write(end_event_, &end, sizeof end) < 0 && errno == EINTR) {
-  }
-  waiter_.join();
-  ::close(events_set_);
-  ::close(end_event_);
-}
-
-// Edge-triggered: an event wakes the owner once, and the owner reads until nothing is left.
-void PeerLinks::wait_for_events() {
-  for (;;) {
-    epoll_event events[16];
-    const int count = ::epoll_wait(events_set_, events, 16, -1);
-    for (int i = 0; i < count; ++i) {
-      if (events[i].data.fd == end_event_) {
-        return;
-      }
-    }
-    if (count > 0) {
-      events_.store(true, std::memory_order_release);
-      wake_();
-    }
-  }
-}
-
-void PeerLinks::watch(const LinkSocket& socket) const {
-  epoll_event event{};
-  event.events = EPOLLIN | EPOLLOUT | EPOLLRDHUP | EPOLLET;
-  event.data.fd = socket.number();
-  ::epoll_ctl(events_set_, EPOLL_CTL_ADD, socket.number(), &event);
+PeerLinks::PeerLinks(std::uint64_t incarnation, std::uint64_t world, std::uint32_t first_port, std::uint32_t last_port)
+    : incarnation_(incarnation), world_(world), listener_(LinkSocket::listen(first_port, last_port)) {
+  events_.add(listener_, static_cast<std::uint64_t>(listener_.number()));
 }
 
 void PeerLinks::assign(std::span<const PeerRecord> peers) {
@@ -88,7 +24,9 @@ void PeerLinks::assign(std::span<const PeerRecord> peers) {
     peers_[slot].record = peers[slot];
   }
   std::erase_if(incoming_, [&](const Incoming& link) { return link.sender != 0 && slot_of(link.sender) == no_slot; });
-  held_ = true;  // messages of a peer that was assigned before this node may wait
+  for (Incoming& link : incoming_) {
+    link.readable = true;  // messages of a peer that was assigned before this node may wait
+  }
 }
 
 NodeNumber PeerLinks::slot_of(std::uint64_t incarnation) const noexcept {
@@ -107,14 +45,12 @@ void PeerLinks::add(NodeNumber slot, std::span<const std::byte> message) {
     peer.unsent.insert(peer.unsent.end(), first, first + size);
   };
   if (!peer.out) {
-    peer.out = LinkSocket::connect(peer.record.address, timeout_ms_);
+    peer.out = LinkSocket::connect(peer.record.address);
     if (!peer.out) {
       return fail(slot);
     }
-    watch(peer.out);
-    Hello hello;
-    hello.sender = incarnation_;
-    hello.receiver = peer.record.incarnation;
+    events_.add(peer.out, static_cast<std::uint64_t>(peer.out.number()));
+    const LinkHello hello{.sender = incarnation_, .receiver = peer.record.incarnation};
     append(&hello, sizeof hello);
   }
   const Packing packing{static_cast<std::uint32_t>(message.size()), 0};
@@ -129,6 +65,10 @@ void PeerLinks::flush() {
       send(peer);
     }
   }
+}
+
+bool PeerLinks::has_unsent() const noexcept {
+  return std::any_of(peers_.begin(), peers_.end(), [](const Peer& peer) { return !peer.unsent.empty(); });
 }
 
 void PeerLinks::send(Peer& peer) {
@@ -151,19 +91,37 @@ void PeerLinks::fail(NodeNumber slot) {
   peer.sent = 0;
 }
 
-void PeerLinks::accept_all() {
-  for (LinkSocket socket = listener_.accept(); socket; socket = listener_.accept()) {
-    if (incoming_.size() < 2 * facade::max_nodes) {
-      watch(socket);
-      incoming_.push_back({std::move(socket), 0, {}, 0, false});
+void PeerLinks::take_events() {
+  events_.take([this](std::uint64_t tag) { note_events(tag); });
+}
+
+void PeerLinks::note_events(std::uint64_t tag) {
+  const auto is_it = [tag](const LinkSocket& socket) {
+    return socket && static_cast<std::uint64_t>(socket.number()) == tag;
+  };
+  if (is_it(listener_)) {
+    return accept_all();
+  }
+  for (Incoming& link : incoming_) {
+    if (is_it(link.socket)) {
+      link.readable = true;
+      return;
+    }
+  }
+  for (NodeNumber slot = 0; slot < peers_.size(); ++slot) {
+    if (is_it(peers_[slot].out) && peers_[slot].out.is_closed()) {
+      fail(slot);
     }
   }
 }
 
-void PeerLinks::find_closed() {
-  for (NodeNumber slot = 0; slot < peers_.size(); ++slot) {
-    if (peers_[slot].out && peers_[slot].out.is_closed()) {
-      fail(slot);
+void PeerLinks::accept_all() {
+  for (LinkSocket socket = listener_.accept(); socket; socket = listener_.accept()) {
+    if (incoming_.size() < 2 * facade::max_nodes) {
+      events_.add(socket, static_cast<std::uint64_t>(socket.number()));
+      Incoming link;
+      link.socket = std::move(socket);
+      incoming_.push_back(std::move(link));
     }
   }
 }
@@ -172,50 +130,60 @@ void PeerLinks::find_closed() {
 // closed.
 void PeerLinks::read(Incoming& link, std::size_t most) {
   constexpr std::size_t at_once = std::size_t{1} << 16;
+  std::copy(link.bytes.begin() + static_cast<std::ptrdiff_t>(link.begin),
+            link.bytes.begin() + static_cast<std::ptrdiff_t>(link.end), link.bytes.begin());
+  link.end -= std::exchange(link.begin, 0);
   auto result = LinkSocket::Result::done;
-  while (!link.closed && result == LinkSocket::Result::done && link.bytes.size() < most) {
-    result = link.socket.receive(link.bytes, std::min(at_once, most - link.bytes.size()));
+  while (!link.closed && result == LinkSocket::Result::done && link.end < most) {
+    const std::size_t room = std::min(at_once, most - link.end);
+    link.bytes.resize(std::max(link.bytes.size(), link.end + room));
+    std::size_t got = 0;
+    result = link.socket.receive(std::span(link.bytes).subspan(link.end, room), got);
+    link.end += got;
   }
-  held_ |= result == LinkSocket::Result::done && !link.closed;
+  link.readable = result == LinkSocket::Result::done && !link.closed;
   link.closed |= result == LinkSocket::Result::closed;
   if (link.sender == 0 && !read_hello(link)) {
     link.closed = true;
-    link.bytes.clear();
+    link.end = link.begin;
   }
 }
 
+// Returns false if the link is not for this node. The World's link is not kept here.
 bool PeerLinks::read_hello(Incoming& link) {
-  if (link.bytes.size() < sizeof(Hello)) {
+  LinkHello hello;
+  if (link.received().size() < sizeof hello) {
     return true;
   }
-  Hello hello;
-  std::memcpy(&hello, link.bytes.data(), sizeof hello);
-  if (hello.magic != Hello{}.magic || hello.receiver != incarnation_ || hello.sender == 0) {
+  std::memcpy(&hello, link.received().data(), sizeof hello);
+  if (hello.magic != LinkHello::expected_magic || hello.receiver != incarnation_ || hello.sender == 0) {
+    return false;
+  }
+  link.begin += sizeof hello;
+  if (hello.sender == world_) {
+    if (!std::exchange(world_came_, true)) {
+      events_.remove(link.socket);
+      world_link_ = WorldLink{std::move(link.socket), {link.received().begin(), link.received().end()}};
+    }
     return false;
   }
   link.sender = hello.sender;
-  link.taken = sizeof hello;
   return true;
 }
 
 // Empty if the next message is not complete, or not valid.
 std::span<const std::byte> PeerLinks::next_message(const Incoming& link, bool& is_valid) noexcept {
-  const std::size_t left = link.bytes.size() - link.taken;
+  const std::span<const std::byte> received = link.received();
   Packing packing;
-  if (left < sizeof packing) {
+  if (received.size() < sizeof packing) {
     return {};
   }
-  std::memcpy(&packing, link.bytes.data() + link.taken, sizeof packing);
-  is_valid = packing.bytes != 0 && packing.bytes <= largest_message;
-  if (!is_valid || left - sizeof packing < (std::size_t{packing.bytes} + 7) / 8 * 8) {
+  std::memcpy(&packing, received.data(), sizeof packing);
+  is_valid = packing.bytes != 0 && packing.bytes <= ParcelChannel::largest_message;
+  if (!is_valid || received.size() - sizeof packing < (std::size_t{packing.bytes} + 7) / 8 * 8) {
     return {};
   }
-  return std::span(link.bytes).subspan(link.taken + sizeof packing, packing.bytes);
-}
-
-void PeerLinks::drop_taken(Incoming& link) {
-  link.bytes.erase(link.bytes.begin(), link.bytes.begin() + static_cast<std::ptrdiff_t>(link.taken));
-  link.taken = 0;
+  return received.subspan(sizeof packing, packing.bytes);
 }
 
 void PeerLinks::erase_finished() {

@@ -1,17 +1,15 @@
 #pragma once
 
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
+#include <optional>
 #include <span>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "base/numbers.hpp"
+#include "dds/link_events.hpp"
 #include "dds/link_socket.hpp"
-#include "dds/parcel_channel.hpp"
 #include "dds/wire.hpp"
 
 namespace ringfence::dds {
@@ -25,24 +23,31 @@ namespace ringfence::dds {
 /// is refused.
 ///
 /// The sender never waits: what the network does not take stays in memory until the frame of the receiver goes on, at
-/// most the messages of a frame. If a peer closes its end, does not acknowledge bytes within the timeout or breaks the
-/// format, the link has failed, and the World decides which node is lost.
+/// most the messages of a frame. If a peer closes its end, does not respond or breaks the format, the link has failed,
+/// and the World decides which node is lost.
 ///
-/// Threads: one, which calls all functions. An own thread only waits for events and calls `wake`.
+/// The World opens the link for its parcels at the same port; this class only accepts it.
+///
+/// Threads: one.
 class PeerLinks {
  public:
-  /// `wake` is called by the own thread when receive() or flush() may find work. `timeout_ms` is the time within which
-  /// a peer must acknowledge sent bytes. Throws Error if no port or no thread is available.
-  PeerLinks(std::uint64_t incarnation, std::uint32_t first_port, std::uint32_t last_port, double timeout_ms,
-            std::function<void()> wake);
-  ~PeerLinks();
+  /// Listens at the first free port of the range. Throws Error if no port is available.
+  PeerLinks(std::uint64_t incarnation, std::uint64_t world, std::uint32_t first_port, std::uint32_t last_port);
   PeerLinks(const PeerLinks&) = delete;
   PeerLinks& operator=(const PeerLinks&) = delete;
 
-  /// The port at which other nodes reach this one.
+  /// The port at which the World and other nodes reach this one.
   std::uint32_t port() const { return listener_.port(); }
-  /// Whether events have arrived since the last receive(). Any thread may call it.
-  bool has_events() const noexcept { return events_.load(std::memory_order_relaxed); }
+  /// Has events when receive() or flush() may find work.
+  const LinkEvents& events() const noexcept { return events_; }
+
+  /// The link that the World has opened, and the bytes of its parcels that were read already.
+  struct WorldLink {
+    LinkSocket socket;
+    std::vector<std::byte> bytes;
+  };
+  /// Returns the World's link once, after a receive() that has found it.
+  std::optional<WorldLink> take_world_link() noexcept { return std::exchange(world_link_, std::nullopt); }
 
   /// Sets the nodes of the next frame, by slot. Links of incarnations that are not among them are closed.
   void assign(std::span<const PeerRecord> peers);
@@ -53,13 +58,15 @@ class PeerLinks {
   void add(NodeNumber slot, std::span<const std::byte> message);
   /// Sends what was collected, as far as the network takes it.
   void flush();
+  /// Whether the network has not taken everything.
+  bool has_unsent() const noexcept;
 
+  /// Takes the events that have arrived: new links, links with data, and links that were closed.
+  void take_events();
   /// Passes received messages to `deliver(slot, message)`, per sender in order. If it returns false, this message and
   /// the later ones of its sender are passed again by the next call. Returns whether any message was passed.
   template <class Deliver>
   bool receive(Deliver deliver);
-  /// Whether messages that deliver() did not take wait for the next receive().
-  bool has_held() const noexcept { return held_; }
   /// The sender in that slot breaks the protocol: nothing more is received from it.
   void fail(NodeNumber slot);
   /// Calls visit(peer record) for each peer whose link has failed since the last call.
@@ -67,11 +74,6 @@ class PeerLinks {
   void take_failures(Visit visit);
 
  private:
-  /// What the sender writes first.
-  struct Hello {
-    std::uint64_t magic = 0x52464c494e4b3031;  // "RFLINK01"
-    std::uint64_t sender = 0, receiver = 0;    ///< incarnations
-  };
   struct Peer {
     PeerRecord record;
     LinkSocket out;
@@ -84,8 +86,10 @@ class PeerLinks {
     LinkSocket socket;
     std::uint64_t sender = 0;  ///< incarnation; 0: its hello has not arrived
     std::vector<std::byte> bytes;
-    std::size_t taken = 0;  ///< of `bytes`
+    std::size_t begin = 0, end = 0;  ///< of what was received and not taken, in `bytes`
+    bool readable = true;            ///< the socket may have more, or there are messages that were not taken
     bool closed = false;
+    std::span<const std::byte> received() const noexcept { return std::span(bytes).subspan(begin, end - begin); }
   };
 
   static constexpr NodeNumber no_slot = 0xffffffffu;
@@ -93,47 +97,38 @@ class PeerLinks {
   static constexpr std::size_t max_buffered = std::size_t{1} << 22;
   static constexpr std::size_t max_unknown = std::size_t{1} << 12;
 
-  void wait_for_events();
-  void watch(const LinkSocket& socket) const;
   void accept_all();
-  void find_closed();
+  void note_events(std::uint64_t tag);
   void read(Incoming& link, std::size_t most);
   bool read_hello(Incoming& link);
   NodeNumber slot_of(std::uint64_t incarnation) const noexcept;
   void send(Peer& peer);
   static std::span<const std::byte> next_message(const Incoming& link, bool& is_valid) noexcept;
-  static void drop_taken(Incoming& link);
   void erase_finished();
 
   std::uint64_t incarnation_;
-  double timeout_ms_;
-  std::function<void()> wake_;
+  std::uint64_t world_;
+  bool world_came_ = false;
+  std::optional<WorldLink> world_link_;
   LinkSocket listener_;
-  int events_set_ = -1;  ///< epoll
-  int end_event_ = -1;   ///< ends the own thread
-  std::atomic<bool> events_{false};
+  LinkEvents events_;        ///< of the listener and of all links, with their sockets' numbers as tags
   std::vector<Peer> peers_;  ///< by slot
   std::vector<Incoming> incoming_;
-  bool held_ = false;
-  std::thread waiter_;
 };
 
 template <class Deliver>
 bool PeerLinks::receive(Deliver deliver) {
-  if (events_.exchange(false, std::memory_order_acquire)) {
-    accept_all();
-    find_closed();
-  } else if (!held_) {
-    return false;
-  }
+  take_events();
   bool any = false;
-  held_ = false;
   for (Incoming& link : incoming_) {
-    read(link, max_unknown);
-    const NodeNumber slot = link.sender != 0 ? slot_of(link.sender) : no_slot;
-    if (slot != no_slot) {
-      read(link, max_buffered);
+    if (!std::exchange(link.readable, false)) {
+      continue;
     }
+    if (link.sender == 0) {
+      read(link, max_unknown);
+    }
+    const NodeNumber slot = link.sender != 0 ? slot_of(link.sender) : no_slot;
+    read(link, slot != no_slot ? max_buffered : max_unknown);
     bool is_valid = true;
     bool taken = slot != no_slot;
     while (taken && !peers_[slot].failed) {
@@ -142,11 +137,10 @@ bool PeerLinks::receive(Deliver deliver) {
         break;
       }
       taken = deliver(slot, message);
-      link.taken += taken ? sizeof(Packing) + (message.size() + 7) / 8 * 8 : 0;
+      link.begin += taken ? sizeof(Packing) + (message.size() + 7) / 8 * 8 : 0;
       any |= taken;
     }
-    held_ |= slot != no_slot && !taken;
-    drop_taken(link);
+    link.readable |= slot != no_slot && !taken;
     if (slot != no_slot && (!is_valid || (link.closed && taken))) {
       fail(slot);
     }

@@ -19,7 +19,6 @@ namespace ringfence::dds {
 using PresenceSample = ringfence_wire_Presence;
 using TermsSample = ringfence_wire_Terms;
 using PieceSample = ringfence_wire_Piece;
-using ParcelSample = ringfence_wire_Parcel;
 using ListenerSample = ringfence_wire_Listener;
 
 /// State of a node in its Presence.
@@ -30,19 +29,45 @@ enum class NodeState : std::uint32_t {
   refused,  ///< incompatible; see Presence::reason
 };
 
-/// Kind of a Parcel.
+/// What the process that opens a link writes first.
+struct LinkHello {
+  static constexpr std::uint64_t expected_magic = 0x52464c494e4b3032;  ///< "RFLINK02"
+  std::uint64_t magic = expected_magic;
+  std::uint64_t sender = 0;    ///< incarnation of the node, or number of the World
+  std::uint64_t receiver = 0;  ///< incarnation
+};
+static_assert(sizeof(LinkHello) == 24);
+
+/// Kind of a parcel.
 enum class ParcelKind : std::uint32_t {
   messages,          ///< whole messages; see Packing
   assign,            ///< World to node, before a frame: AssignmentRecord, then a PeerRecord for each slot
   dismissed,         ///< World to node: the node is no longer assigned; it announces itself again or ends
-  taken,             ///< only an acknowledgement, Parcel::taken; not numbered
-  assignment_query,  ///< node to World: asks whether it is still assigned; if not, the reply is `dismissed`; not
-                     ///< numbered
+  assignment_query,  ///< node to World: asks whether it is still assigned
+  assignment_reply,  ///< World to node: it is. If it is not, the World has closed the link
   peer_failed,       ///< node to World: PeerFailureRecord
   model_failed,      ///< node to World, at the end of a frame: ModelFailureRecord
 };
 
-/// Where a node listens for links of other nodes: an IPv4 address and a TCP port, both in the machine's byte order.
+/// Header of a parcel on the link between the World and a node: 16 bytes; its contents follow.
+struct ParcelHeader {
+  std::uint32_t bytes;   ///< of the contents, a multiple of 8
+  std::uint32_t kind;    ///< ParcelKind
+  std::uint32_t shapes;  ///< number of shapes of the World, which the receiver needs to read the contents
+  std::uint32_t reserved;
+};
+static_assert(sizeof(ParcelHeader) == 16);
+
+/// Header of each message in a parcel, or on the link between two nodes: 8 bytes. The message follows, padded to a
+/// multiple of 8. Its own header (messages::Header) names source and destination.
+struct Packing {
+  std::uint32_t bytes;  ///< of the message
+  std::uint32_t reserved;
+};
+static_assert(sizeof(Packing) == 8);
+
+/// Where a node listens for links of the World and of other nodes: an IPv4 address and a TCP port, both in the
+/// machine's byte order.
 struct LinkAddress {
   std::uint32_t host = 0;  ///< 0: unknown
   std::uint32_t port = 0;  ///< 0: unknown
@@ -94,7 +119,7 @@ static_assert(sizeof(ModelFailureRecord) == 8 + max_model_failure_text);
 inline constexpr std::uint32_t removed_shape_epoch = 1;
 
 /// Version of this protocol between processes. Messages have a version of their own.
-inline constexpr std::uint32_t wire_version = 1;
+inline constexpr std::uint32_t wire_version = 2;
 
 /// Hash of the version of the messages and of the record sizes. It differs if a record has another size; a change of
 /// the layout that keeps all sizes needs another version. See fingerprint().
@@ -127,6 +152,7 @@ constexpr std::uint64_t record_layout_hash() noexcept {
                                  sizeof(PeerRecord),
                                  sizeof(PeerFailureRecord),
                                  sizeof(ModelFailureRecord),
+                                 sizeof(ParcelHeader),
                                  max_motion_state}) {
     hash = (hash ^ size) * 0x100000001b3u;
   }

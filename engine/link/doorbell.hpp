@@ -6,8 +6,36 @@
 #include <optional>
 
 #include "link/atomics.hpp"
+#include "link/descriptor_sleeper.hpp"
 
 namespace ringfence::link {
+
+/// Sleeps and wakes as the policy does.
+template <class Policy>
+struct PolicySleeper {
+  template <class Word>
+  static void sleep(const Word& word, std::uint32_t expected) {
+    Policy::sleep(word, expected);
+  }
+  template <class Word>
+  static void sleep_until(const Word& word, std::uint32_t expected, std::chrono::steady_clock::time_point deadline) {
+    Policy::sleep_until(word, expected, deadline);
+  }
+  template <class Word>
+  static void wake(const Word& word) {
+    Policy::wake(word);
+  }
+};
+
+/// How the owner of a doorbell with that policy sleeps.
+template <class Policy>
+struct SleeperOf {
+  using Type = PolicySleeper<Policy>;
+};
+template <>
+struct SleeperOf<ThreadAtomics> {
+  using Type = DescriptorSleeper;
+};
 
 /// A thread waits on its doorbell for a condition; other threads ring it when they may have made the condition true.
 /// Each thread has one doorbell, not one per ring.
@@ -40,7 +68,7 @@ class alignas(cache_line_pair_bytes) BasicDoorbell {
     // Pairs with the owner's exchange in arm().
     const std::uint32_t before =
         state_.exchange(rung, order_unless<Policy>(Defect::ring_unordered, std::memory_order_release));
-    if (before == asleep) Policy::wake(state_);
+    if (before == asleep) sleeper_.wake(state_);
   }
 
   /// Returns when `ready()` is true. `ready` is called repeatedly, from this thread, and may have side effects. If
@@ -49,7 +77,7 @@ class alignas(cache_line_pair_bytes) BasicDoorbell {
   template <class Ready>
   void wait(Ready ready) noexcept {
     if (poll(ready)) return;
-    while (!arm(ready)) Policy::sleep(state_, asleep);
+    while (!arm(ready)) sleeper_.sleep(state_, asleep);
   }
 
   /// Like wait(), but gives up at `deadline`. Returns whether `ready()` was true.
@@ -62,9 +90,9 @@ class alignas(cache_line_pair_bytes) BasicDoorbell {
         return Policy::defect == Defect::timeout_reported_as_ready || ready();
       }
       if constexpr (Policy::defect == Defect::deadline_not_set) {
-        Policy::sleep(state_, asleep);
+        sleeper_.sleep(state_, asleep);
       } else {
-        Policy::sleep_until(state_, asleep, deadline);
+        sleeper_.sleep_until(state_, asleep, deadline);
       }
     }
     return true;
@@ -136,14 +164,26 @@ class alignas(cache_line_pair_bytes) BasicDoorbell {
   }
 
   typename Policy::template Atomic<std::uint32_t> state_{awake};
+
+ protected:
   // On a line of its own: the owner reads it at each wait, which would take the line of `state_` from ringing threads.
   alignas(cache_line_pair_bytes) std::optional<SpinPolicy> spin_policy_;
+  [[no_unique_address]] typename SleeperOf<Policy>::Type sleeper_;
 };
 
-/// The doorbell of a thread, for rings from the same process.
+/// The doorbell of a thread, for rings from the same process, and for what the thread reads from sockets.
 class Doorbell : public BasicDoorbell<ThreadAtomics> {
  public:
   using BasicDoorbell::BasicDoorbell;
+
+  /// Lets the owner watch a file descriptor; see DescriptorSleeper::prepare(). From then on the owner polls only
+  /// briefly before it sleeps, because its condition then tests the descriptor by a system call.
+  [[nodiscard]] bool prepare_to_watch() noexcept {
+    spin_policy_ = SpinPolicy{.yield_polls = 2};
+    return sleeper_.prepare();
+  }
+  /// See DescriptorSleeper::watch().
+  void watch(int descriptor) noexcept { sleeper_.watch(descriptor); }
 };
 
 /// A doorbell in shared memory, for rings from other processes.

@@ -1,5 +1,5 @@
-// A process that sends back every message it receives. Arguments: domain; milliseconds between two polls. It ends with
-// 0 after it has sent back the end marker, and with 1 if the channel breaks or after 60 s.
+// A process that sends back every message it receives. Arguments: TCP port; milliseconds between two polls. It ends
+// with 0 after it has sent back the end marker, and with 1 if the channel breaks or after 60 s.
 #include <chrono>
 #include <cstdlib>
 #include <thread>
@@ -9,14 +9,11 @@
 int main(int argc, char** argv) {
   using namespace ringfence;
   if (argc != 3) return 2;
-  dds::NetworkConfig network;
-  network.domain = static_cast<std::uint32_t>(std::atoi(argv[1]));
-  network.interface = "lo";
-  test::ChannelEnd side(network, dds::Side::node, dds::Topic::up, dds::Topic::down, 7);
+  test::ChannelEnd side(dds::LinkSocket::connect({test::loopback, static_cast<std::uint32_t>(std::atoi(argv[1]))}));
   const auto pause = std::chrono::milliseconds(std::atoi(argv[2]));
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   bool last = false;
-  while (std::chrono::steady_clock::now() < end && !side.broken()) {
+  while (std::chrono::steady_clock::now() < end && !side.parcel_channel().is_broken()) {
     side.step();
     for (;;) {
       if (last) break;
@@ -31,11 +28,8 @@ int main(int argc, char** argv) {
     }
     side.in().release();
     side.out().publish();
-    if (last && !side.parcel_channel().has_to_send()) {
-      side.step();
-      std::this_thread::sleep_for(std::chrono::milliseconds(100));  // time for the acknowledgement
-      return 0;
-    }
+    side.step();
+    if (last && !side.parcel_channel().has_to_send()) return 0;
     std::this_thread::sleep_for(pause);
   }
   return 1;

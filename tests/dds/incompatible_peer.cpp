@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "dds/domain.hpp"
+#include "dds/link_socket.hpp"
 
 int main(int argc, char** argv) {
   using namespace ringfence;
@@ -37,20 +38,18 @@ int main(int argc, char** argv) {
   const auto difference = static_cast<test::Difference>(std::atoi(argv[2]));
   const auto compatible = sample;
   test::make_incompatible(sample, difference);
-  // A World assigns a node only if it can send parcels to it, and knows where it listens for links.
+  // A World assigns a node only if it has a link to it.
+  const dds::LinkSocket listening_socket = dds::LinkSocket::listen(1, 0);
   sample.incarnation = 4;
-  const dds::Entity down = domain.reader(dds::Topic::down, dds::parcel_qos, dds::partition_of(4));
   if (dds_write(writer.get(), &sample) != DDS_RETCODE_OK) return 3;
-  dds::Entity compatible_down;
   if (difference == test::Difference::world) {
     sample = compatible;
     sample.incarnation = 6;
-    compatible_down = domain.reader(dds::Topic::down, dds::parcel_qos, dds::partition_of(6));
     if (dds_write(writer.get(), &sample) != DDS_RETCODE_OK) return 3;
   }
   const dds::Entity listener = domain.writer(dds::Topic::listener, dds::piece_qos, dds::partition_of_world(world));
   for (const std::uint64_t incarnation : {4u, 6u}) {
-    const dds::ListenerSample listening{incarnation, 7525};
+    const dds::ListenerSample listening{incarnation, listening_socket.port()};
     if (dds_write(listener.get(), &listening) != DDS_RETCODE_OK) return 3;
   }
   for (;;) pause();

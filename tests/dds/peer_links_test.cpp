@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -20,10 +21,11 @@ using dds::PeerRecord;
 using Message = std::vector<std::byte>;
 
 constexpr std::uint32_t loopback = 0x7f000001;
+constexpr std::uint64_t world = 99;
 
 /// One node of a group in which every node knows all others; its slot is its index, its incarnation the index plus 1.
 struct Node {
-  explicit Node(std::uint64_t incarnation) : links(incarnation, 1, 0, 2000, [] {}) {}
+  explicit Node(std::uint64_t incarnation) : links(incarnation, world, 1, 0) {}
   PeerLinks links;
   std::vector<std::vector<Message>> received;  ///< by slot of the sender
   std::vector<std::uint64_t> failures;         ///< incarnations
@@ -145,7 +147,7 @@ TEST_CASE("a link that does not begin with a hello is closed, and invalid framin
   Group group(2);
   const LinkAddress address{loopback, group[0].links.port()};
   const auto sends = [&](std::span<const std::byte> bytes) {
-    LinkSocket socket = LinkSocket::connect(address, 2000);
+    LinkSocket socket = LinkSocket::connect(address);
     std::size_t done = 0;
     const bool sent = wait_until([&] {
       std::size_t more = 0;
@@ -153,23 +155,60 @@ TEST_CASE("a link that does not begin with a hello is closed, and invalid framin
       done += more;
       return done == bytes.size();
     });
-    Message nothing;
+    Message nothing(64);
     const bool closed = wait_until([&] {
       group[0].step();
-      return socket.receive(nothing, 64) == LinkSocket::Result::closed;
+      std::size_t got = 0;
+      return socket.receive(nothing, got) == LinkSocket::Result::closed;
     });
     return sent && closed;
   };
   CHECK(sends(message_of(64, 3)));
   CHECK(group[0].failures.empty());
 
-  std::uint64_t for_another[4] = {0x52464c494e4b3031, 2, 9, 0};
+  std::uint64_t for_another[4] = {dds::LinkHello::expected_magic, 2, 9, 0};
   CHECK(sends(std::as_bytes(std::span(for_another))));
   CHECK(group[0].failures.empty());
 
-  std::uint64_t hello[4] = {0x52464c494e4b3031, 2, 1, 0};  // then a message without bytes
+  std::uint64_t hello[4] = {dds::LinkHello::expected_magic, 2, 1, 0};  // then a message without bytes
   CHECK(sends(std::as_bytes(std::span(hello))));
   CHECK(group[0].failures == std::vector<std::uint64_t>{2});
+}
+
+TEST_CASE("the first link of the World is handed on with the bytes that follow its hello; a second one is closed") {
+  Group group(1);
+  const auto open = [&] {
+    struct {
+      dds::LinkHello hello{.sender = world, .receiver = 1};
+      std::uint64_t first = 7;
+    } const sent;
+    LinkSocket socket = LinkSocket::connect({loopback, group[0].links.port()});
+    std::size_t done = 0;
+    CHECK(
+        wait_until([&] { return socket.send(std::as_bytes(std::span(&sent, 1)), done) == LinkSocket::Result::done; }));
+    return socket;
+  };
+  const LinkSocket socket = open();
+  std::optional<PeerLinks::WorldLink> link;
+  REQUIRE(group.run_until([&] { return (link = group[0].links.take_world_link()).has_value(); }));
+  std::vector<std::byte> bytes = link->bytes;
+  CHECK(wait_until([&] {
+    std::byte more[16];
+    std::size_t got = 0;
+    link->socket.receive(more, got);
+    bytes.insert(bytes.end(), more, more + got);
+    return bytes.size() == sizeof(std::uint64_t);
+  }));
+  CHECK(bytes[0] == std::byte{7});
+
+  const LinkSocket second = open();
+  CHECK(group.run_until([&] {
+    std::byte nothing[1];
+    std::size_t got = 0;
+    return second.receive(nothing, got) == LinkSocket::Result::closed;
+  }));
+  CHECK_FALSE(group[0].links.take_world_link().has_value());
+  CHECK(group[0].failures.empty());
 }
 
 }  // namespace

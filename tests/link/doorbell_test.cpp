@@ -9,6 +9,7 @@
 
 #include <doctest/doctest.h>
 #include <sched.h>
+#include <unistd.h>
 
 #include "link/cores.hpp"
 #include "link/watchdog.hpp"
@@ -102,6 +103,54 @@ TEST_CASE("one sleeper misses no ring of many threads") {
   }
   for (std::thread& thread : threads) thread.join();
   CHECK(seen_sum == ringers * times);
+}
+
+TEST_CASE("a doorbell that watches a descriptor wakes by rings, by the descriptor, and at its deadline") {
+  int pipe_ends[2];
+  REQUIRE(::pipe(pipe_ends) == 0);
+  Doorbell bell;
+  REQUIRE(bell.prepare_to_watch());
+  bell.watch(pipe_ends[0]);
+  Watchdog watchdog("a doorbell that watches a descriptor");
+  ThreadProgress& progress = watchdog.add_thread("owner");
+  constexpr int turns = 2000;
+  std::atomic<int> rings{0};
+  std::atomic<int> bytes{0};
+  std::atomic<int> seen{0};
+  // Each of the two continues when the owner has seen its last signal.
+  std::thread ringer([&] {
+    for (int turn = 1; turn <= turns; ++turn) {
+      rings.store(turn, std::memory_order_release);
+      bell.ring();
+      while (seen.load(std::memory_order_acquire) % (turns + 1) < turn) std::this_thread::yield();
+    }
+  });
+  std::thread writer([&] {
+    for (int turn = 1; turn <= turns; ++turn) {
+      bytes.store(turn, std::memory_order_release);
+      const char byte = 1;
+      if (::write(pipe_ends[1], &byte, 1) != 1) return;
+      while (seen.load(std::memory_order_acquire) / (turns + 1) < turn) std::this_thread::yield();
+    }
+  });
+  progress.set_waiting_for("a ring or a byte");
+  int ring = 0;
+  int byte = 0;
+  while (ring < turns || byte < turns) {
+    progress.note_progress();
+    bell.wait(
+        [&] { return rings.load(std::memory_order_acquire) > ring || bytes.load(std::memory_order_acquire) > byte; });
+    ring = rings.load(std::memory_order_acquire);
+    for (char read = 0; byte < bytes.load(std::memory_order_acquire); ++byte) {
+      if (::read(pipe_ends[0], &read, 1) != 1) return;
+    }
+    seen.store(byte * (turns + 1) + ring, std::memory_order_release);
+  }
+  ringer.join();
+  writer.join();
+  CHECK_FALSE(bell.wait_for([] { return false; }, std::chrono::milliseconds(2)));
+  ::close(pipe_ends[0]);
+  ::close(pipe_ends[1]);
 }
 
 TEST_CASE("a thread pinned to each core in turn runs on all cores") {

@@ -160,11 +160,15 @@ bool CdNodeRole::receive_from_server() {
 // The rings of the other nodes are read only while their messages are expected: polling all of them at every step would
 // cost 1 % of the work of 16 nodes. A node that sends earlier may have to wait for room in its ring, but nothing that
 // this node does before depends on it.
-bool CdNodeRole::receive_from_peers() {
+bool CdNodeRole::awaits_peers() const noexcept {
   const bool ending =
       state_.received.frame_end && state_.stage >= CdNodeStage::ending && state_.stage <= CdNodeStage::settling;
   const bool gathering = state_.stage == CdNodeStage::gathering && state_.received.positions && halo_.expects_updates();
-  return (ending || gathering) &&
+  return ending || gathering;
+}
+
+bool CdNodeRole::receive_from_peers() {
+  return awaits_peers() &&
          inbox_.read(
              state_.host.state_bytes(), [this](const MessageView& message) { return judge(message); },
              [this](const MessageView& message) { receive_from_peer(message); }, [this] { ++invalid_messages_; });

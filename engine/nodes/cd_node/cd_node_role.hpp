@@ -51,6 +51,8 @@ class CdNodeRole {
   const Host& host() const noexcept { return state_.host; }
   /// Whether the node is between frames, so that assign() may be called.
   bool is_between_frames() const noexcept { return state_.stage == CdNodeStage::waiting; }
+  /// Whether the next step may need messages of other nodes. Those that arrive at other times can wait.
+  bool awaits_peers() const noexcept;
   /// Number of messages from other processes that were discarded because they break the protocol. If it is not 0, such
   /// a process is faulty, and the frame may never end.
   std::uint64_t invalid_messages() const noexcept { return invalid_messages_; }
