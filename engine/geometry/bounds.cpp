@@ -31,12 +31,6 @@ double clamp_step(double step) noexcept {
   return positive < max_step ? positive : max_step;
 }
 
-// The conversion truncates, which rounds down because the value is not negative. std::floor would be a library call on
-// processors without SSE4.1.
-std::uint32_t rounded_down(double step) noexcept {
-  return static_cast<std::uint32_t>(static_cast<std::int64_t>(clamp_step(step)));
-}
-
 std::uint32_t rounded_up(double step) noexcept {
   const double inside = clamp_step(step);
   const auto whole = static_cast<std::int64_t>(inside);
@@ -55,12 +49,6 @@ Bounds FixedSpace::bounds(Vec3d min, Vec3d max) const noexcept {
   const auto at = [this](double place, int axis) { return (place - rows_.min[axis]) * rows_.scale[axis]; };
   return {{rounded_down(at(min.x, 0)), rounded_down(at(min.y, 1)), rounded_down(at(min.z, 2))},
           {rounded_up(at(max.x, 0)), rounded_up(at(max.y, 1)), rounded_up(at(max.z, 2))}};
-}
-
-void FixedSpace::point(Vec3d position, std::uint32_t out[3]) const noexcept {
-  out[0] = rounded_down((position.x - rows_.min[0]) * rows_.scale[0]);
-  out[1] = rounded_down((position.y - rows_.min[1]) * rows_.scale[1]);
-  out[2] = rounded_down((position.z - rows_.min[2]) * rows_.scale[2]);
 }
 
 }  // namespace ringfence::geometry

@@ -54,6 +54,15 @@ struct CandidatePair {
 };
 static_assert(sizeof(CandidatePair) == 8);
 
+/// Steps of FixedSpace, clamped to its bounds and rounded down.
+inline std::uint32_t rounded_down(double step) noexcept {
+  constexpr double max_step = 4294967295.0;
+  const double positive = step > 0.0 ? step : 0.0;
+  // The conversion truncates, which rounds down because the value is not negative. std::floor would be a library call
+  // on processors without SSE4.1.
+  return static_cast<std::uint32_t>(static_cast<std::int64_t>(positive < max_step ? positive : max_step));
+}
+
 /// Converts metres to the fixed point of Bounds.
 ///
 /// Each axis of the world's bounds is divided into 2^32 steps (2.3 mm in a world 10^7 m wide). Rounds outwards, so
@@ -69,7 +78,11 @@ class FixedSpace {
   Bounds bounds(Vec3d min, Vec3d max) const noexcept;
 
   /// The fixed-point coordinates of a position, rounded down, because cells are half-open. Precondition: no NaN.
-  void point(Vec3d position, std::uint32_t out[3]) const noexcept;
+  void point(Vec3d position, std::uint32_t out[3]) const noexcept {
+    out[0] = rounded_down((position.x - rows_.min[0]) * rows_.scale[0]);
+    out[1] = rounded_down((position.y - rows_.min[1]) * rows_.scale[1]);
+    out[2] = rounded_down((position.z - rows_.min[2]) * rows_.scale[2]);
+  }
 
   Vec3d min() const noexcept { return {rows_.min[0], rows_.min[1], rows_.min[2]}; }
   Vec3d max() const noexcept { return max_; }

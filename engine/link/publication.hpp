@@ -107,7 +107,7 @@ class Publication {
   /// an entry and is called once for each; `prefetch(index)` is called some entries earlier.
   template <class Fetch, class StateOf>
   void publish_indexed(Fetch prefetch, StateOf state_of) {
-    constexpr std::size_t ahead = 16;  // entries of a cell are anywhere in the table
+    constexpr std::size_t ahead = 32;  // entries of a cell are anywhere in the table
     FrameBuffer& buffer = order_keys();
     const std::size_t size = key_count_;
     buffer.states.resize(size);

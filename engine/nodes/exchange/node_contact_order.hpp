@@ -7,6 +7,7 @@
 #include "base/flat_list.hpp"
 #include "base/numbers.hpp"
 #include "base/pair_sort.hpp"
+#include "base/prefetch.hpp"
 #include "nodes/exchange/node_contacts.hpp"
 
 namespace ringfence::nodes {
@@ -39,10 +40,16 @@ class NodeContactOrder {
   /// Calls visit(key, node, position, phase) for each, in order.
   template <class Visit>
   void visit(Visit each) const {
-    constexpr std::size_t ahead = 10;
+    // Each stage reads what the one before has prefetched.
+    constexpr std::size_t objects_ahead = 10, found_ahead = 20, source_ahead = 30;
     for (std::size_t i = 0; i < size(); ++i) {
-      if (i + ahead < size()) {
-        const Source& soon = sources_[place(i + ahead)];
+      if (i + source_ahead < size()) {
+        base::prefetch_for_read(&sources_[place(i + source_ahead)]);
+        const Source& later = sources_[place(i + found_ahead)];
+        base::prefetch_for_read(&node_contacts_[later.node]->found[later.position]);
+      }
+      if (i + objects_ahead < size()) {
+        const Source& soon = sources_[place(i + objects_ahead)];
         node_contacts_[soon.node]->prefetch(node_contacts_[soon.node]->found[soon.position]);
       }
       const Source& source = sources_[place(i)];

@@ -19,8 +19,9 @@ const std::uint64_t* search_from(const std::uint64_t* first, const std::uint64_t
   return std::lower_bound(first, first + std::min(stride + 1, end - first), key);
 }
 
-bool is_avatar(const ObjectRow& object) noexcept {
-  return object.category == static_cast<std::uint16_t>(Category::avatar);
+/// Whether one of the two objects is an avatar.
+bool has_avatar(const ContactObjects& objects, std::uint32_t a, std::uint32_t b) noexcept {
+  return ((objects.marks[a] | objects.marks[b]) & avatar_mark) != 0;
 }
 
 }  // namespace
@@ -63,52 +64,52 @@ void ContactLedger::begin(std::uint64_t frame) {
     run.own->start(frame);
     run.own->for_peers.finish(static_cast<NodeNumber>(runs_.size()));
     run.touches.clear();
+    run.ended_at.clear();
   }
   now().resize(0);
   ended().resize(0);
 }
 
-bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows,
-                            std::span<const ObjectOrigin> origins) {
+bool ContactLedger::receive(NodeNumber node, const messages::CollisionRecord& record, const ContactObjects& objects) {
   Run& run = runs_[node];
-  if (record.slot_a >= rows.size() || record.slot_b >= rows.size()) {
+  if (record.slot_a >= objects.numbers.size() || record.slot_b >= objects.numbers.size()) {
     return false;
   }
-  const ObjectRow& a = rows[record.slot_a];
-  const ObjectRow& b = rows[record.slot_b];
-  const std::uint64_t key = base::PairSort::key(a.object.number, b.object.number);
+  const ObjectNumber a = objects.numbers[record.slot_a];
+  const ObjectNumber b = objects.numbers[record.slot_b];
+  const std::uint64_t key = base::PairSort::key(a, b);
   auto& keys = run.own->keys;
-  if (a.object.number >= b.object.number || (keys.size() != 0 && key < keys[keys.size() - 1])) {
+  if (a >= b || (keys.size() != 0 && key < keys[keys.size() - 1])) {
     return false;
   }
   const auto position = static_cast<std::uint32_t>(keys.size());
   const FoundContact found{record.slot_a, record.slot_b, 0, 0, position};
-  if (is_avatar(a) || is_avatar(b)) {
+  if (has_avatar(objects, record.slot_a, record.slot_b)) {
     run.own->user_contacts.push_back({key, position, found});
   }
   keys.push_back(key);
   run.own->found.push_back(found);
   run.touches.push_back({0, record.depth, record.normal, record.point});
-  run.own->rows = rows.data();
-  run.own->origins = origins.data();
+  run.own->rows = objects.rows.data();
+  run.own->origins = objects.origins.data();
   return true;
 }
 
-bool ContactLedger::receive(NodeNumber node, const messages::ChangeRecord& record, std::span<const ObjectRow> rows) {
+bool ContactLedger::receive(NodeNumber node, const messages::ChangeRecord& record) {
   Run& run = runs_[node];
   NodeContacts& own = *run.own;
   const bool at_border = (record.flags & messages::change_at_border) != 0;
   if ((record.flags & messages::change_ended) != 0) {
     const List& old = before();
     const bool ordered = own.ending.empty() || own.ending.back() <= record.key;
-    const auto at =
-        static_cast<std::size_t>(std::lower_bound(old.keys.begin(), old.keys.end(), record.key) - old.keys.begin());
-    if (!ordered || at == old.keys.size() || old.keys[at] != record.key) {
+    const std::uint64_t* const keys = old.keys.data();
+    const std::uint64_t* const end = keys + old.keys.size();
+    const std::size_t last = run.ended_at.empty() ? 0 : run.ended_at.back();
+    const std::uint64_t* const found = ordered ? search_from(keys + last, end, record.key) : end;
+    if (found == end || *found != record.key) {
       return false;
     }
-    if (is_avatar(rows[old.found[at].a]) || is_avatar(rows[old.found[at].b])) {
-      own.user_contacts_ending.push_back({record.key, 0, {old.found[at].a, old.found[at].b}});
-    }
+    run.ended_at.push_back(static_cast<std::uint32_t>(found - keys));
     own.ending.push_back(record.key);
     if (at_border) {
       own.border_ending.push_back(record.key);
@@ -126,8 +127,19 @@ bool ContactLedger::receive(NodeNumber node, const messages::ChangeRecord& recor
   return true;
 }
 
-void ContactLedger::end_run(NodeNumber node) {
+void ContactLedger::end_run(NodeNumber node, const ContactObjects& objects) {
+  constexpr std::size_t ahead = 8;
   Run& run = runs_[node];
+  const base::FlatList<Found>& old = before().found;
+  for (std::size_t i = 0; i < run.ended_at.size(); ++i) {
+    if (i + ahead < run.ended_at.size()) {
+      base::prefetch_for_read(&old[run.ended_at[i + ahead]]);
+    }
+    const Found& found = old[run.ended_at[i]];
+    if (has_avatar(objects, found.a, found.b)) {
+      run.own->user_contacts_ending.push_back({run.own->ending[i], 0, {found.a, found.b}});
+    }
+  }
   run.complete = true;
   run.own->touches = run.touches.data();
   run.own->begun.resize(run.own->keys.size());

@@ -63,24 +63,23 @@ class ContactLedger {
   void join(NodeNumber node, std::uint64_t frame) noexcept { runs_[node].joined = frame; }
   /// Clears C(frame) and everything received.
   void begin(std::uint64_t frame);
-  /// Adds a contact that `node` sent in a message, between the objects of its two slots in `rows` and `origins`, which
-  /// are parallel and must not change before the next begin(): later calls read the poses there. A node sends its
-  /// contacts in order of (a, b): returns false and adds nothing if (a, b) is below the pair that the node sent before,
-  /// if a slot is not in `rows`, or if a is not below b.
-  bool receive(NodeNumber node, const messages::CollisionRecord& record, std::span<const ObjectRow> rows,
-               std::span<const ObjectOrigin> origins);
+  /// Adds a contact that `node` sent in a message, between the objects of its two slots in `objects`, whose rows and
+  /// origins must not change before the next begin(): later calls read the poses there. A node sends its contacts in
+  /// order of (a, b): returns false and adds nothing if (a, b) is below the pair that the node sent before, if a slot
+  /// is not in `objects`, or if a is not below b.
+  bool receive(NodeNumber node, const messages::CollisionRecord& record, const ContactObjects& objects);
   /// Adds the next change that `node` sent, after all its contacts. Those that began come in the order of their
   /// positions, those that ended in the order of their keys. Returns false and adds nothing if the record is out of
   /// order or names a contact that the node has not sent, or that was not in the frame before.
-  bool receive(NodeNumber node, const messages::ChangeRecord& record, std::span<const ObjectRow> rows);
+  bool receive(NodeNumber node, const messages::ChangeRecord& record);
   /// Adds all contacts and changes of a node with shared contacts.
   void receive(NodeNumber node, NodeContacts& node_contacts) noexcept {
     runs_[node].shared = &node_contacts;
     runs_[node].complete = true;
     node_contacts.prefetch_summary();
   }
-  /// All contacts and changes of a node that sends them have been received.
-  void end_run(NodeNumber node);
+  /// All contacts and changes of a node that sends them have been received. `objects`: as for receive().
+  void end_run(NodeNumber node, const ContactObjects& objects);
   std::size_t received(NodeNumber node) const noexcept { return runs_[node].node_contacts().keys.size(); }
   /// Determines which contacts began and ended. All contacts must have been received. If two nodes found one pair,
   /// which only a bug can cause, its phase may be wrong in this frame and in the next.
@@ -154,6 +153,8 @@ class ContactLedger {
     std::unique_ptr<NodeContacts> own = std::make_unique<NodeContacts>();  ///< of a node that sends messages
     base::FlatList<narrow_phase::PairContact> touches;                     ///< of `own`, in its order
     std::vector<std::uint32_t> corrections;
+    /// Positions of the contacts that ended, in the frame before; parallel to `own->ending`.
+    base::FlatList<std::uint32_t> ended_at;
     std::uint64_t joined = 0;  ///< the node's first frame
     bool complete = false;     ///< everything was received in this frame
 

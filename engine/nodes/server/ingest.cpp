@@ -357,7 +357,9 @@ void Ingest::receive_replicas(PeerSession& node, const MessageView& message) {
   ObjectTable& objects = state_.objects;
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
-      objects.prefetch(message.view<messages::ReplicaRecord>(i + ahead).slot, false);
+      const std::uint32_t soon = message.view<messages::ReplicaRecord>(i + ahead).slot;
+      objects.prefetch(soon, false);
+      relay_.prefetch_cell(soon);
     }
     const auto& record = message.view<messages::ReplicaRecord>(i);
     const std::uint32_t slot = record.slot;
@@ -368,6 +370,7 @@ void Ingest::receive_replicas(PeerSession& node, const MessageView& message) {
     }
     objects.row(slot).pose = record.pose;
     objects.marks(slot) |= reported_mark;
+    relay_.note_position(slot, record.pose.position);
     std::copy_n(message.state<messages::ReplicaRecord>(i), objects.state_bytes(), objects.state(slot));
     objects.mark_moved_host_only(slot);
   }
@@ -376,20 +379,18 @@ void Ingest::receive_replicas(PeerSession& node, const MessageView& message) {
 }
 
 void Ingest::receive_collisions(PeerSession& session, const MessageView& message) {
-  const ObjectTable& objects = state_.objects;
-  ContactLedger& ledger = state_.ledger;
-  constexpr std::size_t ahead = 8;  // 64,000 rows do not fit the second-level cache
+  constexpr std::size_t ahead = 12;
+  const std::span<const std::uint8_t> present = state_.objects.present();
+  const ContactObjects objects = state_.objects.contact_objects();
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (i + ahead < message.count()) {
       const auto& soon = message.view<messages::CollisionRecord>(i + ahead);
-      base::prefetch_for_read(&objects.row(soon.slot_a));
-      base::prefetch_for_read(&objects.row(soon.slot_b));
-      base::prefetch_for_read(objects.origins().data() + soon.slot_a);
-      base::prefetch_for_read(objects.origins().data() + soon.slot_b);
+      objects.prefetch(soon.slot_a);
+      objects.prefetch(soon.slot_b);
     }
     const auto& record = message.view<messages::CollisionRecord>(i);
-    const bool present = objects.present()[record.slot_a] != 0 && objects.present()[record.slot_b] != 0;
-    if (!present || !ledger.receive(session.self.number(), record, objects.rows(), objects.origins())) {
+    if (present[record.slot_a] == 0 || present[record.slot_b] == 0 ||
+        !state_.ledger.receive(session.self.number(), record, objects)) {
       return refuse(session, Status::bad_message);
     }
   }
@@ -397,8 +398,7 @@ void Ingest::receive_collisions(PeerSession& session, const MessageView& message
 
 void Ingest::receive_changes(PeerSession& session, const MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
-    if (!state_.ledger.receive(session.self.number(), message.record<messages::ChangeRecord>(i),
-                               state_.objects.rows())) {
+    if (!state_.ledger.receive(session.self.number(), message.record<messages::ChangeRecord>(i))) {
       return refuse(session, Status::bad_message);
     }
   }
@@ -409,7 +409,7 @@ void Ingest::receive_narrow_done(PeerSession& session, const MessageView& messag
   const auto record = message.record<messages::NarrowDoneRecord>(0);
   statistics_.add(session, record);
   if (!shared_.receive_contacts(session, statistics_)) {
-    state_.ledger.end_run(session.self.number());
+    state_.ledger.end_run(session.self.number(), state_.objects.contact_objects());
   }
   if (state_.ledger.received(session.self.number()) == record.contacts) {
     state_.report().accepted += record.tested;

@@ -8,6 +8,7 @@
 #include "nodes/server/object_states.hpp"
 #include "nodes/server/server_state.hpp"
 #include "nodes/server/shared_nodes.hpp"
+#include "nodes/server/state_relay.hpp"
 #include "nodes/server/statistics.hpp"
 
 namespace ringfence::nodes {
@@ -21,8 +22,9 @@ namespace ringfence::nodes {
 /// Threads: belongs to the server role.
 class Ingest {
  public:
-  Ingest(ServerState& state, ObjectStates& states, SharedNodes& shared, Statistics& statistics) noexcept
-      : state_(state), states_(states), shared_(shared), statistics_(statistics) {}
+  Ingest(ServerState& state, ObjectStates& states, SharedNodes& shared, StateRelay& relay,
+         Statistics& statistics) noexcept
+      : state_(state), states_(states), shared_(shared), relay_(relay), statistics_(statistics) {}
 
   /// Reads what the roles have sent for which the frame waits. Returns whether there was any message.
   bool receive();
@@ -52,6 +54,7 @@ class Ingest {
   ServerState& state_;
   ObjectStates& states_;
   SharedNodes& shared_;
+  StateRelay& relay_;
   Statistics& statistics_;
   bool any_broken_ = false;  ///< a node that is not lost yet has broken the protocol
 };

@@ -71,7 +71,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   set_group(slot, spec.group);
   origins_[slot] = {spec.user_data, spec.user.number()};
   numbers_[slot] = id.number();
-  marks_[slot] = alive_mark;
+  marks_[slot] = static_cast<ObjectMarks>(alive_mark | (spec.category == Category::avatar ? avatar_mark : 0));
   hosts_[slot] = messages::Endpoint::none();
   index_.set(id.number(), slot);
   mark_moved(slot);
@@ -102,7 +102,7 @@ void ObjectTable::end(std::uint32_t slot) {
 void ObjectTable::settle() {
   // An object that moved rests from the next frame on, unless mark_moved() clears the byte again.
   for (const std::uint32_t slot : moved_) {
-    marks_[slot] &= static_cast<ObjectMarks>(~(moved_mark | reported_mark | inner_mark));
+    marks_[slot] &= static_cast<ObjectMarks>(~(moved_mark | reported_mark | inner_mark | cell_noted_mark));
     resting_[slot] = 1;
   }
   moved_.clear();

@@ -30,8 +30,25 @@ enum ObjectMark : ObjectMarks {
   inner_mark = 32,      ///< reported with reported_mark: its bounds touch only cells of the reporting node
   recovered_mark = 64,  ///< host lost; held by the server until the next cut
   host_changed_mark = 128,  ///< moved from one host to another at this cut
-  host_owned_mark = 256  ///< its host keeps its states and sends ghost updates to the other nodes: row, state, bounds
-                         ///< and notified cells here may be of an earlier frame
+  host_owned_mark = 256,  ///< its host keeps its states and sends ghost updates to the other nodes: row, state, bounds
+                          ///< and notified cells here may be of an earlier frame
+  avatar_mark = 512,      ///< its category is avatar
+  cell_noted_mark = 1024  ///< StateRelay knows its cell in this frame
+};
+
+/// What is read of the objects of a contact, by slot; the spans are parallel. Numbers and marks are small enough for
+/// the second-level cache at 64,000 objects.
+struct ContactObjects {
+  std::span<const ObjectRow> rows;
+  std::span<const ObjectOrigin> origins;
+  std::span<const ObjectNumber> numbers;
+  std::span<const ObjectMarks> marks;
+
+  /// Prefetches number and marks.
+  void prefetch(std::uint32_t slot) const noexcept {
+    base::prefetch_for_read(numbers.data() + slot);
+    base::prefetch_for_read(marks.data() + slot);
+  }
 };
 
 /// The server's table of objects, by slot. A slot belongs to one object from its spawn to the frame after its end.
@@ -55,6 +72,7 @@ class ObjectTable {
   const ObjectOrigin& origin(std::uint32_t slot) const noexcept { return origins_[slot]; }
   std::span<const ObjectOrigin> origins() const noexcept { return origins_; }
   std::span<const ObjectNumber> numbers() const noexcept { return numbers_; }
+  ContactObjects contact_objects() const noexcept { return {rows(), origins(), numbers(), marks_}; }
   bool alive(std::uint32_t slot) const noexcept { return (marks_[slot] & alive_mark) != 0; }
   /// ObjectMark bits; the table itself maintains alive_mark and moved_mark.
   ObjectMarks& marks(std::uint32_t slot) noexcept { return marks_[slot]; }

@@ -16,8 +16,8 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
                 setup.layer_masks, setup.keep_resting),
       scheduler_(state_, states_, shared_),
       cut_(state_, states_, scheduler_, dispatch_),
-      ingest_(state_, states_, shared_, statistics_),
       relay_(state_),
+      ingest_(state_, states_, shared_, relay_, statistics_),
       router_(state_, states_, shared_, relay_, statistics_),
       failover_(state_, shared_, states_, relay_, statistics_),
       deadlines_(state_, failover_, dispatch_) {}

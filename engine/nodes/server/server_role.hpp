@@ -82,8 +82,8 @@ class ServerRole {
   Dispatch dispatch_;
   MapScheduler scheduler_;
   Cut cut_;
-  Ingest ingest_;
   StateRelay relay_;
+  Ingest ingest_;
   ContactRouter router_;
   Failover failover_;
   Deadlines deadlines_;

@@ -53,8 +53,10 @@ void StateRelay::publish(bool holds_lost_objects) {
   const ObjectTable& objects = state_.objects;
   link::Publication& publication = *relay.publication;
   publication.begin(state_.frame);
+  const bool any_node_publishes = std::any_of(state_.nodes.begin(), state_.nodes.end(),
+                                              [this](const PeerSession& node) { return publishes(node.self); });
   for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
-    if (cells_[slot] != not_relayed && !publishes(objects.host(slot))) {
+    if (cells_[slot] != not_relayed && !(any_node_publishes && publishes(objects.host(slot)))) {
       publication.add_index(cells_[slot], slot);
     }
   }
@@ -68,19 +70,16 @@ void StateRelay::publish(bool holds_lost_objects) {
   relay.any[state_.frame & 1] = !publication.states(state_.frame).empty();
 }
 
-// Updates the cell of every published object; objects that have not moved keep theirs.
+// Updates the cell of every published object; objects that have not moved keep theirs, and so do those whose position
+// was noted.
 void StateRelay::update_cells() {
   const ObjectTable& objects = state_.objects;
-  const geometry::FixedSpace& space = *state_.setup.space;
-  const regions::CellGrid& grid = state_.setup.publications->grid;
   const auto update = [&](std::uint32_t slot) {
     const ObjectRow& row = objects.row(slot);
     const auto category = static_cast<Category>(row.category);
     const bool relayed =
         objects.present()[slot] != 0 && (category == Category::active || category == Category::non_active);
-    std::uint32_t point[3];
-    space.point(row.pose.position, point);
-    cells_[slot] = relayed ? grid.cell_of(point) : not_relayed;
+    cells_[slot] = relayed ? cell_of(row.pose.position) : not_relayed;
   };
   const std::size_t known = std::exchange(cells_are_known_, true) ? cells_.size() : 0;
   cells_.resize(objects.slots());
@@ -88,12 +87,13 @@ void StateRelay::update_cells() {
     update(slot);
   }
   constexpr std::size_t ahead = 8;
+  const auto is_stale = [&](std::uint32_t slot) { return (objects.marks(slot) & cell_noted_mark) == 0; };
   const auto moved = objects.moved();
   for (std::size_t i = 0; i < moved.size(); ++i) {
-    if (i + ahead < moved.size()) {
+    if (i + ahead < moved.size() && is_stale(moved[i + ahead])) {
       base::prefetch_for_read(&objects.row(moved[i + ahead]));
     }
-    if (moved[i] < known) {
+    if (moved[i] < known && is_stale(moved[i])) {
       update(moved[i]);
     }
   }

@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "base/flat_list.hpp"
+#include "base/prefetch.hpp"
 #include "nodes/server/server_state.hpp"
 
 namespace ringfence::nodes {
@@ -21,6 +22,20 @@ class StateRelay {
   void begin();
   /// Notifies a node that joins within the frame.
   void order(PeerSession& node) const noexcept;
+  /// The object in that slot has this position in this frame. Cheaper here than in publish(), where its row is no
+  /// longer in the cache.
+  void note_position(std::uint32_t slot, Vec3d position) noexcept {
+    if (slot < cells_.size() && cells_[slot] != not_relayed) {
+      cells_[slot] = cell_of(position);
+      state_.objects.marks(slot) |= cell_noted_mark;
+    }
+  }
+  /// Prefetches what note_position() accesses.
+  void prefetch_cell(std::uint32_t slot) const noexcept {
+    if (slot < cells_.size()) {
+      base::prefetch_for_write(&cells_[slot]);
+    }
+  }
   /// When all poses are final: publishes what no other role publishes: everything, or the objects of nodes in other
   /// processes and of lost nodes. `holds_lost_objects`: the server holds objects of lost nodes. Repeated in the same
   /// frame after a loss, unless user nodes already read: then the lost node had published before, too, and its
@@ -42,6 +57,11 @@ class StateRelay {
 
   bool is_needed() const noexcept;
   bool publishes(messages::Endpoint host) const noexcept;
+  std::uint32_t cell_of(Vec3d position) const noexcept {
+    std::uint32_t point[3];
+    state_.setup.space->point(position, point);
+    return state_.setup.publications->grid.cell_of(point);
+  }
   void update_cells();
   void list_publications();
 

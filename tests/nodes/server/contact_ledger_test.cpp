@@ -39,6 +39,19 @@ std::vector<ObjectRow> rows_of(std::uint64_t frame, bool large_numbers) {
   return rows;
 }
 
+/// ContactObjects::numbers and marks of these rows.
+struct ContactColumns {
+  explicit ContactColumns(const std::vector<ObjectRow>& rows) {
+    for (const ObjectRow& row : rows) {
+      numbers.push_back(row.object.number);
+      const bool is_avatar = row.category == static_cast<std::uint16_t>(Category::avatar);
+      marks.push_back(static_cast<ObjectMarks>(alive_mark | (is_avatar ? avatar_mark : 0)));
+    }
+  }
+  std::vector<ObjectNumber> numbers;
+  std::vector<ObjectMarks> marks;
+};
+
 std::vector<ObjectOrigin> origins_of(const std::vector<ObjectRow>& rows) {
   std::vector<ObjectOrigin> origins(rows.size());
   for (std::size_t slot = 0; slot < rows.size(); ++slot) origins[slot].user_data = ~std::uint64_t{slot};
@@ -225,6 +238,8 @@ class LedgerTest {
 
   // As a CD node does that does not share memory with the server.
   void send(NodeNumber node, const std::vector<const ExpectedContact*>& own, const std::vector<ObjectRow>& rows) {
+    const ContactColumns columns(rows);
+    const ContactObjects objects{rows, origins_, columns.numbers, columns.marks};
     for (const ExpectedContact* truth : own) {
       messages::CollisionRecord record;
       record.slot_a = truth->slot_a;
@@ -232,7 +247,7 @@ class LedgerTest {
       record.depth = truth->contact.depth;
       record.normal = truth->contact.normal;
       record.point = to_float(truth->contact.point - rows[truth->slot_a].pose.position);
-      REQUIRE(ledger_.receive(node, record, rows, origins_));
+      REQUIRE(ledger_.receive(node, record, objects));
     }
     const NodeContacts& lists = *nodes_[node]->lists;
     const auto flags = [](std::uint32_t ended, bool at_border) {
@@ -241,19 +256,19 @@ class LedgerTest {
     for (const std::uint32_t position : lists.beginning) {
       const bool at_border = std::any_of(lists.border_beginning.begin(), lists.border_beginning.end(),
                                          [&](const BorderContact& one) { return one.position == position; });
-      REQUIRE(ledger_.receive(node, {lists.keys[position], position, flags(0, at_border)}, rows));
+      REQUIRE(ledger_.receive(node, messages::ChangeRecord{lists.keys[position], position, flags(0, at_border)}));
     }
     const auto border = lists.border_ending.span();
     for (const std::uint64_t key : lists.ending) {
       const bool at_border = std::find(border.begin(), border.end(), key) != border.end();
-      REQUIRE(ledger_.receive(node, {key, 0, flags(messages::change_ended, at_border)}, rows));
+      REQUIRE(ledger_.receive(node, messages::ChangeRecord{key, 0, flags(messages::change_ended, at_border)}));
     }
-    check_refused_changes(node, lists, rows);
-    ledger_.end_run(node);
+    check_refused_changes(node, lists);
+    ledger_.end_run(node, objects);
   }
 
-  void check_refused_changes(NodeNumber node, const NodeContacts& lists, const std::vector<ObjectRow>& rows) {
-    const auto refuses = [&](const messages::ChangeRecord& record) { return !ledger_.receive(node, record, rows); };
+  void check_refused_changes(NodeNumber node, const NodeContacts& lists) {
+    const auto refuses = [&](const messages::ChangeRecord& record) { return !ledger_.receive(node, record); };
     const auto count = static_cast<std::uint32_t>(lists.keys.size());
     REQUIRE(refuses({1, count, 0}));
     REQUIRE((count == 0 || refuses({lists.keys[0] + 1, 0, 0})));

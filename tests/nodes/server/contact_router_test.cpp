@@ -19,18 +19,19 @@ struct Router {
     messages::CollisionRecord record;
     record.slot_a = a;
     record.slot_b = b;
-    REQUIRE(state().ledger.receive(node, record, objects().rows(), objects().origins()));
+    REQUIRE(state().ledger.receive(node, record, objects().contact_objects()));
   }
   /// The node's contact of the frame before, in slots a and b, ended.
   void end(NodeNumber node, std::uint32_t a, std::uint32_t b) {
     messages::ChangeRecord record;
     record.key = base::PairSort::key(objects().row(a).object.number, objects().row(b).object.number);
     record.flags = messages::change_ended;
-    REQUIRE(state().ledger.receive(node, record, objects().rows()));
+    REQUIRE(state().ledger.receive(node, record));
   }
   /// All nodes have tested their pairs: routes the contacts and notifies all peers.
   void route() {
-    for (NodeNumber node = 0; node < state().nodes.size(); ++node) state().ledger.end_run(node);
+    for (NodeNumber node = 0; node < state().nodes.size(); ++node)
+      state().ledger.end_run(node, objects().contact_objects());
     router.resolve_phases();
     router.assign_next_hosts();
     router.start_nodes();

@@ -141,10 +141,10 @@ TEST_CASE("a host that did not have an object receives the object's contacts of 
   for (const auto& [first, second] : {std::pair{a, b}, std::pair{b, c}}) {
     record.slot_a = first;
     record.slot_b = second;
-    REQUIRE(ledger.receive(0, record, test.objects().rows(), test.objects().origins()));
+    REQUIRE(ledger.receive(0, record, test.objects().contact_objects()));
   }
-  ledger.end_run(0);
-  ledger.end_run(1);
+  ledger.end_run(0, test.objects().contact_objects());
+  ledger.end_run(1, test.objects().contact_objects());
   ledger.resolve_phases();
   ledger.share_out();
   test.state().frame = 2;

@@ -37,7 +37,8 @@ struct Receiver {
   SharedNodes shared{fixture.state()};
   ObjectStates states{fixture.state()};
   Statistics statistics{fixture.state()};
-  Ingest ingest{fixture.state(), states, shared, statistics};
+  StateRelay relay{fixture.state()};
+  Ingest ingest{fixture.state(), states, shared, relay, statistics};
 };
 
 TEST_CASE("a user node moves the objects that it hosts, and its other records are refused and reported to it") {
