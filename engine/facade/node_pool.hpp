@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "facade/remote_nodes.hpp"
-#include "facade/worker.hpp"
+#include "facade/threads/worker.hpp"
 #include "nodes/cd_node/cd_node_role.hpp"
 #include "nodes/role.hpp"
 #include "regions/region_map.hpp"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/numbers.hpp"
-#include "facade/steppable.hpp"
+#include "facade/threads/steppable.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/doorbell.hpp"
 #include "nodes/role.hpp"

@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "facade/steppable.hpp"
+#include "facade/threads/steppable.hpp"
 #include "link/cores.hpp"
 #include "link/doorbell.hpp"
 

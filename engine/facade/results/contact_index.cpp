@@ -1,6 +1,13 @@
-#include "facade/contact_index.hpp"
+#include "facade/results/contact_index.hpp"
 
 namespace ringfence::facade {
+
+void ContactIndex::update(std::uint64_t frames, std::span<const Contact> contacts) {
+  if (frames_ != frames) {
+    build(contacts);
+    frames_ = frames;
+  }
+}
 
 void ContactIndex::build(std::span<const Contact> contacts) {
   objects_ = base::NumberIndex(contacts.size());

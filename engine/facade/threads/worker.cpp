@@ -1,4 +1,4 @@
-#include "facade/worker.hpp"
+#include "facade/threads/worker.hpp"
 
 #include <ctime>
 #include <system_error>

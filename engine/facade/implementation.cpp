@@ -1,0 +1,130 @@
+#include "facade/implementation.hpp"
+
+#include <cmath>
+#include <utility>
+
+#include "facade/results/gathering.hpp"
+#include "facade/results/object_views.hpp"
+
+namespace ringfence {
+
+// The nodes are made before the server, which is given their connections.
+World::Implementation::Implementation(WorldConfig given)
+    : state(std::move(given)),
+      requests(state.config, state.shapes),
+      users(state),
+      nodes(state),
+      membership(state, nodes, requests) {
+  state.start_server_thread();
+  const regions::RegionMap map = state.first_map();
+  nodes::ServerSetup setup = state.server_setup();
+  setup.nodes = nodes.make_first(map);
+  server = std::make_unique<nodes::ServerRole>(setup, map);
+  nodes.connect(*server);
+  users.start_threads();
+}
+
+// All threads end before any is freed: until then each may ring the doorbell of any other.
+World::Implementation::ThreadStopper::~ThreadStopper() {
+  world.state.faults.release();
+  const auto each_worker = [this](auto visit) {
+    world.users.each_worker(visit);
+    world.nodes.pool().each_worker(visit);
+    if (world.state.server_worker != nullptr) {
+      visit(*world.state.server_worker);
+    }
+  };
+  each_worker([](facade::Worker& worker) { worker.dismiss(); });
+  each_worker([](facade::Worker& worker) { worker.join(); });
+  if (world.state.config.remote_nodes != nullptr) {
+    world.state.config.remote_nodes->close();
+  }
+}
+
+bool World::Implementation::inject(const Fault& fault) {
+  if (!state.threaded() || fault.frame < begun || !std::isfinite(fault.stall_ms) || fault.stall_ms < 0 ||
+      static_cast<std::size_t>(fault.stage) >= node_stage_count) {
+    return false;
+  }
+  return fault.user != no_user ? users.inject(fault) : nodes.inject(fault, *server);
+}
+
+const nodes::UserRole* World::Implementation::reader(UserId user) const noexcept {
+  const facade::User* found = frames == 0 ? nullptr : users.find(user.number());
+  return found == nullptr || found->late ? nullptr : found->role.get();
+}
+
+std::uint32_t World::Implementation::slot_of(ObjectId object) const noexcept {
+  const bool known = !frame_is_running() && requests.objects().find(object) != nullptr;
+  return known ? facade::slot_of(*server, object) : base::NumberIndex::none;
+}
+
+void World::Implementation::order_frame() {
+  state.order.users_overdue.store(false, std::memory_order_relaxed);  // may remain set from the frame before
+  ++begun;
+  // Pairs with the server's acquire load: the requests are complete.
+  state.order.ordered.store(begun, std::memory_order_release);
+  if (state.threaded()) {
+    state.server_bell()->ring();
+  }
+}
+
+bool World::Implementation::await_frame() {
+  nodes::FrameOrder& order = state.order;
+  if (!state.threaded()) {
+    return state.inline_roles.step_until(order.completed, begun);
+  }
+  const auto is_complete = [&] { return order.completed.load(std::memory_order_acquire) == begun; };
+  while (!is_complete()) {
+    state.caller_bell.wait([&] {
+      return is_complete() || order.fallback_wanted.load(std::memory_order_acquire) ||
+             order.users_overdue.load(std::memory_order_acquire) || state.halt.is_set();
+    });
+    if (state.halt.is_set()) {
+      return false;
+    }
+    if (order.fallback_wanted.exchange(false, std::memory_order_acquire)) {
+      nodes.replace_last(*server);
+    }
+    if (order.users_overdue.exchange(false, std::memory_order_acquire)) {
+      users.replace_stalled_threads();
+    }
+  }
+  return true;
+}
+
+void World::Implementation::take_report() {
+  report = server->report(frames - 1);
+  requests.report_refused(report);
+}
+
+void World::Implementation::complete_report() {
+  facade::gather_model_failures(report, state, *server, nodes, users);
+  users.report_times(report);
+  facade::gather_timeline(report, state, nodes, users);
+}
+
+void World::Implementation::free_gone_roles() {
+  users.free_stalled();
+  membership.remove_gone(report, *server);
+  if (nodes.pool().free_retired()) {
+    server->free_abandoned();
+    state.shapes.free_removed();
+  }
+}
+
+void World::Implementation::log_frame() {
+  const bool remote_nodes = state.config.remote_nodes != nullptr;
+  state.log.log_model_failures(report);
+  state.log.log_losses(report, nodes.pool().size(), server->has_abandoned_nodes());
+  state.log.log_growth(report);
+  state.log.log_support_failures(state.shapes.take_support_failures(), report, remote_nodes);
+}
+
+Status World::Implementation::stop_frames() noexcept {
+  state.halt.set();
+  state.log.log_halt(begun - (frame_is_running() ? 1 : 0));
+  return Status::out_of_memory;
+}
+
+}  // namespace ringfence

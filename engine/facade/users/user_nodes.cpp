@@ -1,0 +1,184 @@
+#include "facade/users/user_nodes.hpp"
+
+#include <exception>
+#include <string>
+#include <utility>
+
+namespace ringfence::facade {
+
+using nodes::Request;
+
+namespace {
+
+constexpr std::size_t user_ring = std::size_t{1} << 16;
+
+}  // namespace
+
+const User* UserNodes::find(UserNumber number) const noexcept {
+  const auto at = nodes_.find(number);
+  return at == nodes_.end() ? nullptr : at->second.get();
+}
+
+// Precondition: no frame is running, so roles are idle and publications are not read.
+void UserNodes::connect() {
+  bool changed = false;
+  for (Request& request : state_.order.requests) {
+    if (request.kind != Request::Kind::connect) {
+      continue;
+    }
+    const UserNumber number = request.user;
+    std::unique_ptr<User> user = make_user(number);
+    request.connection = user->channel.first();
+    std::vector<nodes::Published>& publications = state_.publications.users;
+    if (number >= publications.size()) {
+      publications.resize(number + 1);
+    }
+    publications[number] = {};
+    publications[number].publication = &user->publication;
+    nodes_[number] = std::move(user);
+    changed = true;
+  }
+  if (changed) {
+    assign_roles();
+  }
+}
+
+std::unique_ptr<User> UserNodes::make_user(UserNumber number) {
+  const WorldConfig& config = state_.config;
+  const std::size_t thread = number % threads_.size();
+  auto user = std::make_unique<User>(state_.ring_bytes(user_ring), state_.server_bell(), threads_.bell(thread),
+                                     state_.publications.grid.cells());
+  user->thread = thread;
+  nodes::UserSetup setup;
+  setup.user = number;
+  setup.model = config.motion.get();
+  setup.publications = &state_.publications;
+  setup.interest = config.interest;
+  setup.thread = threads_.parts_of(threads_.at(thread));
+  setup.objects = config.deployment == Deployment::user ? 64 : 4;
+  setup.faults = state_.threaded() ? &state_.faults : nullptr;
+  setup.server = user->channel.second();
+  user->role = std::make_unique<nodes::UserRole>(setup);
+  return user;
+}
+
+// Without threads all user nodes have the same one.
+void UserNodes::assign_roles() {
+  std::vector<std::vector<Steppable>> roles(threads_.size());
+  each([&](const User& user) { roles[user.thread].push_back(Steppable::of(*user.role)); });
+  for (std::size_t thread = 0; thread < threads_.size(); ++thread) {
+    threads_.assign(thread, std::move(roles[thread]));
+  }
+}
+
+void UserNodes::steer(UserOrders& orders) {
+  for (const UserOrders::Move& move : orders.moves) {
+    nodes_.at(move.user)->role->steer(move.number, move.pose);
+  }
+  orders.moves.clear();
+  for (const UserOrders::Input& input : orders.inputs) {
+    nodes_.at(input.user)->role->give_input(input.input);
+  }
+  orders.inputs.clear();
+}
+
+void UserNodes::replace_stalled_threads() {
+  nodes::FrameOrder& order = state_.order;
+  if (order.users_moved.load(std::memory_order_acquire)) {
+    return;  // the server has not read the last lists yet
+  }
+  const std::vector<std::size_t> stalled = threads_.find_stalled();
+  if (stalled.empty()) {
+    return;
+  }
+  order.stalled_users.clear();
+  order.moved_users.clear();
+  for (const std::size_t thread : stalled) {
+    abandon(thread);
+  }
+  if (!order.stalled_users.empty()) {
+    // Pairs with the server's acquire load: both lists are complete.
+    order.users_moved.store(true, std::memory_order_release);
+    state_.server_bell()->ring();
+  }
+}
+
+// The stalled thread keeps the user node in whose move it is. A new thread steps its other user nodes.
+void UserNodes::abandon(std::size_t thread) {
+  std::unique_ptr<UserThread> replacement;
+  try {
+    replacement = threads_.start_replacement();
+  } catch (const std::exception& error) {
+    state_.log.write(LogLevel::error, std::string("no thread can be created to replace a stalled one (") +
+                                          error.what() + "): the frame waits for a user node to move");
+    return;
+  }
+  UserThread& stalled = threads_.at(thread);
+  if (!stalled.watch.abandon(stalled.seen)) {
+    return;  // the move has ended
+  }
+  stalled.worker->dismiss();
+  const UserNumber late = nodes::MoveWatch::user_of(stalled.seen);
+  User& user = *nodes_.at(late);
+  user.late = true;
+  withdraw_publication(late);
+  state_.order.stalled_users.push_back(late);
+  std::vector<Steppable> roles;
+  for (const auto& [number, other] : nodes_) {
+    if (other->thread == thread && !other->late) {
+      other->role->set_thread(threads_.parts_of(*replacement));
+      state_.order.moved_users.push_back({number, &replacement->worker->bell()});
+      roles.push_back(Steppable::of(*other->role));
+    }
+  }
+  user.abandoned = threads_.replace(thread, std::move(replacement));
+  threads_.assign(thread, std::move(roles));
+}
+
+void UserNodes::forget(std::span<const UserNumber> users) {
+  if (users.empty()) {
+    return;
+  }
+  parted_.reserve(parted_.size() + users.size());
+  stalled_.reserve(stalled_.size() + users.size());
+  for (const UserNumber number : users) {
+    withdraw_publication(number);
+    const auto at = nodes_.find(number);
+    (at->second->abandoned != nullptr ? stalled_ : parted_).push_back(std::move(at->second));
+    nodes_.erase(at);
+  }
+  assign_roles();
+  parted_.clear();
+}
+
+// Late user nodes are not stepped any more, so none of them reads publications of the next frame. Those whose model has
+// not returned were removed from their threads within the frame.
+void UserNodes::part_with_late(std::span<const UserId> users) {
+  for (const UserId user : users) {
+    nodes_.at(user.number())->late = true;
+    withdraw_publication(user.number());
+  }
+  if (!users.empty()) {
+    assign_roles();
+  }
+}
+
+void UserNodes::free_stalled() {
+  std::erase_if(stalled_, [](const auto& user) { return user->abandoned->worker->has_ended(); });
+}
+
+// The thread must not step the role meanwhile.
+bool UserNodes::inject(const Fault& fault) {
+  const auto at = nodes_.find(fault.user.number());
+  if (at == nodes_.end() || at->second->late ||
+      (fault.stage != NodeStage::model && fault.stage != NodeStage::publication)) {
+    return false;
+  }
+  User& user = *at->second;
+  threads_.assign(user.thread, {});
+  user.role->fail(fault);
+  assign_roles();
+  return true;
+}
+
+}  // namespace ringfence::facade

@@ -1,0 +1,119 @@
+#pragma once
+
+#include <cstddef>
+#include <map>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "base/numbers.hpp"
+#include "facade/duplex_channel.hpp"
+#include "facade/requests/requests.hpp"
+#include "facade/users/user_threads.hpp"
+#include "facade/world_state.hpp"
+#include "link/publication.hpp"
+#include "nodes/user/user_role.hpp"
+#include "ringfence/fault.hpp"
+#include "ringfence/ids.hpp"
+
+namespace ringfence::facade {
+
+/// A connected user node, with its channel, publication and role. Destroyed in reverse order: first its thread ends.
+struct User {
+  /// `server` and `own` are the doorbells of the threads that step the server and the user node; `cells` is the number
+  /// of cells of the interest grid.
+  User(std::size_t ring_bytes, link::Doorbell* server, link::Doorbell* own, std::size_t cells)
+      : channel(ring_bytes, server, own), publication(cells, 64) {}
+  DuplexChannel channel;
+  link::Publication publication;
+  std::unique_ptr<nodes::UserRole> role;
+  std::size_t thread = 0;  ///< index of the user thread that steps it
+  bool late = false;       ///< it missed its deadline; it gets no further frame
+  /// The thread that was abandoned in this user node's move, or null. It steps no other role.
+  std::unique_ptr<UserThread> abandoned;
+};
+
+/// The user nodes of a World and the threads that step them: connects them, replaces threads that a user node has
+/// stalled, and keeps a disconnected user node until no thread refers to it.
+///
+/// A user node is late if it has missed a deadline. It is not stepped from then on, and no role reads its publication;
+/// the next cut disconnects it. If its thread is still in its move, the user node keeps that thread.
+///
+/// Threads: the one that calls World, between frames; replace_stalled_threads() while the server waits for user nodes.
+/// Memory is allocated only when user nodes connect or leave, and for stalled threads.
+class UserNodes {
+ public:
+  explicit UserNodes(WorldState& state) noexcept : state_(state), threads_(state) {}
+  UserNodes(const UserNodes&) = delete;
+  UserNodes& operator=(const UserNodes&) = delete;
+
+  /// Call it once. Throws Error if the system has no thread for one of WorldConfig::user_threads.
+  void start_threads() { threads_.start(); }
+  const UserThreads& threads() const noexcept { return threads_; }
+  /// The user node with that number, late or not; null if there is none.
+  const User* find(UserNumber number) const noexcept;
+  /// Calls visit(user) for all user nodes that are not late.
+  template <class Visit>
+  void each(Visit visit) const {
+    for (const auto& [number, user] : nodes_) {
+      if (!user->late) {
+        visit(*user);
+      }
+    }
+  }
+
+  // The steps of a frame, in order.
+  /// Makes the user nodes that the requests of WorldState::order connect, and writes their connections into them.
+  void connect();
+  /// Passes moves and inputs to their user nodes, and clears both. Precondition: all users are connected.
+  void steer(UserOrders& orders);
+  /// Called when user nodes have not reported their moves in time. Those whose moves have lasted since the last check
+  /// are late: WorldState::order lists them. A new thread steps the other user nodes of their threads, in this frame
+  /// too. Without a new thread the frame waits, and the log says so.
+  void replace_stalled_threads();
+  /// The frame whose cut disconnected the users is complete: nothing refers to their channels or publications any more.
+  /// Frees those whose threads have not stalled.
+  void forget(std::span<const UserNumber> users);
+  /// The frame is complete, and these users were late in it.
+  void part_with_late(std::span<const UserId> users);
+  /// Writes the CPU times of the user threads into the report.
+  void report_times(FrameReport& report) { threads_.report_times(report); }
+  /// Frees the disconnected user nodes whose stalled threads have ended.
+  void free_stalled();
+
+  /// Injects a fault into the user node that it names. Returns false if that is unknown or late, or does not have the
+  /// stage.
+  bool inject(const Fault& fault);
+  /// Calls visit(worker) for all threads, also for stalled ones.
+  template <class Visit>
+  void each_worker(Visit visit) const {
+    const auto visit_thread = [&](const UserThread* thread) {
+      if (thread != nullptr && thread->worker != nullptr) {
+        visit(*thread->worker);
+      }
+    };
+    for (std::size_t index = 0; index < threads_.size(); ++index) {
+      visit_thread(&threads_.at(index));
+    }
+    for (const auto& [number, user] : nodes_) {
+      visit_thread(user->abandoned.get());
+    }
+    for (const auto& user : stalled_) {
+      visit_thread(user->abandoned.get());
+    }
+  }
+
+ private:
+  std::unique_ptr<User> make_user(UserNumber number);
+  void abandon(std::size_t thread);
+  void assign_roles();
+  void withdraw_publication(UserNumber number) noexcept { state_.publications.users[number] = {}; }
+
+  WorldState& state_;
+  UserThreads threads_;
+  std::map<UserNumber, std::unique_ptr<User>> nodes_;
+  std::vector<std::unique_ptr<User>> parted_;   ///< disconnected; freed when no thread steps them
+  std::vector<std::unique_ptr<User>> stalled_;  ///< disconnected; freed when their threads have ended
+};
+
+}  // namespace ringfence::facade

@@ -1,0 +1,89 @@
+#include "facade/users/user_threads.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "telemetry/clock.hpp"
+
+namespace ringfence::facade {
+
+using telemetry::StepClock;
+using telemetry::to_ms;
+
+void UserThreads::start() {
+  const std::size_t count = state_.threaded() ? state_.config.user_threads : 1;
+  while (threads_.size() < count) {
+    threads_.push_back(start_thread());
+  }
+}
+
+std::unique_ptr<UserThread> UserThreads::start_thread() {
+  auto thread = std::make_unique<UserThread>();
+  if (state_.threaded()) {
+    thread->worker = std::make_unique<Worker>();
+    state_.starter.must_start(*thread->worker);
+  }
+  return thread;
+}
+
+link::Doorbell* UserThreads::bell(std::size_t index) const noexcept {
+  Worker* worker = threads_[index]->worker.get();
+  return worker != nullptr ? &worker->bell() : nullptr;
+}
+
+nodes::UserThreadParts UserThreads::parts_of(UserThread& thread) const noexcept {
+  const bool threaded = state_.threaded();
+  return {state_.config.timeline ? &thread.track : nullptr, threaded ? &thread.clock : nullptr,
+          threaded && state_.config.deadlines.user_ms > 0 ? &thread.watch : nullptr};
+}
+
+void UserThreads::assign(std::size_t index, std::vector<Steppable> roles) {
+  if (state_.threaded()) {
+    threads_[index]->worker->assign(std::move(roles));
+  } else {
+    state_.inline_roles.assign_users(std::move(roles));
+  }
+}
+
+std::vector<std::size_t> UserThreads::find_stalled() {
+  std::vector<std::size_t> stalled;
+  const std::uint64_t now = telemetry::now_ns();
+  const auto apart_ns = static_cast<std::uint64_t>(state_.config.deadlines.user_ms * 0.25e6);  // allows for jitter
+  if (now - checked_ns_ < apart_ns) {
+    return stalled;
+  }
+  checked_ns_ = now;
+  for (std::size_t index = 0; index < threads_.size(); ++index) {
+    const nodes::MoveWatch::Move move = threads_[index]->watch.current();
+    if (move == std::exchange(threads_[index]->seen, move) && move != nodes::MoveWatch::none) {
+      stalled.push_back(index);
+    }
+  }
+  return stalled;
+}
+
+std::unique_ptr<UserThread> UserThreads::replace(std::size_t index, std::unique_ptr<UserThread> replacement) noexcept {
+  return std::exchange(threads_[index], std::move(replacement));
+}
+
+void UserThreads::report_times(FrameReport& report) {
+  report.users_cpu_ms = report.slowest_user_cpu_ms = 0;
+  if (!state_.threaded()) {
+    report.path = {};
+    return;
+  }
+  PathReport& path = report.path;
+  for (const auto& thread : threads_) {
+    const std::uint64_t cpu_ns = thread->worker->cpu_ns();
+    const std::uint64_t all_ns = cpu_ns - std::exchange(thread->cpu_ns, cpu_ns);
+    const std::uint64_t move_ns = std::min(all_ns, thread->clock.take(StepClock::move));
+    const std::uint64_t read_ns = std::min(all_ns - move_ns, thread->clock.take(StepClock::read_publications));
+    report.users_cpu_ms += to_ms(all_ns);
+    report.slowest_user_cpu_ms = std::max(report.slowest_user_cpu_ms, to_ms(all_ns));
+    path.user_move_ms = std::max(path.user_move_ms, to_ms(move_ns));
+    path.user_read_ms = std::max(path.user_read_ms, to_ms(read_ns));
+    path.user_end_ms = std::max(path.user_end_ms, to_ms(all_ns - move_ns - read_ns));
+  }
+}
+
+}  // namespace ringfence::facade

@@ -1,0 +1,129 @@
+#include "facade/world_state.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "facade/config_check.hpp"
+
+namespace ringfence::facade {
+
+namespace {
+
+constexpr std::size_t max_interest_cells = std::size_t{1} << 15;
+
+regions::CellGrid region_grid(const WorldConfig& config, const geometry::FixedSpace& space) {
+  const std::uint32_t* given = config.tuning.cells_log2;
+  if (given[0] != 0 || given[1] != 0 || given[2] != 0) {
+    return {{given[0], given[1], given[2]}};
+  }
+  const double extents[3] = {space.max().x - space.min().x, space.max().y - space.min().y,
+                             space.max().z - space.min().z};
+  return regions::CellGrid::choose(extents, std::max<std::size_t>(4096, std::size_t{64} * config.nodes));
+}
+
+// Cells of about a third of the interest radius: few spans to read, and few states read in vain.
+regions::CellGrid interest_grid(const WorldConfig& config, const geometry::FixedSpace& space) {
+  const double extents[3] = {space.max().x - space.min().x, space.max().y - space.min().y,
+                             space.max().z - space.min().z};
+  const double side = std::max(config.interest / 3, 1e-3);
+  double cells = 1;
+  for (const double extent : extents) {
+    cells *= std::max(1.0, extent / side);
+  }
+  return regions::CellGrid::choose(extents, static_cast<std::size_t>(std::min(cells, double{max_interest_cells})));
+}
+
+// How often the server checks its deadlines when no bell rings: a quarter of the shorter deadline; 0: never.
+std::chrono::nanoseconds tick_of(const Deadlines& deadlines) {
+  double ms = std::max(deadlines.node_ms, deadlines.user_ms);
+  for (const double deadline : {deadlines.node_ms, deadlines.user_ms}) {
+    ms = deadline > 0 ? std::min(ms, deadline) : ms;
+  }
+  return std::chrono::nanoseconds(static_cast<std::int64_t>(std::ceil(ms * 0.25e6)));
+}
+
+// A congested network rings no bell, so the bridge is also stepped on a timer.
+std::chrono::nanoseconds remote_nodes_tick(const Deadlines& deadlines) {
+  constexpr std::chrono::milliseconds longest(20);
+  const std::chrono::nanoseconds tick = tick_of(deadlines);
+  return tick.count() == 0 ? longest : std::min<std::chrono::nanoseconds>(tick, longest);
+}
+
+std::array<std::uint32_t, 32> masks_of(const LayerMatrix& layers) {
+  std::array<std::uint32_t, 32> masks{};
+  const auto named = static_cast<std::uint8_t>(std::max<std::size_t>(1, layers.names.size()));
+  const std::uint32_t every = ~std::uint32_t{0} >> (32 - named);
+  bool all_collide = true;
+  for (std::uint8_t layer = 0; layer < 32; ++layer) {
+    masks[layer] = layers.mask(layer);
+    all_collide &= layer >= named || (masks[layer] & every) == every;
+  }
+  if (all_collide) {
+    masks.fill(~std::uint32_t{0});  // all layers collide: the sweep then needs no layer column
+  }
+  return masks;
+}
+
+std::uint64_t nanoseconds(double ms) noexcept { return static_cast<std::uint64_t>(ms * 1e6); }
+
+}  // namespace
+
+WorldState::WorldState(WorldConfig given)
+    : config(settle(std::move(given))),
+      space(config.bounds_min, config.bounds_max),
+      layer_masks(masks_of(config.layers)),
+      publications{interest_grid(config, space), &space, {}, {}, {}},
+      server_publication(publications.grid.cells(), config.capacities.objects),
+      halt(threaded() ? &caller_bell : nullptr),
+      log(config.log),
+      starter(config, halt) {
+  publications.server.publication = &server_publication;
+  publications.users.reserve(config.capacities.users);
+  order.caller = threaded() ? &caller_bell : nullptr;
+}
+
+nodes::ServerSetup WorldState::server_setup() noexcept {
+  nodes::ServerSetup setup;
+  setup.shapes = &shapes;
+  setup.space = &space;
+  setup.model = config.motion.get();
+  setup.publications = &publications;
+  setup.order = &order;
+  setup.deployment = config.deployment;
+  setup.placement = config.placement;
+  setup.layer_masks = layer_masks;
+  setup.keep_resting = config.tuning.keep_resting;
+  setup.capacities = config.capacities;
+  setup.interest = config.interest;
+  setup.balance = config.balance;
+  setup.balance_by = config.balance_by;
+  setup.quotas = config.quotas;
+  setup.node_deadline_ns = threaded() ? nanoseconds(config.deadlines.node_ms) : 0;
+  setup.user_deadline_ns = threaded() ? nanoseconds(config.deadlines.user_ms) : 0;
+  setup.track = config.timeline ? &server_track : nullptr;
+  return setup;
+}
+
+regions::RegionMap WorldState::first_map() const {
+  return regions::RegionMap(region_grid(config, space), std::max(1u, config.nodes));
+}
+
+void WorldState::start_server_thread() {
+  if (!threaded()) {
+    return;
+  }
+  server_worker = std::make_unique<Worker>();
+  starter.must_start(*server_worker,
+                     config.remote_nodes != nullptr ? remote_nodes_tick(config.deadlines) : tick_of(config.deadlines));
+}
+
+void WorldState::assign_server_thread(std::vector<Steppable> roles) {
+  if (threaded()) {
+    server_worker->assign(std::move(roles));
+  } else {
+    inline_roles.assign_server(std::move(roles));
+  }
+}
+
+}  // namespace ringfence::facade

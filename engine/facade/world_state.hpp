@@ -1,0 +1,71 @@
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "facade/results/world_log.hpp"
+#include "facade/threads/inline_roles.hpp"
+#include "facade/threads/worker.hpp"
+#include "facade/threads/worker_starter.hpp"
+#include "geometry/shape_table.hpp"
+#include "link/doorbell.hpp"
+#include "link/publication.hpp"
+#include "nodes/exchange/publications.hpp"
+#include "nodes/fault_point.hpp"
+#include "nodes/server/server_setup.hpp"
+#include "regions/region_map.hpp"
+#include "ringfence/config.hpp"
+#include "telemetry/track.hpp"
+
+namespace ringfence::facade {
+
+/// What the roles of a World and the parts of its facade share. Roles receive pointers to the members in their setups;
+/// parts hold a reference to the whole. So it does not move, and outlives all of them.
+///
+/// Threads: the one that calls World uses it. What roles read and write is under the contracts of its type.
+struct WorldState {
+  /// Throws Error if the configuration is invalid. Starts no thread.
+  explicit WorldState(WorldConfig given);
+  WorldState(const WorldState&) = delete;
+  WorldState& operator=(const WorldState&) = delete;
+
+  /// Whether roles have threads of their own. If not, the thread that calls World steps all of them.
+  bool threaded() const noexcept { return config.nodes > 0; }
+  /// Size of a ring whose role uses `by_role` bytes by default.
+  std::size_t ring_bytes(std::size_t by_role) const noexcept {
+    return config.tuning.ring_bytes != 0 ? config.tuning.ring_bytes : by_role;
+  }
+  /// The setup of the server, except for the connections with the first CD nodes.
+  nodes::ServerSetup server_setup() noexcept;
+  /// The region map of the first frame: equal shares for the nodes of the configuration.
+  regions::RegionMap first_map() const;
+
+  /// If roles have threads: starts that of the server. Throws Error if the system has none.
+  void start_server_thread();
+  /// The doorbell of the server's thread; null without threads.
+  link::Doorbell* server_bell() noexcept { return server_worker != nullptr ? &server_worker->bell() : nullptr; }
+  /// Sets the roles that the server's thread steps, in this order. Without threads: those that step_until steps.
+  void assign_server_thread(std::vector<Steppable> roles);
+
+  const WorldConfig config;  ///< settled
+  geometry::ShapeTable shapes;
+  const geometry::FixedSpace space;
+  const std::array<std::uint32_t, 32> layer_masks;  ///< by layer: the layers it collides with
+  nodes::Publications publications;
+  link::Publication server_publication;
+  link::Doorbell caller_bell;
+  nodes::FrameOrder order;
+  Halt halt;
+  nodes::FaultRelease faults;
+  WorldLog log;
+  WorkerStarter starter;
+  InlineRoles inline_roles;
+  telemetry::Track server_track;
+  std::unique_ptr<Worker> server_worker;  ///< null without threads
+};
+
+}  // namespace ringfence::facade
