@@ -218,20 +218,22 @@ bool ClusterNodes::is_ready(const Node& node) const noexcept {
          !node.parcel_channel->is_broken();
 }
 
-// Opens the link to a node, and tries again if that fails: the node may not listen yet at the address that was
-// announced.
+// Opens the link to a node, and tries again if that fails or takes long: the node may not listen yet at the address
+// that was announced, and TCP waits a second if its first packet is lost.
 void ClusterNodes::connect(Node& node) {
   constexpr double pause_ms = 100;
+  const std::uint64_t now = telemetry::now_ns();
+  const bool is_recent = node.connected_ns != 0 && ms_between(node.connected_ns, now) < pause_ms;
   if (node.parcel_channel != nullptr) {
     node.parcel_channel->flush();
-    if (!node.parcel_channel->is_broken()) {
+    const bool is_connecting = node.parcel_channel->has_to_send();
+    if (!node.parcel_channel->is_broken() && (!is_connecting || is_recent)) {
       return;
     }
     node.parcel_channel.reset();
   }
   const LinkAddress address = address_of(node.incarnation);
-  const std::uint64_t now = telemetry::now_ns();
-  if (!address.is_known() || (node.connected_ns != 0 && ms_between(node.connected_ns, now) < pause_ms)) {
+  if (!address.is_known() || is_recent) {
     return;
   }
   node.connected_ns = now;
