@@ -109,7 +109,6 @@ void NodePool::make_role(PoolNode& node, std::size_t total, const regions::Regio
   own.shares_thread = node.worker == nullptr;
   own.faults = node.worker != nullptr ? setup_.faults : nullptr;
   own.server = node.server.second;
-  own.keeps_host_owned_states &= !setup_.needs_publications || own.server.publication != nullptr;
   node.role = std::make_unique<nodes::CdNodeRole>(own, map);
 }
 

@@ -41,13 +41,12 @@ struct PoolNode {
 /// What a pool needs to make nodes.
 struct NodePoolSetup {
   /// What the setups of all roles have in common. The pool sets the rest: `node`, `objects`, `pairs`, `track`,
-  /// `shares_thread`, `keeps_host_owned_states`, `faults`, `server`.
+  /// `shares_thread`, `faults`, `server`.
   nodes::CdNodeSetup role;
   std::size_t objects = 0;  ///< of the world; each node reserves for twice its even share
   std::size_t pairs = 0;
   nodes::FaultRelease* faults = nullptr;  ///< for nodes with a thread of their own
   bool timeline = false;
-  bool needs_publications = false;  ///< a node without a publication reports all states to the server
   /// Makes the channel between the server and a node whose other members are set, except the role. `nodes` is the
   /// number of nodes.
   std::function<PoolChannel(const PoolNode& node, std::size_t nodes)> connect_to_server;

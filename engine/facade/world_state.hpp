@@ -35,6 +35,10 @@ struct WorldState {
 
   /// Whether roles have threads of their own. If not, the thread that calls World steps all of them.
   bool threaded() const noexcept { return config.nodes > 0; }
+  /// One kind for the whole world: nodes in other processes share no memory.
+  nodes::ExchangeKind exchange_kind() const noexcept {
+    return config.remote_nodes == nullptr ? nodes::ExchangeKind::shared : nodes::ExchangeKind::messages;
+  }
   /// Size of a ring whose role uses `by_role` bytes by default.
   std::size_t ring_bytes(std::size_t by_role) const noexcept {
     return config.tuning.ring_bytes != 0 ? config.tuning.ring_bytes : by_role;

@@ -20,13 +20,20 @@ enum class Step : std::uint8_t {
   abandoned,      ///< the World has replaced this thread (see MoveWatch): it ends and steps no role any more
 };
 
+/// How the server and the CD nodes of a world exchange typed streams. All of them in the same way, chosen at
+/// construction.
+enum class ExchangeKind : std::uint8_t {
+  messages,  ///< records; between processes, or where a test wants them
+  shared,    ///< all roles are in one process: readers read the writer's arrays in place
+};
+
 /// One end of the connection between two roles: a sender and a receiver. The channels outlive it.
 struct Connection {
   link::Sender* out = nullptr;
   link::Receiver* in = nullptr;
-  /// Shared contacts of the CD node; null if the node runs in another process than the server.
+  /// What the CD node shares, with ExchangeKind::shared; otherwise null.
   NodeContacts* node_contacts = nullptr;
-  /// Publication of the CD node's hosted objects; null: the server publishes them.
+  /// The same: publication of the CD node's hosted objects. Null for all nodes if users read no states.
   NodePublication* publication = nullptr;
 };
 

@@ -51,13 +51,11 @@ template <class Perform>
 void in_all_configs(Perform check) {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server, Deployment::user_collision}) {
     for (const Placement placement : {Placement::server, Placement::region}) {
-      for (const int publish : {0, 1, 2}) {  // no node, all nodes, some nodes publish
+      for (const bool shares : {false, true}) {  // the server publishes, or the nodes
         CAPTURE(name_of(deployment));
         CAPTURE(name_of(placement));
-        CAPTURE(publish);
-        HarnessConfig config = config_of(deployment, placement, publish != 0);
-        config.all_publish = publish == 1;
-        check(config);
+        CAPTURE(shares);
+        check(config_of(deployment, placement, shares));
       }
     }
   }

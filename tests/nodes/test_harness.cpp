@@ -56,6 +56,7 @@ TestHarness::TestHarness(const HarnessConfig& config)
   setup.order = &order_;
   setup.deployment = config.deployment;
   setup.placement = config.placement;
+  setup.exchange = exchange_kind();
   setup.layer_masks.fill(~0u);
   setup.capacities = {16, 16, 16, 4};
   setup.interest = config.interest;
@@ -84,11 +85,10 @@ facade::NodePoolSetup TestHarness::pool_setup() {
   setup.role.space = &space_;
   setup.role.model = config_.model;
   setup.role.placement = config_.placement;
+  setup.role.exchange = exchange_kind();
   setup.role.hosts = config_.deployment == Deployment::user_collision;
   setup.role.layer_masks.fill(~0u);
   setup.role.interest_grid = config_.grid;
-  setup.needs_publications =
-      config_.shares_memory && config_.deployment == Deployment::user_collision && config_.interest > 0;
   setup.connect_to_server = [this](const facade::PoolNode& node, std::size_t) { return connect_to_server(node); };
   setup.connect = [this](const facade::PoolNode& first, const facade::PoolNode& second, std::size_t) {
     return connect_nodes(first, second);
@@ -103,8 +103,7 @@ facade::PoolChannel TestHarness::connect_to_server(const facade::PoolNode& node)
   auto channel = std::shared_ptr<ServerChannel>(new ServerChannel{
       {ring, delivery, Endpoint::server(), self}, {ring, delivery, self, Endpoint::server()}, {}, {}});
   NodeContacts* const node_contacts = config_.shares_memory ? &channel->node_contacts : nullptr;
-  if (config_.shares_memory && config_.deployment == Deployment::user_collision && config_.interest > 0 &&
-      (config_.all_publish || node.slot % 2 == 0)) {
+  if (config_.shares_memory && config_.deployment == Deployment::user_collision && config_.interest > 0) {
     channel->publication.emplace(config_.grid, 16);
   }
   NodePublication* const publication = channel->publication ? &*channel->publication : nullptr;

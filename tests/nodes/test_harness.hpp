@@ -73,8 +73,6 @@ struct HarnessConfig {
   std::uint64_t user_deadline_ns = 0;
   std::uint64_t node_deadline_ns = 0;
   bool shares_memory = false;  ///< server and CD nodes share memory, as in one process
-  /// With shared memory: all nodes have a publication; otherwise every second one, as with remote nodes.
-  bool all_publish = true;
 };
 
 /// Steps the roles of a frame in random order, each at its own period, with messages delayed at random; and loses CD
@@ -163,6 +161,7 @@ class TestHarness {
     ReadGate* stops_inside = nullptr;        ///< the node stops when it has entered this gate
   };
 
+  ExchangeKind exchange_kind() const { return config_.shares_memory ? ExchangeKind::shared : ExchangeKind::messages; }
   facade::NodePoolSetup pool_setup();
   facade::PoolChannel connect_to_server(const facade::PoolNode& node);
   facade::PoolChannel connect_nodes(const facade::PoolNode& first, const facade::PoolNode& second);

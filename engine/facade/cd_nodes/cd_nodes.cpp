@@ -35,7 +35,7 @@ PoolChannel connect_to_server(WorldState& state, const PoolNode& node, std::size
   const bool here = node.member == RemoteNodes::local_member;
   auto channel = std::make_shared<DuplexChannel>(here ? state.ring_bytes(server_node_ring) : remote_node_ring,
                                                  state.server_bell(), bell_of(state, node));
-  const bool shares = config.remote_nodes == nullptr;
+  const bool shares = state.exchange_kind() == nodes::ExchangeKind::shared;
   if (shares) {
     channel->node_contacts = std::make_unique<nodes::NodeContacts>();
   }
@@ -59,6 +59,7 @@ NodePoolSetup pool_setup(WorldState& state) {
   setup.role.space = &state.space;
   setup.role.model = config.motion.get();
   setup.role.placement = config.placement;
+  setup.role.exchange = state.exchange_kind();
   setup.role.layer_masks = state.layer_masks;
   setup.role.keep_resting = config.tuning.keep_resting;
   setup.role.hosts = config.deployment == Deployment::user_collision;
@@ -69,7 +70,6 @@ NodePoolSetup pool_setup(WorldState& state) {
   setup.pairs = config.capacities.pairs;
   setup.faults = &state.faults;
   setup.timeline = config.timeline;
-  setup.needs_publications = config.interest > 0;
   setup.connect_to_server = [&state](const PoolNode& node, std::size_t count) {
     return connect_to_server(state, node, count);
   };

@@ -13,15 +13,17 @@ using messages::MessageView;
 
 CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
     : state_(setup, map),
+      exchange_(NodeExchange::make(state_)),
       halo_(state_),
       migration_(state_),
-      mover_(state_, halo_, migration_),
+      mover_(state_, *exchange_, halo_, migration_),
       detector_(state_),
-      publisher_(state_, detector_),
-      expected_(state_, halo_, migration_) {}
+      publisher_(state_, detector_, *exchange_),
+      expected_(state_, *exchange_, migration_) {}
 
 void CdNodeRole::assign(NodeNumber node, const std::vector<Connection>& peers) {
   state_.assign(node, peers);
+  exchange_->assign();
   halo_.assign();
   migration_.assign();
   inbox_.assign(peers);
@@ -72,7 +74,8 @@ bool CdNodeRole::advance() {
       state_.stage = CdNodeStage::gathering;
       return true;
     case CdNodeStage::gathering:
-      if (!halo_.send_updates() || !state_.received.positions || !state_.received.pairs || !halo_.receive_updates()) {
+      if (!exchange_->send_ghosts() || !state_.received.positions || !state_.received.pairs ||
+          !exchange_->receive_ghosts(halo_)) {
         return false;
       }
       detect();
@@ -94,16 +97,15 @@ bool CdNodeRole::advance() {
       state_.stage = CdNodeStage::handing_over;
       return true;
     case CdNodeStage::handing_over:
-      if (!publisher_.send_to_peers() || !migration_.send()) {
+      if (!exchange_->send_to_peers() || !migration_.send()) {
         return false;
       }
       state_.stage = CdNodeStage::settling;
       return true;
     case CdNodeStage::settling:
-      if (!publisher_.is_complete() || !migration_.is_complete()) {
+      if (!migration_.is_complete() || !exchange_->complete_contacts()) {
         return false;
       }
-      publisher_.add_received();
       frame_done_run_.start(1);
       state_.stage = CdNodeStage::reporting;
       return true;
@@ -141,10 +143,9 @@ bool CdNodeRole::stops_here() noexcept {
          state_.fault.stops_before(static_cast<NodeStage>(static_cast<int>(state_.stage) - 1), state_.frame);
 }
 
-// Only messages of a server in another process are checked; invalid ones are discarded and counted. If there were any,
-// the caller of step() ends the role.
+// Invalid messages are discarded and counted. If there were any, the caller of step() ends the role.
 bool CdNodeRole::receive_from_server() {
-  const bool checks = !state_.shares_memory();
+  const bool checks = !exchange_->trusts_senders();
   return drain(
       *state_.setup.server.in, state_.host.state_bytes(),
       [&](const MessageView& message) {
@@ -163,7 +164,8 @@ bool CdNodeRole::receive_from_server() {
 bool CdNodeRole::awaits_peers() const noexcept {
   const bool ending =
       state_.received.frame_end && state_.stage >= CdNodeStage::ending && state_.stage <= CdNodeStage::settling;
-  const bool gathering = state_.stage == CdNodeStage::gathering && state_.received.positions && halo_.expects_updates();
+  const bool gathering =
+      state_.stage == CdNodeStage::gathering && state_.received.positions && exchange_->expects_ghosts();
   return ending || gathering;
 }
 
@@ -174,9 +176,8 @@ bool CdNodeRole::receive_from_peers() {
              [this](const MessageView& message) { receive_from_peer(message); }, [this] { ++invalid_messages_; });
 }
 
-// Messages of nodes of the same process are not checked.
 PeerInbox::Verdict CdNodeRole::judge(const MessageView& message) noexcept {
-  if (!state_.shares_memory() && !expected_.is_from_peer(message)) [[unlikely]] {
+  if (!exchange_->trusts_senders() && !expected_.is_from_peer(message)) [[unlikely]] {
     ++invalid_messages_;
     return PeerInbox::Verdict::drop;
   }
@@ -186,9 +187,10 @@ PeerInbox::Verdict CdNodeRole::judge(const MessageView& message) noexcept {
 void CdNodeRole::receive_from_peer(const MessageView& message) {
   switch (message.type()) {
     case MessageType::ghost:
-      return halo_.receive(message);
+      exchange_->count_ghosts(message.count());
+      return halo_.apply(message);
     case MessageType::notify:
-      return publisher_.receive(message);
+      return exchange_->receive_contacts(message);
     default:
       return migration_.receive(message);
   }
@@ -210,7 +212,7 @@ void CdNodeRole::receive(const MessageView& message) {
     case MessageType::notify:
       return publisher_.receive_late(message);
     case MessageType::ghosts_sent:
-      return halo_.expect(message.record<messages::GhostsSentRecord>(0).ghosts);
+      return exchange_->expect_ghosts(message.record<messages::GhostsSentRecord>(0).ghosts);
     case MessageType::region_map:
       return halo_.receive_map(message);
     case MessageType::lost:
@@ -229,7 +231,7 @@ void CdNodeRole::receive(const MessageView& message) {
 
 void CdNodeRole::receive_end(const messages::FrameEndRecord& record) {
   migration_.expect(record.hand_overs);
-  publisher_.expect(record.contacts);
+  exchange_->expect_contacts(record.contacts);
   if (record.hosts_exchange_objects != 0) {
     state_.host.list_all(true);
   }
@@ -244,7 +246,7 @@ void CdNodeRole::lose(const messages::LostRecord& record) {
     return;
   }
   migration_.lose(record);
-  publisher_.lose(record);
+  exchange_->lose(record);
   if (record.detect_again != 0) {
     detect_again();
   }
@@ -253,7 +255,7 @@ void CdNodeRole::lose(const messages::LostRecord& record) {
 void CdNodeRole::detect_again() {
   state_.region.discard_entries();
   state_.await_positions();
-  halo_.discard();
+  exchange_->discard_ghosts();
   detector_.discard();
   if (state_.stage != CdNodeStage::waiting) {
     state_.host.contacts().begin(state_.frame);
@@ -267,11 +269,7 @@ bool CdNodeRole::answer_probe() {
   if (probe_reply_run_.done()) {
     return false;
   }
-  if (state_.stage == CdNodeStage::moving) {
-    mover_.flush();
-  } else if (state_.stage == CdNodeStage::colliding) {
-    publisher_.flush();
-  }
+  exchange_->flush();
   return state_.send_empty(probe_reply_run_, MessageType::probe_reply);
 }
 

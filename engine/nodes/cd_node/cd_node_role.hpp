@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "messages/header.hpp"
@@ -15,6 +16,7 @@
 #include "nodes/cd_node/mover.hpp"
 #include "nodes/cd_node/node_state.hpp"
 #include "nodes/cd_node/peer_inbox.hpp"
+#include "nodes/exchange/node/node_exchange.hpp"
 #include "nodes/role.hpp"
 #include "ringfence/fault.hpp"
 
@@ -75,6 +77,7 @@ class CdNodeRole {
   std::uint64_t cpu_spent() const noexcept;
 
   NodeState state_;
+  const std::unique_ptr<NodeExchange> exchange_;
   HaloExchange halo_;
   Migration migration_;
   Mover mover_;

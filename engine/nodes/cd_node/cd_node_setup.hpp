@@ -33,9 +33,7 @@ struct CdNodeSetup {
   bool remember_axes = true;          ///< see narrow_phase::NarrowPhase
   /// The node may be lost, so its host-owned states are also copied where the server can read them.
   bool may_be_lost = true;
-  /// Keeps states in shared memory instead of sending them to the server, and exchanges ghosts with its peers if all of
-  /// them share memory (placement region)
-  bool keeps_host_owned_states = true;
+  ExchangeKind exchange = ExchangeKind::messages;
   regions::CellGrid interest_grid;  ///< cells of its publication, if the server connection has one
   std::size_t objects = 0;          ///< number to reserve for
   std::size_t pairs = 0;            ///< number to reserve for

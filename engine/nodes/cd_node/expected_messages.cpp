@@ -18,7 +18,7 @@ PeerInbox::Verdict ExpectedMessages::judge(const MessageView& message) const noe
     return wait;
   }
   if (message.type() == MessageType::ghost) {
-    return !state_.received.positions ? wait : halo_.expects_updates() ? take : drop;
+    return !state_.received.positions ? wait : exchange_.expects_ghosts() ? take : drop;
   }
   return state_.received.frame_end && state_.stage >= CdNodeStage::ending ? take : wait;
 }

@@ -1,24 +1,24 @@
 #pragma once
 
 #include "messages/header.hpp"
-#include "nodes/cd_node/halo_exchange.hpp"
 #include "nodes/cd_node/migration.hpp"
 #include "nodes/cd_node/node_state.hpp"
 #include "nodes/cd_node/peer_inbox.hpp"
+#include "nodes/exchange/node/node_exchange.hpp"
 #include "nodes/message_check.hpp"
 
 namespace ringfence::nodes {
 
 /// Decides which messages a CD node accepts: from the server those that the protocol allows at this stage of the frame,
-/// and whose records name only what the node knows; from other nodes those of the present step. If server and node
-/// share a process, the server's messages are not checked.
+/// and whose records name only what the node knows; from other nodes those of the present step. Without need if
+/// NodeExchange::trusts_senders(), except for judge().
 ///
 /// Threads: belongs to the CD node. Changes nothing; allocates only for the last part of a region map.
 class ExpectedMessages {
  public:
   /// All outlive this object.
-  ExpectedMessages(const NodeState& state, const HaloExchange& halo, const Migration& migration)
-      : state_(state), halo_(halo), migration_(migration) {}
+  ExpectedMessages(const NodeState& state, const NodeExchange& exchange, const Migration& migration)
+      : state_(state), exchange_(exchange), migration_(migration) {}
 
   /// What to do with a message of another CD node. Messages of lost nodes, which may still send, and those of an
   /// earlier epoch are dropped; messages for a later step, frame or epoch wait.
@@ -37,7 +37,7 @@ class ExpectedMessages {
   bool knows_contacts(const messages::MessageView& message) const noexcept;
 
   const NodeState& state_;
-  const HaloExchange& halo_;
+  const NodeExchange& exchange_;
   const Migration& migration_;
 };
 

@@ -1,7 +1,5 @@
 #include "nodes/cd_node/mover.hpp"
 
-#include <algorithm>
-#include <new>
 #include <utility>
 
 #include "base/prefetch.hpp"
@@ -10,23 +8,14 @@
 
 namespace ringfence::nodes {
 
-using messages::Endpoint;
-using messages::MessageType;
 using telemetry::SpanTimer;
 
-Mover::Mover(NodeState& state, HaloExchange& halo, Migration& migration)
-    : state_(state), halo_(halo), migration_(migration) {
-  if (halo.shares_states() && state.setup.may_be_lost) {
-    state.contacts.host_states.reserve(state.setup.objects, state.host.state_bytes());
-  }
-}
+Mover::Mover(NodeState& state, NodeExchange& exchange, HaloExchange& halo, Migration& migration)
+    : state_(state), exchange_(exchange), halo_(halo), migration_(migration), keeps_(state.keeps_host_owned()) {}
 
 void Mover::begin() {
   changed_ = {};
-  next_ = unreported_ = next_change_ = 0;
-  changes_.clear();
-  states_run_.start();
-  replicas_run_.start();
+  done_ = false;
   const NodePublication* const publication = state_.setup.server.publication;
   const bool published = std::exchange(publishes_, publication != nullptr && publication->wanted);
   if (publishes_ && !published) {
@@ -34,107 +23,22 @@ void Mover::begin() {
   }
   SpanTimer time(state_.setup.track, "move", state_.stats.move_ns);
   state_.host.begin_move(state_.frame);
-  state_.contacts.host_states.begin(state_.frame);
   halo_.begin();
+  exchange_.begin();
 }
 
 bool Mover::move() {
   SpanTimer time(state_.setup.track, "move", state_.stats.move_ns);
-  while (report_batch()) {
+  while (exchange_.report_batch()) {
     if (!state_.host.move_next()) {
-      state_.contacts.host_states.finish();
-      return report_changes() && halo_.finish_updates() &&
-             states_run_.finish(*state_.setup.server.out, state_.head(MessageType::node_state, Endpoint::server()),
-                                report_bytes(), state_.traffic);
+      done_ = exchange_.finish_report();
+      return done_;
     }
     changed_ = state_.host.changed();
-    next_ = 0;
     bound_batch();
     place_batch();
   }
   return false;
-}
-
-// Returns false if the ring is full. Messages of two types cannot be open at once. So if the server receives replicas,
-// which are most of the reports, the other changes wait until all objects have moved.
-bool Mover::report_batch() {
-  const bool replicates = halo_.replicates();
-  for (; unreported_ != 0; ++next_) {
-    const Report report = batch_.reports[next_];
-    if (report == Report::none) {
-      continue;
-    }
-    const std::uint32_t hosted = changed_[next_];
-    const std::uint32_t flags = batch_.flags[next_];
-    if (report == Report::state && replicates) {
-      changes_.push_back({hosted, flags, batch_.bounds[next_]});
-    } else if (!(report == Report::replica ? report_replica(hosted)
-                                           : report_state(hosted, flags, batch_.bounds[next_]))) {
-      return false;
-    }
-    --unreported_;
-  }
-  return true;
-}
-
-// The server does not send the object back: it sends a node every object in its region except those that the node
-// itself hosts and has reported. Returns false if the ring is full.
-bool Mover::report_state(std::uint32_t hosted, std::uint32_t flags, const geometry::Bounds& bounds) {
-  std::byte* const where =
-      states_run_.add(*state_.setup.server.out, state_.head(MessageType::node_state, Endpoint::server()),
-                      report_bytes(), state_.traffic);
-  if (where == nullptr) {
-    return false;
-  }
-  const Hosted& object = state_.host[hosted];
-  auto* record = new (where) messages::NodeStateRecord{object.object, object.pose, bounds};
-  record->object.flags = flags;
-  std::copy_n(state_.host.state(hosted), state_.host.state_bytes(), where + sizeof *record);
-  return true;
-}
-
-bool Mover::report_replica(std::uint32_t hosted) {
-  std::byte* const where =
-      replicas_run_.add(*state_.setup.server.out, state_.head(MessageType::replica, Endpoint::server()),
-                        sizeof(messages::ReplicaRecord) + state_.host.state_bytes(), state_.traffic);
-  if (where == nullptr) {
-    return false;
-  }
-  const Hosted& object = state_.host[hosted];
-  new (where) messages::ReplicaRecord{object.object.slot, object.object.generation, object.pose};
-  std::copy_n(state_.host.state(hosted), state_.host.state_bytes(), where + sizeof(messages::ReplicaRecord));
-  return true;
-}
-
-// Reports what had to wait for the last replica. Returns false if the ring is full.
-bool Mover::report_changes() {
-  if (!halo_.replicates()) {
-    return true;
-  }
-  flush_replicas();
-  for (; next_change_ < changes_.size(); ++next_change_) {
-    const Change& change = changes_[next_change_];
-    if (!report_state(change.hosted, change.flags, change.bounds)) {
-      return false;
-    }
-  }
-  flush();  // another message follows
-  return true;
-}
-
-std::size_t Mover::report_bytes() const noexcept {
-  return sizeof(messages::NodeStateRecord) + state_.host.state_bytes();
-}
-
-void Mover::flush() {
-  flush_replicas();
-  states_run_.flush(*state_.setup.server.out, state_.head(MessageType::node_state, Endpoint::server()), report_bytes(),
-                    state_.traffic);
-}
-
-void Mover::flush_replicas() {
-  replicas_run_.flush(*state_.setup.server.out, state_.head(MessageType::replica, Endpoint::server()),
-                      sizeof(messages::ReplicaRecord) + state_.host.state_bytes(), state_.traffic);
 }
 
 void Mover::bound_batch() {
@@ -162,15 +66,10 @@ void Mover::place_batch() {
   for (std::size_t i = 0; i < ahead; ++i) {
     prefetch(i);
   }
-  unreported_ = 0;
   for (std::size_t i = 0; i < changed_.size(); ++i) {
     prefetch(i + ahead);
-    if (state_.host.differs()[i]) {
-      place(i);
-    } else {
-      rest(i);
-    }
-    unreported_ += batch_.reports[i] != Report::none ? 1 : 0;
+    const Placing placing = find(i);
+    state_.host.differs()[i] != 0 ? place(placing) : rest(placing);
   }
 }
 
@@ -182,78 +81,79 @@ void Mover::note_cells() {
   }
 }
 
-// Updates the entry of object i of the batch, and decides whether the server and which peers need the change.
-void Mover::place(std::size_t i) {
-  Host& host = state_.host;
-  RegionObjects& objects = state_.objects;
+Mover::Placing Mover::find(std::size_t i) const noexcept {
   const std::uint32_t hosted = changed_[i];
-  const Hosted& object = host[hosted];
-  const auto filter = [&] { return PairFilter::of(object.layer, false, host.group(hosted)); };  // hosted: not static
-  const geometry::Bounds& bounds = batch_.bounds[i];
-  const std::uint32_t* const point = batch_.points[i].at;
-  const bool present = (object.object.flags & messages::flag_present) != 0;
-  const bool was_host_owned = (object.object.flags & messages::flag_host_owned) != 0;
-  const regions::Coverage coverage = present ? state_.region.coverage(bounds) : regions::Coverage::none;
+  const Hosted& object = state_.host[hosted];
+  return {hosted,
+          object,
+          batch_.bounds[i],
+          batch_.points[i].at,
+          state_.objects.find(object.object.slot, state_.host.place_in_list(hosted)),
+          (object.object.flags & messages::flag_present) != 0,
+          (object.object.flags & messages::flag_host_owned) != 0};
+}
+
+// Updates the entry of the object, and decides whether the server and which peers need the change.
+void Mover::place(const Placing& moved) {
+  const geometry::Bounds& bounds = moved.bounds;
+  const regions::Coverage coverage = moved.present ? state_.region.coverage(bounds) : regions::Coverage::none;
   const bool inner = coverage == regions::Coverage::all;
-  const bool within = geometry::contains(bounds, point);
+  const bool within = geometry::contains(bounds, moved.point);
   // The position of most objects is within their bounds. If the region contains these bounds, this node owns the cell
   // of the position.
-  const NodeNumber next = inner && within ? state_.setup.node : state_.region.map().owner_at(point);
+  const NodeNumber next = inner && within ? state_.setup.node : state_.region.map().owner_at(moved.point);
   const bool staying = next == state_.setup.node;
-  const std::uint32_t was = objects.find(object.object.slot, host.place_in_list(hosted));
-  if (was_host_owned && !(inner && (was == RegionObjects::none || objects.inner(was)))) {
-    halo_.add_updates(hosted, bounds, staying, was);
+  if (moved.was_host_owned && !(inner && (moved.was == RegionObjects::none || state_.objects.inner(moved.was)))) {
+    halo_.add_updates(moved.hosted, bounds, staying, moved.was);
   }
   if (coverage != regions::Coverage::none) {
-    const std::uint32_t known =
-        objects.set(object, bounds, filter, staying ? NextHost::self : NextHost::node, inner, was, hosted);
-    host.set_place_in_list(hosted, known);
+    enter(moved, staying ? NextHost::self : NextHost::node, inner);
   } else {
-    objects.remove(object.object.slot);
+    state_.objects.remove(moved.object.object.slot);
   }
   if (!staying) {
-    migration_.add(object.object.number, next);
+    migration_.add(moved.object.object.number, next);
   }
   // If the position is within the bounds, the next host owns a cell that the bounds touch. So it receives a ghost
   // update too, and knows from the bounds which other nodes received one.
-  const bool keeps = halo_.keeps_host_owned() && present && ((inner && staying) || within);
-  const bool host_owned = keeps && staying && was_host_owned;
-  batch_.reports[i] = !host_owned ? Report::state : halo_.replicates() ? Report::replica : Report::none;
-  state_.stats.host_owned_changes += batch_.reports[i] == Report::none ? 1 : 0;
-  if (batch_.reports[i] == Report::none && state_.setup.may_be_lost) {
-    state_.contacts.host_states.add(state_.frame, object.object, object.pose, host.state(hosted));
+  const bool keeps = keeps_ && moved.present && ((inner && staying) || within);
+  state_.host.set_host_owned(moved.hosted, keeps);
+  if (keeps && staying && moved.was_host_owned) {
+    return exchange_.add_owned(moved.hosted);
   }
-  batch_.flags[i] = (present ? messages::flag_present : 0u) | (inner ? messages::flag_interior : 0u) |
-                    (staying ? messages::flag_keeps_host : 0u) | (keeps ? messages::flag_host_owned : 0u);
-  host.set_host_owned(hosted, keeps);
+  const std::uint32_t flags = (moved.present ? messages::flag_present : 0u) | (inner ? messages::flag_interior : 0u) |
+                              (staying ? messages::flag_keeps_host : 0u) | (keeps ? messages::flag_host_owned : 0u);
+  exchange_.add_change(moved.hosted, flags, bounds);
 }
 
-// Object i of the batch did not move. If its state was host-owned, the server does not have it, so it is reported now.
-// Otherwise the object is in the batch because the map is new: no node knows the object under it yet.
-void Mover::rest(std::size_t i) {
-  Host& host = state_.host;
-  RegionObjects& objects = state_.objects;
-  const std::uint32_t hosted = changed_[i];
-  const Hosted& object = host[hosted];
-  const auto filter = [&] { return PairFilter::of(object.layer, false, host.group(hosted)); };  // hosted: not static
-  const geometry::Bounds& bounds = batch_.bounds[i];
-  const std::uint32_t was = objects.find(object.object.slot, host.place_in_list(hosted));
-  bool inner = was != RegionObjects::none && objects.inner(was);
-  if (was == RegionObjects::none && (object.object.flags & messages::flag_present) != 0) {
-    const regions::Coverage coverage = state_.region.coverage(bounds);
+// The object did not move. If its state was host-owned, the server does not have it, so it is reported now. Otherwise
+// the object is in the batch because the map is new: no node knows the object under it yet.
+void Mover::rest(const Placing& resting) {
+  bool inner = resting.was != RegionObjects::none && state_.objects.inner(resting.was);
+  if (resting.was == RegionObjects::none && resting.present) {
+    const regions::Coverage coverage = state_.region.coverage(resting.bounds);
     inner = coverage == regions::Coverage::all;
     if (!inner) {
-      halo_.add_updates(hosted, bounds, true, was);
+      halo_.add_updates(resting.hosted, resting.bounds, true, resting.was);
     }
     if (coverage != regions::Coverage::none) {
-      host.set_place_in_list(hosted, objects.set(object, bounds, filter, NextHost::self, inner, was, hosted));
+      enter(resting, NextHost::self, inner);
     }
   }
-  const bool was_host_owned = (object.object.flags & messages::flag_host_owned) != 0;
-  batch_.reports[i] = was_host_owned ? Report::state : Report::none;
-  batch_.flags[i] = messages::flag_present | messages::flag_keeps_host | messages::flag_at_rest |
-                    (inner ? messages::flag_interior : 0u);
-  host.set_host_owned(hosted, false);
+  if (resting.was_host_owned) {
+    exchange_.add_change(resting.hosted,
+                         messages::flag_present | messages::flag_keeps_host | messages::flag_at_rest |
+                             (inner ? messages::flag_interior : 0u),
+                         resting.bounds);
+  }
+  state_.host.set_host_owned(resting.hosted, false);
+}
+
+void Mover::enter(const Placing& placed, NextHost next, bool inner) {
+  // A hosted object is not static.
+  const auto filter = [&] { return PairFilter::of(placed.object.layer, false, state_.host.group(placed.hosted)); };
+  state_.host.set_place_in_list(
+      placed.hosted, state_.objects.set(placed.object, placed.bounds, filter, next, inner, placed.was, placed.hosted));
 }
 
 void Mover::publish() {

@@ -9,7 +9,7 @@ NodeState::NodeState(const CdNodeSetup& initial, const regions::RegionMap& map)
       fault(initial.faults),
       host(initial.model, initial.objects, &fault),
       objects(initial.objects, initial.placement == Placement::region),
-      contacts(initial.server.node_contacts != nullptr ? *initial.server.node_contacts : own_contacts) {
+      contacts(initial.exchange == ExchangeKind::shared ? *initial.server.node_contacts : own_contacts) {
   host.contacts().reserve(initial.objects);
   contacts.host = &host;
 }

@@ -52,8 +52,8 @@ struct NodeState {
   FaultPoint fault;
   Host host;
   RegionObjects objects;      ///< those that overlap the region
-  NodeContacts own_contacts;  ///< used if the server cannot read shared memory
-  NodeContacts& contacts;     ///< contacts and ghost updates of this node: own_contacts, or in shared memory
+  NodeContacts own_contacts;  ///< with ExchangeKind::messages
+  NodeContacts& contacts;     ///< contacts and ghost updates of this node: own_contacts, or those that it shares
   CdNodeStage stage = CdNodeStage::waiting;
   ReceivedRuns received;
   std::uint64_t frame = 0;
@@ -66,8 +66,8 @@ struct NodeState {
   void begin(std::uint64_t new_frame) noexcept;
   /// All that the detection reads arrives again: positions, and pairs if the server sends them.
   void await_positions() noexcept;
-  /// Whether all roles of the world share memory. If not, nodes send each other messages.
-  bool shares_memory() const noexcept { return setup.server.node_contacts != nullptr; }
+  /// Whether objects are host-owned: their hosts, not the server, give the other nodes their positions.
+  bool keeps_host_owned() const noexcept { return setup.hosts && setup.placement == Placement::region; }
   /// Whether the node's model reads the contacts that the node finds.
   bool keeps_contacts() const noexcept { return setup.hosts && host.uses_contacts(); }
   messages::RunHeader head(messages::MessageType type, messages::Endpoint to) const noexcept {

@@ -79,7 +79,6 @@ void OutputMergeScratch::reserve(std::size_t contacts) {
   order.reserve(contacts);
   ended_order.reserve(contacts);
   ended.reserve(contacts);
-  begins.reserve(contacts);
 }
 
 std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {

@@ -41,7 +41,6 @@ struct OutputMergeScratch {
   NodeContactOrder order;
   base::PairSort ended_order;
   base::FlatList<std::size_t> ended;  ///< positions in the frame before
-  base::FlatList<std::uint32_t> begins;
 
   void reserve(std::size_t contacts);
 };

@@ -33,8 +33,12 @@ void ContactRouter::assign_next_hosts() {
       state_.note_host_change(slot);
     }
   }
-  if (state_.map_change.at_end && state_.map_change.hosts_exchange_objects) {
-    follow_all_hosted(follow_position);
+  if (state_.map_change.at_end && state_.map_change.hosts_exchange_objects && exchange_.reads_nodes()) {
+    for (const PeerSession& node : state_.nodes) {
+      if (node.connected) {
+        follow_hosted(node, ServerExchange::host_of(node));
+      }
+    }
   } else if (state_.map_change.at_end || state_.map_change.rescan_hosts) {
     for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
       follow_position(slot);
@@ -64,21 +68,7 @@ void ContactRouter::follow(std::uint32_t slot, NodeNumber next) {
 }
 
 // The nodes wait meanwhile. Host-owned states of objects that change hosts are stored here: if the next host were lost,
-// no other role would have them. Nodes of other processes have reported theirs.
-template <class FollowPosition>
-void ContactRouter::follow_all_hosted(FollowPosition follow_position) {
-  bool all_shared = true;
-  for (const PeerSession& node : state_.nodes) {
-    if (node.connected && SharedNodes::is_shared(node)) {
-      follow_hosted(node, *SharedNodes::host_of(node));
-    }
-    all_shared &= !node.connected || SharedNodes::is_shared(node);
-  }
-  for (std::uint32_t slot = 0; !all_shared && slot < state_.objects.slots(); ++slot) {
-    follow_position(slot);
-  }
-}
-
+// no other role would have them.
 void ContactRouter::follow_hosted(const PeerSession& node, const Host& host) {
   for (std::size_t i = 0; i < host.size(); ++i) {
     const Hosted& hosted = host[i];
@@ -174,8 +164,8 @@ bool ContactRouter::notify(PeerSession& session) {
   };
   const auto write_end = [&](std::size_t, std::byte* where) {
     const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
-    const messages::FrameEndRecord record{closing.hand_overs, state_.direct_contacts.to(session.self.number()),
-                                          exchange ? 1u : 0u, 0};
+    const messages::FrameEndRecord record{closing.hand_overs, exchange_.announced_contacts(session), exchange ? 1u : 0u,
+                                          0};
     std::memcpy(where, &record, sizeof record);
   };
   return send(closing.correct_run, MessageType::correct, sizeof(messages::CorrectRecord), write_correction) &&
@@ -201,7 +191,7 @@ void ContactRouter::count_contacts() {
   frame.accepted += state_.ledger.duplicates();
   frame.contacts -= state_.ledger.duplicates();
   frame.began = state_.ledger.began();
-  shared_.count_reads(statistics_);
+  exchange_.count_records(statistics_);
 }
 
 }  // namespace ringfence::nodes

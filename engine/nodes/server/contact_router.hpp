@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <span>
 
+#include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/object_states.hpp"
 #include "nodes/server/server_state.hpp"
-#include "nodes/server/shared_nodes.hpp"
 #include "nodes/server/state_relay.hpp"
 #include "nodes/server/statistics.hpp"
 
@@ -20,9 +20,9 @@ namespace ringfence::nodes {
 /// Threads: belongs to the server role. Memory: that of the lists in PeerSession.
 class ContactRouter {
  public:
-  ContactRouter(ServerState& state, ObjectStates& states, SharedNodes& shared, StateRelay& relay,
+  ContactRouter(ServerState& state, ServerExchange& exchange, ObjectStates& states, StateRelay& relay,
                 Statistics& statistics) noexcept
-      : state_(state), states_(states), shared_(shared), relay_(relay), statistics_(statistics) {}
+      : state_(state), exchange_(exchange), states_(states), relay_(relay), statistics_(statistics) {}
 
   // In this order, when all nodes have tested their pairs.
   /// Resolves phases and starts the output lists.
@@ -45,8 +45,6 @@ class ContactRouter {
 
  private:
   void follow(std::uint32_t slot, NodeNumber next);
-  template <class FollowPosition>
-  void follow_all_hosted(FollowPosition follow_position);
   void follow_hosted(const PeerSession& node, const Host& host);
   void list_notices();
   void list_notice(std::uint32_t notice, const Found& found);
@@ -54,8 +52,8 @@ class ContactRouter {
   void start(PeerSession& session);
 
   ServerState& state_;
+  ServerExchange& exchange_;
   ObjectStates& states_;
-  SharedNodes& shared_;
   StateRelay& relay_;
   Statistics& statistics_;
   std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server

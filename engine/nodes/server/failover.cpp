@@ -11,10 +11,10 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 
-Failover::Failover(ServerState& state, SharedNodes& shared, ObjectStates& states, StateRelay& relay,
+Failover::Failover(ServerState& state, ServerExchange& exchange, ObjectStates& states, StateRelay& relay,
                    Statistics& statistics)
     : state_(state),
-      shared_(shared),
+      exchange_(exchange),
       states_(states),
       relay_(relay),
       statistics_(statistics),
@@ -26,12 +26,12 @@ void Failover::lose(NodeNumber node) {
     return;
   }
   session.lost = true;
-  shared_.close_ghost_gates();
+  exchange_.close_ghost_gates();
   state_.report().lost.emplace_back(session.id);
   announce(node, !state_.contacts_are_final());
   if (state_.contacts_are_final()) {
     state_.ledger.lose(node);
-    cancel_contacts(node);
+    exchange_.cancel_contacts(node);
     cancel_hand_overs(node);
     return;
   }
@@ -118,8 +118,7 @@ void Failover::detect_again() {
     state_.stage = FrameStage::moving;
   }
   state_.ledger.begin(state_.frame);
-  state_.direct_ghosts.start(state_.nodes.size());
-  state_.direct_contacts.start(state_.nodes.size());
+  exchange_.begin();
   statistics_.forget_results();
   for (PeerSession& session : state_.nodes) {
     session.received.narrow_done = false;
@@ -127,20 +126,6 @@ void Failover::detect_again() {
   }
   state_.map_change.updates = Dispatch::UpdateScope::all_objects;
   state_.map_change.rescan_hosts = true;
-}
-
-// Called when the contacts are known. What the lost node has not sent to others, these get at the next cut.
-void Failover::cancel_contacts(NodeNumber node) {
-  state_.all_nodes([&](PeerSession& other) {
-    if (other.closing.end_run.done()) {
-      other.loss.records.back().contacts = state_.direct_contacts.between(node, other.self.number());
-    }
-    return true;
-  });
-  state_.direct_contacts.remove(node);
-  if (!SharedNodes::is_shared(state_.nodes[node])) {
-    state_.lost_finders.push_back(node);
-  }
 }
 
 // Called when the contacts are known. A hand-over from the lost node may or may not arrive. In both cases its receiver

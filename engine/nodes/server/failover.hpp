@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/object_states.hpp"
 #include "nodes/server/server_state.hpp"
-#include "nodes/server/shared_nodes.hpp"
 #include "nodes/server/state_relay.hpp"
 #include "nodes/server/statistics.hpp"
 
@@ -27,7 +27,8 @@ namespace ringfence::nodes {
 /// Threads: belongs to the server role.
 class Failover {
  public:
-  Failover(ServerState& state, SharedNodes& shared, ObjectStates& states, StateRelay& relay, Statistics& statistics);
+  Failover(ServerState& state, ServerExchange& exchange, ObjectStates& states, StateRelay& relay,
+           Statistics& statistics);
 
   /// The node in the slot is lost. Does nothing if the slot is free or its node already lost. Precondition: a frame is
   /// running. May return the frame to FrameStage::moving, with a new map.
@@ -57,14 +58,13 @@ class Failover {
   void reclaim(std::uint32_t slot);
   void recover_objects(NodeNumber node);
   void detect_again();
-  void cancel_contacts(NodeNumber node);
   void cancel_hand_overs(NodeNumber node);
   void request_fallback();
   bool connect_fallback();
   bool send(PeerSession& session);
 
   ServerState& state_;
-  SharedNodes& shared_;
+  ServerExchange& exchange_;
   ObjectStates& states_;
   StateRelay& relay_;
   Statistics& statistics_;

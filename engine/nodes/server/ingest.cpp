@@ -145,7 +145,7 @@ bool Ingest::is_over_quota(PeerSession& session, std::span<const std::byte> byte
 // frame cannot be trusted.
 void Ingest::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
   state_.refuse(reason);
-  if (sender.self.is_node() && !SharedNodes::is_shared(sender) && reason == Status::bad_message) {
+  if (sender.self.is_node() && !exchange_.trusts_nodes() && reason == Status::bad_message) {
     sender.broken = any_broken_ = true;
   }
   if (sender.self.is_user() && sender.received.refusals.size() < PeerSession::Received::max_refusals) {
@@ -215,7 +215,7 @@ void Ingest::receive(PeerSession& session, const MessageView& message) {
   if (node && belongs_to_map(message.type()) && message.header().epoch != state_.map.epoch()) {
     return;  // found before a loss was known; the node will find it again
   }
-  const bool trusted = !node || SharedNodes::is_shared(session);
+  const bool trusted = !node || exchange_.trusts_nodes();
   if (!may_send(session, message) || !(trusted || is_acceptable(session, message))) {
     return refuse(session, Status::bad_message);
   }
@@ -233,9 +233,8 @@ void Ingest::receive(PeerSession& session, const MessageView& message) {
     case MessageType::narrow_done:
       return receive_narrow_done(session, message);
     case MessageType::ghost_counts:
-      return receive_counts(session, message, state_.direct_ghosts);
     case MessageType::contact_counts:
-      return receive_counts(session, message, state_.direct_contacts);
+      return exchange_.receive_counts(session, message) ? void() : refuse(session, Status::bad_message);
     case MessageType::published:
       session.received.published = true;
       return;
@@ -245,12 +244,6 @@ void Ingest::receive(PeerSession& session, const MessageView& message) {
       return receive_frame_done(session, message);
     default:
       return;  // a probe_reply has no content
-  }
-}
-
-void Ingest::receive_counts(PeerSession& session, const MessageView& message, DirectRecords& direct) {
-  if (!direct.add(session.self.number(), message)) {
-    refuse(session, Status::bad_message);
   }
 }
 
@@ -408,9 +401,7 @@ void Ingest::receive_changes(PeerSession& session, const MessageView& message) {
 void Ingest::receive_narrow_done(PeerSession& session, const MessageView& message) {
   const auto record = message.record<messages::NarrowDoneRecord>(0);
   statistics_.add(session, record);
-  if (!shared_.receive_contacts(session, statistics_)) {
-    state_.ledger.end_run(session.self.number(), state_.objects.contact_objects());
-  }
+  exchange_.receive_contacts(session, statistics_);
   if (state_.ledger.received(session.self.number()) == record.contacts) {
     state_.report().accepted += record.tested;
   } else {

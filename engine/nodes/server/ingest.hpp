@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "messages/header.hpp"
+#include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/object_states.hpp"
 #include "nodes/server/server_state.hpp"
-#include "nodes/server/shared_nodes.hpp"
 #include "nodes/server/state_relay.hpp"
 #include "nodes/server/statistics.hpp"
 
@@ -22,9 +22,9 @@ namespace ringfence::nodes {
 /// Threads: belongs to the server role.
 class Ingest {
  public:
-  Ingest(ServerState& state, ObjectStates& states, SharedNodes& shared, StateRelay& relay,
+  Ingest(ServerState& state, ServerExchange& exchange, ObjectStates& states, StateRelay& relay,
          Statistics& statistics) noexcept
-      : state_(state), states_(states), shared_(shared), relay_(relay), statistics_(statistics) {}
+      : state_(state), exchange_(exchange), states_(states), relay_(relay), statistics_(statistics) {}
 
   /// Reads what the roles have sent for which the frame waits. Returns whether there was any message.
   bool receive();
@@ -44,7 +44,6 @@ class Ingest {
   void receive_states(PeerSession& user, const messages::MessageView& message);
   void receive_node_states(PeerSession& node, const messages::MessageView& message);
   void receive_replicas(PeerSession& node, const messages::MessageView& message);
-  void receive_counts(PeerSession& session, const messages::MessageView& message, DirectRecords& direct);
   void receive_collisions(PeerSession& node, const messages::MessageView& message);
   void receive_changes(PeerSession& node, const messages::MessageView& message);
   void receive_narrow_done(PeerSession& node, const messages::MessageView& message);
@@ -52,8 +51,8 @@ class Ingest {
   void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
 
   ServerState& state_;
+  ServerExchange& exchange_;
   ObjectStates& states_;
-  SharedNodes& shared_;
   StateRelay& relay_;
   Statistics& statistics_;
   bool any_broken_ = false;  ///< a node that is not lost yet has broken the protocol

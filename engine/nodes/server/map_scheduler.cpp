@@ -19,10 +19,10 @@ constexpr std::size_t slices_per_map = 8;
 
 }  // namespace
 
-MapScheduler::MapScheduler(ServerState& state, ObjectStates& states, const SharedNodes& shared)
+MapScheduler::MapScheduler(ServerState& state, const ServerExchange& exchange, ObjectStates& states)
     : state_(state),
+      exchange_(exchange),
       states_(states),
-      shared_(shared),
       balance_(state.map.grid(), {}, state.setup.capacities.objects + state.setup.capacities.contacts) {}
 
 double MapScheduler::cost_of(const ServerSetup& setup, const NodeReport& node) noexcept {
@@ -77,7 +77,7 @@ void MapScheduler::change_map() {
 void MapScheduler::adopt(std::span<const std::uint32_t> table) {
   state_.map.assign(table, static_cast<std::uint32_t>(state_.nodes.size()), state_.map.epoch() + 1);
   state_.map_change.at_end = true;
-  state_.map_change.hosts_exchange_objects = shared_.can_exchange_objects();
+  state_.map_change.hosts_exchange_objects = state_.hosts_send_ghosts();
   if (state_.map_change.hosts_exchange_objects) {
     note_renotified();
   } else {
@@ -117,8 +117,7 @@ bool MapScheduler::plan() {
       break;
     case Pass::sharing:
       state_.list_remaining_nodes(remaining_);
-      plan_.table =
-          balance_.propose(state_.map, remaining_, shared_.can_exchange_objects() ? 0 : state_.objects.live());
+      plan_.table = balance_.propose(state_.map, remaining_, state_.hosts_send_ghosts() ? 0 : state_.objects.live());
       plan_.pass = plan_.table.empty() ? Pass::none : Pass::planned;
       break;
     case Pass::none:
@@ -142,10 +141,10 @@ void MapScheduler::begin_weights() {
 
 // Whether the objects of the host can be read in its memory.
 bool MapScheduler::is_readable(Endpoint host) const noexcept {
-  return host.is_node() && !state_.nodes[host.number()].lost && SharedNodes::is_shared(state_.nodes[host.number()]);
+  return exchange_.reads_nodes() && host.is_node() && state_.nodes[host.number()].is_active();
 }
 
-// Weighs part by part: the objects of each node of this process, in its Host; all other objects, by slot; the contacts
+// Weighs part by part: the objects of each node whose Host can be read; all other objects, by slot; the contacts
 // of the frame before. An object that changes its place meanwhile may count twice or not at all. Returns whether
 // everything has been weighed.
 bool MapScheduler::weigh(std::size_t most) {
@@ -177,7 +176,7 @@ std::size_t MapScheduler::weigh_part(std::size_t part, std::size_t first, std::s
     if (!is_readable(Endpoint::node(static_cast<NodeNumber>(part)))) {
       return 0;
     }
-    const Host& host = *SharedNodes::host_of(state_.nodes[part]);
+    const Host& host = ServerExchange::host_of(state_.nodes[part]);
     for (std::size_t i = first; i < end; ++i) {
       if ((host[i].object.flags & messages::flag_present) != 0) {
         add_object_weight(host[i].pose.position);

@@ -5,9 +5,9 @@
 #include <span>
 #include <vector>
 
+#include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/object_states.hpp"
 #include "nodes/server/server_state.hpp"
-#include "nodes/server/shared_nodes.hpp"
 #include "regions/balance.hpp"
 
 namespace ringfence::nodes {
@@ -22,7 +22,7 @@ namespace ringfence::nodes {
 /// Threads: belongs to the server role. Memory: that of regions::Balance.
 class MapScheduler {
  public:
-  MapScheduler(ServerState& state, ObjectStates& states, const SharedNodes& shared);
+  MapScheduler(ServerState& state, const ServerExchange& exchange, ObjectStates& states);
 
   /// At the end of this frame, or of the first one without a loss, all cells are divided among the nodes that stay.
   void request_partition() noexcept { partition_due_ = true; }
@@ -60,8 +60,8 @@ class MapScheduler {
   void keep_last_node() noexcept;
 
   ServerState& state_;
+  const ServerExchange& exchange_;
   ObjectStates& states_;
-  const SharedNodes& shared_;
   regions::Balance balance_;
   std::vector<regions::NodeCost> costs_;  ///< of the nodes in the frame before
   Plan plan_;

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "nodes/server/shared_nodes.hpp"
-
 namespace ringfence::nodes {
 
 const Pose& ObjectStates::pose(std::uint32_t slot) const noexcept {
@@ -13,10 +11,10 @@ const Pose& ObjectStates::pose(std::uint32_t slot) const noexcept {
   return host == nullptr ? row.pose : (*host)[host->find(row.object.number)].pose;
 }
 
-// Who has the current state of the object in shared memory; null if the server's own copy is current.
+// The host that has the current state of the object; null if the server's own copy is current.
 const Host* ObjectStates::owner(std::uint32_t slot) const noexcept {
-  const bool host_owned = (state_.objects.marks(slot) & host_owned_mark) != 0;
-  return host_owned ? SharedNodes::host_of(state_.nodes[state_.objects.host(slot).number()]) : nullptr;
+  const bool host_owned = exchange_.reads_nodes() && (state_.objects.marks(slot) & host_owned_mark) != 0;
+  return host_owned ? &ServerExchange::host_of(state_.nodes[state_.objects.host(slot).number()]) : nullptr;
 }
 
 const std::byte* ObjectStates::state(std::uint32_t slot) const noexcept {
@@ -92,11 +90,13 @@ void ObjectStates::store(const PeerSession& node, std::uint64_t frame, const mes
 
 void ObjectStates::store_all() {
   for (const PeerSession& node : state_.nodes) {
-    const Host* const host = node.lost ? nullptr : SharedNodes::host_of(node);
-    for (std::size_t i = 0; host != nullptr && i < host->size(); ++i) {
-      const Hosted& hosted = (*host)[i];
-      if ((hosted.object.flags & messages::flag_host_owned) != 0) {
-        store(node, state_.frame, hosted.object, hosted.pose, host->state(i));
+    if (!exchange_.reads_nodes() || !node.is_active()) {
+      continue;
+    }
+    const Host& host = ServerExchange::host_of(node);
+    for (std::size_t i = 0; i < host.size(); ++i) {
+      if ((host[i].object.flags & messages::flag_host_owned) != 0) {
+        store(node, state_.frame, host[i].object, host[i].pose, host.state(i));
       }
     }
   }
@@ -111,11 +111,13 @@ void ObjectStates::store_all() {
 }
 
 void ObjectStates::store_kept(const PeerSession& node, std::uint64_t frame) {
-  if (const HostOwnedStates* const kept = SharedNodes::kept_states(node)) {
-    const std::span<const HostOwnedState> states = kept->of(frame);
-    for (std::size_t i = 0; i < states.size(); ++i) {
-      store(node, frame, states[i].object, states[i].pose, kept->state(frame, i));
-    }
+  if (!exchange_.reads_nodes()) {
+    return;
+  }
+  const HostOwnedStates& kept = ServerExchange::kept_states(node);
+  const std::span<const HostOwnedState> states = kept.of(frame);
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    store(node, frame, states[i].object, states[i].pose, kept.state(frame, i));
   }
 }
 

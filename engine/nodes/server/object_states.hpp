@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/server_state.hpp"
 
 namespace ringfence::nodes {
@@ -13,7 +14,7 @@ namespace ringfence::nodes {
 /// Threads: belongs to the server role; between frames the facade may call pose().
 class ObjectStates {
  public:
-  explicit ObjectStates(ServerState& state) noexcept : state_(state) {}
+  ObjectStates(ServerState& state, const ServerExchange& exchange) noexcept : state_(state), exchange_(exchange) {}
 
   /// At the cut.
   void begin() noexcept { host_owned_moved_ = 0; }
@@ -54,6 +55,7 @@ class ObjectStates {
  private:
   const Host* owner(std::uint32_t slot) const noexcept;
   ServerState& state_;
+  const ServerExchange& exchange_;
   bool bounds_are_stale_ = false;  ///< bounds of present objects that only their hosts know are outdated
   std::int64_t host_owned_moved_ = 0;
 };

@@ -10,16 +10,16 @@ using messages::MessageType;
 ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
     : state_(setup, map),
       statistics_(state_),
-      shared_(state_),
-      states_(state_),
+      exchange_(ServerExchange::make(state_)),
+      states_(state_, *exchange_),
       dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
                 setup.layer_masks, setup.keep_resting),
-      scheduler_(state_, states_, shared_),
+      scheduler_(state_, *exchange_, states_),
       cut_(state_, states_, scheduler_, dispatch_),
-      relay_(state_),
-      ingest_(state_, states_, shared_, relay_, statistics_),
-      router_(state_, states_, shared_, relay_, statistics_),
-      failover_(state_, shared_, states_, relay_, statistics_),
+      relay_(state_, *exchange_),
+      ingest_(state_, *exchange_, states_, relay_, statistics_),
+      router_(state_, *exchange_, states_, relay_, statistics_),
+      failover_(state_, *exchange_, states_, relay_, statistics_),
       deadlines_(state_, failover_, dispatch_) {}
 
 Step ServerRole::step() {
@@ -74,8 +74,7 @@ void ServerRole::cut() {
   cut_.list_known_contacts();
   relay_.begin();
   state_.ledger.begin(state_.frame);
-  state_.direct_ghosts.start(state_.nodes.size());
-  state_.direct_contacts.start(state_.nodes.size());
+  exchange_->begin();
   state_.host.contacts().read(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
   states_.begin();
   failover_.begin();
@@ -91,7 +90,7 @@ void ServerRole::detect() {
     states_.store_all();
   }
   dispatch_.list_updates(state_.objects, state_.map, state_.map_change.updates);
-  shared_.begin_ghosts(!all_objects && state_.setup.placement == Placement::region);
+  exchange_->begin_ghosts(!all_objects && state_.setup.placement == Placement::region);
   state_.map_change.updates = Dispatch::UpdateScope::changes;
   dispatch_.start(state_.nodes);
 }
@@ -134,7 +133,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::dispatching;
       return true;
     case FrameStage::dispatching:
-      if (!state_.all_nodes([&](PeerSession& node) { return shared_.send_ghosts(node); }) ||
+      if (!state_.all_nodes([&](PeerSession& node) { return exchange_->send_ghosts(node); }) ||
           !dispatch_.pump(state_.objects, state_.map, state_.head(MessageType::pairs, Endpoint::none()),
                           state_.report().traffic)) {
         return false;
@@ -198,7 +197,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::closing;
       return true;
     case FrameStage::closing:
-      if (!state_.all_nodes_done() || (shared_.is_reading_ghosts() && !deadlines_.has_abandoned_nodes()) ||
+      if (!state_.all_nodes_done() || (exchange_->is_reading_ghosts() && !deadlines_.has_abandoned_nodes()) ||
           !state_.ledger.complete()) {
         return false;
       }

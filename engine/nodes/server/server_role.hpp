@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
+#include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/contact_router.hpp"
 #include "nodes/server/cut.hpp"
 #include "nodes/server/deadlines.hpp"
@@ -11,7 +13,6 @@
 #include "nodes/server/map_scheduler.hpp"
 #include "nodes/server/object_states.hpp"
 #include "nodes/server/server_state.hpp"
-#include "nodes/server/shared_nodes.hpp"
 #include "nodes/server/state_relay.hpp"
 #include "nodes/server/statistics.hpp"
 
@@ -76,7 +77,7 @@ class ServerRole {
   // What the parts share.
   ServerState state_;
   Statistics statistics_;
-  SharedNodes shared_;
+  const std::unique_ptr<ServerExchange> exchange_;
   ObjectStates states_;
   // The parts, in the order of a frame.
   Dispatch dispatch_;

@@ -53,6 +53,7 @@ struct ServerSetup {
   FrameOrder* order = nullptr;
   Deployment deployment = Deployment::user_collision;
   Placement placement = Placement::server;
+  ExchangeKind exchange = ExchangeKind::messages;
   std::array<std::uint32_t, 32> layer_masks{};
   bool keep_resting = true;  ///< see WorldConfig
   Capacities capacities;

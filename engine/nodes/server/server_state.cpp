@@ -22,8 +22,6 @@ ServerState::ServerState(const ServerSetup& initial, const regions::RegionMap& f
     session.connection = setup.nodes[node];
     session.connected = true;
   }
-  direct_ghosts.start(nodes.size());
-  direct_contacts.start(nodes.size());
   users.reserve(setup.capacities.users);
   connected.reserve(setup.capacities.users);
   awaited_users.reserve(setup.capacities.users);

@@ -8,7 +8,6 @@
 #include "messages/run.hpp"
 #include "nodes/host/host.hpp"
 #include "nodes/server/contact_ledger.hpp"
-#include "nodes/server/direct_records.hpp"
 #include "nodes/server/dispatch.hpp"
 #include "nodes/server/object_table.hpp"
 #include "nodes/server/peer_session.hpp"
@@ -70,9 +69,6 @@ struct ServerState {
   std::vector<UserNumber> awaited_users;     ///< those from which the frame still needs a message
   std::vector<std::uint32_t> leaving_slots;  ///< slots whose hosts reported another next host in this frame
   std::vector<HandOver> hand_overs;          ///< of this frame
-  // What nodes of other processes send directly to each other in this frame.
-  DirectRecords direct_ghosts;
-  DirectRecords direct_contacts;
   /// Slots of nodes that were lost in the frame before when the contacts were final: other nodes may not have received
   /// the contacts that these found.
   std::vector<NodeNumber> lost_finders;

@@ -4,13 +4,14 @@
 #include <utility>
 
 #include "base/prefetch.hpp"
-#include "nodes/server/shared_nodes.hpp"
 
 namespace ringfence::nodes {
 
 using messages::Endpoint;
 
-StateRelay::StateRelay(ServerState& state) : state_(state) { cells_.reserve(state.setup.capacities.objects); }
+StateRelay::StateRelay(ServerState& state, const ServerExchange& exchange) : state_(state), exchange_(exchange) {
+  cells_.reserve(state.setup.capacities.objects);
+}
 
 bool StateRelay::is_needed() const noexcept {
   return state_.setup.interest > 0 && !state_.connected.empty() && state_.setup.deployment != Deployment::user;
@@ -21,18 +22,20 @@ bool StateRelay::is_needed() const noexcept {
 void StateRelay::begin() {
   is_final_ = false;
   nodes_publish_ =
-      is_needed() && state_.setup.deployment == Deployment::user_collision &&
+      is_needed() && state_.nodes_host() && exchange_.reads_nodes() &&
       (state_.setup.placement == Placement::region || state_.report().nodes.size() > state_.setup.max_relayed_nodes);
   for (PeerSession& node : state_.nodes) {
     order(node);
   }
 }
 
-void StateRelay::order(PeerSession& node) const noexcept { SharedNodes::order_publication(node, nodes_publish_); }
-
-bool StateRelay::publishes(Endpoint host) const noexcept {
-  return nodes_publish_ && host.is_node() && SharedNodes::can_publish(state_.nodes[host.number()]);
+void StateRelay::order(PeerSession& node) const noexcept {
+  if (node.connection.publication != nullptr) {
+    node.connection.publication->wanted = nodes_publish_;
+  }
 }
+
+bool StateRelay::publishes(Endpoint host) const noexcept { return nodes_publish_ && host.is_node(); }
 
 void StateRelay::publish(bool holds_lost_objects) {
   if (is_final_) {
@@ -41,11 +44,7 @@ void StateRelay::publish(bool holds_lost_objects) {
   }
   Published& relay = state_.setup.publications->server;
   relay.any[state_.frame & 1] = false;
-  const bool all_published = nodes_publish_ && !holds_lost_objects &&
-                             std::all_of(state_.nodes.begin(), state_.nodes.end(), [&](const PeerSession& node) {
-                               return !node.connected || publishes(node.self);
-                             });
-  if (!is_needed() || all_published) {
+  if (!is_needed() || (nodes_publish_ && !holds_lost_objects)) {
     cells_are_known_ = false;
     return;
   }
@@ -53,10 +52,8 @@ void StateRelay::publish(bool holds_lost_objects) {
   const ObjectTable& objects = state_.objects;
   link::Publication& publication = *relay.publication;
   publication.begin(state_.frame);
-  const bool any_node_publishes = std::any_of(state_.nodes.begin(), state_.nodes.end(),
-                                              [this](const PeerSession& node) { return publishes(node.self); });
   for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
-    if (cells_[slot] != not_relayed && !(any_node_publishes && publishes(objects.host(slot)))) {
+    if (cells_[slot] != not_relayed && !(publishes(objects.host(slot)))) {
       publication.add_index(cells_[slot], slot);
     }
   }
@@ -101,7 +98,7 @@ void StateRelay::update_cells() {
 
 bool StateRelay::is_ready() noexcept {
   return !is_final_ &&
-         state_.all_nodes([&](const PeerSession& node) { return node.received.published || !publishes(node.self); });
+         state_.all_nodes([&](const PeerSession& node) { return node.received.published || !nodes_publish_; });
 }
 
 void StateRelay::allow_reading() {
@@ -136,8 +133,8 @@ void StateRelay::list_publications() {
   };
   add_relay(state_.setup.publications->server);
   for (const PeerSession& node : state_.nodes) {
-    if (!node.lost && publishes(node.self)) {
-      add_relay(SharedNodes::published(node));
+    if (node.is_active() && nodes_publish_) {
+      add_relay(node.connection.publication->published);
     }
   }
 }

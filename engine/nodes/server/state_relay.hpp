@@ -4,6 +4,7 @@
 
 #include "base/flat_list.hpp"
 #include "base/prefetch.hpp"
+#include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/server_state.hpp"
 
 namespace ringfence::nodes {
@@ -16,7 +17,7 @@ namespace ringfence::nodes {
 /// Threads: belongs to the server role. Memory: 4 bytes a slot.
 class StateRelay {
  public:
-  explicit StateRelay(ServerState& state);
+  StateRelay(ServerState& state, const ServerExchange& exchange);
 
   /// At the cut, when the nodes of the frame are known: decides who publishes, and notifies the nodes.
   void begin();
@@ -66,8 +67,9 @@ class StateRelay {
   void list_publications();
 
   ServerState& state_;
+  const ServerExchange& exchange_;
   base::FlatList<std::uint32_t> cells_;  ///< by slot: cell in the server's publication, or not_relayed
-  bool nodes_publish_ = false;           ///< CD nodes publish what they host in this frame, if they can
+  bool nodes_publish_ = false;           ///< CD nodes publish what they host in this frame
   bool cells_are_known_ = false;         ///< cells_ are valid except for objects that moved in this frame
   bool is_final_ = false;                ///< user nodes may read: the publications of this frame no longer change
 };

@@ -14,9 +14,8 @@ using Stage = CdNodeStage;
 
 TEST_CASE("each message of the server is accepted in its stages of the frame only") {
   NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
-  const HaloExchange halo(fixture.state());
   const Migration migration(fixture.state());
-  const ExpectedMessages expected(fixture.state(), halo, migration);
+  const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
   fixture.know(1, {10, 10, 10});
   fixture.know(2, {10.5, 10, 10});
   fixture.state().await_positions();
@@ -55,9 +54,8 @@ TEST_CASE("each message of the server is accepted in its stages of the frame onl
 
 TEST_CASE("pairs are accepted after the positions, of known objects, the lower number first") {
   NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
-  const HaloExchange halo(fixture.state());
   const Migration migration(fixture.state());
-  const ExpectedMessages expected(fixture.state(), halo, migration);
+  const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
   fixture.know(1, {10, 10, 10});
   fixture.know(2, {10.5, 10, 10});
   fixture.state().stage = Stage::gathering;
@@ -73,9 +71,8 @@ TEST_CASE("pairs are accepted after the positions, of known objects, the lower n
 
 TEST_CASE("a correction names a contact that the node has sent") {
   NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
-  const HaloExchange halo(fixture.state());
   const Migration migration(fixture.state());
-  const ExpectedMessages expected(fixture.state(), halo, migration);
+  const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
   fixture.state().stage = Stage::ending;
   const auto correction = fixture.message(MessageType::correct, messages::CorrectRecord{0, 0});
   CHECK(!expected.is_acceptable(correction));
@@ -85,9 +82,8 @@ TEST_CASE("a correction names a contact that the node has sent") {
 
 TEST_CASE("a loss is that of another node, and its frame can be detected again until its contacts are final") {
   NodeFixture fixture;
-  const HaloExchange halo(fixture.state());
   const Migration migration(fixture.state());
-  const ExpectedMessages expected(fixture.state(), halo, migration);
+  const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
   const auto lost = [&](std::uint32_t node, std::uint32_t again) {
     return fixture.message(MessageType::lost, messages::LostRecord{node, again, 0, 0});
   };
@@ -106,9 +102,8 @@ TEST_CASE(
   using Verdict = PeerInbox::Verdict;
   NodeFixture fixture({.shares_memory = false});
   NodeState& state = fixture.state();
-  HaloExchange halo(state);
   Migration migration(state);
-  const ExpectedMessages expected(state, halo, migration);
+  const ExpectedMessages expected(state, fixture.exchange(), migration);
   messages::HandOverRecord record;
   record.object = {3, 1, 3, messages::flag_present};
   const auto hand_over = fixture.message(MessageType::hand_over, record, Endpoint::node(1));
@@ -118,9 +113,9 @@ TEST_CASE(
   CHECK(expected.judge(ghost) == Verdict::wait);  // positions have not arrived
   state.received.positions = true;
   CHECK(expected.judge(ghost) == Verdict::drop);  // none were announced
-  halo.expect(1);
+  fixture.exchange().expect_ghosts(1);
   CHECK(expected.judge(ghost) == Verdict::take);
-  halo.receive(ghost);
+  fixture.exchange().count_ghosts(1);
   CHECK(expected.judge(ghost) == Verdict::drop);
   state.stage = Stage::ending;
   CHECK(expected.judge(hand_over) == Verdict::wait);

@@ -25,13 +25,12 @@ TEST_CASE("a hosted object is sent to the peer whose region its bounds touch, an
   NodeFixture fixture;
   HaloExchange halo(fixture.state());
   halo.assign();
-  CHECK(halo.keeps_host_owned());
   const std::uint32_t at_border = fixture.host(1, {31.8, 10, 10});
   const std::uint32_t inside = fixture.host(2, {20, 10, 10});
   halo.begin();
   halo.add_updates(at_border, fixture.bounds({31.8, 10, 10}), true, RegionObjects::none);
   halo.add_updates(inside, fixture.bounds({20, 10, 10}), true, RegionObjects::none);
-  halo.finish_updates();
+  fixture.state().contacts.ghost_updates.finish(2);
   CHECK(updates_for(fixture.state(), 1) == Updates{{1, false}});
   CHECK(updates_for(fixture.state(), 0).empty());
 }
@@ -44,107 +43,8 @@ TEST_CASE("a peer receives a removal when an object leaves its region") {
   fixture.know(1, {31.8, 10, 10});
   halo.begin();
   halo.add_updates(hosted, fixture.bounds({28, 10, 10}), true, fixture.state().objects.find(1));
-  halo.finish_updates();
+  fixture.state().contacts.ghost_updates.finish(2);
   CHECK(updates_for(fixture.state(), 1) == Updates{{1, true}});
-}
-
-TEST_CASE(
-    "without shared memory a node sends its updates to the other node, and their number and states to the server") {
-  NodeFixture fixture({.shares_memory = false});
-  HaloExchange halo(fixture.state());
-  halo.assign();
-  CHECK(!halo.shares_states());
-  CHECK(halo.keeps_host_owned());
-  CHECK(halo.replicates());
-  const std::uint32_t staying = fixture.host(1, {31.8, 10, 10});
-  const std::uint32_t leaving = fixture.host(2, {28, 10, 10});
-  fixture.know(2, {31.8, 10, 10});
-  halo.begin();
-  halo.add_updates(staying, fixture.bounds({31.8, 10, 10}), true, RegionObjects::none);
-  halo.add_updates(leaving, fixture.bounds({28, 10, 10}), true, fixture.state().objects.find(2));
-  CHECK(halo.finish_updates());
-  CHECK(halo.finish_updates());  // once
-  CHECK(halo.send_updates());
-  const auto counts = fixture.sent_to_server();
-  REQUIRE(counts.size() == 1);
-  CHECK(counts[0].type() == MessageType::ghost_counts);
-  CHECK(counts[0].record<messages::CountRecord>(0).node == 1);
-  CHECK(counts[0].record<messages::CountRecord>(0).count == 2);
-  const auto sent = fixture.sent_to_peer();
-  REQUIRE(sent.size() == 1);
-  CHECK(sent[0].type() == MessageType::ghost);
-  REQUIRE(sent[0].header.count == 2);
-  CHECK((sent[0].record<messages::PositionRecord>(0).object.flags & messages::flag_left_region) == 0);
-  CHECK(sent[0].record<messages::PositionRecord>(1).object.number == 2);
-  CHECK((sent[0].record<messages::PositionRecord>(1).object.flags & messages::flag_left_region) != 0);
-}
-
-TEST_CASE("updates that arrive as messages are complete when as many as announced have been applied") {
-  NodeFixture fixture({.shares_memory = false});
-  const NodeState& state = fixture.state();
-  HaloExchange halo(fixture.state());
-  halo.assign();
-  halo.begin();
-  CHECK(!halo.receive_updates());  // not announced
-  halo.expect(2);
-  const auto keeps = flag_present | messages::flag_keeps_host;
-  halo.receive(fixture.message(MessageType::ghost, fixture.position(5, {32.2, 10, 10}, keeps), Endpoint::node(1)));
-  CHECK(!halo.receive_updates());
-  REQUIRE(state.objects.find(5) != RegionObjects::none);
-  CHECK(state.objects.next_host(state.objects.find(5)) == NextHost::node);
-  const auto left = messages::flag_left_region;
-  halo.receive(fixture.message(MessageType::ghost, fixture.position(5, {36, 10, 10}, left), Endpoint::node(1)));
-  CHECK(halo.receive_updates());
-  CHECK(state.objects.size() == 0);
-  halo.discard();  // the frame is detected again
-  CHECK(!halo.receive_updates());
-}
-
-TEST_CASE("the updates of a peer are applied only while the gate admits the node") {
-  NodeFixture fixture;
-  const NodeState& state = fixture.state();
-  HaloExchange halo(fixture.state());
-  halo.assign();
-  GhostUpdates& updates = fixture.peer().ghost_updates;
-  updates.start(1);
-  updates.add(fixture.position(5, {32.2, 10, 10}, flag_present | messages::flag_keeps_host));
-  updates.add_receiver(0, false);
-  updates.finish(2);
-  halo.receive_updates();
-  CHECK(state.objects.size() == 0);
-  fixture.state().contacts.ghost_updates.gate.admit();
-  halo.receive_updates();
-  const std::uint32_t known = state.objects.find(5);
-  REQUIRE(known != RegionObjects::none);
-  CHECK(state.objects.next_host(known) == NextHost::node);
-  CHECK(!state.objects.inner(known));
-  CHECK(!fixture.state().contacts.ghost_updates.gate.is_inside());
-
-  updates.start(1);
-  updates.add(fixture.position(5, {36, 10, 10}));
-  updates.add_receiver(0, true);
-  updates.finish(2);
-  fixture.state().contacts.ghost_updates.gate.admit();
-  halo.receive_updates();
-  CHECK(state.objects.size() == 0);
-}
-
-TEST_CASE(
-    "an update that is handed over to this node makes it the next host, and updates of other frames are ignored") {
-  NodeFixture fixture;
-  const NodeState& state = fixture.state();
-  HaloExchange halo(fixture.state());
-  GhostUpdates& updates = fixture.peer().ghost_updates;
-  for (const std::uint64_t frame : {0u, 1u}) {
-    updates.start(frame);
-    updates.add(fixture.position(5, {31.8, 10, 10}));
-    updates.add_receiver(0, false);
-    updates.finish(2);
-    fixture.state().contacts.ghost_updates.gate.admit();
-    halo.receive_updates();
-    CHECK(state.objects.size() == frame);
-  }
-  CHECK(state.objects.next_host(state.objects.find(5)) == NextHost::self);
 }
 
 TEST_CASE("the next host of an object follows from its position and flags") {

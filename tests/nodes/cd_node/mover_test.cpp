@@ -11,7 +11,8 @@ namespace {
 
 /// A mover with the parts to which it passes what has moved.
 struct Moving {
-  explicit Moving(NodeFixture& fixture) : state(fixture.state()), halo(state), migration(state) {
+  explicit Moving(NodeFixture& fixture)
+      : state(fixture.state()), exchange(fixture.exchange()), halo(state), migration(state) {
     halo.assign();
     migration.assign();
   }
@@ -22,9 +23,10 @@ struct Moving {
     REQUIRE(mover.done());
   }
   NodeState& state;
+  NodeExchange& exchange;
   HaloExchange halo;
   Migration migration;
-  Mover mover{state, halo, migration};
+  Mover mover{state, exchange, halo, migration};
 };
 
 std::vector<messages::NodeStateRecord> reports(NodeFixture& fixture) {

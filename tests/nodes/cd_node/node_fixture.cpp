@@ -25,6 +25,7 @@ NodeFixture::NodeFixture(const NodeFixtureConfig& config)
   setup.space = &space_;
   setup.model = &model_;
   setup.placement = config.placement;
+  setup.exchange = config.shares_memory ? ExchangeKind::shared : ExchangeKind::messages;
   setup.layer_masks.fill(~0u);
   setup.interest_grid = grid_;
   setup.objects = setup.pairs = 16;
@@ -39,7 +40,9 @@ NodeFixture::NodeFixture(const NodeFixtureConfig& config)
   setup.peers.resize(2);
   setup.peers[1 - config.node] = peer;
   state_ = std::make_unique<NodeState>(setup, regions::RegionMap(grid_, 2));
+  exchange_ = NodeExchange::make(*state_);
   state_->assign(config.node, setup.peers);
+  exchange_->assign();
   state_->begin(1);
 }
 

@@ -9,6 +9,7 @@
 #include "geometry/shape_table.hpp"
 #include "link/channel.hpp"
 #include "nodes/cd_node/node_state.hpp"
+#include "nodes/exchange/node/node_exchange.hpp"
 #include "nodes/exchange/publications.hpp"
 #include "nodes/test_harness.hpp"
 
@@ -37,6 +38,7 @@ class NodeFixture {
   explicit NodeFixture(const NodeFixtureConfig& config = {});
 
   NodeState& state() { return *state_; }
+  NodeExchange& exchange() { return *exchange_; }
   /// What the other node shares.
   NodeContacts& peer() { return peer_contacts_; }
   NodePublication& publication() { return publication_; }
@@ -81,6 +83,7 @@ class NodeFixture {
   NodePublication publication_;
   std::list<std::vector<std::uint64_t>> messages_;
   std::unique_ptr<NodeState> state_;
+  std::unique_ptr<NodeExchange> exchange_;
 };
 
 }  // namespace ringfence::nodes::test

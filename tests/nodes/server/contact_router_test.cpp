@@ -56,11 +56,10 @@ struct Router {
   }
 
   ServerFixture fixture;
-  SharedNodes shared{fixture.state()};
-  ObjectStates states{fixture.state()};
-  StateRelay relay{fixture.state()};
+  ObjectStates states{fixture.state(), fixture.exchange()};
+  StateRelay relay{fixture.state(), fixture.exchange()};
   Statistics statistics{fixture.state()};
-  ContactRouter router{fixture.state(), states, shared, relay, statistics};
+  ContactRouter router{fixture.state(), fixture.exchange(), states, relay, statistics};
 };
 
 TEST_CASE("a contact goes from the server to the user node that hosts one of its objects, and to no CD node") {
@@ -137,7 +136,7 @@ TEST_CASE("the end of the frame announces what other nodes send directly") {
   std::memcpy(bytes.data() + sizeof(messages::Header), &count, sizeof count);
   messages::MessageView view;
   REQUIRE(messages::decode(bytes, 0, view) == Status::ok);
-  REQUIRE(test.state().direct_contacts.add(0, view));
+  REQUIRE(test.fixture.exchange().receive_counts(test.state().nodes[0], view));
   test.route();
   std::vector<SentMessage> others;
   test.notified(Endpoint::node(1), &others);

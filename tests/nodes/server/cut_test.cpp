@@ -44,9 +44,8 @@ struct Cuts {
   }
 
   ServerFixture fixture;
-  ObjectStates states{fixture.state()};
-  SharedNodes shared{fixture.state()};
-  MapScheduler scheduler{fixture.state(), states, shared};
+  ObjectStates states{fixture.state(), fixture.exchange()};
+  MapScheduler scheduler{fixture.state(), fixture.exchange(), states};
   Dispatch dispatch{fixture.state().nodes.size(), 16, 16, Placement::region, fixture.state().setup.layer_masks, true};
   Cut cuts{fixture.state(), states, scheduler, dispatch};
 };

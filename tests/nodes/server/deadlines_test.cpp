@@ -29,11 +29,10 @@ struct Clock {
   }
 
   ServerFixture fixture;
-  SharedNodes shared{fixture.state()};
-  ObjectStates states{fixture.state()};
-  StateRelay relay{fixture.state()};
+  ObjectStates states{fixture.state(), fixture.exchange()};
+  StateRelay relay{fixture.state(), fixture.exchange()};
   Statistics statistics{fixture.state()};
-  Failover failover{fixture.state(), shared, states, relay, statistics};
+  Failover failover{fixture.state(), fixture.exchange(), states, relay, statistics};
   Dispatch dispatch{2, 16, 16, Placement::region, fixture.state().setup.layer_masks, true};
   Deadlines deadlines{fixture.state(), failover, dispatch};
 };

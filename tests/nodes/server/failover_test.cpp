@@ -24,11 +24,10 @@ struct Losses {
   bool owns(NodeNumber node) { return std::count(state().map.table().begin(), state().map.table().end(), node) != 0; }
 
   ServerFixture fixture;
-  SharedNodes shared{fixture.state()};
-  ObjectStates states{fixture.state()};
-  StateRelay relay{fixture.state()};
+  ObjectStates states{fixture.state(), fixture.exchange()};
+  StateRelay relay{fixture.state(), fixture.exchange()};
   Statistics statistics{fixture.state()};
-  Failover failover{fixture.state(), shared, states, relay, statistics};
+  Failover failover{fixture.state(), fixture.exchange(), states, relay, statistics};
 };
 
 TEST_CASE("before the contacts are known, the others get the cells of a lost node and detect the frame again") {

@@ -34,11 +34,10 @@ struct Receiver {
   std::uint64_t refused(Status reason) { return state().report().refused[static_cast<std::size_t>(reason)]; }
 
   ServerFixture fixture;
-  SharedNodes shared{fixture.state()};
-  ObjectStates states{fixture.state()};
+  ObjectStates states{fixture.state(), fixture.exchange()};
   Statistics statistics{fixture.state()};
-  StateRelay relay{fixture.state()};
-  Ingest ingest{fixture.state(), states, shared, relay, statistics};
+  StateRelay relay{fixture.state(), fixture.exchange()};
+  Ingest ingest{fixture.state(), fixture.exchange(), states, relay, statistics};
 };
 
 TEST_CASE("a user node moves the objects that it hosts, and its other records are refused and reported to it") {

@@ -23,9 +23,8 @@ struct Scheduler {
   bool owns(NodeNumber node) { return std::count(state().map.table().begin(), state().map.table().end(), node) != 0; }
 
   ServerFixture fixture;
-  ObjectStates states{fixture.state()};
-  SharedNodes shared{fixture.state()};
-  MapScheduler scheduler{fixture.state(), states, shared};
+  ObjectStates states{fixture.state(), fixture.exchange()};
+  MapScheduler scheduler{fixture.state(), fixture.exchange(), states};
 };
 
 TEST_CASE("a partition gives the cells of nodes that leave to those that stay, in the next map") {

@@ -26,7 +26,7 @@ struct HostOwned {
 
   Pose before{{10, 10, 10}, {}}, now{{11, 12, 13}, {}};
   ServerFixture fixture{sharing};
-  ObjectStates states{fixture.state()};
+  ObjectStates states{fixture.state(), fixture.exchange()};
   std::uint32_t slot;
 };
 
@@ -95,7 +95,7 @@ TEST_CASE("the states that a lost node kept are stored and count as moved") {
 
 TEST_CASE("the moves of a host of the server are stored with their bounds") {
   ServerFixture fixture;
-  ObjectStates states(fixture.state());
+  ObjectStates states(fixture.state(), fixture.exchange());
   ObjectTable& objects = fixture.state().objects;
   const std::uint32_t slot = fixture.add({10, 10, 10}, Endpoint::server());
   objects.settle();

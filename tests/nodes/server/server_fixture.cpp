@@ -19,6 +19,7 @@ ServerFixture::ServerFixture(const FixtureConfig& config) : config_(config), rel
   setup.order = &order_;
   setup.deployment = config.deployment;
   setup.placement = config.placement;
+  setup.exchange = config.shares_memory ? ExchangeKind::shared : ExchangeKind::messages;
   setup.layer_masks.fill(~0u);
   setup.capacities = {16, 16, 16, 4};
   setup.interest = config.interest;
@@ -31,6 +32,7 @@ ServerFixture::ServerFixture(const FixtureConfig& config) : config_(config), rel
     setup.nodes.push_back(connection(Endpoint::node(node)));
   }
   state_ = std::make_unique<ServerState>(setup, regions::RegionMap(grid_, config.nodes));
+  exchange_ = ServerExchange::make(*state_);
   state_->frame = 1;
   state_->report().frame = 1;
   for (PeerSession& session : state_->nodes) {

@@ -14,6 +14,7 @@
 #include "messages/records.hpp"
 #include "messages/run.hpp"
 #include "nodes/exchange/node_contacts.hpp"
+#include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/server_state.hpp"
 
 namespace ringfence::nodes::test {
@@ -54,6 +55,7 @@ class ServerFixture {
   explicit ServerFixture(const FixtureConfig& config = {});
 
   ServerState& state() { return *state_; }
+  ServerExchange& exchange() { return *exchange_; }
   FrameOrder& order() { return order_; }
   Publications& publications() { return publications_; }
   /// The end of a new connection that a server would hold.
@@ -102,6 +104,7 @@ class ServerFixture {
   FrameOrder order_;
   std::map<std::uint32_t, std::unique_ptr<Peer>> peers_;  ///< by Endpoint::value
   std::unique_ptr<ServerState> state_;
+  std::unique_ptr<ServerExchange> exchange_;
   ObjectNumber numbers_ = 0;
 };
 

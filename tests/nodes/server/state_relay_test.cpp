@@ -35,7 +35,7 @@ TEST_CASE("the server publishes the active and non-active objects of nodes in ot
   fixture.add({2, 1, 1}, Endpoint::node(0), Category::non_active);
   fixture.add({3, 1, 1}, Endpoint::user(0), Category::avatar);
   fixture.add({4, 1, 1}, Endpoint::none(), Category::fixed);
-  StateRelay relay(fixture.state());
+  StateRelay relay(fixture.state(), fixture.exchange());
   relay.begin();
   relay.publish(false);
   CHECK(published(fixture.publications().server, 1) == std::vector<ObjectNumber>{1, 2});
@@ -53,7 +53,7 @@ TEST_CASE("users read when all nodes that publish have published, and the server
   fixture.connect(0);
   fixture.add({1, 1, 1}, Endpoint::node(0));
   fixture.add({60, 1, 1}, Endpoint::node(1));
-  StateRelay relay(fixture.state());
+  StateRelay relay(fixture.state(), fixture.exchange());
   relay.begin();
   CHECK(fixture.publication(0).wanted);
   relay.publish(false);
@@ -72,7 +72,7 @@ TEST_CASE("the server publishes the objects of a node that is lost before users 
   fixture.connect(0);
   const std::uint32_t first = fixture.add({1, 1, 1}, Endpoint::node(0));
   fixture.add({60, 1, 1}, Endpoint::node(1));
-  StateRelay relay(fixture.state());
+  StateRelay relay(fixture.state(), fixture.exchange());
   relay.begin();
   relay.publish(false);
   publish(fixture, 0, 1);
@@ -91,7 +91,7 @@ TEST_CASE("publications do not change after users were allowed to read, though a
   ServerFixture fixture(publishing);
   fixture.connect(0);
   const std::uint32_t first = fixture.add({1, 1, 1}, Endpoint::node(0));
-  StateRelay relay(fixture.state());
+  StateRelay relay(fixture.state(), fixture.exchange());
   relay.begin();
   relay.publish(false);
   publish(fixture, 0, 1);
@@ -109,7 +109,7 @@ TEST_CASE("publications do not change after users were allowed to read, though a
 TEST_CASE("nothing is published while no user is connected") {
   ServerFixture fixture(publishing);
   fixture.add({1, 1, 1}, Endpoint::node(0));
-  StateRelay relay(fixture.state());
+  StateRelay relay(fixture.state(), fixture.exchange());
   relay.begin();
   CHECK(!fixture.publication(0).wanted);
   relay.publish(false);
@@ -121,7 +121,7 @@ TEST_CASE("an object that moved, and one that is new, are published in their pre
   ServerFixture fixture({.interest = 8});
   fixture.connect(0);
   const std::uint32_t mover = fixture.add({1, 1, 1}, Endpoint::node(0));
-  StateRelay relay(fixture.state());
+  StateRelay relay(fixture.state(), fixture.exchange());
   relay.begin();
   relay.publish(false);
   fixture.state().objects.settle();

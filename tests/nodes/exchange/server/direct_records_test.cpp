@@ -1,4 +1,4 @@
-#include "nodes/server/direct_records.hpp"
+#include "nodes/exchange/server/direct_records.hpp"
 
 #include <cstring>
 #include <map>

@@ -1,0 +1,238 @@
+#include "nodes/exchange/node/message_exchange.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <new>
+#include <utility>
+
+#include "base/pair_sort.hpp"
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+void MessageExchange::begin() {
+  NodeExchange::begin();
+  next_owned_ = 0;
+  replicas_run_.start();
+  ghosts_listed_ = false;
+}
+
+// Messages of two types cannot be open at once. So if there are replicas, which are most of the reports, the other
+// changes wait until all objects have moved.
+bool MessageExchange::report_batch() { return state_.keeps_host_owned() ? send_replicas() : send_changes(); }
+
+bool MessageExchange::send_replicas() {
+  const messages::RunHeader head = state_.head(MessageType::replica, Endpoint::server());
+  for (; next_owned_ < owned_.size(); ++next_owned_) {
+    std::byte* const where = replicas_run_.add(*state_.setup.server.out, head, replica_bytes(), state_.traffic);
+    if (where == nullptr) {
+      return false;
+    }
+    const std::uint32_t hosted = owned_[next_owned_];
+    const Hosted& object = state_.host[hosted];
+    auto* record = new (where) messages::ReplicaRecord{object.object.slot, object.object.generation, object.pose};
+    std::copy_n(state_.host.state(hosted), state_.host.state_bytes(), where + sizeof *record);
+  }
+  owned_.clear();
+  next_owned_ = 0;
+  return true;
+}
+
+bool MessageExchange::finish_report() {
+  flush_replicas();
+  if (!send_changes()) {
+    return false;
+  }
+  flush();  // another message follows
+  list_ghosts();
+  return state_.send_counts(ghost_counts_run_, MessageType::ghost_counts, ghost_counts_) && finish_changes();
+}
+
+void MessageExchange::flush() {
+  NodeExchange::flush();
+  flush_replicas();
+  collisions_run_.flush(*state_.setup.server.out, state_.head(MessageType::collision, Endpoint::server()),
+                        sizeof(messages::CollisionRecord), state_.traffic);
+}
+
+void MessageExchange::flush_replicas() {
+  replicas_run_.flush(*state_.setup.server.out, state_.head(MessageType::replica, Endpoint::server()), replica_bytes(),
+                      state_.traffic);
+}
+
+void MessageExchange::list_ghosts() {
+  if (std::exchange(ghosts_listed_, true)) {
+    return;
+  }
+  GhostUpdates& updates = state_.contacts.ghost_updates;
+  updates.finish(static_cast<NodeNumber>(peers_.size()));
+  ghost_counts_.clear();
+  for (NodeNumber to = 0; to < peers_.size(); ++to) {
+    Peer& peer = peers_[to];
+    peer.ghosts.clear();
+    updates.list(to, peer.ghosts);
+    if (!peer.ghosts.empty()) {
+      peer.ghosts_run.start(peer.ghosts.size());
+      ghost_counts_.push_back({to, static_cast<std::uint32_t>(peer.ghosts.size())});
+    }
+  }
+  if (!ghost_counts_.empty()) {
+    ghost_counts_run_.start(ghost_counts_.size());
+  }
+}
+
+bool MessageExchange::send_ghosts() {
+  bool all = true;
+  for (NodeNumber to = 0; to < peers_.size(); ++to) {
+    Peer& peer = peers_[to];
+    if (peer.ghosts_run.done()) {
+      continue;
+    }
+    all &= peer.ghosts_run.pump(*state_.setup.peers[to].out, state_.head(MessageType::ghost, Endpoint::node(to)),
+                                sizeof(messages::PositionRecord), state_.traffic, [&](std::size_t i, std::byte* where) {
+                                  messages::PositionRecord record = *peer.ghosts[i].record;
+                                  record.object.flags |= peer.ghosts[i].gone ? messages::flag_left_region : 0u;
+                                  std::memcpy(where, &record, sizeof record);
+                                });
+  }
+  return all;
+}
+
+void MessageExchange::discard_ghosts() noexcept {
+  NodeExchange::discard_ghosts();
+  for (Peer& peer : peers_) {
+    peer.ghosts_run.stop();
+  }
+}
+
+void MessageExchange::begin_contacts() {
+  const NodeContacts& contacts = state_.contacts;
+  received_.clear();
+  contact_counts_.clear();
+  contacts_arrived_ = contacts_expected_ = 0;
+  contact_counts_run_.stop();
+  change_run_.stop();
+  for (NodeNumber to = 0; to < peers_.size(); ++to) {
+    peers_[to].contacts_run.stop();
+    peers_[to].contacts_arrived = 0;
+    peers_[to].lost = false;
+    if (const std::size_t count = contacts.for_peers.of(to).size(); count != 0) {
+      contact_counts_.push_back({to, static_cast<std::uint32_t>(count)});
+    }
+  }
+  if (!contact_counts_.empty()) {
+    contact_counts_run_.start(contact_counts_.size());
+  }
+  next_contact_ = 0;
+  collisions_run_.start();
+  if (const std::size_t changes = contacts.beginning.size() + contacts.ending.size(); changes != 0) {
+    change_run_.start(changes);
+  }
+}
+
+bool MessageExchange::send_contacts() {
+  return send_collisions() &&
+         change_run_.pump(*state_.setup.server.out, state_.head(MessageType::change, Endpoint::server()),
+                          sizeof(messages::ChangeRecord), state_.traffic,
+                          [&](std::size_t i, std::byte* where) {
+                            const messages::ChangeRecord record = change(i);
+                            std::memcpy(where, &record, sizeof record);
+                          }) &&
+         state_.send_counts(contact_counts_run_, MessageType::contact_counts, contact_counts_);
+}
+
+bool MessageExchange::send_collisions() {
+  link::Sender& out = *state_.setup.server.out;
+  const messages::RunHeader to_server = state_.head(MessageType::collision, Endpoint::server());
+  const NodeContacts& contacts = state_.contacts;
+  for (; next_contact_ < contacts.found.size(); ++next_contact_) {
+    std::byte* where = collisions_run_.add(out, to_server, sizeof(messages::CollisionRecord), state_.traffic);
+    if (where == nullptr) {
+      return false;
+    }
+    const FoundContact& found = contacts.found[next_contact_];
+    const narrow_phase::PairContact& touch = contacts.touches[found.touch];
+    new (where) messages::CollisionRecord{found.slot_a, found.slot_b, 0, touch.depth, touch.normal, touch.point};
+  }
+  return collisions_run_.finish(out, to_server, sizeof(messages::CollisionRecord), state_.traffic);
+}
+
+// First the contacts that began, then those that ended.
+messages::ChangeRecord MessageExchange::change(std::size_t i) const noexcept {
+  const NodeContacts& contacts = state_.contacts;
+  if (i >= contacts.beginning.size()) {
+    const std::uint64_t key = contacts.ending[i - contacts.beginning.size()];
+    const auto border = contacts.border_ending.span();
+    const bool at_border = std::binary_search(border.begin(), border.end(), key);
+    return {key, 0, messages::change_ended | (at_border ? messages::change_at_border : 0u)};
+  }
+  const std::uint32_t position = contacts.beginning[i];
+  const auto border = contacts.border_beginning.span();
+  const auto at =
+      std::lower_bound(border.begin(), border.end(), position,
+                       [](const BorderContact& contact, std::uint32_t to) { return contact.position < to; });
+  const bool at_border = at != border.end() && at->position == position;
+  return {contacts.keys[position], position, at_border ? messages::change_at_border : 0u};
+}
+
+void MessageExchange::share_contacts() {
+  for (const messages::CountRecord& to : contact_counts_) {
+    if (!peers_[to.node].lost) {
+      peers_[to.node].contacts_run.start(to.count);
+    }
+  }
+}
+
+bool MessageExchange::send_to_peers() {
+  const NodeContacts& contacts = state_.contacts;
+  bool all = true;
+  for (NodeNumber to = 0; to < peers_.size(); ++to) {
+    if (peers_[to].contacts_run.done()) {
+      continue;
+    }
+    const auto positions = contacts.for_peers.of(to);
+    all &= peers_[to].contacts_run.pump(
+        *state_.setup.peers[to].out, state_.head(MessageType::notify, Endpoint::node(to)), sizeof(Contact),
+        state_.traffic, [&](std::size_t i, std::byte* where) {
+          Contact contact;
+          contacts.write(contacts.found[positions[i]], contacts.phase(positions[i]), contact);
+          std::memcpy(where, &contact, sizeof contact);
+        });
+  }
+  return all;
+}
+
+void MessageExchange::receive_contacts(const messages::MessageView& message) {
+  contacts_arrived_ += message.count();
+  peers_[Endpoint{message.header().source}.number()].contacts_arrived += message.count();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    received_.push_back(message.record<Contact>(i));
+  }
+}
+
+void MessageExchange::lose(const messages::LostRecord& record) noexcept {
+  if (record.detect_again == 0 && record.node < peers_.size()) {
+    Peer& peer = peers_[record.node];
+    contacts_expected_ -= record.contacts;
+    contacts_arrived_ -= std::exchange(peer.contacts_arrived, 0);
+    peer.contacts_run.stop();
+    peer.lost = true;
+  }
+}
+
+bool MessageExchange::complete_contacts() {
+  if (contacts_arrived_ < contacts_expected_) {
+    return false;
+  }
+  const auto key = [](const Contact& contact) { return base::PairSort::key(contact.a, contact.b); };
+  std::sort(received_.begin(), received_.end(), [&](const Contact& p, const Contact& q) { return key(p) < key(q); });
+  for (const Contact& contact : received_) {
+    state_.host.contacts().add(state_.frame, contact);
+  }
+  received_.clear();
+  return true;
+}
+
+}  // namespace ringfence::nodes

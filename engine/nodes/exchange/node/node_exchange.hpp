@@ -1,0 +1,116 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+#include "base/flat_list.hpp"
+#include "geometry/bounds.hpp"
+#include "messages/header.hpp"
+#include "messages/records.hpp"
+#include "messages/run.hpp"
+#include "nodes/cd_node/halo_exchange.hpp"
+#include "nodes/cd_node/node_state.hpp"
+
+namespace ringfence::nodes {
+
+/// The streams between a CD node and the others: states for the server, ghost updates and contacts between the nodes,
+/// contacts for the output lists. CdNodeSetup::exchange chooses the implementation: SharedExchange or MessageExchange.
+/// The parts of a node do not know which one they have.
+///
+/// Virtual functions are called once per stage, batch of objects or message. A function that returns bool returns
+/// false if a ring is full or something has not arrived; then it is called again later. The defaults do nothing: what
+/// others can read in place needs no message, and then no message of that kind arrives.
+///
+/// Threads: belongs to the CD node. Memory: grows to the largest frame.
+class NodeExchange {
+ public:
+  /// What NodeState::setup requests. `state` outlives it.
+  static std::unique_ptr<NodeExchange> make(NodeState& state);
+  virtual ~NodeExchange() = default;
+  NodeExchange(const NodeExchange&) = delete;
+  NodeExchange& operator=(const NodeExchange&) = delete;
+
+  /// After NodeState::setup has new peers.
+  virtual void assign() {}
+  /// Whether the senders of messages are known to follow the protocol; if not, each message is checked.
+  virtual bool trusts_senders() const noexcept = 0;
+  /// Publishes partial messages, so that another message can be sent to the server.
+  virtual void flush();
+
+  // States: what the node has moved.
+  /// Starts a frame.
+  virtual void begin();
+  /// The state of hosted object `hosted`, an index in Host, goes to the server. `flags`: messages::ObjectFlag bits.
+  void add_change(std::uint32_t hosted, std::uint32_t flags, const geometry::Bounds& bounds) {
+    changes_.push_back({hosted, flags, bounds});
+  }
+  /// The state is host-owned before and after the move: the server needs it only if it cannot read it in place.
+  void add_owned(std::uint32_t hosted) { owned_.push_back(hosted); }
+  /// After each batch of add_change() and add_owned(), while the objects are in the cache.
+  virtual bool report_batch() = 0;
+  /// After the last batch, when GhostUpdates has all updates: ends the report.
+  virtual bool finish_report() = 0;
+
+  // Ghost updates, from NodeContacts::ghost_updates to the HaloExchange of the other nodes.
+  virtual bool send_ghosts() { return true; }
+  /// When all positions of the server have arrived: applies those of the other nodes. In a frame in which the server
+  /// sends everything there are none.
+  virtual bool receive_ghosts(HaloExchange& halo) = 0;
+  /// The number of updates that arrive as messages in this frame, from `ghosts_sent`.
+  void expect_ghosts(std::uint64_t updates) noexcept { ghosts_expected_ = updates; }
+  /// Updates have arrived in a `ghost` message.
+  void count_ghosts(std::uint64_t updates) noexcept { ghosts_arrived_ += updates; }
+  /// Whether updates are still to arrive as messages.
+  bool expects_ghosts() const noexcept { return ghosts_expected_ != unknown && ghosts_arrived_ < ghosts_expected_; }
+  /// All positions of the frame arrive again, from the server: forgets the updates to be sent and received.
+  virtual void discard_ghosts() noexcept { ghosts_expected_ = unknown, ghosts_arrived_ = 0; }
+
+  // Contacts, from NodeContacts.
+  /// The contacts of the frame are listed. What arrived in this frame before is void, because it is detected again.
+  virtual void begin_contacts() {}
+  /// Sends to the server what it cannot read.
+  virtual bool send_contacts() { return true; }
+  /// After `frame_end`, when the phases are final: contacts of objects that other nodes host go to these, those of
+  /// hosted objects come from them, and those for the output lists go there.
+  virtual void share_contacts() = 0;
+  /// Sends the other nodes what they cannot read.
+  virtual bool send_to_peers() { return true; }
+  /// The number of contacts that other nodes send in this frame, from `frame_end`.
+  virtual void expect_contacts(std::uint64_t) noexcept {}
+  /// A `notify` message of another node.
+  virtual void receive_contacts(const messages::MessageView&) {}
+  /// A peer is lost. If contacts were final, those that it has not sent arrive from the server at the next cut.
+  virtual void lose(const messages::LostRecord&) noexcept {}
+  /// When all contacts of other nodes have arrived: adds them to Host.
+  virtual bool complete_contacts() { return true; }
+
+ protected:
+  /// A state for the server.
+  struct Change {
+    std::uint32_t hosted;
+    std::uint32_t flags;
+    geometry::Bounds bounds;
+  };
+  static constexpr std::uint64_t unknown = ~std::uint64_t{0};
+
+  explicit NodeExchange(NodeState& state) : state_(state) {}
+  /// Sends changes_ as `node_state` records and clears the list.
+  bool send_changes();
+  /// Ends the run of `node_state`.
+  bool finish_changes();
+
+  NodeState& state_;
+  base::FlatList<std::uint32_t> owned_;  ///< indices in Host
+  base::FlatList<Change> changes_;
+  std::uint64_t ghosts_expected_ = unknown;
+  std::uint64_t ghosts_arrived_ = 0;
+
+ private:
+  std::size_t record_bytes() const noexcept;
+
+  std::size_t next_change_ = 0;  ///< next to send
+  messages::RunWriter states_run_;
+};
+
+}  // namespace ringfence::nodes

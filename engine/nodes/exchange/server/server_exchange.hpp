@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "messages/header.hpp"
+#include "nodes/server/server_state.hpp"
+#include "nodes/server/statistics.hpp"
+
+namespace ringfence::nodes {
+
+/// The server's side of the streams between it and the CD nodes, and its control of those between the nodes; see
+/// NodeExchange for their side. ServerSetup::exchange chooses the implementation: SharedServerExchange or
+/// MessageServerExchange. The parts of the server do not know which one they have.
+///
+/// Virtual functions are called once per step or node. The defaults do nothing.
+///
+/// Threads: belongs to the server role; between frames the facade may read hosts.
+class ServerExchange {
+ public:
+  /// What ServerState::setup requests. `state` outlives it.
+  static std::unique_ptr<ServerExchange> make(ServerState& state);
+  virtual ~ServerExchange() = default;
+  ServerExchange(const ServerExchange&) = delete;
+  ServerExchange& operator=(const ServerExchange&) = delete;
+
+  /// Whether the memory of the nodes can be read: the objects that they host between frames and while they wait, and
+  /// their publications. If not, the table has the states of all objects, and the server publishes them.
+  bool reads_nodes() const noexcept { return reads_nodes_; }
+  /// Whether nodes are known to follow the protocol. If not, each message is checked, and a node that sends an invalid
+  /// one is lost.
+  bool trusts_nodes() const noexcept { return reads_nodes_; }
+  /// The objects that a connected node hosts. Precondition of both: reads_nodes().
+  static const Host& host_of(const PeerSession& node) noexcept { return *node.connection.node_contacts->host; }
+  /// The host-owned states that it keeps for recovery.
+  static const HostOwnedStates& kept_states(const PeerSession& node) noexcept {
+    return node.connection.node_contacts->host_states;
+  }
+
+  /// At the cut, and before the frame is detected again: nodes have sent each other nothing.
+  virtual void begin() {}
+  /// A `ghost_counts` or `contact_counts` message: what a node sends to the others directly. Returns false if it is
+  /// invalid.
+  virtual bool receive_counts(const PeerSession&, const messages::MessageView&) { return false; }
+
+  /// Before the last position of the frame is sent: nodes that have received it exchange ghost updates, or not.
+  virtual void begin_ghosts(bool exchanged) noexcept { ghosts_exchanged_ = exchanged; }
+  /// Announces to a node how many ghost updates it receives. Returns true when that is sent, or not needed.
+  virtual bool send_ghosts(PeerSession&) { return true; }
+  /// A node is lost: ghost updates are no longer read in this frame, by no node, because all objects are sent again.
+  virtual void close_ghost_gates() noexcept {}
+  /// Whether a lost node still reads ghost updates. Then no other node may begin the next frame.
+  virtual bool is_reading_ghosts() const noexcept { return false; }
+
+  /// After `narrow_done` of a node: all its contacts are in the ledger.
+  virtual void receive_contacts(PeerSession& node, Statistics& statistics) = 0;
+  /// The number of contacts that a node receives as messages of other nodes in this frame.
+  virtual std::uint64_t announced_contacts(const PeerSession&) const noexcept { return 0; }
+  /// A node is lost after the contacts are known. What it has not sent to the others, these get at the next cut.
+  virtual void cancel_contacts(NodeNumber) {}
+  /// At the end of the frame: counts what nodes have given each other.
+  void count_records(Statistics& statistics) const noexcept;
+
+ protected:
+  /// What was exchanged with one node in this frame.
+  struct Exchanged {
+    std::uint64_t ghosts, contacts;
+  };
+
+  ServerExchange(ServerState& state, bool reads_nodes) noexcept : state_(state), reads_nodes_(reads_nodes) {}
+  virtual Exchanged exchanged(const PeerSession& node) const noexcept = 0;
+
+  ServerState& state_;
+  bool ghosts_exchanged_ = false;  ///< in this frame
+
+ private:
+  const bool reads_nodes_;
+};
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,41 @@
+#include "nodes/exchange/server/shared_server_exchange.hpp"
+
+#include <algorithm>
+
+namespace ringfence::nodes {
+
+void SharedServerExchange::begin_ghosts(bool exchanged) noexcept {
+  ServerExchange::begin_ghosts(exchanged);
+  for (const PeerSession& node : state_.nodes) {
+    if (exchanged && node.connected) {
+      node.connection.node_contacts->ghost_updates.gate.admit();
+    }
+  }
+}
+
+void SharedServerExchange::close_ghost_gates() noexcept {
+  for (const PeerSession& node : state_.nodes) {
+    if (node.connected) {
+      node.connection.node_contacts->ghost_updates.gate.bar();
+    }
+  }
+}
+
+bool SharedServerExchange::is_reading_ghosts() const noexcept {
+  return std::any_of(state_.nodes.begin(), state_.nodes.end(), [](const PeerSession& node) {
+    return node.lost && node.connection.node_contacts->ghost_updates.gate.is_inside();
+  });
+}
+
+void SharedServerExchange::receive_contacts(PeerSession& node, Statistics& statistics) {
+  NodeContacts& contacts = *node.connection.node_contacts;
+  state_.ledger.receive(node.self.number(), contacts);
+  statistics.count_shared(Traffic::m3, contacts.keys.size(), sizeof(messages::CollisionRecord));
+}
+
+ServerExchange::Exchanged SharedServerExchange::exchanged(const PeerSession& node) const noexcept {
+  const NodeContacts& contacts = *node.connection.node_contacts;
+  return {contacts.ghost_updates.size(), contacts.taken};
+}
+
+}  // namespace ringfence::nodes
