@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <new>
+#include <type_traits>
 
 #include "link/channel.hpp"
 #include "messages/header.hpp"
@@ -99,6 +100,15 @@ class RunSender {
     }
     link.publish();
     return done_;
+  }
+  /// The same for records of one type, without further bytes: `record_at(i)` returns record i.
+  template <class RecordAt>
+  bool send(link::Sender& link, const RunHeader& run, TrafficCounts& counts, RecordAt record_at) {
+    using Record = std::decay_t<std::invoke_result_t<RecordAt, std::size_t>>;
+    return pump(link, run, sizeof(Record), counts, [&](std::size_t i, std::byte* out) {
+      const Record& record = record_at(i);
+      std::memcpy(out, &record, sizeof record);
+    });
   }
 
  private:

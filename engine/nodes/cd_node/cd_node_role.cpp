@@ -1,13 +1,10 @@
 #include "nodes/cd_node/cd_node_role.hpp"
 
-#include <cstring>
-
 #include "telemetry/clock.hpp"
 #include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
 
-using messages::Endpoint;
 using messages::MessageType;
 using messages::MessageView;
 
@@ -280,21 +277,16 @@ std::uint64_t CdNodeRole::cpu_spent() const noexcept {
 }
 
 bool CdNodeRole::send_frame_done() {
-  messages::NodeFrameStats& stats = state_.stats;
-  return frame_done_run_.pump(*state_.setup.server.out, state_.head(MessageType::frame_done, Endpoint::server()),
-                              sizeof stats, state_.traffic, [&](std::size_t, std::byte* where) {
-                                stats.cpu_ns = cpu_spent();
-                                stats.busy_ns += telemetry::now_ns() - step_start_;
-                                stats.hosted = state_.host.size();
-                                const HostRefusals& refusals = state_.host.refusals();
-                                stats.model_failed = refusals.model_failed;
-                                stats.not_finite = refusals.not_finite;
-                                stats.not_unit = refusals.not_unit;
-                                const TrafficReport& m5 = state_.traffic[static_cast<std::size_t>(Traffic::m5)];
-                                stats.m5_messages = m5.messages;
-                                stats.m5_bytes = m5.bytes;
-                                std::memcpy(where, &stats, sizeof stats);
-                              });
+  return state_.send(frame_done_run_, MessageType::frame_done, [this](std::size_t) {
+    messages::NodeFrameStats& stats = state_.stats;
+    stats.cpu_ns = cpu_spent();
+    stats.busy_ns += telemetry::now_ns() - step_start_;
+    state_.host.report(stats);
+    const TrafficReport& m5 = state_.traffic[static_cast<std::size_t>(Traffic::m5)];
+    stats.m5_messages = m5.messages;
+    stats.m5_bytes = m5.bytes;
+    return stats;
+  });
 }
 
 }  // namespace ringfence::nodes

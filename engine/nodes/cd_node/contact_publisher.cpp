@@ -92,11 +92,7 @@ void ContactPublisher::list_notified_hosts(std::uint32_t position) {
 
 bool ContactPublisher::send() {
   return exchange_.send_contacts() &&
-         done_run_.pump(*state_.setup.server.out, state_.head(MessageType::narrow_done, Endpoint::server()),
-                        sizeof(messages::NarrowDoneRecord), state_.traffic, [&](std::size_t, std::byte* where) {
-                          const messages::NarrowDoneRecord record = detector_.totals();
-                          std::memcpy(where, &record, sizeof record);
-                        });
+         state_.send(done_run_, MessageType::narrow_done, [this](std::size_t) { return detector_.totals(); });
 }
 
 void ContactPublisher::receive_corrections(const messages::MessageView& message) {

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cstring>
 
 #include "base/prefetch.hpp"
 #include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
 
-using messages::Endpoint;
 using messages::MessageType;
 using telemetry::SpanTimer;
 
@@ -142,18 +140,18 @@ void Detector::count_kinds() {
     for (std::uint32_t q = p; q < shape_kinds; ++q) {
       const auto& counters = narrow_.counters(static_cast<ShapeKind>(p), static_cast<ShapeKind>(q));
       if (counters.candidates != 0) {
-        messages::KindRecord& record = kinds_.emplace_back();
-        record.first = p;
-        record.second = q;
-        record.candidates = counters.candidates;
-        record.hits = counters.hits;
-        record.lanes = counters.lanes;
-        record.lanes_filled = counters.lanes_filled;
-        record.iterations = counters.iterations;
-        record.ended_early = counters.ended_early;
-        record.timed = counters.timed;
-        record.nanoseconds = counters.nanoseconds;
-        record.gather_nanoseconds = counters.gather_nanoseconds;
+        messages::KindRecord& record = kinds_.emplace_back(messages::KindRecord{p,
+                                                                                q,
+                                                                                counters.candidates,
+                                                                                counters.hits,
+                                                                                counters.lanes,
+                                                                                counters.lanes_filled,
+                                                                                counters.iterations,
+                                                                                counters.ended_early,
+                                                                                counters.timed,
+                                                                                counters.nanoseconds,
+                                                                                counters.gather_nanoseconds,
+                                                                                {}});
         std::copy(std::begin(counters.cost), std::end(counters.cost), std::begin(record.cost));
         tested_ += counters.candidates;
         failed_supports_ += counters.failed;
@@ -165,9 +163,7 @@ void Detector::count_kinds() {
 }
 
 bool Detector::send_kinds() {
-  return kinds_run_.pump(*state_.setup.server.out, state_.head(MessageType::kinds, Endpoint::server()),
-                         sizeof(messages::KindRecord), state_.traffic,
-                         [&](std::size_t i, std::byte* where) { std::memcpy(where, &kinds_[i], sizeof kinds_[i]); });
+  return state_.send(kinds_run_, MessageType::kinds, [this](std::size_t i) { return kinds_[i]; });
 }
 
 }  // namespace ringfence::nodes

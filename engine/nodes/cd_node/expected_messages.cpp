@@ -78,13 +78,11 @@ bool ExpectedMessages::is_expected(const MessageView& message) const {
     case MessageType::frame_begin:
       return state_.stage == CdNodeStage::waiting && state_.region.fits();
     case MessageType::position_update:
+    case MessageType::ghosts_sent:
       return (state_.stage == CdNodeStage::moving || state_.stage == CdNodeStage::gathering) &&
              !state_.received.positions;
     case MessageType::pairs:
       return state_.stage == CdNodeStage::gathering && state_.received.positions && !state_.received.pairs;
-    case MessageType::ghosts_sent:
-      return (state_.stage == CdNodeStage::moving || state_.stage == CdNodeStage::gathering) &&
-             !state_.received.positions;
     case MessageType::correct:
     case MessageType::frame_end:
       return state_.stage == CdNodeStage::ending && !state_.received.frame_end;

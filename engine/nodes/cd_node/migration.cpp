@@ -1,5 +1,6 @@
 #include "nodes/cd_node/migration.hpp"
 
+#include <algorithm>
 #include <cassert>
 #include <cstring>
 #include <utility>
@@ -77,9 +78,7 @@ bool Migration::send() {
                            const std::uint32_t hosted = host.find(peer.leaving[i]);
                            const messages::HandOverRecord record = host.hand_over(hosted);
                            std::memcpy(where, &record, sizeof record);
-                           if (host.state_bytes() != 0) {
-                             std::memcpy(where + sizeof record, host.state(hosted), host.state_bytes());
-                           }
+                           std::copy_n(host.state(hosted), host.state_bytes(), where + sizeof record);
                            host.drop(peer.leaving[i]);
                            ++state_.stats.handed_over;
                          });

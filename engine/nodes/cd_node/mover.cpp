@@ -47,8 +47,7 @@ void Mover::bound_batch() {
     const Hosted& object = state_.host[changed_[i]];
     placed[i] = {&object.pose, object.shape};
   }
-  state_.setup.shapes->bounds({placed, changed_.size()}, *state_.setup.space, batch_.bounds.data(),
-                              batch_.points.data());
+  state_.setup.shapes->bounds({placed, changed_.size()}, *state_.setup.space, bounds_.data(), points_.data());
 }
 
 // Runs after the bounds of the whole batch are computed. Reading bounds as a whole just after their parts were written
@@ -77,7 +76,7 @@ void Mover::place_batch() {
 // stored before.
 void Mover::note_cells() {
   for (std::size_t i = 0; i < changed_.size(); ++i) {
-    state_.host.set_cell(changed_[i], publication_cell(state_.host[changed_[i]], batch_.points[i].at));
+    state_.host.set_cell(changed_[i], publication_cell(state_.host[changed_[i]], points_[i].at));
   }
 }
 
@@ -86,8 +85,8 @@ Mover::Placing Mover::find(std::size_t i) const noexcept {
   const Hosted& object = state_.host[hosted];
   return {hosted,
           object,
-          batch_.bounds[i],
-          batch_.points[i].at,
+          bounds_[i],
+          points_[i].at,
           state_.objects.find(object.object.slot, state_.host.place_in_list(hosted)),
           (object.object.flags & messages::flag_present) != 0,
           (object.object.flags & messages::flag_host_owned) != 0};

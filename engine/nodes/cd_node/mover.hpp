@@ -38,11 +38,6 @@ class Mover {
   bool send_published() { return state_.send_empty(published_run_, messages::MessageType::published); }
 
  private:
-  /// What was computed of a changed object.
-  struct Batch {
-    std::array<geometry::Bounds, Host::batch> bounds;
-    std::array<geometry::FixedPoint, Host::batch> points;  ///< positions
-  };
   /// An object of the batch, before its entry in RegionObjects is replaced.
   struct Placing {
     std::uint32_t hosted;  ///< index in Host
@@ -66,9 +61,10 @@ class Mover {
   NodeExchange& exchange_;
   HaloExchange& halo_;
   Migration& migration_;
-  std::span<const std::uint32_t> changed_;  ///< of the last batch: indices in Host
-  Batch batch_;                             ///< parallel to changed_
-  const bool keeps_;                        ///< objects are host-owned
+  std::span<const std::uint32_t> changed_;  ///< of the last batch: indices in Host; parallel to the next two
+  std::array<geometry::Bounds, Host::batch> bounds_;
+  std::array<geometry::FixedPoint, Host::batch> points_;  ///< positions
+  const bool keeps_;                                      ///< objects are host-owned
   bool done_ = true;
   bool publishes_ = false;  ///< in this frame
   messages::RunSender published_run_;

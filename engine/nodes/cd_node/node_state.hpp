@@ -2,8 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
-#include <span>
 #include <vector>
 
 #include "messages/header.hpp"
@@ -73,11 +71,16 @@ struct NodeState {
   messages::RunHeader head(messages::MessageType type, messages::Endpoint to) const noexcept {
     return {type, self, to, frame, region.map().epoch()};
   }
-  /// Sends a run of counts to the server; true when it is sent, or not started.
-  bool send_counts(messages::RunSender& run, messages::MessageType type,
-                   std::span<const messages::CountRecord> counts) {
-    return run.pump(*setup.server.out, head(type, messages::Endpoint::server()), sizeof(messages::CountRecord), traffic,
-                    [&](std::size_t i, std::byte* where) { std::memcpy(where, &counts[i], sizeof counts[i]); });
+  /// Sends a run of records to the server, see messages::RunSender::send(). True when it is sent, or not started.
+  template <class RecordAt>
+  bool send(messages::RunSender& run, messages::MessageType type, RecordAt record_at) {
+    return run.send(*setup.server.out, head(type, messages::Endpoint::server()), traffic, record_at);
+  }
+  /// The same to another node; a run that is not started needs no connection.
+  template <class RecordAt>
+  bool send_to(NodeNumber peer, messages::RunSender& run, messages::MessageType type, RecordAt record_at) {
+    return run.done() ||
+           run.send(*setup.peers[peer].out, head(type, messages::Endpoint::node(peer)), traffic, record_at);
   }
   /// Sends a run without records to the server; true when it is sent.
   bool send_empty(messages::RunSender& run, messages::MessageType type) {

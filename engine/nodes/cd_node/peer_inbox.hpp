@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "link/channel.hpp"
@@ -34,6 +36,20 @@ class PeerInbox {
   };
   std::vector<Input> inputs_;
 };
+
+inline void PeerInbox::assign(std::span<const Connection> peers) {
+  const std::vector<Input> old = std::exchange(inputs_, {});
+  const auto find = [](const std::vector<Input>& inputs, const link::Receiver* ring) {
+    return std::find_if(inputs.begin(), inputs.end(), [&](const Input& input) { return input.ring == ring; });
+  };
+  for (const Connection& peer : peers) {
+    if (peer.in == nullptr || find(inputs_, peer.in) != inputs_.end()) {
+      continue;
+    }
+    const auto known = find(old, peer.in);
+    inputs_.push_back(known != old.end() ? *known : Input{peer.in, {}});
+  }
+}
 
 template <class Judge, class Take, class Refuse>
 bool PeerInbox::read(std::size_t state_bytes, Judge judge, Take take, Refuse refuse) {

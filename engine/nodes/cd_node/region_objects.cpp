@@ -6,18 +6,15 @@ namespace ringfence::nodes {
 
 RegionObjects::RegionObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
   index_.reserve(objects);
-  slots_.reserve(objects);
-  bodies_.reserve(objects);
-  numbers_.reserve(objects);
-  hosted_.reserve(objects);
-  marks_.reserve(objects);
-  marks_before_.reserve(objects);
-  layers_.reserve(objects);
+  each_list([&](auto& list) { list.reserve(objects); });
+}
+
+// Calls visit for each list that has an element for each object.
+template <class Visit>
+void RegionObjects::each_list(Visit visit) {
+  visit(slots_), visit(bodies_), visit(numbers_), visit(hosted_), visit(marks_), visit(marks_before_), visit(layers_);
   if (sweeps_) {
-    bounds_.reserve(objects);
-    groups_.reserve(objects);
-    resting_.reserve(objects);
-    present_.reserve(objects);
+    visit(bounds_), visit(groups_), visit(resting_), visit(present_);
   }
 }
 
@@ -57,33 +54,13 @@ void RegionObjects::remove(std::uint32_t slot) {
     return;
   }
   const std::size_t last = slots_.size() - 1;
-  if (i != last) {
-    slots_[i] = slots_[last];
-    bodies_[i] = bodies_[last];
-    numbers_[i] = numbers_[last];
-    hosted_[i] = hosted_[last];
-    marks_[i] = marks_[last];
-    marks_before_[i] = marks_before_[last];
-    layers_[i] = layers_[last];
-    if (sweeps_) {
-      bounds_[i] = bounds_[last];
-      groups_[i] = groups_[last];
-      resting_[i] = 0;
-    }
-    index_[slots_[i]] = i;
-  }
-  slots_.pop_back();
-  bodies_.pop_back();
-  numbers_.pop_back();
-  hosted_.pop_back();
-  marks_.pop_back();
-  marks_before_.pop_back();
-  layers_.pop_back();
-  if (sweeps_) {
-    bounds_.pop_back();
-    groups_.pop_back();
-    resting_.pop_back();
-    present_.pop_back();
+  index_[slots_[last]] = i;
+  each_list([&](auto& list) {
+    list[i] = list[last];
+    list.pop_back();
+  });
+  if (sweeps_ && i != last) {
+    resting_[i] = 0;
   }
   index_[slot] = none;
 }
@@ -92,17 +69,7 @@ void RegionObjects::clear() noexcept {
   for (const std::uint32_t slot : slots_) {
     index_[slot] = none;
   }
-  slots_.clear();
-  bodies_.clear();
-  bounds_.clear();
-  layers_.clear();
-  groups_.clear();
-  numbers_.clear();
-  hosted_.clear();
-  marks_.clear();
-  marks_before_.clear();
-  resting_.clear();
-  present_.clear();
+  each_list([](auto& list) { list.clear(); });
 }
 
 void RegionObjects::settle() noexcept { std::fill(resting_.begin(), resting_.end(), std::uint8_t{1}); }

@@ -137,6 +137,8 @@ class RegionObjects {
 
  private:
   std::uint32_t add(std::uint32_t slot);
+  template <class Visit>
+  void each_list(Visit visit);
 
   bool sweeps_;
   std::vector<std::uint32_t> index_;  ///< by slot

@@ -32,9 +32,13 @@ class GhostUpdates {
   };
 
   /// Call it before the first frame. Reserves for this many objects.
-  void reserve(std::size_t objects);
+  void reserve(std::size_t objects) { records_.reserve(objects), entries_.reserve(objects); }
   /// Clears the updates and starts the frame.
-  void start(std::uint64_t frame);
+  void start(std::uint64_t frame) {
+    frame_ = frame;
+    records_.clear();
+    entries_.clear();
+  }
   /// Adds a record. Its flags are flag_present and, if the sender remains the host, flag_keeps_host. The add_receiver()
   /// calls that follow refer to this record.
   void add(const messages::PositionRecord& record) {

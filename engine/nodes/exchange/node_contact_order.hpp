@@ -19,9 +19,14 @@ namespace ringfence::nodes {
 /// Memory: 48 bytes per contact, kept. Belongs to one role.
 class NodeContactOrder {
  public:
-  void reserve(std::size_t contacts);
+  void reserve(std::size_t contacts) { order_.reserve(contacts), sources_.reserve(contacts); }
   /// Clears the order. The following add() calls refer to these contacts, by node number; they outlive the order.
-  void start(std::span<NodeContacts* const> node_contacts);
+  void start(std::span<NodeContacts* const> node_contacts) {
+    node_contacts_ = node_contacts;
+    order_.clear();
+    sources_.clear();
+    ascending_ = true;
+  }
   /// Adds the contact at that position of the node's list. Precondition: positions ascend within a node, and nodes are
   /// added one after the other.
   void add(NodeNumber node, std::uint32_t position) { add(node, position, node_contacts_[node]->keys[position]); }
@@ -32,7 +37,7 @@ class NodeContactOrder {
     sources_.push_back({node, position});
   }
   /// Sorts. Duplicates of a pair, if there are any, follow each other.
-  void sort();
+  void sort() { ascending_ ? void() : order_.sort(); }
   std::size_t size() const noexcept { return order_.size(); }
   std::uint64_t key(std::size_t i) const noexcept { return order_.added(place(i)); }
   NodeNumber node(std::size_t i) const noexcept { return sources_[place(i)].node; }

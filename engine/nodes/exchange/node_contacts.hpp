@@ -4,8 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <span>
-#include <vector>
 
 #include "base/flat_list.hpp"
 #include "base/numbers.hpp"

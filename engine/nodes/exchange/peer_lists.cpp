@@ -2,16 +2,6 @@
 
 namespace ringfence::nodes {
 
-void PeerLists::reserve(std::size_t size) {
-  entries_.reserve(size);
-  values_.reserve(size);
-}
-
-void PeerLists::clear() noexcept {
-  entries_.clear();
-  values_.clear();
-}
-
 // A stable counting sort.
 void PeerLists::finish(NodeNumber nodes) {
   from_.assign(nodes + 2, 0);

@@ -15,8 +15,8 @@ namespace ringfence::nodes {
 /// Threads: one writer; others may read between finish() and the next clear(). Memory: grows to the largest frame.
 class PeerLists {
  public:
-  void reserve(std::size_t size);
-  void clear() noexcept;
+  void reserve(std::size_t size) { entries_.reserve(size), values_.reserve(size); }
+  void clear() noexcept { entries_.clear(), values_.clear(); }
   void add(NodeNumber peer, std::uint32_t value) { entries_.push_back({peer, value}); }
   /// Call it after the last add(). `nodes` is the number of nodes; all peers are below it.
   void finish(NodeNumber nodes);

@@ -58,7 +58,14 @@ struct Publications {
 
 /// Stores in `own` the cell range of its publication for `frame`. The cells must be numbered as in Publications::grid.
 /// Called by the writer after it has published.
-void note_cell_range(Published& own, std::uint64_t frame) noexcept;
+inline void note_cell_range(Published& own, std::uint64_t frame) noexcept {
+  own.any[frame & 1] = !own.publication->states(frame).empty();
+  const link::CellRange cell_range = own.any[frame & 1] ? own.publication->cell_range(frame) : link::CellRange{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    own.cell_range[frame & 1].lower[axis] = static_cast<std::uint16_t>(cell_range.lower[axis]);
+    own.cell_range[frame & 1].upper[axis] = static_cast<std::uint16_t>(cell_range.upper[axis]);
+  }
+}
 
 /// Fills one publication for one frame and stores its cell range. Belongs to the writer of `own`; `all` and `own`
 /// outlive it.

@@ -1,9 +1,7 @@
 #include "nodes/host/host.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <cassert>
-#include <cmath>
 #include <cstddef>
 #include <cstring>
 #include <utility>
@@ -28,8 +26,6 @@ Host::Host(const MotionModel* model, std::size_t objects, FaultPoint* fault)
   scratch_.resize(batch * state_bytes_);
 }
 
-void Host::steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
-
 void Host::move(std::uint64_t frame) {
   begin_move(frame);
   move_batches(0, hosted_.size());
@@ -44,6 +40,13 @@ void Host::move(std::uint64_t frame) {
   steered_.clear();
   end_move();
   collect_changed(0, hosted_.size());
+}
+
+void Host::report(messages::NodeFrameStats& stats) const noexcept {
+  stats.hosted = size();
+  stats.model_failed = refusals_.model_failed;
+  stats.not_finite = refusals_.not_finite;
+  stats.not_unit = refusals_.not_unit;
 }
 
 void Host::begin_move(std::uint64_t frame) {

@@ -41,7 +41,7 @@ class Host : public HostedObjects {
   /// Sets whether the next move lists all hosted objects in changed().
   void list_all(bool all) noexcept { list_all_next_ = all; }
   /// In the next move() the object takes `pose` and is present, whatever the model computes. Applies to one frame.
-  void steer(ObjectNumber number, const Pose& pose);
+  void steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
 
   /// In the next move, and only in that, the model receives the input of the object, if it is hosted then.
   void give_input(const ObjectInput& input) { frame_inputs_.add(input); }
@@ -59,6 +59,8 @@ class Host : public HostedObjects {
   /// Parallel to changed(), one byte each: whether the object differs.
   std::span<const std::uint8_t> differs() const noexcept { return differs_.span(); }
   const HostRefusals& refusals() const noexcept { return refusals_; }
+  /// Sets the number of hosted objects, and those refusals.
+  void report(messages::NodeFrameStats& stats) const noexcept;
   /// The frame of the last move.
   std::uint64_t frame() const noexcept { return frame_; }
   /// Why the model threw in the last move.

@@ -9,13 +9,14 @@ using messages::flag_present;
 
 HostedObjects::HostedObjects(std::size_t objects, std::size_t state_bytes)
     : state_bytes_(state_bytes), index_(objects) {
-  hosted_.reserve(objects);
-  numbers_.reserve(objects);
   states_.reserve(objects * state_bytes_);
-  touched_.reserve(objects);
-  cells_.reserve(objects);
-  places_in_list_.reserve(objects);
-  groups_.reserve(objects);
+  each_list([&](auto& list) { list.reserve(objects); });
+}
+
+// Calls visit for each list that has an element for each object.
+template <class Visit>
+void HostedObjects::each_list(Visit visit) {
+  visit(hosted_), visit(numbers_), visit(touched_), visit(cells_), visit(places_in_list_), visit(groups_);
 }
 
 void HostedObjects::adopt(const messages::HandOverRecord& record, const std::byte* state) {
@@ -40,21 +41,13 @@ void HostedObjects::drop(ObjectNumber number) {
   index_.erase(number);
   const std::size_t last = hosted_.size() - 1;
   if (i != last) {
-    hosted_[i] = hosted_[last];
-    numbers_[i] = numbers_[last];
-    touched_[i] = touched_[last];
-    cells_[i] = cells_[last];
-    places_in_list_[i] = places_in_list_[last];
-    groups_[i] = groups_[last];
-    std::copy_n(states_.data() + last * state_bytes_, state_bytes_, states_.data() + i * state_bytes_);
-    index_.set(hosted_[i].object.number, i);
+    index_.set(numbers_[last], i);
+    std::copy_n(state(last), state_bytes_, states_.data() + i * state_bytes_);
   }
-  hosted_.pop_back();
-  numbers_.pop_back();
-  touched_.pop_back();
-  cells_.pop_back();
-  places_in_list_.pop_back();
-  groups_.pop_back();
+  each_list([&](auto& list) {
+    list[i] = list[last];
+    list.pop_back();
+  });
   states_.resize(last * state_bytes_);
 }
 

@@ -109,6 +109,10 @@ class HostedObjects {
   base::FlatList<std::uint32_t> places_in_list_;
   base::FlatList<std::uint32_t> groups_;
   base::NumberIndex index_;
+
+ private:
+  template <class Visit>
+  void each_list(Visit visit);
 };
 
 }  // namespace ringfence::nodes

@@ -26,18 +26,6 @@ bool has_avatar(const ContactObjects& objects, std::uint32_t a, std::uint32_t b)
 
 }  // namespace
 
-void ContactLedger::List::reserve(std::size_t size) {
-  contacts.reserve(size);
-  keys.reserve(size);
-  found.reserve(size);
-}
-
-void ContactLedger::List::resize(std::size_t size) {
-  contacts.resize(size);
-  keys.resize(size);
-  found.resize(size);
-}
-
 ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(nodes) {
   order_.reserve(contacts);
   ending_order_.reserve(contacts);
@@ -239,24 +227,15 @@ void ContactLedger::match_borders() {
 }
 
 void ContactLedger::share_out() {
-  List& list = now();
-  List& gone = ended();
-  list.resize(size_);
-  gone.resize(ends_);
-  duplicates_ = 0;
   const auto shares = static_cast<std::size_t>(
       std::count_if(runs_.begin(), runs_.end(), [](const Run& run) { return run.shared != nullptr; }));
   *output_merge_ = {.node_contacts = node_contacts_,
                     .shares = std::max<std::size_t>(shares, 1),
-                    .contacts = list.contacts.data(),
-                    .keys = list.keys.data(),
-                    .found = list.found.data(),
                     .endings = endings_,
                     .passed = passed_.span(),
-                    .ended = gone.contacts.data(),
-                    .ended_keys = gone.keys.data(),
                     .keys_before = before().keys.span(),
                     .contacts_before = before().contacts.data()};
+  start_output();
   if (shares == 0) {
     duplicates_ = write_slice(*output_merge_, 0, scratch_);
     return;
@@ -270,6 +249,20 @@ void ContactLedger::share_out() {
       run.shared->gate.admit();
     }
   }
+}
+
+// The lists of this frame are still to be written.
+void ContactLedger::start_output() {
+  List& list = now();
+  List& gone = ended();
+  list.resize(size_);
+  gone.resize(ends_);
+  output_merge_->contacts = list.contacts.data();
+  output_merge_->keys = list.keys.data();
+  output_merge_->found = list.found.data();
+  output_merge_->ended = gone.contacts.data();
+  output_merge_->ended_keys = gone.keys.data();
+  duplicates_ = 0;
 }
 
 void ContactLedger::lose(NodeNumber node) {
@@ -290,16 +283,7 @@ void ContactLedger::write_again() {
   old.absent = std::exchange(absent_, {});
   old.passed = std::exchange(passed_, {});
   old.now = std::exchange(editions_[frame_ & 1], {});
-  List& list = now();
-  List& gone = ended();
-  list.resize(size_);
-  gone.resize(ends_);
-  output_merge_->contacts = list.contacts.data();
-  output_merge_->keys = list.keys.data();
-  output_merge_->found = list.found.data();
-  output_merge_->ended = gone.contacts.data();
-  output_merge_->ended_keys = gone.keys.data();
-  duplicates_ = 0;
+  start_output();
   for (std::size_t share = 0; share < output_merge_->shares; ++share) {
     duplicates_ += write_slice(*output_merge_, share, scratch_);
   }
@@ -352,14 +336,18 @@ std::span<const ContactNotice> ContactLedger::notices(bool all) {
   }
   order_.sort();
   std::uint64_t last = 0;
-  order_.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase phase) {
+  order_.visit([&](std::uint64_t key, NodeNumber node, std::uint32_t position, Phase) {
     if (key != last) {
-      const FoundContact& found = node_contacts_[node]->found[position];
-      notices_.push_back({key, node_contacts_[node], nullptr, found, {found.slot_a, found.slot_b, node}, phase});
+      add_notice(key, node, node_contacts_[node]->found[position], position);
     }
     last = key;
   });
   return notices_.span();
+}
+
+void ContactLedger::add_notice(std::uint64_t key, NodeNumber node, const FoundContact& found, std::uint32_t position) {
+  const NodeContacts& from = *node_contacts_[node];
+  notices_.push_back({key, &from, nullptr, found, {found.slot_a, found.slot_b, node}, from.phase(position)});
 }
 
 // Contacts of avatars only, so few.
@@ -368,12 +356,7 @@ void ContactLedger::list_user_notices() {
     const NodeContacts& node_contacts = *node_contacts_[node];
     for (const UserContact& contact : node_contacts.user_contacts) {
       node_contacts.prefetch(contact.found);
-      notices_.push_back({contact.key,
-                          &node_contacts,
-                          nullptr,
-                          contact.found,
-                          {contact.found.slot_a, contact.found.slot_b, node},
-                          node_contacts.phase(contact.position)});
+      add_notice(contact.key, node, contact.found, contact.position);
     }
   }
   const auto by_key = [](const ContactNotice& p, const ContactNotice& q) { return p.key < q.key; };

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -140,8 +139,8 @@ class ContactLedger {
     base::FlatList<std::uint64_t> keys;
     base::FlatList<Found> found;
 
-    void reserve(std::size_t contacts);
-    void resize(std::size_t contacts);
+    void reserve(std::size_t size) { contacts.reserve(size), keys.reserve(size), found.reserve(size); }
+    void resize(std::size_t size) { contacts.resize(size), keys.resize(size), found.resize(size); }
   };
   struct Edition {
     List live;
@@ -178,6 +177,8 @@ class ContactLedger {
   void list_endings();
   void end_absent();
   void match_borders();
+  void start_output();
+  void add_notice(std::uint64_t key, NodeNumber node, const FoundContact& found, std::uint32_t position);
   void list_user_notices();
   void list_ended_notice(std::uint64_t key, std::size_t& old);
   void drop_duplicates();

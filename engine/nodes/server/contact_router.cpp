@@ -1,7 +1,6 @@
 #include "nodes/server/contact_router.hpp"
 
 #include <algorithm>
-#include <cstring>
 
 namespace ringfence::nodes {
 
@@ -140,38 +139,31 @@ void ContactRouter::list_notice(std::uint32_t notice, const Found& found) {
   }
 }
 
-void ContactRouter::write_notice(std::uint32_t notice, std::byte* where) const noexcept {
+Contact ContactRouter::contact_of(std::uint32_t notice) const noexcept {
   constexpr std::uint32_t ended = PeerSession::Closing::ended;
   Contact contact;
   ((notice & ended) != 0 ? ended_notices_[notice & ~ended] : notices_[notice]).write(contact);
-  std::memcpy(where, &contact, sizeof contact);
+  return contact;
 }
 
 bool ContactRouter::notify(PeerSession& session) {
   PeerSession::Closing& closing = session.closing;
-  const bool node = session.self.is_node();
-  const auto send = [&](messages::RunSender& run, MessageType type, std::size_t record_bytes, auto fill) {
-    return run.pump(*session.connection.out, state_.head(type, session.self), record_bytes, state_.report().traffic,
-                    fill);
-  };
-  if (!relay_.send_read_publications(session) ||
-      (node && state_.map_change.at_end && !state_.send_map(session, closing.map_run))) {
+  if (!relay_.send_read_publications(session)) {
     return false;
   }
-  const auto write_correction = [&](std::size_t i, std::byte* where) {
-    const messages::CorrectRecord record{state_.ledger.corrections(session.self.number())[i]};
-    std::memcpy(where, &record, sizeof record);
-  };
-  const auto write_end = [&](std::size_t, std::byte* where) {
-    const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
-    const messages::FrameEndRecord record{closing.hand_overs, exchange_.announced_contacts(session), exchange ? 1u : 0u,
-                                          0};
-    std::memcpy(where, &record, sizeof record);
-  };
-  return send(closing.correct_run, MessageType::correct, sizeof(messages::CorrectRecord), write_correction) &&
-         (node || send(closing.notice_run, MessageType::notify, sizeof(Contact),
-                       [&](std::size_t i, std::byte* where) { write_notice(closing.notices[i], where); })) &&
-         (!node || send(closing.end_run, MessageType::frame_end, sizeof(messages::FrameEndRecord), write_end));
+  if (session.self.is_user()) {
+    return state_.send(session, closing.notice_run, MessageType::notify,
+                       [&](std::size_t i) { return contact_of(closing.notices[i]); });
+  }
+  const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
+  const auto corrections = state_.ledger.corrections(session.self.number());
+  return (!state_.map_change.at_end || state_.send_map(session, closing.map_run)) &&
+         state_.send(session, closing.correct_run, MessageType::correct,
+                     [&](std::size_t i) { return messages::CorrectRecord{corrections[i]}; }) &&
+         state_.send(session, closing.end_run, MessageType::frame_end, [&](std::size_t) {
+           return messages::FrameEndRecord{closing.hand_overs, exchange_.announced_contacts(session),
+                                           exchange ? 1u : 0u, 0};
+         });
 }
 
 bool ContactRouter::notify_users() {

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <span>
 
@@ -48,7 +47,7 @@ class ContactRouter {
   void follow_hosted(const PeerSession& node, const Host& host);
   void list_notices();
   void list_notice(std::uint32_t notice, const Found& found);
-  void write_notice(std::uint32_t notice, std::byte* where) const noexcept;
+  Contact contact_of(std::uint32_t notice) const noexcept;
   void start(PeerSession& session);
 
   ServerState& state_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <utility>
 
 namespace ringfence::nodes {
 
@@ -80,13 +79,7 @@ void Cut::apply(const Request& request) {
     case Request::Kind::partition:
       scheduler_.request_partition();
       return;
-    case Request::Kind::destroy:
-    case Request::Kind::place:
-    case Request::Kind::set_enabled:
-    case Request::Kind::set_group:
-    case Request::Kind::set_layer:
-    case Request::Kind::set_shape:
-    case Request::Kind::set_state:
+    default:
       break;
   }
   const std::uint32_t slot = state_.objects.find(request.object.number());
@@ -120,7 +113,7 @@ void Cut::connect(const Request& request) {
 
 void Cut::set_slots(std::size_t slots) {
   state_.nodes.resize(slots);
-  dispatch_.resize(slots);
+  dispatch_.resize();
   state_.ledger.resize(slots);
 }
 
@@ -340,20 +333,17 @@ bool Cut::open(PeerSession& session) {
     list.clear();
     return true;
   };
+  const auto copy = [](const auto& record, std::byte* where) { std::memcpy(where, &record, sizeof record); };
   const auto write_drop = [&](std::uint32_t slot, std::byte* where) {
-    const messages::DropRecord record{objects.row(slot).object};
-    std::memcpy(where, &record, sizeof record);
+    copy(messages::DropRecord{objects.row(slot).object}, where);
   };
   const auto write_adoption = [&](std::uint32_t slot, std::byte* where) {
-    const messages::HandOverRecord record = objects.hand_over(slot);
-    std::memcpy(where, &record, sizeof record);
-    std::copy_n(state_.objects.state(slot), state_bytes, where + sizeof record);
+    copy(objects.hand_over(slot), where);
+    std::copy_n(objects.state(slot), state_bytes, where + sizeof(messages::HandOverRecord));
   };
   const auto write_placement = [&](std::uint32_t slot, std::byte* where) {
-    const messages::PlaceRecord record{objects.row(slot).object, objects.row(slot).pose};
-    std::memcpy(where, &record, sizeof record);
+    copy(messages::PlaceRecord{objects.row(slot).object, objects.row(slot).pose}, where);
   };
-  const auto copy = [](const auto& record, std::byte* where) { std::memcpy(where, &record, sizeof record); };
   const bool needs_map = state_.map_change.precedes_frame && session.self.is_node();
   return (!needs_map || state_.send_map(session, session.loss.map_run)) &&
          send(opening.drop_run, opening.drops, MessageType::drop, write_drop) &&

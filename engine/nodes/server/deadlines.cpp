@@ -34,7 +34,7 @@ bool Deadlines::check_node(PeerSession& node, std::uint64_t now) {
     node.probe_run.start(0);
   }
   if (state_.stage == FrameStage::dispatching) {
-    dispatch_.flush(node.self.number(), state_.head(MessageType::pairs, node.self), state_.report().traffic);
+    dispatch_.flush(node.self.number());
   }
   state_.send_empty(node, node.probe_run, MessageType::probe);
   if (now - node.probed_ns <= state_.setup.node_deadline_ns / 2) {

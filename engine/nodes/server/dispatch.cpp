@@ -10,40 +10,32 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 
-Dispatch::Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Placement placement,
-                   const std::array<std::uint32_t, 32>& layer_masks, bool keep_resting)
-    : placement_(placement),
-      sweep_(placement == Placement::server ? objects : 0, placement == Placement::server ? pairs : 0, layer_masks,
-             keep_resting),
-      links_(nodes),
-      updates_(nodes),
-      update_runs_(nodes),
-      pair_runs_(nodes, messages::RunWriter(pair_message)),
-      stamps_(nodes, 0) {
-  for (std::size_t node = 0; node < nodes; ++node) {
-    updates_[node].reserve(std::min(objects, 2 * objects / nodes + 64));
+Dispatch::Dispatch(ServerState& state)
+    : state_(state),
+      sweep_(state.setup.placement == Placement::server ? state.setup.capacities.objects : 0,
+             state.setup.placement == Placement::server ? state.setup.capacities.pairs : 0, state.setup.layer_masks,
+             state.setup.keep_resting) {
+  resize();
+  const std::size_t objects = state.setup.capacities.objects;
+  for (Node& node : nodes_) {
+    node.updates.reserve(std::min(objects, 2 * objects / nodes_.size() + 64));
   }
 }
 
-void Dispatch::resize(std::size_t slots) {
-  links_.resize(slots);
-  updates_.resize(slots);
-  update_runs_.resize(slots);
-  pair_runs_.resize(slots, messages::RunWriter(pair_message));
-  stamps_.resize(slots, 0);
+void Dispatch::resize() {
+  nodes_.resize(state_.nodes.size());
+  stamps_.resize(state_.nodes.size(), 0);
 }
 
-void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map, UpdateScope scope) {
-  for (auto& updates : updates_) {
-    updates.clear();
-  }
+void Dispatch::list_updates(UpdateScope scope) {
+  ObjectTable& objects = state_.objects;
   const auto is_anew = [&](std::uint32_t slot) {
     return scope == UpdateScope::all_objects || (scope == UpdateScope::not_hosted && !objects.host(slot).is_node());
   };
   if (scope != UpdateScope::changes) {
     for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
       if (is_anew(slot)) {
-        list_update(objects, map, slot, true);
+        list_update(slot, true);
       }
     }
   }
@@ -57,14 +49,16 @@ void Dispatch::list_updates(ObjectTable& objects, const regions::RegionMap& map,
       objects.prefetch_bounds(unnotified[i + ahead]);
     }
     if (!is_anew(unnotified[i])) {
-      list_update(objects, map, unnotified[i], false);
+      list_update(unnotified[i], false);
     }
   }
 }
 
 // Adds the object to the updates of the nodes whose regions it touches, and its removal to those of the nodes whose
 // regions it no longer touches.
-void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot, bool all_objects) {
+void Dispatch::list_update(std::uint32_t slot, bool all_objects) {
+  ObjectTable& objects = state_.objects;
+  const regions::RegionMap& map = state_.map;
   ObjectMarks& marks = objects.marks(slot);
   const bool present = objects.present()[slot] != 0;
   const Endpoint host = objects.host(slot);
@@ -85,7 +79,7 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
     const auto notify_node = [&](NodeNumber node) {
       shared |= node != next;
       if (node != self) {
-        updates_[node].push_back(slot);
+        nodes_[node].updates.push_back(slot);
       }
     };
     cuts ? regions::for_each_owner(map, objects.bounds()[slot], stamps_, stamp_, notify_node)
@@ -97,7 +91,7 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
     // Stamped nodes receive the new position. Other nodes that have received the object before receive its removal.
     const auto leave = [&](NodeNumber node) {
       if (node != self) {
-        updates_[node].push_back(slot | gone);
+        nodes_[node].updates.push_back(slot | gone);
       }
     };
     const bool host_alone = (marks & shared_mark) == 0 && host.is_node();
@@ -116,11 +110,15 @@ void Dispatch::list_update(ObjectTable& objects, const regions::RegionMap& map, 
                                    (shared ? shared_mark : 0));
 }
 
-void Dispatch::start(std::span<const PeerSession> nodes) {
-  for (std::size_t node = 0; node < updates_.size(); ++node) {
-    links_[node] = nodes[node].is_active() ? nodes[node].connection.out : nullptr;
-    update_runs_[node].start(updates_[node].size());
-    pair_runs_[node].start();
+void Dispatch::start(UpdateScope scope) {
+  for (NodeNumber slot = 0; slot < nodes_.size(); ++slot) {
+    nodes_[slot].updates.clear();
+    nodes_[slot].link = state_.nodes[slot].is_active() ? state_.nodes[slot].connection.out : nullptr;
+  }
+  list_updates(scope);
+  for (Node& node : nodes_) {
+    node.update_run.start(node.updates.size());
+    node.pair_run.start();
   }
   sweeping_ = false;
   found_ = {};
@@ -128,67 +126,64 @@ void Dispatch::start(std::span<const PeerSession> nodes) {
   sweep_ns_ = 0;
 }
 
-bool Dispatch::pump(const ObjectTable& objects, const regions::RegionMap& map, const messages::RunHeader& head,
-                    messages::TrafficCounts& counts) {
+bool Dispatch::pump() {
   bool all = true;
-  for (NodeNumber node = 0; node < links_.size(); ++node) {
-    all &= links_[node] == nullptr || pump_updates(node, objects, head, counts);
+  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+    all &= nodes_[node].link == nullptr || pump_updates(node);
   }
-  if (!all || placement_ == Placement::region) {
+  if (!all || state_.setup.placement == Placement::region) {
     return all;
   }
   const std::uint64_t begin_ns = telemetry::now_ns();
-  all = pump_pairs(objects, map, head, counts);
+  all = pump_pairs();
   sweep_ns_ += telemetry::now_ns() - begin_ns;
   return all;
 }
 
-bool Dispatch::pump_updates(NodeNumber node, const ObjectTable& objects, messages::RunHeader head,
-                            messages::TrafficCounts& counts) {
-  head.destination = Endpoint::node(node);
-  head.type = MessageType::position_update;
-  const auto& updates = updates_[node];
+bool Dispatch::pump_updates(NodeNumber node) {
+  const ObjectTable& objects = state_.objects;
+  const std::vector<std::uint32_t>& updates = nodes_[node].updates;
   constexpr std::size_t ahead = 8;
-  return update_runs_[node].pump(*links_[node], head, sizeof(messages::PositionRecord), counts,
-                                 [&](std::size_t i, std::byte* where) {
-                                   const std::uint32_t slot = updates[i] & ~gone;
-                                   if (i + ahead < updates.size()) {
-                                     objects.prefetch_position(updates[i + ahead] & ~gone);
-                                   }
-                                   const ObjectRow& row = objects.row(slot);
-                                   messages::PositionRecord record{.object = row.object,
-                                                                   .pose = row.pose,
-                                                                   .bounds = objects.bounds()[slot],
-                                                                   .shape = row.shape,
-                                                                   .layer = row.layer,
-                                                                   .group = objects.group(slot),
-                                                                   .user_data = objects.origin(slot).user_data};
-                                   if ((updates[i] & gone) != 0) {
-                                     record.object.flags |= messages::flag_left_region;
-                                   }
-                                   if (row.category == static_cast<std::uint16_t>(Category::avatar)) {
-                                     record.object.flags |= messages::flag_avatar;
-                                   } else if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
-                                     record.object.flags |= messages::flag_fixed;
-                                   }
-                                   std::memcpy(where, &record, sizeof record);
-                                 });
+  return state_.send(state_.nodes[node], nodes_[node].update_run, MessageType::position_update, [&](std::size_t i) {
+    const std::uint32_t slot = updates[i] & ~gone;
+    if (i + ahead < updates.size()) {
+      objects.prefetch_position(updates[i + ahead] & ~gone);
+    }
+    const ObjectRow& row = objects.row(slot);
+    messages::PositionRecord record{.object = row.object,
+                                    .pose = row.pose,
+                                    .bounds = objects.bounds()[slot],
+                                    .shape = row.shape,
+                                    .layer = row.layer,
+                                    .group = objects.group(slot),
+                                    .user_data = objects.origin(slot).user_data};
+    if ((updates[i] & gone) != 0) {
+      record.object.flags |= messages::flag_left_region;
+    }
+    if (row.category == static_cast<std::uint16_t>(Category::avatar)) {
+      record.object.flags |= messages::flag_avatar;
+    } else if (row.category == static_cast<std::uint16_t>(Category::fixed)) {
+      record.object.flags |= messages::flag_fixed;
+    }
+    return record;
+  });
 }
 
-void Dispatch::flush(NodeNumber node, messages::RunHeader head, messages::TrafficCounts& counts) {
-  head.destination = Endpoint::node(node);
-  head.type = MessageType::pairs;
-  pair_runs_[node].flush(*links_[node], head, sizeof(messages::PairRecord), counts);
+void Dispatch::flush(NodeNumber node) {
+  nodes_[node].pair_run.flush(*nodes_[node].link, pairs_to(node), sizeof(messages::PairRecord),
+                              state_.report().traffic);
 }
 
 // Sends pairs while the sweep continues, so that nodes test the first pairs while the server finds the last.
-bool Dispatch::pump_pairs(const ObjectTable& objects, const regions::RegionMap& map, messages::RunHeader head,
-                          messages::TrafficCounts& counts) {
+bool Dispatch::pump_pairs() {
+  const ObjectTable& objects = state_.objects;
+  const regions::RegionMap& map = state_.map;
+  messages::TrafficCounts& counts = state_.report().traffic;
+  messages::RunHeader head = state_.head(MessageType::pairs, Endpoint::none());
   constexpr std::size_t pairs_per_batch = 4096;
   const auto bounds = objects.bounds();
   const auto numbers = objects.numbers();
   const NodeNumber sole_owner = map.sole_owner();
-  head.type = MessageType::pairs;
   if (!sweeping_) {
     sweeping_ = true;
     sweep_.begin(bounds, objects.present(), objects.resting(), objects.layers(), objects.groups());
@@ -200,7 +195,7 @@ bool Dispatch::pump_pairs(const ObjectTable& objects, const regions::RegionMap& 
       const NodeNumber owner =
           sole_owner != regions::RegionMap::many_owners ? sole_owner : map.pair_owner(bounds[pair.a], bounds[pair.b]);
       head.destination = Endpoint::node(owner);
-      std::byte* where = pair_runs_[owner].add(*links_[owner], head, sizeof(messages::PairRecord), counts);
+      std::byte* where = nodes_[owner].pair_run.add(*nodes_[owner].link, head, sizeof(messages::PairRecord), counts);
       if (where == nullptr) {
         found_ = found_.subspan(i);
         return false;
@@ -213,12 +208,9 @@ bool Dispatch::pump_pairs(const ObjectTable& objects, const regions::RegionMap& 
     }
   }
   bool all = true;
-  for (NodeNumber node = 0; node < links_.size(); ++node) {
-    if (links_[node] == nullptr) {
-      continue;  // no node: it owns nothing
-    }
-    head.destination = Endpoint::node(node);
-    all &= pair_runs_[node].finish(*links_[node], head, sizeof(messages::PairRecord), counts);
+  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+    all &= nodes_[node].link == nullptr ||  // no node: it owns nothing
+           nodes_[node].pair_run.finish(*nodes_[node].link, pairs_to(node), sizeof(messages::PairRecord), counts);
   }
   return all;
 }

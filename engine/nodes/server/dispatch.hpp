@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -9,10 +8,7 @@
 #include "base/numbers.hpp"
 #include "broad_phase/sweep_and_prune.hpp"
 #include "messages/run.hpp"
-#include "nodes/server/object_table.hpp"
-#include "nodes/server/peer_session.hpp"
-#include "regions/region_map.hpp"
-#include "ringfence/config.hpp"
+#include "nodes/server/server_state.hpp"
 
 namespace ringfence::nodes {
 
@@ -23,30 +19,20 @@ namespace ringfence::nodes {
 /// reported itself. Threads: belongs to the server role. Memory: grows to the largest frame.
 class Dispatch {
  public:
-  Dispatch(std::size_t nodes, std::size_t objects, std::size_t pairs, Placement placement,
-           const std::array<std::uint32_t, 32>& layer_masks, bool keep_resting);
+  explicit Dispatch(ServerState& state);
 
-  /// Sets the number of node slots. Between frames.
-  void resize(std::size_t slots);
+  /// Follows the number of node slots. Between frames.
+  void resize();
 
-  /// Which objects are sent.
-  enum class UpdateScope : std::uint8_t {
-    changes,      ///< objects that moved, unless their host keeps the others up to date
-    not_hosted,   ///< these, and all present objects that no node hosts: the map has changed, and hosts send the rest
-    all_objects,  ///< all present objects: the map has changed
-  };
-  /// Lists the updates of each node.
-  void list_updates(ObjectTable& objects, const regions::RegionMap& map, UpdateScope scope);
-  /// Starts sending the listed updates to the active nodes. They stay active until the last pump(), or start() is
-  /// called again.
-  void start(std::span<const PeerSession> nodes);
+  /// Lists the updates of each node, and starts sending them to the active nodes. They stay active until the last
+  /// pump(), or start() is called again.
+  void start(UpdateScope scope);
   /// Sends as much as the rings take; true when everything is sent. With Placement::server it then sweeps all objects
   /// and sends each candidate to its owner as it is found; a full ring interrupts the sweep. Objects and map must not
   /// change between start() and the final pump().
-  bool pump(const ObjectTable& objects, const regions::RegionMap& map, const messages::RunHeader& head,
-            messages::TrafficCounts& counts);
+  bool pump();
   /// Sends the unfinished message of pairs for `node`, so that another message may follow.
-  void flush(NodeNumber node, messages::RunHeader head, messages::TrafficCounts& counts);
+  void flush(NodeNumber node);
 
   /// Number of candidates sent. Only with Placement::server.
   std::size_t candidates() const noexcept { return candidates_; }
@@ -58,18 +44,25 @@ class Dispatch {
   /// Bytes: 2000 pairs keep a node busy while the next message is filled.
   static constexpr std::size_t pair_message = std::size_t{1} << 14;
 
-  void list_update(ObjectTable& objects, const regions::RegionMap& map, std::uint32_t slot, bool all_objects);
-  bool pump_updates(NodeNumber node, const ObjectTable& objects, messages::RunHeader head,
-                    messages::TrafficCounts& counts);
-  bool pump_pairs(const ObjectTable& objects, const regions::RegionMap& map, messages::RunHeader head,
-                  messages::TrafficCounts& counts);
+  /// What is sent to one node.
+  struct Node {
+    link::Sender* link = nullptr;        ///< null: no active node in the slot
+    std::vector<std::uint32_t> updates;  ///< slots, with the bit `gone`
+    messages::RunSender update_run;
+    messages::RunWriter pair_run{pair_message};
+  };
 
-  Placement placement_;
+  void list_updates(UpdateScope scope);
+  void list_update(std::uint32_t slot, bool all_objects);
+  bool pump_updates(NodeNumber node);
+  bool pump_pairs();
+  messages::RunHeader pairs_to(NodeNumber node) const noexcept {
+    return state_.head(messages::MessageType::pairs, messages::Endpoint::node(node));
+  }
+
+  ServerState& state_;
   broad_phase::SweepAndPrune sweep_;
-  std::vector<link::Sender*> links_;                 ///< by node; null: no active node in the slot
-  std::vector<std::vector<std::uint32_t>> updates_;  ///< by node: slots, with the bit `gone`
-  std::vector<messages::RunSender> update_runs_;
-  std::vector<messages::RunWriter> pair_runs_;
+  std::vector<Node> nodes_;  ///< by slot
   bool sweeping_ = false;
   std::span<const geometry::CandidatePair> found_;  ///< not sent yet
   std::uint64_t sweep_ns_ = 0;

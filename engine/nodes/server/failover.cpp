@@ -1,7 +1,6 @@
 #include "nodes/server/failover.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <utility>
 
 #include "telemetry/clock.hpp"
@@ -124,7 +123,7 @@ void Failover::detect_again() {
     session.received.narrow_done = false;
     session.loss.map_run.start(state_.map.table().size());
   }
-  state_.map_change.updates = Dispatch::UpdateScope::all_objects;
+  state_.map_change.updates = UpdateScope::all_objects;
   state_.map_change.rescan_hosts = true;
 }
 
@@ -196,12 +195,8 @@ bool Failover::send() {
 
 bool Failover::send(PeerSession& session) {
   if (!session.loss.records.empty()) {
-    const bool sent = session.loss.lost_run.pump(
-        *session.connection.out, state_.head(MessageType::lost, session.self), sizeof(messages::LostRecord),
-        state_.report().traffic, [&](std::size_t i, std::byte* where) {
-          std::memcpy(where, &session.loss.records[i], sizeof session.loss.records[i]);
-        });
-    if (!sent) {
+    if (!state_.send(session, session.loss.lost_run, MessageType::lost,
+                     [&](std::size_t i) { return session.loss.records[i]; })) {
       return false;
     }
     session.loss.records.clear();
@@ -219,7 +214,7 @@ bool Failover::send(PeerSession& session) {
 // receive the map and all objects again in any case.
 void Failover::replace_lost_nodes() {
   reassign_cells();
-  state_.map_change.updates = Dispatch::UpdateScope::all_objects;
+  state_.map_change.updates = UpdateScope::all_objects;
   state_.map_change.rescan_hosts = state_.map_change.precedes_frame = true;
 }
 

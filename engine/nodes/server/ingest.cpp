@@ -258,19 +258,14 @@ void Ingest::receive_states(PeerSession& session, const MessageView& message) {
       continue;
     }
     const std::uint32_t slot = objects.find(record.object);
-    if (slot == base::NumberIndex::none) {
-      refuse(session, Status::stale_object, record.object.number);
-      continue;
-    }
-    ObjectRow& row = objects.row(slot);
-    if (objects.host(slot) != session.self) {
-      refuse(session, Status::not_host, record.object.number);
-      continue;
-    }
-    if (const Status status = check_pose(record.pose); status != Status::ok) {
+    const Status status = slot == base::NumberIndex::none      ? Status::stale_object
+                          : objects.host(slot) != session.self ? Status::not_host
+                                                               : check_pose(record.pose);
+    if (status != Status::ok) {
       refuse(session, status, record.object.number);
       continue;
     }
+    ObjectRow& row = objects.row(slot);
     row.pose = record.pose;
     (void)make_valid(row.pose);  // normalises
     row.object.flags = record.object.flags & messages::flag_present;

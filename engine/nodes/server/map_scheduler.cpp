@@ -220,8 +220,7 @@ void MapScheduler::finish() noexcept {
   keep_last_node();
   MapChange& change = state_.map_change;
   if (change.at_end) {
-    change.updates =
-        change.hosts_exchange_objects ? Dispatch::UpdateScope::not_hosted : Dispatch::UpdateScope::all_objects;
+    change.updates = change.hosts_exchange_objects ? UpdateScope::not_hosted : UpdateScope::all_objects;
   }
   change.at_end = change.rescan_hosts = change.precedes_frame = false;
 }

@@ -5,23 +5,19 @@
 namespace ringfence::nodes {
 
 ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_bytes_(state_bytes), index_(objects) {
-  rows_.reserve(objects);
-  origins_.reserve(objects);
-  numbers_.reserve(objects);
-  marks_.reserve(objects);
-  hosts_.reserve(objects);
-  notified_cells_.reserve(objects);
-  notified_bounds_.reserve(objects);
-  bounds_.reserve(objects);
-  present_.reserve(objects);
-  resting_.reserve(objects);
-  layers_.reserve(objects);
-  groups_.reserve(objects);
+  each_list([&](auto& list) { list.reserve(objects); });
   states_.reserve(objects * state_bytes);
   free_.reserve(objects);
   ended_.reserve(objects);
   moved_.reserve(objects);
   unnotified_.reserve(objects);
+}
+
+// Calls visit for each list that has an element for each slot.
+template <class Visit>
+void ObjectTable::each_list(Visit visit) {
+  visit(rows_), visit(origins_), visit(numbers_), visit(layers_), visit(groups_), visit(marks_), visit(hosts_);
+  visit(notified_cells_), visit(notified_bounds_), visit(bounds_), visit(present_), visit(resting_);
 }
 
 messages::HandOverRecord ObjectTable::hand_over(std::uint32_t slot) const noexcept {
@@ -43,25 +39,13 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   std::uint32_t slot;
   if (free_.empty()) {
     slot = static_cast<std::uint32_t>(rows_.size());
-    rows_.push_back({});
-    origins_.emplace_back();
-    numbers_.push_back(0);
-    marks_.push_back(0);
-    hosts_.push_back(messages::Endpoint::none());
-    notified_cells_.push_back({});
-    notified_bounds_.push_back({});
-    bounds_.push_back({});
-    present_.push_back(0);
-    resting_.push_back(1);
-    layers_.push_back(0);
-    groups_.push_back(0);
+    each_list([](auto& list) { list.push_back({}); });
     states_.resize(states_.size() + state_bytes_);
-    std::fill_n(state(slot), state_bytes_, std::byte{0});
   } else {
     slot = free_.back();
     free_.pop_back();
-    std::fill_n(state(slot), state_bytes_, std::byte{0});
   }
+  std::fill_n(state(slot), state_bytes_, std::byte{0});
   ObjectRow& row = rows_[slot];
   row.object = {slot, id.generation(), id.number(), spec.enabled ? messages::flag_present : 0u};
   row.pose = spec.pose;

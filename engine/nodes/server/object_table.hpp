@@ -184,6 +184,9 @@ class ObjectTable {
   std::span<const std::uint32_t> unnotified() const noexcept { return unnotified_; }
 
  private:
+  template <class Visit>
+  void each_list(Visit visit);
+
   std::size_t state_bytes_;
   base::FlatList<ObjectRow> rows_;
   std::vector<ObjectOrigin> origins_;

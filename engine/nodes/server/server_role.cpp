@@ -1,5 +1,7 @@
 #include "nodes/server/server_role.hpp"
 
+#include <utility>
+
 #include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
@@ -12,8 +14,7 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       statistics_(state_),
       exchange_(ServerExchange::make(state_)),
       states_(state_, *exchange_),
-      dispatch_(setup.nodes.size(), setup.capacities.objects, setup.capacities.pairs, setup.placement,
-                setup.layer_masks, setup.keep_resting),
+      dispatch_(state_),
       scheduler_(state_, *exchange_, states_),
       cut_(state_, states_, scheduler_, dispatch_),
       relay_(state_, *exchange_),
@@ -85,14 +86,12 @@ void ServerRole::cut() {
 
 void ServerRole::detect() {
   statistics_.charge(Stage::move);
-  const bool all_objects = state_.map_change.updates == Dispatch::UpdateScope::all_objects;
+  const bool all_objects = state_.map_change.updates == UpdateScope::all_objects;
   if (all_objects) {
     states_.store_all();
   }
-  dispatch_.list_updates(state_.objects, state_.map, state_.map_change.updates);
   exchange_->begin_ghosts(!all_objects && state_.setup.placement == Placement::region);
-  state_.map_change.updates = Dispatch::UpdateScope::changes;
-  dispatch_.start(state_.nodes);
+  dispatch_.start(std::exchange(state_.map_change.updates, UpdateScope::changes));
 }
 
 // Makes one transition of the frame; false if it has to wait.
@@ -133,9 +132,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::dispatching;
       return true;
     case FrameStage::dispatching:
-      if (!state_.all_nodes([&](PeerSession& node) { return exchange_->send_ghosts(node); }) ||
-          !dispatch_.pump(state_.objects, state_.map, state_.head(MessageType::pairs, Endpoint::none()),
-                          state_.report().traffic)) {
+      if (!state_.all_nodes([&](PeerSession& node) { return exchange_->send_ghosts(node); }) || !dispatch_.pump()) {
         return false;
       }
       if (state_.setup.placement == Placement::server) {

@@ -1,12 +1,8 @@
 #include "nodes/server/server_state.hpp"
 
-#include <algorithm>
-#include <cstring>
-
 namespace ringfence::nodes {
 
 using messages::Endpoint;
-using messages::MessageType;
 
 ServerState::ServerState(const ServerSetup& initial, const regions::RegionMap& first_map)
     : setup(initial),
@@ -46,14 +42,6 @@ void ServerState::list_remaining_nodes(std::vector<NodeNumber>& remaining) const
 void ServerState::note_host_change(std::uint32_t slot) {
   objects.marks(slot) |= host_changed_mark;
   host_changes.push_back(slot);
-}
-
-bool ServerState::send_map(PeerSession& session, messages::RunSender& run) {
-  return run.pump(*session.connection.out, head(MessageType::region_map, session.self), sizeof(messages::OwnerRecord),
-                  report().traffic, [&](std::size_t i, std::byte* where) {
-                    const messages::OwnerRecord record{map.table()[i]};
-                    std::memcpy(where, &record, sizeof record);
-                  });
 }
 
 }  // namespace ringfence::nodes

@@ -8,7 +8,6 @@
 #include "messages/run.hpp"
 #include "nodes/host/host.hpp"
 #include "nodes/server/contact_ledger.hpp"
-#include "nodes/server/dispatch.hpp"
 #include "nodes/server/object_table.hpp"
 #include "nodes/server/peer_session.hpp"
 #include "nodes/server/server_setup.hpp"
@@ -30,6 +29,13 @@ enum class FrameStage : std::uint8_t {
   closing
 };
 
+/// Which objects Dispatch sends.
+enum class UpdateScope : std::uint8_t {
+  changes,      ///< objects that moved, unless their host keeps the others up to date
+  not_hosted,   ///< these, and all present objects that no node hosts: the map has changed, and hosts send the rest
+  all_objects,  ///< all present objects: the map has changed
+};
+
 /// What a new region map requires in the frame.
 struct MapChange {
   bool at_end = false;          ///< nodes receive a new map at the end of this frame
@@ -38,7 +44,7 @@ struct MapChange {
   /// Nodes send each other what they host under the map that begins with the next frame.
   bool hosts_exchange_objects = false;
   /// Of this frame; more than `changes` after a change of the map.
-  Dispatch::UpdateScope updates = Dispatch::UpdateScope::changes;
+  UpdateScope updates = UpdateScope::changes;
 };
 
 /// An object that another CD node hosts from the next frame on.
@@ -134,8 +140,16 @@ struct ServerState {
   messages::RunHeader head(messages::MessageType type, messages::Endpoint to) const noexcept {
     return {type, messages::Endpoint::server(), to, frame, map.epoch()};
   }
-  /// Sends as much of the region map as the ring takes; true when all is sent.
-  bool send_map(PeerSession& session, messages::RunSender& run);
+  /// Sends as much of a run as the ring takes, see messages::RunSender::send(); true when all is sent.
+  template <class RecordAt>
+  bool send(PeerSession& session, messages::RunSender& run, messages::MessageType type, RecordAt record_at) {
+    return run.send(*session.connection.out, head(type, session.self), report().traffic, record_at);
+  }
+  /// The same for the region map.
+  bool send_map(PeerSession& session, messages::RunSender& run) {
+    return send(session, run, messages::MessageType::region_map,
+                [this](std::size_t i) { return messages::OwnerRecord{map.table()[i]}; });
+  }
   /// The same for a run without records.
   bool send_empty(PeerSession& session, messages::RunSender& run, messages::MessageType type) {
     return run.pump(*session.connection.out, head(type, session.self), 0, report().traffic,

@@ -1,20 +1,13 @@
 #include "nodes/server/state_relay.hpp"
 
-#include <algorithm>
 #include <utility>
 
 #include "base/prefetch.hpp"
 
 namespace ringfence::nodes {
 
-using messages::Endpoint;
-
 StateRelay::StateRelay(ServerState& state, const ServerExchange& exchange) : state_(state), exchange_(exchange) {
   cells_.reserve(state.setup.capacities.objects);
-}
-
-bool StateRelay::is_needed() const noexcept {
-  return state_.setup.interest > 0 && !state_.connected.empty() && state_.setup.deployment != Deployment::user;
 }
 
 // With placement region, nodes do not report most states, so they publish themselves. Otherwise few nodes test for
@@ -35,8 +28,6 @@ void StateRelay::order(PeerSession& node) const noexcept {
   }
 }
 
-bool StateRelay::publishes(Endpoint host) const noexcept { return nodes_publish_ && host.is_node(); }
-
 void StateRelay::publish(bool holds_lost_objects) {
   if (is_final_) {
     cells_are_known_ = false;  // reclaimed objects have moved since
@@ -53,7 +44,7 @@ void StateRelay::publish(bool holds_lost_objects) {
   link::Publication& publication = *relay.publication;
   publication.begin(state_.frame);
   for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
-    if (cells_[slot] != not_relayed && !(publishes(objects.host(slot)))) {
+    if (cells_[slot] != not_relayed && !(nodes_publish_ && objects.host(slot).is_node())) {
       publication.add_index(cells_[slot], slot);
     }
   }

@@ -56,8 +56,9 @@ class StateRelay {
  private:
   static constexpr std::uint32_t not_relayed = 0xffffffffu;
 
-  bool is_needed() const noexcept;
-  bool publishes(messages::Endpoint host) const noexcept;
+  bool is_needed() const noexcept {
+    return state_.setup.interest > 0 && !state_.connected.empty() && state_.setup.deployment != Deployment::user;
+  }
   std::uint32_t cell_of(Vec3d position) const noexcept {
     std::uint32_t point[3];
     state_.setup.space->point(position, point);

@@ -69,10 +69,6 @@ void UserRole::begin(std::uint64_t frame) {
   enter(telemetry::StepClock::move);
   telemetry::SpanTimer time(setup_.thread.track, "move", frame_stats_.move_ns);
   host_.contacts().begin(frame);
-  for (const Steered& steered : steered_) {
-    host_.steer(steered.number, steered.pose);
-  }
-  steered_.clear();
   if (!move()) [[unlikely]] {
     stage_ = Stage::abandoned;
     return;
@@ -224,21 +220,15 @@ bool UserRole::send_states() {
                             const Hosted& object = host_[changed[i]];
                             const messages::StateRecord record{object.object, object.pose};
                             std::memcpy(where, &record, sizeof record);
-                            if (host_.state_bytes() != 0) {
-                              std::memcpy(where + sizeof record, host_.state(changed[i]), host_.state_bytes());
-                            }
+                            std::copy_n(host_.state(changed[i]), host_.state_bytes(), where + sizeof record);
                           });
 }
 
 bool UserRole::send_frame_done() {
-  return frame_done_run_.pump(*setup_.server.out, {MessageType::frame_done, self_, Endpoint::server(), frame_, 0},
-                              sizeof(messages::NodeFrameStats), traffic_, [&](std::size_t, std::byte* where) {
-                                frame_stats_.hosted = host_.size();
-                                const HostRefusals& refusals = host_.refusals();
-                                frame_stats_.model_failed = refusals.model_failed;
-                                frame_stats_.not_finite = refusals.not_finite;
-                                frame_stats_.not_unit = refusals.not_unit;
-                                std::memcpy(where, &frame_stats_, sizeof frame_stats_);
+  return frame_done_run_.send(*setup_.server.out, {MessageType::frame_done, self_, Endpoint::server(), frame_, 0},
+                              traffic_, [this](std::size_t) {
+                                host_.report(frame_stats_);
+                                return frame_stats_;
                               });
 }
 

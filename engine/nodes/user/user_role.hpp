@@ -58,7 +58,7 @@ class UserRole {
   void set_thread(const UserThreadParts& thread) noexcept { setup_.thread = thread; }
 
   /// Sets the pose of an avatar in the next frame, whatever the model computes. The facade calls it between frames.
-  void steer(ObjectNumber number, const Pose& pose) { steered_.push_back({number, pose}); }
+  void steer(ObjectNumber number, const Pose& pose) { host_.steer(number, pose); }
 
   /// Passes an input of an avatar to the motion model in the next frame; the last input of an avatar counts. The facade
   /// calls it between frames.
@@ -83,11 +83,6 @@ class UserRole {
 
  private:
   enum class Stage : std::uint8_t { waiting, sending_states, reading_others, awaiting_contacts, finishing, abandoned };
-  struct Steered {
-    ObjectNumber number;
-    Pose pose;
-  };
-
   void receive(const messages::MessageView& message);
   void receive_contacts(const messages::MessageView& message);
   void begin(std::uint64_t frame);
@@ -112,7 +107,6 @@ class UserRole {
   bool may_read_ = false;  ///< read_publications has arrived, or there is no interest
   bool contacts_received_ = false;
   std::uint64_t refused_ = 0;
-  std::vector<Steered> steered_;  ///< for the next frame
   std::vector<std::span<const link::PublishedState>> seen_[2];
   std::vector<regions::CellBox> boxes_;  ///< around the avatars
   messages::RunSender states_run_, frame_done_run_;

@@ -46,7 +46,7 @@ struct Cuts {
   ServerFixture fixture;
   ObjectStates states{fixture.state(), fixture.exchange()};
   MapScheduler scheduler{fixture.state(), fixture.exchange(), states};
-  Dispatch dispatch{fixture.state().nodes.size(), 16, 16, Placement::region, fixture.state().setup.layer_masks, true};
+  Dispatch dispatch{fixture.state()};
   Cut cuts{fixture.state(), states, scheduler, dispatch};
 };
 

@@ -33,7 +33,7 @@ struct Clock {
   StateRelay relay{fixture.state(), fixture.exchange()};
   Statistics statistics{fixture.state()};
   Failover failover{fixture.state(), fixture.exchange(), states, relay, statistics};
-  Dispatch dispatch{2, 16, 16, Placement::region, fixture.state().setup.layer_masks, true};
+  Dispatch dispatch{fixture.state()};
   Deadlines deadlines{fixture.state(), failover, dispatch};
 };
 

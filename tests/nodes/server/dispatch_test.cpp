@@ -16,11 +16,9 @@ struct Dispatching {
   ServerState& state() { return fixture.state(); }
   ObjectTable& objects() { return fixture.state().objects; }
   /// Sends the updates and pairs of a frame.
-  void send(Dispatch::UpdateScope scope = Dispatch::UpdateScope::changes) {
-    dispatch.list_updates(objects(), state().map, scope);
-    dispatch.start(state().nodes);
-    REQUIRE(dispatch.pump(objects(), state().map, state().head(MessageType::pairs, Endpoint::none()),
-                          state().report().traffic));
+  void send(UpdateScope scope = UpdateScope::changes) {
+    dispatch.start(scope);
+    REQUIRE(dispatch.pump());
   }
   /// What a node has received: by object number, whether the object left its region; and its pairs, by slots.
   struct Received {
@@ -50,8 +48,7 @@ struct Dispatching {
   }
 
   ServerFixture fixture;
-  Dispatch dispatch{fixture.state().nodes.size(),      16,  16, fixture.state().setup.placement,
-                    fixture.state().setup.layer_masks, true};
+  Dispatch dispatch{fixture.state()};
 };
 
 using Updates = std::map<ObjectNumber, bool>;
@@ -79,7 +76,7 @@ TEST_CASE("the host of an object receives no update of a state that it reported"
   test.send();
   CHECK(test.received(0).updates.empty());
   CHECK(test.received(1).updates.size() == 1);
-  test.send(Dispatch::UpdateScope::all_objects);
+  test.send(UpdateScope::all_objects);
   CHECK(test.received(0).updates.size() == 1);  // it has cleared its entries
 }
 

@@ -40,7 +40,7 @@ TEST_CASE("before the contacts are known, the others get the cells of a lost nod
   CHECK(test.state().map.epoch() == epoch + 1);
   CHECK(!test.owns(1));
   CHECK(!test.state().nodes[0].received.narrow_done);
-  CHECK(test.state().map_change.updates == Dispatch::UpdateScope::all_objects);
+  CHECK(test.state().map_change.updates == UpdateScope::all_objects);
   CHECK(test.state().report().lost == std::vector<NodeId>{NodeId(1)});
   REQUIRE(test.failover.is_pending());
   REQUIRE(test.failover.send());

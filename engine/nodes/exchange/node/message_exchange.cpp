@@ -1,7 +1,6 @@
 #include "nodes/exchange/node/message_exchange.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <new>
 #include <utility>
 
@@ -47,7 +46,8 @@ bool MessageExchange::finish_report() {
   }
   flush();  // another message follows
   list_ghosts();
-  return state_.send_counts(ghost_counts_run_, MessageType::ghost_counts, ghost_counts_) && finish_changes();
+  return state_.send(ghost_counts_run_, MessageType::ghost_counts, [&](std::size_t i) { return ghost_counts_[i]; }) &&
+         finish_changes();
 }
 
 void MessageExchange::flush() {
@@ -87,15 +87,11 @@ bool MessageExchange::send_ghosts() {
   bool all = true;
   for (NodeNumber to = 0; to < peers_.size(); ++to) {
     Peer& peer = peers_[to];
-    if (peer.ghosts_run.done()) {
-      continue;
-    }
-    all &= peer.ghosts_run.pump(*state_.setup.peers[to].out, state_.head(MessageType::ghost, Endpoint::node(to)),
-                                sizeof(messages::PositionRecord), state_.traffic, [&](std::size_t i, std::byte* where) {
-                                  messages::PositionRecord record = *peer.ghosts[i].record;
-                                  record.object.flags |= peer.ghosts[i].gone ? messages::flag_left_region : 0u;
-                                  std::memcpy(where, &record, sizeof record);
-                                });
+    all &= state_.send_to(to, peer.ghosts_run, MessageType::ghost, [&](std::size_t i) {
+      messages::PositionRecord record = *peer.ghosts[i].record;
+      record.object.flags |= peer.ghosts[i].gone ? messages::flag_left_region : 0u;
+      return record;
+    });
   }
   return all;
 }
@@ -133,14 +129,9 @@ void MessageExchange::begin_contacts() {
 }
 
 bool MessageExchange::send_contacts() {
-  return send_collisions() &&
-         change_run_.pump(*state_.setup.server.out, state_.head(MessageType::change, Endpoint::server()),
-                          sizeof(messages::ChangeRecord), state_.traffic,
-                          [&](std::size_t i, std::byte* where) {
-                            const messages::ChangeRecord record = change(i);
-                            std::memcpy(where, &record, sizeof record);
-                          }) &&
-         state_.send_counts(contact_counts_run_, MessageType::contact_counts, contact_counts_);
+  return send_collisions() && state_.send(change_run_, MessageType::change, [&](std::size_t i) { return change(i); }) &&
+         state_.send(contact_counts_run_, MessageType::contact_counts,
+                     [&](std::size_t i) { return contact_counts_[i]; });
 }
 
 bool MessageExchange::send_collisions() {
@@ -189,17 +180,12 @@ bool MessageExchange::send_to_peers() {
   const NodeContacts& contacts = state_.contacts;
   bool all = true;
   for (NodeNumber to = 0; to < peers_.size(); ++to) {
-    if (peers_[to].contacts_run.done()) {
-      continue;
-    }
     const auto positions = contacts.for_peers.of(to);
-    all &= peers_[to].contacts_run.pump(
-        *state_.setup.peers[to].out, state_.head(MessageType::notify, Endpoint::node(to)), sizeof(Contact),
-        state_.traffic, [&](std::size_t i, std::byte* where) {
-          Contact contact;
-          contacts.write(contacts.found[positions[i]], contacts.phase(positions[i]), contact);
-          std::memcpy(where, &contact, sizeof contact);
-        });
+    all &= state_.send_to(to, peers_[to].contacts_run, MessageType::notify, [&](std::size_t i) {
+      Contact contact;
+      contacts.write(contacts.found[positions[i]], contacts.phase(positions[i]), contact);
+      return contact;
+    });
   }
   return all;
 }

@@ -26,10 +26,6 @@ void NodeExchange::begin() {
   discard_ghosts();
 }
 
-std::size_t NodeExchange::record_bytes() const noexcept {
-  return sizeof(messages::NodeStateRecord) + state_.host.state_bytes();
-}
-
 // The server does not send the object back: it sends a node every object in its region except those that the node
 // itself hosts and has reported.
 bool NodeExchange::send_changes() {

@@ -107,7 +107,7 @@ class NodeExchange {
   std::uint64_t ghosts_arrived_ = 0;
 
  private:
-  std::size_t record_bytes() const noexcept;
+  std::size_t record_bytes() const noexcept { return sizeof(messages::NodeStateRecord) + state_.host.state_bytes(); }
 
   std::size_t next_change_ = 0;  ///< next to send
   messages::RunWriter states_run_;

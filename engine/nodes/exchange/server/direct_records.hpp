@@ -1,8 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "base/numbers.hpp"
@@ -22,12 +22,18 @@ class DirectRecords {
   /// Adds the counts of one sender. Returns false and adds nothing if a record names no other slot, or a slot twice.
   bool add(NodeNumber sender, const messages::MessageView& message);
   /// Records for that receiver, from all senders.
-  std::uint64_t to(NodeNumber receiver) const noexcept;
+  std::uint64_t to(NodeNumber receiver) const noexcept {
+    std::uint64_t sum = 0;
+    for (std::size_t sender = 0; sender < slots_; ++sender) {
+      sum += between(static_cast<NodeNumber>(sender), receiver);
+    }
+    return sum;
+  }
   std::uint32_t between(NodeNumber sender, NodeNumber receiver) const noexcept {
     return counts_[sender * slots_ + receiver];
   }
   /// The sender is lost after it was announced: its records do not count any more.
-  void remove(NodeNumber sender) noexcept;
+  void remove(NodeNumber sender) noexcept { std::fill_n(counts_.begin() + sender * slots_, slots_, 0u); }
 
  private:
   std::size_t slots_ = 0;

@@ -1,7 +1,5 @@
 #include "nodes/exchange/server/message_server_exchange.hpp"
 
-#include <cstring>
-
 namespace ringfence::nodes {
 
 using messages::MessageType;
@@ -25,12 +23,9 @@ void MessageServerExchange::begin_ghosts(bool exchanged) noexcept {
 }
 
 bool MessageServerExchange::send_ghosts(PeerSession& node) {
-  return node.closing.ghosts_run.pump(
-      *node.connection.out, state_.head(MessageType::ghosts_sent, node.self), sizeof(messages::GhostsSentRecord),
-      state_.report().traffic, [&](std::size_t, std::byte* where) {
-        const messages::GhostsSentRecord record{ghosts_exchanged_ ? ghosts_.to(node.self.number()) : 0};
-        std::memcpy(where, &record, sizeof record);
-      });
+  return state_.send(node, node.closing.ghosts_run, MessageType::ghosts_sent, [&](std::size_t) {
+    return messages::GhostsSentRecord{ghosts_exchanged_ ? ghosts_.to(node.self.number()) : 0};
+  });
 }
 
 void MessageServerExchange::cancel_contacts(NodeNumber node) {
