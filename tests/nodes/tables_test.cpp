@@ -10,8 +10,8 @@
 #include <doctest/doctest.h>
 
 #include "base/number_index.hpp"
-#include "nodes/server/object_table.hpp"
-#include "nodes/server/spawn_order.hpp"
+#include "nodes/server/objects/object_table.hpp"
+#include "nodes/server/objects/spawn_order.hpp"
 
 namespace ringfence::nodes {
 namespace {

@@ -4,17 +4,17 @@
 #include <memory>
 
 #include "nodes/exchange/server/server_exchange.hpp"
-#include "nodes/server/contact_router.hpp"
-#include "nodes/server/cut.hpp"
-#include "nodes/server/deadlines.hpp"
-#include "nodes/server/dispatch.hpp"
-#include "nodes/server/failover.hpp"
-#include "nodes/server/ingest.hpp"
-#include "nodes/server/map_scheduler.hpp"
-#include "nodes/server/object_states.hpp"
+#include "nodes/server/contacts/contact_router.hpp"
+#include "nodes/server/frame/cut.hpp"
+#include "nodes/server/frame/dispatch.hpp"
+#include "nodes/server/frame/ingest.hpp"
+#include "nodes/server/frame/map_scheduler.hpp"
+#include "nodes/server/frame/state_relay.hpp"
+#include "nodes/server/frame/statistics.hpp"
+#include "nodes/server/objects/object_states.hpp"
+#include "nodes/server/recovery/deadlines.hpp"
+#include "nodes/server/recovery/failover.hpp"
 #include "nodes/server/server_state.hpp"
-#include "nodes/server/state_relay.hpp"
-#include "nodes/server/statistics.hpp"
 
 namespace ringfence::nodes {
 

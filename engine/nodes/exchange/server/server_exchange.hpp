@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "messages/header.hpp"
+#include "nodes/server/frame/statistics.hpp"
 #include "nodes/server/server_state.hpp"
-#include "nodes/server/statistics.hpp"
 
 namespace ringfence::nodes {
 

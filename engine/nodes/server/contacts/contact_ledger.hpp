@@ -1,0 +1,208 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "base/flat_list.hpp"
+#include "base/numbers.hpp"
+#include "base/pair_sort.hpp"
+#include "messages/records.hpp"
+#include "nodes/exchange/node_contact_order.hpp"
+#include "nodes/exchange/node_contacts.hpp"
+#include "nodes/exchange/output_merge.hpp"
+#include "nodes/server/objects/object_table.hpp"
+#include "ringfence/contact.hpp"
+
+namespace ringfence::nodes {
+
+/// A contact that the server reports to the hosts of its objects, and the place where the contact is stored.
+struct ContactNotice {
+  std::uint64_t key = 0;                        ///< base::PairSort::key of the pair
+  const NodeContacts* node_contacts = nullptr;  ///< source of the contact; null if it ended
+  const Contact* ended = nullptr;               ///< if it ended: the contact of the frame before; otherwise null
+  FoundContact place;                           ///< its entry in NodeContacts::found; unused if it ended
+  Found found;
+  Phase phase = Phase::begin;
+
+  /// Writes the contact, with its phase, to `to`.
+  void write(Contact& to) const noexcept {
+    if (node_contacts != nullptr) {
+      node_contacts->write(place, phase, to);
+    } else {
+      NodeContacts::copy(*ended, phase, to);
+    }
+  }
+};
+
+/// The server's record of contacts: collects what the CD nodes found, resolves which contacts began, persist or ended,
+/// and has the output lists written in order of (a, b).
+///
+/// Phases. Each node compares its own contacts with those that it found in the frame before (NodeContacts::compare). A
+/// contact that began at one node and ended at another has moved between them and persists. Only contacts *at a border*
+/// can do that: those for which the node cannot exclude it. So the ledger intersects the border contacts that began
+/// with those that ended, and corrects the phases of the result. For a node of the frame before that takes no part in
+/// this frame (it was lost or has left) all its contacts of the frame before end at a border.
+///
+/// Output. The nodes that share memory write the lists, a slice each; without such a node the ledger writes them. Two
+/// frames are kept, by parity: the last one stays readable while the next is made.
+///
+/// Threads: belongs to the server role; the facade may call const functions for the last frame. Memory: grows to the
+/// largest frame.
+class ContactLedger {
+ public:
+  /// Reserves memory for `contacts` contacts a frame. More may be added, at the cost of an allocation.
+  ContactLedger(std::size_t nodes, std::size_t contacts);
+
+  /// Sets the number of node slots from the next begin() on. A slot may have no node: then nothing is received from it.
+  void resize(std::size_t nodes);
+  /// A node takes the slot and takes part from that frame on: what another node found in this slot is not its own.
+  void join(NodeNumber node, std::uint64_t frame) noexcept { runs_[node].joined = frame; }
+  /// Clears C(frame) and everything received.
+  void begin(std::uint64_t frame);
+  /// Adds a contact that `node` sent in a message, between the objects of its two slots in `objects`, whose rows and
+  /// origins must not change before the next begin(): later calls read the poses there. A node sends its contacts in
+  /// order of (a, b): returns false and adds nothing if (a, b) is below the pair that the node sent before, if a slot
+  /// is not in `objects`, or if a is not below b.
+  bool receive(NodeNumber node, const messages::CollisionRecord& record, const ContactObjects& objects);
+  /// Adds the next change that `node` sent, after all its contacts. Those that began come in the order of their
+  /// positions, those that ended in the order of their keys. Returns false and adds nothing if the record is out of
+  /// order or names a contact that the node has not sent, or that was not in the frame before.
+  bool receive(NodeNumber node, const messages::ChangeRecord& record);
+  /// Adds all contacts and changes of a node with shared contacts.
+  void receive(NodeNumber node, NodeContacts& node_contacts) noexcept {
+    runs_[node].shared = &node_contacts;
+    runs_[node].complete = true;
+    node_contacts.prefetch_summary();
+  }
+  /// All contacts and changes of a node that sends them have been received. `objects`: as for receive().
+  void end_run(NodeNumber node, const ContactObjects& objects);
+  std::size_t received(NodeNumber node) const noexcept { return runs_[node].node_contacts().keys.size(); }
+  /// Determines which contacts began and ended. All contacts must have been received. If two nodes found one pair,
+  /// which only a bug can cause, its phase may be wrong in this frame and in the next.
+  void resolve_phases();
+  /// After resolve_phases(): opens the gates of the nodes that share contacts, which then write the output lists. If no
+  /// node shares contacts, this call writes them.
+  void share_out();
+  /// After share_out(), when a node is lost: writes its slice, unless the node has already started to write it.
+  void lose(NodeNumber node);
+  /// Call it when every node that is not lost is done, until it returns true: then C(frame) is complete. Returns false
+  /// while a lost node is still writing.
+  bool complete();
+  /// After share_out(), when all nodes are lost and the thread of one of them has stopped while it was writing: writes
+  /// C(frame) again into other memory. The memory that such a thread may still access is kept until free_abandoned().
+  void write_again();
+  /// Precondition: the threads of all lost nodes have ended, and no frame is running.
+  void free_abandoned() noexcept { abandoned_.clear(); }
+  /// After complete(): number of duplicates, which were dropped. It is 0 unless a bug made two nodes own one pair.
+  std::uint64_t duplicates() const noexcept { return duplicates_; }
+
+  /// After resolve_phases(): the contacts that concern user nodes, or `all` contacts, in order of (a, b). Valid until
+  /// the nodes begin the next frame.
+  std::span<const ContactNotice> notices(bool all);
+  /// After resolve_phases(): the same for ended contacts, with the geometry of the last contact. Without
+  /// `all`, contacts of nodes that are gone are listed whether or not they concern users.
+  std::span<const ContactNotice> ended_notices(bool all);
+  /// After resolve_phases(): positions of the contacts that `node` sent as begun and that persist; empty for a node
+  /// that shares its contacts.
+  std::span<const std::uint32_t> corrections(NodeNumber node) const noexcept { return runs_[node].corrections; }
+
+  /// Begin and persist contacts of the current frame or of the one before, in order of (a, b); parallel to keys() and
+  /// found(). For the current frame only after complete().
+  std::span<const Contact> contacts(std::uint64_t frame) const noexcept {
+    return editions_[frame & 1].live.contacts.span();
+  }
+  std::span<const std::uint64_t> keys(std::uint64_t frame) const noexcept {
+    return editions_[frame & 1].live.keys.span();
+  }
+  std::span<const Found> found(std::uint64_t frame) const noexcept { return editions_[frame & 1].live.found.span(); }
+  /// Contacts that ended in the current frame or in the one before, in order of (a, b); parallel to ended_keys(). For
+  /// the current frame only after complete().
+  std::span<const Contact> ended(std::uint64_t frame) const noexcept {
+    return editions_[frame & 1].ended.contacts.span();
+  }
+  std::span<const std::uint64_t> ended_keys(std::uint64_t frame) const noexcept {
+    return editions_[frame & 1].ended.keys.span();
+  }
+  /// After resolve_phases(): number of contacts, duplicates included.
+  std::size_t size() const noexcept { return size_; }
+  /// After resolve_phases(): number of ended contacts.
+  std::size_t ends() const noexcept { return ends_; }
+  /// After complete(): number of contacts that began.
+  std::uint64_t began() const noexcept { return began_; }
+
+ private:
+  struct List {
+    base::FlatList<Contact> contacts;
+    base::FlatList<std::uint64_t> keys;
+    base::FlatList<Found> found;
+
+    void reserve(std::size_t size) { contacts.reserve(size), keys.reserve(size), found.reserve(size); }
+    void resize(std::size_t size) { contacts.resize(size), keys.resize(size), found.resize(size); }
+  };
+  struct Edition {
+    List live;
+    List ended;
+  };
+  /// Contacts of one node, in order of (a, b).
+  struct Run {
+    NodeContacts* shared = nullptr;
+    std::unique_ptr<NodeContacts> own = std::make_unique<NodeContacts>();  ///< of a node that sends messages
+    base::FlatList<narrow_phase::PairContact> touches;                     ///< of `own`, in its order
+    std::vector<std::uint32_t> corrections;
+    /// Positions of the contacts that ended, in the frame before; parallel to `own->ending`.
+    base::FlatList<std::uint32_t> ended_at;
+    std::uint64_t joined = 0;  ///< the node's first frame
+    bool complete = false;     ///< everything was received in this frame
+
+    NodeContacts& node_contacts() const noexcept { return shared != nullptr ? *shared : *own; }
+  };
+
+  /// The memory that threads of lost nodes may still access after write_again().
+  struct Abandoned {
+    std::unique_ptr<OutputMerge> output_merge;
+    std::vector<NodeContacts*> node_contacts;
+    std::vector<std::span<const std::uint64_t>> endings;
+    base::FlatList<std::uint64_t> absent, passed;
+    std::vector<Run> runs;
+    Edition now, before;
+  };
+
+  List& now() noexcept { return editions_[frame_ & 1].live; }
+  List& ended() noexcept { return editions_[frame_ & 1].ended; }
+  const List& before() const noexcept { return editions_[(frame_ - 1) & 1].live; }
+  void gather_node_contacts();
+  void list_endings();
+  void end_absent();
+  void match_borders();
+  void start_output();
+  void add_notice(std::uint64_t key, NodeNumber node, const FoundContact& found, std::uint32_t position);
+  void list_user_notices();
+  void list_ended_notice(std::uint64_t key, std::size_t& old);
+  void drop_duplicates();
+
+  std::vector<Run> runs_;                     ///< by node
+  std::vector<NodeContacts*> node_contacts_;  ///< of this frame, by node
+  NodeContactOrder order_;
+  base::PairSort ending_order_;
+  /// Keys of the frame before whose nodes take no part in this frame, ascending.
+  base::FlatList<std::uint64_t> absent_;
+  base::FlatList<std::uint64_t> passed_;  ///< keys that ended at one node and were found by another, ascending
+  std::vector<std::span<const std::uint64_t>> endings_;                          ///< OutputMerge::endings
+  std::unique_ptr<OutputMerge> output_merge_ = std::make_unique<OutputMerge>();  ///< nodes hold its address
+  OutputMergeScratch scratch_;
+  std::vector<Abandoned> abandoned_;
+  bool written_again_ = false;       ///< in this frame
+  std::ptrdiff_t participants_ = 0;  ///< number of nodes that took part in the last frame
+  base::FlatList<ContactNotice> notices_, ended_notices_;
+  std::size_t size_ = 0;
+  std::size_t ends_ = 0;
+  std::uint64_t began_ = 0;
+  std::uint64_t duplicates_ = 0;
+  Edition editions_[2];
+  std::uint64_t frame_ = 0;
+};
+
+}  // namespace ringfence::nodes

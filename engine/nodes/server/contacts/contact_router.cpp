@@ -1,0 +1,189 @@
+#include "nodes/server/contacts/contact_router.hpp"
+
+#include <algorithm>
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+void ContactRouter::resolve_phases() {
+  ContactLedger& ledger = state_.ledger;
+  ledger.resolve_phases();
+  ledger.share_out();
+  state_.report().contacts = ledger.size();
+  state_.report().ended = ledger.ends();
+}
+
+void ContactRouter::assign_next_hosts() {
+  if (!state_.nodes_host()) {
+    return;
+  }
+  ObjectTable& objects = state_.objects;
+  const auto follow_position = [&](std::uint32_t slot) {
+    if (objects.alive(slot) && objects.host(slot).is_node()) {
+      follow(slot, state_.owner_at(objects.row(slot).pose.position));
+    }
+  };
+  if (state_.map_change.at_end) {
+    // The nodes listed contacts for the next hosts by the map before. Objects that leave by that map may stay by the
+    // new.
+    for (const std::uint32_t slot : state_.leaving_slots) {
+      state_.note_host_change(slot);
+    }
+  }
+  if (state_.map_change.at_end && state_.map_change.hosts_exchange_objects && exchange_.reads_nodes()) {
+    for (const PeerSession& node : state_.nodes) {
+      if (node.connected) {
+        follow_hosted(node, ServerExchange::host_of(node));
+      }
+    }
+  } else if (state_.map_change.at_end || state_.map_change.rescan_hosts) {
+    for (std::uint32_t slot = 0; slot < objects.slots(); ++slot) {
+      follow_position(slot);
+    }
+  } else {
+    constexpr std::size_t ahead = 8;  // they are at random slots
+    const std::vector<std::uint32_t>& leaving = state_.leaving_slots;
+    for (std::size_t i = 0; i < leaving.size(); ++i) {
+      objects.prefetch_host(leaving[std::min(i + ahead, leaving.size() - 1)]);
+      follow_position(leaving[i]);
+    }
+  }
+}
+
+void ContactRouter::follow(std::uint32_t slot, NodeNumber next) {
+  const NodeNumber host = state_.objects.host(slot).number();
+  if (host != next) {
+    state_.hand_overs.push_back({slot, host, next});
+    if (state_.map_change.at_end) {
+      state_.note_host_change(slot);
+    }
+    state_.objects.set_host(slot, Endpoint::node(next));
+    state_.objects.marks(slot) |= shared_mark;  // the old host knows it, too
+    ++state_.nodes[next].closing.hand_overs;
+    ++state_.report().handed_over;
+  }
+}
+
+// The nodes wait meanwhile. Host-owned states of objects that change hosts are stored here: if the next host were lost,
+// no other role would have them.
+void ContactRouter::follow_hosted(const PeerSession& node, const Host& host) {
+  for (std::size_t i = 0; i < host.size(); ++i) {
+    const Hosted& hosted = host[i];
+    const NodeNumber next = state_.owner_at(hosted.pose.position);
+    if (next != node.self.number()) {
+      states_.store(node, state_.frame, hosted.object, hosted.pose, host.state(i));
+      follow(hosted.object.slot, next);
+    }
+  }
+}
+
+void ContactRouter::start_nodes() {
+  state_.all_nodes([&](PeerSession& node) {
+    const std::size_t corrections = state_.ledger.corrections(node.self.number()).size();
+    if (corrections != 0) {
+      node.closing.correct_run.start(corrections);
+    }
+    start(node);
+    return true;
+  });
+}
+
+void ContactRouter::start_users() {
+  list_notices();
+  users_are_notified_ = false;
+  state_.awaited_users.clear();
+  state_.all_users([&](PeerSession& user) {
+    start(user);
+    state_.awaited_users.push_back(user.self.number());
+    return true;
+  });
+}
+
+void ContactRouter::start(PeerSession& session) {
+  session.closing.notice_run.start(session.closing.notices.size());
+  session.closing.end_run.start(1);
+  session.closing.map_run.start(state_.map.table().size());
+}
+
+// Contacts and ended contacts are each in order of (a, b); merging them gives every host its M4 in that order, too.
+void ContactRouter::list_notices() {
+  notices_ = state_.ledger.notices(!state_.nodes_host());
+  ended_notices_ = state_.ledger.ended_notices(!state_.nodes_host());
+  std::uint32_t next_ended = 0;
+  const auto list_ended = [&](std::uint64_t key) {
+    for (; next_ended < ended_notices_.size() && ended_notices_[next_ended].key < key; ++next_ended) {
+      list_notice(next_ended | PeerSession::Closing::ended, ended_notices_[next_ended].found);
+    }
+  };
+  for (std::uint32_t i = 0; i < notices_.size(); ++i) {
+    list_ended(notices_[i].key);
+    list_notice(i, notices_[i].found);
+  }
+  list_ended(~std::uint64_t{0});
+}
+
+// CD nodes receive their contacts from each other.
+void ContactRouter::list_notice(std::uint32_t notice, const Found& found) {
+  const Endpoint first = state_.objects.host(found.a);
+  const Endpoint second = state_.objects.host(found.b);
+  const auto notify_host = [&](Endpoint host) {
+    if (PeerSession* session = host.is_user() ? state_.session_of(host) : nullptr) {
+      session->closing.notices.push_back(notice);
+    }
+  };
+  notify_host(first);
+  if (second != first) {
+    notify_host(second);
+  }
+}
+
+Contact ContactRouter::contact_of(std::uint32_t notice) const noexcept {
+  constexpr std::uint32_t ended = PeerSession::Closing::ended;
+  Contact contact;
+  ((notice & ended) != 0 ? ended_notices_[notice & ~ended] : notices_[notice]).write(contact);
+  return contact;
+}
+
+bool ContactRouter::notify(PeerSession& session) {
+  PeerSession::Closing& closing = session.closing;
+  if (!relay_.send_read_publications(session)) {
+    return false;
+  }
+  if (session.self.is_user()) {
+    return state_.send(session, closing.notice_run, MessageType::notify,
+                       [&](std::size_t i) { return contact_of(closing.notices[i]); });
+  }
+  const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
+  const auto corrections = state_.ledger.corrections(session.self.number());
+  return (!state_.map_change.at_end || state_.send_map(session, closing.map_run)) &&
+         state_.send(session, closing.correct_run, MessageType::correct,
+                     [&](std::size_t i) { return messages::CorrectRecord{corrections[i]}; }) &&
+         state_.send(session, closing.end_run, MessageType::frame_end, [&](std::size_t) {
+           return messages::FrameEndRecord{closing.hand_overs, exchange_.announced_contacts(session),
+                                           exchange ? 1u : 0u, 0};
+         });
+}
+
+bool ContactRouter::notify_users() {
+  if (users_are_notified_) {
+    return false;
+  }
+  users_are_notified_ = true;
+  for (const UserNumber user : state_.awaited_users) {
+    users_are_notified_ &= notify(state_.users[user]);
+  }
+  return true;
+}
+
+void ContactRouter::count_contacts() {
+  FrameReport& frame = state_.report();
+  // Makes accepted differ from tested, so that a duplicate is visible in the report.
+  frame.accepted += state_.ledger.duplicates();
+  frame.contacts -= state_.ledger.duplicates();
+  frame.began = state_.ledger.began();
+  exchange_.count_records(statistics_);
+}
+
+}  // namespace ringfence::nodes

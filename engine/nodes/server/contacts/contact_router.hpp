@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "nodes/exchange/server/server_exchange.hpp"
+#include "nodes/server/frame/state_relay.hpp"
+#include "nodes/server/frame/statistics.hpp"
+#include "nodes/server/objects/object_states.hpp"
+#include "nodes/server/server_state.hpp"
+
+namespace ringfence::nodes {
+
+/// Routes the contacts of a frame: has their phases resolved and the output lists written (ContactLedger), determines
+/// the hosts of the next frame, and notifies hosts of their contacts (M4).
+///
+/// User nodes receive theirs from the server, CD nodes from each other. The server, as a host, reads the output lists.
+///
+/// Threads: belongs to the server role. Memory: that of the lists in PeerSession.
+class ContactRouter {
+ public:
+  ContactRouter(ServerState& state, ServerExchange& exchange, ObjectStates& states, StateRelay& relay,
+                Statistics& statistics) noexcept
+      : state_(state), exchange_(exchange), states_(states), relay_(relay), statistics_(statistics) {}
+
+  // In this order, when all nodes have tested their pairs.
+  /// Resolves phases and starts the output lists.
+  void resolve_phases();
+  /// After the region map of the next frame is known: the hosts of the next frame, and the number of hand-overs that
+  /// each node must expect. In user/collision deployment they follow the poses and the map. The nodes conclude the same
+  /// from their own data.
+  void assign_next_hosts();
+  /// Starts what notify() sends to the nodes.
+  void start_nodes();
+  /// Sends a peer what ends its frame: to nodes map, corrections, and what they get from each other; to users contacts.
+  /// Sends as much as the ring takes; true when all is sent.
+  bool notify(PeerSession& session);
+  /// Lists what notify() sends to the users, and awaits their acknowledgements.
+  void start_users();
+  /// Notifies the awaited users. Returns false if that was done before.
+  bool notify_users();
+  /// When the frame is complete: counts its contacts, and what nodes have read from each other.
+  void count_contacts();
+
+ private:
+  void follow(std::uint32_t slot, NodeNumber next);
+  void follow_hosted(const PeerSession& node, const Host& host);
+  void list_notices();
+  void list_notice(std::uint32_t notice, const Found& found);
+  Contact contact_of(std::uint32_t notice) const noexcept;
+  void start(PeerSession& session);
+
+  ServerState& state_;
+  ServerExchange& exchange_;
+  ObjectStates& states_;
+  StateRelay& relay_;
+  Statistics& statistics_;
+  std::span<const ContactNotice> notices_, ended_notices_;  ///< of this frame, sent by the server
+  bool users_are_notified_ = false;                         ///< all users have been sent their contacts of this frame
+};
+
+}  // namespace ringfence::nodes

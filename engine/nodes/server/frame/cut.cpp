@@ -1,0 +1,357 @@
+#include "nodes/server/frame/cut.hpp"
+
+#include <algorithm>
+#include <cstring>
+
+namespace ringfence::nodes {
+
+using messages::Endpoint;
+using messages::MessageType;
+
+Cut::Cut(ServerState& state, ObjectStates& states, MapScheduler& scheduler, Dispatch& dispatch)
+    : state_(state),
+      states_(states),
+      scheduler_(scheduler),
+      dispatch_(dispatch),
+      hosting_(state.setup.deployment, *state.setup.space) {
+  spawn_order_.reserve(state.setup.capacities.objects);
+}
+
+bool Cut::begin() {
+  state_.objects.settle();
+  state_.leaving_slots.clear();
+  state_.hand_overs.clear();
+  users_changed_ = false;
+  bool any_lost = false;
+  for (PeerSession& session : state_.nodes) {
+    if (session.lost || session.left) {
+      any_lost |= session.lost;
+      session = {};
+    }
+  }
+  std::size_t slots = state_.nodes.size();
+  while (slots > 0 && !state_.nodes[slots - 1].connected) {
+    --slots;
+  }
+  set_slots(slots);
+  return any_lost;
+}
+
+// In the order of the calls, except for consecutive spawns: those fill the tables in the order of their positions.
+void Cut::apply_requests() {
+  constexpr std::size_t ahead = 8;  // placed objects are at random slots
+  const std::span<const Request> requests = state_.setup.order->requests;
+  for (std::size_t begin = 0; begin < requests.size();) {
+    std::size_t end = begin;
+    while (end < requests.size() && requests[end].kind == Request::Kind::spawn) {
+      ++end;
+    }
+    if (end - begin > 1) {
+      const auto spawns = requests.subspan(begin, end - begin);
+      for (const PositionedSpawn& placed : order_by_position(spawns, *state_.setup.space, spawn_order_)) {
+        spawn(spawns[placed.position]);
+      }
+      begin = end;
+    } else {
+      if (begin + ahead < requests.size()) {
+        state_.objects.prefetch(state_.objects.find(requests[begin + ahead].object.number()));
+      }
+      apply(requests[begin]);
+      ++begin;
+    }
+  }
+  state_.objects.order_moved();
+}
+
+void Cut::apply(const Request& request) {
+  switch (request.kind) {
+    case Request::Kind::connect:
+      return connect(request);
+    case Request::Kind::disconnect:
+      return disconnect(request.user);
+    case Request::Kind::spawn:
+      return spawn(request);
+    case Request::Kind::add_node:
+      return add_node(request);
+    case Request::Kind::retire_node:
+      state_.nodes[request.node].leaving = true;
+      return;
+    case Request::Kind::partition:
+      scheduler_.request_partition();
+      return;
+    default:
+      break;
+  }
+  const std::uint32_t slot = state_.objects.find(request.object.number());
+  if (slot == base::NumberIndex::none || state_.objects.row(slot).object.generation != request.object.generation()) {
+    return;
+  }
+  if (request.kind == Request::Kind::destroy) {
+    end_object(slot);
+  } else if (request.kind == Request::Kind::place) {
+    place(slot, request.spec.pose, true);
+  } else if (request.kind == Request::Kind::set_enabled) {
+    place(slot, states_.pose(slot), request.spec.enabled);
+  } else {
+    change(slot, request);
+  }
+}
+
+void Cut::connect(const Request& request) {
+  if (request.user >= state_.users.size()) {
+    state_.users.resize(request.user + 1);
+  }
+  PeerSession& session = state_.users[request.user];
+  session = {};
+  session.self = Endpoint::user(request.user);
+  session.connection = request.connection;
+  session.connected = true;
+  state_.connected.insert(std::lower_bound(state_.connected.begin(), state_.connected.end(), request.user),
+                          request.user);
+  users_changed_ = true;
+}
+
+void Cut::set_slots(std::size_t slots) {
+  state_.nodes.resize(slots);
+  dispatch_.resize();
+  state_.ledger.resize(slots);
+}
+
+// A new node works from its first frame on, though its region is empty until the map changes at the end of that frame.
+void Cut::add_node(const Request& request) {
+  set_slots(std::max<std::size_t>(state_.nodes.size(), request.node + 1));
+  PeerSession& session = state_.nodes[request.node];
+  session.self = Endpoint::node(request.node);
+  session.id = request.node_id;
+  session.connection = request.connection;
+  session.connected = true;
+  state_.ledger.join(request.node, state_.frame);
+}
+
+void Cut::disconnect(UserNumber user) {
+  for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
+    if (state_.objects.alive(slot) && state_.objects.origin(slot).user == user) {
+      end_object(slot);
+    }
+  }
+  state_.users[user].connected = false;
+  state_.connected.erase(std::lower_bound(state_.connected.begin(), state_.connected.end(), user));
+  users_changed_ = true;
+}
+
+void Cut::spawn(const Request& request) {
+  const std::uint32_t slot = state_.objects.add(request.object, request.spec);
+  states_.set_bounds(slot);
+  if (state_.setup.model == nullptr) {
+    return;
+  }
+  try {
+    state_.setup.model->start(request.spec, state_.objects.state(slot));
+  } catch (...) {
+    std::fill_n(state_.objects.state(slot), state_.objects.state_bytes(), std::byte{0});
+    state_.model_failures.add_current(request.object);
+    state_.refuse(Status::model_failed);
+  }
+}
+
+void Cut::end_object(std::uint32_t slot) {
+  states_.end_host_owned(slot);
+  const Endpoint host = state_.objects.host(slot);
+  if (PeerSession* session = state_.session_of(host)) {
+    session->opening.drops.push_back(slot);
+  } else if (host.is_server()) {
+    state_.host.drop(state_.objects.row(slot).object.number);
+  }
+  state_.objects.end(slot);
+}
+
+void Cut::place(std::uint32_t slot, const Pose& pose, bool present) {
+  states_.end_host_owned(slot);
+  ObjectRow& row = state_.objects.row(slot);
+  row.pose = pose;
+  row.object.flags = present ? messages::flag_present : 0u;
+  state_.objects.mark_moved(slot);
+  const Endpoint host = state_.objects.host(slot);
+  if (host.is_server() && state_.host.place(row.object.number, pose, present)) {
+    return;  // the bounds are set when it has moved
+  }
+  states_.set_bounds(slot);
+  if (PeerSession* session = state_.session_of(host)) {
+    session->opening.placements.push_back(slot);
+  }
+}
+
+void Cut::assign_hosts() {
+  for (const HostChange& change : hosting_.settle(state_.objects, state_.map, state_.connected, users_changed_)) {
+    rehost(change);
+  }
+  list_changed();
+}
+
+void Cut::change(std::uint32_t slot, const Request& request) {
+  states_.end_host_owned(slot);
+  ObjectTable& objects = state_.objects;
+  if (request.kind == Request::Kind::set_group) {
+    objects.set_group(slot, request.spec.group);
+  } else if (request.kind == Request::Kind::set_layer) {
+    objects.set_layer(slot, request.spec.layer);
+  } else if (request.kind == Request::Kind::set_shape) {
+    objects.set_shape(slot, request.spec.shape.number());
+  } else {
+    std::copy_n(state_.setup.order->states.data() + request.state, state_.setup.model->state_bytes(),
+                objects.state(slot));
+  }
+  objects.mark_moved(slot);
+  changed_slots_.push_back(slot);
+}
+
+// The host of a changed object adopts it again, and the other nodes receive it as after a placement.
+void Cut::list_changed() {
+  std::sort(changed_slots_.begin(), changed_slots_.end());
+  changed_slots_.erase(std::unique(changed_slots_.begin(), changed_slots_.end()), changed_slots_.end());
+  for (const std::uint32_t slot : changed_slots_) {
+    if (!state_.objects.alive(slot)) {
+      continue;
+    }
+    states_.set_bounds(slot);
+    const Endpoint host = state_.objects.host(slot);
+    if (PeerSession* const session = state_.session_of(host)) {
+      session->opening.adoptions.push_back(slot);
+    } else if (host.is_server()) {
+      state_.host.adopt(state_.objects.hand_over(slot), state_.objects.state(slot));
+    }
+  }
+  changed_slots_.clear();
+}
+
+void Cut::rehost(const HostChange& change) {
+  const ObjectRow& row = state_.objects.row(change.slot);
+  if (PeerSession* from = state_.session_of(change.from)) {
+    from->opening.drops.push_back(change.slot);
+  } else if (change.from.is_server()) {
+    state_.host.drop(row.object.number);
+    // The object may have been placed at this cut, and the next host reports only objects that it moves.
+    states_.set_bounds(change.slot);
+  }
+  if (PeerSession* to = state_.session_of(change.to)) {
+    to->opening.adoptions.push_back(change.slot);
+  } else if (change.to.is_server()) {
+    state_.host.adopt(state_.objects.hand_over(change.slot), state_.objects.state(change.slot));
+  }
+  if (change.from != Endpoint::none()) {
+    ++state_.report().handed_over;
+    state_.note_host_change(change.slot);
+  }
+}
+
+// New hosts need the contacts of the frame before. Rare: users came or left, the map has changed, or a node was lost.
+// One pass over the contacts, however many objects changed hosts. The server reads the output lists when it moves its
+// own.
+void Cut::list_known_contacts() {
+  std::vector<NodeNumber>& lost = state_.lost_finders;
+  if (state_.host_changes.empty() && lost.empty()) {
+    return;
+  }
+  // Whether the host of the slot's object may not have a contact that this node found.
+  const auto misses = [&](std::uint32_t slot, NodeNumber finder) {
+    return (state_.objects.marks(slot) & host_changed_mark) != 0 ||
+           (std::find(lost.begin(), lost.end(), finder) != lost.end() && state_.objects.host(slot).is_node());
+  };
+  const auto send = [&](Endpoint host, const Contact& contact) {
+    if (PeerSession* session = state_.session_of(host)) {
+      session->opening.contacts.push_back(contact);
+    }
+  };
+  const auto contacts = state_.ledger.contacts(state_.frame - 1);
+  const auto found = state_.ledger.found(state_.frame - 1);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    const Endpoint first = state_.objects.host(found[i].a);
+    const Endpoint second = state_.objects.host(found[i].b);
+    const bool to_first = misses(found[i].a, found[i].by);
+    if (to_first) {
+      send(first, contacts[i]);
+    }
+    if (misses(found[i].b, found[i].by) && !(to_first && first == second)) {
+      send(second, contacts[i]);
+    }
+  }
+  for (const std::uint32_t slot : state_.host_changes) {
+    state_.objects.marks(slot) &= static_cast<ObjectMarks>(~host_changed_mark);
+  }
+  state_.host_changes.clear();
+  lost.clear();
+}
+
+void Cut::start_nodes() {
+  state_.all_nodes([&](PeerSession& node) {
+    start(node);
+    return true;
+  });
+}
+
+void Cut::start_users() {
+  state_.awaited_users.clear();
+  state_.all_users([&](PeerSession& user) {
+    start(user);
+    state_.awaited_users.push_back(user.self.number());
+    return true;
+  });
+}
+
+void Cut::start(PeerSession& session) {
+  PeerSession::Opening& opening = session.opening;
+  opening.refusals.swap(session.received.refusals);
+  session.received.refusals.clear();
+  opening.drop_run.start(opening.drops.size());
+  opening.adopt_run.start(opening.adoptions.size());
+  opening.place_run.start(opening.placements.size());
+  opening.contact_run.start(opening.contacts.size());
+  opening.refused_run.start(opening.refusals.size());
+  opening.begin_run.start(0);
+  if (state_.map_change.precedes_frame) {
+    session.loss.map_run.start(state_.map.table().size());
+  }
+  session.closing.notices.clear();
+  session.closing.hand_overs = 0;
+  session.received.begin();
+  session.last_received_ns = state_.begin_ns;
+  session.probed_ns = session.started.ns = session.notified.ns = 0;
+}
+
+bool Cut::open(PeerSession& session) {
+  PeerSession::Opening& opening = session.opening;
+  const ObjectTable& objects = state_.objects;
+  const std::size_t state_bytes = objects.state_bytes();
+  const auto send = [&](messages::RunSender& run, auto& list, MessageType type, auto write) {
+    if (list.empty()) {
+      return true;
+    }
+    if (!run.pump(*session.connection.out, state_.head(type, session.self), messages::record_bytes(type, state_bytes),
+                  state_.report().traffic, [&](std::size_t i, std::byte* where) { write(list[i], where); })) {
+      return false;
+    }
+    list.clear();
+    return true;
+  };
+  const auto copy = [](const auto& record, std::byte* where) { std::memcpy(where, &record, sizeof record); };
+  const auto write_drop = [&](std::uint32_t slot, std::byte* where) {
+    copy(messages::DropRecord{objects.row(slot).object}, where);
+  };
+  const auto write_adoption = [&](std::uint32_t slot, std::byte* where) {
+    copy(objects.hand_over(slot), where);
+    std::copy_n(objects.state(slot), state_bytes, where + sizeof(messages::HandOverRecord));
+  };
+  const auto write_placement = [&](std::uint32_t slot, std::byte* where) {
+    copy(messages::PlaceRecord{objects.row(slot).object, objects.row(slot).pose}, where);
+  };
+  const bool needs_map = state_.map_change.precedes_frame && session.self.is_node();
+  return (!needs_map || state_.send_map(session, session.loss.map_run)) &&
+         send(opening.drop_run, opening.drops, MessageType::drop, write_drop) &&
+         send(opening.adopt_run, opening.adoptions, MessageType::adopt, write_adoption) &&
+         send(opening.place_run, opening.placements, MessageType::place, write_placement) &&
+         send(opening.contact_run, opening.contacts, MessageType::notify, copy) &&
+         send(opening.refused_run, opening.refusals, MessageType::refused, copy) &&
+         state_.send_empty(session, opening.begin_run, MessageType::frame_begin);
+}
+
+}  // namespace ringfence::nodes

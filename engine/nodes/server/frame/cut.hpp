@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "nodes/server/frame/dispatch.hpp"
+#include "nodes/server/frame/map_scheduler.hpp"
+#include "nodes/server/objects/hosting.hpp"
+#include "nodes/server/objects/object_states.hpp"
+#include "nodes/server/objects/spawn_order.hpp"
+#include "nodes/server/server_state.hpp"
+
+namespace ringfence::nodes {
+
+/// The frame cut: applies the requests that were made before the frame, assigns a host to each object, and sends every
+/// host its changes before its frame begins.
+///
+/// Threads: belongs to the server role. Allocates for new objects, users and nodes only.
+class Cut {
+ public:
+  Cut(ServerState& state, ObjectStates& states, MapScheduler& scheduler, Dispatch& dispatch);
+
+  // In this order, once a frame.
+  /// Ends the frame before: frees the slots of nodes that were lost or have left. Returns whether one was lost.
+  bool begin();
+  /// Applies the requests of FrameOrder in the order of the calls.
+  void apply_requests();
+  /// Assigns a host to every object without one, and evens out the users' shares if users came or left.
+  void assign_hosts();
+  /// Lists the contacts of the frame before for hosts that did not have an object then.
+  void list_known_contacts();
+  /// Prepares what open() sends to the nodes, and resets what is received from them.
+  void start_nodes();
+  /// The same for the users, while the nodes already move. Awaits the users' states.
+  void start_users();
+  /// Sends a peer its changes, then `frame_begin`: a host that receives it knows what it hosts. Sends as much as the
+  /// ring takes; true when all is sent.
+  bool open(PeerSession& session);
+
+ private:
+  void apply(const Request& request);
+  void connect(const Request& request);
+  void disconnect(UserNumber user);
+  void spawn(const Request& request);
+  void end_object(std::uint32_t slot);
+  void place(std::uint32_t slot, const Pose& pose, bool present);
+  void add_node(const Request& request);
+  void set_slots(std::size_t slots);
+  void change(std::uint32_t slot, const Request& request);
+  void list_changed();
+  void rehost(const HostChange& change);
+  void start(PeerSession& session);
+
+  ServerState& state_;
+  ObjectStates& states_;
+  MapScheduler& scheduler_;
+  Dispatch& dispatch_;
+  Hosting hosting_;
+  std::vector<PositionedSpawn> spawn_order_;  ///< scratch
+  std::vector<std::uint32_t> changed_slots_;  ///< at this cut, by set_group and the like
+  bool users_changed_ = false;                ///< users came or left at this cut
+};
+
+}  // namespace ringfence::nodes

@@ -1,0 +1,418 @@
+#include "nodes/server/frame/ingest.hpp"
+
+#include <algorithm>
+
+#include "base/prefetch.hpp"
+#include "nodes/host/valid_pose.hpp"
+#include "nodes/message_check.hpp"
+#include "nodes/server/frame/map_scheduler.hpp"
+#include "telemetry/clock.hpp"
+
+namespace ringfence::nodes {
+
+using messages::MessageType;
+using messages::MessageView;
+
+namespace {
+
+/// Whether messages of this type hold results of a region map. If a node is lost, they are void: all nodes find them
+/// again with the next map.
+bool belongs_to_map(MessageType type) noexcept {
+  return type == MessageType::collision || type == MessageType::change || type == MessageType::contact_counts ||
+         type == MessageType::narrow_done;
+}
+
+}  // namespace
+
+bool Ingest::receive() {
+  bool any = false;
+  state_.all_nodes([&](PeerSession& node) {
+    any |= is_awaited(node) && drain(node);
+    return true;
+  });
+  any |= receive_from_users();
+  return any;
+}
+
+// Whether the frame waits for a message of the node.
+bool Ingest::is_awaited(const PeerSession& node) const noexcept {
+  switch (state_.stage) {
+    case FrameStage::waiting:
+      return false;
+    case FrameStage::starting_nodes:
+    case FrameStage::starting_users:
+    case FrameStage::moving:
+      return !node.received.states || node.probed_ns != 0;
+    case FrameStage::dispatching:
+    case FrameStage::colliding:
+    case FrameStage::notifying:
+      return !node.received.narrow_done || node.probed_ns != 0;
+    case FrameStage::notifying_users:
+      return node.probed_ns != 0;
+    case FrameStage::closing:
+      return !node.received.frame_done || node.probed_ns != 0;
+  }
+  return true;
+}
+
+// Of many user nodes most have nothing to send at most times, and polling a ring costs a cache miss. So only the rings
+// of awaited users are read; unexpected messages stay there until the user is awaited again.
+bool Ingest::receive_from_users() {
+  constexpr std::size_t ahead = 4;
+  bool any = false;
+  for (std::size_t i = 0; i < state_.awaited_users.size();) {
+    if (i + ahead < state_.awaited_users.size()) {
+      state_.users[state_.awaited_users[i + ahead]].connection.in->prefetch();
+    }
+    PeerSession& user = state_.users[state_.awaited_users[i]];
+    any |= !user.lost && drain(user);
+    if (user.lost || (state_.contacts_are_final() ? user.received.frame_done : user.received.states)) {
+      state_.awaited_users[i] = state_.awaited_users.back();
+      state_.awaited_users.pop_back();
+    } else {
+      ++i;
+    }
+  }
+  return any;
+}
+
+// Reads the messages of a peer up to a limit for users: a flooding user must not keep the others waiting.
+bool Ingest::drain(PeerSession& session) {
+  constexpr std::size_t max_bytes_at_once = 65536;
+  bool any = false;
+  std::size_t taken = 0;
+  for (auto bytes = session.connection.in->next(); !bytes.empty();
+       bytes = taken < max_bytes_at_once ? session.connection.in->next() : std::span<const std::byte>{}) {
+    taken += session.self.is_user() ? bytes.size() : 0;
+    MessageView message;
+    if (session.broken) [[unlikely]] {
+      state_.refuse(Status::late);
+    } else if (session.self.is_user() && is_over_quota(session, bytes)) {
+      refuse(session, Status::over_quota);
+    } else if (messages::decode(bytes, state_.objects.state_bytes(), message) == Status::ok &&
+               message.header().source == session.self.value &&
+               (message.header().frame == state_.frame || message.type() == MessageType::probe_reply)) {
+      // A probe reply may be one frame late.
+      receive(session, message);
+    } else {
+      refuse(session, Status::bad_message);
+    }
+    any = true;
+  }
+  if (any) {
+    session.connection.in->release();
+    if (state_.setup.node_deadline_ns != 0) {
+      session.last_received_ns = telemetry::now_ns();
+      session.probed_ns = 0;
+    }
+  }
+  return any;
+}
+
+bool Ingest::refuse_lost() {
+  bool any = false;
+  for (PeerSession& node : state_.nodes) {
+    if (node.lost && node.connection.in->has_message()) {
+      while (!node.connection.in->next().empty()) {
+        state_.refuse(Status::late);
+      }
+      node.connection.in->release();
+      any = true;
+    }
+  }
+  return any;
+}
+
+// Whether the message exceeds its sender's quota and is ignored. The end of the states and frame_done count
+// nevertheless: otherwise the frame would wait for them.
+bool Ingest::is_over_quota(PeerSession& session, std::span<const std::byte> bytes) {
+  session.received.bytes += bytes.size();
+  if (state_.setup.quotas.bytes == 0 || session.received.bytes <= state_.setup.quotas.bytes) {
+    return false;
+  }
+  MessageView message;
+  const bool valid = messages::decode(bytes, state_.objects.state_bytes(), message) == Status::ok &&
+                     message.header().source == session.self.value && message.header().frame == state_.frame;
+  if (valid && message.type() == MessageType::frame_done) {
+    return false;
+  }
+  session.received.states |= valid && message.type() == MessageType::state_update && message.last();
+  return true;
+}
+
+// Counts all refusals, and reports only the first ones: a user node that sends invalid messages must not make the
+// server send as many. A CD node of another process that breaks the protocol becomes lost, because its contacts of the
+// frame cannot be trusted.
+void Ingest::refuse(PeerSession& sender, Status reason, ObjectNumber number) {
+  state_.refuse(reason);
+  if (sender.self.is_node() && !exchange_.trusts_nodes() && reason == Status::bad_message) {
+    sender.broken = any_broken_ = true;
+  }
+  if (sender.self.is_user() && sender.received.refusals.size() < PeerSession::Received::max_refusals) {
+    sender.received.refusals.push_back({number, static_cast<std::uint32_t>(reason)});
+  }
+}
+
+// Whether a CD node of another process may send this message now, and its records are valid. States are final after the
+// last one has arrived, and contacts after narrow_done: other roles read them from then on.
+bool Ingest::is_acceptable(const PeerSession& node, const MessageView& message) const noexcept {
+  switch (message.type()) {
+    case MessageType::node_state:
+    case MessageType::replica:
+    case MessageType::ghost_counts:
+      if (node.received.states || state_.stage > FrameStage::moving) {
+        return false;
+      }
+      break;
+    case MessageType::collision:
+    case MessageType::change:
+    case MessageType::contact_counts:
+    case MessageType::narrow_done:
+      if (node.received.narrow_done ||
+          (state_.stage != FrameStage::dispatching && state_.stage != FrameStage::colliding)) {
+        return false;
+      }
+      break;
+    default:
+      break;
+  }
+  return is_valid(message, {.nodes = static_cast<std::uint32_t>(state_.nodes.size()),
+                            .shapes = static_cast<std::uint32_t>(state_.setup.shapes->size()),
+                            .slots = static_cast<std::uint32_t>(state_.objects.slots())});
+}
+
+// Whether the protocol allows a message of this type from the sender now.
+bool Ingest::may_send(const PeerSession& session, const MessageView& message) const noexcept {
+  const bool node = session.self.is_node();
+  switch (message.type()) {
+    case MessageType::state_update:
+      // Poses are final after a host's last state message: a later state would reach some nodes and not others.
+      return !node && !session.received.states;
+    case MessageType::node_state:
+    case MessageType::replica:
+    case MessageType::collision:
+    case MessageType::change:
+    case MessageType::published:
+    case MessageType::probe_reply:
+    case MessageType::kinds:
+    case MessageType::ghost_counts:
+    case MessageType::contact_counts:
+      return node;
+    case MessageType::narrow_done:
+      return node && message.count() == 1;
+    case MessageType::frame_done:
+      // Accepted once, and only after the contacts that it acknowledges have been sent.
+      return message.count() == 1 && !session.received.frame_done && state_.contacts_are_final() &&
+             (node ? session.closing.end_run : session.closing.notice_run).done();
+    default:
+      return false;
+  }
+}
+
+void Ingest::receive(PeerSession& session, const MessageView& message) {
+  statistics_.count(message.header());
+  const bool node = session.self.is_node();
+  if (node && belongs_to_map(message.type()) && message.header().epoch != state_.map.epoch()) {
+    return;  // found before a loss was known; the node will find it again
+  }
+  const bool trusted = !node || exchange_.trusts_nodes();
+  if (!may_send(session, message) || !(trusted || is_acceptable(session, message))) {
+    return refuse(session, Status::bad_message);
+  }
+  switch (message.type()) {
+    case MessageType::state_update:
+      return receive_states(session, message);
+    case MessageType::node_state:
+      return receive_node_states(session, message);
+    case MessageType::replica:
+      return receive_replicas(session, message);
+    case MessageType::collision:
+      return receive_collisions(session, message);
+    case MessageType::change:
+      return receive_changes(session, message);
+    case MessageType::narrow_done:
+      return receive_narrow_done(session, message);
+    case MessageType::ghost_counts:
+    case MessageType::contact_counts:
+      return exchange_.receive_counts(session, message) ? void() : refuse(session, Status::bad_message);
+    case MessageType::published:
+      session.received.published = true;
+      return;
+    case MessageType::kinds:
+      return statistics_.add_kinds(message);
+    case MessageType::frame_done:
+      return receive_frame_done(session, message);
+    default:
+      return;  // a probe_reply has no content
+  }
+}
+
+// M1. User nodes are not trusted: a state is accepted only if the user hosts the object and the pose is valid.
+void Ingest::receive_states(PeerSession& session, const MessageView& message) {
+  const std::uint64_t start = telemetry::now_ns();
+  ObjectTable& objects = state_.objects;
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto& record = message.view<messages::StateRecord>(i);
+    if (state_.setup.quotas.updates != 0 && ++session.received.updates > state_.setup.quotas.updates) {
+      refuse(session, Status::over_quota, record.object.number);
+      continue;
+    }
+    const std::uint32_t slot = objects.find(record.object);
+    const Status status = slot == base::NumberIndex::none      ? Status::stale_object
+                          : objects.host(slot) != session.self ? Status::not_host
+                                                               : check_pose(record.pose);
+    if (status != Status::ok) {
+      refuse(session, status, record.object.number);
+      continue;
+    }
+    ObjectRow& row = objects.row(slot);
+    row.pose = record.pose;
+    (void)make_valid(row.pose);  // normalises
+    row.object.flags = record.object.flags & messages::flag_present;
+    objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
+    std::copy_n(message.state<messages::StateRecord>(i), objects.state_bytes(), objects.state(slot));
+    objects.mark_moved(slot);
+  }
+  session.received.states |= message.last();
+  statistics_.add_ingest(telemetry::now_ns() - start);
+}
+
+void Ingest::receive_node_states(PeerSession& session, const MessageView& message) {
+  const std::uint64_t start = telemetry::now_ns();
+  constexpr std::size_t ahead = 12;
+  const bool sweeps = state_.setup.placement == Placement::server;
+  ObjectTable& objects = state_.objects;
+  const regions::CellGrid& grid = state_.map.grid();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    if (i + ahead < message.count()) {
+      const auto& soon = message.view<messages::ObjectRef>(i + ahead);
+      objects.prefetch(soon.slot, sweeps || (soon.flags & messages::flag_interior) == 0);
+    }
+    if (i + 2 * ahead < message.count()) {
+      base::prefetch_for_read(message.at(i + 2 * ahead));
+      base::prefetch_for_read(message.at(i + 2 * ahead) + 64);
+    }
+    const auto& record = message.view<messages::NodeStateRecord>(i);
+    const std::uint32_t slot = objects.find(record.object);
+    if (slot == base::NumberIndex::none || objects.host(slot) != session.self) {
+      refuse(session, slot == base::NumberIndex::none ? Status::stale_object : Status::not_host, record.object.number);
+      continue;
+    }
+    ObjectRow& row = objects.row(slot);
+    row.pose = record.pose;
+    row.object.flags = record.object.flags & messages::flag_present;
+    // An object outside its own bounds may leave the only node that knows it; then the notified nodes must be recorded.
+    constexpr std::uint32_t at_home = messages::flag_interior | messages::flag_keeps_host;
+    const bool inner = (record.object.flags & at_home) == at_home;
+    ObjectMarks& marks = objects.marks(slot);
+    const bool was_host_owned = (marks & host_owned_mark) != 0;
+    const bool host_owned = (record.object.flags & messages::flag_host_owned) != 0 && state_.hosts_send_ghosts();
+    marks = static_cast<ObjectMarks>((marks & ~host_owned_mark) | reported_mark | (inner ? inner_mark : 0) |
+                                     (host_owned ? host_owned_mark : 0));
+    // Counted as moved, but it has not.
+    states_.add_moved((record.object.flags & messages::flag_at_rest) != 0 ? -1 : 0);
+    if ((record.object.flags & messages::flag_keeps_host) == 0) {
+      state_.leaving_slots.push_back(slot);
+    }
+    std::copy_n(message.state<messages::NodeStateRecord>(i), objects.state_bytes(), objects.state(slot));
+    if (was_host_owned && host_owned) {  // its host has sent the object to the other nodes
+      states_.note_stale_bounds();
+      objects.mark_moved_host_only(slot);
+      continue;
+    }
+    if (was_host_owned) {
+      objects.note_notified(slot, record.bounds, grid, !inner);
+      objects.mark_moved_host_only(slot);
+      continue;
+    }
+    const bool host_alone = inner && (marks & shared_mark) == 0;  // only the host needs to know the object
+    objects.bounds(slot) = record.bounds;
+    if (host_alone) {
+      marks |= notified_mark;
+      objects.mark_moved_host_only(slot);
+    } else {
+      objects.mark_moved(slot);
+    }
+  }
+  session.received.states |= message.last();
+  statistics_.add_ingest(telemetry::now_ns() - start);
+}
+
+// The other nodes have received the object from its host.
+void Ingest::receive_replicas(PeerSession& node, const MessageView& message) {
+  const std::uint64_t start = telemetry::now_ns();
+  constexpr std::size_t ahead = 12;
+  ObjectTable& objects = state_.objects;
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    if (i + ahead < message.count()) {
+      const std::uint32_t soon = message.view<messages::ReplicaRecord>(i + ahead).slot;
+      objects.prefetch(soon, false);
+      relay_.prefetch_cell(soon);
+    }
+    const auto& record = message.view<messages::ReplicaRecord>(i);
+    const std::uint32_t slot = record.slot;
+    const bool current = slot < objects.slots() && (objects.marks(slot) & host_owned_mark) != 0 &&
+                         objects.host(slot) == node.self && objects.row(slot).object.generation == record.generation;
+    if (!current) {
+      return refuse(node, Status::bad_message);
+    }
+    objects.row(slot).pose = record.pose;
+    objects.marks(slot) |= reported_mark;
+    relay_.note_position(slot, record.pose.position);
+    std::copy_n(message.state<messages::ReplicaRecord>(i), objects.state_bytes(), objects.state(slot));
+    objects.mark_moved_host_only(slot);
+  }
+  states_.note_stale_bounds();
+  statistics_.add_ingest(telemetry::now_ns() - start);
+}
+
+void Ingest::receive_collisions(PeerSession& session, const MessageView& message) {
+  constexpr std::size_t ahead = 12;
+  const std::span<const std::uint8_t> present = state_.objects.present();
+  const ContactObjects objects = state_.objects.contact_objects();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    if (i + ahead < message.count()) {
+      const auto& soon = message.view<messages::CollisionRecord>(i + ahead);
+      objects.prefetch(soon.slot_a);
+      objects.prefetch(soon.slot_b);
+    }
+    const auto& record = message.view<messages::CollisionRecord>(i);
+    if (present[record.slot_a] == 0 || present[record.slot_b] == 0 ||
+        !state_.ledger.receive(session.self.number(), record, objects)) {
+      return refuse(session, Status::bad_message);
+    }
+  }
+}
+
+void Ingest::receive_changes(PeerSession& session, const MessageView& message) {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    if (!state_.ledger.receive(session.self.number(), message.record<messages::ChangeRecord>(i))) {
+      return refuse(session, Status::bad_message);
+    }
+  }
+}
+
+// A node's results count only as a whole: when it reports the number of tested pairs, and all its contacts are here.
+void Ingest::receive_narrow_done(PeerSession& session, const MessageView& message) {
+  const auto record = message.record<messages::NarrowDoneRecord>(0);
+  statistics_.add(session, record);
+  exchange_.receive_contacts(session, statistics_);
+  if (state_.ledger.received(session.self.number()) == record.contacts) {
+    state_.report().accepted += record.tested;
+  } else {
+    refuse(session, Status::bad_message);
+  }
+  session.received.narrow_done = true;
+}
+
+void Ingest::receive_frame_done(PeerSession& session, const MessageView& message) {
+  const auto record = message.record<messages::NodeFrameStats>(0);
+  statistics_.add(session, record);
+  if (session.self.is_node()) {
+    session.cost_ms = MapScheduler::cost_of(state_.setup, state_.report().nodes[session.in_report]);
+    states_.add_moved(static_cast<std::int64_t>(record.host_owned_changes));
+  }
+  session.received.frame_done = true;
+}
+
+}  // namespace ringfence::nodes

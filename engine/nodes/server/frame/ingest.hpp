@@ -1,0 +1,61 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <utility>
+
+#include "messages/header.hpp"
+#include "nodes/exchange/server/server_exchange.hpp"
+#include "nodes/server/frame/state_relay.hpp"
+#include "nodes/server/frame/statistics.hpp"
+#include "nodes/server/objects/object_states.hpp"
+#include "nodes/server/server_state.hpp"
+
+namespace ringfence::nodes {
+
+/// Reads the messages of CD nodes and user nodes, checks them, and stores what they contain: states in the object
+/// table, contacts in the ledger, reports in Statistics, and in PeerSession::received what has arrived.
+///
+/// User nodes and nodes of other processes are not trusted: what they may not send now, or what is not valid, is
+/// refused and counted. A node of another process that breaks the protocol becomes PeerSession::broken.
+///
+/// Threads: belongs to the server role.
+class Ingest {
+ public:
+  Ingest(ServerState& state, ServerExchange& exchange, ObjectStates& states, StateRelay& relay,
+         Statistics& statistics) noexcept
+      : state_(state), exchange_(exchange), states_(states), relay_(relay), statistics_(statistics) {}
+
+  /// Reads what the roles have sent for which the frame waits. Returns whether there was any message.
+  bool receive();
+  /// Refuses what lost nodes still send. Returns whether there was any message.
+  bool refuse_lost();
+  /// Whether a node has become broken since the last call.
+  bool take_broken() noexcept { return std::exchange(any_broken_, false); }
+
+ private:
+  bool is_awaited(const PeerSession& node) const noexcept;
+  bool receive_from_users();
+  bool drain(PeerSession& session);
+  bool is_over_quota(PeerSession& user, std::span<const std::byte> bytes);
+  bool may_send(const PeerSession& session, const messages::MessageView& message) const noexcept;
+  bool is_acceptable(const PeerSession& node, const messages::MessageView& message) const noexcept;
+  void receive(PeerSession& session, const messages::MessageView& message);
+  void receive_states(PeerSession& user, const messages::MessageView& message);
+  void receive_node_states(PeerSession& node, const messages::MessageView& message);
+  void receive_replicas(PeerSession& node, const messages::MessageView& message);
+  void receive_collisions(PeerSession& node, const messages::MessageView& message);
+  void receive_changes(PeerSession& node, const messages::MessageView& message);
+  void receive_narrow_done(PeerSession& node, const messages::MessageView& message);
+  void receive_frame_done(PeerSession& session, const messages::MessageView& message);
+  void refuse(PeerSession& sender, Status reason, ObjectNumber number = 0);
+
+  ServerState& state_;
+  ServerExchange& exchange_;
+  ObjectStates& states_;
+  StateRelay& relay_;
+  Statistics& statistics_;
+  bool any_broken_ = false;  ///< a node that is not lost yet has broken the protocol
+};
+
+}  // namespace ringfence::nodes

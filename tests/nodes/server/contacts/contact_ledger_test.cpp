@@ -1,0 +1,594 @@
+#include "nodes/server/contacts/contact_ledger.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <map>
+#include <memory>
+#include <random>
+#include <utility>
+#include <vector>
+
+#include <doctest/doctest.h>
+
+#include "base/pair_sort.hpp"
+
+namespace ringfence::nodes {
+namespace {
+
+using Key = std::pair<ObjectNumber, ObjectNumber>;
+
+constexpr std::uint32_t slots = 40;
+
+std::uint64_t word_of(const Key& key) { return base::PairSort::key(key.first, key.second); }
+
+Key key_of(std::uint64_t word) { return {static_cast<ObjectNumber>(word >> 32), static_cast<ObjectNumber>(word)}; }
+
+/// Whether a slot has an avatar, so that its contacts concern a user node.
+bool is_avatar(std::uint32_t slot) { return slot % 11 == 0; }
+
+/// The rows of a frame. Each slot has its own position, which is different in each frame. Numbers ascend by slot.
+std::vector<ObjectRow> rows_of(std::uint64_t frame, bool large_numbers) {
+  std::vector<ObjectRow> rows(slots);
+  for (std::uint32_t slot = 0; slot < slots; ++slot) {
+    rows[slot].object.number = large_numbers ? 0xfffffff0u - 97'000'001u * (slots - slot) : slot + 1;
+    rows[slot].object.generation = 3 * slot + 1;
+    rows[slot].layer = static_cast<std::uint16_t>(slot % 32);
+    rows[slot].category = static_cast<std::uint16_t>(is_avatar(slot) ? Category::avatar : Category::active);
+    rows[slot].pose.position = {static_cast<double>(slot), static_cast<double>(frame), 0};
+  }
+  return rows;
+}
+
+/// ContactObjects::numbers and marks of these rows.
+struct ContactColumns {
+  explicit ContactColumns(const std::vector<ObjectRow>& rows) {
+    for (const ObjectRow& row : rows) {
+      numbers.push_back(row.object.number);
+      const bool is_avatar = row.category == static_cast<std::uint16_t>(Category::avatar);
+      marks.push_back(static_cast<ObjectMarks>(alive_mark | (is_avatar ? avatar_mark : 0)));
+    }
+  }
+  std::vector<ObjectNumber> numbers;
+  std::vector<ObjectMarks> marks;
+};
+
+std::vector<ObjectOrigin> origins_of(const std::vector<ObjectRow>& rows) {
+  std::vector<ObjectOrigin> origins(rows.size());
+  for (std::size_t slot = 0; slot < rows.size(); ++slot) origins[slot].user_data = ~std::uint64_t{slot};
+  return origins;
+}
+
+/// An expected contact of a frame; its phase is computed by the test.
+struct ExpectedContact {
+  Contact contact;
+  std::uint32_t slot_a = 0, slot_b = 0;
+  std::size_t finder = 0;  ///< number of the node that owns the pair in the frame
+};
+using ExpectedContacts = std::map<Key, ExpectedContact>;
+
+/// A CD node as the ledger sees it.
+struct Node {
+  std::unique_ptr<NodeContacts> lists = std::make_unique<NodeContacts>();
+  bool shares = false;                             ///< the ledger reads `lists`; otherwise the node sends messages
+  bool joined = false;                             ///< the ledger knows the node
+  bool free = false;                               ///< the slot has no node
+  std::vector<narrow_phase::PairContact> touches;  ///< in the order of detection
+  std::vector<narrow_phase::Body> bodies;          ///< of all slots, in random order
+  OutputMergeScratch scratch;
+
+  /// The node finds the contacts `own`. `before` and `now` are the contacts of all nodes in the two frames.
+  void find(std::uint64_t frame, const std::vector<const ExpectedContact*>& own, const std::vector<ObjectRow>& rows,
+            const ExpectedContacts& before, const ExpectedContacts& now, std::mt19937_64& random) {
+    std::vector<std::uint32_t> places = shuffled(own.size(), random);
+    const std::vector<std::uint32_t> body_of = shuffled(rows.size(), random);
+    bodies.resize(rows.size());
+    for (std::size_t slot = 0; slot < rows.size(); ++slot) {
+      bodies[body_of[slot]] = {rows[slot].pose,          0,
+                               rows[slot].object.number, rows[slot].object.generation,
+                               rows[slot].layer,         origins_of(rows)[slot].user_data};
+    }
+    touches.resize(own.size());
+    lists->start(frame);
+    for (std::uint32_t i = 0; i < own.size(); ++i) {
+      const Contact& contact = own[i]->contact;
+      const Vec3d& origin = rows[own[i]->slot_a].pose.position;
+      const auto part = [](double point, double from) { return static_cast<float>(point - from); };
+      touches[places[i]] = {
+          0,
+          contact.depth,
+          contact.normal,
+          {part(contact.point.x, origin.x), part(contact.point.y, origin.y), part(contact.point.z, origin.z)}};
+      lists->keys.push_back(word_of({contact.a, contact.b}));
+      lists->found.push_back(
+          {own[i]->slot_a, own[i]->slot_b, body_of[own[i]->slot_a], body_of[own[i]->slot_b], places[i]});
+      if (is_avatar(own[i]->slot_a) || is_avatar(own[i]->slot_b)) {
+        lists->user_contacts.push_back({lists->keys[i], i, lists->found[i]});
+      }
+    }
+    lists->touches = touches.data();
+    lists->bodies = bodies.data();
+    // If the pair is in contact in the other frame, another node may have found it there. If not, the node knows in
+    // most cases that no other node found it.
+    const auto is_alone = [&](const ExpectedContacts& others, std::uint64_t key) {
+      return others.count(key_of(key)) == 0 && random() % 4 != 0;
+    };
+    lists->compare([&](const FoundContact& one) { return is_alone(before, lists->keys[at_of(one)]); },
+                   [&](std::uint64_t key, const FoundContact& one) {
+                     REQUIRE(rows[one.slot_a].object.number == key_of(key).first);
+                     REQUIRE(rows[one.slot_b].object.number == key_of(key).second);
+                     return is_alone(now, key);
+                   });
+  }
+  void write() {
+    lists->duplicates = write_slice(*lists->output_merge, lists->share, scratch);
+    lists->gate.leave();
+  }
+
+ private:
+  std::size_t at_of(const FoundContact& one) const { return static_cast<std::size_t>(&one - lists->found.data()); }
+  static std::vector<std::uint32_t> shuffled(std::size_t count, std::mt19937_64& random) {
+    std::vector<std::uint32_t> places(count);
+    for (std::uint32_t i = 0; i < count; ++i) places[i] = i;
+    std::shuffle(places.begin(), places.end(), random);
+    return places;
+  }
+};
+
+bool same(const Contact& p, const Contact& q) { return std::memcmp(&p, &q, sizeof p) == 0; }
+
+/// Produces the input of a ledger frame by frame and checks its output. There is no world and there are no roles.
+class LedgerTest {
+ public:
+  enum class Form { sending, sharing };
+
+  LedgerTest(unsigned seed, Form form) : random_(seed), form_(form), large_numbers_(seed % 2 == 0), ledger_(3, 16) {
+    for (int i = 0; i < 3; ++i) join();
+  }
+
+  void frame() {
+    choose_contacts();
+    ledger_.resize(nodes_.size());
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      if (!nodes_[node]->free && !std::exchange(nodes_[node]->joined, true)) ledger_.join(node, frame_);
+    }
+    ledger_.begin(frame_);
+    rows_ = rows_of(frame_, large_numbers_);
+    const std::vector<ObjectRow>& rows = rows_;
+    std::vector<std::vector<const ExpectedContact*>> runs(nodes_.size());
+    for (const auto& [key, truth] : now_) {
+      runs[truth.finder].push_back(&truth);
+      // Two nodes find the pair, as after a bug elsewhere.
+      if (duplicates_allowed && random_() % 16 == 0) {
+        runs[node_from(truth.finder + 1)].push_back(&truth);
+        ++surplus_;
+      }
+    }
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      if (nodes_[node]->free) continue;
+      nodes_[node]->find(frame_, runs[node], rows, before_, now_, random_);
+      if (nodes_[node]->shares) {
+        ledger_.receive(node, *nodes_[node]->lists);
+      } else {
+        send(node, runs[node], rows);
+      }
+      REQUIRE(ledger_.received(node) == runs[node].size());
+    }
+    ledger_.resolve_phases();
+    ledger_.share_out();
+    phases_are_certain_ = surplus_ == 0 && surplus_before_ == 0;
+    check_phases(runs);
+    check_notices();
+    const auto lost = write();
+    check_lists();
+    for (auto node = lost.rbegin(); node != lost.rend(); ++node) {
+      leave(*node);
+    }
+    before_ = now_;
+    surplus_before_ = surplus_;
+    ++frame_;
+    if (random_() % 5 == 0) join();
+    if (random_() % 7 == 0 && nodes_.size() > 1) leave(random_() % nodes_.size());
+    if (random_() % 9 == 0) {
+      // A new node takes the slot of another. It has no contacts of the frame before.
+      leave(random_() % nodes_.size());
+      join();
+    }
+  }
+
+  /// The stopped threads continue and end. Then their memory is freed, or at random only by a later call.
+  void continue_stopped() {
+    for (Node* node : stopped_) {
+      node->write();
+    }
+    stopped_.clear();
+    if (random_() % 2 == 0) {
+      ledger_.free_abandoned();
+    }
+  }
+
+  bool duplicates_allowed = false;
+  bool stops = false;              ///< the threads of lost nodes may stop while they write
+  std::size_t written_again = 0;   ///< frames in which the lists were written again because a thread stopped
+  std::size_t waits = 0;           ///< how often the ledger waited for a lost node that was writing
+  std::size_t for_users_only = 0;  ///< frames in which fewer ended contacts were listed for users than ended
+
+ private:
+  void join() {
+    auto slot = std::find_if(nodes_.begin(), nodes_.end(), [](const auto& node) { return node->free; });
+    slot = slot != nodes_.end() ? slot : nodes_.insert(slot, nullptr);
+    *slot = std::make_unique<Node>();
+    (*slot)->shares = form_ == Form::sharing;
+  }
+  /// The first slot from this one on, in a circle, that has a node.
+  std::size_t node_from(std::size_t slot) const {
+    while (nodes_[slot % nodes_.size()]->free) ++slot;
+    return slot % nodes_.size();
+  }
+  void leave(std::size_t node) {
+    if (node >= nodes_.size() || nodes_[node]->free) {
+      return;
+    }
+    gone_.push_back(std::move(nodes_[node]));
+    nodes_[node] = std::make_unique<Node>();
+    nodes_[node]->free = true;
+    while (!nodes_.empty() && nodes_.back()->free) nodes_.pop_back();
+    if (nodes_.empty()) join();
+  }
+  NodeContacts* shared_of(std::size_t node) const { return nodes_[node]->shares ? nodes_[node]->lists.get() : nullptr; }
+
+  // As a CD node does that does not share memory with the server.
+  void send(NodeNumber node, const std::vector<const ExpectedContact*>& own, const std::vector<ObjectRow>& rows) {
+    const ContactColumns columns(rows);
+    const ContactObjects objects{rows, origins_, columns.numbers, columns.marks};
+    for (const ExpectedContact* truth : own) {
+      messages::CollisionRecord record;
+      record.slot_a = truth->slot_a;
+      record.slot_b = truth->slot_b;
+      record.depth = truth->contact.depth;
+      record.normal = truth->contact.normal;
+      record.point = to_float(truth->contact.point - rows[truth->slot_a].pose.position);
+      REQUIRE(ledger_.receive(node, record, objects));
+    }
+    const NodeContacts& lists = *nodes_[node]->lists;
+    const auto flags = [](std::uint32_t ended, bool at_border) {
+      return ended | (at_border ? messages::change_at_border : 0u);
+    };
+    for (const std::uint32_t position : lists.beginning) {
+      const bool at_border = std::any_of(lists.border_beginning.begin(), lists.border_beginning.end(),
+                                         [&](const BorderContact& one) { return one.position == position; });
+      REQUIRE(ledger_.receive(node, messages::ChangeRecord{lists.keys[position], position, flags(0, at_border)}));
+    }
+    const auto border = lists.border_ending.span();
+    for (const std::uint64_t key : lists.ending) {
+      const bool at_border = std::find(border.begin(), border.end(), key) != border.end();
+      REQUIRE(ledger_.receive(node, messages::ChangeRecord{key, 0, flags(messages::change_ended, at_border)}));
+    }
+    check_refused_changes(node, lists);
+    ledger_.end_run(node, objects);
+  }
+
+  void check_refused_changes(NodeNumber node, const NodeContacts& lists) {
+    const auto refuses = [&](const messages::ChangeRecord& record) { return !ledger_.receive(node, record); };
+    const auto count = static_cast<std::uint32_t>(lists.keys.size());
+    REQUIRE(refuses({1, count, 0}));
+    REQUIRE((count == 0 || refuses({lists.keys[0] + 1, 0, 0})));
+    REQUIRE((lists.beginning.empty() || refuses({lists.keys[lists.beginning[0]], lists.beginning[0], 0})));
+    REQUIRE((lists.ending.size() < 2 || refuses({lists.ending[0], 0, messages::change_ended})));
+    REQUIRE(refuses({~std::uint64_t{0}, 0, messages::change_ended}));
+  }
+
+  // Most contacts persist, and the same node finds most of these again.
+  void choose_contacts() {
+    now_.clear();
+    surplus_ = 0;
+    const auto rows = rows_of(frame_, large_numbers_);
+    const auto add = [&](std::uint32_t slot_a, std::uint32_t slot_b, std::size_t finder) {
+      const Key key{rows[slot_a].object.number, rows[slot_b].object.number};
+      ExpectedContact& truth = now_[key];
+      truth = {{}, slot_a, slot_b, node_from(finder % nodes_.size())};
+      truth.contact.a = key.first;
+      truth.contact.b = key.second;
+      truth.contact.depth = static_cast<float>(random_() % 1000);
+      truth.contact.normal = {truth.contact.depth, 1, 2};
+      truth.contact.point = {1.0 * slot_a, 2.0 * slot_b, 3};
+      truth.contact.phase = Phase::end;  // a phase that the ledger must correct
+      const auto arm = [&](std::uint32_t slot) { return to_float(truth.contact.point - rows[slot].pose.position); };
+      truth.contact.arm_a = arm(slot_a);
+      truth.contact.arm_b = arm(slot_b);
+      truth.contact.generation_a = rows[slot_a].object.generation;
+      truth.contact.generation_b = rows[slot_b].object.generation;
+      truth.contact.user_data_a = origins_of(rows)[slot_a].user_data;
+      truth.contact.user_data_b = origins_of(rows)[slot_b].user_data;
+      truth.contact.layer_a = rows[slot_a].layer;
+      truth.contact.layer_b = rows[slot_b].layer;
+    };
+    if (frame_ % 11 != 10) {
+      for (const auto& [key, truth] : before_) {
+        if (random_() % 8 != 0) {
+          add(truth.slot_a, truth.slot_b, random_() % 6 == 0 ? random_() : truth.finder);
+        }
+      }
+    }
+    for (std::uint64_t i = random_() % 40; i > 0; --i) {
+      const auto a = static_cast<std::uint32_t>(random_() % (slots - 1));
+      add(a, a + 1 + static_cast<std::uint32_t>(random_() % (slots - a - 1)), random_());
+    }
+  }
+
+  Phase phase_of(const Key& key) const { return before_.count(key) != 0 ? Phase::persist : Phase::begin; }
+
+  // The phases that the nodes have after the corrections.
+  void check_phases(const std::vector<std::vector<const ExpectedContact*>>& runs) {
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      NodeContacts& lists = *nodes_[node]->lists;
+      REQUIRE((!nodes_[node]->shares || ledger_.corrections(node).empty()));
+      for (const std::uint32_t position : ledger_.corrections(node)) {
+        REQUIRE(lists.begun[position] == 1);
+        lists.begun[position] = 0;
+      }
+      for (std::uint32_t i = 0; phases_are_certain_ && i < runs[node].size(); ++i) {
+        const bool begins = phase_of({runs[node][i]->contact.a, runs[node][i]->contact.b}) == Phase::begin;
+        REQUIRE((lists.begun[i] != 0) == begins);
+      }
+    }
+  }
+
+  void check_notices() {
+    const auto all = ledger_.notices(true);
+    REQUIRE(all.size() == now_.size());
+    std::size_t i = 0;
+    for (const auto& [key, truth] : now_) {
+      Contact expected = truth.contact;
+      Contact written;
+      all[i].write(written);
+      expected.phase = phases_are_certain_ ? phase_of(key) : written.phase;
+      REQUIRE((duplicates_allowed || same(written, expected)));
+      REQUIRE(all[i].key == word_of(key));
+      REQUIRE(all[i].found.a == truth.slot_a);
+      REQUIRE((duplicates_allowed || all[i].found.by == truth.finder));
+      ++i;
+    }
+    check_ended_notices();
+    std::vector<std::uint64_t> user_contacts;
+    for (const auto& node : nodes_) {
+      for (const UserContact& contact : node->lists->user_contacts) {
+        user_contacts.push_back(contact.key);
+      }
+    }
+    std::sort(user_contacts.begin(), user_contacts.end());
+    user_contacts.erase(std::unique(user_contacts.begin(), user_contacts.end()), user_contacts.end());
+    const auto notices = ledger_.notices(false);
+    REQUIRE(notices.size() == user_contacts.size());
+    for (std::size_t k = 0; k < notices.size(); ++k) {
+      REQUIRE(notices[k].key == user_contacts[k]);
+    }
+    user_contacts_before_ = std::move(user_contacts);
+  }
+
+  void check_ended_notices() {
+    if (!phases_are_certain_) {
+      return;
+    }
+    std::vector<std::uint64_t> user_contacts;
+    const auto all = ledger_.ended_notices(true);
+    std::size_t e = 0;
+    for (const auto& [key, truth] : before_) {
+      if (now_.count(key) != 0) {
+        continue;
+      }
+      Contact expected = truth.contact;
+      expected.phase = Phase::end;
+      REQUIRE(e < all.size());
+      Contact written;
+      all[e].write(written);
+      REQUIRE(same(written, expected));
+      REQUIRE(all[e].key == word_of(key));
+      REQUIRE(all[e].found.a == truth.slot_a);
+      REQUIRE(all[e].found.b == truth.slot_b);
+      ++e;
+      if (std::binary_search(user_contacts_before_.begin(), user_contacts_before_.end(), word_of(key))) {
+        user_contacts.push_back(word_of(key));
+      }
+    }
+    REQUIRE(e == all.size());
+    // The list has at least the ended contacts that concern users.
+    const auto notices = ledger_.ended_notices(false);
+    std::size_t k = 0;
+    for (const ContactNotice& one : notices) {
+      k += k < user_contacts.size() && one.key == user_contacts[k] ? 1 : 0;
+    }
+    REQUIRE(k == user_contacts.size());
+    for_users_only += notices.size() < e ? 1 : 0;
+  }
+
+  // Each node writes its slice or is lost: before it enters the gate, while it is inside, or after it has left.
+  std::vector<std::size_t> write() {
+    std::vector<std::size_t> lost, late;
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      NodeContacts* const shared = shared_of(node);
+      const auto fate = frame_ % 4 == 3 ? random_() % 6 : 5;
+      if (shared != nullptr && fate > 0) {
+        REQUIRE(shared->gate.enter());
+        if (fate > 1) {
+          nodes_[node]->write();
+        } else {
+          late.push_back(node);
+        }
+      }
+      if (fate < 3) {
+        ledger_.lose(node);
+        REQUIRE((shared == nullptr || !shared->gate.enter()));  // too late to write
+        lost.push_back(node);
+      }
+    }
+    if (stops && !late.empty()) {
+      REQUIRE_FALSE(ledger_.complete());
+      write_again(lost, late);
+      late.clear();
+    }
+    for (const std::size_t node : late) {
+      REQUIRE_FALSE(ledger_.complete());
+      ++waits;
+      nodes_[node]->write();
+    }
+    REQUIRE(ledger_.complete());
+    return lost;
+  }
+
+  // The threads of late nodes have stopped while writing. The test loses all nodes, and the ledger writes again.
+  void write_again(std::vector<std::size_t>& lost, const std::vector<std::size_t>& late) {
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      if (!std::binary_search(lost.begin(), lost.end(), node)) {
+        ledger_.lose(node);
+      }
+    }
+    ledger_.write_again();
+    for (const std::size_t node : late) {
+      stopped_.push_back(nodes_[node].get());
+    }
+    lost.clear();
+    for (std::size_t node = 0; node < nodes_.size(); ++node) {
+      lost.push_back(node);
+    }
+    ++written_again;
+  }
+
+  void check_lists() {
+    REQUIRE(ledger_.duplicates() == surplus_);
+    REQUIRE(ledger_.size() == now_.size() + surplus_);
+    const auto contacts = ledger_.contacts(frame_);
+    REQUIRE(contacts.size() == now_.size());
+    REQUIRE(ledger_.keys(frame_).size() == now_.size());
+    REQUIRE(ledger_.found(frame_).size() == now_.size());
+    std::size_t i = 0;
+    std::size_t began = 0;
+    for (const auto& [key, truth] : now_) {
+      Contact expected = truth.contact;
+      expected.phase = phases_are_certain_ ? phase_of(key) : contacts[i].phase;
+      began += expected.phase == Phase::begin ? 1 : 0;
+      REQUIRE(same(contacts[i], expected));
+      REQUIRE(ledger_.keys(frame_)[i] == word_of(key));
+      REQUIRE(ledger_.found(frame_)[i].a == truth.slot_a);
+      REQUIRE(ledger_.found(frame_)[i].b == truth.slot_b);
+      REQUIRE((duplicates_allowed || ledger_.found(frame_)[i].by == truth.finder));
+      ++i;
+    }
+    REQUIRE(ledger_.began() == began);
+    if (!phases_are_certain_) {
+      return;
+    }
+    std::size_t e = 0;
+    const auto ended = ledger_.ended(frame_);
+    for (const auto& [key, truth] : before_) {
+      if (now_.count(key) != 0) {
+        continue;
+      }
+      Contact expected = truth.contact;  // the geometry of the last contact
+      expected.phase = Phase::end;
+      REQUIRE(e < ended.size());
+      REQUIRE(same(ended[e], expected));
+      REQUIRE(ledger_.ended_keys(frame_)[e] == word_of(key));
+      ++e;
+    }
+    REQUIRE(e == ended.size());
+    // The frame before stays readable while this one is made.
+    REQUIRE((frame_ == 0 || ledger_.contacts(frame_ - 1).size() == before_.size()));
+  }
+
+  std::mt19937_64 random_;
+  Form form_;
+  bool large_numbers_;
+  ContactLedger ledger_;
+  std::vector<std::unique_ptr<Node>> nodes_;
+  std::vector<std::unique_ptr<Node>> gone_;  ///< their memory stays valid
+  std::vector<Node*> stopped_;               ///< nodes in `gone_` that are still writing
+  ExpectedContacts now_, before_;
+  std::vector<std::uint64_t> user_contacts_before_;
+  std::size_t surplus_before_ = 0;
+  /// No two nodes found the same pair, neither in this frame nor in the frame before.
+  bool phases_are_certain_ = true;
+  std::size_t surplus_ = 0;
+  std::uint64_t frame_ = 0;
+  std::vector<ObjectRow> rows_;  ///< of the frame
+  std::vector<ObjectOrigin> origins_ = origins_of(std::vector<ObjectRow>(slots));
+};
+
+TEST_CASE(
+    "the ledger's contacts and phases equal those of a map of the two frames, whichever nodes write or are lost") {
+  for (const LedgerTest::Form form : {LedgerTest::Form::sending, LedgerTest::Form::sharing}) {
+    for (unsigned seed = 100; seed < 106; ++seed) {
+      CAPTURE(seed);
+      CAPTURE(static_cast<int>(form));
+      LedgerTest ledger_test(seed, form);
+      for (int frame = 0; frame < 200; ++frame) {
+        CAPTURE(frame);
+        ledger_test.frame();
+      }
+      CHECK((ledger_test.waits > 0) == (form != LedgerTest::Form::sending));
+      CHECK((ledger_test.for_users_only > 10 || form != LedgerTest::Form::sharing));
+    }
+  }
+}
+
+TEST_CASE(
+    "a pair that two nodes found is kept once and counted, and phases are correct from the frame after the next on") {
+  for (const LedgerTest::Form form : {LedgerTest::Form::sending, LedgerTest::Form::sharing}) {
+    for (unsigned seed = 200; seed < 204; ++seed) {
+      CAPTURE(seed);
+      CAPTURE(static_cast<int>(form));
+      LedgerTest ledger_test(seed, form);
+      for (int frame = 0; frame < 120; ++frame) {
+        CAPTURE(frame);
+        ledger_test.duplicates_allowed = frame % 3 == 1;
+        ledger_test.frame();
+      }
+    }
+  }
+}
+
+TEST_CASE("a thread that stops while it writes a list and continues frames later changes nothing") {
+  for (unsigned seed = 300; seed < 306; ++seed) {
+    CAPTURE(seed);
+    LedgerTest ledger_test(seed, LedgerTest::Form::sharing);
+    ledger_test.stops = true;
+    for (int frame = 0; frame < 200; ++frame) {
+      CAPTURE(frame);
+      ledger_test.duplicates_allowed = frame % 7 == 1;
+      ledger_test.frame();
+      if (frame % 5 == 4) {
+        ledger_test.continue_stopped();
+      }
+    }
+    CHECK(ledger_test.written_again > 0);
+  }
+}
+
+TEST_CASE("contacts that concern peers are listed by peer, in order") {
+  constexpr unsigned seed = 9;
+  CAPTURE(seed);
+  std::mt19937_64 random(seed);
+  PeerLists runs;
+  for (NodeNumber nodes = 1; nodes < 20; ++nodes) {
+    CAPTURE(nodes);
+    runs.clear();
+    std::vector<std::vector<std::uint32_t>> expected(nodes);
+    for (std::uint32_t position = 0; position < 60; ++position) {
+      const auto peer = static_cast<NodeNumber>(random() % nodes);
+      if (random() % 3 != 0) {
+        runs.add(peer, position);
+        expected[peer].push_back(position);
+      }
+    }
+    runs.finish(nodes);
+    std::size_t size = 0;
+    for (NodeNumber peer = 0; peer < nodes; ++peer) {
+      const auto run = runs.of(peer);
+      REQUIRE(std::vector<std::uint32_t>(run.begin(), run.end()) == expected[peer]);
+      size += run.size();
+    }
+    REQUIRE(runs.size() == size);
+  }
+}
+
+}  // namespace
+}  // namespace ringfence::nodes

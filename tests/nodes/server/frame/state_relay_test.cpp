@@ -1,0 +1,141 @@
+#include "nodes/server/frame/state_relay.hpp"
+
+#include <algorithm>
+
+#include <doctest/doctest.h>
+
+#include "nodes/server/server_fixture.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+constexpr FixtureConfig publishing{.placement = Placement::region, .shares_memory = true, .interest = 8};
+
+std::vector<ObjectNumber> published(const Published& published, std::uint64_t frame) {
+  std::vector<ObjectNumber> numbers;
+  for (const link::PublishedState& state : published.publication->states(frame)) {
+    numbers.push_back(state.number);
+  }
+  std::sort(numbers.begin(), numbers.end());
+  return numbers;
+}
+
+/// The node publishes one object, as it does before it sends `published`.
+void publish(ServerFixture& fixture, NodeNumber node, ObjectNumber number) {
+  PublicationWriter writer(fixture.publications(), fixture.publication(node).published, fixture.state().frame);
+  writer.add(number, fixture.state().objects.row(fixture.state().objects.find(number)).pose);
+  writer.publish();
+  fixture.state().nodes[node].received.published = true;
+}
+
+TEST_CASE("the server publishes the active and non-active objects of nodes in other processes") {
+  ServerFixture fixture({.interest = 8});
+  fixture.connect(0);
+  fixture.add({1, 1, 1}, Endpoint::node(0));
+  fixture.add({2, 1, 1}, Endpoint::node(0), Category::non_active);
+  fixture.add({3, 1, 1}, Endpoint::user(0), Category::avatar);
+  fixture.add({4, 1, 1}, Endpoint::none(), Category::fixed);
+  StateRelay relay(fixture.state(), fixture.exchange());
+  relay.begin();
+  relay.publish(false);
+  CHECK(published(fixture.publications().server, 1) == std::vector<ObjectNumber>{1, 2});
+  REQUIRE(relay.is_ready());
+  relay.allow_reading();
+  CHECK(fixture.publications().relays[1] == std::vector<const Published*>{&fixture.publications().server});
+  const auto sent = fixture.sent_to(Endpoint::user(0));
+  REQUIRE(sent.size() == 1);
+  CHECK(sent[0].type() == MessageType::read_publications);
+  CHECK(!relay.is_ready());  // once a frame
+}
+
+TEST_CASE("users read when all nodes that publish have published, and the server publishes nothing then") {
+  ServerFixture fixture(publishing);
+  fixture.connect(0);
+  fixture.add({1, 1, 1}, Endpoint::node(0));
+  fixture.add({60, 1, 1}, Endpoint::node(1));
+  StateRelay relay(fixture.state(), fixture.exchange());
+  relay.begin();
+  CHECK(fixture.publication(0).wanted);
+  relay.publish(false);
+  publish(fixture, 0, 1);
+  CHECK(!relay.is_ready());
+  publish(fixture, 1, 2);
+  REQUIRE(relay.is_ready());
+  relay.allow_reading();
+  CHECK(fixture.publications().relays[1] ==
+        std::vector<const Published*>{&fixture.publication(0).published, &fixture.publication(1).published});
+  CHECK(fixture.state().report().traffic[static_cast<std::size_t>(Traffic::state)].records == 2);
+}
+
+TEST_CASE("the server publishes the objects of a node that is lost before users read") {
+  ServerFixture fixture(publishing);
+  fixture.connect(0);
+  const std::uint32_t first = fixture.add({1, 1, 1}, Endpoint::node(0));
+  fixture.add({60, 1, 1}, Endpoint::node(1));
+  StateRelay relay(fixture.state(), fixture.exchange());
+  relay.begin();
+  relay.publish(false);
+  publish(fixture, 0, 1);
+  fixture.state().nodes[0].lost = true;
+  fixture.state().objects.set_host(first, Endpoint::server());
+  relay.publish(true);
+  publish(fixture, 1, 2);
+  REQUIRE(relay.is_ready());
+  relay.allow_reading();
+  CHECK(published(fixture.publications().server, 1) == std::vector<ObjectNumber>{1});
+  CHECK(fixture.publications().relays[1] ==
+        std::vector<const Published*>{&fixture.publications().server, &fixture.publication(1).published});
+}
+
+TEST_CASE("publications do not change after users were allowed to read, though a node is lost") {
+  ServerFixture fixture(publishing);
+  fixture.connect(0);
+  const std::uint32_t first = fixture.add({1, 1, 1}, Endpoint::node(0));
+  StateRelay relay(fixture.state(), fixture.exchange());
+  relay.begin();
+  relay.publish(false);
+  publish(fixture, 0, 1);
+  fixture.state().nodes[1].received.published = true;
+  relay.allow_reading();
+  const auto listed = fixture.publications().relays[1];
+  fixture.state().nodes[0].lost = true;
+  fixture.state().objects.set_host(first, Endpoint::server());
+  relay.publish(true);
+  CHECK(!relay.is_ready());
+  CHECK(fixture.publications().relays[1] == listed);
+  CHECK(!fixture.publications().server.any[1]);
+}
+
+TEST_CASE("nothing is published while no user is connected") {
+  ServerFixture fixture(publishing);
+  fixture.add({1, 1, 1}, Endpoint::node(0));
+  StateRelay relay(fixture.state(), fixture.exchange());
+  relay.begin();
+  CHECK(!fixture.publication(0).wanted);
+  relay.publish(false);
+  relay.allow_reading();
+  CHECK(fixture.publications().relays[1].empty());
+}
+
+TEST_CASE("an object that moved, and one that is new, are published in their present cells") {
+  ServerFixture fixture({.interest = 8});
+  fixture.connect(0);
+  const std::uint32_t mover = fixture.add({1, 1, 1}, Endpoint::node(0));
+  StateRelay relay(fixture.state(), fixture.exchange());
+  relay.begin();
+  relay.publish(false);
+  fixture.state().objects.settle();
+  fixture.state().frame = 2;
+  fixture.state().objects.row(mover).pose.position = {60, 60, 60};
+  fixture.state().objects.mark_moved(mover);
+  fixture.add({60, 60, 61}, Endpoint::node(0));
+  relay.begin();
+  relay.publish(false);
+  std::uint32_t point[3];
+  fixture.state().setup.space->point({60, 60, 60}, point);
+  const link::Publication& publication = *fixture.publications().server.publication;
+  CHECK(publication.read(2, fixture.publications().grid.cell_of(point)).size() == 2);
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test

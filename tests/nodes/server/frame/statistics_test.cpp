@@ -1,0 +1,104 @@
+#include "nodes/server/frame/statistics.hpp"
+
+#include <array>
+#include <numeric>
+
+#include <doctest/doctest.h>
+
+#include "nodes/server/server_fixture.hpp"
+
+namespace ringfence::nodes::test {
+namespace {
+
+double stage(const FrameReport& report, Stage stage) { return report.stage_ms[static_cast<std::size_t>(stage)]; }
+
+TEST_CASE("every nanosecond of a frame is charged to one stage, and ingest is taken out of the stage around it") {
+  ServerFixture fixture;
+  Statistics statistics(fixture.state());
+  statistics.begin();
+  const std::uint64_t begin = fixture.state().begin_ns;
+  REQUIRE(statistics.mark_ns() == begin);
+  statistics.add_ingest(3'000'000);
+  statistics.charge(Stage::move, begin + 10'000'000);
+  statistics.charge_part(Stage::broad_phase, 5'000'000);
+  statistics.add_ingest(9'000'000);  // more than the stage: clocks differ
+  statistics.charge(Stage::dispatch, begin + 17'000'000);
+  const FrameReport& report = fixture.state().report();
+  CHECK(stage(report, Stage::move) == doctest::Approx(7));
+  CHECK(stage(report, Stage::broad_phase) == doctest::Approx(5));
+  CHECK(stage(report, Stage::dispatch) == doctest::Approx(0));
+  CHECK(stage(report, Stage::ingest) == doctest::Approx(3 + 2));
+  CHECK(std::accumulate(report.stage_ms.begin(), report.stage_ms.end(), 0.0) == doctest::Approx(17));
+}
+
+TEST_CASE("a report starts empty and lists the connected nodes by slot, with their ids") {
+  ServerFixture fixture({.nodes = 3});
+  ServerState& state = fixture.state();
+  state.nodes[1].connected = false;
+  state.nodes[2].id = 7;
+  state.refuse(Status::late);
+  Statistics statistics(state);
+  statistics.begin();
+  statistics.list_nodes();
+  REQUIRE(state.report().nodes.size() == 2);
+  CHECK(state.report().nodes[0].id == NodeId(0));
+  CHECK(state.report().nodes[1].id == NodeId(7));
+  CHECK(state.nodes[2].in_report == 1);
+  CHECK(state.report().refused[static_cast<std::size_t>(Status::late)] == 0);
+}
+
+TEST_CASE("results of a frame that is detected again count once") {
+  ServerFixture fixture({.placement = Placement::region});
+  ServerState& state = fixture.state();
+  Statistics statistics(state);
+  statistics.add(state.nodes[0], messages::NarrowDoneRecord{10, 9, 2, 1});
+  statistics.add(state.nodes[1], messages::NarrowDoneRecord{20, 20, 3, 0});
+  CHECK(state.report().candidates == 30);
+  CHECK(state.report().tested == 29);
+  statistics.forget_results();
+  statistics.add(state.nodes[1], messages::NarrowDoneRecord{25, 24, 4, 2});
+  CHECK(state.report().candidates == 25);
+  CHECK(state.report().tested == 24);
+  CHECK(state.report().failed_supports == 2);
+  CHECK(state.report().nodes[0].tested == 0);
+  CHECK(state.report().nodes[1].contacts == 4);
+}
+
+TEST_CASE("a step is charged to a node up to the moment when the node was reached, and wholly to a lost node") {
+  ServerFixture fixture;
+  ServerState& state = fixture.state();
+  Statistics statistics(state);
+  const std::uint64_t begin = 1;  // long ago, so the present moment is the same for both nodes
+  state.nodes[0].started.ns = begin;
+  state.nodes[1].lost = true;
+  statistics.charge_reached(8.0, begin, &PeerSession::started);
+  CHECK(state.nodes[0].started.ms == 0);
+  CHECK(state.nodes[1].started.ms == 8.0);  // never reached: all of the step
+  Statistics::note_reached(state.nodes[1].started);
+  const std::uint64_t noted = state.nodes[1].started.ns;
+  CHECK(Statistics::note_reached(state.nodes[1].started));
+  CHECK(state.nodes[1].started.ns == noted);
+}
+
+TEST_CASE("the critical path has the slowest node of each step, and states in shared memory count as traffic") {
+  ServerFixture fixture;
+  ServerState& state = fixture.state();
+  Statistics statistics(state);
+  messages::NodeFrameStats slow_move, slow_end;
+  slow_move.cpu_ns = 6'000'000;
+  slow_move.move_cpu_ns = 4'000'000;
+  slow_end.cpu_ns = 5'000'000;
+  slow_end.move_cpu_ns = 1'000'000;
+  slow_end.host_owned_changes = 3;
+  state.nodes[0].started.ms = 0.5;
+  statistics.add(state.nodes[0], slow_move);
+  statistics.add(state.nodes[1], slow_end);
+  const PathReport& path = state.report().path;
+  CHECK(path.node_move_ms == doctest::Approx(4));
+  CHECK(path.node_end_ms == doctest::Approx(4));
+  CHECK(path.nodes_moved_ms == doctest::Approx(4.5));
+  CHECK(state.report().traffic[static_cast<std::size_t>(Traffic::state)].records == 3);
+}
+
+}  // namespace
+}  // namespace ringfence::nodes::test
