@@ -7,6 +7,7 @@
 #include "narrow_phase/mesh_world.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "narrow_phase/pair_world.hpp"
+#include "narrow_phase/query/query_world.hpp"
 
 // Counts all allocations of the program; only the tests below read the count.
 namespace {
@@ -48,6 +49,28 @@ TEST_CASE("in steady state nothing is allocated") {
     CHECK(narrow_phase.test(world.bodies, world.pairs).size() == contacts);
     CHECK(narrow_phase.test(world.bodies, std::span(world.pairs).first(17)).size() <= 17);
     CHECK(narrow_phase.test(world.bodies, {}).empty());
+    CHECK(allocations == before);
+  }
+}
+
+TEST_CASE("queries allocate nothing") {
+  for (const ShapeKind kind : {ShapeKind::sphere, ShapeKind::box, ShapeKind::hull, ShapeKind::mesh}) {
+    INFO(name_of(kind));
+    const QueryWorld world = make_queries(kind, ShapeKind::hull, true, 200, 23);
+    const geometry::ShapeView shapes = world.pairs.shapes().view();
+    const std::size_t before = allocations;
+    for (const QueryCase& query : world.cases) {
+      const narrow_phase::Body &body = world.target(query), &moving = world.moving(query);
+      const narrow_phase::QueryShape shape{shapes, moving.shape, moving.pose.orientation};
+      const narrow_phase::Ray ray = narrow_phase::Ray::along(query.start, query.displacement);
+      narrow_phase::ShapeHit hit;
+      narrow_phase::NearestPoint nearest;
+      std::uint32_t triangle = 0;
+      cast_ray(shapes, body.shape, body.pose, ray, 1, hit);
+      sweep_shape(shapes, body.shape, body.pose, shape, ray, 1, hit);
+      narrow_phase::overlaps(shapes, body.shape, body.pose, shape, query.start, triangle);
+      find_nearest(shapes, body.shape, body.pose, query.start, 1e9, nearest);
+    }
     CHECK(allocations == before);
   }
 }

@@ -1,0 +1,23 @@
+#pragma once
+
+#include "geometry/hull.hpp"
+#include "geometry/vector.hpp"
+#include "narrow_phase/query/ray/local_ray.hpp"
+
+namespace ringfence::narrow_phase {
+
+// Rays against single convex shapes, in closed form, on the axes of the shape. Each function sets `hit` and returns
+// true if the ray enters the shape at or before its end. Precondition: the ray starts outside.
+
+/// A ball around `centre`.
+bool cast_at_sphere(const LocalRay& ray, const Vec3d& centre, double radius, LocalHit& hit) noexcept;
+/// A box around the origin. Where the ray enters through an edge, the normal is that of the lowest axis.
+bool cast_at_box(const LocalRay& ray, const Vec3d& half_extents, LocalHit& hit) noexcept;
+/// All points within `radius` of the segment from -half_height to +half_height on the z axis.
+bool cast_at_capsule(const LocalRay& ray, double radius, double half_height, LocalHit& hit) noexcept;
+/// A hull. First it is clipped by the planes of its faces, which may be too far out by a float's rounding, so near a
+/// sharp edge by more; then by the polygons of the faces, whose corners are those of the shape. Cost: 2 ns a face for
+/// a miss, as much again for a hit.
+bool cast_at_hull(const LocalRay& ray, const geometry::Hull& hull, LocalHit& hit) noexcept;
+
+}  // namespace ringfence::narrow_phase

@@ -1,0 +1,79 @@
+#include <limits>
+
+#include "geometry/vector.hpp"
+#include "narrow_phase/query/core_distance.hpp"
+#include "narrow_phase/query/nearest/convex_nearest.hpp"
+#include "narrow_phase/query/shape_query.hpp"
+#include "narrow_phase/query/sweep/convex_sweep.hpp"
+#include "narrow_phase/query/sweep/mesh_sweep.hpp"
+
+namespace ringfence::narrow_phase {
+namespace {
+
+/// From the axes of a shape with orientation `q` to those of `frame`.
+geometry::RotationD relative_rotation(const geometry::RotationD& frame, Quat q) noexcept {
+  const geometry::RotationD own = geometry::rotation_exact(q);
+  geometry::RotationD out;
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      out.m[i][j] = (frame.m[0][i] * own.m[0][j] + frame.m[1][i] * own.m[1][j]) + frame.m[2][i] * own.m[2][j];
+    }
+  }
+  return out;
+}
+
+bool overlaps_convex(const geometry::ShapeView& shapes, ShapeNumber shape, const MovingCore& query,
+                     const Vec3d& position) {
+  if (query.is_sphere()) {
+    return gap_of_ball(nearest_in_convex(shapes, shape, position), position, query.radius()).touch;
+  }
+  return core_distance(ConvexCore(shapes, shape, {}), query.at(position), 0).kind == CoreDistance::Kind::touch;
+}
+
+}  // namespace
+
+bool overlaps(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const QueryShape& query,
+              const Vec3d& position, std::uint32_t& triangle) {
+  const geometry::ShapeRow& row = shapes.row(shape);
+  const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
+  const MovingCore core(query.shapes, query.shape, relative_rotation(rotation, query.orientation));
+  const Vec3d local = geometry::rotate_inverse(rotation, position - pose.position);
+  triangle = 0;
+  const double sizes = (double{row.bounding_radius} + core.size()) * (1 + 0x1p-20);
+  if (dot(local, local) > sizes * sizes) return false;
+  return row.kind == ShapeKind::mesh ? overlaps_mesh(shapes.mesh(row.index_in_kind), core, local, triangle)
+                                     : overlaps_convex(shapes, shape, core, local);
+}
+
+bool sweep_shape(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const QueryShape& moving,
+                 const Ray& path, double limit, ShapeHit& hit) {
+  std::uint32_t triangle = 0;
+  if (path.length == 0) {
+    if (!overlaps(shapes, shape, pose, moving, path.start, triangle)) return false;
+    hit = ShapeHit::at_start(path);
+    hit.triangle = triangle;
+    return true;
+  }
+  const geometry::ShapeRow& row = shapes.row(shape);
+  const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
+  const MovingCore core(moving.shapes, moving.shape, relative_rotation(rotation, moving.orientation));
+  const double sizes = double{row.bounding_radius} + core.size();
+  const LocalRay local(path, pose.position, rotation, sizes);
+  if (dot(local.foot, local.foot) > sizes * sizes * (1 + 0x1p-20) + local.slack * local.slack) return false;
+
+  const SweepContact found = row.kind == ShapeKind::mesh ? sweep_at_mesh(shapes.mesh(row.index_in_kind), core, local,
+                                                                         local.place_of(limit), triangle)
+                                                         : sweep_at_convex(shapes, shape, core, local);
+  if (found.kind == SweepContact::Kind::none) return false;
+  const double fraction = local.fraction_of(found.place);
+  if (fraction > limit) return false;
+  hit = ShapeHit::at_start(path);
+  hit.triangle = triangle;
+  if (found.kind == SweepContact::Kind::inside) return true;
+  hit.fraction = fraction;
+  hit.normal = geometry::rotate(rotation, found.normal);
+  hit.point = pose.position + geometry::rotate(rotation, found.point);
+  return true;
+}
+
+}  // namespace ringfence::narrow_phase

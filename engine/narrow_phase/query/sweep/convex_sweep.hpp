@@ -1,0 +1,20 @@
+#pragma once
+
+#include "narrow_phase/query/ray/local_ray.hpp"
+#include "narrow_phase/query/sweep/moving_core.hpp"
+
+namespace ringfence::narrow_phase {
+
+/// Sweeps a convex shape, whose origin follows `path`, against another one on whose axes all is computed. The result's
+/// place is one on the path. Precondition: `shape` is no mesh; path.begin to path.end is not empty.
+///
+/// A ball against a ball, a capsule or a box is a ray against the rounded shape, in closed form except for the box;
+/// other pairs use core_distance(). Threads: any. No allocation. Throws geometry::SupportFailure. Cost: 20 ns in closed
+/// form, else 2 to 8 core distances.
+SweepContact sweep_at_convex(const geometry::ShapeView& shapes, ShapeNumber shape, const MovingCore& moving,
+                             const LocalRay& path);
+
+/// A ray against a support function, as the sweep of a point; see above.
+SweepContact cast_at_support(const geometry::ShapeView& shapes, ShapeNumber shape, const LocalRay& ray);
+
+}  // namespace ringfence::narrow_phase

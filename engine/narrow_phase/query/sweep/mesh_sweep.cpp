@@ -1,0 +1,98 @@
+#include "narrow_phase/query/sweep/mesh_sweep.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <limits>
+
+#include "narrow_phase/query/core_distance.hpp"
+#include "narrow_phase/query/mesh_boxes.hpp"
+#include "narrow_phase/query/nearest/convex_nearest.hpp"
+#include "narrow_phase/query/ray/line_box.hpp"
+
+namespace ringfence::narrow_phase {
+namespace {
+
+constexpr double infinity = std::numeric_limits<double>::infinity();
+using Corners = std::array<Vec3d, 3>;
+
+SweepContact sweep_at_triangle(const Corners& corners, const MovingCore& moving, const LocalRay& path, double begin,
+                               double tolerance) {
+  const double end = path.end + path.slack;
+  if (moving.is_sphere()) {
+    const double radius = moving.radius();
+    const auto gap = [&](double place) {
+      const Vec3d centre = path.at(place);
+      return gap_of_ball(nearest_in_triangle(centre, corners[0], corners[1], corners[2]), centre, radius);
+    };
+    return advance(gap, path.direction, begin, end, tolerance);
+  }
+  const ConvexCore triangle = ConvexCore::triangle(corners.data());
+  const auto gap = [&](double place) {
+    return gap_between(triangle, moving.at(path.at(place)), end - place + 4 * tolerance);
+  };
+  return advance(gap, path.direction, begin, end, tolerance);
+}
+
+}  // namespace
+
+SweepContact sweep_at_mesh(const geometry::Mesh& mesh, const MovingCore& moving, const LocalRay& path, double most,
+                           std::uint32_t& triangle) {
+  const double sizes = double{mesh.bounding_radius()} + moving.size();
+  const double tolerance = sweep_tolerance(double{mesh.bounding_radius()}, moving.size(), moving.at({}).is_exact());
+  const CornerBox box = moving.box();
+  const Vec3d middle = (box.lower + box.upper) * 0.5, half = (box.upper - box.lower) * 0.5;
+  const double rounding = 4 * path.slack + 0x1p-20 * sizes;
+  const LineInBox line(path.foot + middle, path.direction, half + Vec3d{rounding, rounding, rounding});
+  const auto bound = [&](const CornerBox& of_node) {
+    const double enter = line.enter(of_node, path.begin);
+    return enter < infinity ? std::max(enter, path.begin) : infinity;
+  };
+  SweepContact best;
+  most = std::min(most, path.end + path.slack);
+  visit_triangles(
+      mesh.tree(), most, bound,
+      [&](const Corners& corners, const geometry::TriangleGroup& leaf, std::size_t lane, double least) {
+        const SweepContact found = sweep_at_triangle(corners, moving, path, least, tolerance);
+        const std::uint32_t number = leaf.index[lane];
+        const bool is_tied = best.kind != SweepContact::Kind::none && found.place == most;
+        if (found.kind == SweepContact::Kind::none || found.place > most || (is_tied && number > triangle)) {
+          return most;
+        }
+        best = found;
+        triangle = number;
+        return most = found.place;
+      });
+  return best;
+}
+
+bool overlaps_mesh(const geometry::Mesh& mesh, const MovingCore& shape, const Vec3d& position,
+                   std::uint32_t& triangle) {
+  CornerBox box = shape.box();
+  box = {box.lower + position, box.upper + position};
+  const double margin = 0x1p-20 * (double{mesh.bounding_radius()} + shape.size());
+  const auto bound = [&](const CornerBox& of_node) {
+    const Vec3d p = box.lower - of_node.upper, q = of_node.lower - box.upper;
+    return std::max({p.x, p.y, p.z, q.x, q.y, q.z}) <= margin ? 0.0 : infinity;
+  };
+  const ConvexCore core = shape.at(position);
+  bool found = false;
+  visit_triangles(mesh.tree(), 0, bound,
+                  [&](const Corners& corners, const geometry::TriangleGroup& leaf, std::size_t lane, double) {
+                    const std::uint32_t number = leaf.index[lane];
+                    if (found && number > triangle) return 0.0;
+                    const ConvexCore of_triangle = ConvexCore::triangle(corners.data());
+                    if (shape.is_sphere()
+                            ? gap_of_ball(nearest_in_triangle(position, corners[0], corners[1], corners[2]), position,
+                                          shape.radius())
+                                  .touch
+                            : core_distance(of_triangle, core, 0).kind == CoreDistance::Kind::touch) {
+                      found = true;
+                      triangle = number;
+                    }
+                    return 0.0;
+                  });
+  return found;
+}
+
+}  // namespace ringfence::narrow_phase
