@@ -29,7 +29,7 @@ bool is_on_mesh(const geometry::Mesh& mesh, const Vec3d& point, std::uint32_t& t
   return nearest_in_mesh(mesh, point, rounding, nearest, distance, triangle);
 }
 
-/// A ray that starts outside. `limit_place` is for meshes.
+/// A ray that starts outside. Where it saves time, hits beyond `limit_place` are not searched.
 bool cast_from_outside(const geometry::ShapeView& shapes, ShapeNumber shape, const LocalRay& ray, double limit_place,
                        LocalHit& found, std::uint32_t& triangle) {
   const geometry::ShapeRow& row = shapes.row(shape);
@@ -44,7 +44,7 @@ bool cast_from_outside(const geometry::ShapeView& shapes, ShapeNumber shape, con
     case ShapeKind::hull:
       return cast_at_hull(ray, shapes.hull(row.index_in_kind), found);
     case ShapeKind::support: {
-      const SweepContact contact = cast_at_support(shapes, shape, ray);
+      const SweepContact contact = cast_at_support(shapes, shape, ray, limit_place);
       found = {contact.place, contact.normal};
       return contact.kind == SweepContact::Kind::touch;
     }

@@ -61,9 +61,10 @@ bool sweep_shape(const geometry::ShapeView& shapes, ShapeNumber shape, const Pos
   const LocalRay local(path, pose.position, rotation, sizes);
   if (dot(local.foot, local.foot) > sizes * sizes * (1 + 0x1p-20) + local.slack * local.slack) return false;
 
-  const SweepContact found = row.kind == ShapeKind::mesh ? sweep_at_mesh(shapes.mesh(row.index_in_kind), core, local,
-                                                                         local.place_of(limit), triangle)
-                                                         : sweep_at_convex(shapes, shape, core, local);
+  const SweepContact found =
+      row.kind == ShapeKind::mesh
+          ? sweep_at_mesh(shapes.mesh(row.index_in_kind), core, local, local.place_of(limit), triangle)
+          : sweep_at_convex(shapes, shape, core, local, local.place_of(limit));
   if (found.kind == SweepContact::Kind::none) return false;
   const double fraction = local.fraction_of(found.place);
   if (fraction > limit) return false;

@@ -16,8 +16,8 @@ bool cast_at_box(const LocalRay& ray, const Vec3d& half_extents, LocalHit& hit) 
 /// All points within `radius` of the segment from -half_height to +half_height on the z axis.
 bool cast_at_capsule(const LocalRay& ray, double radius, double half_height, LocalHit& hit) noexcept;
 /// A hull. First it is clipped by the planes of its faces, which may be too far out by a float's rounding, so near a
-/// sharp edge by more; then by the polygons of the faces, whose corners are those of the shape. Cost: 2 ns a face for
-/// a miss, as much again for a hit.
+/// sharp edge by more; then by the polygons of the faces, whose corners are those of the shape. Cost: 0.1 to 0.2 µs for
+/// a miss and 0.5 µs for a hit, with 24 vertices.
 bool cast_at_hull(const LocalRay& ray, const geometry::Hull& hull, LocalHit& hit) noexcept;
 
 }  // namespace ringfence::narrow_phase

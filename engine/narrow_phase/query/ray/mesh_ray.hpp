@@ -11,7 +11,8 @@ namespace ringfence::narrow_phase {
 /// the same place, the one with the lowest number. Sets `hit` and `triangle` and returns true if there is one.
 ///
 /// `most` never changes a hit that is found; see visit_triangles(). The normal is that of the side from which the ray
-/// comes. Threads: any. No allocation. Cost: 0.2 to 1 µs for 10^4 to 10^6 triangles in the cache.
+/// comes. Threads: any. No allocation. Cost: 0.5 µs for 100 triangles, 2 µs for
+/// a ray of 50 m over a terrain of 500,000 triangles of 1 m.
 bool cast_at_mesh(const LocalRay& ray, const geometry::Mesh& mesh, double most, LocalHit& hit, std::uint32_t& triangle);
 
 }  // namespace ringfence::narrow_phase

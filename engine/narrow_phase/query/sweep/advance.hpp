@@ -33,7 +33,8 @@ inline constexpr int most_sweep_steps = 96;
 /// below the accuracy that is needed.
 ///
 /// Each plane proves that there is no contact before the place where the moving shape crosses it. So no contact is
-/// missed, and the shapes are at most 4 * `tolerance` apart where a contact is reported. A shape that moves along a
+/// missed, and the shapes are at most 4 * `tolerance` apart where a contact is reported. `end` only discards contacts,
+/// and changes none. A shape that moves along a
 /// surface or away from it does not touch it. Method: conservative advancement along the separating axis (Mirtich
 /// 1996), which is Newton's method on the distance, a convex function of the place; like the GJK ray cast (van den
 /// Bergen 2004), but on top of complete distance computations. If the steps run out, the shapes touch if their gap is
@@ -51,17 +52,17 @@ SweepContact advance(const GapAt& gap_at, const Vec3d& direction, double begin, 
     }
     if (gap.beyond) break;
     const double approach = -dot(gap.normal, direction);
-    const double way = gap.width / approach;
-    if (!(approach > 0) || out.place + way > end) break;
+    if (!(approach > 0)) break;
     out.normal = gap.normal;
     out.point = gap.on_fixed;
     if (gap.width <= tolerance || (step == most_sweep_steps - 1 && gap.width <= 4 * tolerance)) {
-      out.kind = SweepContact::Kind::touch;
-      out.place += std::clamp(way, 0.0, 4 * tolerance);
+      out.place += std::clamp(gap.width / approach, 0.0, 4 * tolerance);
+      if (out.place <= end) out.kind = SweepContact::Kind::touch;
       return out;
     }
-    // The next plane is computed where the gap is still wide enough for a precise normal.
+    // The next plane is computed where the gap is still wide enough for a precise normal. A contact is not before it.
     out.place += (gap.width - 0.5 * tolerance) / approach;
+    if (out.place > end) break;
   }
   return out;
 }

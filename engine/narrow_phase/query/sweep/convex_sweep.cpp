@@ -41,46 +41,46 @@ SweepContact ball_at_rounded_segment(const LocalRay& path, double fixed, double 
   return out;
 }
 
-SweepContact ball_at_box(const LocalRay& path, const Vec3d& half_extents, double radius, double begin,
+SweepContact ball_at_box(const LocalRay& path, const Vec3d& half_extents, double radius, double begin, double end,
                          double tolerance) {
   const auto gap = [&](double place) {
     const Vec3d centre = path.at(place);
     return gap_of_ball(nearest_in_box(centre, half_extents), centre, radius);
   };
-  return advance(gap, path.direction, begin, path.end + path.slack, tolerance);
+  return advance(gap, path.direction, begin, end, tolerance);
 }
 
 }  // namespace
 
 SweepContact sweep_at_convex(const geometry::ShapeView& shapes, ShapeNumber shape, const MovingCore& moving,
-                             const LocalRay& path) {
+                             const LocalRay& path, double most) {
   const geometry::ShapeRow& row = shapes.row(shape);
   const double size[3] = {double{row.size[0]}, double{row.size[1]}, double{row.size[2]}};
   const double own = double{row.bounding_radius}, sizes = own + moving.size();
   if (moving.is_sphere() && (row.kind == ShapeKind::sphere || row.kind == ShapeKind::capsule)) {
     return ball_at_rounded_segment(path, size[0], row.kind == ShapeKind::capsule ? size[1] : 0.0, moving.radius());
   }
-  const double begin = first_place(path, sizes * (1 + 0x1p-20));
-  if (begin > path.end + path.slack) return none();
+  const double begin = first_place(path, sizes * (1 + 0x1p-20)), end = std::min(most, path.end + path.slack);
+  if (begin > end) return none();
   if (moving.is_sphere() && row.kind == ShapeKind::box) {
     const double radius = moving.radius();
-    return ball_at_box(path, {size[0], size[1], size[2]}, radius, begin, sweep_tolerance(own, radius, true));
+    return ball_at_box(path, {size[0], size[1], size[2]}, radius, begin, end, sweep_tolerance(own, radius, true));
   }
   const ConvexCore fixed(shapes, shape, {});
   const bool is_exact = fixed.is_exact() && moving.at({}).is_exact();
-  const double end = path.end + path.slack, tolerance = sweep_tolerance(own, moving.size(), is_exact);
+  const double tolerance = sweep_tolerance(own, moving.size(), is_exact);
   const auto gap = [&](double place) {
     return gap_between(fixed, moving.at(path.at(place)), end - place + 4 * tolerance);
   };
   return advance(gap, path.direction, begin, end, tolerance);
 }
 
-SweepContact cast_at_support(const geometry::ShapeView& shapes, ShapeNumber shape, const LocalRay& ray) {
+SweepContact cast_at_support(const geometry::ShapeView& shapes, ShapeNumber shape, const LocalRay& ray, double most) {
   const double size = double{shapes.row(shape).bounding_radius};
-  const double begin = first_place(ray, size * (1 + 0x1p-20));
-  if (begin > ray.end + ray.slack) return none();
+  const double begin = first_place(ray, size * (1 + 0x1p-20)), end = std::min(most, ray.end + ray.slack);
+  if (begin > end) return none();
   const ConvexCore fixed(shapes, shape, {});
-  const double end = ray.end + ray.slack, tolerance = sweep_tolerance(size, 0, false);
+  const double tolerance = sweep_tolerance(size, 0, false);
   const auto gap = [&](double place) {
     Placement placement;
     placement.position = ray.at(place);

@@ -17,8 +17,7 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 using Corners = std::array<Vec3d, 3>;
 
 SweepContact sweep_at_triangle(const Corners& corners, const MovingCore& moving, const LocalRay& path, double begin,
-                               double tolerance) {
-  const double end = path.end + path.slack;
+                               double end, double tolerance) {
   if (moving.is_sphere()) {
     const double radius = moving.radius();
     const auto gap = [&](double place) {
@@ -53,7 +52,7 @@ SweepContact sweep_at_mesh(const geometry::Mesh& mesh, const MovingCore& moving,
   visit_triangles(
       mesh.tree(), most, bound,
       [&](const Corners& corners, const geometry::TriangleGroup& leaf, std::size_t lane, double least) {
-        const SweepContact found = sweep_at_triangle(corners, moving, path, least, tolerance);
+        const SweepContact found = sweep_at_triangle(corners, moving, path, least, most, tolerance);
         const std::uint32_t number = leaf.index[lane];
         const bool is_tied = best.kind != SweepContact::Kind::none && found.place == most;
         if (found.kind == SweepContact::Kind::none || found.place > most || (is_tied && number > triangle)) {

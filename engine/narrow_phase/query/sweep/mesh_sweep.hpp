@@ -13,8 +13,8 @@ namespace ringfence::narrow_phase {
 /// shape overlaps the mesh at the begin of the path, the result is `inside`.
 ///
 /// `most` never changes a contact that is found; see visit_triangles(). Threads: any. No allocation. Throws
-/// geometry::SupportFailure. Cost: for each triangle whose box the shape touches on its way, 50 ns for a ball and
-/// several core distances for other shapes.
+/// geometry::SupportFailure. Cost of a contact with a mesh of about 200 triangles, on a way as long as the mesh: 3 µs
+/// for a ball, 20 µs for other shapes.
 SweepContact sweep_at_mesh(const geometry::Mesh& mesh, const MovingCore& moving, const LocalRay& path, double most,
                            std::uint32_t& triangle);
 
