@@ -35,8 +35,8 @@ struct QueryShape {
 /// Whether a convex shape, whose origin moves along `path` with a fixed orientation, touches a shape, and where first.
 /// `limit` and `hit` as in cast_ray(). If the displacement is zero, overlaps() decides.
 ///
-/// Never reports a contact that is more than 10^-8 of the smaller size apart, and never misses one; 10^-5 of both sizes
-/// with support functions. A shape that moves along a surface or away from it does not touch it.
+/// A reported contact is at most 10^-8 of the smaller size plus 10^-11 of the larger apart, and none is missed; 10^-5
+/// of both sizes with support functions. A shape that moves along a surface or away from it does not touch it.
 bool sweep_shape(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const QueryShape& moving,
                  const Ray& path, double limit, ShapeHit& hit);
 

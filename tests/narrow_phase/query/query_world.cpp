@@ -22,17 +22,25 @@ PairWorld make_pairs(ShapeKind target, ShapeKind moving, bool hard, std::size_t 
   if (target == ShapeKind::mesh && !is_support(moving)) {
     return (hard ? degenerate_mesh_pairs : ordinary_mesh_pairs)(moving, count, seed, origin, 80);
   }
-  if (!is_support(target) && !is_support(moving)) {
-    return (hard ? degenerate_convex_pairs : ordinary_convex_pairs)(target, moving, count, seed, origin);
-  }
   RandomSource random(seed);
-  PairWorld world;
-  const auto shape = [&](ShapeKind kind) -> ShapeDescription {
-    if (!is_support(kind)) return random.ordinary(kind);
+  const auto ellipsoid = [&]() -> ShapeDescription {
     const auto radius = [&] { return static_cast<float>(random.uniform(0.3, 1.5)); };
     const float x = radius(), y = radius(), z = radius();
     return SupportShape{std::make_shared<test::Ellipsoid>(Vec3f{x, y, z})};
   };
+  if (target == ShapeKind::mesh) {
+    PairWorld world = (hard ? degenerate_mesh_pairs : ordinary_mesh_pairs)(ShapeKind::sphere, count, seed, origin, 80);
+    for (geometry::CandidatePair& pair : world.pairs) {
+      const Pose pose = world.bodies[pair.a].pose;
+      pair.a = world.add(ellipsoid(), pose);
+    }
+    return world;
+  }
+  if (!is_support(target) && !is_support(moving)) {
+    return (hard ? degenerate_convex_pairs : ordinary_convex_pairs)(target, moving, count, seed, origin);
+  }
+  PairWorld world;
+  const auto shape = [&](ShapeKind kind) { return is_support(kind) ? ellipsoid() : random.ordinary(kind); };
   for (std::size_t i = 0; i < count; ++i) {
     const ShapeDescription a = shape(target), b = shape(moving);
     const Pose pose_a{origin + random.vector(0, 10), random.orientation()};
@@ -207,7 +215,7 @@ QueryWorld make_queries(ShapeKind target, ShapeKind moving, bool hard, std::size
   QueryWorld world;
   world.pairs = make_pairs(target, moving, hard, std::min<std::size_t>(count, 60), seed, origin);
   RandomSource random(seed + 1000);
-  const bool mesh_is_second = target == ShapeKind::mesh && !is_support(moving);
+  const bool mesh_is_second = target == ShapeKind::mesh;
   for (std::size_t i = 0; i < count; ++i) {
     const geometry::CandidatePair& pair = world.pairs.pairs[i % world.pairs.pairs.size()];
     QueryCase query{mesh_is_second ? pair.b : pair.a, mesh_is_second ? pair.a : pair.b, {}, {}};

@@ -67,7 +67,7 @@ SweepContact sweep_at_convex(const geometry::ShapeView& shapes, ShapeNumber shap
     return ball_at_box(path, {size[0], size[1], size[2]}, radius, begin, end, sweep_tolerance(own, radius, true));
   }
   const ConvexCore fixed(shapes, shape, {});
-  const bool is_exact = fixed.is_exact() && moving.at({}).is_exact();
+  const bool is_exact = fixed.is_exact() && moving.is_exact();
   const double tolerance = sweep_tolerance(own, moving.size(), is_exact);
   const auto gap = [&](double place) {
     return gap_between(fixed, moving.at(path.at(place)), end - place + 4 * tolerance);

@@ -17,6 +17,8 @@ class MovingCore {
       : shapes_(shapes), shape_(shape), rotation_(rotation) {}
 
   ConvexCore at(const Vec3d& position) const { return {shapes_, shape_, {rotation_, position}}; }
+  /// As ConvexCore::is_exact().
+  bool is_exact() const noexcept { return shapes_.row(shape_).kind != ShapeKind::support; }
   bool is_sphere() const noexcept { return shapes_.row(shape_).kind == ShapeKind::sphere; }
   /// Radius of a ball around the origin that contains the shape, metres.
   double size() const noexcept { return double{shapes_.row(shape_).bounding_radius}; }
@@ -41,7 +43,7 @@ Gap gap_of_ball(const Vec3d& nearest, const Vec3d& centre, double radius) noexce
 
 /// The tolerance of advance() for two shapes of these sizes, metres. Support functions return floats.
 inline double sweep_tolerance(double size, double other, bool is_exact) noexcept {
-  return is_exact ? 0x1p-30 * std::min(size, other) + 0x1p-40 * (size + other) : 0x1p-18 * (size + other);
+  return is_exact ? 0x1p-30 * std::min(size, other) + 0x1p-40 * (size + other) : 0x1p-20 * (size + other);
 }
 
 }  // namespace ringfence::narrow_phase
