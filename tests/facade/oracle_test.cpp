@@ -21,7 +21,8 @@ TEST_CASE("in every deployment and placement the contacts and phases of random r
   base.motion = std::make_shared<BouncingModel>(side);
   unsigned seed = 900;
   in_all_worlds(base, {0u, 3u}, [&](const WorldConfig& config) {
-    CAPTURE(++seed);
+    ++seed;
+    CAPTURE(seed);
     World world(config);
     Script script(world, seed, side);
     reference::Shapes shapes;

@@ -121,7 +121,8 @@ TEST_CASE("distances of random convex shapes are those of the reference within t
       if (q < p) continue;
       CAPTURE(name_of(p));
       CAPTURE(name_of(q));
-      CAPTURE(++seed);
+      ++seed;
+      CAPTURE(seed);
       const Covered covered = check_world(ordinary_convex_pairs(p, q, 300, seed), true);
       CHECK(covered.apart > 1000);
       CHECK(covered.touching > 100);
@@ -136,7 +137,8 @@ TEST_CASE("distances of hard pairs of primitives are those of the reference with
       if (q < p) continue;
       CAPTURE(name_of(p));
       CAPTURE(name_of(q));
-      CAPTURE(++seed);
+      ++seed;
+      CAPTURE(seed);
       check_world(degenerate_pairs(p, q, 1000, seed), true);
     }
   }
@@ -146,7 +148,8 @@ TEST_CASE("distances of hard pairs with hulls are those of the reference within 
   std::uint64_t seed = 300;
   for (const ShapeKind p : convex_kinds) {
     CAPTURE(name_of(p));
-    CAPTURE(++seed);
+    ++seed;
+    CAPTURE(seed);
     check_world(degenerate_convex_pairs(p, ShapeKind::hull, 300, seed), true);
   }
 }
@@ -155,7 +158,8 @@ TEST_CASE("distances from meshes are those of the reference within the stated er
   std::uint64_t seed = 400;
   for (const ShapeKind p : {ShapeKind::sphere, ShapeKind::box, ShapeKind::capsule, ShapeKind::hull, ShapeKind::mesh}) {
     CAPTURE(name_of(p));
-    CAPTURE(++seed);
+    ++seed;
+    CAPTURE(seed);
     check_world(ordinary_mesh_pairs(p, 40, seed, {}, 100), false);
     check_world(degenerate_mesh_pairs(p, 40, seed, {}, 100), true);
   }
@@ -166,7 +170,8 @@ TEST_CASE("distances are as precise a million metres from the origin, and over a
   std::uint64_t seed = 500;
   for (const ShapeKind p : convex_kinds) {
     CAPTURE(name_of(p));
-    CAPTURE(++seed);
+    ++seed;
+    CAPTURE(seed);
     check_world(ordinary_convex_pairs(p, ShapeKind::hull, 100, seed, far), true);
     PairWorld world = ordinary_convex_pairs(p, ShapeKind::hull, 100, seed);
     RandomSource random(seed);
