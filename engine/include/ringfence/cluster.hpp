@@ -14,8 +14,8 @@
 #include "ringfence/shape.hpp"
 
 /// CD nodes as separate processes, on this machine or on others. The processes exchange the messages of
-/// docs/protocol.md over TCP, and find each other by Eclipse Cyclone DDS. Needs the library ringfence::dds. For a trusted network only: there is no
-/// encryption and no authentication.
+/// docs/protocol.md over TCP, and find each other by Eclipse Cyclone DDS. Needs the library ringfence::dds. For a
+/// trusted network only: there is no encryption and no authentication.
 namespace ringfence::dds {
 
 /// How processes discover each other, and how long one may be silent. Used by a World and by its nodes; both need the
@@ -47,9 +47,9 @@ struct MemberReport {
   std::uint64_t sent_parcels = 0, sent_bytes = 0;
   std::uint64_t received_parcels = 0, received_bytes = 0;
   std::uint64_t retransmitted_bytes = 0;  ///< by TCP, to this node
-  std::uint64_t refused_writes = 0;  ///< how often the network did not take all that was to be sent
-  std::uint64_t answers = 0;         ///< replies received while one was awaited
-  double answer_ms_mean = 0;         ///< from the first parcel without a reply to the next reply
+  std::uint64_t refused_writes = 0;       ///< how often the network did not take all that was to be sent
+  std::uint64_t answers = 0;              ///< replies received while one was awaited
+  double answer_ms_mean = 0;              ///< from the first parcel without a reply to the next reply
   double answer_ms_max = 0;
 };
 

@@ -26,6 +26,11 @@ struct Fixture {
     state.start_server_thread();
     users.start_threads();
   }
+  // As a World does: all threads end before the roles that they step.
+  ~Fixture() {
+    users.each_worker([](Worker& worker) { worker.dismiss(); });
+    users.each_worker([](Worker& worker) { worker.join(); });
+  }
   void connect(const Numbers& numbers) {
     for (const UserNumber number : numbers) {
       nodes::Request request;
