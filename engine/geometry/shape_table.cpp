@@ -167,14 +167,17 @@ ShapeNumber ShapeTable::add(const ShapeDescription& description) {
   return static_cast<ShapeNumber>(rows_.size() - 1);
 }
 
-void ShapeTable::remove(ShapeNumber shape) {
-  to_be_freed_.push_back(shape);
+void ShapeTable::remove(ShapeNumber shape, std::uint64_t time) {
+  to_be_freed_.push_back({shape, time});
   removed_[shape] = true;
   descriptions_[shape] = Sphere{ball_of_removed};
 }
 
-void ShapeTable::free_removed() {
-  for (const ShapeNumber shape : to_be_freed_) {
+void ShapeTable::free_removed(std::uint64_t latest) {
+  const auto kept = std::find_if(to_be_freed_.begin(), to_be_freed_.end(),
+                                 [&](const Removed& removed) { return removed.time > latest; });
+  for (auto removed = to_be_freed_.begin(); removed != kept; ++removed) {
+    const ShapeNumber shape = removed->shape;
     const ShapeRow row = rows_[shape];
     rows_.replace(shape, row_of(Sphere{ball_of_removed}));
     hull_of_.replace(shape, nullptr);
@@ -182,7 +185,7 @@ void ShapeTable::free_removed() {
     if (row.kind == ShapeKind::mesh) owned_meshes_[row.index_in_kind].reset();
     if (row.kind == ShapeKind::support) owned_supports_[row.index_in_kind].reset();
   }
-  to_be_freed_.clear();
+  to_be_freed_.erase(to_be_freed_.begin(), kept);
 }
 
 std::vector<std::string> ShapeTable::take_support_failures() const {

@@ -45,9 +45,11 @@ class ShapeTable {
 
   /// Removes a shape; its number is not used again. What kernels read of it stays until free_removed(); then a ball of
   /// 0.5 mm is in its place, so a message that still names the shape does no harm. Precondition: has(shape).
-  void remove(ShapeNumber shape);
-  /// Frees the removed shapes. Precondition: no other thread reads the table meanwhile, and no object has the shapes.
-  void free_removed();
+  /// `time` is any number that does not decrease from call to call, such as that of a frame.
+  void remove(ShapeNumber shape, std::uint64_t time = 0);
+  /// Frees the shapes that were removed at `latest` or before. Precondition: no other thread reads these shapes
+  /// meanwhile, and no object has them.
+  void free_removed(std::uint64_t latest = ~std::uint64_t{0});
   /// Whether the shape was added and not removed. Only for the thread that adds.
   bool has(ShapeNumber shape) const noexcept { return shape < removed_.size() && !removed_[shape]; }
   /// One more than the number of the last shape, removed or not.
@@ -90,8 +92,12 @@ class ShapeTable {
   GrowingArray<const CheckedSupport*> supports_;
   // Accessed only by the thread that adds.
   std::deque<ShapeDescription> descriptions_;
-  std::vector<bool> removed_;             ///< by shape number
-  std::vector<ShapeNumber> to_be_freed_;  ///< removed
+  std::vector<bool> removed_;  ///< by shape number
+  struct Removed {
+    ShapeNumber shape;
+    std::uint64_t time;
+  };
+  std::vector<Removed> to_be_freed_;  ///< in order of time
   std::vector<std::unique_ptr<const Hull>> owned_hulls_;
   std::vector<std::unique_ptr<const Mesh>> owned_meshes_;
   std::vector<std::unique_ptr<const CheckedSupport>> owned_supports_;

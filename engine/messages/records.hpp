@@ -39,6 +39,10 @@ enum ObjectFlag : std::uint32_t {
   /// the host that the deployment determines: in user/collision deployment, from the next frame on, the CD node that
   /// owns the cell of its position.
   flag_fixed = 128,
+  /// M1, node_state: the object was placed at the pose, by World::place or by its model; it did not move there. Such an
+  /// object is not host-owned in that frame.
+  flag_jumped = 256,
+  flag_placed = 512,  ///< in no message: a host has placed the object for the server, and has not moved it since
 };
 
 /// M1: the state of an object that the sending user node hosts. The model state follows.

@@ -37,7 +37,7 @@ bool is_valid(const messages::HandOverRecord& record, const MessageLimits& limit
 
 bool is_valid(const messages::NodeStateRecord& record, const MessageLimits& limits) noexcept {
   constexpr std::uint32_t allowed = messages::flag_present | messages::flag_interior | messages::flag_keeps_host |
-                                    messages::flag_at_rest | messages::flag_host_owned;
+                                    messages::flag_at_rest | messages::flag_host_owned | messages::flag_jumped;
   return is_valid(record.object, limits) && (record.object.flags & ~allowed) == 0 && is_valid_pose(record.pose) &&
          is_valid(record.bounds);
 }

@@ -115,13 +115,15 @@ void Mover::place(const Placing& moved) {
   }
   // If the position is within the bounds, the next host owns a cell that the bounds touch. So it receives a ghost
   // update too, and knows from the bounds which other nodes received one.
-  const bool keeps = keeps_ && moved.present && ((inner && staying) || within);
+  const std::uint32_t jumped = moved.object.object.flags & messages::flag_jumped;
+  const bool keeps = keeps_ && moved.present && jumped == 0 && ((inner && staying) || within);
   state_.host.set_host_owned(moved.hosted, keeps);
   if (keeps && staying && moved.was_host_owned) {
     return exchange_.add_owned(moved.hosted);
   }
   const std::uint32_t flags = (moved.present ? messages::flag_present : 0u) | (inner ? messages::flag_interior : 0u) |
-                              (staying ? messages::flag_keeps_host : 0u) | (keeps ? messages::flag_host_owned : 0u);
+                              (staying ? messages::flag_keeps_host : 0u) | (keeps ? messages::flag_host_owned : 0u) |
+                              jumped;
   exchange_.add_change(moved.hosted, flags, bounds);
 }
 

@@ -12,7 +12,18 @@
 namespace ringfence::nodes {
 
 using messages::flag_host_owned;
+using messages::flag_jumped;
+using messages::flag_placed;
 using messages::flag_present;
+
+namespace {
+
+/// Before the move of an object: it has jumped in this frame only if it was placed at the cut.
+void begin_flags(std::uint32_t& flags) noexcept {
+  flags = (flags & (flag_present | flag_host_owned)) | ((flags & flag_placed) != 0 ? flag_jumped : 0u);
+}
+
+}  // namespace
 
 Host::Host(const MotionModel* model, std::size_t objects, FaultPoint* fault)
     : HostedObjects(objects, model == nullptr ? 0 : (model->state_bytes() + 7) / 8 * 8),
@@ -98,10 +109,12 @@ void Host::collect_changed(std::size_t first, std::size_t end) {
   std::size_t changed = 0;
   for (std::size_t i = first; i < end; ++i) {
     std::uint32_t& flags = hosted_[i].object.flags;
-    flags &= flag_present | flag_host_owned;
+    if (model_ == nullptr) {
+      begin_flags(flags);
+    }
     changed_[changed] = static_cast<std::uint32_t>(i);
     differs_[changed] = touched_[i];
-    changed += list_all_ ? 1 : touched_[i] | (flags / flag_host_owned);
+    changed += list_all_ ? 1 : touched_[i] | (flags / flag_host_owned & 1);
   }
   std::fill(touched_.begin() + static_cast<std::ptrdiff_t>(first), touched_.begin() + static_cast<std::ptrdiff_t>(end),
             std::uint8_t{0});
@@ -148,7 +161,8 @@ bool Host::call_model(std::size_t first, std::size_t count) {
   }
   for (std::size_t i = 0; i < count; ++i) {
     prefetch(first + batch + i);
-    const Hosted& hosted = hosted_[first + i];
+    Hosted& hosted = hosted_[first + i];
+    begin_flags(hosted.object.flags);
     const bool present = (hosted.object.flags & flag_present) != 0;
     inputs_[i] = {hosted.object.number,
                   ShapeId(hosted.shape),
@@ -194,7 +208,8 @@ void Host::accept(std::size_t first, std::size_t count) {
 
 bool Host::accept(std::size_t i, const MotionOutput& output, const std::byte* next) {
   Hosted& hosted = hosted_[i];
-  const std::uint32_t flags = (output.enabled ? flag_present : 0u) | (hosted.object.flags & flag_host_owned);
+  const std::uint32_t flags = (output.enabled ? flag_present : 0u) | (output.jump ? flag_jumped : 0u) |
+                              (hosted.object.flags & (flag_host_owned | flag_jumped));
   const bool moved = !(output.pose == hosted.pose);  // a pose with NaN counts as moved and is refused
   if (moved) {
     Pose pose = output.pose;

@@ -70,7 +70,9 @@ void HostedObjects::prefetch_leaver(ObjectNumber number) const noexcept {
 
 messages::HandOverRecord HostedObjects::hand_over(std::size_t i) const noexcept {
   const Hosted& hosted = hosted_[i];
-  return {hosted.object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category, groups_[i], 0};
+  messages::ObjectRef object = hosted.object;
+  object.flags &= flag_present | flag_host_owned;
+  return {object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category, groups_[i], 0};
 }
 
 bool HostedObjects::place(ObjectNumber number, const Pose& pose, bool present) {
@@ -79,7 +81,7 @@ bool HostedObjects::place(ObjectNumber number, const Pose& pose, bool present) {
     return false;
   }
   hosted_[i].pose = pose;
-  hosted_[i].object.flags = present ? flag_present : 0u;
+  hosted_[i].object.flags = (present ? flag_present : 0u) | messages::flag_placed;
   touched_[i] = 1;
   return true;
 }

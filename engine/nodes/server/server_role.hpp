@@ -55,6 +55,11 @@ class ServerRole {
   const ObjectTable& objects() const noexcept { return state_.objects; }
   /// Pose of the live object in that slot after the last frame.
   const Pose& pose(std::uint32_t slot) const noexcept { return states_.pose(slot); }
+  /// Calls visit(const Hosted&) for each host-owned object, whose pose() is that of its host.
+  template <class Visit>
+  void each_host_owned(Visit visit) const {
+    states_.each_host_owned(visit);
+  }
   /// The model's state of the same: ObjectTable::state_bytes() bytes, valid until the next frame.
   const std::byte* state(std::uint32_t slot) const noexcept { return states_.state(slot); }
   /// Why the model threw in the last frame, for objects that were spawned or that the server moved.

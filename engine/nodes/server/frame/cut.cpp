@@ -170,6 +170,7 @@ void Cut::place(std::uint32_t slot, const Pose& pose, bool present) {
   ObjectRow& row = state_.objects.row(slot);
   row.pose = pose;
   row.object.flags = present ? messages::flag_present : 0u;
+  state_.objects.set_jumped(slot, true);
   state_.objects.mark_moved(slot);
   const Endpoint host = state_.objects.host(slot);
   if (host.is_server() && state_.host.place(row.object.number, pose, present)) {

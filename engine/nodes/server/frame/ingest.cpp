@@ -269,6 +269,7 @@ void Ingest::receive_states(PeerSession& session, const MessageView& message) {
     row.pose = record.pose;
     (void)make_valid(row.pose);  // normalises
     row.object.flags = record.object.flags & messages::flag_present;
+    objects.set_jumped(slot, (record.object.flags & messages::flag_jumped) != 0);
     objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
     std::copy_n(message.state<messages::StateRecord>(i), objects.state_bytes(), objects.state(slot));
     objects.mark_moved(slot);
@@ -301,6 +302,7 @@ void Ingest::receive_node_states(PeerSession& session, const MessageView& messag
     ObjectRow& row = objects.row(slot);
     row.pose = record.pose;
     row.object.flags = record.object.flags & messages::flag_present;
+    objects.set_jumped(slot, (record.object.flags & messages::flag_jumped) != 0);
     // An object outside its own bounds may leave the only node that knows it; then the notified nodes must be recorded.
     constexpr std::uint32_t at_home = messages::flag_interior | messages::flag_keeps_host;
     const bool inner = (record.object.flags & at_home) == at_home;

@@ -54,7 +54,8 @@ void ObjectStates::apply_moves(Host& host) {
     const std::uint32_t slot = hosted.object.slot;
     ObjectRow& row = objects.row(slot);
     row.pose = hosted.pose;
-    row.object.flags = hosted.object.flags;
+    row.object.flags = hosted.object.flags & messages::flag_present;
+    objects.set_jumped(slot, (hosted.object.flags & messages::flag_jumped) != 0);
     objects.bounds(slot) = state_.setup.shapes->bounds(row.shape, row.pose, *state_.setup.space);
     std::copy_n(host.state(changed[i]), objects.state_bytes(), objects.state(slot));
     objects.mark_moved(slot);

@@ -21,6 +21,9 @@ class ObjectStates {
 
   /// Pose of the live object in that slot after the last frame, wherever it is stored. Between frames.
   const Pose& pose(std::uint32_t slot) const noexcept;
+  /// Calls visit(hosted) for each object whose state is current only in the memory of its host. Between frames.
+  template <class Visit>
+  void each_host_owned(Visit visit) const;
   /// The model's state of the same object.
   const std::byte* state(std::uint32_t slot) const noexcept;
   /// Sets the bounds of an object from its pose in the table.
@@ -59,5 +62,25 @@ class ObjectStates {
   bool bounds_are_stale_ = false;  ///< bounds of present objects that only their hosts know are outdated
   std::int64_t host_owned_moved_ = 0;
 };
+
+template <class Visit>
+void ObjectStates::each_host_owned(Visit visit) const {
+  if (!exchange_.reads_nodes()) {
+    return;
+  }
+  for (const PeerSession& node : state_.nodes) {
+    if (!node.is_active()) {
+      continue;
+    }
+    const Host& host = ServerExchange::host_of(node);
+    for (std::size_t i = 0; i < host.size(); ++i) {
+      const std::uint32_t slot = state_.objects.find(host[i].object);
+      if (slot != base::NumberIndex::none && state_.objects.host(slot) == node.self &&
+          (state_.objects.marks(slot) & host_owned_mark) != 0) {
+        visit(host[i]);
+      }
+    }
+  }
+}
 
 }  // namespace ringfence::nodes

@@ -30,10 +30,11 @@ enum ObjectMark : ObjectMarks {
   inner_mark = 32,      ///< reported with reported_mark: its bounds touch only cells of the reporting node
   recovered_mark = 64,  ///< host lost; held by the server until the next cut
   host_changed_mark = 128,  ///< moved from one host to another at this cut
-  host_owned_mark = 256,  ///< its host keeps its states and sends ghost updates to the other nodes: row, state, bounds
-                          ///< and notified cells here may be of an earlier frame
-  avatar_mark = 512,      ///< its category is avatar
-  cell_noted_mark = 1024  ///< StateRelay knows its cell in this frame
+  host_owned_mark = 256,   ///< its host keeps its states and sends ghost updates to the other nodes: row, state, bounds
+                           ///< and notified cells here may be of an earlier frame
+  avatar_mark = 512,       ///< its category is avatar
+  cell_noted_mark = 1024,  ///< StateRelay knows its cell in this frame
+  jumped_mark = 2048       ///< it was placed at its last new pose; undefined while host_owned_mark is set
 };
 
 /// What is read of the objects of a contact, by slot; the spans are parallel. Numbers and marks are small enough for
@@ -77,6 +78,10 @@ class ObjectTable {
   /// ObjectMark bits; the table itself maintains alive_mark and moved_mark.
   ObjectMarks& marks(std::uint32_t slot) noexcept { return marks_[slot]; }
   ObjectMarks marks(std::uint32_t slot) const noexcept { return marks_[slot]; }
+  /// Sets or clears jumped_mark.
+  void set_jumped(std::uint32_t slot, bool jumped) noexcept {
+    marks_[slot] = static_cast<ObjectMarks>((marks_[slot] & ~jumped_mark) | (jumped ? jumped_mark : 0));
+  }
   /// The object's host; none if it has none.
   messages::Endpoint host(std::uint32_t slot) const noexcept { return hosts_[slot]; }
   std::span<const messages::Endpoint> hosts() const noexcept { return hosts_; }
