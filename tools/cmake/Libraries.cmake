@@ -2,7 +2,7 @@
 # other processes. The modules worlds and reference, the tools and the tests are not part of them. Install.cmake has what
 # else is installed.
 
-set(embedded base telemetry geometry link messages regions broad_phase narrow_phase motion nodes facade)
+set(embedded base telemetry geometry link messages regions broad_phase narrow_phase queries motion nodes facade)
 set(link_targets Threads::Threads PkgConfig::CCD PkgConfig::HWY PkgConfig::HWLOC TBB::tbb)  # also in ringfence-config.cmake.in
 set(header_only Eigen3::Eigen)
 

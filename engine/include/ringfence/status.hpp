@@ -30,9 +30,11 @@ enum class Status : std::uint8_t {
   no_thread,      ///< the system cannot create the thread of a CD node: the number of CD nodes stays the same
   /// `collide` and `distance` only: a support function threw, or returned an invalid point.
   support_failed,
-  shape_in_use,  ///< remove_shape: an object has the shape, or a request for the next frame names it
+  shape_in_use,   ///< remove_shape: an object has the shape, or a request for the next frame names it
+  bad_shape,      ///< queries only: the shape that sweeps or overlaps is a mesh; it must be convex
+  frame_expired,  ///< queries only: the frame is older than WorldConfig::history reaches
 };
-inline constexpr std::size_t status_count = 21;
+inline constexpr std::size_t status_count = 23;
 
 /// Name of a status in reports: "ok", "stale_object", ...
 constexpr const char* name_of(Status status) noexcept {
@@ -56,7 +58,9 @@ constexpr const char* name_of(Status status) noexcept {
                                    "out_of_memory",
                                    "no_thread",
                                    "support_failed",
-                                   "shape_in_use"};
+                                   "shape_in_use",
+                                   "bad_shape",
+                                   "frame_expired"};
   return names[static_cast<std::size_t>(status)];
 }
 

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/aligned.hpp"
+#include "base/pair_sort.hpp"
+#include "geometry/bounds.hpp"
+#include "ringfence/pose.hpp"
+
+namespace ringfence::queries {
+
+/// Number of children of a node of the tree.
+inline constexpr std::size_t tree_width = 8;
+
+/// The boxes of eight siblings as columns, in the steps of the tree's FixedSpace. An unused lane has a lower side of
+/// infinity and an upper side of minus infinity.
+struct alignas(32) BoxGroup {
+  float lower[3][tree_width];
+  float upper[3][tree_width];
+};
+
+/// The boxes that a query can reach: those that meet a box which moves along a line, or those near a point.
+struct Reach {
+  /// The moving box at its start, in steps.
+  float lower[3];
+  float upper[3];
+  /// 1 / its displacement, by axis; finite, and at least in the direction of a displacement of 0.
+  float inverse[3];
+};
+
+/// A bounding volume tree over boxes, built at once: every node but the last of each level has eight children, and all
+/// leaves have the same depth, so there are no pointers. The children of node i of a level are the nodes 8 i to 8 i + 7
+/// of the level below; those of level 0 are the boxes in the order of the tree.
+///
+/// The order is that of the boxes' centres along a Hilbert curve (a packed R-tree; Kamel and Faloutsos 1993). Boxes are
+/// stored as floats, rounded outwards; a side on the surface of the space is stored as infinity, because bounds
+/// saturate there.
+///
+/// Threads: build() by one; then const functions by any. Memory: kept between builds; 28 bytes a box.
+class BoxTree {
+ public:
+  /// Replaces the contents. `margins[i]`: metres by which box i is widened on each side.
+  void build(std::span<const geometry::Bounds> boxes, std::span<const float> margins,
+             const geometry::FixedSpace& space);
+
+  std::size_t size() const noexcept { return order_.size(); }  ///< number of boxes
+  /// Index of the box at a position of the tree's order.
+  std::uint32_t at(std::size_t position) const noexcept { return order_[position]; }
+  std::size_t levels() const noexcept { return levels_.size(); }
+  /// The groups of a level; level 0 has the boxes themselves, the last level one group.
+  const BoxGroup* level(std::size_t level) const noexcept { return groups_.data() + levels_[level]; }
+
+  /// What a box from `lower` to `upper` (metres) that moves by `displacement` can reach.
+  Reach reach(const Vec3d& lower, const Vec3d& upper, const Vec3d& displacement) const noexcept;
+  /// Steps a metre, by axis, of the space of the last build.
+  Vec3d scale() const noexcept { return scale_; }
+
+ private:
+  void sort(std::span<const geometry::Bounds> boxes);
+  void fill_leaves(std::span<const geometry::Bounds> boxes, std::span<const float> margins);
+  void fill_level(std::size_t level, std::size_t nodes);
+
+  Vec3d min_, scale_;
+  std::vector<std::uint32_t> order_;
+  base::AlignedVector<BoxGroup> groups_;
+  std::vector<std::size_t> levels_;  ///< first group of each level
+  base::PairSort sort_;
+};
+
+/// The largest number of levels: 8^10 boxes.
+inline constexpr std::size_t max_levels = 10;
+
+}  // namespace ringfence::queries

@@ -1,0 +1,57 @@
+#include "queries/recorded_frame.hpp"
+
+#include <algorithm>
+
+namespace ringfence::queries {
+
+void RecordedFrame::begin(std::size_t slots) {
+  number_ = none;
+  standing_.built.store(false, std::memory_order_relaxed);
+  moving_.built.store(false, std::memory_order_relaxed);
+  view_ = shapes_->view();
+  has_shape_.resize(shapes_->size());
+  for (ShapeNumber shape = 0; shape < has_shape_.size(); ++shape) has_shape_[shape] = shapes_->has(shape);
+  rows_.resize(slots);
+  user_data_.resize(slots);
+}
+
+void RecordedFrame::finish(std::uint64_t number) noexcept {
+  size_ = static_cast<std::size_t>(
+      std::count_if(rows_.begin(), rows_.end(), [](const FrameObject& row) { return row.number != 0; }));
+  number_ = number;
+}
+
+template <class Build>
+const FramePart& RecordedFrame::part(LazyPart& lazy, Build build) const {
+  if (!lazy.built.load(std::memory_order_acquire)) {
+    const std::lock_guard lock(building_);
+    if (!lazy.built.load(std::memory_order_relaxed)) {
+      build();
+      lazy.built.store(true, std::memory_order_release);
+    }
+  }
+  return lazy.part;
+}
+
+const FramePart& RecordedFrame::standing() const {
+  return part(standing_, [&] { standing_.part.build(rows_, {}, *shapes_); });
+}
+
+const FramePart& RecordedFrame::moving_to(const RecordedFrame& next) const {
+  return part(moving_, [&] {
+    std::vector<Pose> ends;
+    ends.reserve(rows_.size());
+    for (const FrameObject& row : rows_) ends.push_back(pose_at_end(row, next));
+    moving_.part.build(rows_, ends, *shapes_);
+  });
+}
+
+const Pose& RecordedFrame::pose_at_end(const FrameObject& row, const RecordedFrame& next) noexcept {
+  if (row.slot >= next.rows_.size()) return row.pose;
+  const FrameObject& then = next.rows_[row.slot];
+  const bool moves =
+      then.number == row.number && then.generation == row.generation && then.shape == row.shape && then.jumped == 0;
+  return moves ? then.pose : row.pose;
+}
+
+}  // namespace ringfence::queries

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <span>
+#include <vector>
+
+#include "geometry/shape_table.hpp"
+#include "queries/frame_part.hpp"
+
+namespace ringfence::queries {
+
+/// The present objects of one complete frame, as queries read them, with the indexes that its queries have built.
+///
+/// Two indexes: one of the objects where they stand, and one of their ways to the next frame, for times between the
+/// two. Each is built by the first query that needs it.
+///
+/// Threads: one thread records, while no reader has pinned the frame; then all const functions by any number of
+/// threads, which wait for each other only while an index is built. Memory: kept between frames; 72 bytes for each
+/// slot, and about 100 for each object and index.
+class RecordedFrame {
+ public:
+  /// `shapes` is that of the world; the frame reads the shapes that it has when it is recorded.
+  explicit RecordedFrame(std::shared_ptr<const geometry::ShapeTable> shapes)
+      : shapes_(std::move(shapes)), view_(shapes_->view()) {}
+
+  /// Number of the frame, or none.
+  std::uint64_t number() const noexcept { return number_; }
+  static constexpr std::uint64_t none = ~std::uint64_t{0};
+
+  // Recording.
+  /// Discards the contents: number() is none until finish(). Then every row is to be set. May throw std::bad_alloc.
+  void begin(std::size_t slots);
+  /// The row of a slot. Its number is 0 if the slot has no present object.
+  FrameObject& row(std::uint32_t slot) noexcept { return rows_[slot]; }
+  void set_user_data(std::uint32_t slot, std::uint64_t data) noexcept { user_data_[slot] = data; }
+  /// The frame is complete.
+  void finish(std::uint64_t number) noexcept;
+
+  // Reading.
+  std::size_t size() const noexcept { return size_; }  ///< number of objects
+  const geometry::ShapeView& shapes() const noexcept { return view_; }
+  /// Whether the shape was registered then, and not removed.
+  bool has_shape(ShapeNumber shape) const noexcept { return shape < has_shape_.size() && has_shape_[shape]; }
+  /// ObjectSpec::user_data of the object in that slot.
+  std::uint64_t user_data(std::uint32_t slot) const noexcept { return user_data_[slot]; }
+  /// The objects where they stand. May throw std::bad_alloc.
+  const FramePart& standing() const;
+  /// The same objects on their way to `next`, which is the frame after this one. May throw std::bad_alloc.
+  const FramePart& moving_to(const RecordedFrame& next) const;
+
+  // Readers pin the frame; on any thread.
+  void pin() const noexcept { readers_.fetch_add(1, std::memory_order_relaxed); }
+  void unpin() const noexcept { readers_.fetch_sub(1, std::memory_order_release); }
+  /// Whether a reader has pinned the frame. If not, what readers did happened before the result.
+  bool is_pinned() const noexcept { return readers_.load(std::memory_order_acquire) != 0; }
+
+ private:
+  /// An index that the first reader builds.
+  struct LazyPart {
+    FramePart part;
+    std::atomic<bool> built{false};
+  };
+  template <class Build>
+  const FramePart& part(LazyPart& lazy, Build build) const;
+  /// The pose that an object has just before the next frame: that of the next frame, unless it jumps, is absent there
+  /// or has another shape.
+  static const Pose& pose_at_end(const FrameObject& row, const RecordedFrame& next) noexcept;
+
+  std::shared_ptr<const geometry::ShapeTable> shapes_;
+  geometry::ShapeView view_;
+  std::vector<bool> has_shape_;  ///< by shape number
+  std::uint64_t number_ = none;
+  std::size_t size_ = 0;
+  std::vector<FrameObject> rows_;  ///< by slot; number 0 if the slot has no present object
+  std::vector<std::uint64_t> user_data_;
+  mutable LazyPart standing_, moving_;
+  mutable std::mutex building_;
+  mutable std::atomic<std::uint32_t> readers_{0};
+};
+
+}  // namespace ringfence::queries

@@ -1,0 +1,23 @@
+#include "queries/tree_kernels.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "queries/tree_kernels.cpp"
+#include <hwy/foreach_target.h>
+// These must follow foreach_target.h, which includes this file once for each target.
+#include "queries/ordering-inl.hpp"
+#include "queries/searching-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::queries::HWY_NAMESPACE {
+
+TreeKernels tree_kernels() { return {curve_places, reach_boxes, near_boxes}; }
+
+}  // namespace ringfence::queries::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ringfence::queries {
+HWY_EXPORT(tree_kernels);
+TreeKernels choose_tree_kernels() { return HWY_DYNAMIC_DISPATCH(tree_kernels)(); }
+}  // namespace ringfence::queries
+#endif

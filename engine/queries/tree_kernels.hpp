@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstdint>
+
+#include "queries/box_tree.hpp"
+
+namespace ringfence::queries {
+
+/// What a search calls for each box that the query may reach: `context` is the caller's, `box` a position in the order
+/// of the tree, `limit` the largest fraction or distance that is of interest. Returns the limit from now on: not
+/// larger, negative to end the search. Must not throw.
+using VisitBox = double (*)(void* context, std::uint32_t box, double limit);
+
+/// Bits of a coordinate on the curve that orders boxes, and the number of boxes that are ordered together.
+inline constexpr std::size_t curve_bits = 10, curve_block = 64;
+
+/// The order of boxes, and the searches in a tree, compiled for each instruction set and selected at run time. All
+/// versions visit each box that the query reaches within the limit; which others they visit, and in what order, may
+/// differ. They return the number of boxes that they compared.
+struct TreeKernels {
+  /// places[i]: the place of the cell (cells[0][i], cells[1][i], cells[2][i]) on a Hilbert curve; 64-byte aligned.
+  void (*curve_places)(const std::uint32_t (*cells)[curve_block], std::uint32_t* places);
+  /// Boxes that are reached at a fraction of at most `limit`, about in the order of the fractions.
+  std::uint64_t (*reach)(const BoxTree& tree, const Reach& reach, double limit, VisitBox visit, void* context);
+  /// Boxes within a distance of `limit` metres of a point, about in the order of the distances. The point is
+  /// `reach.lower` and `reach.upper`; `scale` is that of the tree.
+  std::uint64_t (*near)(const BoxTree& tree, const Reach& reach, double limit, VisitBox visit, void* context);
+};
+
+/// The kernels for the widest instruction set that this machine supports and Highway does not exclude.
+TreeKernels choose_tree_kernels();
+
+}  // namespace ringfence::queries
