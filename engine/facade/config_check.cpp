@@ -73,6 +73,8 @@ void check(const WorldConfig& config) {
   }
   require(std::isfinite(config.interest) && config.interest >= 0,
           "interest is " + std::to_string(config.interest) + "; metres, 0 or more");
+  require(config.history <= max_history,
+          "history is " + std::to_string(config.history) + "; 0 to " + std::to_string(max_history));
   check_capacity("objects", config.capacities.objects, config.limits.objects);
   check_capacity("pairs", config.capacities.pairs, max_reserved);
   check_capacity("contacts", config.capacities.contacts, max_reserved);

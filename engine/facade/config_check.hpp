@@ -8,6 +8,7 @@ namespace ringfence::facade {
 
 /// Largest number of CD nodes of a World.
 inline constexpr std::uint32_t max_nodes = 1024;
+inline constexpr std::uint32_t max_history = 4096;
 
 /// Throws Error if `config` is invalid; the message names the field, its value and what is allowed.
 void check(const WorldConfig& config);

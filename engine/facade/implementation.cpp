@@ -12,6 +12,7 @@ namespace ringfence {
 World::Implementation::Implementation(WorldConfig given)
     : state(std::move(given)),
       requests(state.config, state.shapes),
+      frame_store(state.shared_shapes, state.config.history),
       users(state),
       nodes(state),
       membership(state, nodes, requests) {
@@ -109,7 +110,7 @@ void World::Implementation::free_gone_roles() {
   membership.remove_gone(report, *server);
   if (nodes.pool().free_retired()) {
     server->free_abandoned();
-    state.shapes.free_removed();
+    state.shapes.free_removed(frame_store.drop_obsolete());
   }
 }
 

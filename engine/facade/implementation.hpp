@@ -7,6 +7,7 @@
 
 #include "facade/cd_nodes/cd_nodes.hpp"
 #include "facade/cd_nodes/node_membership.hpp"
+#include "facade/queries/frame_store.hpp"
 #include "facade/requests/requests.hpp"
 #include "facade/results/contact_index.hpp"
 #include "facade/users/user_nodes.hpp"
@@ -65,6 +66,7 @@ struct World::Implementation {
   std::uint64_t frames = 0;  ///< number of frames completed
   FrameReport report;        ///< of the last frame
   mutable facade::ContactIndex contact_index;
+  mutable facade::FrameStore frame_store;  ///< of snapshots
   facade::UserNodes users;
   facade::CdNodes nodes;
   facade::NodeMembership membership;

@@ -72,6 +72,9 @@ Status World::finish_frame() try {
     return w.stop_frames();
   }
   ++w.frames;
+  if (w.frame_store.keeps_history()) {
+    w.frame_store.record(*w.server, w.frames - 1);
+  }
   w.users.forget(w.requests.users().cut_leaving());
   w.requests.forget_cut(w.state.order);
   w.take_report();

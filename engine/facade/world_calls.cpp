@@ -47,7 +47,7 @@ Status World::remove_shape(ShapeId shape) {
     if (w.requests.objects().uses(shape.number())) {
       return w.requests.refuse(Status::shape_in_use);
     }
-    w.state.shapes.remove(shape.number());
+    w.state.shapes.remove(shape.number(), w.frames);
     if (w.state.config.remote_nodes != nullptr) {
       w.state.config.remote_nodes->remove_shape(shape.number());
     }
@@ -207,6 +207,18 @@ ObjectContacts World::collisions_of(ObjectId object) const {
 std::span<const std::span<const SeenState>> World::seen_by(UserId user) const noexcept {
   const nodes::UserRole* role = implementation_->reader(user);
   return role == nullptr ? std::span<const std::span<const SeenState>>{} : role->seen(implementation_->frames - 1);
+}
+
+Snapshot World::snapshot() const {
+  const base::DefaultFloatingPoint floating_point;
+  const Implementation& w = *implementation_;
+  if (w.frames == 0) {
+    return {};
+  }
+  if (!w.frame_is_running() && !w.state.halt.is_set()) {
+    w.frame_store.record(*w.server, w.frames - 1);
+  }
+  return w.frame_store.has(w.frames - 1) ? Snapshot(w.frame_store.pin()) : Snapshot();
 }
 
 ObjectView World::object(ObjectId object) const noexcept {

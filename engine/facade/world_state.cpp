@@ -71,6 +71,8 @@ std::uint64_t nanoseconds(double ms) noexcept { return static_cast<std::uint64_t
 
 WorldState::WorldState(WorldConfig given)
     : config(settle(std::move(given))),
+      shared_shapes(std::make_shared<geometry::ShapeTable>()),
+      shapes(*shared_shapes),
       space(config.bounds_min, config.bounds_max),
       layer_masks(masks_of(config.layers)),
       publications{interest_grid(config, space), &space, {}, {}, {}},

@@ -55,8 +55,9 @@ struct WorldState {
   /// Sets the roles that the server's thread steps, in this order. Without threads: those that step_until steps.
   void assign_server_thread(std::vector<Steppable> roles);
 
-  const WorldConfig config;  ///< settled
-  geometry::ShapeTable shapes;
+  const WorldConfig config;                                   ///< settled
+  const std::shared_ptr<geometry::ShapeTable> shared_shapes;  ///< shared with snapshots, which may outlive the World
+  geometry::ShapeTable& shapes;
   const geometry::FixedSpace space;
   const std::array<std::uint32_t, 32> layer_masks;  ///< by layer: the layers it collides with
   nodes::Publications publications;

@@ -17,6 +17,7 @@
 #include "ringfence/object_contacts.hpp"
 #include "ringfence/seen_state.hpp"
 #include "ringfence/shape.hpp"
+#include "ringfence/snapshot.hpp"
 #include "ringfence/status.hpp"
 
 namespace ringfence {
@@ -52,14 +53,14 @@ struct ObjectView {
 /// Threads: one thread at a time calls a World. Between begin_frame and finish_frame requests may be made (they belong
 /// to the next frame) and the results of the frame before may be read. Failure: the constructor and add_shape throw
 /// Error. Every other call returns a Status, counts refusals by reason in the next FrameReport, and leaves the state
-/// unchanged when it refuses. Out of memory: the constructor, add_shape, objects() and collisions_of(ObjectId) throw
-/// std::bad_alloc. Every other call returns Status::out_of_memory; finish_frame also returns it when a thread of the
-/// World ran out of memory. From then on there are no more frames: every call that returns a Status returns
-/// out_of_memory, and add_shape throws Error. The contacts of the last complete frame can still be read; its report may
-/// be incomplete. The destructor works. Floating point: every call that computes, and every thread of the World, uses
-/// the default floating-point environment, for motion models and support functions too. The caller's modes (rounding,
-/// denormals, exceptions) are restored on return; status flags may be raised. Lifetime of spans: until the next
-/// finish_frame or advance.
+/// unchanged when it refuses. Out of memory: the constructor, add_shape, objects(), snapshot() and
+/// collisions_of(ObjectId) throw std::bad_alloc. Every other call returns Status::out_of_memory; finish_frame also
+/// returns it when a thread of the World ran out of memory. From then on there are no more frames: every call that
+/// returns a Status returns out_of_memory, and add_shape throws Error. The contacts of the last complete frame can
+/// still be read; its report may be incomplete. The destructor works. Floating point: every call that computes, and
+/// every thread of the World, uses the default floating-point environment, for motion models and support functions too.
+/// The caller's modes (rounding, denormals, exceptions) are restored on return; status flags may be raised. Lifetime of
+/// spans: until the next finish_frame or advance.
 class World {
  public:
   explicit World(WorldConfig config);
@@ -175,6 +176,12 @@ class World {
   /// within WorldConfig::interest of an avatar, and others in the same cells. Static objects are not included. Empty if
   /// the user node was late in the last frame or is not connected.
   std::span<const std::span<const SeenState>> seen_by(UserId user) const noexcept;
+
+  /// The last complete frame, pinned for queries about its objects: rays, sweeps, overlaps, nearest. Empty before the
+  /// first frame is complete. While a frame is running: the frame before, if a snapshot of it was taken before
+  /// begin_frame; otherwise empty. The first call after a frame copies what queries read of each object and builds an
+  /// index; further calls share it. Worlds that never call it pay nothing.
+  Snapshot snapshot() const;
 
   /// The object as it stood after the last frame; `id` is null if the id is stale, the object not yet in the world, or
   /// a frame is running.

@@ -1,0 +1,48 @@
+#include "facade/queries/arguments.hpp"
+
+#include "nodes/host/valid_pose.hpp"
+
+namespace ringfence::facade {
+namespace {
+
+Status check_position(const Vec3d& position) noexcept { return nodes::check_pose({position, {}}); }
+
+Status check_path(const Vec3d& start, const Vec3d& displacement, narrow_phase::Ray& ray) noexcept {
+  for (const Vec3d& vector : {start, displacement}) {
+    if (const Status status = check_position(vector); status != Status::ok) return status;
+  }
+  ray = narrow_phase::Ray::along(start, displacement);
+  return Status::ok;
+}
+
+Status check_moving(const queries::RecordedFrame& frame, ShapeId shape, Pose start, const Vec3d& displacement,
+                    MovingShape& moving) noexcept {
+  if (const Status status = nodes::make_valid(start); status != Status::ok) return status;
+  if (const Status status = check_path(start.position, displacement, moving.path); status != Status::ok) return status;
+  if (!frame.has_shape(shape.number())) return Status::unknown_shape;
+  if (frame.shapes().row(shape.number()).kind == ShapeKind::mesh) return Status::bad_shape;
+  moving.shape = shape.number();
+  moving.orientation = start.orientation;
+  return Status::ok;
+}
+
+}  // namespace
+
+Status check(const RayQuery& query, const queries::RecordedFrame&, narrow_phase::Ray& ray) noexcept {
+  return check_path(query.start, query.displacement, ray);
+}
+
+Status check(const SweepQuery& query, const queries::RecordedFrame& frame, MovingShape& moving) noexcept {
+  return check_moving(frame, query.shape, query.start, query.displacement, moving);
+}
+
+Status check(const OverlapQuery& query, const queries::RecordedFrame& frame, MovingShape& placed) noexcept {
+  return check_moving(frame, query.shape, query.pose, {}, placed);
+}
+
+Status check(const NearestQuery& query, const queries::RecordedFrame&, NoArguments&) noexcept {
+  if (!(query.distance >= 0)) return Status::bad_number;
+  return check_position(query.point);
+}
+
+}  // namespace ringfence::facade

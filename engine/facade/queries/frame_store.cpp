@@ -1,0 +1,74 @@
+#include "facade/queries/frame_store.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "facade/queries/frame_recorder.hpp"
+
+namespace ringfence::facade {
+
+PinnedFrames::PinnedFrames(Frames frames) : frames_(std::move(frames)) {
+  for (const auto& frame : frames_) frame->pin();
+}
+
+PinnedFrames::~PinnedFrames() {
+  for (const auto& frame : frames_) frame->unpin();
+}
+
+Status PinnedFrames::find(double number, Moment& moment) const noexcept {
+  const std::uint64_t first = frames_.front()->number(), last = frames_.back()->number();
+  if (!(number <= static_cast<double>(last))) return Status::bad_number;
+  if (number < static_cast<double>(first)) return Status::frame_expired;
+  const double whole = std::floor(number);
+  const auto at = static_cast<std::size_t>(static_cast<std::uint64_t>(whole) - first);
+  moment.frame = frames_[at].get();
+  moment.fraction = number - whole;
+  moment.next = moment.fraction == 0 ? nullptr : frames_[at + 1].get();
+  return Status::ok;
+}
+
+void FrameStore::record(const nodes::ServerRole& server, std::uint64_t number) {
+  if (has(number)) return;
+  // Without a history only the last frame is kept. A gap ends the history: queries between two frames need both.
+  const bool follows = !kept_.empty() && kept_.back()->number() + 1 == number;
+  const std::size_t kept = follows ? std::min(kept_.size(), history_) : 0;
+  free_.reserve(free_.size() + kept_.size());
+  for (std::size_t i = 0; i < kept_.size() - kept; ++i) free_.push_back(std::move(kept_[i]));
+  kept_.erase(kept_.begin(), kept_.end() - static_cast<std::ptrdiff_t>(kept));
+  kept_.reserve(history_ + 1);
+  const std::shared_ptr<queries::RecordedFrame> frame = take_free();
+  record_frame(server, number, *frame);
+  kept_.push_back(frame);
+}
+
+std::shared_ptr<queries::RecordedFrame> FrameStore::take_free() {
+  const auto found = std::find_if(free_.begin(), free_.end(), [](const auto& frame) { return !frame->is_pinned(); });
+  if (found == free_.end()) return std::make_shared<queries::RecordedFrame>(shapes_);
+  std::shared_ptr<queries::RecordedFrame> frame = std::move(*found);
+  free_.erase(found);
+  return frame;
+}
+
+std::shared_ptr<const PinnedFrames> FrameStore::pin() {
+  std::shared_ptr<const PinnedFrames> pinned = pinned_.lock();
+  if (pinned == nullptr || &pinned->last() != kept_.back().get()) {
+    pinned = std::make_shared<const PinnedFrames>(PinnedFrames::Frames(kept_.begin(), kept_.end()));
+    pinned_ = pinned;
+  }
+  return pinned;
+}
+
+std::uint64_t FrameStore::drop_obsolete() {
+  if (history_ == 0 && !kept_.empty()) {
+    free_.push_back(std::move(kept_.back()));
+    kept_.clear();
+  }
+  std::uint64_t oldest = kept_.empty() ? queries::RecordedFrame::none : kept_.front()->number();
+  for (const auto& frame : free_) {
+    if (frame->is_pinned()) oldest = std::min(oldest, frame->number());
+  }
+  return oldest;
+}
+
+}  // namespace ringfence::facade
