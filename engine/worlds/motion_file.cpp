@@ -4,17 +4,16 @@
 #include <array>
 #include <bit>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <optional>
-#include <system_error>
+#include <span>
 #include <unordered_map>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "worlds/csv_text.hpp"
 #include "worlds/text_file.hpp"
 
 namespace ringfence::worlds {
@@ -41,15 +40,7 @@ static_assert(sizeof(BinaryHeader) == 24);
 using PoseBits = std::array<std::uint64_t, 5>;
 static_assert(sizeof(PoseBits) == sizeof(Pose));
 
-bool is_unit(const Quat& q) {
-  const double squared =
-      double{q.x} * double{q.x} + double{q.y} * double{q.y} + double{q.z} * double{q.z} + double{q.w} * double{q.w};
-  return std::abs(std::sqrt(squared) - 1) <= 1e-3;
-}
-
 bool is_finite(const Vec3d& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
-
-std::string format_quaternion(const Quat& q) { return fmt::format("({}, {}, {}, {})", q.x, q.y, q.z, q.w); }
 
 /// The properties of the scene's objects that the CSV reader checks, by object number.
 class ObjectIndex {
@@ -77,17 +68,16 @@ class ObjectIndex {
 /// Reads CSV motion line by line. Its messages begin with FILE:LINE.
 class CsvReader {
  public:
-  CsvReader(std::string_view text, const std::string& name, const Scene& scene)
-      : text_(text), name_(name), objects_(scene) {}
+  CsvReader(std::string_view text, const std::string& name, const Scene& scene) : text_(text, name), objects_(scene) {}
 
   Motion read() {
-    const std::optional<std::string_view> first = next_line();
+    const std::optional<std::string_view> first = text_.next_line();
     has_jump_ = first && *first == header_with_jump;
     if (!first || (*first != header && !has_jump_)) {
-      fail(fmt::format("found \"{}\"; expected the header \"{}\", with or without \",jump\" at the end",
-                       first.value_or(""), header));
+      text_.fail(fmt::format("found \"{}\"; expected the header \"{}\", with or without \",jump\" at the end",
+                             first.value_or(""), header));
     }
-    while (const std::optional<std::string_view> line = next_line()) {
+    while (const std::optional<std::string_view> line = text_.next_line()) {
       read_row(*line);
     }
     if (!motion_.rows.empty()) motion_.frames = motion_.rows.back().frame + 1;
@@ -95,104 +85,50 @@ class CsvReader {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& message) const {
-    throw InputError(fmt::format("{}:{}: {}", name_, line_, message));
-  }
-
-  std::optional<std::string_view> next_line() {
-    if (at_ >= text_.size()) return std::nullopt;
-    ++line_;
-    std::size_t end = text_.find('\n', at_);
-    if (end == std::string_view::npos) end = text_.size();
-    std::string_view line = text_.substr(at_, end - at_);
-    at_ = end + 1;
-    if (line.ends_with('\r')) line.remove_suffix(1);
-    return line;
-  }
-
-  std::array<std::string_view, fields + 1> split(std::string_view line) const {
-    std::array<std::string_view, fields + 1> parts;
-    const std::size_t expected = has_jump_ ? fields + 1 : fields;
-    std::size_t count = 0;
-    for (std::size_t at = 0; at <= line.size();) {
-      std::size_t end = line.find(',', at);
-      if (end == std::string_view::npos) end = line.size();
-      if (count < expected) parts[count] = line.substr(at, end - at);
-      ++count;
-      at = end + 1;
-    }
-    if (count != expected) {
-      fail(fmt::format("found {} fields; expected {}: {}", count, expected, has_jump_ ? header_with_jump : header));
-    }
-    return parts;
-  }
-
-  template <class Number>
-  Number read_number(std::string_view text, const char* field, const char* expected) const {
-    Number value{};
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size()) {
-      fail(fmt::format("{}: found \"{}\"; expected {}", field, text, expected));
-    }
-    return value;
-  }
-  template <class Number>
-  Number read_finite(std::string_view text, const char* field) const {
-    const auto value = read_number<Number>(text, field, "a finite number");
-    if (!std::isfinite(value)) fail(fmt::format("{}: found \"{}\"; expected a finite number", field, text));
-    return value;
-  }
-
   void read_row(std::string_view line) {
-    const auto parts = split(line);
+    std::array<std::string_view, fields + 1> parts;
+    text_.split(line, std::span(parts).first(has_jump_ ? fields + 1 : fields), has_jump_ ? header_with_jump : header);
     MotionRow row;
-    row.frame = read_number<std::uint32_t>(parts[0], "frame", "a whole number of 0 or more");
-    row.object = read_number<std::uint32_t>(parts[1], "object", "the id of an object");
-    if (row.frame >= max_frames) fail(fmt::format("frame: found {}; expected less than {}", row.frame, max_frames));
+    row.frame = text_.number<std::uint32_t>(parts[0], "frame", "a whole number of 0 or more");
+    row.object = text_.number<std::uint32_t>(parts[1], "object", "the id of an object");
+    if (row.frame >= max_frames)
+      text_.fail(fmt::format("frame: found {}; expected less than {}", row.frame, max_frames));
     if (!motion_.rows.empty() && row.frame < motion_.rows.back().frame) {
-      fail(fmt::format("frame: found {} after {}; expected frames in ascending order", row.frame,
-                       motion_.rows.back().frame));
+      text_.fail(fmt::format("frame: found {} after {}; expected frames in ascending order", row.frame,
+                             motion_.rows.back().frame));
     }
     check_object(row);
     std::size_t empty = 0;
     for (std::size_t i = 2; i < fields; ++i) empty += parts[i].empty();
     row.present = empty != fields - 2;
     if (row.present) {
-      row.pose.position = {read_finite<double>(parts[2], "x"), read_finite<double>(parts[3], "y"),
-                           read_finite<double>(parts[4], "z")};
-      row.pose.orientation = {read_finite<float>(parts[5], "qx"), read_finite<float>(parts[6], "qy"),
-                              read_finite<float>(parts[7], "qz"), read_finite<float>(parts[8], "qw")};
-      if (!is_unit(row.pose.orientation)) {
-        fail(fmt::format("qx,qy,qz,qw: found {}; expected a unit quaternion (length 1 within 0.001)",
-                         format_quaternion(row.pose.orientation)));
-      }
+      row.pose.position = {text_.finite<double>(parts[2], "x"), text_.finite<double>(parts[3], "y"),
+                           text_.finite<double>(parts[4], "z")};
+      row.pose.orientation = text_.orientation(std::span(parts).subspan<5, 4>());
     }
     if (has_jump_) row.jump = read_jump(parts[fields]);
     motion_.rows.push_back(row);
   }
 
   bool read_jump(std::string_view text) const {
-    if (text != "0" && text != "1") fail(fmt::format("jump: found \"{}\"; expected 0 or 1", text));
+    if (text != "0" && text != "1") text_.fail_unexpected("jump", text, "0 or 1");
     return text == "1";
   }
 
   void check_object(const MotionRow& row) {
     ObjectIndex::Entry* object = objects_.find(row.object);
-    if (!object) fail(fmt::format("object: found {}; expected an id of the scene", row.object));
+    if (!object) text_.fail(fmt::format("object: found {}; expected an id of the scene", row.object));
     if (object->fixed)
-      fail(fmt::format("object: {} is static; expected rows only of objects that may move", row.object));
+      text_.fail(fmt::format("object: {} is static; expected rows only of objects that may move", row.object));
     if (object->last_frame == row.frame) {
-      fail(fmt::format("object: {} has two rows in frame {}; expected at most one row per frame", row.object,
-                       row.frame));
+      text_.fail(fmt::format("object: {} has two rows in frame {}; expected at most one row per frame", row.object,
+                             row.frame));
     }
     object->last_frame = row.frame;
   }
 
-  std::string_view text_;
-  const std::string& name_;
+  CsvText text_;
   ObjectIndex objects_;
-  std::size_t at_ = 0;
-  std::size_t line_ = 0;
   bool has_jump_ = false;  ///< the file has the column `jump`
   Motion motion_;
 };
