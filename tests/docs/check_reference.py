@@ -15,7 +15,7 @@ DOCS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "doc
 COMMANDS = ("run", "replay", "record", "convert", "scale", "profile", "node")
 RUN = "--objects 300 --users 20 --frames 6 --warmup 2 --quiet"
 SCALE = "--objects 300 --users 20 --nodes 1,2 --frames 3 --warmup 1 --repeats 1 --quiet"
-REPORTS = (f"run {RUN} --nodes 2 --resize 1:3 --check --json FILE", f"profile {RUN} --json FILE",
+REPORTS = (f"run {RUN} --nodes 2 --resize 1:3 --rays 5 --check --json FILE", f"profile {RUN} --json FILE",
            f"scale {SCALE} --model 2004 --json FILE",
            f"run {RUN} --status FILE")
 TABLES = (f"run {RUN} --frames-csv FILE", f"scale {SCALE} --csv FILE")

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "imbalance.hpp"
+#include "queries/query_figures.hpp"
 #include "ringfence/cluster.hpp"
 #include "ringfence/config.hpp"
 #include "ringfence/digest.hpp"
@@ -63,7 +64,8 @@ class Figures {
     double frame_ms = 0;      ///< duration of the frame in which it was lost
   };
   std::vector<Loss> losses;
-  const char* ended_by = nullptr;  ///< the signal that ended the run before all its frames; null if it is complete
+  const char* ended_by = nullptr;       ///< the signal that ended the run before all its frames; null if it is complete
+  std::optional<QueryFigures> queries;  ///< after the last frame; only if the run has queries
   std::optional<dds::ClusterReport> cluster;  ///< after the last frame; only if CD nodes are processes
 
  private:

@@ -1,11 +1,44 @@
 #include "frame_checker.hpp"
 
+#include <algorithm>
+
 #include <fmt/format.h>
+
+#include "base/parallel.hpp"
+#include "reference/answer_check.hpp"
 
 namespace ringfence::tools {
 namespace {
 
 constexpr std::uint64_t max_printed = 50;
+constexpr std::uint64_t ball_tests_per_frame = 20'000'000;
+
+reference::Question question_of(const worlds::QueryRow& row, const reference::Shapes& shapes) {
+  using worlds::QueryKind;
+  using Kind = reference::Question::Kind;
+  const auto ask = [&](Kind kind, bool has_shape) {
+    const reference::PreparedShape& shape = has_shape ? shapes[row.shape] : reference::point_shape();
+    return reference::Question{kind, reference::Motion{shape, row.pose, row.displacement}, row.distance, row.layers,
+                               row.except};
+  };
+  switch (row.kind) {
+    case QueryKind::ray:
+      return ask(Kind::first_hit, false);
+    case QueryKind::ray_any:
+      return ask(Kind::any_hit, false);
+    case QueryKind::ray_all:
+      return ask(Kind::all_hits, false);
+    case QueryKind::sweep:
+      return ask(Kind::first_hit, true);
+    case QueryKind::sweep_all:
+      return ask(Kind::all_hits, true);
+    case QueryKind::overlap:
+      return ask(Kind::overlap, true);
+    case QueryKind::nearest:
+      break;
+  }
+  return ask(Kind::nearest, false);
+}
 
 }  // namespace
 
@@ -31,10 +64,12 @@ void FrameChecker::skip_frame() {
   if (brute_force_) before_.assign(world_.contacts().begin(), world_.contacts().end());
 }
 
+void FrameChecker::print_difference(const std::string& text) {
+  if (differences_++ < max_printed) fmt::print(stderr, "ringfence: {}\n", text);
+}
+
 void FrameChecker::print_differences(const std::vector<reference::Difference>& differences) {
-  for (const reference::Difference& difference : differences) {
-    if (differences_++ < max_printed) fmt::print(stderr, "ringfence: {}\n", difference.text);
-  }
+  for (const reference::Difference& difference : differences) print_difference(difference.text);
 }
 
 void FrameChecker::check_frame(std::uint64_t frame) {
@@ -44,16 +79,33 @@ void FrameChecker::check_frame(std::uint64_t frame) {
     const ShapeId id(static_cast<std::uint32_t>(shape));
     shapes_.add(world_.has_shape(id) ? world_.shape(id) : ShapeDescription(Sphere{1}));  // no object has a removed one
   }
-  std::vector<reference::FrameObject> objects;
+  objects_.clear();
   for (const ObjectView& view : world_.objects()) {
     const ObjectSpec& spec = view.spec;
-    objects.push_back({spec.number, spec.shape.number(), spec.layer, spec.enabled, spec.pose,
-                       spec.category == Category::fixed, spec.group, view.id.generation(), spec.user_data});
+    objects_.push_back({spec.number, spec.shape.number(), spec.layer, spec.enabled, spec.pose,
+                        spec.category == Category::fixed, spec.group, view.id.generation(), spec.user_data});
   }
-  print_differences(reference::check_frame(frame, shapes_, objects, layer_masks_, world_.contacts()));
+  print_differences(reference::check_frame(frame, shapes_, objects_, layer_masks_, world_.contacts()));
   print_differences(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));
   before_.assign(world_.contacts().begin(), world_.contacts().end());
   ++frames_;
+}
+
+void FrameChecker::check_answers(std::uint64_t frame, std::span<const worlds::QueryRow> rows,
+                                 const FrameAnswers& answers) {
+  if (!brute_force_ || rows.empty()) return;
+  const std::uint64_t step = std::max<std::uint64_t>(1, rows.size() * objects_.size() / ball_tests_per_frame);
+  if (frame % step != 0) return;
+  const reference::AnswerCheck check(shapes_, objects_);
+  std::vector<std::string> errors(rows.size());
+  base::parallel_for(rows.size(), 1, [&](std::size_t i) {
+    errors[i] = check.describe_error(question_of(rows[i], shapes_), answers.hits(i));
+  });
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (!errors[i].empty()) print_difference(fmt::format("frame {}: query {}: {}", frame, rows[i].query, errors[i]));
+  }
+  answers_ += rows.size();
+  ++answered_frames_;
 }
 
 }  // namespace ringfence::tools

@@ -15,6 +15,7 @@
 #include "picture/picture_file.hpp"
 #include "profile.hpp"
 #include "progress.hpp"
+#include "queries/frame_queries.hpp"
 #include "recording.hpp"
 #include "report.hpp"
 #include "ringfence/world.hpp"
@@ -22,6 +23,7 @@
 #include "stop_signals.hpp"
 #include "worlds/load.hpp"
 #include "worlds/motion_file.hpp"
+#include "worlds/query_file.hpp"
 #include "worlds/replay_model.hpp"
 #include "worlds/scene_file.hpp"
 
@@ -47,6 +49,16 @@ void resolve_link(ServiceOptions& service) {
                       resize.nodes, service.nodes));
     }
   }
+}
+
+/// Queries start within the bounds of the scene.
+QueryLoad ray_load(const worlds::Scene& scene, std::uint32_t rays, std::uint64_t seed) {
+  QueryLoad load;
+  load.rays = rays;
+  load.seed = seed;
+  load.bounds_min = scene.bounds_min;
+  load.bounds_max = scene.bounds_max;
+  return load;
 }
 
 }  // namespace
@@ -94,6 +106,7 @@ Job make_job(const RunOptions& options) {
   check_resizes(job.service.resizes, job.frames.frames);
   check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines);
   job.output = options.output;
+  job.queries = ray_load(job.scene, options.rays, options.world.seed);
   job.record_prefix = options.record_prefix;
   job.world = &options.world;
   return job;
@@ -128,6 +141,14 @@ Job make_job(const ReplayOptions& options) {
                             job.frames.frames, left, options.motion));
   }
   if (job.frames.frames == 0) job.frames.frames = left;
+  job.queries = ray_load(job.scene, options.rays, options.seed);
+  if (!options.queries.empty()) {
+    job.queries.rows = worlds::read_queries(options.queries, job.scene, job.frames.frames);
+    job.queries.answers = options.answers;
+    if (options.answers == "-" && job.output.collisions == "-") {
+      throw Error("--answers: found - together with --collisions -; expected a file for one of them");
+    }
+  }
   check_resizes(job.service.resizes, job.frames.frames);
   check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines);
   return job;
@@ -136,6 +157,7 @@ Job make_job(const ReplayOptions& options) {
 int run_job(const Job& job) {
   const StopSignals stop;
   FrameOutputs outputs(job.output);
+  FrameQueries queries(job.queries);
   std::optional<OutputFile> json;
   if (!job.output.json.empty()) json.emplace(job.output.json);
   std::optional<PictureFile> picture;
@@ -170,6 +192,8 @@ int run_job(const Job& job) {
     outputs.add_frame(frame, world);
     recording.add_frame(world);
     checker.check_frame(frame);
+    queries.add_frame(frame, world);
+    checker.check_answers(frame, queries.rows(), queries.answers());
     status.step();
   }
   if (figures.frames() < job.frames.frames) figures.ended_by = stop.received();
@@ -177,6 +201,8 @@ int run_job(const Job& job) {
   if (node_processes) figures.cluster = node_processes->report();
   recording.finish();
   outputs.finish();
+  queries.finish();
+  figures.queries = queries.figures();
   if (picture) {
     const std::string& contact = job.scene.contact_label;
     picture->write(world, contact.empty() ? "contact point" : contact);
@@ -185,8 +211,8 @@ int run_job(const Job& job) {
     write_json_report(*json, job, figures, resize_schedule, checker);
     json->close();
   }
-  // If the contacts go to standard output, the report goes to standard error.
-  std::FILE* const out = job.output.collisions == "-" ? stderr : stdout;
+  // If contacts or answers go to standard output, the report goes to standard error.
+  std::FILE* const out = job.output.collisions == "-" || job.queries.answers == "-" ? stderr : stdout;
   if (job.profile) {
     print_profile(out, job, figures);
   } else {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "options.hpp"
+#include "queries/query_load.hpp"
 #include "ringfence/motion_model.hpp"
 #include "ringfence/world.hpp"
 #include "worlds/scene.hpp"
@@ -22,6 +23,7 @@ struct Job {
   FrameOptions frames;
   ServiceOptions service;
   OutputOptions output;
+  QueryLoad queries;
   std::string record_prefix;                         ///< empty: no recording
   bool profile = false;                              ///< print the profile of the narrow phase instead of the report
   const worlds::PaperWorldOptions* world = nullptr;  ///< parameters of a generated world; null for a replay

@@ -63,6 +63,7 @@ void CommandLineParser::add_run() {
   CLI::App& run = *app_.add_subcommand("run", "generate the paper's world and run it");
   add_frames(run, command_line_.run.frames, false);
   add_world(run, command_line_.run.world);
+  add_rays(run, command_line_.run);
   add_service(run, command_line_.run.service);
   add_output(run, command_line_.run.output);
   run.option_defaults()->group(option_groups::faults);
@@ -71,7 +72,7 @@ void CommandLineParser::add_run() {
       ->check(between(0.001, 100'000.0))
       ->type_name("MINUTES")
       ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail", "--status", "--picture",
-                 "--link");
+                 "--link", "--rays");
 }
 
 void CommandLineParser::add_replay() {
@@ -80,6 +81,7 @@ void CommandLineParser::add_replay() {
   add_frames(replay, command_line_.replay.frames, true);
   add_service(replay, command_line_.replay.service);
   add_output(replay, command_line_.replay.output);
+  add_queries(replay, command_line_.replay);
 }
 
 void CommandLineParser::add_record() {
@@ -87,6 +89,7 @@ void CommandLineParser::add_record() {
       *app_.add_subcommand("record", "run the paper's world and record it as PREFIX.json and PREFIX.bin");
   add_frames(record, command_line_.run.frames, false);
   add_world(record, command_line_.run.world);
+  add_rays(record, command_line_.run);
   add_service(record, command_line_.run.service);
   record.option_defaults()->group(option_groups::output);
   record
@@ -117,6 +120,7 @@ void CommandLineParser::add_profile(ProfileOptions& options) {
   add_recorded_world(profile, options.replay, false);
   add_frames(profile, options.run.frames, true);
   add_world(profile, options.run.world);
+  add_rays(profile, options.run);
   add_service(profile, options.run.service);
   add_output(profile, options.run.output);
 }
@@ -156,6 +160,8 @@ void CommandLineParser::resolve_profile(const CLI::App& command) {
   replay.service = run.service;
   replay.service.users_given = command.count("--users") > 0;
   replay.output = run.output;
+  replay.rays = run.rays;
+  replay.seed = run.world.seed;
   replay.frames = {command.count("--frames") > 0 ? run.frames.frames : 0,
                    command.count("--warmup") > 0 ? run.frames.warmup : 0};
 }

@@ -59,6 +59,7 @@ struct RunOptions {
   ServiceOptions service;
   worlds::PaperWorldOptions world;
   OutputOptions output;
+  std::uint32_t rays = 0;     ///< random rays of each counted frame
   std::string record_prefix;  ///< `record` only
   double soak_minutes = 0;    ///< `run` only; 0: no soak
 };
@@ -69,6 +70,10 @@ struct ReplayOptions {
   OutputOptions output;
   std::string scene;
   std::string motion;
+  std::string queries;     ///< `replay` only; empty: none
+  std::string answers;     ///< `replay` only
+  std::uint32_t rays = 0;  ///< `profile` only: as RunOptions::rays
+  std::uint64_t seed = 1;  ///< of the rays
 };
 
 /// Options of `ringfence scale`, which runs every combination of the lists.

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "queries/query_report.hpp"
 #include "report.hpp"
 
 namespace ringfence::tools {
@@ -141,6 +142,7 @@ void print_profile(std::FILE* out, const Job& job, const Figures& figures) {
   print_kinds(out, figures);
   fmt::print(out, "\n");
   print_nodes(out, figures);
+  print_queries(out, figures);
   fmt::print(out, "digest      {:016x}\n", figures.digest());
 }
 

@@ -9,6 +9,7 @@
 #include "frozen_names.hpp"
 #include "machine.hpp"
 #include "profile.hpp"
+#include "queries/query_report.hpp"
 
 namespace ringfence::tools {
 
@@ -88,6 +89,10 @@ void print_check(std::FILE* out, const FrameChecker& checker) {
   if (!checker.brute_force()) return;
   if (checker.differences() == 0) {
     fmt::print(out, "check       {} frames agree with brute force in double precision\n", checker.frames());
+    if (checker.answers() > 0) {
+      fmt::print(out, "check       {} answers of {} frames agree with brute force in double precision\n",
+                 checker.answers(), checker.answered_frames());
+    }
   } else {
     fmt::print(out, "check       FAILED: {} differences from brute force in {} frames\n", checker.differences(),
                checker.frames());
@@ -117,6 +122,7 @@ Json config_of(const Job& job, const Figures& figures) {
                  {"warmup", job.frames.warmup},
                  {"frames", job.frames.frames},
                  {"objects", job.scene.objects.size()}};
+  if (job.queries.rays > 0) config["rays"] = job.queries.rays;
   if (const worlds::PaperWorldOptions* world = job.world) {
     config["shapes"] = name_of(world->shapes);
     config["coverage"] = world->coverage;
@@ -252,6 +258,7 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
   report["frames"] = figures.frames();
   report["ended_by"] = figures.ended_by ? Json(figures.ended_by) : Json(nullptr);
   report["digest"] = fmt::format("{:016x}", figures.digest());
+  if (figures.queries) report["answer_digest"] = answer_digest(figures);
   report["frame_ms"] = {{"mean", frame.mean}, {"p50", frame.p50}, {"p99", frame.p99}, {"max", frame.max}};
   for (std::size_t i = 0; i < stage_count; ++i) {
     report["stages_ms"][name_of(static_cast<Stage>(i))] = figures.stage_ms(static_cast<Stage>(i));
@@ -262,6 +269,7 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
                         {"mean", figures.mean(static_cast<double>(figures.contacts))},
                         {"began", figures.began},
                         {"ended", figures.ended}};
+  if (figures.queries) report["queries"] = queries_json(figures);
   report["nodes"] = nodes_of(figures);
   report["kinds"] = kinds_of(figures);
   report["imbalance"] = imbalance_of(figures);
@@ -289,6 +297,7 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
   }
   if (checker.brute_force()) {
     report["check"] = {{"frames", checker.frames()}, {"differences", checker.differences()}};
+    if (figures.queries) report["check"]["answers"] = checker.answers();
   }
   if (job.profile) report["profile"] = profile_json(figures);
   return report;
@@ -390,6 +399,7 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
     if (figures.refused(reason) > 0) fmt::print(out, "refused     {} {}\n", figures.refused(reason), name_of(reason));
   }
   print_failed_supports(out, figures);
+  print_queries(out, figures);
   print_check(out, checker);
   if (!job.record_prefix.empty()) fmt::print(out, "recorded    {0}.json, {0}.bin\n", job.record_prefix);
   fmt::print(out, "digest      {:016x}\n", figures.digest());

@@ -177,6 +177,25 @@ void add_population(CLI::App& command, worlds::PaperWorldOptions& world) {
                "frames after which an object selects another target");
 }
 
+void add_rays(CLI::App& command, RunOptions& options) {
+  command.option_defaults()->group(option_groups::world);
+  command.add_option("--rays", options.rays, "random rays of 50 m in each counted frame, each with its first hit")
+      ->check(between(0u, 10'000'000u))
+      ->capture_default_str()
+      ->type_name("N");
+}
+
+void add_queries(CLI::App& command, ReplayOptions& options) {
+  command.option_defaults()->group(option_groups::world);
+  CLI::Option* const queries =
+      command.add_option("--queries", options.queries, "rays, sweeps, overlaps and nearest points about frames, CSV");
+  command.option_defaults()->group(option_groups::output);
+  CLI::Option* const answers =
+      command.add_option("--answers", options.answers, "write the answers to --queries as CSV; -: standard output");
+  queries->type_name("FILE")->needs(answers);
+  answers->type_name("FILE")->needs(queries);
+}
+
 void add_output(CLI::App& command, OutputOptions& output) {
   command.option_defaults()->group(option_groups::output);
   command.add_flag("--check", output.check, "compare every frame with brute force in double precision");

@@ -21,6 +21,10 @@ void add_users(CLI::App& command, ServiceOptions& service);
 void add_world(CLI::App& command, worlds::PaperWorldOptions& world);
 /// The options of the generated world except the number of objects.
 void add_population(CLI::App& command, worlds::PaperWorldOptions& world);
+/// The random rays of a load.
+void add_rays(CLI::App& command, RunOptions& options);
+/// The files of queries and answers.
+void add_queries(CLI::App& command, ReplayOptions& options);
 /// Checks and output files. Includes add_quiet.
 void add_output(CLI::App& command, OutputOptions& output);
 void add_quiet(CLI::App& command, OutputOptions& output);

@@ -141,6 +141,11 @@ std::string usage_message(const CLI::App& app, const CLI::ParseError& error) {
   if (const std::size_t at = what.find(excludes); kind == CLI::ExitCodes::ExcludesError && at != std::string::npos) {
     return fmt::format("{}: not possible together with {}", what.substr(0, at), what.substr(at + excludes.size()));
   }
+  constexpr std::string_view requires_text = " requires ";
+  if (const std::size_t at = what.find(requires_text);
+      kind == CLI::ExitCodes::RequiresError && at != std::string::npos) {
+    return fmt::format("{}: expected {} too", what.substr(0, at), what.substr(at + requires_text.size()));
+  }
   return what;
 }
 
