@@ -19,13 +19,24 @@ bool is_ray(const Question& question) { return &question.motion.shape == &point_
 
 double largest(const Vec3d& p) { return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}); }
 
-/// The distance of a point from the segment from `start` to `start + d`.
-double distance_from_segment(const Vec3d& point, const Vec3d& start, const Vector& d) {
-  const Vector from = Vector(point) - Vector(start);
-  const double square = dot(d, d);
-  const double along = square > 0 ? std::clamp(dot(from, d) / square, 0.0, 1.0) : 0.0;
-  return length(from - d * along);
-}
+/// The segment from `start` to `start + d`.
+class Segment {
+ public:
+  Segment(const Vec3d& start, const Vector& d) : start_(start), d_(d) {
+    const double square = dot(d, d);
+    inverse_ = square > 1e-200 ? 1 / square : 0;  // shorter ones are points
+  }
+
+  bool is_within(double distance, const Vec3d& point) const {
+    const Vector from = Vector(point) - start_;
+    const Vector off = from - d_ * std::clamp(dot(from, d_) * inverse_, 0.0, 1.0);
+    return dot(off, off) <= distance * distance;
+  }
+
+ private:
+  Vector start_, d_;
+  double inverse_;  ///< 1 / (d · d); 0 for points
+};
 
 std::string of_object(const FrameObject& object, const std::string& error) {
   return error.empty() ? error : "object " + std::to_string(object.number) + ": " + error;
@@ -68,11 +79,11 @@ template <class Visit>
 std::string AnswerCheck::visit_near(const Question& question, double until, double reach, const Visit& visit) const {
   const Motion& motion = question.motion;
   const Vector d = Vector(motion.displacement) * until;
+  const Segment segment(motion.start.position, d);
   const double rounding = 8e-15 * (largest(motion.start.position) + largest(d));
+  const double added = motion.shape.bounding_radius + reach + 1e-3 + rounding;
   for (const Ball& ball : balls_) {
-    const double between = distance_from_segment(ball.centre, motion.start.position, d) - ball.radius -
-                           motion.shape.bounding_radius - reach;
-    if (between > 1e-3 * ball.radius + 1e-3 + rounding || !is_admitted(question, *ball.object)) continue;
+    if (!segment.is_within(1.001 * ball.radius + added, ball.centre) || !is_admitted(question, *ball.object)) continue;
     if (std::string error = visit(*ball.object); !error.empty()) return error;
   }
   return {};

@@ -26,7 +26,7 @@ struct Question {
 /// Compares answers of the engine with all objects of a frame: every answered hit is right, and no object is missing.
 ///
 /// Objects are culled by their bounding balls, the rest is tested exactly; see query_check.hpp. Shares no code with the
-/// engine's queries. Threads: any number may check answers. Cost: about 3 ns for each object, and 40 separations for
+/// engine's queries. Threads: any number may check answers. Cost: about 5 ns for each object, and 40 separations for
 /// each object whose ball the query reaches before its first hit.
 class AnswerCheck {
  public:
