@@ -72,7 +72,8 @@ struct PositionRecord {
   Pose pose;
   geometry::Bounds bounds;
   ShapeNumber shape = 0;
-  std::uint32_t layer = 0;  ///< 0 to 31
+  std::uint16_t layer = 0;     ///< 0 to 31
+  std::uint16_t category = 0;  ///< value of Category; what moves the object is in the flags
   std::uint32_t group = 0;
   std::uint32_t reserved = 0;
   std::uint64_t user_data = 0;

@@ -14,13 +14,15 @@
 
 namespace ringfence::narrow_phase {
 
-/// An object in the narrow phase, with all that a contact says of it: one cache line. Kernels read pose and shape.
+/// An object in the narrow phase, with all that a contact or the answer to a query says of it: one cache line. Kernels
+/// read pose and shape.
 struct alignas(64) Body {
   Pose pose;  ///< finite; the orientation is a unit quaternion (normalised where it enters the engine)
   ShapeNumber shape = 0;
   ObjectNumber number = 0;
   std::uint32_t generation = 0;
-  std::uint32_t layer = 0;
+  std::uint16_t layer = 0;
+  std::uint16_t category = 0;  ///< a ringfence::Category
   std::uint64_t user_data = 0;
 };
 static_assert(sizeof(Body) == 64);

@@ -48,7 +48,8 @@ bool is_valid(const messages::ReplicaRecord& record, const MessageLimits& limits
 
 bool is_valid(const messages::PositionRecord& record, const MessageLimits& limits) noexcept {
   return is_valid(record.object, limits) && is_valid_pose(record.pose) && is_valid(record.bounds) &&
-         record.shape < limits.shapes && record.layer < layers;
+         record.shape < limits.shapes && record.layer < layers &&
+         record.category <= static_cast<std::uint16_t>(Category::fixed);
 }
 
 bool is_valid(const messages::PlaceRecord& record, const MessageLimits& limits) noexcept {

@@ -146,6 +146,7 @@ std::vector<Layout> record_layouts() {
         field<Pose>("pose", offsetof(PositionRecord, pose)), field<Bounds>("bounds", offsetof(PositionRecord, bounds)),
         field<decltype(PositionRecord::shape)>("shape", offsetof(PositionRecord, shape)),
         field<decltype(PositionRecord::layer)>("layer", offsetof(PositionRecord, layer)),
+        field<decltype(PositionRecord::category)>("category", offsetof(PositionRecord, category)),
         field<decltype(PositionRecord::group)>("group", offsetof(PositionRecord, group)),
         field<decltype(PositionRecord::reserved)>("reserved", offsetof(PositionRecord, reserved)),
         field<decltype(PositionRecord::user_data)>("user_data", offsetof(PositionRecord, user_data))}},

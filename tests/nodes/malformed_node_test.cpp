@@ -289,6 +289,8 @@ TEST_CASE("a CD node discards and counts invalid messages of a server in another
                                                [](auto& record) { record.shape = 5; });
     sent += changed.operator()<PositionRecord>("an unknown layer", MessageType::position_update,
                                                [](auto& record) { record.layer = 32; });
+    sent += changed.operator()<PositionRecord>("an unknown category", MessageType::position_update,
+                                               [](auto& record) { record.category = 4; });
     sent += changed.operator()<PositionRecord>("a position that is not a number", MessageType::position_update,
                                                [](auto& record) { record.pose.position.y = std::nan(""); });
     sent += changed.operator()<HandOverRecord>("an object without a number", MessageType::hand_over,

@@ -21,8 +21,8 @@ void HaloExchange::add_updates(std::uint32_t hosted, const geometry::Bounds& bou
     if (!added) {
       messages::ObjectRef update = object.object;
       update.flags = messages::flag_present | (staying ? messages::flag_keeps_host : 0u);
-      ghost_updates.add(
-          {update, object.pose, bounds, object.shape, object.layer, state_.host.group(hosted), 0, object.user_data});
+      ghost_updates.add({update, object.pose, bounds, object.shape, object.layer, object.category,
+                         state_.host.group(hosted), 0, object.user_data});
       added = true;
     }
     ghost_updates.add_receiver(peer, gone);

@@ -12,9 +12,10 @@ RegionObjects::RegionObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps)
 // Calls visit for each list that has an element for each object.
 template <class Visit>
 void RegionObjects::each_list(Visit visit) {
-  visit(slots_), visit(bodies_), visit(numbers_), visit(hosted_), visit(marks_), visit(marks_before_), visit(layers_);
+  visit(slots_), visit(bodies_), visit(numbers_), visit(hosted_), visit(marks_), visit(marks_before_), visit(layers_),
+      visit(groups_);
   if (sweeps_) {
-    visit(bounds_), visit(groups_), visit(resting_), visit(present_);
+    visit(bounds_), visit(resting_), visit(present_);
   }
 }
 
@@ -31,9 +32,9 @@ std::uint32_t RegionObjects::add(std::uint32_t slot) {
   marks_.push_back(0);
   marks_before_.push_back(0);
   layers_.push_back(0);
+  groups_.push_back(0);
   if (sweeps_) {
     bounds_.add();
-    groups_.push_back(0);
     resting_.push_back(0);
     present_.push_back(1);
   }
@@ -42,7 +43,8 @@ std::uint32_t RegionObjects::add(std::uint32_t slot) {
 
 void RegionObjects::set_filter(std::uint32_t i, PairFilter filter) {
   layers_[i] = filter.layer;
-  if (sweeps_) {
+  // As long as no object has had a group all of groups_ are 0, so a node that does not sweep need not touch them.
+  if (sweeps_ || has_groups_ || filter.group != 0) {
     groups_[i] = filter.group;
     has_groups_ |= filter.group != 0;
   }

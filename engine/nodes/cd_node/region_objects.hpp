@@ -70,7 +70,8 @@ class RegionObjects {
       numbers_[i] = object.number;
       set_filter(i, filter());
     }
-    bodies_[i] = {values.pose, values.shape, object.number, object.generation, values.layer, values.user_data};
+    bodies_[i] = {values.pose,  values.shape,    object.number,   object.generation,
+                  values.layer, values.category, values.user_data};
     marks_[i] = static_cast<std::uint8_t>((inner ? inner_mark : 0) | static_cast<unsigned>(next));
     hosted_[i] = hosted;
     if (sweeps_) {

@@ -25,7 +25,8 @@ TEST_CASE("a node knows exactly the objects that it received and that were not r
     record.pose.position = {static_cast<double>(random() % 100), 2, 3};
     record.bounds.lower[0] = static_cast<std::uint32_t>(random());
     record.shape = static_cast<ShapeNumber>(random() % 7);
-    record.layer = static_cast<std::uint32_t>(random() % 32);
+    record.layer = static_cast<std::uint16_t>(random() % 32);
+    record.category = static_cast<std::uint16_t>(random() % 4);
     record.group = static_cast<std::uint32_t>(random() % 5);
     record.object.generation = static_cast<std::uint32_t>(random());
     record.user_data = random();

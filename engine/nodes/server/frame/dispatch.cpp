@@ -155,6 +155,7 @@ bool Dispatch::pump_updates(NodeNumber node) {
                                     .bounds = objects.bounds()[slot],
                                     .shape = row.shape,
                                     .layer = row.layer,
+                                    .category = row.category,
                                     .group = objects.group(slot),
                                     .user_data = objects.origin(slot).user_data};
     if ((updates[i] & gone) != 0) {

@@ -83,9 +83,13 @@ struct Node {
     const std::vector<std::uint32_t> body_of = shuffled(rows.size(), random);
     bodies.resize(rows.size());
     for (std::size_t slot = 0; slot < rows.size(); ++slot) {
-      bodies[body_of[slot]] = {rows[slot].pose,          0,
-                               rows[slot].object.number, rows[slot].object.generation,
-                               rows[slot].layer,         origins_of(rows)[slot].user_data};
+      bodies[body_of[slot]] = {rows[slot].pose,
+                               0,
+                               rows[slot].object.number,
+                               rows[slot].object.generation,
+                               rows[slot].layer,
+                               rows[slot].category,
+                               origins_of(rows)[slot].user_data};
     }
     touches.resize(own.size());
     lists->start(frame);
