@@ -13,6 +13,7 @@ World::Implementation::Implementation(WorldConfig given)
     : state(std::move(given)),
       requests(state.config, state.shapes),
       frame_store(state.shared_shapes, state.config.history),
+      batches(state.shared_shapes),
       users(state),
       nodes(state),
       membership(state, nodes, requests) {
@@ -110,6 +111,7 @@ void World::Implementation::free_gone_roles() {
   membership.remove_gone(report, *server);
   if (nodes.pool().free_retired()) {
     server->free_abandoned();
+    batches.free_abandoned();
     state.shapes.free_removed(frame_store.drop_obsolete());
   }
 }

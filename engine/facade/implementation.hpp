@@ -7,6 +7,7 @@
 
 #include "facade/cd_nodes/cd_nodes.hpp"
 #include "facade/cd_nodes/node_membership.hpp"
+#include "facade/queries/attached_batches.hpp"
 #include "facade/queries/frame_store.hpp"
 #include "facade/requests/requests.hpp"
 #include "facade/results/contact_index.hpp"
@@ -67,6 +68,7 @@ struct World::Implementation {
   FrameReport report;        ///< of the last frame
   mutable facade::ContactIndex contact_index;
   mutable facade::FrameStore frame_store;  ///< of snapshots
+  facade::AttachedBatches batches;         ///< of the next frame, or of the one that is running
   facade::UserNodes users;
   facade::CdNodes nodes;
   facade::NodeMembership membership;

@@ -30,6 +30,7 @@ World::~World() {
   }
   const base::DefaultFloatingPoint floating_point;
   release_faults();
+  implementation_->batches.detach();
   if (implementation_->frame_is_running() && !implementation_->state.halt.is_set()) {
     (void)finish_frame();  // its results are not read
   }
@@ -50,6 +51,7 @@ Status World::begin_frame() try {
     return w.requests.refuse(Status::out_of_order);
   }
   w.requests.cut(w.state.order);
+  w.batches.prepare(w.state.order);
   w.users.connect();
   w.membership.cut(*w.server);
   w.users.steer(w.requests.user_orders());
@@ -78,6 +80,9 @@ Status World::finish_frame() try {
   w.users.forget(w.requests.users().cut_leaving());
   w.requests.forget_cut(w.state.order);
   w.take_report();
+  if (!w.batches.empty()) {
+    w.batches.answer(*w.server, w.report, [this] { return snapshot(); });
+  }
   w.users.part_with_late(w.report.late);
   w.complete_report();
   w.free_gone_roles();

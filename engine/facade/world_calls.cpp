@@ -209,6 +209,14 @@ std::span<const std::span<const SeenState>> World::seen_by(UserId user) const no
   return role == nullptr ? std::span<const std::span<const SeenState>>{} : role->seen(implementation_->frames - 1);
 }
 
+Status World::attach(QueryBatch& batch) {
+  Implementation& w = *implementation_;
+  return w.answer([&] {
+    const Status status = w.frame_is_running() ? Status::out_of_order : w.batches.attach(batch);
+    return status == Status::ok ? status : w.requests.refuse(status);
+  });
+}
+
 Snapshot World::snapshot() const {
   const base::DefaultFloatingPoint floating_point;
   const Implementation& w = *implementation_;

@@ -188,6 +188,8 @@ struct NodeFrameStats {
   std::uint64_t host_owned_changes = 0;  ///< host-owned states that changed and were not sent
   /// Part of cpu_ns: from the time when all states are sent until they are published.
   std::uint64_t publish_cpu_ns = 0;
+  /// Answers to queries: wall time; tested boxes, exact tests, and how many of these a support function ended.
+  std::uint64_t query_ns = 0, query_boxes = 0, query_tests = 0, query_failed_supports = 0;
 };
 
 /// Narrow phase statistics of a node for one pair of shape kinds; KindReport has the same fields.
@@ -209,6 +211,37 @@ struct LostRecord {
   std::uint64_t contacts = 0;  ///< the same for contacts (`notify`)
 };
 
+/// Kinds of queries; see ringfence/query.hpp.
+enum class QueryKind : std::uint32_t { cast, cast_any, cast_all, sweep, sweep_all, overlap, nearest };
+inline constexpr std::uint32_t query_kinds = 7;
+
+/// A query that all CD nodes answer for the objects that they own. Every node receives the same queries in the same
+/// order, so that a position in this order names a query.
+struct QueryRecord {
+  std::uint32_t kind = 0;                    ///< value of QueryKind
+  ShapeNumber shape = 0;                     ///< sweep, sweep_all, overlap: the shape, not a mesh; else 0
+  Pose start;                                ///< the start, or the point; of a shape also its orientation
+  Vec3d displacement;                        ///< 0 for overlap and nearest
+  double distance = 0;                       ///< nearest: the largest distance, metres, >= 0, may be infinite; else 0
+  std::uint32_t layers = 0, categories = 0;  ///< of QueryFilter, as the next three
+  std::uint32_t except_group = 0;
+  ObjectNumber except_number = 0;  ///< 0: none
+  std::uint32_t except_generation = 0;
+  std::uint32_t reserved = 0;
+};
+
+/// What a CD node found for one query at one object that it owns: one record for each object that a query with a list
+/// finds; for the other queries only the first or nearest of the node's objects.
+struct QueryHitRecord {
+  std::uint32_t query = 0;  ///< position in the run of queries
+  std::uint32_t slot = 0;   ///< of the object
+  std::uint32_t child = 0;  ///< this and the rest as in Hit; 0 for cast_any
+  std::uint32_t triangle = 0;
+  double place = 0;  ///< the fraction; nearest: the distance
+  Vec3d point;
+  Vec3d normal;
+};
+
 /// A message or record of the receiver that the server refused. `number` is 0 for a whole message.
 struct RefusedRecord {
   ObjectNumber number = 0;
@@ -228,7 +261,8 @@ static_assert(sizeof(PlaceRecord) == 56);
 static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 24 && sizeof(RefusedRecord) == 8);
 static_assert(sizeof(CountRecord) == 8 && sizeof(GhostsSentRecord) == 8);
 static_assert(sizeof(KindRecord) == 240);
-static_assert(sizeof(NodeFrameStats) == 136);
+static_assert(sizeof(NodeFrameStats) == 168);
+static_assert(sizeof(QueryRecord) == 104 && sizeof(QueryHitRecord) == 72);
 static_assert(sizeof(LostRecord) == 24);
 static_assert(std::is_trivially_copyable_v<CollisionRecord> && std::is_trivially_copyable_v<HandOverRecord>);
 

@@ -121,6 +121,41 @@ TEST_CASE("in steady state a frame does not allocate, in any deployment and plac
   });
 }
 
+TEST_CASE("in steady state a frame with the same queries does not allocate") {
+  constexpr double side = 16;
+  WorldConfig base;
+  base.bounds_max = {side, side, side};
+  base.balance = false;
+  base.motion = std::make_shared<PacingModel>();
+  in_all_worlds(base, {0u, 2u}, [](const WorldConfig& config) {
+    World world(config);
+    const ShapeId ball = world.add_shape(Sphere{1});
+    populate(world, 500, 4, side);
+    QueryBatch batch;
+    for (int i = 0; i < 600; ++i) {
+      const Vec3d start{i % 17 * 1.0, i % 13 * 1.0, i % 11 * 1.0};
+      const Vec3d away{i % 7 - 3.0, i % 5 - 2.0, 4};
+      batch.cast.push_back({start, away});
+      batch.cast_any.push_back({start, away});
+      batch.cast_all.push_back({start, away});
+      batch.sweep.push_back({ball, {start, {}}, away});
+      batch.sweep_all.push_back({ball, {start, {}}, away});
+      batch.overlap.push_back({ball, {start, {}}});
+      batch.nearest.push_back({start, 3});
+    }
+    const auto frame = [&] {
+      REQUIRE(world.attach(batch) == Status::ok);
+      REQUIRE(world.advance() == Status::ok);
+    };
+    for (int k = 0; k < 50; ++k) frame();
+    const std::uint64_t before = allocations.load();
+    for (int k = 50; k < 80; ++k) frame();
+    CHECK(allocations.load() - before == 0);
+    CHECK(world.report().recomputed_batches == 0);
+    CHECK(batch.answers.cast_all.all().size() > 100);
+  });
+}
+
 /// Makes allocations fail during its lifetime.
 class OutOfMemory {
  public:

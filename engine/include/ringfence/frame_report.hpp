@@ -9,6 +9,7 @@
 
 #include "ringfence/ids.hpp"
 #include "ringfence/profile.hpp"
+#include "ringfence/query.hpp"
 #include "ringfence/status.hpp"
 
 namespace ringfence {
@@ -45,6 +46,9 @@ struct NodeReport {
   std::uint64_t failed_supports = 0;  ///< pairs without a contact because a support function failed
   std::uint64_t hosted = 0;           ///< objects that the node hosts after the frame
   std::uint64_t handed_over = 0;      ///< objects that the node handed over to others
+  double query_ms = 0;                ///< wall time of answering queries (World::attach)
+  std::uint64_t query_boxes = 0;      ///< of QueryWork, for these queries
+  std::uint64_t query_tests = 0;      ///< the same
 };
 
 /// Kinds of traffic. m1 to m5 are the messages of the paper (see docs/protocol.md). `state` is the states that CD nodes
@@ -111,7 +115,9 @@ struct FrameReport {
   /// used again. The first nodes have the ids 0, 1 and so on, in order; a later node may stand where a node was that is
   /// gone. If a fallback node did the work of the last node, it stands in its place.
   std::vector<NodeReport> nodes;
-  std::vector<KindReport> kinds;  ///< pairs of kinds that had candidates
+  QueryWork queries;  ///< what the batches of World::attach cost, at the nodes and on the calling thread
+  std::uint64_t recomputed_batches = 0;  ///< batches that the calling thread answered, because a node was lost
+  std::vector<KindReport> kinds;         ///< pairs of kinds that had candidates
   /// Empty unless WorldConfig::timeline is set. Contains no spans of lost nodes and remote nodes.
   std::vector<TimelineSpan> timeline;
 

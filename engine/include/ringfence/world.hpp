@@ -15,6 +15,7 @@
 #include "ringfence/ids.hpp"
 #include "ringfence/object.hpp"
 #include "ringfence/object_contacts.hpp"
+#include "ringfence/query_batch.hpp"
 #include "ringfence/seen_state.hpp"
 #include "ringfence/shape.hpp"
 #include "ringfence/snapshot.hpp"
@@ -182,6 +183,12 @@ class World {
   /// begin_frame; otherwise empty. The first call after a frame copies what queries read of each object and builds an
   /// index; further calls share it. Worlds that never call it pay nothing.
   Snapshot snapshot() const;
+
+  /// The CD nodes answer the queries of the batch in the next frame, in parallel; finish_frame completes its answers.
+  /// See QueryBatch. Several batches may be attached; each for one frame, so attach it again for the one after. Refused
+  /// with out_of_order while a frame is running, and if the batch is attached already. Frames without a batch pay
+  /// nothing.
+  Status attach(QueryBatch& batch);
 
   /// The object as it stood after the last frame; `id` is null if the id is stale, the object not yet in the world, or
   /// a frame is running.

@@ -16,6 +16,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
       mover_(state_, *exchange_, halo_, migration_),
       detector_(state_),
       publisher_(state_, detector_, *exchange_),
+      answerer_(state_),
       expected_(state_, *exchange_, migration_) {}
 
 void CdNodeRole::assign(NodeNumber node, const std::vector<Connection>& peers) {
@@ -35,6 +36,11 @@ Step CdNodeRole::step() {
   progressed |= receive_from_peers();
   progressed |= answer_probe();
   while (advance()) {
+    progressed = true;
+  }
+  // A part of them in each step, so that the node answers probes meanwhile.
+  if (answerer_.is_pending()) [[unlikely]] {
+    answerer_.answer_some();
     progressed = true;
   }
   if (progressed) {
@@ -83,10 +89,14 @@ bool CdNodeRole::advance() {
         return false;
       }
       state_.stats.detect_cpu_ns = cpu_spent() - state_.stats.move_cpu_ns - state_.stats.publish_cpu_ns;
+      // Here the node would wait for the other nodes. The next message may be a new map, which clears its objects.
+      if (!state_.contacts.queries.queries.empty()) [[unlikely]] {
+        answerer_.begin();
+      }
       state_.stage = CdNodeStage::ending;
       return true;
     case CdNodeStage::ending:
-      if (!state_.received.frame_end) {
+      if (!state_.received.frame_end || answerer_.is_pending()) {
         return false;
       }
       publisher_.finish();
@@ -254,6 +264,7 @@ void CdNodeRole::detect_again() {
   state_.await_positions();
   exchange_->discard_ghosts();
   detector_.discard();
+  answerer_.discard();
   if (state_.stage != CdNodeStage::waiting) {
     state_.host.contacts().begin(state_.frame);
   }

@@ -16,6 +16,7 @@
 #include "nodes/cd_node/mover.hpp"
 #include "nodes/cd_node/node_state.hpp"
 #include "nodes/cd_node/peer_inbox.hpp"
+#include "nodes/cd_node/queries/query_answerer.hpp"
 #include "nodes/exchange/node/node_exchange.hpp"
 #include "nodes/role.hpp"
 #include "ringfence/fault.hpp"
@@ -29,8 +30,8 @@ namespace ringfence::nodes {
 /// A frame, in the order of its messages: frame_begin; move hosted objects batch by batch, report them to the server
 /// (node_state), publish them for user nodes (published), and send the other nodes what they need of them (ghost);
 /// receive the other objects of its region (M2) and the pairs to test, or sweep for them, and test them as they arrive;
-/// send the contacts (M3); receive the contacts of hosted objects from the other nodes (M4); hand over objects that
-/// crossed a border (M5); frame_done.
+/// send the contacts (M3); answer the queries of the frame, if there are any; receive the contacts of hosted objects
+/// from the other nodes (M4); hand over objects that crossed a border (M5); frame_done.
 ///
 /// Threads: one thread at a time steps it. Never blocks, never throws; does not allocate in steady state.
 class CdNodeRole {
@@ -83,6 +84,7 @@ class CdNodeRole {
   Mover mover_;
   Detector detector_;
   ContactPublisher publisher_;
+  QueryAnswerer answerer_;
   PeerInbox inbox_;
   ExpectedMessages expected_;
   messages::RunSender probe_reply_run_, frame_done_run_;

@@ -12,6 +12,7 @@
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/exchange/ghost_updates.hpp"
 #include "nodes/exchange/host_owned_states.hpp"
+#include "nodes/exchange/node_queries.hpp"
 #include "nodes/exchange/object_row.hpp"
 #include "nodes/exchange/peer_lists.hpp"
 #include "nodes/exchange/read_gate.hpp"
@@ -106,6 +107,8 @@ struct NodeContacts {
   std::uint32_t share = 0;                                ///< number of the slice
   ReadGate gate;  ///< for the contacts of other nodes; opened before `frame_end`
 
+  NodeQueries queries;  ///< see NodeQueries for its rules
+
   // Written by the node before `frame_done`.
   std::uint64_t duplicates = 0;  ///< contacts of the slice whose pair was already written
   std::uint64_t taken = 0;       ///< contacts read from the other nodes
@@ -181,7 +184,7 @@ struct NodeContacts {
     const Vec3d& position;
   };
   static Side side(const narrow_phase::Body& body) noexcept {
-    return {body.number, body.generation, static_cast<std::uint16_t>(body.layer), body.user_data, body.pose.position};
+    return {body.number, body.generation, body.layer, body.user_data, body.pose.position};
   }
   Side side(std::uint32_t slot) const noexcept {
     const ObjectRow& row = rows[slot];

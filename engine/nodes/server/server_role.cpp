@@ -61,6 +61,21 @@ bool ServerRole::lose(NodeNumber node) {
   return true;
 }
 
+bool ServerRole::list_answers(std::vector<const NodeQueries*>& answers) const {
+  answers.clear();
+  if (!report(state_.frame).lost.empty()) {
+    return false;  // the thread of a lost node may still write its answers
+  }
+  bool all = true;
+  for (const PeerSession& node : state_.nodes) {
+    if (node.connected) {
+      answers.push_back(&exchange_->queries_of(node));
+      all &= answers.back()->frame == state_.frame;
+    }
+  }
+  return all;
+}
+
 void ServerRole::cut() {
   state_.frame = frames_++;
   statistics_.begin();
@@ -76,6 +91,7 @@ void ServerRole::cut() {
   relay_.begin();
   state_.ledger.begin(state_.frame);
   exchange_->begin();
+  exchange_->begin_queries();
   state_.host.contacts().read(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
   states_.begin();
   failover_.begin();

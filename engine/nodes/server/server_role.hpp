@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/contacts/contact_router.hpp"
@@ -62,6 +63,9 @@ class ServerRole {
   }
   /// The model's state of the same: ObjectTable::state_bytes() bytes, valid until the next frame.
   const std::byte* state(std::uint32_t slot) const noexcept { return states_.state(slot); }
+  /// Lists what the CD nodes answered to the queries of the last frame (FrameOrder::queries). Returns false if that is
+  /// not complete, because a node was lost.
+  bool list_answers(std::vector<const NodeQueries*>& answers) const;
   /// Why the model threw in the last frame, for objects that were spawned or that the server moved.
   const ModelFailures& model_failures() const noexcept { return state_.model_failures; }
   // For the last frame; unchanged while the next one is running.

@@ -4,11 +4,13 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "base/numbers.hpp"
 #include "geometry/shape_table.hpp"
 #include "link/doorbell.hpp"
+#include "messages/records.hpp"
 #include "nodes/exchange/publications.hpp"
 #include "nodes/role.hpp"
 #include "nodes/server/request.hpp"
@@ -20,8 +22,10 @@ namespace ringfence::nodes {
 
 /// Control of the server's frames by the facade: starts a frame and learns of its completion. One frame at a time.
 struct FrameOrder {
-  std::vector<Request> requests;          ///< for the cut; read by the server while the frame is running
-  std::vector<std::byte> states;          ///< of their set_state requests, one after the other
+  std::vector<Request> requests;  ///< for the cut; read by the server while the frame is running
+  std::vector<std::byte> states;  ///< of their set_state requests, one after the other
+  /// For the CD nodes; empty: none. Kept until the threads of nodes that are lost in this frame have ended.
+  std::span<const messages::QueryRecord> queries;
   std::atomic<std::uint64_t> ordered{0};  ///< number of frames ordered; a release store publishes `requests`
   std::atomic<std::uint64_t> completed{0};
   // The last CD node is lost and its work is not done: the server asks the facade for a fallback node in the same slot.

@@ -12,6 +12,8 @@ class MessageServerExchange final : public ServerExchange {
   explicit MessageServerExchange(ServerState& state) : ServerExchange(state, false) { MessageServerExchange::begin(); }
 
   void begin() override;
+  void begin_queries() override {}
+  const NodeQueries& queries_of(const PeerSession&) const noexcept override { return no_queries_; }
   bool receive_counts(const PeerSession& node, const messages::MessageView& message) override;
   void begin_ghosts(bool exchanged) noexcept override;
   bool send_ghosts(PeerSession& node) override;
@@ -29,6 +31,7 @@ class MessageServerExchange final : public ServerExchange {
   }
 
   DirectRecords ghosts_, contacts_;  ///< of this frame
+  NodeQueries no_queries_;           ///< node processes do not answer queries
 };
 
 }  // namespace ringfence::nodes

@@ -43,6 +43,11 @@ class ServerExchange {
   /// invalid.
   virtual bool receive_counts(const PeerSession&, const messages::MessageView&) { return false; }
 
+  /// At the cut: the queries that the CD nodes answer in this frame, if any.
+  virtual void begin_queries() = 0;
+  /// What a connected node has answered in the last frame. Between frames.
+  virtual const NodeQueries& queries_of(const PeerSession& node) const noexcept = 0;
+
   /// Before the last position of the frame is sent: nodes that have received it exchange ghost updates, or not.
   virtual void begin_ghosts(bool exchanged) noexcept { ghosts_exchanged_ = exchanged; }
   /// Announces to a node how many ghost updates it receives. Returns true when that is sent, or not needed.

@@ -1,8 +1,22 @@
 #include "nodes/exchange/server/shared_server_exchange.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace ringfence::nodes {
+
+void SharedServerExchange::begin_queries() {
+  const auto queries = state_.setup.order->queries;
+  if (queries.empty() && !std::exchange(had_queries_, false)) {
+    return;
+  }
+  had_queries_ = !queries.empty();
+  for (const PeerSession& node : state_.nodes) {
+    if (node.connected) {
+      node.connection.node_contacts->queries.queries = queries;
+    }
+  }
+}
 
 void SharedServerExchange::begin_ghosts(bool exchanged) noexcept {
   ServerExchange::begin_ghosts(exchanged);

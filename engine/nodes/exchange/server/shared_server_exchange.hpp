@@ -12,6 +12,10 @@ class SharedServerExchange final : public ServerExchange {
  public:
   explicit SharedServerExchange(ServerState& state) noexcept : ServerExchange(state, true) {}
 
+  void begin_queries() override;
+  const NodeQueries& queries_of(const PeerSession& node) const noexcept override {
+    return node.connection.node_contacts->queries;
+  }
   void begin_ghosts(bool exchanged) noexcept override;
   void close_ghost_gates() noexcept override;
   bool is_reading_ghosts() const noexcept override;
@@ -19,6 +23,8 @@ class SharedServerExchange final : public ServerExchange {
 
  private:
   Exchanged exchanged(const PeerSession& node) const noexcept override;
+
+  bool had_queries_ = false;  ///< in the last frame
 };
 
 }  // namespace ringfence::nodes

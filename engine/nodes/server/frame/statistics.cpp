@@ -143,6 +143,12 @@ void Statistics::add(const PeerSession& session, const messages::NodeFrameStats&
   node.narrow_phase_ms = telemetry::to_ms(stats.narrow_phase_ns);
   node.hosted = stats.hosted;
   node.handed_over = stats.handed_over;
+  node.query_ms = telemetry::to_ms(stats.query_ns);
+  node.query_boxes = stats.query_boxes;
+  node.query_tests = stats.query_tests;
+  frame.queries.boxes += stats.query_boxes;
+  frame.queries.tests += stats.query_tests;
+  frame.queries.failed_supports += stats.query_failed_supports;
   charge_path(session, stats);
   if (stats.host_owned_changes != 0) {
     count_shared(Traffic::state, stats.host_owned_changes,

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "nodes/cd_node/node_state.hpp"
+#include "nodes/cd_node/queries/query_answers.hpp"
+#include "queries/frame_part.hpp"
+
+namespace ringfence::nodes {
+
+/// Answers the queries of a frame (NodeQueries) for the objects that a CD node owns.
+///
+/// A present object belongs to the node whose region has the lower corner of its bounds. That is the rule for pairs,
+/// applied to the pair of the object with itself, so each object belongs to one node that knows it. An object whose
+/// bounds touch only this node's region needs no computation.
+///
+/// Threads: belongs to the CD node. Memory: nothing without queries; grows to the largest frame with queries.
+class QueryAnswerer {
+ public:
+  explicit QueryAnswerer(NodeState& state) : state_(state) {}
+
+  /// When the poses of the frame are final, while RegionObjects and the map are those of the tests: builds the index of
+  /// the owned objects. From then on the two may change.
+  void begin();
+  /// Whether queries are still to be answered.
+  bool is_pending() const noexcept { return pending_; }
+  /// Answers the next queries. Precondition: is_pending().
+  void answer_some();
+  /// The frame is detected again: discards the answers.
+  void discard() noexcept { pending_ = false; }
+
+ private:
+  static constexpr std::size_t queries_at_once = 256;
+
+  void list_owned();
+  void add_at_border();
+  void add(std::uint32_t known);
+
+  NodeState& state_;
+  std::vector<queries::FrameObject> owned_;  ///< of this frame
+  std::vector<std::uint32_t> at_border_;     ///< known objects that may belong to another node
+  queries::FramePart part_;                  ///< refers to owned_
+  QueryAnswers answers_;
+  std::size_t next_ = 0;  ///< query
+  bool pending_ = false;
+};
+
+}  // namespace ringfence::nodes
