@@ -423,8 +423,11 @@ TEST_CASE("without a model nothing moves by itself, but places and steers still 
   host.contacts().begin(0);
   host.move(0);
   CHECK((changed_numbers(host) == std::set<ObjectNumber>{1, 2}));
-  CHECK(hosted(host, 1).object.flags == 0);
+  CHECK(hosted(host, 1).object.flags == messages::flag_jumped);
   CHECK(hosted(host, 3).pose.position.x == 3);
+  host.contacts().begin(1);
+  host.move(1);
+  CHECK(hosted(host, 1).object.flags == 0);
   host.drop(1);
   CHECK(host.size() == 2);
 }
