@@ -24,7 +24,8 @@ PairWorld make_pairs(ShapeKind target, ShapeKind moving, bool hard, std::size_t 
   }
   RandomSource random(seed);
   const auto ellipsoid = [&]() -> ShapeDescription {
-    const auto radius = [&] { return static_cast<float>(random.uniform(0.3, 1.5)); };
+    const double size = hard ? random.logarithmic(0.03, 30) : 1;
+    const auto radius = [&] { return static_cast<float>(size * random.uniform(0.3, 1.5)); };
     const float x = radius(), y = radius(), z = radius();
     return SupportShape{std::make_shared<test::Ellipsoid>(Vec3f{x, y, z})};
   };
@@ -170,13 +171,20 @@ Vec3d sum(const Vec3d& p, const Vector& q) { return {p.x + q.x, p.y + q.y, p.z +
 
 double largest(const Vec3d& p) { return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}); }
 
-/// What is allowed for a query, metres: relative to the smaller size, and the rounding of the coordinates.
+/// What is allowed for a query, metres: relative to the smaller size, and the rounding of the coordinates. Support
+/// functions return floats: their contract is 10^-5 of both sizes.
 double allowed_for(const QueryWorld& world, const QueryCase& query, bool is_sweep, double relative) {
   const double of_target = world.reference_of(world.target(query)).bounding_radius;
   const double of_moving = world.reference_of(world.moving(query)).bounding_radius;
   const double coordinates = largest(world.target(query).pose.position) + largest(query.start) +
                              largest(query.displacement) + of_target + (is_sweep ? of_moving : 0);
-  return relative * (is_sweep ? std::min(of_target, of_moving) : of_target) + 4e-15 * coordinates;
+  const auto is_support_body = [&](const narrow_phase::Body& body) {
+    return is_support(world.pairs.shapes().view().row(body.shape).kind);
+  };
+  const double of_floats =
+      is_sweep && (is_support_body(world.target(query)) || is_support_body(world.moving(query))) ? 1e-5 : 0;
+  return relative * (is_sweep ? std::min(of_target, of_moving) : of_target) + of_floats * (of_target + of_moving) +
+         4e-15 * coordinates;
 }
 
 void note(QueryTally& tally, std::size_t index, const std::string& error) {

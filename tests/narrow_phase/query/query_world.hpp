@@ -11,7 +11,7 @@
 
 namespace ringfence::narrow_phase_test {
 
-/// The numbers of queries in these tests are multiples of this. An accuracy run may raise it.
+/// The numbers of queries in these tests are multiples of this. query_accuracy.cpp tests many more.
 inline constexpr std::size_t query_scale = 1;
 
 /// A query against one body of a world: the path of a ray, or that of the origin of another body's shape.
