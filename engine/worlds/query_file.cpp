@@ -61,8 +61,9 @@ class SceneNames {
 
 class QueryReader {
  public:
-  QueryReader(std::string_view text, const std::string& name, const Scene& scene, std::uint32_t frames)
-      : text_(text, name), names_(scene), frames_(frames) {}
+  QueryReader(std::string_view text, const std::string& name, const Scene& scene, std::uint32_t frames,
+              std::uint32_t history)
+      : text_(text, name), names_(scene), frames_(frames), history_(history) {}
 
   std::vector<QueryRow> read() {
     const std::optional<std::string_view> first = text_.next_line();
@@ -93,7 +94,7 @@ class QueryReader {
     read_path(parts, row);
     if (!parts[14].empty()) row.layers = read_layers(parts[14]);
     if (!parts[15].empty()) row.except = read_except(parts[15]);
-    check_frame_asked(parts[16], row.frame);
+    row.at = read_frame_asked(parts[16], row.frame);
     rows_.push_back(row);
   }
 
@@ -195,14 +196,19 @@ class QueryReader {
     return number;
   }
 
-  void check_frame_asked(std::string_view text, std::uint32_t frame) const {
-    if (text.empty() || text_.finite<double>(text, "at") == frame) return;
-    text_.fail_unexpected("at", text, fmt::format("a frame from {0} to {0}, or nothing for this one", frame));
+  std::optional<double> read_frame_asked(std::string_view text, std::uint32_t frame) const {
+    if (text.empty()) return std::nullopt;
+    const std::uint32_t oldest = frame - std::min(frame, history_);
+    const auto at = text_.finite<double>(text, "at");
+    if (at >= oldest && at <= frame) return at;
+    text_.fail_unexpected(
+        "at", text,
+        fmt::format("a frame from {} to {}, or nothing for this one; --history has {}", oldest, frame, history_));
   }
 
   CsvText text_;
   SceneNames names_;
-  std::uint32_t frames_;
+  std::uint32_t frames_, history_;
   std::unordered_set<std::uint32_t> ids_;  ///< of the frame of the last row
   std::vector<QueryRow> rows_;
 };
@@ -210,12 +216,13 @@ class QueryReader {
 }  // namespace
 
 std::vector<QueryRow> parse_queries(std::string_view text, const std::string& name, const Scene& scene,
-                                    std::uint32_t frames) {
-  return QueryReader(text, name, scene, frames).read();
+                                    std::uint32_t frames, std::uint32_t history) {
+  return QueryReader(text, name, scene, frames, history).read();
 }
 
-std::vector<QueryRow> read_queries(const std::filesystem::path& file, const Scene& scene, std::uint32_t frames) {
-  return parse_queries(read_text(file), file.string(), scene, frames);
+std::vector<QueryRow> read_queries(const std::filesystem::path& file, const Scene& scene, std::uint32_t frames,
+                                   std::uint32_t history) {
+  return parse_queries(read_text(file), file.string(), scene, frames, history);
 }
 
 }  // namespace ringfence::worlds

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,8 +23,9 @@ constexpr const char* name_of(QueryKind kind) noexcept {
 
 /// One query of a frame. Metres, world axes.
 struct QueryRow {
-  std::uint32_t frame = 0;  ///< counted frame, from 0
-  std::uint32_t query = 0;  ///< its id, distinct within the frame
+  std::uint32_t frame = 0;   ///< counted frame, from 0
+  std::uint32_t query = 0;   ///< its id, distinct within the frame
+  std::optional<double> at;  ///< the frame asked about, not above `frame`; empty: `frame`
   QueryKind kind = QueryKind::ray;
   std::uint32_t shape = 0;  ///< sweeps and overlaps: index in Scene::shapes, no mesh
   Pose pose;                ///< start of a ray or sweep, place of the shape, or point; only shapes are turned
@@ -34,8 +36,8 @@ struct QueryRow {
   bool operator==(const QueryRow&) const noexcept = default;
 };
 
-/// Reads queries about a replay of `scene` from a CSV file. `frames` is the number of counted frames. The result is in
-/// order of (frame, query).
+/// Reads queries about a replay of `scene` from a CSV file. `frames` is the number of counted frames, `history` that of
+/// the frames before each that can be asked about. The result is in order of (frame, query).
 ///
 /// Throws InputError that names file, line and field for:
 /// - a wrong header or field count; frames in descending order or beyond `frames`; an id that is used twice in a frame;
@@ -43,11 +45,12 @@ struct QueryRow {
 ///   or the other way around;
 /// - a number that is not finite or beyond 10^15 m; a quaternion whose length differs from 1 by more than 10^-3; a
 ///   negative distance;
-/// - `at` another frame than that of the row.
-std::vector<QueryRow> read_queries(const std::filesystem::path& file, const Scene& scene, std::uint32_t frames);
+/// - `at` a frame after that of the row, before the first, or more than `history` before it.
+std::vector<QueryRow> read_queries(const std::filesystem::path& file, const Scene& scene, std::uint32_t frames,
+                                   std::uint32_t history = 0);
 
 /// Parses queries from memory. `name` is the file name in messages.
 std::vector<QueryRow> parse_queries(std::string_view text, const std::string& name, const Scene& scene,
-                                    std::uint32_t frames);
+                                    std::uint32_t frames, std::uint32_t history = 0);
 
 }  // namespace ringfence::worlds

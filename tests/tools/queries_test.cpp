@@ -111,6 +111,32 @@ TEST_CASE("the frames of queries are counted frames, as those of the contacts") 
   CHECK(result.out.find(":2: frame: found 3; expected less than 3, the number of counted frames") != std::string::npos);
 }
 
+TEST_CASE("with a history, queries ask about earlier frames and the time between two") {
+  const SmallWorld world;
+  const std::string rows =
+      "3,1,nearest,,0,2,3,,,,,9,,,players,,1\n"
+      "3,2,nearest,,0,2,3,,,,,9,,,players,,1.5\n"
+      "3,3,nearest,,0,2,3,,,,,9,,,players,,2.5\n"  // it is absent in frame 3
+      "3,4,nearest,,0,2,3,,,,,9,,,players,,3\n"
+      "3,5,overlap,ball,0,2,3,,,,,,,,players,,0\n";
+  const std::string expected =
+      "3,1,7,0,0,0,1.5,2,3,0,0,0,1.5\n"
+      "3,2,7,0,0,0,2,2,3,0,0,0,2\n"
+      "3,3,7,0,0,0,2.5,2,3,0,0,0,2.5\n"
+      "3,5,7,0,0,0,0,0,0,0,0,0,0\n";
+  for (const std::string nodes : {"0", "3"}) {
+    CHECK(world.answers_to(rows, "--history 3 --nodes " + nodes) == expected);
+    CHECK(world.answers_to(rows, "--history 9 --nodes " + nodes) == expected);
+  }
+  CHECK(world.answers_to("1,1,nearest,,0,2,3,,,,,9,,,players,,0.5\n", "--warmup 1 --history 1") ==
+        "1,1,7,0,0,0,2,2,3,0,0,0,2\n");
+  const ProgramResult result = world.replay(rows, "--history 1");
+  CHECK(result.code == 2);
+  CHECK_MESSAGE(result.out.find(":2: at: found \"1\"; expected a frame from 2 to 3, or nothing for this one; --history "
+                                "has 1") != std::string::npos,
+                result.out);
+}
+
 TEST_CASE("the report, its JSON and the profile count queries and have the digest of the answers") {
   const SmallWorld world;
   const std::string json = world.folder / "r.json";

@@ -139,10 +139,28 @@ TEST_CASE("numbers of queries are finite, and orientations are of unit length") 
 
 TEST_CASE("a query asks about the frame of its row only, and another is refused with the range") {
   check_error("3,1,ray,,0,0,0,,,,,1,0,0,,,2\n",
-              "q.csv:2: at: found \"2\"; expected a frame from 3 to 3, or nothing for this one");
+              "q.csv:2: at: found \"2\"; expected a frame from 3 to 3, or nothing for this one; --history has 0");
   check_error("3,1,ray,,0,0,0,,,,,1,0,0,,,2.5\n",
-              "q.csv:2: at: found \"2.5\"; expected a frame from 3 to 3, or nothing for this one");
+              "q.csv:2: at: found \"2.5\"; expected a frame from 3 to 3, or nothing for this one; --history has 0");
   check_error("3,1,ray,,0,0,0,,,,,1,0,0,,,now\n", "q.csv:2: at: found \"now\"; expected a finite number");
+}
+
+TEST_CASE("with a history a query asks about a frame in it, or between two") {
+  const auto at = [](const std::string& text, std::uint32_t history) {
+    return parse_queries(header + "3,1,ray,,0,0,0,,,,,1,0,0,,," + text + "\n", "q.csv", small_scene(), 5, history)
+        .at(0)
+        .at;
+  };
+  CHECK(at("", 2) == std::nullopt);
+  CHECK(at("1", 2) == 1);
+  CHECK(at("2.75", 2) == 2.75);
+  CHECK(at("3", 2) == 3);
+  CHECK(at("0", 100) == 0);
+  for (const char* text : {"0.999", "3.001", "-1"}) {
+    CHECK(test::error_message_of([&] { at(text, 2); }) ==
+          std::string("q.csv:2: at: found \"") + text +
+              "\"; expected a frame from 1 to 3, or nothing for this one; --history has 2");
+  }
 }
 
 }  // namespace ringfence::worlds

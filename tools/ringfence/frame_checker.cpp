@@ -1,6 +1,7 @@
 #include "frame_checker.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -79,6 +80,9 @@ void FrameChecker::check_frame(std::uint64_t frame) {
     const ShapeId id(static_cast<std::uint32_t>(shape));
     shapes_.add(world_.has_shape(id) ? world_.shape(id) : ShapeDescription(Sphere{1}));  // no object has a removed one
   }
+  const std::uint32_t history = world_.config().history;
+  if (history != 0 && frames_ != 0) history_[frame - 1] = std::move(objects_);
+  if (history_.size() > history) history_.erase(history_.begin());
   objects_.clear();
   for (const ObjectView& view : world_.objects()) {
     const ObjectSpec& spec = view.spec;
@@ -96,16 +100,30 @@ void FrameChecker::check_answers(std::uint64_t frame, std::span<const worlds::Qu
   if (!brute_force_ || rows.empty()) return;
   const std::uint64_t step = std::max<std::uint64_t>(1, rows.size() * objects_.size() / ball_tests_per_frame);
   if (frame % step != 0) return;
-  const reference::AnswerCheck check(shapes_, objects_);
+  std::map<const std::vector<reference::FrameObject>*, reference::AnswerCheck> checks;
+  for (const worlds::QueryRow& row : rows) {
+    if (const auto* objects = objects_asked(frame, row)) checks.try_emplace(objects, shapes_, *objects);
+  }
   std::vector<std::string> errors(rows.size());
   base::parallel_for(rows.size(), 1, [&](std::size_t i) {
-    errors[i] = check.describe_error(question_of(rows[i], shapes_), answers.hits(i));
+    const auto check = checks.find(objects_asked(frame, rows[i]));
+    if (check == checks.end()) return;
+    errors[i] = check->second.describe_error(question_of(rows[i], shapes_), answers.hits(i));
   });
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (!errors[i].empty()) print_difference(fmt::format("frame {}: query {}: {}", frame, rows[i].query, errors[i]));
+    answers_ += objects_asked(frame, rows[i]) != nullptr ? 1 : 0;
   }
-  answers_ += rows.size();
   ++answered_frames_;
+}
+
+/// The objects of the frame that a query asks about; null between two frames, and for frames of the warm-up.
+const std::vector<reference::FrameObject>* FrameChecker::objects_asked(std::uint64_t frame,
+                                                                       const worlds::QueryRow& row) const {
+  const double at = row.at.value_or(static_cast<double>(frame));
+  if (at == static_cast<double>(frame)) return &objects_;
+  const auto found = at == std::floor(at) ? history_.find(static_cast<std::uint64_t>(at)) : history_.end();
+  return found == history_.end() ? nullptr : &found->second;
 }
 
 }  // namespace ringfence::tools

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <span>
 #include <string>
 #include <vector>
@@ -26,7 +27,8 @@ class FrameChecker {
   void check_frame(std::uint64_t frame);
   /// To be called after check_frame, with the queries about that frame and their answers. With brute force it compares
   /// those of every frame, or of every n-th frame where all would take too long: n is the number of queries times that
-  /// of the objects, divided by 2 * 10^7.
+  /// of the objects, divided by 2 * 10^7. Answers about earlier frames are compared with what these were; those about
+  /// the time between two frames are not compared.
   void check_answers(std::uint64_t frame, std::span<const worlds::QueryRow> rows, const FrameAnswers& answers);
 
   bool brute_force() const noexcept { return brute_force_; }
@@ -39,6 +41,7 @@ class FrameChecker {
 
  private:
   void check_counters();
+  const std::vector<reference::FrameObject>* objects_asked(std::uint64_t frame, const worlds::QueryRow& row) const;
   void print_difference(const std::string& text);
   void print_differences(const std::vector<reference::Difference>& differences);
 
@@ -47,6 +50,8 @@ class FrameChecker {
   reference::Shapes shapes_;
   std::vector<std::uint32_t> layer_masks_;
   std::vector<reference::FrameObject> objects_;  ///< of the last frame that was compared with brute force
+  /// The same of the frames before it that queries can ask about, by counted frame.
+  std::map<std::uint64_t, std::vector<reference::FrameObject>> history_;
   std::vector<Contact> before_;
   std::uint64_t frames_ = 0;
   std::uint64_t differences_ = 0;

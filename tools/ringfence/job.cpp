@@ -76,6 +76,7 @@ WorldConfig world_config(const Job& job) {
   config.deadlines = job.service.deadlines;
   config.tuning.keep_resting = job.service.keep_resting;
   config.pin = job.service.pin;
+  config.history = job.service.history;
   config.timeline = !job.output.trace.empty();
   config.motion = job.model;
   config.log = [](LogLevel level, std::string_view line) {
@@ -143,7 +144,7 @@ Job make_job(const ReplayOptions& options) {
   if (job.frames.frames == 0) job.frames.frames = left;
   job.queries = ray_load(job.scene, options.rays, options.seed);
   if (!options.queries.empty()) {
-    job.queries.rows = worlds::read_queries(options.queries, job.scene, job.frames.frames);
+    job.queries.rows = worlds::read_queries(options.queries, job.scene, job.frames.frames, job.service.history);
     job.queries.answers = options.answers;
     if (options.answers == "-" && job.output.collisions == "-") {
       throw Error("--answers: found - together with --collisions -; expected a file for one of them");

@@ -36,6 +36,7 @@ struct ServiceOptions {
   bool users_given = false;
   std::uint32_t user_threads = 1;
   double interest = 25;
+  std::uint32_t history = 0;
   std::uint64_t ring_bytes = 0;
   bool pin = false;
   LinkOptions link;

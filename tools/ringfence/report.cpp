@@ -122,6 +122,7 @@ Json config_of(const Job& job, const Figures& figures) {
                  {"warmup", job.frames.warmup},
                  {"frames", job.frames.frames},
                  {"objects", job.scene.objects.size()}};
+  if (job.service.history > 0) config["history"] = job.service.history;
   if (job.queries.rays > 0) config["rays"] = job.queries.rays;
   if (const worlds::PaperWorldOptions* world = job.world) {
     config["shapes"] = name_of(world->shapes);

@@ -137,6 +137,10 @@ void add_users(CLI::App& command, ServiceOptions& service) {
       ->check(between(0.0, 1e9))
       ->capture_default_str()
       ->type_name("R");
+  command.add_option("--history", service.history, "frames before each that queries can ask about")
+      ->check(between(0u, 4096u))
+      ->capture_default_str()
+      ->type_name("N");
   command.add_option("--ring-bytes", service.ring_bytes, "bytes of each ring, a power of two; 0: depends on the role")
       ->check(CLI::Validator(check_ring_bytes, ""))
       ->capture_default_str()

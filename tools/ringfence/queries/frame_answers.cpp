@@ -19,6 +19,12 @@ QueryFilter filter_of(const World& world, const QueryRow& row) {
   return filter;
 }
 
+/// Frames of the world include those of the warm-up.
+QueryFrame frame_of(const World& world, const QueryRow& row) {
+  if (!row.at) return std::nullopt;
+  return *row.at + static_cast<double>(world.report().frame - row.frame);
+}
+
 template <class Batch, class Query>
 void add(Batch& batch, const Query& query, std::size_t row) {
   batch.queries.push_back(query);
@@ -41,8 +47,9 @@ void FrameAnswers::each_batch(const Visit& visit) {
 
 void FrameAnswers::add_row(const World& world, const QueryRow& row, std::size_t index) {
   const QueryFilter filter = filter_of(world, row);
-  const RayQuery ray{row.pose.position, row.displacement, filter};
-  const SweepQuery sweep{ShapeId(row.shape), row.pose, row.displacement, filter};
+  const QueryFrame frame = frame_of(world, row);
+  const RayQuery ray{row.pose.position, row.displacement, filter, frame};
+  const SweepQuery sweep{ShapeId(row.shape), row.pose, row.displacement, filter, frame};
   switch (row.kind) {
     case QueryKind::ray:
       return add(rays_, ray, index);
@@ -55,9 +62,9 @@ void FrameAnswers::add_row(const World& world, const QueryRow& row, std::size_t 
     case QueryKind::sweep_all:
       return add(all_sweeps_, sweep, index);
     case QueryKind::overlap:
-      return add(overlaps_, OverlapQuery{ShapeId(row.shape), row.pose, filter}, index);
+      return add(overlaps_, OverlapQuery{ShapeId(row.shape), row.pose, filter, frame}, index);
     case QueryKind::nearest:
-      return add(nearest_, NearestQuery{row.pose.position, row.distance, filter}, index);
+      return add(nearest_, NearestQuery{row.pose.position, row.distance, filter, frame}, index);
   }
 }
 
