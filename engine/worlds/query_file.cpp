@@ -200,7 +200,8 @@ class QueryReader {
     if (text.empty()) return std::nullopt;
     const std::uint32_t oldest = frame - std::min(frame, history_);
     const auto at = text_.finite<double>(text, "at");
-    if (at >= oldest && at <= frame) return at;
+    if (at == frame) return std::nullopt;
+    if (at >= oldest && at < frame) return at;
     text_.fail_unexpected(
         "at", text,
         fmt::format("a frame from {} to {}, or nothing for this one; --history has {}", oldest, frame, history_));

@@ -23,9 +23,8 @@ constexpr const char* name_of(QueryKind kind) noexcept {
 
 /// One query of a frame. Metres, world axes.
 struct QueryRow {
-  std::uint32_t frame = 0;   ///< counted frame, from 0
-  std::uint32_t query = 0;   ///< its id, distinct within the frame
-  std::optional<double> at;  ///< the frame asked about, not above `frame`; empty: `frame`
+  std::uint32_t frame = 0;  ///< counted frame, from 0
+  std::uint32_t query = 0;  ///< its id, distinct within the frame
   QueryKind kind = QueryKind::ray;
   std::uint32_t shape = 0;  ///< sweeps and overlaps: index in Scene::shapes, no mesh
   Pose pose;                ///< start of a ray or sweep, place of the shape, or point; only shapes are turned
@@ -33,6 +32,7 @@ struct QueryRow {
   double distance = 0;      ///< nearest: the largest distance, >= 0
   std::uint32_t layers = 0xffffffffu;  ///< bit i: objects of layer i
   ObjectNumber except = 0;             ///< leaves out this object; 0: none
+  std::optional<double> at{};          ///< the frame asked about, below `frame`; empty: `frame`
   bool operator==(const QueryRow&) const noexcept = default;
 };
 
