@@ -147,6 +147,8 @@ constexpr std::uint64_t record_layout_hash() noexcept {
                                  sizeof(KindRecord),
                                  sizeof(LostRecord),
                                  sizeof(RefusedRecord),
+                                 sizeof(QueryRecord),
+                                 sizeof(QueryHitRecord),
                                  sizeof(Contact),
                                  sizeof(AssignmentRecord),
                                  sizeof(PeerRecord),

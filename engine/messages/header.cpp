@@ -36,7 +36,7 @@ const char* name_of(MessageType type) noexcept {
                                                 "refused",     "kinds",        "correct",      "lost",
                                                 "probe",       "probe_reply",  "published",    "read_publications",
                                                 "change",      "ghost",        "ghost_counts", "contact_counts",
-                                                "ghosts_sent", "replica"};
+                                                "ghosts_sent", "replica",      "query",        "query_hit"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }
@@ -92,6 +92,10 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
       return sizeof(NodeFrameStats);
     case MessageType::kinds:
       return sizeof(KindRecord);
+    case MessageType::query:
+      return sizeof(QueryRecord);
+    case MessageType::query_hit:
+      return sizeof(QueryHitRecord);
     case MessageType::refused:
       return sizeof(RefusedRecord);
   }

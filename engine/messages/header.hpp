@@ -28,6 +28,7 @@ enum class MessageType : std::uint16_t {
   /// two share no memory; before the end of node_state.
   replica = 29,
   // Server to CD nodes.
+  query = 30,           ///< QueryRecord of each query of the frame, if any; before frame_begin
   position_update = 7,  ///< M2: PositionRecord of each object that moved into, within or out of the node's region
   pairs = 8,            ///< M2: PairRecord of each candidate that the node owns (broad phase on the server only)
   // CD nodes to server.
@@ -53,7 +54,8 @@ enum class MessageType : std::uint16_t {
   // Server to CD nodes, before the end of position_update.
   ghosts_sent = 28,  ///< GhostsSentRecord: expect this number of ghosts
   // CD nodes to server.
-  kinds = 17,  ///< KindRecord of each pair of shape kinds that the node tested
+  query_hit = 31,  ///< QueryHitRecord of each hit, in order of query, if the frame has queries
+  kinds = 17,      ///< KindRecord of each pair of shape kinds that the node tested
   // All roles to server.
   frame_done = 15,  ///< NodeFrameStats: the sender has completed the frame
   // Server to user nodes.
@@ -68,7 +70,7 @@ enum class MessageType : std::uint16_t {
   read_publications = 23,  ///< no records: all publications of this frame can be read
 };
 /// One more than the largest message type.
-inline constexpr std::uint16_t message_types = 30;
+inline constexpr std::uint16_t message_types = 32;
 
 /// The kind of traffic as which a message is counted.
 Traffic traffic_of(MessageType type) noexcept;

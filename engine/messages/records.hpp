@@ -230,6 +230,18 @@ struct QueryRecord {
   std::uint32_t reserved = 0;
 };
 
+/// Whether a shape moves or overlaps in a query of that kind. Precondition: the kind is one of QueryKind.
+constexpr bool has_shape(const QueryRecord& record) noexcept {
+  const auto kind = static_cast<QueryKind>(record.kind);
+  return kind == QueryKind::sweep || kind == QueryKind::sweep_all || kind == QueryKind::overlap;
+}
+
+/// Whether the answer of a node to a query of that kind may have several hits.
+constexpr bool has_list(const QueryRecord& record) noexcept {
+  const auto kind = static_cast<QueryKind>(record.kind);
+  return kind == QueryKind::cast_all || kind == QueryKind::sweep_all || kind == QueryKind::overlap;
+}
+
 /// What a CD node found for one query at one object that it owns: one record for each object that a query with a list
 /// finds; for the other queries only the first or nearest of the node's objects.
 struct QueryHitRecord {

@@ -87,6 +87,18 @@ bool is_valid(const messages::KindRecord& record, const MessageLimits&) noexcept
   return record.first < shape_kinds && record.second < shape_kinds;
 }
 
+// Whether the shape may move depends on its kind, which the receiver knows.
+bool is_valid(const messages::QueryRecord& record, const MessageLimits& limits) noexcept {
+  return record.kind < messages::query_kinds && is_valid_pose(record.start) &&
+         is_valid_pose({record.displacement, {}}) && record.distance >= 0 &&
+         (!messages::has_shape(record) || record.shape < limits.shapes);
+}
+
+bool is_valid(const messages::QueryHitRecord& record, const MessageLimits& limits) noexcept {
+  return record.slot < limits.slots && std::isfinite(record.place) && record.place >= 0 && is_finite(record.point) &&
+         is_finite(record.normal);
+}
+
 bool is_valid(const messages::LostRecord& record, const MessageLimits&) noexcept { return record.detect_again <= 1; }
 
 template <class Record>
@@ -131,6 +143,10 @@ bool is_valid(const MessageView& message, const MessageLimits& limits) noexcept 
       return are_valid<messages::ChangeRecord>(message, limits);
     case MessageType::notify:
       return are_valid<Contact>(message, limits);
+    case MessageType::query:
+      return are_valid<messages::QueryRecord>(message, limits);
+    case MessageType::query_hit:
+      return are_valid<messages::QueryHitRecord>(message, limits);
     case MessageType::kinds:
       return are_valid<messages::KindRecord>(message, limits);
     case MessageType::lost:

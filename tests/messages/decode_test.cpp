@@ -50,7 +50,9 @@ constexpr std::array<RecordSize, message_types> sizes = {{{0, false},
                                                           {sizeof(CountRecord), false},
                                                           {sizeof(CountRecord), false},
                                                           {sizeof(GhostsSentRecord), false},
-                                                          {sizeof(ReplicaRecord), true}}};
+                                                          {sizeof(ReplicaRecord), true},
+                                                          {sizeof(QueryRecord), false},
+                                                          {sizeof(QueryHitRecord), false}}};
 
 std::size_t size_of(std::uint16_t type, std::size_t state_bytes) {
   return sizes[type].fixed + (sizes[type].with_state ? state_bytes : 0);

@@ -43,6 +43,17 @@ void populate(TestHarness& harness) {
     spec.category = i % 20 == 19 ? Category::fixed : Category::active;
     harness.spawn(spec);
   }
+  harness.add_shape(TriangleMesh{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {0, 1, 2}});
+  std::vector<messages::QueryRecord> queries;
+  for (std::uint32_t i = 0; i < 15; ++i) {  // one message
+    messages::QueryRecord& query = queries.emplace_back();
+    query.kind = static_cast<std::uint32_t>(i == 0 ? messages::QueryKind::sweep : messages::QueryKind::overlap);
+    query.kind = i % 3 == 2 ? static_cast<std::uint32_t>(messages::QueryKind::nearest) : query.kind;
+    query.start.position = {4.0 * i, 30, 30};
+    query.distance = 100;
+    query.layers = query.categories = ~0u;
+  }
+  harness.ask(queries);
 }
 
 std::vector<Contact> contacts_of(const TestHarness& harness) {
@@ -142,6 +153,29 @@ std::vector<MalformedMessage> malformed_messages() {
       change<messages::KindRecord>("shapes of an unknown kind", MessageType::kinds,
                                    [](auto& record) { record.first = 77; }),
   };
+  const auto hit = [&](std::string what, std::function<void(messages::QueryHitRecord&)> how) {
+    all.push_back(change<messages::QueryHitRecord>(std::move(what), MessageType::query_hit, std::move(how)));
+  };
+  hit("a hit of an unknown query", [](auto& record) { record.query = 20; });
+  hit("a hit at a slot beyond the table", [](auto& record) { record.slot = no_slot; });
+  hit("a hit at a place that is not a number", [=](auto& record) { record.place = nan; });
+  hit("a hit at a point that is not finite", [=](auto& record) { record.point.y = 1 / 0.0; });
+  all.push_back({"hits out of order", MessageType::query_hit, 2, [](const LoggedMessage& seen) {
+                   Bytes bytes = seen.bytes;
+                   const auto first = bytes.begin() + sizeof(messages::Header);
+                   const auto last = bytes.end() - seen.header.record_bytes;
+                   std::swap_ranges(first, first + seen.header.record_bytes, last);
+                   return std::vector<Bytes>{bytes};
+                 }});
+  all.push_back({"two nearest objects", MessageType::query_hit, 2, [](const LoggedMessage& seen) {
+                   const auto to_nearest = [](auto& record) { record.query = 2; };
+                   LoggedMessage changed = seen;
+                   changed.bytes = with<messages::QueryHitRecord>(seen, 0, to_nearest);
+                   return std::vector<Bytes>{with<messages::QueryHitRecord>(changed, 1, to_nearest)};
+                 }});
+  all.push_back({"hits after the last", MessageType::query_hit, 0, [](const LoggedMessage& seen) {
+                   return std::vector<Bytes>{seen.bytes, seen.bytes};
+                 }});
   all.push_back({"contacts out of order", MessageType::collision, 2, [](const LoggedMessage& seen) {
                    Bytes bytes = seen.bytes;
                    const auto first = bytes.begin() + sizeof(messages::Header);
@@ -282,7 +316,24 @@ TEST_CASE("a CD node discards and counts invalid messages of a server in another
     using messages::OwnerRecord;
     using messages::PairRecord;
     using messages::PositionRecord;
+    using messages::QueryRecord;
     std::size_t sent = 0;
+    sent += changed.operator()<QueryRecord>("a query of an unknown kind", MessageType::query,
+                                            [](auto& record) { record.kind = messages::query_kinds; });
+    sent += changed.operator()<QueryRecord>("a mesh that moves", MessageType::query,
+                                            [](auto& record) { record.shape = 1; });
+    sent += changed.operator()<QueryRecord>("an unknown shape that moves", MessageType::query,
+                                            [](auto& record) { record.shape = 2; });
+    sent += changed.operator()<QueryRecord>("a negative distance", MessageType::query,
+                                            [](auto& record) { record.distance = -1; });
+    sent += changed.operator()<QueryRecord>("a query without an orientation", MessageType::query, [](auto& record) {
+      record.start.orientation = {0, 0, 0, 0};
+    });
+    sent += changed.operator()<QueryRecord>("a displacement that is not a number", MessageType::query,
+                                            [](auto& record) { record.displacement.z = std::nan(""); });
+    sent += is_refused("a query without end", MessageType::query, [](const LoggedMessage& seen) {
+      return with_header(seen, [](auto& header) { header.last = 0; });
+    });
     sent += changed.operator()<PositionRecord>("the largest slot number", MessageType::position_update,
                                                [](auto& record) { record.object.slot = no_slot; });
     sent += changed.operator()<PositionRecord>("an unknown shape", MessageType::position_update,
@@ -304,7 +355,7 @@ TEST_CASE("a CD node discards and counts invalid messages of a server in another
                        [](const LoggedMessage& seen) { return without_records(seen); });
     sent += changed.operator()<Contact>("an unknown phase", MessageType::notify,
                                         [](auto& contact) { contact.phase = static_cast<Phase>(9); });
-    CHECK(sent >= 8);
+    CHECK(sent >= 15);
     if (placement == Placement::server) {
       CHECK(changed.operator()<PairRecord>("a pair of unknown objects", MessageType::pairs,
                                            [](auto& pair) { pair.b = 1u << 20; }) == 1);

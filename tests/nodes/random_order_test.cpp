@@ -1,9 +1,11 @@
 // Everything at once, in random order: roles step in random order over small rings; CD nodes are lost at random
 // moments, several in a frame, and some of them continue to run; nodes join and leave; objects are spawned, destroyed
-// and placed; users connect and disconnect. The contacts must be those of one node without any loss.
+// and placed; users connect and disconnect. The contacts must be those of one node without any loss, and so must the
+// answers to queries in frames without a loss.
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <limits>
 #include <optional>
 #include <random>
 #include <set>
@@ -109,8 +111,31 @@ class Script {
   std::set<ObjectNumber> requested_;  ///< numbers that have been requested but may not be in the table yet
 };
 
+/// Queries of all kinds, some of which reach the whole world.
+std::vector<messages::QueryRecord> random_queries(std::mt19937_64& random, std::size_t count) {
+  std::vector<messages::QueryRecord> queries(random() % count + 1);
+  const auto vector = [&](double size) {
+    const auto uniform = [&] { return size * static_cast<double>(random() % 2001) / 2000; };
+    return Vec3d{uniform(), uniform(), uniform()};
+  };
+  for (messages::QueryRecord& query : queries) {
+    query.kind = static_cast<std::uint32_t>(random() % messages::query_kinds);
+    query.start.position = vector(60);
+    const Vec3d half = vector(random() % 2 == 0 ? 20 : 120);
+    const double reach = random() % 2 == 0 ? 10 : 60;
+    query.displacement = {half.x - reach, half.y - reach, half.z - reach};
+    query.distance = random() % 3 == 0 ? std::numeric_limits<double>::infinity() : 5;
+    query.shape = static_cast<ShapeNumber>(random() % 2);
+    query.layers = ~0u;
+    query.categories = random() % 3 == 0 ? static_cast<std::uint32_t>(random() % 16) : ~0u;
+    query.except_number = static_cast<ObjectNumber>(random() % 60);
+    query.except_generation = query.except_number;
+  }
+  return queries;
+}
+
 struct RunResult {
-  std::size_t lost = 0, resized = 0;
+  std::size_t lost = 0, resized = 0, hits = 0;
 };
 
 RunResult run_schedule(std::uint64_t seed, int frames) {
@@ -141,6 +166,10 @@ RunResult run_schedule(std::uint64_t seed, int frames) {
     CAPTURE(frame);
     expected_script.make_requests();
     script.make_requests();
+    const bool asks = random() % 4 != 0;
+    const auto queries = asks ? random_queries(random, 30) : std::vector<messages::QueryRecord>();
+    expected.ask(queries);
+    harness.ask(queries);
     expected.frame();
     if (one_in(resize_period)) {
       harness.resize(1 + static_cast<std::uint32_t>(random() % 6));
@@ -164,6 +193,11 @@ RunResult run_schedule(std::uint64_t seed, int frames) {
     }
     if (report.lost.empty()) {
       harness.require_one_host_each();
+      REQUIRE(expected.answers().has_value() == asks);
+      REQUIRE((harness.answers() == expected.answers()));
+      result.hits += asks ? harness.answers()->size() : 0;
+    } else {
+      REQUIRE(!harness.answers());
     }
     if (random_config.interest > 0) {
       harness.require_views();
@@ -185,9 +219,11 @@ TEST_CASE(
     const RunResult result = run_schedule(seed, 20);
     all.lost += result.lost;
     all.resized += result.resized;
+    all.hits += result.hits;
   }
   CHECK(all.lost > 5 * schedules);
   CHECK(all.resized > 2 * schedules);
+  CHECK(all.hits > 100 * schedules);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <tuple>
 #include <utility>
 
 #include <doctest/doctest.h>
@@ -316,12 +317,44 @@ void TestHarness::frame(const std::optional<RandomOrder>& random_order) {
       quiet = 0;
     }
   }
+  merge_answers();
   remove_gone_nodes();
   for (const UserNumber number : leaving_) {
     publications_.users[number] = {};
     users_.erase(number);
   }
   leaving_.clear();
+}
+
+void TestHarness::ask(std::vector<messages::QueryRecord> queries) {
+  queries_.push_back(std::move(queries));
+  order_.queries = queries_.back();
+}
+
+void TestHarness::merge_answers() {
+  std::vector<const NodeQueries*> nodes;
+  answers_.reset();
+  if (order_.queries.empty() || !server_->list_answers(nodes)) {
+    return;
+  }
+  std::vector<FoundHit> all;
+  for (const NodeQueries* node : nodes) {
+    for (const messages::QueryHitRecord& hit : node->hits) {
+      const bool any = order_.queries[hit.query].kind == static_cast<std::uint32_t>(messages::QueryKind::cast_any);
+      const ObjectNumber number = any ? 0 : table().row(hit.slot).object.number;
+      all.push_back({hit.query, hit.place, number, hit.triangle, hit.point, hit.normal});
+    }
+  }
+  std::sort(all.begin(), all.end(), [](const FoundHit& p, const FoundHit& q) {
+    return std::tuple(p.query, p.place, p.number) < std::tuple(q.query, q.place, q.number);
+  });
+  answers_.emplace();
+  for (const FoundHit& hit : all) {
+    const bool first = answers_->empty() || answers_->back().query != hit.query;
+    if (first || messages::has_list(order_.queries[hit.query])) {
+      answers_->push_back(hit);
+    }
+  }
 }
 
 // Puts a fallback node in the place of the last node.

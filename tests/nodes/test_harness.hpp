@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <list>
 #include <map>
 #include <memory>
 #include <optional>
@@ -85,6 +86,16 @@ struct RandomOrder {
   bool late = false;       ///< losses happen after the first node has received the end of the frame
 };
 
+/// A hit of a query, with its object.
+struct FoundHit {
+  std::uint32_t query = 0;
+  double place = 0;
+  ObjectNumber number = 0;  ///< 0 for QueryKind::cast_any
+  std::uint32_t triangle = 0;
+  Vec3d point, normal;
+  bool operator==(const FoundHit&) const = default;
+};
+
 /// A server, CD nodes and user nodes in one thread, stepped by hand; all their messages are recorded.
 class TestHarness {
  public:
@@ -98,6 +109,8 @@ class TestHarness {
   void destroy(ObjectId id);
   void place(ObjectId id, const Pose& pose);
   UserRole& user(UserNumber number) { return *users_.at(number).role; }
+  /// The CD nodes answer these queries in each frame from the next one on.
+  void ask(std::vector<messages::QueryRecord> queries);
 
   // CD nodes are counted from 0, by ascending slot: without losses that is the slot.
   /// The node stops after `messages` more messages to or from it in the next frame; when the frame makes no progress
@@ -127,6 +140,9 @@ class TestHarness {
   const FrameReport& report() const { return server_->report(last()); }
   std::span<const Contact> contacts() const { return server_->ledger().contacts(last()); }
   std::span<const Contact> ended() const { return server_->ledger().ended(last()); }
+  /// What all nodes together answered in the last frame, in order of query, place and number; only the first hit of a
+  /// query without a list. Empty if a node was lost.
+  const std::optional<std::vector<FoundHit>>& answers() const { return answers_; }
   const HarnessConfig& config() const { return config_; }
   /// The publications that user nodes had to read in the last frame, besides their own.
   const std::vector<const Published*>& relays() const { return publications_.relays[last() & 1]; }
@@ -171,6 +187,7 @@ class TestHarness {
   Control& control(const facade::PoolNode& node) { return controls_[node.id]; }
   bool is_stepped(NodeNumber id) const { return !controls_[id].stopped || controls_[id].still_runs; }
   void request_join(facade::PoolNode& node, std::vector<Request>::iterator where);
+  void merge_answers();
   void resize_nodes();
   void remove_gone_nodes();
   bool step_in_order();
@@ -202,6 +219,8 @@ class TestHarness {
   std::set<UserNumber> leaving_;
   std::uint32_t resize_to_ = 0;  ///< 0: no change
   std::vector<LoggedMessage> log_;
+  std::list<std::vector<messages::QueryRecord>> queries_;  ///< the last is asked; lost nodes may read the others
+  std::optional<std::vector<FoundHit>> answers_;
   std::chrono::steady_clock::time_point frame_began_;
   std::uint32_t generation_ = 0;
   ObjectNumber number_ = 0;

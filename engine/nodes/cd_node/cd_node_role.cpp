@@ -117,7 +117,7 @@ bool CdNodeRole::advance() {
       state_.stage = CdNodeStage::reporting;
       return true;
     case CdNodeStage::reporting:
-      if (!detector_.send_kinds() || !send_frame_done()) {
+      if (!exchange_->send_hits() || !detector_.send_kinds() || !send_frame_done()) {
         return false;
       }
       state_.traffic = {};
@@ -208,6 +208,8 @@ void CdNodeRole::receive(const MessageView& message) {
     case MessageType::adopt:
       halo_.renew_filters(message);
       return state_.host.adopt(message);
+    case MessageType::query:
+      return exchange_->receive_queries(message);
     case MessageType::frame_begin:
       return begin(message.header().frame);
     case MessageType::position_update:

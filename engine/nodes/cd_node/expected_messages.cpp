@@ -36,6 +36,7 @@ bool ExpectedMessages::is_from_peer(const MessageView& message) const noexcept {
 
 bool ExpectedMessages::is_acceptable(const MessageView& message) const {
   return is_expected(message) && is_valid(message, limits()) &&
+         (message.type() != MessageType::query || knows_shapes(message)) &&
          (message.type() != MessageType::pairs || knows_pairs(message)) &&
          (message.type() != MessageType::correct || knows_contacts(message));
 }
@@ -43,6 +44,17 @@ bool ExpectedMessages::is_acceptable(const MessageView& message) const {
 bool ExpectedMessages::knows_contacts(const MessageView& message) const noexcept {
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (message.record<messages::CorrectRecord>(i).position >= state_.contacts.begun.size()) {
+      return false;
+    }
+  }
+  return true;
+}
+
+// Whether the shapes that queries move are convex. is_valid() has checked the numbers.
+bool ExpectedMessages::knows_shapes(const MessageView& message) const noexcept {
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto query = message.record<messages::QueryRecord>(i);
+    if (messages::has_shape(query) && state_.setup.shapes->row(query.shape).kind == ShapeKind::mesh) {
       return false;
     }
   }
@@ -74,9 +86,10 @@ bool ExpectedMessages::is_expected(const MessageView& message) const {
     case MessageType::drop:
     case MessageType::place:
     case MessageType::notify:
+    case MessageType::query:
       return state_.stage == CdNodeStage::waiting;
     case MessageType::frame_begin:
-      return state_.stage == CdNodeStage::waiting && state_.region.fits();
+      return state_.stage == CdNodeStage::waiting && state_.region.fits() && exchange_.has_all_queries();
     case MessageType::position_update:
     case MessageType::ghosts_sent:
       return (state_.stage == CdNodeStage::moving || state_.stage == CdNodeStage::gathering) &&

@@ -33,6 +33,7 @@ class ExpectedMessages {
   bool is_expected(const messages::MessageView& message) const;
   bool is_loss_expected(const messages::MessageView& message) const noexcept;
   bool is_map_expected(const messages::MessageView& message) const;
+  bool knows_shapes(const messages::MessageView& message) const noexcept;
   bool knows_pairs(const messages::MessageView& message) const noexcept;
   bool knows_contacts(const messages::MessageView& message) const noexcept;
 

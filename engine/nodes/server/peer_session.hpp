@@ -17,6 +17,7 @@ struct PeerSession {
     std::vector<std::uint32_t> drops, adoptions, placements;  ///< objects by slot
     std::vector<Contact> contacts;                            ///< of the frame before, for adopted objects
     std::vector<messages::RefusedRecord> refusals;            ///< its refused records of the frame before
+    messages::RunSender query_run;                            ///< CD nodes; see FrameOrder::queries
     messages::RunSender drop_run, adopt_run, place_run, contact_run, refused_run, begin_run;
   };
 

@@ -118,8 +118,9 @@ bool ServerRole::advance_stage() {
     case FrameStage::waiting:
       return false;
     case FrameStage::starting_nodes:
-      if (!state_.all_nodes(
-              [&](PeerSession& node) { return cut_.open(node) && Statistics::note_reached(node.started); })) {
+      if (!state_.all_nodes([&](PeerSession& node) {
+            return exchange_->send_queries(node) && cut_.open(node) && Statistics::note_reached(node.started);
+          })) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::start_nodes_ms);

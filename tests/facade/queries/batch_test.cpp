@@ -8,6 +8,7 @@
 #include <doctest/doctest.h>
 
 #include "facade/checks.hpp"
+#include "facade/queries/batches.hpp"
 #include "facade/queries/random_queries.hpp"
 #include "facade/script.hpp"
 #include "ringfence/world.hpp"
@@ -29,45 +30,6 @@ WorldConfig small_world() {
 
 /// The first shapes of Script: one of each kind. Support shapes are slow.
 std::vector<ShapeId> some_shapes() { return {ShapeId(0), ShapeId(1), ShapeId(2), ShapeId(3)}; }
-
-QueryBatch batch_of(const Queries& queries) {
-  QueryBatch batch;
-  batch.cast = batch.cast_any = batch.cast_all = queries.rays;
-  batch.sweep = batch.sweep_all = queries.sweeps;
-  batch.overlap = queries.overlaps;
-  batch.nearest = queries.nearest;
-  return batch;
-}
-
-/// The answers in the form and order of answer().
-Answers answers_of(const QueryBatch& batch) {
-  Answers out;
-  const auto add_each = [&](const std::vector<Hit>& hits) {
-    out.hits.insert(out.hits.end(), hits.begin(), hits.end());
-  };
-  const auto add_lists = [&](const HitLists& lists) {
-    for (std::size_t i = 0; i < lists.size(); ++i) {
-      out.hits.insert(out.hits.end(), lists[i].begin(), lists[i].end());
-      Hit end;
-      end.status = lists.status(i);
-      out.hits.push_back(end);
-    }
-  };
-  const QueryBatch::Answers& answers = batch.answers;
-  add_each(answers.cast);
-  add_each(answers.sweep);
-  add_each(answers.nearest);
-  add_lists(answers.cast_all);
-  add_lists(answers.sweep_all);
-  add_lists(answers.overlap);
-  for (const AnyHit& any : answers.cast_any) {
-    Hit as_hit;
-    as_hit.status = any.status;
-    as_hit.triangle = any.hit ? 1 : 0;
-    out.hits.push_back(as_hit);
-  }
-  return out;
-}
 
 void append(Answers& all, const Answers& more) { all.hits.insert(all.hits.end(), more.hits.begin(), more.hits.end()); }
 

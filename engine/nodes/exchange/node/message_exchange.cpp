@@ -11,8 +11,34 @@ namespace ringfence::nodes {
 using messages::Endpoint;
 using messages::MessageType;
 
+void MessageExchange::receive_queries(const messages::MessageView& message) {
+  if (has_all_queries_) {
+    queries_.clear();
+  }
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    queries_.push_back(message.record<messages::QueryRecord>(i));
+  }
+  has_all_queries_ = message.last();
+  queries_frame_ = message.header().frame;
+}
+
+bool MessageExchange::send_hits() {
+  const NodeQueries& own = state_.contacts.queries;
+  if (own.queries.empty()) {
+    return true;
+  }
+  if (!std::exchange(hits_started_, true)) {
+    hits_run_.start(own.hits.size());
+  }
+  return state_.send(hits_run_, MessageType::query_hit, [&](std::size_t i) { return own.hits[i]; });
+}
+
 void MessageExchange::begin() {
   NodeExchange::begin();
+  const bool queried = queries_frame_ == state_.frame;
+  state_.contacts.queries.queries =
+      queried ? std::span<const messages::QueryRecord>(queries_) : std::span<const messages::QueryRecord>();
+  hits_started_ = false;
   next_owned_ = 0;
   replicas_run_.start();
   ghosts_listed_ = false;

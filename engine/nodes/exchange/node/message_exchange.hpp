@@ -16,7 +16,8 @@ namespace ringfence::nodes {
 ///
 /// Host-owned states go to the server as `replica`. Ghost updates (`ghost`) and contacts (`notify`) go to the other
 /// nodes; their numbers go to the server (`ghost_counts`, `contact_counts`), which announces them to the receivers. The
-/// server receives the contacts (`collision`) and those that began or ended (`change`), and writes the output lists.
+/// server receives the contacts (`collision`) and those that began or ended (`change`), and writes the output lists. It
+/// sends the queries of a frame (`query`) and receives their answers (`query_hit`).
 class MessageExchange final : public NodeExchange {
  public:
   explicit MessageExchange(NodeState& state) : NodeExchange(state) {}
@@ -24,6 +25,9 @@ class MessageExchange final : public NodeExchange {
   void assign() override { peers_.resize(state_.setup.peers.size()); }
   bool trusts_senders() const noexcept override { return false; }
   void flush() override;
+  void receive_queries(const messages::MessageView& message) override;
+  bool has_all_queries() const noexcept override { return has_all_queries_; }
+  bool send_hits() override;
   void begin() override;
   bool report_batch() override;
   bool finish_report() override;
@@ -57,7 +61,12 @@ class MessageExchange final : public NodeExchange {
   bool send_collisions();
   messages::ChangeRecord change(std::size_t i) const noexcept;
 
-  std::vector<Peer> peers_;  ///< by slot
+  std::vector<messages::QueryRecord> queries_;  ///< as received
+  std::uint64_t queries_frame_ = NodeQueries::no_frame;
+  bool has_all_queries_ = true;
+  messages::RunSender hits_run_;
+  bool hits_started_ = false;  ///< in this frame
+  std::vector<Peer> peers_;    ///< by slot
   messages::RunWriter replicas_run_, collisions_run_;
   std::size_t next_owned_ = 0, next_contact_ = 0;  ///< next to send
   std::vector<messages::CountRecord> ghost_counts_, contact_counts_;

@@ -38,6 +38,14 @@ class NodeExchange {
   /// Publishes partial messages, so that another message can be sent to the server.
   virtual void flush();
 
+  // Queries, to and from NodeContacts::queries.
+  /// A `query` message of the server, before the frame to which the queries belong.
+  virtual void receive_queries(const messages::MessageView&) {}
+  /// Whether a frame may begin: no query is missing.
+  virtual bool has_all_queries() const noexcept { return true; }
+  /// When the queries of the frame are answered: sends the server the answers if it cannot read them.
+  virtual bool send_hits() { return true; }
+
   // States: what the node has moved.
   /// Starts a frame.
   virtual void begin();

@@ -1,5 +1,7 @@
 #include "nodes/exchange/server/message_server_exchange.hpp"
 
+#include <algorithm>
+
 namespace ringfence::nodes {
 
 using messages::MessageType;
@@ -7,6 +9,53 @@ using messages::MessageType;
 void MessageServerExchange::begin() {
   ghosts_.start(state_.nodes.size());
   contacts_.start(state_.nodes.size());
+}
+
+void MessageServerExchange::begin_queries() {
+  const auto queries = state_.setup.order->queries;
+  if (queries.empty()) {
+    return;
+  }
+  answers_.resize(std::max(answers_.size(), state_.nodes.size()));
+  state_.all_nodes([&](PeerSession& node) {
+    NodeQueries& answers = answers_[node.self.number()];
+    answers.queries = queries;
+    answers.frame = NodeQueries::no_frame;
+    answers.hits.clear();
+    node.opening.query_run.start(queries.size());
+    return true;
+  });
+}
+
+bool MessageServerExchange::send_queries(PeerSession& node) {
+  return state_.send(node, node.opening.query_run, MessageType::query,
+                     [&](std::size_t i) { return state_.setup.order->queries[i]; });
+}
+
+// The hits must be in order of query, of present objects, and only one for a query without a list.
+bool MessageServerExchange::receive_hits(const PeerSession& node, const messages::MessageView& message) {
+  if (state_.setup.order->queries.empty() || queries_of(node).frame == state_.frame) {
+    return false;
+  }
+  NodeQueries& answers = answers_[node.self.number()];
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto hit = message.record<messages::QueryHitRecord>(i);
+    if (hit.query >= answers.queries.size()) {
+      return false;
+    }
+    const messages::QueryRecord& query = answers.queries[hit.query];
+    const bool any = query.kind == static_cast<std::uint32_t>(messages::QueryKind::cast_any);
+    const std::uint32_t last = answers.hits.empty() ? 0 : answers.hits.back().query;
+    const bool repeated = !answers.hits.empty() && hit.query == last && !messages::has_list(query);
+    if (hit.query < last || repeated || (!any && state_.objects.present()[hit.slot] == 0)) {
+      return false;
+    }
+    answers.hits.push_back(hit);
+  }
+  if (message.last()) {
+    answers.frame = state_.frame;
+  }
+  return true;
 }
 
 bool MessageServerExchange::receive_counts(const PeerSession& node, const messages::MessageView& message) {

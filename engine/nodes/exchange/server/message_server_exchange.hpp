@@ -1,19 +1,26 @@
 #pragma once
 
+#include <vector>
+
 #include "nodes/exchange/server/direct_records.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
 
 namespace ringfence::nodes {
 
 /// ServerExchange of a world with node processes. The nodes send their contacts to the server, and ghost updates and
-/// contacts directly to each other; the server announces the numbers of these to the receivers.
+/// contacts directly to each other; the server announces the numbers of these to the receivers. It sends the nodes the
+/// queries of the frame, and receives the hits.
 class MessageServerExchange final : public ServerExchange {
  public:
   explicit MessageServerExchange(ServerState& state) : ServerExchange(state, false) { MessageServerExchange::begin(); }
 
   void begin() override;
-  void begin_queries() override {}
-  const NodeQueries& queries_of(const PeerSession&) const noexcept override { return no_queries_; }
+  void begin_queries() override;
+  bool send_queries(PeerSession& node) override;
+  bool receive_hits(const PeerSession& node, const messages::MessageView& message) override;
+  const NodeQueries& queries_of(const PeerSession& node) const noexcept override {
+    return answers_[node.self.number()];
+  }
   bool receive_counts(const PeerSession& node, const messages::MessageView& message) override;
   void begin_ghosts(bool exchanged) noexcept override;
   bool send_ghosts(PeerSession& node) override;
@@ -30,8 +37,8 @@ class MessageServerExchange final : public ServerExchange {
     return {ghosts_.to(node.self.number()), contacts_.to(node.self.number())};
   }
 
-  DirectRecords ghosts_, contacts_;  ///< of this frame
-  NodeQueries no_queries_;           ///< node processes do not answer queries
+  DirectRecords ghosts_, contacts_;   ///< of this frame
+  std::vector<NodeQueries> answers_;  ///< by slot
 };
 
 }  // namespace ringfence::nodes

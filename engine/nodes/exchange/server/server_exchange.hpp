@@ -45,6 +45,10 @@ class ServerExchange {
 
   /// At the cut: the queries that the CD nodes answer in this frame, if any.
   virtual void begin_queries() = 0;
+  /// Before the node's `frame_begin`: sends the queries to it. Returns true when they are sent, or it reads them.
+  virtual bool send_queries(PeerSession&) { return true; }
+  /// A `query_hit` message of a node. Returns false if it is invalid.
+  virtual bool receive_hits(const PeerSession&, const messages::MessageView&) { return false; }
   /// What a connected node has answered in the last frame. Between frames.
   virtual const NodeQueries& queries_of(const PeerSession& node) const noexcept = 0;
 

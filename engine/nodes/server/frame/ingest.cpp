@@ -173,6 +173,11 @@ bool Ingest::is_acceptable(const PeerSession& node, const MessageView& message) 
         return false;
       }
       break;
+    case MessageType::query_hit:
+      if (node.received.frame_done || !state_.contacts_are_final()) {
+        return false;
+      }
+      break;
     default:
       break;
   }
@@ -195,6 +200,7 @@ bool Ingest::may_send(const PeerSession& session, const MessageView& message) co
     case MessageType::published:
     case MessageType::probe_reply:
     case MessageType::kinds:
+    case MessageType::query_hit:
     case MessageType::ghost_counts:
     case MessageType::contact_counts:
       return node;
@@ -235,6 +241,8 @@ void Ingest::receive(PeerSession& session, const MessageView& message) {
     case MessageType::ghost_counts:
     case MessageType::contact_counts:
       return exchange_.receive_counts(session, message) ? void() : refuse(session, Status::bad_message);
+    case MessageType::query_hit:
+      return exchange_.receive_hits(session, message) ? void() : refuse(session, Status::bad_message);
     case MessageType::published:
       session.received.published = true;
       return;
