@@ -5,7 +5,9 @@
 namespace ringfence::facade {
 namespace {
 
-Status check_position(const Vec3d& position) noexcept { return nodes::check_pose({position, {}}); }
+Status check_position(const Vec3d& position) noexcept {
+  return nodes::is_valid_pose({position, {}}) ? Status::ok : Status::not_finite;
+}
 
 Status check_path(const Vec3d& start, const Vec3d& displacement, narrow_phase::Ray& ray) noexcept {
   for (const Vec3d& vector : {start, displacement}) {
