@@ -67,7 +67,7 @@ void FramePart::find_bounds(const geometry::ShapeTable& shapes) {
       placed[i] = {&object.pose, object.shape};
       margins_[first + i] = shape.bounding_radius * tolerance_of(shape.kind);
     }
-    shapes.bounds(std::span(placed).first(count), space, bounds_.data() + first);
+    if (ends_.empty()) shapes.bounds(std::span(placed).first(count), space, bounds_.data() + first);
   }
   // On its way a shape turns, so its box is that of its bounding ball at both ends.
   for (std::size_t i = 0; i < objects_.size() && !ends_.empty(); ++i) {

@@ -80,7 +80,7 @@ struct Hit {
   /// out_of_order if the Snapshot is empty; out_of_memory if there is none for an index. Then it finds nothing.
   Status status = Status::ok;
   std::uint32_t child = 0;      ///< part of a compound shape; reserved: always 0
-  std::uint32_t triangle = 0;   ///< of a mesh: its index in TriangleMesh::indices, divided by 3; otherwise 0
+  std::uint32_t triangle = 0;   ///< of a mesh: its number, from 0, without triangles of zero area; otherwise 0
   ObjectId object;              ///< null: nothing is found
   std::uint64_t user_data = 0;  ///< ObjectSpec::user_data
   /// Rays and sweeps: where on the displacement, 0 to 1. 0 if the query starts inside the object, or has no

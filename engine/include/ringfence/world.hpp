@@ -181,7 +181,7 @@ class World {
   /// The last complete frame, pinned for queries about its objects: rays, sweeps, overlaps, nearest. Empty before the
   /// first frame is complete. While a frame is running: the frame before, if a snapshot of it was taken before
   /// begin_frame; otherwise empty. The first call after a frame copies what queries read of each object and builds an
-  /// index; further calls share it. Worlds that never call it pay nothing.
+  /// index; further calls share it. Without a call nothing is recorded.
   Snapshot snapshot() const;
 
   /// The CD nodes answer the queries of the batch in the next frame, in parallel; finish_frame completes its answers.

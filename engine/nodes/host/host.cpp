@@ -123,6 +123,10 @@ void Host::collect_changed(std::size_t first, std::size_t end) {
 }
 
 void Host::move_batch(std::size_t first, std::size_t count) {
+  // Once, although the model may be called twice.
+  for (std::size_t i = 0; i < count; ++i) {
+    begin_flags(hosted_[first + i].object.flags);
+  }
   if (call_model(first, count)) {
     accept(first, count);
     return;
@@ -161,8 +165,7 @@ bool Host::call_model(std::size_t first, std::size_t count) {
   }
   for (std::size_t i = 0; i < count; ++i) {
     prefetch(first + batch + i);
-    Hosted& hosted = hosted_[first + i];
-    begin_flags(hosted.object.flags);
+    const Hosted& hosted = hosted_[first + i];
     const bool present = (hosted.object.flags & flag_present) != 0;
     inputs_[i] = {hosted.object.number,
                   ShapeId(hosted.shape),

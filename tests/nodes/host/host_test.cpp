@@ -289,6 +289,23 @@ TEST_CASE("late contacts count for one frame only") {
   CHECK(model.received_contacts[5].empty());
 }
 
+TEST_CASE(
+    "an object that was placed has jumped in that frame only, also where the model throws for another of its batch") {
+  for (const bool throws : {false, true}) {
+    CAPTURE(throws);
+    RecordingModel model(0);
+    model.outputs_by_number[2].throws = throws;
+    Host host(&model, 4);
+    for (const ObjectNumber number : {1u, 2u, 3u}) host.adopt(record_of(number), nullptr);
+    host.place(1, {{5, 5, 5}, {}}, true);
+    host.move(1);
+    CHECK(hosted(host, 1).object.flags == (messages::flag_present | messages::flag_jumped));
+    CHECK(hosted(host, 3).object.flags == messages::flag_present);
+    host.move(2);
+    CHECK(hosted(host, 1).object.flags == messages::flag_present);
+  }
+}
+
 TEST_CASE("objects for which the model throws keep pose, presence and state and are counted; the others move") {
   for (const unsigned seed : {1u, 2u, 3u, 4u}) {
     CAPTURE(seed);
