@@ -29,6 +29,7 @@ static_assert(sizeof(ShapeRow) == 32);
 /// refers to. Trivially copyable.
 class ShapeView {
  public:
+  ShapeView() noexcept = default;  ///< of no shapes
   ShapeView(const ShapeRow* rows, const Hull* const* hulls, const Mesh* const* meshes,
             const CheckedSupport* const* supports) noexcept
       : rows_(rows), hulls_(hulls), meshes_(meshes), supports_(supports) {}
@@ -40,10 +41,10 @@ class ShapeView {
   const CheckedSupport& support(std::uint32_t index_in_kind) const noexcept { return *supports_[index_in_kind]; }
 
  private:
-  const ShapeRow* rows_;
-  const Hull* const* hulls_;
-  const Mesh* const* meshes_;
-  const CheckedSupport* const* supports_;
+  const ShapeRow* rows_ = nullptr;
+  const Hull* const* hulls_ = nullptr;
+  const Mesh* const* meshes_ = nullptr;
+  const CheckedSupport* const* supports_ = nullptr;
 };
 static_assert(std::is_trivially_copyable_v<ShapeView>);
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -47,8 +47,8 @@ class ShapeTag {
   static constexpr std::uint64_t all = (std::uint64_t{1} << octaves) - 1;
 
   static int octave(float size) noexcept {
-    int power = 0;
-    std::frexp(size, &power);
+    constexpr int bias = 126;  // of the exponent, where the mantissa is from 0.5 to 1
+    const int power = static_cast<int>(std::bit_cast<std::uint32_t>(size) >> 23) - bias;
     return std::clamp(power + 9, 0, octaves - 1);
   }
 

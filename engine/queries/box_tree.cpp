@@ -5,8 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "queries/tree_kernels.hpp"
-
 namespace ringfence::queries {
 namespace {
 
@@ -41,30 +39,29 @@ void BoxTree::build(std::span<const geometry::Bounds> boxes, std::span<const flo
     if (nodes <= tree_width) break;
   }
   groups_.resize(groups);
-  sort(boxes);
+  size_ = boxes.size();
+  cost_ = 0;
   if (boxes.empty()) return;
   fill_leaves(boxes, margins);
   std::size_t nodes = groups_of(boxes.size());
   for (std::size_t level = 1; level < levels_.size(); ++level, nodes = groups_of(nodes)) fill_level(level, nodes);
+  if (levels_.size() > 1) cost_ = surface_of(1) / static_cast<double>(size_);
 }
 
-void BoxTree::sort(std::span<const geometry::Bounds> boxes) {
-  const TreeKernels kernels = choose_tree_kernels();
-  alignas(64) std::uint32_t cells[3][curve_block] = {};
-  alignas(64) std::uint32_t places[curve_block];
-  sort_.clear();
-  for (std::size_t first = 0; first < boxes.size(); first += curve_block) {
-    const std::size_t count = std::min(curve_block, boxes.size() - first);
-    for (std::size_t i = 0; i < count; ++i) {
-      const geometry::Bounds& box = boxes[first + i];
-      for (std::size_t a = 0; a < 3; ++a) cells[a][i] = (box.lower[a] / 2 + box.upper[a] / 2) >> (32 - curve_bits);
+double BoxTree::surface_of(std::size_t level) const noexcept {
+  double sum = 0;
+  for (std::size_t i = 0; i < groups_of(level_size(level - 1)); ++i) {
+    const BoxGroup& group = this->level(level)[i];
+    for (std::size_t lane = 0; lane < tree_width; ++lane) {
+      double side[3];
+      for (std::size_t a = 0; a < 3; ++a) {
+        // An unused lane has none.
+        side[a] = std::clamp(double{group.upper[a][lane]} - double{group.lower[a][lane]}, 0.0, 0x1p32);
+      }
+      sum += side[0] * side[1] + side[1] * side[2] + side[2] * side[0];
     }
-    kernels.curve_places(cells, places);
-    for (std::size_t i = 0; i < count; ++i) sort_.add(places[i]);
   }
-  sort_.sort();
-  order_.resize(boxes.size());
-  for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = sort_.at(i);
+  return sum;
 }
 
 void BoxTree::fill_leaves(std::span<const geometry::Bounds> boxes, std::span<const float> margins) {
@@ -72,10 +69,10 @@ void BoxTree::fill_leaves(std::span<const geometry::Bounds> boxes, std::span<con
   const float scale[3] = {rounded_up(scale_.x), rounded_up(scale_.y), rounded_up(scale_.z)};
   // Conversions and sums of floats err by less than this part of their results.
   constexpr float low = 1 - 0x1p-21f, high = 1 + 0x1p-21f;
-  groups_[(order_.size() - 1) / tree_width] = empty_group();
-  for (std::size_t i = 0; i < order_.size(); ++i) {
-    const geometry::Bounds& box = boxes[order_[i]];
-    const float margin = margins[order_[i]];
+  groups_[(boxes.size() - 1) / tree_width] = empty_group();
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    const geometry::Bounds& box = boxes[i];
+    const float margin = margins[i];
     BoxGroup& group = groups_[i / tree_width];
     const std::size_t lane = i % tree_width;
     for (std::size_t a = 0; a < 3; ++a) {

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "base/aligned.hpp"
-#include "base/pair_sort.hpp"
 #include "geometry/bounds.hpp"
 #include "ringfence/pose.hpp"
 
@@ -29,15 +28,16 @@ struct Reach {
   float upper[3];
   /// 1 / its displacement, by axis; finite, and at least in the direction of a displacement of 0.
   float inverse[3];
+  float limit = 1;  ///< of a search for a batch: the largest fraction that is of interest
 };
 
 /// A bounding volume tree over boxes, built at once: every node but the last of each level has eight children, and all
 /// leaves have the same depth, so there are no pointers. The children of node i of a level are the nodes 8 i to 8 i + 7
-/// of the level below; those of level 0 are the boxes in the order of the tree.
+/// of the level below; those of level 0 are the boxes in the order in which they are given. That order decides how good
+/// the tree is: see TreeOrder. (A packed R-tree; Kamel and Faloutsos 1993.)
 ///
-/// The order is that of the boxes' centres along a Hilbert curve (a packed R-tree; Kamel and Faloutsos 1993). Boxes are
-/// stored as floats, rounded outwards; a side on the surface of the space is stored as infinity, because bounds
-/// saturate there.
+/// Boxes are stored as floats, rounded outwards; a side on the surface of the space is stored as infinity, because
+/// bounds saturate there.
 ///
 /// Threads: build() by one; then const functions by any. Memory: kept between builds; 28 bytes a box.
 class BoxTree {
@@ -46,28 +46,38 @@ class BoxTree {
   void build(std::span<const geometry::Bounds> boxes, std::span<const float> margins,
              const geometry::FixedSpace& space);
 
-  std::size_t size() const noexcept { return order_.size(); }  ///< number of boxes
-  /// Index of the box at a position of the tree's order.
-  std::uint32_t at(std::size_t position) const noexcept { return order_[position]; }
+  std::size_t size() const noexcept { return size_; }  ///< number of boxes
   std::size_t levels() const noexcept { return levels_.size(); }
   /// The groups of a level; level 0 has the boxes themselves, the last level one group.
   const BoxGroup* level(std::size_t level) const noexcept { return groups_.data() + levels_[level]; }
 
+  /// The lanes of a group that have a node or box, as bits.
+  std::uint32_t used_lanes(std::size_t level, std::size_t group) const noexcept {
+    const std::size_t nodes = level == 0 ? size() : level_size(level - 1);
+    return nodes - group * tree_width >= tree_width ? 0xffu : (1u << (nodes - group * tree_width)) - 1;
+  }
+
   /// What a box from `lower` to `upper` (metres) that moves by `displacement` can reach.
   Reach reach(const Vec3d& lower, const Vec3d& upper, const Vec3d& displacement) const noexcept;
+  /// The surface of the groups of eight boxes, halved, in square steps for each box; a measure of what searches cost.
+  double cost() const noexcept { return cost_; }
   /// Steps a metre, by axis, of the space of the last build.
   Vec3d scale() const noexcept { return scale_; }
 
  private:
-  void sort(std::span<const geometry::Bounds> boxes);
+  /// Number of groups of a level.
+  std::size_t level_size(std::size_t level) const noexcept {
+    return (level + 1 < levels_.size() ? levels_[level + 1] : groups_.size()) - levels_[level];
+  }
   void fill_leaves(std::span<const geometry::Bounds> boxes, std::span<const float> margins);
   void fill_level(std::size_t level, std::size_t nodes);
+  double surface_of(std::size_t level) const noexcept;
 
   Vec3d min_, scale_;
-  std::vector<std::uint32_t> order_;
+  std::size_t size_ = 0;
+  double cost_ = 0;
   base::AlignedVector<BoxGroup> groups_;
   std::vector<std::size_t> levels_;  ///< first group of each level
-  base::PairSort sort_;
 };
 
 /// The largest number of levels: 8^10 boxes.

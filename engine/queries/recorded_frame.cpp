@@ -15,9 +15,8 @@ void RecordedFrame::begin(std::size_t slots) {
   user_data_.resize(slots);
 }
 
-void RecordedFrame::finish(std::uint64_t number) noexcept {
-  size_ = static_cast<std::size_t>(
-      std::count_if(rows_.begin(), rows_.end(), [](const FrameObject& row) { return row.number != 0; }));
+void RecordedFrame::finish(std::uint64_t number, std::size_t objects) noexcept {
+  size_ = objects;
   number_ = number;
 }
 
@@ -34,7 +33,10 @@ const FramePart& RecordedFrame::part(LazyPart& lazy, Build build) const {
 }
 
 const FramePart& RecordedFrame::standing() const {
-  return part(standing_, [&] { standing_.part.build(rows_, {}, *shapes_); });
+  return part(standing_, [&] {
+    standing_.part.build(rows_, size_, {}, *shapes_, order_->get());
+    order_->set(standing_.part.order());
+  });
 }
 
 const FramePart& RecordedFrame::moving_to(const RecordedFrame& next) const {
@@ -42,7 +44,7 @@ const FramePart& RecordedFrame::moving_to(const RecordedFrame& next) const {
     std::vector<Pose> ends;
     ends.reserve(rows_.size());
     for (const FrameObject& row : rows_) ends.push_back(pose_at_end(row, next));
-    moving_.part.build(rows_, ends, *shapes_);
+    moving_.part.build(rows_, size_, ends, *shapes_, order_->get());
   });
 }
 

@@ -22,9 +22,10 @@ namespace ringfence::queries {
 /// slot, and about 100 for each object and index.
 class RecordedFrame {
  public:
-  /// `shapes` is that of the world; the frame reads the shapes that it has when it is recorded.
-  explicit RecordedFrame(std::shared_ptr<const geometry::ShapeTable> shapes)
-      : shapes_(std::move(shapes)), view_(shapes_->view()) {}
+  /// `shapes` is that of the world; the frame reads the shapes that it has when it is recorded. `order`: shared by all
+  /// frames of the world.
+  RecordedFrame(std::shared_ptr<const geometry::ShapeTable> shapes, std::shared_ptr<LastOrder> order)
+      : shapes_(std::move(shapes)), order_(std::move(order)), view_(shapes_->view()) {}
 
   /// Number of the frame, or none.
   std::uint64_t number() const noexcept { return number_; }
@@ -36,8 +37,8 @@ class RecordedFrame {
   /// The row of a slot. Its number is 0 if the slot has no present object.
   FrameObject& row(std::uint32_t slot) noexcept { return rows_[slot]; }
   void set_user_data(std::uint32_t slot, std::uint64_t data) noexcept { user_data_[slot] = data; }
-  /// The frame is complete.
-  void finish(std::uint64_t number) noexcept;
+  /// The frame is complete, with so many present objects.
+  void finish(std::uint64_t number, std::size_t objects) noexcept;
 
   // Reading.
   std::size_t size() const noexcept { return size_; }  ///< number of objects
@@ -70,6 +71,7 @@ class RecordedFrame {
   static const Pose& pose_at_end(const FrameObject& row, const RecordedFrame& next) noexcept;
 
   std::shared_ptr<const geometry::ShapeTable> shapes_;
+  std::shared_ptr<LastOrder> order_;
   geometry::ShapeView view_;
   std::vector<bool> has_shape_;  ///< by shape number
   std::uint64_t number_ = none;

@@ -6,11 +6,12 @@
 // These must follow foreach_target.h, which includes this file once for each target.
 #include "queries/ordering-inl.hpp"
 #include "queries/searching-inl.hpp"
+#include "queries/streaming-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::queries::HWY_NAMESPACE {
 
-TreeKernels tree_kernels() { return {curve_places, reach_boxes, near_boxes}; }
+TreeKernels tree_kernels() { return {curve_places, reach_boxes, reach_all, near_boxes}; }
 
 }  // namespace ringfence::queries::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

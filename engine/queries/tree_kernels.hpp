@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 
 #include "queries/box_tree.hpp"
 
@@ -10,6 +11,24 @@ namespace ringfence::queries {
 /// of the tree, `limit` the largest fraction or distance that is of interest. Returns the limit from now on: not
 /// larger, negative to end the search. Must not throw.
 using VisitBox = double (*)(void* context, std::uint32_t box, double limit);
+
+/// The boxes that the queries of a batch reach, as columns, and the room for them.
+struct Candidates {
+  std::uint32_t* queries;
+  std::uint32_t* boxes;  ///< positions in the order of the tree
+  float* at;             ///< lower bounds of the fractions at which they are reached
+  std::size_t size;
+  std::size_t room;
+};
+
+/// Elements that a search for a batch may write behind each of its lists.
+inline constexpr std::size_t stream_slack = 16;
+
+/// What a search for a batch of n queries writes: (n + stream_slack) elements for each level of the tree.
+struct StreamMemory {
+  std::uint32_t* queries;
+  std::uint8_t* masks;
+};
 
 /// Bits of a coordinate on the curve that orders boxes, and the number of boxes that are ordered together.
 inline constexpr std::size_t curve_bits = 10, curve_block = 64;
@@ -22,6 +41,10 @@ struct TreeKernels {
   void (*curve_places)(const std::uint32_t (*cells)[curve_block], std::uint32_t* places);
   /// Boxes that are reached at a fraction of at most `limit`, about in the order of the fractions.
   std::uint64_t (*reach)(const BoxTree& tree, const Reach& reach, double limit, VisitBox visit, void* context);
+  /// The same for a batch, in any order: appends the boxes that each query reaches within its limit. False if there is
+  /// too little room. Adds the number of boxes that were compared to `boxes`.
+  bool (*reach_all)(const BoxTree& tree, std::span<const Reach> reaches, const StreamMemory& memory, Candidates& out,
+                    std::uint64_t& boxes);
   /// Boxes within a distance of `limit` metres of a point, about in the order of the distances. The point is
   /// `reach.lower` and `reach.upper`; `scale` is that of the tree.
   std::uint64_t (*near)(const BoxTree& tree, const Reach& reach, double limit, VisitBox visit, void* context);

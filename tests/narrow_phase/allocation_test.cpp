@@ -53,24 +53,28 @@ TEST_CASE("in steady state nothing is allocated") {
   }
 }
 
-TEST_CASE("queries allocate nothing") {
+TEST_CASE("in steady state queries allocate nothing") {
   for (const ShapeKind kind : {ShapeKind::sphere, ShapeKind::box, ShapeKind::hull, ShapeKind::mesh}) {
     INFO(name_of(kind));
     const QueryWorld world = make_queries(kind, ShapeKind::hull, true, 200, 23);
     const geometry::ShapeView shapes = world.pairs.shapes().view();
+    const auto ask_all = [&] {
+      for (const QueryCase& query : world.cases) {
+        const narrow_phase::Body &body = world.target(query), &moving = world.moving(query);
+        const narrow_phase::QueryShape shape{shapes, moving.shape, moving.pose.orientation};
+        const narrow_phase::Ray ray = narrow_phase::Ray::along(query.start, query.displacement);
+        narrow_phase::ShapeHit hit;
+        narrow_phase::NearestPoint nearest;
+        std::uint32_t triangle = 0;
+        cast_ray(shapes, body.shape, body.pose, ray, 1, hit);
+        sweep_shape(shapes, body.shape, body.pose, shape, ray, 1, hit);
+        narrow_phase::overlaps(shapes, body.shape, body.pose, shape, query.start, triangle);
+        find_nearest(shapes, body.shape, body.pose, query.start, 1e9, nearest);
+      }
+    };
+    ask_all();  // Kernels prepare constants at their first call.
     const std::size_t before = allocations;
-    for (const QueryCase& query : world.cases) {
-      const narrow_phase::Body &body = world.target(query), &moving = world.moving(query);
-      const narrow_phase::QueryShape shape{shapes, moving.shape, moving.pose.orientation};
-      const narrow_phase::Ray ray = narrow_phase::Ray::along(query.start, query.displacement);
-      narrow_phase::ShapeHit hit;
-      narrow_phase::NearestPoint nearest;
-      std::uint32_t triangle = 0;
-      cast_ray(shapes, body.shape, body.pose, ray, 1, hit);
-      sweep_shape(shapes, body.shape, body.pose, shape, ray, 1, hit);
-      narrow_phase::overlaps(shapes, body.shape, body.pose, shape, query.start, triangle);
-      find_nearest(shapes, body.shape, body.pose, query.start, 1e9, nearest);
-    }
+    ask_all();
     CHECK(allocations == before);
   }
 }

@@ -61,7 +61,7 @@ struct Visits {
   double limit = 0;
   static double visit(void* self, std::uint32_t box, double limit) {
     Visits& visits = *static_cast<Visits*>(self);
-    visits.boxes.push_back(visits.tree.at(box));
+    visits.boxes.push_back(box);
     visits.limit = limit;
     return limit;
   }
@@ -98,6 +98,54 @@ TEST_CASE("a search visits each box that a ray reaches, once, and few others, on
           if (enters(larger, s, w) > limit + 1e-5) CHECK(!visited);
         }
       }
+    });
+  }
+}
+
+TEST_CASE("a search for a batch lists what each of its queries reaches, or says that there is too little room") {
+  for (const std::size_t count : {0u, 1u, 8u, 9u, 70u, 3000u}) {
+    CAPTURE(count);
+    const Boxes boxes(count, 40, count + 20);
+    BoxTree tree;
+    tree.build(boxes.bounds, boxes.margins, boxes.space);
+    test::on_every_target([&] {
+      const queries::TreeKernels kernels = queries::choose_tree_kernels();
+      Random random(9);
+      std::vector<queries::Reach> reaches;
+      std::vector<std::vector<std::uint32_t>> alone, together;
+      for (int i = 0; i < 90; ++i) {
+        const Vec3d start = random.in_cube(50), way = i % 9 == 0 ? Vec3d{} : random.in_cube(60);
+        queries::Reach reach = tree.reach(start, start, way);
+        reach.limit = i % 4 == 0 ? 0.25f : 1;
+        Visits visits{tree, {}};
+        kernels.reach(tree, reach, double{reach.limit}, Visits::visit, &visits);
+        reaches.push_back(reach);
+        alone.push_back(visits.boxes);
+      }
+      const std::size_t lists = (queries::max_levels + 1) * (reaches.size() + queries::stream_slack);
+      std::vector<std::uint32_t> queries(lists);
+      std::vector<std::uint8_t> masks(lists);
+      const std::size_t room = (8 * count + 8) * reaches.size() + queries::stream_slack;
+      std::vector<std::uint32_t> of(room), reached(room);
+      std::vector<float> at(room);
+      queries::Candidates found{of.data(), reached.data(), at.data(), 0, room};
+      std::uint64_t compared = 0;
+      CHECK(kernels.reach_all(tree, reaches, {queries.data(), masks.data()}, found, compared));
+      together.resize(reaches.size());
+      for (std::size_t i = 0; i < found.size; ++i) {
+        together[of[i]].push_back(reached[i]);
+        CHECK(at[i] >= 0);
+        CHECK(at[i] <= reaches[of[i]].limit * 1.001f);
+      }
+      for (std::size_t i = 0; i < reaches.size(); ++i) {
+        std::sort(alone[i].begin(), alone[i].end());
+        std::sort(together[i].begin(), together[i].end());
+        CHECK(alone[i] == together[i]);
+      }
+      if (found.size < 100) return;
+      found = {of.data(), reached.data(), at.data(), 0, found.size / 2};
+      CHECK(!kernels.reach_all(tree, reaches, {queries.data(), masks.data()}, found, compared));
+      CHECK(found.size <= found.room);
     });
   }
 }
@@ -152,7 +200,7 @@ TEST_CASE("a visit that lowers the limit prunes the rest, and a negative limit e
     auto& e = *static_cast<Entered*>(of);
     ++e.visits;
     const double start[3] = {-45, 0, 0}, way[3] = {90, 0.1, 0.1};
-    const double at = enters(e.boxes.metric[e.tree.at(box)], start, way);
+    const double at = enters(e.boxes.metric[box], start, way);
     e.least = std::min(e.least, at);
     return std::min(limit, at);
   };

@@ -1,11 +1,13 @@
 #include "queries/recorded_frame.hpp"
 
+#include <algorithm>
 #include <memory>
 #include <thread>
 #include <vector>
 
 #include <doctest/doctest.h>
 
+#include "queries/one_query.hpp"
 #include "queries/random_rows.hpp"
 
 namespace ringfence::queries_test {
@@ -19,7 +21,8 @@ void record(RecordedFrame& frame, std::uint64_t number, const std::vector<FrameO
     frame.row(i) = rows[i];
     frame.set_user_data(i, 100 + i);
   }
-  frame.finish(number);
+  frame.finish(number, static_cast<std::size_t>(std::count_if(rows.begin(), rows.end(),
+                                                              [](const FrameObject& row) { return row.number != 0; })));
 }
 
 FrameObject ball(ObjectNumber number, std::uint32_t slot, double x) {
@@ -34,7 +37,7 @@ FrameObject ball(ObjectNumber number, std::uint32_t slot, double x) {
 double first_hit(const queries::FramePart& part, const RecordedFrame& frame, double fraction) {
   queries::ObjectHit best;
   QueryWork work;
-  part.cast({frame.shapes(), fraction}, narrow_phase::Ray::along({}, {100, 0, 0}), {}, best, work);
+  cast_one(part, {frame.shapes(), fraction}, narrow_phase::Ray::along({}, {100, 0, 0}), best, work);
   return best.object == nullptr ? -1 : 100 * best.hit.fraction;
 }
 
@@ -42,7 +45,7 @@ TEST_CASE("a frame shows the shapes, objects and user data that it was recorded 
   const auto shapes = std::make_shared<geometry::ShapeTable>();
   shapes->add(Sphere{1});
   const ShapeNumber second = shapes->add(Sphere{2});
-  RecordedFrame frame(shapes);
+  RecordedFrame frame(shapes, std::make_shared<queries::LastOrder>());
   CHECK(frame.number() == RecordedFrame::none);
   record(frame, 7, {ball(5, 0, 10), FrameObject{}, ball(6, 2, 20)});
   shapes->remove(second);
@@ -64,7 +67,8 @@ TEST_CASE("on the way to the next frame an object moves if it is the same one th
   const auto shapes = std::make_shared<geometry::ShapeTable>();
   shapes->add(Sphere{1});
   shapes->add(Sphere{1});
-  RecordedFrame now(shapes), next(shapes);
+  const auto order = std::make_shared<queries::LastOrder>();
+  RecordedFrame now(shapes, order), next(shapes, order);
   record(now, 1, {ball(5, 0, 10)});
   FrameObject later = ball(5, 0, 20);
   record(next, 2, {later});
@@ -92,7 +96,8 @@ TEST_CASE("threads that ask first build an index once and find the same") {
   add_shapes(*shapes);
   Random random(3);
   for (int round = 0; round < 20; ++round) {
-    RecordedFrame now(shapes), next(shapes);
+    const auto order = std::make_shared<queries::LastOrder>();
+    RecordedFrame now(shapes, order), next(shapes, order);
     record(now, 1, make_rows(random, 50, 10, {}));
     record(next, 2, make_rows(random, 50, 10, {}));
     std::vector<double> found(8);
@@ -107,7 +112,7 @@ TEST_CASE("threads that ask first build an index once and find the same") {
 }
 
 TEST_CASE("a frame is pinned as long as one reader has pinned it") {
-  RecordedFrame frame(std::make_shared<geometry::ShapeTable>());
+  RecordedFrame frame(std::make_shared<geometry::ShapeTable>(), std::make_shared<queries::LastOrder>());
   CHECK(!frame.is_pinned());
   frame.pin();
   frame.pin();

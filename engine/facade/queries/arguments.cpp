@@ -18,32 +18,34 @@ Status check_path(const Vec3d& start, const Vec3d& displacement, narrow_phase::R
 }
 
 Status check_moving(const queries::RecordedFrame& frame, ShapeId shape, Pose start, const Vec3d& displacement,
-                    MovingShape& moving) noexcept {
+                    const QueryFilter& filter, queries::AskedShape& asked) noexcept {
   if (const Status status = nodes::make_valid(start); status != Status::ok) return status;
-  if (const Status status = check_path(start.position, displacement, moving.path); status != Status::ok) return status;
+  narrow_phase::Ray path;
+  if (const Status status = check_path(start.position, displacement, path); status != Status::ok) return status;
   if (!frame.has_shape(shape.number())) return Status::unknown_shape;
   if (frame.shapes().row(shape.number()).kind == ShapeKind::mesh) return Status::bad_shape;
-  moving.shape = shape.number();
-  moving.orientation = start.orientation;
+  asked = {{frame.shapes(), shape.number(), start.orientation}, path, filter};
   return Status::ok;
 }
 
 }  // namespace
 
-Status check(const RayQuery& query, const queries::RecordedFrame&, narrow_phase::Ray& ray) noexcept {
-  return check_path(query.start, query.displacement, ray);
+Status check(const RayQuery& query, const queries::RecordedFrame&, queries::AskedRay& asked) noexcept {
+  asked.filter = query.filter;
+  return check_path(query.start, query.displacement, asked.ray);
 }
 
-Status check(const SweepQuery& query, const queries::RecordedFrame& frame, MovingShape& moving) noexcept {
-  return check_moving(frame, query.shape, query.start, query.displacement, moving);
+Status check(const SweepQuery& query, const queries::RecordedFrame& frame, queries::AskedShape& asked) noexcept {
+  return check_moving(frame, query.shape, query.start, query.displacement, query.filter, asked);
 }
 
-Status check(const OverlapQuery& query, const queries::RecordedFrame& frame, MovingShape& placed) noexcept {
-  return check_moving(frame, query.shape, query.pose, {}, placed);
+Status check(const OverlapQuery& query, const queries::RecordedFrame& frame, queries::AskedShape& asked) noexcept {
+  return check_moving(frame, query.shape, query.pose, {}, query.filter, asked);
 }
 
-Status check(const NearestQuery& query, const queries::RecordedFrame&, NoArguments&) noexcept {
+Status check(const NearestQuery& query, const queries::RecordedFrame&, queries::AskedPoint& asked) noexcept {
   if (!(query.distance >= 0)) return Status::bad_number;
+  asked = {query.point, query.distance, query.filter};
   return check_position(query.point);
 }
 

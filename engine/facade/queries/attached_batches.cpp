@@ -11,21 +11,20 @@ using messages::QueryHitRecord;
 using messages::QueryKind;
 using messages::QueryRecord;
 
-void set_arguments(QueryRecord& record, const RayQuery&, const narrow_phase::Ray& ray) noexcept {
-  record.start.position = ray.start;
-  record.displacement = ray.displacement;
+void set_arguments(QueryRecord& record, const queries::AskedRay& asked) noexcept {
+  record.start.position = asked.ray.start;
+  record.displacement = asked.ray.displacement;
 }
 
-template <class Query>
-void set_arguments(QueryRecord& record, const Query&, const MovingShape& moving) noexcept {
-  record.shape = moving.shape;
-  record.start = {moving.path.start, moving.orientation};
-  record.displacement = moving.path.displacement;
+void set_arguments(QueryRecord& record, const queries::AskedShape& asked) noexcept {
+  record.shape = asked.shape.shape;
+  record.start = {asked.path.start, asked.shape.orientation};
+  record.displacement = asked.path.displacement;
 }
 
-void set_arguments(QueryRecord& record, const NearestQuery& query, const NoArguments&) noexcept {
-  record.start.position = query.point;
-  record.distance = query.distance;
+void set_arguments(QueryRecord& record, const queries::AskedPoint& asked) noexcept {
+  record.start.position = asked.point;
+  record.distance = asked.distance;
 }
 
 void set_filter(QueryRecord& record, const QueryFilter& filter) noexcept {
@@ -89,32 +88,32 @@ void AttachedBatches::prepare(nodes::FrameOrder& order) {
     shapes_.begin(0);
   }
   for (const QueryBatch* batch : batches_) {
-    prepare<narrow_phase::Ray>(QueryKind::cast, batch->cast);
-    prepare<narrow_phase::Ray>(QueryKind::cast_any, batch->cast_any);
-    prepare<narrow_phase::Ray>(QueryKind::cast_all, batch->cast_all);
-    prepare<MovingShape>(QueryKind::sweep, batch->sweep);
-    prepare<MovingShape>(QueryKind::sweep_all, batch->sweep_all);
-    prepare<MovingShape>(QueryKind::overlap, batch->overlap);
-    prepare<NoArguments>(QueryKind::nearest, batch->nearest);
+    prepare<queries::AskedRay>(QueryKind::cast, batch->cast);
+    prepare<queries::AskedRay>(QueryKind::cast_any, batch->cast_any);
+    prepare<queries::AskedRay>(QueryKind::cast_all, batch->cast_all);
+    prepare<queries::AskedShape>(QueryKind::sweep, batch->sweep);
+    prepare<queries::AskedShape>(QueryKind::sweep_all, batch->sweep_all);
+    prepare<queries::AskedShape>(QueryKind::overlap, batch->overlap);
+    prepare<queries::AskedPoint>(QueryKind::nearest, batch->nearest);
   }
   order.queries = records_;
 }
 
-template <class Arguments, class Query>
-void AttachedBatches::prepare(QueryKind kind, const std::vector<Query>& queries) {
-  for (const Query& query : queries) {
+template <class Asked, class Query>
+void AttachedBatches::prepare(QueryKind kind, const std::vector<Query>& of_kind) {
+  for (const Query& query : of_kind) {
     if (query.frame) {
       prepared_.push_back({Status::ok, false});
       any_by_snapshot_ = true;
       continue;
     }
-    Arguments arguments;
-    const Status status = check(query, shapes_, arguments);
+    Asked asked;
+    const Status status = check(query, shapes_, asked);
     prepared_.push_back({status, status == Status::ok});
     if (status == Status::ok) {
       QueryRecord& record = records_.emplace_back();
       record.kind = static_cast<std::uint32_t>(kind);
-      set_arguments(record, query, arguments);
+      set_arguments(record, asked);
       set_filter(record, query.filter);
     }
   }
@@ -217,23 +216,22 @@ template <class Query>
 void AttachedBatches::merge_lists(const std::vector<Query>& queries, HitLists& lists, const nodes::ServerRole& server,
                                   void (Snapshot::*otherwise)(std::span<const Query>, HitLists&, QueryWork*) const,
                                   const Snapshot& snapshot, QueryWork& work) {
-  lists.clear();
-  for (const Query& query : queries) {
+  lists.start(queries.size());
+  for (std::size_t i = 0; i < queries.size(); ++i) {
     const Prepared& prepared = prepared_[next_prepared_++];
     if (prepared.by_nodes) {
       for (const Found& found : next_found()) {
-        lists.add(hit_of<Query>(server, *found.hit));
+        lists.add(i) = hit_of<Query>(server, *found.hit);
       }
-      lists.add_list(Status::ok);
     } else if (prepared.status != Status::ok) {
-      lists.add_list(prepared.status);
+      lists.set_status(i, prepared.status);
       ++work.queries;
     } else {
-      (snapshot.*otherwise)({&query, 1}, list_, &work);
+      (snapshot.*otherwise)({&queries[i], 1}, list_, &work);
       for (const Hit& hit : list_.all()) {
-        lists.add(hit);
+        lists.add(i) = hit;
       }
-      lists.add_list(list_.status(0));
+      lists.set_status(i, list_.status(0));
     }
   }
 }

@@ -29,7 +29,7 @@ namespace ringfence::facade {
 /// Threads: the one that calls World. Memory: grows to the largest frame. Throws only std::bad_alloc.
 class AttachedBatches {
  public:
-  explicit AttachedBatches(std::shared_ptr<const geometry::ShapeTable> shapes) : shapes_(std::move(shapes)) {}
+  explicit AttachedBatches(std::shared_ptr<const geometry::ShapeTable> shapes) : shapes_(std::move(shapes), nullptr) {}
   AttachedBatches(const AttachedBatches&) = delete;
   AttachedBatches& operator=(const AttachedBatches&) = delete;
 
@@ -61,8 +61,8 @@ class AttachedBatches {
     const messages::QueryHitRecord* hit;
   };
 
-  template <class Arguments, class Query>
-  void prepare(messages::QueryKind kind, const std::vector<Query>& queries);
+  template <class Asked, class Query>
+  void prepare(messages::QueryKind kind, const std::vector<Query>& of_kind);
   void order_hits(const nodes::ServerRole& server);
   std::span<const Found> next_found();
   void merge(QueryBatch& batch, const nodes::ServerRole& server, const Snapshot& snapshot, QueryWork& work);

@@ -1,16 +1,17 @@
 #include "facade/queries/frame_recorder.hpp"
 
 namespace ringfence::facade {
-
 void record_frame(const nodes::ServerRole& server, std::uint64_t number, queries::RecordedFrame& frame) {
   const nodes::ObjectTable& table = server.objects();
   frame.begin(table.slots());
+  std::size_t objects = 0;
   for (std::uint32_t slot = 0; slot < table.slots(); ++slot) {
     queries::FrameObject& row = frame.row(slot);
     if (table.present()[slot] == 0) {
       row.number = 0;
       continue;
     }
+    ++objects;
     const nodes::ObjectRow& object = table.row(slot);
     const bool jumped = (table.marks(slot) & nodes::jumped_mark) != 0;
     row = {object.pose,
@@ -29,7 +30,7 @@ void record_frame(const nodes::ServerRole& server, std::uint64_t number, queries
     row.pose = hosted.pose;
     row.jumped = 0;
   });
-  frame.finish(number);
+  frame.finish(number, objects);
 }
 
 }  // namespace ringfence::facade

@@ -44,7 +44,7 @@ void FrameStore::record(const nodes::ServerRole& server, std::uint64_t number) {
 
 std::shared_ptr<queries::RecordedFrame> FrameStore::take_free() {
   const auto found = std::find_if(free_.begin(), free_.end(), [](const auto& frame) { return !frame->is_pinned(); });
-  if (found == free_.end()) return std::make_shared<queries::RecordedFrame>(shapes_);
+  if (found == free_.end()) return std::make_shared<queries::RecordedFrame>(shapes_, order_);
   std::shared_ptr<queries::RecordedFrame> frame = std::move(*found);
   free_.erase(found);
   return frame;

@@ -71,6 +71,7 @@ class FrameStore {
   std::shared_ptr<queries::RecordedFrame> take_free();
 
   std::shared_ptr<const geometry::ShapeTable> shapes_;
+  std::shared_ptr<queries::LastOrder> order_ = std::make_shared<queries::LastOrder>();
   std::size_t history_;
   std::vector<std::shared_ptr<queries::RecordedFrame>> kept_;  ///< in order of number, without gaps
   std::vector<std::shared_ptr<queries::RecordedFrame>> free_;  ///< no longer kept; readers may have pinned them

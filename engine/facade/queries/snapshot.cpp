@@ -2,135 +2,196 @@
 
 #include <algorithm>
 #include <new>
-#include <optional>
 #include <utility>
 #include <vector>
 
+#include "base/flat_list.hpp"
 #include "base/floating_point.hpp"
 #include "facade/queries/arguments.hpp"
-#include "facade/queries/frame_store.hpp"
-#include "facade/queries/query_order.hpp"
+#include "facade/queries/query_target.hpp"
 
 namespace ringfence {
 namespace {
 
-using facade::MovingShape;
-using facade::NoArguments;
 using facade::PinnedFrames;
-using facade::QueryOrder;
-using queries::FrameMoment;
-using queries::FramePart;
+using facade::QueryTarget;
+using queries::AskedPoint;
+using queries::AskedRay;
+using queries::AskedShape;
 using queries::ObjectHit;
-using queries::RecordedFrame;
+using queries::ObjectPoint;
+using queries::Searcher;
 
-/// The frame that a query asks about, with the index that answers it.
-struct Target {
-  Status status = Status::ok;
-  const RecordedFrame* frame = nullptr;
-  const FramePart* part = nullptr;
-  double fraction = 0;
-
-  FrameMoment moment() const noexcept { return {frame->shapes(), fraction}; }
-};
-
-Target find_target(const PinnedFrames& frames, const QueryFrame& wanted) noexcept try {
-  if (!wanted) return {Status::ok, &frames.last(), &frames.last().standing(), 0};
-  PinnedFrames::Moment moment;
-  if (const Status status = frames.find(*wanted, moment); status != Status::ok) return {status};
-  const FramePart& part = moment.next == nullptr ? moment.frame->standing() : moment.frame->moving_to(*moment.next);
-  return {Status::ok, moment.frame, &part, moment.fraction};
-} catch (const std::bad_alloc&) {
-  return {Status::out_of_memory};
-}
-
-Hit hit_of(const Target& target, const queries::FrameObject& object) noexcept {
-  Hit hit;
+void set_object(Hit& hit, const QueryTarget& target, const queries::FrameObject& object) noexcept {
   hit.object = ObjectId::of(object.number, object.generation);
   hit.user_data = target.frame->user_data(object.slot);
-  return hit;
 }
 
-Hit hit_of(const Target& target, const ObjectHit& found) noexcept {
-  if (found.object == nullptr) return {};
-  Hit hit = hit_of(target, *found.object);
+void set(Hit& hit, const QueryTarget& target, const ObjectHit& found) noexcept {
+  if (found.object == nullptr) return;
+  set_object(hit, target, *found.object);
   hit.fraction = found.hit.fraction;
   hit.normal = found.hit.normal;
   hit.point = found.hit.point;
   hit.child = found.hit.child;
   hit.triangle = found.hit.triangle;
-  return hit;
 }
 
-Hit hit_of(const Target& target, const queries::ObjectPoint& found) noexcept {
-  if (found.object == nullptr) return {};
-  Hit hit = hit_of(target, *found.object);
+void set(Hit& hit, const QueryTarget& target, const ObjectPoint& found) noexcept {
+  if (found.object == nullptr) return;
+  set_object(hit, target, *found.object);
   hit.distance = found.nearest.distance;
   hit.point = found.nearest.point;
   hit.child = found.nearest.child;
   hit.triangle = found.nearest.triangle;
-  return hit;
 }
 
-/// Answers one query: `compute(target, arguments)` is called if it is valid. Returns its status.
-template <class Arguments, class Query, class Compute>
-Status answer(const PinnedFrames* frames, const Query& query, const Compute& compute) {
-  if (frames == nullptr) return Status::out_of_order;
-  const Target target = find_target(*frames, query.frame);
-  if (target.status != Status::ok) return target.status;
-  Arguments arguments;
-  const Status status = facade::check(query, *target.frame, arguments);
-  if (status == Status::ok) compute(target, arguments);
-  return status;
+void set(AnyHit& hit, const QueryTarget&, bool found) noexcept { hit.hit = found; }
+
+/// A hit in the list of a query.
+struct ListOrder {
+  double fraction;
+  ObjectNumber number;
+  std::uint32_t index;  ///< in the list
+
+  bool operator<(const ListOrder& other) const noexcept {
+    return fraction < other.fraction || (fraction == other.fraction && number < other.number);
+  }
+};
+
+/// Puts the lists of a block in order, and writes them to the caller's.
+class HitListSink final : public queries::ListSink {
+ public:
+  HitListSink(const QueryTarget& target, std::span<const std::uint32_t> numbers, std::vector<ListOrder>& order,
+              HitLists& lists)
+      : target_(target), numbers_(numbers), order_(order), lists_(lists) {}
+
+  void add(std::uint32_t query, std::span<const ObjectHit> hits) override {
+    order_.clear();
+    for (std::uint32_t i = 0; i < hits.size(); ++i) {
+      order_.push_back({hits[i].hit.fraction, hits[i].object->number, i});
+    }
+    std::sort(order_.begin(), order_.end());
+    for (const ListOrder& next : order_) set(lists_.add(numbers_[query]), target_, hits[next.index]);
+  }
+
+ private:
+  const QueryTarget& target_;
+  std::span<const std::uint32_t> numbers_;
+  std::vector<ListOrder>& order_;
+  HitLists& lists_;
+};
+
+/// What a thread needs to answer batches with one kind of arguments. It is kept, because to allocate it for each batch
+/// would take longer than many answers.
+template <class Asked>
+struct Workspace {
+  Searcher searcher;
+  facade::FrameOrder order;
+  std::vector<std::uint32_t> numbers;  ///< of the queries of a block
+  std::vector<Asked> asked;            ///< a block
+  base::FlatList<ObjectHit> hits;
+  base::FlatList<ObjectPoint> points;
+  base::FlatList<bool> any;
+  std::vector<ListOrder> list;  ///< of one query
+
+  auto& found(const Hit*, const AskedPoint*) { return points; }
+  template <class Other>
+  auto& found(const Hit*, const Other*) {
+    return hits;
+  }
+  auto& found(const AnyHit*, const AskedRay*) { return any; }
+};
+
+template <class Asked>
+Workspace<Asked>& workspace() {
+  thread_local Workspace<Asked> mine;
+  return mine;
 }
 
-/// Null for small batches, or if there is no memory for it.
-template <class Query>
-std::optional<QueryOrder> order_of(std::span<const Query> queries) noexcept try {
-  constexpr std::size_t small = 64;
-  return queries.size() < small ? std::optional<QueryOrder>() : std::optional<QueryOrder>(queries);
-} catch (const std::bad_alloc&) {
-  return std::nullopt;
-}
-
-/// A batch with one answer for each query: `compute(query, target, arguments, answer, work)` sets it.
-template <class Arguments, class Query, class Answer, class Compute>
-void answer_each(const PinnedFrames* frames, std::span<const Query> queries, std::span<Answer> answers, QueryWork* work,
-                 const Compute& compute) {
-  const base::DefaultFloatingPoint floating_point;
-  QueryWork done;
-  done.queries = queries.size();
-  const std::optional<QueryOrder> order = order_of(queries);
+/// Calls `answer(target)` for each block of valid queries about the same time, which are then in `space`.
+/// `refuse(query, status)` receives the others.
+template <class Asked, class Query, class Answer, class Refuse>
+void for_each_block(const PinnedFrames* frames, std::span<const Query> queries, Workspace<Asked>& space,
+                    const Answer& answer, const Refuse& refuse) {
+  constexpr std::size_t block = 4096;
+  QueryTarget target;
+  const QueryFrame* about = nullptr;
+  space.asked.clear();
+  space.numbers.clear();
+  const auto finish = [&] {
+    if (!space.asked.empty()) answer(target);
+    space.asked.clear();
+    space.numbers.clear();
+  };
+  space.order.set(queries);
   for (std::size_t next = 0; next < queries.size(); ++next) {
-    const std::size_t i = order ? (*order)[next] : next;
-    answers[i] = {};
-    answers[i].status = answer<Arguments>(frames, queries[i], [&](const Target& target, const Arguments& arguments) {
-      compute(queries[i], target, arguments, answers[i], done);
-    });
+    const std::size_t i = space.order[next];
+    if (about == nullptr || queries[i].frame != *about || space.asked.size() == block) {
+      finish();
+      about = &queries[i].frame;
+      target = find_target(frames, *about);
+    }
+    Asked asked;
+    const Status status = target.status != Status::ok ? target.status : facade::check(queries[i], *target.frame, asked);
+    if (status == Status::ok) {
+      space.asked.push_back(asked);
+      space.numbers.push_back(static_cast<std::uint32_t>(i));
+    } else {
+      refuse(i, status);
+    }
   }
-  if (work != nullptr) *work += done;
+  finish();
 }
 
-/// A batch with a list for each query: `find(query, target, arguments, found, work)` appends what it finds, in any
-/// order. Each list is put in order of (fraction, number).
-template <class Arguments, class Query, class Find>
-void list_each(const PinnedFrames* frames, std::span<const Query> queries, HitLists& lists, QueryWork* work,
-               const Find& find) {
+/// A batch with one answer for each query: `(searcher.*search)(...)` finds them.
+template <class Asked, class Query, class Answer, class Found>
+void answer_each(const PinnedFrames* frames, std::span<const Query> queries, std::span<Answer> answers, QueryWork* work,
+                 void (Searcher::*search)(const queries::FramePart&, const queries::FrameMoment&,
+                                          std::span<const Asked>, std::span<Found>, QueryWork&) noexcept) noexcept try {
   const base::DefaultFloatingPoint floating_point;
+  Workspace<Asked>& space = workspace<Asked>();
+  base::FlatList<Found>& found = space.found(answers.data(), static_cast<const Asked*>(nullptr));
   QueryWork done;
   done.queries = queries.size();
-  lists.clear();
-  std::vector<ObjectHit> found;
-  for (const Query& query : queries) {
-    const Status status = answer<Arguments>(frames, query, [&](const Target& target, const Arguments& arguments) {
-      found.clear();
-      find(query, target, arguments, found, done);
-      std::sort(found.begin(), found.end(), [](const ObjectHit& p, const ObjectHit& q) {
-        return std::pair(p.hit.fraction, p.object->number) < std::pair(q.hit.fraction, q.object->number);
-      });
-      for (const ObjectHit& hit : found) lists.add(hit_of(target, hit));
-    });
-    lists.add_list(status);
+  const auto answer_block = [&](const QueryTarget& target) {
+    found.resize(space.asked.size());
+    std::fill(found.begin(), found.end(), Found());
+    (space.searcher.*search)(*target.part, target.moment(), space.asked, {found.data(), found.size()}, done);
+    for (std::size_t i = 0; i < space.asked.size(); ++i) {
+      Answer& answer = answers[space.numbers[i]];
+      answer = {};
+      set(answer, target, found[i]);
+    }
+  };
+  for_each_block(frames, queries, space, answer_block, [&](std::size_t query, Status status) {
+    answers[query] = {};
+    answers[query].status = status;
+  });
+  if (work != nullptr) *work += done;
+} catch (const std::bad_alloc&) {
+  for (Answer& answer : answers) {
+    answer = {};
+    answer.status = Status::out_of_memory;
   }
+}
+
+/// A batch with a list for each query, in order of (fraction, number); `(searcher.*search)(...)` appends the hits.
+template <class Asked, class Query>
+void list_each(const PinnedFrames* frames, std::span<const Query> queries, HitLists& lists, QueryWork* work,
+               void (Searcher::*search)(const queries::FramePart&, const queries::FrameMoment&, std::span<const Asked>,
+                                        queries::ListSink&, QueryWork&)) {
+  const base::DefaultFloatingPoint floating_point;
+  Workspace<Asked>& space = workspace<Asked>();
+  QueryWork done;
+  done.queries = queries.size();
+  lists.start(queries.size());
+  const auto answer_block = [&](const QueryTarget& target) {
+    HitListSink sink(target, space.numbers, space.list, lists);
+    (space.searcher.*search)(*target.part, target.moment(), space.asked, sink, done);
+  };
+  for_each_block(frames, queries, space, answer_block,
+                 [&](std::size_t query, Status status) { lists.set_status(query, status); });
   if (work != nullptr) *work += done;
 }
 
@@ -141,66 +202,25 @@ std::uint64_t Snapshot::oldest_frame() const noexcept { return frames_->first().
 std::size_t Snapshot::objects() const noexcept { return frames_ == nullptr ? 0 : frames_->last().size(); }
 
 void Snapshot::cast(std::span<const RayQuery> queries, std::span<Hit> hits, QueryWork* work) const noexcept {
-  answer_each<narrow_phase::Ray>(
-      frames_.get(), queries, hits, work,
-      [](const RayQuery& query, const Target& target, const narrow_phase::Ray& ray, Hit& hit, QueryWork& done) {
-        ObjectHit best;
-        target.part->cast(target.moment(), ray, query.filter, best, done);
-        hit = hit_of(target, best);
-      });
+  answer_each(frames_.get(), queries, hits, work, &Searcher::cast);
 }
-
 void Snapshot::cast_any(std::span<const RayQuery> queries, std::span<AnyHit> hits, QueryWork* work) const noexcept {
-  answer_each<narrow_phase::Ray>(
-      frames_.get(), queries, hits, work,
-      [](const RayQuery& query, const Target& target, const narrow_phase::Ray& ray, AnyHit& hit, QueryWork& done) {
-        hit.hit = target.part->cast_any(target.moment(), ray, query.filter, done);
-      });
+  answer_each(frames_.get(), queries, hits, work, &Searcher::cast_any);
 }
-
 void Snapshot::cast_all(std::span<const RayQuery> queries, HitLists& hits, QueryWork* work) const {
-  list_each<narrow_phase::Ray>(
-      frames_.get(), queries, hits, work,
-      [](const RayQuery& query, const Target& target, const narrow_phase::Ray& ray, std::vector<ObjectHit>& found,
-         QueryWork& done) { target.part->cast_all(target.moment(), ray, query.filter, found, done); });
+  list_each(frames_.get(), queries, hits, work, &Searcher::cast_all);
 }
-
 void Snapshot::sweep(std::span<const SweepQuery> queries, std::span<Hit> hits, QueryWork* work) const noexcept {
-  answer_each<MovingShape>(
-      frames_.get(), queries, hits, work,
-      [](const SweepQuery& query, const Target& target, const MovingShape& moving, Hit& hit, QueryWork& done) {
-        ObjectHit best;
-        target.part->sweep(target.moment(), moving.in(target.frame->shapes()), moving.path, query.filter, best, done);
-        hit = hit_of(target, best);
-      });
+  answer_each(frames_.get(), queries, hits, work, &Searcher::sweep);
 }
-
 void Snapshot::sweep_all(std::span<const SweepQuery> queries, HitLists& hits, QueryWork* work) const {
-  list_each<MovingShape>(frames_.get(), queries, hits, work,
-                         [](const SweepQuery& query, const Target& target, const MovingShape& moving,
-                            std::vector<ObjectHit>& found, QueryWork& done) {
-                           target.part->sweep_all(target.moment(), moving.in(target.frame->shapes()), moving.path,
-                                                  query.filter, found, done);
-                         });
+  list_each(frames_.get(), queries, hits, work, &Searcher::sweep_all);
 }
-
 void Snapshot::overlap(std::span<const OverlapQuery> queries, HitLists& hits, QueryWork* work) const {
-  list_each<MovingShape>(frames_.get(), queries, hits, work,
-                         [](const OverlapQuery& query, const Target& target, const MovingShape& placed,
-                            std::vector<ObjectHit>& found, QueryWork& done) {
-                           target.part->overlap(target.moment(), placed.in(target.frame->shapes()), placed.path.start,
-                                                query.filter, found, done);
-                         });
+  list_each(frames_.get(), queries, hits, work, &Searcher::overlap);
 }
-
 void Snapshot::nearest(std::span<const NearestQuery> queries, std::span<Hit> hits, QueryWork* work) const noexcept {
-  answer_each<NoArguments>(
-      frames_.get(), queries, hits, work,
-      [](const NearestQuery& query, const Target& target, const NoArguments&, Hit& hit, QueryWork& done) {
-        queries::ObjectPoint best;
-        target.part->nearest(target.moment(), query.point, query.distance, query.filter, best, done);
-        hit = hit_of(target, best);
-      });
+  answer_each(frames_.get(), queries, hits, work, &Searcher::nearest);
 }
 
 }  // namespace ringfence

@@ -77,7 +77,8 @@ struct NearestQuery {
 /// What a query finds at one object.
 struct Hit {
   /// Of the query: ok; not_finite, not_unit, bad_number, unknown_shape, bad_shape or frame_expired if it is refused;
-  /// out_of_order if the Snapshot is empty; out_of_memory if there is none for an index. Then it finds nothing.
+  /// out_of_order if the Snapshot is empty; out_of_memory if there is none for an index or a batch. Then it finds
+  /// nothing.
   Status status = Status::ok;
   std::uint32_t child = 0;      ///< part of a compound shape; reserved: always 0
   std::uint32_t triangle = 0;   ///< of a mesh: its number, from 0, without triangles of zero area; otherwise 0
@@ -112,35 +113,38 @@ struct AnyHit {
 class HitLists {
  public:
   /// Number of queries of the last batch.
-  std::size_t size() const noexcept { return statuses_.size(); }
+  std::size_t size() const noexcept { return lists_.size(); }
   /// The hits of one query. Rays and sweeps: in order of (fraction, number); overlaps: in order of number. Each object
   /// is in it once, with its first hit.
   std::span<const Hit> operator[](std::size_t query) const noexcept {
-    return {hits_.data() + starts_[query], starts_[query + 1] - starts_[query]};
+    return {hits_.data() + lists_[query].first, lists_[query].size};
   }
   /// As Hit::status: why a list may be empty.
-  Status status(std::size_t query) const noexcept { return statuses_[query]; }
-  /// All lists, one after another.
+  Status status(std::size_t query) const noexcept { return lists_[query].status; }
+  /// The hits of all lists: one list after another, but not in the order of the queries if some ask about other frames.
   std::span<const Hit> all() const noexcept { return hits_; }
 
-  /// Removes all lists.
-  void clear() noexcept {
+  /// Replaces the contents by this many empty lists with Status::ok.
+  void start(std::size_t queries) {
     hits_.clear();
-    starts_.assign(1, 0);
-    statuses_.clear();
+    lists_.assign(queries, List());
   }
-  /// Appends a hit to the list that add_list() ends.
-  void add(const Hit& hit) { hits_.push_back(hit); }
-  /// Ends the list of the next query.
-  void add_list(Status status) {
-    starts_.push_back(hits_.size());
-    statuses_.push_back(status);
+  /// Appends an empty hit to a list, and returns it. Precondition: it is the list of the call before, or empty.
+  Hit& add(std::size_t query) {
+    List& list = lists_[query];
+    if (list.size++ == 0) list.first = hits_.size();
+    return hits_.emplace_back();
   }
+  void set_status(std::size_t query, Status status) noexcept { lists_[query].status = status; }
 
  private:
+  struct List {
+    std::size_t first = 0;  ///< in hits_
+    std::uint32_t size = 0;
+    Status status = Status::ok;
+  };
   std::vector<Hit> hits_;
-  std::vector<std::size_t> starts_{0};  ///< of each list in hits_, and the end of the last
-  std::vector<Status> statuses_;
+  std::vector<List> lists_;
 };
 
 /// What queries cost. It depends on the machine's vector width and on what the index looks like; answers do not.

@@ -29,9 +29,23 @@ bool is_on_mesh(const geometry::Mesh& mesh, const Vec3d& point, std::uint32_t& t
   return nearest_in_mesh(mesh, point, rounding, nearest, distance, triangle);
 }
 
-/// A ray that starts outside. Where it saves time, hits beyond `limit_place` are not searched.
-bool cast_from_outside(const geometry::ShapeView& shapes, ShapeNumber shape, const LocalRay& ray, double limit_place,
-                       LocalHit& found, std::uint32_t& triangle) {
+/// Whether the shape contains the start. A mesh has no inside: then whether a ray without a length is on its surface.
+bool starts_inside(const geometry::ShapeView& shapes, ShapeNumber shape, const LocalRay& ray, const PlaneClip& clip,
+                   std::uint32_t& triangle) {
+  const geometry::ShapeRow& row = shapes.row(shape);
+  switch (row.kind) {
+    case ShapeKind::hull:
+      return hull_contains(shapes, shape, ray.origin, clip.farthest);
+    case ShapeKind::mesh:
+      return ray.length == 0 && is_on_mesh(shapes.mesh(row.index_in_kind), ray.origin, triangle);
+    default:
+      return contains(shapes, shape, ray.origin);
+  }
+}
+
+/// A ray that starts outside. `clip`: of a hull. Where it saves time, hits beyond `limit_place` are not searched.
+bool cast_from_outside(const geometry::ShapeView& shapes, ShapeNumber shape, const LocalRay& ray, const PlaneClip& clip,
+                       double limit_place, LocalHit& found, std::uint32_t& triangle) {
   const geometry::ShapeRow& row = shapes.row(shape);
   const double size[3] = {double{row.size[0]}, double{row.size[1]}, double{row.size[2]}};
   switch (row.kind) {
@@ -42,7 +56,7 @@ bool cast_from_outside(const geometry::ShapeView& shapes, ShapeNumber shape, con
     case ShapeKind::capsule:
       return cast_at_capsule(ray, size[0], size[1], found);
     case ShapeKind::hull:
-      return cast_at_hull(ray, shapes.hull(row.index_in_kind), found);
+      return cast_at_hull(ray, shapes.hull(row.index_in_kind), clip, found);
     case ShapeKind::support: {
       const SweepContact contact = cast_at_support(shapes, shape, ray, limit_place);
       found = {contact.place, contact.normal};
@@ -74,11 +88,9 @@ bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& 
   if (dot(local.foot, local.foot) > size * size * (1 + 0x1p-20) + local.slack * local.slack) return false;
 
   std::uint32_t triangle = 0;
-  const bool is_solid = row.kind != ShapeKind::mesh;
-  const bool starts_inside =
-      is_solid ? contains(shapes, shape, local.origin)
-               : ray.length == 0 && is_on_mesh(shapes.mesh(row.index_in_kind), local.origin, triangle);
-  if (starts_inside) {
+  PlaneClip clip;
+  if (row.kind == ShapeKind::hull) clip = clip_by_planes(shapes.hull(row.index_in_kind), local, 0x1p-40 * size);
+  if (starts_inside(shapes, shape, local, clip, triangle)) {
     hit = ShapeHit::at_start(ray);
     hit.triangle = triangle;
     return true;
@@ -86,7 +98,7 @@ bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& 
   if (ray.length == 0) return false;
   LocalHit found;
   const double limit_place = local.place_of(limit);
-  if (!cast_from_outside(shapes, shape, local, limit_place, found, triangle)) return false;
+  if (!cast_from_outside(shapes, shape, local, clip, limit_place, found, triangle)) return false;
   const double fraction = local.fraction_of(found.place);
   if (fraction > limit) return false;
   hit = {};

@@ -28,8 +28,8 @@ bool cast_ray(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& 
 /// A convex shape that is swept or that overlaps: one of any table, with its orientation.
 struct QueryShape {
   geometry::ShapeView shapes;
-  ShapeNumber shape;  ///< no mesh
-  Quat orientation;   ///< a unit quaternion
+  ShapeNumber shape = 0;  ///< no mesh
+  Quat orientation;       ///< a unit quaternion
 };
 
 /// Whether a convex shape, whose origin moves along `path` with a fixed orientation, touches a shape, and where first.
@@ -40,7 +40,9 @@ struct QueryShape {
 bool sweep_shape(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const QueryShape& moving,
                  const Ray& path, double limit, ShapeHit& hit);
 
-/// Whether a convex shape at `position` overlaps or touches a shape. If that is a mesh, sets `triangle` to the lowest
+/// Whether a convex shape at `position` overlaps or touches a shape: whether the two would be in contact, as
+/// NarrowPhase says, which computes in float where sizes allow. With meshes and support functions as precise as
+/// sweep_shape(). If the shape is a mesh, sets `triangle` to the lowest
 /// number of the triangles that it overlaps or touches, else to 0.
 bool overlaps(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const QueryShape& query,
               const Vec3d& position, std::uint32_t& triangle);

@@ -3,6 +3,8 @@
 #include "geometry/vector.hpp"
 #include "narrow_phase/query/core_distance.hpp"
 #include "narrow_phase/query/nearest/convex_nearest.hpp"
+#include "narrow_phase/query/overlap_tests.hpp"
+#include "narrow_phase/query/shape_pair.hpp"
 #include "narrow_phase/query/shape_query.hpp"
 #include "narrow_phase/query/sweep/convex_sweep.hpp"
 #include "narrow_phase/query/sweep/mesh_sweep.hpp"
@@ -22,6 +24,7 @@ geometry::RotationD relative_rotation(const geometry::RotationD& frame, Quat q) 
   return out;
 }
 
+/// One of the two is a support function.
 bool overlaps_convex(const geometry::ShapeView& shapes, ShapeNumber shape, const MovingCore& query,
                      const Vec3d& position) {
   if (query.is_sphere()) {
@@ -35,10 +38,13 @@ bool overlaps_convex(const geometry::ShapeView& shapes, ShapeNumber shape, const
 bool overlaps(const geometry::ShapeView& shapes, ShapeNumber shape, const Pose& pose, const QueryShape& query,
               const Vec3d& position, std::uint32_t& triangle) {
   const geometry::ShapeRow& row = shapes.row(shape);
+  triangle = 0;
+  if (OverlapTests::tests(row.kind) && OverlapTests::tests(query.shapes.row(query.shape).kind)) {
+    return ShapePair(shapes, shape, query.shapes, query.shape).contact(pose, {position, query.orientation}).has_value();
+  }
   const geometry::RotationD rotation = geometry::rotation_exact(pose.orientation);
   const MovingCore core(query.shapes, query.shape, relative_rotation(rotation, query.orientation));
   const Vec3d local = geometry::rotate_inverse(rotation, position - pose.position);
-  triangle = 0;
   const double sizes = (double{row.bounding_radius} + core.size()) * (1 + 0x1p-20);
   if (dot(local, local) > sizes * sizes) return false;
   return row.kind == ShapeKind::mesh ? overlaps_mesh(shapes.mesh(row.index_in_kind), core, local, triangle)

@@ -75,7 +75,9 @@ TEST_CASE("overlaps are those of the reference") {
         CAPTURE(hard);
         ++seed;
         CAPTURE(seed);
-        const double accuracy = accuracy_of(target, moving) == 1e-4 ? 1e-4 : 1e-10;
+        // The kernels of contacts decide, which compute in float; for meshes the functions of sweeps.
+        const bool in_double = target == ShapeKind::mesh;
+        const double accuracy = accuracy_of(target, moving) == 1e-4 ? 1e-4 : in_double ? 1e-10 : 1e-5;
         const QueryTally tally =
             check_overlaps(make_queries(target, moving, hard, 500 * query_scale, seed, far_away), accuracy);
         INFO(tally.text);

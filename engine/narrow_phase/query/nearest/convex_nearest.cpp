@@ -21,17 +21,13 @@ CoreDistance distance_of_point(const ConvexCore& core, const Vec3d& point) {
   return core_distance(core, ConvexCore::box({}, placement), std::numeric_limits<double>::infinity());
 }
 
-enum class Side { inside, outside, near_surface };
-
-/// The planes of the faces are precise to a few float steps, and the facets that a face joins to 10^-6 of the size.
-Side side_of(const geometry::Hull& hull, const Vec3d& point) noexcept {
+double farthest_plane(const geometry::Hull& hull, const Vec3d& point) noexcept {
   const float *x = hull.normal_x(), *y = hull.normal_y(), *z = hull.normal_z(), *offset = hull.offset();
   double most = -std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < hull.face_count(); ++i) {
     most = std::max(most, dot(Vec3d{double{x[i]}, double{y[i]}, double{z[i]}}, point) - double{offset[i]});
   }
-  const double size = double{hull.bounding_radius()};
-  return most > 0x1p-40 * size ? Side::outside : most < -0x1p-18 * size ? Side::inside : Side::near_surface;
+  return most;
 }
 
 Vec3d nearest_on_segment(const Vec3d& point, const Vec3d& a, const Vec3d& b) noexcept {
@@ -54,18 +50,22 @@ bool contains(const geometry::ShapeView& shapes, ShapeNumber shape, const Vec3d&
       return std::abs(p.x) <= size[0] && std::abs(p.y) <= size[1] && std::abs(p.z) <= size[2];
     case ShapeKind::capsule:
       return squared(p - Vec3d{0, 0, std::clamp(p.z, -size[1], size[1])}) <= size[0] * size[0];
-    case ShapeKind::hull: {
-      const geometry::Hull& hull = shapes.hull(row.index_in_kind);
-      const Side side = side_of(hull, p);
-      if (side != Side::near_surface) return side == Side::inside;
-      return distance_of_point(ConvexCore(shapes, shape, {}), p).kind == CoreDistance::Kind::touch;
-    }
+    case ShapeKind::hull:
+      return hull_contains(shapes, shape, p, farthest_plane(shapes.hull(row.index_in_kind), p));
     case ShapeKind::support:
       return distance_of_point(ConvexCore(shapes, shape, {}), p).kind == CoreDistance::Kind::touch;
     case ShapeKind::mesh:
       break;
   }
   return false;
+}
+
+// The planes of the faces are precise to a few float steps, and the facets that a face joins to 10^-6 of the size.
+bool hull_contains(const geometry::ShapeView& shapes, ShapeNumber shape, const Vec3d& p, double farthest) {
+  const double size = double{shapes.row(shape).bounding_radius};
+  if (farthest > 0x1p-40 * size) return false;
+  if (farthest < -0x1p-18 * size) return true;
+  return distance_of_point(ConvexCore(shapes, shape, {}), p).kind == CoreDistance::Kind::touch;
 }
 
 Vec3d nearest_in_box(const Vec3d& p, const Vec3d& half) noexcept {

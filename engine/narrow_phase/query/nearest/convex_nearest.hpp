@@ -12,6 +12,10 @@ namespace ringfence::narrow_phase {
 /// rounding of a plane by core_distance(). Throws geometry::SupportFailure.
 bool contains(const geometry::ShapeView& shapes, ShapeNumber shape, const Vec3d& point);
 
+/// contains() for a hull, from the largest distance of the point from the plane of a face, which is negative behind all
+/// planes.
+bool hull_contains(const geometry::ShapeView& shapes, ShapeNumber shape, const Vec3d& point, double farthest);
+
 /// The point of a sphere, box, capsule, hull or support function that is nearest to `point`; `point` itself if the
 /// shape contains it. Closed form for the first three; core_distance() for the others. Throws geometry::SupportFailure.
 Vec3d nearest_in_convex(const geometry::ShapeView& shapes, ShapeNumber shape, const Vec3d& point);

@@ -102,14 +102,7 @@ bool cast_at_capsule(const LocalRay& ray, double radius, double half_height, Loc
   return cast_at_sphere(ray, {0, 0, z > 0 ? half_height : -half_height}, radius, hit);
 }
 
-bool cast_at_hull(const LocalRay& ray, const geometry::Hull& hull, LocalHit& hit) noexcept {
-  const float *x = hull.normal_x(), *y = hull.normal_y(), *z = hull.normal_z(), *offset = hull.offset();
-  const double margin = 0x1p-40 * double{hull.bounding_radius()};
-  Clip clip;
-  for (std::size_t i = 0; i < hull.face_count(); ++i) {
-    const Vec3d normal{double{x[i]}, double{y[i]}, double{z[i]}};
-    clip.add(dot(normal, ray.foot) - (double{offset[i]} + margin), dot(normal, ray.direction), i);
-  }
+bool cast_at_hull(const LocalRay& ray, const geometry::Hull& hull, const PlaneClip& clip, LocalHit& hit) noexcept {
   if (clip.enter > clip.leave || clip.leave < ray.begin || clip.enter > ray.end + ray.slack) return false;
   // Away from edges the face that the planes say is the right one. A convex surface has only one crossing from outside.
   std::size_t face = clip.entered;

@@ -14,7 +14,7 @@ void QueryAnswerer::begin() {
   stats.query_ns = stats.query_boxes = stats.query_tests = stats.query_failed_supports = 0;
   SpanTimer time(state_.setup.track, "queries", stats.query_ns);
   list_owned();
-  part_.build(owned_, {}, *state_.setup.shapes);
+  part_.build(owned_, owned_.size(), {}, *state_.setup.shapes);
   state_.contacts.queries.hits.clear();
   next_ = 0;
   pending_ = true;
@@ -77,9 +77,8 @@ void QueryAnswerer::answer_some() {
   const geometry::ShapeView shapes = state_.setup.shapes->view();
   const std::size_t end = std::min(next_ + queries_at_once, shared.queries.size());
   QueryWork work;
-  for (; next_ < end; ++next_) {
-    answers_.add(part_, shapes, static_cast<std::uint32_t>(next_), shared.queries[next_], shared.hits, work);
-  }
+  answers_.add(part_, shapes, shared.queries, next_, end, shared.hits, work);
+  next_ = end;
   stats.query_boxes += work.boxes;
   stats.query_tests += work.tests;
   stats.query_failed_supports += work.failed_supports;

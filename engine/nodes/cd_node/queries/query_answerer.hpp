@@ -32,7 +32,7 @@ class QueryAnswerer {
   void discard() noexcept { pending_ = false; }
 
  private:
-  static constexpr std::size_t queries_at_once = 256;
+  static constexpr std::size_t queries_at_once = 1024;
 
   void list_owned();
   void add_at_border();

@@ -1,0 +1,79 @@
+#include "narrow_phase/query/ray/hull_planes.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "narrow_phase/query/ray/hull_planes.cpp"
+#include <hwy/foreach_target.h>
+// This must follow foreach_target.h, which includes this file once for each target.
+#include <cstddef>
+#include <limits>
+
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using Doubles = hn::CappedTag<double, 8>;  // a column is padded to 16 values, so that no vector passes its end
+using Vector = hn::Vec<Doubles>;
+
+struct Triple {
+  Vector x, y, z;
+};
+HWY_INLINE Triple set(const Vec3d& p) {
+  const Doubles d;
+  return {hn::Set(d, p.x), hn::Set(d, p.y), hn::Set(d, p.z)};
+}
+// In the order of dot() in geometry/vector.hpp.
+HWY_INLINE Vector dot(const Triple& p, const Triple& q) {
+  return hn::Add(hn::Add(hn::Mul(p.x, q.x), hn::Mul(p.y, q.y)), hn::Mul(p.z, q.z));
+}
+
+PlaneClip clip(const geometry::Hull& hull, const LocalRay& ray, double margin) {
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  const Doubles d;
+  const hn::Rebind<float, Doubles> floats;
+  const Vector zero = hn::Zero(d), nowhere = hn::Set(d, -infinity), far = hn::Set(d, infinity);
+  const Triple foot = set(ray.foot), direction = set(ray.direction), origin = set(ray.origin);
+  Vector enter = nowhere, leave = far, farthest = nowhere, entered = zero, number = hn::Iota(d, 0);
+  for (std::size_t i = 0; i < hull.face_count(); i += hn::Lanes(d)) {
+    const Triple normal{hn::PromoteTo(d, hn::LoadU(floats, hull.normal_x() + i)),
+                        hn::PromoteTo(d, hn::LoadU(floats, hull.normal_y() + i)),
+                        hn::PromoteTo(d, hn::LoadU(floats, hull.normal_z() + i))};
+    const Vector offset = hn::PromoteTo(d, hn::LoadU(floats, hull.offset() + i));
+    farthest = hn::Max(farthest, hn::Sub(dot(normal, origin), offset));
+    const Vector at_foot = hn::Sub(dot(normal, foot), hn::Add(offset, hn::Set(d, margin)));
+    const Vector slope = dot(normal, direction);
+    const Vector place = hn::Neg(hn::Div(at_foot, slope));
+    const auto later = hn::And(hn::Lt(slope, zero), hn::Gt(place, enter));
+    enter = hn::IfThenElse(later, place, enter);
+    entered = hn::IfThenElse(later, number, entered);
+    const auto sooner = hn::And(hn::Gt(slope, zero), hn::Lt(place, leave));
+    leave = hn::IfThenElse(sooner, place, leave);
+    const auto outside = hn::And(hn::Eq(slope, zero), hn::Gt(at_foot, zero));
+    leave = hn::IfThenElse(outside, nowhere, leave);
+    number = hn::Add(number, hn::Set(d, static_cast<double>(hn::Lanes(d))));
+  }
+  double enters[8], faces[8];
+  hn::StoreU(enter, d, enters);
+  hn::StoreU(entered, d, faces);
+  PlaneClip out{-infinity, hn::GetLane(hn::MinOfLanes(d, leave)), 0, hn::GetLane(hn::MaxOfLanes(d, farthest))};
+  double face = infinity;
+  for (std::size_t i = 0; i < hn::Lanes(d); ++i) {
+    if (enters[i] > out.enter || (enters[i] == out.enter && faces[i] < face)) out.enter = enters[i], face = faces[i];
+  }
+  out.entered = face < infinity ? static_cast<std::uint32_t>(face) : 0;
+  return out;
+}
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ringfence::narrow_phase {
+HWY_EXPORT(clip);
+PlaneClip clip_by_planes(const geometry::Hull& hull, const LocalRay& ray, double margin) {
+  return HWY_DYNAMIC_DISPATCH(clip)(hull, ray, margin);
+}
+}  // namespace ringfence::narrow_phase
+#endif

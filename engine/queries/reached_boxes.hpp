@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "base/flat_list.hpp"
+#include "queries/tree_kernels.hpp"
+
+namespace ringfence::queries {
+
+/// A box that a query reaches.
+struct ReachedBox {
+  std::uint32_t box;  ///< position in the order of the tree
+  float at;           ///< a lower bound of the fraction at which it is reached
+};
+
+/// What the queries of a block reach in a BoxTree: they descend it together.
+///
+/// Threads: belongs to one. Memory: grows to about a kilobyte for each query of the largest block, kept.
+class ReachedBoxes {
+ public:
+  /// Prepares a block of this size. False if there is no memory for it.
+  bool reserve(std::size_t queries) noexcept;
+  /// What the i-th query reaches; to be set for each query.
+  Reach& reach(std::size_t i) noexcept { return reaches_[i]; }
+  /// Finds the boxes that the first `queries` queries reach; `compared` is increased by the number of boxes that were
+  /// compared. False if they reach more than 64 each: then fewer have to be asked at a time.
+  bool find(const TreeKernels& kernels, const BoxTree& tree, std::size_t queries, std::uint64_t& compared) noexcept;
+
+  /// The boxes of all queries, one query after another; those of a query in any order.
+  ReachedBox& operator[](std::uint32_t i) noexcept { return boxes_[i]; }
+  std::uint32_t begin(std::size_t query) const noexcept { return query == 0 ? 0 : ends_[query - 1]; }
+  std::uint32_t end(std::size_t query) const noexcept { return ends_[query]; }
+  /// Puts the boxes of a query in order of `at`.
+  void sort(std::size_t query) noexcept;
+
+ private:
+  base::FlatList<Reach> reaches_;
+  base::FlatList<std::uint32_t> lists_;  ///< of queries, for each level of the tree
+  base::FlatList<std::uint8_t> masks_;
+  base::FlatList<std::uint32_t> candidate_queries_, candidate_boxes_;
+  base::FlatList<float> candidate_at_;
+  base::FlatList<std::uint32_t> ends_;  ///< of each query in boxes_
+  base::FlatList<ReachedBox> boxes_;
+};
+
+}  // namespace ringfence::queries
