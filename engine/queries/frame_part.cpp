@@ -19,21 +19,25 @@ void FramePart::build(std::span<const FrameObject> rows, std::size_t count, std:
     find_bounds(shapes, choose_space(rows, order_->rows, shapes.rows().data()));
     return;
   }
-  const auto sorted = std::make_shared<TreeOrder>();
+  if (own_ == nullptr || is_shared_) own_ = std::make_shared<TreeOrder>();
+  is_shared_ = false;
+  own_->rows.clear();
   for (std::uint32_t i = 0; i < rows.size(); ++i) {
-    if (rows[i].number != 0) sorted->rows.push_back(i);
+    if (rows[i].number != 0) own_->rows.push_back(i);
   }
-  const geometry::FixedSpace space = choose_space(rows, sorted->rows, shapes.rows().data());
-  sort_.sort(rows, space, sorted->rows);
-  order_ = sorted;
+  const geometry::FixedSpace space = choose_space(rows, own_->rows, shapes.rows().data());
+  sort_.sort(rows, space, own_->rows);
+  order_ = own_;
   find_bounds(shapes, space);
-  sorted->cost = tree_.cost();
+  own_->cost = tree_.cost();
 }
 
 // Sorting takes as long as some searches that visit a fifth more boxes.
-std::shared_ptr<const TreeOrder> FramePart::order() const noexcept {
+std::shared_ptr<const TreeOrder> FramePart::share_order() noexcept {
   constexpr double most = 1.2;
-  return tree_.cost() <= most * order_->cost ? order_ : nullptr;
+  if (tree_.cost() > most * order_->cost) return nullptr;
+  is_shared_ = true;
+  return order_;
 }
 
 void FramePart::find_bounds(const geometry::ShapeTable& shapes, const geometry::FixedSpace& space) {

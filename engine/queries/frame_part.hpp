@@ -23,13 +23,14 @@ class FramePart {
  public:
   /// Replaces the contents by the `count` objects of `rows`; rows with the number 0 have none. Refers to the rows,
   /// which must stay as they are. Poses as in narrow_phase::Body. `ends`: where each row's object is on its way to at
-  /// FrameMoment::fraction 1, copied; empty: they stand. `hint`: order() of a part with about the same objects in the
+  /// FrameMoment::fraction 1, copied; empty: they stand. `hint`: share_order() of a part with about the same objects in the
   /// same rows, or null; answers do not depend on it.
   void build(std::span<const FrameObject> rows, std::size_t count, std::span<const Pose> ends,
              const geometry::ShapeTable& shapes, std::shared_ptr<const TreeOrder> hint = nullptr);
 
-  /// The order of the tree, as a hint for other parts; null if the objects should be sorted.
-  std::shared_ptr<const TreeOrder> order() const noexcept;
+  /// The order of the tree, as a hint for other parts; null if the objects should be sorted. From the thread that
+  /// builds.
+  std::shared_ptr<const TreeOrder> share_order() noexcept;
 
   std::size_t size() const noexcept { return tree_.size(); }  ///< number of objects
   /// The objects' bounds, widened by what exact tests allow. The positions of its order are those of object() and
@@ -48,6 +49,8 @@ class FramePart {
 
   std::span<const FrameObject> rows_;
   std::shared_ptr<const TreeOrder> order_;
+  std::shared_ptr<TreeOrder> own_;  ///< for sorting; its memory is used again unless it is shared
+  bool is_shared_ = false;
   std::vector<Pose> ends_;  ///< parallel to rows_, or empty
   std::vector<geometry::Bounds> bounds_;
   std::vector<float> margins_;  ///< metres

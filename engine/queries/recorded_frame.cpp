@@ -35,7 +35,7 @@ const FramePart& RecordedFrame::part(LazyPart& lazy, Build build) const {
 const FramePart& RecordedFrame::standing() const {
   return part(standing_, [&] {
     standing_.part.build(rows_, size_, {}, *shapes_, order_->get());
-    order_->set(standing_.part.order());
+    order_->set(standing_.part.share_order());
   });
 }
 

@@ -282,7 +282,7 @@ TEST_CASE("the order of an earlier frame serves while objects move, appear and d
     part.build(objects.rows, count_of(objects.rows), {}, objects.table, order);
     CHECK(part.size() == count_of(objects.rows));
     if (frame == 0 || order == nullptr) ++sorted;
-    order = part.order();
+    order = part.share_order();
     Searcher searcher;
     const Batch batch = make_batch(objects, random, 40, {}, 40);
     check(searcher, part, {view}, batch, 0, 40);
