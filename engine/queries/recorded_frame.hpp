@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "base/prefetch.hpp"
 #include "geometry/shape_table.hpp"
 #include "queries/frame_part.hpp"
 
@@ -47,6 +48,7 @@ class RecordedFrame {
   bool has_shape(ShapeNumber shape) const noexcept { return shape < has_shape_.size() && has_shape_[shape]; }
   /// ObjectSpec::user_data of the object in that slot.
   std::uint64_t user_data(std::uint32_t slot) const noexcept { return user_data_[slot]; }
+  void prefetch_user_data(std::uint32_t slot) const noexcept { base::prefetch_for_read(&user_data_[slot]); }
   /// The objects where they stand. May throw std::bad_alloc.
   const FramePart& standing() const;
   /// The same objects on their way to `next`, which is the frame after this one. May throw std::bad_alloc.

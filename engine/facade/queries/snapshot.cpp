@@ -46,6 +46,12 @@ void set(Hit& hit, const QueryTarget& target, const ObjectPoint& found) noexcept
   hit.triangle = found.nearest.triangle;
 }
 
+template <class Found>
+void prefetch(const QueryTarget& target, const Found& found) noexcept {
+  if (found.object != nullptr) target.frame->prefetch_user_data(found.object->slot);
+}
+void prefetch(const QueryTarget&, bool) noexcept {}
+
 void set(AnyHit& hit, const QueryTarget&, bool found) noexcept { hit.hit = found; }
 
 /// A hit in the list of a query.
@@ -70,6 +76,7 @@ class HitListSink final : public queries::ListSink {
     order_.clear();
     for (std::uint32_t i = 0; i < hits.size(); ++i) {
       order_.push_back({hits[i].hit.fraction, hits[i].object->number, i});
+      target_.frame->prefetch_user_data(hits[i].object->slot);
     }
     std::sort(order_.begin(), order_.end());
     for (const ListOrder& next : order_) set(lists_.add(numbers_[query]), target_, hits[next.index]);
@@ -158,6 +165,7 @@ void answer_each(const PinnedFrames* frames, std::span<const Query> queries, std
     found.resize(space.asked.size());
     std::fill(found.begin(), found.end(), Found());
     (space.searcher.*search)(*target.part, target.moment(), space.asked, {found.data(), found.size()}, done);
+    for (const Found& one : found) prefetch(target, one);
     for (std::size_t i = 0; i < space.asked.size(); ++i) {
       Answer& answer = answers[space.numbers[i]];
       answer = {};
