@@ -93,7 +93,6 @@ class HitListSink final : public queries::ListSink {
 /// would take longer than many answers.
 template <class Asked>
 struct Workspace {
-  Searcher searcher;
   facade::FrameOrder order;
   std::vector<std::uint32_t> numbers;  ///< of the queries of a block
   std::vector<Asked> asked;            ///< a block
@@ -109,6 +108,11 @@ struct Workspace {
   }
   auto& found(const AnyHit*, const AskedRay*) { return any; }
 };
+
+Searcher& searcher() {
+  thread_local Searcher mine;
+  return mine;
+}
 
 template <class Asked>
 Workspace<Asked>& workspace() {
@@ -164,7 +168,7 @@ void answer_each(const PinnedFrames* frames, std::span<const Query> queries, std
   const auto answer_block = [&](const QueryTarget& target) {
     found.resize(space.asked.size());
     std::fill(found.begin(), found.end(), Found());
-    (space.searcher.*search)(*target.part, target.moment(), space.asked, {found.data(), found.size()}, done);
+    (searcher().*search)(*target.part, target.moment(), space.asked, {found.data(), found.size()}, done);
     for (const Found& one : found) prefetch(target, one);
     for (std::size_t i = 0; i < space.asked.size(); ++i) {
       Answer& answer = answers[space.numbers[i]];
@@ -196,7 +200,7 @@ void list_each(const PinnedFrames* frames, std::span<const Query> queries, HitLi
   lists.start(queries.size());
   const auto answer_block = [&](const QueryTarget& target) {
     HitListSink sink(target, space.numbers, space.list, lists);
-    (space.searcher.*search)(*target.part, target.moment(), space.asked, sink, done);
+    (searcher().*search)(*target.part, target.moment(), space.asked, sink, done);
   };
   for_each_block(frames, queries, space, answer_block,
                  [&](std::size_t query, Status status) { lists.set_status(query, status); });

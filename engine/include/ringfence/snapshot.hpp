@@ -26,10 +26,9 @@ class PinnedFrames;
 /// World. It keeps the memory of its frames, and shapes that were removed are freed only after the snapshots of frames
 /// that have them. So keep one for a few frames, not for minutes.
 ///
-/// Memory: a thread that asks batches keeps what they need, up to about 5 MB for each kind of arguments, until it ends;
-/// an index is allocated where it is built; lists grow. Nothing else is allocated. Failure: std::bad_alloc from
-/// functions with lists. Each query is checked on its own: what is wrong with it is in its answer, and the others are
-/// answered. Floating point: as in
+/// Memory: a thread that asks batches keeps what they need, 8 MB, until it ends; an index is allocated where it is
+/// built; lists grow. Nothing else is allocated. Failure: std::bad_alloc from functions with lists. Each query is
+/// checked on its own: what is wrong with it is in its answer, and the others are answered. Floating point: as in
 /// World.
 class Snapshot {
  public:
