@@ -191,9 +191,11 @@ std::size_t plan_levels(std::span<const geometry::Bounds> boxes, std::span<const
   std::size_t left = slots.size();
   std::size_t bucket = 0;
   while (left > 0 && count + 1 < max_levels) {
-    // The smallest fiftieth belongs to the same level as the next sizes, however small it is.
+    // The smallest fiftieth belongs to the same level as the next sizes, however small it is. But many objects outside
+    // the world's bounds, where steps are large, need a level of their own.
+    constexpr std::size_t most_smaller = 256;
     std::size_t taken = 0;
-    while (taken <= left / 50 && bucket < histogram.size()) taken += histogram[bucket++];
+    while (taken <= std::min(left / 50, most_smaller) && bucket < histogram.size()) taken += histogram[bucket++];
     std::size_t end = std::min(bucket + 7, histogram.size()), top = bucket - 1;
     for (; bucket < end; ++bucket)
       if (histogram[bucket] != 0) {

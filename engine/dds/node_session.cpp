@@ -36,7 +36,10 @@ Vec3d corner(const double (&values)[3]) noexcept { return {values[0], values[1],
 }  // namespace
 
 JoinedWorld::JoinedWorld(std::uint64_t number, const WorldTermsRecord& terms, const NodeServiceConfig& config)
-    : number_(number), terms_(terms), config_(config), space_(corner(terms.bounds_min), corner(terms.bounds_max)) {
+    : number_(number),
+      terms_(terms),
+      config_(config),
+      space_(corner(terms.bounds_min), corner(terms.bounds_max), geometry::Outside::has_octaves) {
   if (terms.setup_bytes == 0) {
     make_model({});
   }

@@ -102,6 +102,9 @@ Placement choose_placement(std::uint32_t nodes) noexcept { return nodes == 1 ? P
 
 WorldConfig settle(WorldConfig config) {
   check(config);
+  if (config.bounds_min == Vec3d{} && config.bounds_max == Vec3d{}) {
+    config.bounds_max = {100, 100, 100};  // until there are objects
+  }
   if (config.placement == Placement::automatic) {
     config.placement = choose_placement(config.nodes);
   }

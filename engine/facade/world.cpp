@@ -51,6 +51,7 @@ Status World::begin_frame() try {
     return w.requests.refuse(Status::out_of_order);
   }
   w.requests.cut(w.state.order);
+  w.state.choose_bounds();
   w.batches.prepare(w.state.order);
   w.users.connect();
   w.membership.cut(*w.server);

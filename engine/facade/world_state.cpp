@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "facade/automatic_bounds.hpp"
 #include "facade/config_check.hpp"
 
 namespace ringfence::facade {
@@ -70,10 +71,11 @@ std::uint64_t nanoseconds(double ms) noexcept { return static_cast<std::uint64_t
 }  // namespace
 
 WorldState::WorldState(WorldConfig given)
-    : config(settle(std::move(given))),
+    : bounds_are_open(has_automatic_bounds(given)),
+      config(settle(std::move(given))),
       shared_shapes(std::make_shared<geometry::ShapeTable>()),
       shapes(*shared_shapes),
-      space(config.bounds_min, config.bounds_max),
+      space(config.bounds_min, config.bounds_max, geometry::Outside::has_octaves),
       layer_masks(masks_of(config.layers)),
       publications{interest_grid(config, space), &space, {}, {}, {}},
       server_publication(publications.grid.cells(), config.capacities.objects),
@@ -110,6 +112,17 @@ nodes::ServerSetup WorldState::server_setup() noexcept {
 
 regions::RegionMap WorldState::first_map() const {
   return regions::RegionMap(region_grid(config, space), std::max(1u, config.nodes));
+}
+
+// The grids were made for a cube, and stay: automatic bounds are a cube too.
+void WorldState::choose_bounds() {
+  WorldBounds bounds;
+  if (bounds_are_open && facade::choose_bounds(order.requests, bounds)) {
+    bounds_are_open = false;
+    config.bounds_min = bounds.min;
+    config.bounds_max = bounds.max;
+    space = geometry::FixedSpace(bounds.min, bounds.max, geometry::Outside::has_octaves);
+  }
 }
 
 void WorldState::start_server_thread() {

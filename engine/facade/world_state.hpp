@@ -48,6 +48,10 @@ struct WorldState {
   /// The region map of the first frame: equal shares for the nodes of the configuration.
   regions::RegionMap first_map() const;
 
+  /// At the cut: if the configuration leaves the bounds to the World, and the cut has the first objects, chooses the
+  /// bounds around them. No role has used `space` for an object before.
+  void choose_bounds();
+
   /// If roles have threads: starts that of the server. Throws Error if the system has none.
   void start_server_thread();
   /// The doorbell of the server's thread; null without threads.
@@ -55,10 +59,12 @@ struct WorldState {
   /// Sets the roles that the server's thread steps, in this order. Without threads: those that step_until steps.
   void assign_server_thread(std::vector<Steppable> roles);
 
-  const WorldConfig config;                                   ///< settled
+  /// Whether the next cut with objects chooses the bounds.
+  bool bounds_are_open;
+  WorldConfig config;                                         ///< settled; only choose_bounds() changes it
   const std::shared_ptr<geometry::ShapeTable> shared_shapes;  ///< shared with snapshots, which may outlive the World
   geometry::ShapeTable& shapes;
-  const geometry::FixedSpace space;
+  geometry::FixedSpace space;                       ///< constant once the World has objects
   const std::array<std::uint32_t, 32> layer_masks;  ///< by layer: the layers it collides with
   nodes::Publications publications;
   link::Publication server_publication;

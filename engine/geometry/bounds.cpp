@@ -1,6 +1,8 @@
 #include "geometry/bounds.hpp"
 
+#include <bit>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "ringfence/error.hpp"
@@ -11,7 +13,14 @@ namespace {
 constexpr double steps = 4294967296.0;
 constexpr double max_step = 4294967295.0;
 
-double steps_per_metre(const char* axis, double min, double& max) {
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+// Of Outside::has_octaves: 64 octaves on each side of the bounds.
+constexpr int octave_log2 = 19;
+constexpr double outer_steps = 64.0 * (1 << octave_log2);
+constexpr double inner_steps = steps - 2 * outer_steps;
+
+double side_of(const char* axis, double min, double& max) {
   if (!std::isfinite(min) || !std::isfinite(max) || !std::isfinite(max - min)) {
     throw Error(std::string("world bounds: ") + axis + " is not finite; give finite bounds in metres");
   }
@@ -23,7 +32,7 @@ double steps_per_metre(const char* axis, double min, double& max) {
   if (!(max > min)) {
     throw Error(std::string("world bounds: ") + axis + " starts too far from the origin for a side of 1 m");
   }
-  return steps / (max - min);
+  return max - min;
 }
 
 double clamp_step(double step) noexcept {
@@ -39,16 +48,35 @@ std::uint32_t rounded_up(double step) noexcept {
 
 }  // namespace
 
-FixedSpace::FixedSpace(Vec3d min, Vec3d max) : rows_{{min.x, min.y, min.z, 0}, {}}, max_(max) {
-  rows_.scale[0] = steps_per_metre("x", min.x, max_.x);
-  rows_.scale[1] = steps_per_metre("y", min.y, max_.y);
-  rows_.scale[2] = steps_per_metre("z", min.z, max_.z);
+FixedSpace::FixedSpace(Vec3d min, Vec3d max, Outside outside) : rows_{}, min_(min), max_(max) {
+  const double sides[3] = {side_of("x", min.x, max_.x), side_of("y", min.y, max_.y), side_of("z", min.z, max_.z)};
+  const double lower[3] = {min.x, min.y, min.z};
+  const bool octaves = outside == Outside::has_octaves;
+  for (int axis = 0; axis < 4; ++axis) {
+    rows_.first[axis] = octaves && axis < 3 ? outer_steps : -infinity;
+    rows_.last[axis] = octaves ? steps - outer_steps : infinity;
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    rows_.scale[axis] = (octaves ? inner_steps : steps) / sides[axis];
+    rows_.min[axis] = octaves ? lower[axis] - outer_steps / rows_.scale[axis] : lower[axis];
+  }
+}
+
+// The number of sides beyond the bounds plus 1 is a double whose exponent is the octave, and whose highest bits of the
+// mantissa are the step in it.
+double FixedSpace::Rows::outer_step(double step) const noexcept {
+  const bool below = step < first[0];
+  const double sides = 1.0 + (below ? first[0] - step : step - last[0]) * (1 / inner_steps);
+  const std::uint64_t whole = std::bit_cast<std::uint64_t>(sides) >> (52 - octave_log2);
+  const auto beyond = static_cast<double>(whole - (std::uint64_t{1023} << octave_log2));
+  return below ? first[0] - beyond : last[0] + beyond;
 }
 
 Bounds FixedSpace::bounds(Vec3d min, Vec3d max) const noexcept {
-  const auto at = [this](double place, int axis) { return (place - rows_.min[axis]) * rows_.scale[axis]; };
-  return {{rounded_down(at(min.x, 0)), rounded_down(at(min.y, 1)), rounded_down(at(min.z, 2))},
-          {rounded_up(at(max.x, 0)), rounded_up(at(max.y, 1)), rounded_up(at(max.z, 2))}};
+  return {
+      {rounded_down(rows_.step_at(min.x, 0)), rounded_down(rows_.step_at(min.y, 1)),
+       rounded_down(rows_.step_at(min.z, 2))},
+      {rounded_up(rows_.step_at(max.x, 0)), rounded_up(rows_.step_at(max.y, 1)), rounded_up(rows_.step_at(max.z, 2))}};
 }
 
 }  // namespace ringfence::geometry

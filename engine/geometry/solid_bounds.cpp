@@ -117,12 +117,24 @@ inline AxisExtent hull_extent(const Hull& hull, const RotationColumns& shape_axe
   return out;
 }
 
-/// Converts the positions on as many axes as `d` has lanes to fixed-point steps, rounded up or down. Values outside the
-/// range saturate, and NaN becomes 0, as in FixedSpace.
+/// Replaces the steps outside the bounds by those of the octaves, see FixedSpace. Lane 0 is that axis.
+template <class D>
+HWY_NOINLINE void replace_outer_steps(D d, hn::Vec<D>& steps, const FixedSpace::Rows& space, std::size_t axis) {
+  alignas(32) double lanes[4];
+  hn::Store(steps, d, lanes);
+  for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
+    const bool outside = lanes[lane] < space.first[axis + lane] || lanes[lane] > space.last[axis + lane];
+    lanes[lane] = outside ? space.outer_step(lanes[lane]) : lanes[lane];
+  }
+  steps = hn::Load(d, lanes);
+}
+
+/// Rounds steps on as many axes as `d` has lanes up or down. Values outside the range saturate, and NaN becomes 0, as
+/// in FixedSpace.
 template <bool up, class D>
-HWY_INLINE void store_steps(D d, hn::Vec<D> place, hn::Vec<D> min, hn::Vec<D> scale, std::int32_t* to) {
+HWY_INLINE void store_steps(D d, hn::Vec<D> steps, std::int32_t* to) {
   const hn::Rebind<std::int32_t, D> words;
-  const auto inside = hn::Min(hn::Max((place - min) * scale, hn::Zero(d)), hn::Set(d, 4294967295.0));
+  const auto inside = hn::Min(hn::Max(steps, hn::Zero(d)), hn::Set(d, 4294967295.0));
   const auto whole = up ? hn::Ceil(inside) : hn::Floor(inside);
   // The conversion is to signed integers: subtract 2^31 before it, and flip the top bit after it.
   const auto half_below = hn::DemoteTo(words, whole - hn::Set(d, 2147483648.0));
@@ -146,9 +158,19 @@ inline Bounds bounds_about(const Pose& pose, const AxisExtent& extent, double ra
     const auto min = hn::Load(d, space.min + i), scale = hn::Load(d, space.scale + i);
     const auto low = hn::PromoteTo(d, hn::Load(narrow, extent.lower.at + i)) - round;
     const auto high = hn::PromoteTo(d, hn::Load(narrow, extent.upper.at + i)) + round;
-    store_steps<false>(d, at + (low - widening), min, scale, lower + i);
-    store_steps<true>(d, at + (high + widening), min, scale, upper + i);
-    store_steps<false>(d, at, min, scale, point_steps + i);
+    auto low_steps = (at + (low - widening) - min) * scale;
+    auto high_steps = (at + (high + widening) - min) * scale;
+    auto at_steps = (at - min) * scale;
+    const auto below = hn::Min(low_steps, at_steps) < hn::Load(d, space.first + i);
+    const auto above = hn::Max(high_steps, at_steps) > hn::Load(d, space.last + i);
+    if (HWY_UNLIKELY(!hn::AllFalse(d, hn::Or(below, above)))) {
+      replace_outer_steps(d, low_steps, space, i);
+      replace_outer_steps(d, high_steps, space, i);
+      replace_outer_steps(d, at_steps, space, i);
+    }
+    store_steps<false>(d, low_steps, lower + i);
+    store_steps<true>(d, high_steps, upper + i);
+    store_steps<false>(d, at_steps, point_steps + i);
   }
   if (point != nullptr) std::memcpy(point->at, point_steps, sizeof point_steps);
   const auto word = [](std::int32_t value) { return static_cast<std::uint32_t>(value); };

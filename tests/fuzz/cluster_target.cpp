@@ -28,7 +28,8 @@ dds::WorldTermsRecord some_terms() {
 void read_terms(Bytes bytes) {
   const dds::WorldTermsRecord terms = dds::unpack_terms(bytes);
   const geometry::FixedSpace space({terms.bounds_min[0], terms.bounds_min[1], terms.bounds_min[2]},
-                                   {terms.bounds_max[0], terms.bounds_max[1], terms.bounds_max[2]});
+                                   {terms.bounds_max[0], terms.bounds_max[1], terms.bounds_max[2]},
+                                   geometry::Outside::has_octaves);
   require(terms.lease_ms >= 10 && terms.state_bytes <= max_motion_state);
 }
 

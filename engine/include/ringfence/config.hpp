@@ -121,8 +121,15 @@ class RemoteNodes;
 
 /// Configuration of a World. The constructor of World checks all fields and throws Error, which names the invalid one.
 struct WorldConfig {
-  Vec3d bounds_min{0, 0, 0};        ///< metres; objects may leave the bounds: the outer regions extend to infinity
-  Vec3d bounds_max{100, 100, 100};  ///< metres, not below bounds_min; a side shorter than 1 m is extended to 1 m
+  /// Corners of the bounds, metres; bounds_max is not below bounds_min, and a side shorter than 1 m is extended to 1 m.
+  /// Objects may be anywhere, see farthest_coordinate: the bounds only say where most of them are. Within the bounds
+  /// cost is least. Outside them the broad phase is as fine as 2^-18 of the distance from the bounds plus one side.
+  ///
+  /// Both 0, the default: the World chooses a cube around the first objects, except for a few that are far from the
+  /// others, in the first frame that has objects; config() returns it from then on. Until then, and with remote_nodes,
+  /// the bounds are 0 to 100 m on each axis.
+  Vec3d bounds_min{0, 0, 0};
+  Vec3d bounds_max{0, 0, 0};
   /// Number of CD nodes, 0 to 1024, and at most the number of cells. 0: the thread that calls World steps the server,
   /// one CD node and all user nodes.
   std::uint32_t nodes = 1;
