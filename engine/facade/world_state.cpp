@@ -77,7 +77,7 @@ WorldState::WorldState(WorldConfig given)
       shapes(*shared_shapes),
       space(config.bounds_min, config.bounds_max, geometry::Outside::has_octaves),
       layer_masks(masks_of(config.layers)),
-      publications{interest_grid(config, space), &space, {}, {}, {}},
+      publications{interest_grid(config, space), &space, {}, {}, {}, {}},
       server_publication(publications.grid.cells(), config.capacities.objects),
       halt(threaded() ? &caller_bell : nullptr),
       log(config.log),

@@ -32,7 +32,7 @@ class Registry {
   bool in_use(ObjectNumber number) const noexcept { return index_.find(number) != base::NumberIndex::none; }
 
   /// Number of live avatars of a user.
-  std::size_t avatars(UserNumber user) const noexcept { return user < avatars_.size() ? avatars_[user] : 0; }
+  std::size_t avatars(UserNumber user) const noexcept { return user < avatars_.size() ? avatars_[user].size() : 0; }
 
   /// The next unused number after the last one assigned; 0 if there is none.
   ObjectNumber free_number() noexcept {
@@ -57,7 +57,7 @@ class Registry {
     use(shape);
     if (user != no_user_number) {
       avatars_.resize(std::max<std::size_t>(avatars_.size(), user + 1));
-      ++avatars_[user];
+      avatars_[user].push_back(number);
     }
     return entries_.back().id;
   }
@@ -87,10 +87,8 @@ class Registry {
   void end(ObjectId id) { end(entries_[index_.find(id.number())]); }
   /// Ends all avatars of a user.
   void end_avatars(UserNumber user) {
-    for (Entry& entry : entries_) {
-      if (entry.user == user && !entry.ending) {
-        end(entry);
-      }
+    while (avatars(user) != 0) {
+      end(entries_[index_.find(avatars_[user].back())]);
     }
   }
   /// A frame begins: its cut applies all ends so far.
@@ -128,18 +126,20 @@ class Registry {
     entry.ending = true;
     ended_.push_back(entry.id.number());
     if (entry.user != no_user_number) {
-      --avatars_[entry.user];
+      std::vector<ObjectNumber>& avatars = avatars_[entry.user];
+      *std::find(avatars.rbegin(), avatars.rend(), entry.id.number()) = avatars.back();
+      avatars.pop_back();
     }
   }
 
   base::NumberIndex index_;
   std::vector<Entry> entries_;
-  std::vector<std::uint32_t> avatars_;        ///< alive, by user
-  std::vector<ObjectNumber> ended_;           ///< since the last cut
-  std::vector<ObjectNumber> cut_;             ///< by the cut of the running frame
-  std::vector<std::uint32_t> shape_uses_;     ///< by shape: of objects, and of the next two lists
-  std::vector<ShapeNumber> released_shapes_;  ///< by set_shape() since the last cut
-  std::vector<ShapeNumber> cut_shapes_;       ///< at the cut of the running frame
+  std::vector<std::vector<ObjectNumber>> avatars_;  ///< alive, by user
+  std::vector<ObjectNumber> ended_;                 ///< since the last cut
+  std::vector<ObjectNumber> cut_;                   ///< by the cut of the running frame
+  std::vector<std::uint32_t> shape_uses_;           ///< by shape: of objects, and of the next two lists
+  std::vector<ShapeNumber> released_shapes_;        ///< by set_shape() since the last cut
+  std::vector<ShapeNumber> cut_shapes_;             ///< at the cut of the running frame
   ObjectNumber last_number_ = 0;
   std::uint32_t generation_ = 0;
 };

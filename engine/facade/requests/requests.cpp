@@ -35,8 +35,6 @@ Status Requests::disconnect(UserId id) {
   }
   users_.disconnect(user);
   objects_.end_avatars(user);
-  std::erase_if(user_orders_.moves, [&](const UserOrders::Move& move) { return move.user == user; });
-  std::erase_if(user_orders_.inputs, [&](const UserOrders::Input& input) { return input.user == user; });
   Request request;
   request.kind = Request::Kind::disconnect;
   request.user = user;
@@ -240,6 +238,11 @@ Status Requests::set_state(ObjectId object, std::span<const std::byte> bytes) {
 void Requests::cut(nodes::FrameOrder& order) {
   objects_.cut();
   users_.cut();
+  if (!users_.cut_leaving().empty()) {
+    const auto has_left = [&](const auto& order_of) { return !users_.is_connected(order_of.user); };
+    std::erase_if(user_orders_.moves, has_left);
+    std::erase_if(user_orders_.inputs, has_left);
+  }
   order.requests.swap(requests_);
   order.states.swap(states_);
 }

@@ -4,32 +4,29 @@
 
 namespace ringfence::facade {
 
-bool UserNumbers::is_connected(UserNumber user) const noexcept {
-  return std::binary_search(connected_.begin(), connected_.end(), user);
-}
-
-bool UserNumbers::in_use(UserNumber user) const noexcept {
-  const auto holds = [&](const std::vector<UserNumber>& list) {
-    return std::find(list.begin(), list.end(), user) != list.end();
-  };
-  return is_connected(user) || holds(leaving_) || holds(cut_leaving_);
-}
-
-UserNumber UserNumbers::free_number() const noexcept {
-  UserNumber user = 0;
-  while (in_use(user)) {
-    ++user;
+UserNumber UserNumbers::free_number() noexcept {
+  while (in_use(lowest_)) {
+    ++lowest_;
   }
-  return user;
+  return lowest_;
 }
 
 void UserNumbers::connect(UserNumber user) {
-  connected_.insert(std::lower_bound(connected_.begin(), connected_.end(), user), user);
+  uses_.resize(std::max<std::size_t>(uses_.size(), std::size_t{user} + 1));
+  uses_[user] = Use::connected;
 }
 
 void UserNumbers::disconnect(UserNumber user) {
-  connected_.erase(std::lower_bound(connected_.begin(), connected_.end(), user));
   leaving_.push_back(user);
+  uses_[user] = Use::leaving;
+}
+
+void UserNumbers::forget_cut() noexcept {
+  for (const UserNumber user : cut_leaving_) {
+    uses_[user] = Use::none;
+    lowest_ = std::min(lowest_, user);
+  }
+  cut_leaving_.clear();
 }
 
 }  // namespace ringfence::facade

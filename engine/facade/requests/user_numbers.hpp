@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -15,10 +16,10 @@ namespace ringfence::facade {
 class UserNumbers {
  public:
   /// Whether the user node is connected, or connecting at the next cut.
-  bool is_connected(UserNumber user) const noexcept;
-  bool in_use(UserNumber user) const noexcept;
+  bool is_connected(UserNumber user) const noexcept { return use_of(user) == Use::connected; }
+  bool in_use(UserNumber user) const noexcept { return use_of(user) != Use::none; }
   /// The lowest number that is not in use.
-  UserNumber free_number() const noexcept;
+  UserNumber free_number() noexcept;
 
   /// Precondition: not in_use(user).
   void connect(UserNumber user);
@@ -30,11 +31,15 @@ class UserNumbers {
   /// Those that the cut of the running frame disconnects.
   std::span<const UserNumber> cut_leaving() const noexcept { return cut_leaving_; }
   /// The frame is complete: the numbers that its cut disconnected may be reused.
-  void forget_cut() noexcept { cut_leaving_.clear(); }
+  void forget_cut() noexcept;
 
  private:
-  std::vector<UserNumber> connected_;  ///< ascending
-  std::vector<UserNumber> leaving_;    ///< disconnected since the last cut
+  enum class Use : std::uint8_t { none, connected, leaving };
+  Use use_of(UserNumber user) const noexcept { return user < uses_.size() ? uses_[user] : Use::none; }
+
+  std::vector<Use> uses_;            ///< by number
+  UserNumber lowest_ = 0;            ///< all numbers below are in use
+  std::vector<UserNumber> leaving_;  ///< disconnected since the last cut
   std::vector<UserNumber> cut_leaving_;
 };
 

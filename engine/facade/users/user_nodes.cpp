@@ -10,7 +10,10 @@ using nodes::Request;
 
 namespace {
 
-constexpr std::size_t user_ring = std::size_t{1} << 16;
+// Large rings save wake-ups when few user nodes host much. Of many user nodes each hosts little, and memory counts.
+std::size_t ring_of(std::size_t users) noexcept {
+  return users < 256 ? std::size_t{1} << 16 : users < 2048 ? std::size_t{1} << 14 : std::size_t{1} << 12;
+}
 
 }  // namespace
 
@@ -46,8 +49,9 @@ void UserNodes::connect() {
 std::unique_ptr<User> UserNodes::make_user(UserNumber number) {
   const WorldConfig& config = state_.config;
   const std::size_t thread = number % threads_.size();
-  auto user = std::make_unique<User>(state_.ring_bytes(user_ring), state_.server_bell(), threads_.bell(thread),
-                                     state_.publications.grid.cells());
+  const std::size_t objects = config.deployment == Deployment::user ? 64 : 4;
+  auto user = std::make_unique<User>(state_.ring_bytes(ring_of(nodes_.size())), state_.server_bell(),
+                                     threads_.bell(thread), state_.publications.grid.cells(), objects);
   user->thread = thread;
   nodes::UserSetup setup;
   setup.user = number;
@@ -55,7 +59,7 @@ std::unique_ptr<User> UserNodes::make_user(UserNumber number) {
   setup.publications = &state_.publications;
   setup.interest = config.interest;
   setup.thread = threads_.parts_of(threads_.at(thread));
-  setup.objects = config.deployment == Deployment::user ? 64 : 4;
+  setup.objects = objects;
   setup.faults = state_.threaded() ? &state_.faults : nullptr;
   setup.server = user->channel.second();
   user->role = std::make_unique<nodes::UserRole>(setup);

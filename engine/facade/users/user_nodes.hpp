@@ -21,9 +21,9 @@ namespace ringfence::facade {
 /// A connected user node, with its channel, publication and role. Destroyed in reverse order: first its thread ends.
 struct User {
   /// `server` and `own` are the doorbells of the threads that step the server and the user node; `cells` is the number
-  /// of cells of the interest grid.
-  User(std::size_t ring_bytes, link::Doorbell* server, link::Doorbell* own, std::size_t cells)
-      : channel(ring_bytes, server, own), publication(cells, 64) {}
+  /// of cells of the interest grid. Reserves for `objects` objects.
+  User(std::size_t ring_bytes, link::Doorbell* server, link::Doorbell* own, std::size_t cells, std::size_t objects)
+      : channel(ring_bytes, server, own), publication(cells, objects) {}
   DuplexChannel channel;
   link::Publication publication;
   std::unique_ptr<nodes::UserRole> role;

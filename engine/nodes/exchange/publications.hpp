@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
 #include "link/publication.hpp"
 #include "regions/region_map.hpp"
@@ -39,6 +40,17 @@ struct NodePublication {
   bool wanted = false;  ///< set if the publication is read in this frame
 };
 
+/// Where the user nodes have published states in a frame.
+struct UserIndex {
+  /// Cell and user, ascending: one entry for each cell in which a user node has states. See base::PairSort::key().
+  std::vector<std::uint64_t> entries;
+  /// Those with states in many cells, which have no entry; a limited number.
+  std::vector<UserNumber> wide;
+
+  static UserNumber user_of(std::uint64_t entry) noexcept { return static_cast<UserNumber>(entry); }
+  static std::uint32_t cell_of(std::uint64_t entry) noexcept { return static_cast<std::uint32_t>(entry >> 32); }
+};
+
 /// All publications that user nodes read. Each user node publishes the objects that it hosts. The server, or the CD
 /// nodes that host them, publish the other active and non-active objects.
 ///
@@ -54,6 +66,7 @@ struct Publications {
   /// the next frame is complete.
   std::vector<const Published*> relays[2];
   std::vector<Published> users;  ///< by user number
+  UserIndex user_index[2];       ///< of `users`, by parity of the frame; under the same contract as `relays`
 };
 
 /// Stores in `own` the cell range of its publication for `frame`. The cells must be numbered as in Publications::grid.

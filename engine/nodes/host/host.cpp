@@ -33,8 +33,8 @@ Host::Host(const MotionModel* model, std::size_t objects, FaultPoint* fault)
       contacts_(objects) {
   changed_.reserve(objects);
   differs_.reserve(objects);
-  steered_.reserve(64);
-  scratch_.resize(batch * state_bytes_);
+  steered_.reserve(std::min(batch, objects));
+  grow_batch(std::min(batch, objects));
 }
 
 void Host::move(std::uint64_t frame) {
@@ -122,7 +122,17 @@ void Host::collect_changed(std::size_t first, std::size_t end) {
   differs_.resize(changed);
 }
 
+// Most user nodes host a few objects, and there are many of them.
+void Host::grow_batch(std::size_t count) {
+  inputs_.resize(count);
+  outputs_.resize(count);
+  scratch_.resize(count * state_bytes_);
+}
+
 void Host::move_batch(std::size_t first, std::size_t count) {
+  if (count > inputs_.size()) [[unlikely]] {
+    grow_batch(batch);
+  }
   // Once, although the model may be called twice.
   for (std::size_t i = 0; i < count; ++i) {
     begin_flags(hosted_[first + i].object.flags);
@@ -179,13 +189,13 @@ bool Host::call_model(std::size_t first, std::size_t count) {
     outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_, false};
   }
   if (!frame_inputs_.empty()) {
-    frame_inputs_.set(first, std::span(inputs_, count));
+    frame_inputs_.set(first, std::span(inputs_).first(count));
   }
   if (fault_ != nullptr) {
     fault_->pass(NodeStage::model, frame_);
   }
   try {
-    model_->move(frame_, std::span<const MotionInput>(inputs_, count), std::span<MotionOutput>(outputs_, count));
+    model_->move(frame_, std::span(std::as_const(inputs_)).first(count), std::span(outputs_).first(count));
   } catch (...) {
     if (count == 1) {
       const messages::ObjectRef& object = hosted_[first].object;

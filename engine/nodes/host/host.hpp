@@ -71,6 +71,7 @@ class Host : public HostedObjects {
   void move_batches(std::size_t first, std::size_t end);
   void collect_changed(std::size_t first, std::size_t end);
   void move_batch(std::size_t first, std::size_t count);
+  void grow_batch(std::size_t count);
   bool call_model(std::size_t first, std::size_t count);
   void prefetch(std::size_t i) const noexcept;
   std::span<const std::uint32_t> contacts_of(std::size_t i) const noexcept {
@@ -97,8 +98,9 @@ class Host : public HostedObjects {
   std::size_t next_moved_ = 0;  ///< first object of the next move_next()
   HostRefusals refusals_;
   ModelFailures failures_;
-  MotionInput inputs_[batch];
-  MotionOutput outputs_[batch];
+  // Of the largest batch so far.
+  std::vector<MotionInput> inputs_;
+  std::vector<MotionOutput> outputs_;
   std::vector<std::byte> scratch_;
 };
 

@@ -129,13 +129,40 @@ void UserRole::read_others() {
       boxes_.push_back(all.grid.cells_of(bounds));
     }
   }
+  const UserIndex& index = all.user_index[frame_ & 1];
   for (std::size_t box = 0; box < boxes_.size(); ++box) {
     for (const Published* relay : all.relays[frame_ & 1]) {
       read_box(*relay, boxes_[box], box);
     }
-    for (UserNumber user = 0; user < all.users.size(); ++user) {
-      if (user != setup_.user && all.users[user].publication != nullptr) {
+    for (const UserNumber user : index.wide) {
+      if (user != setup_.user) {
         read_box(all.users[user], boxes_[box], box);
+      }
+    }
+    read_indexed(index, boxes_[box], box);
+  }
+}
+
+bool UserRole::was_read(const CellBox& cell, std::size_t earlier) const noexcept {
+  return std::any_of(boxes_.begin(), boxes_.begin() + static_cast<std::ptrdiff_t>(earlier),
+                     [&](const CellBox& other) { return other.contains(cell); });
+}
+
+// The cells of a row have consecutive numbers, so their entries are adjacent.
+void UserRole::read_indexed(const UserIndex& index, const CellBox& box, std::size_t earlier) {
+  const Publications& all = *setup_.publications;
+  auto& seen = seen_[frame_ & 1];
+  for (std::uint32_t z = box.lower[2]; z <= box.upper[2]; ++z) {
+    for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
+      const std::uint32_t last = all.grid.index(box.upper[0], y, z);
+      auto entry = std::lower_bound(index.entries.begin(), index.entries.end(),
+                                    std::uint64_t{all.grid.index(box.lower[0], y, z)} << 32);
+      for (; entry != index.entries.end() && UserIndex::cell_of(*entry) <= last; ++entry) {
+        const UserNumber user = UserIndex::user_of(*entry);
+        const std::uint32_t cell = UserIndex::cell_of(*entry);
+        if (user != setup_.user && !(earlier != 0 && was_read(all.grid.box_of(cell), earlier))) {
+          seen.push_back(all.users[user].publication->read(frame_, cell));
+        }
       }
     }
   }
@@ -192,9 +219,7 @@ void UserRole::read_cells(const Published& published, const CellBox& box, std::s
   auto& seen = seen_[frame_ & 1];
   const auto wanted = [&](std::uint32_t cell) {
     const CellBox at = grid.box_of(cell);
-    return box.contains(at) &&
-           (earlier == 0 || std::none_of(boxes_.begin(), boxes_.begin() + static_cast<std::ptrdiff_t>(earlier),
-                                         [&](const CellBox& other) { return other.contains(at); }));
+    return box.contains(at) && (earlier == 0 || !was_read(at, earlier));
   };
   const auto cells = published.publication->cells(frame_);
   const auto starts = published.publication->starts(frame_);

@@ -92,6 +92,10 @@ class UserRole {
   void read_box(const Published& published, const regions::CellBox& box, std::size_t earlier);
   void read_rows(const Published& published, const regions::CellBox& box);
   void read_cells(const Published& published, const regions::CellBox& box, std::size_t earlier);
+  /// Reads the states of the other user nodes that `index` lists in a box, except those in the first `earlier` boxes.
+  void read_indexed(const UserIndex& index, const regions::CellBox& box, std::size_t earlier);
+  /// Whether one of the first `earlier` boxes contains the cell.
+  bool was_read(const regions::CellBox& cell, std::size_t earlier) const noexcept;
   void enter(telemetry::StepClock::Step step) noexcept;
   bool advance();
   bool send_states();

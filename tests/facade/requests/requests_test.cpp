@@ -98,6 +98,7 @@ TEST_CASE("a user that disconnects takes back its moves and inputs, and a disabl
   }
   CHECK(requests.disconnect(users[0]) == Status::ok);
   CHECK(requests.set_enabled(avatars[2], false) == Status::ok);
+  requests.cut(fixture.order);
   const UserOrders& orders = requests.user_orders();
   REQUIRE(orders.moves.size() == 1);
   CHECK(orders.moves[0].number == avatars[1].number());

@@ -59,6 +59,7 @@ void ServerFixture::connect(UserNumber user) {
   session.self = Endpoint::user(user);
   session.connection = connection(session.self);
   session.connected = true;
+  publications_.users.resize(state_->users.size());
   state_->connected.insert(std::lower_bound(state_->connected.begin(), state_->connected.end(), user), user);
 }
 

@@ -60,6 +60,9 @@ void Cut::apply_requests() {
       ++begin;
     }
   }
+  if (any_left_) {
+    end_left_users();
+  }
   state_.objects.order_moved();
 }
 
@@ -128,15 +131,22 @@ void Cut::add_node(const Request& request) {
   state_.ledger.join(request.node, state_.frame);
 }
 
+// Its objects end when all requests are applied, so that any number of users costs one pass. Requests that name its
+// number come after that: the number is not free before the frame is complete.
 void Cut::disconnect(UserNumber user) {
+  state_.users[user].connected = false;
+  users_changed_ = any_left_ = true;
+}
+
+void Cut::end_left_users() {
+  const auto has_left = [&](UserNumber user) { return user != no_user_number && !state_.users[user].connected; };
   for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
-    if (state_.objects.alive(slot) && state_.objects.origin(slot).user == user) {
+    if (state_.objects.alive(slot) && has_left(state_.objects.origin(slot).user)) {
       end_object(slot);
     }
   }
-  state_.users[user].connected = false;
-  state_.connected.erase(std::lower_bound(state_.connected.begin(), state_.connected.end(), user));
-  users_changed_ = true;
+  std::erase_if(state_.connected, has_left);
+  any_left_ = false;
 }
 
 void Cut::spawn(const Request& request) {

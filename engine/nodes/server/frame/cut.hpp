@@ -41,6 +41,7 @@ class Cut {
   void apply(const Request& request);
   void connect(const Request& request);
   void disconnect(UserNumber user);
+  void end_left_users();
   void spawn(const Request& request);
   void end_object(std::uint32_t slot);
   void place(std::uint32_t slot, const Pose& pose, bool present);
@@ -59,6 +60,7 @@ class Cut {
   std::vector<PositionedSpawn> spawn_order_;  ///< scratch
   std::vector<std::uint32_t> changed_slots_;  ///< at this cut, by set_group and the like
   bool users_changed_ = false;                ///< users came or left at this cut
+  bool any_left_ = false;                     ///< users left whose objects have not ended yet
 };
 
 }  // namespace ringfence::nodes

@@ -96,6 +96,7 @@ void StateRelay::allow_reading() {
   list_publications();
   is_final_ = true;
   if (state_.setup.interest > 0) {
+    indexer_.list(*state_.setup.publications, state_.connected, state_.frame);
     state_.all_users([&](PeerSession& user) {
       user.closing.read_publications_run.start(0);
       send_read_publications(user);

@@ -5,6 +5,7 @@
 #include "base/flat_list.hpp"
 #include "base/prefetch.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
+#include "nodes/exchange/user_index.hpp"
 #include "nodes/server/server_state.hpp"
 
 namespace ringfence::nodes {
@@ -70,9 +71,10 @@ class StateRelay {
   ServerState& state_;
   const ServerExchange& exchange_;
   base::FlatList<std::uint32_t> cells_;  ///< by slot: cell in the server's publication, or not_relayed
-  bool nodes_publish_ = false;           ///< CD nodes publish what they host in this frame
-  bool cells_are_known_ = false;         ///< cells_ are valid except for objects that moved in this frame
-  bool is_final_ = false;                ///< user nodes may read: the publications of this frame no longer change
+  UserIndexer indexer_;
+  bool nodes_publish_ = false;    ///< CD nodes publish what they host in this frame
+  bool cells_are_known_ = false;  ///< cells_ are valid except for objects that moved in this frame
+  bool is_final_ = false;         ///< user nodes may read: the publications of this frame no longer change
 };
 
 }  // namespace ringfence::nodes
