@@ -1,10 +1,12 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <span>
 
 #include "base/buffer.hpp"
+#include "broad_phase/crowds.hpp"
 #include "geometry/bounds.hpp"
 
 namespace ringfence::broad_phase {
@@ -32,6 +34,7 @@ struct PairSink {
   base::Buffer<geometry::CandidatePair> pairs;
   std::size_t count = 0;                  ///< number of pairs found
   std::span<const std::uint32_t> groups;  ///< by slot: 0, or the group of the object; empty where no object has one
+  std::span<const std::uint32_t> crowds;  ///< by slot; empty where no found pair can be excluded by its crowd
 
   /// Boxes per block. The exact tests run after each block. A block has enough boxes that their memory accesses overlap
   /// in time, and few enough that they stay in the cache.
@@ -50,7 +53,18 @@ struct PairSink {
     windows.reserve(7 * block);  // a box has up to two in each of three other rows and one in its own, if rows wrap
   }
 
-  /// Removes the pairs of two objects of one group from [first, last) and returns the new end.
+  bool filters() const noexcept { return !groups.empty() || !crowds.empty(); }
+  /// Removes the pairs that groups and crowds exclude from [first, last) and returns the new end.
+  geometry::CandidatePair* drop_excluded(geometry::CandidatePair* first, geometry::CandidatePair* last) const noexcept {
+    if (!groups.empty()) last = drop_same_group(first, last);
+    return crowds.empty() ? last : drop_same_crowd(first, last);
+  }
+  geometry::CandidatePair* drop_same_crowd(geometry::CandidatePair* first,
+                                           geometry::CandidatePair* last) const noexcept {
+    return std::remove_if(first, last, [this](const geometry::CandidatePair& pair) {
+      return !crowds_collide(crowds[pair.a], crowds[pair.b]);
+    });
+  }
   geometry::CandidatePair* drop_same_group(geometry::CandidatePair* first,
                                            geometry::CandidatePair* last) const noexcept {
     geometry::CandidatePair* to = first;

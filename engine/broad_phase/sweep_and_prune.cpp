@@ -1,13 +1,14 @@
 #include "broad_phase/sweep_and_prune.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cassert>
 #include <cstring>
 #include <utility>
+#include <vector>
 
 #include "base/buffer.hpp"
 #include "broad_phase/box_set.hpp"
+#include "broad_phase/crowd_sets.hpp"
 #include "broad_phase/kernels.hpp"
 #include "broad_phase/pair_sink.hpp"
 
@@ -19,7 +20,7 @@ struct Task {
   RowGrid* a;
   RowGrid* b;  ///< null: `a` among themselves
 };
-constexpr std::size_t max_tasks = max_levels * (max_levels + 1) / 2 + max_levels * max_levels;
+constexpr std::size_t max_tasks = max_levels * (max_levels + 1) / 2 + max_levels * max_levels;  ///< without crowds
 
 bool any_fixed(std::span<const std::uint8_t> layers) noexcept {
   std::uint8_t bits = 0;
@@ -41,7 +42,8 @@ struct SweepAndPrune::Implementation {
   Kernels kernels = choose_kernels();
   BoxSet moving;
   BoxSet resting;
-  PairSink sink;  ///< the pairs within the resting set, followed by those found in this call
+  CrowdSets crowded;  ///< what has a crowd is in neither of the two
+  PairSink sink;      ///< the pairs within the resting set, followed by those found in this call
   base::Buffer<std::uint32_t> moving_slots;
   base::Buffer<std::uint32_t> leaving_slots;
   base::Buffer<std::uint32_t> resting_slots;
@@ -52,8 +54,8 @@ struct SweepAndPrune::Implementation {
   std::size_t removed = 0;        ///< boxes removed from the resting set since it was built
   std::size_t resting_pairs = 0;  ///< number of pairs within the resting set
   std::size_t rebuild_debt = 0;   ///< extra cost so far of not rebuilding the resting set, in boxes
-  std::array<Task, max_tasks> tasks;
-  std::size_t task_count = 0, task = 0;
+  std::vector<Task> tasks;
+  std::size_t task = 0;
   std::uint32_t position = 0;
   std::size_t returned = 0;
 
@@ -69,6 +71,7 @@ struct SweepAndPrune::Implementation {
         keep_resting(keep) {
     reserve(objects);
     sink.pairs.grow(pairs + 1, 0);
+    tasks.reserve(max_tasks);
   }
 
   void reserve(std::size_t objects) {
@@ -124,18 +127,36 @@ struct SweepAndPrune::Implementation {
 
   void add_tasks_within(BoxSet& set) {
     const auto grids = set.grids();
-    for (RowGrid& grid : grids) tasks[task_count++] = {&grid, nullptr};
+    for (RowGrid& grid : grids) tasks.push_back({&grid, nullptr});
     for (std::size_t k = 0; k < grids.size(); ++k)
-      for (std::size_t l = k + 1; l < grids.size(); ++l) tasks[task_count++] = {&grids[k], &grids[l]};
+      for (std::size_t l = k + 1; l < grids.size(); ++l) tasks.push_back({&grids[k], &grids[l]});
+  }
+
+  void add_tasks_between(BoxSet& p, BoxSet& q) {
+    for (RowGrid& a : p.grids())
+      for (RowGrid& b : q.grids()) tasks.push_back({&a, &b});
+  }
+
+  // All grids are sorted before the first task that compares two of them.
+  void add_crowd_tasks() {
+    crowded.list_pairs([&](BoxSet& set) { add_tasks_within(set); },
+                       [&](BoxSet& p, BoxSet& q) { add_tasks_between(p, q); });
+    crowded.each([&](BoxSet& set) {
+      add_tasks_between(set, moving);
+      add_tasks_between(set, resting);
+    });
   }
 
   const std::uint32_t* mask_data() const noexcept { return layered ? masks.data() : nullptr; }
 
-  void start_tasks() { task_count = task = position = 0; }
+  void start_tasks() {
+    tasks.clear();
+    task = position = 0;
+  }
 
   // Does one more step of the sweep. Returns false when everything is done.
   bool step() {
-    if (task == task_count) return false;
+    if (task == tasks.size()) return false;
     Task& t = tasks[task];
     // Either grid may query the other. Usually the few large boxes query the many small ones, unless they cover too
     // many cells.
@@ -195,16 +216,24 @@ struct SweepAndPrune::Implementation {
 
   void begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
              std::span<const std::uint8_t> resting_flags, std::span<const std::uint8_t> layers,
-             std::span<const std::uint32_t> groups) {
+             std::span<const std::uint32_t> groups, std::span<const std::uint32_t> crowds) {
     assert(bounds.size() == present.size() && bounds.size() == resting_flags.size());
     assert(!layered || layers.size() == bounds.size());
     assert(groups.empty() || groups.size() == bounds.size());
+    assert(crowds.empty() || crowds.size() == bounds.size());
     sink.groups = groups;
+    sink.crowds = {};
     const std::uint8_t* const types = layered || any_fixed(layers) ? layers.data() : nullptr;
     if (bounds.size() != slots) resize(bounds.size());
     const auto classify_slots = [&] {
-      return kernels.classify_slots(present, resting_flags, in_resting_set.data(), moving_slots.data(),
-                                    leaving_slots.data());
+      Kernels::SlotCounts counts = kernels.classify_slots(present, resting_flags, in_resting_set.data(),
+                                                          moving_slots.data(), leaving_slots.data());
+      if (!crowds.empty()) {
+        counts.moving = crowded.take(crowds, {moving_slots.data(), counts.moving});
+        for (const std::uint64_t taken : crowded.taken())
+          counts.pending -= resting_flags[CrowdSets::slot_of(taken)] != 0 ? 1 : 0;
+      }
+      return counts;
     };
     Kernels::SlotCounts slot_counts = classify_slots();
     std::size_t at_rest = resting_count - slot_counts.leaving + slot_counts.pending;
@@ -230,8 +259,12 @@ struct SweepAndPrune::Implementation {
     moving.build(kernels, bounds, types, mask_data(), {moving_slots.data(), moving_count});
     start_tasks();
     add_tasks_within(moving);
-    for (RowGrid& m : moving.grids())
-      for (RowGrid& r : resting.grids()) tasks[task_count++] = {&m, &r};
+    add_tasks_between(moving, resting);
+    if (!crowds.empty() && !crowded.empty()) {
+      crowded.build(kernels, bounds, types, mask_data());
+      add_crowd_tasks();
+      if (crowded.needs_filter()) sink.crowds = crowds;
+    }
     sink.count = resting_pairs;
     returned = 0;
   }
@@ -247,8 +280,9 @@ std::span<const geometry::CandidatePair> SweepAndPrune::find(std::span<const geo
                                                              std::span<const std::uint8_t> present,
                                                              std::span<const std::uint8_t> resting,
                                                              std::span<const std::uint8_t> layers,
-                                                             std::span<const std::uint32_t> groups) {
-  begin(bounds, present, resting, layers, groups);
+                                                             std::span<const std::uint32_t> groups,
+                                                             std::span<const std::uint32_t> crowds) {
+  begin(bounds, present, resting, layers, groups, crowds);
   while (implementation_->step()) {
   }
   return {implementation_->sink.pairs.data(), implementation_->sink.count};
@@ -256,8 +290,8 @@ std::span<const geometry::CandidatePair> SweepAndPrune::find(std::span<const geo
 
 void SweepAndPrune::begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
                           std::span<const std::uint8_t> resting, std::span<const std::uint8_t> layers,
-                          std::span<const std::uint32_t> groups) {
-  implementation_->begin(bounds, present, resting, layers, groups);
+                          std::span<const std::uint32_t> groups, std::span<const std::uint32_t> crowds) {
+  implementation_->begin(bounds, present, resting, layers, groups, crowds);
 }
 
 std::span<const geometry::CandidatePair> SweepAndPrune::next(std::size_t most) {

@@ -55,10 +55,14 @@ class SweepAndPrune {
   /// `groups[i]` is the group of slot i; pairs of one group other than 0 are left out. The span may be empty where all
   /// groups are 0.
   ///
-  /// `resting[i]` is non-zero where bounds[i], present[i], layers[i] and groups[i] have not changed since the last
-  /// call. The sweep may rely on it; all zeros are always correct. The spans have equal size, below 2^31, which may
-  /// differ from call to call. Precondition: lower <= upper on each axis. The result is valid until the next call of
-  /// any member.
+  /// `crowds[i]` is the crowd of slot i, or 0; pairs that crowds_collide() excludes are left out. The span may be empty
+  /// where all crowds are 0. The cost of boxes on one spot that exclude each other is proportional to their number, for
+  /// the 16 crowds with the most of them.
+  ///
+  /// `resting[i]` is non-zero where bounds[i], present[i], layers[i], groups[i] and crowds[i] have not changed since
+  /// the last call. The sweep may rely on it; all zeros are always correct. The spans have equal size, below 2^31,
+  /// which may differ from call to call. Precondition: lower <= upper on each axis. The result is valid until the next
+  /// call of any member.
   ///
   /// A separate set of resting boxes is used from the point where two thirds of the boxes rest until less than half of
   /// them do. A box that comes to rest costs as much as before for some frames: the set is rebuilt when the work that a
@@ -67,14 +71,15 @@ class SweepAndPrune {
                                                 std::span<const std::uint8_t> present,
                                                 std::span<const std::uint8_t> resting,
                                                 std::span<const std::uint8_t> layers = {},
-                                                std::span<const std::uint32_t> groups = {});
+                                                std::span<const std::uint32_t> groups = {},
+                                                std::span<const std::uint32_t> crowds = {});
 
   /// The same in portions, so that pairs can be processed while the sweep continues: call begin(), then next() until it
-  /// returns an empty span. The arguments are as in find(). `groups` is read until then; the others are not read after
-  /// begin() has returned.
+  /// returns an empty span. The arguments are as in find(). `groups` and `crowds` are read until then; the others are
+  /// not read after begin() has returned.
   void begin(std::span<const geometry::Bounds> bounds, std::span<const std::uint8_t> present,
              std::span<const std::uint8_t> resting, std::span<const std::uint8_t> layers = {},
-             std::span<const std::uint32_t> groups = {});
+             std::span<const std::uint32_t> groups = {}, std::span<const std::uint32_t> crowds = {});
 
   /// Returns the next pairs: `most` (>= 1) of them, fewer only at the end, none when there are no more. The result is
   /// valid until the next call of any member. Another begin() or find() abandons the sweep.

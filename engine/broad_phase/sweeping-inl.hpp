@@ -55,7 +55,7 @@ inline HWY_NOINLINE void test_hits(const RowGrid& a, const RowGrid& b, std::size
       *to = {p.slot(), q.slot()};
       to += overlap(p, q);
     }
-    if (HWY_UNLIKELY(!sink.groups.empty())) to = sink.drop_same_group(first, to);
+    if (HWY_UNLIKELY(sink.filters())) to = sink.drop_excluded(first, to);
     sink.count += static_cast<std::size_t>(to - first);
     count = left;
   }

@@ -85,6 +85,7 @@ void check(const WorldConfig& config) {
   };
   check_deadline("node_ms", config.deadlines.node_ms);
   check_deadline("user_ms", config.deadlines.user_ms);
+  require(config.quotas.window >= 1, "quotas.window is 0; frames, 1 or more");
   check_layers(config.layers);
   if (config.tuning.ring_bytes != 0) {
     link::Channel::check(config.tuning.ring_bytes, "WorldConfig::tuning.ring_bytes (--ring-bytes)");

@@ -195,6 +195,15 @@ std::span<const Contact> World::collisions_of(UserId user) const noexcept {
   return role == nullptr ? std::span<const Contact>{} : role->contacts(implementation_->frames - 1);
 }
 
+std::uint64_t World::refused(UserId user) const noexcept {
+  const Implementation& w = *implementation_;
+  if (w.frame_is_running()) {
+    return 0;
+  }
+  const nodes::UserRole* role = w.reader(user);
+  return w.requests.refused(user.number()) + (role == nullptr ? 0 : role->refused());
+}
+
 ObjectContacts World::collisions_of(ObjectId object) const {
   const Implementation& w = *implementation_;
   if (w.requests.objects().find(object) == nullptr || w.frames == 0) {

@@ -75,7 +75,7 @@ struct PositionRecord {
   std::uint16_t layer = 0;     ///< 0 to 31
   std::uint16_t category = 0;  ///< value of Category; what moves the object is in the flags
   std::uint32_t group = 0;
-  std::uint32_t reserved = 0;
+  std::uint32_t crowd = 0;  ///< 0, or see broad_phase/crowds.hpp
   std::uint64_t user_data = 0;
 };
 

@@ -59,6 +59,10 @@ class FrameCheck {
     if (!layer_masks_.empty() && (layer_masks_[p.layer] >> q.layer & 1u) == 0) return "their layers do not collide";
     if (p.fixed && q.fixed) return "both are static";
     if (p.group != 0 && p.group == q.group) return "they are of one group";
+    if (p.user != no_user_number && p.user == q.user && (p.excess || q.excess)) {
+      return "they are avatars of one user, and not both among those that "
+             "collide with each other";
+    }
     return nullptr;
   }
 
@@ -185,6 +189,16 @@ class FrameCheck {
 };
 
 }  // namespace
+
+void mark_excess(std::span<FrameObject> objects, std::size_t colliding) {
+  for (FrameObject& object : objects) {
+    const auto is_lower = [&](const FrameObject& other) {
+      return other.user == object.user && other.number < object.number;
+    };
+    object.excess = object.user != no_user_number && colliding != 0 &&
+                    static_cast<std::size_t>(std::count_if(objects.begin(), objects.end(), is_lower)) >= colliding;
+  }
+}
 
 std::vector<Difference> check_frame(std::uint64_t frame, const Shapes& shapes, std::span<const FrameObject> objects,
                                     std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts,

@@ -26,7 +26,13 @@ struct FrameObject {
   std::uint32_t group = 0;  ///< objects of one group other than 0 are never in contact
   std::uint32_t generation = 0;
   std::uint64_t user_data = 0;
+  std::uint32_t user = no_user_number;  ///< of an avatar
+  bool excess = false;                  ///< in no contact with another avatar of its user, see
+                                        ///< mark_excess()
 };
+
+/// Sets `excess` for the objects of each user except its `colliding` objects with the lowest numbers. 0: for none.
+void mark_excess(std::span<FrameObject> objects, std::size_t colliding);
 
 /// One error in a frame, with the object numbers of its pair. a < b, unless the error is that a contact has a >= b.
 struct Difference {

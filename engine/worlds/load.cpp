@@ -10,10 +10,22 @@
 
 namespace ringfence::worlds {
 
+namespace {
+
+/// What a file contains is no user's request: all of it is in the world, and collides.
+Quotas unlimited() {
+  Quotas quotas;
+  quotas.avatars = quotas.colliding_avatars = quotas.updates = quotas.bytes = quotas.spawns = quotas.moves = 0;
+  return quotas;
+}
+
+}  // namespace
+
 void configure_for(WorldConfig& config, const Scene& scene, std::uint32_t users) {
   config.bounds_min = scene.bounds_min;
   config.bounds_max = scene.bounds_max;
   config.layers = scene.layers;
+  config.quotas = unlimited();
   // In the paper's world there are 0.7 contacts and 1.5 candidates per object. Denser worlds grow the buffers once.
   const std::size_t objects = scene.objects.size();
   config.capacities.objects = std::max(config.capacities.objects, objects);

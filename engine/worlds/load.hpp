@@ -5,7 +5,8 @@
 
 namespace ringfence::worlds {
 
-/// Sets bounds and layers of `config` to those of `scene`, and raises its capacities to what `scene` needs.
+/// Sets bounds and layers of `config` to those of `scene`, raises its capacities to what `scene` needs, and removes the
+/// quotas of users.
 void configure_for(WorldConfig& config, const Scene& scene, std::uint32_t users);
 
 /// Registers the shapes of `scene`, connects users 0 to `users` - 1 and spawns the objects. They exist from the next

@@ -148,7 +148,7 @@ std::vector<Layout> record_layouts() {
         field<decltype(PositionRecord::layer)>("layer", offsetof(PositionRecord, layer)),
         field<decltype(PositionRecord::category)>("category", offsetof(PositionRecord, category)),
         field<decltype(PositionRecord::group)>("group", offsetof(PositionRecord, group)),
-        field<decltype(PositionRecord::reserved)>("reserved", offsetof(PositionRecord, reserved)),
+        field<decltype(PositionRecord::crowd)>("crowd", offsetof(PositionRecord, crowd)),
         field<decltype(PositionRecord::user_data)>("user_data", offsetof(PositionRecord, user_data))}},
       {"PairRecord",
        sizeof(PairRecord),

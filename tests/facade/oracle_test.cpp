@@ -19,6 +19,7 @@ TEST_CASE("in every deployment and placement the contacts and phases of random r
   base.layers.names = {"solid", "ghost", "wall"};
   base.layers.collide = {{0, 0}, {0, 2}, {1, 2}};
   base.motion = std::make_shared<BouncingModel>(side);
+  base.quotas.colliding_avatars = 2;
   unsigned seed = 900;
   in_all_worlds(base, {0u, 3u}, [&](const WorldConfig& config) {
     ++seed;
@@ -36,8 +37,9 @@ TEST_CASE("in every deployment and placement the contacts and phases of random r
       for (const ObjectView& view : world.objects()) {
         objects.push_back({view.spec.number, view.spec.shape.number(), view.spec.layer, view.spec.enabled,
                            view.spec.pose, view.spec.category == Category::fixed, view.spec.group, view.id.generation(),
-                           view.spec.user_data});
+                           view.spec.user_data, view.spec.user.number()});
       }
+      reference::mark_excess(objects, config.quotas.colliding_avatars);
       for (const auto& difference : reference::check_frame(frame, shapes, objects, masks, world.contacts())) {
         FAIL_CHECK(difference.text);
       }

@@ -87,8 +87,10 @@ void FrameChecker::check_frame(std::uint64_t frame) {
   for (const ObjectView& view : world_.objects()) {
     const ObjectSpec& spec = view.spec;
     objects_.push_back({spec.number, spec.shape.number(), spec.layer, spec.enabled, spec.pose,
-                        spec.category == Category::fixed, spec.group, view.id.generation(), spec.user_data});
+                        spec.category == Category::fixed, spec.group, view.id.generation(), spec.user_data,
+                        spec.user.number()});
   }
+  reference::mark_excess(objects_, world_.config().quotas.colliding_avatars);
   print_differences(reference::check_frame(frame, shapes_, objects_, layer_masks_, world_.contacts()));
   print_differences(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));
   before_.assign(world_.contacts().begin(), world_.contacts().end());

@@ -10,7 +10,7 @@ namespace ringfence::facade {
 using nodes::Request;
 
 Requests::Requests(const WorldConfig& config, const geometry::ShapeTable& shapes)
-    : config_(config), shapes_(shapes), objects_(config.capacities.objects) {}
+    : config_(config), shapes_(shapes), objects_(config.capacities.objects), usage_(config.quotas) {}
 
 Connected Requests::connect(UserId wanted) {
   const UserNumber user = wanted == no_user ? users_.free_number() : wanted.number();
@@ -21,6 +21,7 @@ Connected Requests::connect(UserId wanted) {
     return {refuse(Status::number_in_use), no_user};
   }
   users_.connect(user);
+  usage_.connect(user);
   Request request;
   request.kind = Request::Kind::connect;
   request.user = user;
@@ -78,8 +79,11 @@ Spawned Requests::spawn(const ObjectSpec& spec) {
   if (status == Status::ok && number == 0) {
     status = Status::bad_number;
   }
+  if (status == Status::ok && spec.category == Category::avatar && !usage_.take_spawn(spec.user.number())) {
+    status = Status::over_quota;
+  }
   if (status != Status::ok) {
-    return {refuse(status), {}};
+    return {refuse(spec.user.number(), status), {}};
   }
   request.spec.number = number;
   request.object = objects_.add(number, spec.category, spec.user.number(), spec.shape.number());
@@ -112,15 +116,19 @@ Status Requests::check_own(UserId user, ObjectId object) const noexcept {
 
 Status Requests::destroy(UserId user, ObjectId object) {
   const Status status = check_own(user, object);
-  return status == Status::ok ? destroy(object) : refuse(status);
+  return status == Status::ok ? destroy(object) : refuse(user.number(), status);
 }
 
 Status Requests::move(UserId user, ObjectId object, const Pose& pose) {
-  if (const Status status = check_own(user, object); status != Status::ok) {
-    return refuse(status);
+  Status status = check_own(user, object);
+  if (status == Status::ok) {
+    status = nodes::check_pose(pose);
   }
-  if (const Status status = nodes::check_pose(pose); status != Status::ok) {
-    return refuse(status);
+  if (status == Status::ok && !usage_.take_move(user.number())) {
+    status = Status::over_quota;
+  }
+  if (status != Status::ok) {
+    return refuse(user.number(), status);
   }
   user_orders_.moves.push_back({user.number(), object.number(), pose});
   (void)nodes::make_valid(user_orders_.moves.back().pose);  // normalises
@@ -128,11 +136,15 @@ Status Requests::move(UserId user, ObjectId object, const Pose& pose) {
 }
 
 Status Requests::input(UserId user, ObjectId object, std::span<const std::byte> bytes) {
-  if (const Status status = check_own(user, object); status != Status::ok) {
-    return refuse(status);
+  Status status = check_own(user, object);
+  if (status == Status::ok && bytes.size() > max_input_bytes) {
+    status = Status::bad_message;
   }
-  if (bytes.size() > max_input_bytes) {
-    return refuse(Status::bad_message);
+  if (status == Status::ok && !usage_.take_move(user.number())) {
+    status = Status::over_quota;
+  }
+  if (status != Status::ok) {
+    return refuse(user.number(), status);
   }
   UserOrders::Input& pending = user_orders_.inputs.emplace_back();
   pending.user = user.number();
@@ -238,6 +250,7 @@ Status Requests::set_state(ObjectId object, std::span<const std::byte> bytes) {
 void Requests::cut(nodes::FrameOrder& order) {
   objects_.cut();
   users_.cut();
+  usage_.cut();
   if (!users_.cut_leaving().empty()) {
     const auto has_left = [&](const auto& order_of) { return !users_.is_connected(order_of.user); };
     std::erase_if(user_orders_.moves, has_left);

@@ -9,6 +9,7 @@
 #include "base/numbers.hpp"
 #include "facade/requests/registry.hpp"
 #include "facade/requests/user_numbers.hpp"
+#include "facade/requests/user_usage.hpp"
 #include "geometry/shape_table.hpp"
 #include "nodes/host/frame_inputs.hpp"
 #include "nodes/server/request.hpp"
@@ -67,6 +68,15 @@ class Requests {
     ++refused_[static_cast<std::size_t>(reason)];
     return reason;
   }
+  /// The same for a call on behalf of a user, which may be unknown.
+  Status refuse(UserNumber user, Status reason) {
+    if (users_.is_connected(user)) {
+      usage_.refuse(user);
+    }
+    return refuse(reason);
+  }
+  /// Calls that were refused to a user since it connected.
+  std::uint64_t refused(UserNumber user) const noexcept { return users_.is_connected(user) ? usage_.refused(user) : 0; }
   const Registry& objects() const noexcept { return objects_; }
   const UserNumbers& users() const noexcept { return users_; }
 
@@ -96,6 +106,7 @@ class Requests {
   const geometry::ShapeTable& shapes_;
   Registry objects_;
   UserNumbers users_;
+  UserUsage usage_;
   std::vector<nodes::Request> requests_;
   std::vector<std::byte> states_;  ///< of the set_state requests
   UserOrders user_orders_;

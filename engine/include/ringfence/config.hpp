@@ -98,15 +98,26 @@ struct Deadlines {
   double user_ms = 0;
 };
 
-/// Limits for each user node; 0: no limit. The excess is refused with Status::over_quota. With or without quotas, a
-/// user node that sends many messages does not delay the others: the server reads at most 64 KiB of its messages before
-/// it continues with the next user node.
+/// Limits for each user, so that one user cannot slow down all; 0: no limit. The excess is refused with
+/// Status::over_quota, and counted in World::refused() of that user and in FrameReport::refused. With or without
+/// quotas, a user node that sends many messages does not delay the others: the server reads at most 64 KiB of its
+/// messages before it continues with the next user node.
 struct Quotas {
-  std::size_t avatars = 0;  ///< number of its avatars that are alive at the same time; spawn refuses more
-  std::size_t updates = 0;  ///< number of states in its messages of one frame; further states are ignored
+  std::size_t avatars = 1024;  ///< number of its avatars that are alive at the same time; spawn refuses more
+  /// Number of its avatars that collide with each other: if it has more, those with the lowest numbers, fixed at the
+  /// cut; a disabled avatar counts. So one user cannot make contacts that are the square of its avatars. All pairs of
+  /// its avatars with objects of others stand.
+  std::size_t colliding_avatars = 32;
+  /// Number of states in its messages of one frame; further states are ignored. With Deployment::user it may send as
+  /// many more as the world has objects.
+  std::size_t updates = 4096;
   /// Size of its messages in one frame; further messages are ignored, except for the mark that ends its states or its
-  /// frame.
-  std::size_t bytes = 0;
+  /// frame. With Deployment::user it may send 512 more for each object of the world.
+  std::size_t bytes = std::size_t{1} << 21;
+  std::size_t spawns = 4096;   ///< calls of spawn for its avatars in each window
+  std::size_t moves = 262144;  ///< calls of move and input together in each window
+  /// Length of a window in frames, at least 1: windows begin with frames 0, `window`, 2 * `window`, ...
+  std::size_t window = 60;
 };
 
 /// How much a World can grow. Calls that exceed a limit are refused with Status::over_capacity.

@@ -171,6 +171,10 @@ class World {
   /// Contacts that the user node received (M4): those of the objects that it hosts, ended ones too, in order of (a, b).
   /// Empty if it was late in the last frame (FrameReport::late) or is not connected.
   std::span<const Contact> collisions_of(UserId user) const noexcept;
+  /// Number of calls on behalf of a user (spawn, destroy, move, input), and of records and messages of its user node,
+  /// that were refused since it connected, by its quotas or otherwise. Those of the user node count from the frame
+  /// after. 0 if it is not connected, or if a frame is running.
+  std::uint64_t refused(UserId user) const noexcept;
   /// Begin and persist contacts of one object, in order of (a, b). The first call after a frame builds an index.
   ObjectContacts collisions_of(ObjectId object) const;
   /// States of other objects near the user node's avatars in the last frame, as spans of the publications: all objects

@@ -72,7 +72,7 @@ void Detector::sweep() {
   {
     SpanTimer time(state_.setup.track, "broad phase", state_.stats.broad_phase_ns);
     sweep_.begin(bounds, state_.objects.present(), state_.objects.resting(), state_.objects.layers(),
-                 state_.objects.groups());
+                 state_.objects.groups(), state_.objects.crowds());
   }
   bool more = true;
   while (more) {

@@ -90,7 +90,7 @@ void HaloExchange::apply_position(const messages::PositionRecord& record, bool g
   const bool inner = next == NextHost::self &&
                      state_.region.map().coverage(record.bounds, state_.setup.node) == regions::Coverage::all;
   const auto filter = [&] {
-    return PairFilter::of(record.layer, (record.object.flags & messages::flag_fixed) != 0, record.group);
+    return PairFilter::of(record.layer, (record.object.flags & messages::flag_fixed) != 0, record.group, record.crowd);
   };
   state_.objects.set_filter(state_.objects.set(record, record.bounds, filter, next, inner), filter());
 }

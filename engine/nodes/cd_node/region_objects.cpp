@@ -13,7 +13,7 @@ RegionObjects::RegionObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps)
 template <class Visit>
 void RegionObjects::each_list(Visit visit) {
   visit(slots_), visit(bodies_), visit(numbers_), visit(hosted_), visit(marks_), visit(marks_before_), visit(layers_),
-      visit(groups_);
+      visit(groups_), visit(crowds_);
   if (sweeps_) {
     visit(bounds_), visit(resting_), visit(present_);
   }
@@ -33,6 +33,7 @@ std::uint32_t RegionObjects::add(std::uint32_t slot) {
   marks_before_.push_back(0);
   layers_.push_back(0);
   groups_.push_back(0);
+  crowds_.push_back(0);
   if (sweeps_) {
     bounds_.add();
     resting_.push_back(0);
@@ -44,9 +45,12 @@ std::uint32_t RegionObjects::add(std::uint32_t slot) {
 void RegionObjects::set_filter(std::uint32_t i, PairFilter filter) {
   layers_[i] = filter.layer;
   // As long as no object has had a group all of groups_ are 0, so a node that does not sweep need not touch them.
+  // Crowds matter only for sweeps.
   if (sweeps_ || has_groups_ || filter.group != 0) {
     groups_[i] = filter.group;
     has_groups_ |= filter.group != 0;
+    crowds_[i] = filter.crowd;
+    has_crowds_ |= filter.crowd != 0;
   }
 }
 

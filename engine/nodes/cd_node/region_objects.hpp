@@ -28,9 +28,11 @@ enum class NextHost : std::uint8_t {
 struct PairFilter {
   std::uint8_t layer = 0;  ///< with broad_phase::fixed_object for a static object
   std::uint32_t group = 0;
+  std::uint32_t crowd = 0;
 
-  static constexpr PairFilter of(std::uint32_t layer, bool fixed, std::uint32_t group) noexcept {
-    return {static_cast<std::uint8_t>(layer | (fixed ? broad_phase::fixed_object : 0u)), group};
+  static constexpr PairFilter of(std::uint32_t layer, bool fixed, std::uint32_t group,
+                                 std::uint32_t crowd = 0) noexcept {
+    return {static_cast<std::uint8_t>(layer | (fixed ? broad_phase::fixed_object : 0u)), group, crowd};
   }
 };
 
@@ -129,6 +131,10 @@ class RegionObjects {
   std::span<const std::uint32_t> groups() const noexcept {
     return has_groups_ ? std::span<const std::uint32_t>(groups_) : std::span<const std::uint32_t>();
   }
+  /// PairFilter::crowd of each object; empty as long as no object has had one.
+  std::span<const std::uint32_t> crowds() const noexcept {
+    return has_crowds_ ? std::span<const std::uint32_t>(crowds_) : std::span<const std::uint32_t>();
+  }
 
   /// One byte per object: 1 if it has not changed since the last call of settle().
   std::span<const std::uint8_t> resting() const noexcept { return resting_; }
@@ -149,6 +155,8 @@ class RegionObjects {
   std::vector<std::uint8_t> layers_;
   std::vector<std::uint32_t> groups_;
   bool has_groups_ = false;  ///< an object had a group
+  std::vector<std::uint32_t> crowds_;
+  bool has_crowds_ = false;  ///< an object had a crowd
   base::FlatList<ObjectNumber> numbers_;
   base::FlatList<std::uint32_t> hosted_;
   std::vector<std::uint8_t> marks_;  ///< NextHost, and inner_mark

@@ -13,7 +13,8 @@ Cut::Cut(ServerState& state, ObjectStates& states, MapScheduler& scheduler, Disp
       states_(states),
       scheduler_(scheduler),
       dispatch_(dispatch),
-      hosting_(state.setup.deployment, *state.setup.space) {
+      hosting_(state.setup.deployment, *state.setup.space),
+      crowds_(state.setup.quotas.colliding_avatars) {
   spawn_order_.reserve(state.setup.capacities.objects);
 }
 
@@ -63,6 +64,7 @@ void Cut::apply_requests() {
   if (any_left_) {
     end_left_users();
   }
+  crowds_.settle(state_.objects);
   state_.objects.order_moved();
 }
 
@@ -152,6 +154,9 @@ void Cut::end_left_users() {
 void Cut::spawn(const Request& request) {
   const std::uint32_t slot = state_.objects.add(request.object, request.spec);
   states_.set_bounds(slot);
+  if (request.spec.category == Category::avatar) {
+    crowds_.add(request.spec.user.number(), request.object.number());
+  }
   if (state_.setup.model == nullptr) {
     return;
   }
@@ -171,6 +176,9 @@ void Cut::end_object(std::uint32_t slot) {
     session->opening.drops.push_back(slot);
   } else if (host.is_server()) {
     state_.host.drop(state_.objects.row(slot).object.number);
+  }
+  if ((state_.objects.marks(slot) & avatar_mark) != 0) {
+    crowds_.remove(state_.objects.origin(slot).user, state_.objects.row(slot).object.number);
   }
   state_.objects.end(slot);
 }

@@ -5,6 +5,7 @@
 
 #include "nodes/server/frame/dispatch.hpp"
 #include "nodes/server/frame/map_scheduler.hpp"
+#include "nodes/server/objects/avatar_crowds.hpp"
 #include "nodes/server/objects/hosting.hpp"
 #include "nodes/server/objects/object_states.hpp"
 #include "nodes/server/objects/spawn_order.hpp"
@@ -57,6 +58,7 @@ class Cut {
   MapScheduler& scheduler_;
   Dispatch& dispatch_;
   Hosting hosting_;
+  AvatarCrowds crowds_;
   std::vector<PositionedSpawn> spawn_order_;  ///< scratch
   std::vector<std::uint32_t> changed_slots_;  ///< at this cut, by set_group and the like
   bool users_changed_ = false;                ///< users came or left at this cut

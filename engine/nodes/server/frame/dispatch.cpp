@@ -157,6 +157,7 @@ bool Dispatch::pump_updates(NodeNumber node) {
                                     .layer = row.layer,
                                     .category = row.category,
                                     .group = objects.group(slot),
+                                    .crowd = objects.crowd(slot),
                                     .user_data = objects.origin(slot).user_data};
     if ((updates[i] & gone) != 0) {
       record.object.flags |= messages::flag_left_region;
@@ -187,7 +188,7 @@ bool Dispatch::pump_pairs() {
   const NodeNumber sole_owner = map.sole_owner();
   if (!sweeping_) {
     sweeping_ = true;
-    sweep_.begin(bounds, objects.present(), objects.resting(), objects.layers(), objects.groups());
+    sweep_.begin(bounds, objects.present(), objects.resting(), objects.layers(), objects.groups(), objects.crowds());
     found_ = sweep_.next(pairs_per_batch);
   }
   for (; !found_.empty(); found_ = sweep_.next(pairs_per_batch)) {

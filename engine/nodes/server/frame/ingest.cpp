@@ -127,7 +127,7 @@ bool Ingest::refuse_lost() {
 // nevertheless: otherwise the frame would wait for them.
 bool Ingest::is_over_quota(PeerSession& session, std::span<const std::byte> bytes) {
   session.received.bytes += bytes.size();
-  if (state_.setup.quotas.bytes == 0 || session.received.bytes <= state_.setup.quotas.bytes) {
+  if (state_.setup.quotas.bytes == 0 || session.received.bytes <= state_.setup.quotas.bytes + 512 * shared_objects()) {
     return false;
   }
   MessageView message;
@@ -261,7 +261,8 @@ void Ingest::receive_states(PeerSession& session, const MessageView& message) {
   ObjectTable& objects = state_.objects;
   for (std::size_t i = 0; i < message.count(); ++i) {
     const auto& record = message.view<messages::StateRecord>(i);
-    if (state_.setup.quotas.updates != 0 && ++session.received.updates > state_.setup.quotas.updates) {
+    if (state_.setup.quotas.updates != 0 &&
+        ++session.received.updates > state_.setup.quotas.updates + shared_objects()) {
       refuse(session, Status::over_quota, record.object.number);
       continue;
     }

@@ -37,6 +37,10 @@ class Ingest {
   bool is_awaited(const PeerSession& node) const noexcept;
   bool receive_from_users();
   bool drain(PeerSession& session);
+  /// Objects that a user may host beside its avatars.
+  std::size_t shared_objects() const noexcept {
+    return state_.setup.deployment == Deployment::user ? state_.objects.live() : 0;
+  }
   bool is_over_quota(PeerSession& user, std::span<const std::byte> bytes);
   bool may_send(const PeerSession& session, const messages::MessageView& message) const noexcept;
   bool is_acceptable(const PeerSession& node, const messages::MessageView& message) const noexcept;

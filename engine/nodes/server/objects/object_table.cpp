@@ -16,7 +16,8 @@ ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_b
 // Calls visit for each list that has an element for each slot.
 template <class Visit>
 void ObjectTable::each_list(Visit visit) {
-  visit(rows_), visit(origins_), visit(numbers_), visit(layers_), visit(groups_), visit(marks_), visit(hosts_);
+  visit(rows_), visit(origins_), visit(numbers_), visit(layers_), visit(groups_), visit(crowds_), visit(marks_),
+      visit(hosts_);
   visit(notified_cells_), visit(notified_bounds_), visit(bounds_), visit(present_), visit(resting_);
 }
 
@@ -53,6 +54,7 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   row.category = static_cast<std::uint16_t>(spec.category);
   set_layer(slot, spec.layer);
   set_group(slot, spec.group);
+  set_crowd(slot, 0);
   origins_[slot] = {spec.user_data, spec.user.number()};
   numbers_[slot] = id.number();
   marks_[slot] = static_cast<ObjectMarks>(alive_mark | (spec.category == Category::avatar ? avatar_mark : 0));

@@ -106,6 +106,12 @@ class ObjectTable {
   std::span<const std::uint32_t> groups() const noexcept {
     return has_groups_ ? std::span<const std::uint32_t>(groups_) : std::span<const std::uint32_t>();
   }
+  /// The crowd of a slot's object (broad_phase/crowds.hpp); 0: none.
+  std::uint32_t crowd(std::uint32_t slot) const noexcept { return crowds_[slot]; }
+  /// The crowds of all slots; empty as long as no object has had one.
+  std::span<const std::uint32_t> crowds() const noexcept {
+    return has_crowds_ ? std::span<const std::uint32_t>(crowds_) : std::span<const std::uint32_t>();
+  }
   std::byte* state(std::uint32_t slot) noexcept { return states_.data() + slot * state_bytes_; }
   const std::byte* state(std::uint32_t slot) const noexcept { return states_.data() + slot * state_bytes_; }
   std::size_t state_bytes() const noexcept { return state_bytes_; }
@@ -159,6 +165,10 @@ class ObjectTable {
   std::uint32_t add(ObjectId id, const ObjectSpec& spec);
   /// Change an object from this frame on. Its bounds are not set.
   void set_group(std::uint32_t slot, std::uint32_t group) noexcept;
+  void set_crowd(std::uint32_t slot, std::uint32_t crowd) noexcept {
+    crowds_[slot] = crowd;
+    has_crowds_ |= crowd != 0;
+  }
   void set_layer(std::uint32_t slot, std::uint8_t layer) noexcept;
   void set_shape(std::uint32_t slot, ShapeNumber shape) noexcept { rows_[slot].shape = shape; }
   /// Ends an object; its slot keeps its row until the next settle().
@@ -199,6 +209,8 @@ class ObjectTable {
   std::vector<std::uint8_t> layers_;
   std::vector<std::uint32_t> groups_;
   bool has_groups_ = false;  ///< an object had a group
+  std::vector<std::uint32_t> crowds_;
+  bool has_crowds_ = false;  ///< an object had a crowd
   std::vector<ObjectMarks> marks_;
   std::vector<messages::Endpoint> hosts_;
   base::FlatList<regions::CellBox> notified_cells_;
