@@ -12,6 +12,7 @@
 #include "nodes/host/host.hpp"
 #include "nodes/move_watch.hpp"
 #include "nodes/role.hpp"
+#include "nodes/user/interest_reader.hpp"
 #include "ringfence/config.hpp"
 #include "telemetry/step_clock.hpp"
 #include "telemetry/track.hpp"
@@ -74,7 +75,7 @@ class UserRole {
   /// States of others near its avatars in that frame, as spans of their publications. Valid until frame + 2 begins, if
   /// the publications still exist.
   std::span<const std::span<const link::PublishedState>> seen(std::uint64_t frame) const noexcept {
-    return seen_[frame & 1];
+    return reader_.seen(frame);
   }
   const Host& host() const noexcept { return host_; }
   /// Number of its records and messages that the server has refused and reported so far. 0 unless the user exceeds a
@@ -88,14 +89,6 @@ class UserRole {
   void begin(std::uint64_t frame);
   bool move();
   void move_and_publish();
-  void read_others();
-  void read_box(const Published& published, const regions::CellBox& box, std::size_t earlier);
-  void read_rows(const Published& published, const regions::CellBox& box);
-  void read_cells(const Published& published, const regions::CellBox& box, std::size_t earlier);
-  /// Reads the states of the other user nodes that `index` lists in a box, except those in the first `earlier` boxes.
-  void read_indexed(const UserIndex& index, const regions::CellBox& box, std::size_t earlier);
-  /// Whether one of the first `earlier` boxes contains the cell.
-  bool was_read(const regions::CellBox& cell, std::size_t earlier) const noexcept;
   void enter(telemetry::StepClock::Step step) noexcept;
   bool advance();
   bool send_states();
@@ -111,8 +104,7 @@ class UserRole {
   bool may_read_ = false;  ///< read_publications has arrived, or there is no interest
   bool contacts_received_ = false;
   std::uint64_t refused_ = 0;
-  std::vector<std::span<const link::PublishedState>> seen_[2];
-  std::vector<regions::CellBox> boxes_;  ///< around the avatars
+  InterestReader reader_;
   messages::RunSender states_run_, frame_done_run_;
   messages::TrafficCounts traffic_{};
   messages::NodeFrameStats frame_stats_;
