@@ -5,20 +5,15 @@
 #include <limits>
 #include <string>
 
+#include "geometry/outer_steps.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence::geometry {
 namespace {
 
-constexpr double steps = 4294967296.0;
 constexpr double max_step = 4294967295.0;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-
-// Of Outside::has_octaves: 64 octaves on each side of the bounds.
-constexpr int octave_log2 = 19;
-constexpr double outer_steps = 64.0 * (1 << octave_log2);
-constexpr double inner_steps = steps - 2 * outer_steps;
 
 double side_of(const char* axis, double min, double& max) {
   if (!std::isfinite(min) || !std::isfinite(max) || !std::isfinite(max - min)) {
@@ -54,10 +49,10 @@ FixedSpace::FixedSpace(Vec3d min, Vec3d max, Outside outside) : rows_{}, min_(mi
   const bool octaves = outside == Outside::has_octaves;
   for (int axis = 0; axis < 4; ++axis) {
     rows_.first[axis] = octaves && axis < 3 ? outer_steps : -infinity;
-    rows_.last[axis] = octaves ? steps - outer_steps : infinity;
+    rows_.last[axis] = octaves ? all_steps - outer_steps : infinity;
   }
   for (int axis = 0; axis < 3; ++axis) {
-    rows_.scale[axis] = (octaves ? inner_steps : steps) / sides[axis];
+    rows_.scale[axis] = (octaves ? inner_steps : all_steps) / sides[axis];
     rows_.min[axis] = octaves ? lower[axis] - outer_steps / rows_.scale[axis] : lower[axis];
   }
 }

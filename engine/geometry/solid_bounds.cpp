@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "geometry/hull.hpp"
+#include "geometry/outer_steps.hpp"
 #include "geometry/vector.hpp"
 
 #undef HWY_TARGET_INCLUDE
@@ -117,16 +118,18 @@ inline AxisExtent hull_extent(const Hull& hull, const RotationColumns& shape_axe
   return out;
 }
 
-/// Replaces the steps outside the bounds by those of the octaves, see FixedSpace. Lane 0 is that axis.
+/// Replaces the steps outside the bounds by those of the octaves, with the bits of FixedSpace::Rows::outer_step().
 template <class D>
-HWY_NOINLINE void replace_outer_steps(D d, hn::Vec<D>& steps, const FixedSpace::Rows& space, std::size_t axis) {
-  alignas(32) double lanes[4];
-  hn::Store(steps, d, lanes);
-  for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
-    const bool outside = lanes[lane] < space.first[axis + lane] || lanes[lane] > space.last[axis + lane];
-    lanes[lane] = outside ? space.outer_step(lanes[lane]) : lanes[lane];
-  }
-  steps = hn::Load(d, lanes);
+HWY_INLINE hn::Vec<D> with_octaves(D d, hn::Vec<D> steps, hn::Vec<D> first, hn::Vec<D> last) {
+  const hn::RebindToUnsigned<D> bits;
+  const auto below = steps < first;
+  const auto sides = hn::Set(d, 1.0) + hn::IfThenElse(below, first - steps, steps - last) * hn::Set(d, 1 / inner_steps);
+  const auto whole = hn::ShiftRight<52 - octave_log2>(hn::BitCast(bits, sides));
+  // The integer becomes the lowest bits of a double with the value 2^52 plus the integer.
+  const auto beyond = hn::BitCast(d, hn::Or(whole, hn::Set(bits, 0x4330000000000000))) -
+                      hn::Set(d, 0x1p52 + 1023.0 * (1 << octave_log2));
+  const auto outer = hn::IfThenElse(below, first - beyond, last + beyond);
+  return hn::IfThenElse(hn::Or(below, steps > last), outer, steps);
 }
 
 /// Rounds steps on as many axes as `d` has lanes up or down. Values outside the range saturate, and NaN becomes 0, as
@@ -161,12 +164,12 @@ inline Bounds bounds_about(const Pose& pose, const AxisExtent& extent, double ra
     auto low_steps = (at + (low - widening) - min) * scale;
     auto high_steps = (at + (high + widening) - min) * scale;
     auto at_steps = (at - min) * scale;
-    const auto below = hn::Min(low_steps, at_steps) < hn::Load(d, space.first + i);
-    const auto above = hn::Max(high_steps, at_steps) > hn::Load(d, space.last + i);
-    if (HWY_UNLIKELY(!hn::AllFalse(d, hn::Or(below, above)))) {
-      replace_outer_steps(d, low_steps, space, i);
-      replace_outer_steps(d, high_steps, space, i);
-      replace_outer_steps(d, at_steps, space, i);
+    const auto first = hn::Load(d, space.first + i), last = hn::Load(d, space.last + i);
+    const auto outside = hn::Or(hn::Min(low_steps, at_steps) < first, hn::Max(high_steps, at_steps) > last);
+    if (HWY_UNLIKELY(!hn::AllFalse(d, outside))) {
+      low_steps = with_octaves(d, low_steps, first, last);
+      high_steps = with_octaves(d, high_steps, first, last);
+      at_steps = with_octaves(d, at_steps, first, last);
     }
     store_steps<false>(d, low_steps, lower + i);
     store_steps<true>(d, high_steps, upper + i);
