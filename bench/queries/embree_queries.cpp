@@ -10,6 +10,9 @@ namespace {
 
 using narrow_phase::Ray;
 
+/// Metres by which objects may be outside the scene's bounds: the fixed point of their bounds saturates.
+constexpr Vec3d outside{10, 10, 10};
+
 /// A ray for Embree, whose places are fractions of the displacement.
 RTCRayHit embree_ray(const Vec3d& start, const Vec3d& displacement) {
   RTCRayHit out{};
@@ -32,7 +35,7 @@ class Embree final : public QueryTester {
   Embree(const QueryScene& scene, bool refit)
       : scene_(scene),
         shapes_(scene.shapes->view()),
-        space_(scene.scene.bounds_min, scene.scene.bounds_max),
+        space_(scene.scene.bounds_min - outside, scene.scene.bounds_max + outside),
         bounds_(scene.objects()),
         placed_(scene.objects()) {
     device_ = rtcNewDevice("threads=1");

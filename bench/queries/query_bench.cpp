@@ -9,6 +9,7 @@
 #include <benchmark/benchmark.h>
 
 #include "item_reporter.hpp"
+#include "queries/query_load.hpp"
 #include "queries/query_scene.hpp"
 #include "telemetry/clock.hpp"
 
@@ -181,5 +182,6 @@ int main(int argc, char** argv) {
       }
     }
   }
+  register_query_loads();
   return run_benchmarks();
 }

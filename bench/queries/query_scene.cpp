@@ -48,9 +48,9 @@ void add_ball(QueryScene& out, float radius) {
 void add_queries(QueryScene& out, Ask ask, std::size_t count, Random& random) {
   const worlds::Scene& scene = out.scene;
   const ShapeId ball(out.ball);
+  if (ask == Ask::rays) out.rays = make_rays(scene.bounds_min, scene.bounds_max, count);
   for (std::size_t i = 0; i < count; ++i) {
     const Vec3d at = random.in(scene.bounds_min, scene.bounds_max);
-    if (ask == Ask::rays) out.rays.push_back({at, random.along(50)});
     if (ask == Ask::sweeps) out.sweeps.push_back({ball, {at, {}}, random.along(10)});
     if (ask == Ask::overlaps) out.overlaps.push_back({ball, {at, {}}});
     if (ask == Ask::nearest) out.nearest.push_back({at, 20});
@@ -88,6 +88,16 @@ TriangleMesh make_rock(Random& random) {
 }
 
 }  // namespace
+
+std::vector<RayQuery> make_rays(const Vec3d& min, const Vec3d& max, std::size_t count) {
+  Random random;
+  std::vector<RayQuery> rays;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vec3d start = random.in(min, max);
+    rays.push_back({start, random.along(50)});
+  }
+  return rays;
+}
 
 QueryScene make_moving_scene(std::uint32_t objects, Ask ask) {
   RecordedWorld recorded = record_world(worlds::ShapeSetting::mixed, objects, recorded_frames);

@@ -39,6 +39,9 @@ QueryScene make_moving_scene(std::uint32_t objects, Ask ask);
 /// rays.
 QueryScene make_static_scene();
 
+/// Random rays of 50 m that start between two corners; the same for the same arguments.
+std::vector<RayQuery> make_rays(const Vec3d& min, const Vec3d& max, std::size_t count);
+
 /// What a query finds first: a number, or 0, and where (fraction, or metres for `nearest`).
 struct FirstAnswer {
   ObjectNumber object = 0;

@@ -1,6 +1,7 @@
 #include <memory>
 
 #include "facade/recorded_world.hpp"
+#include "queries/played_world.hpp"
 #include "queries/query_scene.hpp"
 #include "ringfence/world.hpp"
 #include "worlds/load.hpp"
@@ -8,24 +9,11 @@
 namespace ringfence::bench {
 namespace {
 
-/// Moves each object to a given pose, looked up by its number.
-class GivenPoses final : public MotionModel {
- public:
-  void set(const Pose* poses) noexcept { poses_ = poses; }
-  bool uses_contacts() const noexcept override { return false; }
-  void move(std::uint64_t, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
-    for (std::size_t i = 0; i < inputs.size(); ++i) outputs[i].pose = poses_[inputs[i].number - 1];
-  }
-
- private:
-  const Pose* poses_ = nullptr;
-};
-
 /// Snapshots of a World without threads. `update` records the frame and builds the index.
 class Ringfence final : public QueryTester {
  public:
   explicit Ringfence(const QueryScene& scene)
-      : scene_(scene), motion_(std::make_shared<GivenPoses>()), world_([&] {
+      : scene_(scene), motion_(std::make_shared<PlayedMotion>()), world_([&] {
           WorldConfig config;
           worlds::configure_for(config, scene.scene, 0);
           config.nodes = 0;
@@ -41,7 +29,7 @@ class Ringfence final : public QueryTester {
   }
 
   void move(const std::vector<Pose>& poses) override {
-    motion_->set(poses.data());
+    motion_->set_poses(poses.data());
     snapshot_ = {};
     require_ok(world_.advance());
   }
@@ -75,7 +63,7 @@ class Ringfence final : public QueryTester {
   }
 
   const QueryScene& scene_;
-  std::shared_ptr<GivenPoses> motion_;
+  std::shared_ptr<PlayedMotion> motion_;
   World world_;
   Snapshot snapshot_;
   std::vector<SweepQuery> sweeps_;
