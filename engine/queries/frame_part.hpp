@@ -23,8 +23,8 @@ class FramePart {
  public:
   /// Replaces the contents by the `count` objects of `rows`; rows with the number 0 have none. Refers to the rows,
   /// which must stay as they are. Poses as in narrow_phase::Body. `ends`: where each row's object is on its way to at
-  /// FrameMoment::fraction 1, copied; empty: they stand. `hint`: share_order() of a part with about the same objects in the
-  /// same rows, or null; answers do not depend on it.
+  /// FrameMoment::fraction 1, copied; empty: they stand. `hint`: share_order() of a part with about the same objects in
+  /// the same rows, or null; answers do not depend on it.
   void build(std::span<const FrameObject> rows, std::size_t count, std::span<const Pose> ends,
              const geometry::ShapeTable& shapes, std::shared_ptr<const TreeOrder> hint = nullptr);
 
