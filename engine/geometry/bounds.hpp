@@ -110,7 +110,7 @@ class FixedSpace {
     /// The step of a coordinate, neither rounded nor clamped.
     double step_at(double place, int axis) const noexcept {
       const double step = (place - min[axis]) * scale[axis];
-      return (step < first[axis]) | (step > last[axis]) ? outer_step(step) : step;
+      return ((step < first[axis]) | (step > last[axis])) ? outer_step(step) : step;
     }
     /// The step of an octave, whole, from one below first[0] or above last[0] that has the size of a step within.
     double outer_step(double step) const noexcept;

@@ -29,12 +29,10 @@ struct ObjectPoint {
 /// Receives the lists of a batch.
 class ListSink {
  public:
+  virtual ~ListSink() = default;
   /// All that query number `query` finds, in any order; at least one hit. Calls are ascending by query, and a query
   /// that finds nothing has none. The hits live during the call. May throw std::bad_alloc.
   virtual void add(std::uint32_t query, std::span<const ObjectHit> hits) = 0;
-
- protected:
-  ~ListSink() = default;
 };
 
 // Queries of a batch, checked.
