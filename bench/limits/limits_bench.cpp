@@ -18,12 +18,15 @@
 // world as it should be. limit/far/<n>/<metres>/<bounds>: spheres far from the origin, with bounds there or not.
 // limit/wide/<n>/<bounds>: spheres over 2 km. limit/users/<n>: users who are not near each other, with memory.
 // limit/avatars/<n>: n avatars of one user on one spot, and 4000 other objects.
+//
+// limit/save/<n>, limit/restore/<n>: the time to save a world of n objects to memory, and to restore it from there,
+// without contacts, and with one shape; `bytes` is the size of the save by object.
 
 namespace ringfence::bench {
 namespace {
 
 // Moves each object to and fro, so that none rests.
-class Trembling final : public MotionModel {
+class Trembling : public MotionModel {
  public:
   bool uses_contacts() const noexcept override { return false; }
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override {
@@ -132,6 +135,43 @@ void run_avatars(benchmark::State& state, std::uint32_t avatars) {
   measure(state, world);
 }
 
+// The same movement, with as much state as the model of the paper's world.
+class TremblingWithState final : public Trembling {
+ public:
+  std::size_t state_bytes() const noexcept override { return 48; }
+};
+
+void run_save(benchmark::State& state, std::uint32_t count, bool restore) {
+  const auto row = static_cast<std::uint32_t>(std::ceil(std::cbrt(count)));
+  WorldConfig config = config_of(0);
+  config.motion = std::make_shared<TremblingWithState>();
+  World world(config);
+  const ShapeId ball = world.add_shape(Sphere{1});
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const auto at = [&](std::uint32_t k) { return 3.0 * (k % row); };
+    (void)world.spawn({.shape = ball, .pose = {{at(i), at(i / row), at(i / row / row)}, {}}});
+  }
+  for (int frame = 0; frame < 3; ++frame) (void)world.advance();
+  MemorySink saved;
+  if (world.save(saved) != Status::ok) return state.SkipWithError("the world was not saved");
+  std::vector<std::uint64_t> times;
+  for (auto _ : state) {
+    MemorySink sink;
+    MemorySource source(saved.bytes());
+    const std::uint64_t start = telemetry::now_ns();
+    if (restore) {
+      const World restored(config, source);
+      times.push_back(telemetry::now_ns() - start);
+    } else {
+      if (world.save(sink) != Status::ok) return state.SkipWithError("the world was not saved");
+      times.push_back(telemetry::now_ns() - start);
+    }
+  }
+  std::nth_element(times.begin(), times.begin() + static_cast<std::ptrdiff_t>(times.size() / 2), times.end());
+  state.counters["median_ms"] = telemetry::to_ms(times[times.size() / 2]);
+  state.counters["bytes"] = static_cast<double>(saved.bytes().size()) / count;
+}
+
 void add(const std::string& name, std::function<void(benchmark::State&)> run) {
   benchmark::RegisterBenchmark(name.c_str(), std::move(run))->Unit(benchmark::kMillisecond)->UseRealTime();
 }
@@ -156,6 +196,10 @@ int main(int argc, char** argv) {
   }
   for (const std::uint32_t avatars : {0u, 1000u}) {
     add("limit/avatars/" + std::to_string(avatars), [=](benchmark::State& state) { run_avatars(state, avatars); });
+  }
+  for (const std::uint32_t objects : {4000u, 64'000u}) {
+    add("limit/save/" + std::to_string(objects), [=](benchmark::State& state) { run_save(state, objects, false); });
+    add("limit/restore/" + std::to_string(objects), [=](benchmark::State& state) { run_save(state, objects, true); });
   }
   return run_benchmarks();
 }

@@ -33,17 +33,24 @@ bool has_automatic_bounds(const WorldConfig& config) noexcept {
 }
 
 bool choose_bounds(std::span<const nodes::Request> requests, WorldBounds& bounds) {
-  std::vector<double> values[3];
+  std::vector<Vec3d> positions;
   for (const nodes::Request& request : requests) {
     if (request.kind == nodes::Request::Kind::spawn) {
-      const Vec3d& position = request.spec.pose.position;
-      values[0].push_back(position.x);
-      values[1].push_back(position.y);
-      values[2].push_back(position.z);
+      positions.push_back(request.spec.pose.position);
     }
   }
-  if (values[0].empty()) {
+  return choose_bounds(positions, bounds);
+}
+
+bool choose_bounds(std::span<const Vec3d> positions, WorldBounds& bounds) {
+  if (positions.empty()) {
     return false;
+  }
+  std::vector<double> values[3];
+  for (const Vec3d& position : positions) {
+    values[0].push_back(position.x);
+    values[1].push_back(position.y);
+    values[2].push_back(position.z);
   }
   const Range x = range_of_most(values[0]), y = range_of_most(values[1]), z = range_of_most(values[2]);
   const double longest = std::max({x.high - x.low, y.high - y.low, z.high - z.low});

@@ -21,5 +21,7 @@ bool has_automatic_bounds(const WorldConfig& config) noexcept;
 /// far away do not widen it. Its side is an eighth longer than these objects need, and at least 16 m. Returns false
 /// without a spawn.
 bool choose_bounds(std::span<const nodes::Request> requests, WorldBounds& bounds);
+/// The same for objects at these positions.
+bool choose_bounds(std::span<const Vec3d> positions, WorldBounds& bounds);
 
 }  // namespace ringfence::facade

@@ -5,13 +5,16 @@
 
 #include "facade/results/gathering.hpp"
 #include "facade/results/object_views.hpp"
+#include "facade/save/restore.hpp"
 
 namespace ringfence {
 
 // The nodes are made before the server, which is given their connections.
-World::Implementation::Implementation(WorldConfig given)
-    : state(std::move(given)),
+World::Implementation::Implementation(WorldConfig given, std::uint64_t first_frame)
+    : state(std::move(given), first_frame),
       requests(state.config, state.shapes),
+      begun(first_frame),
+      frames(first_frame),
       frame_store(state.shared_shapes, state.config.history),
       batches(state.shared_shapes),
       users(state),
@@ -24,6 +27,47 @@ World::Implementation::Implementation(WorldConfig given)
   server = std::make_unique<nodes::ServerRole>(setup, map);
   nodes.connect(*server);
   users.start_threads();
+}
+
+World::Implementation::Implementation(WorldConfig given, const facade::SavedWorld& saved)
+    : Implementation(facade::config_for(std::move(given), saved), saved.frames) {
+  own = saved.own;
+  restore_shapes(saved);
+  facade::restore_requests(saved, requests);
+  if (frames > 0) {
+    facade::restore_objects(saved, *server);
+  }
+}
+
+// The numbers of removed shapes are not used again.
+void World::Implementation::restore_shapes(const facade::SavedWorld& saved) {
+  for (const ShapeDescription* const shape : saved.shapes) {
+    if (shape != nullptr) {
+      (void)add_shape(*shape);
+    } else {
+      remove_shape(add_shape(Sphere{0.5f}));
+    }
+  }
+  state.shapes.free_removed();
+}
+
+ShapeNumber World::Implementation::add_shape(const ShapeDescription& description) {
+  geometry::ShapeTable& shapes = state.shapes;
+  const ShapeNumber shape = shapes.add(description);
+  if (state.config.remote_nodes != nullptr) {
+    state.config.remote_nodes->add_shape(shape, description);
+  }
+  if (shapes.row(shape).kind == ShapeKind::mesh) {
+    state.log.log_dropped_triangles(shape, shapes.mesh(shapes.row(shape).index_in_kind));
+  }
+  return shape;
+}
+
+void World::Implementation::remove_shape(ShapeNumber shape) {
+  state.shapes.remove(shape, frames);
+  if (state.config.remote_nodes != nullptr) {
+    state.config.remote_nodes->remove_shape(shape);
+  }
 }
 
 // All threads end before any is freed: until then each may ring the doorbell of any other.

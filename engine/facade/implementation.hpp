@@ -4,6 +4,8 @@
 #include <memory>
 #include <new>
 #include <type_traits>
+#include <utility>
+#include <vector>
 
 #include "facade/cd_nodes/cd_nodes.hpp"
 #include "facade/cd_nodes/node_membership.hpp"
@@ -11,6 +13,7 @@
 #include "facade/queries/frame_store.hpp"
 #include "facade/requests/requests.hpp"
 #include "facade/results/contact_index.hpp"
+#include "facade/save/saved_world.hpp"
 #include "facade/users/user_nodes.hpp"
 #include "facade/world_state.hpp"
 #include "nodes/server/server_role.hpp"
@@ -25,7 +28,9 @@ namespace ringfence {
 /// while no frame is running, or after it has taken the role from its thread.
 struct World::Implementation {
   /// Throws Error if the configuration is invalid or the system lacks what it requires.
-  explicit Implementation(WorldConfig given);
+  explicit Implementation(WorldConfig given) : Implementation(std::move(given), 0) {}
+  /// The World that `saved` continues in. Throws Error also if the save does not fit together.
+  Implementation(WorldConfig given, const facade::SavedWorld& saved);
 
   bool frame_is_running() const noexcept { return begun != frames; }
   /// Result of `call`, which returns a Status or a struct with one; out_of_memory if memory has run out in it or
@@ -63,9 +68,10 @@ struct World::Implementation {
   // channels, and at last what all of them refer to (`state`).
   facade::WorldState state;
   facade::Requests requests;
-  std::uint64_t begun = 0;   ///< number of frames begun
-  std::uint64_t frames = 0;  ///< number of frames completed
-  FrameReport report;        ///< of the last frame
+  std::uint64_t begun;         ///< number of frames begun
+  std::uint64_t frames;        ///< number of frames completed
+  FrameReport report;          ///< of the last frame
+  std::vector<std::byte> own;  ///< the caller's bytes of the save
   mutable facade::ContactIndex contact_index;
   mutable facade::FrameStore frame_store;  ///< of snapshots
   facade::AttachedBatches batches;         ///< of the next frame, or of the one that is running
@@ -73,6 +79,12 @@ struct World::Implementation {
   facade::CdNodes nodes;
   facade::NodeMembership membership;
   std::unique_ptr<nodes::ServerRole> server;
+
+  Implementation(WorldConfig given, std::uint64_t first_frame);
+  /// Registers a shape here and on remote nodes; see World::add_shape.
+  ShapeNumber add_shape(const ShapeDescription& description);
+  void remove_shape(ShapeNumber shape);
+  void restore_shapes(const facade::SavedWorld& saved);
 
   struct ThreadStopper {
     Implementation& world;

@@ -6,12 +6,19 @@
 
 #include "base/floating_point.hpp"
 #include "facade/implementation.hpp"
+#include "facade/save/save_format.hpp"
 
 namespace ringfence {
 
 World::World(WorldConfig config) {
   const base::DefaultFloatingPoint floating_point;
   implementation_ = std::make_unique<Implementation>(std::move(config));
+}
+
+World::World(WorldConfig config, Source& source) {
+  const base::DefaultFloatingPoint floating_point;
+  const facade::SavedWorld saved = facade::read_save(source, config.support_functions);
+  implementation_ = std::make_unique<Implementation>(std::move(config), saved);
 }
 
 World::World(World&& other) noexcept = default;

@@ -7,6 +7,8 @@
 #include "base/floating_point.hpp"
 #include "facade/implementation.hpp"
 #include "facade/results/object_views.hpp"
+#include "facade/save/collect.hpp"
+#include "facade/save/save_format.hpp"
 #include "ringfence/world.hpp"
 
 namespace ringfence {
@@ -24,15 +26,7 @@ ShapeId World::add_shape(const ShapeDescription& description) {
   if (w.state.halt.is_set()) {
     throw Error("add_shape: memory ran out in a frame; destroy the World and create another");
   }
-  geometry::ShapeTable& shapes = w.state.shapes;
-  const ShapeNumber shape = shapes.add(description);
-  if (w.state.config.remote_nodes != nullptr) {
-    w.state.config.remote_nodes->add_shape(shape, description);
-  }
-  if (shapes.row(shape).kind == ShapeKind::mesh) {
-    w.state.log.log_dropped_triangles(shape, shapes.mesh(shapes.row(shape).index_in_kind));
-  }
-  return ShapeId(shape);
+  return ShapeId(w.add_shape(description));
 }
 
 Status World::remove_shape(ShapeId shape) {
@@ -47,10 +41,7 @@ Status World::remove_shape(ShapeId shape) {
     if (w.requests.objects().uses(shape.number())) {
       return w.requests.refuse(Status::shape_in_use);
     }
-    w.state.shapes.remove(shape.number(), w.frames);
-    if (w.state.config.remote_nodes != nullptr) {
-      w.state.config.remote_nodes->remove_shape(shape.number());
-    }
+    w.remove_shape(shape.number());
     return Status::ok;
   });
 }
@@ -142,7 +133,8 @@ Status World::resize(std::uint32_t nodes) {
 
 std::uint32_t World::nodes() const noexcept {
   const Implementation& w = *implementation_;
-  return static_cast<std::uint32_t>(w.frames == 0 ? w.nodes.pool().size() : w.report.nodes.size());
+  const bool before_first_frame = w.frames == w.state.first_frame;
+  return static_cast<std::uint32_t>(before_first_frame ? w.nodes.pool().size() : w.report.nodes.size());
 }
 
 std::optional<NodeId> World::node_at(const Vec3d& position) const noexcept {
@@ -257,6 +249,23 @@ std::vector<ObjectView> World::objects() const {
   const Implementation& w = *implementation_;
   return w.frame_is_running() ? std::vector<ObjectView>() : facade::views_of(*w.server);
 }
+
+Status World::save(Sink& sink, std::span<const std::byte> own) {
+  const base::DefaultFloatingPoint floating_point;
+  Implementation& w = *implementation_;
+  return w.answer([&] {
+    if (w.frame_is_running()) {
+      return w.requests.refuse(Status::out_of_order);
+    }
+    if (!facade::can_be_saved(w.state.shapes)) {
+      return w.requests.refuse(Status::bad_shape);
+    }
+    const facade::SavedWorld saved = facade::collect(w.state, w.requests, *w.server, w.frames, own);
+    return facade::write_save(saved, sink) ? Status::ok : w.requests.refuse(Status::not_written);
+  });
+}
+
+std::span<const std::byte> World::saved_bytes() const noexcept { return implementation_->own; }
 
 ObjectId World::find(ObjectNumber number) const noexcept { return implementation_->requests.objects().find(number); }
 

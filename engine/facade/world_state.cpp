@@ -70,8 +70,9 @@ std::uint64_t nanoseconds(double ms) noexcept { return static_cast<std::uint64_t
 
 }  // namespace
 
-WorldState::WorldState(WorldConfig given)
-    : bounds_are_open(has_automatic_bounds(given)),
+WorldState::WorldState(WorldConfig given, std::uint64_t first)
+    : first_frame(first),
+      bounds_are_open(has_automatic_bounds(given)),
       config(settle(std::move(given))),
       shared_shapes(std::make_shared<geometry::ShapeTable>()),
       shapes(*shared_shapes),
@@ -85,6 +86,7 @@ WorldState::WorldState(WorldConfig given)
   publications.server.publication = &server_publication;
   publications.users.reserve(config.capacities.users);
   order.caller = threaded() ? &caller_bell : nullptr;
+  order.ordered = order.completed = first_frame;
 }
 
 nodes::ServerSetup WorldState::server_setup() noexcept {
@@ -106,6 +108,7 @@ nodes::ServerSetup WorldState::server_setup() noexcept {
   setup.quotas = config.quotas;
   setup.node_deadline_ns = threaded() ? nanoseconds(config.deadlines.node_ms) : 0;
   setup.user_deadline_ns = threaded() ? nanoseconds(config.deadlines.user_ms) : 0;
+  setup.first_frame = first_frame;
   setup.track = config.timeline ? &server_track : nullptr;
   return setup;
 }

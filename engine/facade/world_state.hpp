@@ -28,8 +28,8 @@ namespace ringfence::facade {
 ///
 /// Threads: the one that calls World uses it. What roles read and write is under the contracts of its type.
 struct WorldState {
-  /// Throws Error if the configuration is invalid. Starts no thread.
-  explicit WorldState(WorldConfig given);
+  /// Throws Error if the configuration is invalid. Starts no thread. `first`: the number of the first frame.
+  explicit WorldState(WorldConfig given, std::uint64_t first = 0);
   WorldState(const WorldState&) = delete;
   WorldState& operator=(const WorldState&) = delete;
 
@@ -59,6 +59,7 @@ struct WorldState {
   /// Sets the roles that the server's thread steps, in this order. Without threads: those that step_until steps.
   void assign_server_thread(std::vector<Steppable> roles);
 
+  const std::uint64_t first_frame;  ///< not 0 if the World is restored
   /// Whether the next cut with objects chooses the bounds.
   bool bounds_are_open;
   WorldConfig config;                                         ///< settled; only choose_bounds() changes it

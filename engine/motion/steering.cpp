@@ -147,6 +147,25 @@ Steering::Steering(const SteeringConfig& config)
 
 std::size_t Steering::state_bytes() const noexcept { return sizeof(State); }
 
+std::uint64_t Steering::version() const noexcept {
+  constexpr std::uint64_t algorithm = 1;
+  std::uint64_t hash = algorithm;
+  const auto add = [&](auto value) {
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &value, sizeof value);
+    hash = (hash ^ bits) * 0x100000001b3u + 0x9e3779b97f4a7c15u;
+    hash ^= hash >> 29;
+  };
+  const SteeringConfig& c = config_;
+  for (const Vec3d& corner : {c.bounds_min, c.bounds_max}) {
+    add(corner.x), add(corner.y), add(corner.z);
+  }
+  add(c.seed), add(c.targets);
+  add(c.target_interval.min), add(c.target_interval.max), add(c.retarget_interval.min), add(c.retarget_interval.max);
+  add(c.speed), add(c.spread), add(c.slop), add(c.push);
+  return hash;
+}
+
 Vec3d Steering::target_position(std::uint32_t target, std::uint64_t frame) const noexcept {
   const std::uint64_t cells = std::uint64_t{lattice_side_} * lattice_side_ * lattice_side_;
   // The first cell that pick_target maps to this target.

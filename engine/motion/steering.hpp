@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 
 #include "motion/schedule.hpp"
 #include "ringfence/motion_model.hpp"
@@ -44,6 +45,9 @@ class Steering final : public MotionModel {
   /// Throws Error if a field is out of range. The message names the field; for an interval it quotes the two values.
   explicit Steering(const SteeringConfig& config);
 
+  std::string_view name() const noexcept override { return "steering"; }
+  /// A hash of the configuration.
+  std::uint64_t version() const noexcept override;
   std::size_t state_bytes() const noexcept override;
   void move(std::uint64_t frame, std::span<const MotionInput> inputs, std::span<MotionOutput> outputs) const override;
 

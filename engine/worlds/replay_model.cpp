@@ -14,12 +14,35 @@ struct ReplayModel::Cursor {
   std::uint32_t reserved;
 };
 
+namespace {
+
+std::uint64_t hash_of(const std::vector<MotionRow>& rows) noexcept {
+  std::uint64_t hash = rows.size();
+  const auto add = [&](auto value) {
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &value, sizeof value);
+    hash = (hash ^ bits) * 0x100000001b3u + 0x9e3779b97f4a7c15u;
+    hash ^= hash >> 29;
+  };
+  for (const MotionRow& row : rows) {
+    add(row.frame), add(row.object);
+    add(static_cast<std::uint32_t>((row.present ? 1 : 0) | (row.jump ? 2 : 0)));
+    const Vec3d& p = row.pose.position;
+    const Quat& q = row.pose.orientation;
+    add(p.x), add(p.y), add(p.z), add(q.x), add(q.y), add(q.z), add(q.w);
+  }
+  return hash;
+}
+
+}  // namespace
+
 ReplayModel::ReplayModel(const Motion& motion) : rows_(motion.rows) {
   if (rows_.size() >= 0xffffffffu) throw Error("motion: more than 2^32 - 2 rows; expected fewer");
   std::sort(rows_.begin(), rows_.end(), [](const MotionRow& p, const MotionRow& q) {
     return std::tie(p.object, p.frame) < std::tie(q.object, q.frame);
   });
   for (std::size_t i = rows_.size(); i-- > 0;) first_row_by_object_[rows_[i].object] = static_cast<std::uint32_t>(i);
+  version_ = hash_of(rows_);
 }
 
 std::size_t ReplayModel::state_bytes() const noexcept { return sizeof(Cursor); }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 #include <unordered_map>
 #include <vector>
 
@@ -19,6 +20,9 @@ class ReplayModel final : public MotionModel {
   /// Copies and sorts the rows. Throws Error for 2^32 - 1 rows or more.
   explicit ReplayModel(const Motion& motion);
 
+  std::string_view name() const noexcept override { return "replay"; }
+  /// A hash of the rows.
+  std::uint64_t version() const noexcept override { return version_; }
   std::size_t state_bytes() const noexcept override;
   void start(const ObjectSpec& spec, std::byte* state) const override;
   bool uses_contacts() const noexcept override { return false; }
@@ -29,6 +33,7 @@ class ReplayModel final : public MotionModel {
 
   std::vector<MotionRow> rows_;                                          ///< sorted by object, then by frame
   std::unordered_map<ObjectNumber, std::uint32_t> first_row_by_object_;  ///< indices in rows_
+  std::uint64_t version_ = 0;
 };
 
 }  // namespace ringfence::worlds

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
@@ -95,9 +96,10 @@ class NodeWorld {
 
   enum class Model : std::uint8_t { bouncing, throwing };
 
-  /// `along_x`: number of cells along x as a power of two; 0: default.
+  /// `along_x`: number of cells along x as a power of two; 0: default. `saved`: the save from which the world is
+  /// restored; empty: it is populated.
   NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, ProcessPlacement place = {},
-            std::uint32_t along_x = 0, Model model = Model::bouncing)
+            std::uint32_t along_x = 0, Model model = Model::bouncing, std::span<const std::byte> saved = {})
       : place_(std::move(place)) {
     const double model_side = model == Model::bouncing ? side : -side;
     dds::ClusterConfig cluster;
@@ -114,6 +116,11 @@ class NodeWorld {
     config.nodes = nodes;
     config.tuning.cells_log2[0] = along_x;
     config.remote_nodes = cluster_->remote_nodes();
+    if (!saved.empty()) {
+      MemorySource source(saved);
+      world_ = std::make_unique<World>(std::move(config), source);
+      return;
+    }
     world_ = std::make_unique<World>(std::move(config));
     populate(*world_, objects, users, side);
   }

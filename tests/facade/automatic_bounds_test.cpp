@@ -57,12 +57,12 @@ TEST_CASE("a few objects far away do not widen automatic bounds") {
 
 TEST_CASE("one object gets bounds of 16 m around it, and a cut without objects chooses none") {
   WorldBounds bounds;
-  CHECK(!choose_bounds({}, bounds));
+  CHECK(!choose_bounds(std::span<const nodes::Request>(), bounds));
   nodes::Request connect;
   connect.kind = nodes::Request::Kind::connect;
-  CHECK(!choose_bounds({&connect, 1}, bounds));
+  CHECK(!choose_bounds(std::span(&std::as_const(connect), 1), bounds));
   const nodes::Request spawn = spawn_at({100, 200, 300});
-  REQUIRE(choose_bounds({&spawn, 1}, bounds));
+  REQUIRE(choose_bounds(std::span(&spawn, 1), bounds));
   CHECK(bounds.min == Vec3d{92, 192, 292});
   CHECK(bounds.max == Vec3d{108, 208, 308});
 }

@@ -25,7 +25,7 @@ static_assert(static_cast<std::size_t>(ShapeKind::support) + 1 == shape_kinds);
 static_assert(static_cast<std::size_t>(Stage::notify) + 1 == stage_count);
 static_assert(static_cast<std::size_t>(Traffic::control) + 1 == traffic_count);
 static_assert(static_cast<std::size_t>(NodeStage::publication) + 1 == node_stage_count);
-static_assert(static_cast<std::size_t>(Status::frame_expired) + 1 == status_count);
+static_assert(static_cast<std::size_t>(Status::not_written) + 1 == status_count);
 
 }  // namespace
 
@@ -66,7 +66,8 @@ TEST_CASE("every enumeration of the public API has a name for each value") {
                                              "support_failed",
                                              "shape_in_use",
                                              "bad_shape",
-                                             "frame_expired"});
+                                             "frame_expired",
+                                             "not_written"});
   CHECK(names<dds::MemberChange::Kind>(3) == Names{"joined", "left", "lost"});
   CHECK(names<dds::ExitReason>(4) == Names{"drained", "dismissed", "abandoned", "refused"});
 }

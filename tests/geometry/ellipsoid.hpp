@@ -1,5 +1,9 @@
 #pragma once
 
+#include <bit>
+#include <cstdint>
+#include <string_view>
+
 #include "geometry/vector.hpp"
 #include "ringfence/shape.hpp"
 
@@ -14,6 +18,8 @@ class Ellipsoid final : public SupportFunction {
     const float norm = length(scaled);
     return {scaled.x * radii_.x / norm, scaled.y * radii_.y / norm, scaled.z * radii_.z / norm};
   }
+  std::string_view name() const noexcept override { return "ellipsoid"; }
+  std::uint64_t version() const noexcept override { return std::bit_cast<std::uint32_t>(radii_.x); }
 
  private:
   Vec3f radii_;

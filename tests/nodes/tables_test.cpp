@@ -170,7 +170,7 @@ TEST_CASE("objects spawned together are ordered so that neighbours stay close, e
     near += distance(order[i - 1].position, order[i].position) < 20 ? 1u : 0u;
   }
   CHECK(near > order.size() * 8 / 10);
-  CHECK(order_by_position({}, space, scratch).empty());
+  CHECK(order_by_position(std::span<const Request>(), space, scratch).empty());
 }
 
 }  // namespace

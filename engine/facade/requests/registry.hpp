@@ -52,14 +52,27 @@ class Registry {
     if (++generation_ == 0) {
       generation_ = 1;
     }
-    index_.set(number, static_cast<std::uint32_t>(entries_.size()));
-    entries_.push_back({ObjectId::of(number, generation_), category, user, shape, false});
+    const ObjectId id = ObjectId::of(number, generation_);
+    restore(id, category, user, shape);
+    return id;
+  }
+  /// Adds an object whose id is given: of a save. The same precondition.
+  void restore(ObjectId id, Category category, UserNumber user, ShapeNumber shape) {
+    index_.set(id.number(), static_cast<std::uint32_t>(entries_.size()));
+    entries_.push_back({id, category, user, shape, false});
     use(shape);
     if (user != no_user_number) {
-      avatars_.resize(std::max<std::size_t>(avatars_.size(), user + 1));
-      avatars_[user].push_back(number);
+      avatars_.resize(std::max<std::size_t>(avatars_.size(), user + std::size_t{1}));
+      avatars_[user].push_back(id.number());
     }
-    return entries_.back().id;
+  }
+  /// The last number that free_number() returned, and the generation of the last object; 0 at first.
+  ObjectNumber last_number() const noexcept { return last_number_; }
+  std::uint32_t generation() const noexcept { return generation_; }
+  /// Sets both: numbers and generations continue from there.
+  void restore_ids(ObjectNumber last_number, std::uint32_t generation) noexcept {
+    last_number_ = last_number;
+    generation_ = generation;
   }
 
   /// The entry of a live object; null if the id is null, stale, or the object is ending.

@@ -256,6 +256,8 @@ void Requests::cut(nodes::FrameOrder& order) {
     std::erase_if(user_orders_.moves, has_left);
     std::erase_if(user_orders_.inputs, has_left);
   }
+  requests_.insert(requests_.begin(), connects_.begin(), connects_.end());
+  connects_.clear();
   order.requests.swap(requests_);
   order.states.swap(states_);
 }
@@ -265,6 +267,57 @@ void Requests::forget_cut(nodes::FrameOrder& order) {
   order.states.clear();
   objects_.forget_cut();
   users_.forget_cut();
+}
+
+void Requests::restore_user(UserNumber user, bool connected, const UserUsage::Counts& counts) {
+  usage_.restore(user, counts);
+  if (connected) {
+    Request request;
+    request.kind = Request::Kind::connect;
+    request.user = user;
+    users_.connect(user);
+    connects_.push_back(request);
+  }
+}
+
+bool Requests::restore(const Request& request) {
+  const Registry::Entry* const entry = objects_.find(request.object);
+  switch (request.kind) {
+    case Request::Kind::connect:
+      if (request.user >= config_.limits.users || users_.in_use(request.user)) {
+        return false;
+      }
+      users_.connect(request.user);
+      break;
+    case Request::Kind::disconnect:
+      if (!users_.is_connected(request.user)) {
+        return false;
+      }
+      users_.disconnect(request.user);
+      objects_.end_avatars(request.user);
+      break;
+    case Request::Kind::spawn: {
+      const ObjectSpec& spec = request.spec;
+      const bool avatar = spec.category == Category::avatar;
+      const bool fits = avatar ? users_.is_connected(spec.user.number()) : spec.user == no_user;
+      if (!fits || spec.number == 0 || objects_.in_use(spec.number)) {
+        return false;
+      }
+      objects_.restore(request.object, spec.category, spec.user.number(), spec.shape.number());
+      break;
+    }
+    default:
+      if (entry == nullptr) {
+        return false;
+      }
+      if (request.kind == Request::Kind::destroy) {
+        objects_.end(request.object);
+      } else if (request.kind == Request::Kind::set_shape) {
+        objects_.set_shape(request.object, request.spec.shape.number());
+      }
+  }
+  requests_.push_back(request);
+  return true;
 }
 
 void Requests::report_refused(FrameReport& report) noexcept {

@@ -79,6 +79,26 @@ class Requests {
   std::uint64_t refused(UserNumber user) const noexcept { return users_.is_connected(user) ? usage_.refused(user) : 0; }
   const Registry& objects() const noexcept { return objects_; }
   const UserNumbers& users() const noexcept { return users_; }
+  const UserUsage& usage() const noexcept { return usage_; }
+  /// For the next cut, in the order of the calls; and the model states that they refer to.
+  std::span<const nodes::Request> pending() const noexcept { return requests_; }
+  std::span<const std::byte> pending_states() const noexcept { return states_; }
+  const UserOrders& user_orders() const noexcept { return user_orders_; }
+
+  // Restore what a World had between two frames. In this order, before the first call.
+  void restore_window(std::uint64_t frames) noexcept { usage_.restore_window(frames); }
+  /// A user node, or a number that was used in this window. If `connected`, the next cut connects it first.
+  void restore_user(UserNumber user, bool connected, const UserUsage::Counts& counts);
+  /// An object of the last frame.
+  void restore_object(ObjectId id, Category category, UserNumber user, ShapeNumber shape) {
+    objects_.restore(id, category, user, shape);
+  }
+  /// A request that was accepted before. Returns false if it cannot have been.
+  bool restore(const nodes::Request& request);
+  void restore_ids(ObjectNumber last_number, std::uint32_t generation) noexcept {
+    objects_.restore_ids(last_number, generation);
+  }
+  void restore_states(std::span<const std::byte> states) { states_.assign(states.begin(), states.end()); }
 
   // The frame.
   /// Adds a request that the next cut applies before all others.
@@ -108,7 +128,8 @@ class Requests {
   UserNumbers users_;
   UserUsage usage_;
   std::vector<nodes::Request> requests_;
-  std::vector<std::byte> states_;  ///< of the set_state requests
+  std::vector<nodes::Request> connects_;  ///< of user nodes that a save has as connected; until the next cut
+  std::vector<std::byte> states_;         ///< of the set_state requests
   UserOrders user_orders_;
   std::array<std::uint64_t, status_count> refused_{};  ///< by status
 };

@@ -18,6 +18,8 @@ class UserNumbers {
   /// Whether the user node is connected, or connecting at the next cut.
   bool is_connected(UserNumber user) const noexcept { return use_of(user) == Use::connected; }
   bool in_use(UserNumber user) const noexcept { return use_of(user) != Use::none; }
+  /// One more than the highest number that was ever in use.
+  std::size_t size() const noexcept { return uses_.size(); }
   /// The lowest number that is not in use.
   UserNumber free_number() noexcept;
 

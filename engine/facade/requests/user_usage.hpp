@@ -30,7 +30,29 @@ class UserUsage {
   /// number has used of the window.
   void connect(UserNumber user) { of(user).refused = 0; }
   /// A frame begins.
-  void cut() noexcept { window_ = ++frames_ / std::max<std::size_t>(1, quotas_.window); }
+  void cut() noexcept { restore_window(frames_ + 1); }
+
+  /// What a save keeps of a user.
+  struct Counts {
+    std::uint32_t spawns = 0, moves = 0;  ///< in the current window
+  };
+  Counts counts(UserNumber user) const noexcept {
+    if (user >= users_.size()) {
+      return {};
+    }
+    const Usage& usage = users_[user];
+    const bool current = usage.window == window_;
+    return {current ? usage.spawns : 0, current ? usage.moves : 0};
+  }
+  /// One more than the highest number that was used.
+  std::size_t size() const noexcept { return users_.size(); }
+  /// So many frames have begun.
+  void restore_window(std::uint64_t frames) noexcept {
+    frames_ = frames;
+    window_ = frames_ / std::max<std::size_t>(1, quotas_.window);
+  }
+  /// After restore_window().
+  void restore(UserNumber user, const Counts& counts) { of(user) = {window_, counts.spawns, counts.moves, 0}; }
 
  private:
   struct Usage {

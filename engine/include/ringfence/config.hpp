@@ -11,6 +11,7 @@
 
 #include "ringfence/motion_model.hpp"
 #include "ringfence/pose.hpp"
+#include "ringfence/shape.hpp"
 #include "ringfence/tuning.hpp"
 
 namespace ringfence {
@@ -165,7 +166,9 @@ struct WorldConfig {
   Tuning tuning;          ///< settings for measurements
   LayerMatrix layers;
   std::shared_ptr<const MotionModel> motion;  ///< null: objects move only by World::move and World::place
-  LogHook log;                                ///< null: nothing is logged
+  /// To restore a World whose save has support shapes: their functions, in any order; see SupportFunction::name.
+  std::vector<std::shared_ptr<const SupportFunction>> support_functions;
+  LogHook log;  ///< null: nothing is logged
   /// Null: CD nodes are threads of this process. Otherwise the constructor of World waits for `nodes` remote nodes.
   /// Nodes that arrive later are added between frames, up to one for each cell and 1024 in all; further nodes wait
   /// until there is room. Nodes that ask to leave are released. If no node is left, the server's thread does their

@@ -15,6 +15,9 @@ namespace ringfence {
 /// phase nor poses), so their order does not matter. The digest of the run folds those of the frames in order.
 class Digest {
  public:
+  Digest() noexcept = default;
+  /// Continues the digest of a run whose value so far is known, such as from a save.
+  explicit Digest(std::uint64_t value) noexcept : value_(value) {}
   /// Adds the next frame.
   void add_frame(std::span<const Contact> contacts) noexcept {
     std::uint64_t sum = 0;

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string_view>
 
 #include "ringfence/ids.hpp"
 #include "ringfence/object.hpp"
@@ -51,6 +52,12 @@ struct MotionOutput {
 class MotionModel {
  public:
   virtual ~MotionModel() = default;
+
+  /// Name and version by which a save refers to the model: the World that is restored must have a model with the same
+  /// name and version. Change the version whenever `move` would compute other states, also from other parameters or
+  /// recorded data. Constant over the model's life.
+  virtual std::string_view name() const noexcept { return {}; }
+  virtual std::uint64_t version() const noexcept { return 0; }
 
   /// Bytes of plain data that the model keeps per object: at most max_motion_state. Constant over the model's life.
   virtual std::size_t state_bytes() const noexcept { return 0; }

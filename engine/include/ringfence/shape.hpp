@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -59,6 +60,11 @@ class SupportFunction {
   virtual Vec3f support(Vec3f direction) const = 0;
   /// A point strictly inside the shape, metres.
   virtual Vec3f centre() const { return {}; }
+  /// Name and version by which a save refers to the function: WorldConfig::support_functions has the one with the same
+  /// name and version when the World is restored. Change the version whenever support() or centre() change. Without a
+  /// name a World with this shape cannot be saved. Constant.
+  virtual std::string_view name() const noexcept { return {}; }
+  virtual std::uint64_t version() const noexcept { return 0; }
 };
 
 /// A shape given by `function`, which is not null. The World keeps the function alive.

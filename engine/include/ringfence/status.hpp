@@ -33,8 +33,9 @@ enum class Status : std::uint8_t {
   shape_in_use,   ///< remove_shape: an object has the shape, or a request for the next frame names it
   bad_shape,      ///< queries only: the shape that sweeps or overlaps is a mesh; it must be convex
   frame_expired,  ///< queries only: the frame is older than WorldConfig::history reaches
+  not_written,    ///< save: the sink did not take the bytes
 };
-inline constexpr std::size_t status_count = 23;
+inline constexpr std::size_t status_count = 24;
 
 /// Name of a status in reports: "ok", "stale_object", ...
 constexpr const char* name_of(Status status) noexcept {
@@ -60,7 +61,8 @@ constexpr const char* name_of(Status status) noexcept {
                                    "support_failed",
                                    "shape_in_use",
                                    "bad_shape",
-                                   "frame_expired"};
+                                   "frame_expired",
+                                   "not_written"};
   return names[static_cast<std::size_t>(status)];
 }
 

@@ -16,6 +16,7 @@
 #include "ringfence/object.hpp"
 #include "ringfence/object_contacts.hpp"
 #include "ringfence/query_batch.hpp"
+#include "ringfence/save.hpp"
 #include "ringfence/seen_state.hpp"
 #include "ringfence/shape.hpp"
 #include "ringfence/snapshot.hpp"
@@ -65,6 +66,19 @@ struct ObjectView {
 class World {
  public:
   explicit World(WorldConfig config);
+  /// Restores a World from what save() wrote: it continues as the saved one would have, with the same contacts bit for
+  /// bit. Shapes, objects, users, pending requests, ids and the frame number come from the save; nodes, deployment,
+  /// placement, quotas and everything else come from `config`. Automatic bounds are chosen around the objects.
+  ///
+  /// Throws Error, which says what to do: for a save that is damaged, or of another format; if config.motion does not
+  /// have the name and version of the saved model (MotionModel::name); if config.layers has names and differs from the
+  /// saved layers (without names the saved layers are used); if a support function is missing in
+  /// config.support_functions; and if the save exceeds config.limits.
+  ///
+  /// Before the first frame contacts(), object(), objects(), state() and snapshot() return the saved state; ended(),
+  /// report(), collisions_of(UserId) and seen_by() are empty. refused(UserId) counts from there, and the history begins
+  /// again.
+  World(WorldConfig config, Source& source);
   /// Waits for a frame that is running, and ends the threads.
   ~World();
   World(const World&) = delete;
@@ -214,6 +228,16 @@ class World {
 
   /// Results and cost of the last frame.
   const FrameReport& report() const noexcept;
+
+  /// Writes everything that determines the future of the World, and `own`, bytes of the caller's such as a digest. The
+  /// World with the same frames, calls and layers writes the same bytes in every deployment. Attached batches, injected
+  /// faults and the history are not saved. docs/saving.md has the costs.
+  ///
+  /// Refused: out_of_order while a frame is running; not_written if the sink returned false; bad_shape if a support
+  /// function has no name. A World with a motion model without a name is saved, and matches any model without a name.
+  Status save(Sink& sink, std::span<const std::byte> own = {});
+  /// The caller's bytes of the save from which this World was restored; otherwise empty. Valid as long as the World.
+  std::span<const std::byte> saved_bytes() const noexcept;
 
  private:
   struct Implementation;

@@ -152,6 +152,11 @@ struct NodeContacts {
                        Phase phase, Contact& to) noexcept {
     assemble(touch, side(a), side(b), phase, to);
   }
+  /// Sets all that a contact states of its two objects except for their numbers: a function of these and of its point.
+  static void complete(Contact& to, const ObjectRow& row_a, const ObjectOrigin& origin_a, const ObjectRow& row_b,
+                       const ObjectOrigin& origin_b) noexcept {
+    complete(to, side(row_a, origin_a), side(row_b, origin_b));
+  }
   /// Prefetches what write() reads.
   void prefetch(const FoundContact& one) const noexcept {
     base::prefetch_for_read(&touches[one.touch]);
@@ -186,10 +191,10 @@ struct NodeContacts {
   static Side side(const narrow_phase::Body& body) noexcept {
     return {body.number, body.generation, body.layer, body.user_data, body.pose.position};
   }
-  Side side(std::uint32_t slot) const noexcept {
-    const ObjectRow& row = rows[slot];
-    return {row.object.number, row.object.generation, row.layer, origins[slot].user_data, row.pose.position};
+  static Side side(const ObjectRow& row, const ObjectOrigin& origin) noexcept {
+    return {row.object.number, row.object.generation, row.layer, origin.user_data, row.pose.position};
   }
+  Side side(std::uint32_t slot) const noexcept { return side(rows[slot], origins[slot]); }
   static void assemble(const narrow_phase::PairContact& touch, const Side& a, const Side& b, Phase phase,
                        Contact& to) noexcept {
     to.a = a.number;
@@ -199,6 +204,9 @@ struct NodeContacts {
     to.normal = touch.normal;
     to.toi = 1;
     to.point = in_world(touch, a.position);
+    complete(to, a, b);
+  }
+  static void complete(Contact& to, const Side& a, const Side& b) noexcept {
     to.arm_a = to_float(to.point - a.position);
     to.arm_b = to_float(to.point - b.position);
     to.generation_a = a.generation;

@@ -21,7 +21,8 @@ ServerRole::ServerRole(const ServerSetup& setup, const regions::RegionMap& map)
       ingest_(state_, *exchange_, states_, relay_, statistics_),
       router_(state_, *exchange_, states_, relay_, statistics_),
       failover_(state_, *exchange_, states_, relay_, statistics_),
-      deadlines_(state_, failover_, dispatch_) {}
+      deadlines_(state_, failover_, dispatch_),
+      frames_(setup.first_frame) {}
 
 Step ServerRole::step() {
   bool progressed = false;
@@ -59,6 +60,12 @@ bool ServerRole::lose(NodeNumber node) {
   }
   failover_.lose(node);
   return true;
+}
+
+void ServerRole::restore(std::span<const RestoredObject> objects, std::size_t state_bytes,
+                         std::span<Contact> contacts) {
+  cut_.restore(objects, state_bytes);
+  state_.ledger.restore(frames_, contacts, state_.objects);
 }
 
 bool ServerRole::list_answers(std::vector<const NodeQueries*>& answers) const {

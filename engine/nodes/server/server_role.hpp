@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "nodes/exchange/server/server_exchange.hpp"
@@ -46,6 +47,11 @@ class ServerRole {
   /// Whether the CD node that was in the slot in the last frame was lost in it because it broke the protocol. Call
   /// between frames.
   bool is_broken(NodeNumber node) const noexcept { return node < state_.nodes.size() && state_.nodes[node].broken; }
+
+  /// Before the first frame, whose number is ServerSetup::first_frame: the world continues with these objects and the
+  /// contacts of the frame before. Of the contacts only what the objects do not state is read: numbers, phase, depth,
+  /// normal, toi and point. They are in order of (a, b), and between these objects.
+  void restore(std::span<const RestoredObject> objects, std::size_t state_bytes, std::span<Contact> contacts);
 
   // Between frames, for the facade.
   /// Whether the CD node in the slot has handed everything over, as Request::retire_node asked, so that the slot is
@@ -97,7 +103,7 @@ class ServerRole {
   ContactRouter router_;
   Failover failover_;
   Deadlines deadlines_;
-  std::uint64_t frames_ = 0;  ///< frames begun
+  std::uint64_t frames_;  ///< frames begun, also before the world was restored
 };
 
 }  // namespace ringfence::nodes

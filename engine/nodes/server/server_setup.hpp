@@ -73,6 +73,7 @@ struct ServerSetup {
   /// FrameOrder::caller, the facade finds out whose move takes too long; otherwise each user node that has not reported
   /// in time is late.
   std::uint64_t user_deadline_ns = 0;
+  std::uint64_t first_frame = 0;      ///< not 0 if the world is restored
   telemetry::Track* track = nullptr;  ///< null: no timeline
   std::vector<Connection> nodes;      ///< of the first nodes; the id of each is its slot
 };

@@ -39,6 +39,24 @@ ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(no
   }
 }
 
+void ContactLedger::restore(std::uint64_t frame, std::span<Contact> contacts, const ObjectTable& objects) {
+  frame_ = frame;
+  List& list = editions_[(frame - 1) & 1].live;
+  list.resize(contacts.size());
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    Contact& contact = contacts[i];
+    const std::uint32_t a = objects.find(contact.a), b = objects.find(contact.b);
+    NodeContacts::complete(contact, objects.row(a), objects.origin(a), objects.row(b), objects.origin(b));
+    list.contacts[i] = contact;
+    list.keys[i] = base::PairSort::key(contact.a, contact.b);
+    list.found[i] = {a, b, 0};
+  }
+  for (Run& run : runs_) {
+    run.joined = frame;
+  }
+  participants_ = 1;  // a node that is gone
+}
+
 void ContactLedger::resize(std::size_t nodes) { runs_.resize(nodes); }
 
 void ContactLedger::begin(std::uint64_t frame) {

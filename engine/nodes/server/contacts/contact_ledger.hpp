@@ -56,6 +56,10 @@ class ContactLedger {
   /// Reserves memory for `contacts` contacts a frame. More may be added, at the cost of an allocation.
   ContactLedger(std::size_t nodes, std::size_t contacts);
 
+  /// Before the first frame, `frame`, of a world that is restored: `contacts` are those of the frame before, between
+  /// live objects of the table, in order of (a, b). Completes what they state of the objects. In this frame they end at
+  /// a border, like those of a node that is gone.
+  void restore(std::uint64_t frame, std::span<Contact> contacts, const ObjectTable& objects);
   /// Sets the number of node slots from the next begin() on. A slot may have no node: then nothing is received from it.
   void resize(std::size_t nodes);
   /// A node takes the slot and takes part from that frame on: what another node found in this slot is not its own.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 namespace ringfence::nodes {
 
@@ -35,7 +36,30 @@ bool Cut::begin() {
     --slots;
   }
   set_slots(slots);
+  if (restored_) {
+    mark_restored();
+  }
   return any_lost;
+}
+
+void Cut::restore(std::span<const RestoredObject> objects, std::size_t state_bytes) {
+  for (const PositionedSpawn& placed : order_by_position(objects, *state_.setup.space, spawn_order_)) {
+    const RestoredObject& object = objects[placed.position];
+    const std::uint32_t slot = state_.objects.add(object.id, object.spec);
+    states_.set_bounds(slot);
+    std::copy_n(object.state, state_bytes, state_.objects.state(slot));
+    if (object.spec.category == Category::avatar) {
+      crowds_.add(object.spec.user.number(), object.id.number());
+    }
+  }
+  restored_ = true;
+}
+
+// No host and no node knows the objects yet.
+void Cut::mark_restored() {
+  for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
+    state_.objects.mark_moved(slot);
+  }
 }
 
 // In the order of the calls, except for consecutive spawns: those fill the tables in the order of their positions.
@@ -203,6 +227,11 @@ void Cut::place(std::uint32_t slot, const Pose& pose, bool present) {
 void Cut::assign_hosts() {
   for (const HostChange& change : hosting_.settle(state_.objects, state_.map, state_.connected, users_changed_)) {
     rehost(change);
+  }
+  if (std::exchange(restored_, false)) {
+    for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
+      state_.note_host_change(slot);
+    }
   }
   list_changed();
 }

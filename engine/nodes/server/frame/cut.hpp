@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "nodes/server/frame/dispatch.hpp"
@@ -20,6 +22,10 @@ namespace ringfence::nodes {
 class Cut {
  public:
   Cut(ServerState& state, ObjectStates& states, MapScheduler& scheduler, Dispatch& dispatch);
+
+  /// Before the first cut: adds the objects of a save. The first cut gives all of them hosts, which receive their
+  /// contacts of the frame before, as after the loss of all nodes. `state_bytes`: size of each state.
+  void restore(std::span<const RestoredObject> objects, std::size_t state_bytes);
 
   // In this order, once a frame.
   /// Ends the frame before: frees the slots of nodes that were lost or have left. Returns whether one was lost.
@@ -49,6 +55,7 @@ class Cut {
   void add_node(const Request& request);
   void set_slots(std::size_t slots);
   void change(std::uint32_t slot, const Request& request);
+  void mark_restored();
   void list_changed();
   void rehost(const HostChange& change);
   void start(PeerSession& session);
@@ -63,6 +70,7 @@ class Cut {
   std::vector<std::uint32_t> changed_slots_;  ///< at this cut, by set_group and the like
   bool users_changed_ = false;                ///< users came or left at this cut
   bool any_left_ = false;                     ///< users left whose objects have not ended yet
+  bool restored_ = false;                     ///< no cut was made since restore()
 };
 
 }  // namespace ringfence::nodes

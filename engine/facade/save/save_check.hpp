@@ -1,0 +1,10 @@
+#pragma once
+
+#include "facade/save/saved_world.hpp"
+
+namespace ringfence::facade {
+
+/// Throws Error unless the records fit together; see read_save().
+void check(const SavedWorld& saved);
+
+}  // namespace ringfence::facade
