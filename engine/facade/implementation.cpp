@@ -16,6 +16,7 @@ World::Implementation::Implementation(WorldConfig given, std::uint64_t first_fra
       begun(first_frame),
       frames(first_frame),
       frame_store(state.shared_shapes, state.config.history),
+      sensed_frames(state.shared_shapes, state.config.sense),
       batches(state.shared_shapes),
       users(state),
       nodes(state),
@@ -153,10 +154,17 @@ void World::Implementation::complete_report() {
 void World::Implementation::free_gone_roles() {
   users.free_stalled();
   membership.remove_gone(report, *server);
+  sensed_frames.finish(!report.lost.empty() || !report.late.empty());
   if (nodes.pool().free_retired()) {
     server->free_abandoned();
     batches.free_abandoned();
-    state.shapes.free_removed(frame_store.drop_obsolete());
+    if (sensed_frames.has_abandoned() && !users.has_stalled()) {
+      sensed_frames.free_abandoned();
+    }
+    // A model may read shapes, also in a stalled thread.
+    if (!sensed_frames.has_abandoned()) {
+      state.shapes.free_removed(frame_store.drop_obsolete());
+    }
   }
 }
 

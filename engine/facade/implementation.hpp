@@ -11,6 +11,7 @@
 #include "facade/cd_nodes/node_membership.hpp"
 #include "facade/queries/attached_batches.hpp"
 #include "facade/queries/frame_store.hpp"
+#include "facade/queries/sensed_frames.hpp"
 #include "facade/requests/requests.hpp"
 #include "facade/results/contact_index.hpp"
 #include "facade/save/saved_world.hpp"
@@ -74,7 +75,8 @@ struct World::Implementation {
   std::vector<std::byte> own;  ///< the caller's bytes of the save
   mutable facade::ContactIndex contact_index;
   mutable facade::FrameStore frame_store;  ///< of snapshots
-  facade::AttachedBatches batches;         ///< of the next frame, or of the one that is running
+  facade::SensedFrames sensed_frames;
+  facade::AttachedBatches batches;  ///< of the next frame, or of the one that is running
   facade::UserNodes users;
   facade::CdNodes nodes;
   facade::NodeMembership membership;

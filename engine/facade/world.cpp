@@ -60,6 +60,7 @@ Status World::begin_frame() try {
   w.requests.cut(w.state.order);
   w.state.choose_bounds();
   w.batches.prepare(w.state.order);
+  w.state.publications.sensed = w.sensed_frames.prepare(*w.server, w.frames);
   w.users.connect();
   w.membership.cut(*w.server);
   w.users.steer(w.requests.user_orders());

@@ -78,7 +78,7 @@ WorldState::WorldState(WorldConfig given, std::uint64_t first)
       shapes(*shared_shapes),
       space(config.bounds_min, config.bounds_max, geometry::Outside::has_octaves),
       layer_masks(masks_of(config.layers)),
-      publications{interest_grid(config, space), &space, {}, {}, {}, {}},
+      publications{interest_grid(config, space), &space, {}, {}, {}, {}, nullptr},
       server_publication(publications.grid.cells(), config.capacities.objects),
       halt(threaded() ? &caller_bell : nullptr),
       log(config.log),
@@ -103,6 +103,7 @@ nodes::ServerSetup WorldState::server_setup() noexcept {
   setup.keep_resting = config.tuning.keep_resting;
   setup.capacities = config.capacities;
   setup.interest = config.interest;
+  setup.sense = config.sense;
   setup.balance = config.balance;
   setup.balance_by = config.balance_by;
   setup.quotas = config.quotas;

@@ -58,6 +58,7 @@ NodePoolSetup pool_setup(WorldState& state) {
   setup.role.shapes = &state.shapes;
   setup.role.space = &state.space;
   setup.role.model = config.motion.get();
+  setup.role.sense = config.sense;
   setup.role.placement = config.placement;
   setup.role.exchange = state.exchange_kind();
   setup.role.layer_masks = state.layer_masks;

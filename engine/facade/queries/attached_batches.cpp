@@ -108,7 +108,7 @@ void AttachedBatches::prepare(QueryKind kind, const std::vector<Query>& of_kind)
       continue;
     }
     Asked asked;
-    const Status status = check(query, shapes_, asked);
+    const Status status = nodes::check(query, shapes_, asked);
     prepared_.push_back({status, status == Status::ok});
     if (status == Status::ok) {
       QueryRecord& record = records_.emplace_back();

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "base/numbers.hpp"
-#include "facade/queries/arguments.hpp"
 #include "geometry/shape_table.hpp"
 #include "messages/records.hpp"
+#include "nodes/host/query_arguments.hpp"
 #include "nodes/server/server_role.hpp"
 #include "queries/recorded_frame.hpp"
 #include "ringfence/frame_report.hpp"

@@ -7,8 +7,9 @@
 
 #include "base/flat_list.hpp"
 #include "base/floating_point.hpp"
-#include "facade/queries/arguments.hpp"
 #include "facade/queries/query_target.hpp"
+#include "nodes/host/query_arguments.hpp"
+#include "queries/hits.hpp"
 
 namespace ringfence {
 namespace {
@@ -22,28 +23,9 @@ using queries::ObjectHit;
 using queries::ObjectPoint;
 using queries::Searcher;
 
-void set_object(Hit& hit, const QueryTarget& target, const queries::FrameObject& object) noexcept {
-  hit.object = ObjectId::of(object.number, object.generation);
-  hit.user_data = target.frame->user_data(object.slot);
-}
-
-void set(Hit& hit, const QueryTarget& target, const ObjectHit& found) noexcept {
-  if (found.object == nullptr) return;
-  set_object(hit, target, *found.object);
-  hit.fraction = found.hit.fraction;
-  hit.normal = found.hit.normal;
-  hit.point = found.hit.point;
-  hit.child = found.hit.child;
-  hit.triangle = found.hit.triangle;
-}
-
-void set(Hit& hit, const QueryTarget& target, const ObjectPoint& found) noexcept {
-  if (found.object == nullptr) return;
-  set_object(hit, target, *found.object);
-  hit.distance = found.nearest.distance;
-  hit.point = found.nearest.point;
-  hit.child = found.nearest.child;
-  hit.triangle = found.nearest.triangle;
+template <class Found>
+void set(Hit& hit, const QueryTarget& target, const Found& found) noexcept {
+  queries::set(hit, *target.frame, found);
 }
 
 template <class Found>
@@ -144,7 +126,7 @@ void for_each_block(const PinnedFrames* frames, std::span<const Query> queries, 
       target = find_target(frames, *about);
     }
     Asked asked;
-    const Status status = target.status != Status::ok ? target.status : facade::check(queries[i], *target.frame, asked);
+    const Status status = target.status != Status::ok ? target.status : nodes::check(queries[i], *target.frame, asked);
     if (status == Status::ok) {
       space.asked.push_back(asked);
       space.numbers.push_back(static_cast<std::uint32_t>(i));

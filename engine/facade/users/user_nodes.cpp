@@ -1,5 +1,6 @@
 #include "facade/users/user_nodes.hpp"
 
+#include <algorithm>
 #include <exception>
 #include <string>
 #include <utility>
@@ -58,6 +59,7 @@ std::unique_ptr<User> UserNodes::make_user(UserNumber number) {
   setup.model = config.motion.get();
   setup.publications = &state_.publications;
   setup.interest = config.interest;
+  setup.sense = config.sense;
   setup.thread = threads_.parts_of(threads_.at(thread));
   setup.objects = objects;
   setup.faults = state_.threaded() ? &state_.faults : nullptr;
@@ -169,6 +171,11 @@ void UserNodes::part_with_late(std::span<const UserId> users) {
 
 void UserNodes::free_stalled() {
   std::erase_if(stalled_, [](const auto& user) { return user->abandoned->worker->has_ended(); });
+}
+
+bool UserNodes::has_stalled() const noexcept {
+  return !stalled_.empty() || std::any_of(nodes_.begin(), nodes_.end(),
+                                          [](const auto& entry) { return entry.second->abandoned != nullptr; });
 }
 
 // The thread must not step the role meanwhile.

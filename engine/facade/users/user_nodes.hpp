@@ -80,6 +80,8 @@ class UserNodes {
   void report_times(FrameReport& report) { threads_.report_times(report); }
   /// Frees the disconnected user nodes whose stalled threads have ended.
   void free_stalled();
+  /// Whether a user node has a stalled thread, connected or not.
+  bool has_stalled() const noexcept;
 
   /// Injects a fault into the user node that it names. Returns false if that is unknown or late, or does not have the
   /// stage.

@@ -9,6 +9,7 @@
 #include "ringfence/object.hpp"
 #include "ringfence/object_contacts.hpp"
 #include "ringfence/pose.hpp"
+#include "ringfence/senses.hpp"
 
 namespace ringfence {
 
@@ -26,6 +27,7 @@ struct MotionInput {
   const std::byte* state = nullptr;  ///< the model's own part of S(k-1): state_bytes() of plain data, 8-byte aligned
   ObjectContacts contacts;           ///< begin and persist contacts of C(k-1), if the model uses_contacts()
   std::span<const std::byte> input;  ///< of World::input for this frame; empty if there is none; lives during the call
+  const Senses* senses = nullptr;    ///< queries about frame k-1 around the object; null if WorldConfig::sense is 0
 };
 
 /// The model's result for one object. Initialised to "does not move": pose, enabled and state unchanged, no jump.
@@ -42,10 +44,10 @@ struct MotionOutput {
 /// Moves hosted objects and responds to their contacts. Supplied by the embedder; examples are the paper's steering and
 /// the replay of recordings.
 ///
-/// `move` computes S(k) from the frame number, the object's number, its S(k-1), its C(k-1) and its input for frame k,
-/// and from nothing else that can differ between calls. This makes all deployments compute the same states. It is
-/// called in batches, concurrently, by all threads that host objects, for avatars too (an explicit World::move replaces
-/// the avatar's pose for that frame).
+/// `move` computes S(k) from the frame number, the object's number, its S(k-1), its C(k-1), its input for frame k and
+/// what it senses of frame k-1, and from nothing else that can differ between calls. This makes all deployments compute
+/// the same states. It is called in batches, concurrently, by all threads that host objects, for avatars too (an
+/// explicit World::move replaces the avatar's pose for that frame).
 ///
 /// An exception is caught: the objects for which the model throws do not move in that frame and are reported. The model
 /// must not call World.

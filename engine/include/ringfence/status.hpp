@@ -34,8 +34,9 @@ enum class Status : std::uint8_t {
   bad_shape,      ///< queries only: the shape that sweeps or overlaps is a mesh; it must be convex
   frame_expired,  ///< queries only: the frame is older than WorldConfig::history reaches
   not_written,    ///< save: the sink did not take the bytes
+  beyond_sense,   ///< queries of motion models only: it reaches farther than WorldConfig::sense
 };
-inline constexpr std::size_t status_count = 24;
+inline constexpr std::size_t status_count = 25;
 
 /// Name of a status in reports: "ok", "stale_object", ...
 constexpr const char* name_of(Status status) noexcept {
@@ -62,7 +63,8 @@ constexpr const char* name_of(Status status) noexcept {
                                    "shape_in_use",
                                    "bad_shape",
                                    "frame_expired",
-                                   "not_written"};
+                                   "not_written",
+                                   "beyond_sense"};
   return names[static_cast<std::size_t>(status)];
 }
 

@@ -24,6 +24,7 @@ struct CdNodeSetup {
   const geometry::ShapeTable* shapes = nullptr;
   const geometry::FixedSpace* space = nullptr;
   const MotionModel* model = nullptr;  ///< null: nothing moves by itself
+  double sense = 0;                    ///< WorldConfig::sense, metres
   Placement placement = Placement::server;
   bool hosts = true;  ///< user/collision deployment: the node hosts objects, so it keeps the contacts that it finds
   std::array<std::uint32_t, 32> layer_masks{};  ///< which layers each layer collides with

@@ -25,6 +25,7 @@ void Mover::begin() {
   state_.host.begin_move(state_.frame);
   halo_.begin();
   exchange_.begin();
+  state_.host.set_sensed(state_.contacts.sensed);
 }
 
 bool Mover::move() {

@@ -10,6 +10,7 @@ NodeState::NodeState(const CdNodeSetup& initial, const regions::RegionMap& map)
       host(initial.model, initial.objects, &fault),
       objects(initial.objects, initial.placement == Placement::region),
       contacts(initial.exchange == ExchangeKind::shared ? *initial.server.node_contacts : own_contacts) {
+  host.sense(initial.sense);
   host.contacts().reserve(initial.objects);
   contacts.host = &host;
 }

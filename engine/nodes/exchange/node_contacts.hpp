@@ -16,6 +16,7 @@
 #include "nodes/exchange/object_row.hpp"
 #include "nodes/exchange/peer_lists.hpp"
 #include "nodes/exchange/read_gate.hpp"
+#include "queries/recorded_frame.hpp"
 #include "ringfence/contact.hpp"
 
 namespace ringfence::nodes {
@@ -108,6 +109,8 @@ struct NodeContacts {
   ReadGate gate;  ///< for the contacts of other nodes; opened before `frame_end`
 
   NodeQueries queries;  ///< see NodeQueries for its rules
+  /// Publications::sensed. The server writes it before `frame_begin`, and never again for a node that is lost.
+  const queries::RecordedFrame* sensed = nullptr;
 
   // Written by the node before `frame_done`.
   std::uint64_t duplicates = 0;  ///< contacts of the slice whose pair was already written

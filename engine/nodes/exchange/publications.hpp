@@ -8,6 +8,7 @@
 #include "base/numbers.hpp"
 #include "geometry/bounds.hpp"
 #include "link/publication.hpp"
+#include "queries/recorded_frame.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/ids.hpp"
 
@@ -67,6 +68,10 @@ struct Publications {
   std::vector<const Published*> relays[2];
   std::vector<Published> users;  ///< by user number
   UserIndex user_index[2];       ///< of `users`, by parity of the frame; under the same contract as `relays`
+  /// Frame k-1 for the models that ask queries in frame k; null: none. The facade sets it while no frame is running,
+  /// and keeps the frame until the threads of user nodes that are late and of CD nodes that are lost in frame k have
+  /// ended. A user node reads the pointer before its move begins.
+  const queries::RecordedFrame* sensed = nullptr;
 };
 
 /// Stores in `own` the cell range of its publication for `frame`. The cells must be numbered as in Publications::grid.

@@ -37,6 +37,12 @@ Host::Host(const MotionModel* model, std::size_t objects, FaultPoint* fault)
   grow_batch(std::min(batch, objects));
 }
 
+void Host::sense(double distance) {
+  if (distance > 0) {
+    senses_ = std::make_unique<HostSenses>(distance);
+  }
+}
+
 void Host::move(std::uint64_t frame) {
   begin_move(frame);
   move_batches(0, hosted_.size());
@@ -185,11 +191,15 @@ bool Host::call_model(std::size_t first, std::size_t count) {
                   hosted.pose,
                   state(first + i),
                   ObjectContacts(contacts_.list(), contacts_of(first + i)),
-                  {}};
+                  {},
+                  nullptr};
     outputs_[i] = {hosted.pose, present, scratch_.data() + i * state_bytes_, false};
   }
   if (!frame_inputs_.empty()) {
     frame_inputs_.set(first, std::span(inputs_).first(count));
+  }
+  if (senses_ != nullptr) {
+    senses_->give(std::span(inputs_).first(count), std::span(hosted_.span()).subspan(first, count));
   }
   if (fault_ != nullptr) {
     fault_->pass(NodeStage::model, frame_);

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "nodes/fault_point.hpp"
 #include "nodes/host/frame_inputs.hpp"
 #include "nodes/host/host_contacts.hpp"
+#include "nodes/host/host_senses.hpp"
 #include "nodes/host/hosted_objects.hpp"
 #include "nodes/host/model_failures.hpp"
 #include "ringfence/motion_model.hpp"
@@ -45,6 +47,13 @@ class Host : public HostedObjects {
 
   /// In the next move, and only in that, the model receives the input of the object, if it is hosted then.
   void give_input(const ObjectInput& input) { frame_inputs_.add(input); }
+
+  /// From now on the model may ask queries within `distance` metres, if that is above 0. Once.
+  void sense(double distance);
+  /// The frame that the model may ask about in the next move; see HostSenses::set_frame(). Ignored without sense().
+  void set_sensed(const queries::RecordedFrame* frame) noexcept {
+    if (senses_ != nullptr) senses_->set_frame(frame);
+  }
 
   /// Computes S(frame) of all hosted objects from S(frame - 1) and C(frame - 1). Afterwards changed() lists the indices
   /// of the objects whose pose, presence or state differs. It also lists those with flag_host_owned, which are reported
@@ -92,6 +101,7 @@ class Host : public HostedObjects {
   };
   std::vector<Steered> steered_;
   FrameInputs frame_inputs_;
+  std::unique_ptr<HostSenses> senses_;  ///< null: the model may not ask queries
   base::FlatList<std::uint32_t> changed_;
   base::FlatList<std::uint8_t> differs_;
   std::uint64_t frame_ = 0;     ///< frame being moved

@@ -99,6 +99,10 @@ void ServerRole::cut() {
   state_.ledger.begin(state_.frame);
   exchange_->begin();
   exchange_->begin_queries();
+  if (state_.setup.sense > 0) {
+    exchange_->begin_senses();
+    state_.host.set_sensed(state_.setup.publications->sensed);
+  }
   state_.host.contacts().read(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
   states_.begin();
   failover_.begin();

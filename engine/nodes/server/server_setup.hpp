@@ -62,6 +62,7 @@ struct ServerSetup {
   bool keep_resting = true;  ///< see WorldConfig
   Capacities capacities;
   double interest = 0;
+  double sense = 0;  ///< WorldConfig::sense, metres
   /// With more CD nodes, the nodes publish the states of what they host instead of the server.
   std::size_t max_relayed_nodes = 4;
   bool balance = true;  ///< regions follow the load

@@ -11,6 +11,7 @@ ServerState::ServerState(const ServerSetup& initial, const regions::RegionMap& f
       host(setup.model, setup.deployment == Deployment::user_server ? setup.capacities.objects : 0),
       ledger(setup.nodes.size(), setup.capacities.contacts),
       nodes(setup.nodes.size()) {
+  host.sense(setup.sense);
   for (NodeNumber node = 0; node < nodes.size(); ++node) {
     PeerSession& session = nodes[node];
     session.self = Endpoint::node(node);

@@ -17,7 +17,9 @@ UserRole::UserRole(const UserSetup& setup)
       self_(Endpoint::user(setup.user)),
       fault_(setup.faults),
       host_(setup.model, setup.objects, &fault_),
-      reader_(*setup.publications, setup.user, setup.interest) {}
+      reader_(*setup.publications, setup.user, setup.interest) {
+  host_.sense(setup.sense);
+}
 
 Step UserRole::step() {
   bool progressed = drain(
@@ -69,6 +71,7 @@ void UserRole::begin(std::uint64_t frame) {
   enter(telemetry::StepClock::move);
   telemetry::SpanTimer time(setup_.thread.track, "move", frame_stats_.move_ns);
   host_.contacts().begin(frame);
+  host_.set_sensed(setup_.publications->sensed);
   if (!move()) [[unlikely]] {
     stage_ = Stage::abandoned;
     return;

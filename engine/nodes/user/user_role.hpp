@@ -32,6 +32,7 @@ struct UserSetup {
   const MotionModel* model = nullptr;
   Publications* publications = nullptr;
   double interest = 0;  ///< metres; 0: the node does not read the states of others
+  double sense = 0;     ///< WorldConfig::sense, metres
   UserThreadParts thread;
   std::size_t objects = 0;         ///< number of objects to reserve for
   FaultRelease* faults = nullptr;  ///< ends an injected stop; null: the role does not stop

@@ -16,6 +16,7 @@ class MessageServerExchange final : public ServerExchange {
 
   void begin() override;
   void begin_queries() override;
+  void begin_senses() override {}
   bool send_queries(PeerSession& node) override;
   bool receive_hits(const PeerSession& node, const messages::MessageView& message) override;
   const NodeQueries& queries_of(const PeerSession& node) const noexcept override {

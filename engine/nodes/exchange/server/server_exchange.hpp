@@ -45,6 +45,8 @@ class ServerExchange {
 
   /// At the cut: the queries that the CD nodes answer in this frame, if any.
   virtual void begin_queries() = 0;
+  /// At the cut, if models may ask queries: the frame before, for the CD nodes that host objects.
+  virtual void begin_senses() = 0;
   /// Before the node's `frame_begin`: sends the queries to it. Returns true when they are sent, or it reads them.
   virtual bool send_queries(PeerSession&) { return true; }
   /// A `query_hit` message of a node. Returns false if it is invalid.

@@ -18,6 +18,14 @@ void SharedServerExchange::begin_queries() {
   }
 }
 
+void SharedServerExchange::begin_senses() {
+  for (const PeerSession& node : state_.nodes) {
+    if (node.connected) {
+      node.connection.node_contacts->sensed = state_.setup.publications->sensed;
+    }
+  }
+}
+
 void SharedServerExchange::begin_ghosts(bool exchanged) noexcept {
   ServerExchange::begin_ghosts(exchanged);
   for (const PeerSession& node : state_.nodes) {

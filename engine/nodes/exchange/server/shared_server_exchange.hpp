@@ -13,6 +13,7 @@ class SharedServerExchange final : public ServerExchange {
   explicit SharedServerExchange(ServerState& state) noexcept : ServerExchange(state, true) {}
 
   void begin_queries() override;
+  void begin_senses() override;
   const NodeQueries& queries_of(const PeerSession& node) const noexcept override {
     return node.connection.node_contacts->queries;
   }

@@ -17,7 +17,9 @@ Failover::Failover(ServerState& state, ServerExchange& exchange, ObjectStates& s
       states_(states),
       relay_(relay),
       statistics_(statistics),
-      recovery_host_(state.setup.model, 0) {}
+      recovery_host_(state.setup.model, 0) {
+  recovery_host_.sense(state.setup.sense);
+}
 
 void Failover::lose(NodeNumber node) {
   PeerSession& session = state_.nodes[node];
@@ -108,6 +110,7 @@ void Failover::recover_objects(NodeNumber node) {
     }
   }
   recovery_host_.contacts().read(state_.ledger.contacts(state_.frame - 1), state_.ledger.keys(state_.frame - 1));
+  recovery_host_.set_sensed(state_.setup.publications->sensed);
   recovery_host_.move(state_.frame);
   states_.apply_moves(recovery_host_);
 }

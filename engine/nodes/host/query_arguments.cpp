@@ -1,12 +1,12 @@
-#include "facade/queries/arguments.hpp"
+#include "nodes/host/query_arguments.hpp"
 
 #include "nodes/host/valid_pose.hpp"
 
-namespace ringfence::facade {
+namespace ringfence::nodes {
 namespace {
 
 Status check_position(const Vec3d& position) noexcept {
-  return nodes::is_valid_pose({position, {}}) ? Status::ok : Status::not_finite;
+  return is_valid_pose({position, {}}) ? Status::ok : Status::not_finite;
 }
 
 Status check_path(const Vec3d& start, const Vec3d& displacement, narrow_phase::Ray& ray) noexcept {
@@ -19,7 +19,7 @@ Status check_path(const Vec3d& start, const Vec3d& displacement, narrow_phase::R
 
 Status check_moving(const queries::RecordedFrame& frame, ShapeId shape, Pose start, const Vec3d& displacement,
                     const QueryFilter& filter, queries::AskedShape& asked) noexcept {
-  if (const Status status = nodes::make_valid(start); status != Status::ok) return status;
+  if (const Status status = make_valid(start); status != Status::ok) return status;
   narrow_phase::Ray path;
   if (const Status status = check_path(start.position, displacement, path); status != Status::ok) return status;
   if (!frame.has_shape(shape.number())) return Status::unknown_shape;
@@ -49,4 +49,4 @@ Status check(const NearestQuery& query, const queries::RecordedFrame&, queries::
   return check_position(query.point);
 }
 
-}  // namespace ringfence::facade
+}  // namespace ringfence::nodes

@@ -4,7 +4,7 @@
 #include "queries/searcher.hpp"
 #include "ringfence/query.hpp"
 
-namespace ringfence::facade {
+namespace ringfence::nodes {
 
 // What the arguments of a query become for the engine. Each function checks them for the frame that the query asks
 // about, and returns what Hit::status says; its result is set only with ok. Any thread may call them.
@@ -14,4 +14,4 @@ Status check(const SweepQuery& query, const queries::RecordedFrame& frame, queri
 Status check(const OverlapQuery& query, const queries::RecordedFrame& frame, queries::AskedShape& asked) noexcept;
 Status check(const NearestQuery& query, const queries::RecordedFrame& frame, queries::AskedPoint& asked) noexcept;
 
-}  // namespace ringfence::facade
+}  // namespace ringfence::nodes

@@ -1,0 +1,36 @@
+#pragma once
+
+#include "queries/recorded_frame.hpp"
+#include "queries/searcher.hpp"
+#include "ringfence/query.hpp"
+
+namespace ringfence::queries {
+
+// What a Searcher found, as the caller of a query reads it. Both leave the hit as it is if nothing was found. `frame`:
+// the one that the object is of. Any thread may call them.
+
+inline void set_object(Hit& hit, const RecordedFrame& frame, const FrameObject& object) noexcept {
+  hit.object = ObjectId::of(object.number, object.generation);
+  hit.user_data = frame.user_data(object.slot);
+}
+
+inline void set(Hit& hit, const RecordedFrame& frame, const ObjectHit& found) noexcept {
+  if (found.object == nullptr) return;
+  set_object(hit, frame, *found.object);
+  hit.fraction = found.hit.fraction;
+  hit.normal = found.hit.normal;
+  hit.point = found.hit.point;
+  hit.child = found.hit.child;
+  hit.triangle = found.hit.triangle;
+}
+
+inline void set(Hit& hit, const RecordedFrame& frame, const ObjectPoint& found) noexcept {
+  if (found.object == nullptr) return;
+  set_object(hit, frame, *found.object);
+  hit.distance = found.nearest.distance;
+  hit.point = found.nearest.point;
+  hit.child = found.nearest.child;
+  hit.triangle = found.nearest.triangle;
+}
+
+}  // namespace ringfence::queries
