@@ -2,6 +2,7 @@
 #include <cmath>
 #include <cstdint>
 #include <string>
+#include <variant>
 
 #include <doctest/doctest.h>
 
@@ -115,6 +116,67 @@ TEST_CASE("a ray that starts inside a solid hits it at its start, with the norma
       CHECK(hit.normal == Vec3d{0, -1, 0});
       CHECK(hit.point == start);
     }
+  }
+}
+
+/// A point of a shape's surface, but for rounding, and the outward unit normal there.
+struct SurfacePoint {
+  Vec3d point, normal;
+};
+
+SurfacePoint on_surface(const ShapeDescription& shape, RandomSource& random) {
+  const Vec3d n = random.direction();
+  if (const auto* ball = std::get_if<Sphere>(&shape)) return {n * double{ball->radius}, n};
+  if (const auto* capsule = std::get_if<Capsule>(&shape)) {
+    return {n * double{capsule->radius} + Vec3d{0, 0, std::copysign(double{capsule->half_height}, n.z)}, n};
+  }
+  return {{1, n.y, n.z}, {1, 0, 0}};  // a box or a hull: the cube of half extent 1
+}
+
+TEST_CASE("a ray that starts on the surface of a convex shape, as rounded, and goes inwards hits it at its start") {
+  RandomSource random(1302);
+  const ShapeDescription shapes[] = {Sphere{0.7f}, Capsule{0.7f, 2}, Box{{1, 1, 1}}, cube(1)};
+  for (const ShapeDescription& shape : shapes) {
+    CAPTURE(shape.index());
+    for (std::size_t i = 0; i < 20'000 * query_scale; ++i) {
+      // At the origin the start is closest to the surface, so rounding decides on which side of the start the entry is.
+      const Vec3d position = i % 2 == 0 ? Vec3d{} : random.vector(0, 1000);
+      const Pose pose{position, i % 4 < 2 ? Quat{} : Quat{0.1f, 0.7f, -0.3f, 0.64f}};
+      const SurfacePoint from = on_surface(shape, random);
+      const Vec3d side = cross(from.normal, random.direction());
+      // The chord inside has a length of about 10^-3 to 1.
+      const Vec3d way = side * (1 / length(side)) - from.normal * random.logarithmic(1e-3, 1);
+      const geometry::RotationD turn = geometry::rotation_exact(pose.orientation);
+      ShapeHit hit;
+      const Target target(shape, pose);
+      const Vec3d start = position + geometry::rotate(turn, from.point), displacement = geometry::rotate(turn, way) * 4;
+      REQUIRE(target.cast(start, displacement, hit));
+      CHECK(hit.fraction < 1e-9);
+      // Backwards the ray leaves the shape at once: it may hit it there or not, but nowhere else.
+      if (target.cast(start, displacement * -1, hit)) CHECK(hit.fraction < 1e-9);
+    }
+  }
+}
+
+TEST_CASE("a ray that starts at the tip of a needle and runs along its inside hits it at its start") {
+  // A hull of 33 m by 0.1 m far from the origin. The start is rounded to 10^-10 m, so the line meets several faces at
+  // the tip, and the place of the entry is known to 10^-8 m only.
+  ConvexHull needle;
+  needle.points = {{-16, 0.006f, -0.018f},  {-15.5f, -0.022f, -0.006f}, {-10.8f, -0.039f, 0.01f},
+                   {4.1f, 0.014f, 0.048f},  {1, -0.015f, 0.049f},       {12.3f, 0.01f, -0.035f},
+                   {9.1f, -0.018f, -0.04f}, {13.8f, 0.02f, 0.023f}};
+  needle.points.push_back({16.889377f, -0.003f, -0.01f});
+  const Vec3d tip = to_double(needle.points.back()), middle{-2, -0.006, 0.004};
+  RandomSource random(1303);
+  for (std::size_t i = 0; i < 3000 * query_scale; ++i) {
+    const Vec3d position = far_away + random.vector(0, 100);
+    const float part = static_cast<float>(i) * 0.001f;
+    const Pose pose{position, {part, 0.7f, -0.3f, 0.64f}};
+    const geometry::RotationD turn = geometry::rotation_exact(pose.orientation);
+    ShapeHit hit;
+    REQUIRE(
+        Target(needle, pose).cast(position + geometry::rotate(turn, tip), geometry::rotate(turn, middle - tip), hit));
+    CHECK(hit.fraction < 1e-7);
   }
 }
 
