@@ -3,6 +3,7 @@
 #include <cstring>
 #include <utility>
 
+#include "dds/announcement.hpp"
 #include "dds/cluster_nodes.hpp"
 #include "messages/header.hpp"
 #include "nodes/message_check.hpp"
@@ -122,7 +123,8 @@ void ClusterNodes::note_model_failure(Node& from, std::span<const std::byte> byt
     return;
   }
   std::memcpy(&record, bytes.data(), sizeof record);
-  model_failures_.push_back({ObjectId{record.object}, {record.text, strnlen(record.text, sizeof record.text)}});
+  const std::string text(record.text, strnlen(record.text, sizeof record.text));
+  model_failures_.push_back({ObjectId{record.object}, printable(text.c_str())});
 }
 
 // The server role checks the messages that it receives; nodes in this process rely on this check.

@@ -4,9 +4,11 @@
 #include <chrono>
 #include <utility>
 
+#include "dds/announcement.hpp"
 #include "dds/description.hpp"
 #include "dds/piece_assembler.hpp"
 #include "dds/release.hpp"
+#include "facade/config_check.hpp"
 #include "nodes/server/server_role.hpp"
 #include "ringfence/error.hpp"
 #include "telemetry/clock.hpp"
@@ -15,7 +17,9 @@ namespace ringfence::dds {
 
 namespace {
 
-std::string limit(const char* text) { return std::string(text == nullptr ? "" : text).substr(0, 200); }
+/// Announcements that are kept. Further ones are ignored, so that a process that announces ever more nodes cannot take
+/// all memory.
+constexpr std::size_t max_announced = 4 * std::size_t{facade::max_nodes};
 
 /// Milliseconds from one time to a later one; 0 if one of them is unknown.
 double ms_between(std::uint64_t from, std::uint64_t to) noexcept {
@@ -62,9 +66,7 @@ void ClusterNodes::log(LogLevel level, const std::string& line) const {
 // Whether the sample comes from a node of another World. Unknown, so false, for a node with another version: its
 // samples may hold `world` in another place.
 bool ClusterNodes::is_of_another_world(const PresenceSample& sample) const noexcept {
-  std::uint8_t order[4];
-  write_byte_order(order);
-  return sample.version == wire_version && std::equal(order, order + 4, sample.order) && sample.world != world_;
+  return has_own_format(sample.version, sample.order) && sample.world != world_;
 }
 
 // Reads announcements and departures. Not called by the receiving threads: they hold locks of Cyclone DDS, which other
@@ -83,6 +85,14 @@ void ClusterNodes::note_presence(const PresenceSample& sample, const dds_sample_
   if (is_new && (!alive || !info.valid_data || is_of_another_world(sample))) {
     return;
   }
+  if (is_new && nodes_.size() >= max_announced) {
+    if (!std::exchange(overflow_logged_, true)) {
+      log(LogLevel::warning, std::to_string(max_announced) +
+                                 " processes have announced nodes: further ones are ignored; see which processes of "
+                                 "the DDS domain announce so many");
+    }
+    return;
+  }
   if (is_new) {
     const auto added = std::make_shared<Node>();
     added->incarnation = sample.incarnation;
@@ -91,13 +101,11 @@ void ClusterNodes::note_presence(const PresenceSample& sample, const dds_sample_
   }
   Node& node = *nodes_.at(sample.incarnation);
   if (info.valid_data) {
-    std::uint8_t order[4];
-    write_byte_order(order);
-    node.name = limit(sample.name);
-    node.fits =
-        sample.version == wire_version && std::equal(order, order + 4, sample.order) && sample.layout == fingerprint();
-    node.reason = limit(sample.reason);
-    node.state.store(static_cast<NodeState>(sample.state), std::memory_order_relaxed);
+    Announcement announced = read_announcement(sample);
+    node.name = std::move(announced.name);
+    node.fits = announced.fits;
+    node.reason = std::move(announced.reason);
+    node.state.store(announced.state, std::memory_order_relaxed);
     if (node.asked_to_leave_ns == 0 && node.state.load(std::memory_order_relaxed) == NodeState::leaving) {
       node.asked_to_leave_ns = telemetry::now_ns();
     }

@@ -128,6 +128,7 @@ class ClusterNodes final : public RemoteNodes {
   mutable std::mutex mutex_;
   std::condition_variable noted_;
   std::map<std::uint64_t, std::shared_ptr<Node>> nodes_;  ///< by incarnation
+  bool overflow_logged_ = false;                          ///< that announcements were ignored
   /// Where a node listens for links of other nodes; its host is known when DDS has discovered its participant.
   struct Listening {
     LinkAddress address;

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "base/floating_point.hpp"
+#include "dds/announcement.hpp"
 #include "dds/node_session.hpp"
 #include "dds/release.hpp"
 #include "link/scoped_batch_scheduling.hpp"
@@ -198,13 +199,9 @@ class NodeService::Implementation {
   // Throws Error for a World of another version, byte order, record layout or release: this node could misread its
   // records, or find contacts with other bits.
   void check_release(const TermsSample& sample) const {
-    std::uint8_t order[4];
-    write_byte_order(order);
-    if (sample.version != wire_version || !std::equal(order, order + 4, sample.order) ||
-        sample.layout != fingerprint()) {
-      const std::string name = std::string(sample.name == nullptr ? "" : sample.name).substr(0, 200);
+    if (!has_own_format(sample.version, sample.order) || sample.layout != fingerprint()) {
       throw Error("the World of domain " + std::to_string(domain_.number()) +
-                  " has another version, byte order, record layout or release: it is \"" + name +
+                  " has another version, byte order, record layout or release: it is \"" + printable(sample.name) +
                   "\", this node is \"ringfence " + own_release() +
                   "\"; install one release of ringfence on all machines");
     }

@@ -4,7 +4,6 @@
 #include <cstring>
 
 #include "dds/parcel_channel.hpp"
-#include "facade/config_check.hpp"
 
 namespace ringfence::dds {
 
@@ -117,13 +116,28 @@ void PeerLinks::note_events(std::uint64_t tag) {
 
 void PeerLinks::accept_all() {
   for (LinkSocket socket = listener_.accept(); socket; socket = listener_.accept()) {
-    if (incoming_.size() < 2 * facade::max_nodes) {
+    if (make_room()) {
       events_.add(socket, static_cast<std::uint64_t>(socket.number()));
       Incoming link;
       link.socket = std::move(socket);
       incoming_.push_back(std::move(link));
     }
   }
+}
+
+// Who can reach the port can open connections that never say hello. When there are too many, the oldest of them makes
+// room: nodes send their hello with their first bytes.
+bool PeerLinks::make_room() {
+  if (incoming_.size() < max_incoming) {
+    return true;
+  }
+  const auto silent =
+      std::find_if(incoming_.begin(), incoming_.end(), [](const Incoming& link) { return link.sender == 0; });
+  if (silent == incoming_.end()) {
+    return false;
+  }
+  incoming_.erase(silent);
+  return true;
 }
 
 // Reads until nothing is left or `most` bytes are buffered. A link that does not begin with a hello for this node is
@@ -171,9 +185,7 @@ bool PeerLinks::read_hello(Incoming& link) {
   return true;
 }
 
-// Empty if the next message is not complete, or not valid.
-std::span<const std::byte> PeerLinks::next_message(const Incoming& link, bool& is_valid) noexcept {
-  const std::span<const std::byte> received = link.received();
+std::span<const std::byte> PeerLinks::first_message(std::span<const std::byte> received, bool& is_valid) noexcept {
   Packing packing;
   if (received.size() < sizeof packing) {
     return {};

@@ -11,6 +11,7 @@
 #include "dds/link_events.hpp"
 #include "dds/link_socket.hpp"
 #include "dds/wire.hpp"
+#include "facade/config_check.hpp"
 
 namespace ringfence::dds {
 
@@ -67,6 +68,9 @@ class PeerLinks {
   /// the later ones of its sender are passed again by the next call. Returns whether any message was passed.
   template <class Deliver>
   bool receive(Deliver deliver);
+  /// The first message of what a link has received after its hello. Empty if it is not complete or if its length is not
+  /// valid; then sets `is_valid` to false. For any bytes. Valid as long as `received`.
+  static std::span<const std::byte> first_message(std::span<const std::byte> received, bool& is_valid) noexcept;
   /// The sender in that slot breaks the protocol: nothing more is received from it.
   void fail(NodeNumber slot);
   /// Calls visit(peer record) for each peer whose link has failed since the last call.
@@ -96,6 +100,8 @@ class PeerLinks {
   /// Unprocessed bytes of one link, of an assigned and of another node; the rest stays in the network.
   static constexpr std::size_t max_buffered = std::size_t{1} << 22;
   static constexpr std::size_t max_unknown = std::size_t{1} << 12;
+  /// Links that are accepted at the same time.
+  static constexpr std::size_t max_incoming = 2 * std::size_t{facade::max_nodes};
 
   void accept_all();
   void note_events(std::uint64_t tag);
@@ -103,7 +109,7 @@ class PeerLinks {
   bool read_hello(Incoming& link);
   NodeNumber slot_of(std::uint64_t incarnation) const noexcept;
   void send(Peer& peer);
-  static std::span<const std::byte> next_message(const Incoming& link, bool& is_valid) noexcept;
+  bool make_room();
   void erase_finished();
 
   std::uint64_t incarnation_;
@@ -132,7 +138,7 @@ bool PeerLinks::receive(Deliver deliver) {
     bool is_valid = true;
     bool taken = slot != no_slot;
     while (taken && !peers_[slot].failed) {
-      const std::span<const std::byte> message = next_message(link, is_valid);
+      const std::span<const std::byte> message = first_message(link.received(), is_valid);
       if (message.empty()) {
         break;
       }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <doctest/doctest.h>
+#include <sys/resource.h>
 
 #include "dds/link_socket.hpp"
 #include "node_world.hpp"
@@ -209,6 +210,33 @@ TEST_CASE("the first link of the World is handed on with the bytes that follow i
   }));
   CHECK_FALSE(group[0].links.take_world_link().has_value());
   CHECK(group[0].failures.empty());
+}
+
+/// Allows this process so many open files, if the system does.
+bool allow_open_files(rlim_t count) {
+  rlimit limit{};
+  getrlimit(RLIMIT_NOFILE, &limit);
+  limit.rlim_cur = std::max(limit.rlim_cur, std::min(count, limit.rlim_max));
+  return setrlimit(RLIMIT_NOFILE, &limit) == 0 && limit.rlim_cur >= count;
+}
+
+TEST_CASE("connections that never say hello do not keep other nodes out") {
+  if (!allow_open_files(6000)) {
+    MESSAGE("not tested: the system allows fewer than 6000 open files");
+    return;
+  }
+  Group group(2);
+  std::vector<LinkSocket> silent;
+  for (std::size_t i = 0; i < 2100; ++i) {
+    silent.push_back(LinkSocket::connect({loopback, group[1].links.port()}));
+    REQUIRE(silent.back());
+    if (i % 100 == 99) group[1].step();  // before the queue of connections that are not accepted is full
+  }
+  const Message message = message_of(100, 5);
+  group[0].links.add(1, message);
+  REQUIRE(group.run_until([&] { return !group[1].received.empty() && !group[1].received[0].empty(); }));
+  CHECK(group[1].received[0][0] == message);
+  CHECK(group[1].failures.empty());
 }
 
 }  // namespace
