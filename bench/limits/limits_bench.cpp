@@ -11,6 +11,7 @@
 #include <benchmark/benchmark.h>
 
 #include "item_reporter.hpp"
+#include "journal_bench.hpp"
 #include "ringfence/world.hpp"
 #include "telemetry/clock.hpp"
 
@@ -201,5 +202,6 @@ int main(int argc, char** argv) {
     add("limit/save/" + std::to_string(objects), [=](benchmark::State& state) { run_save(state, objects, false); });
     add("limit/restore/" + std::to_string(objects), [=](benchmark::State& state) { run_save(state, objects, true); });
   }
+  add_journal_benchmarks();
   return run_benchmarks();
 }

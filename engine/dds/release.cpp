@@ -1,11 +1,12 @@
 #include "dds/release.hpp"
 
+#include "base/bits_version.hpp"
 #include "dds/wire.hpp"
 
 namespace ringfence::dds {
 
 const std::string& own_release() {
-  static const std::string release = std::string(RINGFENCE_VERSION) + " (bits " + std::to_string(bits_version) + ")";
+  static const std::string release = std::string(RINGFENCE_VERSION) + " (bits " + std::to_string(base::bits_version) + ")";
   return release;
 }
 

@@ -6,10 +6,7 @@
 
 namespace ringfence::dds {
 
-/// Increased with every change after which two builds of one version may find contacts that differ in a bit.
-inline constexpr std::uint32_t bits_version = 1;
-
-/// The release of this process, as shown in logs: the project's version and bits_version. A World and its nodes must
+/// The release of this process, as shown in logs: the project's version and base::bits_version. A World and its nodes must
 /// have the same release, because another release may compute contacts with other bits.
 const std::string& own_release();
 

@@ -1,6 +1,7 @@
 #include "facade/implementation.hpp"
 
 #include <cmath>
+#include <string>
 #include <utility>
 
 #include "facade/results/gathering.hpp"
@@ -50,6 +51,37 @@ void World::Implementation::restore_shapes(const facade::SavedWorld& saved) {
     }
   }
   state.shapes.free_removed();
+  shape_changes.clear();
+}
+
+void World::Implementation::apply(const facade::RecordedInputs& inputs) {
+  for (const auto& [shape, description] : inputs.added) {
+    if (shape >= state.shapes.size() && add_shape(description) != shape) {
+      throw Error("apply: the frame adds shape " + std::to_string(shape) + ", and the world has " +
+                  std::to_string(state.shapes.size() - 1) + ": restore it from a snapshot of this journal");
+    }
+  }
+  facade::apply_inputs(inputs, state, requests);
+  for (const ShapeNumber shape : inputs.removed) {
+    if (state.shapes.has(shape) && !requests.objects().uses(shape)) {
+      remove_shape(shape);
+    }
+  }
+}
+
+bool World::Implementation::record(World& world) {
+  const bool recorded =
+      state.config.recorder->begin_frame(world, facade::record_inputs(state, requests, shape_changes));
+  shape_changes.clear();
+  unrecorded = !recorded;
+  return recorded;
+}
+
+// What a frame depends on beside state and inputs: whether a user node was in time, and exceptions of the model.
+bool World::Implementation::acknowledge(World& world) {
+  const bool reproducible = report.late.empty() && report.refused[static_cast<std::size_t>(Status::model_failed)] == 0;
+  unrecorded = !state.config.recorder->finish_frame(world, reproducible);
+  return !unrecorded;
 }
 
 ShapeNumber World::Implementation::add_shape(const ShapeDescription& description) {
@@ -61,11 +93,17 @@ ShapeNumber World::Implementation::add_shape(const ShapeDescription& description
   if (shapes.row(shape).kind == ShapeKind::mesh) {
     state.log.log_dropped_triangles(shape, shapes.mesh(shapes.row(shape).index_in_kind));
   }
+  if (state.config.recorder != nullptr) {
+    shape_changes.added.push_back(shape);
+  }
   return shape;
 }
 
 void World::Implementation::remove_shape(ShapeNumber shape) {
   state.shapes.remove(shape, frames);
+  if (state.config.recorder != nullptr) {
+    shape_changes.removed.push_back(shape);
+  }
   if (state.config.remote_nodes != nullptr) {
     state.config.remote_nodes->remove_shape(shape);
   }

@@ -14,6 +14,7 @@
 #include "facade/queries/sensed_frames.hpp"
 #include "facade/requests/requests.hpp"
 #include "facade/results/contact_index.hpp"
+#include "facade/save/recorded_inputs.hpp"
 #include "facade/save/saved_world.hpp"
 #include "facade/users/user_nodes.hpp"
 #include "facade/world_state.hpp"
@@ -69,10 +70,12 @@ struct World::Implementation {
   // channels, and at last what all of them refer to (`state`).
   facade::WorldState state;
   facade::Requests requests;
-  std::uint64_t begun;         ///< number of frames begun
-  std::uint64_t frames;        ///< number of frames completed
-  FrameReport report;          ///< of the last frame
-  std::vector<std::byte> own;  ///< the caller's bytes of the save
+  std::uint64_t begun;                 ///< number of frames begun
+  std::uint64_t frames;                ///< number of frames completed
+  FrameReport report;                  ///< of the last frame
+  facade::ShapeChanges shape_changes;  ///< if there is a recorder
+  bool unrecorded = false;             ///< a frame could not be recorded: no further frame runs
+  std::vector<std::byte> own;          ///< the caller's bytes of the save
   mutable facade::ContactIndex contact_index;
   mutable facade::FrameStore frame_store;  ///< of snapshots
   facade::SensedFrames sensed_frames;
@@ -87,6 +90,11 @@ struct World::Implementation {
   ShapeNumber add_shape(const ShapeDescription& description);
   void remove_shape(ShapeNumber shape);
   void restore_shapes(const facade::SavedWorld& saved);
+  /// World::apply. Throws Error if the inputs do not fit.
+  void apply(const facade::RecordedInputs& inputs);
+  // Tell the recorder of the frame that begins, and of the one that is complete. Return false if no frame may follow.
+  bool record(World& world);
+  bool acknowledge(World& world);
 
   struct ThreadStopper {
     Implementation& world;

@@ -57,6 +57,9 @@ Status World::begin_frame() try {
   if (w.frame_is_running()) {
     return w.requests.refuse(Status::out_of_order);
   }
+  if (w.unrecorded || (w.state.config.recorder != nullptr && !w.record(*this))) {
+    return w.requests.refuse(Status::journal_failed);
+  }
   w.requests.cut(w.state.order);
   w.state.choose_bounds();
   w.batches.prepare(w.state.order);
@@ -101,6 +104,9 @@ Status World::finish_frame() try {
     }
   }
   w.log_frame();
+  if (w.state.config.recorder != nullptr && !w.acknowledge(*this)) {
+    return w.requests.refuse(Status::journal_failed);
+  }
   return Status::ok;
 } catch (const std::bad_alloc&) {
   return implementation_->stop_frames();

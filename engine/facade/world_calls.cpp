@@ -265,6 +265,23 @@ Status World::save(Sink& sink, std::span<const std::byte> own) {
   });
 }
 
+Status World::apply(std::span<const std::byte> inputs) {
+  const base::DefaultFloatingPoint floating_point;
+  Implementation& w = *implementation_;
+  return w.answer([&] {
+    if (w.frame_is_running()) {
+      return w.requests.refuse(Status::out_of_order);
+    }
+    try {
+      w.apply(facade::read_inputs(inputs, w.state.config.support_functions));
+    } catch (const Error& error) {
+      w.state.log.write(LogLevel::error, error.what());
+      return w.requests.refuse(Status::bad_message);
+    }
+    return Status::ok;
+  });
+}
+
 std::span<const std::byte> World::saved_bytes() const noexcept { return implementation_->own; }
 
 ObjectId World::find(ObjectNumber number) const noexcept { return implementation_->requests.objects().find(number); }

@@ -25,7 +25,7 @@ static_assert(static_cast<std::size_t>(ShapeKind::support) + 1 == shape_kinds);
 static_assert(static_cast<std::size_t>(Stage::notify) + 1 == stage_count);
 static_assert(static_cast<std::size_t>(Traffic::control) + 1 == traffic_count);
 static_assert(static_cast<std::size_t>(NodeStage::publication) + 1 == node_stage_count);
-static_assert(static_cast<std::size_t>(Status::beyond_sense) + 1 == status_count);
+static_assert(static_cast<std::size_t>(Status::journal_failed) + 1 == status_count);
 
 }  // namespace
 
@@ -68,7 +68,8 @@ TEST_CASE("every enumeration of the public API has a name for each value") {
                                              "bad_shape",
                                              "frame_expired",
                                              "not_written",
-                                             "beyond_sense"});
+                                             "beyond_sense",
+                                             "journal_failed"});
   CHECK(names<dds::MemberChange::Kind>(3) == Names{"joined", "left", "lost"});
   CHECK(names<dds::ExitReason>(4) == Names{"drained", "dismissed", "abandoned", "refused"});
 }

@@ -15,6 +15,9 @@ cmake_path(ABSOLUTE_PATH CMAKE_INSTALL_INCLUDEDIR BASE_DIRECTORY "\${prefix}" OU
 cmake_path(RELATIVE_PATH CMAKE_INSTALL_PREFIX BASE_DIRECTORY ${CMAKE_INSTALL_FULL_LIBDIR}/pkgconfig
   OUTPUT_VARIABLE pc_prefix)
 set(pc_files ringfence.pc)
+if(RINGFENCE_HAS_JOURNAL)
+  list(APPEND pc_files ringfence-journal.pc)
+endif()
 if(RINGFENCE_HAS_DDS)
   list(APPEND pc_files ringfence-dds.pc)
 endif()
@@ -32,6 +35,14 @@ add_custom_target(installed DEPENDS ringfence_library)
 install(TARGETS ringfence_library EXPORT ringfence-targets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
 install(EXPORT ringfence-targets NAMESPACE ringfence:: DESTINATION ${package_dir} COMPONENT development)
+set(headers_of_journal PATTERN journal.hpp EXCLUDE)
+if(RINGFENCE_HAS_JOURNAL)
+  set(headers_of_journal)
+  add_dependencies(installed ringfence_journal_library)
+  install(TARGETS ringfence_journal_library EXPORT ringfence-journal-targets
+    ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development)
+  install(EXPORT ringfence-journal-targets NAMESPACE ringfence:: DESTINATION ${package_dir} COMPONENT development)
+endif()
 set(headers_of_dds PATTERN cluster.hpp EXCLUDE)
 if(RINGFENCE_HAS_DDS)
   set(headers_of_dds)
@@ -41,7 +52,7 @@ if(RINGFENCE_HAS_DDS)
   install(EXPORT ringfence-dds-targets NAMESPACE ringfence:: DESTINATION ${package_dir} COMPONENT development)
 endif()
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/engine/include/ringfence DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
-  COMPONENT development FILES_MATCHING PATTERN "*.hpp" ${headers_of_dds})
+  COMPONENT development FILES_MATCHING PATTERN "*.hpp" ${headers_of_dds} ${headers_of_journal})
 install(FILES ${PROJECT_BINARY_DIR}/package/ringfence-config.cmake
   ${PROJECT_BINARY_DIR}/package/ringfence-config-version.cmake
   DESTINATION ${package_dir} COMPONENT development)

@@ -39,7 +39,16 @@ include(GNUInstallDirs)
 target_include_directories(ringfence_library INTERFACE
   $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/engine/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
 
-# A second library for CD nodes in other processes.
+# A second library for journals.
+if(RINGFENCE_HAS_JOURNAL)
+  add_library(ringfence_journal_library STATIC $<TARGET_OBJECTS:ringfence_journal>)
+  add_library(ringfence::journal ALIAS ringfence_journal_library)
+  set_target_properties(ringfence_journal_library PROPERTIES OUTPUT_NAME ringfence_journal EXPORT_NAME journal)
+  target_compile_features(ringfence_journal_library PUBLIC cxx_std_20)
+  target_link_libraries(ringfence_journal_library PUBLIC ringfence_library PRIVATE PkgConfig::SQLITE PkgConfig::ZSTD)
+endif()
+
+# A third library for CD nodes in other processes.
 if(RINGFENCE_HAS_DDS)
   add_library(ringfence_dds_library STATIC
     $<TARGET_OBJECTS:ringfence_dds> $<TARGET_OBJECTS:ringfence_dds_wire_objects>)

@@ -33,6 +33,10 @@ class Figures {
 
   std::uint64_t frames() const noexcept { return frame_ms_.size(); }
   std::uint64_t digest() const noexcept { return digest_.value(); }
+  /// Continues the digest of a run from `value`. Only before add().
+  void continue_digest(std::uint64_t value) noexcept { digest_ = Digest(value); }
+  /// Adds a counted frame to the digest alone: it was run again from a journal.
+  void add_to_digest(std::span<const Contact> of_frame) noexcept { digest_.add_frame(of_frame); }
   Spread frame_ms() const;
   double stage_ms(Stage stage) const noexcept { return mean(stage_ms_[static_cast<std::size_t>(stage)]); }
   /// Of each node that worked in a counted frame, by id.

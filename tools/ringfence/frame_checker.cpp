@@ -43,7 +43,8 @@ reference::Question question_of(const worlds::QueryRow& row, const reference::Sh
 
 }  // namespace
 
-FrameChecker::FrameChecker(const World& world, bool brute_force) : world_(world), brute_force_(brute_force) {
+FrameChecker::FrameChecker(const World& world, bool brute_force)
+    : world_(world), brute_force_(brute_force), before_(world.contacts().begin(), world.contacts().end()) {
   if (!brute_force_) return;
   const LayerMatrix& layers = world.config().layers;
   for (std::size_t layer = 0; layer < layers.names.size(); ++layer) {

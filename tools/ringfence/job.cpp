@@ -9,6 +9,7 @@
 #include "exit_code.hpp"
 #include "frame_checker.hpp"
 #include "frame_outputs.hpp"
+#include "journal_run.hpp"
 #include "mesh_file.hpp"
 #include "motion_setup.hpp"
 #include "node_processes.hpp"
@@ -107,6 +108,7 @@ Job make_job(const RunOptions& options) {
   check_resizes(job.service.resizes, job.frames.frames);
   check_faults(job.service.faults, job.frames.frames, job.service.nodes, job.service.deadlines);
   job.output = options.output;
+  job.journal = options.journal;
   job.queries = ray_load(job.scene, options.rays, options.world.seed);
   job.record_prefix = options.record_prefix;
   job.world = &options.world;
@@ -124,6 +126,7 @@ Job make_job(const ReplayOptions& options) {
   resolve_link(job.service);
   if (job.service.link.kind == LinkKind::dds) job.motion_setup = pack_motion(motion);
   job.output = options.output;
+  job.journal = options.journal;
   job.frames = options.frames;
 
   const std::uint32_t needed = worlds::users_of(job.scene);
@@ -169,22 +172,24 @@ int run_job(const Job& job) {
     node_processes.emplace(job.service.link, config.nodes, job.motion_setup, config.log);
     config.remote_nodes = node_processes->remote_nodes();
   }
-  World world(std::move(config));
-  worlds::load_into(world, job.scene, job.service.users);
+  Figures figures;
+  JournalRun journal(job, figures);
+  World world = journal.make_world(std::move(config));
 
   FrameChecker checker(world, job.output.check);
-  Progress progress(job.output.quiet, std::uint64_t{job.frames.warmup} + job.frames.frames);
+  const std::uint64_t resumed = world.frames(), total = std::uint64_t{job.frames.warmup} + job.frames.frames;
+  Progress progress(job.output.quiet, total - std::min(total, resumed));
   StatusLine status(job, world, node_processes ? &*node_processes : nullptr, progress);
-  for (std::uint32_t frame = 0; frame < job.frames.warmup && !stop.received(); ++frame) {
-    advance(world, frame);
+  while (world.frames() < job.frames.warmup && !stop.received()) {
+    advance(world, world.frames());
     checker.skip_frame();
     status.step();
   }
   Recording recording(job.record_prefix, job.scene, world);
-  Figures figures;
   figures.placement = world.config().placement;
   ResizeSchedule resize_schedule(job.service.resizes, std::max(1u, job.service.nodes));
-  for (std::uint32_t frame = 0; frame < job.frames.frames && !stop.received(); ++frame) {
+  while (world.frames() < total && !stop.received()) {
+    const auto frame = static_cast<std::uint32_t>(world.frames() - job.frames.warmup);
     resize_schedule.before_frame(frame, world);
     inject_faults(job.service.faults, frame, std::uint64_t{job.frames.warmup} + frame, world);
     advance(world, std::uint64_t{job.frames.warmup} + frame);
@@ -197,7 +202,8 @@ int run_job(const Job& job) {
     checker.check_answers(frame, queries.rows(), queries.answers());
     status.step();
   }
-  if (figures.frames() < job.frames.frames) figures.ended_by = stop.received();
+  if (world.frames() < total) figures.ended_by = stop.received();
+  journal.finish();
   status.finish(figures.ended_by);
   if (node_processes) figures.cluster = node_processes->report();
   recording.finish();

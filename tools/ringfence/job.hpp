@@ -23,6 +23,7 @@ struct Job {
   FrameOptions frames;
   ServiceOptions service;
   OutputOptions output;
+  JournalOptions journal;
   QueryLoad queries;
   std::string record_prefix;                         ///< empty: no recording
   bool profile = false;                              ///< print the profile of the narrow phase instead of the report

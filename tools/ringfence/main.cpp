@@ -6,8 +6,10 @@
 #include "convert.hpp"
 #include "exit_code.hpp"
 #include "job.hpp"
+#include "journal_list.hpp"
 #include "node_processes.hpp"
 #include "options.hpp"
+#include "resume.hpp"
 #include "scale.hpp"
 #include "soak.hpp"
 
@@ -35,6 +37,10 @@ int run(const CommandLine& line) {
       return profile(line.profile);
     case CommandLine::Command::node:
       return run_node(line.node);
+    case CommandLine::Command::resume:
+      return resume(line.resume);
+    case CommandLine::Command::journal:
+      return list_journal(line.journal);
     case CommandLine::Command::convert:
       break;
   }

@@ -11,6 +11,7 @@
 #include "option_checks.hpp"
 #include "option_groups.hpp"
 #include "option_texts.hpp"
+#include "resume.hpp"
 #include "run_options.hpp"
 #include "scale_options.hpp"
 #include "usage_message.hpp"
@@ -53,6 +54,8 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
   add_node(*app_.add_subcommand("node", "run a CD node for a world in another process, over Cyclone DDS"),
            command_line_.node);
   add_convert(command_line_.convert);
+  add_resume(command_line_.resume);
+  add_journal(command_line_.journal);
   for (CLI::App* const command : app_.get_subcommands([](const CLI::App*) { return true; })) {
     command->option_defaults()->group(option_groups::help);
     command->set_help_flag(app_.get_help_ptr()->get_name(false, true), app_.get_help_ptr()->get_description());
@@ -65,6 +68,7 @@ void CommandLineParser::add_run() {
   add_world(run, command_line_.run.world);
   add_rays(run, command_line_.run);
   add_service(run, command_line_.run.service);
+  add_journal_options(run, command_line_.run.journal, true);
   add_output(run, command_line_.run.output);
   run.option_defaults()->group(option_groups::faults);
   run.add_option("--soak", command_line_.run.soak_minutes,
@@ -72,7 +76,7 @@ void CommandLineParser::add_run() {
       ->check(between(0.001, 100'000.0))
       ->type_name("MINUTES")
       ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail", "--status", "--picture",
-                 "--link", "--rays");
+                 "--link", "--rays", "--journal");
 }
 
 void CommandLineParser::add_replay() {
@@ -80,6 +84,7 @@ void CommandLineParser::add_replay() {
   add_recorded_world(replay, command_line_.replay, true);
   add_frames(replay, command_line_.replay.frames, true);
   add_service(replay, command_line_.replay.service);
+  add_journal_options(replay, command_line_.replay.journal, true);
   add_output(replay, command_line_.replay.output);
   add_queries(replay, command_line_.replay);
 }
@@ -146,6 +151,37 @@ void CommandLineParser::add_convert(ConvertOptions& options) {
   convert.add_option("--out", options.prefix, "path prefix of the output files")->required()->type_name("PREFIX");
 }
 
+void CommandLineParser::add_resume(ResumeOptions& options) {
+  CLI::App& resume = *app_.add_subcommand("resume", "continue a run from its journal, after a stop or a crash");
+  resume.option_defaults()->group(option_groups::journal);
+  resume.add_option("DIR", options.directory, "the directory of --journal")->required()->type_name("DIR");
+  resume.add_flag("--accept-release", options.accept_release,
+                  "continue a journal that another release wrote; the contacts may differ in their last bits");
+  options.run.service.nodes = command_line_.run.service.nodes;
+  add_journal_options(resume, options.run.journal, false);
+  add_frames(resume, options.run.frames, true);
+  add_service(resume, options.run.service);
+  add_output(resume, options.run.output);
+}
+
+void CommandLineParser::add_journal(JournalListOptions& options) {
+  CLI::App& journal = *app_.add_subcommand("journal", "list what a journal has, check it, or show one of its frames");
+  journal.option_defaults()->group(option_groups::journal);
+  journal.add_option("DIR", options.directory, "the directory of --journal")->required()->type_name("DIR");
+  CLI::Option* const verify =
+      journal.add_flag("--verify", options.verify, "run the frames from each snapshot to the next, and compare");
+  const auto read = [&options](std::uint32_t frame) {
+    options.frame = frame;
+    options.has_frame = true;
+  };
+  CLI::Option* const frame =
+      journal.add_option_function<std::uint32_t>("--frame", read, "a counted frame whose contacts are written");
+  CLI::Option* const collisions =
+      journal.add_option("--collisions", options.collisions, "where they are written, CSV; -: standard output");
+  frame->check(between(0u, max_frames))->type_name("N")->needs(collisions)->excludes(verify);
+  collisions->type_name("FILE")->needs(frame);
+}
+
 // Options that run and replay share are parsed into those of the run; copies them to those of the replay.
 void CommandLineParser::resolve_profile(const CLI::App& command) {
   RunOptions& run = command_line_.profile.run;
@@ -177,8 +213,14 @@ CommandLine CommandLineParser::parse(int argc, char** argv) {
                           : name == "scale"   ? Command::scale
                           : name == "profile" ? Command::profile
                           : name == "node"    ? Command::node
+                          : name == "resume"  ? Command::resume
+                          : name == "journal" ? Command::journal
                                               : Command::convert;
   if (command_line_.command == Command::replay) command_line_.replay.service.users_given = command.count("--users") > 0;
+  const std::vector<std::string> given(argv + std::min(argc, 2), argv + argc);
+  command_line_.run.journal.description = describe_run(name, given);
+  command_line_.replay.journal.description = command_line_.run.journal.description;
+  command_line_.resume.replaced = options_of_run(given, command_line_.resume.directory);
   command_line_.run.world.users = command_line_.run.service.users;
   command_line_.scale.base.world.users = command_line_.scale.base.service.users;
   if (command_line_.command == Command::profile) resolve_profile(command);

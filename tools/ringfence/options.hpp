@@ -11,6 +11,7 @@
 #include "picture/palette.hpp"
 #include "resize.hpp"
 #include "ringfence/config.hpp"
+#include "ringfence/journal.hpp"
 #include "worlds/paper_world.hpp"
 
 namespace ringfence::tools {
@@ -42,6 +43,18 @@ struct ServiceOptions {
   LinkOptions link;
 };
 
+/// The journal of a run; see JournalConfig.
+struct JournalOptions {
+  std::string directory;  ///< empty: no journal
+  JournalSync sync = JournalSync::snapshot;
+  std::uint32_t snapshot_every = 600;
+  std::uint32_t keep_snapshots = 3;
+  /// `resume` only: continue the journal, and accept one of another release.
+  bool resumes = false;
+  bool accept_release = false;
+  std::string description;  ///< of a new journal: what `resume` needs to know
+};
+
 /// Output of a run. An empty path means no file.
 struct OutputOptions {
   bool check = false;
@@ -60,6 +73,7 @@ struct RunOptions {
   ServiceOptions service;
   worlds::PaperWorldOptions world;
   OutputOptions output;
+  JournalOptions journal;     ///< `run` only
   std::uint32_t rays = 0;     ///< random rays of each counted frame
   std::string record_prefix;  ///< `record` only
   double soak_minutes = 0;    ///< `run` only; 0: no soak
@@ -69,6 +83,7 @@ struct ReplayOptions {
   FrameOptions frames;
   ServiceOptions service;
   OutputOptions output;
+  JournalOptions journal;  ///< `replay` only
   std::string scene;
   std::string motion;
   std::string queries;     ///< `replay` only; empty: none
@@ -97,6 +112,23 @@ struct ProfileOptions {
   ReplayOptions replay;
 };
 
+/// Options of `ringfence resume`. The options of the run are in the journal; those that are given replace them.
+struct ResumeOptions {
+  std::string directory;
+  bool accept_release = false;
+  std::vector<std::string> replaced;  ///< what is given for the run, as on the command line
+  RunOptions run;                     ///< only to check and describe them
+};
+
+/// Options of `ringfence journal`.
+struct JournalListOptions {
+  std::string directory;
+  bool verify = false;
+  bool has_frame = false;
+  std::uint32_t frame = 0;  ///< counted
+  std::string collisions;
+};
+
 struct ConvertOptions {
   std::string kind;  ///< air or crowd
   std::string input;
@@ -108,7 +140,7 @@ struct ConvertOptions {
 
 /// The parsed command line: the command and its options.
 struct CommandLine {
-  enum class Command : std::uint8_t { run, replay, record, convert, scale, profile, node };
+  enum class Command : std::uint8_t { run, replay, record, convert, scale, profile, node, resume, journal };
   Command command = Command::run;
   RunOptions run;  ///< of `run` and of `record`
   ReplayOptions replay;
@@ -116,6 +148,8 @@ struct CommandLine {
   ScaleOptions scale;
   ProfileOptions profile;
   NodeOptions node;
+  ResumeOptions resume;
+  JournalListOptions journal;
 };
 
 /// Defines all options and parses the command line.
@@ -136,6 +170,8 @@ class CommandLineParser {
   void add_scale();
   void add_profile(ProfileOptions& options);
   void add_convert(ConvertOptions& options);
+  void add_resume(ResumeOptions& options);
+  void add_journal(JournalListOptions& options);
   void resolve_profile(const CLI::App& command);
 
   CLI::App app_;

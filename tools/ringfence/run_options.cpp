@@ -200,6 +200,27 @@ void add_queries(CLI::App& command, ReplayOptions& options) {
   answers->type_name("FILE")->needs(queries);
 }
 
+void add_journal_options(CLI::App& command, JournalOptions& journal, bool writes) {
+  command.option_defaults()->group(option_groups::journal);
+  if (writes) {
+    command
+        .add_option("--journal", journal.directory,
+                    "write snapshots and the inputs of every frame to this directory; resume continues from there")
+        ->type_name("DIR");
+  }
+  command.add_option("--snapshot-every", journal.snapshot_every, "frames between two snapshots")
+      ->check(between(1u, max_frames))
+      ->capture_default_str()
+      ->type_name("N");
+  command
+      .add_option("--keep-snapshots", journal.keep_snapshots, "number of snapshots that are kept, with their frames")
+      ->check(between(1u, 1'000'000u))
+      ->capture_default_str()
+      ->type_name("N");
+  add_choice(command, "--sync", journal.sync, {JournalSync::always, JournalSync::snapshot, JournalSync::never},
+             "when a frame is on the disk: at its end, with the next snapshot, or when the system decides");
+}
+
 void add_output(CLI::App& command, OutputOptions& output) {
   command.option_defaults()->group(option_groups::output);
   command.add_flag("--check", output.check, "compare every frame with brute force in double precision");

@@ -25,6 +25,8 @@ void add_population(CLI::App& command, worlds::PaperWorldOptions& world);
 void add_rays(CLI::App& command, RunOptions& options);
 /// The files of queries and answers.
 void add_queries(CLI::App& command, ReplayOptions& options);
+/// The journal; --journal only if `writes`.
+void add_journal_options(CLI::App& command, JournalOptions& journal, bool writes);
 /// Checks and output files. Includes add_quiet.
 void add_output(CLI::App& command, OutputOptions& output);
 void add_quiet(CLI::App& command, OutputOptions& output);

@@ -183,7 +183,9 @@ Status Requests::set_enabled(ObjectId object, bool enabled) {
   spec.enabled = enabled;
   const Status status = request_change(Request::Kind::set_enabled, object, check_movable(object), spec);
   if (status == Status::ok && !enabled) {
-    std::erase_if(user_orders_.moves, [&](const UserOrders::Move& move) { return move.number == object.number(); });
+    for (UserOrders::Move& move : user_orders_.moves) {
+      move.number = move.number == object.number() ? 0 : move.number;
+    }
   }
   return status;
 }
@@ -280,7 +282,8 @@ void Requests::restore_user(UserNumber user, bool connected, const UserUsage::Co
   }
 }
 
-bool Requests::restore(const Request& request) {
+bool Requests::restore(const Request& request, Counting counting) {
+  const bool counts = counting == Counting::in_quotas;
   const Registry::Entry* const entry = objects_.find(request.object);
   switch (request.kind) {
     case Request::Kind::connect:
@@ -288,6 +291,9 @@ bool Requests::restore(const Request& request) {
         return false;
       }
       users_.connect(request.user);
+      if (counts) {
+        usage_.connect(request.user);
+      }
       break;
     case Request::Kind::disconnect:
       if (!users_.is_connected(request.user)) {
@@ -304,6 +310,9 @@ bool Requests::restore(const Request& request) {
         return false;
       }
       objects_.restore(request.object, spec.category, spec.user.number(), spec.shape.number());
+      if (avatar && counts) {
+        (void)usage_.take_spawn(spec.user.number());  // was within the quota
+      }
       break;
     }
     default:
@@ -317,6 +326,28 @@ bool Requests::restore(const Request& request) {
       }
   }
   requests_.push_back(request);
+  return true;
+}
+
+bool Requests::restore(const UserOrders::Move& move, Counting counting) {
+  if (!users_.in_use(move.user)) {
+    return false;
+  }
+  user_orders_.moves.push_back(move);
+  if (counting == Counting::in_quotas) {
+    (void)usage_.take_move(move.user);
+  }
+  return true;
+}
+
+bool Requests::restore(const UserOrders::Input& input, Counting counting) {
+  if (!users_.in_use(input.user)) {
+    return false;
+  }
+  user_orders_.inputs.push_back(input);
+  if (counting == Counting::in_quotas) {
+    (void)usage_.take_move(input.user);
+  }
   return true;
 }
 

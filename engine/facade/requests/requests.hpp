@@ -22,7 +22,7 @@ namespace ringfence::facade {
 struct UserOrders {
   struct Move {
     UserNumber user;
-    ObjectNumber number;
+    ObjectNumber number;  ///< 0: the move does not count, because the object was disabled later
     Pose pose;
   };
   struct Input {
@@ -93,8 +93,11 @@ class Requests {
   void restore_object(ObjectId id, Category category, UserNumber user, ShapeNumber shape) {
     objects_.restore(id, category, user, shape);
   }
-  /// A request that was accepted before. Returns false if it cannot have been.
-  bool restore(const nodes::Request& request);
+  enum class Counting : std::uint8_t { in_quotas, not_in_quotas };
+  // A call that was accepted before. Return false if it cannot have been.
+  bool restore(const nodes::Request& request, Counting counting);
+  bool restore(const UserOrders::Move& move, Counting counting);
+  bool restore(const UserOrders::Input& input, Counting counting);
   void restore_ids(ObjectNumber last_number, std::uint32_t generation) noexcept {
     objects_.restore_ids(last_number, generation);
   }

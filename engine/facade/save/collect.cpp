@@ -4,6 +4,7 @@
 #include <utility>
 #include <variant>
 
+#include "facade/save/request_records.hpp"
 #include "messages/records.hpp"
 
 namespace ringfence::facade {
@@ -60,44 +61,6 @@ void collect_contacts(std::span<const Contact> contacts, SavedWorld& saved) {
   }
 }
 
-SavedRequest save_request(const nodes::Request& request) {
-  const ObjectSpec& spec = request.spec;
-  SavedRequest saved;
-  saved.object = request.object.value;
-  saved.user_data = spec.user_data;
-  saved.pose = spec.pose;
-  saved.shape = spec.shape.number();
-  saved.group = spec.group;
-  saved.spec_user = spec.user.number();
-  saved.user = request.user;
-  saved.state = request.state;
-  saved.kind = static_cast<std::uint8_t>(request.kind);
-  saved.category = static_cast<std::uint8_t>(spec.category);
-  saved.layer = spec.layer;
-  saved.enabled = spec.enabled ? 1 : 0;
-  return saved;
-}
-
-void collect_requests(const Requests& requests, SavedWorld& saved) {
-  for (const nodes::Request& request : requests.pending()) {
-    if (request.kind <= nodes::Request::Kind::set_state) {
-      saved.requests.push_back(save_request(request));
-    }
-  }
-  saved.request_states.assign(requests.pending_states().begin(), requests.pending_states().end());
-  for (const UserOrders::Move& move : requests.user_orders().moves) {
-    saved.moves.push_back({move.pose, move.user, move.number});
-  }
-  for (const UserOrders::Input& input : requests.user_orders().inputs) {
-    SavedInput& to = saved.inputs.emplace_back();
-    to.user = input.user;
-    to.number = input.input.number;
-    to.size = input.input.size;
-    std::transform(input.input.bytes.begin(), input.input.bytes.end(), to.bytes,
-                   [](std::byte byte) { return static_cast<std::uint8_t>(byte); });
-  }
-}
-
 // A user whose connection is still pending was not connected in the last frame.
 void collect_users(const Requests& requests, SavedWorld& saved) {
   const auto is_pending = [&](UserNumber user) {
@@ -146,7 +109,7 @@ SavedWorld collect(const WorldState& state, const Requests& requests, const node
   if (frames > 0) {
     collect_contacts(server.ledger().contacts(frames - 1), saved);
   }
-  collect_requests(requests, saved);
+  collect_calls(requests, saved);
   collect_users(requests, saved);
   saved.own.assign(own.begin(), own.end());
   return saved;

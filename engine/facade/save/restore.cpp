@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "facade/automatic_bounds.hpp"
+#include "facade/save/request_records.hpp"
 #include "nodes/server/server_role.hpp"
 #include "ringfence/error.hpp"
 
@@ -34,26 +35,6 @@ bool same(const LayerMatrix& p, const LayerMatrix& q) {
   }
   return same;
 }
-
-nodes::Request request_of(const SavedRequest& saved) {
-  nodes::Request request;
-  request.kind = static_cast<nodes::Request::Kind>(saved.kind);
-  request.object = ObjectId{saved.object};
-  request.spec.number = request.object.number();
-  request.spec.shape = ShapeId(saved.shape);
-  request.spec.category = static_cast<Category>(saved.category);
-  request.spec.layer = saved.layer;
-  request.spec.group = saved.group;
-  request.spec.enabled = saved.enabled != 0;
-  request.spec.user = UserId(saved.spec_user);
-  request.spec.user_data = saved.user_data;
-  request.spec.pose = saved.pose;
-  request.state = saved.state;
-  request.user = saved.user;
-  return request;
-}
-
-[[noreturn]] void fail(const std::string& what) { throw Error("save: " + what + ": it is damaged; use another one"); }
 
 }  // namespace
 
@@ -97,30 +78,8 @@ void restore_requests(const SavedWorld& saved, Requests& requests) {
     requests.restore_object(ObjectId::of(object.number, object.generation), static_cast<Category>(object.category),
                             object.user, object.shape);
   }
-  for (const SavedRequest& request : saved.requests) {
-    if (!requests.restore(request_of(request))) {
-      fail("a request names an object or a user that does not exist, or a number that is in use");
-    }
-  }
+  restore_calls(saved, Requests::Counting::not_in_quotas, requests);
   requests.restore_ids(saved.last_number, saved.generation);
-  requests.restore_states(saved.request_states);
-  UserOrders& orders = requests.user_orders();
-  for (const SavedMove& move : saved.moves) {
-    orders.moves.push_back({move.user, move.number, move.pose});
-  }
-  for (const SavedInput& input : saved.inputs) {
-    UserOrders::Input& to = orders.inputs.emplace_back();
-    to.user = input.user;
-    to.input.number = input.number;
-    to.input.size = static_cast<std::uint8_t>(input.size);
-    std::transform(input.bytes, input.bytes + sizeof input.bytes, to.input.bytes.begin(),
-                   [](std::uint8_t byte) { return static_cast<std::byte>(byte); });
-  }
-  const auto unknown = [&](const auto& order) { return !requests.users().in_use(order.user); };
-  if (std::any_of(orders.moves.begin(), orders.moves.end(), unknown) ||
-      std::any_of(orders.inputs.begin(), orders.inputs.end(), unknown)) {
-    fail("a move or an input names a user that does not exist");
-  }
 }
 
 void restore_objects(const SavedWorld& saved, nodes::ServerRole& server) {

@@ -115,15 +115,7 @@ void check_request(const SavedWorld& saved, const SavedRequest& request) {
 
 }  // namespace
 
-void check(const SavedWorld& saved) {
-  require(saved.frames < max_frames, "the frame number is out of range", saved.frames);
-  require(saved.frames > 0 || saved.objects.empty(), "there are objects before the first frame", saved.objects.size());
-  require(saved.state_bytes <= max_motion_state, "the states are too large", saved.state_bytes);
-  require(saved.states.size() == saved.objects.size() * saved.state_bytes, "there is not a state for each object",
-          saved.states.size());
-  check_users(saved);
-  check_objects(saved);
-  check_contacts(saved);
+void check_calls(const SavedWorld& saved) {
   for (const SavedRequest& request : saved.requests) {
     check_request(saved, request);
   }
@@ -133,6 +125,18 @@ void check(const SavedWorld& saved) {
   for (const SavedInput& input : saved.inputs) {
     require(input.size <= max_input_bytes, "an input is too long", input.number);
   }
+}
+
+void check(const SavedWorld& saved) {
+  require(saved.frames < max_frames, "the frame number is out of range", saved.frames);
+  require(saved.frames > 0 || saved.objects.empty(), "there are objects before the first frame", saved.objects.size());
+  require(saved.state_bytes <= max_motion_state, "the states are too large", saved.state_bytes);
+  require(saved.states.size() == saved.objects.size() * saved.state_bytes, "there is not a state for each object",
+          saved.states.size());
+  check_users(saved);
+  check_objects(saved);
+  check_contacts(saved);
+  check_calls(saved);
 }
 
 }  // namespace ringfence::facade

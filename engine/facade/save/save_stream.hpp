@@ -54,6 +54,8 @@ class SaveReader {
  public:
   /// Reads all of the source. Throws Error unless it ends with the checksum of the rest.
   explicit SaveReader(Source& source);
+  /// Reads from memory, without a checksum. The bytes outlive the reader.
+  explicit SaveReader(std::span<const std::byte> bytes) noexcept : rest_(bytes) {}
 
   std::span<const std::byte> bytes(std::size_t count);
   template <class T>

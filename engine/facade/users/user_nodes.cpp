@@ -79,7 +79,9 @@ void UserNodes::assign_roles() {
 
 void UserNodes::steer(UserOrders& orders) {
   for (const UserOrders::Move& move : orders.moves) {
-    nodes_.at(move.user)->role->steer(move.number, move.pose);
+    if (move.number != 0) {
+      nodes_.at(move.user)->role->steer(move.number, move.pose);
+    }
   }
   orders.moves.clear();
   for (const UserOrders::Input& input : orders.inputs) {

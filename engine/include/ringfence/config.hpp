@@ -11,6 +11,7 @@
 
 #include "ringfence/motion_model.hpp"
 #include "ringfence/pose.hpp"
+#include "ringfence/recorder.hpp"
 #include "ringfence/shape.hpp"
 #include "ringfence/tuning.hpp"
 
@@ -173,6 +174,9 @@ struct WorldConfig {
   /// To restore a World whose save has support shapes: their functions, in any order; see SupportFunction::name.
   std::vector<std::shared_ptr<const SupportFunction>> support_functions;
   LogHook log;  ///< null: nothing is logged
+  /// Null: frames are not recorded. Otherwise it receives what determines each frame, before the frame begins; see
+  /// ringfence/journal.hpp. Costs time that is proportional to the number of requests.
+  std::shared_ptr<Recorder> recorder;
   /// Null: CD nodes are threads of this process. Otherwise the constructor of World waits for `nodes` remote nodes.
   /// Nodes that arrive later are added between frames, up to one for each cell and 1024 in all; further nodes wait
   /// until there is room. Nodes that ask to leave are released. If no node is left, the server's thread does their

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace ringfence {
@@ -31,6 +32,8 @@ class MemorySink final : public Sink {
     return true;
   }
   const std::vector<std::byte>& bytes() const noexcept { return bytes_; }
+  /// Moves the bytes out; then it has none.
+  std::vector<std::byte> take() noexcept { return std::exchange(bytes_, {}); }
 
  private:
   std::vector<std::byte> bytes_;

@@ -30,13 +30,14 @@ enum class Status : std::uint8_t {
   no_thread,      ///< the system cannot create the thread of a CD node: the number of CD nodes stays the same
   /// `collide` and `distance` only: a support function threw, or returned an invalid point.
   support_failed,
-  shape_in_use,   ///< remove_shape: an object has the shape, or a request for the next frame names it
-  bad_shape,      ///< queries only: the shape that sweeps or overlaps is a mesh; it must be convex
-  frame_expired,  ///< queries only: the frame is older than WorldConfig::history reaches
-  not_written,    ///< save: the sink did not take the bytes
-  beyond_sense,   ///< queries of motion models only: it reaches farther than WorldConfig::sense
+  shape_in_use,    ///< remove_shape: an object has the shape, or a request for the next frame names it
+  bad_shape,       ///< queries only: the shape that sweeps or overlaps is a mesh; it must be convex
+  frame_expired,   ///< queries only: the frame is older than WorldConfig::history reaches
+  not_written,     ///< save: the sink did not take the bytes
+  beyond_sense,    ///< queries of motion models only: it reaches farther than WorldConfig::sense
+  journal_failed,  ///< a frame could not be recorded (WorldConfig::recorder): the World runs no more frames
 };
-inline constexpr std::size_t status_count = 25;
+inline constexpr std::size_t status_count = 26;
 
 /// Name of a status in reports: "ok", "stale_object", ...
 constexpr const char* name_of(Status status) noexcept {
@@ -64,7 +65,8 @@ constexpr const char* name_of(Status status) noexcept {
                                    "bad_shape",
                                    "frame_expired",
                                    "not_written",
-                                   "beyond_sense"};
+                                   "beyond_sense",
+                                   "journal_failed"};
   return names[static_cast<std::size_t>(status)];
 }
 

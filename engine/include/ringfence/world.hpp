@@ -236,6 +236,11 @@ class World {
   /// Refused: out_of_order while a frame is running; not_written if the sink returned false; bad_shape if a support
   /// function has no name. A World with a motion model without a name is saved, and matches any model without a name.
   Status save(Sink& sink, std::span<const std::byte> own = {});
+  /// Makes the calls of a recorded frame again, so that advance() runs the same frame: `inputs` are those that
+  /// Recorder::begin_frame received in the World that was saved, for the frame with the number frames(). An embedder
+  /// makes no other requests. Refused: out_of_order while a frame is running; bad_message if they do not fit this
+  /// World: then it must not run another frame.
+  Status apply(std::span<const std::byte> inputs);
   /// The caller's bytes of the save from which this World was restored; otherwise empty. Valid as long as the World.
   std::span<const std::byte> saved_bytes() const noexcept;
 
