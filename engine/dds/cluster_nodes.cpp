@@ -165,6 +165,7 @@ void ClusterNodes::open(const WorldParameters& terms) {
     bounds[2] = corners[end].z;
   }
   record.lease_ms = config_.network.lease_ms;
+  record.sense = config.sense;
   record.setup_bytes = config_.setup.size();
   std::copy_n(terms.cells_log2, 3, record.cells_log2);
   record.placement = static_cast<std::uint32_t>(config.placement);

@@ -115,6 +115,8 @@ WorldTermsRecord unpack_terms(std::span<const std::byte> bytes) {
   // False for NaN.
   require(where, terms.lease_ms >= 10 && terms.lease_ms <= 60'000,
           "a lease of " + std::to_string(terms.lease_ms) + " ms; expected 10 to 60000");
+  require(where, std::isfinite(terms.sense) && terms.sense >= 0,
+          "a sense of " + std::to_string(terms.sense) + " m; expected 0 or more");
   require(where, terms.setup_bytes <= max_setup_bytes,
           "a setup of " + std::to_string(terms.setup_bytes) + " bytes; expected at most " +
               std::to_string(max_setup_bytes));

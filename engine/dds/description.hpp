@@ -22,6 +22,7 @@ struct WorldTermsRecord {
   double bounds_min[3] = {};  ///< metres
   double bounds_max[3] = {};
   double lease_ms = 0;
+  double sense = 0;                  ///< WorldConfig::sense, metres
   std::uint64_t setup_bytes = 0;     ///< size of ClusterConfig::setup; if not 0, the setup follows as a piece
   std::uint32_t cells_log2[3] = {};  ///< as in regions::CellGrid
   std::uint32_t placement = 0;       ///< value of Placement
@@ -33,7 +34,7 @@ struct WorldTermsRecord {
   std::uint32_t hosts = 0;          ///< 1: its nodes host objects (user/collision deployment)
   std::uint32_t max_objects = 0;    ///< Limits::objects
 };
-static_assert(sizeof(WorldTermsRecord) == 232 && std::is_trivially_copyable_v<WorldTermsRecord>);
+static_assert(sizeof(WorldTermsRecord) == 240 && std::is_trivially_copyable_v<WorldTermsRecord>);
 
 // The unpack functions do not trust their input. They throw Error, with what was found, if a World of this release
 // cannot have sent the bytes. They allocate at most a small multiple of the size of the input. Any thread may call the

@@ -359,6 +359,7 @@ bool NodeSession::make_role(const AssignmentRecord& record) {
   setup.shapes = &world_.shapes();
   setup.space = &world_.space();
   setup.model = world_.model();
+  setup.sense = terms.sense;
   setup.placement = static_cast<Placement>(terms.placement);
   std::copy(std::begin(terms.layer_masks), std::end(terms.layer_masks), setup.layer_masks.begin());
   setup.hosts = terms.hosts != 0;

@@ -126,15 +126,37 @@ inline constexpr std::uint32_t wire_version = 2;
 constexpr std::uint64_t record_layout_hash() noexcept {
   using namespace messages;
   std::uint64_t hash = 0xcbf29ce484222325u;
-  for (const std::size_t size :
-       {std::size_t{protocol_version}, sizeof(Header),         sizeof(ObjectRef),         sizeof(StateRecord),
-        sizeof(NodeStateRecord),       sizeof(ReplicaRecord),  sizeof(PositionRecord),    sizeof(PairRecord),
-        sizeof(CollisionRecord),       sizeof(CorrectRecord),  sizeof(ChangeRecord),      sizeof(NarrowDoneRecord),
-        sizeof(HandOverRecord),        sizeof(DropRecord),     sizeof(PlaceRecord),       sizeof(OwnerRecord),
-        sizeof(FrameEndRecord),        sizeof(NodeFrameStats), sizeof(KindRecord),        sizeof(LostRecord),
-        sizeof(RefusedRecord),         sizeof(QueryRecord),    sizeof(QueryHitRecord),    sizeof(Contact),
-        sizeof(AssignmentRecord),      sizeof(PeerRecord),     sizeof(PeerFailureRecord), sizeof(ModelFailureRecord),
-        sizeof(ParcelHeader),          max_motion_state}) {
+  for (const std::size_t size : {std::size_t{protocol_version},
+                                 sizeof(Header),
+                                 sizeof(ObjectRef),
+                                 sizeof(StateRecord),
+                                 sizeof(NodeStateRecord),
+                                 sizeof(ReplicaRecord),
+                                 sizeof(PositionRecord),
+                                 sizeof(PairRecord),
+                                 sizeof(CollisionRecord),
+                                 sizeof(CorrectRecord),
+                                 sizeof(ChangeRecord),
+                                 sizeof(NarrowDoneRecord),
+                                 sizeof(HandOverRecord),
+                                 sizeof(DropRecord),
+                                 sizeof(PlaceRecord),
+                                 sizeof(OwnerRecord),
+                                 sizeof(FrameEndRecord),
+                                 sizeof(NodeFrameStats),
+                                 sizeof(KindRecord),
+                                 sizeof(LostRecord),
+                                 sizeof(RefusedRecord),
+                                 sizeof(QueryRecord),
+                                 sizeof(QueryHitRecord),
+                                 sizeof(SensedRecord),
+                                 sizeof(Contact),
+                                 sizeof(AssignmentRecord),
+                                 sizeof(PeerRecord),
+                                 sizeof(PeerFailureRecord),
+                                 sizeof(ModelFailureRecord),
+                                 sizeof(ParcelHeader),
+                                 max_motion_state}) {
     hash = (hash ^ size) * 0x100000001b3u;
   }
   return hash;

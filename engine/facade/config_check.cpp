@@ -75,9 +75,6 @@ void check(const WorldConfig& config) {
           "interest is " + std::to_string(config.interest) + "; metres, 0 or more");
   require(std::isfinite(config.sense) && config.sense >= 0,
           "sense is " + std::to_string(config.sense) + "; metres, 0 or more");
-  require(config.sense == 0 || config.remote_nodes == nullptr,
-          "sense is " + std::to_string(config.sense) +
-              " with remote_nodes, whose models cannot ask queries yet; set sense to 0, or remote_nodes to null");
   require(config.history <= max_history,
           "history is " + std::to_string(config.history) + "; 0 to " + std::to_string(max_history));
   check_capacity("objects", config.capacities.objects, config.limits.objects);

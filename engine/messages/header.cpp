@@ -36,7 +36,8 @@ const char* name_of(MessageType type) noexcept {
                                                 "refused",     "kinds",        "correct",      "lost",
                                                 "probe",       "probe_reply",  "published",    "read_publications",
                                                 "change",      "ghost",        "ghost_counts", "contact_counts",
-                                                "ghosts_sent", "replica",      "query",        "query_hit"};
+                                                "ghosts_sent", "replica",      "query",        "query_hit",
+                                                "sensed"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }
@@ -96,6 +97,8 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
       return sizeof(QueryRecord);
     case MessageType::query_hit:
       return sizeof(QueryHitRecord);
+    case MessageType::sensed:
+      return sizeof(SensedRecord);
     case MessageType::refused:
       return sizeof(RefusedRecord);
   }

@@ -28,7 +28,11 @@ enum class MessageType : std::uint16_t {
   /// two share no memory; before the end of node_state.
   replica = 29,
   // Server to CD nodes.
-  query = 30,           ///< QueryRecord of each query of the frame, if any; before frame_begin
+  query = 30,  ///< QueryRecord of each query of the frame, if any; before frame_begin
+  /// SensedRecord of each object of the frame before that the models of the receiver's objects may sense, if any;
+  /// before
+  /// frame_begin.
+  sensed = 32,
   position_update = 7,  ///< M2: PositionRecord of each object that moved into, within or out of the node's region
   pairs = 8,            ///< M2: PairRecord of each candidate that the node owns (broad phase on the server only)
   // CD nodes to server.
@@ -70,7 +74,7 @@ enum class MessageType : std::uint16_t {
   read_publications = 23,  ///< no records: all publications of this frame can be read
 };
 /// One more than the largest message type.
-inline constexpr std::uint16_t message_types = 32;
+inline constexpr std::uint16_t message_types = 33;
 
 /// The kind of traffic as which a message is counted.
 Traffic traffic_of(MessageType type) noexcept;

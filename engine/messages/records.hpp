@@ -254,6 +254,19 @@ struct QueryHitRecord {
   Vec3d normal;
 };
 
+/// A present object of the frame before, as queries of motion models find it.
+struct SensedRecord {
+  Pose pose;
+  std::uint64_t user_data = 0;
+  ObjectNumber number = 0;
+  std::uint32_t generation = 0;
+  ShapeNumber shape = 0;
+  std::uint32_t group = 0;
+  std::uint16_t layer = 0;     ///< 0 to 31
+  std::uint16_t category = 0;  ///< value of Category
+  std::uint32_t reserved = 0;
+};
+
 /// A message or record of the receiver that the server refused. `number` is 0 for a whole message.
 struct RefusedRecord {
   ObjectNumber number = 0;
@@ -274,7 +287,7 @@ static_assert(sizeof(OwnerRecord) == 8 && sizeof(FrameEndRecord) == 24 && sizeof
 static_assert(sizeof(CountRecord) == 8 && sizeof(GhostsSentRecord) == 8);
 static_assert(sizeof(KindRecord) == 240);
 static_assert(sizeof(NodeFrameStats) == 168);
-static_assert(sizeof(QueryRecord) == 104 && sizeof(QueryHitRecord) == 72);
+static_assert(sizeof(QueryRecord) == 104 && sizeof(QueryHitRecord) == 72 && sizeof(SensedRecord) == 72);
 static_assert(sizeof(LostRecord) == 24);
 static_assert(std::is_trivially_copyable_v<CollisionRecord> && std::is_trivially_copyable_v<HandOverRecord>);
 

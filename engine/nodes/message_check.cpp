@@ -99,6 +99,11 @@ bool is_valid(const messages::QueryHitRecord& record, const MessageLimits& limit
          is_finite(record.normal);
 }
 
+bool is_valid(const messages::SensedRecord& record, const MessageLimits& limits) noexcept {
+  return record.number != 0 && is_valid_pose(record.pose) && record.shape < limits.shapes && record.layer < layers &&
+         record.category <= static_cast<std::uint16_t>(Category::fixed);
+}
+
 bool is_valid(const messages::LostRecord& record, const MessageLimits&) noexcept { return record.detect_again <= 1; }
 
 template <class Record>
@@ -147,6 +152,8 @@ bool is_valid(const MessageView& message, const MessageLimits& limits) noexcept 
       return are_valid<messages::QueryRecord>(message, limits);
     case MessageType::query_hit:
       return are_valid<messages::QueryHitRecord>(message, limits);
+    case MessageType::sensed:
+      return are_valid<messages::SensedRecord>(message, limits);
     case MessageType::kinds:
       return are_valid<messages::KindRecord>(message, limits);
     case MessageType::lost:

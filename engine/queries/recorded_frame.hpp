@@ -43,6 +43,8 @@ class RecordedFrame {
 
   // Reading.
   std::size_t size() const noexcept { return size_; }  ///< number of objects
+  /// By slot; number 0 if the slot has no present object.
+  std::span<const FrameObject> rows() const noexcept { return rows_; }
   const geometry::ShapeView& shapes() const noexcept { return view_; }
   /// Whether the shape was registered then, and not removed.
   bool has_shape(ShapeNumber shape) const noexcept { return shape < has_shape_.size() && has_shape_[shape]; }

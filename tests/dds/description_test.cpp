@@ -123,6 +123,7 @@ TEST_CASE("terms, assignments and region maps with invalid numbers are refused, 
   CHECK(terms([](auto& record) { record.bounds_min[0] = 20; }).find("min <= max") != std::string::npos);
   CHECK(terms([](auto& record) { record.cells_log2[1] = 11; }).find("expected at most 2^10") != std::string::npos);
   CHECK(terms([](auto& record) { record.lease_ms = 1e300; }).find("a lease") != std::string::npos);
+  CHECK(terms([](auto& record) { record.sense = -1; }).find("a sense of") != std::string::npos);
   CHECK(terms([](auto& record) { record.placement = 2; }).find("placement 2") != std::string::npos);
   CHECK(terms([](auto& record) { record.state_bytes = 1u << 31; }).find("model state") != std::string::npos);
   CHECK(terms([](auto& record) { record.setup_bytes = ~std::uint64_t{0}; }).find("a setup of") != std::string::npos);

@@ -152,7 +152,7 @@ TEST_CASE("a World with another version, byte order or record layout is refused 
 TEST_CASE("a World whose terms have another size or another motion model is refused by a node, which logs it") {
   const test::ProgramResult shorter = output_for(Difference::none, some_terms(), sizeof(dds::WorldTermsRecord) - 8);
   CHECK(shorter.code == bad_use);
-  CHECK(shorter.out.find("the World's terms: 224 bytes; expected 232") != std::string::npos);
+  CHECK(shorter.out.find("the World's terms: 232 bytes; expected 240") != std::string::npos);
   dds::WorldTermsRecord record = some_terms();
   record.has_model = 1;
   record.state_bytes = 16;

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "base/caller_environment.hpp"
+#include "dds/node_model.hpp"
 #include "facade/bouncing_world.hpp"
 #include "geometry/gapped_ellipsoid.hpp"
 #include "ringfence/cluster.hpp"
@@ -43,11 +44,10 @@ int main(int argc, char** argv) {
   config.once = true;  // so that the process also ends when its World is silent for too long
   const int times = std::atoi(argv[4]);
   config.model = [times](std::span<const std::byte> setup) -> std::shared_ptr<const MotionModel> {
-    double side = 0;
-    std::memcpy(&side, setup.data(), sizeof side);
-    if (times > 1) return std::make_shared<SlowModel>(side, times);
-    if (side < 0) return std::make_shared<test::ThrowingModel>(-side);
-    return std::make_shared<test::BouncingModel>(side);
+    test::NodeModel model;
+    std::memcpy(&model, setup.data(), sizeof model);
+    if (times > 1) return std::make_shared<SlowModel>(model.side, times);
+    return model.make();
   };
   config.support = [](ShapeId) { return test::gapped_ellipsoid(); };
   // The results of the service must not depend on the floating-point environment.

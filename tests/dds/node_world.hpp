@@ -11,6 +11,7 @@
 #include <span>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -19,6 +20,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "dds/node_model.hpp"
 #include "facade/bouncing_world.hpp"
 #include "facade/remote_nodes.hpp"
 #include "ringfence/cluster.hpp"
@@ -94,25 +96,24 @@ class NodeWorld {
   static constexpr std::size_t users = 4;
   static constexpr double side = 16;
 
-  enum class Model : std::uint8_t { bouncing, throwing };
+  using Model = NodeModel::Kind;
 
   /// `along_x`: number of cells along x as a power of two; 0: default. `saved`: the save from which the world is
   /// restored; empty: it is populated.
   NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, ProcessPlacement place = {},
             std::uint32_t along_x = 0, Model model = Model::bouncing, std::span<const std::byte> saved = {})
-      : place_(std::move(place)) {
-    const double model_side = model == Model::bouncing ? side : -side;
+      : place_(std::move(place)), model_(model) {
+    const NodeModel setup{side, model};
     dds::ClusterConfig cluster;
     cluster.network.domain = dds::NetworkConfig::any_domain;
     cluster.network.interface = place_.interface;
     cluster.network.lease_ms = lease_ms;
-    cluster.setup.resize(sizeof model_side);
-    std::memcpy(cluster.setup.data(), &model_side, sizeof model_side);
+    cluster.setup.resize(sizeof setup);
+    std::memcpy(cluster.setup.data(), &setup, sizeof setup);
     cluster.log = [this](LogLevel, std::string_view line) { log_.emplace_back(line); };
     cluster_ = std::make_unique<dds::Cluster>(std::move(cluster));
     for (std::uint32_t node = 0; node < nodes; ++node) start_node();
-    WorldConfig config = config_of(deployment, placement);
-    if (model == Model::throwing) config.motion = std::make_shared<ThrowingModel>(side);
+    WorldConfig config = config_of(deployment, placement, model);
     config.nodes = nodes;
     config.tuning.cells_log2[0] = along_x;
     config.remote_nodes = cluster_->remote_nodes();
@@ -125,20 +126,22 @@ class NodeWorld {
     populate(*world_, objects, users, side);
   }
 
-  static WorldConfig config_of(Deployment deployment, Placement placement) {
+  static WorldConfig config_of(Deployment deployment, Placement placement, Model model = Model::bouncing) {
     WorldConfig config;
     config.bounds_max = {side, side, side};
     config.deployment = deployment;
     config.placement = placement;
-    config.motion = std::make_shared<BouncingModel>(side);
+    config.motion = NodeModel{side, model}.make();
+    config.sense = model == Model::sensing ? NodeModel::sense : 0;
     return config;
   }
 
   /// Digest of the contacts of an undisturbed run in one thread.
-  static std::uint64_t expected(std::uint64_t frames) {
-    static std::map<std::uint64_t, std::uint64_t> known;
-    if (const auto found = known.find(frames); found != known.end()) return found->second;
-    WorldConfig config = config_of(Deployment::user_server, Placement::server);
+  static std::uint64_t expected(std::uint64_t frames, Model model = Model::bouncing) {
+    static std::map<std::pair<Model, std::uint64_t>, std::uint64_t> known;
+    const std::pair key(model, frames);
+    if (const auto found = known.find(key); found != known.end()) return found->second;
+    WorldConfig config = config_of(Deployment::user_server, Placement::server, model);
     config.nodes = 0;
     World world(std::move(config));
     populate(world, objects, users, side);
@@ -147,7 +150,7 @@ class NodeWorld {
       REQUIRE(world.advance() == Status::ok);
       digest.add_frame(world.contacts());
     }
-    return known[frames] = digest.value();
+    return known[key] = digest.value();
   }
 
   World& world() { return *world_; }
@@ -188,10 +191,11 @@ class NodeWorld {
   std::uint64_t lost() const { return lost_; }
 
   /// Whether all frames so far had the contacts of an undisturbed run.
-  bool is_right() const { return digest_.value() == expected(world_->frames()); }
+  bool is_right() const { return digest_.value() == expected(world_->frames(), model_); }
 
  private:
   ProcessPlacement place_;
+  Model model_;
   std::vector<std::string> log_;
   std::vector<std::unique_ptr<Process>> processes_;
   std::unique_ptr<dds::Cluster> cluster_;

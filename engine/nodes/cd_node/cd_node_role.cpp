@@ -210,6 +210,8 @@ void CdNodeRole::receive(const MessageView& message) {
       return state_.host.adopt(message);
     case MessageType::query:
       return exchange_->receive_queries(message);
+    case MessageType::sensed:
+      return exchange_->receive_sensed(message);
     case MessageType::frame_begin:
       return begin(message.header().frame);
     case MessageType::position_update:

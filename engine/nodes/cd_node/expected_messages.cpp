@@ -37,6 +37,7 @@ bool ExpectedMessages::is_from_peer(const MessageView& message) const noexcept {
 bool ExpectedMessages::is_acceptable(const MessageView& message) const {
   return is_expected(message) && is_valid(message, limits()) &&
          (message.type() != MessageType::query || knows_shapes(message)) &&
+         (message.type() != MessageType::sensed || exchange_.takes_sensed(message.count())) &&
          (message.type() != MessageType::pairs || knows_pairs(message)) &&
          (message.type() != MessageType::correct || knows_contacts(message));
 }
@@ -87,9 +88,10 @@ bool ExpectedMessages::is_expected(const MessageView& message) const {
     case MessageType::place:
     case MessageType::notify:
     case MessageType::query:
+    case MessageType::sensed:
       return state_.stage == CdNodeStage::waiting;
     case MessageType::frame_begin:
-      return state_.stage == CdNodeStage::waiting && state_.region.fits() && exchange_.has_all_queries();
+      return state_.stage == CdNodeStage::waiting && state_.region.fits() && exchange_.may_begin();
     case MessageType::position_update:
     case MessageType::ghosts_sent:
       return (state_.stage == CdNodeStage::moving || state_.stage == CdNodeStage::gathering) &&

@@ -109,7 +109,9 @@ struct NodeContacts {
   ReadGate gate;  ///< for the contacts of other nodes; opened before `frame_end`
 
   NodeQueries queries;  ///< see NodeQueries for its rules
-  /// Publications::sensed. The server writes it before `frame_begin`, and never again for a node that is lost.
+  /// The frame before, for the models of this node; null: there is none, or the node hosts nothing. Within a process
+  /// the server writes it before `frame_begin`, and never again for a node that is lost: it is Publications::sensed.
+  /// Otherwise the node has made it of what it received.
   const queries::RecordedFrame* sensed = nullptr;
 
   // Written by the node before `frame_done`.

@@ -130,7 +130,8 @@ bool ServerRole::advance_stage() {
       return false;
     case FrameStage::starting_nodes:
       if (!state_.all_nodes([&](PeerSession& node) {
-            return exchange_->send_queries(node) && cut_.open(node) && Statistics::note_reached(node.started);
+            return exchange_->send_queries(node) && exchange_->send_sensed(node) && cut_.open(node) &&
+                   Statistics::note_reached(node.started);
           })) {
         return false;
       }

@@ -9,8 +9,10 @@
 #include <doctest/doctest.h>
 
 #include "facade/checks.hpp"
-#include "facade/queries/sensing_model.hpp"
+#include "facade/queries/senses_check.hpp"
 #include "facade/script.hpp"
+#include "geometry/ellipsoid.hpp"
+#include "ringfence/save.hpp"
 #include "ringfence/world.hpp"
 
 namespace ringfence::test {
@@ -186,6 +188,28 @@ TEST_CASE("a user node that stops in its model is late, and what it asks later i
     world.world->release_faults();
     world.end();
     CHECK(world.after_their_frame > 0);
+  }
+}
+
+TEST_CASE("a restored world senses the last frame of the saved one") {
+  WorldConfig config = small_world();
+  std::optional<World> restored;
+  std::optional<SensingWorld> saved;
+  saved.emplace(config, 13);
+  for (int frame = 0; frame < 4; ++frame) saved->run();
+  MemorySink sink;
+  REQUIRE(saved->world->save(sink) == Status::ok);
+  for (const std::uint32_t nodes : {0u, 3u}) {
+    config.nodes = nodes;
+    config.motion = std::make_shared<SensingModel>(side, sense, false);
+    config.support_functions = {std::make_shared<Ellipsoid>(Vec3f{0.5f, 0.7f, 0.9f})};
+    MemorySource source(sink.bytes());
+    restored.emplace(config, source);
+    for (int frame = 0; frame < 3; ++frame) {
+      if (nodes == 0) saved->run_alone();
+      REQUIRE(restored->advance() == Status::ok);
+    }
+    CHECK(fingerprint(*restored) == fingerprint(*saved->world));
   }
 }
 

@@ -2,6 +2,8 @@
 
 #include <map>
 #include <set>
+#include <span>
+#include <vector>
 
 #include <doctest/doctest.h>
 
@@ -50,6 +52,39 @@ TEST_CASE("each message of the server is accepted in its stages of the frame onl
       CHECK(expected.is_acceptable(one.first) == (one.second.count(static_cast<Stage>(stage)) != 0));
     }
   }
+}
+
+TEST_CASE("objects that models may sense are accepted before a frame, if they are valid, and none may be missing") {
+  NodeFixture fixture({.shares_memory = false});
+  const Migration migration(fixture.state());
+  const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
+  messages::SensedRecord valid;
+  valid.number = 4;
+  const auto sensed = [&](void (*change)(messages::SensedRecord&)) {
+    messages::SensedRecord record = valid;
+    change(record);
+    return fixture.message(MessageType::sensed, record);
+  };
+  for (int stage = 0; stage <= static_cast<int>(Stage::reporting); ++stage) {
+    fixture.state().stage = static_cast<Stage>(stage);
+    CHECK(expected.is_acceptable(sensed([](auto&) {})) == (fixture.state().stage == Stage::waiting));
+  }
+  fixture.state().stage = Stage::waiting;
+  CHECK(!expected.is_acceptable(sensed([](auto& record) { record.number = 0; })));
+  CHECK(!expected.is_acceptable(sensed([](auto& record) { record.shape = 9; })));
+  CHECK(!expected.is_acceptable(sensed([](auto& record) { record.layer = 32; })));
+  CHECK(!expected.is_acceptable(sensed([](auto& record) { record.category = 4; })));
+  CHECK(!expected.is_acceptable(sensed([](auto& record) { record.pose.orientation.w = 2; })));
+
+  const std::vector<messages::SensedRecord> two(2, valid);
+  const auto part = fixture.message(MessageType::sensed, std::span<const messages::SensedRecord>(two), false);
+  fixture.state().setup.max_slots = 3;
+  CHECK(expected.is_acceptable(part));
+  fixture.exchange().receive_sensed(part);
+  CHECK(!expected.is_acceptable(part));  // more objects than the world can have
+  CHECK(!expected.is_acceptable(fixture.message(MessageType::frame_begin)));
+  fixture.exchange().receive_sensed(fixture.message(MessageType::sensed, valid));
+  CHECK(expected.is_acceptable(fixture.message(MessageType::frame_begin)));
 }
 
 TEST_CASE("pairs are accepted after the positions, of known objects, the lower number first") {

@@ -22,6 +22,40 @@ void MessageExchange::receive_queries(const messages::MessageView& message) {
   queries_frame_ = message.header().frame;
 }
 
+// The rows are in the order of arrival, so a slot is a position in this order. The shapes outlive the node.
+void MessageExchange::receive_sensed(const messages::MessageView& message) {
+  if (has_all_sensed_) {
+    sensed_.clear();
+  }
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    sensed_.push_back(message.record<messages::SensedRecord>(i));
+  }
+  has_all_sensed_ = message.last();
+  if (!has_all_sensed_) {
+    return;
+  }
+  if (frame_before_ == nullptr) {
+    std::shared_ptr<const geometry::ShapeTable> shapes(std::shared_ptr<void>(), state_.setup.shapes);
+    frame_before_ = std::make_unique<queries::RecordedFrame>(std::move(shapes), std::make_shared<queries::LastOrder>());
+  }
+  frame_before_->begin(sensed_.size());
+  for (std::uint32_t slot = 0; slot < sensed_.size(); ++slot) {
+    const messages::SensedRecord& object = sensed_[slot];
+    frame_before_->row(slot) = {object.pose,
+                                object.shape,
+                                object.number,
+                                object.generation,
+                                object.group,
+                                slot,
+                                static_cast<std::uint8_t>(object.layer),
+                                static_cast<std::uint8_t>(object.category),
+                                0};
+    frame_before_->set_user_data(slot, object.user_data);
+  }
+  frame_before_->finish(message.header().frame - 1, sensed_.size());
+  sensed_frame_ = message.header().frame;
+}
+
 bool MessageExchange::send_hits() {
   const NodeQueries& own = state_.contacts.queries;
   if (own.queries.empty()) {
@@ -38,6 +72,7 @@ void MessageExchange::begin() {
   const bool queried = queries_frame_ == state_.frame;
   state_.contacts.queries.queries =
       queried ? std::span<const messages::QueryRecord>(queries_) : std::span<const messages::QueryRecord>();
+  state_.contacts.sensed = sensed_frame_ == state_.frame ? frame_before_.get() : nullptr;
   hits_started_ = false;
   next_owned_ = 0;
   replicas_run_.start();

@@ -2,12 +2,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "base/flat_list.hpp"
 #include "messages/records.hpp"
 #include "messages/run.hpp"
 #include "nodes/exchange/node/node_exchange.hpp"
+#include "queries/recorded_frame.hpp"
 
 namespace ringfence::nodes {
 
@@ -17,7 +19,8 @@ namespace ringfence::nodes {
 /// Host-owned states go to the server as `replica`. Ghost updates (`ghost`) and contacts (`notify`) go to the other
 /// nodes; their numbers go to the server (`ghost_counts`, `contact_counts`), which announces them to the receivers. The
 /// server receives the contacts (`collision`) and those that began or ended (`change`), and writes the output lists. It
-/// sends the queries of a frame (`query`) and receives their answers (`query_hit`).
+/// sends the queries of a frame (`query`), receives their answers (`query_hit`), and sends what models may ask about
+/// (`sensed`).
 class MessageExchange final : public NodeExchange {
  public:
   explicit MessageExchange(NodeState& state) : NodeExchange(state) {}
@@ -26,7 +29,11 @@ class MessageExchange final : public NodeExchange {
   bool trusts_senders() const noexcept override { return false; }
   void flush() override;
   void receive_queries(const messages::MessageView& message) override;
-  bool has_all_queries() const noexcept override { return has_all_queries_; }
+  void receive_sensed(const messages::MessageView& message) override;
+  bool takes_sensed(std::size_t objects) const noexcept override {
+    return (has_all_sensed_ ? 0 : sensed_.size()) + objects <= state_.setup.max_slots;
+  }
+  bool may_begin() const noexcept override { return has_all_queries_ && has_all_sensed_; }
   bool send_hits() override;
   void begin() override;
   bool report_batch() override;
@@ -64,6 +71,10 @@ class MessageExchange final : public NodeExchange {
   std::vector<messages::QueryRecord> queries_;  ///< as received
   std::uint64_t queries_frame_ = NodeQueries::no_frame;
   bool has_all_queries_ = true;
+  std::vector<messages::SensedRecord> sensed_;  ///< as received
+  std::uint64_t sensed_frame_ = NodeQueries::no_frame;
+  bool has_all_sensed_ = true;
+  std::unique_ptr<queries::RecordedFrame> frame_before_;  ///< made of sensed_; null if nothing was sensed so far
   messages::RunSender hits_run_;
   bool hits_started_ = false;  ///< in this frame
   std::vector<Peer> peers_;    ///< by slot

@@ -41,8 +41,13 @@ class NodeExchange {
   // Queries, to and from NodeContacts::queries.
   /// A `query` message of the server, before the frame to which the queries belong.
   virtual void receive_queries(const messages::MessageView&) {}
-  /// Whether a frame may begin: no query is missing.
-  virtual bool has_all_queries() const noexcept { return true; }
+  /// A `sensed` message of the server, before the frame whose models may ask about these objects. When a frame has
+  /// begun, NodeContacts::sensed refers to all of them.
+  virtual void receive_sensed(const messages::MessageView&) {}
+  /// Whether the next `sensed` message may have so many objects.
+  virtual bool takes_sensed(std::size_t) const noexcept { return false; }
+  /// Whether a frame may begin: no query and no sensed object is missing.
+  virtual bool may_begin() const noexcept { return true; }
   /// When the queries of the frame are answered: sends the server the answers if it cannot read them.
   virtual bool send_hits() { return true; }
 

@@ -4,6 +4,7 @@
 
 namespace ringfence::nodes {
 
+using messages::Endpoint;
 using messages::MessageType;
 
 void MessageServerExchange::begin() {
@@ -30,6 +31,53 @@ void MessageServerExchange::begin_queries() {
 bool MessageServerExchange::send_queries(PeerSession& node) {
   return state_.send(node, node.opening.query_run, MessageType::query,
                      [&](std::size_t i) { return state_.setup.order->queries[i]; });
+}
+
+void MessageServerExchange::begin_senses() {
+  const queries::RecordedFrame* const frame = state_.setup.publications->sensed;
+  if (frame == nullptr || !state_.nodes_host()) {
+    return;
+  }
+  sensed_.start(state_.nodes.size());
+  for (std::uint32_t slot = 0; slot < state_.objects.slots(); ++slot) {
+    const Endpoint host = state_.objects.host(slot);
+    if (state_.objects.alive(slot) && host.is_node()) {
+      sensed_.add(host.number(), state_.objects.row(slot).pose.position);
+    }
+  }
+  const std::span<const queries::FrameObject> rows = frame->rows();
+  state_.all_nodes([&](PeerSession& node) {
+    std::vector<std::uint32_t>& sensed = node.opening.sensed;
+    sensed.clear();
+    for (std::uint32_t row = 0; row < rows.size(); ++row) {
+      if (rows[row].number != 0 &&
+          sensed_.reaches(node.self.number(), rows[row].pose.position,
+                          frame->shapes().row(rows[row].shape).bounding_radius, state_.setup.sense)) {
+        sensed.push_back(row);
+      }
+    }
+    // Also if it is empty: the node hosts objects, whose queries find nothing.
+    if (sensed_.any(node.self.number())) {
+      node.opening.sensed_run.start(sensed.size());
+    }
+    return true;
+  });
+}
+
+bool MessageServerExchange::send_sensed(PeerSession& node) {
+  return state_.send(node, node.opening.sensed_run, MessageType::sensed, [&](std::size_t i) {
+    const queries::RecordedFrame& frame = *state_.setup.publications->sensed;
+    const queries::FrameObject& object = frame.rows()[node.opening.sensed[i]];
+    return messages::SensedRecord{object.pose,
+                                  frame.user_data(object.slot),
+                                  object.number,
+                                  object.generation,
+                                  object.shape,
+                                  object.group,
+                                  object.layer,
+                                  object.category,
+                                  0};
+  });
 }
 
 // The hits must be in order of query, of present objects, and only one for a query without a list.

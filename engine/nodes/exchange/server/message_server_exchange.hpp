@@ -3,21 +3,23 @@
 #include <vector>
 
 #include "nodes/exchange/server/direct_records.hpp"
+#include "nodes/exchange/server/sensed_regions.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
 
 namespace ringfence::nodes {
 
 /// ServerExchange of a world with node processes. The nodes send their contacts to the server, and ghost updates and
 /// contacts directly to each other; the server announces the numbers of these to the receivers. It sends the nodes the
-/// queries of the frame, and receives the hits.
+/// queries of the frame, and receives the hits; and it sends them the objects that their models may sense.
 class MessageServerExchange final : public ServerExchange {
  public:
   explicit MessageServerExchange(ServerState& state) : ServerExchange(state, false) { MessageServerExchange::begin(); }
 
   void begin() override;
   void begin_queries() override;
-  void begin_senses() override {}
+  void begin_senses() override;
   bool send_queries(PeerSession& node) override;
+  bool send_sensed(PeerSession& node) override;
   bool receive_hits(const PeerSession& node, const messages::MessageView& message) override;
   const NodeQueries& queries_of(const PeerSession& node) const noexcept override {
     return answers_[node.self.number()];
@@ -40,6 +42,7 @@ class MessageServerExchange final : public ServerExchange {
 
   DirectRecords ghosts_, contacts_;   ///< of this frame
   std::vector<NodeQueries> answers_;  ///< by slot
+  SensedRegions sensed_;
 };
 
 }  // namespace ringfence::nodes

@@ -49,6 +49,8 @@ class ServerExchange {
   virtual void begin_senses() = 0;
   /// Before the node's `frame_begin`: sends the queries to it. Returns true when they are sent, or it reads them.
   virtual bool send_queries(PeerSession&) { return true; }
+  /// The same for what its models may sense.
+  virtual bool send_sensed(PeerSession&) { return true; }
   /// A `query_hit` message of a node. Returns false if it is invalid.
   virtual bool receive_hits(const PeerSession&, const messages::MessageView&) { return false; }
   /// What a connected node has answered in the last frame. Between frames.

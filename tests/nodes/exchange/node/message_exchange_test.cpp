@@ -1,5 +1,9 @@
 #include "nodes/exchange/node/message_exchange.hpp"
 
+#include <cstdint>
+#include <span>
+#include <vector>
+
 #include <doctest/doctest.h>
 
 #include "nodes/cd_node/node_fixture.hpp"
@@ -63,6 +67,52 @@ TEST_CASE("updates that arrive as messages are complete when as many as announce
   CHECK(state.objects.size() == 0);
   exchange.discard_ghosts();  // the frame is detected again
   CHECK(!exchange.receive_ghosts(halo));
+}
+
+messages::SensedRecord sensed_ball(ObjectNumber number, double x) {
+  messages::SensedRecord record;
+  record.pose = {{x, 10, 10}, {}};
+  record.number = number;
+  record.generation = 7;
+  record.user_data = 100 + number;
+  record.layer = 3;
+  record.category = static_cast<std::uint16_t>(Category::fixed);
+  return record;
+}
+
+TEST_CASE("objects that models may sense arrive in parts, belong to the frame before, and serve one frame") {
+  NodeFixture fixture({.shares_memory = false});
+  NodeState& state = fixture.state();
+  NodeExchange& exchange = fixture.exchange();
+  exchange.begin();
+  CHECK(state.contacts.sensed == nullptr);
+  for (const std::uint32_t objects : {3u, 1u}) {
+    const std::vector<messages::SensedRecord> first{sensed_ball(5, 10), sensed_ball(2, 20)};
+    const std::vector<messages::SensedRecord> last{sensed_ball(9, 30)};
+    if (objects == 3) {
+      exchange.receive_sensed(
+          fixture.message(MessageType::sensed, std::span<const messages::SensedRecord>(first), false));
+      CHECK(!exchange.may_begin());
+    }
+    exchange.receive_sensed(fixture.message(MessageType::sensed, std::span<const messages::SensedRecord>(last)));
+    CHECK(exchange.may_begin());
+    exchange.begin();
+    const queries::RecordedFrame* const frame = state.contacts.sensed;
+    REQUIRE(frame != nullptr);
+    CHECK(frame->number() == state.frame - 1);
+    REQUIRE(frame->rows().size() == objects);
+    CHECK(frame->size() == objects);
+    const queries::FrameObject& object = frame->rows()[objects - 1];
+    CHECK(object.number == 9);
+    CHECK(object.generation == 7);
+    CHECK(object.pose.position.x == 30);
+    CHECK(object.layer == 3);
+    CHECK(object.category == static_cast<std::uint8_t>(Category::fixed));
+    CHECK(frame->user_data(object.slot) == 109);
+  }
+  ++state.frame;
+  exchange.begin();
+  CHECK(state.contacts.sensed == nullptr);
 }
 
 Contact contact_of(ObjectNumber a, ObjectNumber b) {
