@@ -1,12 +1,19 @@
 // Property: any bytes as data from another process of a cluster are either refused, with an Error or a status, or all
 // their numbers are valid. The first byte selects the kind of data. No network is used.
+#include <algorithm>
 #include <cstring>
+#include <map>
 #include <span>
+#include <string>
 #include <vector>
 
+#include "dds/announcement.hpp"
 #include "dds/description.hpp"
+#include "dds/node_session.hpp"
 #include "dds/parcel_channel.hpp"
+#include "dds/peer_links.hpp"
 #include "dds/piece_assembler.hpp"
+#include "dds/release.hpp"
 #include "fuzz/target.hpp"
 #include "geometry/bounds.hpp"
 #include "geometry/shape_table.hpp"
@@ -61,7 +68,7 @@ void read_shape(Bytes bytes) {
 
 void read_piece(Bytes bytes) {
   std::uint32_t numbers[5] = {};
-  std::memcpy(numbers, bytes.data(), std::min(bytes.size(), sizeof numbers));
+  if (!bytes.empty()) std::memcpy(numbers, bytes.data(), std::min(bytes.size(), sizeof numbers));
   dds::PieceSample piece{};
   piece.kind = numbers[0];
   piece.number = numbers[1];
@@ -75,7 +82,7 @@ void read_piece(Bytes bytes) {
   require((complete != nullptr) == (piece.parts == 1));
 }
 
-void read_parcel(Bytes bytes) {
+void read_messages(Bytes bytes) {
   constexpr nodes::MessageLimits limits{.nodes = 4, .shapes = 2, .slots = 64};
   std::size_t offset = 0;
   dds::for_each_message(bytes, offset, [&](Bytes message) {
@@ -90,6 +97,108 @@ void read_parcel(Bytes bytes) {
   require(offset == bytes.size());
 }
 
+/// The byte at the front, which is removed; 0 at the end.
+std::uint8_t take_byte(Bytes& bytes) {
+  if (bytes.empty()) return 0;
+  const auto first = std::to_integer<std::uint8_t>(bytes.front());
+  bytes = bytes.subspan(1);
+  return first;
+}
+
+template <class Value>
+Value take(Bytes& bytes) {
+  Value value{};
+  const std::size_t size = std::min(bytes.size(), sizeof value);
+  if (size != 0) std::memcpy(&value, bytes.data(), size);
+  bytes = bytes.subspan(size);
+  return value;
+}
+
+void read_presence(Bytes bytes) {
+  dds::PresenceSample sample{};
+  sample.version = dds::wire_version;
+  dds::write_byte_order(sample.order);
+  sample.state = take<std::uint32_t>(bytes);
+  sample.layout = take_byte(bytes) % 2 == 0 ? dds::fingerprint() : take<std::uint64_t>(bytes);
+  std::string text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  sample.name = text.data();
+  sample.reason = text.empty() ? nullptr : text.data() + text.size() / 2;
+  const dds::Announcement announced = dds::read_announcement(sample);
+  require(announced.fits == (sample.layout == dds::fingerprint()));
+  require(announced.state <= dds::NodeState::refused);
+  for (const std::string& shown : {announced.name, announced.reason}) {
+    require(shown.size() <= dds::max_foreign_text);
+    require(std::none_of(shown.begin(), shown.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }));
+  }
+}
+
+/// A sequence of pieces, as they arrive at a node: the shapes are known in the order of their numbers, without a gap.
+void read_pieces(Bytes bytes) {
+  dds::WorldTermsRecord terms = some_terms();
+  terms.bounds_max[0] = terms.bounds_max[1] = terms.bounds_max[2] = 1;
+  terms.setup_bytes = take_byte(bytes) % 4;
+  const dds::NodeServiceConfig config;
+  dds::JoinedWorld world(1, terms, config);
+  std::map<std::uint32_t, bool> delivered;  // shapes of which at least one part has arrived
+  while (!bytes.empty()) {
+    dds::PieceSample piece{};
+    piece.kind = take_byte(bytes) % 4;
+    piece.number = take_byte(bytes) % 4;
+    piece.parts = take_byte(bytes) % 4;
+    piece.part = take_byte(bytes) % 4;
+    piece.epoch = take_byte(bytes) % 3;
+    const std::size_t length = take_byte(bytes);
+    const Bytes contents = bytes.first(std::min(bytes.size(), length));
+    piece.bytes = dds::borrow(contents);
+    bytes = bytes.subspan(contents.size());
+    world.add(piece);
+    if (piece.kind == static_cast<std::uint32_t>(dds::PieceKind::shape)) delivered[piece.number] = true;
+    require(world.shapes().size() <= delivered.size());
+    require(world.is_ready() || terms.setup_bytes != 0);
+  }
+  for (std::uint32_t number = 0; number < world.shapes().size(); ++number) {
+    require(delivered.count(number) == 1);
+  }
+}
+
+/// A stream of parcels, as it arrives at a link: the channel delivers those of an independent parser, and breaks at the
+/// first header that is not valid.
+void read_stream(Bytes bytes) {
+  std::vector<std::vector<std::byte>> expected;
+  for (Bytes rest = bytes; rest.size() >= sizeof(dds::ParcelHeader);) {
+    const auto header = take<dds::ParcelHeader>(rest);
+    if (header.bytes % 8 != 0 || header.bytes > dds::ParcelChannel::max_bytes || header.bytes > rest.size()) break;
+    expected.emplace_back(rest.begin(), rest.begin() + static_cast<std::ptrdiff_t>(header.bytes));
+    rest = rest.subspan(header.bytes);
+  }
+  dds::ParcelChannel channel(dds::LinkSocket(), {}, bytes);
+  std::vector<std::vector<std::byte>> received;
+  bool waits = true;  // every parcel is offered twice: the first time nothing of it is taken
+  const auto deliver = [&](dds::ParcelKind, std::uint32_t, std::size_t&, Bytes contents) {
+    waits = !waits;
+    if (!waits) return false;
+    received.emplace_back(contents.begin(), contents.end());
+    return true;
+  };
+  for (std::size_t i = 0; i <= expected.size(); ++i) channel.receive(deliver);
+  require(received == expected);
+  require(channel.is_broken());
+}
+
+/// Messages on the link between two nodes.
+void read_link(Bytes bytes) {
+  bool is_valid = true;
+  for (Bytes rest = bytes; is_valid;) {
+    const Bytes message = dds::PeerLinks::first_message(rest, is_valid);
+    require(is_valid || message.empty());
+    if (message.empty()) break;
+    require(message.size() <= dds::ParcelChannel::largest_message);
+    const std::size_t taken = sizeof(dds::Packing) + (message.size() + 7) / 8 * 8;
+    require(taken <= rest.size() && message.data() == rest.data() + sizeof(dds::Packing));
+    rest = rest.subspan(taken);
+  }
+}
+
 }  // namespace
 }  // namespace ringfence::fuzz
 
@@ -101,8 +210,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
   // An aligned copy of exactly that size, so that the address sanitizer detects a read past its end.
   const auto* const first = reinterpret_cast<const std::byte*>(input);
   const std::vector<std::byte> bytes(first + 1, first + size);
-  constexpr void (*reads[])(fuzz::Bytes) = {fuzz::read_terms, fuzz::read_assignment, fuzz::read_regions,
-                                            fuzz::read_shape, fuzz::read_piece,      fuzz::read_parcel};
+  constexpr void (*reads[])(fuzz::Bytes) = {
+      fuzz::read_terms,    fuzz::read_assignment, fuzz::read_regions, fuzz::read_shape,  fuzz::read_piece,
+      fuzz::read_messages, fuzz::read_presence,   fuzz::read_pieces,  fuzz::read_stream, fuzz::read_link};
   try {
     reads[input[0] % std::size(reads)](bytes);
   } catch (const Error&) {

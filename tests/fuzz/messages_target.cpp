@@ -1,4 +1,5 @@
-// Property: any bytes as a message are either refused, or all records can be read and the sizes are consistent. The
+// Property: any bytes as a message are either refused, or all records can be read and the sizes are consistent; and if
+// the records are valid too, as they must be between processes, their indices are within the limits of the world. The
 // first byte selects the size of the model state.
 #include <span>
 #include <vector>
@@ -6,8 +7,40 @@
 #include "fuzz/target.hpp"
 #include "messages/header.hpp"
 #include "messages/records.hpp"
+#include "nodes/message_check.hpp"
 
 using namespace ringfence;
+
+namespace {
+
+constexpr nodes::MessageLimits limits{.nodes = 3, .shapes = 2, .slots = 64};
+
+/// Precondition: the records are valid.
+void check_indices(const messages::MessageView& message) {
+  using messages::MessageType;
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    switch (message.type()) {
+      case MessageType::hand_over:
+      case MessageType::adopt:
+        fuzz::require(message.record<messages::HandOverRecord>(i).object.slot < limits.slots);
+        break;
+      case MessageType::node_state:
+        fuzz::require(message.record<messages::NodeStateRecord>(i).object.slot < limits.slots);
+        break;
+      case MessageType::replica:
+        fuzz::require(message.record<messages::ReplicaRecord>(i).slot < limits.slots);
+        break;
+      case MessageType::position_update:
+      case MessageType::ghost:
+        fuzz::require(message.record<messages::PositionRecord>(i).object.slot < limits.slots);
+        break;
+      default:
+        break;
+    }
+  }
+}
+
+}  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t size) {
   if (size == 0) {
@@ -34,5 +67,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
   fuzz::require(sum <= 255 * bytes.size());
   fuzz::require(messages::name_of(message.type()) != nullptr);
   fuzz::require(static_cast<std::size_t>(messages::traffic_of(message.type())) < traffic_count);
+  if (nodes::is_valid(message, limits)) {
+    check_indices(message);
+  }
   return 0;
 }

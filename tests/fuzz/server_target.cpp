@@ -1,7 +1,11 @@
 // Property: whatever messages one user node sends, in any deployment, every frame ends; objects of other hosts move as
 // if it had sent nothing; its own objects have valid positions; and the contacts are those of the poses.
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <iterator>
+#include <limits>
+#include <utility>
 #include <vector>
 
 #define DOCTEST_CONFIG_IMPLEMENT
@@ -111,10 +115,70 @@ Bytes bytes_of(const messages::Header& header) {
   return bytes;
 }
 
+/// A value that arithmetic and comparisons treat in a special way, at a place that `input` selects.
+void put_extreme(Input& input, Bytes& bytes, std::size_t from) {
+  if (bytes.size() - from < 8) return;
+  const std::size_t at = from + input.take<std::uint16_t>() % ((bytes.size() - from) / 4 - 1) * 4;
+  constexpr double doubles[] = {std::numeric_limits<double>::quiet_NaN(),
+                                std::numeric_limits<double>::infinity(),
+                                -std::numeric_limits<double>::infinity(),
+                                1e15,
+                                -1e15,
+                                1.0000000000000002e15,
+                                1e300,
+                                5e-324,
+                                -0.0};
+  constexpr float floats[] = {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity(), 0, 1e30f,
+                              1e-40f};
+  constexpr std::uint32_t numbers[] = {0, 1, 0x7fffffffu, 0x80000000u, 0xffffffffu};
+  const std::uint8_t which = input.byte();
+  switch (which % 3) {
+    case 0:
+      return void(std::memcpy(&bytes[at], &doubles[which / 3 % std::size(doubles)], sizeof(double)));
+    case 1:
+      return void(std::memcpy(&bytes[at], &floats[which / 3 % std::size(floats)], sizeof(float)));
+    default:
+      return void(std::memcpy(&bytes[at], &numbers[which / 3 % std::size(numbers)], sizeof(std::uint32_t)));
+  }
+}
+
+/// Repeats, leaves out or exchanges records, and makes the header fit.
+Bytes rearrange_records(Input& input, const Bytes& valid) {
+  messages::Header header;
+  std::memcpy(&header, valid.data(), sizeof header);
+  std::vector<Bytes> records;
+  for (std::size_t at = sizeof header; header.record_bytes != 0 && at < valid.size(); at += header.record_bytes) {
+    const auto first = valid.begin() + static_cast<std::ptrdiff_t>(at);
+    records.emplace_back(first, first + header.record_bytes);
+  }
+  for (int steps = 1 + input.byte() % 4; steps > 0 && !records.empty(); --steps) {
+    const std::size_t i = input.byte() % records.size(), j = input.byte() % records.size();
+    switch (input.byte() % 3) {
+      case 0:
+        records.push_back(Bytes(records[i]));
+        break;
+      case 1:
+        records.erase(records.begin() + static_cast<std::ptrdiff_t>(i));
+        break;
+      default:
+        std::swap(records[i], records[j]);
+    }
+  }
+  header.count = static_cast<std::uint32_t>(records.size());
+  header.bytes = static_cast<std::uint32_t>(sizeof header + records.size() * header.record_bytes);
+  header.total = header.last != 0 ? records.size() : 0;
+  Bytes bytes = bytes_of(header);
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    std::copy(records[i].begin(), records[i].end(),
+              bytes.begin() + static_cast<std::ptrdiff_t>(sizeof header + i * header.record_bytes));
+  }
+  return bytes;
+}
+
 /// Makes a message from the fuzz input. `valid` is the message that the user node would have sent.
 Bytes make_malformed_message(Input& input, const Scene& scene, const LoggedMessage& valid) {
   const std::uint64_t frame = valid.header.frame;
-  switch (input.byte() % 4) {
+  switch (input.byte() % 6) {
     case 0: {  // arbitrary bytes
       Bytes bytes(1 + input.byte() * std::size_t{3});
       input.fill(bytes, 0);
@@ -138,6 +202,15 @@ Bytes make_malformed_message(Input& input, const Scene& scene, const LoggedMessa
       std::memcpy(bytes.data() + sizeof header, &record, sizeof record);
       return bytes;
     }
+    case 3: {  // the valid message with extreme numbers in its records
+      Bytes bytes = valid.bytes;
+      for (int count = 1 + input.byte() % 3; count > 0; --count) {
+        put_extreme(input, bytes, sizeof(messages::Header));
+      }
+      return bytes;
+    }
+    case 4:  // other records of the valid message
+      return rearrange_records(input, valid.bytes);
     default: {  // the valid message with one changed byte
       Bytes bytes = valid.bytes;
       const std::size_t at = input.take<std::uint16_t>() % bytes.size();

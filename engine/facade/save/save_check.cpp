@@ -16,6 +16,7 @@ namespace ringfence::facade {
 
 namespace {
 
+constexpr std::size_t max_layers = 32;
 constexpr std::uint64_t max_frames = std::uint64_t{1} << 62;
 
 void require(bool holds, const char* what, std::uint64_t which) {
@@ -45,6 +46,13 @@ bool was_connected(const SavedWorld& saved, std::uint32_t user) noexcept {
   const auto at = std::lower_bound(saved.users.begin(), saved.users.end(), user,
                                    [](const SavedUser& one, std::uint32_t number) { return one.number < number; });
   return at != saved.users.end() && at->number == user && at->connected != 0;
+}
+
+void check_layers(const LayerMatrix& layers) {
+  require(layers.names.size() <= max_layers, "there are too many layers", layers.names.size());
+  for (const auto& [p, q] : layers.collide) {
+    require(std::max(p, q) < layers.names.size(), "an unknown layer collides", std::max(p, q));
+  }
 }
 
 void check_users(const SavedWorld& saved) {
@@ -133,6 +141,7 @@ void check(const SavedWorld& saved) {
   require(saved.state_bytes <= max_motion_state, "the states are too large", saved.state_bytes);
   require(saved.states.size() == saved.objects.size() * saved.state_bytes, "there is not a state for each object",
           saved.states.size());
+  check_layers(saved.layers);
   check_users(saved);
   check_objects(saved);
   check_contacts(saved);

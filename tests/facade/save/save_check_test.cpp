@@ -101,6 +101,9 @@ TEST_CASE("records that do not fit together are refused") {
   CHECK(refused([](auto& saved) { saved.inputs[0].size = 33; }));
   CHECK(refused([](auto& saved) { saved.inputs[0].user = 4000; }));
   CHECK(refused([](auto& saved) { saved.shapes[0] = nullptr; }));
+  CHECK(refused([](auto& saved) { saved.layers.collide.emplace_back(0, 255); }));
+  CHECK(refused([](auto& saved) { saved.layers.collide.emplace_back(2, 0); }));
+  CHECK(refused([](auto& saved) { saved.layers.names.resize(33); }));
 }
 
 TEST_CASE("a world either refuses changed records or runs with them") {
