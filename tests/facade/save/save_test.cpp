@@ -9,7 +9,7 @@
 
 #include <doctest/doctest.h>
 
-#include "facade/bouncing_world.hpp"
+#include "facade/queries/sensing_model.hpp"
 #include "facade/script.hpp"
 #include "geometry/ellipsoid.hpp"
 #include "ringfence/world.hpp"
@@ -29,7 +29,8 @@ WorldConfig config_of(unsigned variant) {
   config.interest = 4;
   config.layers = {{"a", "b", "c"}, {{0, 0}, {0, 1}, {1, 1}, {2, 0}}};
   config.quotas.colliding_avatars = 4;
-  config.motion = std::make_shared<BouncingModel>(side);
+  config.sense = 4;
+  config.motion = std::make_shared<SensingModel>(side, config.sense, false);
   config.support_functions = {nullptr, std::make_shared<Ellipsoid>(Vec3f{0.5f, 0.7f, 0.9f})};
   return config;
 }
