@@ -20,8 +20,8 @@ struct SensedHits {
 /// it.
 ///
 /// The answers are those of a Snapshot of frame k-1, bit for bit, in every deployment, at any number of nodes, and in
-/// every process. So a model that senses stays pure. The object itself is found too; self() leaves it
-/// out.
+/// every process. So a model that senses stays pure. The object itself is found too; QueryFilter::except with self()
+/// leaves it out.
 ///
 /// Refused with Status::beyond_sense: a query that reaches farther. The start and the end of a ray, and the shape's
 /// bounding ball (about its origin) at the start and at the end of a sweep, or where it overlaps, must lie within the

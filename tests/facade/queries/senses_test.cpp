@@ -98,13 +98,15 @@ class SensingWorld {
 
 TEST_CASE("objects sense what a test of every object of the frame before finds, and move the same in each deployment") {
   std::optional<std::uint64_t> first;
-  in_all_worlds(small_world(), {0u, 1u, 3u}, [&](const WorldConfig& config) {
+  in_all_worlds(small_world(), {0u, 1u, 3u}, [&](WorldConfig config) {
+    config.history = config.nodes;  // neither a history nor snapshots change what is sensed
     SensingWorld world(config, 11);
     for (int frame = 0; frame < 14; ++frame) {
       CAPTURE(frame);
       if (frame % 4 == 3) {
         REQUIRE(world.world->resize(config.nodes == 0 ? 2 : static_cast<std::uint32_t>(1 + frame / 4)) == Status::ok);
       }
+      if (frame % 5 == 1) CHECK(world.world->snapshot().frame() + 1 == world.world->frames());
       world.run();
       require_counts(*world.world);
       require_nothing_refused(*world.world);
