@@ -6,7 +6,8 @@
 namespace ringfence::dds {
 
 const std::string& own_release() {
-  static const std::string release = std::string(RINGFENCE_VERSION) + " (bits " + std::to_string(base::bits_version) + ")";
+  static const std::string release =
+      std::string(RINGFENCE_VERSION) + " (bits " + std::to_string(base::bits_version) + ")";
   return release;
 }
 

@@ -62,10 +62,14 @@ TEST_CASE("an unknown option ends the program with 2 and a message that names it
 }
 
 TEST_CASE("an unknown command or argument ends the program with 2 and a message that names it first") {
-  check_refused("fly",
-                "ringfence: fly: unknown command; expected run, replay, record, scale, profile, node or convert");
+  check_refused(
+      "fly",
+      "ringfence: fly: unknown command; expected run, replay, record, scale, profile, node, convert, resume or "
+      "journal");
   check_refused("rnu", "ringfence: rnu: unknown command; did you mean run?");
-  check_refused("", "ringfence: found no command; expected run, replay, record, scale, profile, node or convert");
+  check_refused("",
+                "ringfence: found no command; expected run, replay, record, scale, profile, node, convert, resume or "
+                "journal");
   check_refused("run 12", "ringfence: 12: unexpected argument; options of run start with --");
 }
 
@@ -79,8 +83,8 @@ TEST_CASE("an option without its value, or with one that excludes it, ends the p
 
 TEST_CASE("the help of every command lists each option under the heading of its group, and the exit codes") {
   const std::vector<std::string> headings{
-      "World:", "Service:", "Nodes in other processes:", "Faults:", "Output:", "Help:"};
-  for (const char* command : {"run", "replay", "record", "scale", "profile", "node", "convert"}) {
+      "World:", "Service:", "Journal:", "Nodes in other processes:", "Faults:", "Output:", "Help:"};
+  for (const char* command : {"run", "replay", "record", "scale", "profile", "node", "convert", "resume", "journal"}) {
     CAPTURE(command);
     const ProgramResult help = test::ringfence(std::string(command) + " --help");
     CHECK(help.code == 0);

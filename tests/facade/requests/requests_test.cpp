@@ -100,8 +100,9 @@ TEST_CASE("a user that disconnects takes back its moves and inputs, and a disabl
   CHECK(requests.set_enabled(avatars[2], false) == Status::ok);
   requests.cut(fixture.order);
   const UserOrders& orders = requests.user_orders();
-  REQUIRE(orders.moves.size() == 1);
+  REQUIRE(orders.moves.size() == 2);
   CHECK(orders.moves[0].number == avatars[1].number());
+  CHECK(orders.moves[1].number == 0);  // does not count
   REQUIRE(orders.inputs.size() == 2);
   CHECK(orders.inputs[0].user == users[1].number());
   CHECK(orders.inputs[1].user == users[2].number());
