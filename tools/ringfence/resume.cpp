@@ -52,8 +52,7 @@ std::string describe_run(const std::string& command, const std::vector<std::stri
     if (!contains(input_files, name)) continue;
     const std::size_t equals = arguments[i].find('=');
     if (equals != std::string::npos) {
-      const std::string path = std::filesystem::absolute(arguments[i].substr(equals + 1));
-      arguments[i] = name + '=' + path;
+      arguments[i] = fmt::format("{}={}", name, std::filesystem::absolute(arguments[i].substr(equals + 1)).string());
     } else if (i + 1 < arguments.size()) {
       arguments[i + 1] = std::filesystem::absolute(arguments[i + 1]);
     }
