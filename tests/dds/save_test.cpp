@@ -1,10 +1,12 @@
 // Worlds that are saved in one process and continue with nodes in others, and back.
 #include <cstring>
+#include <string>
 #include <vector>
 
 #include <doctest/doctest.h>
 
 #include "dds/node_world.hpp"
+#include "tools/program.hpp"
 
 namespace ringfence {
 namespace {
@@ -54,6 +56,23 @@ TEST_CASE(
     for (int frame = 0; frame < 10; ++frame) advance_both(local, back);
     CHECK(local.contacts().size() > 10);
   }
+}
+
+TEST_CASE("a run continues from its journal with nodes in other processes, and these end if it is refused") {
+  const test::TemporaryFolder folder;
+  const std::string journal = folder / "journal", world = " --objects 300 --users 4 --warmup 2 --quiet ";
+  const auto run = [](const std::string& arguments) {
+    const test::ProgramResult answer = test::ringfence(arguments);
+    CHECK_MESSAGE(answer.code == 0, answer.out);
+    return test::digest_in(answer.out);
+  };
+  const std::string expected = run("run --frames 40" + world);
+  (void)run("run --frames 20 --snapshot-every 7 --journal " + journal + world);
+  const std::string processes = " --link dds --interface lo --domain 175 --nodes 2 --quiet --frames ";
+  const test::ProgramResult refused = test::ringfence("resume " + journal + processes + "5");
+  CHECK(refused.code == 2);
+  CHECK(refused.out.find("--frames: found 5; expected at least 20") != std::string::npos);
+  CHECK(run("resume " + journal + processes + "40") == expected);
 }
 
 }  // namespace

@@ -42,11 +42,13 @@ NodeProcesses::~NodeProcesses() {
   constexpr auto step = std::chrono::milliseconds(2);
   constexpr int max_steps = 2500;
   cluster_.reset();
+  // A process whose World has ended ends too; one that never had a World would wait for it.
+  for (const int process : processes_) kill(process, SIGTERM);
   int steps = 0;
   for (const int process : processes_) {
     int status = 0;
     while (waitpid(process, &status, WNOHANG) == 0) {
-      if (++steps == max_steps) kill(process, SIGKILL);
+      if (++steps >= max_steps) kill(process, SIGKILL);
       std::this_thread::sleep_for(step);
     }
   }
