@@ -36,6 +36,7 @@ WorldConfig config() {
   config.layers = {{"a", "b"}, {{0, 0}, {0, 1}}};
   config.motion = model;
   config.limits = {.objects = 4096, .users = 64};
+  config.capacities.users = 64;
   return config;
 }
 
