@@ -34,18 +34,21 @@ class Registry {
   /// Number of live avatars of a user.
   std::size_t avatars(UserNumber user) const noexcept { return user < avatars_.size() ? avatars_[user].size() : 0; }
 
-  /// The next unused number after the last one assigned; 0 if there is none.
-  ObjectNumber free_number() noexcept {
+  /// The next unused number after the last one that was taken; 0 if there is none.
+  ObjectNumber free_number() const noexcept {
+    ObjectNumber number = last_number_;
     for (std::uint64_t tries = 0; tries <= index_.size(); ++tries) {
-      if (++last_number_ == 0) {
-        last_number_ = 1;
+      if (++number == 0) {
+        number = 1;
       }
-      if (!in_use(last_number_)) {
-        return last_number_;
+      if (!in_use(number)) {
+        return number;
       }
     }
     return 0;
   }
+  /// free_number() continues after this number.
+  void take_number(ObjectNumber number) noexcept { last_number_ = number; }
 
   /// Precondition: the number is not 0 and not in use.
   ObjectId add(ObjectNumber number, Category category, UserNumber user, ShapeNumber shape) {
@@ -66,7 +69,7 @@ class Registry {
       avatars_[user].push_back(id.number());
     }
   }
-  /// The last number that free_number() returned, and the generation of the last object; 0 at first.
+  /// The last number that was taken, and the generation of the last object; 0 at first.
   ObjectNumber last_number() const noexcept { return last_number_; }
   std::uint32_t generation() const noexcept { return generation_; }
   /// Sets both: numbers and generations continue from there.

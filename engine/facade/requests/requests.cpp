@@ -85,6 +85,9 @@ Spawned Requests::spawn(const ObjectSpec& spec) {
   if (status != Status::ok) {
     return {refuse(spec.user.number(), status), {}};
   }
+  if (spec.number == 0) {
+    objects_.take_number(number);  // a refused call takes none: a journal does not have it
+  }
   request.spec.number = number;
   request.object = objects_.add(number, spec.category, spec.user.number(), spec.shape.number());
   requests_.push_back(request);

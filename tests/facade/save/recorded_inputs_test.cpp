@@ -78,6 +78,19 @@ TEST_CASE("the same inputs make the same frames, and a frame without requests ha
   }
 }
 
+TEST_CASE("a refused call takes no number, so a world that has not seen it gives the same numbers") {
+  WorldConfig config;
+  config.quotas.spawns = 1;
+  World world(config);
+  const ShapeId ball = world.add_shape(Sphere{1});
+  const UserId user = world.connect().user;
+  const ObjectSpec avatar{.shape = ball, .category = Category::avatar, .user = user};
+  REQUIRE(world.spawn(avatar).id.number() == 1);
+  CHECK(world.spawn(avatar).status == Status::over_quota);
+  CHECK(world.spawn({.shape = ShapeId(7)}).status == Status::unknown_shape);
+  CHECK(world.spawn({.shape = ball}).id.number() == 2);
+}
+
 TEST_CASE("if the recorder fails, no further frame runs") {
   const auto keeper = std::make_shared<Keeper>();
   WorldConfig config = config_of(1);
