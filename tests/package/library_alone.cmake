@@ -14,7 +14,7 @@ foreach(package CLI11 fmt nlohmann_json doctest benchmark CycloneDDS fcl Bullet 
 endforeach()
 run(${CMAKE_COMMAND} -G Ninja -S ${source_dir} -B ${alone} -D CMAKE_BUILD_TYPE=${build_type}
   -D CMAKE_CXX_COMPILER=${compiler} -D RINGFENCE_WERROR=${werror} -D RINGFENCE_TOOLS=OFF -D RINGFENCE_TESTS=OFF
-  -D RINGFENCE_BENCH=OFF -D RINGFENCE_DDS=OFF -D RINGFENCE_JOURNAL=OFF ${hidden})
+  -D RINGFENCE_BENCH=OFF -D RINGFENCE_DDS=OFF -D RINGFENCE_JOURNAL=OFF -D RINGFENCE_GATEWAY=OFF ${hidden})
 run(${CMAKE_COMMAND} --build ${alone})
 set(prefix ${work_dir}/prefix)
 run(${CMAKE_COMMAND} --install ${alone} --prefix ${prefix})
