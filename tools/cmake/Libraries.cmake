@@ -48,7 +48,17 @@ if(RINGFENCE_HAS_JOURNAL)
   target_link_libraries(ringfence_journal_library PUBLIC ringfence_library PRIVATE PkgConfig::SQLITE PkgConfig::ZSTD)
 endif()
 
-# A third library for CD nodes in other processes.
+# A third library for clients over the network.
+if(RINGFENCE_HAS_GATEWAY)
+  add_library(ringfence_gateway_library STATIC $<TARGET_OBJECTS:ringfence_gateway>)
+  add_library(ringfence::gateway ALIAS ringfence_gateway_library)
+  set_target_properties(ringfence_gateway_library PROPERTIES OUTPUT_NAME ringfence_gateway EXPORT_NAME gateway)
+  target_compile_features(ringfence_gateway_library PUBLIC cxx_std_20)
+  target_link_libraries(ringfence_gateway_library
+    PUBLIC ringfence_library PRIVATE OpenSSL::SSL OpenSSL::Crypto PkgConfig::JWT)
+endif()
+
+# A fourth library for CD nodes in other processes.
 if(RINGFENCE_HAS_DDS)
   add_library(ringfence_dds_library STATIC
     $<TARGET_OBJECTS:ringfence_dds> $<TARGET_OBJECTS:ringfence_dds_wire_objects>)

@@ -8,6 +8,7 @@
 #include "gateway/protocol/byte_reader.hpp"
 #include "gateway/protocol/byte_writer.hpp"
 #include "gateway/protocol/client_messages.hpp"
+#include "gateway/protocol/shape_radius.hpp"
 #include "ringfence/motion_model.hpp"
 
 namespace ringfence::gateway {
@@ -103,30 +104,7 @@ void write_contacts(ByteWriter& writer, const Update& update) {
   }
 }
 
-float length(const Vec3f& v) noexcept { return std::sqrt(v.x * v.x + v.y * v.y + v.z * v.z); }
-
-void write_other(ByteWriter& writer, float radius) {
-  writer.fixed(static_cast<std::uint8_t>(ShapeKind::support));
-  writer.fixed(radius);
-}
-
-/// Radius of a ball that contains the shape: twice that of its extent on the axes, which contains all its corners.
-float radius_of(const SupportFunction& function) {
-  float radius = 0;
-  for (const Vec3f axis :
-       {Vec3f{1, 0, 0}, Vec3f{-1, 0, 0}, Vec3f{0, 1, 0}, Vec3f{0, -1, 0}, Vec3f{0, 0, 1}, Vec3f{0, 0, -1}}) {
-    const Vec3f p = function.support(axis);
-    radius = std::max({radius, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
-  }
-  return radius * 2;
-}
-
 void write_mesh(ByteWriter& writer, const TriangleMesh& mesh) {
-  if (mesh.indices.size() / 3 > max_mesh_triangles) {
-    float radius = 0;
-    for (const Vec3f& vertex : mesh.vertices) radius = std::max(radius, length(vertex));
-    return write_other(writer, radius);
-  }
   writer.fixed(static_cast<std::uint8_t>(ShapeKind::mesh));
   writer.var(mesh.vertices.size());
   writer.var(mesh.indices.size() / 3);
@@ -150,10 +128,12 @@ void write_description(ByteWriter& writer, const ShapeDescription& description) 
     writer.fixed(kind);
     writer.var(hull->points.size());
     for (const Vec3f& point : hull->points) write_vector(writer, point);
-  } else if (const auto* mesh = std::get_if<TriangleMesh>(&description)) {
+  } else if (const auto* mesh = std::get_if<TriangleMesh>(&description);
+             mesh != nullptr && mesh->indices.size() / 3 <= max_mesh_triangles) {
     write_mesh(writer, *mesh);
   } else {
-    write_other(writer, radius_of(*std::get<SupportShape>(description).function));
+    writer.fixed(static_cast<std::uint8_t>(ShapeKind::support));
+    writer.fixed(static_cast<float>(shape_radius(description)));
   }
 }
 
@@ -254,6 +234,55 @@ void read_contacts(ByteReader& reader, Update& update) {
   }
 }
 
+Vec3f read_point(ByteReader& reader) noexcept {
+  Vec3f v;
+  v.x = reader.fixed<float>();
+  v.y = reader.fixed<float>();
+  v.z = reader.fixed<float>();
+  return v;
+}
+
+TriangleMesh read_mesh(ByteReader& reader) {
+  const std::size_t vertices = reader.count(1), triangles = reader.count(1);
+  TriangleMesh mesh;
+  if (vertices > reader.left() / sizeof(Vec3f) || triangles > reader.left() / 3) {
+    reader.fail();
+    return mesh;
+  }
+  mesh.vertices.resize(vertices);
+  for (Vec3f& vertex : mesh.vertices) vertex = read_point(reader);
+  mesh.indices.resize(3 * triangles);
+  for (std::uint32_t& index : mesh.indices) index = reader.var32();
+  return mesh;
+}
+
+std::optional<ShapeDescription> read_description(ByteReader& reader, ShapeKind kind) {
+  switch (kind) {
+    case ShapeKind::sphere:
+      return Sphere{reader.fixed<float>()};
+    case ShapeKind::box:
+      return Box{read_point(reader)};
+    case ShapeKind::capsule: {
+      Capsule capsule;
+      capsule.radius = reader.fixed<float>();
+      capsule.half_height = reader.fixed<float>();
+      return capsule;
+    }
+    case ShapeKind::hull: {
+      ConvexHull hull;
+      hull.points.resize(reader.count(sizeof(Vec3f)));
+      for (Vec3f& point : hull.points) point = read_point(reader);
+      return hull;
+    }
+    case ShapeKind::mesh:
+      return read_mesh(reader);
+    case ShapeKind::support:
+      reader.fixed<float>();
+      break;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 void Update::clear() noexcept {
@@ -349,6 +378,18 @@ bool read(std::span<const std::byte> bytes, Welcome& message) {
   message.model = reader.text(reader.left());
   message.parameters = reader.bytes(reader.left());
   message.token = reader.text(reader.left());
+  return reader.at_end();
+}
+
+bool read_shape(std::span<const std::byte> bytes, ShapeId& shape, std::optional<ShapeDescription>& description) {
+  if (type_of(bytes) != ServerMessageType::shape) return false;
+  ByteReader reader(bytes.subspan(1));
+  shape = ShapeId(reader.var32());
+  description.reset();
+  const auto kind = reader.fixed<std::uint8_t>();
+  if (kind == no_such_shape) return reader.at_end();
+  if (kind > static_cast<std::uint8_t>(ShapeKind::support)) return false;
+  description = read_description(reader, static_cast<ShapeKind>(kind));
   return reader.at_end();
 }
 

@@ -112,6 +112,8 @@ void write_body(ServerMessageType type, std::string_view body, std::vector<std::
 // and texts refer to the bytes.
 bool read(std::span<const std::byte> bytes, Welcome& message);
 bool read(std::span<const std::byte> bytes, Update& message);
+/// `description` is empty if there is no such shape, or if it is not described (a support function, a large mesh).
+bool read_shape(std::span<const std::byte> bytes, ShapeId& shape, std::optional<ShapeDescription>& description);
 /// Type of a message; empty if there is no such type.
 std::optional<ServerMessageType> type_of(std::span<const std::byte> bytes) noexcept;
 

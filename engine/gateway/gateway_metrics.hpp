@@ -1,0 +1,13 @@
+#pragma once
+
+#include <string>
+
+#include "ringfence/gateway.hpp"
+#include "ringfence/world.hpp"
+
+namespace ringfence::gateway {
+
+/// What /metrics has of the world and of its clients, in the Prometheus text format.
+std::string metrics_text(const World& world, const GatewayReport& report);
+
+}  // namespace ringfence::gateway
