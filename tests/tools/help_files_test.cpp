@@ -17,8 +17,8 @@ namespace {
 
 using worlds::read_text;
 
-const std::vector<std::string> commands{"run",  "replay",  "record", "scale",  "profile",
-                                        "node", "convert", "resume", "journal"};
+const std::vector<std::string> commands{"run",     "replay", "record",  "scale", "profile", "node",
+                                        "convert", "resume", "journal", "serve", "token",   "robots"};
 
 /// The long options that the help of a command lists.
 std::set<std::string> options_in_help(const std::string& command) {

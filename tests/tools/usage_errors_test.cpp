@@ -57,19 +57,19 @@ TEST_CASE("an unknown option ends the program with 2 and a message that names it
   check_refused("run -x", "ringfence: -x: unknown option\n");
   check_refused("replay --scen a --motion b", "ringfence: --scen: unknown option; did you mean --scene?");
   check_refused("replay --scene a --motion b --objects 3",
-                "ringfence: --objects: not an option of replay; run, record, scale and profile have it");
+                "ringfence: --objects: not an option of replay; run, record, scale, profile and serve have it");
   check_refused("--nodes 2 run", "ringfence: --nodes: expected after the command\n");
 }
 
 TEST_CASE("an unknown command or argument ends the program with 2 and a message that names it first") {
   check_refused(
       "fly",
-      "ringfence: fly: unknown command; expected run, replay, record, scale, profile, node, convert, resume or "
-      "journal");
+      "ringfence: fly: unknown command; expected run, replay, record, scale, profile, node, convert, resume, journal, "
+      "serve, token or robots");
   check_refused("rnu", "ringfence: rnu: unknown command; did you mean run?");
   check_refused("",
-                "ringfence: found no command; expected run, replay, record, scale, profile, node, convert, resume or "
-                "journal");
+                "ringfence: found no command; expected run, replay, record, scale, profile, node, convert, resume, "
+                "journal, serve, token or robots");
   check_refused("run 12", "ringfence: 12: unexpected argument; options of run start with --");
 }
 
@@ -83,8 +83,9 @@ TEST_CASE("an option without its value, or with one that excludes it, ends the p
 
 TEST_CASE("the help of every command lists each option under the heading of its group, and the exit codes") {
   const std::vector<std::string> headings{
-      "World:", "Service:", "Journal:", "Nodes in other processes:", "Faults:", "Output:", "Help:"};
-  for (const char* command : {"run", "replay", "record", "scale", "profile", "node", "convert", "resume", "journal"}) {
+      "World:", "Clients:", "Service:", "Journal:", "Nodes in other processes:", "Faults:", "Output:", "Help:"};
+  for (const char* command : {"run", "replay", "record", "scale", "profile", "node", "convert", "resume", "journal",
+                              "serve", "token", "robots"}) {
     CAPTURE(command);
     const ProgramResult help = test::ringfence(std::string(command) + " --help");
     CHECK(help.code == 0);

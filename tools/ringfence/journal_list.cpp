@@ -9,6 +9,7 @@
 #include "job.hpp"
 #include "resume.hpp"
 #include "ringfence/journal.hpp"
+#include "serve/serve.hpp"
 
 namespace ringfence::tools {
 namespace {
@@ -16,7 +17,9 @@ namespace {
 /// The job of the run that wrote the journal.
 Job job_of(const JournalContents& contents) {
   const CommandLine line = parse_command(command_of(contents.description, {}));
-  Job job = line.command == CommandLine::Command::replay ? make_job(line.replay) : make_job(line.run);
+  Job job = line.command == CommandLine::Command::replay  ? make_job(line.replay)
+            : line.command == CommandLine::Command::serve ? make_job(line.serve)
+                                                          : make_job(line.run);
   job.world = nullptr;  // refers to the command line
   return job;
 }

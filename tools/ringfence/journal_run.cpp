@@ -94,6 +94,11 @@ void JournalRun::add_frame(const World& world, bool is_snapshot) {
   }
 }
 
+void JournalRun::count_frame(const World& world) {
+  figures_.add_to_digest(world.contacts());
+  ++digested_;
+}
+
 void JournalRun::finish() {
   if (journal_ != nullptr && !journal_->flush()) {
     throw IncompleteError(

@@ -21,6 +21,8 @@ class JournalRun {
   /// The world of the job: loaded from its scene, or restored to the last frame of the journal, with the digest of the
   /// frames before. Throws Error.
   World make_world(WorldConfig config);
+  /// Adds a frame to the digest, of a world whose other figures are not collected.
+  void count_frame(const World& world);
   /// Waits until everything is written. Throws IncompleteError if the journal has ended before.
   void finish();
 

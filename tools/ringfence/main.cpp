@@ -10,7 +10,10 @@
 #include "node_processes.hpp"
 #include "options.hpp"
 #include "resume.hpp"
+#include "robots/robots.hpp"
 #include "scale.hpp"
+#include "serve/serve.hpp"
+#include "serve/token_command.hpp"
 #include "soak.hpp"
 
 namespace ringfence::tools {
@@ -41,6 +44,12 @@ int run(const CommandLine& line) {
       return resume(line.resume);
     case CommandLine::Command::journal:
       return list_journal(line.journal);
+    case CommandLine::Command::serve:
+      return serve(line.serve);
+    case CommandLine::Command::token:
+      return print_token(line.token);
+    case CommandLine::Command::robots:
+      return run_robots(line.robots);
     case CommandLine::Command::convert:
       break;
   }

@@ -1,6 +1,7 @@
 #include "option_texts.hpp"
 
 #include <algorithm>
+#include <array>
 #include <sstream>
 #include <utility>
 
@@ -15,8 +16,9 @@ constexpr std::size_t help_width = 118;
 std::string range_of(const CLI::Option& option) {
   const std::string type = option.get_type_name();
   const std::size_t colon = type.find(':');
-  const bool is_time = type == "HH:MM" || type.starts_with("A:B") || type.starts_with("FRAME:");
-  return colon == std::string::npos || is_time ? "" : type.substr(colon + 1);
+  constexpr std::array names_with_colon{"HH:MM", "A:B", "FRAME:", "HOST:PORT"};
+  const bool is_name = std::ranges::any_of(names_with_colon, [&](const char* name) { return type.starts_with(name); });
+  return colon == std::string::npos || is_name ? "" : type.substr(colon + 1);
 }
 
 std::string default_of(const CLI::Option& option) {

@@ -12,8 +12,10 @@
 #include "option_groups.hpp"
 #include "option_texts.hpp"
 #include "resume.hpp"
+#include "robots/robots.hpp"
 #include "run_options.hpp"
 #include "scale_options.hpp"
+#include "serve/serve_options.hpp"
 #include "usage_message.hpp"
 
 namespace ringfence::tools {
@@ -44,8 +46,8 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
   app_.require_subcommand(1);
   app_.formatter(std::make_shared<HelpFormatter>());
   app_.footer(list_exit_codes());
-  command_line_.run.service.nodes = command_line_.replay.service.nodes = command_line_.profile.run.service.nodes =
-      std::clamp(usable_cores() - 1, 1u, 1024u);
+  command_line_.serve.service.nodes = command_line_.run.service.nodes = command_line_.replay.service.nodes =
+      command_line_.profile.run.service.nodes = std::clamp(usable_cores() - 1, 1u, 1024u);
   add_run();
   add_replay();
   add_record();
@@ -56,6 +58,13 @@ CommandLineParser::CommandLineParser() : app_("Ringfence: a collision service fo
   add_convert(command_line_.convert);
   add_resume(command_line_.resume);
   add_journal(command_line_.journal);
+  command_line_.serve.service.deadlines.node_ms = 2000;
+  add_serve(*app_.add_subcommand("serve", "run a world in real time for clients over the network, with a page"),
+            command_line_.serve);
+  add_token(command_line_.token);
+  add_robots(
+      *app_.add_subcommand("robots", "connect clients to a served world, which walk and check what they receive"),
+      command_line_.robots);
   for (CLI::App* const command : app_.get_subcommands([](const CLI::App*) { return true; })) {
     command->option_defaults()->group(option_groups::help);
     command->set_help_flag(app_.get_help_ptr()->get_name(false, true), app_.get_help_ptr()->get_description());
@@ -161,6 +170,7 @@ void CommandLineParser::add_resume(ResumeOptions& options) {
   add_journal_options(resume, options.run.journal, false);
   add_frames(resume, options.run.frames, true);
   add_service(resume, options.run.service);
+  add_clients(resume, options.serve);
   add_output(resume, options.run.output);
 }
 
@@ -180,6 +190,26 @@ void CommandLineParser::add_journal(JournalListOptions& options) {
       journal.add_option("--collisions", options.collisions, "where they are written, CSV; -: standard output");
   frame->check(between(0u, max_frames))->type_name("N")->needs(collisions)->excludes(verify);
   collisions->type_name("FILE")->needs(frame);
+}
+
+void CommandLineParser::add_token(TokenOptions& options) {
+  CLI::App& token = *app_.add_subcommand("token", "print a token with which a client may connect to a served world");
+  token.option_defaults()->group(option_groups::clients);
+  token.add_option("--key", options.key, "the key of serve --token-key")->required()->type_name("FILE");
+  const auto read = [&options](std::uint32_t user) {
+    options.user = user;
+    options.has_user = true;
+  };
+  token.add_option_function<std::uint32_t>("--user", read, "number of the player; required with --role play")
+      ->check(between(0u, 65'535u))
+      ->type_name("N");
+  add_word(token, "--role", options.role, {"play", "watch", "operate"}, "what the client may do")
+      ->default_str(options.role);
+  token.add_option("--world", options.world, "name of the world")->capture_default_str()->type_name("NAME");
+  token.add_option("--expires", options.expires_s, "seconds from now until the token expires")
+      ->check(between(1u, 1'000'000'000u))
+      ->capture_default_str()
+      ->type_name("S");
 }
 
 // Options that run and replay share are parsed into those of the run; copies them to those of the replay.
@@ -215,11 +245,15 @@ CommandLine CommandLineParser::parse(int argc, char** argv) {
                           : name == "node"    ? Command::node
                           : name == "resume"  ? Command::resume
                           : name == "journal" ? Command::journal
+                          : name == "serve"   ? Command::serve
+                          : name == "token"   ? Command::token
+                          : name == "robots"  ? Command::robots
                                               : Command::convert;
   if (command_line_.command == Command::replay) command_line_.replay.service.users_given = command.count("--users") > 0;
   const std::vector<std::string> given(argv + std::min(argc, 2), argv + argc);
   command_line_.run.journal.description = describe_run(name, given);
   command_line_.replay.journal.description = command_line_.run.journal.description;
+  command_line_.serve.journal.description = command_line_.run.journal.description;
   command_line_.resume.replaced = options_of_run(given, command_line_.resume.directory);
   command_line_.run.world.users = command_line_.run.service.users;
   command_line_.scale.base.world.users = command_line_.scale.base.service.users;

@@ -13,6 +13,7 @@
 #include "ringfence/config.hpp"
 #include "ringfence/journal.hpp"
 #include "worlds/paper_world.hpp"
+#include "worlds/plaza.hpp"
 
 namespace ringfence::tools {
 
@@ -112,12 +113,43 @@ struct ProfileOptions {
   ReplayOptions replay;
 };
 
+/// Options of `ringfence serve`.
+struct ServeOptions {
+  worlds::PlazaOptions plaza;
+  std::string scene;         ///< empty: the square
+  std::uint32_t robots = 0;  ///< avatars that the server moves
+  std::uint32_t frames = 0;  ///< in all; 0: until a signal
+  std::string listen = "127.0.0.1:8080";
+  double tick = 20;                         ///< frames per second
+  std::string certificate, key, token_key;  ///< files; empty: none
+  std::string world = "ringfence";          ///< name, for tokens
+  std::size_t max_clients = 10'000;
+  std::vector<std::string> origins;
+  double grace_s = 30;
+  std::string page;     ///< directory; empty: that of the program
+  std::string network;  ///< empty: as it is
+  ServiceOptions service;
+  JournalOptions journal;
+  OutputOptions output;  ///< `json` and `quiet`
+};
+
+/// Options of `ringfence token`.
+struct TokenOptions {
+  std::string key;  ///< file
+  std::string role = "play";
+  std::string world = "ringfence";
+  std::uint32_t user = 0;
+  bool has_user = false;
+  std::uint32_t expires_s = 3600;
+};
+
 /// Options of `ringfence resume`. The options of the run are in the journal; those that are given replace them.
 struct ResumeOptions {
   std::string directory;
   bool accept_release = false;
   std::vector<std::string> replaced;  ///< what is given for the run, as on the command line
   RunOptions run;                     ///< only to check and describe them
+  ServeOptions serve;                 ///< the same, for a served world
 };
 
 /// Options of `ringfence journal`.
@@ -127,6 +159,20 @@ struct JournalListOptions {
   bool has_frame = false;
   std::uint32_t frame = 0;  ///< counted
   std::string collisions;
+};
+
+/// Options of `ringfence robots`.
+struct RobotsOptions {
+  std::string url;
+  std::uint32_t clients = 10;
+  double seconds = 10;
+  std::uint64_t seed = 1;
+  std::string inputs = "every";  ///< every or change
+  std::string token_key;         ///< file; empty: guests
+  std::string world = "ringfence";
+  std::uint32_t first_user = 0;
+  std::string authority;  ///< file of a certificate; empty: those of the system
+  std::string json;       ///< path; empty: none
 };
 
 struct ConvertOptions {
@@ -140,7 +186,20 @@ struct ConvertOptions {
 
 /// The parsed command line: the command and its options.
 struct CommandLine {
-  enum class Command : std::uint8_t { run, replay, record, convert, scale, profile, node, resume, journal };
+  enum class Command : std::uint8_t {
+    run,
+    replay,
+    record,
+    convert,
+    scale,
+    profile,
+    node,
+    resume,
+    journal,
+    serve,
+    token,
+    robots
+  };
   Command command = Command::run;
   RunOptions run;  ///< of `run` and of `record`
   ReplayOptions replay;
@@ -150,6 +209,9 @@ struct CommandLine {
   NodeOptions node;
   ResumeOptions resume;
   JournalListOptions journal;
+  ServeOptions serve;
+  TokenOptions token;
+  RobotsOptions robots;
 };
 
 /// Defines all options and parses the command line.
@@ -172,6 +234,7 @@ class CommandLineParser {
   void add_convert(ConvertOptions& options);
   void add_resume(ResumeOptions& options);
   void add_journal(JournalListOptions& options);
+  void add_token(TokenOptions& options);
   void resolve_profile(const CLI::App& command);
 
   CLI::App app_;

@@ -9,6 +9,7 @@
 
 #include "job.hpp"
 #include "ringfence/error.hpp"
+#include "serve/serve.hpp"
 #include "usage_message.hpp"
 
 namespace ringfence::tools {
@@ -16,7 +17,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::array input_files{"--scene", "--motion"};
+constexpr std::array input_files{"--scene", "--motion", "--cert", "--key", "--token-key", "--page"};
 /// They belong to one process, or to frames that are over.
 constexpr std::array not_resumed{"--journal", "--collisions", "--json",    "--frames-csv",     "--status",
                                  "--trace",   "--picture",    "--queries", "--answers",        "--fail",
@@ -76,9 +77,9 @@ std::vector<std::string> command_of(const std::string& description, const std::v
   } catch (const Json::exception&) {
     command.clear();
   }
-  if (command != "run" && command != "replay") {
+  if (command != "run" && command != "replay" && command != "serve") {
     throw Error(
-        "the journal was not written by ringfence run or replay: continue it with the program that wrote it, by "
+        "the journal was not written by ringfence run, replay or serve: continue it with the program that wrote it, by "
         "JournalReader::restore");
   }
   remove(arguments, not_resumed);
@@ -109,11 +110,18 @@ CommandLine parse_command(const std::vector<std::string>& arguments) {
 int resume(const ResumeOptions& options) {
   const JournalContents contents = JournalReader(options.directory).contents();
   CommandLine line = parse_command(command_of(contents.description, options.replaced));
+  const auto continue_journal = [&](JournalOptions& journal) {
+    journal.directory = options.directory;
+    journal.resumes = true;
+    journal.accept_release = options.accept_release;
+    journal.description = contents.description;
+  };
+  if (line.command == CommandLine::Command::serve) {
+    continue_journal(line.serve.journal);
+    return serve(line.serve);
+  }
   const auto run = [&](auto& run_options) {
-    run_options.journal.directory = options.directory;
-    run_options.journal.resumes = true;
-    run_options.journal.accept_release = options.accept_release;
-    run_options.journal.description = contents.description;
+    continue_journal(run_options.journal);
     return run_job(make_job(run_options));
   };
   return line.command == CommandLine::Command::replay ? run(line.replay) : run(line.run);
