@@ -183,7 +183,7 @@ TEST_CASE("a crowd moves in the same way at any number of nodes") {
     Walkers walkers(nodes);
     std::mt19937_64 random(3);
     std::vector<ObjectId> avatars;
-    for (int i = 0; i < 30; ++i) avatars.push_back(walkers.add_avatar(i % 6 - 3, i / 6 - 3));
+    for (int i = 0; i < 30; ++i) avatars.push_back(walkers.add_avatar(i % 6 - 3, (i - i % 6) / 6.0 - 3));
     for (int i = 0; i < 30; ++i) static_cast<void>(walkers.add_ball(i - 15, 6, Category::active));
     walkers.advance();
     for (int frame = 0; frame < 100; ++frame) {

@@ -6,8 +6,7 @@ namespace ringfence::gateway {
 
 void sort_by_number(std::vector<std::uint32_t>& indices, const ObjectTable& table) {
   std::ranges::sort(indices, {}, [&](std::uint32_t index) { return table[index].number; });
-  const auto repeated = std::ranges::unique(indices);
-  indices.erase(repeated.begin(), repeated.end());
+  indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
 }
 
 void PlayerView::find_near(const Client& client, const Vec3d& centre) {
