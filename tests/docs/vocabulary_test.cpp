@@ -91,6 +91,7 @@ std::string without_allowed_names(std::string line, const Vocabulary& vocabulary
 }
 
 bool is_checked(const std::filesystem::path& file) {
+  if (file.generic_string().find("/node_modules/") != std::string::npos) return false;
   static const std::set<std::string> endings{".cpp", ".hpp", ".md",  ".cmake", ".txt",
                                              ".in",  ".idl", ".yml", ".json",  ""};
   const std::string name = file.generic_string();

@@ -85,6 +85,11 @@ if(TARGET ringfence_program)
     install(FILES ${bash_completion} DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions
       RENAME ringfence COMPONENT program)
   endif()
+  if(TARGET ringfence_web)
+    add_dependencies(installed ringfence_web)
+    install(DIRECTORY ${PROJECT_BINARY_DIR}/share/ringfence/web DESTINATION ${CMAKE_INSTALL_DATADIR}/ringfence
+      COMPONENT program)
+  endif()
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/docs/data/air DESTINATION ${CMAKE_INSTALL_DATADIR}/ringfence
     COMPONENT program)
   install(FILES ${PROJECT_SOURCE_DIR}/LICENSE DESTINATION ${CMAKE_INSTALL_DATADIR}/doc/ringfence

@@ -1,0 +1,79 @@
+import { AmbientLight, Color, DirectionalLight, Fog, GridHelper, Mesh, MeshBasicMaterial, MeshLambertMaterial,
+  PerspectiveCamera, PlaneGeometry, Raycaster, RingGeometry, Scene, Vector2, WebGLRenderer } from "three";
+
+const groundCell = 10; // metres
+
+/** What is drawn: the camera, the lights and the ground. z is up. */
+export class Stage {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    this.scene = new Scene();
+    this.camera = new PerspectiveCamera(45, 1, 0.1, 3000);
+    this.camera.up.set(0, 0, 1);
+    this.ambient = new AmbientLight(0xffffff, 1);
+    this.sun = new DirectionalLight(0xffffff, 2);
+    this.sun.position.set(-0.5, -0.8, 1.4);
+    this.ground = new Mesh(new PlaneGeometry(1, 1), new MeshLambertMaterial());
+    this.ground.position.z = -0.02;
+    this.marker = new Mesh(new RingGeometry(0.5, 0.62, 40), new MeshBasicMaterial({ transparent: true, opacity: 0.9 }));
+    this.marker.visible = false;
+    this.scene.add(this.ambient, this.sun, this.ground, this.marker);
+    this.scene.fog = new Fog(0xffffff, 80, 500);
+    this.raycaster = new Raycaster();
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    this.resize();
+  }
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / Math.max(1, height);
+    this.camera.updateProjectionMatrix();
+  }
+  setColours(colours) {
+    this.scene.background = new Color(colours.sky);
+    this.scene.fog.color.set(colours.sky);
+    this.ground.material.color.set(colours.ground);
+    this.ambient.intensity = colours.ambient;
+    this.sun.intensity = colours.light;
+    this.gridColour = colours.grid;
+    this.marker.material.color.set(colours.own);
+    if (this.bounds) this.setBounds(this.bounds);
+  }
+  setBounds(bounds) {
+    this.bounds = bounds;
+    const [minX, minY, , maxX, maxY] = bounds;
+    const width = maxX - minX, height = maxY - minY;
+    this.ground.scale.set(width, height, 1);
+    this.ground.position.set((minX + maxX) / 2, (minY + maxY) / 2, -0.02);
+    this.scene.remove(this.grid);
+    const side = Math.max(width, height);
+    this.grid = new GridHelper(side, Math.min(200, Math.max(2, Math.round(side / groundCell))), this.gridColour,
+      this.gridColour);
+    this.grid.rotation.x = Math.PI / 2;
+    this.grid.position.set(this.ground.position.x, this.ground.position.y, 0);
+    this.scene.add(this.grid);
+  }
+  /** A ring on the ground around the selected object. */
+  mark(place) {
+    this.marker.visible = place !== null;
+    if (place !== null) this.marker.position.set(place[0], place[1], 0.04);
+  }
+  /** Looks at a point from a direction: yaw and pitch in radians, distance in metres. */
+  look([x, y, z], yaw, pitch, distance) {
+    const flat = Math.cos(pitch) * distance;
+    this.camera.position.set(x - Math.cos(yaw) * flat, y - Math.sin(yaw) * flat, z + Math.sin(pitch) * distance);
+    this.camera.lookAt(x, y, z);
+    this.scene.fog.near = distance + 60;
+    this.scene.fog.far = distance * 3 + 400;
+  }
+  /** A ray through a point of the window, in pixels. */
+  rayAt(x, y) {
+    const { clientWidth, clientHeight } = this.canvas;
+    this.raycaster.setFromCamera(new Vector2((x / clientWidth) * 2 - 1, 1 - (y / clientHeight) * 2), this.camera);
+    return this.raycaster;
+  }
+  render() { this.renderer.render(this.scene, this.camera); }
+  get drawCalls() { return this.renderer.info.render.calls; }
+}

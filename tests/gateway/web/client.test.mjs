@@ -1,0 +1,126 @@
+// client.js against the program.
+import assert from "node:assert/strict";
+import test from "node:test";
+
+import { Client } from "../../../engine/gateway/web/client/client.js";
+import { eventOf, load, serve } from "./harness.mjs";
+
+const WebSocket = load("ws");
+
+async function connected(t, url, options = {}) {
+  const client = new Client(url, { WebSocket, ...options });
+  t.after(() => client.close());
+  const opened = eventOf(client, "open");
+  client.connect();
+  await opened;
+  return client;
+}
+const updateWhere = (client, matches) => eventOf(client, "update", matches);
+
+for (const network of ["", "delay=100ms,jitter=40ms,loss=5%"]) {
+  test(`the predicted avatar is where the server puts it later, network "${network}"`, async (t) => {
+    const { url } = await serve(t, "--objects", "0", "--nodes", "1", ...(network ? ["--network", network] : []));
+    const client = await connected(t, url);
+    const predicted = new Map(); // number of ticks → state
+    client.setInput({ x: 1, y: 0.5, heading: 0.5 });
+    const { prediction } = client;
+    const tick = prediction.tick.bind(prediction);
+    prediction.tick = (...args) => {
+      const isNew = tick(...args);
+      if (prediction.state !== null) predicted.set(prediction.tickCount, { ...prediction.state });
+      return isNew;
+    };
+    let compared = 0, worst = 0;
+    await updateWhere(client, ({ own, sequence, age }) => {
+      const first = prediction.firstTicks.get(sequence);
+      if (own === null || first === undefined) return false;
+      // The prediction has tickCount frames behind it; the server has first + age + 1 of them.
+      const known = predicted.get(first + age + 1);
+      if (known !== undefined) {
+        worst = Math.max(worst, Math.hypot(known.x - own.position[0], known.y - own.position[1]));
+        ++compared;
+      }
+      return compared >= 40;
+    });
+    assert.ok(worst < 0.05, `${worst} m`);
+    assert.ok(Math.hypot(...client.own.position.slice(0, 2)) > 2);
+  });
+}
+
+test("an avatar that a crate stops is not predicted beyond it", async (t) => {
+  const { url } = await serve(t, "--objects", "300", "--nodes", "1");
+  const client = await connected(t, url);
+  await updateWhere(client, () => client.objects.size > 5);
+  let farthest = 0, stopped = 0, last = null;
+  client.setInput({ x: 1, y: 0.07, heading: 0, run: true });
+  await updateWhere(client, ({ own }) => {
+    const drawn = client.predictOwn();
+    if (own === null || drawn === null) return false;
+    farthest = Math.max(farthest, Math.hypot(drawn.x - own.position[0], drawn.y - own.position[1]));
+    const isStopped = last !== null && Math.abs(own.position[0] - last) < 0.01 && client.contacts.length > 0;
+    stopped = isStopped ? stopped + 1 : 0;
+    last = own.position[0];
+    return stopped >= 10 || own.position[0] > 40;
+  });
+  assert.ok(farthest < 1.5, `${farthest} m`);
+});
+
+test("two clients see each other, and one that left is removed", async (t) => {
+  const { url } = await serve(t, "--objects", "10", "--grace", "0");
+  const first = await connected(t, url), second = await connected(t, url);
+  await updateWhere(first, () => first.objects.has(second.welcome.avatar));
+  await updateWhere(second, () => second.objects.has(first.welcome.avatar));
+  second.setInput({ x: -1, y: 0, heading: 0 });
+  const before = first.objects.get(second.welcome.avatar).position[0];
+  await updateWhere(first, () => first.objects.get(second.welcome.avatar).position[0] < before - 1);
+  second.close();
+  await updateWhere(first, () => !first.objects.has(second.welcome.avatar));
+});
+
+test("a guest comes back to its avatar after an interruption", async (t) => {
+  const { url } = await serve(t, "--objects", "10");
+  const client = await connected(t, url);
+  const { avatar, user } = client.welcome;
+  client.setInput({ x: 1, y: 0, heading: 0 });
+  await updateWhere(client, ({ own }) => own !== null && Math.hypot(own.position[0], own.position[1]) > 1);
+  client.transport.socket.terminate();
+  await eventOf(client, "close");
+  const welcome = await eventOf(client, "open");
+  assert.deepEqual([welcome.avatar, welcome.user], [avatar, user]);
+});
+
+test("history gives the states of the past, and forgets what is too old or too large", async (t) => {
+  const { url } = await serve(t, "--objects", "2000", "--robots", "20");
+  const client = await connected(t, url, { historyBytes: 400_000 });
+  const states = new Map(); // server time → positions
+  await updateWhere(client, ({ time }) => {
+    states.set(time / 1000, new Map(Array.from(client.objects, ([number, { position }]) => [number, position.slice()])));
+    return states.size >= 150;
+  });
+  const [first, last] = client.history.range;
+  assert.ok(client.history.bytes <= 400_000 && last - first > 1000);
+  let compared = 0;
+  for (const [time, positions] of [...states].filter(([time]) => time >= first && time < last).reverse()) {
+    client.sampleHistory(time, ({ number, category }, x, y, z) => {
+      const expected = positions.get(number);
+      if (expected === undefined || category === 3) return; // the update after it is applied already
+      ++compared;
+      assert.ok(Math.hypot(x - expected[0], y - expected[1], z - expected[2]) < 0.3, `${number} at ${time}`);
+    });
+  }
+  assert.ok(compared > 1000);
+});
+
+test("a spectator sees the part of the world that it asks for, and the status of the nodes", async (t) => {
+  const { url } = await serve(t, "--objects", "2000", "--nodes", "2");
+  const client = await connected(t, url, { path: "/watch" });
+  await updateWhere(client, () => client.objects.size >= 1990);
+  client.setView([0, 0, 0], 30);
+  await updateWhere(client, () => client.objects.size > 20 && client.objects.size < 400);
+  for (const { position, category } of client.objects.values()) {
+    if (category !== 3) assert.ok(Math.hypot(...position) < 35);
+  }
+  const status = await eventOf(client, "status");
+  assert.equal(status.nodes.length, 2);
+  assert.match(status.digest, /^[0-9a-f]{16}$/);
+});

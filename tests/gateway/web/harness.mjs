@@ -1,0 +1,65 @@
+// Starts the program for tests, and waits for what happens instead of sleeping.
+import { spawn } from "node:child_process";
+import { once } from "node:events";
+import { mkdtempSync, rmSync } from "node:fs";
+import { createRequire } from "node:module";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+
+const require = createRequire(new URL("../../../engine/gateway/web/package.json", import.meta.url));
+/** A module of engine/gateway/web/node_modules. */
+export const load = (name) => require(name);
+export const program = process.env.RINGFENCE_PROGRAM;
+export const patience_ms = 30000;
+
+/** A folder that is removed after the test. */
+export function temporaryFolder(test) {
+  const folder = mkdtempSync(join(tmpdir(), "ringfence-web-"));
+  test.after(() => rmSync(folder, { recursive: true, force: true }));
+  return folder;
+}
+
+/** Runs the program to its end: its output. Throws if it does not end with 0. */
+export async function run(...args) {
+  const child = spawn(program, args, { stdio: ["ignore", "pipe", "inherit"] });
+  let out = "";
+  child.stdout.on("data", (text) => { out += text; });
+  const [code] = await once(child, "close");
+  if (code !== 0) throw new Error(`ringfence ${args.join(" ")} ended with ${code}: ${out}`);
+  return out;
+}
+
+/** Serves a world until the test ends: { url, stop }; stop() ends it in order and returns its output. */
+export async function serve(test, ...args) {
+  const child = spawn(program, ["serve", "--listen", "127.0.0.1:0", ...args], { stdio: ["ignore", "pipe", "inherit"] });
+  let out = "";
+  const closed = once(child, "close");
+  const url = await new Promise((resolve, reject) => {
+    child.stdout.on("data", (text) => {
+      out += text;
+      if (out.includes("\n")) resolve(out.slice(0, out.indexOf("\n")));
+    });
+    closed.then(() => reject(new Error(`ringfence serve ended: ${out}`)));
+  });
+  const stop = async () => {
+    child.kill("SIGTERM");
+    await closed;
+    return out;
+  };
+  test.after(stop);
+  return { url, stop };
+}
+
+/** The next event for which `matches` holds; fails after half a minute. */
+export function eventOf(target, type, matches = () => true) {
+  return new Promise((resolve, reject) => {
+    const timer = setTimeout(() => reject(new Error(`no event ${type}`)), patience_ms);
+    const listener = (event) => {
+      if (!matches(event.detail ?? event)) return;
+      clearTimeout(timer);
+      target.removeEventListener(type, listener);
+      resolve(event.detail ?? event);
+    };
+    target.addEventListener(type, listener);
+  });
+}
