@@ -1,9 +1,11 @@
 // client.js against the program.
 import assert from "node:assert/strict";
+import { writeFileSync } from "node:fs";
+import { join } from "node:path";
 import test from "node:test";
 
 import { Client } from "../../../engine/gateway/web/client/client.js";
-import { eventOf, load, serve } from "./harness.mjs";
+import { eventOf, load, run, serve, start, temporaryFolder } from "./harness.mjs";
 
 const WebSocket = load("ws");
 
@@ -87,6 +89,24 @@ test("a guest comes back to its avatar after an interruption", async (t) => {
   await eventOf(client, "close");
   const welcome = await eventOf(client, "open");
   assert.deepEqual([welcome.avatar, welcome.user], [avatar, user]);
+});
+
+test("a player comes back to its avatar in a world that was killed and continued from its journal", async (t) => {
+  const folder = temporaryFolder(t), key = join(folder, "key"), journal = join(folder, "journal");
+  writeFileSync(key, "0123456789abcdef0123456789abcdef");
+  const token = (await run("token", "--key", key, "--user", "7")).trim();
+  const killed = await serve(t, "--objects", "50", "--token-key", key, "--journal", journal, "--sync", "always");
+  const before = await connected(t, killed.url, { token, reconnect: false });
+  before.setInput({ x: 1, y: 0, heading: 0 });
+  await updateWhere(before, ({ own }) => own !== null && Math.hypot(own.position[0], own.position[1]) > 1);
+  await killed.stop("SIGKILL");
+  const { url } = await start(t, "resume", journal, "--frames", "0", "--token-key", key);
+  const after = await connected(t, url, { token });
+  assert.deepEqual([after.welcome.user, after.welcome.avatar], [7, before.welcome.avatar]);
+  // What it received before the kill is not lost: it stands there, or where it was a few frames later.
+  const { own } = await updateWhere(after, (update) => update.own !== null);
+  const moved = Math.hypot(own.position[0] - before.own.position[0], own.position[1] - before.own.position[1]);
+  assert.ok(moved < 2, `${moved} m`);
 });
 
 test("history gives the states of the past, and forgets what is too old or too large", async (t) => {

@@ -30,8 +30,11 @@ export async function run(...args) {
 }
 
 /** Serves a world until the test ends: { url, stop }; stop() ends it in order and returns its output. */
-export async function serve(test, ...args) {
-  const child = spawn(program, ["serve", "--listen", "127.0.0.1:0", ...args], { stdio: ["ignore", "pipe", "inherit"] });
+export const serve = (test, ...args) => start(test, "serve", ...args);
+
+/** The same with another command: serve, or resume and the folder of a journal. */
+export async function start(test, ...args) {
+  const child = spawn(program, [...args, "--listen", "127.0.0.1:0"], { stdio: ["ignore", "pipe", "inherit"] });
   let out = "";
   const closed = once(child, "close");
   const url = await new Promise((resolve, reject) => {
@@ -39,14 +42,14 @@ export async function serve(test, ...args) {
       out += text;
       if (out.includes("\n")) resolve(out.slice(0, out.indexOf("\n")));
     });
-    closed.then(() => reject(new Error(`ringfence serve ended: ${out}`)));
+    closed.then(() => reject(new Error(`ringfence ${args[0]} ended: ${out}`)));
   });
-  const stop = async () => {
-    child.kill("SIGTERM");
+  const stop = async (signal = "SIGTERM") => {
+    child.kill(signal);
     await closed;
     return out;
   };
-  test.after(stop);
+  test.after(() => stop());
   return { url, stop };
 }
 
