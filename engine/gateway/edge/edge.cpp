@@ -6,6 +6,7 @@
 #include <thread>
 #include <utility>
 
+#include <boost/asio/ip/network_v6.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/socket_base.hpp>
 #include <pthread.h>
@@ -27,6 +28,15 @@ net::ip::address address_of(const EdgeConfig& config) {
   auto address = net::ip::make_address(config.host == "localhost" ? "127.0.0.1" : config.host, error);
   if (error) throw Error("listen: found " + config.host + "; expected an IP address such as 127.0.0.1 or 0.0.0.0");
   return address;
+}
+
+/// What limits for an address count: of IPv6 the network of 64 bits, since a host has all addresses in it.
+std::string counted_address(const net::ip::address& address) {
+  if (address.is_v4()) return address.to_string();
+  if (address.to_v6().is_v4_mapped()) {
+    return net::ip::make_address_v4(net::ip::v4_mapped, address.to_v6()).to_string();
+  }
+  return net::ip::make_network_v6(address.to_v6(), 64).canonical().to_string();
 }
 
 /// Only this machine may connect without encryption and without tokens.
@@ -93,7 +103,7 @@ struct Edge::Implementation {
     error_code error;
     const Tcp::endpoint remote = socket.remote_endpoint(error);
     if (error) return;
-    const std::string address = remote.address().to_string();
+    const std::string address = counted_address(remote.address());
     const bool is_loopback = remote.address().is_loopback();
     if (!hub.open_address(address, is_loopback)) {
       EdgeCounters::add(hub.counters().closed[index_of(CloseCode::too_many)]);
@@ -175,14 +185,7 @@ void Edge::stop_accepting() {
   });
 }
 
-bool Edge::wait_until_empty(double seconds) {
-  const double end_s = now_s() + seconds;
-  while (statistics().admitted > 0) {
-    if (now_s() > end_s) return false;
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  }
-  return true;
-}
+bool Edge::wait_until_empty(double seconds) { return implementation_->hub.wait_until_empty(seconds); }
 
 void Edge::receive(Inbox& inbox) { implementation_->hub.take(inbox); }
 void Edge::send(Outbox& outbox) { implementation_->hub.send(outbox); }

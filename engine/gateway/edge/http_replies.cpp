@@ -58,6 +58,17 @@ bool is_origin_allowed(const HttpRequest& request, const EdgeConfig& config) {
   return scheme != std::string_view::npos && origin.substr(scheme + 3) == view(request[http::field::host]);
 }
 
+/// Whether the browser of a guest may have been led here by a page of another site, whose name has this machine's
+/// address. A gateway for guests is only reached by the names of this machine.
+bool is_foreign_host(const HttpRequest& request, const EdgeConfig& config) {
+  if (!config.token_key.empty() || !config.origins.empty() || view(request[http::field::origin]).empty()) return false;
+  const std::string_view host = view(request[http::field::host]);
+  const std::string name(host.starts_with('[') ? host.substr(0, host.find(']') + 1) : host.substr(0, host.find(':')));
+  error_code error;
+  const auto address = net::ip::make_address_v4(name, error);
+  return name != "localhost" && name != "[::1]" && (error || !address.is_loopback());
+}
+
 }  // namespace
 
 HttpResponse reply_to(const HttpRequest& request, const Hub& hub, bool is_loopback) {
@@ -91,7 +102,7 @@ HttpResponse refuse_upgrade(const HttpRequest& request, const EdgeConfig& config
   if (path != "/play" && path != "/watch") {
     return text_reply(request, http::status::not_found, "WebSockets are at /play and /watch\n");
   }
-  if (!is_origin_allowed(request, config)) {
+  if (!is_origin_allowed(request, config) || is_foreign_host(request, config)) {
     return text_reply(request, http::status::forbidden, "this page's origin may not connect\n");
   }
   return {};

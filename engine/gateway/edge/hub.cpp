@@ -121,6 +121,12 @@ std::string Hub::metrics() const {
   return metrics_;
 }
 
+bool Hub::wait_until_empty(double seconds) {
+  std::unique_lock lock(mutex_);
+  return client_left_.wait_for(lock, std::chrono::duration<double>(seconds),
+                               [this] { return counters_.admitted.load(std::memory_order_relaxed) == 0; });
+}
+
 void Hub::add(const std::shared_ptr<Peer>& peer) {
   const bool is_new = peers_.insert_or_assign(peer->id(), peer).second;
   not_admitted_[peer->id()] = peer.get();
@@ -141,7 +147,11 @@ void Hub::remove(Peer& peer) {
   not_admitted_.erase(peer.id());
   if (peer.is_admitted()) {
     push({.kind = Event::Kind::closed, .connection = peer.id(), .identity = {}}, {});
-    counters_.admitted.store(counters_.admitted.load(std::memory_order_relaxed) - 1, std::memory_order_relaxed);
+    {
+      const std::lock_guard lock(mutex_);
+      counters_.admitted.store(counters_.admitted.load(std::memory_order_relaxed) - 1, std::memory_order_relaxed);
+    }
+    client_left_.notify_all();
     delays_.forget(peer.id());
   }
   close_address(peer.address());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <condition_variable>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -35,6 +36,8 @@ class Hub {
   void send(Outbox& outbox);
   void set_metrics(std::string_view text);
   std::string metrics() const;
+  /// Waits until no client is admitted; false if some are after that time.
+  bool wait_until_empty(double seconds);
   const EdgeCounters& counters() const noexcept { return counters_; }
   const Admission& admission() const noexcept { return admission_; }
 
@@ -80,7 +83,8 @@ class Hub {
   Timer sweep_timer_;
   DelayLine delays_;
 
-  mutable std::mutex mutex_;  ///< of what follows
+  std::condition_variable client_left_;
+  mutable std::mutex mutex_;  ///< of what follows, and of the end of an admission
   Inbox inbox_;
   Outbox outbox_;
   bool is_posted_ = false;  ///< deliver_pending() will run

@@ -124,21 +124,32 @@ TEST_CASE("metrics are in the Prometheus text format, those of the frames first"
 TEST_CASE("WebSockets are at /play and /watch only, and for allowed origins only") {
   const std::string upgrade =
       "Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n";
-  const auto status = [&](const Edge& edge, const std::string& path, const std::string& origin) {
+  const auto status = [&](const Edge& edge, const std::string& path, const std::string& origin,
+                          const std::string& host = "game.example") {
     RawClient client(edge);
-    client.send("GET " + path + " HTTP/1.1\r\nHost: game.example\r\nConnection: Upgrade\r\n" + upgrade +
+    client.send("GET " + path + " HTTP/1.1\r\nHost: " + host + "\r\nConnection: Upgrade\r\n" + upgrade +
                 (origin.empty() ? "" : "Origin: " + origin + "\r\n") + "\r\n");
     boost::beast::flat_buffer buffer;
     http::response_parser<http::string_body> parser;
     http::read_header(client.socket(), buffer, parser);
     return parser.get().result_int();
   };
-  const Edge any(test_config());
+  EdgeConfig with_key = test_config();
+  with_key.token_key = std::string(32, 'k');
+  const Edge any(with_key);
   CHECK(status(any, "/play", "") == 101);
   CHECK(status(any, "/watch", "https://game.example") == 101);
   CHECK(status(any, "/play", "https://other.example") == 403);
   CHECK(status(any, "/play", "null") == 403);
   CHECK(status(any, "/other", "") == 404);
+  // A page of another site whose name has the address of this machine is not that of a guest.
+  const Edge guests(test_config());
+  CHECK(status(guests, "/play", "") == 101);
+  CHECK(status(guests, "/play", "http://game.example") == 403);
+  CHECK(status(guests, "/play", "http://127.game.example", "127.game.example") == 403);
+  CHECK(status(guests, "/play", "http://localhost:8080", "localhost:8080") == 101);
+  CHECK(status(guests, "/play", "http://127.0.0.1:8080", "127.0.0.1:8080") == 101);
+  CHECK(status(guests, "/play", "http://[::1]:8080", "[::1]:8080") == 101);
   EdgeConfig config = test_config();
   config.origins = {"https://page.example"};
   const Edge listed(config);
