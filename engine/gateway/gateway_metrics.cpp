@@ -31,7 +31,7 @@ class MetricsText {
 
 }  // namespace
 
-std::string metrics_text(const World& world, const GatewayReport& report) {
+std::string metrics_text(const World& world) {
   const FrameReport& frame = world.report();
   MetricsText text;
   text.add("ringfence_frames_total", "counter", "Complete frames.", static_cast<double>(world.frames()));
@@ -44,6 +44,11 @@ std::string metrics_text(const World& world, const GatewayReport& report) {
   for (const NodeReport& node : frame.nodes) {
     text.add_labelled("ringfence_node_busy_seconds", "node", std::to_string(node.id.number()), node.busy_ms * 1e-3);
   }
+  return text.take();
+}
+
+std::string metrics_text(const World& world, const GatewayReport& report) {
+  MetricsText text;
   text.add("ringfence_gateway_players", "gauge", "Players that are connected.", static_cast<double>(report.players));
   text.add("ringfence_gateway_spectators", "gauge", "Spectators and operators.",
            static_cast<double>(report.spectators));
@@ -55,7 +60,7 @@ std::string metrics_text(const World& world, const GatewayReport& report) {
            report.frame_cpu_s);
   text.add("ringfence_gateway_network_cpu_seconds_total", "counter", "CPU time of the gateway's own thread.",
            report.network_cpu_s);
-  return text.take();
+  return metrics_text(world) + text.take();
 }
 
 }  // namespace ringfence::gateway

@@ -7,7 +7,9 @@
 
 namespace ringfence::gateway {
 
-/// What /metrics has of the world and of its clients, in the Prometheus text format.
+/// What /metrics has of the world, in the Prometheus text format.
+std::string metrics_text(const World& world);
+/// What it has of the world and of its clients, in the Prometheus text format.
 std::string metrics_text(const World& world, const GatewayReport& report);
 
 }  // namespace ringfence::gateway

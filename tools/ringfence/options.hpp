@@ -66,6 +66,7 @@ struct OutputOptions {
   std::string picture;
   PictureColors picture_colors = PictureColors::automatic;
   bool quiet = false;
+  std::string metrics;  ///< HOST:PORT
   std::string status;  ///< rewritten once a second
 };
 

@@ -230,6 +230,8 @@ void add_output(CLI::App& command, OutputOptions& output) {
   command.add_option("--frames-csv", output.frames_csv, "write one row per frame as CSV")->type_name("FILE");
   command.add_option("--status", output.status, "write the state of the run as JSON once per second")
       ->type_name("FILE");
+  command.add_option("--metrics", output.metrics, "serve metrics for Prometheus at /metrics of this loopback address")
+      ->type_name("HOST:PORT");
   command.add_option("--trace", output.trace, "write a timeline in Chrome trace format, for Perfetto")
       ->type_name("FILE");
   command.add_option("--picture", output.picture, "draw the last frame from above; the name ends in .svg or .png")

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "exit_code.hpp"
+#include "listen_address.hpp"
 #include "output_file.hpp"
 #include "report.hpp"
 
@@ -17,12 +18,17 @@ using Clock = std::chrono::steady_clock;
 
 StatusLine::StatusLine(const Job& job, const World& world, const NodeProcesses* node_processes, Progress& progress)
     : job_(job), world_(world), node_processes_(node_processes), progress_(progress), last_update_(Clock::now()) {
+  if (!job_.output.metrics.empty()) {
+    const ListenAddress address = read_listen_address(job_.output.metrics, "--metrics");
+    metrics_ = std::make_unique<gateway::MetricsEndpoint>(address.host, address.port);
+    fmt::print(stderr, "ringfence: metrics at {}/metrics\n", metrics_->url());
+  }
   if (!job_.output.status.empty()) write(false);
 }
 
 void StatusLine::step() {
   progress_.step();
-  if (node_processes_ == nullptr && job_.output.status.empty()) return;
+  if (node_processes_ == nullptr && job_.output.status.empty() && metrics_ == nullptr) return;
   const auto now = Clock::now();
   if (now < next_) return;
   next_ = now + std::chrono::seconds(1);
@@ -55,6 +61,7 @@ void StatusLine::update(bool last) {
     last_frames_ = world_.frames();
     last_update_ = now;
   }
+  if (metrics_ != nullptr) metrics_->set(world_);
   if (!job_.output.status.empty()) write(last);
 }
 

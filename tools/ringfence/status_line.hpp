@@ -2,7 +2,9 @@
 
 #include <chrono>
 #include <cstdint>
+#include <memory>
 
+#include "gateway/metrics_endpoint.hpp"
 #include "job.hpp"
 #include "node_processes.hpp"
 #include "progress.hpp"
@@ -11,7 +13,8 @@
 namespace ringfence::tools {
 
 /// Reports the state of a run while it runs: the progress line on a terminal, with node statistics if CD nodes are
-/// processes, and once a second the file of --status. Its work is not part of the measured frame times.
+/// processes, and once a second the file of --status and the values of --metrics. Its work is not part of the measured
+/// frame times.
 class StatusLine {
  public:
   /// `node_processes` is null if CD nodes are threads. All arguments must outlive the status line.
@@ -32,6 +35,7 @@ class StatusLine {
   const World& world_;
   const NodeProcesses* node_processes_;
   Progress& progress_;
+  std::unique_ptr<gateway::MetricsEndpoint> metrics_;  ///< null without --metrics
   std::chrono::steady_clock::time_point next_;
   std::uint64_t last_frames_ = 0;
   std::uint64_t last_bytes_ = 0;

@@ -45,6 +45,9 @@ void check_protection(const EdgeConfig& config, const net::ip::address& address)
     throw Error("TLS needs both a certificate and its key");
   }
   if (address.is_loopback()) return;
+  if (!config.serves_clients) {
+    throw Error("metrics: " + config.host + " is open to other machines: listen at 127.0.0.1 behind a proxy");
+  }
   if (config.certificate_file.empty()) {
     throw Error("listen: " + config.host +
                 " is open to other machines: give a certificate and its key, or listen at 127.0.0.1 behind a proxy");

@@ -33,6 +33,7 @@ struct EdgeConfig {
   std::string token_key;                   ///< empty: guests only
   std::string world = "ringfence";         ///< `aud` of tokens
   std::size_t max_clients = 10000;         ///< admitted connections
+  bool serves_clients = true;              ///< false: only /metrics and /healthz, and only for this machine
   std::vector<std::string> origins;        ///< empty: that of the Host header only
   std::string page_directory;              ///< empty: no page
   EdgeLimits limits;

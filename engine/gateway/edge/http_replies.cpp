@@ -84,6 +84,9 @@ HttpResponse reply_to(const HttpRequest& request, const Hub& hub, bool is_loopba
     return make_reply(request, http::status::ok, "text/plain; version=0.0.4; charset=utf-8",
                       hub.metrics() + metrics_text(hub.counters()));
   }
+  if (!hub.config().serves_clients) {
+    return text_reply(request, http::status::not_found, "there are only /metrics and /healthz\n");
+  }
   if (path == "/play" || path == "/watch") {
     HttpResponse reply = text_reply(request, http::status::upgrade_required, "this path is for WebSockets\n");
     reply.set(http::field::upgrade, "websocket");
@@ -99,7 +102,7 @@ HttpResponse reply_to(const HttpRequest& request, const Hub& hub, bool is_loopba
 
 HttpResponse refuse_upgrade(const HttpRequest& request, const EdgeConfig& config) {
   const std::string_view path = path_of(request);
-  if (path != "/play" && path != "/watch") {
+  if (!config.serves_clients || (path != "/play" && path != "/watch")) {
     return text_reply(request, http::status::not_found, "WebSockets are at /play and /watch\n");
   }
   if (!is_origin_allowed(request, config) || is_foreign_host(request, config)) {

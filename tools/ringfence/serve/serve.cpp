@@ -1,7 +1,6 @@
 #include "serve/serve.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -13,6 +12,7 @@
 
 #include "exit_code.hpp"
 #include "journal_run.hpp"
+#include "listen_address.hpp"
 #include "mesh_file.hpp"
 #include "motion/walk.hpp"
 #include "output_file.hpp"
@@ -45,23 +45,6 @@ ShapeId shape_of_avatars(const worlds::Scene& scene) {
   return ShapeId(static_cast<std::uint32_t>(found - scene.shapes.begin()));
 }
 
-/// "HOST:PORT", where an IPv6 address may be in brackets.
-void read_address(const std::string& text, GatewayConfig& config) {
-  const std::size_t colon = text.rfind(':');
-  std::uint32_t port = 0;
-  const bool has_colon = colon != std::string::npos && colon > 0;
-  const char* const begin = text.data() + (has_colon ? colon + 1 : text.size());
-  const auto [end, error] = std::from_chars(begin, text.data() + text.size(), port);
-  if (!has_colon || error != std::errc() || end != text.data() + text.size() || port > 65535) {
-    throw Error(fmt::format("--listen: found {}; expected HOST:PORT such as 127.0.0.1:8080", text));
-  }
-  config.host = text.substr(0, colon);
-  if (config.host.starts_with('[') && config.host.ends_with(']')) {
-    config.host = config.host.substr(1, config.host.size() - 2);
-  }
-  config.port = static_cast<std::uint16_t>(port);
-}
-
 std::string read_page_directory(const ServeOptions& options) {
   if (!options.page.empty()) return options.page;
   std::error_code error;
@@ -72,7 +55,9 @@ std::string read_page_directory(const ServeOptions& options) {
 
 GatewayConfig gateway_config(const ServeOptions& options, const motion::Walk& walk) {
   GatewayConfig config;
-  read_address(options.listen, config);
+  const ListenAddress address = read_listen_address(options.listen, "--listen");
+  config.host = address.host;
+  config.port = address.port;
   config.world = options.world;
   config.certificate_file = options.certificate;
   config.key_file = options.key;
