@@ -131,6 +131,21 @@ test("history gives the states of the past, and forgets what is too old or too l
   assert.ok(compared > 1000);
 });
 
+test("a message that is not as described ends the connection for good, and says so", () => {
+  // Another type; an update that moves an object which has not entered.
+  for (const bytes of [[99], [2, 0, 5, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 6, 0, 0, 0, 0, 0]]) {
+    const transport = { send() {}, close() { transport.onclose({ code: 1000, reason: "" }); } };
+    const client = new Client("http://gateway.example", { makeTransport: () => transport });
+    const events = [];
+    for (const type of ["notice", "close"]) client.addEventListener(type, ({ detail }) => events.push([type, detail]));
+    client.connect();
+    transport.onmessage(Uint8Array.from(bytes));
+    assert.deepEqual(events.map(([type]) => type), ["close", "notice"]);
+    assert.equal(events[0][1].isFinal, true);
+    assert.match(events[1][1], /unknown type 99|object 3 moves/);
+  }
+});
+
 test("a spectator sees the part of the world that it asks for, and the status of the nodes", async (t) => {
   const { url } = await serve(t, "--objects", "2000", "--nodes", "2");
   const client = await connected(t, url, { path: "/watch" });

@@ -122,15 +122,16 @@ export class Client extends EventTarget {
   }
 
   receive(bytes) {
-    let message;
-    try {
-      message = read(bytes);
-    } catch (error) {
-      this.transport.close();
-      this.emit("notice", `The gateway sent a message that this client cannot read: ${error.message}`);
-      return;
-    }
     this.count(bytes.length);
+    try {
+      this.handle(read(bytes), bytes);
+    } catch (error) {
+      if (!(error instanceof RangeError)) throw error;
+      this.close();
+      this.emit("notice", `The gateway sent a message that this client cannot read: ${error.message}`);
+    }
+  }
+  handle(message, bytes) {
     switch (message.type) {
       case "welcome": return this.begin(message);
       case "update": return this.update(message, bytes);
