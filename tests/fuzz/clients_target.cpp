@@ -120,7 +120,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
         game.frame();
         break;
       default: {
-        const std::size_t length = std::min<std::size_t>(next() % 48, size - at);
+        const std::size_t wanted = next() % 48;
+        const std::size_t length = std::min(wanted, size - at);
         const auto* const first = reinterpret_cast<const std::byte*>(input + at);
         at += length;
         game.send(step >> 3, {first, first + length});

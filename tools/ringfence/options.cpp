@@ -84,8 +84,8 @@ void CommandLineParser::add_run() {
                  "instead of --frames: make random requests and faults for this time, and check every frame")
       ->check(between(0.001, 100'000.0))
       ->type_name("MINUTES")
-      ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail", "--status", "--metrics", "--picture",
-                 "--link", "--rays", "--journal");
+      ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail", "--status", "--metrics",
+                 "--picture", "--link", "--rays", "--journal");
 }
 
 void CommandLineParser::add_replay() {

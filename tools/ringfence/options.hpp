@@ -67,7 +67,7 @@ struct OutputOptions {
   PictureColors picture_colors = PictureColors::automatic;
   bool quiet = false;
   std::string metrics;  ///< HOST:PORT
-  std::string status;  ///< rewritten once a second
+  std::string status;   ///< rewritten once a second
 };
 
 struct RunOptions {

@@ -10,8 +10,8 @@
 
 namespace ringfence::gateway {
 
-/// The objects that one client was sent. It decides what an update has to contain, so that a client that applied any update
-/// since the acknowledged one has exactly the objects near it afterwards, whichever updates were lost.
+/// The objects that one client was sent. It decides what an update has to contain, so that a client that applied any
+/// update since the acknowledged one has exactly the objects near it afterwards, whichever updates were lost.
 ///
 /// For each object there is the frame since which every update had it, or had it removed. An object is sent as entered
 /// until an update of that time is acknowledged, then only if it moved after the acknowledged frame; a removed one is
