@@ -2,9 +2,9 @@
 
 #include <cstdint>
 #include <memory>
-#include <set>
 #include <span>
 #include <string>
+#include <unordered_set>
 #include <vector>
 
 #include "gateway/client/replica.hpp"
@@ -64,7 +64,7 @@ class Robot {
   std::string token_;
   gateway::Replica replica_;
   gateway::Update update_;
-  std::set<ShapeId> asked_;
+  std::unordered_set<ShapeId> asked_;
   ShapeId avatar_shape_;
   bool is_welcomed_ = false, is_closing_ = false, is_closed_ = false;
   float rate_ = 0;
