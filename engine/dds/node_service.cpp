@@ -80,6 +80,8 @@ class NodeService::Implementation {
     bell_.ring();
   }
 
+  NodeServiceReport report() const noexcept { return totals_.report(); }
+
  private:
   void log(LogLevel level, const std::string& line) const {
     if (config_.log) {
@@ -212,7 +214,7 @@ class NodeService::Implementation {
     session_.reset();
     session_ = std::make_unique<NodeSession>(
         domain_, *world_, presence_.get(),
-        domain_.writer(Topic::listener, piece_qos, partition_of_world(world_->number())), config_.name);
+        domain_.writer(Topic::listener, piece_qos, partition_of_world(world_->number())), config_.name, totals_);
   }
 
   // Returns false if the node has to wait: check_world() begins a session when the World is alive again.
@@ -341,6 +343,7 @@ class NodeService::Implementation {
   Domain domain_;
   Entity terms_, pieces_, presence_;
   std::deque<Refusal> refusals_;
+  NodeTotals totals_;
   std::unique_ptr<JoinedWorld> world_;
   std::unique_ptr<NodeSession> session_;
   std::optional<ExitReason> ending_;
@@ -359,5 +362,6 @@ NodeService::~NodeService() = default;
 
 ExitReason NodeService::run() { return implementation_->run(); }
 void NodeService::drain() noexcept { implementation_->drain(); }
+NodeServiceReport NodeService::report() const noexcept { return implementation_->report(); }
 
 }  // namespace ringfence::dds

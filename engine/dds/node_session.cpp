@@ -97,8 +97,9 @@ void JoinedWorld::remove_shape(ShapeNumber shape) {
 }
 
 NodeSession::NodeSession(const Domain& domain, JoinedWorld& world, dds_entity_t presence, Entity listener_writer,
-                         const std::string& name)
+                         const std::string& name, NodeTotals& totals)
     : world_(world),
+      totals_(totals),
       incarnation_(random_incarnation()),
       name_(name),
       presence_(presence),
@@ -116,6 +117,7 @@ NodeSession::~NodeSession() {
   PresenceSample sample{};
   sample.incarnation = incarnation_;
   dds_dispose(presence_, &sample);
+  totals_.set_serves(false);
 }
 
 void write_presence(dds_entity_t writer, std::uint64_t incarnation, std::uint64_t world, const std::string& name,
@@ -175,6 +177,7 @@ bool NodeSession::step() {
   }
   progressed |= role_->step() == Step::progressed;
   check_messages();
+  count_frame();
   send_model_failures();
   if (awaits_peers()) {
     progressed |= receive_from_peers();
@@ -221,6 +224,12 @@ void NodeSession::watch_peers(bool watched) {
     events_.include(links_.events(), 0);
   } else {
     events_.exclude(links_.events());
+  }
+}
+
+void NodeSession::count_frame() {
+  if (role_->is_between_frames() && std::exchange(counted_frames_, role_->frames()) != role_->frames()) {
+    totals_.add_frame(role_->last_frame());
   }
 }
 
@@ -373,6 +382,7 @@ bool NodeSession::make_role(const AssignmentRecord& record) {
       static_cast<std::uint32_t>(std::min<std::uint64_t>(2 * std::uint64_t{terms.max_objects}, 0xffffffffu));
   limits_.slots = setup.max_slots;
   role_ = std::make_unique<nodes::CdNodeRole>(setup, unpack_regions(*table, terms, record));
+  totals_.set_serves(true);
   return true;
 }
 

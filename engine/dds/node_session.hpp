@@ -10,6 +10,7 @@
 #include "dds/description.hpp"
 #include "dds/domain.hpp"
 #include "dds/link_events.hpp"
+#include "dds/node_totals.hpp"
 #include "dds/parcel_channel.hpp"
 #include "dds/peer_links.hpp"
 #include "dds/piece_assembler.hpp"
@@ -73,8 +74,9 @@ void write_presence(dds_entity_t writer, std::uint64_t incarnation, std::uint64_
 /// Threads: one.
 class NodeSession {
  public:
+  /// Adds each complete frame to `totals`.
   NodeSession(const Domain& domain, JoinedWorld& world, dds_entity_t presence, Entity listener_writer,
-              const std::string& name);
+              const std::string& name, NodeTotals& totals);
   ~NodeSession();
   NodeSession(const NodeSession&) = delete;
   NodeSession& operator=(const NodeSession&) = delete;
@@ -114,8 +116,10 @@ class NodeSession {
   void send();
   void check_messages() const;
   void send_model_failures();
+  void count_frame();
 
   JoinedWorld& world_;
+  NodeTotals& totals_;
   std::uint64_t incarnation_;
   std::string name_;
   dds_entity_t presence_;
@@ -131,6 +135,7 @@ class NodeSession {
   std::unique_ptr<nodes::CdNodeRole> role_;
   NodeNumber slot_ = 0;
   nodes::MessageLimits limits_;
+  std::uint64_t counted_frames_ = 0;                  ///< of the role, in totals_
   std::uint64_t failures_frame_ = ~std::uint64_t{0};  ///< for which the failures of the model were sent
   bool over_ = false;
 };

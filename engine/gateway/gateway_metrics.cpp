@@ -63,4 +63,16 @@ std::string metrics_text(const World& world, const GatewayReport& report) {
   return metrics_text(world) + text.take();
 }
 
+std::string metrics_text(const dds::NodeServiceReport& report) {
+  MetricsText text;
+  text.add("ringfence_node_serves", "gauge", "1: the node is assigned in a world.", report.serves ? 1 : 0);
+  text.add("ringfence_node_frames_total", "counter", "Complete frames.", static_cast<double>(report.frames));
+  text.add("ringfence_node_frame_busy_seconds", "gauge", "Work of the node in the last frame.", report.frame_busy_s);
+  text.add("ringfence_node_cpu_seconds_total", "counter", "CPU time of the node's frames.", report.cpu_s);
+  text.add("ringfence_node_objects", "gauge", "Objects that the node hosts.", static_cast<double>(report.objects));
+  text.add("ringfence_node_handed_over_total", "counter", "Objects that the node has handed over to other nodes.",
+           static_cast<double>(report.handed_over));
+  return text.take();
+}
+
 }  // namespace ringfence::gateway

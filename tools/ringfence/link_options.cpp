@@ -74,6 +74,8 @@ void add_node(CLI::App& command, NodeOptions& node) {
       ->check(CLI::Validator(check_file, ""))
       ->type_name("FILE");
   command.option_defaults()->group(option_groups::output);
+  command.add_option("--metrics", node.metrics, "serve metrics for Prometheus at /metrics of this loopback address")
+      ->type_name("HOST:PORT");
   command.add_flag("--quiet", node.quiet, "log warnings and errors only");
 }
 

@@ -29,6 +29,7 @@ struct LinkOptions {
 struct NodeOptions {
   dds::NetworkConfig network;
   std::string name;
+  std::string metrics;  ///< HOST:PORT
   bool once = false;
   bool quiet = false;
 };

@@ -13,6 +13,7 @@
 
 #include "exit_code.hpp"
 #include "motion_setup.hpp"
+#include "node_metrics.hpp"
 
 namespace ringfence::tools {
 namespace {
@@ -91,6 +92,7 @@ int run_node(const NodeOptions& options) {
     if (level >= least) fmt::print(stderr, "ringfence node {}: {}\n", getpid(), line);
   };
   dds::NodeService service(std::move(config));
+  const NodeMetrics metrics(options.metrics, service);
   draining_service = &service;
   struct sigaction action {};
   action.sa_handler = drain;

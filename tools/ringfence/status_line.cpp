@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "exit_code.hpp"
-#include "listen_address.hpp"
+#include "metrics_option.hpp"
 #include "output_file.hpp"
 #include "report.hpp"
 
@@ -17,12 +17,12 @@ namespace ringfence::tools {
 using Clock = std::chrono::steady_clock;
 
 StatusLine::StatusLine(const Job& job, const World& world, const NodeProcesses* node_processes, Progress& progress)
-    : job_(job), world_(world), node_processes_(node_processes), progress_(progress), last_update_(Clock::now()) {
-  if (!job_.output.metrics.empty()) {
-    const ListenAddress address = read_listen_address(job_.output.metrics, "--metrics");
-    metrics_ = std::make_unique<gateway::MetricsEndpoint>(address.host, address.port);
-    fmt::print(stderr, "ringfence: metrics at {}/metrics\n", metrics_->url());
-  }
+    : job_(job),
+      world_(world),
+      node_processes_(node_processes),
+      progress_(progress),
+      metrics_(open_metrics(job.output.metrics)),
+      last_update_(Clock::now()) {
   if (!job_.output.status.empty()) write(false);
 }
 

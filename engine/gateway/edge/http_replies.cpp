@@ -82,7 +82,7 @@ HttpResponse reply_to(const HttpRequest& request, const Hub& hub, bool is_loopba
   if (path == "/metrics") {
     if (!is_loopback) return text_reply(request, http::status::forbidden, "only from this machine\n");
     return make_reply(request, http::status::ok, "text/plain; version=0.0.4; charset=utf-8",
-                      hub.metrics() + metrics_text(hub.counters()));
+                      hub.metrics() + (hub.config().serves_clients ? metrics_text(hub.counters()) : ""));
   }
   if (!hub.config().serves_clients) {
     return text_reply(request, http::status::not_found, "there are only /metrics and /healthz\n");

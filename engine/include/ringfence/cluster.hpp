@@ -147,10 +147,21 @@ constexpr const char* name_of(ExitReason reason) noexcept {
   return names[static_cast<std::size_t>(reason)];
 }
 
+/// What a node process has done; totals are of all Worlds that it has served.
+struct NodeServiceReport {
+  bool serves = false;            ///< it is assigned in a World
+  std::uint64_t frames = 0;       ///< complete frames
+  std::uint64_t objects = 0;      ///< objects that it hosts; 0 if the deployment lets the server host them
+  std::uint64_t handed_over = 0;  ///< objects that it has handed over to other nodes
+  double frame_busy_s = 0;        ///< work in the last frame
+  double cpu_s = 0;               ///< CPU time of its frames
+};
+
 /// A CD node process: joins a domain, waits for a World and serves its frames.
 ///
 /// Threads: run() occupies its thread until it returns; drain() may be called from any other thread and from a signal
-/// handler. run() computes in the default floating-point environment and restores the caller's modes on return.
+/// handler, report() from any thread. run() computes in the default floating-point environment and restores the
+/// modes of the caller on return.
 class NodeService {
  public:
   /// Joins the domain. Throws Error if that fails.
@@ -164,6 +175,7 @@ class NodeService {
   /// run() returns at once. A second call makes run() return without handing over; the World then detects a loss.
   /// Async-signal-safe.
   void drain() noexcept;
+  NodeServiceReport report() const noexcept;
 
  private:
   class Implementation;

@@ -122,6 +122,7 @@ bool CdNodeRole::advance() {
       }
       state_.traffic = {};
       state_.stage = CdNodeStage::waiting;
+      ++frames_;
       return true;
   }
   return false;

@@ -52,6 +52,9 @@ class CdNodeRole {
 
   /// The objects hosted after the last frame. Only while no frame is running.
   const Host& host() const noexcept { return state_.host; }
+  /// Number of complete frames, and the statistics of the last one. Only while no frame is running.
+  std::uint64_t frames() const noexcept { return frames_; }
+  const messages::NodeFrameStats& last_frame() const noexcept { return state_.stats; }
   /// Whether the node is between frames, so that assign() may be called.
   bool is_between_frames() const noexcept { return state_.stage == CdNodeStage::waiting; }
   /// Whether the next step may need messages of other nodes. Those that arrive at other times can wait.
@@ -89,6 +92,7 @@ class CdNodeRole {
   ExpectedMessages expected_;
   messages::RunSender probe_reply_run_, frame_done_run_;
   std::uint64_t invalid_messages_ = 0;
+  std::uint64_t frames_ = 0;
   std::uint64_t cpu_start_ = 0;   ///< CPU time of the thread at the start of the frame, ns
   std::uint64_t step_start_ = 0;  ///< ns
 };
