@@ -33,7 +33,6 @@ EdgeConfig edge_config(const GatewayConfig& config) {
 }
 
 GatewayConfig checked(GatewayConfig config) {
-  if (!config.hooks.spawn) throw Error("GatewayConfig::hooks.spawn is empty; expected what makes a player's avatar");
   if (!(config.rate > 0 && config.rate <= max_rate)) throw Error("GatewayConfig::rate: expected above 0, at most 1000");
   if (!(config.grace_s >= 0 && config.grace_s <= 1e6)) throw Error("GatewayConfig::grace_s: expected 0 to 10^6");
   if (config.max_clients == 0) throw Error("GatewayConfig::max_clients: expected at least 1");

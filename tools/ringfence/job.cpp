@@ -1,6 +1,7 @@
 #include "job.hpp"
 
 #include <algorithm>
+#include <filesystem>
 #include <optional>
 #include <utility>
 
@@ -20,6 +21,7 @@
 #include "recording.hpp"
 #include "report.hpp"
 #include "ringfence/world.hpp"
+#include "serve/job_view.hpp"
 #include "status_line.hpp"
 #include "stop_signals.hpp"
 #include "worlds/load.hpp"
@@ -127,6 +129,9 @@ Job make_job(const ReplayOptions& options) {
   if (job.service.link.kind == LinkKind::dds) job.motion_setup = pack_motion(motion);
   job.output = options.output;
   job.journal = options.journal;
+  job.view = options.view;
+  const std::filesystem::path scene = std::filesystem::absolute(options.scene);
+  job.view.world = (scene.parent_path().filename() / scene.stem()).string();
   job.frames = options.frames;
 
   const std::uint32_t needed = worlds::users_of(job.scene);
@@ -180,6 +185,8 @@ int run_job(const Job& job) {
   const std::uint64_t resumed = world.frames(), total = std::uint64_t{job.frames.warmup} + job.frames.frames;
   Progress progress(job.output.quiet, total - std::min(total, resumed));
   StatusLine status(job, world, node_processes ? &*node_processes : nullptr, progress);
+  std::optional<JobView> view;
+  if (!job.view.address.empty()) view.emplace(world, job, figures, stop);
   while (world.frames() < job.frames.warmup && !stop.received()) {
     advance(world, world.frames());
     checker.skip_frame();
@@ -192,8 +199,10 @@ int run_job(const Job& job) {
     const auto frame = static_cast<std::uint32_t>(world.frames() - job.frames.warmup);
     resize_schedule.before_frame(frame, world);
     inject_faults(job.service.faults, frame, std::uint64_t{job.frames.warmup} + frame, world);
+    if (view) view->before_frame();
     advance(world, std::uint64_t{job.frames.warmup} + frame);
     figures.add(world.report(), world.contacts());
+    if (view) view->after_frame();
     resize_schedule.add_frame(world.report());
     outputs.add_frame(frame, world);
     recording.add_frame(world);
@@ -202,6 +211,7 @@ int run_job(const Job& job) {
     checker.check_answers(frame, queries.rows(), queries.answers());
     status.step();
   }
+  if (view) view->hold();
   if (world.frames() < total) figures.ended_by = stop.received();
   journal.finish();
   status.finish(figures.ended_by);

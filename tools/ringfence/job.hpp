@@ -25,6 +25,7 @@ struct Job {
   OutputOptions output;
   JournalOptions journal;
   QueryLoad queries;
+  ViewOptions view;
   std::string record_prefix;                         ///< empty: no recording
   bool profile = false;                              ///< print the profile of the narrow phase instead of the report
   const worlds::PaperWorldOptions* world = nullptr;  ///< parameters of a generated world; null for a replay

@@ -96,6 +96,7 @@ void CommandLineParser::add_replay() {
   add_journal_options(replay, command_line_.replay.journal, true);
   add_output(replay, command_line_.replay.output);
   add_queries(replay, command_line_.replay);
+  add_view(replay, command_line_.replay.view);
 }
 
 void CommandLineParser::add_record() {

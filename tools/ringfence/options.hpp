@@ -81,6 +81,14 @@ struct RunOptions {
   double soak_minutes = 0;    ///< `run` only; 0: no soak
 };
 
+/// Options of `replay` for the page that shows the run.
+struct ViewOptions {
+  std::string address;  ///< HOST:PORT; empty: none
+  std::string world;    ///< name of the world
+  std::string page;     ///< directory; empty: that of the program
+  double tick = 10;     ///< frames per second
+};
+
 struct ReplayOptions {
   FrameOptions frames;
   ServiceOptions service;
@@ -90,6 +98,7 @@ struct ReplayOptions {
   std::string motion;
   std::string queries;     ///< `replay` only; empty: none
   std::string answers;     ///< `replay` only
+  ViewOptions view;        ///< `replay` only
   std::uint32_t rays = 0;  ///< `profile` only: as RunOptions::rays
   std::uint64_t seed = 1;  ///< of the rays
 };

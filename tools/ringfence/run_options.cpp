@@ -200,6 +200,21 @@ void add_queries(CLI::App& command, ReplayOptions& options) {
   answers->type_name("FILE")->needs(queries);
 }
 
+void add_view(CLI::App& command, ViewOptions& view) {
+  command.option_defaults()->group(option_groups::output);
+  CLI::Option* const address =
+      command.add_option("--view", view.address, "show the run in a browser, at this loopback address, in real time");
+  address->type_name("HOST:PORT");
+  command.add_option("--tick", view.tick, "frames per second, with --view")
+      ->check(between(0.1, 1000.0))
+      ->needs(address)
+      ->capture_default_str()
+      ->type_name("HZ");
+  command.add_option("--page", view.page, "directory of the page; default: the one installed with the program")
+      ->needs(address)
+      ->type_name("DIR");
+}
+
 void add_journal_options(CLI::App& command, JournalOptions& journal, bool writes) {
   command.option_defaults()->group(option_groups::journal);
   if (writes) {

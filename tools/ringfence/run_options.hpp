@@ -25,6 +25,8 @@ void add_population(CLI::App& command, worlds::PaperWorldOptions& world);
 void add_rays(CLI::App& command, RunOptions& options);
 /// The files of queries and answers.
 void add_queries(CLI::App& command, ReplayOptions& options);
+/// Adds --view, and what belongs to it.
+void add_view(CLI::App& command, ViewOptions& view);
 /// The journal; --journal only if `writes`.
 void add_journal_options(CLI::App& command, JournalOptions& journal, bool writes);
 /// Checks and output files. Includes add_quiet.

@@ -31,6 +31,7 @@ Replica::Outcome Replica::apply(const Update& update) {
     if (moved.has_turn) found->second.turn = moved.turn;
   }
   contacts_ = update.contacts;
+  touching_ = update.touching;
   own_.reset();
   if (update.own) {
     own_ = Own{update.own->number, update.own->pose, {update.own->state.begin(), update.own->state.end()}};

@@ -39,12 +39,15 @@ class Replica {
   std::uint64_t acknowledgement() const noexcept { return frames_; }
   const std::unordered_map<ObjectNumber, Object>& objects() const noexcept { return objects_; }
   const std::vector<OwnContact>& contacts() const noexcept { return contacts_; }
+  /// Of spectators: pairs in their view that touch each other.
+  const std::vector<TouchingPair>& touching() const noexcept { return touching_; }
   const std::optional<Own>& own() const noexcept { return own_; }
 
  private:
   std::uint64_t frames_ = 0;
   std::unordered_map<ObjectNumber, Object> objects_;
   std::vector<OwnContact> contacts_;
+  std::vector<TouchingPair> touching_;
   std::optional<Own> own_;
 };
 

@@ -34,9 +34,9 @@ Clients::Clients(World& world, const GatewayConfig& config, Transport& transport
       roster_(world, config.hooks, frames_in(config.grace_s, config.rate)),
       table_(world),
       player_view_(world, table_, static_objects_),
-      spectator_view_(table_),
+      spectator_view_(world, table_),
       requests_(world, config.hooks),
-      status_(world) {}
+      status_(world, config.contact_label) {}
 
 void Clients::before_frame() {
   receive();

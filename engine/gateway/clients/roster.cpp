@@ -6,7 +6,7 @@
 namespace ringfence::gateway {
 
 Roster::Roster(World& world, const GatewayHooks& hooks, Stamp grace) : world_(world), hooks_(hooks), grace_(grace) {
-  find_players();
+  if (hooks_.spawn) find_players();
 }
 
 // The lowest-numbered avatar of each user.
@@ -79,6 +79,9 @@ void Roster::open(ConnectionId connection, const Identity& identity, Stamp now, 
   if (identity.role != Role::play) {
     client = &add(std::make_unique<Client>());
     client->role = identity.role;
+  } else if (!hooks_.spawn) {
+    outbox.closes.push_back({connection, CloseCode::forbidden, "this world has spectators only; connect to /watch"});
+    return;
   } else if (client = identity.user ? find(identity.user) : nullptr; client == nullptr) {
     std::string refusal;
     client = admit_player(identity.user, refusal);

@@ -95,6 +95,7 @@ std::string StatusText::text(std::size_t clients, std::optional<std::uint64_t> d
   Json status{{"frame", report.frame},     {"frame_ms", report.frame_ms}, {"objects", report.objects},
               {"clients", clients},        {"pairs", report.candidates},  {"contacts", report.contacts},
               {"nodes", std::move(nodes)}, {"lost", std::move(lost)}};
+  if (!contact_label_.empty()) status["contact_label"] = contact_label_;
   if (digest) status["digest"] = hexadecimal(*digest);
   if (!has_map) status["regions"] = region_map(world_);
   return status.dump();

@@ -13,7 +13,8 @@ namespace ringfence::gateway {
 /// Collects what spectators receive about the server and its nodes; docs/client-protocol.md, "status".
 class StatusText {
  public:
-  explicit StatusText(const World& world) : world_(world) {}
+  /// `contact_label`: GatewayConfig::contact_label; outlives this object.
+  StatusText(const World& world, const std::string& contact_label) : world_(world), contact_label_(contact_label) {}
 
   /// Adds the last frame.
   void add_frame();
@@ -32,6 +33,7 @@ class StatusText {
   NodeLoad& load_of(NodeId id);
 
   const World& world_;
+  const std::string& contact_label_;
   std::vector<NodeLoad> loads_;
   std::vector<NodeId> lost_;
 };

@@ -14,7 +14,9 @@
 namespace ringfence::gateway {
 namespace {
 
+// Bits of the flags of an update.
 constexpr std::uint8_t has_own = 1;
+constexpr std::uint8_t has_touching = 2;
 constexpr std::size_t max_mesh_triangles = 65535;
 constexpr std::uint8_t no_such_shape = 255;
 
@@ -101,6 +103,16 @@ void write_contacts(ByteWriter& writer, const Update& update) {
     writer.fixed(contact.normal.z);
     writer.var(contact.depth);
     write_offset(writer, contact.point, update.origin);
+  }
+}
+
+void write_touching(ByteWriter& writer, const Update& update) {
+  writer.var(update.touching.size());
+  ObjectNumber last = 0;
+  for (const auto [a, b] : update.touching) {
+    writer.var(a - last);
+    writer.var(b - a);
+    last = a;
   }
 }
 
@@ -234,6 +246,21 @@ void read_contacts(ByteReader& reader, Update& update) {
   }
 }
 
+void read_touching(ByteReader& reader, Update& update) {
+  update.touching.resize(reader.count(2));
+  if (update.touching.empty()) return reader.fail();
+  TouchingPair last;
+  for (TouchingPair& pair : update.touching) {
+    const std::uint64_t step = reader.var(), difference = reader.var();
+    pair.a = last.a + static_cast<ObjectNumber>(step);
+    pair.b = pair.a + static_cast<ObjectNumber>(difference);
+    const bool is_number = step <= 0xffffffffu - last.a && difference <= 0xffffffffu - pair.a;
+    const bool is_after = pair.a > last.a || pair.b > last.b;
+    if (!is_number || difference == 0 || !is_after) return reader.fail();
+    last = pair;
+  }
+}
+
 Vec3f read_point(ByteReader& reader) noexcept {
   Vec3f v;
   v.x = reader.fixed<float>();
@@ -294,6 +321,7 @@ void Update::clear() noexcept {
   moved.clear();
   removed.clear();
   contacts.clear();
+  touching.clear();
 }
 
 void write(const Welcome& message, std::vector<std::byte>& bytes) {
@@ -317,7 +345,7 @@ void write(const Welcome& message, std::vector<std::byte>& bytes) {
 void write(const Update& message, std::vector<std::byte>& bytes) {
   ByteWriter writer(bytes);
   write_type(writer, ServerMessageType::update);
-  writer.fixed<std::uint8_t>(message.own ? has_own : 0);
+  writer.fixed<std::uint8_t>((message.own ? has_own : 0) | (message.touching.empty() ? 0 : has_touching));
   writer.var(message.frame);
   writer.var(message.since);
   writer.var(message.time_us);
@@ -333,6 +361,7 @@ void write(const Update& message, std::vector<std::byte>& bytes) {
   Differences differences;
   for (const ObjectNumber number : message.removed) writer.var(differences.of(number));
   write_contacts(writer, message);
+  if (!message.touching.empty()) write_touching(writer, message);
 }
 
 void write_shape(ShapeId shape, const ShapeDescription* description, std::vector<std::byte>& bytes) {
@@ -398,7 +427,7 @@ bool read(std::span<const std::byte> bytes, Update& message) {
   ByteReader reader(bytes.subspan(1));
   message.clear();
   const auto flags = reader.fixed<std::uint8_t>();
-  if (flags > has_own) return false;
+  if (flags > (has_own | has_touching)) return false;
   message.frame = reader.var();
   message.since = reader.var();
   message.time_us = reader.var();
@@ -406,7 +435,7 @@ bool read(std::span<const std::byte> bytes, Update& message) {
   message.age = reader.var();
   message.echo = reader.fixed<std::uint16_t>();
   message.hold_ms = reader.var();
-  if (flags == has_own) read_own(reader, message);
+  if ((flags & has_own) != 0) read_own(reader, message);
   message.origin = read_offset(reader, {});
   read_entered(reader, message);
   read_moved(reader, message);
@@ -414,6 +443,7 @@ bool read(std::span<const std::byte> bytes, Update& message) {
   message.removed.resize(reader.count(1));
   for (ObjectNumber& number : message.removed) number = numbers.next(reader, reader.var());
   read_contacts(reader, message);
+  if ((flags & has_touching) != 0) read_touching(reader, message);
   return reader.at_end();
 }
 

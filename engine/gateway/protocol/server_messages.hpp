@@ -80,6 +80,11 @@ struct OwnContact {
   QuantisedPosition point;
 };
 
+/// Two objects that touch, for spectators; a < b.
+struct TouchingPair {
+  ObjectNumber a = 0, b = 0;
+};
+
 /// The state of what a client sees after one frame, or what changed in it. Lists are in ascending order of number.
 struct Update {
   std::uint64_t frame = 0;
@@ -95,6 +100,7 @@ struct Update {
   std::vector<MovedObject> moved;
   std::vector<ObjectNumber> removed;
   std::vector<OwnContact> contacts;
+  std::vector<TouchingPair> touching;
   /// Empties it, and keeps the memory of the lists.
   void clear() noexcept;
 };

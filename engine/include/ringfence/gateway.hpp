@@ -16,7 +16,8 @@ namespace ringfence {
 /// What the embedder does for the clients of a Gateway. All are called on the thread that calls the Gateway, within
 /// before_frame() and after_frame(); they may call the World. They must not call the Gateway, except Gateway::send.
 struct GatewayHooks {
-  /// Required: makes the avatar of a player who has connected, by World::spawn. A null id refuses the player.
+  /// Makes the avatar of a player who has connected, by World::spawn. A null id refuses the player. Null: the world has
+  /// spectators only.
   std::function<ObjectId(UserId)> spawn;
   /// A player is gone for good; its user is disconnected next, which destroys its avatars. May be null.
   std::function<void(UserId)> left;
@@ -47,7 +48,9 @@ struct GatewayConfig {
   std::size_t max_clients = 10000;
   /// Parameters of the motion model that clients receive, to predict it; of the model walk: see WalkConfig.
   std::vector<std::byte> model_parameters;
-  double rate = 20;     ///< frames per second that the embedder runs; clients predict with it
+  double rate = 20;  ///< frames per second that the embedder runs; clients predict with it
+  std::string
+      contact_label;    ///< what a contact means in this world, for spectators: "loss of separation"; may be empty
   double grace_s = 30;  ///< seconds for which the avatar of a player whose connection ended stays
   /// Worsens the network for tests: "delay=150ms,jitter=50ms,loss=5%,share=50%"; empty: not.
   std::string network;

@@ -335,6 +335,47 @@ TEST_CASE("a spectator sees the whole world, or the part that it asks for, and t
   CHECK(served.transport.closed(player) == nullptr);
 }
 
+TEST_CASE("a spectator receives the pairs that touch in its view") {
+  Served served;
+  const ConnectionId player = served.transport.open(Role::play);
+  const ConnectionId spectator = served.transport.open(Role::watch);
+  served.frame();
+  Replica replica, of_player;
+  served.update(player, of_player);
+  served.transport.client_sends(player, walk_east(of_player.acknowledgement(), 1));
+  served.frames(80);  // the avatar has reached the wall
+  served.update(spectator, replica);
+  std::vector<std::pair<ObjectNumber, ObjectNumber>> expected;
+  for (const Contact& contact : served.world().contacts()) {
+    if (contact.phase != Phase::end) expected.emplace_back(contact.a, contact.b);
+  }
+  REQUIRE(expected.size() == 1);
+  const auto touching = [&] {
+    std::vector<std::pair<ObjectNumber, ObjectNumber>> pairs;
+    for (const auto [a, b] : replica.touching()) pairs.emplace_back(a, b);
+    return pairs;
+  };
+  CHECK(touching() == expected);
+  served.transport.client_sends(spectator, View{{-500, 0, 0}, 1});
+  served.frames(4);
+  served.update(spectator, replica);
+  CHECK(touching().empty());
+  served.update(player, of_player);
+  CHECK(of_player.contacts().size() == 1);
+  CHECK(of_player.touching().empty());
+}
+
+TEST_CASE("a world without a hook for avatars has spectators only") {
+  Served served;
+  served.config().hooks.spawn = nullptr;
+  const ConnectionId player = served.transport.open(Role::play);
+  const ConnectionId spectator = served.transport.open(Role::watch);
+  served.frame();
+  REQUIRE(served.transport.closed(player) != nullptr);
+  CHECK(served.transport.closed(player)->code == CloseCode::forbidden);
+  CHECK(served.transport.closed(spectator) == nullptr);
+}
+
 TEST_CASE("an operator kills a node, and players keep their contacts") {
   Served served(1, 3);
   const ConnectionId player = served.transport.open(Role::play);

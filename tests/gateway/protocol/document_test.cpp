@@ -57,7 +57,11 @@ class DocumentReader {
       if (field.note.find("only if it changed") != std::string::npos && parity % 2 == 0) continue;
       if (field.note.find("not if the phase is end") != std::string::npos && phase == 2) continue;
       if (field.note.find("if bit 0 of flags is set") != std::string::npos) {
-        if (values["flags"].at(0) == 1) read_own();
+        if ((static_cast<int>(values["flags"].at(0)) & 1) != 0) read_own();
+        continue;
+      }
+      if (field.note.find("if bit 1 of flags is set") != std::string::npos &&
+          (static_cast<int>(values["flags"].at(0)) & 2) == 0) {
         continue;
       }
       const std::size_t first = values[field.name].size();
@@ -209,6 +213,7 @@ TEST_CASE("the document's tables read welcome and update") {
   update.contacts = {{5, Phase::persist, 20, {-127, 0, 127}, 64, {512, 0, 5}},
                      {8, Phase::end, 1, {}, 0, {}},
                      {9, Phase::begin, 0, {1, 2, 3}, 1, {512, -1024, 5}}};
+  update.touching = {{5, 9}, {5, 200}, {70, 71}};
   const DocumentReader found = read_as("### update (2)", update, bytes);
   const auto value = [&](const char* name) { return found.values.at(name); };
   CHECK(value("frame") == Values{1000});
@@ -233,6 +238,8 @@ TEST_CASE("the document's tables read welcome and update") {
   CHECK(value("normal") == Values{129, 0, 127, 1, 2, 3});
   CHECK(value("depth") == Values{64, 1});
   CHECK(value("point") == Values{0, 1024, 0, 0, 0, 0});
+  CHECK(value("a") == Values{5, 0, 65});
+  CHECK(value("b") == Values{4, 195, 1});
 }
 
 TEST_CASE("the document lists every type of message and every close code, and no others") {

@@ -79,6 +79,13 @@ Update any_update(Random& random) {
     }
     update.contacts.push_back(contact);
   }
+  ObjectNumber a = 0;
+  for (std::uint64_t i = random() % 5; i > 0; --i) {
+    const bool has_same = !update.touching.empty() && random() % 2 == 0;
+    if (!has_same) a += 1 + static_cast<ObjectNumber>(random() % 1000);
+    const ObjectNumber after = has_same ? update.touching.back().b : a;
+    update.touching.push_back({a, after + 1 + static_cast<ObjectNumber>(random() % 1000)});
+  }
   return update;
 }
 

@@ -53,6 +53,26 @@ export async function start(test, ...args) {
   return { url, stop };
 }
 
+/** Replays a recorded world on the page until the test ends: { url, ended }; `ended` is a promise of the exit code. */
+export async function view(test, ...args) {
+  const child = spawn(program, ["replay", ...args, "--view", "127.0.0.1:0"], { stdio: ["ignore", "ignore", "pipe"] });
+  const ended = once(child, "close").then(([code]) => code);
+  let errors = "";
+  const url = await new Promise((resolve, reject) => {
+    child.stderr.on("data", (text) => {
+      errors += text;
+      const found = /(http:\S+?)\/\?watch shows the run/.exec(errors);
+      if (found !== null) resolve(found[1]);
+    });
+    ended.then(() => reject(new Error(`ringfence replay ended: ${errors}`)));
+  });
+  test.after(async () => {
+    child.kill("SIGTERM");
+    await ended;
+  });
+  return { url, ended };
+}
+
 /** The next event for which `matches` holds; fails after half a minute. */
 export function eventOf(target, type, matches = () => true) {
   return new Promise((resolve, reject) => {

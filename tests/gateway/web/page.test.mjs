@@ -4,7 +4,7 @@ import { mkdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import test from "node:test";
 
-import { load, patience_ms, run, serve, temporaryFolder } from "./harness.mjs";
+import { load, patience_ms, run, serve, temporaryFolder, view } from "./harness.mjs";
 
 const puppeteer = load("puppeteer-core");
 const out = process.env.RINGFENCE_OUT;
@@ -181,4 +181,30 @@ test("on a phone there is a stick, and nothing is wider than the screen", async 
   await screenshot(page, "phone");
   await touch.end();
   assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth));
+});
+
+test("recorded air traffic is shown with losses of separation, a legend, and its end", async (t) => {
+  const data = join(process.env.RINGFENCE_DATA, "air");
+  const { url, ended } = await view(t, "--scene", join(data, "scene.json"), "--motion", join(data, "motion.csv"),
+    "--frames", "60", "--quiet", "--tick", "20");
+  const page = await open(t, url); // the path of players, whom a recording does not have
+  await until(page, () => window.ringfence?.touching.lines.visible); 
+  const seen = await page.evaluate(() => {
+    const { touching, bodies, client, stage, drawCalls } = window.ringfence;
+    const [a, b] = [...touching.shown.values()][0].pair;
+    const flash = bodies.colours.flash;
+    return { label: touching.label, legend: document.getElementById("legend").textContent, drawCalls,
+      isWatching: location.search === "?watch", isMarked: [a, b].every((number) => bodies.slots.get(number).colour === flash),
+      near: Math.hypot(...client.objects.get(a).position.map((value, axis) => value - client.objects.get(b).position[axis])),
+      far: stage.camera.far };
+  });
+  assert.equal(seen.label, "loss of separation");
+  assert.ok(seen.isWatching && seen.isMarked);
+  assert.ok(seen.near < 5.2 * 1852, `${seen.near} m`); // 5 nautical miles, and how far the corners of the prisms reach
+  assert.ok(seen.drawCalls <= 20 && seen.far > 1e6);
+  await until(page, () => /loss of separation: \d+ now, [1-9]\d* seen/.test(document.getElementById("legend").textContent));
+  await screenshot(page, "air");
+  await until(page, () => window.ringfence.client.statistics.frame === 59); 
+  await page.goto("about:blank"); // nobody watches any more
+  assert.equal(await ended, 0);
 });

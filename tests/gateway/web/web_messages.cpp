@@ -97,20 +97,21 @@ Json write_update(Random& random, Bytes& bytes) {
     update.contacts.push_back(contact);
     contacts.push_back(record);
   }
+  Json touching = Json::array();
+  number = 0;
+  for (std::uint64_t i = random() % 4; i > 0; --i) {
+    const ObjectNumber a = next_number(), b = a + 1 + static_cast<ObjectNumber>(random() % 100'000);
+    update.touching.push_back({a, b});
+    touching.push_back({a, b});
+  }
   write(update, bytes);
-  return {{"type", "update"},
-          {"frame", update.frame},
-          {"since", update.since},
-          {"time", update.time_us},
-          {"sequence", update.sequence},
-          {"age", update.age},
-          {"echo", update.echo},
-          {"hold", update.hold_ms},
-          {"own", own},
-          {"entered", entered},
-          {"moved", moved},
-          {"removed", update.removed},
-          {"contacts", contacts}};
+  return {{"type", "update"},          {"touching", touching},
+          {"frame", update.frame},     {"since", update.since},
+          {"time", update.time_us},    {"sequence", update.sequence},
+          {"age", update.age},         {"echo", update.echo},
+          {"hold", update.hold_ms},    {"own", own},
+          {"entered", entered},        {"moved", moved},
+          {"removed", update.removed}, {"contacts", contacts}};
 }
 
 Json write_welcome(Bytes& bytes) {

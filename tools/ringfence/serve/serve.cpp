@@ -1,7 +1,6 @@
 #include "serve/serve.hpp"
 
 #include <algorithm>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,6 +18,7 @@
 #include "ringfence/gateway.hpp"
 #include "run_options.hpp"
 #include "serve/frame_clock.hpp"
+#include "serve/page_directory.hpp"
 #include "serve/server_robots.hpp"
 #include "serve/spawn_places.hpp"
 #include "serve/token_command.hpp"
@@ -45,15 +45,7 @@ ShapeId shape_of_avatars(const worlds::Scene& scene) {
   return ShapeId(static_cast<std::uint32_t>(found - scene.shapes.begin()));
 }
 
-std::string read_page_directory(const ServeOptions& options) {
-  if (!options.page.empty()) return options.page;
-  std::error_code error;
-  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
-  const std::filesystem::path installed = program.parent_path().parent_path() / "share" / "ringfence" / "web";
-  return !error && std::filesystem::is_directory(installed) ? installed.string() : std::string();
-}
-
-GatewayConfig gateway_config(const ServeOptions& options, const motion::Walk& walk) {
+GatewayConfig gateway_config(const ServeOptions& options, const std::string& contact_label, const motion::Walk& walk) {
   GatewayConfig config;
   const ListenAddress address = read_listen_address(options.listen, "--listen");
   config.host = address.host;
@@ -63,10 +55,11 @@ GatewayConfig gateway_config(const ServeOptions& options, const motion::Walk& wa
   config.key_file = options.key;
   if (!options.token_key.empty()) config.token_key = read_token_key(options.token_key);
   config.origins = options.origins;
-  config.page_directory = read_page_directory(options);
+  config.page_directory = page_directory(options.page);
   config.max_clients = options.max_clients;
   config.rate = options.tick;
   config.grace_s = options.grace_s;
+  config.contact_label = contact_label;
   config.network = options.network;
   const auto parameters = walk.parameters();
   config.model_parameters.assign(parameters.begin(), parameters.end());
@@ -166,7 +159,8 @@ int serve(const ServeOptions& options) {
   if (world.frames() == 0) run_frame();
   static_cast<void>(robots.resize(options.robots));
 
-  GatewayConfig gateway_options = gateway_config(options, dynamic_cast<const motion::Walk&>(*job.model));
+  GatewayConfig gateway_options =
+      gateway_config(options, job.scene.contact_label, dynamic_cast<const motion::Walk&>(*job.model));
   gateway_options.hooks.spawn = [&](UserId user) { return places.spawn(user); };
   gateway_options.hooks.robots = [&](std::uint32_t count) { return robots.resize(count); };
   gateway_options.hooks.digest = [&] { return figures.digest(); };

@@ -98,6 +98,8 @@ export class Client extends EventTarget {
   get objects() { return this.replica.objects; }
   /** Of the own avatar: { number, phase, age, normal, depth, point }. */
   get contacts() { return this.replica.contacts; }
+  /** Of spectators: [a, b] of the objects that touch each other in the view. */
+  get touching() { return this.replica.touching; }
   /** The own avatar as received last, or null. */
   get own() { return this.replica.own; }
 
@@ -112,13 +114,18 @@ export class Client extends EventTarget {
     this.statistics.delay_ms = this.clock.delay;
     this.tracks.sample(time, this.objects, visit);
   }
-  /** The same at a server time of the history, and { own, contacts, frame } of that time. */
+  /** The same at a server time of the history, and { own, contacts, touching, frame } of that time. */
   sampleHistory(time, visit) {
     const found = this.history?.at(time);
     if (!found) return null;
     found.tracks.sample(time, found.replica.objects, visit);
-    const { own, contacts, frame } = found.replica;
-    return { own, contacts, frame };
+    const { own, contacts, touching, frame } = found.replica;
+    return { own, contacts, touching, frame };
+  }
+  /** Objects that are faster, m/s, have jumped: they are not drawn between two places. */
+  setFastest(fastest) {
+    this.fastest = this.tracks.fastest = fastest;
+    if (this.history !== null) this.history.fastest = fastest;
   }
 
   receive(bytes) {

@@ -175,6 +175,13 @@ function readContacts(reader, origin) {
   });
 }
 
+function readTouching(reader) {
+  return readRecords(reader, (next) => {
+    const a = next(reader.var());
+    return [a, a + reader.var()];
+  });
+}
+
 function readUpdate(reader) {
   const flags = reader.u8();
   const update = { frame: reader.var(), since: reader.var(), time: reader.var(), sequence: reader.var(),
@@ -185,6 +192,7 @@ function readUpdate(reader) {
   update.moved = readMoved(reader, origin);
   update.removed = readRecords(reader, (next) => next(reader.var()));
   update.contacts = readContacts(reader, origin);
+  update.touching = flags & 2 ? readTouching(reader) : [];
   return update;
 }
 

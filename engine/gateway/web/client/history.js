@@ -16,6 +16,7 @@ export class History {
     this.entries = []; // { time, bytes, key: objects or null, own, contacts }
     this.bytes = 0;
     this.cursor = null; // { index, replica, tracks }
+    this.fastest = undefined; // m/s: of Tracks
   }
   /** Adds an update that the replica has applied. */
   add(update, message, replica) {
@@ -60,8 +61,9 @@ export class History {
     const update = read(message);
     const replica = new Replica();
     for (const [number, object] of key ?? []) replica.objects.set(number, { ...object });
-    Object.assign(replica, { frame: update.frame, own: update.own, contacts: update.contacts });
-    const tracks = new Tracks();
+    Object.assign(replica, { frame: update.frame, own: update.own, contacts: update.contacts,
+      touching: update.touching });
+    const tracks = new Tracks(this.fastest);
     for (const object of replica.objects.values()) tracks.addState(object.number, object, time);
     tracks.before = time;
     this.cursor = { index: Math.max(first, 0), replica, tracks };

@@ -6,6 +6,7 @@ export class Replica {
     /** number → { number, generation, shape, category, user, metadata, position, orientation } */
     this.objects = new Map();
     this.contacts = [];
+    this.touching = [];
     this.own = null;
     this.frame = -1;
   }
@@ -26,6 +27,7 @@ export class Replica {
       if (moved.orientation !== null) object.orientation = moved.orientation;
     }
     this.contacts = update.contacts;
+    this.touching = update.touching;
     this.own = update.own;
     this.frame = update.frame;
     return true;

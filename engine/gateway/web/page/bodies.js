@@ -26,15 +26,17 @@ export class Bodies {
       flash: new Color(colours.flash), ghost: new Color(colours.ghost) };
     for (const slot of this.slots.values()) slot.colour = null;
   }
-  /** An object of the own contacts changes its colour for a moment. */
+  /** An object that begins to touch another changes its colour for a moment. */
   flash(number, now) { this.flashes.set(number, now); }
 
-  begin(now, shapes, { own, isGhost }) {
+  /** `marked`: numbers of the objects that have the colour of a contact all the time. */
+  begin(now, shapes, { own, isGhost, marked }) {
     ++this.round;
     this.now = now;
     this.known = shapes;
     this.own = own;
     this.isGhost = isGhost;
+    this.marked = marked;
     for (const [number, time] of this.flashes) if (now - time > flash_ms) this.flashes.delete(number);
   }
   visit = (object, x, y, z, qx, qy, qz, qw) => {
@@ -129,7 +131,7 @@ export class Bodies {
     const { own, flash, ghost, categories } = this.colours;
     let colour = object.number === this.own ? own : categories[object.category] ?? own;
     if (this.isGhost !== null && this.isGhost(x, y, slot.scale)) colour = ghost;
-    if (this.flashes.size > 0 && this.flashes.has(object.number)) colour = flash;
+    if (this.marked.has(object.number) || this.flashes.has(object.number)) colour = flash;
     if (slot.colour === colour) return;
     slot.colour = colour;
     colour.toArray(slot.group.mesh.instanceColor.array, slot.index * 3);

@@ -12,6 +12,7 @@ export class Controls {
     this.yaw = Math.PI / 2;
     this.pitch = 0.45;
     this.distance = 12;
+    this.scale = 1; // of the stage
     this.onClick = () => {};
     this.listenToKeys(canvas);
     this.listenToPointer(canvas);
@@ -21,7 +22,7 @@ export class Controls {
       this.zoom(Math.exp(event.deltaY * 0.001));
     }, { passive: false });
   }
-  zoom(factor) { this.distance = Math.max(3, Math.min(900, this.distance * factor)); }
+  zoom(factor) { this.distance = Math.max(3 * this.scale, Math.min(900 * this.scale, this.distance * factor)); }
 
   listenToKeys() {
     const isTyping = (event) => event.target instanceof HTMLInputElement && event.target.type !== "range";

@@ -2,12 +2,14 @@ import { Client } from "../client/client.js";
 import { Bodies } from "./bodies.js";
 import { Charts } from "./charts.js";
 import { Controls } from "./controls.js";
-import { Figures, Inspector, OperatorPanel, Timeline } from "./panels.js";
+import { Figures, Inspector, Legend, OperatorPanel, Timeline } from "./panels.js";
 import { Regions } from "./regions.js";
 import { Stage } from "./stage.js";
 import { Theme } from "./theme.js";
+import { Touching } from "./touching.js";
 
 const historyBytes = 64 << 20;
+const fastest = 50; // m/s on a square of the stage's usual size
 const viewShare = 2.2; // a spectator sees this many times the camera's distance
 const eyeHeight = 0.6; // metres above the middle of the avatar
 
@@ -32,14 +34,17 @@ const figures = new Figures();
 const stage = new Stage(element("stage"));
 const bodies = new Bodies(stage);
 const regions = new Regions(stage);
+const touching = new Touching(stage);
 const controls = new Controls(element("stage"), element("stick"), element("knob"));
 const theme = new Theme(document.documentElement, ({ colours, isDark }) => {
   stage.setColours(colours);
   bodies.setColours(colours);
+  touching.setColours(colours);
   regions.draw(isDark);
   element("theme").textContent = isDark ? "Light" : "Dark";
 });
 const charts = new Charts(element("charts"), theme);
+const legend = new Legend(() => theme.colours);
 const timeline = new Timeline(() => client.history);
 const inspector = new Inspector(() => stage.mark(null));
 const layers = { regions: false, ghosts: false, load: false, counts: false, sent: false };
@@ -68,6 +73,7 @@ function begin({ role }, connection) {
 }
 function showStatus(status) {
   monitorStatus = status;
+  touching.label = status.contact_label ?? "";
   if (status.regions) regions.setMap(status.regions, theme.isDark);
   charts.add("load", status.nodes.map(({ id, busy_ms }) => [id, busy_ms, id]));
   charts.add("counts", [["pairs", status.pairs, theme.isDark ? "#6ea8e6" : "#2f6fb3"],
@@ -77,12 +83,16 @@ function showStatus(status) {
 
 client.addEventListener("open", ({ detail }) => {
   stage.setBounds(detail.bounds);
+  controls.scale = stage.scale;
+  client.setFastest(fastest * stage.scale);
   const who = { play: `player ${detail.user}`, watch: "spectator", operate: "operator" }[detail.role];
   figures.connection(`${detail.world}, ${who}`, false);
   begin(detail, client);
   if (isWatching) startWatching(detail.bounds);
 });
 client.addEventListener("close", ({ detail }) => {
+  // Spectators may look at a world in which this visitor may not play.
+  if (detail.code === 4403 && !isWatching) return location.replace(`?watch${location.hash}`);
   const reason = detail.reason === "" ? "the connection ended" : detail.reason;
   figures.connection(detail.isFinal ? reason : `${reason}; connecting again`, true);
 });
@@ -90,13 +100,16 @@ client.addEventListener("status", ({ detail }) => showStatus(detail));
 client.addEventListener("notice", ({ detail }) => figures.notice(detail));
 client.addEventListener("described", ({ detail }) => inspector.show(detail, client.shapes));
 client.addEventListener("update", ({ detail }) => {
+  const begun = touching.set(timeline.time === null ? detail.touching : touching.pairs);
   if (isCalm) return;
+  for (const number of begun.flat()) bodies.flash(number, performance.now());
   for (const { number, phase, age } of detail.contacts) {
     if (phase === "begin" || (phase === "persist" && age < 2)) bodies.flash(number, performance.now());
   }
 });
 setInterval(() => {
   figures.show(client.statistics);
+  if (isWatching) legend.show(client.objects, touching);
   charts.add("sent", [["bytes", client.statistics.bytesPerSecond / 1000, theme.isDark ? "#5fb5a5" : "#3d8a7c"]]);
   if (inspector.number !== null && timeline.time === null) client.describe(inspector.number);
 }, 500);
@@ -105,8 +118,9 @@ function startWatching(bounds) {
   if (view === null) {
     centre[0] = (bounds[0] + bounds[3]) / 2;
     centre[1] = (bounds[1] + bounds[4]) / 2;
-    controls.distance = Math.max(30, Math.min(140, (bounds[3] - bounds[0]) * 0.5));
-    controls.pitch = 0.8;
+    // All of a large world, or a good part of a small one.
+    controls.distance = stage.scale > 1 ? 320 * stage.scale : Math.max(30, Math.min(140, (bounds[3] - bounds[0]) * 0.5));
+    controls.pitch = stage.scale > 1 ? 1.1 : 0.8;
   }
   view = null;
 }
@@ -126,9 +140,11 @@ function moveCamera(seconds) {
 /** Objects at the displayed time, and the own avatar among them. */
 function drawObjects(now) {
   const own = client.welcome?.avatar || null;
-  bodies.begin(now, client.shapes, { own, isGhost: layers.ghosts ? regions.isGhost : null });
+  touching.begin(now);
+  bodies.begin(now, client.shapes, { own, isGhost: layers.ghosts ? regions.isGhost : null, marked: touching.marked });
   if (timeline.time !== null) {
     const past = client.sampleHistory(timeline.time, visitAndMark);
+    if (past !== null) touching.set(past.touching);
     if (past?.own) drawOwn(past.own.number, ...past.own.position, past.own.orientation);
   } else {
     client.sample(visitAndMark, now);
@@ -139,10 +155,12 @@ function drawObjects(now) {
     }
   }
   bodies.end();
+  touching.end();
 }
 let marked = null;
 function visitAndMark(object, x, y, z, qx, qy, qz, qw) {
   if (object.number === inspector.number) marked = [x, y];
+  touching.visit(object.number, x, y, z);
   bodies.visit(object, x, y, z, qx, qy, qz, qw);
 }
 const ownObject = { number: 0, generation: 0, category: 0, shape: 0 };
@@ -212,13 +230,17 @@ controls.onClick = (x, y) => {
   else client.describe(number);
 };
 
+if (isWatching) element("help").textContent = "Move: W A S D or arrow keys. Turn: drag. Zoom: wheel. Click an object for its state.";
 if (fragment.has("operate")) watchNodes();
 client.connect();
+// A browser may keep a page that was left, with its connections.
+addEventListener("pagehide", () => { for (const each of [client, monitor]) each?.close(); });
+addEventListener("pageshow", ({ persisted }) => { if (persisted) for (const each of [client, monitor]) each?.connect(); });
 requestAnimationFrame(frame);
 
 /** For tests: the parts of the page, and counts of the last frame. */
 window.ringfence = {
-  drawFrame, client, controls, bodies, regions, timeline, stage, layers,
+  drawFrame, client, controls, bodies, regions, timeline, touching, stage, layers,
   get monitor() { return monitor; },
   get status() { return monitorStatus; },
   get drawCalls() { return stage.drawCalls; },

@@ -25,6 +25,33 @@ export class Figures {
   }
 }
 
+/** What the colours mean, for spectators. */
+export class Legend {
+  constructor(colours) {
+    this.colours = colours; // () → those of the theme
+    this.shown = "";
+  }
+  show(objects, touching) {
+    const present = [...new Set(Array.from(objects.values(), (object) => object.category))].sort();
+    const { categories: hues, flash } = this.colours();
+    const rows = present.map((category) => [hues[category], present.length === 1 ? "objects" : categories[category]]);
+    const count = (value) => value.toLocaleString("en");
+    rows.push([flash, touching.label === "" ? `touching: ${count(touching.pairs.length)} pairs`
+      : `${touching.label}: ${count(touching.pairs.length)} now, ${count(touching.seen)} seen`]);
+    const shown = JSON.stringify(rows);
+    if (shown === this.shown) return;
+    this.shown = shown;
+    element("legend").replaceChildren(...rows.map(([colour, text]) => {
+      const row = document.createElement("li"), swatch = document.createElement("span");
+      swatch.className = "swatch";
+      swatch.style.background = `#${colour.toString(16).padStart(6, "0")}`;
+      row.append(swatch, text);
+      return row;
+    }));
+    element("legend").hidden = false;
+  }
+}
+
 /** The state of the object that was clicked. */
 export class Inspector {
   constructor(onClose) {

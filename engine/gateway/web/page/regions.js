@@ -5,10 +5,10 @@ import { nodeColour } from "./theme.js";
 /** The regions of the CD nodes as colours on the ground. */
 export class Regions {
   constructor(stage) {
+    this.stage = stage;
     this.map = null;
     this.mesh = new Mesh(new PlaneGeometry(1, 1), new MeshBasicMaterial({ transparent: true, opacity: 0.34,
       depthWrite: false }));
-    this.mesh.position.z = -0.005;
     this.mesh.visible = false;
     stage.scene.add(this.mesh);
   }
@@ -34,7 +34,7 @@ export class Regions {
     this.mesh.material.map = texture;
     this.mesh.material.needsUpdate = true;
     this.mesh.scale.set(max[0] - min[0], max[1] - min[1], 1);
-    this.mesh.position.set((min[0] + max[0]) / 2, (min[1] + max[1]) / 2, -0.005);
+    this.mesh.position.set((min[0] + max[0]) / 2, (min[1] + max[1]) / 2, -0.005 * this.stage.scale);
   }
   nodeAt(x, y) {
     const { columns, rows, min, max, nodes } = this.map;

@@ -1,12 +1,14 @@
 import { AmbientLight, Color, DirectionalLight, Fog, GridHelper, Mesh, MeshBasicMaterial, MeshLambertMaterial,
   PerspectiveCamera, PlaneGeometry, Raycaster, RingGeometry, Scene, Vector2, WebGLRenderer } from "three";
 
-const groundCell = 10; // metres
+const cellOf = (side) => 10 ** Math.max(1, Math.floor(Math.log10(side / 20))); // metres
+const nearSide = 300; // metres: in larger worlds the camera, the fog and the marks are larger too
 
 /** What is drawn: the camera, the lights and the ground. z is up. */
 export class Stage {
   constructor(canvas) {
     this.canvas = canvas;
+    this.scale = 1;
     this.renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
     this.scene = new Scene();
     this.camera = new PerspectiveCamera(45, 1, 0.1, 3000);
@@ -15,7 +17,6 @@ export class Stage {
     this.sun = new DirectionalLight(0xffffff, 2);
     this.sun.position.set(-0.5, -0.8, 1.4);
     this.ground = new Mesh(new PlaneGeometry(1, 1), new MeshLambertMaterial());
-    this.ground.position.z = -0.02;
     this.marker = new Mesh(new RingGeometry(0.5, 0.62, 40), new MeshBasicMaterial({ transparent: true, opacity: 0.9 }));
     this.marker.visible = false;
     this.scene.add(this.ambient, this.sun, this.ground, this.marker);
@@ -43,13 +44,17 @@ export class Stage {
   }
   setBounds(bounds) {
     this.bounds = bounds;
+    this.scale = Math.max(1, Math.max(bounds[3] - bounds[0], bounds[4] - bounds[1]) / nearSide);
+    Object.assign(this.camera, { near: 0.1 * this.scale, far: 3000 * this.scale });
+    this.camera.updateProjectionMatrix();
+    this.marker.scale.setScalar(this.scale);
     const [minX, minY, , maxX, maxY] = bounds;
     const width = maxX - minX, height = maxY - minY;
     this.ground.scale.set(width, height, 1);
-    this.ground.position.set((minX + maxX) / 2, (minY + maxY) / 2, -0.02);
+    this.ground.position.set((minX + maxX) / 2, (minY + maxY) / 2, -0.02 * this.scale);
     this.scene.remove(this.grid);
     const side = Math.max(width, height);
-    this.grid = new GridHelper(side, Math.min(200, Math.max(2, Math.round(side / groundCell))), this.gridColour,
+    this.grid = new GridHelper(side, Math.min(200, Math.max(2, Math.round(side / cellOf(side)))), this.gridColour,
       this.gridColour);
     this.grid.rotation.x = Math.PI / 2;
     this.grid.position.set(this.ground.position.x, this.ground.position.y, 0);
@@ -58,15 +63,15 @@ export class Stage {
   /** A ring on the ground around the selected object. */
   mark(place) {
     this.marker.visible = place !== null;
-    if (place !== null) this.marker.position.set(place[0], place[1], 0.04);
+    if (place !== null) this.marker.position.set(place[0], place[1], 0.04 * this.scale);
   }
   /** Looks at a point from a direction: yaw and pitch in radians, distance in metres. */
   look([x, y, z], yaw, pitch, distance) {
     const flat = Math.cos(pitch) * distance;
     this.camera.position.set(x - Math.cos(yaw) * flat, y - Math.sin(yaw) * flat, z + Math.sin(pitch) * distance);
     this.camera.lookAt(x, y, z);
-    this.scene.fog.near = distance + 60;
-    this.scene.fog.far = distance * 3 + 400;
+    this.scene.fog.near = distance + 60 * this.scale;
+    this.scene.fog.far = distance * 3 + 400 * this.scale;
   }
   /** A ray through a point of the window, in pixels. */
   rayAt(x, y) {
