@@ -16,7 +16,8 @@
 #include "telemetry/clock.hpp"
 
 // Benchmarks limit/<world>: the median time of a frame in worlds that are not as they should be, each beside the same
-// world as it should be. limit/far/<n>/<metres>/<bounds>: spheres far from the origin, with bounds there or not.
+// world as it should be. limit/far/<n>/<metres>/<bounds>: spheres far from the origin, with bounds there or not; with
+// /nodes2 by two CD nodes instead of the calling thread.
 // limit/wide/<n>/<bounds>: spheres over 2 km. limit/users/<n>: users who are not near each other, with memory.
 // limit/avatars/<n>: n avatars of one user on one spot, and 4000 other objects.
 //
@@ -73,9 +74,9 @@ void measure(benchmark::State& state, World& world) {
 }
 
 // A cubic lattice with 3 m between spheres of 1 m, so that none are in contact.
-void run_far(benchmark::State& state, std::uint32_t count, double metres, bool right_bounds) {
+void run_far(benchmark::State& state, std::uint32_t count, double metres, bool right_bounds, std::uint32_t nodes) {
   const auto row = static_cast<std::uint32_t>(std::ceil(std::cbrt(count)));
-  WorldConfig config = config_of(0);
+  WorldConfig config = config_of(nodes);
   set_cube(config, right_bounds ? metres : 0, right_bounds ? 3.0 * row : 100);
   World world(config);
   const ShapeId ball = world.add_shape(Sphere{1});
@@ -187,8 +188,9 @@ int main(int argc, char** argv) {
   for (const bool right : {false, true}) {
     const std::string bounds = right ? "bounds" : "no_bounds";
     for (const double metres : {1e3, 1e5}) {
-      add("limit/far/3000/" + std::to_string(static_cast<int>(metres)) + '/' + bounds,
-          [=](benchmark::State& state) { run_far(state, 3000, metres, right); });
+      const std::string name = "limit/far/3000/" + std::to_string(static_cast<int>(metres)) + '/' + bounds;
+      add(name, [=](benchmark::State& state) { run_far(state, 3000, metres, right, 0); });
+      add(name + "/nodes2", [=](benchmark::State& state) { run_far(state, 3000, metres, right, 2); });
     }
     add("limit/wide/4000/" + bounds, [=](benchmark::State& state) { run_wide(state, 4000, right); });
   }

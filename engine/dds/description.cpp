@@ -157,7 +157,7 @@ Assignment unpack_assignment(std::span<const std::byte> bytes, const WorldTermsR
               std::to_string(facade::max_nodes));
   const regions::CellGrid grid = grid_of(terms);
   require(
-      where, assignment.map_words >= grid.cells() && assignment.map_words <= regions::RegionMap::max_entries(grid),
+      where, assignment.map_words >= grid.cells() && assignment.map_words <= regions::RegionMap::max_words(grid),
       "a map of " + std::to_string(assignment.map_words) + " entries for " + std::to_string(grid.cells()) + " cells");
   const std::span<const std::byte> rest = bytes.subspan(sizeof assignment);
   require(where, rest.size() == std::size_t{assignment.count} * sizeof(PeerRecord),

@@ -7,14 +7,7 @@
 namespace ringfence::regions {
 
 Leaf leaf_of(const CellGrid& grid, std::uint32_t cell) noexcept {
-  Leaf leaf;
-  const CellBox box = grid.box_of(cell);
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    leaf.bits[axis] = static_cast<std::uint8_t>(32 - grid.log2[axis]);
-    leaf.lower[axis] = static_cast<std::uint32_t>(std::uint64_t{box.lower[axis]} << leaf.bits[axis]);
-  }
-  leaf.entry = cell;
-  return leaf;
+  return {.bounds = grid.bounds_of(grid.box_of(cell)), .entry = cell};
 }
 
 Bisection::Bisection(const CellGrid& grid) : grid_(grid) {
@@ -68,8 +61,8 @@ std::size_t Bisection::longest_axis(std::size_t begin, std::size_t end) const {
     std::uint64_t high = 0;
     for (std::size_t i = begin; i < end; ++i) {
       const Leaf& leaf = leaves_[sorted_[i].leaf];
-      low = std::min<std::uint64_t>(low, leaf.lower[axis]);
-      high = std::max(high, leaf.lower[axis] + (std::uint64_t{1} << leaf.bits[axis]));
+      low = std::min<std::uint64_t>(low, leaf.bounds.lower[axis]);
+      high = std::max(high, leaf.bounds.upper[axis] + std::uint64_t{1});
     }
     const double side = std::ldexp(static_cast<double>(high - low), static_cast<int>(grid_.log2[axis]) - 32);
     if (side > longest_side) {
@@ -83,7 +76,7 @@ std::size_t Bisection::longest_axis(std::size_t begin, std::size_t end) const {
 // Stable: leaves of one layer keep their order, so a cut within a layer is one step, not scattered.
 void Bisection::sort_along(std::size_t axis, std::size_t begin, std::size_t end) {
   for (std::size_t i = begin; i < end; ++i) {
-    sorted_[i].key = std::uint64_t{leaves_[sorted_[i].leaf].lower[axis]} << 32 | i;
+    sorted_[i].key = std::uint64_t{leaves_[sorted_[i].leaf].bounds.lower[axis]} << 32 | i;
   }
   std::sort(sorted_.begin() + static_cast<std::ptrdiff_t>(begin), sorted_.begin() + static_cast<std::ptrdiff_t>(end),
             [](const SortKey& p, const SortKey& q) { return p.key < q.key; });

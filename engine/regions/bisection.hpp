@@ -12,10 +12,9 @@ namespace ringfence::regions {
 
 /// A cell of a map, or a part of a cell that was cut: the smallest unit that a node owns.
 struct Leaf {
-  std::uint32_t lower[3] = {};  ///< lower corner, fixed point
-  std::uint8_t bits[3] = {};    ///< log2 of its side on each axis, in fixed-point steps
-  std::uint32_t entry = 0;      ///< index of its owner in the table of the map
-  double weight = 0;            ///< at least 0
+  geometry::Bounds bounds;
+  std::uint32_t entry = 0;  ///< index of its owner in the table of the map
+  double weight = 0;        ///< at least 0
 };
 
 /// Divides leaves among nodes by recursive bisection, so that all nodes get nearly the same weight.

@@ -17,10 +17,11 @@ struct Weight {
   float weight;
 };
 
-/// Cuts the cells that are too heavy for one node: in half across their longest side, then the halves again.
+/// Cuts the cells that are too heavy for one node: across their longest side, then the two parts again.
 ///
 /// A crowd that fits into one cell can then be divided among nodes. The result is a table for RegionMap whose owners
-/// are filled in later. Method: below each heavy cell, a k-d tree with cuts in the middle.
+/// are filled in later. Method: below each heavy cell, a k-d tree with cuts in the middle; where all weight is on one
+/// side of the middle, the cut is beside the weight, so that a crowd in a huge cell takes few cuts.
 ///
 /// Threads: one at a time. Memory: grows to the largest result, at most `max_cuts` cuts.
 class Refinement {
@@ -35,7 +36,7 @@ class Refinement {
 
   /// The leaves of the last refine().
   std::span<const Leaf> leaves() const noexcept { return leaves_; }
-  /// The table of the last refine(), with the given owners, one for each leaf.
+  /// The table of the last refine(), with the given owners, one for each leaf. Parts with one owner are not cut.
   std::span<const std::uint32_t> table(std::span<const NodeNumber> owners);
 
  private:
@@ -44,6 +45,10 @@ class Refinement {
     const std::uint32_t* smallest;
   };
   void cut(Leaf leaf, std::size_t begin, std::size_t end, const Limits& limits);
+  std::uint32_t plane_of(const Leaf& leaf, std::size_t axis, std::size_t begin, std::size_t end,
+                         std::uint32_t margin) const;
+  std::uint32_t joined(std::uint32_t entry);
+  const Weight& weight_of(std::uint64_t key) const noexcept { return weights_[static_cast<std::uint32_t>(key)]; }
 
   CellGrid grid_;
   std::vector<double> cell_weights_;
@@ -51,6 +56,7 @@ class Refinement {
   std::span<const Weight> weights_;
   std::vector<Leaf> leaves_;
   std::vector<std::uint32_t> table_;
+  std::vector<std::uint32_t> joined_;  ///< result of table()
 };
 
 }  // namespace ringfence::regions

@@ -43,10 +43,15 @@ RegionMap::RegionMap(CellGrid grid, std::uint32_t nodes) : grid_(grid), nodes_(n
 
 void RegionMap::find_sole_owner() noexcept {
   sole_owner_ = many_owners;
-  const auto first = std::find_if_not(table_.begin(), table_.end(), is_cut);
-  if (first != table_.end() &&
-      std::all_of(first, table_.end(), [&](std::uint32_t entry) { return is_cut(entry) || entry == *first; })) {
-    sole_owner_ = *first;
+  for (std::size_t word = 0; word < table_.size(); ++word) {
+    if (is_plane(word, grid_) || is_cut(table_[word])) {
+      continue;
+    }
+    if (sole_owner_ != many_owners && table_[word] != sole_owner_) {
+      sole_owner_ = many_owners;
+      return;
+    }
+    sole_owner_ = table_[word];
   }
 }
 
@@ -140,13 +145,47 @@ geometry::Bounds RegionMap::interior(NodeNumber node) const {
       }
     }
   }
-  geometry::Bounds bounds;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const std::uint32_t bits = 32 - grid_.log2[axis];
-    bounds.lower[axis] = static_cast<std::uint32_t>(std::uint64_t{box.lower[axis]} << bits);
-    bounds.upper[axis] = static_cast<std::uint32_t>(((box.upper[axis] + std::uint64_t{1}) << bits) - 1);
+  return grid_.bounds_of(box);
+}
+
+namespace {
+
+/// A part of a cell, and the number of cuts above it.
+struct DeepPart {
+  geometry::Bounds bounds{{1, 1, 1}, {0, 0, 0}};
+  std::size_t cuts = 0;
+
+  double volume() const noexcept {
+    double product = 1;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      product *= static_cast<double>(bounds.upper[axis]) - bounds.lower[axis] + 1;
+    }
+    return product;
   }
-  return bounds;
+};
+
+void find_densest(const RegionMap& map, std::uint32_t entry, const DeepPart& part, NodeNumber node, DeepPart& densest) {
+  if (RegionMap::is_cut(entry)) {
+    const std::size_t axis = RegionMap::axis_of(entry), words = RegionMap::words_at(entry, map.grid());
+    DeepPart lower{part.bounds, part.cuts + 1}, upper = lower;
+    lower.bounds.upper[axis] = map.table()[words] - 1;
+    upper.bounds.lower[axis] = map.table()[words];
+    find_densest(map, map.table()[words + 1], lower, node, densest);
+    find_densest(map, map.table()[words + 2], upper, node, densest);
+  } else if (entry == node && (part.cuts > densest.cuts ||
+                               (part.cuts > 0 && part.cuts == densest.cuts && part.volume() > densest.volume()))) {
+    densest = part;
+  }
+}
+
+}  // namespace
+
+geometry::Bounds RegionMap::densest_part(NodeNumber node) const {
+  DeepPart densest;
+  for (std::uint32_t cell = 0; has_cuts() && cell < grid_.cells(); ++cell) {
+    find_densest(*this, table_[cell], {grid_.bounds_of(grid_.box_of(cell)), 0}, node, densest);
+  }
+  return densest.bounds;
 }
 
 Coverage RegionMap::coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept {
@@ -161,15 +200,9 @@ Coverage RegionMap::coverage_of_many(const geometry::Bounds& bounds, NodeNumber 
 }
 
 NodeNumber RegionMap::owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept {
-  // The coordinate bits below those of the cell; the next bit is the highest one.
-  std::uint32_t remaining[3];
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    remaining[axis] = point[axis] << grid_.log2[axis];
-  }
   while (is_cut(entry)) {
-    std::uint32_t& next = remaining[axis_of(entry)];
-    entry = table_[halves_of(entry) + (next >> 31)];
-    next <<= 1;
+    const std::uint32_t* const cut = cut_of(entry);
+    entry = cut[point[axis_of(entry)] < cut[0] ? 1 : 2];
   }
   return entry;
 }
@@ -192,21 +225,22 @@ bool RegionMap::has_cuts(const CellBox& box) const noexcept {
 
 bool RegionMap::is_table(std::span<const std::uint32_t> table, const CellGrid& grid, std::uint32_t nodes) {
   const std::size_t cells = grid.cells();
-  if (table.size() < cells || table.size() > max_entries(grid) || (table.size() - cells) % 2 != 0) {
+  if (table.size() < cells || table.size() > max_words(grid) || (table.size() - cells) % words_of_cut != 0) {
     return false;
   }
-  const std::size_t cuts = (table.size() - cells) / 2;
+  const std::size_t cuts = (table.size() - cells) / words_of_cut;
   struct OpenPart {
     std::uint32_t entry;
-    std::uint32_t bits[3];  ///< log2 of its sides
+    geometry::Bounds bounds;
+    std::size_t depth;
   };
   // Terminates, because every cut adds two parts and is visited once.
   std::vector<bool> visited(cuts, false);
   std::vector<OpenPart> open;
-  for (std::size_t cell = 0; cell < cells; ++cell) {
-    open.push_back({table[cell], {32 - grid.log2[0], 32 - grid.log2[1], 32 - grid.log2[2]}});
+  for (std::uint32_t cell = 0; cell < cells; ++cell) {
+    open.push_back({table[cell], grid.bounds_of(grid.box_of(cell)), 0});
     while (!open.empty()) {
-      OpenPart part = open.back();
+      const OpenPart part = open.back();
       open.pop_back();
       if (!is_cut(part.entry)) {
         if (part.entry >= nodes) {
@@ -216,22 +250,26 @@ bool RegionMap::is_table(std::span<const std::uint32_t> table, const CellGrid& g
       }
       const std::size_t axis = axis_of(part.entry);
       const std::size_t cut = part.entry & cut_bits;
-      if (axis > 2 || cut >= cuts || visited[cut] || part.bits[axis] == 0) {
+      if (axis > 2 || cut >= cuts || visited[cut] || part.depth == max_depth) {
         return false;
       }
       visited[cut] = true;
-      --part.bits[axis];
-      for (std::size_t half = 0; half < 2; ++half) {
-        part.entry = table[cells + 2 * cut + half];
-        open.push_back(part);
+      const std::uint32_t* const words = &table[cells + words_of_cut * cut];
+      const std::uint32_t plane = words[0];
+      if (plane <= part.bounds.lower[axis] || plane > part.bounds.upper[axis]) {
+        return false;
       }
+      open.push_back({words[1], part.bounds, part.depth + 1});
+      open.back().bounds.upper[axis] = plane - 1;
+      open.push_back({words[2], part.bounds, part.depth + 1});
+      open.back().bounds.lower[axis] = plane;
     }
   }
   return true;
 }
 
 void RegionMap::assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch) {
-  assert(table.size() >= grid_.cells() && (table.size() - grid_.cells()) % 2 == 0);
+  assert(table.size() >= grid_.cells() && (table.size() - grid_.cells()) % words_of_cut == 0);
   table_.assign(table.begin(), table.end());
   find_uniform_boxes();
   find_sole_owner();

@@ -74,6 +74,17 @@ struct CellGrid {
     return box;
   }
 
+  /// The bounds of a box of cells.
+  geometry::Bounds bounds_of(const CellBox& box) const noexcept {
+    geometry::Bounds bounds;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::uint32_t bits = 32 - log2[axis];
+      bounds.lower[axis] = static_cast<std::uint32_t>(std::uint64_t{box.lower[axis]} << bits);
+      bounds.upper[axis] = static_cast<std::uint32_t>(((box.upper[axis] + std::uint64_t{1}) << bits) - 1);
+    }
+    return bounds;
+  }
+
   /// A grid of about `cells` nearly cubic cells for a world with these extents in metres; at most 2^10 cells on an
   /// axis.
   static CellGrid choose(const double extents[3], std::size_t cells);
@@ -83,23 +94,36 @@ struct CellGrid {
 enum class Coverage : std::uint8_t { none, part, all };
 
 /// States which CD node owns which cell. The region of a node is the set of its cells and parts of cells: a cell that
-/// is too heavy for one node is cut in half, and the halves again, as often as needed.
+/// is too heavy for one node is cut by a plane across an axis, and its two parts again, as often as needed.
 ///
-/// The table has one entry for each cell: its owner, or cut_entry() if the cell is cut. Then follow two entries for
-/// each cut: its lower and its upper half, in the same format. An owner is a node's slot, below nodes(); some slots may
-/// own nothing.
+/// The table has one entry for each cell: its owner, or cut_entry() if the cell is cut. Then follow three words for
+/// each cut: the plane, which is the lowest fixed-point coordinate of the upper part, and the entries of the lower and
+/// the upper part. An owner is a node's slot, below nodes(); some slots may own nothing.
 ///
 /// Ownership is a pure function of bounds and this map, so the server and all nodes, on any machine, agree without
-/// communication. Threads: immutable except for assign(); each role has its own copy. Memory: 5 bytes a cell and 8 a
+/// communication. Threads: immutable except for assign(); each role has its own copy. Memory: 5 bytes a cell and 12 a
 /// cut.
 class RegionMap {
+  static constexpr std::uint32_t is_cut_bit = std::uint32_t{1} << 31;
+  static constexpr std::uint32_t cut_bits = 0x1fffffffu;
+
  public:
-  /// The entry of a cell, or part of a cell, that is cut in the middle of `axis`. The halves are those of cut number
-  /// `cut`.
+  static constexpr std::size_t words_of_cut = 3;
+  /// The entry of a cell, or part of a cell, that is cut across `axis` by cut number `cut`.
   static constexpr std::uint32_t cut_entry(std::size_t axis, std::uint32_t cut) noexcept {
     return is_cut_bit | static_cast<std::uint32_t>(axis) << 29 | cut;
   }
   static constexpr bool is_cut(std::uint32_t entry) noexcept { return (entry & is_cut_bit) != 0; }
+  /// The axis of a cut, from its entry.
+  static constexpr std::size_t axis_of(std::uint32_t entry) noexcept { return entry >> 29 & 3u; }
+  /// The first of the words of a cut, from its entry.
+  static std::size_t words_at(std::uint32_t entry, const CellGrid& grid) noexcept {
+    return grid.cells() + words_of_cut * std::size_t{entry & cut_bits};
+  }
+  /// Whether a word of a table is the plane of a cut, not an entry.
+  static bool is_plane(std::size_t word, const CellGrid& grid) noexcept {
+    return word >= grid.cells() && (word - grid.cells()) % words_of_cut == 0;
+  }
 
   /// Divides all cells among `nodes` nodes, in boxes of nearly equal volume. Throws Error unless `nodes` is 1 to the
   /// number of cells.
@@ -146,7 +170,7 @@ class RegionMap {
       for (std::uint32_t y = box.lower[1]; y <= box.upper[1]; ++y) {
         for (std::uint32_t x = box.lower[0]; x <= box.upper[0]; ++x) {
           const std::uint32_t cell = grid_.index(x, y, z);
-          if (!(is_cut(table_[cell]) ? visit_below(cell, bounds, visit) : visit(table_[cell]))) {
+          if (!visit_part(table_[cell], bounds, visit)) {
             return;
           }
         }
@@ -170,32 +194,28 @@ class RegionMap {
   /// the whole region if that is a box of whole cells. Empty (lower above upper) if the node owns no whole cell. Cost:
   /// reads every cell, so it is not for the inner loops of a frame.
   geometry::Bounds interior(NodeNumber node) const;
+  /// Bounds of the part of a cell that `node` owns below the most cuts; of several, the largest. Cells are cut where
+  /// the weight is, so this is where most of a crowd is. Empty (lower above upper) if the node owns no part of a cut
+  /// cell.
+  geometry::Bounds densest_part(NodeNumber node) const;
 
   /// Whether `table`, which may come from the network, is a valid table for a map of `grid`: every cell or part of a
-  /// cell is owned by a node below `nodes` or cut across an axis that can be cut, and every cut belongs to one cell or
-  /// part.
+  /// cell is owned by a node below `nodes` or cut by a plane through it, every cut belongs to one cell or part, and no
+  /// part is below more than `max_depth` cuts, so that a search does not recurse deeper.
   static bool is_table(std::span<const std::uint32_t> table, const CellGrid& grid, std::uint32_t nodes);
   /// Maximum number of cuts of a map.
   static constexpr std::size_t max_cuts = 16384;
-  /// Maximum size of a table: one entry for each cell, and two for each cut.
-  static std::size_t max_entries(const CellGrid& grid) noexcept { return grid.cells() + 2 * max_cuts; }
+  /// Maximum number of cuts above a part. Cuts that each leave at most half of a side make no more.
+  static constexpr std::size_t max_depth = 96;
+  /// Maximum number of words of a table.
+  static std::size_t max_words(const CellGrid& grid) noexcept { return grid.cells() + words_of_cut * max_cuts; }
 
   /// Replaces the table. Precondition: is_table(table, grid(), nodes).
   void assign(std::span<const std::uint32_t> table, std::uint32_t nodes, std::uint32_t epoch);
 
  private:
-  static constexpr std::uint32_t is_cut_bit = std::uint32_t{1} << 31;
-  static constexpr std::uint32_t cut_bits = 0x1fffffffu;
-
-  /// A cell or a part of one: its lower corner and log2 of its sides.
-  struct Part {
-    std::uint32_t lower[3];
-    std::uint32_t bits[3];
-  };
-
-  std::size_t halves_of(std::uint32_t entry) const noexcept {
-    return grid_.cells() + 2 * std::size_t{entry & cut_bits};
-  }
+  /// The words of a cut: plane, lower part, upper part.
+  const std::uint32_t* cut_of(std::uint32_t entry) const noexcept { return &table_[words_at(entry, grid_)]; }
   /// Whether uniform_boxes_ shows that one node owns all cells of the box whose lowest cell is `cell`. Most bounds are
   /// smaller than a cell, so their boxes span one or two cells on each axis.
   bool is_uniform(const CellBox& box, std::uint32_t cell) const noexcept {
@@ -206,35 +226,23 @@ class RegionMap {
   void find_uniform_boxes();
   void find_sole_owner() noexcept;
   Coverage coverage_of_many(const geometry::Bounds& bounds, NodeNumber node) const noexcept;
-  static std::size_t axis_of(std::uint32_t entry) noexcept { return entry >> 29 & 3u; }
   NodeNumber owner_below(std::uint32_t entry, const std::uint32_t point[3]) const noexcept;
 
   template <class Visit>
-  bool visit_below(std::uint32_t cell, const geometry::Bounds& bounds, Visit& visit) const {
-    Part part;
-    const CellBox box = grid_.box_of(cell);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      part.bits[axis] = 32 - grid_.log2[axis];
-      part.lower[axis] = static_cast<std::uint32_t>(std::uint64_t{box.lower[axis]} << part.bits[axis]);
+  bool visit_part(std::uint32_t entry, const geometry::Bounds& bounds, Visit& visit) const {
+    while (is_cut(entry)) {
+      const std::size_t axis = axis_of(entry);
+      const std::uint32_t* const cut = cut_of(entry);
+      const std::uint32_t plane = cut[0];
+      if (bounds.lower[axis] >= plane) {
+        entry = cut[2];
+      } else if (bounds.upper[axis] < plane || visit_part(cut[1], bounds, visit)) {
+        entry = bounds.upper[axis] < plane ? cut[1] : cut[2];
+      } else {
+        return false;
+      }
     }
-    return visit_part(table_[cell], part, bounds, visit);
-  }
-
-  template <class Visit>
-  bool visit_part(std::uint32_t entry, const Part& part, const geometry::Bounds& bounds, Visit& visit) const {
-    if (!is_cut(entry)) {
-      return visit(entry);
-    }
-    const std::size_t axis = axis_of(entry);
-    const std::size_t halves = halves_of(entry);
-    Part half = part;
-    --half.bits[axis];
-    const std::uint32_t plane = part.lower[axis] + (std::uint32_t{1} << half.bits[axis]);
-    if (bounds.lower[axis] < plane && !visit_part(table_[halves], half, bounds, visit)) {
-      return false;
-    }
-    half.lower[axis] = plane;
-    return bounds.upper[axis] < plane || visit_part(table_[halves + 1], half, bounds, visit);
+    return visit(entry);
   }
 
   CellGrid grid_;

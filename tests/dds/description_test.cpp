@@ -168,23 +168,35 @@ TEST_CASE("terms, assignments and region maps with invalid numbers are refused, 
   table[7] = 3;
   CHECK(map(table).find(not_owned) != std::string::npos);
   table[7] = regions::RegionMap::cut_entry(0, 0);
-  CHECK(map(table).find(not_owned) != std::string::npos);  // there is no such cut
-  table.insert(table.end(), {0, 1});
+  CHECK(map(table).find(not_owned) != std::string::npos);                   // there is no such cut
+  constexpr std::uint32_t corner = 3u << 30, middle = corner + (1u << 29);  // of cell 7 on the x axis
+  table.insert(table.end(), {middle, 0, 1});
   CHECK(map(table).empty());
+  for (const std::uint32_t outside : {0u, corner - 1, corner}) {  // planes that do not cut the cell
+    table[32] = outside;
+    CHECK(map(table).find(not_owned) != std::string::npos);
+  }
+  table[32] = middle;
   table[8] = regions::RegionMap::cut_entry(1, 0);  // two cells have the same halves
   CHECK(map(table).find(not_owned) != std::string::npos);
   table[8] = 2;
-  table[33] = regions::RegionMap::cut_entry(2, 0);  // the cut is a half of itself
+  table[34] = regions::RegionMap::cut_entry(2, 0);  // the cut is a part of itself
   CHECK(map(table).find(not_owned) != std::string::npos);
-  table[33] = 1;
+  table[34] = 1;
   table[7] = regions::RegionMap::cut_entry(3, 0);  // an invalid axis
   CHECK(map(table).find(not_owned) != std::string::npos);
   table[7] = regions::RegionMap::cut_entry(0, 0);
-  for (std::uint32_t cut = 0; cut < 40; ++cut) {  // parts smaller than a fixed-point step
-    table[32 + 2 * cut] = regions::RegionMap::cut_entry(0, cut + 1);
-    table.insert(table.end(), {0, 1});
-  }
+  table[33] = regions::RegionMap::cut_entry(0, 1);  // a plane that is already a side of the part
+  table.insert(table.end(), {middle, 0, 1});
   CHECK(map(table).find(not_owned) != std::string::npos);
+  for (const std::uint32_t depth : {96u, 97u}) {  // each part one step narrower than the one before
+    std::vector<std::uint32_t> chain(32, 2);
+    chain[7] = regions::RegionMap::cut_entry(0, 0);
+    for (std::uint32_t cut = 0; cut < depth; ++cut) {
+      chain.insert(chain.end(), {corner + 1 + cut, 0, cut + 1 < depth ? regions::RegionMap::cut_entry(0, cut + 1) : 1});
+    }
+    CHECK(map(chain).empty() == (depth == 96));
+  }
 }
 
 TEST_CASE("terms, an assignment, a map or a shape with any changed byte is refused or valid") {
@@ -211,7 +223,7 @@ TEST_CASE("terms, an assignment, a map or a shape with any changed byte is refus
   });
   std::vector<std::uint32_t> table(32, 1);
   table[5] = regions::RegionMap::cut_entry(1, 0);
-  table.insert(table.end(), {0, 2});
+  table.insert(table.end(), {3u << 29, 0, 2});
   AssignmentRecord assignment = some_assignment();
   assignment.map_words = static_cast<std::uint32_t>(table.size());
   mutate(copy_of(std::as_bytes(std::span(table))), [&](std::span<const std::byte> bytes) {

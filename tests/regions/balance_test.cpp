@@ -122,9 +122,13 @@ TEST_CASE("slots without a node own nothing, and the others share the load") {
   balance.refine(map, 3);
   map.assign(balance.partition_for(nodes), 8, map.epoch() + 1);
   const auto owns_only_nodes = [&] {
-    return std::all_of(map.table().begin(), map.table().end(), [&](std::uint32_t entry) {
-      return RegionMap::is_cut(entry) || std::count(nodes.begin(), nodes.end(), entry) == 1;
-    });
+    bool all = true;
+    for (std::size_t word = 0; word < map.table().size(); ++word) {
+      const std::uint32_t entry = map.table()[word];
+      all &= RegionMap::is_plane(word, grid) || RegionMap::is_cut(entry) ||
+             std::count(nodes.begin(), nodes.end(), entry) == 1;
+    }
+    return all;
   };
   CHECK(owns_only_nodes());
   CHECK(imbalance_of(map, crowd, nodes) < 1.15);
@@ -148,7 +152,7 @@ TEST_CASE("objects at one point do not cause endless cuts, and objects larger th
     RegionMap map(grid, 8);
     Balance balance(grid, {}, 0);
     run_frames(balance, map, crowd, 100);
-    CHECK(map.table().size() <= grid.cells() + 2 * Refinement::max_cuts);
+    CHECK(map.table().size() <= grid.cells() + RegionMap::words_of_cut * Refinement::max_cuts);
     if (extent != 0) CHECK_FALSE(map.has_cuts());
     for (const NodeNumber node : {0u, 7u}) {
       bool owns = false;
@@ -192,23 +196,24 @@ TEST_CASE("leaves tile the world, their weights add up, and none is heavier than
   refinement.refine(weights, 40, smallest);
   double volume = 0, total = 0, expected = 0;
   for (const Leaf& leaf : refinement.leaves()) {
-    volume += std::ldexp(1.0, leaf.bits[0] + leaf.bits[1] + leaf.bits[2] - 96);
+    const geometry::Bounds& part = leaf.bounds;
+    const auto side = [&](std::size_t axis) { return std::uint64_t{part.upper[axis]} - part.lower[axis] + 1; };
+    volume +=
+        static_cast<double>(side(0)) * static_cast<double>(side(1)) * std::ldexp(static_cast<double>(side(2)), -96);
     total += leaf.weight;
     double inside = 0;
     for (const Weight& each : weights) {
       bool in = true;
       for (std::size_t axis = 0; axis < 3; ++axis) {
-        in &= each.point[axis] >= leaf.lower[axis] &&
-              each.point[axis] < leaf.lower[axis] + (std::uint64_t{1} << leaf.bits[axis]);
+        in &= each.point[axis] >= part.lower[axis] && each.point[axis] <= part.upper[axis];
       }
       inside += in ? static_cast<double>(each.weight) : 0;
     }
     REQUIRE(inside == leaf.weight);
     bool small = true;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      REQUIRE((std::uint64_t{1} << leaf.bits[axis]) >=
-              std::min<std::uint64_t>(smallest[axis], 1ull << (32 - grid.log2[axis])));
-      small &= (std::uint64_t{1} << leaf.bits[axis]) < 2 * std::uint64_t{smallest[axis]};
+      REQUIRE(side(axis) >= std::min<std::uint64_t>(smallest[axis], 1ull << (32 - grid.log2[axis])));
+      small &= side(axis) < 2 * std::uint64_t{smallest[axis]};
     }
     REQUIRE((leaf.weight <= 40 || small));
   }
@@ -219,8 +224,43 @@ TEST_CASE("leaves tile the world, their weights add up, and none is heavier than
   std::vector<NodeNumber> owners(refinement.leaves().size());
   std::iota(owners.begin(), owners.end(), 0u);
   RegionMap map(grid, 1);
-  map.assign(refinement.table(owners), static_cast<std::uint32_t>(owners.size()), 2);
-  for (std::size_t i = 0; i < owners.size(); ++i) REQUIRE(map.owner_at(refinement.leaves()[i].lower) == i);
+  const auto check_owners = [&] {
+    const auto nodes = static_cast<std::uint32_t>(owners.size());
+    REQUIRE(RegionMap::is_table(refinement.table(owners), grid, nodes));
+    map.assign(refinement.table(owners), nodes, 2);
+    for (std::size_t i = 0; i < owners.size(); ++i) {
+      REQUIRE(map.owner_at(refinement.leaves()[i].bounds.lower) == owners[i]);
+      REQUIRE(map.owner_at(refinement.leaves()[i].bounds.upper) == owners[i]);
+    }
+  };
+  check_owners();
+  // Parts with the same owner are one part.
+  const std::size_t words = map.table().size();
+  for (NodeNumber& owner : owners) owner /= 16;
+  check_owners();
+  CHECK(map.table().size() < words / 2);
+  owners.assign(owners.size(), 1);
+  check_owners();
+  CHECK_FALSE(map.has_cuts());
+}
+
+TEST_CASE("a crowd in a cell that is 10^6 times as wide takes few cuts") {
+  std::mt19937_64 random(7);
+  const CellGrid grid{{2, 2, 2}};
+  for (const std::uint32_t corner : {5u, 0x7ffff000u, 0xffffe000u}) {
+    CAPTURE(corner);
+    std::vector<Weight> weights(4000, {{}, 1});
+    for (Weight& each : weights) {
+      for (std::uint32_t& at : each.point) at = corner + static_cast<std::uint32_t>(random() % 1024);
+    }
+    Refinement refinement(grid);
+    const std::uint32_t smallest[3] = {8, 8, 8};
+    refinement.refine(weights, 2000, smallest);
+    CHECK(refinement.leaves().size() - grid.cells() <= 8);  // two on each axis, and one or two through the crowd
+    double heaviest = 0;
+    for (const Leaf& leaf : refinement.leaves()) heaviest = std::max(heaviest, leaf.weight);
+    CHECK(heaviest <= 2000);
+  }
 }
 
 }  // namespace

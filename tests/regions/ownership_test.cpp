@@ -17,25 +17,32 @@ using geometry::FixedSpace;
 
 std::vector<std::uint32_t> random_cuts(const CellGrid& grid, std::uint32_t nodes, std::mt19937_64& random) {
   std::vector<std::uint32_t> table(grid.cells());
-  std::vector<std::array<std::uint32_t, 3>> bits(table.size());
-  for (auto& each : bits) each = {32 - grid.log2[0], 32 - grid.log2[1], 32 - grid.log2[2]};
+  std::vector<Bounds> parts;  // of each word; those of planes are not used
+  for (std::uint32_t cell = 0; cell < grid.cells(); ++cell) parts.push_back(grid.bounds_of(grid.box_of(cell)));
   for (std::uint32_t& entry : table) entry = static_cast<std::uint32_t>(random() % nodes);
   for (std::uint32_t cut = 0; cut < 300; ++cut) {
-    // Half of the cuts divide a half of the previous cut, so that some parts become very small.
+    // Half of the cuts divide a part of the previous cut, so that some parts become very small.
     const std::size_t entry = cut > 0 && random() % 2 == 0 ? table.size() - 1 - random() % 2 : random() % table.size();
     const std::size_t axis = random() % 3;
-    if (RegionMap::is_cut(table[entry]) || bits[entry][axis] == 0) {
+    const std::uint64_t side = std::uint64_t{parts[entry].upper[axis]} - parts[entry].lower[axis];
+    if (RegionMap::is_plane(entry, grid) || RegionMap::is_cut(table[entry]) || side == 0) {
       --cut;
       continue;
     }
     table[entry] = RegionMap::cut_entry(axis, cut);
-    auto half = bits[entry];
-    --half[axis];
-    for (int side = 0; side < 2; ++side) {
+    const std::uint64_t above = random() % 2 == 0 ? side / 2 : random() % side;
+    const auto plane = static_cast<std::uint32_t>(parts[entry].lower[axis] + 1 + above);
+    Bounds halves[2] = {parts[entry], parts[entry]};
+    halves[0].upper[axis] = plane - 1;
+    halves[1].lower[axis] = plane;
+    table.push_back(plane);
+    parts.emplace_back();
+    for (const Bounds& half : halves) {
       table.push_back(static_cast<std::uint32_t>(random() % nodes));
-      bits.push_back(half);
+      parts.push_back(half);
     }
   }
+  REQUIRE(RegionMap::is_table(table, grid, nodes));
   return table;
 }
 
@@ -43,6 +50,7 @@ std::vector<std::uint32_t> random_cuts(const CellGrid& grid, std::uint32_t nodes
 struct Part {
   std::array<std::uint64_t, 3> lower, upper;  ///< `upper` is exclusive
   NodeNumber owner;
+  std::size_t cuts;  ///< above it
   bool overlaps(const Bounds& bounds) const {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       if (bounds.upper[axis] < lower[axis] || bounds.lower[axis] >= upper[axis]) return false;
@@ -57,12 +65,12 @@ void collect_parts(const RegionMap& map, std::uint32_t entry, Part part, std::ve
     parts.push_back(part);
     return;
   }
-  const std::size_t axis = entry >> 29 & 3, halves = map.grid().cells() + 2 * (entry & 0x1fffffff);
-  const std::uint64_t middle = (part.lower[axis] + part.upper[axis]) / 2;
+  ++part.cuts;
+  const std::size_t axis = entry >> 29 & 3, words = map.grid().cells() + 3 * (entry & 0x1fffffff);
   Part below = part, above = part;
-  below.upper[axis] = above.lower[axis] = middle;
-  collect_parts(map, map.table()[halves], below, parts);
-  collect_parts(map, map.table()[halves + 1], above, parts);
+  below.upper[axis] = above.lower[axis] = map.table()[words];
+  collect_parts(map, map.table()[words + 1], below, parts);
+  collect_parts(map, map.table()[words + 2], above, parts);
 }
 
 std::vector<Part> parts_of(const RegionMap& map) {
@@ -99,7 +107,9 @@ void for_each_map(unsigned seed, Check check) {
         scattered[random() % grid.cells()] = static_cast<std::uint32_t>(random() % nodes);
         const std::size_t cell = random() % grid.cells();
         if (scattered.size() == grid.cells()) {
-          scattered.insert(scattered.end(), {scattered[cell], static_cast<std::uint32_t>(random() % nodes)});
+          const Bounds bounds = grid.bounds_of(grid.box_of(static_cast<std::uint32_t>(cell)));
+          const std::uint32_t plane = bounds.lower[0] + (bounds.upper[0] - bounds.lower[0]) / 3 + 1;
+          scattered.insert(scattered.end(), {plane, scattered[cell], static_cast<std::uint32_t>(random() % nodes)});
           scattered[cell] = RegionMap::cut_entry(0, 0);
         }
       }
@@ -219,6 +229,26 @@ TEST_CASE("bounds in the interior of a region are covered by its node only") {
   });
 }
 
+TEST_CASE("the densest part of a region is owned by its node, below as many cuts as any of its parts") {
+  for_each_map(36, [](const RegionMap& map, std::mt19937_64&) {
+    std::vector<Part> parts = parts_of(map);
+    for (NodeNumber node = 0; node < std::min(map.nodes(), 20u); ++node) {
+      std::size_t most = 0;
+      for (const Part& part : parts) most = part.owner == node ? std::max(most, part.cuts) : most;
+      const Bounds densest = map.densest_part(node);
+      REQUIRE((densest.lower[0] <= densest.upper[0]) == (most > 0));
+      if (most == 0) continue;
+      REQUIRE(std::count_if(parts.begin(), parts.end(), [&](const Part& part) {
+                bool same = part.owner == node && part.cuts == most;
+                for (std::size_t axis = 0; axis < 3; ++axis) {
+                  same &= part.lower[axis] == densest.lower[axis] && part.upper[axis] == densest.upper[axis] + 1ull;
+                }
+                return same;
+              }) == 1);
+    }
+  });
+}
+
 TEST_CASE("a node that owns all cells covers all bounds, whatever its slot") {
   const CellGrid grid{{2, 1, 2}};
   std::mt19937_64 random(35);
@@ -230,7 +260,7 @@ TEST_CASE("a node that owns all cells covers all bounds, whatever its slot") {
     for (const bool cut : {false, true}) {
       if (cut) {
         table[3] = RegionMap::cut_entry(1, 0);
-        table.insert(table.end(), {owner, owner});
+        table.insert(table.end(), {1000, owner, owner});
       }
       map.assign(table, 5, map.epoch() + 1);
       CHECK(map.sole_owner() == owner);
