@@ -159,6 +159,19 @@ std::array<std::byte, 20> Walk::parameters() const noexcept {
   return bytes;
 }
 
+std::optional<WalkConfig> Walk::read_parameters(std::span<const std::byte> bytes) noexcept {
+  std::array<float, 5> values{};
+  if (bytes.size() != sizeof values) return std::nullopt;
+  std::memcpy(values.data(), bytes.data(), sizeof values);
+  WalkConfig config;
+  config.walk_speed = values[0];
+  config.run_speed = values[1];
+  config.acceleration = values[2];
+  config.step = values[3];
+  config.push_speed = values[4];
+  return config;
+}
+
 Vec3f Walk::wanted_velocity(std::uint64_t frame, const MotionInput& input, State& state) const noexcept {
   if (input.category == Category::active) return way_of(config_.seed, input.number, frame) * config_.walk_speed;
   if (input.category != Category::avatar || input.input.size() != WalkInput::size) return {};

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -57,6 +58,8 @@ class Walk final : public MotionModel {
 
   /// What clients need to predict it; docs/client-protocol.md.
   std::array<std::byte, 20> parameters() const noexcept;
+  /// The configuration that has these parameters, without bounds and seed; none if the bytes are not parameters.
+  static std::optional<WalkConfig> read_parameters(std::span<const std::byte> bytes) noexcept;
   const WalkConfig& config() const noexcept { return config_; }
 
  private:

@@ -19,12 +19,19 @@ namespace {
 
 using Bytes = std::vector<std::byte>;
 
+/// Empty. Its memory is used again, so that an execution allocates less.
+Bytes& scratch() {
+  static Bytes bytes;
+  bytes.clear();
+  return bytes;
+}
+
 void check_client_message(const Bytes& bytes) {
   const ClientMessage message = read_client_message(bytes);
   std::visit(
       [&](const auto& found) {
         if constexpr (!std::is_same_v<std::decay_t<decltype(found)>, Malformed>) {
-          Bytes again;
+          Bytes& again = scratch();
           write(found, again);
           fuzz::require(again == bytes);
         } else {
@@ -35,9 +42,9 @@ void check_client_message(const Bytes& bytes) {
 }
 
 void check_update(const Bytes& bytes) {
-  Update update;
+  static Update update;
   if (!read(bytes, update)) return;
-  Bytes again;
+  Bytes& again = scratch();
   write(update, again);
   fuzz::require(again == bytes);
   Replica replica;
@@ -50,7 +57,7 @@ void check_shape(const Bytes& bytes) {
   ShapeId id;
   std::optional<ShapeDescription> shape;
   if (!read_shape(bytes, id, shape) || !shape.has_value()) return;
-  Bytes again;
+  Bytes& again = scratch();
   write_shape(id, &*shape, again);
   fuzz::require(again == bytes);
 }
@@ -74,7 +81,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
       break;
     default: {
       Welcome welcome;
-      Bytes again;
+      Bytes& again = scratch();
       if (!read(bytes, welcome)) break;
       write(welcome, again);
       fuzz::require(again == bytes);

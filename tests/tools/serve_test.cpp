@@ -85,6 +85,28 @@ TEST_CASE("players come back to a world that was killed and continued from its j
   CHECK(test::ringfence("journal " + journal + " --verify").code == 0);
 }
 
+TEST_CASE("a worse network of one address does not delay the clients of another") {
+  const TemporaryFolder folder;
+  RunningProgram server({"serve", "--listen", "127.0.0.1:0", "--objects", "100", "--network",
+                         "delay=200ms,jitter=20ms,loss=5%,address=127.0.0.2"},
+                        folder / "errors");
+  REQUIRE(server.started());
+  const std::string url = url_of(server);
+  const auto round_trip_ms = [&](const std::string& from) {
+    const ProgramResult robots = test::ringfence("robots --url " + url + " --clients 4 --seconds 2 --from " + from);
+    CHECK_MESSAGE(robots.code == 0, robots.out);
+    std::smatch found;
+    REQUIRE_MESSAGE(std::regex_search(robots.out, found, std::regex("round trip: p50 ([0-9]+)")), robots.out);
+    return std::stoi(found[1].str());
+  };
+  const int near = round_trip_ms("127.0.0.1"), far = round_trip_ms("127.0.0.2");
+  CHECK(far >= 400);
+  CHECK(near < far);
+  const ProgramResult robots = test::ringfence("robots --url " + url + " --from here");
+  CHECK(robots.code == 2);
+  CHECK_MESSAGE(robots.out.find("found here; expected an IP address") != std::string::npos, robots.out);
+}
+
 TEST_CASE("what clients may not rely on is refused at the start, with what to do") {
   const auto refused = [](const std::string& arguments, const std::string& message) {
     const ProgramResult result = test::ringfence("serve " + arguments);
@@ -95,6 +117,7 @@ TEST_CASE("what clients may not rely on is refused at the start, with what to do
   refused("--listen somewhere:80", "expected an IP address such as 127.0.0.1 or 0.0.0.0");
   refused("--listen 127.0.0.1", "--listen: found 127.0.0.1; expected HOST:PORT");
   refused("--network delay=1", "delay");
+  refused("--network delay=1ms,address=::1", "address=::1");
   refused("--token-key /nowhere", "/nowhere");
 }
 

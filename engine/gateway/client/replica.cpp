@@ -34,7 +34,8 @@ Replica::Outcome Replica::apply(const Update& update) {
   touching_ = update.touching;
   own_.reset();
   if (update.own) {
-    own_ = Own{update.own->number, update.own->pose, {update.own->state.begin(), update.own->state.end()}};
+    const OwnState& own = *update.own;
+    own_ = Own{own.number, own.shape, own.pose, {own.state.begin(), own.state.end()}};
   }
   frames_ = frames;
   return is_valid ? Outcome::applied : Outcome::invalid;

@@ -24,6 +24,7 @@ class Replica {
   };
   struct Own {
     ObjectNumber number = 0;
+    ShapeId shape;
     Pose pose;
     std::vector<std::byte> state;
   };

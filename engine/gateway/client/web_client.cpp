@@ -22,12 +22,14 @@ template <class Stream>
 class WebClientOf final : public WebClient, public std::enable_shared_from_this<WebClientOf<Stream>> {
  public:
   template <class... Arguments>
-  WebClientOf(net::io_context& io, const GatewayUrl& url, std::string path, Handlers handlers, Arguments&&... arguments)
+  WebClientOf(net::io_context& io, const GatewayUrl& url, std::string path, Handlers handlers,
+              std::optional<net::ip::address> from, Arguments&&... arguments)
       : resolver_(io.get_executor()),
         socket_(io.get_executor(), std::forward<Arguments>(arguments)...),
         url_(url),
         path_(std::move(path)),
-        handlers_(std::move(handlers)) {}
+        handlers_(std::move(handlers)),
+        from_(std::move(from)) {}
 
   void start() {
     resolver_.async_resolve(url_.host, url_.port,
@@ -53,16 +55,30 @@ class WebClientOf final : public WebClient, public std::enable_shared_from_this<
   using Resolver = net::ip::basic_resolver<Tcp, Executor>;
 
   void connect(const typename Resolver::results_type& found) {
+    if (from_) return connect_from(*found.begin());
     beast::get_lowest_layer(socket_).async_connect(
         found, [self = this->shared_from_this()](const error_code& error, const Tcp::endpoint&) {
           if (error) return self->finish(error);
-          error_code ignored;
-          beast::get_lowest_layer(self->socket_).socket().set_option(Tcp::no_delay(true), ignored);
           self->handshake();
         });
   }
 
+  /// A socket that is bound can try one address only.
+  void connect_from(const Tcp::endpoint& to) {
+    error_code error;
+    auto& socket = beast::get_lowest_layer(socket_).socket();
+    socket.open(from_->is_v6() ? Tcp::v6() : Tcp::v4(), error);
+    if (!error) socket.bind({*from_, 0}, error);
+    if (error) return finish(error);
+    beast::get_lowest_layer(socket_).async_connect(to, [self = this->shared_from_this()](const error_code& failure) {
+      if (failure) return self->finish(failure);
+      self->handshake();
+    });
+  }
+
   void handshake() {
+    error_code ignored;
+    beast::get_lowest_layer(socket_).socket().set_option(Tcp::no_delay(true), ignored);
     if constexpr (std::is_same_v<Stream, TlsStream>) {
       SSL_set_tlsext_host_name(socket_.next_layer().native_handle(), url_.host.c_str());
       socket_.next_layer().async_handshake(net::ssl::stream_base::client,
@@ -126,10 +142,19 @@ class WebClientOf final : public WebClient, public std::enable_shared_from_this<
   GatewayUrl url_;
   std::string path_;
   Handlers handlers_;
+  std::optional<net::ip::address> from_;
   beast::flat_buffer received_;
   std::deque<std::vector<std::byte>> waiting_;  ///< the first is being written if is_writing_
   bool is_open_ = false, is_writing_ = false, is_finished_ = false, reads_ = true;
 };
+
+std::optional<net::ip::address> read_address(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  error_code error;
+  const auto address = net::ip::make_address(text, error);
+  if (error) throw Error("from: found " + text + "; expected an IP address of this machine such as 127.0.0.2");
+  return address;
+}
 
 }  // namespace
 
@@ -157,13 +182,14 @@ GatewayUrl GatewayUrl::parse(const std::string& text) {
 }
 
 std::shared_ptr<WebClient> WebClient::connect(net::io_context& io, const GatewayUrl& url, const std::string& path,
-                                              net::ssl::context* tls, Handlers handlers) {
+                                              net::ssl::context* tls, Handlers handlers, const std::string& from) {
+  const std::optional<net::ip::address> address = read_address(from);
   if (url.uses_tls) {
-    auto client = std::make_shared<WebClientOf<TlsStream>>(io, url, path, std::move(handlers), *tls);
+    auto client = std::make_shared<WebClientOf<TlsStream>>(io, url, path, std::move(handlers), address, *tls);
     client->start();
     return client;
   }
-  auto client = std::make_shared<WebClientOf<PlainStream>>(io, url, path, std::move(handlers));
+  auto client = std::make_shared<WebClientOf<PlainStream>>(io, url, path, std::move(handlers), address);
   client->start();
   return client;
 }

@@ -30,9 +30,10 @@ class WebClient {
     /// The connection has ended, or was never made: the close code, 0 without one, and the reason. Called once.
     std::function<void(std::uint16_t, std::string)> closed;
   };
-  /// Begins to connect. `path`: "/play" or "/watch". `tls`: null unless the url uses TLS; outlives the client.
+  /// Begins to connect. `path`: "/play" or "/watch". `tls`: null unless the url uses TLS; outlives the client. `from`:
+  /// IP address of this machine from which it connects; empty: the system chooses. Throws Error if that is no address.
   static std::shared_ptr<WebClient> connect(net::io_context& io, const GatewayUrl& url, const std::string& path,
-                                            net::ssl::context* tls, Handlers handlers);
+                                            net::ssl::context* tls, Handlers handlers, const std::string& from = {});
   virtual ~WebClient() = default;
   /// Sends a message after those before.
   virtual void send(std::vector<std::byte> message) = 0;

@@ -1,7 +1,6 @@
 #include "gateway/clients/known_objects.hpp"
 
 #include <algorithm>
-#include <utility>
 
 namespace ringfence::gateway {
 
@@ -31,14 +30,15 @@ void KnownObjects::add_object(const SharedObject& object, Stamp since, Stamp ack
 
 void KnownObjects::add_changes(std::span<const std::uint32_t> near, const ObjectTable& table, Stamp now,
                                Stamp acknowledged, Update& update) {
-  next_.clear();
+  static thread_local std::vector<Entry> next;  // shared, so that a client keeps only what it has
+  next.clear();
   auto known = entries_.cbegin();
   const auto remove_up_to = [&](std::uint64_t number) {
     for (; known != entries_.cend() && known->number < number; ++known) {
       const Entry entry = known->is_removed ? *known : Entry{known->number, true, now};
       if (entry.since <= acknowledged) continue;
       update.removed.push_back(entry.number);
-      next_.push_back(entry);
+      next.push_back(entry);
     }
   };
   for (const std::uint32_t index : near) {
@@ -50,10 +50,10 @@ void KnownObjects::add_changes(std::span<const std::uint32_t> near, const Object
       ++known;
     }
     add_object(object, entry.since, acknowledged, update);
-    next_.push_back(entry);
+    next.push_back(entry);
   }
   remove_up_to(std::uint64_t{1} << 32);
-  std::swap(entries_, next_);
+  entries_.assign(next.begin(), next.end());
 }
 
 }  // namespace ringfence::gateway

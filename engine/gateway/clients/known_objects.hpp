@@ -38,7 +38,6 @@ class KnownObjects {
   static void add_object(const SharedObject& object, Stamp since, Stamp acknowledged, Update& update);
 
   std::vector<Entry> entries_;  ///< in ascending order of number
-  std::vector<Entry> next_;
 };
 
 }  // namespace ringfence::gateway

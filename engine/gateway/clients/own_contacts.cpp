@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 namespace ringfence::gateway {
 
@@ -20,7 +19,8 @@ void OwnContacts::add_standing(const Contact& contact, ObjectNumber avatar, cons
 
 void OwnContacts::add_contacts(std::span<const Contact> contacts, ObjectNumber avatar, Stamp now, Stamp acknowledged,
                                Update& update) {
-  next_.clear();
+  static thread_local std::vector<Entry> next;  // shared, so that a client keeps only what it has
+  next.clear();
   auto known = entries_.cbegin();
   const auto end_up_to = [&](std::uint64_t other) {
     for (; known != entries_.cend() && known->other < other; ++known) {
@@ -29,7 +29,7 @@ void OwnContacts::add_contacts(std::span<const Contact> contacts, ObjectNumber a
       if (entry.ended <= acknowledged) continue;
       update.contacts.push_back(
           {.other = entry.other, .phase = Phase::end, .age = now - entry.ended, .normal = {}, .depth = 0, .point = {}});
-      next_.push_back(entry);
+      next.push_back(entry);
     }
   };
   // The contacts are in order of (a, b), and the avatar is in each: so they are in order of the other object.
@@ -43,10 +43,10 @@ void OwnContacts::add_contacts(std::span<const Contact> contacts, ObjectNumber a
       ++known;
     }
     add_standing(contact, avatar, entry, now, update);
-    next_.push_back(entry);
+    next.push_back(entry);
   }
   end_up_to(std::uint64_t{1} << 32);
-  std::swap(entries_, next_);
+  entries_.assign(next.begin(), next.end());
   limit_ended();
 }
 

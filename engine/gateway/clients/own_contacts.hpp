@@ -33,7 +33,6 @@ class OwnContacts {
   void limit_ended();
 
   std::vector<Entry> entries_;  ///< in ascending order of `other`
-  std::vector<Entry> next_;
 };
 
 }  // namespace ringfence::gateway

@@ -31,7 +31,7 @@ void PlayerView::describe(Client& client, Stamp now, Update& update) {
   const ObjectView avatar = world_.object(client.avatar);
   if (avatar.id) {
     const Pose& pose = avatar.spec.pose;
-    update.own = OwnState{client.avatar.number(), pose, world_.state(client.avatar)};
+    update.own = OwnState{client.avatar.number(), avatar.spec.shape, pose, world_.state(client.avatar)};
     update.origin = quantise(pose.position);
     find_near(client, pose.position);
   }

@@ -20,8 +20,9 @@ std::uint64_t key_of(ConnectionId connection, bool is_incoming) noexcept {
 DelayLine::DelayLine(net::io_context& io, const NetworkModel& model, Deliver deliver)
     : model_(model), deliver_(std::move(deliver)), timer_(io.get_executor()), random_(model.seed) {}
 
-bool DelayLine::applies_to(ConnectionId connection) const noexcept {
+bool DelayLine::applies_to(ConnectionId connection, const std::string& address) const noexcept {
   if (model_.is_perfect()) return false;
+  if (!model_.address.empty() && model_.address != address) return false;
   // The same share of every 100 connections in a row, spread among them.
   return static_cast<double>(connection * 61 % 100) < model_.share * 100;
 }

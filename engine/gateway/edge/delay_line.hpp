@@ -6,6 +6,7 @@
 #include <queue>
 #include <random>
 #include <span>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
@@ -33,8 +34,8 @@ class DelayLine {
 
   DelayLine(net::io_context& io, const NetworkModel& model, Deliver deliver);
 
-  /// Whether the model applies to a connection.
-  bool applies_to(ConnectionId connection) const noexcept;
+  /// Whether the model applies to a connection. `address`: of the other side.
+  bool applies_to(ConnectionId connection, const std::string& address) const noexcept;
   /// Takes a message of such a connection. `may_be_lost`: whether the protocol allows it.
   void add(ConnectionId connection, bool is_incoming, bool may_be_lost, Delivery delivery,
            std::span<const std::byte> bytes);

@@ -16,6 +16,7 @@
 #include <boost/beast/websocket/rfc6455.hpp>
 
 #include "gateway/edge/asio.hpp"
+#include "gateway/edge/edge_statistics.hpp"
 #include "gateway/edge/http_replies.hpp"
 #include "gateway/edge/hub.hpp"
 #include "gateway/edge/peer.hpp"
@@ -35,7 +36,7 @@ class HttpSession final : public Peer, public std::enable_shared_from_this<HttpS
     if constexpr (std::is_same_v<Stream, TlsStream>) {
       stream_.async_handshake(net::ssl::stream_base::server,
                               [self = this->shared_from_this()](const error_code& error) {
-                                if (error) return self->finish();
+                                if (error) return self->fail(error);
                                 self->read();
                               });
     } else {
@@ -67,7 +68,7 @@ class HttpSession final : public Peer, public std::enable_shared_from_this<HttpS
   }
 
   void on_read(const error_code& error) {
-    if (error) return finish();
+    if (error) return fail(error);
     HttpRequest request = parser_->release();
     if (!beast::websocket::is_upgrade(request)) {
       EdgeCounters::add(hub_.counters().requests);
@@ -89,6 +90,7 @@ class HttpSession final : public Peer, public std::enable_shared_from_this<HttpS
   }
 
   void reply(HttpResponse response) {
+    has_replied_ = true;
     response_ = std::move(response);
     set_deadline(hub_.config().limits.reply_s);
     beast::http::async_write(stream_, response_,
@@ -97,6 +99,14 @@ class HttpSession final : public Peer, public std::enable_shared_from_this<HttpS
                                self->set_deadline(self->hub_.config().limits.hello_s);
                                self->read();
                              });
+  }
+
+  /// A connection that is idle after a reply ends by itself; one that never sent a request had its time.
+  void fail(const error_code& error) {
+    if (error == beast::error::timeout && !has_replied_) {
+      EdgeCounters::add(hub_.counters().closed[index_of(CloseCode::timeout)]);
+    }
+    finish();
   }
 
   void finish() {
@@ -111,7 +121,7 @@ class HttpSession final : public Peer, public std::enable_shared_from_this<HttpS
   beast::flat_buffer received_;
   std::optional<beast::http::request_parser<beast::http::string_body>> parser_;
   HttpResponse response_;
-  bool is_finished_ = false;
+  bool has_replied_ = false, is_finished_ = false;
 };
 
 }  // namespace ringfence::gateway

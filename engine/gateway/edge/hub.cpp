@@ -76,7 +76,7 @@ void Hub::deliver(Outbox& outbox) {
     const auto found = peers_.find(message.connection);
     if (found == peers_.end()) continue;
     const auto bytes = std::span<const std::byte>(outbox.bytes).subspan(message.offset, message.size);
-    if (delays_.applies_to(message.connection)) {
+    if (delays_.applies_to(message.connection, found->second->address())) {
       delays_.add(message.connection, false, message.delivery == Delivery::newest, message.delivery, bytes);
     } else {
       found->second->send(message.delivery, bytes);
@@ -185,7 +185,7 @@ void Hub::admit(Peer& peer, bool watches, std::span<const std::byte> hello) {
 }
 
 void Hub::receive(const Peer& peer, std::span<const std::byte> message) {
-  if (delays_.applies_to(peer.id())) {
+  if (delays_.applies_to(peer.id(), peer.address())) {
     return delays_.add(peer.id(), true, may_be_lost(message), Delivery::newest, message);
   }
   push({.kind = Event::Kind::message, .connection = peer.id(), .identity = {}}, message);
@@ -200,14 +200,12 @@ void Hub::start_sweep() {
   sweep_timer_.expires_after(std::chrono::seconds(1));
   sweep_timer_.async_wait([this](const error_code& error) {
     if (error) return;
-    sweep();
+    sweep(now_s());
     start_sweep();
   });
 }
 
-/// Closes the connections whose time is over.
-void Hub::sweep() {
-  const double now = now_s();
+void Hub::sweep(double now) {
   std::vector<std::shared_ptr<Peer>> stalled, silent;
   for (const auto& [id, peer] : peers_) {
     const double stalled_since = peer->stalled_since(), closing_since = peer->closing_since();

@@ -59,6 +59,8 @@ class Hub {
   /// Whether an address may connect; counts it.
   bool open_address(const std::string& address, bool is_loopback) { return addresses_.open(address, is_loopback); }
   void close_address(const std::string& address) { addresses_.close(address); }
+  /// Closes the connections whose time is over at a time of the steady clock. It is called every second.
+  void sweep(double now_s);
   /// Aborts all connections.
   void abort_all();
 
@@ -68,7 +70,6 @@ class Hub {
   void deliver_delayed(DelayLine::Message& message);
   void push(const Event& event, std::span<const std::byte> message);
   void close_oldest_not_admitted();
-  void sweep();
   void start_sweep();
 
   net::io_context& io_;

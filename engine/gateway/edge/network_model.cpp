@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "gateway/edge/asio.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence::gateway {
@@ -12,8 +13,10 @@ namespace {
 constexpr double max_delay_ms = 60'000;
 
 [[noreturn]] void fail(std::string_view part) {
-  throw Error("network: found " + std::string(part) +
-              "; expected parts such as delay=150ms, jitter=50ms, loss=5%, share=50%, each once, separated by commas");
+  throw Error(
+      "network: found " + std::string(part) +
+      "; expected parts such as delay=150ms, jitter=50ms, loss=5%, share=50%, address=127.0.0.2, each once, separated "
+      "by commas");
 }
 
 /// The number before `unit`, which ends the text.
@@ -26,11 +29,18 @@ double number(std::string_view part, std::string_view text, std::string_view uni
   return value;
 }
 
+std::string read_address(std::string_view part, std::string_view text) {
+  error_code error;
+  const net::ip::address_v4 read = net::ip::make_address_v4(text, error);
+  if (error) fail(part);
+  return read.to_string();
+}
+
 }  // namespace
 
 NetworkModel NetworkModel::parse(std::string_view text) {
   NetworkModel model;
-  bool has_delay = false, has_jitter = false, has_loss = false, has_share = false;
+  bool has_delay = false, has_jitter = false, has_loss = false, has_share = false, has_address = false;
   const auto once = [](bool& has, std::string_view part) {
     if (has) fail(part);
     has = true;
@@ -54,6 +64,9 @@ NetworkModel NetworkModel::parse(std::string_view text) {
     } else if (name == "share") {
       once(has_share, part);
       model.share = number(part, value, "%", 100) / 100;
+    } else if (name == "address") {
+      once(has_address, part);
+      model.address = read_address(part, value);
     } else {
       fail(part);
     }

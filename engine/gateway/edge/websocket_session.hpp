@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <deque>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -36,29 +37,29 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
   WebSocketSession(Hub& hub, Stream&& stream, const Peer& before, bool watches)
       : Peer(before.id(), before.address(), before.is_loopback(), now_s() + hub.config().limits.hello_s),
         hub_(hub),
-        socket_(std::move(stream)),
+        socket_(std::in_place, std::move(stream)),
         allowance_(hub.config().limits.messages_per_s, hub.config().limits.message_burst),
         watches_(watches) {}
 
   void start(Request request) {
     namespace websocket = beast::websocket;
     const EdgeLimits& limits = hub_.config().limits;
-    beast::get_lowest_layer(socket_).expires_never();
+    beast::get_lowest_layer(*socket_).expires_never();
     websocket::stream_base::timeout timeout{};
     timeout.handshake_timeout = seconds(limits.hello_s);
     timeout.idle_timeout = seconds(limits.idle_s);
     timeout.keep_alive_pings = true;
-    socket_.set_option(timeout);
+    socket_->set_option(timeout);
     // on_read() has the limit. Beast would close the socket while bytes of the message are unread, and the reset that
     // follows may reach the client before the close code.
-    socket_.read_message_max(0);
-    socket_.auto_fragment(false);
-    socket_.binary(true);
-    socket_.control_callback([this](websocket::frame_type kind, boost::beast::string_view) {
+    socket_->read_message_max(0);
+    socket_->auto_fragment(false);
+    socket_->binary(true);
+    socket_->control_callback([this](websocket::frame_type kind, boost::beast::string_view) {
       if (kind == websocket::frame_type::ping) take_ping();
     });
     request_ = std::move(request);
-    socket_.async_accept(request_, [self = this->shared_from_this()](const error_code& error) {
+    socket_->async_accept(request_, [self = this->shared_from_this()](const error_code& error) {
       if (error) return self->finish();
       self->request_ = {};
       self->read();
@@ -82,7 +83,7 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
   }
 
   void close(CloseCode code, const std::string& reason) override {
-    if (closing_s_ != 0) return;
+    if (closing_s_ != 0 || is_finished_) return;
     closing_s_ = now_s();
     constexpr std::size_t max_reason = 123;
     reason_ =
@@ -90,7 +91,16 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
     if (writing_s_ == 0) write();
   }
 
-  void abort() noexcept override { beast::get_lowest_layer(socket_).close(); }
+  /// Ends the session also if no operation of the socket will complete: in Beast 1.74 an operation that reads an
+  /// invalid frame and one that closes can wait for each other for ever. They belong to the stream, so it is deleted.
+  void abort() noexcept override {
+    if (!socket_) return;
+    beast::get_lowest_layer(*socket_).close();
+    net::post(socket_->get_executor(), [self = this->shared_from_this()] {
+      self->finish();
+      self->socket_.reset();
+    });
+  }
   double stalled_since() const noexcept override { return writing_s_; }
   double closing_since() const noexcept override { return closing_s_; }
 
@@ -102,21 +112,25 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
 
   /// Reads a part of a message, at most one byte more than it may have.
   void read() {
-    socket_.async_read_some(
+    socket_->async_read_some(
         received_, max_client_message + 1 - received_.size(),
         [self = this->shared_from_this()](const error_code& error, std::size_t) { self->on_read(error); });
   }
 
   void on_read(const error_code& error) {
-    if (error) return finish();
+    if (error || is_finished_) return finish();
     const bool is_too_big = received_.size() > max_client_message;
     if (closing_s_ == 0 && is_too_big) {
       hub_.refuse(*this, CloseCode::too_big,
                   "expected messages of at most " + std::to_string(max_client_message) + " bytes");
-    } else if (closing_s_ == 0 && socket_.is_message_done()) {
+    } else if (closing_s_ == 0 && socket_->is_message_done()) {
       take_message();
+    } else if (closing_s_ == 0 && !allowance_.take(now_s())) {
+      refuse_flood();  // a message in many fragments costs as much as many messages
     }
-    if (closing_s_ != 0 || socket_.is_message_done()) received_.consume(received_.size());
+    // From now on, the operation that closes reads.
+    if (closing_s_ != 0) return;
+    if (socket_->is_message_done()) received_.consume(received_.size());
     read();
   }
 
@@ -124,7 +138,7 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
   void take_ping() {
     if (closing_s_ != 0 || allowance_.take(now_s())) return;
     // It is called in the middle of a read.
-    net::post(socket_.get_executor(), [self = this->shared_from_this()] {
+    net::post(socket_->get_executor(), [self = this->shared_from_this()] {
       if (self->closing_s_ == 0) self->refuse_flood();
     });
   }
@@ -138,7 +152,7 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
     const std::span<const std::byte> message(static_cast<const std::byte*>(data.data()), data.size());
     EdgeCounters::add(hub_.counters().received_messages);
     EdgeCounters::add(hub_.counters().received_bytes, message.size());
-    if (socket_.got_text()) return hub_.refuse(*this, CloseCode::text, "expected binary messages");
+    if (socket_->got_text()) return hub_.refuse(*this, CloseCode::text, "expected binary messages");
     if (!is_admitted()) return hub_.admit(*this, watches_, message);
     if (!allowance_.take(now_s())) return refuse_flood();
     hub_.receive(*this, message);
@@ -157,15 +171,15 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
       return;
     }
     writing_s_ = now_s();
-    socket_.async_write(net::buffer(written_.data(), written_.size()),
-                        [self = this->shared_from_this()](const error_code& error, std::size_t bytes) {
-                          self->on_written(error, bytes);
-                        });
+    socket_->async_write(net::buffer(written_.data(), written_.size()),
+                         [self = this->shared_from_this()](const error_code& error, std::size_t bytes) {
+                           self->on_written(error, bytes);
+                         });
   }
 
   void on_written(const error_code& error, std::size_t bytes) {
     writing_s_ = 0;
-    if (error) return;  // the read that waits ends the session
+    if (error || is_finished_) return finish();
     EdgeCounters::add(hub_.counters().sent_messages);
     EdgeCounters::add(hub_.counters().sent_bytes, bytes);
     write();
@@ -173,10 +187,7 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
 
   void send_close() {
     if (std::exchange(is_close_sent_, true)) return;
-    socket_.async_close(reason_, [self = this->shared_from_this()](const error_code& error) {
-      // Without an error, the read that waits ends with `closed`.
-      if (error) self->abort();
-    });
+    socket_->async_close(reason_, [self = this->shared_from_this()](const error_code&) { self->finish(); });
   }
 
   void finish() {
@@ -186,8 +197,8 @@ class WebSocketSession final : public Peer, public std::enable_shared_from_this<
   }
 
   Hub& hub_;
-  beast::websocket::stream<Stream> socket_;
-  Request request_;  ///< until it is accepted
+  std::optional<beast::websocket::stream<Stream>> socket_;  ///< until the session was aborted
+  Request request_;                                         ///< until it is accepted
   beast::flat_buffer received_;
   TokenBucket allowance_;
   bool watches_;

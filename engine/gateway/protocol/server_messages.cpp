@@ -34,9 +34,13 @@ void write_vector(ByteWriter& writer, const Vec3f& v) {
 }
 
 void write_offset(ByteWriter& writer, const QuantisedPosition& position, const QuantisedPosition& origin) {
-  writer.svar(position.x - origin.x);
-  writer.svar(position.y - origin.y);
-  writer.svar(position.z - origin.z);
+  // Modulo 2^64, as read_offset adds, so that no values of a message can overflow.
+  const auto difference = [](std::int64_t a, std::int64_t b) {
+    return static_cast<std::int64_t>(static_cast<std::uint64_t>(a) - static_cast<std::uint64_t>(b));
+  };
+  writer.svar(difference(position.x, origin.x));
+  writer.svar(difference(position.y, origin.y));
+  writer.svar(difference(position.z, origin.z));
 }
 
 /// Users are written as number + 1, so that no user is 0.
@@ -57,6 +61,7 @@ class Differences {
 
 void write_own(ByteWriter& writer, const OwnState& own) {
   writer.var(own.number);
+  writer.var(own.shape.number());
   write_vector(writer, own.pose.position);
   writer.fixed(own.pose.orientation.x);
   writer.fixed(own.pose.orientation.y);
@@ -190,6 +195,7 @@ class Numbers {
 void read_own(ByteReader& reader, Update& update) noexcept {
   OwnState& own = update.own.emplace();
   own.number = reader.var32();
+  own.shape = ShapeId(reader.var32());
   own.pose.position = read_vector(reader);
   own.pose.orientation.x = reader.fixed<float>();
   own.pose.orientation.y = reader.fixed<float>();

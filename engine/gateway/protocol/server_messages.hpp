@@ -51,6 +51,7 @@ struct Welcome {
 /// The avatar of the client, exact.
 struct OwnState {
   ObjectNumber number = 0;
+  ShapeId shape;
   Pose pose;
   std::span<const std::byte> state;
 };

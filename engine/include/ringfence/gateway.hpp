@@ -52,7 +52,8 @@ struct GatewayConfig {
   std::string
       contact_label;    ///< what a contact means in this world, for spectators: "loss of separation"; may be empty
   double grace_s = 30;  ///< seconds for which the avatar of a player whose connection ended stays
-  /// Worsens the network for tests: "delay=150ms,jitter=50ms,loss=5%,share=50%"; empty: not.
+  /// Worsens the network for tests: "delay=150ms,jitter=50ms,loss=5%"; "share=50%": that of half of the clients;
+  /// "address=127.0.0.2": that of clients from there; empty: not.
   std::string network;
   GatewayHooks hooks;
 };

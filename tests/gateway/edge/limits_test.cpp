@@ -1,7 +1,10 @@
 #include <memory>
 #include <string>
+#include <string_view>
+#include <thread>
 #include <vector>
 
+#include <boost/asio/read_until.hpp>
 #include <doctest/doctest.h>
 
 #include "gateway/edge/address_limits.hpp"
@@ -95,6 +98,50 @@ TEST_CASE("a WebSocket without a hello is closed with 4408, and slow requests wi
   CHECK(silent.read_to_close().code == 4408);
   CHECK(nothing.read_to_end().empty());
   CHECK(half.read_to_end().empty());
+  // The edge counts before it closes.
+  CHECK(closed(edge, CloseCode::timeout) == 3);
+}
+
+TEST_CASE("a connection that is idle after a reply ends, and is not counted as refused") {
+  EdgeConfig config = test_config();
+  config.limits.hello_s = 0.1;
+  Edge edge(config);
+  RawClient client(edge);
+  client.send("GET /healthz HTTP/1.1\r\nHost: test\r\n\r\n");
+  CHECK(client.read_to_end().ends_with("ok\n"));
+  CHECK(closed(edge, CloseCode::timeout) == 0);
+}
+
+TEST_CASE("fragments count as messages, so that a message in many of them is refused with 4429") {
+  EdgeConfig config = test_config();
+  config.limits.messages_per_s = 0.001;
+  config.limits.message_burst = 100;
+  Edge edge(config);
+  Frames frames(edge);
+  TestClient client(edge);
+  client.send(hello());
+  frames.next();
+  const Bytes part(1);
+  boost::system::error_code error;  // the edge closes the connection in the meantime
+  for (int i = 0; i < 1000 && !error; ++i)
+    client.socket().write_some(false, boost::asio::buffer(part.data(), 1), error);
+  CHECK(client.read_to_close().code == 4429);
+  CHECK(closed(edge, CloseCode::too_many) == 1);
+}
+
+TEST_CASE("a connection is forgotten that is refused while an invalid frame waits to be read") {
+  Edge edge(test_config());
+  RawClient client(edge);
+  client.send(
+      "GET /play HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+      "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n");
+  std::string reply;
+  boost::asio::read_until(client.socket(), boost::asio::dynamic_buffer(reply), "\r\n\r\n");
+  // A message that is no hello, and a frame with an opcode that does not exist.
+  client.send(std::string_view("\x82\x81\0\0\0\0\x09\x8f\x80\0\0\0\0", 13));
+  CHECK(client.read_to_end().starts_with("\x88"));
+  while (edge.statistics().open != 0) std::this_thread::yield();
+  CHECK(closed(edge, CloseCode::malformed) == 1);
 }
 
 TEST_CASE("a client that sends too many messages is closed with 4429, and others are not") {

@@ -22,12 +22,14 @@ TEST_CASE("a network model is read in any order of its parts") {
   CHECK(model.jitter_s == doctest::Approx(0.0025));
   CHECK(model.loss == doctest::Approx(0.05));
   CHECK(model.share == doctest::Approx(0.5));
+  CHECK(NetworkModel::parse("address=127.0.0.2").address == "127.0.0.2");
   CHECK(NetworkModel::parse("").is_perfect());
 }
 
 TEST_CASE("a part that cannot be read is named in the error") {
-  for (const char* const part : {"delay", "delay=", "delay=5", "delay=5s", "delay=-5ms", "delay=ms", "loss=101%",
-                                 "loss=5", "loss=nan%", "jitter=infms", "wait=5ms", "share=1e3%", " delay=5ms"}) {
+  for (const char* const part :
+       {"delay", "delay=", "delay=5", "delay=5s", "delay=-5ms", "delay=ms", "loss=101%", "loss=5", "loss=nan%",
+        "jitter=infms", "wait=5ms", "share=1e3%", " delay=5ms", "address=", "address=here", "address=::1"}) {
     CHECK_THROWS_WITH_AS(NetworkModel::parse(part), doctest::Contains(part), Error);
     CHECK_THROWS_AS(NetworkModel::parse("share=1%," + std::string(part)), Error);
   }
@@ -90,9 +92,16 @@ TEST_CASE("a model applies to its share of the connections") {
     model.share = percent / 100.0;
     const DelayLine line(io, model, [](DelayLine::Message&) {});
     int count = 0;
-    for (ConnectionId id = 1; id <= 1000; ++id) count += line.applies_to(id) ? 1 : 0;
+    for (ConnectionId id = 1; id <= 1000; ++id) count += line.applies_to(id, "127.0.0.1") ? 1 : 0;
     CHECK(count == percent * 10);
   }
+}
+
+TEST_CASE("a model applies to the clients of its address") {
+  net::io_context io;
+  const DelayLine line(io, NetworkModel::parse("delay=1ms,address=127.0.0.2"), [](DelayLine::Message&) {});
+  CHECK(line.applies_to(1, "127.0.0.2"));
+  CHECK_FALSE(line.applies_to(1, "127.0.0.1"));
 }
 
 TEST_CASE("through an edge with loss, inputs are lost and all other messages arrive in order") {

@@ -204,7 +204,7 @@ TEST_CASE("the document's tables read welcome and update") {
   Update update;
   update.frame = 1000, update.since = 3, update.time_us = 5'000'000, update.sequence = 8, update.age = 2;
   update.echo = 77, update.hold_ms = 12;
-  update.own = OwnState{9, {{1.5, -2, 3}, {0, 0, 0.5f, 0.25f}}, state};
+  update.own = OwnState{9, ShapeId(6), {{1.5, -2, 3}, {0, 0, 0.5f, 0.25f}}, state};
   update.origin = {512, -1024, 5};
   update.entered = {{4, 2, ShapeId(3), Category::fixed, UserId(1), {513, -1020, 5}, 0x80000001u, state},
                     {900, 1, ShapeId(4), Category::avatar, no_user, {512, -1024, 6}, 7, {}}};
@@ -222,7 +222,7 @@ TEST_CASE("the document's tables read welcome and update") {
   CHECK(value("sequence") == Values{8});
   CHECK(value("echo") == Values{77});
   CHECK(value("hold") == Values{12});
-  CHECK(value("own") == Values{9, 1.5, -2, 3, 0, 0, 0.5, 0.25});
+  CHECK(value("own") == Values{9, 6, 1.5, -2, 3, 0, 0, 0.5, 0.25});
   CHECK(value("origin") == Values{512, -1024, 5});
   // Of entered, then moved (doubled, plus 1 with an orientation), then contacts: differences.
   CHECK(value("number") == Values{4, 896, 13, 8, 5, 3, 1});

@@ -46,7 +46,7 @@ Update any_update(Random& random) {
   update.echo = static_cast<std::uint16_t>(random());
   update.hold_ms = any_number(random);
   static const Bytes state(16, std::byte{7});
-  if (random() % 2 == 0) update.own = OwnState{9, {{1.5, -2, 1e9}, {0, 0, 0.6f, 0.8f}}, state};
+  if (random() % 2 == 0) update.own = OwnState{9, ShapeId(6), {{1.5, -2, 1e9}, {0, 0, 0.6f, 0.8f}}, state};
   const auto position = [&]() -> QuantisedPosition {
     const auto coordinate = [&] {
       return static_cast<std::int64_t>(any_number(random) >> 2) * (random() % 2 ? 1 : -1);
@@ -211,6 +211,21 @@ TEST_CASE("updates are read back, and their parts and changed bytes are refused 
       read(changed, read_back);
     }
   }
+}
+
+TEST_CASE("positions at opposite ends of the numbers are read back") {
+  constexpr std::int64_t low = std::numeric_limits<std::int64_t>::min(),
+                         high = std::numeric_limits<std::int64_t>::max();
+  Update update, found;
+  update.origin = {high, low, 0};
+  update.moved = {{6, false, 0, {low, high, low}}, {7, false, 0, {high, low, high}}};
+  Bytes bytes;
+  write(update, bytes);
+  REQUIRE(read(bytes, found));
+  CHECK(found.origin == update.origin);
+  REQUIRE(found.moved.size() == 2);
+  CHECK(found.moved[0].position == update.moved[0].position);
+  CHECK(found.moved[1].position == update.moved[1].position);
 }
 
 TEST_CASE("a welcome and shapes are read back") {

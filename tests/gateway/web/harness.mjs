@@ -1,7 +1,7 @@
 // Starts the program for tests, and waits for what happens instead of sleeping.
 import { spawn } from "node:child_process";
 import { once } from "node:events";
-import { mkdtempSync, rmSync } from "node:fs";
+import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
@@ -12,11 +12,38 @@ export const load = (name) => require(name);
 export const program = process.env.RINGFENCE_PROGRAM;
 export const patience_ms = 30000;
 
+const actionsAtEnd = new WeakMap();
+
+/** Does something after the test, what was asked for last first: a page is closed before the server that it talks to. */
+export function atEnd(test, action) {
+  if (!actionsAtEnd.has(test)) {
+    const actions = [];
+    actionsAtEnd.set(test, actions);
+    test.after(async () => {
+      const errors = [];
+      while (actions.length > 0) await Promise.resolve().then(actions.pop()).catch((error) => errors.push(error));
+      if (errors.length > 0) throw errors[0];
+    });
+  }
+  actionsAtEnd.get(test).push(action);
+}
+
 /** A folder that is removed after the test. */
 export function temporaryFolder(test) {
   const folder = mkdtempSync(join(tmpdir(), "ringfence-web-"));
-  test.after(() => rmSync(folder, { recursive: true, force: true }));
+  atEnd(test, () => rmSync(folder, { recursive: true, force: true }));
   return folder;
+}
+
+/** A world of one wide crate in front of the places where avatars start: from x = 8.25 m on. Returns the file. */
+export function crateScene(test) {
+  const post = (number) => ({ id: number, category: "static", shape: "post", position: [-12, 4 * number, 0.5] });
+  const scene = { format: "ringfence-scene", version: 1, bounds: { min: [-30, -30, 0], max: [30, 30, 4] },
+    shapes: { crate: { type: "box", half_extents: [0.75, 30, 1] }, post: { type: "sphere", radius: 0.5 } },
+    objects: [{ id: 1, category: "static", shape: "crate", position: [9, 0, 1] }, ...[2, 3, 4, 5].map(post)] };
+  const file = join(temporaryFolder(test), "scene.json");
+  writeFileSync(file, JSON.stringify(scene));
+  return file;
 }
 
 /** Runs the program to its end: its output. Throws if it does not end with 0. */
@@ -49,7 +76,7 @@ export async function start(test, ...args) {
     await closed;
     return out;
   };
-  test.after(() => stop());
+  atEnd(test, () => stop());
   return { url, stop };
 }
 
@@ -66,7 +93,7 @@ export async function view(test, ...args) {
     });
     ended.then(() => reject(new Error(`ringfence replay ended: ${errors}`)));
   });
-  test.after(async () => {
+  atEnd(test, async () => {
     child.kill("SIGTERM");
     await ended;
   });

@@ -4,7 +4,7 @@ import { mkdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import test from "node:test";
 
-import { load, patience_ms, run, serve, temporaryFolder, view } from "./harness.mjs";
+import { atEnd, crateScene, load, patience_ms, run, serve, temporaryFolder, view } from "./harness.mjs";
 
 const puppeteer = load("puppeteer-core");
 const out = process.env.RINGFENCE_OUT;
@@ -29,7 +29,7 @@ async function open(t, url, { width = 1000, height = 640, media = [], isMobile =
   await page.setViewport({ width, height, isMobile, hasTouch: isMobile });
   await page.emulateMediaFeatures(media);
   await page.goto(url);
-  t.after(async () => {
+  atEnd(t, async () => {
     await page.close();
     assert.deepEqual(errors, []);
   });
@@ -39,17 +39,6 @@ const until = (page, condition, ...args) => page.waitForFunction(condition, { ti
 const ready = (page) => until(page, () => window.ringfence?.displayed > 3);
 const ownPosition = (page) => page.evaluate(() => Array.from(window.ringfence.client.own.position));
 const screenshot = (page, name) => page.screenshot({ path: join(out, `serve-${name}.png`) });
-
-/** A world of one crate in front of the places where avatars start. */
-function crateScene(t) {
-  const post = (number) => ({ id: number, category: "static", shape: "post", position: [-12, 4 * number, 0.5] });
-  const scene = { format: "ringfence-scene", version: 1, bounds: { min: [-30, -30, 0], max: [30, 30, 4] },
-    shapes: { crate: { type: "box", half_extents: [0.75, 30, 1] }, post: { type: "sphere", radius: 0.5 } },
-    objects: [{ id: 1, category: "static", shape: "crate", position: [9, 0, 1] }, ...[2, 3, 4, 5].map(post)] };
-  const file = join(temporaryFolder(t), "scene.json");
-  writeFileSync(file, JSON.stringify(scene));
-  return file;
-}
 
 test("the avatar walks with keys, and a crate stops it", async (t) => {
   const { url } = await serve(t, "--scene", crateScene(t));
@@ -166,7 +155,7 @@ test("20,000 objects take at most 20 draw calls, and a visitor who comes late se
   assert.ok(calls <= 20, `${calls} draw calls`);
 });
 
-test("on a phone there is a stick, and nothing is wider than the screen", async (t) => {
+test("on a phone there is a stick, and everything is on the screen", async (t) => {
   const { url } = await serve(t, "--objects", "300", "--robots", "10");
   const page = await open(t, url, { width: 390, height: 780, isMobile: true });
   await ready(page);
@@ -181,6 +170,11 @@ test("on a phone there is a stick, and nothing is wider than the screen", async 
   await screenshot(page, "phone");
   await touch.end();
   assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth));
+  const hidden = await page.$$eval("#layers button", (buttons) => buttons.filter((button) => {
+    const { left, right, bottom } = button.getBoundingClientRect();
+    return left < 0 || right > innerWidth || bottom > innerHeight;
+  }).map(({ id, dataset }) => id || dataset.layer));
+  assert.deepEqual(hidden, []);
 });
 
 test("recorded air traffic is shown with losses of separation, a legend, and its end", async (t) => {

@@ -47,8 +47,12 @@ Json write_update(Random& random, Bytes& bytes) {
   update.origin = any_position(random);
   Json entered = Json::array(), moved = Json::array(), contacts = Json::array(), own;
   if (random() % 2 == 0) {
-    update.own = OwnState{9, {{1.5, -2, 1e9}, {0, 0, 0.6f, 0.8f}}, state};
-    own = {{"number", 9}, {"position", {1.5, -2, 1e9}}, {"orientation", {0, 0, 0.6f, 0.8f}}, {"state", hex_of(state)}};
+    update.own = OwnState{9, ShapeId(6), {{1.5, -2, 1e9}, {0, 0, 0.6f, 0.8f}}, state};
+    own = {{"number", 9},
+           {"shape", 6},
+           {"position", {1.5, -2, 1e9}},
+           {"orientation", {0, 0, 0.6f, 0.8f}},
+           {"state", hex_of(state)}};
   }
   ObjectNumber number = 0;
   const auto next_number = [&] { return number += 1 + static_cast<ObjectNumber>(random() % 1'000'000); };

@@ -5,14 +5,14 @@ import { join } from "node:path";
 import test from "node:test";
 
 import { read, write } from "../../../engine/gateway/web/client/codec.js";
-import { load, patience_ms, run, serve, temporaryFolder } from "./harness.mjs";
+import { atEnd, load, patience_ms, run, serve, temporaryFolder } from "./harness.mjs";
 
 const WebSocket = load("ws");
 const key = "0123456789abcdef0123456789abcdef";
 
 function open(t, url, path = "/play") {
   const socket = new WebSocket(url.replace(/^http/, "ws") + path);
-  t.after(() => socket.terminate());
+  atEnd(t, () => socket.terminate());
   return new Promise((resolve, reject) => {
     socket.on("open", () => resolve(socket));
     socket.on("error", reject);

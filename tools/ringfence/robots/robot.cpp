@@ -20,14 +20,23 @@ constexpr std::uint32_t way_stream = 401;
 constexpr double way_s = 2;            // a robot keeps its direction for this time
 constexpr double acknowledge_s = 0.5;  // without an input, acknowledgements are sent this often
 constexpr std::size_t max_effect_frames = 64;
+constexpr std::size_t max_effect_ms = 10'000;
+constexpr std::size_t max_sent = 256;  // of inputs that are waited for
 
 std::uint16_t clock_ms() noexcept { return static_cast<std::uint16_t>(telemetry::now_ns() / 1'000'000u); }
+double now_s() noexcept { return static_cast<double>(telemetry::now_ns()) * 1e-9; }
+
+/// Counts a value in a histogram whose last bin also has all larger values.
+void count(std::vector<std::uint32_t>& bins, std::size_t value, std::size_t size) {
+  bins.resize(size);
+  ++bins[std::min(value, size - 1)];
+}
 
 }  // namespace
 
-Robot::Robot(std::uint32_t number, const RobotConfig& config, RobotBoard& board, RobotViolations& violations,
-             RobotFigures& figures)
-    : number_(number), config_(config), board_(board), violations_(violations), figures_(figures) {}
+Robot::Robot(std::uint32_t number, const RobotConfig& config, RobotModel& model, RobotBoard& board,
+             RobotViolations& violations, RobotFigures& figures)
+    : number_(number), config_(config), model_(model), board_(board), violations_(violations), figures_(figures) {}
 
 void Robot::connect(net::io_context& io, const gateway::GatewayUrl& url, net::ssl::context* tls,
                     const std::string& token) {
@@ -45,7 +54,7 @@ void Robot::connect(net::io_context& io, const gateway::GatewayUrl& url, net::ss
       violations_.add(RobotViolations::lost_connection, fmt::format("robot {}: code {}, {}", number_, code, reason));
     }
   };
-  client_ = gateway::WebClient::connect(io, url, "/play", tls, std::move(handlers));
+  client_ = gateway::WebClient::connect(io, url, "/play", tls, std::move(handlers), config_.from);
 }
 
 void Robot::close() {
@@ -80,10 +89,15 @@ void Robot::take_welcome(std::span<const std::byte> message) {
   ++figures_.connected;
   rate_ = welcome.rate;
   board_.set_interest(static_cast<double>(welcome.interest));
+  if (config_.predicts) {
+    model_.begin(welcome);
+    prediction_.emplace(model_.walk(), model_.obstacles());
+  }
 }
 
 void Robot::take_update(std::span<const std::byte> message) {
-  if (!is_welcomed_ || !read(message, update_)) return fail("an invalid update, or one before the welcome");
+  if (!is_welcomed_) return;  // updates may overtake other messages
+  if (!read(message, update_)) return fail("an invalid update");
   const std::uint64_t before = replica_.acknowledgement();
   switch (replica_.apply(update_)) {
     case gateway::Replica::Outcome::ignored:
@@ -101,17 +115,31 @@ void Robot::take_update(std::span<const std::byte> message) {
   if (before != 0) figures_.skipped += replica_.acknowledgement() - before - 1;
   measure(update_);
   board_.add(replica_);
-  if (!board_.has_avatar()) ask_for_shapes();
+  ask_for_shapes();
+  if (prediction_) predict();
   answer();
 }
 
+void Robot::predict() {
+  if (const std::optional<double> error = prediction_->reconcile(update_, replica_)) {
+    figures_.prediction_m.push_back(*error);
+  }
+  const double time_s = static_cast<double>(update_.time_us) * 1e-6, now = now_s();
+  tracks_.add(update_, replica_);
+  clock_.add(time_s, now);
+  if (time_s < clock_.display(now)) ++figures_.late;
+  figures_.display_ms.push_back(clock_.delay_s() * 1e3);
+}
+
 void Robot::measure(const gateway::Update& update) {
-  if (update.sequence > measured_ && update.sequence == sequence_) {
+  // Inputs that a newer one replaced, or that were lost, never take effect.
+  while (!sent_.empty() && sent_.front().sequence < update.sequence) sent_.pop_front();
+  if (!sent_.empty() && sent_.front().sequence == update.sequence) {
+    const SentInput& input = sent_.front();
     const std::uint64_t effect = update.frame + 1 - update.age;
-    const std::uint64_t frames = std::min<std::uint64_t>(effect - std::min(effect, sent_at_), max_effect_frames - 1);
-    figures_.effect_frames.resize(max_effect_frames);
-    ++figures_.effect_frames[frames];
-    measured_ = update.sequence;
+    count(figures_.effect_frames, effect - std::min(effect, input.frame), max_effect_frames);
+    count(figures_.effect_ms, static_cast<std::size_t>((now_s() - input.time_s) * 1e4), max_effect_ms * 10);
+    sent_.pop_front();
   }
   if (update.echo != echoed_ && update.sequence != 0) {
     echoed_ = update.echo;
@@ -122,45 +150,57 @@ void Robot::measure(const gateway::Update& update) {
 
 void Robot::answer() {
   const std::uint64_t frame = replica_.acknowledgement();
-  const auto epoch = (frame + number_ * 7ull) /
-                     std::max<std::uint64_t>(1, static_cast<std::uint64_t>(way_s * static_cast<double>(rate_)));
+  choose_input(frame);
+  const auto body = wish_.bytes();
+  if (prediction_) prediction_->tick(sequence_, body);
+  const auto every = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(acknowledge_s * static_cast<double>(rate_)));
   std::vector<std::byte> message;
-  if (config_.sends_on_change && epoch == epoch_ && sequence_ != 0) {
-    const auto every =
-        std::max<std::uint64_t>(1, static_cast<std::uint64_t>(acknowledge_s * static_cast<double>(rate_)));
-    if (frame < answered_ + every) return;
+  if (update_.sequence < sequence_) {  // new, or perhaps lost
+    write(gateway::Input{frame, sequence_, clock_ms(), body}, message);
+  } else if (frame >= answered_ + every) {
     write(gateway::Ack{frame}, message);
   } else {
-    epoch_ = epoch;
-    motion::Draws draws(config_.seed, way_stream, number_, static_cast<std::uint32_t>(epoch));
-    motion::WalkInput wish;
-    wish.x = static_cast<std::int8_t>(draws.between(-127, 127));
-    wish.y = static_cast<std::int8_t>(draws.between(-127, 127));
-    wish.heading = static_cast<std::uint16_t>(draws.word());
-    wish.runs = (draws.word() & 1) != 0;
-    const auto body = wish.bytes();
-    sent_at_ = frame;
-    write(gateway::Input{frame, ++sequence_, clock_ms(), body}, message);
+    return;
   }
   answered_ = frame;
   client_->send(std::move(message));
 }
 
+/// The direction changes from time to time. Unless inputs are sent on change only, each frame has another number.
+void Robot::choose_input(std::uint64_t frame) {
+  const auto epoch = (frame + number_ * 7ull) /
+                     std::max<std::uint64_t>(1, static_cast<std::uint64_t>(way_s * static_cast<double>(rate_)));
+  if (config_.sends_on_change && epoch == epoch_) return;
+  epoch_ = epoch;
+  motion::Draws draws(config_.seed, way_stream, number_, static_cast<std::uint32_t>(epoch));
+  wish_.x = static_cast<std::int8_t>(draws.between(-127, 127));
+  wish_.y = static_cast<std::int8_t>(draws.between(-127, 127));
+  wish_.heading = static_cast<std::uint16_t>(draws.word());
+  wish_.runs = (draws.word() & 1) != 0;
+  sent_.push_back({++sequence_, frame, now_s()});
+  if (sent_.size() > max_sent) sent_.pop_front();
+}
+
 void Robot::ask_for_shapes() {
-  for (const auto& [number, object] : replica_.objects()) {
-    if (object.category != Category::avatar || !asked_.insert(object.shape).second) continue;
-    avatar_shape_ = object.shape;
-    std::vector<std::byte> message;
-    write(gateway::GetShape{object.shape}, message);
-    client_->send(std::move(message));
-  }
+  if (replica_.own() && (!board_.has_avatar() || prediction_)) ask(replica_.own()->shape);
+  if (!prediction_) return;
+  for (const gateway::EnteredObject& object : update_.entered) ask(object.shape);
+}
+
+void Robot::ask(ShapeId shape) {
+  if (model_.obstacles().has(shape) || !asked_.insert(shape).second) return;
+  std::vector<std::byte> message;
+  write(gateway::GetShape{shape}, message);
+  client_->send(std::move(message));
 }
 
 void Robot::take_shape(std::span<const std::byte> message) {
   ShapeId shape;
   std::optional<ShapeDescription> description;
   if (!gateway::read_shape(message, shape, description)) return fail("an invalid shape");
-  if (description && shape == avatar_shape_ && !board_.has_avatar()) board_.set_avatar(*description);
+  if (!description) return;
+  if (replica_.own() && shape == replica_.own()->shape && !board_.has_avatar()) board_.set_avatar(*description);
+  if (prediction_) model_.obstacles().add(shape, *description);
 }
 
 }  // namespace ringfence::tools

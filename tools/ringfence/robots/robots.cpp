@@ -10,15 +10,14 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 #include <sys/resource.h>
 
 #include "exit_code.hpp"
 #include "gateway/edge/admission.hpp"
 #include "option_checks.hpp"
 #include "option_groups.hpp"
-#include "output_file.hpp"
 #include "robots/robot.hpp"
+#include "robots/robot_report.hpp"
 #include "run_options.hpp"
 #include "serve/token_command.hpp"
 #include "stop_signals.hpp"
@@ -51,29 +50,13 @@ double process_cpu_s() noexcept {
   return static_cast<double>(time.tv_sec) + static_cast<double>(time.tv_nsec) * 1e-9;
 }
 
-/// The value that a share of the sorted values does not exceed.
-double quantile(std::vector<double>& values, double share) {
-  if (values.empty()) return 0;
-  const auto index = static_cast<std::size_t>(share * static_cast<double>(values.size() - 1));
-  std::ranges::nth_element(values, values.begin() + static_cast<std::ptrdiff_t>(index));
-  return values[index];
-}
-
-std::uint64_t effect_quantile(const std::vector<std::uint32_t>& counts, double share) {
-  std::uint64_t total = 0, seen = 0;
-  for (const std::uint32_t count : counts) total += count;
-  for (std::size_t frames = 0; frames < counts.size(); ++frames) {
-    seen += counts[frames];
-    if (total > 0 && static_cast<double>(seen) >= share * static_cast<double>(total)) return frames;
-  }
-  return 0;
-}
-
 class RobotRun {
  public:
   explicit RobotRun(const RobotsOptions& options) : options_(options), board_(violations_) {
     config_.seed = options.seed;
     config_.sends_on_change = options.inputs == "change";
+    config_.predicts = options.predicts;
+    config_.from = options.from;
     url_ = gateway::GatewayUrl::parse(options.url);
     if (url_.uses_tls) prepare_tls();
     if (!options.token_key.empty()) key_ = read_token_key(options.token_key);
@@ -86,15 +69,12 @@ class RobotRun {
     const double begin_s = now_s(), begin_cpu_s = process_cpu_s();
     const RobotFigures before = figures_;
     while (now_s() - begin_s < options_.seconds && !stop.received()) step(0.1);
-    seconds_ = now_s() - begin_s;
-    cpu_s_ = process_cpu_s() - begin_cpu_s;
-    updates_ = figures_.updates - before.updates;
-    bytes_ = figures_.bytes - before.bytes;
-    objects_ = figures_.objects - before.objects;
+    const RobotInterval interval{now_s() - begin_s, process_cpu_s() - begin_cpu_s, figures_.updates - before.updates,
+                                 figures_.bytes - before.bytes, figures_.objects - before.objects};
     for (const auto& robot : robots_) robot->close();
     for (int i = 0; i < 20 && !all_closed(); ++i) step(0.1);
     board_.finish();
-    report();
+    report_robots(options_, interval, figures_, board_, violations_);
     return violations_.any() ? check_failed : done;
   }
 
@@ -125,7 +105,7 @@ class RobotRun {
   /// A few at a time, so that the listener's queue is not exceeded.
   void connect_all(const StopSignals& stop) {
     for (std::uint32_t number = 0; number < options_.clients && !stop.received(); ++number) {
-      auto robot = std::make_unique<Robot>(number, config_, board_, violations_, figures_);
+      auto robot = std::make_unique<Robot>(number, config_, model_, board_, violations_, figures_);
       robot->connect(io_, url_, tls_ ? &*tls_ : nullptr, token_of(options_.first_user + number));
       robots_.push_back(std::move(robot));
       while (pending() >= connects_at_once && !stop.received()) step(0.002);
@@ -141,67 +121,17 @@ class RobotRun {
     return std::ranges::all_of(robots_, [](const auto& robot) { return robot->is_closed(); });
   }
 
-  void report() {
-    const double clients = static_cast<double>(std::max<std::uint64_t>(1, figures_.connected));
-    const double updates = static_cast<double>(std::max<std::uint64_t>(1, updates_));
-    const double kbit_s = static_cast<double>(bytes_) * 8e-3 / clients / seconds_;
-    const double trip_p50 = quantile(figures_.round_trip_ms, 0.5), trip_p99 = quantile(figures_.round_trip_ms, 0.99);
-    const std::uint64_t effect_p50 = effect_quantile(figures_.effect_frames, 0.5),
-                        effect_p99 = effect_quantile(figures_.effect_frames, 0.99);
-    if (!options_.json.empty()) {
-      nlohmann::json violations;
-      for (std::uint8_t kind = 0; kind < RobotViolations::kind_count; ++kind) {
-        const auto each = static_cast<RobotViolations::Kind>(kind);
-        violations[RobotViolations::name_of(each)] = violations_.count(each);
-      }
-      OutputFile file(options_.json);
-      const nlohmann::json json{{"clients", options_.clients},
-                                {"connected", figures_.connected},
-                                {"seconds", seconds_},
-                                {"updates", updates_},
-                                {"updates_per_client_and_second", updates / clients / seconds_},
-                                {"kbit_s_per_client", kbit_s},
-                                {"objects_near", static_cast<double>(objects_) / updates},
-                                {"complete_updates", figures_.complete},
-                                {"skipped_frames", figures_.skipped},
-                                {"ignored_updates", figures_.ignored},
-                                {"effect_frames", {{"p50", effect_p50}, {"p99", effect_p99}}},
-                                {"round_trip_ms", {{"p50", trip_p50}, {"p99", trip_p99}}},
-                                {"checked_pairs", board_.checked_pairs()},
-                                {"checked_contacts", board_.checked_contacts()},
-                                {"cpu_us_per_update", cpu_s_ * 1e6 / updates},
-                                {"violations", violations}};
-      file.write(json.dump(2) + "\n");
-      file.close();
-    }
-    fmt::print("{} of {} robots connected; {:.1f} s\n", figures_.connected, options_.clients, seconds_);
-    fmt::print("each: {:.1f} updates/s, {:.1f} kbit/s, {:.1f} objects near; {:.1f} us of CPU an update\n",
-               updates / clients / seconds_, kbit_s, static_cast<double>(objects_) / updates, cpu_s_ * 1e6 / updates);
-    fmt::print("input to effect: p50 {}, p99 {} frames; round trip: p50 {:.0f}, p99 {:.0f} ms\n", effect_p50,
-               effect_p99, trip_p50, trip_p99);
-    fmt::print("{} frames without an update, {} updates too late\n", figures_.skipped, figures_.ignored);
-    fmt::print("checked {} pairs of avatars, {} near enough to touch\n", board_.checked_pairs(),
-               board_.checked_contacts());
-    for (std::uint8_t kind = 0; kind < RobotViolations::kind_count; ++kind) {
-      const auto each = static_cast<RobotViolations::Kind>(kind);
-      if (violations_.count(each) == 0) continue;
-      fmt::print("FAILED: {}: {}, the first: {}\n", RobotViolations::name_of(each), violations_.count(each),
-                 violations_.example(each));
-    }
-  }
-
   const RobotsOptions& options_;
   RobotConfig config_;
   gateway::GatewayUrl url_;
   std::string key_;
   std::optional<net::ssl::context> tls_;
+  RobotModel model_;
   RobotViolations violations_;
   RobotFigures figures_;
   RobotBoard board_;
   net::io_context io_{1};
   std::vector<std::unique_ptr<Robot>> robots_;
-  double seconds_ = 0, cpu_s_ = 0;
-  std::uint64_t updates_ = 0, bytes_ = 0, objects_ = 0;
 };
 
 }  // namespace
@@ -223,6 +153,7 @@ void add_robots(CLI::App& command, RobotsOptions& options) {
       ->type_name("N");
   add_word(command, "--inputs", options.inputs, {"every", "change"}, "when they send inputs: every frame, or changes")
       ->default_str(options.inputs);
+  command.add_flag("--predict", options.predicts, "predict their avatars, interpolate others, and report how well");
   command.add_option("--token-key", options.token_key, "key of serve --token-key; without it they are guests")
       ->type_name("FILE");
   command.add_option("--world", options.world, "name of the world")->capture_default_str()->type_name("NAME");
@@ -230,6 +161,8 @@ void add_robots(CLI::App& command, RobotsOptions& options) {
       ->check(between(0u, 65'535u))
       ->capture_default_str()
       ->type_name("N");
+  command.add_option("--from", options.from, "address of this machine from which they connect: 127.0.0.2")
+      ->type_name("IP");
   command.add_option("--authority", options.authority, "certificate that signed that of the gateway, PEM")
       ->type_name("FILE");
   command.option_defaults()->group(option_groups::output);

@@ -66,6 +66,16 @@ GatewayConfig gateway_config(const ServeOptions& options, const std::string& con
   return config;
 }
 
+/// Memory for the avatars of all players and robots, so that none of them makes a frame allocate.
+void reserve_for_avatars(WorldConfig& config, const ServeOptions& options) {
+  const std::size_t avatars = options.max_clients + options.robots;
+  Capacities& capacities = config.capacities;
+  capacities.objects = std::min(capacities.objects + avatars, config.limits.objects);
+  capacities.pairs += 4 * avatars;
+  capacities.contacts += 2 * avatars;
+  capacities.users = std::min(std::max(capacities.users, options.max_clients), config.limits.users);
+}
+
 /// What the end of a served world prints.
 struct ServedFrames {
   std::uint64_t frames = 0, late = 0;
@@ -143,6 +153,7 @@ int serve(const ServeOptions& options) {
   JournalRun journal(job, figures);
   WorldConfig config = world_config(job);
   config.quotas = {};
+  reserve_for_avatars(config, options);
   World world = journal.make_world(std::move(config));
   SpawnPlaces places(world, shape_of_avatars(job.scene), avatar_height);
   ServerRobots robots(world, places);

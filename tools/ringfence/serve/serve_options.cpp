@@ -93,7 +93,8 @@ void add_clients(CLI::App& command, ServeOptions& options) {
   command.add_option("--page", options.page, "directory of the page; default: the one installed with the program")
       ->type_name("DIR");
   command
-      .add_option("--network", options.network, "a worse network, for tests: delay=150ms,jitter=50ms,loss=5%,share=50%")
+      .add_option("--network", options.network,
+                  "a worse network, for tests: delay=150ms,jitter=50ms,loss=5%,share=50%,address=127.0.0.2")
       ->type_name("PARTS");
 }
 

@@ -141,7 +141,7 @@ export class Client extends EventTarget {
   handle(message, bytes) {
     switch (message.type) {
       case "welcome": return this.begin(message);
-      case "update": return this.update(message, bytes);
+      case "update": return this.welcome === null ? undefined : this.update(message, bytes);
       case "shape": this.shapes.set(message.shape, message); return this.emit("shape", message);
       case "status": return this.emit("status", message.status);
       case "described": return this.emit("described", message.object);
@@ -189,6 +189,7 @@ export class Client extends EventTarget {
     this.tracks.add(update, this.objects);
     this.clock.add(update.time / 1000, now);
     this.history?.add(update, bytes, this.replica);
+    if (update.own !== null) this.request(update.own.shape);
     for (const { shape } of update.entered) this.request(shape);
     this.prediction?.reconcile(update, now, this.objects, this.shapes);
     if (!this.prediction?.hasUnacknowledged) this.send(write.ack(this.replica.acknowledgement));

@@ -133,10 +133,10 @@ function readWelcome(reader) {
 }
 
 function readOwn(reader) {
-  const number = reader.var();
+  const number = reader.var(), shape = reader.var();
   const position = Float64Array.of(reader.f64(), reader.f64(), reader.f64());
   const orientation = Float32Array.of(reader.f32(), reader.f32(), reader.f32(), reader.f32());
-  return { number, position, orientation, state: reader.lengthBytes().slice() };
+  return { number, shape, position, orientation, state: reader.lengthBytes().slice() };
 }
 
 /** Reads `count` records in ascending order of number; `read` has the rest of a record. */

@@ -1,4 +1,4 @@
-import { contactsAt, contactsOf, inputBytes, obstaclesNear, stateOf, step } from "./walk.js";
+import { contactsAt, contactsOf, inputBytes, obstaclesNear, radiusOf, stateOf, step } from "./walk.js";
 
 const keptTicks = 200; // 10 s at 20 frames per second
 const smoothing_ms = 100; // time in which a correction fades to a third
@@ -21,6 +21,7 @@ export class Prediction {
     this.acknowledged = 0; // newest input that the server has applied
     this.bytes = standing;
     this.state = null;
+    this.radius = radiusOf(undefined); // metres, in the plane
     this.error = { x: 0, y: 0 }; // what is drawn minus what is predicted
     this.tickAt = 0; // ms
     this.errorAt = 0;
@@ -52,7 +53,8 @@ export class Prediction {
     }
     if (this.state !== null) {
       const near = obstaclesNear(this.state.x, this.state.y, objects.values());
-      step(this.state, this.bytes, contactsAt(this.state.x, this.state.y, near, shapes), this.parameters, this.bounds);
+      const contacts = contactsAt(this.state.x, this.state.y, this.radius, near, shapes);
+      step(this.state, this.bytes, contacts, this.parameters, this.bounds);
     }
     return isNew;
   }
@@ -65,13 +67,14 @@ export class Prediction {
     }
     this.acknowledged = Math.max(this.acknowledged, update.sequence);
     const before = this.state === null ? null : this.drawn(now);
+    this.radius = radiusOf(shapes.get(update.own.shape));
     const state = stateOf(update.own);
     const left = this.ticksAfter(update);
     const near = obstaclesNear(state.x, state.y, objects.values());
     let contacts = contactsOf(update.contacts, objects);
     for (const { bytes } of left) {
       step(state, bytes, contacts, this.parameters, this.bounds);
-      contacts = contactsAt(state.x, state.y, near, shapes);
+      contacts = contactsAt(state.x, state.y, this.radius, near, shapes);
     }
     this.state = state;
     if (before !== null) this.keepDrawn(before, now);

@@ -4,7 +4,7 @@ const slop = 0.02; // metres: overlap that is not resolved
 const share = 0.5; // of the overlap beyond it, in a step
 const pushDepth = 0.12; // metres: overlap with an object that gives way, at which pushing ends
 const leastPlaneLength = 0.1; // of a normal in the plane: flatter contacts are floors
-const avatarRadius = 0.35; // metres
+const usualRadius = 0.35; // metres: of an avatar whose shape is not known
 const nonActive = 2, fixed = 3; // categories
 
 /** The bytes of a wish { x, y, heading, run }: x and y from -1 to 1, heading in radians. */
@@ -40,22 +40,28 @@ function wishOf(bytes, parameters) {
   return { x: x * speed, y: y * speed, heading: (bytes[2] | (bytes[3] << 8)) * (2 * Math.PI / 65536) };
 }
 
-/** Contacts in the plane of an avatar at x, y with what stands near it. Hulls and meshes are left to the server. */
-export function contactsAt(x, y, objects, shapes) {
+/** Radius in the plane of an avatar of this shape. */
+export function radiusOf(shape) {
+  if (shape?.kind === "box") return Math.min(shape.half[0], shape.half[1]);
+  return shape?.radius > 0 ? shape.radius : usualRadius;
+}
+
+/** Contacts in the plane of a round avatar at x, y with what stands near it. Hulls and meshes are left to the server. */
+export function contactsAt(x, y, radius, objects, shapes) {
   const contacts = [];
   for (const object of objects) {
     const shape = shapes.get(object.shape);
     const dx = x - object.position[0], dy = y - object.position[1];
-    const contact = shape && contactWith(shape, object, dx, dy);
+    const contact = shape && contactWith(shape, object, dx, dy, radius);
     if (contact && contact.depth > 0) contacts.push({ ...contact, givesWay: object.category === nonActive });
   }
   return contacts;
 }
 
-function contactWith(shape, object, dx, dy) {
+function contactWith(shape, object, dx, dy, radius) {
   if (shape.kind === "sphere" || shape.kind === "capsule") {
     const length = Math.hypot(dx, dy);
-    return length > 0 && { x: dx / length, y: dy / length, depth: shape.radius + avatarRadius - length };
+    return length > 0 && { x: dx / length, y: dy / length, depth: shape.radius + radius - length };
   }
   if (shape.kind !== "box") return null;
   // In the axes of a box that is turned about z.
@@ -75,7 +81,7 @@ function contactWith(shape, object, dx, dy) {
     distance = overV;
     nv = Math.sign(v);
   }
-  return { x: nu * cos - nv * sin, y: nu * sin + nv * cos, depth: avatarRadius - distance };
+  return { x: nu * cos - nv * sin, y: nu * sin + nv * cos, depth: radius - distance };
 }
 
 /** Objects that an avatar at x, y can touch within a few steps. */

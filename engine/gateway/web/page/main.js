@@ -145,12 +145,12 @@ function drawObjects(now) {
   if (timeline.time !== null) {
     const past = client.sampleHistory(timeline.time, visitAndMark);
     if (past !== null) touching.set(past.touching);
-    if (past?.own) drawOwn(past.own.number, ...past.own.position, past.own.orientation);
+    if (past?.own) drawOwn(past.own, ...past.own.position, past.own.orientation);
   } else {
     client.sample(visitAndMark, now);
     const ahead = client.predictOwn(now);
     if (ahead !== null && client.own !== null) {
-      drawOwn(client.own.number, ahead.x, ahead.y, ahead.z,
+      drawOwn(client.own, ahead.x, ahead.y, ahead.z,
         [0, 0, Math.sin(ahead.heading / 2), Math.cos(ahead.heading / 2)]);
     }
   }
@@ -164,19 +164,13 @@ function visitAndMark(object, x, y, z, qx, qy, qz, qw) {
   bodies.visit(object, x, y, z, qx, qy, qz, qw);
 }
 const ownObject = { number: 0, generation: 0, category: 0, shape: 0 };
-function drawOwn(number, x, y, z, orientation) {
-  // Updates do not name the own avatar's shape; it has that of other avatars, and until one was seen a plain capsule.
+function drawOwn({ number, shape }, x, y, z, orientation) {
   ownObject.number = number;
-  ownObject.shape = avatarShape();
+  ownObject.shape = shape;
   visitAndMark(ownObject, x, y, z, ...orientation);
   centre[0] = x;
   centre[1] = y;
   centre[2] = z + eyeHeight;
-}
-function avatarShape() {
-  for (const object of client.objects.values()) if (object.category === 0 && client.shapes.has(object.shape)) return object.shape;
-  if (!client.shapes.has(-1)) client.shapes.set(-1, { shape: -1, kind: "capsule", radius: 0.35, halfLength: 0.55 });
-  return -1;
 }
 
 let last = performance.now();

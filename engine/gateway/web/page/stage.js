@@ -1,8 +1,23 @@
-import { AmbientLight, Color, DirectionalLight, Fog, GridHelper, Mesh, MeshBasicMaterial, MeshLambertMaterial,
-  PerspectiveCamera, PlaneGeometry, Raycaster, RingGeometry, Scene, Vector2, WebGLRenderer } from "three";
+import { AmbientLight, BufferGeometry, Color, DirectionalLight, Float32BufferAttribute, Fog, LineBasicMaterial,
+  LineSegments, Mesh, MeshBasicMaterial, MeshLambertMaterial, PerspectiveCamera, PlaneGeometry, Raycaster, RingGeometry,
+  Scene, Vector2, WebGLRenderer } from "three";
 
 const cellOf = (side) => 10 ** Math.max(1, Math.floor(Math.log10(side / 20))); // metres
 const nearSide = 300; // metres: in larger worlds the camera, the fog and the marks are larger too
+
+/** The whole multiples of the cell from min to max, relative to the middle of the two. */
+function linesBetween(min, max, cell) {
+  const first = Math.ceil(min / cell) * cell - min, half = (max - min) / 2;
+  return Array.from({ length: Math.floor((max - min - first) / cell) + 1 }, (_, index) => first + index * cell - half);
+}
+/** The grid on the ground, relative to the middle of the bounds. */
+function gridOf([minX, minY, , maxX, maxY]) {
+  const width = maxX - minX, height = maxY - minY, cell = cellOf(Math.max(width, height));
+  const ends = [];
+  for (const x of linesBetween(minX, maxX, cell)) ends.push(x, -height / 2, 0, x, height / 2, 0);
+  for (const y of linesBetween(minY, maxY, cell)) ends.push(-width / 2, y, 0, width / 2, y, 0);
+  return new BufferGeometry().setAttribute("position", new Float32BufferAttribute(ends, 3));
+}
 
 /** What is drawn: the camera, the lights and the ground. z is up. */
 export class Stage {
@@ -19,7 +34,8 @@ export class Stage {
     this.ground = new Mesh(new PlaneGeometry(1, 1), new MeshLambertMaterial());
     this.marker = new Mesh(new RingGeometry(0.5, 0.62, 40), new MeshBasicMaterial({ transparent: true, opacity: 0.9 }));
     this.marker.visible = false;
-    this.scene.add(this.ambient, this.sun, this.ground, this.marker);
+    this.grid = new LineSegments(new BufferGeometry(), new LineBasicMaterial());
+    this.scene.add(this.ambient, this.sun, this.ground, this.grid, this.marker);
     this.scene.fog = new Fog(0xffffff, 80, 500);
     this.raycaster = new Raycaster();
     new ResizeObserver(() => this.resize()).observe(canvas);
@@ -38,12 +54,10 @@ export class Stage {
     this.ground.material.color.set(colours.ground);
     this.ambient.intensity = colours.ambient;
     this.sun.intensity = colours.light;
-    this.gridColour = colours.grid;
+    this.grid.material.color.set(colours.grid);
     this.marker.material.color.set(colours.own);
-    if (this.bounds) this.setBounds(this.bounds);
   }
   setBounds(bounds) {
-    this.bounds = bounds;
     this.scale = Math.max(1, Math.max(bounds[3] - bounds[0], bounds[4] - bounds[1]) / nearSide);
     Object.assign(this.camera, { near: 0.1 * this.scale, far: 3000 * this.scale });
     this.camera.updateProjectionMatrix();
@@ -52,13 +66,9 @@ export class Stage {
     const width = maxX - minX, height = maxY - minY;
     this.ground.scale.set(width, height, 1);
     this.ground.position.set((minX + maxX) / 2, (minY + maxY) / 2, -0.02 * this.scale);
-    this.scene.remove(this.grid);
-    const side = Math.max(width, height);
-    this.grid = new GridHelper(side, Math.min(200, Math.max(2, Math.round(side / cellOf(side)))), this.gridColour,
-      this.gridColour);
-    this.grid.rotation.x = Math.PI / 2;
+    this.grid.geometry.dispose();
+    this.grid.geometry = gridOf(bounds);
     this.grid.position.set(this.ground.position.x, this.ground.position.y, 0);
-    this.scene.add(this.grid);
   }
   /** A ring on the ground around the selected object. */
   mark(place) {
