@@ -23,6 +23,7 @@ struct Claim {
   double depth;
   Vector normal;
   Vector point;
+  double rounding;  ///< how far the point may be from where it was computed, because its coordinates are doubles
 };
 
 /// A proven lower bound of the distance of a point from a core, in the frame of the core.
@@ -42,9 +43,9 @@ std::string describe_geometry_error(const Core& a, const Core& b, const Placemen
     return text("wrong normal: b must move %.9g m along it, not %.9g m", overlap, claim.depth);
   }
   const double off = dot(n, claim.point) - (end_of_a + start_of_b) / 2;
-  if (std::abs(off) > allowed) return text("wrong point: %.3g m along the normal from midway", off);
+  if (std::abs(off) > allowed + claim.rounding) return text("wrong point: %.3g m along the normal from midway", off);
 
-  const double within = std::max(0.0, overlap / 2) + allowed;
+  const double within = std::max(0.0, overlap / 2) + allowed + claim.rounding;
   const double from_a = at_least_outside(a, claim.point), from_b = at_least_outside(b, inverse(b_in_a) * claim.point);
   if (from_a > within) return text("wrong point: %.9g m outside a, overlap %.9g m", from_a, overlap);
   if (from_b > within) return text("wrong point: %.9g m outside b, overlap %.9g m", from_b, overlap);
@@ -84,7 +85,8 @@ std::string describe_error(const PreparedShape& a, const Pose& pose_a, const Pre
   }
   const Rotation turn_a = rotation_of(pose_a.orientation);
   const Claim claim{claimed->depth, turn_a.inverse(normalised(normal)),
-                    turn_a.inverse(Vector(claimed->point) - Vector(pose_a.position))};
+                    turn_a.inverse(Vector(claimed->point) - Vector(pose_a.position)),
+                    0x1p-53 * length(Vector(claimed->point))};
   const Placement b_in_a = relative(pose_a, pose_b);
   if (a.kind != ShapeKind::mesh && b.kind != ShapeKind::mesh) {
     return describe_geometry_error(a.core, b.core, b_in_a, claim, allowed);

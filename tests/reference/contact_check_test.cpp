@@ -1,5 +1,6 @@
 #include "reference/contact_check.hpp"
 
+#include <algorithm>
 #include <optional>
 #include <string>
 
@@ -138,6 +139,27 @@ TEST_CASE("a normal that is not the least translation is wrong even if the depth
   expect_wrong(pair, c, "wrong point");
   c.point = {0.94, 0, 0};
   expect_wrong(pair, c, "from midway");
+}
+
+TEST_CASE("far from the origin a point is right where doubles allow no better one, and wrong beyond that") {
+  Random random(33);
+  double farthest = 0;
+  for (int i = 0; i < 1000; ++i) {
+    CAPTURE(i);
+    PlacedPair pair;
+    pair.shapes.add(Sphere{1});
+    pair.shapes.add(Sphere{1});
+    const Vector far(1e15 - 8, 8 - 1e15, 0);
+    pair.a.position = far + random.direction() * random.uniform(0, 4);
+    pair.b.position = Vector(pair.a.position) + random.direction() * random.uniform(0.5, 1.5);
+    auto c = *exact_contact(pair.shapes[0], pair.a, pair.shapes[1], pair.b);
+    CHECK(pair.explain(&c) == "");
+    const Vector midway = (Vector(pair.b.position) - Vector(pair.a.position)) * 0.5;
+    farthest = std::max(farthest, length(Vector(c.point) - Vector(pair.a.position) - midway));
+    c.point = {c.point.x + 0.5 * c.normal.x, c.point.y + 0.5 * c.normal.y, c.point.z + 0.5 * c.normal.z};
+    expect_wrong(pair, c, "from midway");
+  }
+  CHECK(farthest > 1e-3);  // beyond the tolerance of a pair near the origin
 }
 
 TEST_CASE("values that are not numbers are reported") {

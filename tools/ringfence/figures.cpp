@@ -52,6 +52,7 @@ void Figures::add(const FrameReport& report, std::span<const Contact> frame_cont
   }
   candidates += report.candidates;
   tested += report.tested;
+  carried += report.carried;
   accepted += report.accepted;
   contacts += report.contacts;
   began += report.began;
@@ -84,6 +85,7 @@ void Figures::add(const FrameReport& report, std::span<const Contact> frame_cont
     total.narrow_phase_ms += node.narrow_phase_ms;
     total.candidates += static_cast<double>(node.candidates);
     total.tested += static_cast<double>(node.tested);
+    total.carried += static_cast<double>(node.carried);
     total.contacts += static_cast<double>(node.contacts);
     total.hosted += static_cast<double>(node.hosted);
     total.handed_over += static_cast<double>(node.handed_over);
@@ -106,7 +108,7 @@ std::vector<NodeFigures> Figures::nodes() const {
   for (NodeFigures& node : means) {
     for (double* const value :
          {&node.busy_ms, &node.cpu_ms, &node.wait_ms, &node.move_ms, &node.broad_phase_ms, &node.narrow_phase_ms,
-          &node.candidates, &node.tested, &node.contacts, &node.hosted, &node.handed_over}) {
+          &node.candidates, &node.tested, &node.carried, &node.contacts, &node.hosted, &node.handed_over}) {
       *value = mean(*value);
     }
   }

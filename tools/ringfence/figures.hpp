@@ -23,7 +23,7 @@ struct Spread {
 struct NodeFigures {
   std::uint32_t id = 0;  ///< NodeReport::id
   double busy_ms = 0, cpu_ms = 0, wait_ms = 0, move_ms = 0, broad_phase_ms = 0, narrow_phase_ms = 0;
-  double candidates = 0, tested = 0, contacts = 0, hosted = 0, handed_over = 0;
+  double candidates = 0, tested = 0, carried = 0, contacts = 0, hosted = 0, handed_over = 0;
 };
 
 /// Collects the statistics of a run, frame by frame. Counted frames are those after the warm-up. One thread.
@@ -49,7 +49,7 @@ class Figures {
   double mean(double total) const noexcept { return frames() == 0 ? 0 : total / static_cast<double>(frames()); }
 
   /// Totals over the counted frames.
-  std::uint64_t candidates = 0, tested = 0, accepted = 0, contacts = 0, began = 0, ended = 0;
+  std::uint64_t candidates = 0, tested = 0, carried = 0, accepted = 0, contacts = 0, began = 0, ended = 0;
   FrameReport totals;                       ///< the fields of FrameReport::counters()
   std::uint64_t objects = 0;                ///< number of objects after the last frame
   Placement placement = Placement::server;  ///< where the broad phase ran

@@ -1,6 +1,7 @@
 #include "journal_list.hpp"
 
 #include <string>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -10,25 +11,29 @@
 #include "resume.hpp"
 #include "ringfence/journal.hpp"
 #include "serve/serve.hpp"
+#include "soak/soak_run.hpp"
 
 namespace ringfence::tools {
 namespace {
 
-/// The job of the run that wrote the journal.
-Job job_of(const JournalContents& contents) {
+/// The job of the run that wrote the journal, and its world without threads and without a log.
+struct Origin {
+  Job job;
+  WorldConfig config;
+};
+
+Origin origin_of(const JournalContents& contents) {
   const CommandLine line = parse_command(command_of(contents.description, {}));
+  const bool is_soak = line.run.soak_minutes > 0;
   Job job = line.command == CommandLine::Command::replay  ? make_job(line.replay)
             : line.command == CommandLine::Command::serve ? make_job(line.serve)
                                                           : make_job(line.run);
   job.world = nullptr;  // refers to the command line
-  return job;
-}
-
-WorldConfig local_config(const Job& job) {
-  WorldConfig config = world_config(job);
+  if (is_soak) job = soak_job(std::move(job));
+  WorldConfig config = is_soak ? soak_config(job) : world_config(job);
   config.nodes = 0;
   config.log = nullptr;
-  return config;
+  return {std::move(job), std::move(config)};
 }
 
 void print_contents(const JournalContents& contents) {
@@ -51,7 +56,7 @@ void print_contents(const JournalContents& contents) {
 }
 
 int verify(const JournalReader& reader, const JournalContents& contents) {
-  const auto differs = reader.verify(local_config(job_of(contents)));
+  const auto differs = reader.verify(origin_of(contents).config);
   if (differs) {
     fmt::print("FAILED: after frame {} the world differs from the snapshot\n", *differs - 1);
     return check_failed;
@@ -61,11 +66,11 @@ int verify(const JournalReader& reader, const JournalContents& contents) {
 }
 
 int write_frame(const JournalReader& reader, const JournalContents& contents, const JournalListOptions& options) {
-  const Job job = job_of(contents);
+  const Origin origin = origin_of(contents);
   OutputOptions output;
   output.collisions = options.collisions;
   FrameOutputs outputs(output);
-  const World world = reader.restore(local_config(job), std::uint64_t{job.frames.warmup} + options.frame + 1);
+  const World world = reader.restore(origin.config, std::uint64_t{origin.job.frames.warmup} + options.frame + 1);
   outputs.add_frame(options.frame, world);
   outputs.finish();
   return done;

@@ -18,7 +18,8 @@ DigestSoFar DigestSoFar::of(const World& world) noexcept {
   return digest;
 }
 
-JournalRun::JournalRun(const Job& job, Figures& figures) : job_(job), figures_(figures) {}
+JournalRun::JournalRun(const Job& job, Figures& figures, FrameObserver observe)
+    : job_(job), figures_(figures), observe_(std::move(observe)) {}
 
 std::vector<std::byte> JournalRun::own_bytes() const {
   const DigestSoFar digest{figures_.digest(), digested_ + figures_.frames()};
@@ -92,11 +93,13 @@ void JournalRun::add_frame(const World& world, bool is_snapshot) {
     figures_.add_to_digest(world.contacts());
     ++digested_;
   }
+  if (observe_) observe_(world.frames(), figures_.digest());
 }
 
 void JournalRun::count_frame(const World& world) {
   figures_.add_to_digest(world.contacts());
   ++digested_;
+  if (observe_) observe_(world.frames(), figures_.digest());
 }
 
 void JournalRun::finish() {

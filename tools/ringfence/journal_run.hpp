@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -11,12 +12,16 @@
 
 namespace ringfence::tools {
 
+/// Called with a number of complete frames, and the digest of the counted ones among them.
+using FrameObserver = std::function<void(std::uint64_t frames, std::uint64_t digest)>;
+
 /// The journal of a run, if it has one: makes the world, new or as the journal has it, and keeps the digest of the
 /// counted frames in the snapshots.
 class JournalRun {
  public:
-  /// Both outlive this object. Throws Error if the journal cannot be read or written.
-  JournalRun(const Job& job, Figures& figures);
+  /// `job` and `figures` outlive this object. `observe`, if not null, is called for each frame that count_frame() adds
+  /// to the digest, or that make_world() runs again. Throws Error if the journal cannot be read or written.
+  JournalRun(const Job& job, Figures& figures, FrameObserver observe = {});
 
   /// The world of the job: loaded from its scene, or restored to the last frame of the journal, with the digest of the
   /// frames before. Throws Error.
@@ -34,6 +39,7 @@ class JournalRun {
 
   const Job& job_;
   Figures& figures_;
+  FrameObserver observe_;
   std::uint64_t digested_ = 0;  ///< counted frames in the digest before this process
   std::shared_ptr<Journal> journal_;
 };

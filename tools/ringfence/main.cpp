@@ -14,7 +14,8 @@
 #include "scale.hpp"
 #include "serve/serve.hpp"
 #include "serve/token_command.hpp"
-#include "soak.hpp"
+#include "soak/soak_lives.hpp"
+#include "soak/soak_run.hpp"
 
 namespace ringfence::tools {
 namespace {
@@ -25,10 +26,15 @@ int profile(const ProfileOptions& options) {
   return run_job(job);
 }
 
+int soak(const RunOptions& options) {
+  if (!options.journal.directory.empty()) return run_soak_lives(options);
+  return run_soak(make_job(options), options.soak_minutes, options.world.seed);
+}
+
 int run(const CommandLine& line) {
   switch (line.command) {
     case CommandLine::Command::run:
-      if (line.run.soak_minutes > 0) return run_soak(make_job(line.run), line.run.soak_minutes, line.run.world.seed);
+      if (line.run.soak_minutes > 0) return soak(line.run);
       [[fallthrough]];
     case CommandLine::Command::record:
       return run_job(make_job(line.run));

@@ -85,7 +85,7 @@ void CommandLineParser::add_run() {
       ->check(between(0.001, 100'000.0))
       ->type_name("MINUTES")
       ->excludes("--json", "--frames-csv", "--trace", "--collisions", "--resize", "--fail", "--status", "--metrics",
-                 "--picture", "--link", "--rays", "--journal");
+                 "--picture", "--link", "--rays");
 }
 
 void CommandLineParser::add_replay() {

@@ -178,9 +178,11 @@ struct RobotsOptions {
   double seconds = 10;
   std::uint64_t seed = 1;
   std::string inputs = "every";  ///< every or change
+  bool predicts = false;         ///< their avatars
   std::string token_key;         ///< file; empty: guests
   std::string world = "ringfence";
   std::uint32_t first_user = 0;
+  std::string from;       ///< IP address from which they connect; empty: the system chooses
   std::string authority;  ///< file of a certificate; empty: those of the system
   std::string json;       ///< path; empty: none
 };

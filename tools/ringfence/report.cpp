@@ -220,6 +220,7 @@ Json nodes_of(const Figures& figures) {
                      {"cpu_ms", node.cpu_ms},
                      {"wait_ms", node.wait_ms},
                      {"tested", node.tested},
+                     {"carried", node.carried},
                      {"move_ms", node.move_ms},
                      {"broad_phase_ms", node.broad_phase_ms},
                      {"narrow_phase_ms", node.narrow_phase_ms},
@@ -264,7 +265,10 @@ Json report_of(const Job& job, const Figures& figures, const ResizeSchedule& res
   for (std::size_t i = 0; i < stage_count; ++i) {
     report["stages_ms"][name_of(static_cast<Stage>(i))] = figures.stage_ms(static_cast<Stage>(i));
   }
-  report["pairs"] = {{"candidate", figures.candidates}, {"tested", figures.tested}, {"accepted", figures.accepted}};
+  report["pairs"] = {{"candidate", figures.candidates},
+                     {"tested", figures.tested},
+                     {"carried", figures.carried},
+                     {"accepted", figures.accepted}};
   report["contacts"] = {{"label", contact_label(job)},
                         {"total", figures.contacts},
                         {"mean", figures.mean(static_cast<double>(figures.contacts))},
@@ -381,9 +385,12 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
   fmt::print(out, "frame       mean {:.3f} ms   p50 {:.3f}   p99 {:.3f}   max {:.3f}\n", frame.mean, frame.p50,
              frame.p99, frame.max);
   print_stages(out, figures, frame.mean);
-  fmt::print(out, "pairs       {:.1f} candidates per frame, {:.1f} tested; {} in total\n",
+  const std::string carried =
+      figures.carried > 0 ? fmt::format(", {:.1f} carried over", figures.mean(static_cast<double>(figures.carried)))
+                          : "";
+  fmt::print(out, "pairs       {:.1f} candidates per frame, {:.1f} tested{}; {} in total\n",
              figures.mean(static_cast<double>(figures.candidates)), figures.mean(static_cast<double>(figures.tested)),
-             figures.tested);
+             carried, figures.tested + figures.carried);
   fmt::print(out, "{:<11} {:.1f} per frame, {} in total\n", contact_label(job),
              figures.mean(static_cast<double>(figures.contacts)), figures.contacts);
   fmt::print(out, "moved       {:.1f} objects per frame, {:.2f} handed over\n",

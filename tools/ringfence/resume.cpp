@@ -120,6 +120,10 @@ int resume(const ResumeOptions& options) {
     continue_journal(line.serve.journal);
     return serve(line.serve);
   }
+  if (line.run.soak_minutes > 0) {
+    throw Error(fmt::format("{} is the journal of a soak, which no other run continues: see ringfence journal",
+                            options.directory));
+  }
   const auto run = [&](auto& run_options) {
     continue_journal(run_options.journal);
     return run_job(make_job(run_options));

@@ -1,64 +1,38 @@
-#include "soak.hpp"
+#include "soak/soak.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cstddef>
 #include <iterator>
 #include <limits>
-#include <optional>
+#include <set>
 #include <span>
 #include <string>
 
 #include <fmt/format.h>
-#include <malloc.h>
 
-#include "exit_code.hpp"
-#include "frame_checker.hpp"
-#include "progress.hpp"
 #include "ringfence/error.hpp"
-#include "stop_signals.hpp"
-#include "worlds/load.hpp"
 
 namespace ringfence::tools {
 namespace {
 
 constexpr std::uint32_t max_nodes = 8;
 constexpr std::size_t max_users = 200;
-constexpr std::uint32_t frames_per_check = 16;  ///< one frame in 16 is compared with brute force
-constexpr double default_deadline_ms = 250;
 constexpr std::size_t max_shapes = 500;
-
-/// Bytes that the process has allocated.
-std::uint64_t allocated_bytes() {
-  const struct mallinfo2 info = mallinfo2();
-  return info.uordblks + info.hblkhd;
-}
-
-/// Bytes that the process has allocated with `nodes` CD nodes, so that two values can be compared. Runs four frames and
-/// adds them to `frames`.
-std::uint64_t allocated_with(World& world, FrameChecker& checker, std::uint32_t nodes, std::uint64_t& frames) {
-  world.release_faults();
-  // An injected failure to create a thread occurs once.
-  Status status = nodes == 0 ? Status::ok : world.resize(nodes);
-  if (status == Status::no_thread) status = world.resize(nodes);
-  if (status != Status::ok) throw Error(fmt::format("--soak: resize returned {}", name_of(status)));
-  for (int i = 0; i < 4; ++i) {
-    advance(world, ++frames);
-    checker.skip_frame();
-  }
-  return allocated_bytes();
-}
-
-double mebibytes(std::uint64_t bytes) { return static_cast<double>(bytes) / (1 << 20); }
+constexpr double far = 1e15 - 8;  // metres: almost as far away as an object may be
+constexpr double far_site = 4;    // metres around a place there, so that some of them touch
 
 }  // namespace
 
 Soak::Soak(World& world, const worlds::Scene& scene, std::uint64_t seed) : world_(world), scene_(scene), random_(seed) {
-  for (const ObjectSpec& object : scene.objects) {
-    live_.push_back({world.find(object.number), object.category, object.user});
-    if (object.category != Category::fixed) shapes_.push_back(object.shape);
+  std::set<std::uint32_t> users;
+  for (const ObjectView& object : world.objects()) {
+    const ObjectSpec& spec = object.spec;
+    live_.push_back({object.id, spec.category, spec.user});
+    if (spec.category != Category::fixed) shapes_.push_back(spec.shape);
+    if (spec.category == Category::avatar) users.insert(spec.user.number());
   }
-  for (std::uint32_t user = 0; user < worlds::users_of(scene); ++user) users_.emplace_back(user);
+  for (const std::uint32_t user : users) users_.emplace_back(user);
+  for (const UserId user : world.report().late) remove_user(user);  // it is disconnected at the next cut
 }
 
 void Soak::make_requests() {
@@ -79,6 +53,7 @@ void Soak::make_requests() {
   }
   for (std::uint64_t n = random_() % 4; n > 0 && !live_.empty(); --n) change(live_[random_() % live_.size()]);
   change_users();
+  if (one_in(100) && !users_.empty()) flood(users_[random_() % users_.size()]);
   change_nodes();
   if (retired_shape_ || one_in(50)) remove_shape();
   if (one_in(25) || (lost_last_ && one_in(2))) add_shape();
@@ -86,10 +61,10 @@ void Soak::make_requests() {
 }
 
 bool Soak::check_report(const FrameReport& report) {
-  bool passed = report.accepted == report.candidates && report.tested == report.candidates;
+  bool passed = report.accepted == report.candidates && report.tested + report.carried == report.candidates;
   if (!passed) {
-    fmt::print(stderr, "frame {}: {} candidates, {} tested, {} accepted\n", report.frame, report.candidates,
-               report.tested, report.accepted);
+    fmt::print(stderr, "frame {}: {} candidates, {} tested, {} carried over, {} accepted\n", report.frame,
+               report.candidates, report.tested, report.carried, report.accepted);
   }
   // If nodes were lost since the resize, the injected failure to create a thread may also occur when the frame begins.
   const auto no_thread = static_cast<std::size_t>(Status::no_thread);
@@ -115,6 +90,11 @@ bool Soak::check_report(const FrameReport& report) {
 }
 
 Pose Soak::random_pose() {
+  if (one_in(50)) {
+    std::uniform_real_distribution<double> around(-far_site, far_site);
+    const double side = one_in(2) ? far : -far;
+    return {{side + around(random_), side + around(random_), around(random_)}, {}};
+  }
   std::uniform_real_distribution<double> unit(-0.02, 1.02);  // also outside the bounds
   const Vec3d &low = scene_.bounds_min, &high = scene_.bounds_max;
   const auto between = [&](double from, double to) { return from + (to - from) * unit(random_); };
@@ -129,9 +109,38 @@ void Soak::spawn(UserId user) {
   spec.user = user;
   spec.pose = random_pose();
   const Spawned spawned = world_.spawn(spec);
+  if (spawned.status == Status::over_quota) {
+    ++expected_[static_cast<std::size_t>(spawned.status)];
+    return;
+  }
   if (spawned.status != Status::ok) throw Error(fmt::format("--soak: spawn returned {}", name_of(spawned.status)));
   live_.push_back({spawned.id, spec.category, user});
   ++counts_.spawned;
+}
+
+/// A user that makes avatars until its quota is used up.
+void Soak::flood(UserId user) {
+  const std::size_t most = world_.config().quotas.spawns;
+  if (most == 0 || shapes_.empty()) return;
+  ++counts_.floods;
+  for (std::size_t n = 0; n <= most; ++n) {
+    ObjectSpec spec;
+    spec.shape = shapes_[random_() % shapes_.size()];
+    spec.category = Category::avatar;
+    spec.user = user;
+    spec.pose = random_pose();
+    const Spawned spawned = world_.spawn(spec);
+    if (spawned.status == Status::over_quota) {
+      ++expected_[static_cast<std::size_t>(Status::over_quota)];
+      ++counts_.refused;
+      return;
+    }
+    counts_.failures += spawned.status == Status::ok ? 0 : 1;
+    if (spawned.status != Status::ok) return;
+    live_.push_back({spawned.id, spec.category, user});
+    ++counts_.spawned;
+  }
+  ++counts_.failures;  // the quota did not end it
 }
 
 void Soak::give_input(const Live& avatar) {
@@ -292,80 +301,6 @@ void Soak::make_invalid_calls() {
     expect(world_.spawn({.shape = ShapeId(0xffffff)}).status, Status::unknown_shape);
     expect(world_.resize(0), Status::bad_number);
   }
-}
-
-int run_soak(const Job& job, double minutes, std::uint64_t seed) {
-  Job longer = job;
-  if (longer.service.deadlines.node_ms == 0) longer.service.deadlines.node_ms = default_deadline_ms;
-  if (longer.service.deadlines.user_ms == 0) longer.service.deadlines.user_ms = 2 * default_deadline_ms;
-  WorldConfig config = world_config(longer);
-  config.log = nullptr;  // nodes are lost on purpose
-  World world(config);
-  worlds::load_into(world, longer.scene, longer.service.users);
-  FrameChecker checker(world, longer.output.check);
-  advance(world, 0);
-  checker.skip_frame();
-  Soak soak(world, longer.scene, seed);
-
-  const StopSignals stop;
-  using Clock = std::chrono::steady_clock;
-  const Clock::time_point begin = Clock::now();
-  const auto elapsed_share = [&] {
-    return std::chrono::duration<double>(Clock::now() - begin).count() / (60 * minutes);
-  };
-  constexpr std::uint64_t steps = 1000;
-  Progress progress(longer.output.quiet, steps);
-  std::uint64_t shown = 0, frames = 0, contacts = 0;
-  std::optional<std::uint64_t> settled_bytes;  // 0 under sanitizers, which have their own allocator
-  double slowest_ms = 0;
-  for (double share = 0; share < 1 && !stop.received(); share = elapsed_share()) {
-    if (!settled_bytes && share > 0.1) {
-      settled_bytes = allocated_with(world, checker, longer.service.nodes, frames);
-    }
-    soak.make_requests();
-    advance(world, ++frames);
-    soak.check_report(world.report());
-    contacts += world.contacts().size();
-    slowest_ms = std::max(slowest_ms, world.report().frame_ms);
-    if (frames % frames_per_check == 0) {
-      checker.check_frame(frames);
-    } else {
-      checker.skip_frame();
-    }
-    for (; shown < static_cast<std::uint64_t>(share * steps); ++shown) progress.step();
-  }
-  progress.finish();
-
-  const double minutes_done = std::min(1.0, elapsed_share()) * minutes;
-  const char* const ended_by = minutes_done < minutes ? stop.received() : nullptr;
-  const std::uint64_t bytes = allocated_with(world, checker, longer.service.nodes, frames);
-  const std::uint64_t settled = settled_bytes.value_or(0);
-  const bool memory_is_stable = settled == 0 || bytes < settled + settled / 4;
-  const Soak::Counts& n = soak.counts();
-  fmt::print("{}\nsoak        {:.1f} minutes{}, {} frames, {} contacts; the slowest frame took {:.1f} ms\n",
-             longer.title, minutes_done, ended_by ? fmt::format(" of {:.1f}: ended by {}", minutes, ended_by) : "",
-             frames, contacts, slowest_ms);
-  fmt::print("objects     {} spawned, {} destroyed, {} placed, {} disabled, {} enabled, {} changed; {} at the end\n",
-             n.spawned, n.destroyed, n.placed, n.disabled, n.enabled, n.changed, world.report().objects);
-  fmt::print("user nodes  {} connected, {} disconnected, {} late, {} inputs; {} shapes registered, {} removed\n",
-             n.connected, n.disconnected, n.late, n.inputs, n.shapes, n.shapes_removed);
-  fmt::print("CD nodes    {} resizes, {} failures injected, {} nodes lost; {} at the end\n", n.resizes, n.faults,
-             n.lost, world.nodes());
-  fmt::print("stopped     {} nodes released inside a stage; {} times no thread for a new node\n", n.released,
-             n.without_thread);
-  fmt::print("refused     {} invalid calls, each counted by its reason\n", n.refused);
-  if (longer.output.check) {
-    fmt::print("check       {} frames compared with brute force, {} differences\n", checker.frames(),
-               checker.differences());
-  }
-  fmt::print("memory      {:.1f} MiB allocated after a tenth of the time, {:.1f} at the end\n", mebibytes(settled),
-             mebibytes(bytes));
-  const bool all_passed = n.failures == 0 && checker.passed() && memory_is_stable;
-  fmt::print("{}\n", all_passed ? "all checks passed"
-                                : fmt::format("FAILED: {} frames or calls failed a check{}", n.failures,
-                                              memory_is_stable ? "" : "; memory has grown by more than a quarter"));
-  if (!all_passed) return check_failed;
-  return ended_by == nullptr ? done : incomplete;
 }
 
 }  // namespace ringfence::tools

@@ -7,18 +7,20 @@
 #include <random>
 #include <vector>
 
-#include "job.hpp"
 #include "ringfence/world.hpp"
+#include "worlds/scene.hpp"
 
 namespace ringfence::tools {
 
 /// Makes random requests to a world: objects are spawned, destroyed, placed, disabled, enabled and steered; shapes are
-/// registered and removed; objects are changed; users connect, disconnect and stop; CD nodes join, leave and stop
-/// between and inside stages; threads cannot be created; and invalid calls are made. Checks in every frame that each
+/// registered and removed; objects are changed; some are 10^15 m away; users connect, disconnect, stop and make more
+/// avatars than they may; CD nodes join, leave and stop between and inside stages; threads cannot be created; and
+/// invalid calls are made. Checks in every frame that each
 /// candidate is accepted exactly once and that each refusal is counted under its reason. One thread.
 class Soak {
  public:
-  /// Precondition: `scene` is loaded into `world`, and one frame has run. Both must outlive the soak.
+  /// Precondition: `scene` is loaded into `world`, or `world` was restored; then one frame has run. Both must outlive
+  /// the soak.
   Soak(World& world, const worlds::Scene& scene, std::uint64_t seed);
 
   /// To be called before each frame.
@@ -29,7 +31,7 @@ class Soak {
   struct Counts {
     std::uint64_t spawned = 0, destroyed = 0, placed = 0, disabled = 0, enabled = 0, changed = 0;
     std::uint64_t connected = 0, disconnected = 0, late = 0, inputs = 0, shapes = 0, shapes_removed = 0;
-    std::uint64_t resizes = 0, faults = 0, lost = 0, released = 0, without_thread = 0, refused = 0;
+    std::uint64_t resizes = 0, faults = 0, lost = 0, released = 0, without_thread = 0, refused = 0, floods = 0;
     std::uint64_t failures = 0;  ///< frames and calls in which a check failed
   };
   const Counts& counts() const noexcept { return counts_; }
@@ -44,6 +46,7 @@ class Soak {
   bool one_in(std::uint32_t n) { return random_() % n == 0; }
   Pose random_pose();
   void spawn(UserId user);
+  void flood(UserId user);
   void give_input(const Live& avatar);
   void destroy();
   void change_users();
@@ -72,10 +75,5 @@ class Soak {
   bool thread_failure_pending_ = false;  ///< an injected failure to create a thread has not occurred yet
   Counts counts_;
 };
-
-/// Runs a soak of the job's world for `minutes` and prints a summary. With --check compares one frame in 16 with brute
-/// force. Returns the exit code: check_failed if a check failed, or if allocated memory has grown by more than a
-/// quarter since a tenth of the time had passed, else incomplete if SIGINT or SIGTERM ended the soak.
-int run_soak(const Job& job, double minutes, std::uint64_t seed);
 
 }  // namespace ringfence::tools
