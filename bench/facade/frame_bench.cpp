@@ -12,7 +12,8 @@
 #include "telemetry/clock.hpp"
 
 // Benchmarks frame/<shapes>/<n>/<impl>: a whole frame from poses to contacts, with recorded motion of the paper's
-// world. Single-threaded implementations report CPU time, those with two threads (..._2) wall time. Before the timing,
+// world. frame_at_rest/<shapes>/<n>/<percent>/<impl>: the same where this share of the objects does not move.
+// Single-threaded implementations report CPU time, those with two threads (..._2) wall time. Before the timing,
 // the contacts are compared with those of our own plain loop: the service must agree on every pair, a peer may differ
 // in 3 % of the contacts.
 
@@ -27,6 +28,13 @@ struct Implementation {
   std::uint32_t max_objects;  ///< with more objects a frame takes seconds
   double allowed_difference;  ///< as a share of the contacts
   std::unique_ptr<FrameTester> (*make)(const RecordedWorld& world);
+};
+
+struct Setting {
+  worlds::ShapeSetting shapes = worlds::ShapeSetting::mixed;
+  std::uint32_t objects = 0;
+  std::uint32_t at_rest = 0;  ///< percent
+  bool operator==(const Setting&) const = default;
 };
 
 const std::vector<Implementation>& implementations() {
@@ -66,12 +74,13 @@ std::vector<std::uint64_t> sorted(std::vector<std::uint64_t> keys) {
 }
 
 // The worlds are large. The implementations run one after the other and share a world, so only the last world is kept.
-const RecordedWorld& world_of(worlds::ShapeSetting shapes, std::uint32_t objects) {
-  static std::pair<worlds::ShapeSetting, std::uint32_t> current;
+const RecordedWorld& world_of(const Setting& setting) {
+  static Setting current;
   static RecordedWorld world;
-  if (current != std::pair{shapes, objects}) {
-    world = record_world(shapes, objects, recorded_frames);
-    current = {shapes, objects};
+  if (current != setting) {
+    world = record_world(setting.shapes, setting.objects, recorded_frames);
+    let_rest(world, setting.at_rest);
+    current = setting;
   }
   return world;
 }
@@ -84,9 +93,8 @@ std::size_t differences(const FrameTester& p, const FrameTester& q) {
   return differ.size();
 }
 
-void run(benchmark::State& state, worlds::ShapeSetting shapes, std::uint32_t objects,
-         const Implementation& implementation) {
-  const RecordedWorld& world = world_of(shapes, objects);
+void run(benchmark::State& state, const Setting& setting, const Implementation& implementation) {
+  const RecordedWorld& world = world_of(setting);
   const std::unique_ptr<FrameTester> tester = implementation.make(world);
   const std::unique_ptr<FrameTester> reference = make_loop_frame(world);
   std::size_t k = 0, differ = 0, touch = 0;
@@ -116,7 +124,17 @@ void run(benchmark::State& state, worlds::ShapeSetting shapes, std::uint32_t obj
   state.counters["least_ms"] = telemetry::to_ms(times.front());
   state.counters["median_ms"] = telemetry::to_ms(times[times.size() / 2]);
   state.counters["s/object"] =
-      Counter(static_cast<double>(objects), Counter::kIsIterationInvariantRate | Counter::kInvert);
+      Counter(static_cast<double>(setting.objects), Counter::kIsIterationInvariantRate | Counter::kInvert);
+}
+
+void add(const std::string& name, const Setting& setting) {
+  for (const Implementation& implementation : implementations()) {
+    if (setting.objects > implementation.max_objects) continue;
+    auto* bench = benchmark::RegisterBenchmark((name + '/' + implementation.name).c_str(),
+                                               [=](benchmark::State& state) { run(state, setting, implementation); });
+    bench->Unit(benchmark::kMillisecond);
+    if (implementation.threads) bench->UseRealTime();
+  }
 }
 
 }  // namespace
@@ -130,15 +148,13 @@ int main(int argc, char** argv) {
   for (const ShapeSetting shapes :
        {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed}) {
     for (const std::uint32_t objects : {4000u, 64000u, 256000u}) {
-      for (const Implementation& implementation : implementations()) {
-        if (objects > implementation.max_objects) continue;
-        const std::string name =
-            std::string("frame/") + name_of(shapes) + '/' + std::to_string(objects) + '/' + implementation.name;
-        auto* bench = benchmark::RegisterBenchmark(
-            name.c_str(), [=](benchmark::State& state) { run(state, shapes, objects, implementation); });
-        bench->Unit(benchmark::kMillisecond);
-        if (implementation.threads) bench->UseRealTime();
-      }
+      add(std::string("frame/") + name_of(shapes) + '/' + std::to_string(objects), {shapes, objects, 0});
+    }
+  }
+  for (const ShapeSetting shapes : {ShapeSetting::mixed, ShapeSetting::hull}) {
+    for (const std::uint32_t percent : {30u, 60u, 90u}) {
+      add(std::string("frame_at_rest/") + name_of(shapes) + "/64000/" + std::to_string(percent),
+          {shapes, 64000, percent});
     }
   }
   return run_benchmarks();

@@ -37,6 +37,14 @@ RecordedWorld record_world(worlds::ShapeSetting shapes, std::uint32_t objects, s
   return recorded;
 }
 
+void let_rest(RecordedWorld& world, std::uint32_t percent) {
+  for (std::uint32_t i = 0; i < world.objects(); ++i) {
+    const std::uint32_t spread = i * 2654435761u >> 16;
+    if (spread % 100 >= percent) continue;
+    for (std::vector<Pose>& poses : world.frames) poses[i] = world.frames[0][i];
+  }
+}
+
 std::vector<std::uint64_t> ContactList::keys() const {
   std::vector<std::uint64_t> keys;
   for (const Contact& contact : contacts_) {

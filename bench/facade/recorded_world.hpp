@@ -36,6 +36,9 @@ struct RecordedWorld {
 /// Records `frames` frames (at least 2), after some frames in which the crowds form.
 RecordedWorld record_world(worlds::ShapeSetting shapes, std::uint32_t objects, std::size_t frames);
 
+/// Lets `percent` of the objects, chosen by their numbers, rest: they keep their first pose.
+void let_rest(RecordedWorld& world, std::uint32_t percent);
+
 /// Throws Error unless a call of World was accepted: a benchmark must not time frames that were refused.
 inline void require_ok(Status status) {
   if (status != Status::ok) throw Error(std::string("World refused a call: ") + name_of(status));

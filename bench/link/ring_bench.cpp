@@ -2,7 +2,8 @@
 //
 // A burst is short enough to fit between two interruptions, and is repeated many times. Reports the rate of the median
 // burst (the time of the benchmark) and of the burst at the lowest decile (`undisturbed`). Each library batches as its
-// interface allows: ringfence stages and publishes 4 to 8 KiB at a time, Boost pushes and pops arrays.
+// interface allows: ringfence stages and publishes 4 to 8 KiB at a time, Boost pushes and pops arrays. Where all
+// messages have one size, it is a constant for each library.
 #include <algorithm>
 #include <array>
 #include <atomic>
@@ -33,8 +34,11 @@ constexpr std::size_t ring_bytes = std::size_t{1} << 18;
 
 void pause() { link::ThreadAtomics::pause(); }
 
+/// `fixed_size`: size of all messages in bytes, or 0 if it varies.
+template <std::size_t fixed_size>
 class Ringfence {
  public:
+  static constexpr bool shares_doorbells = true;
   explicit Ringfence(const Traffic&)
       : own_(std::make_unique<std::array<link::Doorbell, 2>>()),
         producers_((*own_)[0]),
@@ -49,7 +53,7 @@ class Ringfence {
   void produce(const Traffic& traffic) {
     link::Sender& sender = channel_.sender();
     for (std::size_t i = 0; i < traffic.count; ++i) {
-      const std::size_t size = traffic.size_of(i);
+      const std::size_t size = fixed_size != 0 ? fixed_size : traffic.size_of(i);
       std::span<std::byte> room = sender.claim(size);
       if (room.empty()) producers_.wait([&] { return !(room = sender.claim(size)).empty(); });
       fill(room.data(), size, i);
@@ -70,8 +74,9 @@ class Ringfence {
         consumers_.wait([&] { return receiver.has_message(); });
         continue;
       }
-      sum += sum_of(message.data(), message.size());
-      unreleased += message.size() + 8;
+      const std::size_t size = fixed_size != 0 ? fixed_size : message.size();
+      sum += sum_of(message.data(), size);
+      unreleased += size + 8;
       if (unreleased >= 4 * batch) {
         receiver.release();
         unreleased = 0;
@@ -245,7 +250,7 @@ void stream(benchmark::State& state, const Traffic& traffic) {
 
 template <class Link>
 std::unique_ptr<Link> make_backward(Link& forward, const Traffic& traffic) {
-  if constexpr (std::is_same_v<Link, Ringfence>) {
+  if constexpr (requires { Link::shares_doorbells; }) {
     return std::make_unique<Link>(forward);
   } else {
     return std::make_unique<Link>(traffic);
@@ -297,8 +302,9 @@ void add(const std::string& name, Run run) {
 template <std::size_t largest, bool varies>
 void register_traffic(const std::string& name, const Traffic& traffic) {
   using E = Element<largest, varies>;
+  using Own = Ringfence<varies ? 0 : largest>;
   const std::string prefix = "ring/" + name + '/';
-  add(prefix + "ringfence", [traffic](benchmark::State& state) { stream<Ringfence>(state, traffic); });
+  add(prefix + "ringfence", [traffic](benchmark::State& state) { stream<Own>(state, traffic); });
 #if defined(RINGFENCE_HAS_BOOST_LOCKFREE)
   add(prefix + "boost", [traffic](benchmark::State& state) { stream<Boost<E>>(state, traffic); });
 #endif
@@ -315,7 +321,7 @@ void register_rings() {
   register_traffic<1024, true>("mixed", {4000, 16, 1024, 1});
   const Traffic one{1, 32, 32, 1};
   using E = Element<32, false>;
-  add("ring/roundtrip/ringfence", [one](benchmark::State& state) { round_trip<Ringfence>(state, one); });
+  add("ring/roundtrip/ringfence", [one](benchmark::State& state) { round_trip<Ringfence<32>>(state, one); });
 #if defined(RINGFENCE_HAS_BOOST_LOCKFREE)
   add("ring/roundtrip/boost", [one](benchmark::State& state) { round_trip<Boost<E>>(state, one); });
 #endif

@@ -51,9 +51,10 @@ struct SweepAndPrune::Implementation {
   base::Buffer<RestingLocation> location;     ///< by slot; valid where the resting set holds the box
   std::size_t slots = 0;                      ///< number of slots in the last call
   std::size_t resting_count = 0;
-  std::size_t removed = 0;        ///< boxes removed from the resting set since it was built
-  std::size_t resting_pairs = 0;  ///< number of pairs within the resting set
-  std::size_t rebuild_debt = 0;   ///< extra cost so far of not rebuilding the resting set, in boxes
+  std::size_t removed = 0;           ///< boxes removed from the resting set since it was built
+  std::size_t resting_pairs = 0;     ///< number of pairs within the resting set
+  std::vector<std::uint32_t> words;  ///< of the caller, for each of them
+  std::size_t rebuild_debt = 0;      ///< extra cost so far of not rebuilding the resting set, in boxes
   std::vector<Task> tasks;
   std::size_t task = 0;
   std::uint32_t position = 0;
@@ -110,18 +111,20 @@ struct SweepAndPrune::Implementation {
     std::memset(in_resting_set.data(), 0, slots);
     resting.clear();
     resting_count = removed = rebuild_debt = resting_pairs = 0;
+    words.clear();
     resting_pairs_outdated = false;
   }
 
   void drop_outdated_pairs() {
-    geometry::CandidatePair* to = sink.pairs.data();
-    const geometry::CandidatePair* const end = to + resting_pairs;
-    for (const geometry::CandidatePair* at = to; at != end; ++at) {
-      const geometry::CandidatePair pair = *at;
-      *to = pair;
+    std::size_t to = 0;
+    for (std::size_t at = 0; at < resting_pairs; ++at) {
+      const geometry::CandidatePair pair = sink.pairs[at];
+      sink.pairs[to] = pair;
+      words[to] = words[at];
       to += in_resting_set[pair.a] & in_resting_set[pair.b];
     }
-    resting_pairs = static_cast<std::size_t>(to - sink.pairs.data());
+    resting_pairs = to;
+    words.resize(resting_pairs);
     resting_pairs_outdated = false;
   }
 
@@ -208,6 +211,8 @@ struct SweepAndPrune::Implementation {
     while (step()) {
     }
     resting_pairs = sink.count;
+    if (words.capacity() < resting_pairs) words.reserve(sink.pairs.capacity());
+    words.assign(resting_pairs, 0);
     const auto grids = resting.grids();
     for (std::uint32_t g = 0; g < grids.size(); ++g)
       for (std::uint32_t p = 0; p < grids[g].count; ++p)
@@ -304,5 +309,7 @@ std::span<const geometry::CandidatePair> SweepAndPrune::next(std::size_t most) {
   sweep.returned += count;
   return {first, count};
 }
+
+std::span<std::uint32_t> SweepAndPrune::kept_words() noexcept { return implementation_->words; }
 
 }  // namespace ringfence::broad_phase

@@ -85,6 +85,12 @@ class SweepAndPrune {
   /// valid until the next call of any member. Another begin() or find() abandons the sweep.
   std::span<const geometry::CandidatePair> next(std::size_t most);
 
+  /// One word for each of the first pairs that next() returns in this sweep: the pairs of two boxes of the resting set.
+  /// A word is 0 if the sweep before did not have the pair in this set, else what the caller wrote there. The words are
+  /// kept as long as both boxes rest and the set is not rebuilt. So a caller need not test a pair again whose objects
+  /// do not change. Valid until the next begin() or find().
+  std::span<std::uint32_t> kept_words() noexcept;
+
  private:
   struct Implementation;
   std::unique_ptr<Implementation> implementation_;

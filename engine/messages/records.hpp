@@ -118,6 +118,7 @@ struct CorrectRecord {
 struct NarrowDoneRecord {
   std::uint64_t candidates = 0;       ///< pairs that the node owns
   std::uint64_t tested = 0;           ///< pairs that the node tested
+  std::uint64_t carried = 0;          ///< pairs of two objects that rest, whose result is that of the frame before
   std::uint64_t contacts = 0;         ///< contacts that the node sends, or shares in memory, in this frame
   std::uint64_t failed_supports = 0;  ///< tested pairs without a result because a support function failed
 };
@@ -148,7 +149,7 @@ struct PlaceRecord {
 
 /// One entry of the table of a region map; see regions::RegionMap.
 struct OwnerRecord {
-  std::uint32_t owner = 0;  ///< number of the CD node that owns the cell, or RegionMap::cut_entry()
+  std::uint32_t owner = 0;  ///< a word of RegionMap::table()
   std::uint32_t reserved = 0;
 };
 
@@ -279,7 +280,7 @@ static_assert(sizeof(NodeStateRecord) == 80 && sizeof(ReplicaRecord) == 48);
 static_assert(sizeof(PositionRecord) == 104);
 static_assert(sizeof(PairRecord) == 8);
 static_assert(sizeof(CollisionRecord) == 40 && sizeof(ChangeRecord) == 16 && sizeof(CorrectRecord) == 8);
-static_assert(sizeof(NarrowDoneRecord) == 32);
+static_assert(sizeof(NarrowDoneRecord) == 40);
 static_assert(sizeof(HandOverRecord) == 80);
 static_assert(sizeof(DropRecord) == 16);
 static_assert(sizeof(PlaceRecord) == 56);

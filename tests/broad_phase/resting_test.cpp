@@ -1,4 +1,6 @@
+#include <map>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -57,6 +59,44 @@ TEST_CASE("the pairs match brute force over many frames in which boxes move, res
       if (frame % 9 == 8) simulation.resize(100 + simulation.random() % 400);
     }
   }
+}
+
+TEST_CASE("a word of a kept pair is what the caller wrote for this pair in the frame before, or 0") {
+  const BoxWorld& world = box_worlds()[0];
+  Simulation simulation{world, std::mt19937_64(10), {}, {}, {}};
+  SweepAndPrune sweep(16, 16);
+  simulation.resize(400);
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> written;
+  std::size_t kept = 0;
+  std::uint32_t next = 1;
+  for (int frame = 0; frame < 80; ++frame) {
+    CAPTURE(frame);
+    sweep.begin(simulation.boxes, simulation.present, simulation.resting);
+    const auto words = sweep.kept_words();
+    std::size_t at = 0;
+    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> writing;
+    for (auto found = sweep.next(7); !found.empty(); found = sweep.next(7)) {
+      for (const geometry::CandidatePair& pair : found) {
+        if (at == words.size()) continue;
+        REQUIRE(simulation.resting[pair.a] != 0);
+        REQUIRE(simulation.resting[pair.b] != 0);
+        const std::pair key(pair.a, pair.b);
+        if (words[at] != 0) {
+          REQUIRE(written.count(key) == 1);
+          REQUIRE(words[at] == written[key]);
+          ++kept;
+        }
+        words[at] = writing[key] = next++;
+        ++at;
+      }
+    }
+    REQUIRE(at == words.size());
+    written = writing;
+    const double shares[] = {0.1, 0.02, 0, 0.5, 0.05, 1, 0, 0.01};
+    simulation.move(shares[frame / 10], frame % 3 == 0 ? 20 : 0);
+    if (frame % 11 == 10) simulation.resize(300 + simulation.random() % 300);
+  }
+  CHECK(kept > 100);
 }
 
 TEST_CASE("without resting flags the pairs are the same") {

@@ -175,6 +175,7 @@ std::vector<Layout> record_layouts() {
        sizeof(NarrowDoneRecord),
        {field<decltype(NarrowDoneRecord::candidates)>("candidates", offsetof(NarrowDoneRecord, candidates)),
         field<decltype(NarrowDoneRecord::tested)>("tested", offsetof(NarrowDoneRecord, tested)),
+        field<decltype(NarrowDoneRecord::carried)>("carried", offsetof(NarrowDoneRecord, carried)),
         field<decltype(NarrowDoneRecord::contacts)>("contacts", offsetof(NarrowDoneRecord, contacts)),
         field<decltype(NarrowDoneRecord::failed_supports)>("failed_supports",
                                                            offsetof(NarrowDoneRecord, failed_supports))}},

@@ -14,18 +14,20 @@ namespace ringfence::test {
 inline void require_counts(const World& world) {
   const FrameReport& report = world.report();
   REQUIRE(report.frame + 1 == world.frames());
-  REQUIRE(report.tested == report.candidates);
+  REQUIRE(report.tested + report.carried == report.candidates);
   REQUIRE(report.accepted == report.candidates);
   REQUIRE(report.contacts == world.contacts().size());
   REQUIRE(report.ended == world.ended().size());
-  std::uint64_t candidates = 0, tested = 0, contacts = 0;
+  std::uint64_t candidates = 0, tested = 0, carried = 0, contacts = 0;
   for (const NodeReport& node : report.nodes) {
     candidates += node.candidates;
     tested += node.tested;
+    carried += node.carried;
     contacts += node.contacts;
   }
   REQUIRE(candidates == report.candidates);
   REQUIRE(tested == report.tested);
+  REQUIRE(carried == report.carried);
   REQUIRE(contacts == report.contacts);
   std::uint64_t began = 0;
   for (std::size_t i = 0; i < world.contacts().size(); ++i) {

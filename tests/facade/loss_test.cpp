@@ -349,7 +349,7 @@ struct SlotWorld {
     const FrameReport& report = world->report();
     REQUIRE(report.accepted == report.candidates);
     std::uint64_t tested = 0;
-    for (const NodeReport& node : report.nodes) tested += node.tested;
+    for (const NodeReport& node : report.nodes) tested += node.tested + node.carried;
     REQUIRE(tested == report.candidates);
   }
   std::vector<std::uint32_t> ids() const {

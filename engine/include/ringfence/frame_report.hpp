@@ -42,6 +42,7 @@ struct NodeReport {
   double narrow_phase_ms = 0;    ///< wall time
   std::uint64_t candidates = 0;  ///< pairs that the node owns
   std::uint64_t tested = 0;      ///< pairs that the node tested
+  std::uint64_t carried = 0;     ///< pairs whose result the node carried over from the frame before
   std::uint64_t contacts = 0;    ///< pairs in contact
   std::uint64_t failed_supports = 0;  ///< pairs without a contact because a support function failed
   std::uint64_t hosted = 0;           ///< objects that the node hosts after the frame
@@ -83,9 +84,11 @@ struct FrameReport {
   std::array<double, stage_count> stage_ms{};  ///< by Stage
   /// Pairs that the layers allow and whose bounds overlap or touch, as assigned to nodes.
   std::uint64_t candidates = 0;
-  /// Pairs that nodes tested, as they report it; differs from candidates only after a bug or a loss.
+  /// Pairs that nodes tested, as they report it. With `carried` they are the candidates, except after a bug or a loss.
   std::uint64_t tested = 0;
-  /// Pairs whose result (contact or none) the server accepted; differs from tested only after a bug or a loss.
+  /// Pairs of two objects that rest, whose result nodes carried over from the frame before without a test.
+  std::uint64_t carried = 0;
+  /// Pairs whose result (contact or none) the server accepted; differs from candidates only after a bug or a loss.
   std::uint64_t accepted = 0;
   std::uint64_t contacts = 0;  ///< contacts that begin or persist
   /// Of `tested`: pairs without a contact because a support function threw or returned an invalid point; see

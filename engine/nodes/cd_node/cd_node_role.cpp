@@ -130,7 +130,7 @@ bool CdNodeRole::advance() {
 
 void CdNodeRole::begin(std::uint64_t frame) {
   state_.begin(frame);
-  detector_.discard();
+  detector_.begin();
   migration_.begin();
   cpu_start_ = telemetry::thread_cpu_ns();
   mover_.begin();

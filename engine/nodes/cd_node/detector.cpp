@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cassert>
+#include <utility>
 
 #include "base/prefetch.hpp"
+#include "nodes/cd_node/hit_writer.hpp"
+#include "nodes/cd_node/pair_objects.hpp"
 #include "telemetry/track.hpp"
 
 namespace ringfence::nodes {
@@ -25,12 +28,25 @@ Detector::Detector(NodeState& state)
   narrow_.remember_axes(state.setup.remember_axes);
 }
 
+void Detector::begin() {
+  std::swap(hits_, last_hits_);
+  std::swap(touches_, last_touches_);
+  knows_last_frame_ = std::exchange(has_swept_, false);
+  clear();
+}
+
 void Detector::discard() {
+  knows_last_frame_ = has_swept_ = false;
+  clear();
+}
+
+void Detector::clear() {
   pairs_.clear();
+  kept_of_batch_.clear();
   hits_.clear();
   touches_.clear();
   order_.clear();
-  candidates_ = 0;
+  candidates_ = carried_ = 0;
   narrow_.reset_counters();
 }
 
@@ -64,15 +80,16 @@ void Detector::finish() {
 }
 
 void Detector::sweep() {
-  const auto bodies = state_.objects.bodies();
-  const auto bounds = state_.objects.bounds();
-  const auto marks = state_.objects.marks();
-  const auto numbers = state_.objects.numbers();
-  const regions::RegionMap& map = state_.region.map();
+  const RegionObjects& objects = state_.objects;
   {
     SpanTimer time(state_.setup.track, "broad phase", state_.stats.broad_phase_ns);
-    sweep_.begin(bounds, state_.objects.present(), state_.objects.resting(), state_.objects.layers(),
-                 state_.objects.groups(), state_.objects.crowds());
+    sweep_.begin(objects.bounds(), objects.present(), objects.resting(), objects.layers(), objects.groups(),
+                 objects.crowds());
+  }
+  known_ = sweep_.kept_words();
+  returned_ = 0;
+  if (!knows_last_frame_) {
+    std::fill(known_.begin(), known_.end(), untested);
   }
   bool more = true;
   while (more) {
@@ -81,24 +98,59 @@ void Detector::sweep() {
       while (more && pairs_.size() < pairs_per_test) {
         const auto found = sweep_.next(pairs_per_test - pairs_.size());
         more = !found.empty();
-        for (const geometry::CandidatePair& pair : found) {
-          // An object fully inside this region cannot collide in another one, so this node owns the pair.
-          if (((marks[pair.a] | marks[pair.b]) & RegionObjects::inner_mark) == 0 &&
-              map.pair_owner(bounds[pair.a], bounds[pair.b]) != state_.setup.node) {
-            continue;
-          }
-          base::prefetch_for_read(&bodies[pair.a]);
-          base::prefetch_for_read(&bodies[pair.b]);
-          // Without a branch: half of all pairs are in the wrong order, at random, so a branch would often be
-          // mispredicted.
-          const std::uint32_t flip = (pair.a ^ pair.b) & (numbers[pair.b] < numbers[pair.a] ? ~0u : 0u);
-          pairs_.push_back({pair.a ^ flip, pair.b ^ flip});
-        }
+        add_pairs(found);
       }
     }
     test_pairs();
   }
   state_.objects.settle();
+  has_swept_ = true;
+}
+
+// The first pairs of a sweep are those of the resting set: takes their results of the last frame, if it knows them.
+// Returns how many of `found` are such pairs.
+std::size_t Detector::add_kept_pairs(std::span<const geometry::CandidatePair> found) {
+  const std::size_t kept = std::min(found.size(), known_.size() - returned_);
+  const PairObjects objects(state_);
+  HitWriter writer(state_, hits_, touches_, order_);
+  for (const geometry::CandidatePair& pair : found.first(kept)) {
+    std::uint32_t& known = known_[returned_++];
+    if (known == untested && objects.owns(pair)) {
+      kept_of_batch_.push_back(may_carry(pair) ? &known : nullptr);
+      pairs_.push_back(objects.ordered(pair));
+      continue;
+    }
+    if (known == untested || known == of_other_node) {
+      known = of_other_node;
+      continue;
+    }
+    ++candidates_;
+    ++carried_;
+    if (known >= first_hit) {
+      const std::size_t last = known - first_hit;
+      assert((last_hits_[last].a ^ last_hits_[last].b) == (pair.a ^ pair.b));
+      known = first_hit + static_cast<std::uint32_t>(hits_.size());
+      writer.add(last_touches_[last], last_hits_[last]);
+    }
+  }
+  return kept;
+}
+
+void Detector::add_pairs(std::span<const geometry::CandidatePair> found) {
+  const PairObjects objects(state_);
+  for (const geometry::CandidatePair& pair : found.subspan(add_kept_pairs(found))) {
+    if (objects.owns(pair)) {
+      pairs_.push_back(objects.ordered(pair));
+    }
+  }
+}
+
+bool Detector::may_carry(const geometry::CandidatePair& pair) const noexcept {
+  const auto bodies = state_.objects.bodies();
+  const auto is_support = [&](std::uint32_t i) {
+    return state_.setup.shapes->row(bodies[i].shape).kind == ShapeKind::support;
+  };
+  return !is_support(pair.a) && !is_support(pair.b);
 }
 
 void Detector::test_pairs() {
@@ -107,29 +159,28 @@ void Detector::test_pairs() {
   }
   SpanTimer time(state_.setup.track, "narrow phase", state_.stats.narrow_phase_ns);
   state_.fault.pass(NodeStage::kernel, state_.frame);
+  for (std::uint32_t* const known : kept_of_batch_) {
+    if (known != nullptr) {
+      *known = apart;  // unless add_hits() finds it among the hits
+    }
+  }
   add_hits(narrow_.test(state_.objects.bodies(), pairs_));
   candidates_ += pairs_.size();
   pairs_.clear();
+  kept_of_batch_.clear();
 }
 
-// Keeps the kernels' output, a quarter of a contact; the rest are poses, which are added where the contact is read in
-// order. For the node's own model the contact is assembled at once, because the bodies will have moved when the model
-// reads it in the next frame.
 void Detector::add_hits(std::span<const narrow_phase::PairContact> found) {
-  const auto numbers = state_.objects.numbers();
-  const auto bodies = state_.objects.bodies();
-  const bool keeps = state_.keeps_contacts();
-  for (const narrow_phase::PairContact& touch : found) {
-    const geometry::CandidatePair& pair = pairs_[touch.pair];
-    touches_.push_back(touch);
-    hits_.push_back(pair);
-    base::prefetch_for_write(touches_.end() + 8);
-    base::prefetch_for_write(hits_.end() + 32);
-    order_.add(numbers[pair.a], numbers[pair.b]);
-    if (keeps) {
-      NodeContacts::assemble(touch, bodies[pair.a], bodies[pair.b], Phase::persist,
-                             state_.host.contacts().add_own(state_.frame));
+  HitWriter writer(state_, hits_, touches_, order_);
+  if (!kept_of_batch_.empty()) {
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      if (found[i].pair < kept_of_batch_.size() && kept_of_batch_[found[i].pair] != nullptr) {
+        *kept_of_batch_[found[i].pair] = first_hit + static_cast<std::uint32_t>(hits_.size() + i);
+      }
     }
+  }
+  for (const narrow_phase::PairContact& touch : found) {
+    writer.add(touch, pairs_[touch.pair]);
   }
 }
 

@@ -6,15 +6,21 @@ namespace ringfence::nodes {
 
 NodeRegion::NodeRegion(const regions::RegionMap& map, const geometry::FixedSpace& space, NodeNumber node,
                        std::uint32_t slots)
-    : map_(map), space_(space), node_(node), slots_(slots), interior_(map.interior(node)) {
+    : map_(map), space_(space), node_(node), slots_(slots) {
+  find_boxes();
   entries_.reserve(map.grid().cells());
 }
 
 void NodeRegion::assign(NodeNumber node, std::uint32_t slots) {
   node_ = node;
   slots_ = slots;
-  interior_ = map_.interior(node);
+  find_boxes();
   fits_ = map_.nodes() <= slots || regions::RegionMap::is_table(map_.table(), map_.grid(), slots);
+}
+
+void NodeRegion::find_boxes() {
+  interior_ = map_.interior(node_);
+  densest_part_ = map_.densest_part(node_);
 }
 
 NodeNumber NodeRegion::owner_at(const Vec3d& position) const noexcept {
@@ -24,7 +30,7 @@ NodeNumber NodeRegion::owner_at(const Vec3d& position) const noexcept {
 }
 
 bool NodeRegion::is_acceptable(const messages::MessageView& message) const {
-  if (entries_.size() + message.count() > regions::RegionMap::max_entries(map_.grid())) {
+  if (entries_.size() + message.count() > regions::RegionMap::max_words(map_.grid())) {
     return false;
   }
   if (!message.last()) {
@@ -45,7 +51,7 @@ bool NodeRegion::receive(const messages::MessageView& message) {
     return false;
   }
   map_.assign(entries_, slots_, message.header().epoch);
-  interior_ = map_.interior(node_);
+  find_boxes();
   fits_ = changed_ = true;
   entries_.clear();
   return true;

@@ -28,7 +28,9 @@ class NodeRegion {
   bool fits() const noexcept { return fits_; }
   /// Who shares objects with these bounds: `all` if they touch only this node's region.
   regions::Coverage coverage(const geometry::Bounds& bounds) const noexcept {
-    return geometry::contains(interior_, bounds) ? regions::Coverage::all : map_.coverage(bounds, node_);
+    return geometry::contains(interior_, bounds) || geometry::contains(densest_part_, bounds)
+               ? regions::Coverage::all
+               : map_.coverage(bounds, node_);
   }
   /// The node that owns the cell of `position`.
   NodeNumber owner_at(const Vec3d& position) const noexcept;
@@ -47,11 +49,14 @@ class NodeRegion {
   bool take_change() noexcept { return std::exchange(changed_, false); }
 
  private:
+  void find_boxes();
+
   regions::RegionMap map_;
   const geometry::FixedSpace& space_;
   NodeNumber node_;
   std::uint32_t slots_;
-  geometry::Bounds interior_;  ///< a box that is entirely in the region and covers most of it
+  // Boxes that are entirely in the region: one covers most of it, the other most of a crowd in one cell.
+  geometry::Bounds interior_, densest_part_;
   bool fits_ = true;
   bool changed_ = false;
   std::vector<std::uint32_t> entries_;  ///< of the new map, received so far

@@ -61,6 +61,37 @@ TEST_CASE("two nodes that sweep find each pair in contact once, wherever the bor
   CHECK(found == expected);
 }
 
+TEST_CASE("hits of balls that rest are carried over between frames, but not to a second detection of a frame") {
+  NodeFixture fixture;
+  std::vector<NumberPair> expected;
+  for (ObjectNumber number = 1; number <= 30; ++number) {
+    fixture.know(number, {2 + 0.75 * static_cast<double>(number), 10, 10});
+    if (number > 1) expected.emplace_back(number - 1, number);
+  }
+  Detector detector(fixture.state());
+  const auto detect = [&] {
+    detector.test_all();
+    detector.finish();
+    CHECK(hits(fixture.state(), detector) == expected);
+    CHECK(detector.totals().candidates == detector.totals().tested + detector.totals().carried);
+    return detector.totals().carried;
+  };
+  std::vector<std::uint64_t> carried;
+  for (int frame = 0; frame < 4; ++frame) {
+    detector.begin();
+    carried.push_back(detect());
+  }
+  CHECK(carried == std::vector<std::uint64_t>{0, 0, 29, 29});
+  fixture.know(1, {2.75, 10.0625, 10});  // moves, and still touches the next ball
+  detector.begin();
+  CHECK(detect() == 28);
+  detector.discard();  // a node is lost: the frame is detected again
+  CHECK(detector.hits().empty());
+  CHECK(detect() == 0);
+  detector.begin();
+  CHECK(detect() == 28);
+}
+
 TEST_CASE("a node that receives its pairs tests exactly these, and counts them by kind") {
   NodeFixture fixture({.placement = Placement::server});
   fixture.know(1, {10, 10, 10});

@@ -56,7 +56,8 @@ class RecordingModel : public MotionModel {
       // Output written before the exception must have no effect.
       if (at->second.pose_set || at->second.throws) outputs[i].pose = at->second.pose;
       outputs[i].enabled = at->second.enabled;
-      if (at->second.state_set || at->second.throws) std::memcpy(outputs[i].state, at->second.state, bytes_);
+      if (at->second.state_set || at->second.throws)
+        std::copy_n(reinterpret_cast<const std::byte*>(at->second.state), bytes_, outputs[i].state);
       if (at->second.throws) throw std::runtime_error("as configured");
     }
   }

@@ -409,7 +409,7 @@ void Ingest::receive_narrow_done(PeerSession& session, const MessageView& messag
   statistics_.add(session, record);
   exchange_.receive_contacts(session, statistics_);
   if (state_.ledger.received(session.self.number()) == record.contacts) {
-    state_.report().accepted += record.tested;
+    state_.report().accepted += record.tested + record.carried;
   } else {
     refuse(session, Status::bad_message);
   }

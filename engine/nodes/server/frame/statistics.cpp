@@ -36,7 +36,7 @@ void Statistics::list_nodes() {
 
 void Statistics::forget_results() {
   FrameReport& frame = state_.report();
-  frame.candidates = frame.tested = frame.accepted = frame.failed_supports = 0;
+  frame.candidates = frame.tested = frame.carried = frame.accepted = frame.failed_supports = 0;
   for (NodeReport& node : frame.nodes) {
     node = {.id = node.id};
   }
@@ -114,10 +114,12 @@ void Statistics::add(const PeerSession& node, const messages::NarrowDoneRecord& 
   NodeReport& entry = frame.nodes[node.in_report];
   entry.candidates = done.candidates;
   entry.tested = done.tested;
+  entry.carried = done.carried;
   entry.contacts = done.contacts;
   entry.failed_supports = done.failed_supports;
   frame.failed_supports += done.failed_supports;
   frame.tested += done.tested;
+  frame.carried += done.carried;
   if (state_.setup.placement == Placement::region) {
     frame.candidates += done.candidates;
   }

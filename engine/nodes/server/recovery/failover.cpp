@@ -72,15 +72,19 @@ void Failover::reassign_cells() {
     state_.list_remaining_nodes(remaining_);
   }
   table_.assign(state_.map.table().begin(), state_.map.table().end());
-  const auto is_orphan = [&](std::uint32_t entry) {
-    return !regions::RegionMap::is_cut(entry) &&
+  const auto is_orphan = [&](std::size_t word) {
+    const std::uint32_t entry = table_[word];
+    return !regions::RegionMap::is_plane(word, state_.map.grid()) && !regions::RegionMap::is_cut(entry) &&
            (entry >= state_.nodes.size() || !state_.nodes[entry].connected || state_.nodes[entry].lost);
   };
-  const auto orphans = static_cast<std::size_t>(std::count_if(table_.begin(), table_.end(), is_orphan));
+  std::size_t orphans = 0;
+  for (std::size_t word = 0; word < table_.size(); ++word) {
+    orphans += is_orphan(word) ? 1 : 0;
+  }
   std::size_t passed = 0;
-  for (std::uint32_t& entry : table_) {
-    if (is_orphan(entry)) {
-      entry = remaining_[passed * remaining_.size() / orphans];
+  for (std::size_t word = 0; word < table_.size(); ++word) {
+    if (is_orphan(word)) {
+      table_[word] = remaining_[passed * remaining_.size() / orphans];
       ++passed;
     }
   }

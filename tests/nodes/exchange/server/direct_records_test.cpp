@@ -1,8 +1,9 @@
 #include "nodes/exchange/server/direct_records.hpp"
 
-#include <cstring>
+#include <algorithm>
 #include <map>
 #include <random>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -23,7 +24,7 @@ struct Message {
       : bytes(sizeof(messages::Header) + 8 * records.size()) {
     messages::write_header(bytes.data(), {MessageType::ghost_counts, Endpoint::node(sender), Endpoint::server(), 0, 1},
                            sizeof(CountRecord), records.size(), true, records.size());
-    std::memcpy(bytes.data() + sizeof(messages::Header), records.data(), 8 * records.size());
+    std::ranges::copy(std::as_bytes(std::span(records)), bytes.begin() + sizeof(messages::Header));
     REQUIRE(messages::decode(bytes, 0, view) == Status::ok);
   }
   std::vector<std::byte> bytes;

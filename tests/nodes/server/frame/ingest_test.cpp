@@ -134,11 +134,12 @@ TEST_CASE("results count only under the current map, and as a whole") {
   test.ingest.receive();
   CHECK(test.state().ledger.received(0) == 0);
   test.fixture.send(Endpoint::node(0), MessageType::collision, contact);
-  test.fixture.send(Endpoint::node(0), MessageType::narrow_done, messages::NarrowDoneRecord{1, 1, 1, 0});
-  test.fixture.send(Endpoint::node(1), MessageType::narrow_done, messages::NarrowDoneRecord{3, 3, 1, 0});
+  test.fixture.send(Endpoint::node(0), MessageType::narrow_done, messages::NarrowDoneRecord{1, 1, 0, 1, 0});
+  test.fixture.send(Endpoint::node(1), MessageType::narrow_done, messages::NarrowDoneRecord{3, 1, 2, 1, 0});
   test.ingest.receive();
   CHECK(test.state().ledger.received(0) == 1);
-  CHECK(test.state().report().tested == 4);
+  CHECK(test.state().report().tested == 2);
+  CHECK(test.state().report().carried == 2);
   CHECK(test.state().report().accepted == 1);  // node 1 announced a contact that it has not sent
   CHECK(test.refused(Status::bad_message) == 1);
   CHECK(test.state().nodes[0].received.narrow_done);

@@ -51,12 +51,12 @@ TEST_CASE("results of a frame that is detected again count once") {
   ServerFixture fixture({.placement = Placement::region});
   ServerState& state = fixture.state();
   Statistics statistics(state);
-  statistics.add(state.nodes[0], messages::NarrowDoneRecord{10, 9, 2, 1});
-  statistics.add(state.nodes[1], messages::NarrowDoneRecord{20, 20, 3, 0});
+  statistics.add(state.nodes[0], messages::NarrowDoneRecord{10, 9, 1, 2, 1});
+  statistics.add(state.nodes[1], messages::NarrowDoneRecord{20, 20, 0, 3, 0});
   CHECK(state.report().candidates == 30);
   CHECK(state.report().tested == 29);
   statistics.forget_results();
-  statistics.add(state.nodes[1], messages::NarrowDoneRecord{25, 24, 4, 2});
+  statistics.add(state.nodes[1], messages::NarrowDoneRecord{25, 24, 0, 4, 2});
   CHECK(state.report().candidates == 25);
   CHECK(state.report().tested == 24);
   CHECK(state.report().failed_supports == 2);
