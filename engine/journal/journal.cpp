@@ -6,6 +6,7 @@
 
 #include "journal/directory.hpp"
 #include "journal/release.hpp"
+#include "journal/save_parts.hpp"
 #include "journal/store.hpp"
 #include "journal/writer.hpp"
 #include "ringfence/error.hpp"
@@ -22,13 +23,13 @@ struct Journal::Implementation {
 
   /// Adds a snapshot of the world; ends the journal if it cannot be saved or written.
   void add_snapshot(World& world) {
-    MemorySink sink;
+    journal::PartsSink sink;
     const std::vector<std::byte> own = config.own ? config.own() : std::vector<std::byte>();
     if (const Status status = world.save(sink, own); status != Status::ok) {
       return end(std::string("the world cannot be saved (") + name_of(status) + "); see World::save");
     }
     last_snapshot = world.frames();
-    add({Entry::Kind::snapshot, world.frames(), sink.take()});
+    add({Entry::Kind::snapshot, world.frames(), sink.take(), {}});
   }
 
   bool add(Entry entry) { return writer && (writer->add(std::move(entry)) || fail()); }
@@ -109,18 +110,18 @@ std::shared_ptr<Journal> Journal::append(JournalConfig config) {
 bool Journal::begin_frame(World& world, std::span<const std::byte> inputs) {
   Implementation& j = *implementation_;
   if (!j.last_snapshot) {
-    if (j.add({Entry::Kind::start, world.frames(), {}})) {
+    if (j.add({Entry::Kind::start, world.frames(), {}, {}})) {
       j.add_snapshot(world);
     }
   }
-  j.add({Entry::Kind::frame, world.frames(), {inputs.begin(), inputs.end()}});
+  j.add({Entry::Kind::frame, world.frames(), {}, {inputs.begin(), inputs.end()}});
   return j.may_go_on();
 }
 
 bool Journal::finish_frame(World& world, bool reproducible) {
   Implementation& j = *implementation_;
   if (!reproducible) {
-    j.add({Entry::Kind::irreproducible, world.frames() - 1, {}});
+    j.add({Entry::Kind::irreproducible, world.frames() - 1, {}, {}});
   }
   if (j.writer && (!reproducible || world.frames() >= *j.last_snapshot + j.config.snapshot_every)) {
     j.add_snapshot(world);

@@ -12,9 +12,15 @@ namespace {
 
 constexpr const char* tables =
     "CREATE TABLE meta(name TEXT PRIMARY KEY, value TEXT) WITHOUT ROWID;"
-    "CREATE TABLE snapshots(frame INTEGER PRIMARY KEY, size INTEGER, checksum INTEGER, bytes BLOB);"
+    "CREATE TABLE snapshots(frame INTEGER PRIMARY KEY, memory INTEGER, size INTEGER, checksum INTEGER, bytes BLOB);"
+    "CREATE TABLE parts(low INTEGER, high INTEGER, size INTEGER, checksum INTEGER, bytes BLOB, PRIMARY KEY(low, high));"
+    "CREATE TABLE uses(frame INTEGER, low INTEGER, high INTEGER, PRIMARY KEY(frame, low, high)) WITHOUT ROWID;"
     "CREATE TABLE frames(frame INTEGER PRIMARY KEY, size INTEGER, checksum INTEGER, bytes BLOB);"
     "CREATE TABLE irreproducible(frame INTEGER PRIMARY KEY);";
+
+constexpr const char* snapshot_text = "snapshot before frame";
+constexpr const char* damaged =
+    " is damaged; what is before it can be used: see `ringfence journal --help`, or use a backup";
 
 // With a write-ahead log, FULL puts every transaction on the disk before it ends, and NORMAL every checkpoint.
 void set_sync(Database& database, JournalSync sync) {
@@ -67,17 +73,45 @@ Store Store::open(const std::filesystem::path& directory, Database::Access acces
   return store;
 }
 
-void Store::add(const char* sql, std::uint64_t frame, const Packed& packed) {
-  Statement insert(*database_, sql);
-  insert.bind(1, frame).bind(2, packed.size).bind(3, packed.checksum).bind(4, std::span(packed.bytes)).run();
+void Store::add_snapshot(std::uint64_t frame, const SaveInParts& save) {
+  const Recipe recipe = recipe_of(save);
+  const Packed packed = pack(frame, write_recipe(recipe));
+  Statement insert(*database_, "INSERT OR REPLACE INTO snapshots VALUES(?,?,?,?,?)");
+  insert.bind(1, frame).bind(2, save.bytes.size()).bind(3, packed.size).bind(4, packed.checksum);
+  insert.bind(5, std::span(packed.bytes)).run();
+  Statement(*database_, "DELETE FROM uses WHERE frame = ?").bind(1, frame).run();
+  std::span<const std::byte> rest(save.bytes);
+  for (const Piece& piece : recipe.pieces) {
+    if (piece.is_part != 0) {
+      add_part(frame, piece.part, rest.first(piece.size));
+    }
+    rest = rest.subspan(piece.size);
+  }
 }
 
-void Store::add_snapshot(std::uint64_t frame, const Packed& packed) {
-  add("INSERT OR REPLACE INTO snapshots VALUES(?,?,?,?)", frame, packed);
+void Store::add_part(std::uint64_t frame, const PartName& name, std::span<const std::byte> part) {
+  Statement(*database_, "INSERT OR IGNORE INTO uses VALUES(?,?,?)")
+      .bind(1, frame)
+      .bind(2, name.low)
+      .bind(3, name.high)
+      .run();
+  Statement known(*database_, "SELECT 1 FROM parts WHERE low = ? AND high = ?");
+  if (known.bind(1, name.low).bind(2, name.high).step()) {
+    return;
+  }
+  const Packed packed = pack(name.low, part);
+  Statement insert(*database_, "INSERT INTO parts VALUES(?,?,?,?,?)");
+  insert.bind(1, name.low).bind(2, name.high).bind(3, packed.size).bind(4, packed.checksum);
+  insert.bind(5, std::span(packed.bytes)).run();
+}
+
+void Store::remove_unused_parts() {
+  database_->execute("DELETE FROM parts WHERE (low, high) NOT IN (SELECT low, high FROM uses)");
 }
 
 void Store::add_frame(std::uint64_t frame, const Packed& packed) {
-  add("INSERT INTO frames VALUES(?,?,?,?)", frame, packed);
+  Statement insert(*database_, "INSERT INTO frames VALUES(?,?,?,?)");
+  insert.bind(1, frame).bind(2, packed.size).bind(3, packed.checksum).bind(4, std::span(packed.bytes)).run();
 }
 
 void Store::add_irreproducible(std::uint64_t frame) {
@@ -90,14 +124,18 @@ void Store::remove_old(std::uint32_t keep) {
     return;
   }
   const std::uint64_t oldest = kept[keep - 1];
-  for (const char* const sql : {"DELETE FROM snapshots WHERE frame < ?", "DELETE FROM frames WHERE frame < ?",
-                                "DELETE FROM irreproducible WHERE frame < ?"}) {
+  for (const char* const sql : {"DELETE FROM snapshots WHERE frame < ?", "DELETE FROM uses WHERE frame < ?",
+                                "DELETE FROM frames WHERE frame < ?", "DELETE FROM irreproducible WHERE frame < ?"}) {
     Statement(*database_, sql).bind(1, oldest).run();
   }
+  remove_unused_parts();
 }
 
 void Store::remove_from(std::uint64_t frames) {
-  Statement(*database_, "DELETE FROM snapshots WHERE frame > ?").bind(1, frames).run();
+  for (const char* const sql : {"DELETE FROM snapshots WHERE frame > ?", "DELETE FROM uses WHERE frame > ?"}) {
+    Statement(*database_, sql).bind(1, frames).run();
+  }
+  remove_unused_parts();
   for (const char* const sql : {"DELETE FROM frames WHERE frame >= ?", "DELETE FROM irreproducible WHERE frame >= ?"}) {
     Statement(*database_, sql).bind(1, frames).run();
   }
@@ -117,10 +155,18 @@ void Store::set_meta(const char* name, const std::string& value) {
 }
 
 std::vector<JournalSnapshot> Store::snapshots() const {
-  Statement select(*database_, "SELECT frame, length(bytes), size FROM snapshots ORDER BY frame");
+  // A part counts for the first snapshot that has it.
+  Statement parts(
+      *database_,
+      "SELECT sum(length(bytes)) FROM parts JOIN (SELECT min(frame) AS first, low, high FROM uses GROUP BY low, "
+      "high) USING (low, high) WHERE first = ?");
+  Statement select(*database_, "SELECT frame, length(bytes), memory FROM snapshots ORDER BY frame");
   std::vector<JournalSnapshot> all;
   while (select.step()) {
-    all.push_back({select.number(0), select.number(1), select.number(2)});
+    const std::uint64_t frame = select.number(0);
+    const std::uint64_t in_parts = parts.bind(1, frame).step() ? parts.number(0) : 0;
+    parts.reset();
+    all.push_back({frame, select.number(1) + in_parts, select.number(2)});
   }
   return all;
 }
@@ -160,22 +206,49 @@ std::uint64_t Store::frame_bytes(std::uint64_t frame) const {
 }
 
 std::vector<std::byte> Store::read(const char* sql, const char* what, std::uint64_t frame) const {
-  const auto fail = [&](const char* how) {
-    throw Error("journal: " + database_->file().string() + ": the " + what + " " + std::to_string(frame) + how);
-  };
   Statement select(*database_, sql);
   if (!select.bind(1, frame).step()) {
-    fail(" is missing: ask for another frame, or use a backup");
+    fail(what, frame, " is missing: ask for another frame, or use a backup");
   }
   std::vector<std::byte> bytes;
   if (!unpack(frame, select.number(0), select.number(1), select.bytes(2), bytes)) {
-    fail(" is damaged; what is before it can be used: see `ringfence journal --help`, or use a backup");
+    fail(what, frame, damaged);
   }
   return bytes;
 }
 
+void Store::fail(const char* what, std::uint64_t frame, const char* how) const {
+  throw Error("journal: " + database_->file().string() + ": the " + what + " " + std::to_string(frame) + how);
+}
+
 std::vector<std::byte> Store::snapshot(std::uint64_t frame) const {
-  return read("SELECT size, checksum, bytes FROM snapshots WHERE frame = ?", "snapshot before frame", frame);
+  Recipe recipe;
+  if (!read_recipe(read("SELECT size, checksum, bytes FROM snapshots WHERE frame = ?", snapshot_text, frame), recipe)) {
+    fail(snapshot_text, frame, damaged);
+  }
+  std::vector<std::byte> save;
+  std::span<const std::byte> rest(recipe.bytes);
+  for (const Piece& piece : recipe.pieces) {
+    if (piece.is_part != 0) {
+      append_part(frame, piece, save);
+    } else {
+      save.insert(save.end(), rest.begin(), rest.begin() + static_cast<std::ptrdiff_t>(piece.size));
+      rest = rest.subspan(piece.size);
+    }
+  }
+  return save;
+}
+
+void Store::append_part(std::uint64_t frame, const Piece& piece, std::vector<std::byte>& save) const {
+  Statement select(*database_, "SELECT size, checksum, bytes FROM parts WHERE low = ? AND high = ?");
+  std::vector<std::byte> part;
+  const bool is_right = select.bind(1, piece.part.low).bind(2, piece.part.high).step() &&
+                        unpack(piece.part.low, select.number(0), select.number(1), select.bytes(2), part) &&
+                        part.size() == piece.size && name_of_part(part) == piece.part;
+  if (!is_right) {
+    fail(snapshot_text, frame, damaged);
+  }
+  save.insert(save.end(), part.begin(), part.end());
 }
 
 std::vector<std::byte> Store::frame(std::uint64_t frame) const {

@@ -10,18 +10,21 @@
 
 #include "journal/database.hpp"
 #include "journal/packed.hpp"
+#include "journal/save_parts.hpp"
 #include "ringfence/journal.hpp"
 
 namespace ringfence::journal {
 
 /// Version of the tables.
-inline constexpr std::uint64_t format_version = 1;
+inline constexpr std::uint64_t format_version = 2;
 
 /// The tables of a journal:
-///   meta(name, value)                             format, release, description
-///   snapshots(frame, size, checksum, bytes)       World::save before that frame
-///   frames(frame, size, checksum, bytes)          the inputs of that frame
-///   irreproducible(frame)                         frames that depended on something else
+///   meta(name, value)                                format, release, description
+///   snapshots(frame, memory, size, checksum, bytes)  the save before that frame: its size, and its recipe
+///   parts(low, high, size, checksum, bytes)          parts of saves, by their names
+///   uses(frame, low, high)                           the parts that the snapshot before that frame has
+///   frames(frame, size, checksum, bytes)             the inputs of that frame
+///   irreproducible(frame)                            frames that depended on something else
 ///
 /// Threads: belongs to one thread at a time. Failure: throws Error that names the file.
 class Store {
@@ -33,7 +36,8 @@ class Store {
 
   void begin() { database_->execute("BEGIN IMMEDIATE"); }
   void commit() { database_->execute("COMMIT"); }
-  void add_snapshot(std::uint64_t frame, const Packed& packed);
+  /// Adds the recipe of a save, and those of its parts that no snapshot has yet.
+  void add_snapshot(std::uint64_t frame, const SaveInParts& save);
   void add_frame(std::uint64_t frame, const Packed& packed);
   void add_irreproducible(std::uint64_t frame);
   /// Removes all but the newest `keep` snapshots, and the frames before them.
@@ -59,8 +63,11 @@ class Store {
 
  private:
   explicit Store(std::unique_ptr<Database> database) : database_(std::move(database)) {}
-  void add(const char* sql, std::uint64_t frame, const Packed& packed);
+  void add_part(std::uint64_t frame, const PartName& name, std::span<const std::byte> part);
+  void append_part(std::uint64_t frame, const Piece& piece, std::vector<std::byte>& save) const;
+  void remove_unused_parts();
   std::vector<std::byte> read(const char* sql, const char* what, std::uint64_t frame) const;
+  [[noreturn]] void fail(const char* what, std::uint64_t frame, const char* how) const;
 
   std::unique_ptr<Database> database_;
 };

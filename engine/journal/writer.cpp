@@ -23,7 +23,7 @@ bool Writer::add(Entry entry) {
   if (!failure_.empty()) {
     return false;
   }
-  bytes_ += entry.bytes.size();
+  bytes_ += entry.size();
   ++open_;
   waiting_.push_back(std::move(entry));
   lock.unlock();
@@ -53,7 +53,7 @@ void Writer::run() {
     lock.unlock();
     std::size_t bytes = 0;
     for (const Entry& entry : entries) {
-      bytes += entry.bytes.size();
+      bytes += entry.size();
     }
     std::string failure;
     try {
@@ -85,7 +85,7 @@ void Writer::write(std::deque<Entry>& entries) {
         store_.add_frame(entry.frame, pack(entry.frame, entry.bytes));
         break;
       case Entry::Kind::snapshot:
-        store_.add_snapshot(entry.frame, pack(entry.frame, entry.bytes));
+        store_.add_snapshot(entry.frame, entry.save);
         has_snapshot = true;
         break;
       case Entry::Kind::irreproducible:

@@ -23,7 +23,9 @@ struct Entry {
   };
   Kind kind = Kind::frame;
   std::uint64_t frame = 0;
-  std::vector<std::byte> bytes;
+  SaveInParts save;              ///< of a snapshot
+  std::vector<std::byte> bytes;  ///< the inputs of a frame
+  std::size_t size() const noexcept { return save.bytes.size() + bytes.size(); }
 };
 
 /// Writes entries on a thread of its own, in the order in which they were added: all that wait in one transaction.

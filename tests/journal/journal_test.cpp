@@ -4,6 +4,7 @@
 #include <memory>
 #include <random>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include <doctest/doctest.h>
@@ -144,6 +145,82 @@ TEST_CASE("old snapshots and the frames before them are removed") {
   CHECK(fingerprint(reader.restore(journal_world(0), 40)) == expected);
   CHECK(error_of([&] { (void)reader.restore(journal_world(0), 29); }).find("begins with frame 30") !=
         std::string::npos);
+}
+
+/// A terrain whose heights are random, so that it cannot be compressed by much.
+TriangleMesh rough_terrain(std::uint32_t side) {
+  std::mt19937 random(8);
+  std::uniform_real_distribution<float> height(-1, 0);
+  TriangleMesh mesh;
+  for (std::uint32_t y = 0; y < side; ++y) {
+    for (std::uint32_t x = 0; x < side; ++x) {
+      mesh.vertices.push_back({static_cast<float>(x), static_cast<float>(y), height(random)});
+      if (x > 0 && y > 0) {
+        const std::uint32_t corner = y * side + x;
+        for (const std::uint32_t index : {corner, corner - 1, corner - side}) mesh.indices.push_back(index);
+      }
+    }
+  }
+  return mesh;
+}
+
+std::uint64_t parts_in(const TemporaryDirectory& directory) {
+  const journal::Database database(journal::database_of(directory.path()), journal::Database::Access::read);
+  journal::Statement count(database, "SELECT count(*) FROM parts");
+  REQUIRE(count.step());
+  return count.number(0);
+}
+
+TEST_CASE("a shape that several snapshots have is stored once, until no snapshot has it") {
+  const TemporaryDirectory directory;
+  JournalConfig journal = config_in(directory, JournalSync::never);
+  journal.keep_snapshots = 3;
+  WorldConfig config = journal_world(1);
+  config.recorder = Journal::create(journal);
+  World world(config);
+  const TriangleMesh terrain = rough_terrain(40);
+  const std::size_t terrain_bytes = terrain.vertices.size() * sizeof(Vec3f);
+  const ShapeId shape = world.add_shape(terrain);
+  const ObjectId ground = world.spawn({.shape = shape, .category = Category::fixed}).id;
+  const auto advance = [&](int frames) {
+    for (; frames > 0; --frames) REQUIRE(world.advance() == Status::ok);
+  };
+  advance(13);
+  {
+    const JournalReader reader(directory.path());
+    while (reader.contents().snapshots.size() < 3) std::this_thread::yield();
+    const auto snapshots = reader.contents().snapshots;
+    CHECK(parts_in(directory) == 2);  // vertices and triangles
+    CHECK(snapshots[0].bytes > terrain_bytes / 2);
+    for (const JournalSnapshot& snapshot : snapshots) CHECK(snapshot.memory > terrain_bytes);
+    CHECK(snapshots[1].bytes < terrain_bytes / 10);
+    CHECK(snapshots[2].bytes < terrain_bytes / 10);
+  }
+  advance(12);  // the snapshot that wrote the parts is removed
+  REQUIRE(world.destroy(ground) == Status::ok);
+  advance(1);
+  const std::uint64_t expected = fingerprint(world);
+  REQUIRE(world.remove_shape(shape) == Status::ok);
+  advance(1);
+  config.recorder.reset();
+  world = World(journal_world(0));
+  {
+    const JournalReader reader(directory.path());
+    CHECK(reader.contents().snapshots.front().frame == 12);
+    CHECK(parts_in(directory) == 2);
+    CHECK(fingerprint(reader.restore(journal_world(0), 26)) == expected);
+    CHECK(!reader.verify(journal_world(3)));
+  }
+  MemorySink sink;
+  REQUIRE(JournalReader(directory.path()).restore(journal_world(0), 27).save(sink) == Status::ok);
+  MemorySource source(sink.bytes());
+  config.recorder = Journal::append(journal);
+  world = World(config, source);
+  advance(13);  // three snapshots without the shape
+  config.recorder.reset();
+  world = World(journal_world(0));
+  CHECK(JournalReader(directory.path()).contents().snapshots.size() == 3);
+  CHECK(parts_in(directory) == 0);
 }
 
 TEST_CASE("a frame in which the model throws is known from the snapshot after it") {

@@ -86,7 +86,7 @@ class Journal final : public Recorder {
 /// A snapshot in a journal: the World before the frame with that number.
 struct JournalSnapshot {
   std::uint64_t frame = 0;
-  std::uint64_t bytes = 0;   ///< in the journal
+  std::uint64_t bytes = 0;   ///< in the journal, without what an earlier snapshot has too
   std::uint64_t memory = 0;  ///< as World::save wrote it
 };
 
