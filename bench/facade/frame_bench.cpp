@@ -13,7 +13,8 @@
 
 // Benchmarks frame/<shapes>/<n>/<impl>: a whole frame from poses to contacts, with recorded motion of the paper's
 // world. frame_at_rest/<shapes>/<n>/<percent>/<impl>: the same where this share of the objects does not move.
-// Single-threaded implementations report CPU time, those with two threads (..._2) wall time. Before the timing,
+// frame_drift/mixed/<n>/<impl>: bodies of other sizes that fly, generated here, so that no run of ours chose the
+// motion. Single-threaded implementations report CPU time, those with two threads (..._2) wall time. Before the timing,
 // the contacts are compared with those of our own plain loop: the service must agree on every pair, a peer may differ
 // in 3 % of the contacts.
 
@@ -34,6 +35,7 @@ struct Setting {
   worlds::ShapeSetting shapes = worlds::ShapeSetting::mixed;
   std::uint32_t objects = 0;
   std::uint32_t at_rest = 0;  ///< percent
+  bool drifts = false;        ///< the world of make_drift_world instead of the paper's
   bool operator==(const Setting&) const = default;
 };
 
@@ -53,7 +55,8 @@ const std::vector<Implementation>& implementations() {
       {"tbb", true, any, 0, [](const RecordedWorld& w) { return make_tbb_frame(w, 1); }},
       {"tbb_2", true, any, 0, [](const RecordedWorld& w) { return make_tbb_frame(w, 2); }},
 #ifdef RINGFENCE_BENCH_FCL
-      {"fcl", false, any, peer, make_fcl_frame},
+      {"fcl", false, any, peer, [](const RecordedWorld& w) { return make_fcl_frame(w, 1); }},
+      {"fcl_2", true, any, peer, [](const RecordedWorld& w) { return make_fcl_frame(w, 2); }},
 #endif
 #ifdef RINGFENCE_BENCH_BULLET
       {"bullet", false, 64000, peer, make_bullet_frame},
@@ -78,7 +81,8 @@ const RecordedWorld& world_of(const Setting& setting) {
   static Setting current;
   static RecordedWorld world;
   if (current != setting) {
-    world = record_world(setting.shapes, setting.objects, recorded_frames);
+    world = setting.drifts ? make_drift_world(setting.objects, recorded_frames)
+                           : record_world(setting.shapes, setting.objects, recorded_frames);
     let_rest(world, setting.at_rest);
     current = setting;
   }
@@ -148,14 +152,17 @@ int main(int argc, char** argv) {
   for (const ShapeSetting shapes :
        {ShapeSetting::sphere, ShapeSetting::box, ShapeSetting::capsule, ShapeSetting::hull, ShapeSetting::mixed}) {
     for (const std::uint32_t objects : {4000u, 64000u, 256000u}) {
-      add(std::string("frame/") + name_of(shapes) + '/' + std::to_string(objects), {shapes, objects, 0});
+      add(std::string("frame/") + name_of(shapes) + '/' + std::to_string(objects), {shapes, objects, 0, false});
     }
   }
   for (const ShapeSetting shapes : {ShapeSetting::mixed, ShapeSetting::hull}) {
     for (const std::uint32_t percent : {30u, 60u, 90u}) {
       add(std::string("frame_at_rest/") + name_of(shapes) + "/64000/" + std::to_string(percent),
-          {shapes, 64000, percent});
+          {shapes, 64000, percent, false});
     }
+  }
+  for (const std::uint32_t objects : {4000u, 64000u, 256000u}) {
+    add("frame_drift/mixed/" + std::to_string(objects), {ShapeSetting::mixed, objects, 0, true});
   }
   return run_benchmarks();
 }
