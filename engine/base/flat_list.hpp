@@ -19,6 +19,8 @@ class FlatList {
  public:
   /// Ensures room for `count` elements.
   void reserve(std::size_t count) { buffer_.grow(count, size_); }
+  /// The same for a list that is usually much shorter: only what is used occupies memory.
+  void reserve_rarely_used(std::size_t count) { buffer_.grow(count, size_, Pages::small); }
   std::size_t size() const noexcept { return size_; }
   bool empty() const noexcept { return size_ == 0; }
   void clear() noexcept { size_ = 0; }

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "base/prefetch.hpp"
+#include "base/zeroed_array.hpp"
 #include "ringfence/ids.hpp"
 
 namespace ringfence::base {
@@ -25,7 +27,8 @@ class NumberIndex {
  public:
   static constexpr std::uint32_t none = 0xffffffffu;
 
-  /// Reserves `reserve` entries in the array and in the hash table.
+  /// Reserves `reserve` entries in the array and in the hash table. As long as all numbers have entries in the array,
+  /// the hash table occupies no memory.
   explicit NumberIndex(std::size_t reserve = 0) {
     resize(reserve);
     direct_.reserve(reserve + 1);
@@ -113,8 +116,8 @@ class NumberIndex {
   static constexpr std::size_t min_entries = 16;
 
   struct Entry {
-    ObjectNumber number = 0;
-    std::uint32_t index = 0;
+    ObjectNumber number;  ///< 0: unused
+    std::uint32_t index;
   };
 
   std::size_t home(ObjectNumber number) const noexcept {
@@ -126,8 +129,7 @@ class NumberIndex {
     while ((std::size_t{1} << bits) < objects * 3) {
       ++bits;
     }
-    std::vector<Entry> old(std::size_t{1} << bits);
-    old.swap(entries_);
+    const ZeroedArray<Entry> old = std::exchange(entries_, ZeroedArray<Entry>(std::size_t{1} << bits));
     mask_ = entries_.size() - 1;
     shift_ = 64 - bits;
     size_ = 0;
@@ -144,8 +146,7 @@ class NumberIndex {
     if (size_ == 0) {
       return;
     }
-    std::vector<Entry> old(entries_.size());
-    old.swap(entries_);
+    const ZeroedArray<Entry> old = std::exchange(entries_, ZeroedArray<Entry>(entries_.size()));
     size_ = 0;
     for (const Entry& entry : old) {
       if (entry.number != 0) {
@@ -156,7 +157,7 @@ class NumberIndex {
 
   std::vector<std::uint32_t> direct_;  ///< by number: its index, or `none`
   std::size_t direct_count_ = 0;       ///< number of used entries in direct_
-  std::vector<Entry> entries_;         ///< the hash table
+  ZeroedArray<Entry> entries_;         ///< the hash table
   std::size_t mask_ = 0;
   std::size_t size_ = 0;  ///< number of used entries in entries_
   unsigned shift_ = 60;

@@ -24,6 +24,12 @@ class PairSort {
     entries_.reserve(keys);
     other_.reserve(keys);
   }
+  /// The same where there are usually much fewer: only what is used occupies memory.
+  void reserve_rarely_used(std::size_t keys) {
+    keys_.reserve_rarely_used(keys);
+    entries_.reserve_rarely_used(keys);
+    other_.reserve_rarely_used(keys);
+  }
   /// Removes all keys.
   void clear() noexcept { keys_.clear(); }
   void add(ObjectNumber a, ObjectNumber b) { keys_.push_back(key(a, b)); }

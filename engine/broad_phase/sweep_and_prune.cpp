@@ -71,7 +71,7 @@ struct SweepAndPrune::Implementation {
         layered(layer_masks != all_layers_collide()),
         keep_resting(keep) {
     reserve(objects);
-    sink.pairs.grow(pairs + 1, 0);
+    sink.pairs.grow(pairs + 1, 0, base::Pages::small);  // next() returns a few thousand at a time
     tasks.reserve(max_tasks);
   }
 

@@ -30,8 +30,8 @@ void fence() noexcept {
 Publication::Publication(std::size_t cells, std::size_t states, CellLayout layout)
     : cell_count_(cells), layout_(layout) {
   added_.reserve(states);
-  keys_.resize(states);
-  sorted_.resize(states);
+  keys_.reserve(states);
+  sorted_.reserve(states);
   entries_.reserve(states);
   const std::size_t max_cells = std::min(cells, max_directory_entries_per_state * states) + 2;
   for (FrameBuffer& buffer : buffers_) {

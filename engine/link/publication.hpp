@@ -79,7 +79,7 @@ class Publication {
   /// Writer, instead of add(): adds the state of `cell` that is entry `index` of a table which the writer keeps.
   void add_index(std::uint32_t cell, std::uint32_t index) {
     assert(cell < cell_count_);
-    if (key_count_ == keys_.size()) keys_.resize(2 * key_count_ + 64);
+    if (key_count_ == keys_.size()) grow_keys();
     ascending_ &= key_count_ == 0 || cell_of(keys_[key_count_ - 1]) <= cell;
     keys_[key_count_++] = key_of(cell, index);
   }
@@ -188,6 +188,11 @@ class Publication {
   static constexpr std::uint32_t cell_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key >> 32); }
   static constexpr std::uint32_t index_of(std::uint64_t key) noexcept { return static_cast<std::uint32_t>(key); }
 
+  // Up to what is reserved, in steps: a publication that is never filled occupies no memory.
+  void grow_keys() {
+    const std::size_t size = 2 * key_count_ + 64;
+    keys_.resize(key_count_ < keys_.capacity() ? std::min(size, keys_.capacity()) : size);
+  }
   const FrameBuffer* find_buffer(std::uint64_t frame) const noexcept {
     // Pairs with the store in finish().
     for (const FrameBuffer& buffer : buffers_) {

@@ -163,7 +163,8 @@ Job make_job(const ReplayOptions& options) {
   return job;
 }
 
-int run_job(const Job& job) {
+int run_job(Job job) {
+  job.objects = job.scene.objects.size();
   const StopSignals stop;
   FrameOutputs outputs(job.output);
   FrameQueries queries(job.queries);
@@ -193,6 +194,7 @@ int run_job(const Job& job) {
     status.step();
   }
   Recording recording(job.record_prefix, job.scene, world);
+  std::exchange(job.scene.objects, {});
   figures.placement = world.config().placement;
   ResizeSchedule resize_schedule(job.service.resizes, std::max(1u, job.service.nodes));
   while (world.frames() < total && !stop.received()) {

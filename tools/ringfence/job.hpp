@@ -18,6 +18,7 @@ namespace ringfence::tools {
 struct Job {
   std::string title;  ///< first line of the report
   worlds::Scene scene;
+  std::size_t objects = 0;  ///< of the scene; set by run_job(), which frees the list when the world has them
   std::shared_ptr<const MotionModel> model;
   std::vector<std::byte> motion_setup;  ///< see pack_motion; empty unless CD nodes are processes
   FrameOptions frames;
@@ -46,6 +47,6 @@ void advance(World& world, std::uint64_t frame);
 /// Runs all frames, writes all outputs and prints the report. SIGINT and SIGTERM end the run after the frame that they
 /// arrive in; its outputs and report are complete for the frames before. Returns the exit code. Throws Error for
 /// invalid options, and IncompleteError if the run cannot be completed.
-int run_job(const Job& job);
+int run_job(Job job);
 
 }  // namespace ringfence::tools

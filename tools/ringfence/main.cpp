@@ -1,5 +1,6 @@
 #include <exception>
 #include <new>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -23,7 +24,7 @@ namespace {
 int profile(const ProfileOptions& options) {
   Job job = options.replay.scene.empty() ? make_job(options.run) : make_job(options.replay);
   job.profile = true;
-  return run_job(job);
+  return run_job(std::move(job));
 }
 
 int soak(const RunOptions& options) {

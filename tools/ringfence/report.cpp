@@ -121,7 +121,7 @@ Json config_of(const Job& job, const Figures& figures) {
                  {"lease_ms", job.service.link.network.lease_ms},
                  {"warmup", job.frames.warmup},
                  {"frames", job.frames.frames},
-                 {"objects", job.scene.objects.size()}};
+                 {"objects", job.objects}};
   if (job.service.history > 0) config["history"] = job.service.history;
   if (job.queries.rays > 0) config["rays"] = job.queries.rays;
   if (const worlds::PaperWorldOptions* world = job.world) {

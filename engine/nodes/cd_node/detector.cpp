@@ -28,9 +28,12 @@ Detector::Detector(NodeState& state)
   narrow_.remember_axes(state.setup.remember_axes);
 }
 
+// The words of pairs that the sweep keeps refer to the hits of the last frame. Without such pairs nobody reads those.
 void Detector::begin() {
-  std::swap(hits_, last_hits_);
-  std::swap(touches_, last_touches_);
+  if (!sweep_.kept_words().empty()) {
+    std::swap(hits_, last_hits_);
+    std::swap(touches_, last_touches_);
+  }
   knows_last_frame_ = std::exchange(has_swept_, false);
   clear();
 }

@@ -7,13 +7,20 @@ namespace ringfence::nodes {
 RegionObjects::RegionObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
   index_.reserve(objects);
   each_list([&](auto& list) { list.reserve(objects); });
+  groups_.reserve(objects);
+  crowds_.reserve(objects);
 }
 
-// Calls visit for each list that has an element for each object.
+// Calls visit for each list that has an element for each object. Groups and crowds have none until an object has one.
 template <class Visit>
 void RegionObjects::each_list(Visit visit) {
-  visit(slots_), visit(bodies_), visit(numbers_), visit(hosted_), visit(marks_), visit(marks_before_), visit(layers_),
-      visit(groups_), visit(crowds_);
+  visit(slots_), visit(bodies_), visit(numbers_), visit(hosted_), visit(marks_), visit(marks_before_), visit(layers_);
+  if (has_groups_) {
+    visit(groups_);
+  }
+  if (has_crowds_) {
+    visit(crowds_);
+  }
   if (sweeps_) {
     visit(bounds_), visit(resting_), visit(present_);
   }
@@ -32,8 +39,8 @@ std::uint32_t RegionObjects::add(std::uint32_t slot) {
   marks_.push_back(0);
   marks_before_.push_back(0);
   layers_.push_back(0);
-  groups_.push_back(0);
-  crowds_.push_back(0);
+  groups_.resize(has_groups_ ? slots_.size() : 0);
+  crowds_.resize(has_crowds_ ? slots_.size() : 0);
   if (sweeps_) {
     bounds_.add();
     resting_.push_back(0);
@@ -44,14 +51,17 @@ std::uint32_t RegionObjects::add(std::uint32_t slot) {
 
 void RegionObjects::set_filter(std::uint32_t i, PairFilter filter) {
   layers_[i] = filter.layer;
-  // As long as no object has had a group all of groups_ are 0, so a node that does not sweep need not touch them.
-  // Crowds matter only for sweeps.
-  if (sweeps_ || has_groups_ || filter.group != 0) {
-    groups_[i] = filter.group;
-    has_groups_ |= filter.group != 0;
-    crowds_[i] = filter.crowd;
-    has_crowds_ |= filter.crowd != 0;
-  }
+  const auto set = [&](std::vector<std::uint32_t>& list, bool& has_any, std::uint32_t value) {
+    if (value != 0 && !has_any) {
+      list.resize(slots_.size());
+      has_any = true;
+    }
+    if (has_any) {
+      list[i] = value;
+    }
+  };
+  set(groups_, has_groups_, filter.group);
+  set(crowds_, has_crowds_, filter.crowd);
 }
 
 void RegionObjects::remove(std::uint32_t slot) {

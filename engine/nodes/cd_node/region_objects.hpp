@@ -153,10 +153,10 @@ class RegionObjects {
   base::FlatList<narrow_phase::Body> bodies_;
   base::FlatList<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> layers_;
-  std::vector<std::uint32_t> groups_;
-  bool has_groups_ = false;  ///< an object had a group
-  std::vector<std::uint32_t> crowds_;
-  bool has_crowds_ = false;  ///< an object had a crowd
+  std::vector<std::uint32_t> groups_;  ///< empty without has_groups_
+  bool has_groups_ = false;            ///< an object had a group
+  std::vector<std::uint32_t> crowds_;  ///< empty without has_crowds_
+  bool has_crowds_ = false;            ///< an object had a crowd
   base::FlatList<ObjectNumber> numbers_;
   base::FlatList<std::uint32_t> hosted_;
   std::vector<std::uint8_t> marks_;  ///< NextHost, and inner_mark

@@ -20,6 +20,9 @@ namespace ringfence::nodes {
 class NodeContactOrder {
  public:
   void reserve(std::size_t contacts) { order_.reserve(contacts), sources_.reserve(contacts); }
+  void reserve_rarely_used(std::size_t contacts) {
+    order_.reserve_rarely_used(contacts), sources_.reserve_rarely_used(contacts);
+  }
   /// Clears the order. The following add() calls refer to these contacts, by node number; they outlive the order.
   void start(std::span<NodeContacts* const> node_contacts) {
     node_contacts_ = node_contacts;

@@ -77,8 +77,8 @@ std::uint64_t OutputMerge::key_at(std::size_t share) const noexcept {
 
 void OutputMergeScratch::reserve(std::size_t contacts) {
   order.reserve(contacts);
-  ended_order.reserve(contacts);
-  ended.reserve(contacts);
+  ended_order.reserve_rarely_used(contacts);
+  ended.reserve_rarely_used(contacts);
 }
 
 std::uint64_t write_slice(const OutputMerge& output_merge, std::size_t share, OutputMergeScratch& scratch) {

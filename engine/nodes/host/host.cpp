@@ -82,7 +82,7 @@ void Host::begin_move(std::uint64_t frame) {
 }
 
 void Host::end_move() noexcept {
-  contacts_.end_move();
+  contacts_.end_move(frame_);
   frame_inputs_.clear();
 }
 

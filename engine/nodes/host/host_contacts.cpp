@@ -33,10 +33,10 @@ void HostContacts::ContactList::clear() noexcept {
 }
 
 Contact& HostContacts::add_own(std::uint64_t frame) {
-  ContactList& list = lists_[frame & 1];
+  ContactList& list = edition(frame);
   ++list.own;
   Contact& contact = list.contacts.add();
-  // The lists of two frames alternate, so these lines are not in the cache.
+  // These lines were last read when the objects moved, so they are not in the cache.
   constexpr std::ptrdiff_t lines_ahead = 1024;
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead);
   base::prefetch_for_write(reinterpret_cast<const std::byte*>(&contact) + lines_ahead + 64);
@@ -45,7 +45,8 @@ Contact& HostContacts::add_own(std::uint64_t frame) {
 }
 
 void HostContacts::reserve(std::size_t contacts) {
-  for (ContactList& list : lists_) {
+  for (std::size_t frame = 0; frame < (keeps_two_ ? 2 : 1); ++frame) {
+    ContactList& list = edition(frame);
     list.contacts.reserve(contacts);
     list.keys.reserve(contacts);
     list.own_order.reserve(contacts);
@@ -60,7 +61,7 @@ HostContacts::KnownContacts HostContacts::gather(std::uint64_t frame) {
   if (!given_.contacts.empty()) {
     return std::exchange(given_, {});
   }
-  const ContactList& known = lists_[(frame - 1) & 1];
+  const ContactList& known = edition(frame - 1);
   if (late_.contacts.empty()) {
     return {known.contacts.span(), known.keys.span(), known.own_order.span()};
   }

@@ -14,7 +14,7 @@
 
 namespace ringfence::nodes {
 
-/// The contacts that a host's motion model reads: lists of C(k) for two frames, and C(k-1) by hosted object.
+/// The contacts that a host's motion model reads: lists of C(k), and C(k-1) by hosted object.
 ///
 /// The contacts of one frame come from two sources: those that the role found itself, in any order, and those that it
 /// received. The next move reads both in order of (a, b).
@@ -24,8 +24,17 @@ class HostContacts {
  public:
   explicit HostContacts(std::size_t objects) { begins_.reserve(objects + 2); }
 
-  /// Clears C(frame); the add functions below fill it. C(frame - 1) stays readable, also for other threads.
-  void begin(std::uint64_t frame) noexcept { lists_[frame & 1].clear(); }
+  /// From now on C(k) replaces C(k-1) when the move of frame k is done: for a role whose received() nobody reads. So
+  /// the contacts occupy half the memory, and what a frame writes is what it has just read. Precondition: nothing was
+  /// added.
+  void keep_one_frame() noexcept { keeps_two_ = false; }
+  /// Clears C(frame); the add functions below fill it, after the move of that frame. With two frames, C(frame - 1)
+  /// stays readable, also for other threads.
+  void begin(std::uint64_t frame) noexcept {
+    if (keeps_two_ || moved_ == frame) {
+      edition(frame).clear();
+    }
+  }
   /// Adds a contact of C(frame) that the role found itself, whether or not it hosts one of the two objects. In any
   /// order, but before any add(). The caller writes all fields of the result except `phase`, which is set to
   /// persist. The reference is valid until the next contact is added.
@@ -35,20 +44,20 @@ class HostContacts {
   /// the indices at which the two objects are hosted, if known; they are tried first when contacts are gathered.
   void order_own(std::uint64_t frame, std::uint64_t key, std::uint32_t contact,
                  std::uint32_t a = base::NumberIndex::none, std::uint32_t b = base::NumberIndex::none) {
-    ContactList& list = lists_[frame & 1];
-    list.keys.push_back(key);
-    list.own_order.push_back({contact, a, b});
+    ContactList& own = edition(frame);
+    own.keys.push_back(key);
+    own.own_order.push_back({contact, a, b});
   }
   /// Sets the phase of an own contact to begin. `contact` is its position in the order of add_own().
   void confirm_begin(std::uint64_t frame, std::uint32_t contact) noexcept {
-    lists_[frame & 1].contacts[contact].phase = Phase::begin;
+    edition(frame).contacts[contact].phase = Phase::begin;
   }
   void prefetch_own(std::uint64_t frame, std::uint32_t contact) const noexcept {
-    base::prefetch_for_write(&lists_[frame & 1].contacts[contact].phase);
+    base::prefetch_for_write(&edition(frame).contacts[contact].phase);
   }
   /// Adds the next contact of C(frame) that the role received, in order of (a, b). Ended contacts are stored for
   /// received(); the model does not get them.
-  void add(std::uint64_t frame, const Contact& contact) { lists_[frame & 1].add(contact); }
+  void add(std::uint64_t frame, const Contact& contact) { edition(frame).add(contact); }
   /// Adds all contacts of a `notify` message.
   void add(std::uint64_t frame, const messages::MessageView& message);
   /// Adds a contact of C(frame - 1) before move(frame), for an object that was adopted between the two frames. Late
@@ -60,16 +69,23 @@ class HostContacts {
   void read(std::span<const Contact> contacts, std::span<const std::uint64_t> keys) noexcept {
     given_ = {contacts, keys, {}};
   }
-  /// The contacts of C(frame) that the role received. They are overwritten two frames later.
+  /// The contacts of C(frame) that the role received. They are overwritten two frames later. Precondition: two frames
+  /// are kept.
   std::span<const Contact> received(std::uint64_t frame) const noexcept {
-    return lists_[frame & 1].contacts.span().subspan(lists_[frame & 1].own);
+    return edition(frame).contacts.span().subspan(edition(frame).own);
   }
   /// Reserves for this many contacts per frame.
   void reserve(std::size_t contacts);
 
   /// Sorts C(frame - 1) by hosted object, for a move. The indices of the objects do not change until end_move().
   void begin_move(std::uint64_t frame, const HostedObjects& objects);
-  void end_move() noexcept { late_.clear(); }
+  void end_move(std::uint64_t frame) noexcept {
+    late_.clear();
+    moved_ = frame;
+    if (!keeps_two_) {
+      edition(frame).clear();
+    }
+  }
   /// The list into which of() refers. From begin_move() on.
   const Contact* list() const noexcept { return list_; }
   /// The contacts of hosted object i in order of (a, b), as positions in list().
@@ -103,10 +119,14 @@ class HostContacts {
     std::span<const HostedContact> own_order;  ///< as in ContactList
   };
 
+  ContactList& edition(std::uint64_t frame) noexcept { return lists_[keeps_two_ ? frame & 1 : 0]; }
+  const ContactList& edition(std::uint64_t frame) const noexcept { return lists_[keeps_two_ ? frame & 1 : 0]; }
   KnownContacts gather(std::uint64_t frame);
   void find_hosted(const KnownContacts& known, const HostedObjects& objects);
 
-  ContactList lists_[2];  ///< by parity of the frame
+  ContactList lists_[2];  ///< by parity of the frame; only the first if one frame is kept
+  bool keeps_two_ = true;
+  std::uint64_t moved_ = ~std::uint64_t{0};  ///< frame of the last move that is done
   ContactList late_;
   KnownContacts given_;                ///< see read(); empty: none
   const Contact* list_ = nullptr;      ///< C(k-1) while moving

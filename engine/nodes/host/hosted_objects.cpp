@@ -16,7 +16,22 @@ HostedObjects::HostedObjects(std::size_t objects, std::size_t state_bytes)
 // Calls visit for each list that has an element for each object.
 template <class Visit>
 void HostedObjects::each_list(Visit visit) {
-  visit(hosted_), visit(numbers_), visit(touched_), visit(cells_), visit(places_in_list_), visit(groups_);
+  visit(hosted_), visit(numbers_), visit(touched_), visit(cells_), visit(places_in_list_);
+  if (!groups_.empty()) {
+    visit(groups_);
+  }
+}
+
+// Of the last object.
+void HostedObjects::add_group(std::uint32_t group) {
+  if (group == 0 && groups_.empty()) {
+    return;
+  }
+  if (groups_.empty()) {
+    groups_.resize(hosted_.size() - 1);
+    std::fill(groups_.begin(), groups_.end(), 0u);
+  }
+  groups_.push_back(group);
 }
 
 void HostedObjects::adopt(const messages::HandOverRecord& record, const std::byte* state) {
@@ -30,7 +45,7 @@ void HostedObjects::adopt(const messages::HandOverRecord& record, const std::byt
   touched_.push_back(0);
   cells_.push_back(unplaced);
   places_in_list_.push_back(base::NumberIndex::none);
-  groups_.push_back(record.group);
+  add_group(record.group);
 }
 
 void HostedObjects::drop(ObjectNumber number) {
@@ -72,7 +87,7 @@ messages::HandOverRecord HostedObjects::hand_over(std::size_t i) const noexcept 
   const Hosted& hosted = hosted_[i];
   messages::ObjectRef object = hosted.object;
   object.flags &= flag_present | flag_host_owned;
-  return {object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category, groups_[i], 0};
+  return {object, hosted.pose, hosted.user_data, hosted.shape, hosted.layer, hosted.category, group(i), 0};
 }
 
 bool HostedObjects::place(ObjectNumber number, const Pose& pose, bool present) {

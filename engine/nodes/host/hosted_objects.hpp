@@ -71,7 +71,7 @@ class HostedObjects {
   void set_place_in_list(std::size_t i, std::uint32_t place) noexcept { places_in_list_[i] = place; }
 
   /// ObjectSpec::group of hosted object i.
-  std::uint32_t group(std::size_t i) const noexcept { return groups_[i]; }
+  std::uint32_t group(std::size_t i) const noexcept { return groups_.empty() ? 0 : groups_[i]; }
 
   /// Takes over an object with its whole state, and replaces an object of the same number. `state` points to
   /// state_bytes() bytes. The protocol hands an object over once, and the server's message comes after that of any
@@ -107,12 +107,13 @@ class HostedObjects {
   std::vector<std::uint8_t> touched_;  ///< by hosted object: it differs, or was placed since the last move
   base::FlatList<std::uint32_t> cells_;
   base::FlatList<std::uint32_t> places_in_list_;
-  base::FlatList<std::uint32_t> groups_;
+  base::FlatList<std::uint32_t> groups_;  ///< empty as long as no hosted object has had a group
   base::NumberIndex index_;
 
  private:
   template <class Visit>
   void each_list(Visit visit);
+  void add_group(std::uint32_t group);
 };
 
 }  // namespace ringfence::nodes

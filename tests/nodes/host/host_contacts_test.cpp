@@ -80,9 +80,29 @@ TEST_CASE("late contacts join those of the frame, each once, until the move ends
   }
   host.contacts.begin_move(2, host.objects);
   CHECK(keys_of(host.contacts, host.objects, 6) == Keys{{1, 6}, {2, 6}, {4, 6}});
-  host.contacts.end_move();
+  host.contacts.end_move(2);
   host.contacts.begin_move(2, host.objects);
   CHECK(keys_of(host.contacts, host.objects, 6) == Keys{{2, 6}});
+}
+
+TEST_CASE(
+    "with one frame kept, contacts are read until the move is done, and those of a repeated frame replace each other") {
+  ThreeObjects host;
+  host.contacts.keep_one_frame();
+  host.contacts.begin(1);
+  host.contacts.end_move(1);
+  host.contacts.add(1, contact_of(2, 6));
+  host.contacts.begin(2);  // before the move of frame 2 it removes nothing
+  host.contacts.begin_move(2, host.objects);
+  CHECK(keys_of(host.contacts, host.objects, 2) == Keys{{2, 6}});
+  host.contacts.end_move(2);
+  host.contacts.add(2, contact_of(2, 4));
+  host.contacts.begin(2);  // detected again
+  host.contacts.add(2, contact_of(4, 6));
+  host.contacts.begin(3);
+  host.contacts.begin_move(3, host.objects);
+  CHECK(keys_of(host.contacts, host.objects, 2).empty());
+  CHECK(keys_of(host.contacts, host.objects, 4) == Keys{{4, 6}});
 }
 
 TEST_CASE("given lists replace the contacts of one move") {
@@ -94,7 +114,7 @@ TEST_CASE("given lists replace the contacts of one move") {
   host.contacts.read(given, keys);
   host.contacts.begin_move(2, host.objects);
   CHECK(keys_of(host.contacts, host.objects, 2) == Keys{{2, 4}});
-  host.contacts.end_move();
+  host.contacts.end_move(2);
   host.contacts.begin_move(2, host.objects);
   CHECK(keys_of(host.contacts, host.objects, 2) == Keys{{2, 6}});
 }

@@ -27,15 +27,15 @@ bool has_avatar(const ContactObjects& objects, std::uint32_t a, std::uint32_t b)
 }  // namespace
 
 ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(nodes) {
-  order_.reserve(contacts);
-  ending_order_.reserve(contacts);
+  order_.reserve_rarely_used(contacts);
+  ending_order_.reserve_rarely_used(contacts);
   scratch_.reserve(contacts);
-  notices_.reserve(contacts);
+  notices_.reserve_rarely_used(contacts);
   node_contacts_.reserve(nodes);
   endings_.reserve(nodes);
   for (Edition& edition : editions_) {
     edition.live.reserve(contacts);
-    edition.ended.reserve(contacts);
+    edition.ended.reserve_rarely_used(contacts);
   }
 }
 

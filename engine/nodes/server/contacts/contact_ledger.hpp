@@ -144,6 +144,9 @@ class ContactLedger {
     base::FlatList<Found> found;
 
     void reserve(std::size_t size) { contacts.reserve(size), keys.reserve(size), found.reserve(size); }
+    void reserve_rarely_used(std::size_t size) {
+      contacts.reserve_rarely_used(size), keys.reserve_rarely_used(size), found.reserve_rarely_used(size);
+    }
     void resize(std::size_t size) { contacts.resize(size), keys.resize(size), found.resize(size); }
   };
   struct Edition {

@@ -4,6 +4,8 @@
 #include <cstring>
 #include <utility>
 
+#include "base/release_memory.hpp"
+
 namespace ringfence::nodes {
 
 using messages::Endpoint;
@@ -15,9 +17,7 @@ Cut::Cut(ServerState& state, ObjectStates& states, MapScheduler& scheduler, Disp
       scheduler_(scheduler),
       dispatch_(dispatch),
       hosting_(state.setup.deployment, *state.setup.space),
-      crowds_(state.setup.quotas.colliding_avatars) {
-  spawn_order_.reserve(state.setup.capacities.objects);
-}
+      crowds_(state.setup.quotas.colliding_avatars) {}
 
 bool Cut::begin() {
   state_.objects.settle();
@@ -52,6 +52,7 @@ void Cut::restore(std::span<const RestoredObject> objects, std::size_t state_byt
       crowds_.add(object.spec.user.number(), object.id.number());
     }
   }
+  base::clear_and_release(spawn_order_);
   restored_ = true;
 }
 
@@ -62,20 +63,24 @@ void Cut::mark_restored() {
   }
 }
 
-// In the order of the calls, except for consecutive spawns: those fill the tables in the order of their positions.
+// In the order of the calls, except for consecutive spawns: those fill the tables in the order of their positions. A
+// frame that mostly spawns is rare, so its requests are freed before the frame needs memory for the objects.
 void Cut::apply_requests() {
   constexpr std::size_t ahead = 8;  // placed objects are at random slots
+  std::size_t spawns = 0;
   const std::span<const Request> requests = state_.setup.order->requests;
   for (std::size_t begin = 0; begin < requests.size();) {
     std::size_t end = begin;
     while (end < requests.size() && requests[end].kind == Request::Kind::spawn) {
       ++end;
     }
+    spawns += end - begin;
     if (end - begin > 1) {
-      const auto spawns = requests.subspan(begin, end - begin);
-      for (const PositionedSpawn& placed : order_by_position(spawns, *state_.setup.space, spawn_order_)) {
-        spawn(spawns[placed.position]);
+      const auto together = requests.subspan(begin, end - begin);
+      for (const PositionedSpawn& placed : order_by_position(together, *state_.setup.space, spawn_order_)) {
+        spawn(together[placed.position]);
       }
+      base::clear_and_release(spawn_order_);
       begin = end;
     } else {
       if (begin + ahead < requests.size()) {
@@ -84,6 +89,9 @@ void Cut::apply_requests() {
       apply(requests[begin]);
       ++begin;
     }
+  }
+  if (2 * spawns > requests.size()) {
+    base::clear_and_release(state_.setup.order->requests);
   }
   if (any_left_) {
     end_left_users();
@@ -392,10 +400,16 @@ bool Cut::open(PeerSession& session) {
   const auto write_placement = [&](std::uint32_t slot, std::byte* where) {
     copy(messages::PlaceRecord{objects.row(slot).object, objects.row(slot).pose}, where);
   };
+  const auto send_adoptions = [&] {
+    const bool sent = send(opening.adopt_run, opening.adoptions, MessageType::adopt, write_adoption);
+    if (sent) {
+      base::clear_and_release(opening.adoptions);
+    }
+    return sent;
+  };
   const bool needs_map = state_.map_change.precedes_frame && session.self.is_node();
   return (!needs_map || state_.send_map(session, session.loss.map_run)) &&
-         send(opening.drop_run, opening.drops, MessageType::drop, write_drop) &&
-         send(opening.adopt_run, opening.adoptions, MessageType::adopt, write_adoption) &&
+         send(opening.drop_run, opening.drops, MessageType::drop, write_drop) && send_adoptions() &&
          send(opening.place_run, opening.placements, MessageType::place, write_placement) &&
          send(opening.contact_run, opening.contacts, MessageType::notify, copy) &&
          send(opening.refused_run, opening.refusals, MessageType::refused, copy) &&

@@ -29,6 +29,9 @@ void Dispatch::resize() {
 
 void Dispatch::list_updates(UpdateScope scope) {
   ObjectTable& objects = state_.objects;
+  if (state_.map.has_cuts()) {
+    objects.keep_notified_bounds();
+  }
   const auto is_anew = [&](std::uint32_t slot) {
     return scope == UpdateScope::all_objects || (scope == UpdateScope::not_hosted && !objects.host(slot).is_node());
   };

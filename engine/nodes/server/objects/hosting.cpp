@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "base/release_memory.hpp"
+
 namespace ringfence::nodes {
 
 using messages::Endpoint;
@@ -13,7 +15,7 @@ void Hosting::change(ObjectTable& objects, std::uint32_t slot, Endpoint to) {
 
 std::span<const HostChange> Hosting::settle(ObjectTable& objects, const regions::RegionMap& map,
                                             std::span<const UserNumber> users, bool users_changed) {
-  changes_.clear();
+  base::clear_and_release(changes_);
   if (deployment_ == Deployment::user && users_changed && !users.empty()) {
     even_out(objects, users);
     return changes_;

@@ -7,6 +7,8 @@ namespace ringfence::nodes {
 ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_bytes_(state_bytes), index_(objects) {
   each_list([&](auto& list) { list.reserve(objects); });
   states_.reserve(objects * state_bytes);
+  groups_.reserve(objects);
+  crowds_.reserve(objects);
   free_.reserve(objects);
   ended_.reserve(objects);
   moved_.reserve(objects);
@@ -16,14 +18,13 @@ ObjectTable::ObjectTable(std::size_t objects, std::size_t state_bytes) : state_b
 // Calls visit for each list that has an element for each slot.
 template <class Visit>
 void ObjectTable::each_list(Visit visit) {
-  visit(rows_), visit(origins_), visit(numbers_), visit(layers_), visit(groups_), visit(crowds_), visit(marks_),
-      visit(hosts_);
-  visit(notified_cells_), visit(notified_bounds_), visit(bounds_), visit(present_), visit(resting_);
+  visit(rows_), visit(origins_), visit(numbers_), visit(layers_), visit(marks_), visit(hosts_);
+  visit(notified_cells_), visit(bounds_), visit(present_), visit(resting_);
 }
 
 messages::HandOverRecord ObjectTable::hand_over(std::uint32_t slot) const noexcept {
   const ObjectRow& row = rows_[slot];
-  return {row.object, row.pose, origins_[slot].user_data, row.shape, row.layer, row.category, groups_[slot], 0};
+  return {row.object, row.pose, origins_[slot].user_data, row.shape, row.layer, row.category, group(slot), 0};
 }
 
 std::uint32_t ObjectTable::find(const messages::ObjectRef& object) const noexcept {
@@ -41,6 +42,9 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   if (free_.empty()) {
     slot = static_cast<std::uint32_t>(rows_.size());
     each_list([](auto& list) { list.push_back({}); });
+    groups_.resize(has_groups_ ? slots() : 0);
+    crowds_.resize(has_crowds_ ? slots() : 0);
+    notified_bounds_.resize(keeps_notified_bounds_ ? slots() : 0);
     states_.resize(states_.size() + state_bytes_);
   } else {
     slot = free_.back();
@@ -64,9 +68,32 @@ std::uint32_t ObjectTable::add(ObjectId id, const ObjectSpec& spec) {
   return slot;
 }
 
-void ObjectTable::set_group(std::uint32_t slot, std::uint32_t group) noexcept {
-  groups_[slot] = group;
-  has_groups_ |= group != 0;
+void ObjectTable::set_group(std::uint32_t slot, std::uint32_t group) {
+  if (group != 0 && !has_groups_) {
+    groups_.resize(slots());
+    has_groups_ = true;
+  }
+  if (has_groups_) {
+    groups_[slot] = group;
+  }
+}
+
+void ObjectTable::set_crowd(std::uint32_t slot, std::uint32_t crowd) {
+  if (crowd != 0 && !has_crowds_) {
+    crowds_.resize(slots());
+    has_crowds_ = true;
+  }
+  if (has_crowds_) {
+    crowds_[slot] = crowd;
+  }
+}
+
+void ObjectTable::keep_notified_bounds() {
+  if (!keeps_notified_bounds_) {
+    notified_bounds_.resize(slots());
+    std::copy(bounds_.begin(), bounds_.end(), notified_bounds_.begin());
+    keeps_notified_bounds_ = true;
+  }
 }
 
 void ObjectTable::set_layer(std::uint32_t slot, std::uint8_t layer) noexcept {
@@ -110,7 +137,10 @@ void ObjectTable::note_notified(std::uint32_t slot, const geometry::Bounds& boun
   const ObjectMarks marks = marks_[slot] & static_cast<ObjectMarks>(~(notified_mark | shared_mark));
   marks_[slot] = static_cast<ObjectMarks>(marks | (present ? notified_mark : 0) | (shared ? shared_mark : 0));
   notified_cells_[slot] = grid.cells_of(bounds);
-  bounds_[slot] = notified_bounds_[slot] = bounds;
+  bounds_[slot] = bounds;
+  if (keeps_notified_bounds_) {
+    notified_bounds_[slot] = bounds;
+  }
 }
 
 void ObjectTable::order_moved() {

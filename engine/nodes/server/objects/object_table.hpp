@@ -88,9 +88,12 @@ class ObjectTable {
   void set_host(std::uint32_t slot, messages::Endpoint host) noexcept { hosts_[slot] = host; }
   /// The cells whose owners have received the object, if notified_mark and shared_mark are set.
   regions::CellBox& notified_cells(std::uint32_t slot) noexcept { return notified_cells_[slot]; }
-  /// The object's bounds at that time, kept while the map has divided cells: there only the parts that the bounds cover
-  /// count.
+  /// The object's bounds at that time: in divided cells of the map only the parts that the bounds cover count.
+  /// Precondition: keep_notified_bounds() was called.
   geometry::Bounds& notified_bounds(std::uint32_t slot) noexcept { return notified_bounds_[slot]; }
+  /// From now on these bounds are kept; until then nothing is allocated for them. They begin as the present bounds:
+  /// when a map divides cells for the first time, no node has an object by that map yet.
+  void keep_notified_bounds();
   std::span<const geometry::Bounds> bounds() const noexcept { return bounds_.span(); }
   geometry::Bounds& bounds(std::uint32_t slot) noexcept { return bounds_[slot]; }
   /// One byte per slot: whether it holds a present object.
@@ -101,13 +104,13 @@ class ObjectTable {
   /// slot is not resting.
   std::span<const std::uint8_t> layers() const noexcept { return layers_; }
   /// The group of a slot's object; 0: none.
-  std::uint32_t group(std::uint32_t slot) const noexcept { return groups_[slot]; }
+  std::uint32_t group(std::uint32_t slot) const noexcept { return has_groups_ ? groups_[slot] : 0; }
   /// The groups of all slots; empty as long as no object has had one.
   std::span<const std::uint32_t> groups() const noexcept {
     return has_groups_ ? std::span<const std::uint32_t>(groups_) : std::span<const std::uint32_t>();
   }
   /// The crowd of a slot's object (broad_phase/crowds.hpp); 0: none.
-  std::uint32_t crowd(std::uint32_t slot) const noexcept { return crowds_[slot]; }
+  std::uint32_t crowd(std::uint32_t slot) const noexcept { return has_crowds_ ? crowds_[slot] : 0; }
   /// The crowds of all slots; empty as long as no object has had one.
   std::span<const std::uint32_t> crowds() const noexcept {
     return has_crowds_ ? std::span<const std::uint32_t>(crowds_) : std::span<const std::uint32_t>();
@@ -163,12 +166,10 @@ class ObjectTable {
 
   /// Adds an object and returns its slot; its model state is zero, its bounds are not set.
   std::uint32_t add(ObjectId id, const ObjectSpec& spec);
-  /// Change an object from this frame on. Its bounds are not set.
-  void set_group(std::uint32_t slot, std::uint32_t group) noexcept;
-  void set_crowd(std::uint32_t slot, std::uint32_t crowd) noexcept {
-    crowds_[slot] = crowd;
-    has_crowds_ |= crowd != 0;
-  }
+  /// Change an object from this frame on. Its bounds are not set. Groups and crowds are stored from the first that is
+  /// not 0 on.
+  void set_group(std::uint32_t slot, std::uint32_t group);
+  void set_crowd(std::uint32_t slot, std::uint32_t crowd);
   void set_layer(std::uint32_t slot, std::uint8_t layer) noexcept;
   void set_shape(std::uint32_t slot, ShapeNumber shape) noexcept { rows_[slot].shape = shape; }
   /// Ends an object; its slot keeps its row until the next settle().
@@ -207,14 +208,15 @@ class ObjectTable {
   std::vector<ObjectOrigin> origins_;
   std::vector<ObjectNumber> numbers_;
   std::vector<std::uint8_t> layers_;
-  std::vector<std::uint32_t> groups_;
-  bool has_groups_ = false;  ///< an object had a group
-  std::vector<std::uint32_t> crowds_;
-  bool has_crowds_ = false;  ///< an object had a crowd
+  std::vector<std::uint32_t> groups_;  ///< empty without has_groups_
+  bool has_groups_ = false;            ///< an object had a group
+  std::vector<std::uint32_t> crowds_;  ///< empty without has_crowds_
+  bool has_crowds_ = false;            ///< an object had a crowd
   std::vector<ObjectMarks> marks_;
   std::vector<messages::Endpoint> hosts_;
   base::FlatList<regions::CellBox> notified_cells_;
-  base::FlatList<geometry::Bounds> notified_bounds_;
+  base::FlatList<geometry::Bounds> notified_bounds_;  ///< empty before keep_notified_bounds()
+  bool keeps_notified_bounds_ = false;
   base::FlatList<geometry::Bounds> bounds_;
   std::vector<std::uint8_t> present_;
   std::vector<std::uint8_t> resting_;
