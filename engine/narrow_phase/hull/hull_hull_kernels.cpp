@@ -4,14 +4,14 @@
 #define HWY_TARGET_INCLUDE "narrow_phase/hull/hull_hull_kernels.cpp"
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
-#include "narrow_phase/hull/pair_kernel-inl.hpp"
+#include "narrow_phase/hull/hull_hull-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace ringfence::narrow_phase::HWY_NAMESPACE {
 
 PairContact* hull_hull(const KernelInput& input, PairContact* out, KindCounters& counters) {
   return input.in_double ? run_in_double<HullSource, HullSource>(input, out, counters)
-                         : run_in_float<HullSource, HullSource>(input, out, counters);
+                         : hull_hull_in_blocks(input, out, counters);
 }
 
 }  // namespace ringfence::narrow_phase::HWY_NAMESPACE

@@ -1,5 +1,5 @@
-// Tests one pair of polytopes at a time, in float or double: hull against hull, pairs whose sizes differ too much for
-// float, and pairs that a block could not decide. Included once for each Highway target.
+// Tests one pair of polytopes at a time, in float or double: pairs whose sizes differ too much for float, pairs that a
+// block could not decide, and all pairs of hulls where there are no vectors. Included once for each Highway target.
 
 #if defined(RINGFENCE_NARROW_PHASE_PAIR_KERNEL_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef RINGFENCE_NARROW_PHASE_PAIR_KERNEL_INL

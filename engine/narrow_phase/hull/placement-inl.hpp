@@ -99,6 +99,7 @@ class PlacementColumns {
   const float* world(int k) const { return world_[k]; }
   const float* axis(int k) const { return axis_[k]; }
   const float* along_axis() const { return along_axis_; }
+  const float* axis_squared() const { return axis_squared_; }
   /// ShapeRow::size of the first and the second shape.
   const float* first_size(int k) const { return first_size_[k]; }
   const float* second_size(int k) const { return second_size_[k]; }

@@ -80,6 +80,12 @@ class PolytopePair {
     return true;
   }
 
+  /// Depth and point along a direction that is already known to be the best.
+  Overlap<T> measured_along(Point<T> direction) {
+    direction_ = direction;
+    return measured();
+  }
+
   /// After a test that found the polytopes apart: a unit direction that separates them, in the axes of a.
   Point<T> direction() const { return direction_; }
 

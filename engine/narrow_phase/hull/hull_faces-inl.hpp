@@ -1,0 +1,323 @@
+// First steps of the test of two hulls, for a block of pairs: the line between the centres, the cached axis, and the
+// normals of all faces. Included once for each Highway target.
+
+#if defined(RINGFENCE_NARROW_PHASE_HULL_FACES_INL) == defined(HWY_TARGET_TOGGLE)
+#ifdef RINGFENCE_NARROW_PHASE_HULL_FACES_INL
+#undef RINGFENCE_NARROW_PHASE_HULL_FACES_INL
+#else
+#define RINGFENCE_NARROW_PHASE_HULL_FACES_INL
+#endif
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+
+#include "geometry/max_lanes-inl.hpp"
+#include "narrow_phase/hull/hull_edges-inl.hpp"
+#include "narrow_phase/hull/hull_pairs-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace ringfence::narrow_phase::HWY_NAMESPACE {
+
+/// Finds the face normal of least overlap for each pair of a block, and removes the pairs that a direction separates.
+/// The steps are those of PolytopePair::separated_by_faces.
+class HullFaces {
+ public:
+  explicit HullFaces(HullPairs& pairs) : pairs_(pairs) {}
+
+  void run() {
+    test_centre_axis();
+    if (pairs_.input.memory != nullptr) test_cached_axes();
+    if (pairs_.undecided.count == 0) return;
+    place_vertices();
+    bound_faces();
+    evaluate_least_bounds();
+    pairs_.remove_separated([&](std::size_t i) HWY_ATTR { return chosen_direction(i); });
+    try_other_faces();
+    pairs_.remove_separated([&](std::size_t i) HWY_ATTR { return chosen_direction(i); });
+    take_directions();
+  }
+
+ private:
+  using D = HullPairs::D;
+  using V = HullPairs::V;
+  using Column3 = HullPairs::Column3;
+  static constexpr D d{};
+  static constexpr std::size_t lanes = HullPairs::lanes;
+  static constexpr hn::RebindToUnsigned<D> ids{};
+  static constexpr std::uint32_t no_face = ~0u;
+  static constexpr std::size_t room_and_slack = 2048 + 4;  ///< append_bits() writes up to three entries more
+
+  HWY_INLINE const geometry::Hull& hull(std::size_t side, std::size_t i) const { return *pairs_.hull[side][i]; }
+
+  /// Removes the pairs that the line between the centres separates: most pairs that are apart.
+  void test_centre_axis() {
+    HullPairs& p = pairs_;
+    for (std::size_t i = 0; i < p.count; i += 2) {
+      float most[4];
+      geometry::HWY_NAMESPACE::max_lanes_of_four(d, HullPairs::highest(hull(0, i), p.placed.axis(i)),
+                                                 HullPairs::highest(hull(1, i), -p.placed.axis_in_second(i)),
+                                                 HullPairs::highest(hull(0, i + 1), p.placed.axis(i + 1)),
+                                                 HullPairs::highest(hull(1, i + 1), -p.placed.axis_in_second(i + 1)),
+                                                 most);
+      p.axis_overlap[i] = (most[0] + most[1]) - p.placed.along_axis(i);
+      p.axis_overlap[i + 1] = (most[2] + most[3]) - p.placed.along_axis(i + 1);
+    }
+    p.undecided.count = p.count;
+    for (std::size_t i = 0; i < p.count; ++i) {
+      p.undecided.pair[i] = static_cast<std::uint32_t>(i);
+      ++p.work.directions;
+      count_vertices(i);
+    }
+    p.undecided.keep([&](std::size_t i) { return !(p.axis_overlap[i] < 0); });
+  }
+
+  void count_vertices(std::size_t i) {
+    pairs_.work.pass<float>(hull(0, i).vertex_count());
+    pairs_.work.pass<float>(hull(1, i).vertex_count());
+  }
+
+  /// Removes the pairs that the axis of an earlier frame still separates.
+  void test_cached_axes() {
+    HullPairs& p = pairs_;
+    p.undecided.keep([&](std::size_t i) HWY_ATTR {
+      const AxisMemory::Key key = p.key_of(i);
+      AxisMemory::Slot& slot = (*p.input.memory)[key];
+      if (slot.tag != key.tag) return true;
+      const Body &a = p.input.bodies[p.pair[i].first], &b = p.input.bodies[p.pair[i].second];
+      const geometry::ShapeRow &of_a = p.input.shapes.row(a.shape), &of_b = p.input.shapes.row(b.shape);
+      const bool separated =
+          remembered_axis_separates(HullSource(p.input.shapes, of_a), HullSource(p.input.shapes, of_b), p.placed.get(i),
+                                    slot.axis, of_a.bounding_radius + of_b.bounding_radius, p.work);
+      p.work.ended_early += separated;
+      if (!separated) slot.tag = 0;
+      return !separated;
+    });
+  }
+
+  static HWY_INLINE std::size_t farthest(const geometry::Hull& of, Vec3f direction) {
+    const float* const columns[3] = {of.x(), of.y(), of.z()};
+    return farthest_of<float>(columns, of.vertex_count(), direction).index();
+  }
+  static HWY_INLINE void put(Vec3f v, Column3& to, std::size_t i) {
+    to[0][i] = v.x;
+    to[1][i] = v.y;
+    to[2][i] = v.z;
+  }
+
+  /// Finds the vertices deepest along the line between the centres.
+  void place_vertices() {
+    HullPairs& p = pairs_;
+    for (std::size_t u = 0; u < p.undecided.count; ++u) {
+      const std::size_t i = p.undecided.pair[u];
+      put(hull(0, i).vertex(farthest(hull(0, i), p.placed.axis(i))), vertex_[0], i);
+      put(hull(1, i).vertex(farthest(hull(1, i), -p.placed.axis_in_second(i))), vertex_[1], i);
+      p.size[i] = hull(0, i).bounding_radius() + hull(1, i).bounding_radius();
+    }
+    for (std::size_t i = 0; i < p.count; i += lanes) {
+      place_points(i, 0);
+      const Vector<D> centre_of_a{hn::LoadU(d, p.placed.first_size(0) + i), hn::LoadU(d, p.placed.first_size(1) + i),
+                                  hn::LoadU(d, p.placed.first_size(2) + i)};
+      const Vector<D> centre_of_b{hn::LoadU(d, p.placed.second_size(0) + i), hn::LoadU(d, p.placed.second_size(1) + i),
+                                  hn::LoadU(d, p.placed.second_size(2) + i)};
+      store(d, in_first(i, centre_of_b), p.ball[0], i);
+      store(d, in_second(i, centre_of_a), p.ball[1], i);
+      const V inverse = hn::Set(d, 1.0f) / hn::Sqrt(hn::LoadU(d, p.placed.axis_squared() + i));
+      hn::Store(hn::Load(d, p.axis_overlap + i) * inverse, d, p.best + i);
+      const Vector<D> axis{hn::LoadU(d, p.placed.axis(0) + i), hn::LoadU(d, p.placed.axis(1) + i),
+                           hn::LoadU(d, p.placed.axis(2) + i)};
+      store(d, scale(d, axis, inverse), p.best_direction, i);
+    }
+  }
+
+  HWY_INLINE Vector<D> in_first(std::size_t i, const Vector<D>& in_second) const {
+    return add(d, rotate(d, pairs_.rotation_lanes(i), in_second), pairs_.offset_lanes(i));
+  }
+  HWY_INLINE Vector<D> in_second(std::size_t i, const Vector<D>& in_first) const {
+    return unrotate(d, pairs_.rotation_lanes(i), subtract(d, in_first, pairs_.offset_lanes(i)));
+  }
+  /// Writes each hull's vertex in the axes of the other hull.
+  HWY_INLINE void place_points(std::size_t i, std::size_t which) {
+    store(d, in_first(i, load(d, vertex_[1], i)), pairs_.point[which][0], i);
+    store(d, in_second(i, load(d, vertex_[0], i)), pairs_.point[which][1], i);
+  }
+
+  /// A column of faces of one hull, and the points of the other hull that bound the overlap along their normals.
+  struct FaceColumns {
+    const float *x, *y, *z, *offset;
+    Points<D> centre, first;
+    V radius;
+
+    /// The bound by the ball and the first point of the faces from `f` on.
+    HWY_INLINE V bound(const Points<D>& normal, V height) const {
+      return hn::Max((height - dot_of(d, normal, centre)) + radius, height - dot_of(d, normal, first));
+    }
+    HWY_INLINE Points<D> normal(std::size_t f) const { return read(d, x + f, y + f, z + f); }
+    HWY_INLINE V height(std::size_t f) const { return hn::Load(d, offset + f); }
+  };
+  HWY_INLINE FaceColumns columns_of(std::size_t side, std::size_t i) const {
+    const geometry::Hull &own = hull(side, i), &other = hull(1 - side, i);
+    return {own.normal_x(),
+            own.normal_y(),
+            own.normal_z(),
+            own.offset(),
+            spread_out(d, at(pairs_.ball[side], i)),
+            spread_out(d, at(pairs_.point[0][side], i)),
+            hn::Set(d, other.inner_radius())};
+  }
+
+  /// Finds the face of each side with the least bound. It is often the best, and gives a good limit for all others.
+  void bound_faces() {
+    for (std::size_t u = 0; u < pairs_.undecided.count; ++u) {
+      const std::size_t i = pairs_.undecided.pair[u];
+      for (std::size_t side = 0; side < 2; ++side) {
+        const geometry::Hull& own = hull(side, i);
+        const FaceColumns faces = columns_of(side, i);
+        Least<float> least(faces.bound(faces.normal(0), faces.height(0)));
+        for (std::size_t f = lanes; f < own.face_count(); f += lanes) {
+          least.add(faces.bound(faces.normal(f), faces.height(f)), f);
+        }
+        const std::size_t face = least.index();
+        face_[side][i] = static_cast<std::uint32_t>(face);
+        put(own.normal(face), normal_[side], i);
+        height_[side][i] = own.offset()[face];
+      }
+      pairs_.work.pass<float>(hull(0, i).face_count() + hull(1, i).face_count());
+    }
+  }
+
+  /// Computes the exact overlap along the normals of these faces. The vertices found there are the second points.
+  void evaluate_least_bounds() {
+    HullPairs& p = pairs_;
+    alignas(64) Column3 toward[2];
+    for (std::size_t i = 0; i < p.count; i += lanes) {
+      const Rotation<D> r = p.rotation_lanes(i);
+      store(d, negate(d, rotate(d, r, load(d, normal_[1], i))), toward[0], i);
+      store(d, negate(d, unrotate(d, r, load(d, normal_[0], i))), toward[1], i);
+    }
+    for (std::size_t u = 0; u < p.undecided.count; ++u) {
+      const std::size_t i = p.undecided.pair[u];
+      for (std::size_t side = 0; side < 2; ++side) {
+        put(hull(side, i).vertex(farthest(hull(side, i), at(toward[side], i))), vertex_[side], i);
+      }
+      p.work.directions += 2;
+      p.work.pass<float>(hull(0, i).vertex_count() + hull(1, i).vertex_count());
+    }
+    for (std::size_t i = 0; i < p.count; i += lanes) {
+      place_points(i, 1);
+      V best = hn::Load(d, p.best + i);
+      auto choice = hn::Set(ids, no_face);
+      for (std::size_t side = 0; side < 2; ++side) {
+        const V value =
+            hn::Load(d, height_[side] + i) - dot(d, load(d, normal_[side], i), load(d, p.point[1][side], i));
+        const auto face = hn::Add(hn::Load(ids, face_[side] + i), hn::Set(ids, std::uint32_t(side * max_faces)));
+        choice = hn::IfThenElse(hn::RebindMask(ids, hn::Lt(value, best)), face, choice);
+        best = hn::Min(value, best);
+      }
+      hn::Store(best, d, p.best + i);
+      hn::Store(choice, ids, choice_ + i);
+    }
+  }
+
+  /// Evaluates the faces that the bounds do not exclude: one or two of a pair.
+  void try_other_faces() {
+    std::uint32_t items[2][room_and_slack];
+    std::size_t count[2] = {0, 0};
+    for (std::size_t u = 0; u < pairs_.undecided.count; ++u) {
+      const std::size_t i = pairs_.undecided.pair[u];
+      if (std::max(count[0], count[1]) + max_faces + 4 > room_and_slack) evaluate_faces(items, count);
+      for (std::size_t side = 0; side < 2; ++side) count[side] = list_faces(side, i, items[side], count[side]);
+      pairs_.work.pass<float>(hull(0, i).face_count() + hull(1, i).face_count());
+    }
+    evaluate_faces(items, count);
+  }
+
+  /// Appends the faces of one side that can still be the best: the pair in the upper 16 bits, the face in the lower 16.
+  HWY_INLINE std::size_t list_faces(std::size_t side, std::size_t i, std::uint32_t* items, std::size_t count) const {
+    const geometry::Hull& own = hull(side, i);
+    const FaceColumns faces = columns_of(side, i);
+    const auto second = spread_out(d, at(pairs_.point[1][side], i));
+    const auto most = hn::Set(d, pairs_.best[i] + Rounding<float>::overlap * pairs_.size[i]);
+    const std::size_t evaluated = face_[side][i];
+    for (std::size_t begin = 0; begin < own.face_count(); begin += 64) {
+      const std::size_t end = std::min(own.face_count(), begin + 64);
+      std::uint64_t word = 0;
+      for (std::size_t f = begin; f < end; f += lanes) {
+        const auto normal = faces.normal(f);
+        const V height = faces.height(f);
+        const V bound = hn::Max(height - dot_of(d, normal, second), faces.bound(normal, height));
+        word |= std::uint64_t{bits_of(d, hn::Lt(bound, most))} << (f - begin);
+      }
+      word &= ~std::uint64_t{0} >> (64 - (end - begin));
+      word &= ~(std::uint64_t{evaluated / 64 == begin / 64} << evaluated % 64);
+      count = append_bits(word, i << 16 | begin, items, count);
+    }
+    return count;
+  }
+
+  void evaluate_faces(const std::uint32_t (&items)[2][room_and_slack], std::size_t (&count)[2]) {
+    for (std::size_t k = 0; k < count[0]; ++k) {
+      const std::size_t i = items[0][k] >> 16, face = items[0][k] & 0xffff;
+      const Vec3f normal = hull(0, i).normal(face);
+      const Vec3f direction = -rotate_inverse(pairs_.rotation_of(i), normal);
+      consider(i, face,
+               (hull(0, i).offset()[face] + pairs_.support(1, i, direction)) - dot(normal, pairs_.offset_of(i)));
+      count_face(i, 1);
+    }
+    for (std::size_t k = 0; k < count[1]; ++k) {
+      const std::size_t i = items[1][k] >> 16, face = items[1][k] & 0xffff;
+      const Vec3f direction = -rotate(pairs_.rotation_of(i), hull(1, i).normal(face));
+      consider(i, max_faces + face,
+               (hull(1, i).offset()[face] + pairs_.support(0, i, direction)) - dot(direction, pairs_.offset_of(i)));
+      count_face(i, 0);
+    }
+    count[0] = count[1] = 0;
+  }
+  /// Without a branch on which face is better: the compiler makes one of a conditional expression here.
+  HWY_INLINE void consider(std::size_t i, std::size_t face, float value) {
+    const std::uint32_t less = std::uint32_t{0} - std::uint32_t{value < pairs_.best[i]};
+    choice_[i] ^= (choice_[i] ^ static_cast<std::uint32_t>(face)) & less;
+    pairs_.best[i] = std::min(value, pairs_.best[i]);
+  }
+  void count_face(std::size_t i, std::size_t other) {
+    ++pairs_.work.directions;
+    pairs_.work.pass<float>(hull(other, i).vertex_count());
+  }
+
+  /// The normal of the face of least overlap, from the first hull to the second.
+  Vec3f chosen_direction(std::size_t i) const {
+    if (choice_[i] == no_face) return at(pairs_.best_direction, i);
+    if (choice_[i] < max_faces) return hull(0, i).normal(choice_[i]);
+    return -rotate(pairs_.rotation_of(i), hull(1, i).normal(choice_[i] - max_faces));
+  }
+  /// The same for all undecided pairs, without branches on the choice, which would be unpredictable.
+  void take_directions() {
+    HullPairs& p = pairs_;
+    for (std::size_t u = 0; u < p.undecided.count; ++u) {
+      const std::size_t i = p.undecided.pair[u];
+      const std::size_t side = choice_[i] >= max_faces, face = choice_[i] == no_face ? 0 : choice_[i] % max_faces;
+      put(hull(side, i).normal(face), normal_[0], i);
+    }
+    for (std::size_t i = 0; i < p.count; i += lanes) {
+      const Vector<D> normal = load(d, normal_[0], i), turned = negate(d, rotate(d, p.rotation_lanes(i), normal));
+      const auto choice = hn::Load(ids, choice_ + i);
+      const auto of_first = hn::RebindMask(d, hn::Lt(choice, hn::Set(ids, std::uint32_t{max_faces})));
+      const auto none = hn::RebindMask(d, hn::Eq(choice, hn::Set(ids, no_face)));
+      store(d, choose(d, none, load(d, p.best_direction, i), choose(d, of_first, normal, turned)), p.best_direction, i);
+    }
+  }
+
+  HullPairs& pairs_;
+  // The deepest vertices of each hull along the last direction, in its own axes; the face of least bound, its normal
+  // and its offset.
+  alignas(64) Column3 vertex_[2] = {}, normal_[2] = {};
+  alignas(64) float height_[2][block_pairs] = {};
+  alignas(64) std::uint32_t face_[2][block_pairs] = {};
+  // The face of least overlap: of the first hull, or of the second counted from max_faces on.
+  alignas(64) std::uint32_t choice_[block_pairs];
+};
+
+}  // namespace ringfence::narrow_phase::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif
