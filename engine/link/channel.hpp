@@ -7,22 +7,25 @@
 
 #include "link/atomics.hpp"
 #include "link/doorbell.hpp"
-#include "link/ring.hpp"
+#include "link/ring_reader.hpp"
+#include "link/ring_writer.hpp"
 
 namespace ringfence::link {
 
 /// The sending end of a one-way channel. Used by one thread at a time.
 ///
-/// A message is written in place: claim room, fill it, and commit the bytes used. publish() makes all committed
-/// messages visible at once. Never blocks. When a claim finds no room, it publishes what is staged, requests that the
-/// receiver rings this thread's doorbell at its next release, and returns an empty span.
+/// A message is written where claim() says: in the ring, or in the stage if it is small (see RingWriter). Claim room,
+/// fill it, and commit the bytes used. publish() makes all committed messages visible at once. Never blocks. When a
+/// claim finds no room, it publishes what is staged, requests that the receiver rings this thread's doorbell at its
+/// next release, and returns an empty span.
 template <class Policy>
 class alignas(cache_line_pair_bytes) BasicSender {
  public:
   using Bell = BasicDoorbell<Policy>;
 
-  /// `bell` is the receiver's doorbell; null if no thread sleeps on it.
-  BasicSender(Ring<Policy> ring, Bell* bell) noexcept : writer_(ring), bell_(bell) {}
+  /// `bell` is the receiver's doorbell; null if no thread sleeps on it. `stage` is empty or as MessageStage demands.
+  BasicSender(Ring<Policy> ring, Bell* bell, std::span<std::byte> stage = {}) noexcept
+      : writer_(ring, stage), bell_(bell) {}
   BasicSender(const BasicSender&) = delete;
   BasicSender& operator=(const BasicSender&) = delete;
 
@@ -109,7 +112,8 @@ class alignas(cache_line_pair_bytes) BasicReceiver {
   /// Prefetches the lines that has_message() and next() read: for threads that poll many channels one after the other.
   void prefetch() const noexcept { reader_.prefetch(); }
 
-  /// Releases the room of all messages that next() has returned, and rings a sender that waits for room.
+  /// Releases the room of the messages that next() has returned, and rings a sender that waits for room. Messages of
+  /// one length that were published together are released together, when next() has returned the last of them.
   void release() noexcept {
     if (reader_.release() && bell_ && Policy::defect != Defect::waiting_sender_not_rung) bell_->ring();
   }
@@ -159,8 +163,9 @@ class Receiver : public BasicReceiver<ThreadAtomics> {
 class Channel {
  public:
   /// Allocates a ring of `bytes` bytes, a power of two from 4096 to 2^30, and touches all its pages. Throws Error,
-  /// naming `option`, for any other size. `receivers_bell` is rung by publish(), `senders_bell` by a release that a
-  /// sender waits for. Either may be null; both may be the same if one thread owns both ends.
+  /// naming `option`, for any other size. Senders of rings of at least 128 KiB have a stage. `receivers_bell` is rung
+  /// by publish(), `senders_bell` by a release that a sender waits for. Either may be null; both may be the same if one
+  /// thread owns both ends.
   Channel(std::size_t bytes, Doorbell* receivers_bell, Doorbell* senders_bell, const char* option = "--ring-bytes");
 
   Sender& sender() noexcept { return sender_; }
@@ -170,6 +175,12 @@ class Channel {
   static void check(std::size_t bytes, const char* option = "--ring-bytes");
 
  private:
+  /// The stage holds more than is published at once by those who send many small messages, and fits into a first-level
+  /// cache. A smaller ring has none: there may be many such rings.
+  static constexpr std::size_t stage_bytes_of(std::size_t ring_bytes) noexcept {
+    return ring_bytes < std::size_t{1} << 17 ? 0 : 8192;
+  }
+
   struct Free {
     void operator()(void* memory) const noexcept;
   };

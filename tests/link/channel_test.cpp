@@ -2,8 +2,11 @@
 
 #include <algorithm>
 #include <cstring>
+#include <deque>
+#include <random>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include <doctest/doctest.h>
 
@@ -132,6 +135,73 @@ TEST_CASE("a sender that finds no room publishes, and the next release rings it"
   CHECK(channel.sender().claim(1000).empty());
   channel.receiver().release();
   CHECK(channel.sender().claim(1000).size() == 1000);
+}
+
+TEST_CASE("random claims, lengths, publications and releases arrive as they were sent, with and without a stage") {
+  for (const std::size_t bytes : {std::size_t{4096}, std::size_t{1} << 17}) {
+    for (std::uint32_t seed = 1; seed <= 20; ++seed) {
+      CAPTURE(bytes);
+      CAPTURE(seed);
+      std::mt19937 random(seed);
+      Channel channel(bytes, nullptr, nullptr);
+      std::deque<std::vector<std::byte>> expected;
+      std::size_t published = 0, wrong = 0, received = 0, size = 8;
+      const auto publish = [&] { channel.sender().publish(), published = expected.size(); };
+      const auto receive = [&] {
+        const auto message = channel.receiver().next();
+        CHECK(message.empty() == (published == 0));
+        if (message.empty()) return;
+        wrong += !std::equal(message.begin(), message.end(), expected.front().begin(), expected.front().end());
+        expected.pop_front(), --published, ++received;
+      };
+      for (int step = 0; step < 20000; ++step) {
+        // A size is kept for a while, so that there are runs; some are larger than what is staged.
+        if (random() % 8 == 0) size = 1 + random() % (random() % 4 == 0 ? 2000 : 100);
+        const auto room = channel.sender().claim(size);
+        if (room.empty()) {
+          published = expected.size();
+          for (std::size_t i = 0; i < 1 + expected.size() / 2; ++i) receive();
+          channel.receiver().release();
+          continue;
+        }
+        wrong += room.size() != size || reinterpret_cast<std::uintptr_t>(room.data()) % 8 != 0;
+        const std::size_t used = random() % 16 == 0 ? random() % (size + 1) : size;
+        std::vector<std::byte> content(used);
+        for (std::byte& byte : content) byte = static_cast<std::byte>(random());
+        std::copy(content.begin(), content.end(), room.begin());
+        channel.sender().commit(used);
+        if (used != 0) expected.push_back(content);
+        if (random() % 10 == 0) publish();
+        if (random() % 3 == 0) receive();
+        if (random() % 20 == 0) channel.receiver().release();
+      }
+      publish();
+      while (!expected.empty()) receive();
+      CHECK(wrong == 0);
+      CHECK(received > 1000);
+      CHECK(channel.receiver().next().empty());
+    }
+  }
+}
+
+TEST_CASE("messages of one length that are published together follow each other without a gap") {
+  Channel channel(std::size_t{1} << 17, nullptr, nullptr);
+  for (int batch = 0; batch < 3; ++batch) {
+    for (int i = 0; i < 20; ++i) {
+      std::ranges::fill(channel.sender().claim(64), std::byte(i));
+      channel.sender().commit(64);
+    }
+    channel.sender().publish();
+    channel.receiver().next();
+    const std::byte* before = channel.receiver().next().data();
+    for (int i = 2; i < 20; ++i) {
+      const auto message = channel.receiver().next();
+      CHECK(message.data() == before + 64);
+      CHECK(message.front() == std::byte(i));
+      before = message.data();
+    }
+    channel.receiver().release();
+  }
 }
 
 TEST_CASE("the other end sees the close after the last message") {

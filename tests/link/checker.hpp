@@ -90,6 +90,8 @@ class Explorer {
   bool is_past(Time deadline);
   /// Makes [begin, begin + bytes) the plain memory of the program. `begin` is aligned to 8.
   void watch(std::byte* begin, std::size_t bytes);
+  /// Makes [begin, begin + bytes) memory that one thread of the program owns. It may be written like plain memory.
+  void own(std::byte* begin, std::size_t bytes);
   void write(std::byte* at, std::uint64_t word);
   std::uint64_t read(const std::byte* at);
   /// A prefetch changes nothing but must not disturb another thread: a line prefetched for writing must have been read
@@ -160,6 +162,8 @@ class Explorer {
 
   std::byte* memory_ = nullptr;
   std::vector<Shadow> shadows_;
+  std::byte* owned_ = nullptr;
+  std::size_t owned_bytes_ = 0;
 
   std::vector<Choice> choices_;
   std::size_t depth_ = 0;
@@ -201,6 +205,13 @@ struct CheckedAtomics {
   using Atomic = checker::Atomic<T>;
   static void write(std::byte* at, std::uint64_t word) { explorer().write(at, word); }
   static std::uint64_t read(const std::byte* at) { return explorer().read(at); }
+  static void copy(std::byte* to, const std::byte* from, std::size_t bytes) {
+    for (std::size_t i = 0; i < bytes; i += 8) {
+      std::uint64_t word;
+      std::memcpy(&word, from + i, sizeof word);
+      explorer().write(to + i, word);
+    }
+  }
   static void sleep(const Atomic<std::uint32_t>& word, std::uint32_t expected) {
     explorer().sleep(word.location(), expected);
   }
@@ -211,9 +222,10 @@ struct CheckedAtomics {
   static bool is_past(Time deadline) { return explorer().is_past(deadline); }
 
   /// Lines of 16 bytes, so that a ring of 64 bytes has several. Small messages fill a line, larger ones are padded, and
-  /// both sides prefetch.
+  /// both sides prefetch. Messages of up to two words are staged where there is a stage.
   static constexpr link::CacheLineTuning lines{.line = 16,
                                                .pad_from = 32,
+                                               .stage_up_to = 16,
                                                .prefetch_from = 8,
                                                .write_prefetch = 48,
                                                .write_prefetch_step = 16,
@@ -223,6 +235,7 @@ struct CheckedAtomics {
   static void prefetch_for_write(const std::byte* at) { explorer().prefetch_for_write(at, lines.line); }
   static void prefetch_for_read(const std::byte* at) { explorer().prefetch_for_read(at); }
   static void prefetch_awaited(const std::byte*) {}
+  static bool prefetches_writes() { return true; }
   static void pause() {}
   static void yield() {}
   static void add_waiting_thread() {}

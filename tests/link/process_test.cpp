@@ -34,14 +34,17 @@ std::uint64_t mix(std::uint64_t x) {
   return x ^ x >> 33;
 }
 
-std::size_t size_of(std::uint64_t number) { return 8 + mix(number) % 1500; }
+/// Sizes come in fives, so that there are runs.
+std::size_t size_of(std::uint64_t number) { return 8 + mix(number / 5) % 1500; }
 
 std::byte byte_of(std::uint64_t number, std::size_t i) { return std::byte(mix(number) >> i % 8 * 8); }
 
 /// Produces the messages from `first` on. Never returns: the process is killed, or exits when it is done.
 [[noreturn]] void produce(Shared& shared, std::uint64_t first) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  BasicSender<ProcessAtomics> sender(open_ring<ProcessAtomics>(shared.ring), &shared.consumers);
+  // Staged messages are in the memory of this process, and are lost with it.
+  alignas(cache_line_pair_bytes) static std::byte stage[2048];
+  BasicSender<ProcessAtomics> sender(open_ring<ProcessAtomics>(shared.ring), &shared.consumers, stage);
   // The previous producer may have been killed between publishing and ringing.
   shared.consumers.ring();
   for (std::uint64_t number = first; number < message_count; ++number) {
