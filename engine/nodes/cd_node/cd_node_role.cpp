@@ -1,5 +1,7 @@
 #include "nodes/cd_node/cd_node_role.hpp"
 
+#include <utility>
+
 #include "telemetry/clock.hpp"
 #include "telemetry/track.hpp"
 
@@ -12,7 +14,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
     : state_(setup, map),
       exchange_(NodeExchange::make(state_)),
       halo_(state_),
-      migration_(state_),
+      migration_(state_, *exchange_),
       mover_(state_, *exchange_, halo_, migration_),
       detector_(state_),
       publisher_(state_, detector_, *exchange_),
@@ -21,10 +23,19 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
 
 void CdNodeRole::assign(NodeNumber node, const std::vector<Connection>& peers) {
   state_.assign(node, peers);
+  inbox_.assign(peers);
+  settle();
+}
+
+void CdNodeRole::assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes) {
+  state_.assign(node, std::move(nodes));
+  settle();
+}
+
+void CdNodeRole::settle() {
   exchange_->assign();
   halo_.assign();
   migration_.assign();
-  inbox_.assign(peers);
 }
 
 Step CdNodeRole::step() {
@@ -100,7 +111,7 @@ bool CdNodeRole::advance() {
         return false;
       }
       publisher_.finish();
-      migration_.list();
+      migration_.start();
       state_.stage = CdNodeStage::handing_over;
       return true;
     case CdNodeStage::handing_over:
@@ -110,6 +121,7 @@ bool CdNodeRole::advance() {
       state_.stage = CdNodeStage::settling;
       return true;
     case CdNodeStage::settling:
+      migration_.receive_listed();
       if (!migration_.is_complete() || !exchange_->complete_contacts()) {
         return false;
       }
@@ -142,6 +154,7 @@ void CdNodeRole::detect() {
   telemetry::SpanTimer time(state_.setup.track, "narrow phase", state_.stats.narrow_phase_ns);
   detector_.finish();
   publisher_.list();
+  migration_.list();
 }
 
 // Whether the injected fault is due: then the role stops, or stalls for a while.

@@ -40,9 +40,10 @@ class CdNodeRole {
 
   Step step();
 
-  /// Sets the node's slot and its connections to the other nodes, by slot. Between frames, while no thread steps the
-  /// role.
+  /// Both set the node's slot and the other nodes, by slot: the connections to them with ExchangeKind::messages, what
+  /// they share with ExchangeKind::shared. Between frames, while no thread steps the role.
   void assign(NodeNumber node, const std::vector<Connection>& peers);
+  void assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes);
 
   CdNodeRole(const CdNodeRole&) = delete;
   CdNodeRole& operator=(const CdNodeRole&) = delete;
@@ -70,6 +71,7 @@ class CdNodeRole {
   void receive_from_peer(const messages::MessageView& message);
   void receive(const messages::MessageView& message);
   void receive_end(const messages::FrameEndRecord& record);
+  void settle();
   void begin(std::uint64_t frame);
   void lose(const messages::LostRecord& record);
   void detect_again();

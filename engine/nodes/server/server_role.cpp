@@ -223,7 +223,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::closing;
       return true;
     case FrameStage::closing:
-      if (!state_.all_nodes_done() || (exchange_->is_reading_ghosts() && !deadlines_.has_abandoned_nodes()) ||
+      if (!state_.all_nodes_done() || (exchange_->is_reading() && !deadlines_.has_abandoned_nodes()) ||
           !state_.ledger.complete()) {
         return false;
       }
