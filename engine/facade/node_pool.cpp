@@ -156,24 +156,39 @@ void NodePool::retire(NodeNumber slot) {
   }
 }
 
-void NodePool::connect() {
+std::shared_ptr<link::WakeTree> NodePool::make_wake_tree() const {
+  std::vector<link::WakeTree::Bell*> bells;
+  each([&](const PoolNode& node) {
+    if (node.worker != nullptr) {
+      bells.push_back(&node.worker->bell());
+    }
+  });
+  const bool all_have_threads = bells.size() == size();
+  return all_have_threads && bells.size() > max_woken_directly ? std::make_shared<link::WakeTree>(bells) : nullptr;
+}
+
+std::shared_ptr<link::WakeTree> NodePool::connect() {
   const auto shared = shares() ? shared_nodes() : nullptr;
+  const auto tree = make_wake_tree();
+  std::size_t member = 0;
   each([&](PoolNode& node) {
     if (node.role == nullptr) {
       return;
     }
-    if (node.worker != nullptr) {
+    if (node.worker != nullptr && node.is_stepped) {
       node.worker->assign({});
     }
+    node.is_stepped = true;
     if (shares()) {
       node.role->assign(node.slot, shared);
     } else {
       node.role->assign(node.slot, peers_of(node));
     }
     if (node.worker != nullptr) {
-      node.worker->assign({Steppable::of(*node.role)});
+      node.worker->assign({Steppable::of(*node.role)}, {tree, member++});
     }
   });
+  return tree;
 }
 
 bool NodePool::free_retired() {

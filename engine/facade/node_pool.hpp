@@ -11,6 +11,7 @@
 
 #include "facade/remote_nodes.hpp"
 #include "facade/threads/worker.hpp"
+#include "link/wake_tree.hpp"
 #include "nodes/cd_node/cd_node_role.hpp"
 #include "nodes/role.hpp"
 #include "regions/region_map.hpp"
@@ -35,6 +36,7 @@ struct PoolNode {
   std::unique_ptr<telemetry::Track> track;  ///< null without WorldConfig::timeline, and for a node of another process
   std::unique_ptr<nodes::CdNodeRole> role;  ///< null for a node of another process
   std::unique_ptr<Worker> worker;           ///< null if the server's thread steps the role, or another process
+  bool is_stepped = false;                  ///< a thread steps the role, or may do so
   bool outlived_frame = false;              ///< a frame was complete since it is gone
 };
 
@@ -119,8 +121,9 @@ class NodePool {
   /// Retires the nodes in these slots. Their threads are asked to end. Call connect() afterwards. Precondition: the
   /// server's thread steps none of them.
   void remove(std::span<const NodeNumber> slots);
-  /// Gives the roles of this process their connections with the others and has their threads step them.
-  void connect();
+  /// Gives the roles of this process their connections with the others and has their threads step them. Returns what
+  /// wakes all these threads; null if there are few of them, or not every node has one.
+  std::shared_ptr<link::WakeTree> connect();
   /// At the end of each frame: frees what can be freed. Returns whether the threads of all retired nodes have ended.
   bool free_retired();
 
@@ -142,6 +145,10 @@ class NodePool {
  private:
   using Ends = std::pair<NodeNumber, NodeNumber>;  ///< slots, the lower one first
 
+  /// With so many threads or fewer, each message wakes its receiver: the first nodes then start sooner.
+  static constexpr std::size_t max_woken_directly = 16;
+
+  std::shared_ptr<link::WakeTree> make_wake_tree() const;
   bool shares() const noexcept { return setup_.role.exchange == nodes::ExchangeKind::shared; }
   std::unique_ptr<PoolNode> make_node(NodeNumber slot, std::size_t total, std::unique_ptr<Worker> worker,
                                       RemoteNodes::MemberId member);

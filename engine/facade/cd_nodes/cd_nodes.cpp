@@ -109,7 +109,7 @@ std::vector<nodes::Connection> CdNodes::make_first(const regions::RegionMap& map
 
 void CdNodes::connect(nodes::ServerRole& server) {
   state_.assign_server_thread({});
-  pool_.connect();
+  server.set_wake_tree(pool_.connect());
   assign_remote_nodes(server);
   state_.assign_server_thread(server_thread_roles(server));
 }
