@@ -167,7 +167,7 @@ std::shared_ptr<link::WakeTree> NodePool::make_wake_tree() const {
   return all_have_threads && bells.size() > max_woken_directly ? std::make_shared<link::WakeTree>(bells) : nullptr;
 }
 
-std::shared_ptr<link::WakeTree> NodePool::connect() {
+std::shared_ptr<link::WakeTree> NodePool::connect(nodes::Arrivals* arrivals) {
   const auto shared = shares() ? shared_nodes() : nullptr;
   const auto tree = make_wake_tree();
   std::size_t member = 0;
@@ -180,7 +180,7 @@ std::shared_ptr<link::WakeTree> NodePool::connect() {
     }
     node.is_stepped = true;
     if (shares()) {
-      node.role->assign(node.slot, shared);
+      node.role->assign(node.slot, shared, tree != nullptr ? arrivals : nullptr);
     } else {
       node.role->assign(node.slot, peers_of(node));
     }

@@ -122,8 +122,9 @@ class NodePool {
   /// server's thread steps none of them.
   void remove(std::span<const NodeNumber> slots);
   /// Gives the roles of this process their connections with the others and has their threads step them. Returns what
-  /// wakes all these threads; null if there are few of them, or not every node has one.
-  std::shared_ptr<link::WakeTree> connect();
+  /// wakes all these threads; null if there are few of them, or not every node has one. Then `arrivals`, which outlives
+  /// the threads, is not used; otherwise it is how the nodes wake the server.
+  std::shared_ptr<link::WakeTree> connect(nodes::Arrivals* arrivals = nullptr);
   /// At the end of each frame: frees what can be freed. Returns whether the threads of all retired nodes have ended.
   bool free_retired();
 

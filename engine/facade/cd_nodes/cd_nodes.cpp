@@ -109,7 +109,12 @@ std::vector<nodes::Connection> CdNodes::make_first(const regions::RegionMap& map
 
 void CdNodes::connect(nodes::ServerRole& server) {
   state_.assign_server_thread({});
-  server.set_wake_tree(pool_.connect());
+  if (arrivals_ == nullptr && state_.server_bell() != nullptr) {
+    arrivals_ = std::make_unique<nodes::Arrivals>(*state_.server_bell());
+  }
+  auto tree = pool_.connect(arrivals_.get());
+  nodes::Arrivals* const arrivals = tree != nullptr ? arrivals_.get() : nullptr;
+  server.set_wake_ups(std::move(tree), arrivals);
   assign_remote_nodes(server);
   state_.assign_server_thread(server_thread_roles(server));
 }

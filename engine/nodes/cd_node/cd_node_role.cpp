@@ -27,8 +27,10 @@ void CdNodeRole::assign(NodeNumber node, const std::vector<Connection>& peers) {
   settle();
 }
 
-void CdNodeRole::assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes) {
+void CdNodeRole::assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes, Arrivals* arrivals) {
   state_.assign(node, std::move(nodes));
+  arrivals_ = arrivals;
+  state_.setup.server.out->set_quiet(arrivals != nullptr);
   settle();
 }
 
@@ -39,6 +41,35 @@ void CdNodeRole::settle() {
 }
 
 Step CdNodeRole::step() {
+  const CdNodeStage before = state_.stage;
+  const Step made = step_once();
+  if (arrivals_ != nullptr && state_.setup.server.out->take_unrung()) {
+    wake_server(before);
+  }
+  return made;
+}
+
+// Messages have been sent in this step. If they end a stage of the frame, the server waits for the other nodes too.
+void CdNodeRole::wake_server(CdNodeStage before) noexcept {
+  arrivals_->note(state_.setup.node);
+  const CdNodeStage now = state_.stage;
+  const bool moved = before <= CdNodeStage::moving && now >= CdNodeStage::gathering;
+  const bool tested = before <= CdNodeStage::colliding && now >= CdNodeStage::ending;
+  const bool done = before != CdNodeStage::waiting && now == CdNodeStage::waiting;
+  const bool waits_for_room = now == CdNodeStage::moving || now == CdNodeStage::colliding ||
+                              now == CdNodeStage::handing_over || now == CdNodeStage::reporting;
+  if (waits_for_room || !(moved || tested || done)) {
+    arrivals_->wake();
+  }
+  for (const auto& [ended, stage] :
+       {std::pair{moved, Arrivals::Stage::moved}, {tested, Arrivals::Stage::tested}, {done, Arrivals::Stage::done}}) {
+    if (ended) {
+      arrivals_->arrive(state_.setup.node, stage);
+    }
+  }
+}
+
+Step CdNodeRole::step_once() {
   step_start_ = telemetry::now_ns();
   if (state_.fault.is_stopped(step_start_)) [[unlikely]] {
     return Step::idle;

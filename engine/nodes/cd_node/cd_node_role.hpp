@@ -17,6 +17,7 @@
 #include "nodes/cd_node/node_state.hpp"
 #include "nodes/cd_node/peer_inbox.hpp"
 #include "nodes/cd_node/queries/query_answerer.hpp"
+#include "nodes/exchange/arrivals.hpp"
 #include "nodes/exchange/node/node_exchange.hpp"
 #include "nodes/role.hpp"
 #include "ringfence/fault.hpp"
@@ -43,7 +44,8 @@ class CdNodeRole {
   /// Both set the node's slot and the other nodes, by slot: the connections to them with ExchangeKind::messages, what
   /// they share with ExchangeKind::shared. Between frames, while no thread steps the role.
   void assign(NodeNumber node, const std::vector<Connection>& peers);
-  void assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes);
+  /// `arrivals`: by which the node wakes the server; null: each message wakes it.
+  void assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes, Arrivals* arrivals = nullptr);
 
   CdNodeRole(const CdNodeRole&) = delete;
   CdNodeRole& operator=(const CdNodeRole&) = delete;
@@ -65,6 +67,8 @@ class CdNodeRole {
   std::uint64_t invalid_messages() const noexcept { return invalid_messages_; }
 
  private:
+  Step step_once();
+  void wake_server(CdNodeStage before) noexcept;
   bool receive_from_server();
   bool receive_from_peers();
   PeerInbox::Verdict judge(const messages::MessageView& message) noexcept;
@@ -93,6 +97,7 @@ class CdNodeRole {
   PeerInbox inbox_;
   ExpectedMessages expected_;
   messages::RunSender probe_reply_run_, frame_done_run_;
+  Arrivals* arrivals_ = nullptr;  ///< see assign()
   std::uint64_t invalid_messages_ = 0;
   std::uint64_t frames_ = 0;
   std::uint64_t cpu_start_ = 0;   ///< CPU time of the thread at the start of the frame, ns

@@ -16,14 +16,15 @@ namespace ringfence::nodes {
 /// A bit is a hint: it may remain from an earlier frame, or be that of a node that is lost. The list itself says which
 /// frame it is for.
 ///
-/// Threads: any node adds itself, before the message or the bell by which the receiver learns that it may read. Only
-/// the receiver takes. Those order the accesses, so the bits need no order of their own.
+/// Threads: any node adds itself, after it has made what the receiver shall find. Only the receiver takes; it then sees
+/// what was made before.
 class SenderSet {
  public:
   static constexpr NodeNumber capacity = 1024;  ///< slots are below this number
 
   void add(NodeNumber sender) noexcept {
-    words_[sender / 64].fetch_or(std::uint64_t{1} << sender % 64, std::memory_order_relaxed);
+    // Pairs with the exchange in take().
+    words_[sender / 64].fetch_or(std::uint64_t{1} << sender % 64, std::memory_order_release);
   }
   /// Removes all senders and calls visit(sender) for each, by ascending slot.
   template <class Visit>
@@ -32,7 +33,7 @@ class SenderSet {
       if (words_[word].load(std::memory_order_relaxed) == 0) {
         continue;
       }
-      for (std::uint64_t bits = words_[word].exchange(0, std::memory_order_relaxed); bits != 0; bits &= bits - 1) {
+      for (std::uint64_t bits = words_[word].exchange(0, std::memory_order_acquire); bits != 0; bits &= bits - 1) {
         visit(static_cast<NodeNumber>(word * 64 + static_cast<std::size_t>(std::countr_zero(bits))));
       }
     }

@@ -8,6 +8,7 @@
 #include "base/numbers.hpp"
 #include "link/wake_tree.hpp"
 #include "messages/run.hpp"
+#include "nodes/exchange/arrivals.hpp"
 #include "nodes/host/host.hpp"
 #include "nodes/server/contacts/contact_ledger.hpp"
 #include "nodes/server/objects/object_table.hpp"
@@ -91,6 +92,7 @@ struct ServerState {
   ModelFailures model_failures;  ///< of the frame, for objects that were spawned or that the server moved
   /// Wakes the threads of all CD nodes; null if there are few of them, or not each node has a thread.
   std::shared_ptr<link::WakeTree> wake_tree;
+  Arrivals* arrivals = nullptr;  ///< which nodes have sent something; null: each message wakes the server
   FrameStage woken_stage = FrameStage::waiting;  ///< the last one that has woken them
   double rings_ms = 0;                           ///< CPU time of the server's rings in it
 

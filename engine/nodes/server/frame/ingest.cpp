@@ -26,10 +26,16 @@ bool belongs_to_map(MessageType type) noexcept {
 
 bool Ingest::receive() {
   bool any = false;
-  state_.all_nodes([&](PeerSession& node) {
-    any |= is_awaited(node) && drain(node);
-    return true;
-  });
+  if (state_.arrivals != nullptr) {
+    state_.arrivals->take([&](NodeNumber slot) {
+      any |= slot < state_.nodes.size() && state_.nodes[slot].is_active() && drain(state_.nodes[slot]);
+    });
+  } else {
+    state_.all_nodes([&](PeerSession& node) {
+      any |= is_awaited(node) && drain(node);
+      return true;
+    });
+  }
   any |= receive_from_users();
   return any;
 }
