@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "base/numbers.hpp"
+#include "base/prefetch.hpp"
 #include "link/wake_tree.hpp"
 #include "messages/run.hpp"
 #include "nodes/exchange/arrivals.hpp"
@@ -130,7 +131,11 @@ struct ServerState {
       return all_nodes(done);
     }
     woken_stage = stage;
+    constexpr std::size_t ahead = 4;
     const bool all = all_nodes([&](PeerSession& node) {
+      const auto left = static_cast<std::size_t>(nodes.data() + nodes.size() - &node);
+      base::prefetch_for_read(&(&node)[std::min(2 * ahead, left - 1)].connection);
+      base::prefetch_for_write((&node)[std::min(ahead, left - 1)].connection.out);
       node.connection.out->set_quiet(true);
       const bool node_done = done(node);
       node.connection.out->set_quiet(false);

@@ -1,5 +1,6 @@
 #include "nodes/cd_node/migration.hpp"
 
+#include <cstddef>
 #include <initializer_list>
 #include <vector>
 
@@ -35,8 +36,9 @@ struct Migrating {
 void list(NodeFixture& fixture, std::uint32_t epoch, std::initializer_list<ObjectNumber> numbers) {
   HandOverList& of_peer = fixture.peer().hand_overs;
   of_peer.start(0);
+  const std::byte no_state{};
   for (const ObjectNumber number : numbers) {
-    of_peer.add(0, object(number), nullptr);
+    of_peer.add(0, object(number), &no_state);
   }
   of_peer.finish(2, fixture.state().frame, epoch);
   fixture.state().contacts.hand_over_senders.add(1);
