@@ -4,6 +4,7 @@
 #include <string>
 
 #include "link/channel.hpp"
+#include "nodes/exchange/sender_set.hpp"
 #include "ringfence/error.hpp"
 
 namespace ringfence {
@@ -23,6 +24,8 @@ std::uint32_t LayerMatrix::mask(std::uint8_t layer) const noexcept {
 }  // namespace ringfence
 
 namespace ringfence::facade {
+
+static_assert(max_nodes <= nodes::SenderSet::capacity);
 
 namespace {
 

@@ -32,13 +32,18 @@ std::vector<NodeNumber> NodePool::youngest(std::size_t count) const {
   return slots;
 }
 
+std::shared_ptr<const nodes::SharedNodes> NodePool::shared_nodes() const {
+  auto shared = std::make_shared<nodes::SharedNodes>(nodes_.size());
+  each([&](const PoolNode& node) { (*shared)[node.slot] = node.server.second.node_contacts; });
+  return shared;
+}
+
 std::vector<Connection> NodePool::peers_of(const PoolNode& node) const {
   std::vector<Connection> peers(nodes_.size());
   each([&](const PoolNode& peer) {
     const auto channel = channels_.find(std::minmax(node.slot, peer.slot));
     if (channel != channels_.end()) {
       peers[peer.slot] = node.slot < peer.slot ? channel->second.first : channel->second.second;
-      peers[peer.slot].node_contacts = peer.server.second.node_contacts;
     }
   });
   return peers;
@@ -77,7 +82,7 @@ PoolNode& NodePool::add(const regions::RegionMap& map, std::size_t total, bool o
   PoolNode& node = *nodes_[slot];
   const bool here = member == RemoteNodes::local_member;
   each([&](const PoolNode& peer) {
-    if (&peer != &node && (here || peer.member == RemoteNodes::local_member)) {
+    if (!shares() && &peer != &node && (here || peer.member == RemoteNodes::local_member)) {
       const bool lower = slot < peer.slot;
       channels_[std::minmax(slot, peer.slot)] = setup_.connect(lower ? node : peer, lower ? peer : node, total);
     }
@@ -115,7 +120,11 @@ void NodePool::make_role(PoolNode& node, std::size_t total, const regions::Regio
 PoolNode& NodePool::replace(NodeNumber slot, const regions::RegionMap& map) {
   auto node = make_node(slot, size(), nullptr, RemoteNodes::local_member);
   make_role(*node, size(), map);
-  node->role->assign(slot, std::vector<Connection>(nodes_.size()));
+  if (shares()) {
+    node->role->assign(slot, std::make_shared<const nodes::SharedNodes>(nodes_.size()));
+  } else {
+    node->role->assign(slot, std::vector<Connection>(nodes_.size()));
+  }
   retire(slot);
   nodes_[slot] = std::move(node);
   return *nodes_[slot];
@@ -147,19 +156,39 @@ void NodePool::retire(NodeNumber slot) {
   }
 }
 
-void NodePool::connect() {
+std::shared_ptr<link::WakeTree> NodePool::make_wake_tree() const {
+  std::vector<link::WakeTree::Bell*> bells;
+  each([&](const PoolNode& node) {
+    if (node.worker != nullptr) {
+      bells.push_back(&node.worker->bell());
+    }
+  });
+  const bool all_have_threads = bells.size() == size();
+  return all_have_threads && bells.size() > max_woken_directly ? std::make_shared<link::WakeTree>(bells) : nullptr;
+}
+
+std::shared_ptr<link::WakeTree> NodePool::connect(nodes::Arrivals* arrivals) {
+  const auto shared = shares() ? shared_nodes() : nullptr;
+  const auto tree = make_wake_tree();
+  std::size_t member = 0;
   each([&](PoolNode& node) {
     if (node.role == nullptr) {
       return;
     }
-    if (node.worker != nullptr) {
+    if (node.worker != nullptr && node.is_stepped) {
       node.worker->assign({});
     }
-    node.role->assign(node.slot, peers_of(node));
+    node.is_stepped = true;
+    if (shares()) {
+      node.role->assign(node.slot, shared, tree != nullptr ? arrivals : nullptr);
+    } else {
+      node.role->assign(node.slot, peers_of(node));
+    }
     if (node.worker != nullptr) {
-      node.worker->assign({Steppable::of(*node.role)});
+      node.worker->assign({Steppable::of(*node.role)}, {tree, member++});
     }
   });
+  return tree;
 }
 
 bool NodePool::free_retired() {

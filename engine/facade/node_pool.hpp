@@ -11,6 +11,7 @@
 
 #include "facade/remote_nodes.hpp"
 #include "facade/threads/worker.hpp"
+#include "link/wake_tree.hpp"
 #include "nodes/cd_node/cd_node_role.hpp"
 #include "nodes/role.hpp"
 #include "regions/region_map.hpp"
@@ -35,6 +36,7 @@ struct PoolNode {
   std::unique_ptr<telemetry::Track> track;  ///< null without WorldConfig::timeline, and for a node of another process
   std::unique_ptr<nodes::CdNodeRole> role;  ///< null for a node of another process
   std::unique_ptr<Worker> worker;           ///< null if the server's thread steps the role, or another process
+  bool is_stepped = false;                  ///< a thread steps the role, or may do so
   bool outlived_frame = false;              ///< a frame was complete since it is gone
 };
 
@@ -47,10 +49,10 @@ struct NodePoolSetup {
   std::size_t pairs = 0;
   nodes::FaultRelease* faults = nullptr;  ///< for nodes with a thread of their own
   bool timeline = false;
-  /// Makes the channel between the server and a node whose other members are set, except the role. `nodes` is the
-  /// number of nodes.
+  /// Makes the channel between the server and a node whose other members are set, except the role, with what the node
+  /// shares. `nodes` is the number of nodes.
   std::function<PoolChannel(const PoolNode& node, std::size_t nodes)> connect_to_server;
-  /// Makes the channel between two nodes; the first has the lower slot.
+  /// Makes the channel between two nodes; the first has the lower slot. Unused if the nodes share memory.
   std::function<PoolChannel(const PoolNode& first, const PoolNode& second, std::size_t nodes)> connect;
   /// Starts a thread; false if the system has none.
   std::function<bool(Worker&)> start_worker;
@@ -95,9 +97,12 @@ class NodePool {
       }
     }
   }
+  /// What each node shares, by slot; null where there is no node.
+  std::shared_ptr<const nodes::SharedNodes> shared_nodes() const;
   /// Slots of the `count` nodes that joined last.
   std::vector<NodeNumber> youngest(std::size_t count) const;
-  /// The connections of a node to the others, by their slots; empty where there is none.
+  /// The connections of a node to the others, by their slots; empty where there is none. Nodes that share memory have
+  /// none: they read what the others list in place.
   std::vector<nodes::Connection> peers_of(const PoolNode& node) const;
   /// Nodes that are gone and not freed yet.
   std::span<const std::unique_ptr<PoolNode>> retired() const noexcept { return retired_; }
@@ -116,8 +121,10 @@ class NodePool {
   /// Retires the nodes in these slots. Their threads are asked to end. Call connect() afterwards. Precondition: the
   /// server's thread steps none of them.
   void remove(std::span<const NodeNumber> slots);
-  /// Gives the roles of this process their connections with the others and has their threads step them.
-  void connect();
+  /// Gives the roles of this process their connections with the others and has their threads step them. Returns what
+  /// wakes all these threads; null if there are few of them, or not every node has one. Then `arrivals`, which outlives
+  /// the threads, is not used; otherwise it is how the nodes wake the server.
+  std::shared_ptr<link::WakeTree> connect(nodes::Arrivals* arrivals = nullptr);
   /// At the end of each frame: frees what can be freed. Returns whether the threads of all retired nodes have ended.
   bool free_retired();
 
@@ -139,6 +146,11 @@ class NodePool {
  private:
   using Ends = std::pair<NodeNumber, NodeNumber>;  ///< slots, the lower one first
 
+  /// With so many threads or fewer, each message wakes its receiver: the first nodes then start sooner.
+  static constexpr std::size_t max_woken_directly = 16;
+
+  std::shared_ptr<link::WakeTree> make_wake_tree() const;
+  bool shares() const noexcept { return setup_.role.exchange == nodes::ExchangeKind::shared; }
   std::unique_ptr<PoolNode> make_node(NodeNumber slot, std::size_t total, std::unique_ptr<Worker> worker,
                                       RemoteNodes::MemberId member);
   void make_role(PoolNode& node, std::size_t total, const regions::RegionMap& map);
@@ -148,7 +160,7 @@ class NodePool {
   std::vector<std::unique_ptr<PoolNode>> nodes_;  ///< by slot; null: the slot is free
   NodeNumber next_id_ = 0;
   std::vector<std::unique_ptr<Worker>> prepared_;  ///< threads of nodes that join later
-  std::map<Ends, PoolChannel> channels_;           ///< between nodes
+  std::map<Ends, PoolChannel> channels_;           ///< between nodes that share no memory
   std::vector<std::unique_ptr<PoolNode>> retired_;
   std::vector<PoolChannel> retired_channels_;  ///< between retired nodes and other nodes
 };

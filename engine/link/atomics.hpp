@@ -14,7 +14,7 @@ namespace ringfence::link {
 /// lines in pairs, so it is two lines.
 inline constexpr std::size_t cache_line_pair_bytes = 128;
 
-/// Defects that tests/link inserts into ring, doorbell and channel, one at a time, to check that its model checker
+/// Defects that tests/link inserts into the primitives, one at a time, to check that its model checker
 /// detects them.
 ///
 /// Each enumerator breaks one property that the proof of correctness needs. Production code is instantiated with
@@ -54,6 +54,10 @@ enum class Defect : std::uint8_t {
   deadline_not_checked,       ///< a wait with a deadline does not check the clock
   timeout_reported_as_ready,  ///< a wait that timed out returns true
   ring_cleared_by_store,      ///< the owner acknowledges a ring by a plain store, which loses a concurrent ring
+  wave_unordered,             ///< the store of a wave number is not a release
+  wave_peek_unordered,        ///< the load of a wave number is not an acquire
+  wave_stored_late,           ///< the waker rings the first members before it stores the wave number
+  arrival_unordered,          ///< an arrival does not acquire what earlier ones released
 };
 
 /// How a waiting thread polls its condition before it announces that it sleeps, polls once more, and sleeps.

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <utility>
 
 #include "link/atomics.hpp"
 #include "link/doorbell.hpp"
@@ -31,6 +32,12 @@ class alignas(cache_line_pair_bytes) BasicSender {
 
   /// From now on another thread receives, and this is its doorbell. The bell is not rung for earlier messages.
   void set_bell(Bell* bell) noexcept { bell_ = bell; }
+
+  /// While quiet, publish() rings no doorbell: the caller wakes the receiver by other means, also if a claim finds no
+  /// room.
+  void set_quiet(bool quiet) noexcept { quiet_ = quiet; }
+  /// Whether anything was published while quiet since the last call.
+  bool take_unrung() noexcept { return std::exchange(unrung_, false); }
 
   /// Returns room for a message of up to `bytes` bytes (1 to largest_message()): uninitialised, aligned to 8 bytes,
   /// often to a cache line. Empty if there is no room now, or if the receiver has closed (see closed()). Valid until
@@ -73,11 +80,17 @@ class alignas(cache_line_pair_bytes) BasicSender {
   [[gnu::noinline]] std::span<std::byte> claim_when_full(std::size_t bytes) noexcept;
 
   void ring_receiver() noexcept {
-    if (bell_) bell_->ring();
+    if (quiet_) {
+      unrung_ = true;
+    } else if (bell_) {
+      bell_->ring();
+    }
   }
 
   RingWriter<Policy> writer_;
   Bell* bell_;
+  bool quiet_ = false;
+  bool unrung_ = false;  ///< something was published while quiet
 };
 
 /// The receiving end of a one-way channel. Used by one thread at a time.

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "link/channel.hpp"
 #include "messages/header.hpp"
@@ -36,6 +37,9 @@ struct Connection {
   /// The same: publication of the CD node's hosted objects. Null for all nodes if users read no states.
   NodePublication* publication = nullptr;
 };
+
+/// What the CD nodes of a process share, by slot. One list for all of them.
+using SharedNodes = std::vector<NodeContacts*>;
 
 /// Reads all messages from `in`, calls receive(message) for each valid one and refuse() for each other one, and
 /// releases the ring space. Returns whether there was any message.

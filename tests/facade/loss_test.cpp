@@ -168,6 +168,22 @@ TEST_CASE("a node that stops inside a model, a kernel, a hand-over or a publicat
   }
 }
 
+TEST_CASE("of many nodes, one that has to wake others and stops changes no contact") {
+  for (const Placement placement : {Placement::server, Placement::region}) {
+    for (const NodeStage stage : {NodeStage::moving, NodeStage::ending, NodeStage::model, NodeStage::gate}) {
+      CAPTURE(name_of(placement));
+      CAPTURE(name_of(stage));
+      WorldConfig config;
+      config.placement = placement;
+      config.nodes = 40;  // the first eight wake the others
+      config.deadlines.node_ms = 4 * deadline_ms;
+      const LossRun ran = run(config, {{4, {NodeId(0), 0, stage, 0}}, {9, {NodeId(3), 0, stage, 0}}}, {{14, 20}});
+      CHECK(ran.digest == expected());
+      CHECK(ran.nodes == 20);
+    }
+  }
+}
+
 TEST_CASE("a node that stops inside a kernel changes no contact in any deployment") {
   for (const Deployment deployment : {Deployment::user, Deployment::user_server}) {
     WorldConfig config;

@@ -1,6 +1,7 @@
 #include "facade/cd_nodes/cd_nodes.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <memory>
 #include <utility>
 
@@ -10,16 +11,15 @@ namespace ringfence::facade {
 
 namespace {
 
-/// Default size of a ring between the server and a CD node of this process, bytes.
-constexpr std::size_t server_node_ring = std::size_t{1} << 20;
+/// Default size of a ring between the server and one of `nodes` CD nodes of this process, bytes: its share of 16 MiB.
+std::size_t server_node_ring(std::size_t nodes) noexcept {
+  constexpr std::size_t largest = std::size_t{1} << 20, smallest = std::size_t{1} << 16;
+  return std::clamp(std::bit_floor(16 * largest / std::max<std::size_t>(nodes, 1)), smallest, largest);
+}
+
 /// Size of a ring between the server, or a CD node of this process, and a remote node, bytes. It is smaller, so that
 /// the network carries the first messages while the server writes the next.
 constexpr std::size_t remote_node_ring = std::size_t{1} << 16;
-
-// With many nodes there are many rings between them, and hand-overs are small.
-std::size_t node_node_ring(std::size_t nodes) noexcept {
-  return std::size_t{1} << (nodes <= 16 ? 18 : nodes <= 64 ? 14 : 12);
-}
 
 PoolChannel pool_channel(const std::shared_ptr<DuplexChannel>& channel) {
   return {channel->first(), channel->second(), channel};
@@ -33,11 +33,12 @@ link::Doorbell* bell_of(WorldState& state, const PoolNode& node) noexcept {
 PoolChannel connect_to_server(WorldState& state, const PoolNode& node, std::size_t count) {
   const WorldConfig& config = state.config;
   const bool here = node.member == RemoteNodes::local_member;
-  auto channel = std::make_shared<DuplexChannel>(here ? state.ring_bytes(server_node_ring) : remote_node_ring,
+  auto channel = std::make_shared<DuplexChannel>(here ? state.ring_bytes(server_node_ring(count)) : remote_node_ring,
                                                  state.server_bell(), bell_of(state, node));
   const bool shares = state.exchange_kind() == nodes::ExchangeKind::shared;
   if (shares) {
     channel->node_contacts = std::make_unique<nodes::NodeContacts>();
+    channel->node_contacts->bell = bell_of(state, node);
   }
   if (shares && config.deployment == Deployment::user_collision && config.interest > 0) {
     channel->publication = std::make_unique<nodes::NodePublication>(
@@ -46,10 +47,8 @@ PoolChannel connect_to_server(WorldState& state, const PoolNode& node, std::size
   return pool_channel(channel);
 }
 
-PoolChannel connect_nodes(WorldState& state, const PoolNode& first, const PoolNode& second, std::size_t count) {
-  return pool_channel(std::make_shared<DuplexChannel>(
-      state.config.remote_nodes != nullptr ? remote_node_ring : state.ring_bytes(node_node_ring(count)),
-      bell_of(state, first), bell_of(state, second)));
+PoolChannel connect_nodes(WorldState& state, const PoolNode& first, const PoolNode& second) {
+  return pool_channel(std::make_shared<DuplexChannel>(remote_node_ring, bell_of(state, first), bell_of(state, second)));
 }
 
 NodePoolSetup pool_setup(WorldState& state) {
@@ -74,8 +73,8 @@ NodePoolSetup pool_setup(WorldState& state) {
   setup.connect_to_server = [&state](const PoolNode& node, std::size_t count) {
     return connect_to_server(state, node, count);
   };
-  setup.connect = [&state](const PoolNode& first, const PoolNode& second, std::size_t count) {
-    return connect_nodes(state, first, second, count);
+  setup.connect = [&state](const PoolNode& first, const PoolNode& second, std::size_t) {
+    return connect_nodes(state, first, second);
   };
   setup.start_worker = [&state](Worker& worker) { return state.starter.start(worker); };
   return setup;
@@ -110,7 +109,12 @@ std::vector<nodes::Connection> CdNodes::make_first(const regions::RegionMap& map
 
 void CdNodes::connect(nodes::ServerRole& server) {
   state_.assign_server_thread({});
-  pool_.connect();
+  if (arrivals_ == nullptr && state_.server_bell() != nullptr) {
+    arrivals_ = std::make_unique<nodes::Arrivals>(*state_.server_bell());
+  }
+  auto tree = pool_.connect(arrivals_.get());
+  nodes::Arrivals* const arrivals = tree != nullptr ? arrivals_.get() : nullptr;
+  server.set_wake_ups(std::move(tree), arrivals);
   assign_remote_nodes(server);
   state_.assign_server_thread(server_thread_roles(server));
 }

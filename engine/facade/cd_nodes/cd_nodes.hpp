@@ -1,11 +1,13 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <vector>
 
 #include "base/numbers.hpp"
 #include "facade/node_pool.hpp"
 #include "facade/world_state.hpp"
+#include "nodes/exchange/arrivals.hpp"
 #include "nodes/role.hpp"
 #include "nodes/server/server_role.hpp"
 #include "regions/region_map.hpp"
@@ -49,6 +51,7 @@ class CdNodes {
   void assign_remote_nodes(nodes::ServerRole& server);
 
   WorldState& state_;
+  std::unique_ptr<nodes::Arrivals> arrivals_;  ///< null before connect(), and without threads
   NodePool pool_;
 };
 

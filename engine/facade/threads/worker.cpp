@@ -47,12 +47,24 @@ bool Worker::start(Halt& halt, const link::Cores* cores, std::size_t pin_to, std
 }
 
 void Worker::assign(std::vector<Steppable> roles) {
-  auto assignment = std::make_unique<Assignment>();
-  assignment->roles = std::move(roles);
+  hand(std::unique_ptr<Assignment>(new Assignment{std::move(roles), std::nullopt}));
+}
+
+void Worker::assign(std::vector<Steppable> roles, TreeMember member) {
+  hand(std::unique_ptr<Assignment>(new Assignment{std::move(roles), std::move(member)}));
+}
+
+// A thread without roles is not waited for. So many threads can take their first roles at the same time.
+void Worker::hand(std::unique_ptr<Assignment> assignment) {
+  const auto is_taken = [this] { return next_.load(std::memory_order_acquire) == nullptr; };
+  taken_bell_.wait(is_taken);
+  const bool waits = std::exchange(steps_roles_, !assignment->roles.empty());
   // Pairs with the acquire load in take_assignment: the list of roles is complete.
   next_.store(assignment.release(), std::memory_order_release);
   bell_.ring();
-  taken_bell_.wait([this] { return next_.load(std::memory_order_acquire) == nullptr; });
+  if (waits) {
+    taken_bell_.wait(is_taken);
+  }
 }
 
 // Clears the pointer only after it has replaced the old roles: the facade may destroy them as soon as it reads null.
@@ -62,6 +74,10 @@ bool Worker::take_assignment() {
     return false;
   }
   roles_ = std::move(assignment->roles);
+  if (assignment->member) {
+    member_ = std::move(*assignment->member);
+    passed_wave_ = 0;
+  }
   delete assignment;
   // Pairs with the acquire load in assign: the effects of the old roles are visible.
   next_.store(nullptr, std::memory_order_release);
@@ -71,6 +87,9 @@ bool Worker::take_assignment() {
 
 bool Worker::step_all() {
   bool progressed = take_assignment();
+  if (member_.tree != nullptr) {
+    member_.tree->pass_on(member_.index, passed_wave_);
+  }
   for (const Steppable& role : roles_) {
     if (halt_->is_set()) {
       break;

@@ -5,12 +5,14 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <thread>
 #include <vector>
 
 #include "facade/threads/steppable.hpp"
 #include "link/cores.hpp"
 #include "link/doorbell.hpp"
+#include "link/wake_tree.hpp"
 
 namespace ringfence::facade {
 
@@ -60,9 +62,17 @@ class Worker {
   /// outlive the thread.
   [[nodiscard]] bool start(Halt& halt, const link::Cores* cores, std::size_t pin_to,
                            std::chrono::nanoseconds tick = {});
-  /// Replaces the roles of the thread between two steps. Blocks until the thread no longer accesses the old roles.
-  /// Precondition: the thread was started, is not dismissed, and does not stop inside a step.
+  /// A member of a wake tree: the thread passes waves on before it steps its roles.
+  struct TreeMember {
+    std::shared_ptr<link::WakeTree> tree;
+    std::size_t index = 0;
+  };
+
+  /// Replaces the roles of the thread between two steps. Blocks until the thread no longer accesses the old roles, if
+  /// there were any. Precondition: the thread was started, is not dismissed, and does not stop inside a step.
   void assign(std::vector<Steppable> roles);
+  /// Also replaces its place in a wake tree; no tree: it has none.
+  void assign(std::vector<Steppable> roles, TreeMember member);
   /// Requests that the thread ends, and does not wait for it: the thread may have stopped inside a step. It steps no
   /// role any more when has_ended() returns true.
   void dismiss() noexcept;
@@ -76,8 +86,10 @@ class Worker {
  private:
   struct Assignment {
     std::vector<Steppable> roles;
+    std::optional<TreeMember> member;
   };
 
+  void hand(std::unique_ptr<Assignment> assignment);
   void run(std::chrono::nanoseconds tick);
   bool take_assignment();
   bool step_all();
@@ -88,7 +100,11 @@ class Worker {
   std::atomic<bool> stop_{false};
   std::atomic<bool> ended_{false};
   Halt* halt_ = nullptr;
-  std::vector<Steppable> roles_;  ///< accessed by the thread only
+  bool steps_roles_ = false;  ///< as last assigned
+  // Accessed by the thread only.
+  std::vector<Steppable> roles_;
+  TreeMember member_;
+  std::uint32_t passed_wave_ = 0;  ///< the last one that the thread has passed on
   std::thread thread_;
 };
 

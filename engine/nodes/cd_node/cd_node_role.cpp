@@ -1,5 +1,7 @@
 #include "nodes/cd_node/cd_node_role.hpp"
 
+#include <utility>
+
 #include "telemetry/clock.hpp"
 #include "telemetry/track.hpp"
 
@@ -12,7 +14,7 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
     : state_(setup, map),
       exchange_(NodeExchange::make(state_)),
       halo_(state_),
-      migration_(state_),
+      migration_(state_, *exchange_),
       mover_(state_, *exchange_, halo_, migration_),
       detector_(state_),
       publisher_(state_, detector_, *exchange_),
@@ -21,13 +23,53 @@ CdNodeRole::CdNodeRole(const CdNodeSetup& setup, const regions::RegionMap& map)
 
 void CdNodeRole::assign(NodeNumber node, const std::vector<Connection>& peers) {
   state_.assign(node, peers);
+  inbox_.assign(peers);
+  settle();
+}
+
+void CdNodeRole::assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes, Arrivals* arrivals) {
+  state_.assign(node, std::move(nodes));
+  arrivals_ = arrivals;
+  state_.setup.server.out->set_quiet(arrivals != nullptr);
+  settle();
+}
+
+void CdNodeRole::settle() {
   exchange_->assign();
   halo_.assign();
   migration_.assign();
-  inbox_.assign(peers);
 }
 
 Step CdNodeRole::step() {
+  const CdNodeStage before = state_.stage;
+  const Step made = step_once();
+  if (arrivals_ != nullptr && state_.setup.server.out->take_unrung()) {
+    wake_server(before);
+  }
+  return made;
+}
+
+// Messages have been sent in this step. If they end a stage of the frame, the server waits for the other nodes too.
+void CdNodeRole::wake_server(CdNodeStage before) noexcept {
+  arrivals_->note(state_.setup.node);
+  const CdNodeStage now = state_.stage;
+  const bool moved = before <= CdNodeStage::moving && now >= CdNodeStage::gathering;
+  const bool tested = before <= CdNodeStage::colliding && now >= CdNodeStage::ending;
+  const bool done = before != CdNodeStage::waiting && now == CdNodeStage::waiting;
+  const bool waits_for_room = now == CdNodeStage::moving || now == CdNodeStage::colliding ||
+                              now == CdNodeStage::handing_over || now == CdNodeStage::reporting;
+  if (waits_for_room || !(moved || tested || done)) {
+    arrivals_->wake();
+  }
+  for (const auto& [ended, stage] :
+       {std::pair{moved, Arrivals::Stage::moved}, {tested, Arrivals::Stage::tested}, {done, Arrivals::Stage::done}}) {
+    if (ended) {
+      arrivals_->arrive(state_.setup.node, stage);
+    }
+  }
+}
+
+Step CdNodeRole::step_once() {
   step_start_ = telemetry::now_ns();
   if (state_.fault.is_stopped(step_start_)) [[unlikely]] {
     return Step::idle;
@@ -100,7 +142,7 @@ bool CdNodeRole::advance() {
         return false;
       }
       publisher_.finish();
-      migration_.list();
+      migration_.start();
       state_.stage = CdNodeStage::handing_over;
       return true;
     case CdNodeStage::handing_over:
@@ -110,6 +152,7 @@ bool CdNodeRole::advance() {
       state_.stage = CdNodeStage::settling;
       return true;
     case CdNodeStage::settling:
+      migration_.receive_listed();
       if (!migration_.is_complete() || !exchange_->complete_contacts()) {
         return false;
       }
@@ -142,6 +185,7 @@ void CdNodeRole::detect() {
   telemetry::SpanTimer time(state_.setup.track, "narrow phase", state_.stats.narrow_phase_ns);
   detector_.finish();
   publisher_.list();
+  migration_.list();
 }
 
 // Whether the injected fault is due: then the role stops, or stalls for a while.

@@ -17,6 +17,7 @@
 #include "nodes/cd_node/node_state.hpp"
 #include "nodes/cd_node/peer_inbox.hpp"
 #include "nodes/cd_node/queries/query_answerer.hpp"
+#include "nodes/exchange/arrivals.hpp"
 #include "nodes/exchange/node/node_exchange.hpp"
 #include "nodes/role.hpp"
 #include "ringfence/fault.hpp"
@@ -40,9 +41,11 @@ class CdNodeRole {
 
   Step step();
 
-  /// Sets the node's slot and its connections to the other nodes, by slot. Between frames, while no thread steps the
-  /// role.
+  /// Both set the node's slot and the other nodes, by slot: the connections to them with ExchangeKind::messages, what
+  /// they share with ExchangeKind::shared. Between frames, while no thread steps the role.
   void assign(NodeNumber node, const std::vector<Connection>& peers);
+  /// `arrivals`: by which the node wakes the server; null: each message wakes it.
+  void assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes, Arrivals* arrivals = nullptr);
 
   CdNodeRole(const CdNodeRole&) = delete;
   CdNodeRole& operator=(const CdNodeRole&) = delete;
@@ -64,12 +67,15 @@ class CdNodeRole {
   std::uint64_t invalid_messages() const noexcept { return invalid_messages_; }
 
  private:
+  Step step_once();
+  void wake_server(CdNodeStage before) noexcept;
   bool receive_from_server();
   bool receive_from_peers();
   PeerInbox::Verdict judge(const messages::MessageView& message) noexcept;
   void receive_from_peer(const messages::MessageView& message);
   void receive(const messages::MessageView& message);
   void receive_end(const messages::FrameEndRecord& record);
+  void settle();
   void begin(std::uint64_t frame);
   void lose(const messages::LostRecord& record);
   void detect_again();
@@ -91,6 +97,7 @@ class CdNodeRole {
   PeerInbox inbox_;
   ExpectedMessages expected_;
   messages::RunSender probe_reply_run_, frame_done_run_;
+  Arrivals* arrivals_ = nullptr;  ///< see assign()
   std::uint64_t invalid_messages_ = 0;
   std::uint64_t frames_ = 0;
   std::uint64_t cpu_start_ = 0;   ///< CPU time of the thread at the start of the frame, ns

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "base/numbers.hpp"
@@ -42,7 +43,15 @@ struct CdNodeSetup {
   /// Object slots are below this number. Checked if the server is in another process.
   std::uint32_t max_slots = std::numeric_limits<std::uint32_t>::max();
   Connection server;
-  std::vector<Connection> peers;  ///< by slot; the node's own entry and those of free slots are empty
+  /// With ExchangeKind::messages, by slot; the node's own entry and those of free slots are empty.
+  std::vector<Connection> peers;
+  /// With ExchangeKind::shared, by slot; null for free slots, and for all if the node is connected with none.
+  std::shared_ptr<const SharedNodes> shared_nodes;
+
+  /// Number of slots.
+  std::uint32_t slots() const noexcept {
+    return static_cast<std::uint32_t>(shared_nodes != nullptr ? shared_nodes->size() : peers.size());
+  }
 };
 
 }  // namespace ringfence::nodes

@@ -43,7 +43,7 @@ void ContactPublisher::list() {
     }
   }
   compare();
-  contacts.for_peers.finish(static_cast<NodeNumber>(state_.setup.peers.size()));
+  contacts.for_peers.finish(state_.setup.slots());
   exchange_.begin_contacts();
   done_run_.start(1);
 }

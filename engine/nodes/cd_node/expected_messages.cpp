@@ -24,13 +24,12 @@ PeerInbox::Verdict ExpectedMessages::judge(const MessageView& message) const noe
 }
 
 MessageLimits ExpectedMessages::limits() const noexcept {
-  return {static_cast<std::uint32_t>(state_.setup.peers.size()),
-          static_cast<std::uint32_t>(state_.setup.shapes->size()), state_.setup.max_slots};
+  return {state_.setup.slots(), static_cast<std::uint32_t>(state_.setup.shapes->size()), state_.setup.max_slots};
 }
 
 bool ExpectedMessages::is_from_peer(const MessageView& message) const noexcept {
   const Endpoint source{message.header().source};
-  return source.is_node() && source.number() < state_.setup.peers.size() && source.number() != state_.setup.node &&
+  return source.is_node() && source.number() < state_.setup.slots() && source.number() != state_.setup.node &&
          is_between_nodes(message.type()) && is_valid(message, limits());
 }
 
@@ -120,7 +119,7 @@ bool ExpectedMessages::is_loss_expected(const MessageView& message) const noexce
     if (state_.stage == CdNodeStage::waiting && record.detect_again == 0) {
       continue;
     }
-    if (record.node >= state_.setup.peers.size() || record.node == state_.setup.node ||
+    if (record.node >= state_.setup.slots() || record.node == state_.setup.node ||
         (record.detect_again != 0 && state_.stage > CdNodeStage::ending)) {
       return false;
     }

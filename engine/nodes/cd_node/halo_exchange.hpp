@@ -26,8 +26,8 @@ class HaloExchange {
  public:
   explicit HaloExchange(NodeState& state);
 
-  /// After NodeState::setup has new peers.
-  void assign() { stamps_.assign(state_.setup.peers.size(), 0); }
+  /// After NodeState::assign().
+  void assign() { stamps_.assign(state_.setup.slots(), 0); }
   /// Starts the updates of a frame.
   void begin() { state_.contacts.ghost_updates.start(state_.frame); }
   /// Adds the updates about a hosted object with host-owned state, before its entry in RegionObjects is replaced.

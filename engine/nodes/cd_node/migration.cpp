@@ -2,44 +2,37 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cstring>
 #include <utility>
 
 namespace ringfence::nodes {
 
 using messages::Endpoint;
 
-Migration::Migration(NodeState& state) : state_(state), peers_(state.setup.peers.size()) {
-  leaving_.reserve(state.setup.objects);
-}
-
-void Migration::assign() {
-  peers_.resize(state_.setup.peers.size());
-  for (Peer& peer : peers_) {
-    peer.lost = false;
-    peer.leaving.reserve(state_.setup.objects / peers_.size() + 16);
-  }
+Migration::Migration(NodeState& state, NodeExchange& exchange) : state_(state), exchange_(exchange) {
+  assign();
+  leaving_.reserve(state.setup.objects / 8 + 64);  // few objects leave in a frame
+  by_host_.reserve(state.setup.objects / 8 + 64);
 }
 
 void Migration::begin() noexcept {
   leaving_.clear();
+  listed_ = false;
   received_ = 0;
-  for (Peer& peer : peers_) {
-    peer.lost = false;
-    peer.received = 0;
-  }
+  received_from_.clear();
+  std::fill(lost_.begin(), lost_.end(), std::uint8_t{0});
 }
 
-void Migration::list() {
-  const Host& host = state_.host;
-  for (Peer& peer : peers_) {
-    peer.leaving.clear();
-  }
-  if (state_.region.take_change()) {
+// Of objects whose next host is lost the server is the host.
+void Migration::list_by_host() {
+  Host& host = state_.host;
+  by_host_.clear();
+  const bool map_is_new = state_.region.take_change();
+  if (map_is_new) {
+    leaving_.clear();
     for (std::size_t i = 0; i < host.size(); ++i) {
       const NodeNumber next = state_.region.owner_at(host[i].pose.position);
       if (next != state_.setup.node) {
-        peers_[next].leaving.push_back(host[i].object.number);
+        leaving_.push_back({host[i].object.number, next});
       }
     }
   } else {
@@ -49,72 +42,71 @@ void Migration::list() {
     for (const Leaving& leaving : leaving_) {
       host.prefetch_leaver(leaving.number);
     }
-    for (const Leaving& leaving : leaving_) {
-      assert(host.find(leaving.number) != base::NumberIndex::none);  // neither dropped nor handed over since it moved
-      peers_[leaving.next].leaving.push_back(leaving.number);
+  }
+  for (const Leaving& leaving : leaving_) {
+    assert(host.find(leaving.number) != base::NumberIndex::none);  // neither dropped nor handed over since it moved
+    if (is_lost(leaving.next)) {
+      host.drop(leaving.number);
+    } else {
+      by_host_.add(leaving.next, leaving.number);
     }
   }
-  for (Peer& peer : peers_) {
-    if (peer.lost) {
-      drop(peer);
-    } else if (!peer.leaving.empty()) {
-      peer.run.start(peer.leaving.size());
-    }
+  by_host_.finish(state_.setup.slots());
+  listed_ = true;
+}
+
+void Migration::list() {
+  if (exchange_.lists_hand_overs()) {
+    list_by_host();
+    exchange_.list_hand_overs(by_host_);
   }
 }
 
-bool Migration::send() {
-  Host& host = state_.host;
-  bool all = true;
-  for (NodeNumber to = 0; to < peers_.size(); ++to) {
-    Peer& peer = peers_[to];
-    if (peer.run.done()) {
-      continue;
-    }
-    state_.fault.pass(NodeStage::hand_over, state_.frame);
-    all &= peer.run.pump(*state_.setup.peers[to].out, state_.head(messages::MessageType::hand_over, Endpoint::node(to)),
-                         sizeof(messages::HandOverRecord) + host.state_bytes(), state_.traffic,
-                         [&](std::size_t i, std::byte* where) {
-                           const std::uint32_t hosted = host.find(peer.leaving[i]);
-                           const messages::HandOverRecord record = host.hand_over(hosted);
-                           std::memcpy(where, &record, sizeof record);
-                           std::copy_n(host.state(hosted), host.state_bytes(), where + sizeof record);
-                           host.drop(peer.leaving[i]);
-                           ++state_.stats.handed_over;
-                         });
+void Migration::start() {
+  if (!listed_ || state_.region.is_changed()) {
+    list_by_host();
+    exchange_.list_hand_overs(by_host_);
   }
-  return all;
+  exchange_.start_hand_overs(by_host_);
+}
+
+void Migration::count(NodeNumber sender, std::size_t objects) {
+  received_ += objects;
+  received_from_.push_back({sender, static_cast<std::uint32_t>(objects)});
 }
 
 void Migration::receive(const messages::MessageView& message) {
-  Peer& peer = peers_[Endpoint{message.header().source}.number()];
-  if (peer.lost) {
+  const NodeNumber sender = Endpoint{message.header().source}.number();
+  if (is_lost(sender)) {
     return;  // the server has reclaimed its objects
   }
-  peer.received += message.count();
-  received_ += message.count();
+  count(sender, message.count());
   state_.host.adopt(message);
 }
 
+void Migration::receive(NodeNumber sender, const HandOverList& list) {
+  const auto is_sender = [sender](const messages::CountRecord& from) { return from.node == sender; };
+  if (std::any_of(received_from_.begin(), received_from_.end(), is_sender)) {
+    return;
+  }
+  const auto places = list.of(state_.setup.node);
+  count(sender, places.size());
+  for (const std::uint32_t place : places) {
+    state_.host.adopt(list.record(place), list.state(place));
+  }
+}
+
 void Migration::lose(const messages::LostRecord& record) {
-  Peer& peer = peers_[record.node];
-  peer.lost = true;
+  lost_[record.node] = 1;
   if (record.detect_again != 0) {
     return;
   }
   expected_ -= record.hand_overs;
-  received_ -= std::exchange(peer.received, 0);
-  if (state_.stage == CdNodeStage::handing_over) {
-    drop(peer);
+  for (messages::CountRecord& from : received_from_) {
+    if (from.node == record.node) {
+      received_ -= std::exchange(from.count, 0u);
+    }
   }
-}
-
-void Migration::drop(Peer& peer) {
-  for (const ObjectNumber number : peer.leaving) {
-    state_.host.drop(number);
-  }
-  peer.leaving.clear();
-  peer.run.stop();
 }
 
 }  // namespace ringfence::nodes

@@ -45,6 +45,7 @@ class NodeRegion {
   bool receive(const messages::MessageView& message);
   /// Discards what has arrived of an incomplete map.
   void discard_entries() noexcept { entries_.clear(); }
+  bool is_changed() const noexcept { return changed_; }
   /// Whether the map has changed since the last call.
   bool take_change() noexcept { return std::exchange(changed_, false); }
 

@@ -1,11 +1,13 @@
 #include "nodes/cd_node/node_state.hpp"
 
+#include <utility>
+
 namespace ringfence::nodes {
 
 NodeState::NodeState(const CdNodeSetup& initial, const regions::RegionMap& map)
     : setup(initial),
       self(messages::Endpoint::node(initial.node)),
-      region(map, *initial.space, initial.node, static_cast<std::uint32_t>(initial.peers.size())),
+      region(map, *initial.space, initial.node, initial.slots()),
       fault(initial.faults),
       host(initial.model, initial.objects, &fault),
       objects(initial.objects, initial.placement == Placement::region),
@@ -17,10 +19,19 @@ NodeState::NodeState(const CdNodeSetup& initial, const regions::RegionMap& map)
 }
 
 void NodeState::assign(NodeNumber node, const std::vector<Connection>& peers) {
-  setup.node = node;
   setup.peers = peers;
+  settle(node);
+}
+
+void NodeState::assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes) {
+  setup.shared_nodes = std::move(nodes);
+  settle(node);
+}
+
+void NodeState::settle(NodeNumber node) {
+  setup.node = node;
   self = messages::Endpoint::node(node);
-  region.assign(node, static_cast<std::uint32_t>(peers.size()));
+  region.assign(node, setup.slots());
 }
 
 void NodeState::begin(std::uint64_t new_frame) noexcept {

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "messages/header.hpp"
@@ -58,8 +59,10 @@ struct NodeState {
   messages::TrafficCounts traffic{};
   messages::NodeFrameStats stats;
 
-  /// Sets the node's slot and its connections to the other nodes, by slot. Between frames.
+  /// Both set the node's slot and the other nodes, by slot: the connections to them, or what they share. Between
+  /// frames.
   void assign(NodeNumber node, const std::vector<Connection>& peers);
+  void assign(NodeNumber node, std::shared_ptr<const SharedNodes> nodes);
   /// Starts a frame: nothing has been received or found yet.
   void begin(std::uint64_t new_frame) noexcept;
   /// All that the detection reads arrives again: positions, and pairs if the server sends them.
@@ -87,6 +90,9 @@ struct NodeState {
     return run.pump(*setup.server.out, head(type, messages::Endpoint::server()), 0, traffic,
                     [](std::size_t, std::byte*) {});
   }
+
+ private:
+  void settle(NodeNumber node);
 };
 
 }  // namespace ringfence::nodes

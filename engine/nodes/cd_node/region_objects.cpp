@@ -5,7 +5,6 @@
 namespace ringfence::nodes {
 
 RegionObjects::RegionObjects(std::size_t objects, bool sweeps) : sweeps_(sweeps) {
-  index_.reserve(objects);
   each_list([&](auto& list) { list.reserve(objects); });
   groups_.reserve(objects);
   crowds_.reserve(objects);
@@ -28,10 +27,8 @@ void RegionObjects::each_list(Visit visit) {
 
 // Adds an entry. The caller sets its values.
 std::uint32_t RegionObjects::add(std::uint32_t slot) {
-  if (slot >= index_.size()) {
-    index_.resize(std::max<std::size_t>(slot + 1, index_.capacity()), none);
-  }
-  const std::uint32_t i = index_[slot] = static_cast<std::uint32_t>(slots_.size());
+  const auto i = static_cast<std::uint32_t>(slots_.size());
+  index_.set(slot + 1, i);
   slots_.push_back(slot);
   bodies_.add().number = 0;  // not the number of any object, so set() writes the constant fields
   numbers_.add();
@@ -70,7 +67,7 @@ void RegionObjects::remove(std::uint32_t slot) {
     return;
   }
   const std::size_t last = slots_.size() - 1;
-  index_[slots_[last]] = i;
+  index_.set(slots_[last] + 1, i);
   each_list([&](auto& list) {
     list[i] = list[last];
     list.pop_back();
@@ -78,12 +75,12 @@ void RegionObjects::remove(std::uint32_t slot) {
   if (sweeps_ && i != last) {
     resting_[i] = 0;
   }
-  index_[slot] = none;
+  index_.erase(slot + 1);
 }
 
 void RegionObjects::clear() noexcept {
   for (const std::uint32_t slot : slots_) {
-    index_[slot] = none;
+    index_.erase(slot + 1);
   }
   each_list([](auto& list) { list.clear(); });
 }

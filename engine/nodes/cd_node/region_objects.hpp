@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/flat_list.hpp"
+#include "base/number_index.hpp"
 #include "base/numbers.hpp"
 #include "base/prefetch.hpp"
 #include "broad_phase/layers.hpp"
@@ -38,17 +39,17 @@ struct PairFilter {
 
 /// The objects that overlap a CD node's region, as last received, packed for its sweep and narrow phase.
 ///
-/// Threads: belongs to its CD node. Memory: grows with the number of objects; four bytes per slot of the world.
+/// Threads: belongs to its CD node. Memory: grows with the number of objects.
 class RegionObjects {
  public:
-  static constexpr std::uint32_t none = 0xffffffffu;
+  static constexpr std::uint32_t none = base::NumberIndex::none;
 
   /// `sweeps`: store bounds, layers and resting flags for a sweep.
   RegionObjects(std::size_t objects, bool sweeps);
 
   std::size_t size() const noexcept { return slots_.size(); }
   /// Index of the object in a slot, or none.
-  std::uint32_t find(std::uint32_t slot) const noexcept { return slot < index_.size() ? index_[slot] : none; }
+  std::uint32_t find(std::uint32_t slot) const noexcept { return index_.find(slot + 1); }
 
   /// The same, but tries the index `was` first: the list of slots fits 16 objects in a cache line, the table by slot
   /// one.
@@ -85,11 +86,7 @@ class RegionObjects {
   /// Replaces the PairFilter of the object with that index.
   void set_filter(std::uint32_t i, PairFilter filter);
   /// Prefetches what find() reads for that slot.
-  void prefetch_index(std::uint32_t slot) const noexcept {
-    if (slot < index_.size()) {
-      base::prefetch_for_read(&index_[slot]);
-    }
-  }
+  void prefetch_index(std::uint32_t slot) const noexcept { index_.prefetch(slot + 1); }
   /// Prefetches what find() with that index reads, the inner flag, and most of what set() writes; nothing for none.
   void prefetch(std::uint32_t i) const noexcept {
     if (i < slots_.size()) {
@@ -148,7 +145,7 @@ class RegionObjects {
   void each_list(Visit visit);
 
   bool sweeps_;
-  std::vector<std::uint32_t> index_;  ///< by slot
+  base::NumberIndex index_;  ///< by slot + 1, because 0 is not a number: few of a thousand nodes know an object
   base::FlatList<std::uint32_t> slots_;
   base::FlatList<narrow_phase::Body> bodies_;
   base::FlatList<geometry::Bounds> bounds_;

@@ -67,6 +67,11 @@ class GhostUpdates {
     base::prefetch_for_read(&record);
     base::prefetch_for_read(reinterpret_cast<const std::byte*>(&record + 1) - 1);
   }
+  /// Calls visit(peer) for each node that has an update. Only after finish().
+  template <class Visit>
+  void each_receiver(Visit visit) const {
+    entries_.each_peer(visit);
+  }
   /// Number of updates for all receivers together. Only after finish().
   std::size_t size() const noexcept { return entries_.size(); }
 

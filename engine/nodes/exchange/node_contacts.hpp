@@ -9,13 +9,16 @@
 #include "base/numbers.hpp"
 #include "base/prefetch.hpp"
 #include "geometry/vector.hpp"
+#include "link/doorbell.hpp"
 #include "narrow_phase/narrow_phase.hpp"
 #include "nodes/exchange/ghost_updates.hpp"
+#include "nodes/exchange/hand_over_list.hpp"
 #include "nodes/exchange/host_owned_states.hpp"
 #include "nodes/exchange/node_queries.hpp"
 #include "nodes/exchange/object_row.hpp"
 #include "nodes/exchange/peer_lists.hpp"
 #include "nodes/exchange/read_gate.hpp"
+#include "nodes/exchange/sender_set.hpp"
 #include "queries/recorded_frame.hpp"
 #include "ringfence/contact.hpp"
 
@@ -77,6 +80,7 @@ struct NodeContacts {
   const Host* host = nullptr;   ///< set once; read between frames, and by the server while the node waits
   HostOwnedStates host_states;  ///< see HostOwnedStates for its rules
   GhostUpdates ghost_updates;   ///< see GhostUpdates for its rules
+  HandOverList hand_overs;      ///< see HandOverList for its rules
   /// Read by all nodes.
   alignas(64) std::uint64_t frame = no_frame;          ///< the frame of the lists
   const narrow_phase::PairContact* touches = nullptr;  ///< in the order of detection
@@ -106,7 +110,8 @@ struct NodeContacts {
   // Written by the server. On its own cache lines: other nodes read the fields above while this node writes here.
   alignas(64) const OutputMerge* output_merge = nullptr;  ///< the output lists of which the node writes a slice
   std::uint32_t share = 0;                                ///< number of the slice
-  ReadGate gate;  ///< for the contacts of other nodes; opened before `frame_end`
+  ReadGate gate;            ///< for the contacts of other nodes; opened before `frame_end`
+  ReadGate hand_over_gate;  ///< for the hand-overs of other nodes; opened before `frame_end`
 
   NodeQueries queries;  ///< see NodeQueries for its rules
   /// The frame before, for the models of this node; null: there is none, or the node hosts nothing. Within a process
@@ -114,9 +119,15 @@ struct NodeContacts {
   /// Otherwise the node has made it of what it received.
   const queries::RecordedFrame* sensed = nullptr;
 
+  // Written by the other nodes: which of them have listed something for this one.
+  alignas(64) SenderSet ghost_senders;
+  SenderSet contact_senders, hand_over_senders;
+  /// Of the node's thread, which other nodes ring after hand-overs that it waits for; null: no thread sleeps. Set once.
+  link::Doorbell* bell = nullptr;
+
   // Written by the node before `frame_done`.
-  std::uint64_t duplicates = 0;  ///< contacts of the slice whose pair was already written
-  std::uint64_t taken = 0;       ///< contacts read from the other nodes
+  alignas(64) std::uint64_t duplicates = 0;  ///< contacts of the slice whose pair was already written
+  std::uint64_t taken = 0;                   ///< contacts read from the other nodes
 
   /// By the node: clears its part for the frame. The contacts of the frame before are kept, also if a frame is started
   /// twice.

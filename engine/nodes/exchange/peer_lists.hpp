@@ -16,14 +16,24 @@ namespace ringfence::nodes {
 class PeerLists {
  public:
   void reserve(std::size_t size) { entries_.reserve(size), values_.reserve(size); }
-  void clear() noexcept { entries_.clear(), values_.clear(); }
+  void clear() noexcept { entries_.clear(), values_.clear(), from_.clear(); }
   void add(NodeNumber peer, std::uint32_t value) { entries_.push_back({peer, value}); }
   /// Call it after the last add(). `nodes` is the number of nodes; all peers are below it.
   void finish(NodeNumber nodes);
 
-  /// The list of one peer. Only after finish().
+  /// The list of one peer; empty before finish(), and for a peer that is not below its `nodes`.
   std::span<const std::uint32_t> of(NodeNumber peer) const noexcept {
-    return values_.span().subspan(from_[peer], from_[peer + 1] - from_[peer]);
+    return peer + std::size_t{1} < from_.size() ? values_.span().subspan(from_[peer], from_[peer + 1] - from_[peer])
+                                                : std::span<const std::uint32_t>();
+  }
+  /// Calls visit(peer) for each peer whose list is not empty, ascending.
+  template <class Visit>
+  void each_peer(Visit visit) const {
+    for (std::size_t peer = 0; peer + 1 < from_.size(); ++peer) {
+      if (from_[peer] != from_[peer + 1]) {
+        visit(static_cast<NodeNumber>(peer));
+      }
+    }
   }
   /// All lists together.
   std::size_t size() const noexcept { return values_.size(); }

@@ -27,6 +27,8 @@ class ReadGate {
   }
   /// By the node, after enter() returned true. The release store pairs with the load in is_inside().
   void leave() noexcept { state_.store(left, std::memory_order_release); }
+  /// By the node, instead of leave(): it may enter again.
+  void pause() noexcept { state_.store(open, std::memory_order_release); }
   /// By the server: the node may no longer enter. Returns false if the node has already entered, or is barred already.
   bool bar() noexcept {
     std::uint32_t expected = open;
@@ -35,6 +37,13 @@ class ReadGate {
   /// By the server: whether the node is between enter() and leave(). If false, all that the node did before leave() is
   /// visible.
   bool is_inside() const noexcept { return state_.load(std::memory_order_acquire) == inside; }
+  /// By the server: bars a gate that the node may pause in. Returns false if the node is inside; then call it again. If
+  /// true, the node does not enter any more, and all that it did inside is visible.
+  bool close() noexcept {
+    std::uint32_t expected = open;
+    return state_.compare_exchange_strong(expected, barred, std::memory_order_acq_rel, std::memory_order_acquire) ||
+           expected != inside;
+  }
 
  private:
   enum State : std::uint32_t { barred, open, inside, left };

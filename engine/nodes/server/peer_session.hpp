@@ -85,6 +85,8 @@ struct PeerSession {
   Reached started;   ///< all messages that start its frame were sent
   Reached notified;  ///< its contacts were sent
 
+  double wake_ms = 0;  ///< CD nodes: CPU time of the rings between the end of a step of the server and this node
+
   std::size_t in_report = 0;  ///< CD nodes: position in FrameReport::nodes of this frame
   double cost_ms = no_cost;   ///< CD nodes: cost of the last complete frame, for balance
   static constexpr double no_cost = -1;

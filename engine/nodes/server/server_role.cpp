@@ -129,9 +129,9 @@ bool ServerRole::advance_stage() {
     case FrameStage::waiting:
       return false;
     case FrameStage::starting_nodes:
-      if (!state_.all_nodes([&](PeerSession& node) {
+      if (!state_.all_nodes_woken([&](PeerSession& node) {
             return exchange_->send_queries(node) && exchange_->send_sensed(node) && cut_.open(node) &&
-                   Statistics::note_reached(node.started);
+                   (state_.is_waking() || Statistics::note_reached(node.started));
           })) {
         return false;
       }
@@ -202,8 +202,9 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::notifying;
       return true;
     case FrameStage::notifying:
-      if (!state_.all_nodes(
-              [&](PeerSession& node) { return router_.notify(node) && Statistics::note_reached(node.notified); })) {
+      if (!state_.all_nodes_woken([&](PeerSession& node) {
+            return router_.notify(node) && (state_.is_waking() || Statistics::note_reached(node.notified));
+          })) {
         return false;
       }
       statistics_.charge_cpu(&PathReport::notify_ms);
@@ -223,7 +224,7 @@ bool ServerRole::advance_stage() {
       state_.stage = FrameStage::closing;
       return true;
     case FrameStage::closing:
-      if (!state_.all_nodes_done() || (exchange_->is_reading_ghosts() && !deadlines_.has_abandoned_nodes()) ||
+      if (!state_.all_nodes_done() || (exchange_->is_reading() && !deadlines_.has_abandoned_nodes()) ||
           !state_.ledger.complete()) {
         return false;
       }

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "nodes/exchange/server/server_exchange.hpp"
@@ -54,6 +55,12 @@ class ServerRole {
   void restore(std::span<const RestoredObject> objects, std::size_t state_bytes, std::span<Contact> contacts);
 
   // Between frames, for the facade.
+  /// Sets what wakes the threads of all CD nodes at once, and how they wake the server; null: each message wakes its
+  /// receiver. While no thread steps the role.
+  void set_wake_ups(std::shared_ptr<link::WakeTree> tree, Arrivals* arrivals) noexcept {
+    state_.wake_tree = std::move(tree);
+    state_.arrivals = arrivals;
+  }
   /// Whether the CD node in the slot has handed everything over, as Request::retire_node asked, so that the slot is
   /// free at the next cut. If a node is lost in the same frame, the request may have no effect.
   bool has_left(NodeNumber node) const noexcept { return node < state_.nodes.size() && state_.nodes[node].left; }

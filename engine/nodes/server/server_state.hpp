@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "base/numbers.hpp"
+#include "base/prefetch.hpp"
+#include "link/wake_tree.hpp"
 #include "messages/run.hpp"
+#include "nodes/exchange/arrivals.hpp"
 #include "nodes/host/host.hpp"
 #include "nodes/server/contacts/contact_ledger.hpp"
 #include "nodes/server/objects/object_table.hpp"
@@ -13,6 +17,7 @@
 #include "nodes/server/server_setup.hpp"
 #include "regions/region_map.hpp"
 #include "ringfence/frame_report.hpp"
+#include "telemetry/clock.hpp"
 
 namespace ringfence::nodes {
 
@@ -86,6 +91,11 @@ struct ServerState {
   std::uint64_t notify_ns = 0;   ///< start of the notification of hosts
   FrameReport reports[2];        ///< by parity of the frame
   ModelFailures model_failures;  ///< of the frame, for objects that were spawned or that the server moved
+  /// Wakes the threads of all CD nodes; null if there are few of them, or not each node has a thread.
+  std::shared_ptr<link::WakeTree> wake_tree;
+  Arrivals* arrivals = nullptr;  ///< which nodes have sent something; null: each message wakes the server
+  FrameStage woken_stage = FrameStage::waiting;  ///< the last one that has woken them
+  double rings_ms = 0;                           ///< CPU time of the server's rings in it
 
   // Both call `done` for every connected peer of a kind that is not lost, also after one has returned false. They
   // return whether all returned true.
@@ -112,6 +122,32 @@ struct ServerState {
     }
     return endpoint.is_user() && users[endpoint.number()].connected ? &users[endpoint.number()] : nullptr;
   }
+  /// all_nodes() for a step that sends each node the messages that it waits for. If there are many nodes, none is woken
+  /// by its own message: when all messages are written, the nodes wake each other (link::WakeTree).
+  template <class Done>
+  bool all_nodes_woken(Done done) {
+    // A lost node may not pass on. What remains to be sent wakes its receiver as usual.
+    if (wake_tree == nullptr || !reports[frame & 1].lost.empty() || woken_stage == stage) {
+      return all_nodes(done);
+    }
+    woken_stage = stage;
+    constexpr std::size_t ahead = 4;
+    const bool all = all_nodes([&](PeerSession& node) {
+      const auto left = static_cast<std::size_t>(nodes.data() + nodes.size() - &node);
+      base::prefetch_for_read(&(&node)[std::min(2 * ahead, left - 1)].connection);
+      base::prefetch_for_write((&node)[std::min(ahead, left - 1)].connection.out);
+      node.connection.out->set_quiet(true);
+      const bool node_done = done(node);
+      node.connection.out->set_quiet(false);
+      return node_done;
+    });
+    const std::uint64_t start_ns = telemetry::thread_cpu_ns();
+    wake_tree->wake();
+    rings_ms = telemetry::to_ms(telemetry::thread_cpu_ns() - start_ns);
+    return all;
+  }
+  /// Whether this stage has woken all nodes at once.
+  bool is_waking() const noexcept { return wake_tree != nullptr && woken_stage == stage; }
   bool any_active_node() const noexcept {
     return std::any_of(nodes.begin(), nodes.end(), [](const PeerSession& node) { return node.is_active(); });
   }

@@ -16,7 +16,7 @@ using Stage = CdNodeStage;
 
 TEST_CASE("each message of the server is accepted in its stages of the frame only") {
   NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
-  const Migration migration(fixture.state());
+  const Migration migration(fixture.state(), fixture.exchange());
   const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
   fixture.know(1, {10, 10, 10});
   fixture.know(2, {10.5, 10, 10});
@@ -56,7 +56,7 @@ TEST_CASE("each message of the server is accepted in its stages of the frame onl
 
 TEST_CASE("objects that models may sense are accepted before a frame, if they are valid, and none may be missing") {
   NodeFixture fixture({.shares_memory = false});
-  const Migration migration(fixture.state());
+  const Migration migration(fixture.state(), fixture.exchange());
   const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
   messages::SensedRecord valid;
   valid.number = 4;
@@ -89,7 +89,7 @@ TEST_CASE("objects that models may sense are accepted before a frame, if they ar
 
 TEST_CASE("pairs are accepted after the positions, of known objects, the lower number first") {
   NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
-  const Migration migration(fixture.state());
+  const Migration migration(fixture.state(), fixture.exchange());
   const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
   fixture.know(1, {10, 10, 10});
   fixture.know(2, {10.5, 10, 10});
@@ -106,7 +106,7 @@ TEST_CASE("pairs are accepted after the positions, of known objects, the lower n
 
 TEST_CASE("a correction names a contact that the node has sent") {
   NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
-  const Migration migration(fixture.state());
+  const Migration migration(fixture.state(), fixture.exchange());
   const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
   fixture.state().stage = Stage::ending;
   const auto correction = fixture.message(MessageType::correct, messages::CorrectRecord{0, 0});
@@ -117,7 +117,7 @@ TEST_CASE("a correction names a contact that the node has sent") {
 
 TEST_CASE("a loss is that of another node, and its frame can be detected again until its contacts are final") {
   NodeFixture fixture;
-  const Migration migration(fixture.state());
+  const Migration migration(fixture.state(), fixture.exchange());
   const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
   const auto lost = [&](std::uint32_t node, std::uint32_t again) {
     return fixture.message(MessageType::lost, messages::LostRecord{node, again, 0, 0});
@@ -137,7 +137,7 @@ TEST_CASE(
   using Verdict = PeerInbox::Verdict;
   NodeFixture fixture({.shares_memory = false});
   NodeState& state = fixture.state();
-  Migration migration(state);
+  Migration migration(state, fixture.exchange());
   const ExpectedMessages expected(state, fixture.exchange(), migration);
   messages::HandOverRecord record;
   record.object = {3, 1, 3, messages::flag_present};

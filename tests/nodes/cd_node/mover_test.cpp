@@ -12,7 +12,7 @@ namespace {
 /// A mover with the parts to which it passes what has moved.
 struct Moving {
   explicit Moving(NodeFixture& fixture)
-      : state(fixture.state()), exchange(fixture.exchange()), halo(state), migration(state) {
+      : state(fixture.state()), exchange(fixture.exchange()), halo(state), migration(state, exchange) {
     halo.assign();
     migration.assign();
   }
@@ -69,7 +69,7 @@ TEST_CASE("an object that crosses the border is handed over") {
   const std::uint32_t known = moving.state.objects.find(3);  // its bounds still touch the region
   REQUIRE(known != RegionObjects::none);
   CHECK(moving.state.objects.next_host(known) == NextHost::node);
-  moving.migration.list();
+  moving.migration.start();
   CHECK(moving.migration.send());
   CHECK(fixture.sent_to_peer().size() == 1);
   CHECK(moving.state.host.size() == 0);

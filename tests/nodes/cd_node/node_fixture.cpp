@@ -30,18 +30,23 @@ NodeFixture::NodeFixture(const NodeFixtureConfig& config)
   setup.interest_grid = grid_;
   setup.objects = setup.pairs = 16;
   setup.server.out = &to_server_.sender();
-  Connection peer;
-  peer.out = &to_peer_.sender();
   if (config.shares_memory) {
     setup.server.node_contacts = &contacts_;
     setup.server.publication = &publication_;
-    peer.node_contacts = &peer_contacts_;
+    auto nodes = std::make_shared<SharedNodes>(2, &contacts_);
+    (*nodes)[1 - config.node] = &peer_contacts_;
+    setup.shared_nodes = nodes;
+  } else {
+    setup.peers.resize(2);
+    setup.peers[1 - config.node].out = &to_peer_.sender();
   }
-  setup.peers.resize(2);
-  setup.peers[1 - config.node] = peer;
   state_ = std::make_unique<NodeState>(setup, regions::RegionMap(grid_, 2));
   exchange_ = NodeExchange::make(*state_);
-  state_->assign(config.node, setup.peers);
+  if (config.shares_memory) {
+    state_->assign(config.node, setup.shared_nodes);
+  } else {
+    state_->assign(config.node, setup.peers);
+  }
   exchange_->assign();
   state_->begin(1);
 }

@@ -1,6 +1,7 @@
 #include "nodes/exchange/node/message_exchange.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <new>
 #include <utility>
 
@@ -259,6 +260,35 @@ void MessageExchange::receive_contacts(const messages::MessageView& message) {
   }
 }
 
+void MessageExchange::start_hand_overs(const PeerLists& leaving) {
+  leaving_ = &leaving;
+  leaving.each_peer([&](NodeNumber to) { peers_[to].hand_overs_run.start(leaving.of(to).size()); });
+}
+
+bool MessageExchange::send_hand_overs() {
+  Host& host = state_.host;
+  bool all = true;
+  for (NodeNumber to = 0; to < peers_.size(); ++to) {
+    messages::RunSender& run = peers_[to].hand_overs_run;
+    if (run.done()) {
+      continue;
+    }
+    state_.fault.pass(NodeStage::hand_over, state_.frame);
+    const auto leaving = leaving_->of(to);
+    all &= run.pump(*state_.setup.peers[to].out, state_.head(MessageType::hand_over, Endpoint::node(to)),
+                    sizeof(messages::HandOverRecord) + host.state_bytes(), state_.traffic,
+                    [&](std::size_t i, std::byte* where) {
+                      const std::uint32_t hosted = host.find(leaving[i]);
+                      const messages::HandOverRecord record = host.hand_over(hosted);
+                      std::memcpy(where, &record, sizeof record);
+                      std::copy_n(host.state(hosted), host.state_bytes(), where + sizeof record);
+                      host.drop(leaving[i]);
+                      ++state_.stats.handed_over;
+                    });
+  }
+  return all;
+}
+
 void MessageExchange::lose(const messages::LostRecord& record) noexcept {
   if (record.detect_again == 0 && record.node < peers_.size()) {
     Peer& peer = peers_[record.node];
@@ -266,6 +296,12 @@ void MessageExchange::lose(const messages::LostRecord& record) noexcept {
     contacts_arrived_ -= std::exchange(peer.contacts_arrived, 0);
     peer.contacts_run.stop();
     peer.lost = true;
+    if (!peer.hand_overs_run.done()) {
+      for (const ObjectNumber number : leaving_->of(record.node)) {
+        state_.host.drop(number);
+      }
+      peer.hand_overs_run.stop();
+    }
   }
 }
 

@@ -17,9 +17,10 @@ namespace ringfence::nodes {
 /// that needs it.
 ///
 /// Host-owned states go to the server as `replica`. Ghost updates (`ghost`) and contacts (`notify`) go to the other
-/// nodes; their numbers go to the server (`ghost_counts`, `contact_counts`), which announces them to the receivers. The
-/// server receives the contacts (`collision`) and those that began or ended (`change`), and writes the output lists. It
-/// sends the queries of a frame (`query`), receives their answers (`query_hit`), and sends what models may ask about
+/// nodes, as do hand-overs (`hand_over`); their numbers go to the server (`ghost_counts`, `contact_counts`), which
+/// announces them to the receivers. The server receives the contacts (`collision`) and those that began or ended
+/// (`change`), and writes the output lists. It sends the queries of a frame (`query`), receives their answers
+/// (`query_hit`), and sends what models may ask about
 /// (`sensed`).
 class MessageExchange final : public NodeExchange {
  public:
@@ -49,6 +50,8 @@ class MessageExchange final : public NodeExchange {
   bool send_to_peers() override;
   void expect_contacts(std::uint64_t contacts) noexcept override { contacts_expected_ = contacts; }
   void receive_contacts(const messages::MessageView& message) override;
+  void start_hand_overs(const PeerLists& leaving) override;
+  bool send_hand_overs() override;
   void lose(const messages::LostRecord& record) noexcept override;
   bool complete_contacts() override;
 
@@ -56,7 +59,7 @@ class MessageExchange final : public NodeExchange {
   /// What is sent to another node, and received from it.
   struct Peer {
     base::FlatList<GhostUpdates::Update> ghosts;
-    messages::RunSender ghosts_run, contacts_run;
+    messages::RunSender ghosts_run, contacts_run, hand_overs_run;
     std::uint64_t contacts_arrived = 0;
     bool lost = false;  ///< since the contacts are listed
   };
@@ -82,8 +85,9 @@ class MessageExchange final : public NodeExchange {
   std::size_t next_owned_ = 0, next_contact_ = 0;  ///< next to send
   std::vector<messages::CountRecord> ghost_counts_, contact_counts_;
   messages::RunSender ghost_counts_run_, contact_counts_run_, change_run_;
-  bool ghosts_listed_ = false;     ///< in this frame
-  std::vector<Contact> received_;  ///< from other nodes, in the order of arrival
+  bool ghosts_listed_ = false;          ///< in this frame
+  const PeerLists* leaving_ = nullptr;  ///< objects that are handed over, by number
+  std::vector<Contact> received_;       ///< from other nodes, in the order of arrival
   std::uint64_t contacts_expected_ = 0;
   std::uint64_t contacts_arrived_ = 0;  ///< without those of nodes that were lost
 };

@@ -11,8 +11,11 @@
 #include "messages/run.hpp"
 #include "nodes/cd_node/halo_exchange.hpp"
 #include "nodes/cd_node/node_state.hpp"
+#include "nodes/exchange/peer_lists.hpp"
 
 namespace ringfence::nodes {
+
+class Migration;
 
 /// The streams between a CD node and the others: states for the server, ghost updates and contacts between the nodes,
 /// contacts for the output lists. CdNodeSetup::exchange chooses the implementation: SharedExchange or MessageExchange.
@@ -31,7 +34,7 @@ class NodeExchange {
   NodeExchange(const NodeExchange&) = delete;
   NodeExchange& operator=(const NodeExchange&) = delete;
 
-  /// After NodeState::setup has new peers.
+  /// After NodeState::assign().
   virtual void assign() {}
   /// Whether the senders of messages are known to follow the protocol; if not, each message is checked.
   virtual bool trusts_senders() const noexcept = 0;
@@ -93,6 +96,21 @@ class NodeExchange {
   virtual void expect_contacts(std::uint64_t) noexcept {}
   /// A `notify` message of another node.
   virtual void receive_contacts(const messages::MessageView&) {}
+
+  // Hand-overs, from Host to that of the next hosts. `leaving` has the numbers of the objects by next host, none of
+  // which is lost; it does not change until all are sent.
+  /// When the contacts of the frame are listed, and after `frame_end` if a new map came with it: lists what others can
+  /// read in place.
+  virtual void list_hand_overs(const PeerLists&) {}
+  /// Whether list_hand_overs() does anything.
+  virtual bool lists_hand_overs() const noexcept { return false; }
+  /// After `frame_end`, when the objects leave: Host drops each when it is sent, or read in place by its next host.
+  virtual void start_hand_overs(const PeerLists& leaving) = 0;
+  /// Sends the next hosts what they cannot read.
+  virtual bool send_hand_overs() { return true; }
+  /// Takes over the objects that others have listed for this node so far, until `migration` has all of them.
+  virtual void receive_hand_overs(Migration&) {}
+
   /// A peer is lost. If contacts were final, those that it has not sent arrive from the server at the next cut.
   virtual void lose(const messages::LostRecord&) noexcept {}
   /// When all contacts of other nodes have arrived: adds them to Host.

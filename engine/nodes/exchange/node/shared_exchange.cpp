@@ -1,12 +1,17 @@
 #include "nodes/exchange/node/shared_exchange.hpp"
 
 #include "base/prefetch.hpp"
+#include "messages/run.hpp"
+#include "nodes/cd_node/migration.hpp"
 
 namespace ringfence::nodes {
 
 SharedExchange::SharedExchange(NodeState& state)
     : NodeExchange(state), keeps_states_(state.keeps_host_owned() && state.setup.may_be_lost) {
   scratch_.reserve(state.setup.objects);
+  if (state.setup.hosts) {
+    state.contacts.hand_overs.reserve(state.setup.objects / 8 + 64, state.host.state_bytes());
+  }
   if (keeps_states_) {
     state.contacts.host_states.reserve(state.setup.objects, state.host.state_bytes());
   }
@@ -29,8 +34,17 @@ bool SharedExchange::report_batch() {
 
 bool SharedExchange::finish_report() {
   state_.contacts.host_states.finish();
-  state_.contacts.ghost_updates.finish(static_cast<NodeNumber>(state_.setup.peers.size()));
+  GhostUpdates& updates = state_.contacts.ghost_updates;
+  updates.finish(state_.setup.slots());
+  updates.each_receiver([this](NodeNumber to) { add_to_senders(&NodeContacts::ghost_senders, to); });
   return finish_changes();
+}
+
+// A slot without a node owns nothing, so nothing is listed for it, unless a map still names it.
+void SharedExchange::add_to_senders(SenderSet NodeContacts::*senders, NodeNumber receiver) const noexcept {
+  if (NodeContacts* const to = (*state_.setup.shared_nodes)[receiver]) {
+    (to->*senders).add(state_.setup.node);
+  }
 }
 
 bool SharedExchange::receive_ghosts(HaloExchange& halo) {
@@ -40,15 +54,20 @@ bool SharedExchange::receive_ghosts(HaloExchange& halo) {
   }
   state_.fault.pass(NodeStage::gate, state_.frame);
   ghosts_.clear();
-  for (const Connection& peer : state_.setup.peers) {
-    const bool used = peer.node_contacts != nullptr;  // not an empty slot, nor this node
-    if (used && peer.node_contacts->ghost_updates.frame() == state_.frame) {
-      peer.node_contacts->ghost_updates.list(state_.setup.node, ghosts_);
+  const SharedNodes& nodes = *state_.setup.shared_nodes;
+  state_.contacts.ghost_senders.take([&](NodeNumber sender) {
+    const bool used = sender < nodes.size() && nodes[sender] != nullptr;
+    if (used && nodes[sender]->ghost_updates.frame() == state_.frame) {
+      nodes[sender]->ghost_updates.list(state_.setup.node, ghosts_);
     }
-  }
+  });
   halo.apply(ghosts_.span());
   gate.leave();
   return true;
+}
+
+void SharedExchange::begin_contacts() {
+  state_.contacts.for_peers.each_peer([this](NodeNumber to) { add_to_senders(&NodeContacts::contact_senders, to); });
 }
 
 void SharedExchange::share_contacts() {
@@ -69,12 +88,17 @@ void SharedExchange::read_peer_contacts() {
   NodeContactOrder& order = scratch_.order;
   order.start(all);
   // Other cores wrote the keys, and each peer has only a few for this node: prefetch all of them before the first read.
-  for (const NodeContacts* node_contacts : all) {
-    for (const std::uint32_t position : node_contacts->for_peers.of(state_.setup.node)) {
-      base::prefetch_for_read(&node_contacts->keys[position]);
+  senders_.clear();
+  state_.contacts.contact_senders.take([&](NodeNumber peer) {
+    if (peer >= all.size() || all[peer]->frame != state_.frame) {
+      return;
     }
-  }
-  for (NodeNumber peer = 0; peer < all.size(); ++peer) {
+    senders_.push_back(peer);
+    for (const std::uint32_t position : all[peer]->for_peers.of(state_.setup.node)) {
+      base::prefetch_for_read(&all[peer]->keys[position]);
+    }
+  });
+  for (const NodeNumber peer : senders_) {
     for (const std::uint32_t position : all[peer]->for_peers.of(state_.setup.node)) {
       order.add(peer, position);
     }
@@ -86,6 +110,58 @@ void SharedExchange::read_peer_contacts() {
     state_.host.contacts().add(state_.frame, contact);
   });
   state_.contacts.taken = order.size();
+}
+
+void SharedExchange::list_hand_overs(const PeerLists& leaving) {
+  const Host& host = state_.host;
+  HandOverList& list = state_.contacts.hand_overs;
+  list.start(host.state_bytes());
+  leaving.each_peer([&](NodeNumber to) {
+    state_.fault.pass(NodeStage::hand_over, state_.frame);
+    for (const ObjectNumber number : leaving.of(to)) {
+      const std::uint32_t hosted = host.find(number);
+      list.add(to, host.hand_over(hosted), host.state(hosted));
+    }
+  });
+  list.finish(state_.setup.slots(), state_.frame, state_.region.map().epoch());
+  // After the list is finished: a receiver that takes the hint before that takes another one later.
+  leaving.each_peer([this](NodeNumber to) { add_to_senders(&NodeContacts::hand_over_senders, to); });
+  if (state_.received.frame_end) {  // before that no node waits
+    leaving.each_peer([this](NodeNumber to) {
+      const NodeContacts* const receiver = (*state_.setup.shared_nodes)[to];
+      if (receiver != nullptr && receiver->bell != nullptr) {
+        receiver->bell->ring();
+      }
+    });
+  }
+}
+
+void SharedExchange::start_hand_overs(const PeerLists& leaving) {
+  leaving.each_peer([&](NodeNumber to) {
+    const auto objects = leaving.of(to);
+    messages::count_message(state_.traffic, state_.head(messages::MessageType::hand_over, messages::Endpoint::node(to)),
+                            sizeof(messages::HandOverRecord) + state_.host.state_bytes(), objects.size());
+    state_.stats.handed_over += objects.size();
+    for (const ObjectNumber number : objects) {
+      state_.host.drop(number);
+    }
+  });
+}
+
+void SharedExchange::receive_hand_overs(Migration& migration) {
+  ReadGate& gate = state_.contacts.hand_over_gate;
+  if (migration.is_complete() || !gate.enter()) {
+    return;
+  }
+  state_.fault.pass(NodeStage::gate, state_.frame);
+  const SharedNodes& nodes = *state_.setup.shared_nodes;
+  state_.contacts.hand_over_senders.take([&](NodeNumber sender) {
+    const bool used = sender < nodes.size() && nodes[sender] != nullptr && !migration.is_lost(sender);
+    if (used && nodes[sender]->hand_overs.is_for(state_.frame, state_.region.map().epoch())) {
+      migration.receive(sender, nodes[sender]->hand_overs);
+    }
+  });
+  migration.is_complete() ? gate.leave() : gate.pause();
 }
 
 }  // namespace ringfence::nodes

@@ -62,8 +62,8 @@ class ServerExchange {
   virtual bool send_ghosts(PeerSession&) { return true; }
   /// A node is lost: ghost updates are no longer read in this frame, by no node, because all objects are sent again.
   virtual void close_ghost_gates() noexcept {}
-  /// Whether a lost node still reads ghost updates. Then no other node may begin the next frame.
-  virtual bool is_reading_ghosts() const noexcept { return false; }
+  /// Whether a lost node still reads ghost updates or hand-overs. Then no other node may begin the next frame.
+  virtual bool is_reading() const noexcept { return false; }
 
   /// After `narrow_done` of a node: all its contacts are in the ledger.
   virtual void receive_contacts(PeerSession& node, Statistics& statistics) = 0;

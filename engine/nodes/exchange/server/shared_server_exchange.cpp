@@ -43,10 +43,12 @@ void SharedServerExchange::close_ghost_gates() noexcept {
   }
 }
 
-bool SharedServerExchange::is_reading_ghosts() const noexcept {
-  return std::any_of(state_.nodes.begin(), state_.nodes.end(), [](const PeerSession& node) {
-    return node.lost && node.connection.node_contacts->ghost_updates.gate.is_inside();
-  });
+bool SharedServerExchange::is_reading() const noexcept {
+  return !state_.report().lost.empty() &&
+         std::any_of(state_.nodes.begin(), state_.nodes.end(), [](const PeerSession& node) {
+           return node.lost && (node.connection.node_contacts->ghost_updates.gate.is_inside() ||
+                                !node.connection.node_contacts->hand_over_gate.close());
+         });
 }
 
 void SharedServerExchange::receive_contacts(PeerSession& node, Statistics& statistics) {

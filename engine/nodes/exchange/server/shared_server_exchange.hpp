@@ -19,7 +19,7 @@ class SharedServerExchange final : public ServerExchange {
   }
   void begin_ghosts(bool exchanged) noexcept override;
   void close_ghost_gates() noexcept override;
-  bool is_reading_ghosts() const noexcept override;
+  bool is_reading() const noexcept override;
   void receive_contacts(PeerSession& node, Statistics& statistics) override;
 
  private:

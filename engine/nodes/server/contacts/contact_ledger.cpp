@@ -68,7 +68,6 @@ void ContactLedger::begin(std::uint64_t frame) {
     run.shared = nullptr;
     run.complete = false;
     run.own->start(frame);
-    run.own->for_peers.finish(static_cast<NodeNumber>(runs_.size()));
     run.touches.clear();
     run.ended_at.clear();
   }
@@ -265,6 +264,7 @@ void ContactLedger::share_out() {
       run.shared->share = share++;
       run.shared->duplicates = run.shared->taken = 0;
       run.shared->gate.admit();
+      run.shared->hand_over_gate.admit();
     }
   }
 }

@@ -87,8 +87,8 @@ class ContactLedger {
   /// Determines which contacts began and ended. All contacts must have been received. If two nodes found one pair,
   /// which only a bug can cause, its phase may be wrong in this frame and in the next.
   void resolve_phases();
-  /// After resolve_phases(): opens the gates of the nodes that share contacts, which then write the output lists. If no
-  /// node shares contacts, this call writes them.
+  /// After resolve_phases(): opens the gates of the nodes that share contacts, which then write the output lists, and
+  /// the gates for their hand-overs. If no node shares contacts, this call writes them.
   void share_out();
   /// After share_out(), when a node is lost: writes its slice, unless the node has already started to write it.
   void lose(NodeNumber node);

@@ -339,6 +339,14 @@ void Cut::list_known_contacts() {
 }
 
 void Cut::start_nodes() {
+  if (state_.arrivals != nullptr) {
+    Arrivals::Members members{};
+    state_.all_nodes([&](const PeerSession& node) {
+      members[node.self.number() / 64] |= std::uint64_t{1} << node.self.number() % 64;
+      return true;
+    });
+    state_.arrivals->expect(members);
+  }
   state_.all_nodes([&](PeerSession& node) {
     start(node);
     return true;

@@ -130,10 +130,7 @@ void Dispatch::start(UpdateScope scope) {
 }
 
 bool Dispatch::pump() {
-  bool all = true;
-  for (NodeNumber node = 0; node < nodes_.size(); ++node) {
-    all &= nodes_[node].link == nullptr || pump_updates(node);
-  }
+  bool all = state_.all_nodes_woken([this](const PeerSession& node) { return pump_updates(node.self.number()); });
   if (!all || state_.setup.placement == Placement::region) {
     return all;
   }

@@ -26,11 +26,47 @@ bool belongs_to_map(MessageType type) noexcept {
 
 bool Ingest::receive() {
   bool any = false;
-  state_.all_nodes([&](PeerSession& node) {
-    any |= is_awaited(node) && drain(node);
-    return true;
-  });
+  if (state_.arrivals != nullptr) {
+    any = receive_from_arrived();
+  } else {
+    state_.all_nodes([&](PeerSession& node) {
+      any |= is_awaited(node) && drain(node);
+      return true;
+    });
+  }
   any |= receive_from_users();
+  return any;
+}
+
+// A session, the receiver and the message are on lines that this core has not had since the last stage: three reads
+// that depend on each other are prefetched in a pipeline.
+bool Ingest::receive_from_arrived() {
+  constexpr std::size_t ahead = 4;
+  arrived_.clear();
+  state_.arrivals->take([this](NodeNumber slot) {
+    if (slot < state_.nodes.size() && state_.nodes[slot].is_active()) {
+      arrived_.push_back(slot);
+    }
+  });
+  const auto behind = [this](std::size_t i, std::size_t by) {
+    return i >= by && i - by < arrived_.size() ? &state_.nodes[arrived_[i - by]] : nullptr;
+  };
+  bool any = false;
+  for (std::size_t i = 0; i < arrived_.size() + 3 * ahead; ++i) {
+    if (const PeerSession* node = behind(i, 0)) {
+      base::prefetch_for_read(&node->connection);
+      base::prefetch_for_write(&node->received);
+    }
+    if (const PeerSession* node = behind(i, ahead)) {
+      base::prefetch_for_write(node->connection.in);
+    }
+    if (const PeerSession* node = behind(i, 2 * ahead)) {
+      node->connection.in->prefetch();
+    }
+    if (PeerSession* node = behind(i, 3 * ahead)) {
+      any |= node->is_active() && drain(*node);
+    }
+  }
   return any;
 }
 

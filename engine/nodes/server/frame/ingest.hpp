@@ -4,6 +4,8 @@
 #include <span>
 #include <utility>
 
+#include "base/flat_list.hpp"
+#include "base/numbers.hpp"
 #include "messages/header.hpp"
 #include "nodes/exchange/server/server_exchange.hpp"
 #include "nodes/server/frame/state_relay.hpp"
@@ -35,6 +37,7 @@ class Ingest {
 
  private:
   bool is_awaited(const PeerSession& node) const noexcept;
+  bool receive_from_arrived();
   bool receive_from_users();
   bool drain(PeerSession& session);
   /// Objects that a user may host beside its avatars.
@@ -59,7 +62,8 @@ class Ingest {
   ObjectStates& states_;
   StateRelay& relay_;
   Statistics& statistics_;
-  bool any_broken_ = false;  ///< a node that is not lost yet has broken the protocol
+  base::FlatList<NodeNumber> arrived_;  ///< scratch
+  bool any_broken_ = false;             ///< a node that is not lost yet has broken the protocol
 };
 
 }  // namespace ringfence::nodes

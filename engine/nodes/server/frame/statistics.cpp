@@ -80,6 +80,17 @@ void Statistics::charge_cpu(double PathReport::*step) noexcept {
   cpu_mark_ns_ = now;
 }
 
+// The members of a wake tree start after the rings of all above them, and their own.
+void Statistics::charge_woken(double step_ms, PeerSession::Reached PeerSession::*reached) noexcept {
+  std::size_t member = 0;
+  for (PeerSession& node : state_.nodes) {
+    if (node.connected) {
+      node.wake_ms = static_cast<double>(link::WakeTree::level_of(member++) + 1) * state_.rings_ms;
+      (node.*reached).ms = step_ms + node.wake_ms;
+    }
+  }
+}
+
 bool Statistics::note_reached(PeerSession::Reached& reached) noexcept {
   reached.ns = reached.ns != 0 ? reached.ns : telemetry::now_ns();
   return true;
@@ -87,6 +98,9 @@ bool Statistics::note_reached(PeerSession::Reached& reached) noexcept {
 
 void Statistics::charge_reached(double step_ms, std::uint64_t begin_ns,
                                 PeerSession::Reached PeerSession::*reached) noexcept {
+  if (state_.is_waking()) {
+    return charge_woken(step_ms, reached);
+  }
   const double passed = static_cast<double>(telemetry::now_ns() - begin_ns);
   for (PeerSession& node : state_.nodes) {
     const double until = static_cast<double>((node.*reached).ns - begin_ns);
@@ -174,7 +188,7 @@ void Statistics::charge_path(const PeerSession& node, const messages::NodeFrameS
   raise(path.node_detect_ms, detect_ms);
   raise(path.node_end_ms, end_ms);
   raise(path.nodes_moved_ms, node.started.ms + move_ms);
-  raise(path.nodes_tested_ms, std::max(path.dispatch_ms, publish_ms) + detect_ms);
+  raise(path.nodes_tested_ms, std::max(path.dispatch_ms, publish_ms) + node.wake_ms + detect_ms);
   raise(path.nodes_ended_ms, node.notified.ms + end_ms);
 }
 

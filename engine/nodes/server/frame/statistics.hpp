@@ -43,7 +43,8 @@ class Statistics {
   /// Notes that a step has been done for a node, if it is not noted yet. Returns true.
   static bool note_reached(PeerSession::Reached& reached) noexcept;
   /// After a step in which nodes were served one after another, from `begin_ns` on: estimates its cost, `step_ms` for
-  /// all nodes, up to the moment when each was reached.
+  /// all nodes, up to the moment when each was reached. If they were woken when all were served, each was reached after
+  /// the whole step and the rings of the nodes above it in the wake tree.
   void charge_reached(double step_ms, std::uint64_t begin_ns, PeerSession::Reached PeerSession::*reached) noexcept;
 
   /// Counts a received message.
@@ -58,6 +59,7 @@ class Statistics {
   void add_kinds(const messages::MessageView& message);
 
  private:
+  void charge_woken(double step_ms, PeerSession::Reached PeerSession::*reached) noexcept;
   void charge_path(const PeerSession& node, const messages::NodeFrameStats& stats) noexcept;
 
   ServerState& state_;

@@ -20,6 +20,7 @@ TEST_CASE("the updates of a peer are applied only while the gate admits the node
   updates.add(fixture.position(5, {32.2, 10, 10}, flag_present | messages::flag_keeps_host));
   updates.add_receiver(0, false);
   updates.finish(2);
+  fixture.state().contacts.ghost_senders.add(1);
   fixture.exchange().receive_ghosts(halo);
   CHECK(state.objects.size() == 0);
   fixture.state().contacts.ghost_updates.gate.admit();
@@ -34,6 +35,7 @@ TEST_CASE("the updates of a peer are applied only while the gate admits the node
   updates.add(fixture.position(5, {36, 10, 10}));
   updates.add_receiver(0, true);
   updates.finish(2);
+  fixture.state().contacts.ghost_senders.add(1);
   fixture.state().contacts.ghost_updates.gate.admit();
   fixture.exchange().receive_ghosts(halo);
   CHECK(state.objects.size() == 0);
@@ -50,6 +52,7 @@ TEST_CASE(
     updates.add(fixture.position(5, {31.8, 10, 10}));
     updates.add_receiver(0, false);
     updates.finish(2);
+    fixture.state().contacts.ghost_senders.add(1);
     fixture.state().contacts.ghost_updates.gate.admit();
     fixture.exchange().receive_ghosts(halo);
     CHECK(state.objects.size() == frame);
@@ -76,6 +79,7 @@ TEST_CASE("the node reads the contacts of its objects from its peer if the gate 
     peer.compare([](const FoundContact&) { return true; }, [](std::uint64_t, const FoundContact&) { return true; });
     peer.for_peers.add(0, 0);
     peer.for_peers.finish(2);
+    state.contacts.contact_senders.add(1);
     NodeContacts* const all[] = {&state.contacts, &peer};
     OutputMerge merge;
     std::array<Contact, 1> contacts;

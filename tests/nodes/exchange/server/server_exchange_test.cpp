@@ -16,6 +16,11 @@ const TrafficReport& traffic(ServerFixture& fixture, Traffic kind) {
   return fixture.state().report().traffic[static_cast<std::size_t>(kind)];
 }
 
+void lose(ServerFixture& fixture, NodeNumber node) {
+  fixture.state().nodes[node].lost = true;
+  fixture.state().report().lost.emplace_back(node);
+}
+
 TEST_CASE("a lost node that reads ghost updates holds the next frame back until it leaves its gate") {
   ServerFixture fixture(sharing);
   ServerExchange& exchange = fixture.exchange();
@@ -25,13 +30,29 @@ TEST_CASE("a lost node that reads ghost updates holds the next frame back until 
   CHECK(!first.enter());
   exchange.begin_ghosts(true);
   REQUIRE(first.enter());
-  CHECK(!exchange.is_reading_ghosts());  // it is not lost
-  fixture.state().nodes[0].lost = true;
+  CHECK(!exchange.is_reading());  // it is not lost
+  lose(fixture, 0);
   exchange.close_ghost_gates();
   CHECK(!second.enter());
-  CHECK(exchange.is_reading_ghosts());
+  CHECK(exchange.is_reading());
   first.leave();
-  CHECK(!exchange.is_reading_ghosts());
+  CHECK(!exchange.is_reading());
+}
+
+TEST_CASE("a lost node that reads hand-overs holds the next frame back until it leaves its gate or pauses in it") {
+  for (const bool pauses : {false, true}) {
+    ServerFixture fixture(sharing);
+    ServerExchange& exchange = fixture.exchange();
+    ReadGate& gate = fixture.node_contacts(0).hand_over_gate;
+    gate.admit();
+    REQUIRE(gate.enter());
+    CHECK(!exchange.is_reading());  // it is not lost
+    lose(fixture, 0);
+    CHECK(exchange.is_reading());
+    pauses ? gate.pause() : gate.leave();
+    CHECK(!exchange.is_reading());
+    CHECK(!gate.enter());
+  }
 }
 
 TEST_CASE("ghost updates are counted in the frames in which nodes exchange them") {
