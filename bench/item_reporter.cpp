@@ -1,6 +1,7 @@
 #include "item_reporter.hpp"
 
 #include <cstdio>
+#include <fstream>
 #include <ostream>
 #include <string_view>
 
@@ -16,6 +17,24 @@ struct PerItem {
   std::string item;
   std::string counter;  ///< the counter that has it; empty if there is none
 };
+
+/// What follows `key` in the first line that begins with it, without what separates them; empty if there is none.
+std::string value_in(const char* file, std::string_view key) {
+  std::ifstream lines(file);
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.starts_with(key)) continue;
+    const std::size_t begin = line.find_first_not_of(" \t:", key.size());
+    return begin == std::string::npos ? std::string() : line.substr(begin);
+  }
+  return {};
+}
+
+/// Google Benchmark writes the number and the frequency of the processors, but not their model.
+void add_machine() {
+  benchmark::AddCustomContext("cpu_model", value_in("/proc/cpuinfo", "model name"));
+  const std::string governor = value_in("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "");
+  benchmark::AddCustomContext("cpu_governor", governor.empty() ? "not known" : governor);
+}
 
 double round_ns(const Run& run) {
   return run.GetAdjustedRealTime() * 1e9 / benchmark::GetTimeUnitMultiplier(run.time_unit);
@@ -64,6 +83,7 @@ void ItemReporter::ReportRuns(const std::vector<Run>& runs) {
 }
 
 int run_benchmarks() {
+  add_machine();
   ItemReporter reporter;
   benchmark::RunSpecifiedBenchmarks(&reporter);
   benchmark::Shutdown();

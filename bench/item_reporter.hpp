@@ -16,7 +16,9 @@ class ItemReporter : public benchmark::BenchmarkReporter {
   void ReportRuns(const std::vector<Run>& runs) override;
 };
 
-/// Runs what the options of Google Benchmark select, with an ItemReporter. Returns the exit code of main.
+/// Runs what the options of Google Benchmark select, with an ItemReporter. The context in files of --benchmark_out also
+/// has `cpu_model` and `cpu_governor`, so that results of several machines can stand side by side. Returns the exit
+/// code of main.
 int run_benchmarks();
 
 }  // namespace ringfence::bench
