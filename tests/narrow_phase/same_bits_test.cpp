@@ -89,6 +89,43 @@ TEST_CASE("every target that the machine supports gives the same bits") {
   }
 }
 
+// Such pairs have more edges that cannot be excluded than a block has room for.
+TEST_CASE("hulls of many points that overlap deeply have the same bits on every target, in any batch") {
+  const std::uint64_t seed = 15;
+  INFO("seed ", seed);
+  RandomSource random(seed);
+  PairWorld world;
+  for (int i = 0; i < 240; ++i) {
+    ConvexHull hulls[2];
+    for (ConvexHull& hull : hulls) {
+      const float flatness = i % 4 == 0 ? 0.02f : 1.0f;
+      for (int points = 40 + random.below(210); points > 0; --points) {
+        const Vec3d at = random.direction();
+        hull.points.push_back(
+            {static_cast<float>(at.x), static_cast<float>(at.y), flatness * static_cast<float>(at.z)});
+      }
+    }
+    const double apart = i % 3 == 0 ? 0 : random.uniform(0, 1.9);
+    world.add_pair(hulls[0], {{0, 0, 0}, random.orientation()}, hulls[1], {random.vector(apart), random.orientation()});
+  }
+  NarrowPhase narrow_phase(world.shapes());
+  const std::vector<PairContact> expected = sorted(narrow_phase.test(world.bodies, world.pairs));
+  REQUIRE(expected.size() > world.pairs.size() / 2);
+  for (const std::string& target : narrow_phase::targets()) {
+    INFO("target ", target);
+    const ForcedTarget forced(target);
+    std::vector<PairContact> pieces;
+    for (std::size_t begin = 0, size = 1; begin < world.pairs.size(); begin += size, size = 1 + size * 2 % 37) {
+      const auto batch = std::span(world.pairs).subspan(begin, std::min(size, world.pairs.size() - begin));
+      for (PairContact contact : narrow_phase.test(world.bodies, batch)) {
+        contact.pair += static_cast<std::uint32_t>(begin);
+        pieces.push_back(contact);
+      }
+    }
+    CHECK(same_bits(sorted(pieces), expected));
+  }
+}
+
 TEST_CASE("an unknown target is refused and does not change the selected target") {
   CHECK_THROWS(narrow_phase::force_target("abacus"));
   CHECK(!narrow_phase::targets().empty());

@@ -28,7 +28,7 @@ Detector::Detector(NodeState& state)
   narrow_.remember_axes(state.setup.remember_axes);
 }
 
-// The words of pairs that the sweep keeps refer to the hits of the last frame. Without such pairs nobody reads those.
+// The words of pairs that the sweep keeps refer to the hits of the last frame. Without such pairs these are not read.
 void Detector::begin() {
   if (!sweep_.kept_words().empty()) {
     std::swap(hits_, last_hits_);

@@ -24,7 +24,7 @@ class HostContacts {
  public:
   explicit HostContacts(std::size_t objects) { begins_.reserve(objects + 2); }
 
-  /// From now on C(k) replaces C(k-1) when the move of frame k is done: for a role whose received() nobody reads. So
+  /// From now on C(k) replaces C(k-1) when the move of frame k is done: for a role whose received() is not read. So
   /// the contacts occupy half the memory, and what a frame writes is what it has just read. Precondition: nothing was
   /// added.
   void keep_one_frame() noexcept { keeps_two_ = false; }
