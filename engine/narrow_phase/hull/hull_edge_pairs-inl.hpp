@@ -156,9 +156,9 @@ class HullEdgePairs {
   }
 
   /// Four copies of the edges of a group, one in each block.
-  static HWY_INLINE Vector<D> in_blocks(const Group& edges, std::size_t k) {
-    return {hn::LoadDup128(d, edges.value[k]), hn::LoadDup128(d, edges.value[k + 1]),
-            hn::LoadDup128(d, edges.value[k + 2])};
+  static HWY_INLINE Vector<D> in_blocks(const Group& edges_of_b, std::size_t k) {
+    return {hn::LoadDup128(d, edges_of_b.value[k]), hn::LoadDup128(d, edges_of_b.value[k + 1]),
+            hn::LoadDup128(d, edges_of_b.value[k + 2])};
   }
 
   void test_tiles(std::size_t i) {
@@ -187,7 +187,7 @@ class HullEdgePairs {
     pairs_.work.pass<float>(count_[0][i] * count_[1][i]);
   }
 
-  HWY_INLINE void test_tile(std::size_t i, std::size_t a, std::size_t b, const Group& edges) {
+  HWY_INLINE void test_tile(std::size_t i, std::size_t a, std::size_t b, const Group& edges_of_b) {
     const geometry::HullEdge* const edges = hull(0, i).edges().data();
     const std::uint16_t* const list = list_[0][i];
     const std::size_t last = count_[0][i] - 1;
@@ -201,14 +201,14 @@ class HullEdgePairs {
     };
     const Vector<D> left_a = of_row(left_row), right_a = of_row(right_row), along_a = of_row(along_row);
     const Vector<D> from_a{hn::Broadcast<3>(left_row), hn::Broadcast<3>(right_row), hn::Broadcast<3>(along_row)};
-    const Vector<D> along_b = in_blocks(edges, 9);
-    const V p = dot(d, in_blocks(edges, 0), along_a), q = dot(d, in_blocks(edges, 3), along_a);
+    const Vector<D> along_b = in_blocks(edges_of_b, 9);
+    const V p = dot(d, in_blocks(edges_of_b, 0), along_a), q = dot(d, in_blocks(edges_of_b, 3), along_a);
     const V r = dot(d, left_a, along_b), s = dot(d, right_a, along_b);
     const V forward = hn::Min(hn::Min(hn::Neg(p), q), hn::Min(hn::Neg(r), s));
     const V backward = hn::Min(hn::Min(p, hn::Neg(q)), hn::Min(r, hn::Neg(s)));
     const V crossing = hn::Max(forward, backward);
     const auto turn = hn::Lt(forward, backward);
-    const Vector<D> across = cross(d, along_b, along_a), gap = subtract(d, from_a, in_blocks(edges, 6));
+    const Vector<D> across = cross(d, along_b, along_a), gap = subtract(d, from_a, in_blocks(edges_of_b, 6));
     const V sine_squared = dot(d, across, across), height = dot(d, across, gap);
     const V value = hn::IfThenElse(turn, hn::Neg(height), height);
     const float best = pairs_.best[i];
