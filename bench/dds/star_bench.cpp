@@ -1,4 +1,4 @@
-// One stage of a frame over loopback: a server sends messages to each of n processes and waits for all replies. The
+// One stage of a frame on one machine: a server sends messages to each of n processes and waits for all replies. The
 // path is that of the bridge and a node: ring, parcel, link, and back.
 #include <chrono>
 #include <memory>
@@ -24,11 +24,13 @@ namespace {
 class Star {
  public:
   explicit Star(std::uint32_t nodes)
-      : listener_(dds::LinkSocket::listen(1, 0)), out_bytes_(bytes_out(nodes)), back_bytes_(bytes_back(nodes)) {
-    if (!bell_.prepare_to_watch()) std::abort();
+      : listener_(dds::LinkSocket::listen_locally(static_cast<std::uint64_t>(getpid()))),
+        out_bytes_(bytes_out(nodes)),
+        back_bytes_(bytes_back(nodes)) {
+    if (!listener_ || !bell_.prepare_to_watch()) std::abort();
     bell_.watch(events_.descriptor());
     for (std::uint32_t node = 0; node < nodes; ++node) {
-      std::string arguments_text[] = {RINGFENCE_PEER, std::to_string(listener_.port()), std::to_string(nodes)};
+      std::string arguments_text[] = {RINGFENCE_PEER, std::to_string(getpid()), std::to_string(nodes)};
       char* arguments[] = {arguments_text[0].data(), arguments_text[1].data(), arguments_text[2].data(), nullptr};
       if (posix_spawn(&processes_.emplace_back(), RINGFENCE_PEER, nullptr, nullptr, arguments, environ) != 0) {
         std::abort();
@@ -50,8 +52,9 @@ class Star {
   bool wait_for_nodes() {
     for (int turn = 0; turn < 20'000 && spokes_.size() < processes_.size(); ++turn) {
       if (dds::LinkSocket socket = listener_.accept()) {
-        auto& spoke = spokes_.emplace_back(std::make_unique<Spoke>(std::move(socket)));
-        events_.add(spoke->parcel_channel.socket(), spokes_.size() - 1);
+        auto& spoke =
+            spokes_.emplace_back(std::make_unique<Spoke>(dds::LinkStream::accepted_locally(std::move(socket))));
+        spoke->parcel_channel.report_to(events_, spokes_.size() - 1);
       } else {
         usleep(1000);
       }
@@ -79,7 +82,8 @@ class Star {
     const std::size_t awaited = spokes_.size() * back_bytes_;
     const bool all = bell_.wait_for(
         [&] {
-          events_.take([this](std::uint64_t spoke) { take(*spokes_[spoke]); });
+          while (received_bytes_ < awaited && !take_all()) {
+          }
           return received_bytes_ >= awaited;
         },
         std::chrono::seconds(5));
@@ -89,8 +93,8 @@ class Star {
 
  private:
   struct Spoke {
-    explicit Spoke(dds::LinkSocket socket)
-        : parcel_channel(std::move(socket), {}, {}), channel(std::size_t{1} << 16, nullptr, nullptr) {}
+    explicit Spoke(dds::LinkStream link)
+        : parcel_channel(std::move(link)), channel(std::size_t{1} << 16, nullptr, nullptr) {}
     dds::ParcelChannel parcel_channel;
     facade::DuplexChannel channel;
   };
@@ -98,6 +102,18 @@ class Star {
   void carry(Spoke& spoke) {
     spoke.parcel_channel.gather(*spoke.channel.second().in);
     spoke.parcel_channel.flush();
+  }
+
+  /// Returns whether the thread may sleep.
+  bool take_all() {
+    events_.take([this](std::uint64_t spoke) { spokes_[spoke]->parcel_channel.note_events(); });
+    bool is_idle = true;
+    for (const auto& spoke : spokes_) {
+      spoke->parcel_channel.disarm();
+      take(*spoke);
+      is_idle &= spoke->parcel_channel.arm();
+    }
+    return is_idle;
   }
 
   void take(Spoke& spoke) {
@@ -108,7 +124,6 @@ class Star {
         return true;
       });
     };
-    spoke.parcel_channel.note_events();
     spoke.parcel_channel.receive(show);
   }
 

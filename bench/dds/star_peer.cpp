@@ -1,5 +1,5 @@
-// A node of the star: replies when the bytes of a stage have arrived. Arguments: TCP port of the server, number of
-// nodes.
+// A node of the star: replies when the bytes of a stage have arrived. Arguments: name of the server's local socket,
+// number of nodes.
 #include <chrono>
 #include <cstdlib>
 #include <vector>
@@ -14,16 +14,15 @@
 int main(int argc, char** argv) {
   using namespace ringfence;
   if (argc != 3) return 2;
-  constexpr std::uint32_t loopback = 0x7f000001;
+  constexpr dds::LinkStream::RingBytes rings{std::size_t{1} << 20, std::size_t{1} << 18};
   const auto nodes = static_cast<std::size_t>(std::atoi(argv[2]));
   const std::size_t expected = bench::bytes_out(nodes);
   const std::size_t back = bench::bytes_back(nodes);
 
   const link::ScopedBatchScheduling batch_scheduling;
-  dds::ParcelChannel parcel_channel(
-      dds::LinkSocket::connect({loopback, static_cast<std::uint32_t>(std::atoi(argv[1]))}), {}, {});
+  dds::ParcelChannel parcel_channel(dds::LinkStream::connect({}, std::strtoull(argv[1], nullptr, 10), rings));
   const dds::LinkEvents events;
-  events.add(parcel_channel.socket(), 0);
+  parcel_channel.report_to(events, 0);
   link::Doorbell bell;
   if (!bell.prepare_to_watch()) return 3;
   bell.watch(events.descriptor());
@@ -53,9 +52,11 @@ int main(int argc, char** argv) {
     return true;
   };
   while (!last && !parcel_channel.is_broken()) {
-    const bool came = bell.wait_for([&] { return events.take([](std::uint64_t) {}); }, std::chrono::seconds(20));
-    if (!came) return 1;  // the server process is gone
-    parcel_channel.note_events();
+    const auto has_work = [&] {
+      return events.take([&](std::uint64_t) { parcel_channel.note_events(); }) || !parcel_channel.arm();
+    };
+    if (!bell.wait_for(has_work, std::chrono::seconds(20))) return 1;  // the server process is gone
+    parcel_channel.disarm();
     parcel_channel.receive(show);
     parcel_channel.gather(*channel.first().in);
     parcel_channel.flush();

@@ -23,6 +23,7 @@ ClusterReport ClusterNodes::report() const {
     member.sent_bytes = counters.sent_bytes;
     member.received_parcels = counters.received_parcels;
     member.received_bytes = counters.received_bytes;
+    member.shared_bytes = counters.shared_bytes;
     member.refused_writes = counters.refused_writes;
     member.answers = counters.answers;
     member.answer_ms_mean =

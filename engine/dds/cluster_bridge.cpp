@@ -35,6 +35,7 @@ bool ClusterNodes::report_losses() {
 
 Step ClusterNodes::step() {
   bool progressed = false;
+  disarm();
   if (presence_waits_.load(std::memory_order_relaxed)) {
     const std::lock_guard lock(mutex_);
     note_presence();
@@ -55,7 +56,28 @@ Step ClusterNodes::step() {
       progressed |= !node->lost && carry(*node);
     }
   }
-  return progressed ? Step::progressed : Step::idle;
+  return progressed || !arm() ? Step::progressed : Step::idle;
+}
+
+// An idle step is the last one before the thread sleeps. Returns false if there is something to do.
+bool ClusterNodes::arm() noexcept {
+  armed_ = true;
+  bool is_idle = true;
+  for (const auto& node : assigned_by_slot_) {
+    is_idle &= node == nullptr || node->parcel_channel->arm();
+  }
+  return is_idle;
+}
+
+void ClusterNodes::disarm() noexcept {
+  if (!std::exchange(armed_, false)) {
+    return;
+  }
+  for (const auto& node : assigned_by_slot_) {
+    if (node != nullptr) {
+      node->parcel_channel->disarm();
+    }
+  }
 }
 
 // What a lost node still sends is counted and dropped.
@@ -128,35 +150,38 @@ void ClusterNodes::note_model_failure(Node& from, std::span<const std::byte> byt
 }
 
 // The server role checks the messages that it receives; nodes in this process rely on this check.
-bool ClusterNodes::is_from_node(const Node& from, const messages::Header& header,
-                                std::span<const std::byte> message) const noexcept {
+bool ClusterNodes::is_from_node(const Node& from, NodeNumber to, std::span<const std::byte> message) const noexcept {
   const std::size_t state_bytes = (std::size_t{terms_record_.state_bytes} + 7) / 8 * 8;
   messages::MessageView view;
-  return header.source == Endpoint::node(from.slot).value &&
-         messages::decode(message, state_bytes, view) == Status::ok && nodes::is_between_nodes(view.type()) &&
+  return messages::decode(message, state_bytes, view) == Status::ok &&
+         view.header().source == Endpoint::node(from.slot).value &&
+         view.header().destination == Endpoint::node(to).value && nodes::is_between_nodes(view.type()) &&
          nodes::is_valid(view, {.nodes = static_cast<std::uint32_t>(assigned_by_slot_.size()),
                                 .shapes = shapes_,
                                 .slots = static_cast<std::uint32_t>(server_->objects().slots())});
 }
 
 bool ClusterNodes::deliver_message(Node& from, std::span<const std::byte> message) {
-  messages::Header header;
-  if (message.size() < sizeof header) {
+  if (message.size() < sizeof(messages::Header)) {
     from.broken = losses_ = true;
     return true;
   }
-  std::memcpy(&header, message.data(), sizeof header);
-  const Endpoint to{header.destination};
+  const Endpoint to{read_once<messages::Header>(message).destination};
   if (!to.is_node()) {
     return copy_to_ring(message, *from.server.out);
   }
   const auto peer =
       std::find_if(from.peers.begin(), from.peers.end(), [&](const auto& each) { return each.first == to.number(); });
-  if (peer == from.peers.end() || !is_from_node(from, header, message)) {
+  if (peer == from.peers.end()) {
     from.broken = losses_ = true;  // messages to other node processes do not come here
     return true;
   }
-  return copy_to_ring(message, *peer->second.out);
+  return copy_to_ring(message, *peer->second.out, [&](std::span<const std::byte> copy) {
+    const bool is_valid = is_from_node(from, to.number(), copy);
+    from.broken |= !is_valid;
+    losses_ |= !is_valid;
+    return is_valid;
+  });
 }
 
 void ClusterNodes::publish(Node& node) {

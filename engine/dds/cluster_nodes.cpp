@@ -21,6 +21,9 @@ namespace {
 /// all memory.
 constexpr std::size_t max_announced = 4 * std::size_t{facade::max_nodes};
 
+/// On one machine: room for what a node sends in a frame without waiting; it sends more than it receives.
+constexpr LinkStream::RingBytes rings{std::size_t{1} << 18, std::size_t{1} << 20};
+
 /// Milliseconds from one time to a later one; 0 if one of them is unknown.
 double ms_between(std::uint64_t from, std::uint64_t to) noexcept {
   return from == 0 || to < from ? 0 : telemetry::to_ms(to - from);
@@ -235,7 +238,7 @@ void ClusterNodes::connect(Node& node) {
   const bool is_recent = node.connected_ns != 0 && ms_between(node.connected_ns, now) < pause_ms;
   if (node.parcel_channel != nullptr) {
     node.parcel_channel->flush();
-    const bool is_connecting = node.parcel_channel->has_to_send();
+    const bool is_connecting = node.parcel_channel->has_unsent();
     if (!node.parcel_channel->is_broken() && (!is_connecting || is_recent)) {
       return;
     }
@@ -246,11 +249,10 @@ void ClusterNodes::connect(Node& node) {
     return;
   }
   node.connected_ns = now;
-  if (LinkSocket socket = LinkSocket::connect(address)) {
+  if (LinkStream link = LinkStream::connect(address, node.incarnation, rings)) {
     const LinkHello hello{.sender = world_, .receiver = node.incarnation};
-    node.parcel_channel =
-        std::make_unique<ParcelChannel>(std::move(socket), std::as_bytes(std::span(&hello, 1)), std::span<std::byte>());
-    events_.add(node.parcel_channel->socket(), node.incarnation);
+    node.parcel_channel = std::make_unique<ParcelChannel>(std::move(link), std::as_bytes(std::span(&hello, 1)));
+    node.parcel_channel->report_to(events_, node.incarnation);
     node.parcel_channel->flush();
   }
 }

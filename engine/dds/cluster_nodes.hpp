@@ -108,8 +108,9 @@ class ClusterNodes final : public RemoteNodes {
   bool deliver_message(Node& from, std::span<const std::byte> message);
   void note_peer_failure(Node& from, std::span<const std::byte> bytes);
   void note_model_failure(Node& from, std::span<const std::byte> bytes);
-  bool is_from_node(const Node& from, const messages::Header& header,
-                    std::span<const std::byte> message) const noexcept;
+  bool is_from_node(const Node& from, NodeNumber to, std::span<const std::byte> message) const noexcept;
+  bool arm() noexcept;
+  void disarm() noexcept;
   bool carry(Node& node);
   void publish(Node& node);
   void dismiss(Node& node);
@@ -144,6 +145,7 @@ class ClusterNodes final : public RemoteNodes {
   std::vector<std::uint32_t> shape_parts_;    ///< by shape: number of pieces
   std::vector<ModelFailure> model_failures_;  ///< since the last take_model_failures(); under mutex_
   std::uint32_t published_map_epoch_ = 0;
+  bool armed_ = false;   ///< events of links in shared memory were requested
   bool losses_ = false;  ///< there may be losses that were not reported to the server
   ClusterReport totals_;
   std::atomic<std::uint64_t> stale_parcels_{0};

@@ -21,11 +21,16 @@ LinkEvents::LinkEvents() : set_(::epoll_create1(EPOLL_CLOEXEC)) {
 
 LinkEvents::~LinkEvents() { ::close(set_); }
 
-void LinkEvents::add(const LinkSocket& socket, std::uint64_t tag) const noexcept {
+void LinkEvents::add(const LinkSocket& socket, std::uint64_t tag, bool awaits_room) const noexcept {
   epoll_event event{};
-  event.events = EPOLLIN | EPOLLOUT | EPOLLRDHUP | EPOLLET;
+  event.events = EPOLLIN | EPOLLRDHUP | EPOLLET;
+  if (awaits_room) {
+    event.events |= EPOLLOUT;
+  }
   event.data.u64 = tag;
-  ::epoll_ctl(set_, EPOLL_CTL_ADD, socket.number(), &event);
+  if (::epoll_ctl(set_, EPOLL_CTL_ADD, socket.number(), &event) != 0) {
+    ::epoll_ctl(set_, EPOLL_CTL_MOD, socket.number(), &event);
+  }
 }
 
 void LinkEvents::remove(const LinkSocket& socket) const noexcept {

@@ -22,7 +22,8 @@ class LinkEvents {
   /// Readable while there are events that were not taken.
   int descriptor() const noexcept { return set_; }
   /// `tag` is passed to `visit` with the socket's events. A closed socket leaves the set by itself.
-  void add(const LinkSocket& socket, std::uint64_t tag) const noexcept;
+  /// Room to send is an event only with `awaits_room`. Adding a socket again replaces that.
+  void add(const LinkSocket& socket, std::uint64_t tag, bool awaits_room = true) const noexcept;
   void remove(const LinkSocket& socket) const noexcept;
   /// While it is included, another set's untaken events are an event of this one, reported until they are taken there.
   void include(const LinkEvents& other, std::uint64_t tag) const noexcept;

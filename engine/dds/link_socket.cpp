@@ -1,12 +1,15 @@
 #include "dds/link_socket.hpp"
 
 #include <cerrno>
+#include <cstddef>
+#include <cstdio>
 #include <cstring>
 #include <string>
 
 #include <linux/tcp.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include "ringfence/error.hpp"
@@ -36,6 +39,38 @@ bool bind_to(int socket, std::uint32_t port) noexcept {
   const sockaddr_in address = socket_address({INADDR_ANY, port});
   return ::bind(socket, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
 }
+
+/// An address without a file: it disappears with its socket.
+struct LocalAddress {
+  explicit LocalAddress(std::uint64_t name) noexcept {
+    address.sun_family = AF_UNIX;
+    const int written = std::snprintf(address.sun_path + 1, sizeof address.sun_path - 1, "ringfence-link-%016llx",
+                                      static_cast<unsigned long long>(name));
+    size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + static_cast<std::size_t>(written));
+  }
+  const sockaddr* get() const noexcept { return reinterpret_cast<const sockaddr*>(&address); }
+  sockaddr_un address{};
+  socklen_t size = 0;
+};
+
+bool is_local(int socket) noexcept {
+  int domain = 0;
+  socklen_t size = sizeof domain;
+  return ::getsockopt(socket, SOL_SOCKET, SO_DOMAIN, &domain, &size) == 0 && domain == AF_UNIX;
+}
+
+/// Whether the other end of a local socket was opened by a process of this user.
+bool has_peer_of_same_user(int socket) noexcept {
+  ucred peer{};
+  socklen_t size = sizeof peer;
+  return ::getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0 && peer.uid == ::geteuid();
+}
+
+/// Room for one file descriptor in the control part of a message.
+union DescriptorRoom {
+  cmsghdr header;
+  char bytes[CMSG_SPACE(sizeof(int))];
+};
 
 bool is_blocked() noexcept { return errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOTCONN || errno == EINTR; }
 
@@ -67,12 +102,39 @@ LinkSocket LinkSocket::connect(LinkAddress to) {
   return link;
 }
 
-LinkSocket LinkSocket::accept() const {
-  LinkSocket link(::accept4(socket_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-  if (link) {
-    set_options(link.socket_);
+LinkSocket LinkSocket::listen_locally(std::uint64_t name) noexcept {
+  LinkSocket listener(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  const LocalAddress address(name);
+  if (!listener || ::bind(listener.socket_, address.get(), address.size) != 0 ||
+      ::listen(listener.socket_, backlog) != 0) {
+    return {};
+  }
+  return listener;
+}
+
+LinkSocket LinkSocket::connect_locally(std::uint64_t name) noexcept {
+  LinkSocket link(::socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  const LocalAddress address(name);
+  if (!link || ::connect(link.socket_, address.get(), address.size) != 0 || !has_peer_of_same_user(link.socket_)) {
+    return {};
   }
   return link;
+}
+
+LinkSocket LinkSocket::accept() const {
+  for (;;) {
+    LinkSocket link(::accept4(socket_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    if (!link) {
+      return link;
+    }
+    if (!is_local(link.socket_)) {
+      set_options(link.socket_);
+      return link;
+    }
+    if (has_peer_of_same_user(link.socket_)) {
+      return link;
+    }
+  }
 }
 
 std::uint32_t LinkSocket::port() const {
@@ -100,10 +162,47 @@ LinkSocket::Result LinkSocket::send(std::span<const std::byte> bytes, std::size_
   return Result::done;
 }
 
-bool LinkSocket::is_closed() const noexcept {
-  std::byte nothing;
-  const ssize_t got = ::recv(socket_, &nothing, 1, MSG_PEEK);
-  return got == 0 || (got < 0 && !is_blocked());
+LinkSocket::Result LinkSocket::send_descriptor(int descriptor) const noexcept {
+  char byte = 0;
+  iovec part{&byte, 1};
+  DescriptorRoom room{};
+  msghdr message{};
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  message.msg_control = room.bytes;
+  message.msg_controllen = sizeof room.bytes;
+  cmsghdr* const header = CMSG_FIRSTHDR(&message);
+  header->cmsg_level = SOL_SOCKET;
+  header->cmsg_type = SCM_RIGHTS;
+  header->cmsg_len = CMSG_LEN(sizeof descriptor);
+  std::memcpy(CMSG_DATA(header), &descriptor, sizeof descriptor);
+  if (::sendmsg(socket_, &message, MSG_NOSIGNAL) == 1) {
+    return Result::done;
+  }
+  return is_blocked() ? Result::would_block : Result::closed;
+}
+
+// The room takes one descriptor, so the system closes any others.
+LinkSocket::Result LinkSocket::receive_descriptor(int& descriptor) const noexcept {
+  descriptor = -1;
+  char byte = 0;
+  iovec part{&byte, 1};
+  DescriptorRoom room{};
+  msghdr message{};
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  message.msg_control = room.bytes;
+  message.msg_controllen = sizeof room.bytes;
+  const ssize_t got = ::recvmsg(socket_, &message, MSG_CMSG_CLOEXEC);
+  if (got < 0) {
+    return is_blocked() ? Result::would_block : Result::closed;
+  }
+  const cmsghdr* const header = CMSG_FIRSTHDR(&message);
+  if (header != nullptr && header->cmsg_level == SOL_SOCKET && header->cmsg_type == SCM_RIGHTS &&
+      header->cmsg_len == CMSG_LEN(sizeof descriptor)) {
+    std::memcpy(&descriptor, CMSG_DATA(header), sizeof descriptor);
+  }
+  return got == 0 ? Result::closed : Result::done;
 }
 
 LinkSocket::Result LinkSocket::receive(std::span<std::byte> room, std::size_t& got) const noexcept {

@@ -9,10 +9,12 @@
 
 namespace ringfence::dds {
 
-/// A TCP socket that never blocks, closed with its owner. Movable, not copyable. Threads: one.
+/// A stream socket that never blocks, closed with its owner: TCP, or a local one between processes of one machine.
+/// Movable, not copyable. Threads: one.
 ///
-/// A connection closes if sent bytes are not acknowledged for 10 s, or a receiver does not read for that long: a
-/// process reads between the stages of a frame, and leases detect lost processes sooner.
+/// A local socket has a number as its name, which exists in the network namespace of its process. Only processes of the
+/// same user can connect. A TCP connection closes if sent bytes are not acknowledged for 10 s, or a receiver does not
+/// read for that long: a process reads between the stages of a frame, and leases detect lost processes sooner.
 class LinkSocket {
  public:
   /// Result of an operation on a socket.
@@ -31,7 +33,12 @@ class LinkSocket {
   static LinkSocket listen(std::uint32_t first_port, std::uint32_t last_port);
   /// Starts to connect; what is sent meanwhile would block. An empty socket if that fails at once.
   static LinkSocket connect(LinkAddress to);
-  /// The next connection that another process has opened; empty if there is none.
+  /// Listens for local connections to that name; empty if the system refuses.
+  static LinkSocket listen_locally(std::uint64_t name) noexcept;
+  /// Connects to a local socket; empty, at once, if no process of this machine and user listens with that name.
+  static LinkSocket connect_locally(std::uint64_t name) noexcept;
+  /// The next connection that another process has opened; empty if there is none. Local connections of other users
+  /// are closed.
   LinkSocket accept() const;
 
   /// The port of a listening socket.
@@ -44,8 +51,10 @@ class LinkSocket {
   Result send(std::span<const std::byte> bytes, std::size_t& sent) const;
   /// Writes what has arrived to `room`, and sets `got` to the number of bytes. `done` if there may be more.
   Result receive(std::span<std::byte> room, std::size_t& got) const noexcept;
-  /// Whether the other end has closed the connection, if it never sends anything.
-  bool is_closed() const noexcept;
+  /// Sends one byte, and a file descriptor with it: only over a local socket.
+  Result send_descriptor(int descriptor) const noexcept;
+  /// Receives one byte, and sets `descriptor` to the file descriptor that came with it; -1 if none came.
+  Result receive_descriptor(int& descriptor) const noexcept;
   /// Bytes that the system has sent again so far.
   std::uint64_t retransmitted_bytes() const noexcept;
 

@@ -99,7 +99,7 @@ class NodeService::Implementation {
   // Whether a step may find work; evaluated many times per frame.
   bool has_work() noexcept {
     return control_waits_.load(std::memory_order_relaxed) || drains_.load(std::memory_order_relaxed) != drains_seen_ ||
-           (session_ != nullptr && session_->take_events());
+           (session_ != nullptr && session_->has_work());
   }
 
   // Called by the receiving threads of Cyclone DDS.

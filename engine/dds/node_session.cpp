@@ -23,12 +23,8 @@ constexpr std::uint32_t last_link_port(std::uint32_t domain) noexcept { return 7
 
 /// Whether a message comes from a CD node: one in the process of the World, which has no link.
 bool is_from_node(std::span<const std::byte> message) noexcept {
-  messages::Header header;
-  if (message.size() < sizeof header) {
-    return false;
-  }
-  std::memcpy(&header, message.data(), sizeof header);
-  return messages::Endpoint{header.source}.is_node();
+  return message.size() >= sizeof(messages::Header) &&
+         messages::Endpoint{read_once<messages::Header>(message).source}.is_node();
 }
 
 Vec3d corner(const double (&values)[3]) noexcept { return {values[0], values[1], values[2]}; }
@@ -165,7 +161,29 @@ bool NodeSession::take_events() {
   });
 }
 
+bool NodeSession::has_news() const noexcept {
+  return (channel_to_world_ && channel_to_world_->has_news()) || (awaits_peers() && links_.has_news());
+}
+
+bool NodeSession::has_work() { return has_news() || take_events() || !arm(); }
+
+bool NodeSession::arm() noexcept {
+  armed_ = true;
+  const bool is_idle = !channel_to_world_ || channel_to_world_->arm();
+  return links_.arm(awaits_peers()) && is_idle;
+}
+
+void NodeSession::disarm() noexcept {
+  if (std::exchange(armed_, false)) {
+    links_.disarm();
+    if (channel_to_world_) {
+      channel_to_world_->disarm();
+    }
+  }
+}
+
 bool NodeSession::step() {
+  disarm();
   take_events();
   if (!channel_to_world_) {
     accept_world();
@@ -181,6 +199,8 @@ bool NodeSession::step() {
   send_model_failures();
   if (awaits_peers()) {
     progressed |= receive_from_peers();
+  } else if (peers_watched_) {
+    links_.take_events();
   }
   const std::uint64_t before = channel_to_world_->sent();
   send();
@@ -191,9 +211,9 @@ bool NodeSession::step() {
 // The World opens the link when it knows where this node listens.
 void NodeSession::accept_world() {
   links_.receive([](NodeNumber, std::span<const std::byte>) { return false; });
-  if (std::optional<PeerLinks::WorldLink> link = links_.take_world_link()) {
-    channel_to_world_.emplace(std::move(link->socket), std::span<const std::byte>(), link->bytes);
-    events_.add(channel_to_world_->socket(), world_.number());
+  if (std::optional<LinkStream> link = links_.take_world_link()) {
+    channel_to_world_.emplace(std::move(*link));
+    channel_to_world_->report_to(events_, world_.number());
     watch_peers(false);
     announce_when_ready();
   }
@@ -214,7 +234,10 @@ bool NodeSession::receive_parcels() {
 }
 
 // Messages of other nodes are read only when the role awaits them, so they do not wake a node that waits for the World.
-bool NodeSession::awaits_peers() const noexcept { return role_->awaits_peers(); }
+// The link of the World comes like those of other nodes.
+bool NodeSession::awaits_peers() const noexcept {
+  return role_ != nullptr ? role_->awaits_peers() : !channel_to_world_;
+}
 
 void NodeSession::watch_peers(bool watched) {
   if (std::exchange(peers_watched_, watched) == watched) {
@@ -290,11 +313,13 @@ void NodeSession::report_failed_peers() {
 
 // The World decides who is lost if a node sends invalid messages to another.
 bool NodeSession::deliver_from_peer(NodeNumber slot, std::span<const std::byte> message) {
-  if (!is_from_peer(slot, message)) {
-    links_.fail(slot);
-    return true;
-  }
-  return copy_to_ring(message, from_peers_.sender());
+  return copy_to_ring(message, from_peers_.sender(), [&](std::span<const std::byte> copy) {
+    const bool is_valid = is_from_peer(slot, copy);
+    if (!is_valid) {
+      links_.fail(slot);
+    }
+    return is_valid;
+  });
 }
 
 bool NodeSession::is_from_peer(NodeNumber slot, std::span<const std::byte> message) const noexcept {

@@ -83,8 +83,8 @@ class NodeSession {
 
   /// Readable while step() may find work on a link.
   int events_descriptor() const noexcept { return events_.descriptor(); }
-  /// Takes the events of the links; returns whether step() may find work.
-  bool take_events();
+  /// Whether step() may find work on a link. If not, requests an event for when it does.
+  bool has_work();
   /// Announces that the node is ready when it is.
   void announce_when_ready();
   /// Does what can be done now; returns whether that was anything. Throws Error if the World breaks the protocol.
@@ -102,6 +102,10 @@ class NodeSession {
 
  private:
   void publish_state(NodeState state);
+  bool take_events();
+  bool has_news() const noexcept;
+  bool arm() noexcept;
+  void disarm() noexcept;
   void accept_world();
   bool receive_parcels();
   bool deliver(ParcelKind kind, std::uint32_t shapes, std::size_t& offset, std::span<const std::byte> bytes);
@@ -128,6 +132,7 @@ class NodeSession {
   std::optional<ParcelChannel> channel_to_world_;  ///< from when the World has opened it
   LinkEvents events_;                              ///< of the link with the World, and of `links_` while they matter
   bool peers_watched_ = false;
+  bool armed_ = false;          ///< events of links in shared memory were requested
   std::uint64_t query_ns_ = 0;  ///< time of an assignment query without a reply; 0: none
   NodeState state_ = NodeState::joining;
   facade::DuplexChannel channel_;

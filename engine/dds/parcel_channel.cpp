@@ -5,21 +5,11 @@
 #include "telemetry/clock.hpp"
 
 namespace ringfence::dds {
-namespace {
 
-/// Room for what is read at once: several parcels, but small enough to stay in the cache until it is processed.
-constexpr std::size_t in_bytes = std::size_t{1} << 17;
-static_assert(in_bytes >= 2 * (sizeof(ParcelHeader) + ParcelChannel::max_bytes));
-
-}  // namespace
-
-ParcelChannel::ParcelChannel(LinkSocket socket, std::span<const std::byte> hello, std::span<const std::byte> received)
-    : socket_(std::move(socket)), out_(hello.begin(), hello.end()), in_(in_bytes), end_(received.size()) {
-  out_.reserve(max_unsent + max_bytes);
-  if (received.size() > in_.size()) {
-    in_.resize(received.size());
+ParcelChannel::ParcelChannel(LinkStream stream, std::span<const std::byte> hello) : stream_(std::move(stream)) {
+  if (!hello.empty()) {
+    stream_.append(hello);
   }
-  std::copy(received.begin(), received.end(), in_.begin());
 }
 
 // A message that next() has returned must be taken, so there must be room before the call.
@@ -42,108 +32,98 @@ bool ParcelChannel::gather(link::Receiver& in) {
 
 void ParcelChannel::add(std::span<const std::byte> message) {
   const std::size_t filled = (message.size() + 7) / 8 * 8;
-  if (parcel_ != no_parcel && out_.size() - parcel_ + sizeof(Packing) + filled > sizeof(ParcelHeader) + max_bytes) {
+  if (parcel_ != no_parcel &&
+      stream_.appended() - parcel_ + sizeof(Packing) + filled > sizeof(ParcelHeader) + max_bytes) {
     flush();
   }
   if (parcel_ == no_parcel) {
     begin_parcel(ParcelKind::messages);
   }
   const Packing packing{static_cast<std::uint32_t>(message.size()), 0};
-  const auto* head = reinterpret_cast<const std::byte*>(&packing);
-  out_.insert(out_.end(), head, head + sizeof packing);
-  out_.insert(out_.end(), message.begin(), message.end());
-  out_.resize(out_.size() + (filled - message.size()));
+  stream_.append(std::as_bytes(std::span(&packing, 1)));
+  stream_.append(message);
 }
 
 void ParcelChannel::enqueue(ParcelKind kind, std::span<const std::byte> bytes) {
   end_parcel();
   begin_parcel(kind);
-  out_.insert(out_.end(), bytes.begin(), bytes.end());
+  if (!bytes.empty()) {
+    stream_.append(bytes);
+  }
   end_parcel();
 }
 
 void ParcelChannel::begin_parcel(ParcelKind kind) {
-  parcel_ = out_.size();
+  parcel_ = stream_.appended();
   const ParcelHeader header{0, static_cast<std::uint32_t>(kind), shapes_.load(std::memory_order_relaxed), 0};
-  const auto* head = reinterpret_cast<const std::byte*>(&header);
-  out_.insert(out_.end(), head, head + sizeof header);
+  stream_.append(std::as_bytes(std::span(&header, 1)));
 }
 
 void ParcelChannel::end_parcel() {
   if (parcel_ == no_parcel) {
     return;
   }
-  const auto bytes = static_cast<std::uint32_t>(out_.size() - parcel_ - sizeof(ParcelHeader));
-  std::memcpy(out_.data() + parcel_ + offsetof(ParcelHeader, bytes), &bytes, sizeof bytes);
+  const auto bytes = static_cast<std::uint32_t>(stream_.appended() - parcel_ - sizeof(ParcelHeader));
+  stream_.replace(parcel_ + offsetof(ParcelHeader, bytes), std::as_bytes(std::span(&bytes, 1)));
   parcel_ = no_parcel;
   if (unanswered_since_ns_ == 0) {
     unanswered_since_ns_ = telemetry::now_ns();
   }
   sent_parcels_.add(1);
   sent_bytes_.add(bytes);
+  shared_bytes_.add(stream_.is_shared() ? bytes : 0);
 }
 
 bool ParcelChannel::flush() {
   end_parcel();
-  if (out_.empty()) {
-    return true;
-  }
-  if (broken_) {
-    out_.clear();
-    return true;
-  }
-  std::size_t sent = 0;
-  const LinkSocket::Result result = socket_.send(out_, sent);
-  if (result == LinkSocket::Result::closed) {
+  const bool all = stream_.flush();
+  if (stream_.is_closed()) {
     fail();
-    return true;
-  }
-  out_.erase(out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(sent));
-  if (!out_.empty()) {
+  } else if (!all) {
     refused_writes_.add(1);
   }
-  return out_.empty();
+  return all;
 }
 
 void ParcelChannel::fail() noexcept {
   broken_ = true;
-  readable_ = false;
-  out_.clear();
   parcel_ = no_parcel;
 }
 
-// Sets `header` to that of the first parcel. Returns false if the parcel is not complete, or not valid.
-bool ParcelChannel::next_parcel(ParcelHeader& header) {
-  if (end_ - begin_ < sizeof header) {
-    return false;
+// Returns whether the first received parcel is complete and valid; then its header is in header_.
+bool ParcelChannel::next_parcel() {
+  const std::span<const std::byte> received = stream_.received();
+  if (!header_) {
+    if (received.size() < sizeof(ParcelHeader)) {
+      return false;
+    }
+    header_ = read_once<ParcelHeader>(received);
+    if (header_->bytes > max_bytes || header_->bytes % 8 != 0) {
+      header_.reset();
+      stream_.close();
+      fail();
+      return false;
+    }
   }
-  std::memcpy(&header, in_.data() + begin_, sizeof header);
-  if (header.bytes > max_bytes || header.bytes % 8 != 0) {
-    begin_ = end_;
-    fail();
-    return false;
-  }
-  return end_ - begin_ - sizeof header >= header.bytes;
+  return received.size() - sizeof(ParcelHeader) >= header_->bytes;
 }
 
-// Returns whether anything was read. A read that does not fill the room has emptied the socket, so the next byte is a
-// new event.
-bool ParcelChannel::read() {
-  if (!readable_) {
-    return false;
+std::span<const std::byte> ParcelChannel::contents() {
+  const auto bytes = stream_.received().subspan(sizeof(ParcelHeader), header_->bytes);
+  if (static_cast<ParcelKind>(header_->kind) == ParcelKind::messages) {
+    return bytes;
   }
-  std::copy(in_.begin() + static_cast<std::ptrdiff_t>(begin_), in_.begin() + static_cast<std::ptrdiff_t>(end_),
-            in_.begin());
-  end_ -= std::exchange(begin_, 0);
-  const std::span<std::byte> room = std::span(in_).subspan(end_);
-  std::size_t got = 0;
-  const LinkSocket::Result result = socket_.receive(room, got);
-  readable_ = got == room.size();
-  end_ += got;
-  if (result == LinkSocket::Result::closed) {
-    fail();
-  }
-  return got != 0;
+  control_.assign(bytes.begin(), bytes.end());
+  return control_;
+}
+
+void ParcelChannel::end_of_delivery() {
+  const std::uint32_t bytes = header_->bytes;
+  stream_.take(sizeof(ParcelHeader) + bytes);
+  stream_.release();
+  header_.reset();
+  offset_ = 0;
+  count_received(bytes);
 }
 
 void ParcelChannel::count_received(std::size_t bytes) noexcept {
@@ -158,9 +138,11 @@ void ParcelChannel::count_received(std::size_t bytes) noexcept {
 }
 
 ParcelChannel::Counters ParcelChannel::counters() const noexcept {
-  return {sent_parcels_.value(),   sent_bytes_.value(),     received_parcels_.value(),
-          received_bytes_.value(), refused_writes_.value(), answers_.value(),
-          answer_ns_.value(),      answer_ns_max_.value(),  socket_.retransmitted_bytes()};
+  return {sent_parcels_.value(),     sent_bytes_.value(),
+          received_parcels_.value(), received_bytes_.value(),
+          shared_bytes_.value(),     refused_writes_.value(),
+          answers_.value(),          answer_ns_.value(),
+          answer_ns_max_.value(),    stream_.socket().retransmitted_bytes()};
 }
 
 }  // namespace ringfence::dds

@@ -8,8 +8,15 @@
 namespace ringfence::dds {
 
 PeerLinks::PeerLinks(std::uint64_t incarnation, std::uint64_t world, std::uint32_t first_port, std::uint32_t last_port)
-    : incarnation_(incarnation), world_(world), listener_(LinkSocket::listen(first_port, last_port)) {
-  events_.add(listener_, static_cast<std::uint64_t>(listener_.number()));
+    : incarnation_(incarnation),
+      world_(world),
+      listener_(LinkSocket::listen(first_port, last_port)),
+      local_listener_(LinkSocket::listen_locally(incarnation)) {
+  for (const LinkSocket* listener : {&listener_, &local_listener_}) {
+    if (*listener) {
+      events_.add(*listener, static_cast<std::uint64_t>(listener->number()));
+    }
+  }
 }
 
 void PeerLinks::assign(std::span<const PeerRecord> peers) {
@@ -24,7 +31,7 @@ void PeerLinks::assign(std::span<const PeerRecord> peers) {
   }
   std::erase_if(incoming_, [&](const Incoming& link) { return link.sender != 0 && slot_of(link.sender) == no_slot; });
   for (Incoming& link : incoming_) {
-    link.readable = true;  // messages of a peer that was assigned before this node may wait
+    link.has_messages = true;  // messages of a peer that was assigned before this node may wait
   }
 }
 
@@ -34,60 +41,52 @@ NodeNumber PeerLinks::slot_of(std::uint64_t incarnation) const noexcept {
   return at == peers_.end() ? no_slot : static_cast<NodeNumber>(at - peers_.begin());
 }
 
+// On one machine: as for CD nodes that are threads, for the memory is that of all pairs of neighbours.
+LinkStream::RingBytes PeerLinks::rings() const noexcept {
+  constexpr std::size_t few_nodes = 16;
+  constexpr std::size_t large = std::size_t{1} << 18, small = std::size_t{1} << 16;
+  return {peers_.size() <= few_nodes ? large : small, small};
+}
+
 void PeerLinks::add(NodeNumber slot, std::span<const std::byte> message) {
   Peer& peer = peers_[slot];
   if (peer.failed) {
     return;
   }
-  const auto append = [&](const void* bytes, std::size_t size) {
-    const auto* const first = static_cast<const std::byte*>(bytes);
-    peer.unsent.insert(peer.unsent.end(), first, first + size);
-  };
   if (!peer.out) {
-    peer.out = LinkSocket::connect(peer.record.address);
+    peer.out = LinkStream::connect(peer.record.address, peer.record.incarnation, rings());
     if (!peer.out) {
       return fail(slot);
     }
-    events_.add(peer.out, static_cast<std::uint64_t>(peer.out.number()));
+    peer.out.report_to(events_, static_cast<std::uint64_t>(peer.out.socket().number()));
     const LinkHello hello{.sender = incarnation_, .receiver = peer.record.incarnation};
-    append(&hello, sizeof hello);
+    peer.out.append(std::as_bytes(std::span(&hello, 1)));
   }
   const Packing packing{static_cast<std::uint32_t>(message.size()), 0};
-  append(&packing, sizeof packing);
-  append(message.data(), message.size());
-  peer.unsent.resize((peer.unsent.size() + 7) / 8 * 8);
+  peer.out.append(std::as_bytes(std::span(&packing, 1)));
+  peer.out.append(message);
 }
 
 void PeerLinks::flush() {
-  for (Peer& peer : peers_) {
-    if (peer.sent != peer.unsent.size() && !peer.failed) {
-      send(peer);
+  for (NodeNumber slot = 0; slot < peers_.size(); ++slot) {
+    LinkStream& out = peers_[slot].out;
+    if (out) {
+      out.flush();
+      if (out.is_closed()) {
+        fail(slot);
+      }
     }
   }
 }
 
 bool PeerLinks::has_unsent() const noexcept {
-  return std::any_of(peers_.begin(), peers_.end(), [](const Peer& peer) { return !peer.unsent.empty(); });
-}
-
-void PeerLinks::send(Peer& peer) {
-  std::size_t sent = 0;
-  if (peer.out.send(std::span(peer.unsent).subspan(peer.sent), sent) == LinkSocket::Result::closed) {
-    return fail(static_cast<NodeNumber>(&peer - peers_.data()));
-  }
-  peer.sent += sent;
-  if (peer.sent == peer.unsent.size()) {
-    peer.unsent.clear();
-    peer.sent = 0;
-  }
+  return std::any_of(peers_.begin(), peers_.end(), [](const Peer& peer) { return peer.out.unsent() != 0; });
 }
 
 void PeerLinks::fail(NodeNumber slot) {
   Peer& peer = peers_[slot];
   peer.failed = true;
-  peer.out.close();
-  peer.unsent.clear();
-  peer.sent = 0;
+  peer.out = {};
 }
 
 void PeerLinks::take_events() {
@@ -98,30 +97,62 @@ void PeerLinks::note_events(std::uint64_t tag) {
   const auto is_it = [tag](const LinkSocket& socket) {
     return socket && static_cast<std::uint64_t>(socket.number()) == tag;
   };
-  if (is_it(listener_)) {
-    return accept_all();
+  for (const LinkSocket* listener : {&listener_, &local_listener_}) {
+    if (is_it(*listener)) {
+      return accept_all(*listener);
+    }
   }
   for (Incoming& link : incoming_) {
-    if (is_it(link.socket)) {
-      link.readable = true;
-      return;
+    if (is_it(link.stream.socket())) {
+      return link.stream.note_events();
     }
   }
   for (NodeNumber slot = 0; slot < peers_.size(); ++slot) {
-    if (is_it(peers_[slot].out) && peers_[slot].out.is_closed()) {
-      fail(slot);
+    LinkStream& out = peers_[slot].out;
+    if (is_it(out.socket())) {
+      out.note_events();
+      out.receive(sizeof(Packing));  // the other end sends no messages
+      if (out.is_closed()) {
+        fail(slot);
+      }
+      return;
     }
   }
 }
 
-void PeerLinks::accept_all() {
-  for (LinkSocket socket = listener_.accept(); socket; socket = listener_.accept()) {
+void PeerLinks::accept_all(const LinkSocket& listener) {
+  const bool is_local = &listener == &local_listener_;
+  for (LinkSocket socket = listener.accept(); socket; socket = listener.accept()) {
     if (make_room()) {
-      events_.add(socket, static_cast<std::uint64_t>(socket.number()));
       Incoming link;
-      link.socket = std::move(socket);
+      link.stream = is_local ? LinkStream::accepted_locally(std::move(socket)) : LinkStream(std::move(socket));
+      link.stream.report_to(events_, static_cast<std::uint64_t>(link.stream.socket().number()));
       incoming_.push_back(std::move(link));
     }
+  }
+}
+
+bool PeerLinks::has_news() const noexcept {
+  return std::any_of(incoming_.begin(), incoming_.end(), [](const Incoming& link) { return link.stream.has_news(); });
+}
+
+bool PeerLinks::arm(bool awaits_messages) noexcept {
+  bool is_idle = true;
+  for (Incoming& link : incoming_) {
+    is_idle &= !awaits_messages || link.stream.arm();
+  }
+  for (Peer& peer : peers_) {
+    is_idle &= peer.out.unsent() == 0 || peer.out.arm();
+  }
+  return is_idle;
+}
+
+void PeerLinks::disarm() noexcept {
+  for (Incoming& link : incoming_) {
+    link.stream.disarm();
+  }
+  for (Peer& peer : peers_) {
+    peer.out.disarm();
   }
 }
 
@@ -140,44 +171,35 @@ bool PeerLinks::make_room() {
   return true;
 }
 
-// Reads until nothing is left or `most` bytes are buffered. A link that does not begin with a hello for this node is
-// closed.
-void PeerLinks::read(Incoming& link, std::size_t most) {
-  constexpr std::size_t at_once = std::size_t{1} << 16;
-  std::copy(link.bytes.begin() + static_cast<std::ptrdiff_t>(link.begin),
-            link.bytes.begin() + static_cast<std::ptrdiff_t>(link.end), link.bytes.begin());
-  link.end -= std::exchange(link.begin, 0);
-  auto result = LinkSocket::Result::done;
-  while (!link.closed && result == LinkSocket::Result::done && link.end < most) {
-    const std::size_t room = std::min(at_once, most - link.end);
-    link.bytes.resize(std::max(link.bytes.size(), link.end + room));
-    std::size_t got = 0;
-    result = link.socket.receive(std::span(link.bytes).subspan(link.end, room), got);
-    link.end += got;
+// Reads until nothing is left or the link has as many bytes as it may; returns whether it has read any, or the link has
+// closed. A link that does not begin with a hello for this node is closed.
+bool PeerLinks::read(Incoming& link) {
+  const auto most = [&] { return link.sender != 0 && slot_of(link.sender) != no_slot ? max_buffered : max_unknown; };
+  bool any = false;
+  while (link.stream.receive(most())) {
+    any = true;
+    if (link.sender == 0 && !read_hello(link)) {
+      link.stream.close();
+    }
   }
-  link.readable = result == LinkSocket::Result::done && !link.closed;
-  link.closed |= result == LinkSocket::Result::closed;
-  if (link.sender == 0 && !read_hello(link)) {
-    link.closed = true;
-    link.end = link.begin;
-  }
+  return any || link.stream.is_closed();
 }
 
 // Returns false if the link is not for this node. The World's link is not kept here.
 bool PeerLinks::read_hello(Incoming& link) {
-  LinkHello hello;
-  if (link.received().size() < sizeof hello) {
+  const std::span<const std::byte> received = link.stream.received();
+  if (received.size() < sizeof(LinkHello)) {
     return true;
   }
-  std::memcpy(&hello, link.received().data(), sizeof hello);
+  const auto hello = read_once<LinkHello>(received);
   if (hello.magic != LinkHello::expected_magic || hello.receiver != incarnation_ || hello.sender == 0) {
     return false;
   }
-  link.begin += sizeof hello;
+  link.stream.take(sizeof hello);
   if (hello.sender == world_) {
     if (!std::exchange(world_came_, true)) {
-      events_.remove(link.socket);
-      world_link_ = WorldLink{std::move(link.socket), {link.received().begin(), link.received().end()}};
+      events_.remove(link.stream.socket());
+      world_link_ = std::exchange(link.stream, {});
     }
     return false;
   }
@@ -186,11 +208,10 @@ bool PeerLinks::read_hello(Incoming& link) {
 }
 
 std::span<const std::byte> PeerLinks::first_message(std::span<const std::byte> received, bool& is_valid) noexcept {
-  Packing packing;
-  if (received.size() < sizeof packing) {
+  if (received.size() < sizeof(Packing)) {
     return {};
   }
-  std::memcpy(&packing, received.data(), sizeof packing);
+  const auto packing = read_once<Packing>(received);
   is_valid = packing.bytes != 0 && packing.bytes <= ParcelChannel::largest_message;
   if (!is_valid || received.size() - sizeof packing < (std::size_t{packing.bytes} + 7) / 8 * 8) {
     return {};
@@ -201,7 +222,7 @@ std::span<const std::byte> PeerLinks::first_message(std::span<const std::byte> r
 void PeerLinks::erase_finished() {
   std::erase_if(incoming_, [&](const Incoming& link) {
     const NodeNumber slot = link.sender != 0 ? slot_of(link.sender) : no_slot;
-    return slot != no_slot ? peers_[slot].failed : link.closed;
+    return slot != no_slot ? peers_[slot].failed : link.stream.is_closed();
   });
 }
 

@@ -9,7 +9,7 @@
 
 #include "base/numbers.hpp"
 #include "dds/link_events.hpp"
-#include "dds/link_socket.hpp"
+#include "dds/link_stream.hpp"
 #include "dds/wire.hpp"
 #include "facade/config_check.hpp"
 
@@ -18,21 +18,22 @@ namespace ringfence::dds {
 /// The links of a node process with other node processes of its World: messages between CD nodes go directly, not
 /// through the process of the World.
 ///
-/// A link is a TCP connection for one direction. The sender opens it with its first message for that node, so only
+/// A link is a LinkStream for one direction. The sender opens it with its first message for that node, so only
 /// nodes that exchange messages have links. The World sends each node the incarnations and addresses of the others with
 /// the assignment. A receiver takes messages only from links of assigned incarnations, so what a lost node sends later
 /// is refused.
 ///
-/// The sender never waits: what the network does not take stays in memory until the frame of the receiver goes on, at
+/// The sender never waits: what the link does not take stays in memory until the frame of the receiver goes on, at
 /// most the messages of a frame. If a peer closes its end, does not respond or breaks the format, the link has failed,
 /// and the World decides which node is lost.
 ///
-/// The World opens the link for its parcels at the same port; this class only accepts it.
+/// The World opens the link for its parcels in the same way; this class only accepts it.
 ///
 /// Threads: one.
 class PeerLinks {
  public:
-  /// Listens at the first free port of the range. Throws Error if no port is available.
+  /// Listens at the first free port of the range, and locally with the incarnation as the name. Throws Error if no port
+  /// is available.
   PeerLinks(std::uint64_t incarnation, std::uint64_t world, std::uint32_t first_port, std::uint32_t last_port);
   PeerLinks(const PeerLinks&) = delete;
   PeerLinks& operator=(const PeerLinks&) = delete;
@@ -42,13 +43,9 @@ class PeerLinks {
   /// Has events when receive() or flush() may find work.
   const LinkEvents& events() const noexcept { return events_; }
 
-  /// The link that the World has opened, and the bytes of its parcels that were read already.
-  struct WorldLink {
-    LinkSocket socket;
-    std::vector<std::byte> bytes;
-  };
-  /// Returns the World's link once, after a receive() that has found it.
-  std::optional<WorldLink> take_world_link() noexcept { return std::exchange(world_link_, std::nullopt); }
+  /// Returns the World's link once, after a receive() that has found it, with the bytes of its parcels that were
+  /// received already.
+  std::optional<LinkStream> take_world_link() noexcept { return std::exchange(world_link_, std::nullopt); }
 
   /// Sets the nodes of the next frame, by slot. Links of incarnations that are not among them are closed.
   void assign(std::span<const PeerRecord> peers);
@@ -57,15 +54,19 @@ class PeerLinks {
 
   /// Collects a message for the node in that slot. Precondition: reaches(slot).
   void add(NodeNumber slot, std::span<const std::byte> message);
-  /// Sends what was collected, as far as the network takes it.
+  /// Sends what was collected, as far as the links take it.
   void flush();
-  /// Whether the network has not taken everything.
+  /// Whether the links have not taken everything.
   bool has_unsent() const noexcept;
 
   /// Takes the events that have arrived: new links, links with data, and links that were closed.
   void take_events();
+  /// Whether bytes have arrived in shared memory since the last receive(). Makes no system call.
+  bool has_news() const noexcept;
   /// Passes received messages to `deliver(slot, message)`, per sender in order. If it returns false, this message and
   /// the later ones of its sender are passed again by the next call. Returns whether any message was passed.
+  ///
+  /// The bytes are in place: the sender may change them meanwhile, see LinkStream::received().
   template <class Deliver>
   bool receive(Deliver deliver);
   /// The first message of what a link has received after its hello. Empty if it is not complete or if its length is not
@@ -77,48 +78,49 @@ class PeerLinks {
   template <class Visit>
   void take_failures(Visit visit);
 
+  // Sleeping; see LinkStream.
+  /// Requests an event for room for what is not sent and, with `awaits_messages`, for messages that arrive. Returns
+  /// false if there is something already.
+  [[nodiscard]] bool arm(bool awaits_messages) noexcept;
+  void disarm() noexcept;
+
  private:
   struct Peer {
     PeerRecord record;
-    LinkSocket out;
-    std::vector<std::byte> unsent;
-    std::size_t sent = 0;  ///< of `unsent`
+    LinkStream out;
     bool failed = false;
     bool failure_taken = false;
   };
   struct Incoming {
-    LinkSocket socket;
+    LinkStream stream;
     std::uint64_t sender = 0;  ///< incarnation; 0: its hello has not arrived
-    std::vector<std::byte> bytes;
-    std::size_t begin = 0, end = 0;  ///< of what was received and not taken, in `bytes`
-    bool readable = true;            ///< the socket may have more, or there are messages that were not taken
-    bool closed = false;
-    std::span<const std::byte> received() const noexcept { return std::span(bytes).subspan(begin, end - begin); }
+    bool has_messages = true;  ///< there may be messages that were not taken
   };
 
   static constexpr NodeNumber no_slot = 0xffffffffu;
-  /// Unprocessed bytes of one link, of an assigned and of another node; the rest stays in the network.
+  /// Bytes of one link that are read and not processed, of an assigned and of another node; the rest stays in the link.
   static constexpr std::size_t max_buffered = std::size_t{1} << 22;
   static constexpr std::size_t max_unknown = std::size_t{1} << 12;
   /// Links that are accepted at the same time.
   static constexpr std::size_t max_incoming = 2 * std::size_t{facade::max_nodes};
 
-  void accept_all();
+  void accept_all(const LinkSocket& listener);
   void note_events(std::uint64_t tag);
-  void read(Incoming& link, std::size_t most);
+  bool read(Incoming& link);
   bool read_hello(Incoming& link);
   NodeNumber slot_of(std::uint64_t incarnation) const noexcept;
-  void send(Peer& peer);
+  LinkStream::RingBytes rings() const noexcept;
   bool make_room();
   void erase_finished();
 
   std::uint64_t incarnation_;
   std::uint64_t world_;
   bool world_came_ = false;
-  std::optional<WorldLink> world_link_;
+  std::optional<LinkStream> world_link_;
   LinkSocket listener_;
-  LinkEvents events_;        ///< of the listener and of all links, with their sockets' numbers as tags
-  std::vector<Peer> peers_;  ///< by slot
+  LinkSocket local_listener_;  ///< empty if the system has no local sockets
+  LinkEvents events_;          ///< of the listeners and of all links, with their sockets' numbers as tags
+  std::vector<Peer> peers_;    ///< by slot
   std::vector<Incoming> incoming_;
 };
 
@@ -127,27 +129,24 @@ bool PeerLinks::receive(Deliver deliver) {
   take_events();
   bool any = false;
   for (Incoming& link : incoming_) {
-    if (!std::exchange(link.readable, false)) {
+    if (!read(link) && !std::exchange(link.has_messages, false)) {
       continue;
     }
-    if (link.sender == 0) {
-      read(link, max_unknown);
-    }
     const NodeNumber slot = link.sender != 0 ? slot_of(link.sender) : no_slot;
-    read(link, slot != no_slot ? max_buffered : max_unknown);
     bool is_valid = true;
     bool taken = slot != no_slot;
     while (taken && !peers_[slot].failed) {
-      const std::span<const std::byte> message = first_message(link.received(), is_valid);
+      const std::span<const std::byte> message = first_message(link.stream.received(), is_valid);
       if (message.empty()) {
         break;
       }
       taken = deliver(slot, message);
-      link.begin += taken ? sizeof(Packing) + (message.size() + 7) / 8 * 8 : 0;
+      link.stream.take(taken ? sizeof(Packing) + (message.size() + 7) / 8 * 8 : 0);
       any |= taken;
     }
-    link.readable |= slot != no_slot && !taken;
-    if (slot != no_slot && (!is_valid || (link.closed && taken))) {
+    link.stream.release();
+    link.has_messages = slot != no_slot && !taken;
+    if (slot != no_slot && (!is_valid || (link.stream.is_closed() && taken))) {
       fail(slot);
     }
   }

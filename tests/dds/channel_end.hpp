@@ -13,8 +13,8 @@ namespace ringfence::test {
 /// have, without a World.
 class ChannelEnd {
  public:
-  explicit ChannelEnd(dds::LinkSocket socket)
-      : parcel_channel_(std::move(socket), {}, {}), channel_(std::size_t{1} << 16, nullptr, nullptr) {}
+  explicit ChannelEnd(dds::LinkStream link)
+      : parcel_channel_(std::move(link)), channel_(std::size_t{1} << 16, nullptr, nullptr) {}
 
   link::Sender& out() { return channel_.forward.sender(); }
   link::Receiver& in() { return channel_.backward.receiver(); }
@@ -43,5 +43,9 @@ class ChannelEnd {
 /// For the echo process: it ends when it receives this message of one byte.
 inline constexpr std::byte end_marker{0xff};
 inline constexpr std::uint32_t loopback = 0x7f000001;
+/// Small rings, so that tests fill them.
+inline constexpr dds::LinkStream::RingBytes small_rings{std::size_t{1} << 16, std::size_t{1} << 17};
+/// Rings that cannot be made, so that a local socket carries the bytes.
+inline constexpr dds::LinkStream::RingBytes no_rings{0, 0};
 
 }  // namespace ringfence::test

@@ -1,6 +1,7 @@
 #include "dds/parcel_channel.hpp"
 
-// A parcel channel between two processes delivers the same bytes in the same order as a ring.
+// A parcel channel between two processes delivers the same bytes in the same order as a ring, over TCP, over a local
+// socket and through shared memory.
 #include <chrono>
 #include <cstring>
 #include <deque>
@@ -14,6 +15,7 @@
 #include <unistd.h>
 
 #include "dds/channel_end.hpp"
+#include "dds/link_listener.hpp"
 #include "node_world.hpp"
 
 namespace ringfence {
@@ -23,9 +25,11 @@ using Bytes = std::vector<std::byte>;
 
 class Echo {
  public:
-  Echo(std::uint32_t port, int pause_ms) {
-    std::string arguments_text[] = {RINGFENCE_ECHO, std::to_string(port), std::to_string(pause_ms)};
-    char* arguments[] = {arguments_text[0].data(), arguments_text[1].data(), arguments_text[2].data(), nullptr};
+  Echo(const test::LinkListener& at, int pause_ms) {
+    std::string arguments_text[] = {RINGFENCE_ECHO, std::to_string(at.port()), std::to_string(at.name()),
+                                    at.kind() == test::LinkKind::shared ? "1" : "0", std::to_string(pause_ms)};
+    char* arguments[] = {arguments_text[0].data(), arguments_text[1].data(), arguments_text[2].data(),
+                         arguments_text[3].data(), arguments_text[4].data(), nullptr};
     REQUIRE(posix_spawn(&process_, RINGFENCE_ECHO, nullptr, nullptr, arguments, environ) == 0);
   }
   ~Echo() {
@@ -74,19 +78,10 @@ std::deque<Bytes> through_ring(const std::vector<Bytes>& messages) {
   return received;
 }
 
-/// The next connection to a listener; empty after some seconds.
-dds::LinkSocket accept(const dds::LinkSocket& listener) {
-  dds::LinkSocket socket;
-  test::wait_until([&] { return bool(socket = listener.accept()); });
-  return socket;
-}
-
-void check_same_bytes(int pause_ms, std::size_t count, std::uint64_t seed) {
-  const dds::LinkSocket listener = dds::LinkSocket::listen(1, 0);
-  const Echo echo(listener.port(), pause_ms);
-  dds::LinkSocket socket = accept(listener);
-  REQUIRE(bool(socket));
-  test::ChannelEnd side(std::move(socket));
+void check_same_bytes(test::LinkKind kind, int pause_ms, std::size_t count, std::uint64_t seed) {
+  const test::LinkListener listener(kind);
+  const Echo echo(listener, pause_ms);
+  test::ChannelEnd side(listener.accept());
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
   const auto in_time = [&] { return std::chrono::steady_clock::now() < end; };
 
@@ -123,66 +118,78 @@ void check_same_bytes(int pause_ms, std::size_t count, std::uint64_t seed) {
   CHECK_MESSAGE(same, "seed " << seed << ", message " << received);
   CHECK_MESSAGE(received == messages.size(), "seed " << seed);
   // Messages were collected: fewer parcels than messages.
-  CHECK(side.parcel_channel().counters().sent_parcels < messages.size());
+  const dds::ParcelChannel::Counters counters = side.parcel_channel().counters();
+  CHECK(counters.sent_parcels < messages.size());
+  CHECK(counters.shared_bytes == (kind == test::LinkKind::shared ? counters.sent_bytes : 0));
 }
 
 }  // namespace
 
-TEST_CASE("a message has the same bytes over the network as over a ring") { check_same_bytes(0, 4000, 1); }
+TEST_CASE("a message has the same bytes over the network as over a ring") {
+  for (const test::LinkKind kind : test::link_kinds) check_same_bytes(kind, 0, 4000, 1);
+}
 
 TEST_CASE("a slow receiver fills the channel, which fills the ring: nothing is lost and the order stays") {
-  check_same_bytes(3, 1500, 2);
+  for (const test::LinkKind kind : test::link_kinds) check_same_bytes(kind, 3, 1000, 2);
 }
 
 TEST_CASE("a full channel takes a bounded number of messages, and refuses without waiting") {
-  // The other end reads nothing.
-  const dds::LinkSocket listener = dds::LinkSocket::listen(1, 0);
-  test::ChannelEnd side(dds::LinkSocket::connect({test::loopback, listener.port()}));
-  const Bytes message(30'000, std::byte{1});
-  constexpr std::size_t turns = 4000;
-  std::size_t sent = 0;
-  for (std::size_t turn = 0; turn < turns; ++turn) {
-    for (auto room = side.out().claim(message.size()); !room.empty(); room = side.out().claim(message.size())) {
-      std::copy(message.begin(), message.end(), room.begin());
-      side.out().commit(message.size());
-      ++sent;
+  for (const test::LinkKind kind : test::link_kinds) {
+    // The other end reads nothing.
+    const test::LinkListener listener(kind);
+    test::ChannelEnd side(listener.connect());
+    const dds::LinkStream other = listener.accept();
+    const Bytes message(30'000, std::byte{1});
+    constexpr std::size_t turns = 4000;
+    std::size_t sent = 0;
+    for (std::size_t turn = 0; turn < turns; ++turn) {
+      for (auto room = side.out().claim(message.size()); !room.empty(); room = side.out().claim(message.size())) {
+        std::copy(message.begin(), message.end(), room.begin());
+        side.out().commit(message.size());
+        ++sent;
+      }
+      side.out().publish();
+      side.step();
     }
-    side.out().publish();
-    side.step();
+    CHECK(side.parcel_channel().counters().refused_writes > turns / 2);
+    CHECK(side.parcel_channel().has_unsent());
+    CHECK(sent < turns / 2);  // what the buffers of the system take
   }
-  CHECK(side.parcel_channel().counters().refused_writes > turns / 2);
-  CHECK(side.parcel_channel().has_to_send());
-  CHECK(sent < turns / 2);  // what the buffers of the system take
 }
 
 TEST_CASE("a channel whose other end closes, or sends an invalid header, is broken after what was sent before") {
-  for (const bool is_invalid : {false, true}) {
-    const dds::LinkSocket listener = dds::LinkSocket::listen(1, 0);
-    dds::LinkSocket theirs = dds::LinkSocket::connect({test::loopback, listener.port()});
-    test::ChannelEnd mine(accept(listener));
-    struct {
-      dds::ParcelHeader header{16, static_cast<std::uint32_t>(dds::ParcelKind::messages), 0, 0};
-      dds::Packing packing{3, 0};
-      char text[8] = "abc";
-    } const parcel;
-    std::vector<std::byte> bytes(sizeof parcel);
-    std::memcpy(bytes.data(), &parcel, sizeof parcel);
-    if (is_invalid) {
-      const dds::ParcelHeader too_long{dds::ParcelChannel::max_bytes + 8, 0, 0, 0};
-      const auto* const begin = reinterpret_cast<const std::byte*>(&too_long);
-      bytes.insert(bytes.end(), begin, begin + sizeof too_long);
+  for (const test::LinkKind kind : test::link_kinds) {
+    for (const bool is_invalid : {false, true}) {
+      const test::LinkListener listener(kind);
+      dds::LinkStream theirs = listener.connect();
+      test::ChannelEnd mine(listener.accept());
+      struct {
+        dds::ParcelHeader header{16, static_cast<std::uint32_t>(dds::ParcelKind::messages), 0, 0};
+        dds::Packing packing{3, 0};
+        char text[8] = "abc";
+      } const parcel;
+      std::vector<std::byte> bytes(sizeof parcel);
+      std::memcpy(bytes.data(), &parcel, sizeof parcel);
+      if (is_invalid) {
+        const dds::ParcelHeader too_long{dds::ParcelChannel::max_bytes + 8, 0, 0, 0};
+        const auto* const begin = reinterpret_cast<const std::byte*>(&too_long);
+        bytes.insert(bytes.end(), begin, begin + sizeof too_long);
+      }
+      theirs.append(bytes);
+      REQUIRE(test::wait_until([&] {
+        mine.step();
+        return theirs.flush();
+      }));
+      if (!is_invalid) theirs = {};
+      CHECK(test::wait_until([&] {
+        mine.step();
+        return mine.parcel_channel().is_broken();
+      }));
+      const auto message = mine.in().next();
+      REQUIRE(message.size() == 3);
+      CHECK(std::memcmp(message.data(), "abc", 3) == 0);
+      CHECK(mine.in().next().empty());
     }
-    std::size_t sent = 0;
-    REQUIRE(test::wait_until([&] { return theirs.send(bytes, sent) == dds::LinkSocket::Result::done; }));
-    if (!is_invalid) theirs.close();
-    CHECK(test::wait_until([&] {
-      mine.step();
-      return mine.parcel_channel().is_broken();
-    }));
-    const auto message = mine.in().next();
-    REQUIRE(message.size() == 3);
-    CHECK(std::memcmp(message.data(), "abc", 3) == 0);
-    CHECK(mine.in().next().empty());
   }
 }
 

@@ -8,6 +8,7 @@
 
 #include <doctest/doctest.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include "dds/link_socket.hpp"
 #include "node_world.hpp"
@@ -23,8 +24,10 @@ using Message = std::vector<std::byte>;
 
 constexpr std::uint32_t loopback = 0x7f000001;
 constexpr std::uint64_t world = 99;
+/// Incarnations are names of the machine, so those of processes that run this test at the same time differ.
+const std::uint64_t first_incarnation = static_cast<std::uint64_t>(getpid()) << 20;
 
-/// One node of a group in which every node knows all others; its slot is its index, its incarnation the index plus 1.
+/// One node of a group in which every node knows all others; its slot is its index.
 struct Node {
   explicit Node(std::uint64_t incarnation) : links(incarnation, world, 1, 0) {}
   PeerLinks links;
@@ -48,7 +51,7 @@ struct Node {
 class Group {
  public:
   explicit Group(std::size_t nodes) {
-    for (std::size_t slot = 0; slot < nodes; ++slot) nodes_.push_back(std::make_unique<Node>(slot + 1));
+    for (std::size_t slot = 0; slot < nodes; ++slot) nodes_.push_back(std::make_unique<Node>(first_incarnation + slot));
     for (std::size_t slot = 0; slot < nodes; ++slot) assign(slot);
   }
   Node& operator[](std::size_t slot) { return *nodes_[slot]; }
@@ -56,7 +59,7 @@ class Group {
     std::vector<PeerRecord> peers(nodes_.size());
     for (std::size_t peer = 0; peer < nodes_.size(); ++peer) {
       if (peer != slot && nodes_[peer] != nullptr) {
-        peers[peer] = {peer + 1, {loopback, nodes_[peer]->links.port()}};
+        peers[peer] = {first_incarnation + peer, {loopback, nodes_[peer]->links.port()}};
       }
     }
     return peers;
@@ -140,8 +143,8 @@ TEST_CASE("a node that ends or does not listen is reported once, and what is sen
     group[0].step();
     group[2].step();
   }
-  CHECK(group[0].failures == std::vector<std::uint64_t>{2});
-  CHECK(group[2].failures == std::vector<std::uint64_t>{2});
+  CHECK(group[0].failures == std::vector<std::uint64_t>{first_incarnation + 1});
+  CHECK(group[2].failures == std::vector<std::uint64_t>{first_incarnation + 1});
 }
 
 TEST_CASE("a link that does not begin with a hello is closed, and invalid framing is a failure of its sender") {
@@ -167,20 +170,21 @@ TEST_CASE("a link that does not begin with a hello is closed, and invalid framin
   CHECK(sends(message_of(64, 3)));
   CHECK(group[0].failures.empty());
 
-  std::uint64_t for_another[4] = {dds::LinkHello::expected_magic, 2, 9, 0};
+  std::uint64_t for_another[4] = {dds::LinkHello::expected_magic, first_incarnation + 1, 9, 0};
   CHECK(sends(std::as_bytes(std::span(for_another))));
   CHECK(group[0].failures.empty());
 
-  std::uint64_t hello[4] = {dds::LinkHello::expected_magic, 2, 1, 0};  // then a message without bytes
+  std::uint64_t hello[4] = {dds::LinkHello::expected_magic, first_incarnation + 1, first_incarnation,
+                            0};  // then a message without bytes
   CHECK(sends(std::as_bytes(std::span(hello))));
-  CHECK(group[0].failures == std::vector<std::uint64_t>{2});
+  CHECK(group[0].failures == std::vector<std::uint64_t>{first_incarnation + 1});
 }
 
 TEST_CASE("the first link of the World is handed on with the bytes that follow its hello; a second one is closed") {
   Group group(1);
   const auto open = [&] {
     struct {
-      dds::LinkHello hello{.sender = world, .receiver = 1};
+      dds::LinkHello hello{.sender = world, .receiver = first_incarnation};
       std::uint64_t first = 7;
     } const sent;
     LinkSocket socket = LinkSocket::connect({loopback, group[0].links.port()});
@@ -190,17 +194,14 @@ TEST_CASE("the first link of the World is handed on with the bytes that follow i
     return socket;
   };
   const LinkSocket socket = open();
-  std::optional<PeerLinks::WorldLink> link;
+  std::optional<dds::LinkStream> link;
   REQUIRE(group.run_until([&] { return (link = group[0].links.take_world_link()).has_value(); }));
-  std::vector<std::byte> bytes = link->bytes;
   CHECK(wait_until([&] {
-    std::byte more[16];
-    std::size_t got = 0;
-    link->socket.receive(more, got);
-    bytes.insert(bytes.end(), more, more + got);
-    return bytes.size() == sizeof(std::uint64_t);
+    link->note_events();
+    link->receive(64);
+    return link->received().size() == sizeof(std::uint64_t);
   }));
-  CHECK(bytes[0] == std::byte{7});
+  CHECK(link->received()[0] == std::byte{7});
 
   const LinkSocket second = open();
   CHECK(group.run_until([&] {

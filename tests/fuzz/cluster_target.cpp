@@ -171,7 +171,7 @@ void read_stream(Bytes bytes) {
     expected.emplace_back(rest.begin(), rest.begin() + static_cast<std::ptrdiff_t>(header.bytes));
     rest = rest.subspan(header.bytes);
   }
-  dds::ParcelChannel channel(dds::LinkSocket(), {}, bytes);
+  dds::ParcelChannel channel(dds::LinkStream(dds::LinkSocket(), bytes));
   std::vector<std::vector<std::byte>> received;
   bool waits = true;  // every parcel is offered twice: the first time nothing of it is taken
   const auto deliver = [&](dds::ParcelKind, std::uint32_t, std::size_t&, Bytes contents) {

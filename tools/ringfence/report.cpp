@@ -341,6 +341,7 @@ Json cluster_json(const dds::ClusterReport& cluster) {
                        {"sent_bytes", member.sent_bytes},
                        {keys::received_parcels, member.received_parcels},
                        {keys::received_bytes, member.received_bytes},
+                       {"shared_bytes", member.shared_bytes},
                        {"retransmitted_bytes", member.retransmitted_bytes},
                        {"refused_writes", member.refused_writes},
                        {"answers", member.answers},

@@ -46,8 +46,9 @@ struct MemberReport {
   NodeId node;       ///< its id as a CD node
   std::uint64_t sent_parcels = 0, sent_bytes = 0;
   std::uint64_t received_parcels = 0, received_bytes = 0;
+  std::uint64_t shared_bytes = 0;         ///< of sent_bytes: through memory that both processes share; 0 over a network
   std::uint64_t retransmitted_bytes = 0;  ///< by TCP, to this node
-  std::uint64_t refused_writes = 0;       ///< how often the network did not take all that was to be sent
+  std::uint64_t refused_writes = 0;       ///< how often the link did not take all that was to be sent
   std::uint64_t answers = 0;              ///< replies received while one was awaited
   double answer_ms_mean = 0;              ///< from the first parcel without a reply to the next reply
   double answer_ms_max = 0;
