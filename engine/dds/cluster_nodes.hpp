@@ -109,6 +109,7 @@ class ClusterNodes final : public RemoteNodes {
   void note_peer_failure(Node& from, std::span<const std::byte> bytes);
   void note_model_failure(Node& from, std::span<const std::byte> bytes);
   bool is_from_node(const Node& from, NodeNumber to, std::span<const std::byte> message) const noexcept;
+  bool take_events();
   bool arm() noexcept;
   void disarm() noexcept;
   bool carry(Node& node);
@@ -145,6 +146,7 @@ class ClusterNodes final : public RemoteNodes {
   std::vector<std::uint32_t> shape_parts_;    ///< by shape: number of pieces
   std::vector<ModelFailure> model_failures_;  ///< since the last take_model_failures(); under mutex_
   std::uint32_t published_map_epoch_ = 0;
+  std::uint32_t steps_without_events_ = 0;
   bool armed_ = false;   ///< events of links in shared memory were requested
   bool losses_ = false;  ///< there may be losses that were not reported to the server
   ClusterReport totals_;

@@ -157,6 +157,8 @@ bool NodeSession::take_events() {
   return events_.take([this](std::uint64_t tag) {
     if (tag == world_.number()) {
       channel_to_world_->note_events();
+    } else {
+      links_.take_events();
     }
   });
 }
@@ -184,7 +186,6 @@ void NodeSession::disarm() noexcept {
 
 bool NodeSession::step() {
   disarm();
-  take_events();
   if (!channel_to_world_) {
     accept_world();
     return false;
@@ -199,8 +200,6 @@ bool NodeSession::step() {
   send_model_failures();
   if (awaits_peers()) {
     progressed |= receive_from_peers();
-  } else if (peers_watched_) {
-    links_.take_events();
   }
   const std::uint64_t before = channel_to_world_->sent();
   send();

@@ -63,8 +63,9 @@ class PeerLinks {
   void take_events();
   /// Whether bytes have arrived in shared memory since the last receive(). Makes no system call.
   bool has_news() const noexcept;
-  /// Passes received messages to `deliver(slot, message)`, per sender in order. If it returns false, this message and
-  /// the later ones of its sender are passed again by the next call. Returns whether any message was passed.
+  /// Reads the links that had events, and shared memory. Passes received messages to `deliver(slot, message)`, per
+  /// sender in order. If it returns false, this message and the later ones of its sender are passed again by the next
+  /// call. Returns whether any message was passed.
   ///
   /// The bytes are in place: the sender may change them meanwhile, see LinkStream::received().
   template <class Deliver>
@@ -126,7 +127,6 @@ class PeerLinks {
 
 template <class Deliver>
 bool PeerLinks::receive(Deliver deliver) {
-  take_events();
   bool any = false;
   for (Incoming& link : incoming_) {
     if (!read(link) && !std::exchange(link.has_messages, false)) {

@@ -37,6 +37,7 @@ struct Node {
 
   void step() {
     links.flush();
+    links.take_events();
     std::size_t taken = 0;
     links.receive([&](NodeNumber slot, std::span<const std::byte> message) {
       if (taken++ == most_per_call) return false;
