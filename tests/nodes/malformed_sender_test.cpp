@@ -31,14 +31,17 @@ class DriftingModel : public MotionModel {
 };
 const DriftingModel drifting;
 
+/// Of the receivers' halves of channels, for tests that send thousands of messages at once.
+constexpr std::size_t room_for_floods = std::size_t{1} << 20;
+
 struct Scene {
-  explicit Scene(Deployment deployment)
-      : Scene([&] {
-          HarnessConfig config;
-          config.deployment = deployment;
-          config.model = &drifting;
-          return config;
-        }()) {}
+  static HarnessConfig config_of(Deployment deployment) {
+    HarnessConfig config;
+    config.deployment = deployment;
+    config.model = &drifting;
+    return config;
+  }
+  explicit Scene(Deployment deployment) : Scene(config_of(deployment)) {}
   explicit Scene(const HarnessConfig& config) : harness(config) {
     const ShapeId ball = harness.add_shape(Sphere{2});
     for (UserNumber user = 0; user < 3; ++user) harness.connect(user);
@@ -292,7 +295,9 @@ TEST_CASE("an invalid state among valid ones is refused alone") {
 }
 
 TEST_CASE("all invalid records of a flood are counted, and only a few are reported back") {
-  Scene scene(Deployment::user_collision);
+  HarnessConfig config = Scene::config_of(Deployment::user_collision);
+  config.delivery_bytes = room_for_floods;
+  Scene scene(config);
   constexpr std::size_t flood = 3000;
   bool inserted = false;
   scene.harness.tamper = [&](const LoggedMessage& seen, std::vector<Bytes>& instead) {
@@ -341,6 +346,7 @@ TEST_CASE("messages beyond a user node's quota are ignored, and no other frame c
   for (const bool by_bytes : {false, true}) {
     CAPTURE(by_bytes);
     HarnessConfig config;
+    config.delivery_bytes = room_for_floods;
     config.deployment = Deployment::user_server;
     config.model = &drifting;
     std::vector<Outcome> expected;

@@ -68,7 +68,8 @@ struct HarnessConfig {
   regions::CellGrid grid{{2, 2, 1}};
   const MotionModel* model = nullptr;
   std::size_t ring_bytes = 4096;
-  std::size_t delivery_bytes = std::size_t{1} << 20;  ///< size of the receivers' halves
+  /// Size of the receivers' halves. Each harness clears them: with 1 MiB that is most of the time of these tests.
+  std::size_t delivery_bytes = std::size_t{1} << 17;
   double interest = 0;
   Quotas quotas;
   std::uint64_t user_deadline_ns = 0;
