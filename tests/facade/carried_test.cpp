@@ -15,7 +15,7 @@
 namespace ringfence::test {
 namespace {
 
-constexpr double side = 24;
+constexpr double side = 20;
 
 // Moves each object for eight frames in eighty, so that most rest, and all of them move and rest again.
 class Sleepers : public MotionModel {
@@ -69,7 +69,7 @@ class Twins {
       shapes_ = add_shapes(*world);
       config.tuning.keep_resting = false;
     }
-    for (int i = 0; i < 500; ++i) spawn();
+    for (int i = 0; i < 300; ++i) spawn();
   }
 
   /// A few changes, the same in both.
@@ -151,10 +151,10 @@ TEST_CASE("contacts of resting pairs are carried over, and are those of a new te
     CAPTURE(nodes);
     CAPTURE(seed);
     Twins twins(nodes, seed);
-    for (int frame = 0; frame < 160; ++frame) {
+    for (int frame = 0; frame < 96; ++frame) {
       CAPTURE(frame);
       for (std::uint64_t n = twins.random()() % 4; n > 0; --n) twins.change();
-      if (nodes != 0 && frame % 50 == 49) twins.resize(static_cast<std::uint32_t>(1 + twins.random()() % 4));
+      if (nodes != 0 && frame % 30 == 29) twins.resize(static_cast<std::uint32_t>(1 + twins.random()() % 4));
       twins.advance_and_compare();
     }
     CHECK(twins.carried > twins.candidates / 8);
