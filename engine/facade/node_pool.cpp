@@ -169,7 +169,7 @@ std::shared_ptr<link::WakeTree> NodePool::make_wake_tree() const {
 
 std::shared_ptr<link::WakeTree> NodePool::connect(nodes::Arrivals* arrivals) {
   const auto shared = shares() ? shared_nodes() : nullptr;
-  const auto tree = make_wake_tree();
+  auto tree = make_wake_tree();
   std::size_t member = 0;
   each([&](PoolNode& node) {
     if (node.role == nullptr) {
