@@ -357,7 +357,7 @@ class BoxHullBlock {
   void compute_contacts() {
     undecided_.keep([&](std::size_t i) { return (doubtful_mask_ >> i & 1) != 0 || best_[i] >= 0; });
     alignas(64) float of_box[block_pairs], to_hull[block_pairs], slack[block_pairs];
-    Column3 in_hull, corner;
+    alignas(64) Column3 in_hull, corner;
     alignas(64) std::uint32_t flat[3][block_pairs];
     for (std::size_t i = 0; i < count_; i += lanes) {
       Vector<D> n = load(d, direction_, i);
