@@ -102,6 +102,7 @@ nodes::ServerSetup WorldState::server_setup() noexcept {
   setup.layer_masks = layer_masks;
   setup.keep_resting = config.tuning.keep_resting;
   setup.capacities = config.capacities;
+  setup.deepest_contacts = config.deepest_contacts;
   setup.interest = config.interest;
   setup.sense = config.sense;
   setup.balance = config.balance;

@@ -16,6 +16,7 @@ Traffic traffic_of(MessageType type) noexcept {
     case MessageType::change:
       return Traffic::m3;
     case MessageType::correct:
+    case MessageType::unlist:
     case MessageType::notify:
       return Traffic::m4;
     case MessageType::hand_over:
@@ -37,7 +38,7 @@ const char* name_of(MessageType type) noexcept {
                                                 "probe",       "probe_reply",  "published",    "read_publications",
                                                 "change",      "ghost",        "ghost_counts", "contact_counts",
                                                 "ghosts_sent", "replica",      "query",        "query_hit",
-                                                "sensed"};
+                                                "sensed",      "unlist"};
   const auto index = static_cast<std::uint16_t>(type);
   return index < message_types ? names[index] : "unknown";
 }
@@ -85,6 +86,8 @@ std::size_t record_bytes(MessageType type, std::size_t state_bytes) noexcept {
       return sizeof(ChangeRecord);
     case MessageType::correct:
       return sizeof(CorrectRecord);
+    case MessageType::unlist:
+      return sizeof(UnlistRecord);
     case MessageType::region_map:
       return sizeof(OwnerRecord);
     case MessageType::frame_end:

@@ -42,6 +42,9 @@ enum class MessageType : std::uint16_t {
   // Server to hosts, after the narrow phase.
   /// M4, to CD nodes: a CorrectRecord for each contact that the receiver reported as begun and that persists.
   correct = 18,
+  /// M4, to CD nodes, before `correct`: an UnlistRecord for each contact that the receiver found and that is not in the
+  /// list of contacts.
+  unlist = 33,
   /// M4: a Contact for each other contact of the objects that the receiver hosts, ordered by (a, b). User nodes also
   /// receive the ended contacts.
   notify = 11,
@@ -74,7 +77,7 @@ enum class MessageType : std::uint16_t {
   read_publications = 23,  ///< no records: all publications of this frame can be read
 };
 /// One more than the largest message type.
-inline constexpr std::uint16_t message_types = 33;
+inline constexpr std::uint16_t message_types = 34;
 
 /// The kind of traffic as which a message is counted.
 Traffic traffic_of(MessageType type) noexcept;

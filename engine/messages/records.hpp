@@ -108,9 +108,15 @@ enum ChangeFlag : std::uint32_t {
   change_at_border = 2,  ///< another node may have found the contact in the other of the two frames
 };
 
+/// M4: a contact that the receiver found and that is not among the deepest of either of its objects; see
+/// WorldConfig::deepest_contacts. The receiver treats it as not found.
+struct UnlistRecord {
+  std::uint64_t key = 0;  ///< number of a in the upper 32 bits, number of b in the lower
+};
+
 /// M4: a contact that the receiver reported as begun. Another node found it in the frame before, so it persists.
 struct CorrectRecord {
-  std::uint32_t position = 0;  ///< in the receiver's run of `collision`
+  std::uint32_t position = 0;  ///< in the receiver's run of `collision`, without those that `unlist` names
   std::uint32_t reserved = 0;
 };
 
@@ -280,6 +286,7 @@ static_assert(sizeof(NodeStateRecord) == 80 && sizeof(ReplicaRecord) == 48);
 static_assert(sizeof(PositionRecord) == 104);
 static_assert(sizeof(PairRecord) == 8);
 static_assert(sizeof(CollisionRecord) == 40 && sizeof(ChangeRecord) == 16 && sizeof(CorrectRecord) == 8);
+static_assert(sizeof(UnlistRecord) == 8);
 static_assert(sizeof(NarrowDoneRecord) == 40);
 static_assert(sizeof(HandOverRecord) == 80);
 static_assert(sizeof(DropRecord) == 16);

@@ -83,6 +83,11 @@ bool is_valid(const messages::ChangeRecord& record, const MessageLimits&) noexce
   return (record.flags & ~std::uint32_t{messages::change_ended | messages::change_at_border}) == 0;
 }
 
+bool is_valid(const messages::UnlistRecord& record, const MessageLimits&) noexcept {
+  const std::uint64_t a = record.key >> 32, b = record.key & 0xffffffffu;
+  return a != 0 && a < b;
+}
+
 bool is_valid(const messages::KindRecord& record, const MessageLimits&) noexcept {
   return record.first < shape_kinds && record.second < shape_kinds;
 }
@@ -148,6 +153,8 @@ bool is_valid(const MessageView& message, const MessageLimits& limits) noexcept 
       return are_valid<messages::ChangeRecord>(message, limits);
     case MessageType::notify:
       return are_valid<Contact>(message, limits);
+    case MessageType::unlist:
+      return are_valid<messages::UnlistRecord>(message, limits);
     case MessageType::query:
       return are_valid<messages::QueryRecord>(message, limits);
     case MessageType::query_hit:

@@ -167,6 +167,7 @@ std::vector<Layout> record_layouts() {
        {field<decltype(ChangeRecord::key)>("key", offsetof(ChangeRecord, key)),
         field<decltype(ChangeRecord::position)>("position", offsetof(ChangeRecord, position)),
         field<decltype(ChangeRecord::flags)>("flags", offsetof(ChangeRecord, flags))}},
+      {"UnlistRecord", sizeof(UnlistRecord), {field<decltype(UnlistRecord::key)>("key", offsetof(UnlistRecord, key))}},
       {"CorrectRecord",
        sizeof(CorrectRecord),
        {field<decltype(CorrectRecord::position)>("position", offsetof(CorrectRecord, position)),

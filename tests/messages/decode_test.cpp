@@ -53,7 +53,8 @@ constexpr std::array<RecordSize, message_types> sizes = {{{0, false},
                                                           {sizeof(ReplicaRecord), true},
                                                           {sizeof(QueryRecord), false},
                                                           {sizeof(QueryHitRecord), false},
-                                                          {sizeof(SensedRecord), false}}};
+                                                          {sizeof(SensedRecord), false},
+                                                          {sizeof(UnlistRecord), false}}};
 
 std::size_t size_of(std::uint16_t type, std::size_t state_bytes) {
   return sizes[type].fixed + (sizes[type].with_state ? state_bytes : 0);

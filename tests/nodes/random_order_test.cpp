@@ -136,6 +136,7 @@ std::vector<messages::QueryRecord> random_queries(std::mt19937_64& random, std::
 
 struct RunResult {
   std::size_t lost = 0, resized = 0, hits = 0;
+  std::uint64_t unlisted = 0;
 };
 
 RunResult run_schedule(std::uint64_t seed, int frames) {
@@ -148,6 +149,7 @@ RunResult run_schedule(std::uint64_t seed, int frames) {
   plain_config.grid = {{2, 2, 2}};
   plain_config.nodes = 1;
   plain_config.delivery_bytes = std::size_t{1} << 17;
+  plain_config.deepest_contacts = one_in(3) ? 0 : 1 + static_cast<std::uint32_t>(random() % 2);
   HarnessConfig random_config = plain_config;
   random_config.placement = one_in(3) ? Placement::server : Placement::region;
   random_config.nodes = 1 + static_cast<std::uint32_t>(random() % 5);
@@ -185,6 +187,7 @@ RunResult run_schedule(std::uint64_t seed, int frames) {
     const auto ended = harness.ended(), others_ended = expected.ended();
     REQUIRE(ended.size() == others_ended.size());
     REQUIRE(std::memcmp(ended.data(), others_ended.data(), ended.size_bytes()) == 0);
+    REQUIRE(report.unlisted == expected.report().unlisted);
     REQUIRE(report.accepted == report.candidates);
     REQUIRE(report.tested + report.carried == report.candidates);
     for (std::size_t reason = 0; reason < status_count; ++reason) {
@@ -203,6 +206,7 @@ RunResult run_schedule(std::uint64_t seed, int frames) {
       harness.require_views();
     }
     result.lost += report.lost.size();
+    result.unlisted += report.unlisted;
   }
   return result;
 }
@@ -220,10 +224,12 @@ TEST_CASE(
     all.lost += result.lost;
     all.resized += result.resized;
     all.hits += result.hits;
+    all.unlisted += result.unlisted;
   }
   CHECK(all.lost > 5 * schedules);
   CHECK(all.resized > 2 * schedules);
   CHECK(all.hits > 100 * schedules);
+  CHECK(all.unlisted > 50 * schedules);
 }
 
 }  // namespace

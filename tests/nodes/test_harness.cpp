@@ -64,6 +64,7 @@ TestHarness::TestHarness(const HarnessConfig& config)
   setup.max_relayed_nodes = 0;
   setup.balance_by = BalanceBy::pairs;  // every run has the same maps
   setup.quotas = config.quotas;
+  setup.deepest_contacts = config.deepest_contacts;
   setup.user_deadline_ns = config.user_deadline_ns;
   setup.node_deadline_ns = config.node_deadline_ns;
   pool_.emplace(pool_setup());

@@ -71,6 +71,7 @@ struct HarnessConfig {
   /// Size of the receivers' halves. Each harness clears them: with 1 MiB that is most of the time of these tests.
   std::size_t delivery_bytes = std::size_t{1} << 17;
   double interest = 0;
+  std::uint32_t deepest_contacts = 0;
   Quotas quotas;
   std::uint64_t user_deadline_ns = 0;
   std::uint64_t node_deadline_ns = 0;

@@ -155,6 +155,11 @@ struct WorldConfig {
   Limits limits;
   Deadlines deadlines;
   Quotas quotas;
+  /// Limit of the list of contacts, for crowds: a contact is listed if it is among the `deepest_contacts` deepest ones
+  /// of either of its two objects, ties by (a, b). 0: all contacts are listed. It bounds the output, not the tests. An
+  /// unlisted contact is no contact of that frame for everyone: World, users, motion models, saves. So it may begin and
+  /// end while the two objects keep touching. FrameReport::unlisted counts them.
+  std::uint32_t deepest_contacts = 0;
   /// Whether regions follow the load: the map changes at the end of a frame when the nodes' costs are unequal.
   bool balance = true;
   BalanceBy balance_by = BalanceBy::cpu_time;

@@ -43,7 +43,7 @@ struct NodeReport {
   std::uint64_t candidates = 0;  ///< pairs that the node owns
   std::uint64_t tested = 0;      ///< pairs that the node tested
   std::uint64_t carried = 0;     ///< pairs whose result the node carried over from the frame before
-  std::uint64_t contacts = 0;    ///< pairs in contact
+  std::uint64_t contacts = 0;    ///< pairs in contact, also those that are not in the list
   std::uint64_t failed_supports = 0;  ///< pairs without a contact because a support function failed
   std::uint64_t hosted = 0;           ///< objects that the node hosts after the frame
   std::uint64_t handed_over = 0;      ///< objects that the node handed over to others
@@ -91,6 +91,8 @@ struct FrameReport {
   /// Pairs whose result (contact or none) the server accepted; differs from candidates only after a bug or a loss.
   std::uint64_t accepted = 0;
   std::uint64_t contacts = 0;  ///< contacts that begin or persist
+  /// Contacts that were found and are not in the list, because of WorldConfig::deepest_contacts.
+  std::uint64_t unlisted = 0;
   /// Of `tested`: pairs without a contact because a support function threw or returned an invalid point; see
   /// SupportFunction. The log has the reason.
   std::uint64_t failed_supports = 0;
@@ -124,7 +126,7 @@ struct FrameReport {
   /// Empty unless WorldConfig::timeline is set. Contains no spans of lost nodes and remote nodes.
   std::vector<TimelineSpan> timeline;
 
-  static constexpr std::size_t counter_count = 5;
+  static constexpr std::size_t counter_count = 6;
   using Counter = std::pair<const char*, std::uint64_t FrameReport::*>;
   /// Fields whose sums over the frames of a run the program reports, with their JSON keys.
   static constexpr std::array<Counter, counter_count> counters() noexcept {
@@ -132,7 +134,8 @@ struct FrameReport {
              {"moved", &FrameReport::moved},
              {"handed_over", &FrameReport::handed_over},
              {"ghost_updates", &FrameReport::ghost_updates},
-             {"grown", &FrameReport::grown}}};
+             {"grown", &FrameReport::grown},
+             {"unlisted", &FrameReport::unlisted}}};
   }
 };
 

@@ -263,6 +263,8 @@ void CdNodeRole::receive(const MessageView& message) {
       return halo_.receive_positions(message);
     case MessageType::pairs:
       return detector_.receive_pairs(message);
+    case MessageType::unlist:
+      return publisher_.unlist(message);
     case MessageType::correct:
       return publisher_.receive_corrections(message);
     case MessageType::notify:

@@ -1,5 +1,6 @@
 #include "nodes/cd_node/contact_publisher.hpp"
 
+#include <algorithm>
 #include <cstring>
 
 #include "base/prefetch.hpp"
@@ -95,6 +96,17 @@ bool ContactPublisher::send() {
          state_.send(done_run_, MessageType::narrow_done, [this](std::size_t) { return detector_.totals(); });
 }
 
+void ContactPublisher::unlist(const messages::MessageView& message) {
+  const auto keys = state_.contacts.keys.span();
+  auto next = keys.begin();
+  unlisted_.clear();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    next = std::lower_bound(next, keys.end(), message.record<messages::UnlistRecord>(i).key);
+    unlisted_.push_back(static_cast<std::uint32_t>(next - keys.begin()));
+  }
+  state_.contacts.unlist(unlisted_.span());
+}
+
 void ContactPublisher::receive_corrections(const messages::MessageView& message) {
   for (std::size_t i = 0; i < message.count(); ++i) {
     state_.contacts.begun[message.record<messages::CorrectRecord>(i).position] = 0;
@@ -103,6 +115,7 @@ void ContactPublisher::receive_corrections(const messages::MessageView& message)
 
 void ContactPublisher::finish() {
   if (state_.keeps_contacts()) {
+    state_.host.contacts().unlist_own(state_.frame, state_.contacts.keys.span());
     confirm_begins();
   }
   exchange_.share_contacts();

@@ -28,11 +28,14 @@ class ContactPublisher {
   void list();
   /// Sends to the server what it cannot read, and `narrow_done`. Returns whether all is sent; if not, call it again.
   bool send();
+  /// Applies an `unlist` message: these contacts are not in the list of contacts. Precondition: the node found them.
+  void unlist(const messages::MessageView& message);
   /// Applies a `correct` message: these contacts persist.
   void receive_corrections(const messages::MessageView& message);
   /// A `notify` message of the server between frames: contacts of the last frame, for objects that were adopted.
   void receive_late(const messages::MessageView& message) { state_.host.contacts().add_late(message); }
-  /// After `frame_end`: sets the phases of own contacts, which are now final, and shares them with the other nodes.
+  /// After `frame_end`, when the list of contacts and the phases are final: the node's own model gets those that are
+  /// listed, with their phases, and the other nodes those that they need.
   void finish();
 
  private:
@@ -43,7 +46,7 @@ class ContactPublisher {
   NodeState& state_;
   const Detector& detector_;
   NodeExchange& exchange_;
-  base::FlatList<std::uint32_t> begins_;  ///< scratch
+  base::FlatList<std::uint32_t> begins_, unlisted_;  ///< scratch
   messages::RunSender done_run_;
 };
 

@@ -1,5 +1,7 @@
 #include "nodes/cd_node/expected_messages.hpp"
 
+#include <algorithm>
+
 namespace ringfence::nodes {
 
 using messages::Endpoint;
@@ -38,10 +40,26 @@ bool ExpectedMessages::is_acceptable(const MessageView& message) const {
          (message.type() != MessageType::query || knows_shapes(message)) &&
          (message.type() != MessageType::sensed || exchange_.takes_sensed(message.count())) &&
          (message.type() != MessageType::pairs || knows_pairs(message)) &&
-         (message.type() != MessageType::correct || knows_contacts(message));
+         (message.type() != MessageType::correct || knows_positions(message)) &&
+         (message.type() != MessageType::unlist || knows_contacts(message));
 }
 
+// Whether this node found all the contacts, and each is named once, in order.
 bool ExpectedMessages::knows_contacts(const MessageView& message) const noexcept {
+  const auto keys = state_.contacts.keys.span();
+  auto next = keys.begin();
+  for (std::size_t i = 0; i < message.count(); ++i) {
+    const auto record = message.record<messages::UnlistRecord>(i);
+    next = std::lower_bound(next, keys.end(), record.key);
+    if (next == keys.end() || *next != record.key) {
+      return false;
+    }
+    ++next;
+  }
+  return true;
+}
+
+bool ExpectedMessages::knows_positions(const MessageView& message) const noexcept {
   for (std::size_t i = 0; i < message.count(); ++i) {
     if (message.record<messages::CorrectRecord>(i).position >= state_.contacts.begun.size()) {
       return false;
@@ -97,6 +115,7 @@ bool ExpectedMessages::is_expected(const MessageView& message) const {
              !state_.received.positions;
     case MessageType::pairs:
       return state_.stage == CdNodeStage::gathering && state_.received.positions && !state_.received.pairs;
+    case MessageType::unlist:
     case MessageType::correct:
     case MessageType::frame_end:
       return state_.stage == CdNodeStage::ending && !state_.received.frame_end;

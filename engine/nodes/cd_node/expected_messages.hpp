@@ -36,6 +36,7 @@ class ExpectedMessages {
   bool knows_shapes(const messages::MessageView& message) const noexcept;
   bool knows_pairs(const messages::MessageView& message) const noexcept;
   bool knows_contacts(const messages::MessageView& message) const noexcept;
+  bool knows_positions(const messages::MessageView& message) const noexcept;
 
   const NodeState& state_;
   const NodeExchange& exchange_;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <span>
 
 #include "base/flat_list.hpp"
 #include "base/numbers.hpp"
@@ -70,8 +71,9 @@ struct BorderContact {
 /// where it is read: by the node's own motion model, or in the embedder's list.
 ///
 /// Threads: one writer at a time, ordered by messages. The node writes its part before `narrow_done` and does not
-/// change it until the next `frame_begin`. The server reads it after `narrow_done` and writes its own part before
-/// `frame_end`. Then all nodes that pass their gates read the contacts of all nodes until each has sent `frame_done`.
+/// change it until the next `frame_begin`. The server reads it after `narrow_done`, unlists contacts of it and writes
+/// its own part before `frame_end`. Then all nodes that pass their gates read the contacts of all nodes until each has
+/// sent `frame_done`.
 struct NodeContacts {
   /// Also the frame before frame 0, which has no contacts.
   static constexpr std::uint64_t no_frame = ~std::uint64_t{0};
@@ -99,7 +101,8 @@ struct NodeContacts {
   base::FlatList<std::uint64_t> ending;         ///< those of keys_before that are not in keys, ascending
   base::FlatList<std::uint64_t> border_ending;  ///< those that another node may have found in this frame, ascending
   // Read by the node, or later by the server.
-  base::FlatList<std::uint32_t> ending_at;           ///< parallel to ending: their positions in keys_before
+  base::FlatList<std::uint32_t>
+      ending_at;  ///< parallel to ending: their positions in keys_before; empty after unlist()
   base::FlatList<std::uint64_t> keys_before;         ///< keys of the frame before, ascending
   base::FlatList<FoundContact> found_before;         ///< parallel to keys_before
   base::FlatList<UserContact> user_contacts;         ///< by key
@@ -137,6 +140,10 @@ struct NodeContacts {
   /// frame. Both may return false when in doubt; the server then compares the pair.
   template <class WasAlone, class IsAlone>
   void compare(WasAlone was_alone, IsAlone is_alone);
+  /// By the server, or by the node when the server says so, after compare(): the contacts at these positions in keys,
+  /// ascending, are not in the list of contacts (WorldConfig::deepest_contacts). They are removed, as if the node had
+  /// not found them; those of the frame before end.
+  void unlist(std::span<const std::uint32_t> positions);
   Phase phase(std::uint32_t position) const noexcept { return begun[position] != 0 ? Phase::begin : Phase::persist; }
   /// Calls each(key, position, phase) for all, in order.
   template <class Each>
@@ -196,6 +203,7 @@ struct NodeContacts {
 
  private:
   void compare_keys();
+  void end_unlisted(std::span<const std::uint32_t> positions);
   /// What a contact states of one of its two objects.
   struct Side {
     ObjectNumber number;

@@ -7,6 +7,7 @@
 
 #include "base/flat_list.hpp"
 #include "base/numbers.hpp"
+#include "base/renumbering.hpp"
 
 namespace ringfence::nodes {
 
@@ -20,6 +21,9 @@ class PeerLists {
   void add(NodeNumber peer, std::uint32_t value) { entries_.push_back({peer, value}); }
   /// Call it after the last add(). `nodes` is the number of nodes; all peers are below it.
   void finish(NodeNumber nodes);
+  /// After finish(), if the numbers are positions in another list, ascending: entries were removed from that list, at
+  /// the positions `removed`, ascending. Removes these positions, and changes the others accordingly.
+  void renumber(std::span<const std::uint32_t> removed) noexcept;
 
   /// The list of one peer; empty before finish(), and for a peer that is not below its `nodes`.
   std::span<const std::uint32_t> of(NodeNumber peer) const noexcept {
@@ -62,6 +66,23 @@ inline void PeerLists::finish(NodeNumber nodes) {
     values_[from_[entry.peer + 1]++] = entry.value;
   }
   from_.pop_back();
+}
+
+inline void PeerLists::renumber(std::span<const std::uint32_t> removed) noexcept {
+  std::size_t begin = 0;
+  std::uint32_t kept = 0;
+  for (std::size_t peer = 0; peer + 1 < from_.size(); ++peer) {
+    base::Renumbering place(removed);
+    const std::size_t end = from_[peer + 1];
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::uint32_t now = place(values_[i]);
+      values_[kept] = now;
+      kept += now != base::Renumbering::gone ? 1 : 0;
+    }
+    begin = end;
+    from_[peer + 1] = kept;
+  }
+  values_.resize(kept);
 }
 
 }  // namespace ringfence::nodes

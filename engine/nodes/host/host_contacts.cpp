@@ -25,6 +25,22 @@ void HostContacts::ContactList::add(const Contact& contact) {
   keys.push_back(contact.phase == Phase::end ? 0 : base::PairSort::key(contact.a, contact.b));
 }
 
+// An unlisted contact keeps its place among the contacts, where others are known by their positions. For gather() it is
+// marked as ended.
+void HostContacts::ContactList::unlist(std::span<const std::uint64_t> listed) noexcept {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < own_order.size(); ++i) {
+    if (kept < listed.size() && keys[i] == listed[kept]) {
+      keys[kept] = keys[i];
+      own_order[kept++] = own_order[i];
+    } else {
+      contacts[own_order[i].contact].phase = Phase::end;
+    }
+  }
+  keys.resize(kept);
+  own_order.resize(kept);
+}
+
 void HostContacts::ContactList::clear() noexcept {
   contacts.clear();
   keys.clear();
@@ -86,6 +102,7 @@ void HostContacts::find_hosted(const KnownContacts& known, const HostedObjects& 
   const std::uint64_t* const keys = known.keys.data();
   const std::size_t own_end = known.own_order.size();
   const std::size_t end = known.keys.size();
+  const std::size_t unlisted = known.contacts.size() - end;  // own contacts without a key
   hosted_.resize(end);
   HostedContact* out = hosted_.data();
   const auto add = [&](std::uint64_t key, const HostedContact& was) {
@@ -117,7 +134,8 @@ void HostContacts::find_hosted(const KnownContacts& known, const HostedObjects& 
       add(keys[own], known.own_order[own]);
     }
     if (received < end) {
-      add(keys[received], {static_cast<std::uint32_t>(received), base::NumberIndex::none, base::NumberIndex::none});
+      const auto at = static_cast<std::uint32_t>(received + unlisted);
+      add(keys[received], {at, base::NumberIndex::none, base::NumberIndex::none});
     }
   }
   hosted_.resize(static_cast<std::size_t>(out - hosted_.data()));

@@ -52,6 +52,13 @@ class HostContacts {
   void confirm_begin(std::uint64_t frame, std::uint32_t contact) noexcept {
     edition(frame).contacts[contact].phase = Phase::begin;
   }
+  /// The own contacts of C(frame) whose keys are not in `listed`, ascending, are not in the list of contacts: the model
+  /// does not get them. All others are in it. Call it after the last order_own() and before any add().
+  void unlist_own(std::uint64_t frame, std::span<const std::uint64_t> listed) noexcept {
+    if (edition(frame).own_order.size() != listed.size()) [[unlikely]] {
+      edition(frame).unlist(listed);
+    }
+  }
   void prefetch_own(std::uint64_t frame, std::uint32_t contact) const noexcept {
     base::prefetch_for_write(&edition(frame).contacts[contact].phase);
   }
@@ -102,13 +109,15 @@ class HostContacts {
   /// Contacts of a frame: first `own` in the order of detection, then the received ones in order of (a, b).
   struct ContactList {
     base::FlatList<Contact> contacts;
-    /// PairSort::key of each own contact, ascending; then that of each received contact, ascending, or 0 if it ended.
+    /// PairSort::key of each own contact that is listed, ascending; then that of each received contact, ascending, or 0
+    /// if it ended.
     base::FlatList<std::uint64_t> keys;
-    /// Own contacts in order of (a, b), with the hosted indices known to the role.
+    /// Own contacts that are listed, in order of (a, b), with the hosted indices known to the role.
     base::FlatList<HostedContact> own_order;
     std::size_t own = 0;
 
     void add(const Contact& contact);
+    void unlist(std::span<const std::uint64_t> listed) noexcept;
     void clear() noexcept;
   };
 

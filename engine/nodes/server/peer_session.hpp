@@ -31,7 +31,7 @@ struct PeerSession {
     std::uint64_t hand_overs = 0;               ///< number of hand-overs it will receive (CD nodes)
     messages::RunSender ghosts_run;             ///< earlier: before its positions
     messages::RunSender read_publications_run;  ///< may be sent earlier: when everything is published
-    messages::RunSender map_run, correct_run, notice_run, end_run;
+    messages::RunSender map_run, unlist_run, correct_run, notice_run, end_run;
   };
 
   /// Sent at once when another node is lost.

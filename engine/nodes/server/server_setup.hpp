@@ -61,6 +61,7 @@ struct ServerSetup {
   std::array<std::uint32_t, 32> layer_masks{};
   bool keep_resting = true;  ///< see WorldConfig
   Capacities capacities;
+  std::uint32_t deepest_contacts = 0;  ///< WorldConfig::deepest_contacts
   double interest = 0;
   double sense = 0;  ///< WorldConfig::sense, metres
   /// With more CD nodes, the nodes publish the states of what they host instead of the server.

@@ -7,6 +7,7 @@
 
 #include <doctest/doctest.h>
 
+#include "base/pair_sort.hpp"
 #include "nodes/cd_node/node_fixture.hpp"
 
 namespace ringfence::nodes::test {
@@ -113,6 +114,32 @@ TEST_CASE("a correction names a contact that the node has sent") {
   CHECK(!expected.is_acceptable(correction));
   fixture.state().own_contacts.begun.push_back(1);
   CHECK(expected.is_acceptable(correction));
+}
+
+TEST_CASE("contacts are unlisted at the end of a frame, if the node found them, each once and in order") {
+  NodeFixture fixture({.placement = Placement::server, .shares_memory = false});
+  const Migration migration(fixture.state(), fixture.exchange());
+  const ExpectedMessages expected(fixture.state(), fixture.exchange(), migration);
+  const auto unlist = [&](std::vector<std::uint64_t> keys) {
+    std::vector<messages::UnlistRecord> records;
+    for (const std::uint64_t key : keys) records.push_back({key});
+    return fixture.message(MessageType::unlist, std::span<const messages::UnlistRecord>(records));
+  };
+  const std::uint64_t first = base::PairSort::key(1, 2), second = base::PairSort::key(1, 3);
+  fixture.state().own_contacts.keys.push_back(first);
+  fixture.state().own_contacts.keys.push_back(second);
+  for (int stage = 0; stage <= static_cast<int>(Stage::reporting); ++stage) {
+    fixture.state().stage = static_cast<Stage>(stage);
+    CHECK(expected.is_acceptable(unlist({second})) == (fixture.state().stage == Stage::ending));
+  }
+  fixture.state().stage = Stage::ending;
+  CHECK(expected.is_acceptable(unlist({first, second})));
+  CHECK(!expected.is_acceptable(unlist({second, first})));
+  CHECK(!expected.is_acceptable(unlist({first, first})));
+  CHECK(!expected.is_acceptable(unlist({base::PairSort::key(1, 4)})));
+  CHECK(!expected.is_acceptable(unlist({base::PairSort::key(2, 1)})));
+  fixture.state().received.frame_end = true;
+  CHECK(!expected.is_acceptable(unlist({first})));
 }
 
 TEST_CASE("a loss is that of another node, and its frame can be detected again until its contacts are final") {

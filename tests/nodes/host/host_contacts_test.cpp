@@ -71,6 +71,29 @@ TEST_CASE("an own contact persists until it is confirmed that it begins") {
   CHECK(host.contacts.list()[1].phase == Phase::begin);
 }
 
+TEST_CASE("a move reads no own contact that is unlisted, and all received ones, with late contacts or without") {
+  for (const bool with_late : {false, true}) {
+    CAPTURE(with_late);
+    ThreeObjects host;
+    host.contacts.begin(1);
+    for (const auto& [a, b] : Keys{{4, 6}, {2, 9}, {2, 4}}) host.contacts.add_own(1) = contact_of(a, b);
+    const std::array<std::uint64_t, 3> keys{base::PairSort::key(2, 4), base::PairSort::key(2, 9),
+                                            base::PairSort::key(4, 6)};
+    for (std::uint32_t i = 0; i < 3; ++i) host.contacts.order_own(1, keys[i], 2 - i);
+    host.contacts.unlist_own(1, std::array{keys[0], keys[2]});
+    host.contacts.add(1, contact_of(1, 4));
+    host.contacts.add(1, contact_of(2, 3, Phase::end));
+    host.contacts.add(1, contact_of(4, 8));
+    if (with_late) host.contacts.add_late(contact_of(6, 7));
+    host.contacts.begin(2);
+    host.contacts.begin_move(2, host.objects);
+    CHECK(keys_of(host.contacts, host.objects, 2) == Keys{{2, 4}});
+    CHECK(keys_of(host.contacts, host.objects, 4) == Keys{{1, 4}, {2, 4}, {4, 6}, {4, 8}});
+    CHECK(keys_of(host.contacts, host.objects, 6) == (with_late ? Keys{{4, 6}, {6, 7}} : Keys{{4, 6}}));
+    CHECK(host.contacts.received(1).size() == 3);
+  }
+}
+
 TEST_CASE("late contacts join those of the frame, each once, until the move ends") {
   ThreeObjects host;
   host.contacts.begin(1);

@@ -231,11 +231,12 @@ messages::ChangeRecord MessageExchange::change(std::size_t i) const noexcept {
 }
 
 void MessageExchange::share_contacts() {
-  for (const messages::CountRecord& to : contact_counts_) {
-    if (!peers_[to.node].lost) {
-      peers_[to.node].contacts_run.start(to.count);
+  const PeerLists& for_peers = state_.contacts.for_peers;
+  for_peers.each_peer([&](NodeNumber to) {
+    if (!peers_[to].lost) {
+      peers_[to].contacts_run.start(for_peers.of(to).size());
     }
-  }
+  });
 }
 
 bool MessageExchange::send_to_peers() {

@@ -87,8 +87,8 @@ class NodeExchange {
   virtual void begin_contacts() {}
   /// Sends to the server what it cannot read.
   virtual bool send_contacts() { return true; }
-  /// After `frame_end`, when the phases are final: contacts of objects that other nodes host go to these, those of
-  /// hosted objects come from them, and those for the output lists go there.
+  /// After `frame_end`, when the list of contacts and the phases are final: contacts of objects that other nodes host
+  /// go to these, those of hosted objects come from them, and those for the output lists go there.
   virtual void share_contacts() = 0;
   /// Sends the other nodes what they cannot read.
   virtual bool send_to_peers() { return true; }

@@ -21,6 +21,12 @@ class DirectRecords {
   void start(std::size_t slots) { counts_.assign(slots * slots, 0), slots_ = slots; }
   /// Adds the counts of one sender. Returns false and adds nothing if a record names no other slot, or a slot twice.
   bool add(NodeNumber sender, const messages::MessageView& message);
+  /// The sender will send one record less than it has reported. A sender that has reported too few is faulty; then
+  /// nothing changes.
+  void retract(NodeNumber sender, NodeNumber receiver) noexcept {
+    std::uint32_t& count = counts_[sender * slots_ + receiver];
+    count -= count != 0 ? 1 : 0;
+  }
   /// Records for that receiver, from all senders.
   std::uint64_t to(NodeNumber receiver) const noexcept {
     std::uint64_t sum = 0;

@@ -125,6 +125,33 @@ bool MessageServerExchange::send_ghosts(PeerSession& node) {
   });
 }
 
+// The node sends a contact to the CD nodes that host its objects in the next frame, by the map of this one. It follows
+// from the same values as ContactPublisher uses.
+void MessageServerExchange::retract_contacts(const PeerSession& node, std::span<const UnlistedContact> unlisted) {
+  if (!state_.nodes_host()) {
+    return;
+  }
+  const NodeNumber finder = node.self.number();
+  for (const UnlistedContact& contact : unlisted) {
+    const NodeNumber first = next_host(contact.slot_a, finder);
+    const NodeNumber second = next_host(contact.slot_b, finder);
+    if (first != finder) {
+      contacts_.retract(finder, first);
+    }
+    if (second != finder && second != first) {
+      contacts_.retract(finder, second);
+    }
+  }
+}
+
+// The node itself for an object that no CD node hosts.
+NodeNumber MessageServerExchange::next_host(std::uint32_t slot, NodeNumber finder) const noexcept {
+  const ObjectRow& row = state_.objects.row(slot);
+  const bool hosted_by_node = row.category != static_cast<std::uint16_t>(Category::avatar) &&
+                              row.category != static_cast<std::uint16_t>(Category::fixed);
+  return hosted_by_node ? state_.owner_at(row.pose.position) : finder;
+}
+
 void MessageServerExchange::cancel_contacts(NodeNumber node) {
   state_.all_nodes([&](PeerSession& other) {
     if (other.closing.end_run.done()) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "nodes/exchange/server/direct_records.hpp"
@@ -30,12 +31,14 @@ class MessageServerExchange final : public ServerExchange {
   void receive_contacts(PeerSession& node, Statistics&) override {
     state_.ledger.end_run(node.self.number(), state_.objects.contact_objects());
   }
+  void retract_contacts(const PeerSession& node, std::span<const UnlistedContact> unlisted) override;
   std::uint64_t announced_contacts(const PeerSession& node) const noexcept override {
     return contacts_.to(node.self.number());
   }
   void cancel_contacts(NodeNumber node) override;
 
  private:
+  NodeNumber next_host(std::uint32_t slot, NodeNumber finder) const noexcept;
   Exchanged exchanged(const PeerSession& node) const noexcept override {
     return {ghosts_.to(node.self.number()), contacts_.to(node.self.number())};
   }

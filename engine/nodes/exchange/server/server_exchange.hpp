@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 
 #include "messages/header.hpp"
 #include "nodes/server/frame/statistics.hpp"
@@ -67,6 +68,9 @@ class ServerExchange {
 
   /// After `narrow_done` of a node: all its contacts are in the ledger.
   virtual void receive_contacts(PeerSession& node, Statistics& statistics) = 0;
+  /// Contacts that a node found are not in the list of contacts: it will not send them to other nodes. Before the map
+  /// of the next frame is known.
+  virtual void retract_contacts(const PeerSession&, std::span<const UnlistedContact>) {}
   /// The number of contacts that a node receives as messages of other nodes in this frame.
   virtual std::uint64_t announced_contacts(const PeerSession&) const noexcept { return 0; }
   /// A node is lost after the contacts are known. What it has not sent to the others, these get at the next cut.

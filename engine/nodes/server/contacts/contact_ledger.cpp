@@ -26,7 +26,8 @@ bool has_avatar(const ContactObjects& objects, std::uint32_t a, std::uint32_t b)
 
 }  // namespace
 
-ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts) : runs_(nodes) {
+ContactLedger::ContactLedger(std::size_t nodes, std::size_t contacts, std::uint32_t deepest_contacts)
+    : runs_(nodes), deepest_contacts_(deepest_contacts) {
   order_.reserve_rarely_used(contacts);
   ending_order_.reserve_rarely_used(contacts);
   scratch_.reserve(contacts);
@@ -156,6 +157,9 @@ void ContactLedger::end_run(NodeNumber node, const ContactObjects& objects) {
 
 void ContactLedger::resolve_phases() {
   gather_node_contacts();
+  if (deepest_contacts_ != 0) {
+    unlist();
+  }
   list_endings();
   end_absent();
   match_borders();
@@ -171,6 +175,22 @@ void ContactLedger::gather_node_contacts() {
     base::prefetch_for_read(node_contacts.border_beginning.end());
     base::prefetch_for_read(node_contacts.border_ending.data());
     size_ += node_contacts.keys.size();
+  }
+}
+
+void ContactLedger::unlist() {
+  deepest_.rank(deepest_contacts_, node_contacts_);
+  unlisted_ = deepest_.size();
+  size_ -= unlisted_;
+  for (NodeNumber node = 0; node < node_contacts_.size(); ++node) {
+    Run& run = runs_[node];
+    run.unlisted.clear();
+    const auto positions = deepest_.unlisted(node);
+    for (std::size_t i = 0; run.shared == nullptr && i < positions.size(); ++i) {
+      const FoundContact& found = run.own->found[positions[i]];
+      run.unlisted.push_back({run.own->keys[positions[i]], found.slot_a, found.slot_b});
+    }
+    node_contacts_[node]->unlist(positions);
   }
 }
 

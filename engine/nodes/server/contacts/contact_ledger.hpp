@@ -13,6 +13,7 @@
 #include "nodes/exchange/node_contact_order.hpp"
 #include "nodes/exchange/node_contacts.hpp"
 #include "nodes/exchange/output_merge.hpp"
+#include "nodes/server/contacts/deepest_contacts.hpp"
 #include "nodes/server/objects/object_table.hpp"
 #include "ringfence/contact.hpp"
 
@@ -37,6 +38,13 @@ struct ContactNotice {
   }
 };
 
+/// A contact that a node found and that is not in the list of contacts.
+struct UnlistedContact {
+  std::uint64_t key = 0;  ///< base::PairSort::key of the pair
+  std::uint32_t slot_a = 0;
+  std::uint32_t slot_b = 0;
+};
+
 /// The server's record of contacts: collects what the CD nodes found, resolves which contacts began, persist or ended,
 /// and has the output lists written in order of (a, b).
 ///
@@ -46,6 +54,9 @@ struct ContactNotice {
 /// with those that ended, and corrects the phases of the result. For a node of the frame before that takes no part in
 /// this frame (it was lost or has left) all its contacts of the frame before end at a border.
 ///
+/// Limit. With WorldConfig::deepest_contacts, the contacts that are not among the deepest of either of their objects
+/// are removed before anything else (DeepestContacts), as if no node had found them.
+///
 /// Output. The nodes that share memory write the lists, a slice each; without such a node the ledger writes them. Two
 /// frames are kept, by parity: the last one stays readable while the next is made.
 ///
@@ -54,7 +65,8 @@ struct ContactNotice {
 class ContactLedger {
  public:
   /// Reserves memory for `contacts` contacts a frame. More may be added, at the cost of an allocation.
-  ContactLedger(std::size_t nodes, std::size_t contacts);
+  /// `deepest_contacts`: as in WorldConfig.
+  ContactLedger(std::size_t nodes, std::size_t contacts, std::uint32_t deepest_contacts = 0);
 
   /// Before the first frame, `frame`, of a world that is restored: `contacts` are those of the frame before, between
   /// live objects of the table, in order of (a, b). Completes what they state of the objects. In this frame they end at
@@ -84,8 +96,8 @@ class ContactLedger {
   /// All contacts and changes of a node that sends them have been received. `objects`: as for receive().
   void end_run(NodeNumber node, const ContactObjects& objects);
   std::size_t received(NodeNumber node) const noexcept { return runs_[node].node_contacts().keys.size(); }
-  /// Determines which contacts began and ended. All contacts must have been received. If two nodes found one pair,
-  /// which only a bug can cause, its phase may be wrong in this frame and in the next.
+  /// Determines which contacts are listed, and which began and ended. All contacts must have been received. If two
+  /// nodes found one pair, which only a bug can cause, its phase may be wrong in this frame and in the next.
   void resolve_phases();
   /// After resolve_phases(): opens the gates of the nodes that share contacts, which then write the output lists, and
   /// the gates for their hand-overs. If no node shares contacts, this call writes them.
@@ -112,6 +124,10 @@ class ContactLedger {
   /// After resolve_phases(): positions of the contacts that `node` sent as begun and that persist; empty for a node
   /// that shares its contacts.
   std::span<const std::uint32_t> corrections(NodeNumber node) const noexcept { return runs_[node].corrections; }
+  /// After resolve_phases(): number of contacts that were found and are not listed.
+  std::size_t unlisted() const noexcept { return unlisted_; }
+  /// Those of them that `node` sent, in order of (a, b); empty for a node that shares its contacts.
+  std::span<const UnlistedContact> unlisted(NodeNumber node) const noexcept { return runs_[node].unlisted.span(); }
 
   /// Begin and persist contacts of the current frame or of the one before, in order of (a, b); parallel to keys() and
   /// found(). For the current frame only after complete().
@@ -130,7 +146,7 @@ class ContactLedger {
   std::span<const std::uint64_t> ended_keys(std::uint64_t frame) const noexcept {
     return editions_[frame & 1].ended.keys.span();
   }
-  /// After resolve_phases(): number of contacts, duplicates included.
+  /// After resolve_phases(): number of listed contacts, duplicates included.
   std::size_t size() const noexcept { return size_; }
   /// After resolve_phases(): number of ended contacts.
   std::size_t ends() const noexcept { return ends_; }
@@ -159,6 +175,7 @@ class ContactLedger {
     std::unique_ptr<NodeContacts> own = std::make_unique<NodeContacts>();  ///< of a node that sends messages
     base::FlatList<narrow_phase::PairContact> touches;                     ///< of `own`, in its order
     std::vector<std::uint32_t> corrections;
+    base::FlatList<UnlistedContact> unlisted;  ///< of `own`
     /// Positions of the contacts that ended, in the frame before; parallel to `own->ending`.
     base::FlatList<std::uint32_t> ended_at;
     std::uint64_t joined = 0;  ///< the node's first frame
@@ -181,6 +198,7 @@ class ContactLedger {
   List& ended() noexcept { return editions_[frame_ & 1].ended; }
   const List& before() const noexcept { return editions_[(frame_ - 1) & 1].live; }
   void gather_node_contacts();
+  void unlist();
   void list_endings();
   void end_absent();
   void match_borders();
@@ -192,6 +210,9 @@ class ContactLedger {
 
   std::vector<Run> runs_;                     ///< by node
   std::vector<NodeContacts*> node_contacts_;  ///< of this frame, by node
+  std::uint32_t deepest_contacts_;            ///< 0: no limit
+  DeepestContacts deepest_;
+  std::size_t unlisted_ = 0;
   NodeContactOrder order_;
   base::PairSort ending_order_;
   /// Keys of the frame before whose nodes take no part in this frame, ascending.

@@ -12,7 +12,22 @@ void ContactRouter::resolve_phases() {
   ledger.resolve_phases();
   ledger.share_out();
   state_.report().contacts = ledger.size();
+  state_.report().unlisted = ledger.unlisted();
   state_.report().ended = ledger.ends();
+  if (ledger.unlisted() != 0) {
+    start_unlisting();
+  }
+}
+
+void ContactRouter::start_unlisting() {
+  state_.all_nodes([&](PeerSession& node) {
+    const auto unlisted = state_.ledger.unlisted(node.self.number());
+    exchange_.retract_contacts(node, unlisted);
+    if (!unlisted.empty()) {
+      node.closing.unlist_run.start(unlisted.size());
+    }
+    return true;
+  });
 }
 
 void ContactRouter::assign_next_hosts() {
@@ -156,8 +171,11 @@ bool ContactRouter::notify(PeerSession& session) {
                        [&](std::size_t i) { return contact_of(closing.notices[i]); });
   }
   const bool exchange = state_.map_change.at_end && state_.map_change.hosts_exchange_objects;
+  const auto unlisted = state_.ledger.unlisted(session.self.number());
   const auto corrections = state_.ledger.corrections(session.self.number());
   return (!state_.map_change.at_end || state_.send_map(session, closing.map_run)) &&
+         state_.send(session, closing.unlist_run, MessageType::unlist,
+                     [&](std::size_t i) { return messages::UnlistRecord{unlisted[i].key}; }) &&
          state_.send(session, closing.correct_run, MessageType::correct,
                      [&](std::size_t i) { return messages::CorrectRecord{corrections[i]}; }) &&
          state_.send(session, closing.end_run, MessageType::frame_end, [&](std::size_t) {

@@ -11,8 +11,8 @@
 
 namespace ringfence::nodes {
 
-/// Routes the contacts of a frame: has their phases resolved and the output lists written (ContactLedger), determines
-/// the hosts of the next frame, and notifies hosts of their contacts (M4).
+/// Routes the contacts of a frame: has their list and phases resolved and the output lists written (ContactLedger),
+/// determines the hosts of the next frame, and notifies hosts of their contacts (M4).
 ///
 /// User nodes receive theirs from the server, CD nodes from each other. The server, as a host, reads the output lists.
 ///
@@ -24,7 +24,7 @@ class ContactRouter {
       : state_(state), exchange_(exchange), states_(states), relay_(relay), statistics_(statistics) {}
 
   // In this order, when all nodes have tested their pairs.
-  /// Resolves phases and starts the output lists.
+  /// Resolves which contacts are listed, and their phases; starts the output lists.
   void resolve_phases();
   /// After the region map of the next frame is known: the hosts of the next frame, and the number of hand-overs that
   /// each node must expect. In user/collision deployment they follow the poses and the map. The nodes conclude the same
@@ -32,8 +32,8 @@ class ContactRouter {
   void assign_next_hosts();
   /// Starts what notify() sends to the nodes.
   void start_nodes();
-  /// Sends a peer what ends its frame: to nodes map, corrections, and what they get from each other; to users contacts.
-  /// Sends as much as the ring takes; true when all is sent.
+  /// Sends a peer what ends its frame: to nodes map, unlisted contacts, corrections, and what they get from each other;
+  /// to users contacts. Sends as much as the ring takes; true when all is sent.
   bool notify(PeerSession& session);
   /// Lists what notify() sends to the users, and awaits their acknowledgements.
   void start_users();
@@ -43,6 +43,7 @@ class ContactRouter {
   void count_contacts();
 
  private:
+  void start_unlisting();
   void follow(std::uint32_t slot, NodeNumber next);
   void follow_hosted(const PeerSession& node, const Host& host);
   void list_notices();

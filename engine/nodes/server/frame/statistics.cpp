@@ -57,7 +57,8 @@ void Statistics::finish(std::uint64_t moved) {
     node.wait_ms = std::max(0.0, frame.frame_ms - node.busy_ms);
   }
   frame.grown = (state_.objects.slots() > capacities.objects ? 1u : 0u) +
-                (frame.candidates > capacities.pairs ? 1u : 0u) + (frame.contacts > capacities.contacts ? 1u : 0u);
+                (frame.candidates > capacities.pairs ? 1u : 0u) +
+                (frame.contacts + frame.unlisted > capacities.contacts ? 1u : 0u);
 }
 
 void Statistics::charge(Stage stage, std::uint64_t now) noexcept {

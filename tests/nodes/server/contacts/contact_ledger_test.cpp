@@ -145,7 +145,9 @@ class LedgerTest {
  public:
   enum class Form { sending, sharing };
 
-  LedgerTest(unsigned seed, Form form) : random_(seed), form_(form), large_numbers_(seed % 2 == 0), ledger_(3, 16) {
+  /// `deepest`: as WorldConfig::deepest_contacts.
+  LedgerTest(unsigned seed, Form form, std::uint32_t deepest = 0)
+      : random_(seed), form_(form), large_numbers_(seed % 2 == 0), deepest_(deepest), ledger_(3, 16, deepest) {
     for (int i = 0; i < 3; ++i) join();
   }
 
@@ -159,7 +161,7 @@ class LedgerTest {
     rows_ = rows_of(frame_, large_numbers_);
     const std::vector<ObjectRow>& rows = rows_;
     std::vector<std::vector<const ExpectedContact*>> runs(nodes_.size());
-    for (const auto& [key, truth] : now_) {
+    for (const auto& [key, truth] : found_) {
       runs[truth.finder].push_back(&truth);
       // Two nodes find the pair, as after a bug elsewhere.
       if (duplicates_allowed && random_() % 16 == 0) {
@@ -169,7 +171,7 @@ class LedgerTest {
     }
     for (NodeNumber node = 0; node < nodes_.size(); ++node) {
       if (nodes_[node]->free) continue;
-      nodes_[node]->find(frame_, runs[node], rows, before_, now_, random_);
+      nodes_[node]->find(frame_, runs[node], rows, found_before_, found_, random_);
       if (nodes_[node]->shares) {
         ledger_.receive(node, *nodes_[node]->lists);
       } else {
@@ -178,6 +180,7 @@ class LedgerTest {
       REQUIRE(ledger_.received(node) == runs[node].size());
     }
     ledger_.resolve_phases();
+    unlist(runs);
     ledger_.share_out();
     phases_are_certain_ = surplus_ == 0 && surplus_before_ == 0;
     check_phases(runs);
@@ -188,6 +191,7 @@ class LedgerTest {
       leave(*node);
     }
     before_ = now_;
+    found_before_ = found_;
     surplus_before_ = surplus_;
     ++frame_;
     if (random_() % 5 == 0) join();
@@ -214,6 +218,7 @@ class LedgerTest {
   bool stops = false;              ///< the threads of lost nodes may stop while they write
   std::size_t written_again = 0;   ///< frames in which the lists were written again because a thread stopped
   std::size_t waits = 0;           ///< how often the ledger waited for a lost node that was writing
+  std::size_t unlisted = 0;        ///< contacts that were found and not listed
   std::size_t for_users_only = 0;  ///< frames in which fewer ended contacts were listed for users than ended
 
  private:
@@ -283,16 +288,16 @@ class LedgerTest {
 
   // Most contacts persist, and the same node finds most of these again.
   void choose_contacts() {
-    now_.clear();
+    found_.clear();
     surplus_ = 0;
     const auto rows = rows_of(frame_, large_numbers_);
     const auto add = [&](std::uint32_t slot_a, std::uint32_t slot_b, std::size_t finder) {
       const Key key{rows[slot_a].object.number, rows[slot_b].object.number};
-      ExpectedContact& truth = now_[key];
+      ExpectedContact& truth = found_[key];
       truth = {{}, slot_a, slot_b, node_from(finder % nodes_.size())};
       truth.contact.a = key.first;
       truth.contact.b = key.second;
-      truth.contact.depth = static_cast<float>(random_() % 1000);
+      truth.contact.depth = static_cast<float>(random_() % (deepest_ != 0 ? 6 : 1000));
       truth.contact.normal = {truth.contact.depth, 1, 2};
       truth.contact.point = {1.0 * slot_a, 2.0 * slot_b, 3};
       truth.contact.phase = Phase::end;  // a phase that the ledger must correct
@@ -307,7 +312,7 @@ class LedgerTest {
       truth.contact.layer_b = rows[slot_b].layer;
     };
     if (frame_ % 11 != 10) {
-      for (const auto& [key, truth] : before_) {
+      for (const auto& [key, truth] : found_before_) {
         if (random_() % 8 != 0) {
           add(truth.slot_a, truth.slot_b, random_() % 6 == 0 ? random_() : truth.finder);
         }
@@ -316,6 +321,47 @@ class LedgerTest {
     for (std::uint64_t i = random_() % 40; i > 0; --i) {
       const auto a = static_cast<std::uint32_t>(random_() % (slots - 1));
       add(a, a + 1 + static_cast<std::uint32_t>(random_() % (slots - a - 1)), random_());
+    }
+    now_.clear();
+    for (const auto& [key, truth] : found_) {
+      if (is_listed(key, truth)) now_[key] = truth;
+    }
+    unlisted += found_.size() - now_.size();
+  }
+
+  // By definition: how many contacts of an object are deeper, or equally deep with a lower pair.
+  bool is_listed(const Key& key, const ExpectedContact& truth) const {
+    const auto rank = [&](ObjectNumber number) {
+      return std::count_if(found_.begin(), found_.end(), [&](const auto& other) {
+        const bool deeper = other.second.contact.depth > truth.contact.depth ||
+                            (other.second.contact.depth == truth.contact.depth && other.first < key);
+        return deeper && (other.first.first == number || other.first.second == number);
+      });
+    };
+    return deepest_ == 0 || rank(key.first) < deepest_ || rank(key.second) < deepest_;
+  }
+
+  // The nodes' lists after `unlist`, and what remains of the runs.
+  void unlist(std::vector<std::vector<const ExpectedContact*>>& runs) {
+    REQUIRE(ledger_.unlisted() == found_.size() - now_.size());
+    for (NodeNumber node = 0; node < nodes_.size(); ++node) {
+      NodeContacts& lists = *nodes_[node]->lists;
+      const auto keys = lists.keys.span();
+      REQUIRE((!nodes_[node]->shares || ledger_.unlisted(node).empty()));
+      std::vector<std::uint32_t> positions;
+      for (const UnlistedContact& one : ledger_.unlisted(node)) {
+        const auto at = std::lower_bound(keys.begin(), keys.end(), one.key);
+        REQUIRE(at != keys.end());
+        REQUIRE(*at == one.key);
+        positions.push_back(static_cast<std::uint32_t>(at - keys.begin()));
+        REQUIRE(lists.found[positions.back()].slot_a == one.slot_a);
+        REQUIRE(lists.found[positions.back()].slot_b == one.slot_b);
+      }
+      lists.unlist(positions);
+      std::erase_if(runs[node], [&](const ExpectedContact* one) {
+        return now_.count({one->contact.a, one->contact.b}) == 0;
+      });
+      REQUIRE((nodes_[node]->free || lists.keys.size() == runs[node].size()));
     }
   }
 
@@ -502,11 +548,13 @@ class LedgerTest {
   std::mt19937_64 random_;
   Form form_;
   bool large_numbers_;
+  std::uint32_t deepest_;
   ContactLedger ledger_;
   std::vector<std::unique_ptr<Node>> nodes_;
   std::vector<std::unique_ptr<Node>> gone_;  ///< their memory stays valid
   std::vector<Node*> stopped_;               ///< nodes in `gone_` that are still writing
-  ExpectedContacts now_, before_;
+  ExpectedContacts found_, found_before_;    ///< by any node
+  ExpectedContacts now_, before_;            ///< those that are listed
   std::vector<std::uint64_t> user_contacts_before_;
   std::size_t surplus_before_ = 0;
   /// No two nodes found the same pair, neither in this frame nor in the frame before.
@@ -545,6 +593,24 @@ TEST_CASE(
         CAPTURE(frame);
         ledger_test.duplicates_allowed = frame % 3 == 1;
         ledger_test.frame();
+      }
+    }
+  }
+}
+
+TEST_CASE("with a limit the ledger's contacts and phases are those of the listed contacts alone") {
+  for (const LedgerTest::Form form : {LedgerTest::Form::sending, LedgerTest::Form::sharing}) {
+    for (unsigned seed = 400; seed < 406; ++seed) {
+      for (const std::uint32_t deepest : {1u, 3u}) {
+        CAPTURE(seed);
+        CAPTURE(deepest);
+        CAPTURE(static_cast<int>(form));
+        LedgerTest ledger_test(seed, form, deepest);
+        for (int frame = 0; frame < 100; ++frame) {
+          CAPTURE(frame);
+          ledger_test.frame();
+        }
+        CHECK(ledger_test.unlisted > 100);
       }
     }
   }
