@@ -52,6 +52,11 @@ std::string describe_geometry_error(const Core& a, const Core& b, const Placemen
   return {};
 }
 
+/// Depth and normal are floats. Where a small object touches a huge one, this limits how precise they can be.
+double rounding_to_float(const PreparedShape& a, const PreparedShape& b) {
+  return 0x1p-22 * (a.bounding_radius + b.bounding_radius);
+}
+
 bool is_finite(const Contact& c) {
   return std::isfinite(c.depth) && std::isfinite(c.normal.x) && std::isfinite(c.normal.y) &&
          std::isfinite(c.normal.z) && std::isfinite(c.point.x) && std::isfinite(c.point.y) && std::isfinite(c.point.z);
@@ -75,8 +80,7 @@ std::string describe_error(const PreparedShape& a, const Pose& pose_a, const Pre
   if (!is_finite(*claimed)) return "depth, normal or point is not finite";
   if (claimed->depth < 0) return text("depth is negative: %.9g m", static_cast<double>(claimed->depth));
 
-  // Depth and normal are floats. Where a small object touches a huge one, this limits how precise they can be.
-  allowed += 0x1p-22 * (a.bounding_radius + b.bounding_radius);
+  allowed += rounding_to_float(a, b);
   const Vector normal(claimed->normal);
   if (std::abs(length(normal) - 1) > tolerance.unit_length) return text("normal has length %.9g", length(normal));
   if (std::abs(claimed->depth - depth) > allowed) {
@@ -103,6 +107,14 @@ std::string describe_error(const PreparedShape& a, const Pose& pose_a, const Pre
     return least_depth;
   });
   return right ? std::string() : first_wrong;
+}
+
+std::pair<double, double> depth_bounds(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b,
+                                       const Pose& pose_b, const Tolerance& tolerance) {
+  const double width = band(a, b, tolerance);
+  const Separation exact = separation(a, pose_a, b, pose_b, 2 * width);
+  const double allowed = width + exact.error + rounding_to_float(a, b);
+  return {-exact.distance - allowed, -exact.distance + allowed};
 }
 
 }  // namespace ringfence::reference

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 
 #include "reference/shapes.hpp"
 #include "ringfence/contact.hpp"
@@ -35,5 +36,9 @@ double band(const PreparedShape& a, const PreparedShape& b, const Tolerance& tol
 /// double, 2^-53 of their length: 0.1 m at 10^15 m. Only depth, normal and point of the contact are checked.
 std::string describe_error(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b, const Pose& pose_b,
                            const Contact* claimed, const Tolerance& tolerance = {});
+
+/// The bounds of the depth that the engine may report for a pair, metres, `least` first; negative: minus the distance.
+std::pair<double, double> depth_bounds(const PreparedShape& a, const Pose& pose_a, const PreparedShape& b,
+                                       const Pose& pose_b, const Tolerance& tolerance = {});
 
 }  // namespace ringfence::reference

@@ -1,12 +1,14 @@
 #include "reference/frame_check.hpp"
 
 #include <algorithm>
+#include <iterator>
 #include <numeric>
 #include <unordered_map>
 #include <utility>
 
 #include "base/floating_point.hpp"
 #include "base/parallel.hpp"
+#include "reference/depth_ranks.hpp"
 #include "reference/exact_contact.hpp"
 
 namespace ringfence::reference {
@@ -22,12 +24,14 @@ struct ObjectPair {
 class FrameCheck {
  public:
   FrameCheck(std::uint64_t frame, const Shapes& shapes, std::span<const FrameObject> objects,
-             std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts, const Tolerance& tolerance)
+             std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts,
+             std::size_t deepest_contacts, const Tolerance& tolerance)
       : frame_(frame),
         shapes_(shapes),
         objects_(objects),
         layer_masks_(layer_masks),
         contacts_(contacts),
+        deepest_contacts_(deepest_contacts),
         tolerance_(tolerance) {
     for (std::uint32_t i = 0; i < objects.size(); ++i) index_of_.emplace(objects[i].number, i);
   }
@@ -123,19 +127,45 @@ class FrameCheck {
         std::unique(pairs.begin(), pairs.end(), [&](const auto& p, const auto& q) { return numbers(p) == numbers(q); }),
         pairs.end());
 
+    std::vector<const Contact*> claims(pairs.size());
     std::vector<std::string> wrong(pairs.size());
     const auto check = [&](std::size_t i) {
       const auto& [a, b] = pairs[i];
       const auto found = std::lower_bound(claimed_.begin(), claimed_.end(), numbers(pairs[i]),
                                           [](const Contact* c, const auto& n) { return key(*c) < n; });
-      const bool claimed = found != claimed_.end() && key(**found) == numbers(pairs[i]);
-      wrong[i] = describe_error(shape_of(a), objects_[a].pose, shape_of(b), objects_[b].pose,
-                                claimed ? *found : nullptr, tolerance_);
+      claims[i] = found != claimed_.end() && key(**found) == numbers(pairs[i]) ? *found : nullptr;
+      wrong[i] = describe_error(shape_of(a), objects_[a].pose, shape_of(b), objects_[b].pose, claims[i], tolerance_);
     };
     base::parallel_for(pairs.size(), 1, check);
+    if (deepest_contacts_ != 0) check_ranks(pairs, claims, wrong);
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       const auto [a, b] = numbers(pairs[i]);
       if (!wrong[i].empty()) report(a, b, kinds(pairs[i]) + wrong[i]);
+    }
+  }
+
+  /// Corrects what check_pairs() found, for a list that is limited.
+  void check_ranks(const std::vector<ObjectPair>& pairs, const std::vector<const Contact*>& claims,
+                   std::vector<std::string>& wrong) const {
+    std::vector<DepthBounds> bounds(pairs.size());
+    base::parallel_for(pairs.size(), 1, [&](std::size_t i) {
+      const FrameObject &p = objects_[pairs[i].a], &q = objects_[pairs[i].b];
+      const auto [least, most] =
+          claims[i] != nullptr && wrong[i].empty()
+              ? std::pair<double, double>(claims[i]->depth, claims[i]->depth)
+              : depth_bounds(shape_of(pairs[i].a), p.pose, shape_of(pairs[i].b), q.pose, tolerance_);
+      bounds[i] = {p.number, q.number, least, most};
+    });
+    const std::string which = "among the " + std::to_string(deepest_contacts_) + " deepest of ";
+    std::vector<DepthBounds> possible;
+    std::copy_if(bounds.begin(), bounds.end(), std::back_inserter(possible), [](const auto& b) { return b.most >= 0; });
+    const DepthRanks ranks(possible, deepest_contacts_);
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      if (claims[i] != nullptr && wrong[i].empty() && !ranks.may_be_listed(bounds[i])) {
+        wrong[i] = "extra: not " + which + "either object";
+      } else if (claims[i] == nullptr && !wrong[i].empty()) {
+        wrong[i] = ranks.must_be_listed(bounds[i]) ? wrong[i] + ", " + which + "an object" : std::string();
+      }
     }
   }
 
@@ -182,6 +212,7 @@ class FrameCheck {
   std::span<const FrameObject> objects_;
   std::span<const std::uint32_t> layer_masks_;
   std::span<const Contact> contacts_;
+  std::size_t deepest_contacts_;
   Tolerance tolerance_;
   std::unordered_map<ObjectNumber, std::uint32_t> index_of_;
   std::vector<const Contact*> claimed_;  // the contacts that name a valid pair, sorted by (a, b), each pair once
@@ -202,9 +233,10 @@ void mark_excess(std::span<FrameObject> objects, std::size_t colliding) {
 
 std::vector<Difference> check_frame(std::uint64_t frame, const Shapes& shapes, std::span<const FrameObject> objects,
                                     std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts,
-                                    const Tolerance& tolerance, std::size_t max_differences) {
+                                    std::size_t deepest_contacts, const Tolerance& tolerance,
+                                    std::size_t max_differences) {
   const base::DefaultFloatingPoint floating_point;
-  auto out = FrameCheck(frame, shapes, objects, layer_masks, contacts, tolerance).run();
+  auto out = FrameCheck(frame, shapes, objects, layer_masks, contacts, deepest_contacts, tolerance).run();
   if (out.size() > max_differences) out.resize(max_differences);
   return out;
 }

@@ -42,20 +42,25 @@ struct Difference {
 };
 
 /// Compares the contacts of a frame with those that the exact test finds. Returns one Difference for each error, sorted
-/// by pair: a contact is missing, extra, listed twice, out of order, has a >= b, names an unknown object, has the wrong
-/// ids, user data, layers, arms or reserved fields, or the phase end, or is wrong in itself (see describe_error).
-/// Returns at most `max_differences`, those of the lowest pairs.
+/// by pair: a contact is missing, extra, not among the deepest, listed twice, out of order, has a >= b, names an
+/// unknown object, has the wrong ids, user data, layers, arms or reserved fields, or the phase end, or is wrong in
+/// itself (see describe_error). Returns at most `max_differences`, those of the lowest pairs.
 ///
 /// `objects` may be in any order and have distinct numbers, with shapes in `shapes`. Bit j of `layer_masks[i]` says
 /// whether layers i and j collide; if `layer_masks` is empty, all layers collide. `contacts` are all begin and persist
 /// contacts of the frame; that they are in order of (a, b) is checked. The exact test runs for all pairs in `contacts`
 /// and for all pairs whose boxes touch. The boxes are computed in double from the shapes and widened by the band().
 ///
+/// `deepest_contacts`: as in WorldConfig. If it is not 0, a contact may be missing unless it is certainly among so many
+/// deepest ones of one of its objects, and must not be listed unless it may be. Depths of listed contacts are taken as
+/// reported, those of others are known within the band().
+///
 /// Threads: uses the threads of oneTBB; only the caller's thread if it runs in an arena of one. Computes in the default
 /// floating-point environment. Cost: 4000 mixed objects with 2000 contacts take 16 ms of one core.
 std::vector<Difference> check_frame(std::uint64_t frame, const Shapes& shapes, std::span<const FrameObject> objects,
                                     std::span<const std::uint32_t> layer_masks, std::span<const Contact> contacts,
-                                    const Tolerance& tolerance = {}, std::size_t max_differences = 100);
+                                    std::size_t deepest_contacts = 0, const Tolerance& tolerance = {},
+                                    std::size_t max_differences = 100);
 
 /// Checks the phases of a frame. A contact in `now` must have the phase begin if its pair is not in `before`, the
 /// contacts of the previous frame, and otherwise persist. `ended` must contain each pair that is no longer in contact,

@@ -205,3 +205,62 @@ TEST_CASE("phases follow from the contacts of two frames") {
   ends[1].phase = Phase::end;
   one(now, ends, "without having been in contact");
 }
+
+namespace {
+
+/// Spheres of radius 1 m at these places on the x axis, with all their contacts.
+Frame row_of_balls(const std::vector<double>& places) {
+  Frame out;
+  out.shapes.add(Sphere{1});
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    FrameObject object;
+    object.number = static_cast<ObjectNumber>(i + 1);
+    object.pose.position = {places[i], 0, 0};
+    out.objects.push_back(object);
+  }
+  out.detect();
+  return out;
+}
+
+std::vector<Difference> check_limited(const Frame& frame, std::size_t limit) {
+  return check_frame(3, frame.shapes, frame.objects, frame.masks, frame.contacts, limit);
+}
+
+Frame without(Frame frame, ObjectNumber a, ObjectNumber b) {
+  std::erase_if(frame.contacts, [&](const Contact& c) { return c.a == a && c.b == b; });
+  return frame;
+}
+
+}  // namespace
+
+TEST_CASE("with a limit a contact is missing only if it is among the deepest of an object, and extra if of neither") {
+  // Depths: 1-2 1.5, 2-3 1.4, 3-4 1.5, 1-3 0.9, 2-4 0.9, 1-4 0.4.
+  const Frame all = row_of_balls({0, 0.5, 1.1, 1.6});
+  REQUIRE(all.contacts.size() == 6);
+  CHECK(check_limited(all, 3).empty());
+  auto extra = check_limited(all, 2);
+  REQUIRE(extra.size() == 1);
+  CHECK(extra[0].a == 1);
+  CHECK(extra[0].b == 4);
+  CHECK(extra[0].text.find("extra: not among the 2 deepest of either object") != std::string::npos);
+  const Frame two = without(all, 1, 4);
+  CHECK(check_limited(two, 2).empty());
+  const auto missing = check_limited(without(two, 2, 4), 2);
+  REQUIRE(missing.size() == 1);
+  CHECK(missing[0].a == 2);
+  CHECK(missing[0].b == 4);
+  CHECK(missing[0].text.find("among the 2 deepest of an object") != std::string::npos);
+  CHECK(check_limited(without(two, 1, 2), 2).size() == 1);
+}
+
+TEST_CASE("with a limit a contact may be missing or listed if the depths differ by less than the band") {
+  // 2 is as deep in 1 as in 3, except for a ten millionth.
+  const Frame all = row_of_balls({0, 1, 2.0000001, 3.2});
+  REQUIRE(all.contacts.size() == 3);
+  CHECK(check_limited(all, 1).empty());
+  CHECK(check_limited(without(all, 1, 2), 1).size() == 1);  // 1 has no other
+  const Frame star = row_of_balls({0, 0.7, -0.7000001});
+  REQUIRE(star.contacts.size() == 3);
+  CHECK(check_limited(without(star, 2, 3), 1).empty());
+  CHECK(check_limited(star, 1).size() == 1);
+}

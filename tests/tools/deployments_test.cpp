@@ -37,6 +37,40 @@ TEST_CASE("all deployments, placements and node counts give one digest and agree
   }
 }
 
+TEST_CASE(
+    "with a limit of contacts all deployments give one digest, agree with brute force and count what is unlisted") {
+  const test::TemporaryFolder folder;
+  std::string digest;
+  const std::string world =
+      "run --check --objects 300 --coverage 0.3 --users 10 --frames 8 --warmup 5 --deepest-contacts 2 --json " +
+      (folder / "r.json") + " --frames-csv " + (folder / "f.csv");
+  for (const char* deployment : deployments) {
+    for (const char* placement : {"server", "region"}) {
+      for (const int nodes : {0, 1, 3}) {
+        const std::string arguments =
+            world + " --deployment " + deployment + " --broad-phase " + placement + " --nodes " + std::to_string(nodes);
+        const ProgramResult result = test::ringfence(arguments);
+        REQUIRE_MESSAGE(result.code == 0, arguments, "\n", result.out);
+        CHECK(result.out.find("8 frames agree with brute force") != std::string::npos);
+        CHECK(result.out.find("\nunlisted ") != std::string::npos);
+        if (digest.empty()) digest = test::digest_in(result.out);
+        CHECK_MESSAGE(test::digest_in(result.out) == digest, arguments);
+        const auto report = nlohmann::json::parse(worlds::read_text(folder / "r.json"));
+        CHECK(report["config"]["deepest_contacts"] == 2);
+        CHECK(report["unlisted"] > 100);
+        double found = 0;
+        for (const auto& node : report["nodes"]) found += 8 * node["contacts"].get<double>();
+        CHECK(found == doctest::Approx(report["unlisted"].get<double>() + report["contacts"]["total"].get<double>()));
+        const std::string sum = "awk -F, 'NR == 1 {print $NF} NR > 1 {n += $NF} END {print n}' " + (folder / "f.csv");
+        CHECK(test::run_shell(sum).out == "unlisted\n" + std::to_string(report["unlisted"].get<int>()) + "\n");
+      }
+    }
+  }
+  const ProgramResult refused = test::ringfence("run --deepest-contacts -1");
+  CHECK(refused.code == 2);
+  CHECK(refused.out.find("--deepest-contacts") != std::string::npos);
+}
+
 TEST_CASE("4000 objects have 1600 to 3500 contacts per frame for each shape setting") {
   const test::TemporaryFolder folder;
   for (const char* shapes : {"sphere", "box", "capsule", "hull", "mixed"}) {

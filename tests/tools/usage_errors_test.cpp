@@ -122,13 +122,34 @@ TEST_CASE("--help lists the commands and options, and --version the version; bot
   CHECK(help.code == 0);
   for (const char* command : {"run", "replay", "record", "scale", "profile", "convert"})
     CHECK(help.out.find(command) != std::string::npos);
-  for (const char* option :
-       {"--deployment",   "--nodes",        "--broad-phase", "--frames",          "--warmup",
-        "--users",        "--user-threads", "--interest",    "--objects",         "--coverage",
-        "--shapes",       "--seed",         "--targets",     "--target-interval", "--retarget-interval",
-        "--check",        "--collisions",   "--json",        "--frames-csv",      "--trace",
-        "--ring-bytes",   "--pin",          "--resize",      "--balance",         "--balance-by",
-        "--keep-resting", "--quiet"}) {
+  for (const char* option : {"--deployment",
+                             "--nodes",
+                             "--broad-phase",
+                             "--frames",
+                             "--warmup",
+                             "--users",
+                             "--user-threads",
+                             "--interest",
+                             "--objects",
+                             "--coverage",
+                             "--shapes",
+                             "--seed",
+                             "--targets",
+                             "--target-interval",
+                             "--retarget-interval",
+                             "--check",
+                             "--collisions",
+                             "--json",
+                             "--frames-csv",
+                             "--trace",
+                             "--ring-bytes",
+                             "--pin",
+                             "--resize",
+                             "--balance",
+                             "--balance-by",
+                             "--keep-resting",
+                             "--quiet",
+                             "--deepest-contacts"}) {
     CHECK_MESSAGE(test::ringfence("run --help").out.find(option) != std::string::npos, option);
   }
 }

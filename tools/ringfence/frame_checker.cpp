@@ -94,7 +94,8 @@ void FrameChecker::check_frame(std::uint64_t frame) {
                         spec.user.number()});
   }
   reference::mark_excess(objects_, world_.config().quotas.colliding_avatars);
-  print_differences(reference::check_frame(frame, shapes_, objects_, layer_masks_, world_.contacts()));
+  print_differences(reference::check_frame(frame, shapes_, objects_, layer_masks_, world_.contacts(),
+                                           world_.config().deepest_contacts));
   print_differences(reference::check_phases(frame, before_, world_.contacts(), world_.ended()));
   before_.assign(world_.contacts().begin(), world_.contacts().end());
   ++frames_;

@@ -22,7 +22,7 @@ FrameOutputs::FrameOutputs(const OutputOptions& options)
     for (std::size_t i = 0; i < stage_count; ++i) frames_->print(",{}_ms", name_of(static_cast<Stage>(i)));
     frames_->print(",candidates,tested,accepted,contacts,began,ended,objects,moved,handed_over,grown");
     frames_->print(",m1_bytes,m2_bytes,m3_bytes,m4_bytes,m5_bytes,state_bytes,control_bytes,server_cpu_ms,");
-    frames_->print("users_cpu_ms,busiest_node_ms,carried\n");
+    frames_->print("users_cpu_ms,busiest_node_ms,carried,unlisted\n");
   }
 }
 
@@ -50,7 +50,8 @@ void FrameOutputs::add_row(std::uint64_t frame, const FrameReport& report) {
   for (const TrafficReport& traffic : report.traffic) frames_->print(",{}", traffic.bytes);
   double busiest = 0;
   for (const NodeReport& node : report.nodes) busiest = std::max(busiest, node.busy_ms);
-  frames_->print(",{},{},{},{}\n", report.server_cpu_ms, report.users_cpu_ms, busiest, report.carried);
+  frames_->print(",{},{},{},{},{}\n", report.server_cpu_ms, report.users_cpu_ms, busiest, report.carried,
+                 report.unlisted);
 }
 
 void FrameOutputs::finish() {

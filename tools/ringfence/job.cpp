@@ -80,6 +80,7 @@ WorldConfig world_config(const Job& job) {
   config.tuning.keep_resting = job.service.keep_resting;
   config.pin = job.service.pin;
   config.history = job.service.history;
+  config.deepest_contacts = job.service.deepest_contacts;
   config.timeline = !job.output.trace.empty();
   config.motion = job.model;
   config.log = [](LogLevel level, std::string_view line) {

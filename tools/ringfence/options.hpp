@@ -39,6 +39,7 @@ struct ServiceOptions {
   std::uint32_t user_threads = 1;
   double interest = 25;
   std::uint32_t history = 0;
+  std::uint32_t deepest_contacts = 0;
   std::uint64_t ring_bytes = 0;
   bool pin = false;
   LinkOptions link;

@@ -75,6 +75,12 @@ void print_traffic(std::FILE* out, const Figures& figures) {
   }
 }
 
+void print_unlisted(std::FILE* out, const Figures& figures) {
+  if (figures.totals.unlisted == 0) return;
+  fmt::print(out, "unlisted    {:.1f} per frame, {} in total\n",
+             figures.mean(static_cast<double>(figures.totals.unlisted)), figures.totals.unlisted);
+}
+
 void print_failed_supports(std::FILE* out, const Figures& figures) {
   if (figures.totals.failed_supports == 0) return;
   fmt::print(out, "supports    a support function failed in {} pairs, which have no contact\n",
@@ -123,6 +129,7 @@ Json config_of(const Job& job, const Figures& figures) {
                  {"frames", job.frames.frames},
                  {"objects", job.objects}};
   if (job.service.history > 0) config["history"] = job.service.history;
+  if (job.service.deepest_contacts > 0) config["deepest_contacts"] = job.service.deepest_contacts;
   if (job.queries.rays > 0) config["rays"] = job.queries.rays;
   if (const worlds::PaperWorldOptions* world = job.world) {
     config["shapes"] = name_of(world->shapes);
@@ -394,6 +401,7 @@ void print_report(std::FILE* out, const Job& job, const Figures& figures, const 
              carried, figures.tested + figures.carried);
   fmt::print(out, "{:<11} {:.1f} per frame, {} in total\n", contact_label(job),
              figures.mean(static_cast<double>(figures.contacts)), figures.contacts);
+  print_unlisted(out, figures);
   fmt::print(out, "moved       {:.1f} objects per frame, {:.2f} handed over\n",
              figures.mean(static_cast<double>(figures.totals.moved)),
              figures.mean(static_cast<double>(figures.totals.handed_over)));

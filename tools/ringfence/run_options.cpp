@@ -141,11 +141,21 @@ void add_users(CLI::App& command, ServiceOptions& service) {
       ->check(between(0u, 4096u))
       ->capture_default_str()
       ->type_name("N");
+  add_deepest_contacts(command, service);
   command.add_option("--ring-bytes", service.ring_bytes, "bytes of each ring, a power of two; 0: depends on the role")
       ->check(CLI::Validator(check_ring_bytes, ""))
       ->capture_default_str()
       ->type_name("N");
   command.add_flag("--pin", service.pin, "pin threads to cores");
+}
+
+void add_deepest_contacts(CLI::App& command, ServiceOptions& service) {
+  command
+      .add_option("--deepest-contacts", service.deepest_contacts,
+                  "list a contact only if it is among the N deepest of either object; 0: list all")
+      ->check(between(0u, std::numeric_limits<std::uint32_t>::max()))
+      ->capture_default_str()
+      ->type_name("N");
 }
 
 void add_world(CLI::App& command, worlds::PaperWorldOptions& world) {

@@ -17,6 +17,8 @@ void add_frames(CLI::App& command, FrameOptions& frames, bool replay);
 void add_service(CLI::App& command, ServiceOptions& service);
 /// The users and the options of the service that `scale` shares with `run`.
 void add_users(CLI::App& command, ServiceOptions& service);
+/// The limit of the list of contacts, in the group of the option before.
+void add_deepest_contacts(CLI::App& command, ServiceOptions& service);
 /// The generated world. Includes add_population.
 void add_world(CLI::App& command, worlds::PaperWorldOptions& world);
 /// The options of the generated world except the number of objects.

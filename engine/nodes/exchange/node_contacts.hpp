@@ -101,8 +101,8 @@ struct NodeContacts {
   base::FlatList<std::uint64_t> ending;         ///< those of keys_before that are not in keys, ascending
   base::FlatList<std::uint64_t> border_ending;  ///< those that another node may have found in this frame, ascending
   // Read by the node, or later by the server.
-  base::FlatList<std::uint32_t>
-      ending_at;  ///< parallel to ending: their positions in keys_before; empty after unlist()
+  /// Parallel to ending: their positions in keys_before; empty after unlist().
+  base::FlatList<std::uint32_t> ending_at;
   base::FlatList<std::uint64_t> keys_before;         ///< keys of the frame before, ascending
   base::FlatList<FoundContact> found_before;         ///< parallel to keys_before
   base::FlatList<UserContact> user_contacts;         ///< by key

@@ -46,6 +46,7 @@ void add_served_service(CLI::App& command, ServiceOptions& service) {
       ->check(between(0.0, 1e9))
       ->capture_default_str()
       ->type_name("M");
+  add_deepest_contacts(command, service);
   command.option_defaults()->group(option_groups::faults);
   command
       .add_option("--node-deadline-ms", service.deadlines.node_ms,
