@@ -11,6 +11,7 @@
 #include <span>
 #include <string>
 #include <thread>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -99,10 +100,11 @@ class NodeWorld {
   using Model = NodeModel::Kind;
 
   /// `along_x`: number of cells along x as a power of two; 0: default. `saved`: the save from which the world is
-  /// restored; empty: it is populated.
+  /// restored; empty: it is populated. `deepest_contacts`: as in WorldConfig.
   NodeWorld(Deployment deployment, Placement placement, std::uint32_t nodes, ProcessPlacement place = {},
-            std::uint32_t along_x = 0, Model model = Model::bouncing, std::span<const std::byte> saved = {})
-      : place_(std::move(place)), model_(model) {
+            std::uint32_t along_x = 0, Model model = Model::bouncing, std::span<const std::byte> saved = {},
+            std::uint32_t deepest_contacts = 0)
+      : place_(std::move(place)), model_(model), deepest_contacts_(deepest_contacts) {
     const NodeModel setup{side, model};
     dds::ClusterConfig cluster;
     cluster.network.domain = dds::NetworkConfig::any_domain;
@@ -117,6 +119,7 @@ class NodeWorld {
     config.nodes = nodes;
     config.tuning.cells_log2[0] = along_x;
     config.remote_nodes = cluster_->remote_nodes();
+    config.deepest_contacts = deepest_contacts;
     if (!saved.empty()) {
       MemorySource source(saved);
       world_ = std::make_unique<World>(std::move(config), source);
@@ -137,12 +140,14 @@ class NodeWorld {
   }
 
   /// Digest of the contacts of an undisturbed run in one thread.
-  static std::uint64_t expected(std::uint64_t frames, Model model = Model::bouncing) {
-    static std::map<std::pair<Model, std::uint64_t>, std::uint64_t> known;
-    const std::pair key(model, frames);
+  static std::uint64_t expected(std::uint64_t frames, Model model = Model::bouncing,
+                                std::uint32_t deepest_contacts = 0) {
+    static std::map<std::tuple<Model, std::uint64_t, std::uint32_t>, std::uint64_t> known;
+    const std::tuple key(model, frames, deepest_contacts);
     if (const auto found = known.find(key); found != known.end()) return found->second;
     WorldConfig config = config_of(Deployment::user_server, Placement::server, model);
     config.nodes = 0;
+    config.deepest_contacts = deepest_contacts;
     World world(std::move(config));
     populate(world, objects, users, side);
     Digest digest;
@@ -191,11 +196,12 @@ class NodeWorld {
   std::uint64_t lost() const { return lost_; }
 
   /// Whether all frames so far had the contacts of an undisturbed run.
-  bool is_right() const { return digest_.value() == expected(world_->frames(), model_); }
+  bool is_right() const { return digest_.value() == expected(world_->frames(), model_, deepest_contacts_); }
 
  private:
   ProcessPlacement place_;
   Model model_;
+  std::uint32_t deepest_contacts_;
   std::vector<std::string> log_;
   std::vector<std::unique_ptr<Process>> processes_;
   std::unique_ptr<dds::Cluster> cluster_;

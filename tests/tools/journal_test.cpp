@@ -40,6 +40,20 @@ TEST_CASE("a run that stopped continues with other nodes, deployment and placeme
   CHECK(list.out.find("gaps") == std::string::npos);
 }
 
+TEST_CASE("a journal keeps the limit of contacts, for `resume` and for each frame") {
+  const TemporaryFolder folder;
+  const std::string journal = folder / "journal";
+  const std::string crowd = std::string(" --coverage 0.3 --deepest-contacts 1") + world;
+  const std::string expected = digest_of("run --frames 40" + crowd);
+  CHECK(expected != digest_of(std::string("run --frames 40 --coverage 0.3") + world));
+  (void)digest_of("run --frames 20 --snapshot-every 8 --journal " + journal + crowd + "--collisions " +
+                  (folder / "all.csv"));
+  const ProgramResult one = ringfence("journal " + journal + " --frame 15 --collisions -");
+  CHECK(one.code == 0);
+  CHECK(one.out == run_shell("awk -F, 'NR == 1 || $1 == 15' " + (folder / "all.csv")).out);
+  CHECK(digest_of("resume " + journal + " --frames 40 --nodes 3 --broad-phase region --check --quiet") == expected);
+}
+
 TEST_CASE("any frame of a journal has the contacts of the run") {
   const TemporaryFolder folder;
   const std::string journal = folder / "journal";

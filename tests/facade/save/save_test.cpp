@@ -19,8 +19,8 @@ namespace {
 
 constexpr double side = 9;
 
-/// The same world in one of many deployments.
-WorldConfig config_of(unsigned variant) {
+/// The same world in one of many deployments. `deepest`: WorldConfig::deepest_contacts.
+WorldConfig config_of(unsigned variant, std::uint32_t deepest = 0) {
   constexpr Deployment deployments[] = {Deployment::user_collision, Deployment::user, Deployment::user_server};
   WorldConfig config;
   config.nodes = variant % 4;
@@ -29,6 +29,7 @@ WorldConfig config_of(unsigned variant) {
   config.interest = 4;
   config.layers = {{"a", "b", "c"}, {{0, 0}, {0, 1}, {1, 1}, {2, 0}}};
   config.quotas.colliding_avatars = 4;
+  config.deepest_contacts = deepest;
   config.sense = 4;
   config.motion = std::make_shared<SensingModel>(side, config.sense, false);
   config.support_functions = {nullptr, std::make_shared<Ellipsoid>(Vec3f{0.5f, 0.7f, 0.9f})};
@@ -100,6 +101,27 @@ TEST_CASE("a save has the same bytes in every deployment") {
     expected = expected.empty() ? bytes : expected;
     CHECK(bytes == expected);
   }
+}
+
+TEST_CASE(
+    "with a limit of contacts a restored world continues with the list of the saved one, and phases follow from it") {
+  World reference(config_of(0, 1)), world(config_of(3, 1));
+  Script reference_script(reference, 31, side), script(world, 31, side);
+  std::uint64_t unlisted = 0;
+  for (unsigned frame = 0; frame < variants; ++frame) {
+    CAPTURE(frame);
+    reference_script.make_requests();
+    script.make_requests();
+    const std::vector<std::byte> bytes = save(world);
+    CHECK(bytes == save(reference));
+    world = restore(config_of(frame, 1), bytes);
+    REQUIRE(reference.advance() == Status::ok);
+    REQUIRE(world.advance() == Status::ok);
+    REQUIRE(fingerprint(world) == fingerprint(reference));
+    REQUIRE(world.report().unlisted == reference.report().unlisted);
+    unlisted += world.report().unlisted;
+  }
+  CHECK(unlisted > 10);
 }
 
 TEST_CASE("before its first frame a restored world shows the last frame of the saved one") {

@@ -66,6 +66,21 @@ TEST_CASE("the records for a receiver are those of all senders together, without
   }
 }
 
+TEST_CASE("a retracted record does not count, and no more are retracted than a sender has reported") {
+  DirectRecords direct;
+  direct.start(3);
+  REQUIRE(direct.add(0, Message(0, {{1, 2}, {2, 5}}).view));
+  REQUIRE(direct.add(2, Message(2, {{1, 1}}).view));
+  direct.retract(0, 1);
+  CHECK(direct.between(0, 1) == 1);
+  CHECK(direct.to(1) == 2);
+  direct.retract(0, 1);
+  direct.retract(0, 1);
+  CHECK(direct.between(0, 1) == 0);
+  CHECK(direct.to(1) == 1);
+  CHECK(direct.to(2) == 5);
+}
+
 TEST_CASE("counts for a slot that does not exist, for the sender itself, of zero or for a slot twice are refused") {
   DirectRecords direct;
   const std::vector<std::vector<CountRecord>> invalid = {{{3, 1}}, {{1, 1}}, {{0, 0}}, {{0, 1}, {0, 2}}};
