@@ -98,7 +98,8 @@ TEST_CASE("in steady state a frame does not allocate, in any deployment and plac
   base.interest = 4;
   base.balance = false;  // a new region map is not steady state: a node may get more objects than ever before
   base.motion = std::make_shared<PacingModel>();
-  in_all_worlds(base, {0u, 2u}, [](const WorldConfig& config) {
+  in_all_worlds(base, {0u, 2u, 3u}, [](WorldConfig config) {
+    config.deepest_contacts = config.nodes == 2 ? 0 : 1;
     World world(config);
     populate(world, 500, 8, side);
     const ObjectId avatar = world.find(1);
@@ -117,6 +118,7 @@ TEST_CASE("in steady state a frame does not allocate, in any deployment and plac
     require_counts(world);
     CHECK(world.contacts().size() > 100);
     CHECK(world.report().began > 0);
+    CHECK((world.report().unlisted > 0) == (config.deepest_contacts != 0));
     CHECK((handed_over > 0) == (config.deployment == Deployment::user_collision && config.nodes > 0));
   });
 }
@@ -207,6 +209,7 @@ TEST_CASE("a failed allocation in a call or a frame returns out_of_memory, and t
         config.interest = 3;
         config.timeline = placement == Placement::region;
         config.capacities = {1, 1, 1, 1};
+        config.deepest_contacts = nodes == 1 ? 0 : 1;
         config.motion = std::make_shared<BouncingModel>(6);
         CAPTURE(describe(config));
         CAPTURE(keep_failing);
