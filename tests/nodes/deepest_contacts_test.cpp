@@ -1,5 +1,6 @@
 // The limit of the list of contacts, compared with a world without it that moves the same way.
 #include <algorithm>
+#include <cstring>
 #include <map>
 #include <random>
 #include <string>
